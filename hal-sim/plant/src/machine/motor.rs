@@ -1,6 +1,7 @@
 //! One motor: windings, torque, and what its sensors read.
 
 use super::clarke::{clarke, inverse_clarke};
+use super::friction::Kick;
 use super::harmonics::{Harmonics, Powers};
 use super::winding::{self, Bridge, Response, Stepped};
 use crate::Axis;
@@ -25,9 +26,11 @@ pub(super) struct Motor {
     pub(super) state: MotorState,
     /// Mean acceleration of the last step, rad/s^2: it predicts the speed at the middle of the next.
     pub(super) acceleration: f64,
-    pub(super) inertia: f64,
-    pub(super) viscous: f64,
-    pub(super) coulomb: f64,
+    /// Inertia and viscous friction over a step.
+    pub(super) kick: Kick,
+    inertia: f64,
+    viscous: f64,
+    coulomb: f64,
     pub(super) load_torque: f64,
     pub(super) disturbance_torque: f64,
     pole_pairs: f64,
@@ -126,6 +129,7 @@ impl Motor {
         Motor {
             state: MotorState::default(),
             acceleration: 0.0,
+            kick: Kick::default(),
             inertia: motor.inertia_kg_m2,
             viscous: motor.viscous_nm_s,
             coulomb: motor.coulomb_nm,
@@ -137,7 +141,7 @@ impl Motor {
             flux: motor.flux_wb,
             bridge: Bridge::Open,
             voltage: [0.0; 2],
-            response: Response::new(motor.resistance_ohm, motor.inductance_h, 25e-6),
+            response: Response::default(),
             terms,
         }
     }
@@ -152,6 +156,7 @@ impl Motor {
     /// Computes what depends on the length of the step.
     pub(super) fn prepare(&mut self, dt: f64) {
         self.response = Response::new(self.resistance, self.inductance, dt);
+        self.kick = Kick::new(self.inertia, self.viscous, dt);
     }
 
     /// Steps the currents around the angle at the middle of the step, `theta`, and returns the mean torque on the

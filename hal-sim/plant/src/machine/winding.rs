@@ -14,7 +14,7 @@ pub enum Bridge {
 }
 
 /// Response of an R-L winding over one step.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Response {
     /// What is left of the current after the step.
     decay: f64,
