@@ -9,7 +9,7 @@ use std::time::Instant;
 fn nanoseconds_per_step(model: &Model, coupling: Coupling, nut_speed_v: f64) -> f64 {
     let mut machine = Machine::new(model, coupling);
     machine.set_load_force(0.0);
-    let steps = 1_000_000;
+    let steps = std::env::var("N").map_or(1_000_000, |n| n.parse().unwrap());
     let start = Instant::now();
     for k in 0..steps {
         if k % 2 == 0 {
