@@ -64,6 +64,14 @@ fn every_effect_survives_being_written_and_read() {
         let model = Model::parse(&text, "m.toml").unwrap();
         assert_eq!(model.effects[0].effect().kind(), *kind);
         assert_eq!(Model::parse(&model.to_toml(), "copy").unwrap(), model);
+        let parameters = model.effects[0].effect().parameters();
+        let names = parameters
+            .iter()
+            .map(|(name, value)| (name.as_str(), *value));
+        assert_eq!(
+            &AnyEffect::from_parameters(kind, names).unwrap(),
+            model.effects[0].effect()
+        );
         for coupling in [Coupling::Lumped, Coupling::Coupled] {
             let mut machine = Machine::new(&model, coupling);
             machine.set_bridge(Axis::Screw, Bridge::Driven([5.0, 0.0, -5.0]));
@@ -187,6 +195,23 @@ fn effects_are_checked_too() {
             .unwrap_err()
             .to_string(),
         &["effects", "[[effects]]"],
+    );
+}
+
+#[test]
+fn parameters_by_name_are_checked_as_a_file_is() {
+    let wrong = |kind, parameters: &[(&str, f64)]| {
+        AnyEffect::from_parameters(kind, parameters.iter().copied()).unwrap_err()
+    };
+    says(&wrong("hum", &[]), &["hum", "cogging"]);
+    says(&wrong("backlash", &[]), &["backlash", "missing", "value"]);
+    says(
+        &wrong("backlash", &[("value", -1.0)]),
+        &["-1", "0 or above"],
+    );
+    says(
+        &wrong("backlash", &[("value", 1.0), ("size", 1.0)]),
+        &["unknown", "size"],
     );
 }
 
