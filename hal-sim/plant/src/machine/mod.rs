@@ -121,9 +121,16 @@ impl Machine {
         self.motors[axis.index()].disturbance_torque = newton_metres;
     }
 
-    /// One step of integration over `dt` seconds (above 0) with the bridges held.
+    /// One step of integration over `dt` seconds with the bridges held.
+    ///
+    /// # Panics
+    /// If `dt` is no finite number above 0.
     pub fn advance(&mut self, dt: f64) {
         if dt != self.dt {
+            assert!(
+                dt > 0.0 && dt.is_finite(),
+                "a step of {dt} s; it must be finite and above 0"
+            );
             self.dt = dt;
             self.rate = dt.recip();
             self.motors.iter_mut().for_each(|motor| motor.prepare(dt));
