@@ -1,6 +1,6 @@
 //! The sensitivity `S` of the simulated drive, measured as one would on a machine: a sine torque in, a speed out.
 
-use crate::experiment::{ExperimentError, OperatingPoint, Setup, settle};
+use crate::experiment::{ExperimentError, OperatingPoint, Setup, settle_quietly};
 use plant::Axis;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
