@@ -12,6 +12,7 @@ mod sweep_report;
 mod table;
 
 pub use options::Options;
+pub use run::{PAPER_MEASURED, analytic_percent};
 
 use anyhow::Result;
 use options::Kind;
