@@ -2,7 +2,6 @@
 
 use crate::board::BoardConfig;
 use control::plate::{BoardPlate, DrivePlate, EncoderPlate, FeedPlate, MotorPlate, Tuning};
-use control::sense::Shunts;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -68,6 +67,7 @@ pub fn plates(
             inertia_kg_m2: motor.inertia_kg_m2 + table,
             speed_max_rpm: PAPER_SPEED_RPM,
             torque_max_nm: PAPER_TORQUE_NM,
+            current_gains: [1.0; 3],
             encoder: EncoderPlate {
                 counts_per_turn: board.sensors.encoder_counts,
                 theta_e_at_zero_turns: 0.0,
@@ -80,7 +80,7 @@ pub fn plates(
             timer_hz: board.timer_hz,
             pwm_hz: board.pwm_hz,
             speed_divider: speed_divider(board.pwm_hz),
-            shunts: Shunts::Two,
+            shunts: board.shunts,
             amps_per_count: board.sensors.current.per_count,
             zero_counts: board.sensors.current.zero,
             bus_volts_per_count: board.sensors.bus.per_count,

@@ -1,13 +1,15 @@
 //! The board and the drive on it: repeatability, step size, rates, limits, breaks.
 
 use control::coordinator::Command;
+use control::sense::Shunts;
 use control::supervisor::{Fault, Request, State};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{
     OperatingPoint, RPM, Setup, ripple_percent, settle_quietly, table_velocities,
 };
+use hal_sim::vrf::vrf_percent;
 use plant::Axis;
-use plant::effects::{CurrentOffset, DeadTime, EffectModel, Place};
+use plant::effects::{CurrentGain, CurrentOffset, DeadTime, EffectModel, Place};
 use plant::machine::Coupling;
 use plant::model::Model;
 
@@ -272,6 +274,43 @@ fn measured_zeros_take_a_constant_current_offset_away() {
     );
     assert!(nominal > clean + 2.0);
     assert!((measured / clean - 1.0).abs() < 0.05);
+}
+
+#[test]
+fn a_calibrated_gain_takes_its_ripple_away() {
+    let gain = || {
+        EffectModel::new(
+            Place::Both,
+            CurrentGain {
+                gain_a: 0.03,
+                gain_b: -0.02,
+            },
+        )
+    };
+    let ripple = |gains: [f64; 3], effect: Option<EffectModel>, shunts: Shunts| {
+        let mut setup = coupled();
+        setup.board.shunts = shunts;
+        setup.model.effects.extend(effect);
+        let mut plate = setup.plate();
+        plate
+            .motors
+            .iter_mut()
+            .for_each(|motor| motor.current_gains = gains);
+        let mut drive = Drive::new(&setup.model, setup.coupling, setup.board, &plate).unwrap();
+        settle_quietly(&mut drive, CREEP).unwrap();
+        let velocities = table_velocities(&mut drive, 1.0, 2, |_| Ok::<(), ()>(())).unwrap();
+        vrf_percent(&velocities, CREEP.velocity)
+    };
+    for shunts in [Shunts::Two, Shunts::Three] {
+        let clean = ripple([1.0; 3], None, shunts);
+        let wrong = ripple([1.0; 3], gain(), shunts);
+        let calibrated = ripple([1.0 / 1.03, 1.0 / 0.98, 1.0], gain(), shunts);
+        println!(
+            "{shunts:?}: VRF {clean:.2} %, with wrong gains {wrong:.2} %, calibrated {calibrated:.2} %"
+        );
+        assert!(wrong > clean + 1.0);
+        assert!((calibrated / clean - 1.0).abs() < 0.03);
+    }
 }
 
 /// What is left of `i_d`, which is held at 0, shows voltage errors of the bridge: rms, A, of the screw's motor.

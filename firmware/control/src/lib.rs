@@ -25,6 +25,7 @@
 #![forbid(unsafe_code)]
 #![deny(
     clippy::arithmetic_side_effects,
+    clippy::float_arithmetic,
     clippy::indexing_slicing,
     clippy::unwrap_used,
     clippy::expect_used,
@@ -34,6 +35,7 @@
     test,
     allow(
         clippy::arithmetic_side_effects,
+        clippy::float_arithmetic,
         clippy::indexing_slicing,
         clippy::unwrap_used,
         clippy::panic
@@ -49,6 +51,7 @@ pub mod exchange;
 pub mod format;
 pub mod modulation;
 pub mod observer;
+#[allow(clippy::float_arithmetic)]
 pub mod plate;
 pub mod profile;
 pub mod regulator;

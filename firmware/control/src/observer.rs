@@ -190,6 +190,34 @@ mod tests {
         }
 
         #[test]
+        fn agrees_with_the_law_in_floats(
+            counts in prop::collection::vec(0u32..1 << 20, 1..120),
+            alpha in 0.01..1.0f64,
+            part in 0.01..1.0f64,
+        ) {
+            let (alpha, beta) = (Ratio::from_num(alpha), Ratio::from_num(part * alpha * alpha));
+            let config = ObserverConfig { alpha, beta, ..config(1 << 20) };
+            let (alpha, beta) = (alpha.to_num::<f64>(), beta.to_num::<f64>());
+            let mut observer = Observer::default();
+            let (mut angle, mut speed) = (f64::from(counts[0]) / f64::from(1 << 20), 0.0f64);
+            for count in counts {
+                let motion = observer.step(&config, count);
+                let predicted = angle + speed;
+                let error = f64::from(count) / f64::from(1 << 20) - predicted;
+                // A jump of half a turn has no short way round.
+                prop_assume!((error - error.floor() - 0.5).abs() > 1e-4);
+                let error = error - error.round();
+                angle = predicted + alpha * error;
+                speed = (speed + beta * error).clamp(-1.0 / 16.0, 1.0 / 16.0);
+                let omega_e = speed * core::f64::consts::TAU * 5.0 / 50e-6;
+                let off = f64::from(motion.theta.0) / 2f64.powi(32) - angle;
+                prop_assert!((off - off.round()).abs() < 1e-6, "angle off by {off}");
+                let exact = omega_e.clamp(-32_768.0, 32_767.99);
+                prop_assert!((motion.omega_e.to_num::<f64>() - exact).abs() < 0.02 + 1e-6 * exact.abs());
+            }
+        }
+
+        #[test]
         fn no_input_overflows(counts in prop::collection::vec(any::<u32>(), 1..200), alpha in any::<i32>(), beta in any::<i32>()) {
             let config = ObserverConfig {
                 alpha: Ratio::from_bits(alpha),

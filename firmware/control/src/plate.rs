@@ -44,6 +44,8 @@ pub struct MotorPlate {
     pub speed_max_rpm: f64,
     /// Largest torque, N m: limits the `i_q` reference.
     pub torque_max_nm: f64,
+    /// Gains of its current channels a, b, c relative to the board's: 1 where they are not calibrated.
+    pub current_gains: [f64; 3],
     /// The encoder on its shaft.
     pub encoder: EncoderPlate,
 }
@@ -235,27 +237,37 @@ impl BoardPlate {
         })
     }
 
-    const fn current_sense(&self) -> Result<CurrentSense, Misfit> {
+    const fn current_sense(&self, gains: [f64; 3]) -> Result<CurrentSense, Misfit> {
+        let [a, b, c] = gains;
+        Ok(CurrentSense {
+            shunts: self.shunts,
+            channels: [
+                attempt!(self.current_channel(a)),
+                attempt!(self.current_channel(b)),
+                attempt!(self.current_channel(c)),
+            ],
+        })
+    }
+
+    const fn current_channel(&self, gain: f64) -> Result<CurrentChannel, Misfit> {
+        attempt!(within("gain of a current channel", "", gain, 0.5, 2.0));
+        let amps_per_count = self.amps_per_count * gain;
         attempt!(within(
             "ADC full scale",
             "A",
-            self.adc_counts as f64 * self.amps_per_count,
+            self.adc_counts as f64 * amps_per_count,
             0.0,
             2048.0
         ));
-        let channel = CurrentChannel {
+        Ok(CurrentChannel {
             #[allow(clippy::cast_possible_truncation)]
             zero_sixteenths: (self.zero_counts * 16.0) as i32,
             gain: Ratio::from_bits(attempt!(quantise(
                 "current gain",
                 "A/16th count",
-                self.amps_per_count / 16.0,
+                amps_per_count / 16.0,
                 30
             ))),
-        };
-        Ok(CurrentSense {
-            shunts: self.shunts,
-            channels: [channel; 3],
         })
     }
 
@@ -314,7 +326,7 @@ impl MotorPlate {
         let gains = self.gains(&drive.tuning);
         attempt!(positive("current-loop gain Kpc (Eq 9)", "V/A", gains.k_pc));
         Ok(CurrentLoopConfig {
-            sense: attempt!(board.current_sense()),
+            sense: attempt!(board.current_sense(self.current_gains)),
             bus: attempt!(board.bus_sense()),
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
             regulator: RegulatorConfig {
@@ -576,6 +588,7 @@ mod tests {
             inertia_kg_m2: 7.2e-4,
             speed_max_rpm: 3000.0,
             torque_max_nm: 2.6,
+            current_gains: [1.0; 3],
             encoder: EncoderPlate {
                 counts_per_turn: 1 << 20,
                 theta_e_at_zero_turns: 0.0,
@@ -626,6 +639,7 @@ mod tests {
             inertia_kg_m2: 7.2e-4,
             speed_max_rpm: 3000.0,
             torque_max_nm: 2.6,
+            current_gains: [1.0; 3],
             encoder: EncoderPlate {
                 counts_per_turn: 10_000,
                 theta_e_at_zero_turns: 0.25,
@@ -707,6 +721,10 @@ mod tests {
                 "current-loop gain Kpc (Eq 9)",
             ),
             (|p| p.feed.lead_m = -5e-3, "lead"),
+            (
+                |p| p.motors[1].current_gains[2] = -1.0,
+                "gain of a current channel",
+            ),
             (|p| p.motors[0].inertia_kg_m2 = 0.0, "inertia"),
             (|p| p.board.min_on_time_s = 40e-6, "minimum on-time"),
             (|p| p.motors[0].speed_max_rpm = 60_000.0, "largest speed"),

@@ -26,7 +26,7 @@ pub struct Options {
     )]
     pub nut_rpm: Vec<f64>,
     /// Length of each record, s.
-    #[arg(long, default_value_t = hal_sim::experiment::RECORD_S)]
+    #[arg(long, default_value_t = hal_sim::experiment::RECORD_S, allow_negative_numbers = true)]
     pub duration: f64,
     #[command(flatten)]
     pub machine: MachineOptions,
@@ -58,7 +58,7 @@ pub struct SweepOptions {
     )]
     pub nut_rpm: Vec<f64>,
     /// Length of each record, s.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub duration: f64,
     /// `coupled` unless said otherwise.
     #[command(flatten)]
@@ -169,7 +169,7 @@ pub fn nut_speed(value: f64, velocity: f64, setup: &Setup) -> Result<f64> {
     finite("--nut-rpm", "rpm", value, -nut, nut)?;
     let screw_rpm = value + velocity / setup.model.feed.travel_per_radian() / RPM;
     finite(
-        "the screw's speed, --nut-rpm plus the table's share",
+        "the screw's speed, --nut-rpm plus the table's share,",
         "rpm",
         screw_rpm,
         -screw,

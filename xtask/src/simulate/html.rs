@@ -1,4 +1,0 @@
-use super::report::Report;
-pub fn page(_: &Report) -> String {
-    String::new()
-}
