@@ -1,8 +1,13 @@
 //! `cargo xtask simulate`: the drive on a simulated machine.
 
+mod axis;
+mod heat;
 mod html;
+mod labels;
 mod options;
+mod page;
 mod plots;
+mod records;
 mod replay;
 mod report;
 mod run;
