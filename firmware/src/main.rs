@@ -48,7 +48,7 @@ mod app {
     #[local]
     struct Local {
         screw: MotorLoop<TIM1, ADC1, ADC2, TIM2>,
-        nut: MotorLoop<TIM8, ADC3, ADC4, TIM5>,
+        nut: MotorLoop<TIM8, ADC4, ADC3, TIM5>,
         until_speed: u32,
         speed: Speed,
         watchdog: Watchdog<3>,
@@ -79,8 +79,18 @@ mod app {
         let [screw_counts, nut_counts] = board::PLATE
             .motors
             .map(|motor| motor.encoder.counts_per_turn);
-        encoder::start_motor_encoder(&device.TIM2, screw_counts, board::ENCODER_INDEX[0]);
-        encoder::start_motor_encoder(&device.TIM5, nut_counts, board::ENCODER_INDEX[1]);
+        encoder::start_motor_encoder(
+            &device.TIM2,
+            screw_counts,
+            board::ENCODER_INDEX[0],
+            encoder::CaptureBy::Screw,
+        );
+        encoder::start_motor_encoder(
+            &device.TIM5,
+            nut_counts,
+            board::ENCODER_INDEX[1],
+            encoder::CaptureBy::Nut,
+        );
         let scale = encoder::Scale::start(device.TIM4);
         protection::start(
             &device.COMP,
@@ -96,7 +106,7 @@ mod app {
         );
         let converting = analog::Converters {
             screw: (&device.ADC1, &device.ADC2),
-            nut: (&device.ADC3, &device.ADC4),
+            nut: (&device.ADC4, &device.ADC3),
             common: (&device.ADC12_COMMON, &device.ADC345_COMMON),
             dma: (&device.DMA1, &device.DMAMUX),
         }
@@ -131,7 +141,7 @@ mod app {
                 screw_view,
             ),
             nut: MotorLoop::new(
-                MotorIo::new(device.TIM8, device.ADC3, device.ADC4, device.TIM5, bdtr),
+                MotorIo::new(device.TIM8, device.ADC4, device.ADC3, device.TIM5, bdtr),
                 nut,
                 nut_words,
                 nut_view,
@@ -157,7 +167,7 @@ mod app {
         }
     }
 
-    #[task(binds = ADC3, priority = 15, local = [nut])]
+    #[task(binds = ADC4, priority = 15, local = [nut])]
     #[unsafe(link_section = ".ccm.nut")]
     fn nut_current_loop(cx: nut_current_loop::Context) {
         cx.local.nut.step();

@@ -3,7 +3,7 @@
 //! | task | bound to | priority | rate | deadline | when it is missed |
 //! | --- | --- | --- | --- | --- | --- |
 //! | screw current loop | ADC1_2 | 15 | 20 kHz | the screw timer's next top, 50 us | counted; the old compare values hold for a period |
-//! | nut current loop | ADC3 | 15 | 20 kHz | the nut timer's next top, 50 us | the same |
+//! | nut current loop | ADC4 | 15 | 20 kHz | the nut timer's next top, 50 us | the same |
 //! | speed | FMAC | 12 | 5 kHz | its next step, 200 us | counted; the references hold |
 //! | time queue | SysTick | 8 | 1 kHz | 1 ms | the two below run late |
 //! | supervise | async | 4 | 1 kHz | 20 ms | the watchdog resets the chip, which opens both bridges |

@@ -4,7 +4,7 @@
 //! | --- | --- | --- |
 //! | high sides a, b, c | PA8, PA9, PA10 (TIM1) | PC6, PC7, PC8 (TIM8) |
 //! | low sides a, b, c | PA11, PA12, PB15 | PC10, PC11, PB5 |
-//! | shunts a, b, c | PA0, PA1, PA7 | PB0, PB14, PB13 |
+//! | shunts a, b, c | PA0, PA1, PA7 | PB14, PB0, PB13 |
 //! | bus voltage | PC0 | PB12 |
 //! | heat sink's temperature | PC1 | PC2 |
 //! | encoder A, B | PA15, PB3 (TIM2) | PB2, PC12 (TIM5) |
@@ -69,15 +69,15 @@ pub(crate) fn claim(ports: Ports) -> [Channels; 4] {
         a.pa7.into_analog(),
     );
     let (nut_a, nut_b, nut_c) = (
-        b.pb0.into_analog(),
         b.pb14.into_analog(),
+        b.pb0.into_analog(),
         b.pb13.into_analog(),
     );
     comparator::<COMP3, _>(&screw_a);
     comparator::<COMP1, _>(&screw_b);
     comparator::<COMP2, _>(&screw_c);
-    comparator::<COMP4, _>(&nut_a);
-    comparator::<COMP7, _>(&nut_b);
+    comparator::<COMP7, _>(&nut_a);
+    comparator::<COMP4, _>(&nut_b);
     comparator::<COMP5, _>(&nut_c);
 
     let (screw_bus, nut_bus) = (c.pc0.into_analog(), b.pb12.into_analog());
@@ -98,11 +98,11 @@ pub(crate) fn claim(ports: Ports) -> [Channels; 4] {
             regular: Some(converted::<ADC2, _>(&nut_heat)),
         },
         Channels {
-            injected: [converted::<ADC3, _>(&nut_a), converted::<ADC3, _>(&nut_c)],
+            injected: [converted::<ADC3, _>(&nut_b), converted::<ADC3, _>(&nut_c)],
             regular: None,
         },
         Channels {
-            injected: [converted::<ADC4, _>(&nut_b), converted::<ADC4, _>(&nut_bus)],
+            injected: [converted::<ADC4, _>(&nut_a), converted::<ADC4, _>(&nut_bus)],
             regular: None,
         },
     ]

@@ -37,14 +37,14 @@ static TEMPERATURES: [AtomicU16; 2] = [AtomicU16::new(0), AtomicU16::new(0)];
 /// All ADCs in use.
 pub(crate) struct Converters<'a> {
     pub(crate) screw: (&'a ADC1, &'a ADC2),
-    pub(crate) nut: (&'a ADC3, &'a ADC4),
+    pub(crate) nut: (&'a ADC4, &'a ADC3),
     pub(crate) common: (&'a ADC12_COMMON, &'a ADC345_COMMON),
     pub(crate) dma: (&'a DMA1, &'a DMAMUX),
 }
 
 impl Converters<'_> {
-    /// Sets up, calibrates and starts all four: screw x, screw y, nut x, nut y. Interrupts at the end of the injected
-    /// sequence of ADC1 and of ADC3. `false` if an ADC did not answer.
+    /// Sets up, calibrates and starts all four, with the channels of ADC1 to ADC4. Interrupts at the end of the
+    /// injected sequence of ADC1 and of ADC4. `false` if an ADC did not answer.
     pub(crate) fn start(&self, channels: [Channels; 4]) -> bool {
         // All from the bus clock divided by 4 (CKMODE 3): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs.
         // SAFETY: a value of the field (RM0440, ADCx_CCR).
@@ -58,8 +58,8 @@ impl Converters<'_> {
         let ready = enable(x1) & enable(y1) & enable(x2) & enable(y2);
         sequence(x1, c1, Trigger::Tim1Trgo2);
         sequence(y1, c2, Trigger::Tim1Trgo2);
-        sequence(x2, c3, Trigger::Tim8Trgo2);
-        sequence(y2, c4, Trigger::Tim8Trgo2);
+        sequence(y2, c3, Trigger::Tim8Trgo2);
+        sequence(x2, c4, Trigger::Tim8Trgo2);
         x1.ier().write(|w| w.jeosie().set_bit());
         x2.ier().write(|w| w.jeosie().set_bit());
         ready

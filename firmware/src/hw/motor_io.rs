@@ -36,7 +36,7 @@ where
         }
     }
 
-    /// What the ADCs and the encoder's counter hold, and whether the break has fired. Acknowledges the interrupt and
+    /// What the ADCs and the encoder's capture hold, and whether the break has fired. Acknowledges the interrupt and
     /// the timer's update.
     #[inline(always)]
     #[allow(clippy::cast_possible_truncation)]
@@ -56,7 +56,7 @@ where
                 self.adc_y.jdr2().read().bits() as u16,
             ],
             bus: self.adc_x.jdr2().read().bits() as u16,
-            encoder: self.encoder.cnt().read().bits(),
+            encoder: self.encoder.ccr3().read().bits(),
             broken: flags & BREAK_FLAGS != 0,
         }
     }

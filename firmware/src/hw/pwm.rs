@@ -83,7 +83,16 @@ pub(crate) fn start(screw: &TIM1, nut: &TIM8, plan: &PwmPlan, breaks: [u32; 2]) 
         .write(|w| unsafe { w.sms().bits(6).ts().bits(0) });
     screw.cr1().modify(|_, w| w.cen().set_bit());
 
-    align_update_to_top(screw) && align_update_to_top(nut)
+    let aligned = align_update_to_top(screw) && align_update_to_top(nut);
+    capture_encoder_at_top(screw);
+    capture_encoder_at_top(nut);
+    aligned
+}
+
+/// TRGO becomes the update, which the encoder's timer captures its count on; TRGO2 stays the update for the ADCs.
+fn capture_encoder_at_top(timer: &tim1::RegisterBlock) {
+    // SAFETY: values of the fields (RM0440, TIMx_CR2): MMS 2, MMS2 2.
+    timer.cr2().write(|w| unsafe { w.bits(2 << 4 | 2 << 20) });
 }
 
 fn configure(timer: &tim1::RegisterBlock, plan: &PwmPlan, break_sources: u32) {
