@@ -213,14 +213,20 @@ impl Coordinator {
         ]
     }
 
-    /// Both references, as they were last given, are zero and are to stay so.
+    /// Both references have arrived at rest.
     #[must_use]
     pub fn at_rest(&self) -> bool {
-        let still = |x: ProfileState| x == ProfileState::ZERO;
-        still(self.table.value)
-            && still(self.base.value)
-            && still(self.target_table)
-            && still(self.target_base)
+        self.arrived()
+            && self.target_table == ProfileState::ZERO
+            && self.target_base == ProfileState::ZERO
+    }
+
+    /// Both references are at their targets and neither motor is given way to.
+    #[must_use]
+    pub fn arrived(&self) -> bool {
+        self.table.value == self.target_table
+            && self.base.value == self.target_base
+            && self.given == ProfileState::ZERO
     }
 
     fn give_way(&mut self, config: &CoordinatorConfig, [screw, nut]: [Following; 2]) {

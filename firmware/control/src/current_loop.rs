@@ -24,6 +24,8 @@ pub struct CurrentLoopConfig {
     pub regulator: RegulatorConfig,
     /// Voltage to compare values.
     pub modulation: ModulationConfig,
+    /// The current zeros are to be measured; otherwise the nominal ones are trusted.
+    pub measure_zeros: bool,
 }
 
 /// What the board read at the counter's turn.
@@ -67,7 +69,7 @@ pub enum Calibration {
     /// Not done.
     #[default]
     Pending,
-    /// The zeros are measured and in use.
+    /// The zeros are measured, or the nominal ones trusted, and in use.
     Done,
     /// A zero lies further from its nominal place than a healthy sensor's: the nominal ones stay in use.
     OutOfRange,
@@ -125,7 +127,11 @@ impl CurrentLoop {
             observer: Observer::new(),
             regulator: Regulator::new(),
             zeros: ZeroCalibration::new(),
-            calibration: Calibration::Pending,
+            calibration: if config.measure_zeros {
+                Calibration::Pending
+            } else {
+                Calibration::Done
+            },
         }
     }
 

@@ -82,6 +82,8 @@ pub struct BoardPlate {
     pub dead_time_s: f64,
     /// Current at which the dead-time compensation is full, A.
     pub dead_time_fade_a: f64,
+    /// Measure the current zeros before each start; otherwise the nominal ones are trusted.
+    pub measure_zeros: bool,
     /// Shortest on-time of the low sides, s: what the shunts need to settle and be sampled.
     pub min_on_time_s: f64,
 }
@@ -332,6 +334,7 @@ impl MotorPlate {
                 flux: Ratio::from_bits(attempt!(quantise("flux", "Wb", self.flux_wb, 30))),
             },
             modulation: attempt!(board.modulation()),
+            measure_zeros: board.measure_zeros,
         })
     }
 
@@ -592,6 +595,7 @@ mod tests {
                 bus_min_v: 30.0,
                 dead_time_s: 0.0,
                 dead_time_fade_a: 0.05,
+                measure_zeros: true,
                 min_on_time_s: 0.0,
             },
             tuning: Tuning {
@@ -641,6 +645,7 @@ mod tests {
                 bus_min_v: 8.0,
                 dead_time_s: 500e-9,
                 dead_time_fade_a: 0.1,
+                measure_zeros: true,
                 min_on_time_s: 1e-6,
             },
             tuning: Tuning {

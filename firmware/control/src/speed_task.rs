@@ -55,6 +55,12 @@ impl SpeedTask {
         Ok(())
     }
 
+    /// The references are at the command.
+    #[must_use]
+    pub fn arrived(&self) -> bool {
+        self.coordinator.arrived()
+    }
+
     /// One step.
     pub fn step(&mut self, request: Request, motors: [MotorStatus; 2]) -> SpeedTaskOutput {
         self.state = self.state.next(request, motors, self.coordinator.at_rest());

@@ -35,6 +35,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         bus_min_v: 30.0,
         dead_time_s: 1e-6,
         dead_time_fade_a: 0.05,
+        measure_zeros: true,
         min_on_time_s: 2e-6,
     },
     tuning: Tuning {

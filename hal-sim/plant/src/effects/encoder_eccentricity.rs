@@ -1,0 +1,29 @@
+//! Eccentric encoder disc.
+
+use super::{Coordinate, Deserialize, Effect, Places, Serialize, Site, Term, limits};
+use std::f64::consts::FRAC_PI_2;
+
+/// Measured angle = true + `amplitude * sin(order * true + phase)`.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct EncoderEccentricity {
+    /// 1 or 2 per mechanical turn.
+    #[serde(deserialize_with = "limits::first_or_second")]
+    pub order: f64,
+    /// Amplitude, rad.
+    #[serde(deserialize_with = "limits::finite")]
+    pub amplitude: f64,
+    /// Phase, rad.
+    #[serde(default, deserialize_with = "limits::finite")]
+    pub phase: f64,
+}
+
+impl Effect for EncoderEccentricity {
+    const KIND: &'static str = "encoder_eccentricity";
+    const PLACES: Places = Places::Motor;
+
+    fn terms(&self) -> Vec<Term> {
+        let phase = self.phase - FRAC_PI_2; // a sine as the cosine of the common law
+        vec![Term::periodic(Site::EncoderReading, Coordinate::MechanicalAngle, self.order, self.amplitude, phase)]
+    }
+}

@@ -1,0 +1,28 @@
+//! Periodic error of the screw's lead.
+
+use super::{Coordinate, Deserialize, Effect, Places, Serialize, Site, Term, limits};
+
+/// `amplitude * cos(order * (theta_screw - theta_nut) + phase)`, added to the travel; the axial force works back on
+/// the shafts through the same slope.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LeadError {
+    /// Periods per turn of screw against nut; above 0.
+    #[serde(deserialize_with = "limits::order")]
+    pub order: f64,
+    /// Amplitude, m.
+    #[serde(deserialize_with = "limits::finite")]
+    pub amplitude: f64,
+    /// Phase, rad.
+    #[serde(default, deserialize_with = "limits::finite")]
+    pub phase: f64,
+}
+
+impl Effect for LeadError {
+    const KIND: &'static str = "lead_error";
+    const PLACES: Places = Places::Feed;
+
+    fn terms(&self) -> Vec<Term> {
+        vec![Term::periodic(Site::Travel, Coordinate::RelativeAngle, self.order, self.amplitude, self.phase)]
+    }
+}

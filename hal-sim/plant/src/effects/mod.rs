@@ -1,0 +1,100 @@
+//! What a machine may have beyond its declared parameters: one file for each kind, one line for each in the registry.
+//!
+//! In `model.toml` an effect is a table: `kind`, `where` (`screw`, `nut`, `both`, `feed`) and the parameters of its
+//! kind. To add a kind, write its file (a struct of its parameters that implements [`Effect`]) and its line in
+//! the registry below.
+
+mod entry;
+mod term;
+
+pub use entry::{EffectModel, Place, Places};
+pub use term::{Coordinate, Law, Site, Term};
+
+use crate::model::limits;
+use serde::{Deserialize, Serialize};
+
+/// What all effects have in common. The parameters' names, limits and defaults are those of the implementing struct.
+pub trait Effect {
+    /// The `kind` in a model file.
+    const KIND: &'static str;
+    /// The values of `where` that make sense.
+    const PLACES: Places;
+
+    /// What it adds to the machine at each place it is at.
+    fn terms(&self) -> Vec<Term>;
+}
+
+macro_rules! registry {
+    ($($module:ident::$name:ident,)*) => {
+        $(mod $module; pub use $module::$name;)*
+
+        /// An effect of any kind.
+        #[derive(Debug, Clone, PartialEq)]
+        #[non_exhaustive]
+        pub enum AnyEffect {
+            $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name),)*
+        }
+
+        $(impl From<$name> for AnyEffect {
+            fn from(effect: $name) -> Self { AnyEffect::$name(effect) }
+        })*
+
+        impl AnyEffect {
+            /// All kinds, by their name in a model file.
+            pub const KINDS: &'static [&'static str] = &[$($name::KIND,)*];
+
+            /// The `kind` in a model file.
+            pub fn kind(&self) -> &'static str {
+                match self { $(AnyEffect::$name(_) => $name::KIND,)* }
+            }
+
+            /// The values of `where` that make sense.
+            pub fn places(&self) -> Places {
+                match self { $(AnyEffect::$name(_) => $name::PLACES,)* }
+            }
+
+            /// What it adds to the machine at each place it is at.
+            pub fn terms(&self) -> Vec<Term> {
+                match self { $(AnyEffect::$name(effect) => effect.terms(),)* }
+            }
+
+            fn parameters(&self) -> toml::Table {
+                match self { $(AnyEffect::$name(effect) => crate::model::to_table(effect),)* }
+            }
+
+            fn read(kind: &str, parameters: entry::Parameters<'_>) -> Option<Result<Self, crate::model::Fault>> {
+                match kind {
+                    $($name::KIND => Some(crate::model::section(parameters).map(AnyEffect::$name)),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+registry! {
+    angle_periodic::AnglePeriodic,
+    axial_compliance::AxialCompliance,
+    backlash::Backlash,
+    ball_passage::BallPassage,
+    cogging::Cogging,
+    coupling_misalignment::CouplingMisalignment,
+    current_gain::CurrentGain,
+    current_offset::CurrentOffset,
+    dead_time::DeadTime,
+    encoder_eccentricity::EncoderEccentricity,
+    flux_drift::FluxDrift,
+    flux_harmonic::FluxHarmonic,
+    lead_error::LeadError,
+    lead_scale::LeadScale,
+    position_load::PositionLoad,
+    resistance_drift::ResistanceDrift,
+    stribeck_friction::StribeckFriction,
+    time_periodic::TimePeriodic,
+    torque_harmonic::TorqueHarmonic,
+}
+
+/// Length of a run where a model does not give it, s.
+fn default_run_s() -> f64 {
+    10.0
+}

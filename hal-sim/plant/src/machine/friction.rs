@@ -1,0 +1,127 @@
+//! One step of the three velocities under given impulses, the axial coupling and Coulomb friction.
+//!
+//! Friction is an impulse of the step, at most `level * dt`, that can stop the relative velocity but not reverse it. In
+//! sliding that is the exact impulse; at rest it is whatever holds. The axial coupling is linear in the new velocities
+//! and solved with them.
+
+/// Velocities of screw (rad/s), nut (rad/s) and table (m/s).
+pub(super) type Velocities = [f64; 3];
+
+/// The four places where surfaces rub, as weights of the velocities.
+const SURFACES: [Velocities; 4] = [
+    [1.0, 0.0, 0.0],
+    [0.0, 1.0, 0.0],
+    [0.0, 0.0, 1.0],
+    [1.0, -1.0, 0.0],
+];
+
+#[inline]
+fn dot(a: &Velocities, b: &Velocities) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+/// Impulse of the axial spring and damper, `offset + slope * (ratio . velocities after the step)`, which acts on the
+/// velocities as `-ratio * impulse`.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Axial {
+    pub(super) ratio: Velocities,
+    pub(super) offset: f64,
+    pub(super) slope: f64,
+}
+
+/// One step: velocities before it, velocities after it without friction and axial coupling, response to an impulse.
+pub(super) struct Step {
+    pub(super) before: Velocities,
+    pub(super) free: Velocities,
+    /// Change of each velocity per impulse on it.
+    pub(super) mobility: Velocities,
+    /// Largest friction impulse of screw bearing, nut bearing, guideway, pair; 0 or above.
+    pub(super) limit: [f64; 4],
+    pub(super) axial: Axial,
+}
+
+impl Step {
+    /// The velocities after the step. `impulses` holds the friction of the last step as a first guess, and is updated.
+    #[inline]
+    pub(super) fn solve(&self, impulses: &mut [f64; 4]) -> Velocities {
+        // Everything slides on in its direction: one pass, no search.
+        let sliding = [0, 1, 2, 3].map(|k: usize| {
+            let speed = dot(&SURFACES[k], &self.before);
+            if speed > 0.0 {
+                -self.limit[k]
+            } else if speed < 0.0 {
+                self.limit[k]
+            } else {
+                0.0
+            }
+        });
+        let after = self.with_axial(self.moved(&sliding));
+        let slides =
+            |k: usize| self.limit[k] == 0.0 || dot(&SURFACES[k], &after) * sliding[k] < 0.0;
+        if slides(0) && slides(1) && slides(2) && slides(3) {
+            *impulses = sliding;
+            return after;
+        }
+        self.search(impulses)
+    }
+
+    fn moved(&self, impulses: &[f64; 4]) -> Velocities {
+        let [screw, nut, table, pair] = *impulses;
+        [
+            self.free[0] + self.mobility[0] * (screw + pair),
+            self.free[1] + self.mobility[1] * (nut - pair),
+            self.free[2] + self.mobility[2] * table,
+        ]
+    }
+
+    /// How much of `velocity` an impulse along `ratio` changes.
+    fn weight(&self, ratio: &Velocities) -> f64 {
+        ratio[0] * ratio[0] * self.mobility[0]
+            + ratio[1] * ratio[1] * self.mobility[1]
+            + ratio[2] * ratio[2] * self.mobility[2]
+    }
+
+    #[inline]
+    fn with_axial(&self, without: Velocities) -> Velocities {
+        let Axial {
+            ratio,
+            offset,
+            slope,
+        } = self.axial;
+        let impulse =
+            (offset + slope * dot(&ratio, &without)) / (1.0 + slope * self.weight(&ratio));
+        [0, 1, 2].map(|k: usize| without[k] - self.mobility[k] * ratio[k] * impulse)
+    }
+
+    /// Projected Gauss-Seidel: each surface in turn takes the impulse that stops it, within its limit.
+    fn search(&self, impulses: &mut [f64; 4]) -> Velocities {
+        const SWEEPS: usize = 60;
+        for (impulse, limit) in impulses.iter_mut().zip(self.limit) {
+            *impulse = impulse.clamp(-limit, limit);
+        }
+        let mut after = self.with_axial(self.moved(impulses));
+        for _ in 0..SWEEPS {
+            let mut settled = true;
+            for k in 0..4 {
+                if self.limit[k] == 0.0 {
+                    continue;
+                }
+                let stop = impulses[k] - dot(&SURFACES[k], &after) / self.weight(&SURFACES[k]);
+                let next = stop.clamp(-self.limit[k], self.limit[k]);
+                settled &= (next - impulses[k]).abs() <= 1e-9 * self.limit[k];
+                impulses[k] = next;
+                after = self.with_axial(self.moved(impulses));
+            }
+            if settled {
+                break;
+            }
+        }
+        // What sticks is at rest, not at the rounding error of rest.
+        for k in 0..3 {
+            if impulses[k].abs() < self.limit[k] {
+                after[k] = 0.0;
+            }
+        }
+        after
+    }
+}

@@ -1,0 +1,157 @@
+//! The model of a machine, as `model.toml` declares it.
+//!
+//! Every field's unit is the suffix of its name. Reading checks each value against its physical range; an error names
+//! file, line, key, what was read and what is allowed.
+
+mod error;
+pub(crate) mod limits;
+mod presets;
+mod read;
+mod write;
+
+pub use error::ModelError;
+pub(crate) use read::{Fault, section};
+pub(crate) use write::table as to_table;
+
+use crate::Axis;
+use crate::effects::EffectModel;
+use serde::{Deserialize, Serialize};
+
+/// All that is known of a machine.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Model {
+    /// The motor that turns the screw, with all that turns with it.
+    pub screw: MotorModel,
+    /// The motor that turns the nut, with all that turns with it.
+    pub nut: MotorModel,
+    /// Screw-nut pair, table and guideway.
+    pub feed: FeedModel,
+    /// What measures the machine.
+    pub sensing: SensingModel,
+    /// What the machine has beyond that: `[[effects]]`, in the order of the file.
+    pub effects: Vec<EffectModel>,
+}
+
+impl Model {
+    /// The motor of one axis.
+    pub fn motor(&self, axis: Axis) -> &MotorModel {
+        match axis {
+            Axis::Screw => &self.screw,
+            Axis::Nut => &self.nut,
+        }
+    }
+
+    /// The motor of one axis, to change.
+    pub fn motor_mut(&mut self, axis: Axis) -> &mut MotorModel {
+        match axis {
+            Axis::Screw => &mut self.screw,
+            Axis::Nut => &mut self.nut,
+        }
+    }
+}
+
+/// A surface-mounted permanent-magnet motor (`L_d = L_q`) and the inertia and friction on its shaft (Eqs 1 to 6).
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MotorModel {
+    /// Phase resistance; above 0.
+    #[serde(deserialize_with = "limits::positive")]
+    pub resistance_ohm: f64,
+    /// Phase inductance, of d and q alike; above 0.
+    #[serde(deserialize_with = "limits::positive")]
+    pub inductance_h: f64,
+    /// Pole pairs; 1 to 1000.
+    #[serde(deserialize_with = "limits::pole_pairs")]
+    pub pole_pairs: u32,
+    /// Magnet flux in power-invariant scaling: `torque = pole_pairs * flux * i_q`; above 0.
+    #[serde(deserialize_with = "limits::positive")]
+    pub flux_wb: f64,
+    /// Inertia of everything that turns with the shaft; above 0.
+    #[serde(deserialize_with = "limits::positive")]
+    pub inertia_kg_m2: f64,
+    /// Viscous friction, N m per rad/s; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub viscous_nm_s: f64,
+    /// Coulomb friction; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub coulomb_nm: f64,
+    /// Torque harmonics of the electrical angle (Eq 15).
+    #[serde(default)]
+    pub torque_harmonics: Vec<TorqueHarmonic>,
+}
+
+/// `amplitude * cos(order * theta_e + phase)`, added to the shaft's torque (Eq 15).
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct TorqueHarmonic {
+    /// Periods per electrical turn; above 0.
+    #[serde(deserialize_with = "limits::order")]
+    pub order: f64,
+    /// Amplitude.
+    #[serde(deserialize_with = "limits::finite")]
+    pub amplitude_nm: f64,
+    /// Phase.
+    #[serde(default, deserialize_with = "limits::finite")]
+    pub phase_rad: f64,
+}
+
+/// Screw-nut pair, table and guideway.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct FeedModel {
+    /// Travel per relative turn of screw against nut; not 0. Negative for a left-handed screw.
+    #[serde(deserialize_with = "limits::lead")]
+    pub lead_m: f64,
+    /// Mass of table and load; above 0.
+    #[serde(deserialize_with = "limits::positive")]
+    pub table_mass_kg: f64,
+    /// Stiffness between the screw's thread and the table; above 0.
+    #[serde(deserialize_with = "limits::positive")]
+    pub axial_stiffness_n_per_m: f64,
+    /// Damping of the table on that stiffness, relative to critical; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub axial_damping_ratio: f64,
+    /// Coulomb friction of the guideway; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub guideway_coulomb_n: f64,
+    /// Viscous friction of the guideway, N per m/s; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub guideway_viscous_n_s_per_m: f64,
+    /// Coulomb friction of the screw-nut pair on the relative speed; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub pair_coulomb_nm: f64,
+    /// Constant force against positive travel.
+    #[serde(deserialize_with = "limits::finite")]
+    pub load_n: f64,
+}
+
+impl FeedModel {
+    /// Travel per radian of screw against nut, m/rad.
+    pub fn travel_per_radian(&self) -> f64 {
+        self.lead_m / std::f64::consts::TAU
+    }
+}
+
+/// Sampling and sensors. Their noise and quantisation belong to the board's simulation; the machine itself uses none.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct SensingModel {
+    /// Rate of a recording's rows; above 0.
+    #[serde(deserialize_with = "limits::positive")]
+    pub sample_hz: f64,
+    /// Rate of the current loops; above 0.
+    #[serde(deserialize_with = "limits::positive")]
+    pub control_hz: f64,
+    /// Counts per mechanical turn of either encoder; 1 to 2^31.
+    #[serde(deserialize_with = "limits::counts")]
+    pub encoder_counts_per_turn: u32,
+    /// One count of the current measurement; 0 (ideal) or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub current_lsb_a: f64,
+    /// Standard deviation of the current's noise; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub current_noise_a: f64,
+    /// Standard deviation of the table scale's noise; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub table_noise_m: f64,
+}

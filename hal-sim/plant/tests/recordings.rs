@@ -1,0 +1,161 @@
+//! The given recordings load, and what is written reads back.
+
+use plant::Axis;
+use plant::model::Model;
+use plant::recording::{AxisSample, Recording, RecordingError, RecordingReader, Sample};
+use std::path::PathBuf;
+
+/// The folder of the given data, or nothing, said aloud.
+fn shared(test: &str) -> Option<PathBuf> {
+    let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
+    let folder = std::env::var_os("DDFEED_SHARED").map_or(beside, PathBuf::from);
+    let recordings = folder.join("recordings");
+    if !recordings.is_dir() {
+        println!(
+            "skipped: {test} (no {}; set DDFEED_SHARED)",
+            recordings.display()
+        );
+        return None;
+    }
+    Some(recordings)
+}
+
+#[test]
+fn all_given_recordings_and_models_load() {
+    let Some(folder) = shared("all_given_recordings_and_models_load") else {
+        return;
+    };
+    for machine in 1..=10 {
+        let folder = folder.join(format!("open-{machine:02}"));
+        let model = Model::load(&folder.join("model.toml")).unwrap();
+        assert_eq!(Model::parse(&model.to_toml(), "copy").unwrap(), model);
+        for file in ["fit.csv.gz", "check.csv.gz"] {
+            let recording = Recording::load(&folder.join(file)).unwrap();
+            let duration = recording.time_s[recording.len() - 1];
+            let rows = (duration * model.sensing.sample_hz).round() as usize + 1;
+            assert_eq!(recording.len(), rows, "{machine} {file}");
+            assert_eq!(recording.axis(Axis::Nut).angle_rad.len(), rows);
+        }
+    }
+}
+
+#[test]
+fn a_given_recording_is_written_as_it_was_read() {
+    let Some(folder) = shared("a_given_recording_is_written_as_it_was_read") else {
+        return;
+    };
+    let source = folder.join("open-01/check.csv.gz");
+    let copy = tempfile::tempdir().unwrap();
+    let copy = copy.path().join("copy.csv.gz");
+    Recording::load(&source).unwrap().save(&copy).unwrap();
+    let text = |path| {
+        let mut text = String::new();
+        let mut file = flate2::read::GzDecoder::new(std::fs::File::open(path).unwrap());
+        std::io::Read::read_to_string(&mut file, &mut text).unwrap();
+        text.replace("\r\n", "\n")
+    };
+    let (source, copy) = (text(&source), text(&copy));
+    for (row, (given, ours)) in source.lines().zip(copy.lines()).enumerate() {
+        assert_eq!(given, ours, "row {row}");
+    }
+    assert_eq!(source.lines().count(), copy.lines().count());
+}
+
+fn sample(k: f64) -> Sample {
+    let axis = AxisSample {
+        angle_rad: 0.125 * k,
+        ia_a: -0.25,
+        ib_a: 0.5,
+        ud_v: 1.5,
+        uq_v: -2.5,
+        iq_ref_a: 0.0625,
+        speed_ref_rad_s: 31.25,
+    };
+    Sample {
+        time_s: k / 2000.0,
+        axes: [axis, axis],
+        table_position_m: k / 1e9,
+    }
+}
+
+fn recording() -> Recording {
+    let mut recording = Recording::default();
+    (0..50).for_each(|k| recording.push(&sample(f64::from(k))));
+    recording
+}
+
+#[test]
+fn plain_and_zipped_files_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["record.csv", "record.csv.gz"] {
+        let path = folder.path().join(name);
+        recording().save(&path).unwrap();
+        assert!(Recording::load(&path).unwrap() == recording(), "{name}");
+    }
+}
+
+fn text() -> String {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("record.csv");
+    recording().save(&path).unwrap();
+    std::fs::read_to_string(path).unwrap()
+}
+
+fn error_of(text: String) -> String {
+    let reader = RecordingReader::new(Box::new(std::io::Cursor::new(text.into_bytes())), "x.csv");
+    let error = match reader {
+        Err(error) => error,
+        Ok(rows) => rows.collect::<Result<Vec<_>, _>>().unwrap_err(),
+    };
+    error.to_string()
+}
+
+#[test]
+fn faults_are_named_by_row_and_column() {
+    let missing = error_of(text().replacen("nut_ud_v", "nut_ux_v", 1));
+    assert!(
+        missing.contains("column `nut_ux_v` is unknown"),
+        "{missing}"
+    );
+    let twice = error_of(text().replacen("nut_ud_v", "nut_uq_v", 1));
+    assert!(twice.contains("column `nut_ud_v` is missing"), "{twice}");
+    let value = error_of(text().replacen("0.0010,", "NaN,", 1));
+    assert!(value.contains("row 3, column `t_s`: read `NaN`"), "{value}");
+    let short = error_of(text().replacen("0.0010,", "", 1));
+    assert!(short.contains("after row 2"), "{short}");
+}
+
+#[test]
+fn a_cut_off_or_empty_or_missing_file_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("record.csv.gz");
+    recording().save(&path).unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
+    assert!(matches!(
+        Recording::load(&path),
+        Err(RecordingError::Damaged { .. })
+    ));
+    Recording::default().save(&path).unwrap();
+    assert!(matches!(
+        Recording::load(&path),
+        Err(RecordingError::Empty { .. })
+    ));
+    std::fs::remove_file(&path).unwrap();
+    assert!(matches!(
+        Recording::load(&path),
+        Err(RecordingError::Open { .. })
+    ));
+}
+
+#[test]
+fn columns_may_stand_in_any_order() {
+    let moved: String = text()
+        .lines()
+        .map(|line| line.split(',').rev().collect::<Vec<_>>().join(",") + "\n")
+        .collect();
+    let rows =
+        RecordingReader::new(Box::new(std::io::Cursor::new(moved.into_bytes())), "x.csv").unwrap();
+    let rows: Vec<_> = rows.collect::<Result<_, _>>().unwrap();
+    assert!(rows == recording().samples().collect::<Vec<_>>());
+}
