@@ -98,25 +98,14 @@ mod app {
             &device.DAC4,
             board::OVER_CURRENT_COUNTS,
         );
-        let aligned = pwm::start(
-            &device.TIM1,
-            &device.TIM8,
-            &plan,
-            [protection::SCREW_BREAK, protection::NUT_BREAK],
-        );
-        let converting = analog::Converters {
+        let converters = analog::Converters {
             screw: (&device.ADC1, &device.ADC2),
             nut: (&device.ADC4, &device.ADC3),
             common: (&device.ADC12_COMMON, &device.ADC345_COMMON),
             dma: (&device.DMA1, &device.DMAMUX),
-        }
-        .start(channels);
+        };
         assert!(
-            aligned,
-            "the PWM timers do not run: check the board's crystal"
-        );
-        assert!(
-            converting,
+            converters.prepare(channels),
             "an ADC did not calibrate: check the analog supply"
         );
 
@@ -128,6 +117,15 @@ mod app {
         };
         Mono::start(core.SYST, clock::CORE_HZ);
         supervise::spawn().expect("spawned once");
+
+        let watchdog = Watchdog::start(device.IWDG);
+        let timers = (&device.TIM1, &device.TIM8);
+        let breaks = [protection::SCREW_BREAK, protection::NUT_BREAK];
+        assert!(
+            pwm::start(timers.0, timers.1, &plan, breaks),
+            "the PWM timers do not run: check the board's crystal"
+        );
+        converters.arm();
 
         let bdtr = pwm::bdtr(&plan);
         let [screw, nut] = config.current_loops;
@@ -148,7 +146,7 @@ mod app {
             ),
             until_speed: 0,
             speed: Speed::new(config, scale),
-            watchdog: Watchdog::start(device.IWDG),
+            watchdog,
         };
         (Shared {}, local)
     }

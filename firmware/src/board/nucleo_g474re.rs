@@ -24,8 +24,7 @@ use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, TIM1, TIM2, TIM4, TIM5, TIM8}
 mod plate;
 pub(crate) use plate::PLATE;
 
-/// Threshold of the over-current comparators, ADC counts: 1.95 A above the zero of a ±5 A channel would be 2848.
-/// 3891 is 95 % of full scale, +4.5 A.
+/// Threshold of the over-current comparators, ADC counts: +4.5 A of a ±5 A channel.
 pub(crate) const OVER_CURRENT_COUNTS: u16 = 3891;
 
 /// Neither motor encoder's index is wired: its timers' index pins serve as encoder and bus inputs.

@@ -13,7 +13,9 @@ const MOTOR: MotorPlate = MotorPlate {
     flux_wb: 0.11,
     inertia_kg_m2: 7.2e-4,
     speed_max_rpm: 3000.0,
-    torque_max_nm: 2.6,
+    // One and a half times the rated torque: 3 A of phase current, which leaves the comparators' 4.5 A room for a
+    // step's overshoot.
+    torque_max_nm: 2.0,
     encoder: EncoderPlate {
         counts_per_turn: 1 << 20,
         theta_e_at_zero_turns: 0.0,
@@ -48,9 +50,9 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     feed: FeedPlate {
         lead_m: 5e-3,
         velocity_max: 0.1,
-        acceleration_max: 1.0,
-        jerk_max: 100.0,
-        base_acceleration_max: 500.0,
-        base_jerk_max: 50_000.0,
+        acceleration_max: 0.25,
+        jerk_max: 10.0,
+        base_acceleration_max: 700.0,
+        base_jerk_max: 20_000.0,
     },
 };

@@ -43,9 +43,9 @@ pub(crate) struct Converters<'a> {
 }
 
 impl Converters<'_> {
-    /// Sets up, calibrates and starts all four, with the channels of ADC1 to ADC4. Interrupts at the end of the
-    /// injected sequence of ADC1 and of ADC4. `false` if an ADC did not answer.
-    pub(crate) fn start(&self, channels: [Channels; 4]) -> bool {
+    /// Sets up and calibrates all four, with the channels of ADC1 to ADC4. Interrupts at the end of the injected
+    /// sequence of ADC1 and of ADC4. `false` if an ADC did not answer.
+    pub(crate) fn prepare(&self, channels: [Channels; 4]) -> bool {
         // All from the bus clock divided by 4 (CKMODE 3): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs.
         // SAFETY: a value of the field (RM0440, ADCx_CCR).
         self.common.0.ccr().write(|w| unsafe { w.ckmode().bits(3) });
@@ -63,6 +63,19 @@ impl Converters<'_> {
         x1.ier().write(|w| w.jeosie().set_bit());
         x2.ier().write(|w| w.jeosie().set_bit());
         ready
+    }
+
+    /// From here on each top of a motor's timer starts its ADCs.
+    pub(crate) fn arm(&self) {
+        let (x1, y1) = self.screw;
+        let (x2, y2) = self.nut;
+        for adc in [x1 as &adc1::RegisterBlock, y1, x2, y2] {
+            adc.cr().modify(|_, w| w.jadstart().set_bit());
+        }
+        // Their regular conversions are the temperatures.
+        for adc in [x1 as &adc1::RegisterBlock, y1] {
+            adc.cr().modify(|_, w| w.adstart().set_bit());
+        }
     }
 
     /// DMA1 channel 1 follows ADC1 (request 5), channel 2 ADC2 (request 36): RM0440 table 91.
@@ -104,7 +117,7 @@ pub(crate) fn temperatures() -> [u16; 2] {
 fn enable(adc: &adc1::RegisterBlock) -> bool {
     const LOOKS: u32 = 100_000;
     adc.cr().write(|w| w.deeppwd().clear_bit());
-    adc.cr().write(|w| w.advregen().set_bit());
+    adc.cr().modify(|_, w| w.advregen().set_bit());
     // The regulator needs 20 us.
     cortex_m::asm::delay(CORE_HZ / 1_000_000 * 20);
     adc.cr().modify(|_, w| w.adcal().set_bit());
@@ -143,7 +156,5 @@ fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {
                 w.bits(1 << 31 | 1 << 12 | RISING << 10 | REGULAR_TIM8_TRGO2 << 5 | 0b11)
             });
         }
-        adc.cr().modify(|_, w| w.adstart().set_bit());
     }
-    adc.cr().modify(|_, w| w.jadstart().set_bit());
 }

@@ -83,7 +83,9 @@ pub(crate) fn start(screw: &TIM1, nut: &TIM8, plan: &PwmPlan, breaks: [u32; 2]) 
         .write(|w| unsafe { w.sms().bits(6).ts().bits(0) });
     screw.cr1().modify(|_, w| w.cen().set_bit());
 
-    let aligned = align_update_to_top(screw) && align_update_to_top(nut);
+    // The nut's first: the call ends at the screw counter's bottom, so that the next top is the screw's, in half a
+    // period, and all that follows has that long before the first sample.
+    let aligned = align_update_to_top(nut) && align_update_to_top(screw);
     capture_encoder_at_top(screw);
     capture_encoder_at_top(nut);
     aligned
@@ -125,8 +127,9 @@ fn configure(timer: &tim1::RegisterBlock, plan: &PwmPlan, break_sources: u32) {
 
 /// Makes the update happen at each top only.
 ///
-/// The manuals disagree on whether a repetition counter written before the start gives updates at the top or at the
-/// bottom, so it is set while the counter is seen to go up: it is loaded at the next top and then counts two turns.
+/// A repetition counter written before the start gives updates at the bottom by RM0440 29.3.3, at the top by the
+/// manuals of other families with this timer. So it is written while the counter is seen to go up: it is loaded at the
+/// next top and then counts two turns.
 fn align_update_to_top(timer: &tim1::RegisterBlock) -> bool {
     // A turn comes every half period; four of them are more than enough, at a few cycles a look.
     const LOOKS: u32 = 100_000;
