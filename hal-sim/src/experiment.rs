@@ -2,8 +2,9 @@
 
 use crate::board::BoardConfig;
 use crate::drive::Drive;
-use crate::plates::{PAPER_TUNING, deadbeat, plates};
+use crate::plates::{PAPER_TUNING, RECORDED_TUNING, deadbeat, plates};
 use crate::sensors::Sensors;
+use crate::vrf::vrf_percent;
 use control::coordinator::CommandError;
 use control::format::Misfit;
 use control::plate::{DrivePlate, Tuning};
@@ -21,7 +22,7 @@ pub const RPM: f64 = TAU / 60.0;
 #[derive(Debug, thiserror::Error)]
 pub enum ExperimentError {
     /// A gain of the machine's plate data does not fit the drive's formats.
-    #[error("the drive cannot be configured for this machine: {0}")]
+    #[error("the drive cannot be configured for this machine")]
     Misfit(#[from] Misfit),
     /// The feed or a motor may not move as fast as asked.
     #[error("{0}")]
@@ -89,7 +90,7 @@ impl Setup {
         }
     }
 
-    /// `model` with the sensors that its file declares.
+    /// `model` with the sensors that its file declares, on a drive as the shared recordings were made with.
     #[must_use]
     pub fn declared(model: Model, coupling: Coupling) -> Self {
         let board = BoardConfig {
@@ -101,7 +102,7 @@ impl Setup {
             model,
             coupling,
             board,
-            tuning: PAPER_TUNING,
+            tuning: RECORDED_TUNING,
         }
     }
 
@@ -140,42 +141,97 @@ const SETTLE_S: f64 = 0.3;
 /// Longest that references may take to their targets, s.
 const REACH_S: f64 = 20.0;
 
-/// Commands an operating point and lets the drive come to it.
+/// Commands an operating point and lets the drive come to it; `each` sees the drive after each PWM period.
 ///
 /// # Errors
-/// [`ExperimentError`] if the point is not allowed or not reached.
-pub fn settle(drive: &mut Drive, point: OperatingPoint) -> Result<(), ExperimentError> {
-    drive.command(point.velocity, point.base)?;
+/// [`ExperimentError`] if the point is not allowed or not reached, or what `each` returns.
+pub fn settle<E: From<ExperimentError>>(
+    drive: &mut Drive,
+    point: OperatingPoint,
+    mut each: impl FnMut(&mut Drive) -> Result<(), E>,
+) -> Result<(), E> {
+    drive
+        .command(point.velocity, point.base)
+        .map_err(ExperimentError::from)?;
     let period_s = drive.board.config().pwm_period_s();
     let (settle, reach) = ((SETTLE_S / period_s) as u64, (REACH_S / period_s) as u64);
     let mut steady = 0;
     for _ in 0..reach {
         drive.period();
-        let speed = drive.speed();
-        let at_target = speed.state == State::Running && drive.arrived();
-        steady = if at_target { steady + 1 } else { 0 };
+        each(drive)?;
+        steady = if drive.state() == State::Running && drive.arrived() {
+            steady + 1
+        } else {
+            0
+        };
         if steady >= settle {
             return Ok(());
         }
     }
-    Err(ExperimentError::NotSteady {
+    Err(E::from(ExperimentError::NotSteady {
         seconds: REACH_S,
         velocity_mm_s: point.velocity * 1e3,
         base_rpm: point.base / RPM,
         state: drive.state(),
-    })
+    }))
 }
 
-/// True table velocities, m/s, of a drive that runs for `seconds`, sampled every `periods` PWM periods.
-pub fn table_velocities(drive: &mut Drive, seconds: f64, periods: u32) -> Vec<f64> {
+/// [`settle`] with nobody watching.
+///
+/// # Errors
+/// [`ExperimentError`] if the point is not allowed or not reached.
+pub fn settle_quietly(drive: &mut Drive, point: OperatingPoint) -> Result<(), ExperimentError> {
+    settle(drive, point, |_| Ok(()))
+}
+
+/// True table velocities, m/s, of a drive that runs for `seconds`, sampled every `periods` PWM periods; `each` sees
+/// the drive after each period.
+///
+/// # Errors
+/// What `each` returns.
+pub fn table_velocities<E>(
+    drive: &mut Drive,
+    seconds: f64,
+    periods: u32,
+    mut each: impl FnMut(&mut Drive) -> Result<(), E>,
+) -> Result<Vec<f64>, E> {
     let samples =
         (seconds / (drive.board.config().pwm_period_s() * f64::from(periods))).round() as usize;
-    (0..samples)
-        .map(|_| {
-            (0..periods).for_each(|_| drive.period());
-            drive.board.machine.table_velocity()
-        })
-        .collect()
+    let mut velocities = Vec::with_capacity(samples);
+    for _ in 0..samples {
+        for _ in 0..periods {
+            drive.period();
+            each(drive)?;
+        }
+        velocities.push(drive.board.machine.table_velocity());
+    }
+    Ok(velocities)
+}
+
+/// Length of a velocity record, s: at least one beat of the motors' harmonics, and what the reference figures use.
+pub const RECORD_S: f64 = 4.0;
+
+/// Rate of a velocity record, Hz.
+pub const RECORD_HZ: f64 = 10_000.0;
+
+/// PWM periods between two samples of a velocity record on `board`, at [`RECORD_HZ`] or as near as the periods allow.
+#[must_use]
+pub fn record_periods(board: &BoardConfig) -> u32 {
+    (1.0 / (RECORD_HZ * board.pwm_period_s())).round().max(1.0) as u32
+}
+
+/// Velocity ripple factor, %, of a fresh drive at `point`: true table velocity, [`RECORD_S`] long, no filter.
+///
+/// # Errors
+/// [`ExperimentError`] if the drive cannot be configured or does not reach the point.
+pub fn ripple_percent(setup: &Setup, point: OperatingPoint) -> Result<f64, ExperimentError> {
+    let mut drive = setup.drive()?;
+    settle_quietly(&mut drive, point)?;
+    let periods = record_periods(&setup.board);
+    let velocities = table_velocities(&mut drive, RECORD_S, periods, |_| {
+        Ok::<(), ExperimentError>(())
+    })?;
+    Ok(vrf_percent(&velocities, point.velocity))
 }
 
 /// Turns what the drive knows into rows of a recording.

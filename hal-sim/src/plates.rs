@@ -7,13 +7,23 @@ use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 
-/// The paper's tuning (Table 1, `xi` = 0.7) with an observer of 1000 rad/s.
+/// The paper's tuning (Table 1, `xi` = 0.7) with an observer of 1000 rad/s. The paper has no observer; a damping of 0.9
+/// is where the ripple of independently computed loops with such an observer is met at all four nut speeds.
 pub const PAPER_TUNING: Tuning = Tuning {
     damping: 0.7,
     current_rad_s: 3000.0,
     speed_rad_s: 200.0,
     observer_rad_s: 1000.0,
+    observer_damping: 0.9,
+};
+
+/// The tuning of the drives that made the shared recordings. They declare the paper's gains and leave their speed
+/// estimation open; this observer meets the ripple of the clean ones in every hold within 10 %, where 1000 rad/s misses
+/// by up to 18 %.
+pub const RECORDED_TUNING: Tuning = Tuning {
+    observer_rad_s: 1500.0,
     observer_damping: 0.7,
+    ..PAPER_TUNING
 };
 
 /// Rated speed of the paper's motors, rpm.
@@ -77,7 +87,7 @@ pub fn plates(
             adc_counts: board.sensors.current.counts.max(board.sensors.bus.counts),
             bus_min_v: 0.1 * board.bus_v,
             dead_time_s: board.dead_time_s,
-            dead_time_fade_a: 0.05,
+            dead_time_fade_a: 0.02,
             measure_zeros: board.measure_zeros,
             min_on_time_s: 1e-6,
         },

@@ -1,6 +1,6 @@
 //! The sensitivity `S` of the simulated drive, measured as one would on a machine: a sine torque in, a speed out.
 
-use crate::experiment::{ExperimentError, OperatingPoint, Setup, settle};
+use crate::experiment::{ExperimentError, OperatingPoint, Setup, settle_quietly};
 use plant::Axis;
 use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
@@ -23,7 +23,7 @@ pub fn measure(setup: &Setup, base: f64, omega: f64) -> Result<Complex64, Experi
         setup.model.motor_mut(axis).torque_harmonics.clear();
     }
     let mut drive = setup.drive()?;
-    settle(
+    settle_quietly(
         &mut drive,
         OperatingPoint {
             velocity: 0.0,

@@ -116,22 +116,23 @@ fn integrate(
 #[must_use]
 pub fn limit(wanted: DirectQuadrature<Voltage>, v_max: Voltage) -> DirectQuadrature<Voltage> {
     let v_max = v_max.max(Voltage::ZERO);
+    let room = square(v_max);
+    // Each square is at most 2^62, so their sum fits.
+    if square(wanted.d).saturating_add(square(wanted.q)) <= room {
+        return wanted;
+    }
     let d = wanted.d.clamp(v_max.saturating_neg(), v_max);
-    let q_max = leg(v_max, d);
+    // The root of a number below 2^62 is below 2^31.
+    let q_max = Voltage::from_bits(square_root(room.saturating_sub(square(d))).cast_signed());
     DirectQuadrature {
         d,
         q: wanted.q.clamp(q_max.saturating_neg(), q_max),
     }
 }
 
-/// `sqrt(v_max^2 - d^2)` for `|d| <= v_max`.
-fn leg(v_max: Voltage, d: Voltage) -> Voltage {
-    let square = |v: Voltage| {
-        let bits = u64::from(v.to_bits().unsigned_abs());
-        bits.saturating_mul(bits)
-    };
-    // The root of a number below 2^62 is below 2^31.
-    Voltage::from_bits(square_root(square(v_max).saturating_sub(square(d))).cast_signed())
+fn square(v: Voltage) -> u64 {
+    let bits = u64::from(v.to_bits().unsigned_abs());
+    bits.saturating_mul(bits)
 }
 
 #[cfg(test)]

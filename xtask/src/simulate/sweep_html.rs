@@ -1,0 +1,4 @@
+use super::sweep_report::SweepReport;
+pub fn page(_: &SweepReport) -> String {
+    String::new()
+}
