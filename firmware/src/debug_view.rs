@@ -88,6 +88,20 @@ pub(crate) struct DriveCommand {
     pub(crate) run: AtomicU32,
 }
 
+impl DriveCommand {
+    /// The drive shall run.
+    #[inline(always)]
+    pub(crate) fn asks_run(&self) -> bool {
+        self.run.load(Relaxed) == 1
+    }
+
+    /// The drive shall leave a fault.
+    #[inline(always)]
+    pub(crate) fn asks_reset(&self) -> bool {
+        self.run.load(Relaxed) == 2
+    }
+}
+
 /// At a symbol that a debugger knows.
 #[used]
 #[unsafe(no_mangle)]

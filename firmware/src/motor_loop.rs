@@ -1,10 +1,12 @@
 //! What a current-loop interrupt does: read, step, write.
 
-use crate::debug_view::{MotorView, count, keep_max};
+use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, MotorView, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::motor_io::MotorIo;
+use crate::speed::codes;
 use control::current_loop::{CurrentLoop, CurrentLoopConfig};
 use control::exchange::MotorExchange;
+use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::Ordering::Relaxed;
 use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
@@ -42,12 +44,18 @@ where
     #[inline(always)]
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
-        let sample = self.io.sample();
+        let sample = self.io.sample(DRIVE_COMMAND.asks_reset());
         let (command, estimate) = self.control.step(&sample, self.exchange.asked());
         if !self.io.apply(&command) {
             count(&self.view.missed);
         }
         self.exchange.publish(&estimate);
+        if self.exchange.stale() {
+            // The speed task, which says what the drive is doing, cannot.
+            let (state, fault) = const { codes(State::Fault(Fault::SpeedTaskLate)) };
+            DRIVE_VIEW.state.store(state, Relaxed);
+            DRIVE_VIEW.fault.store(fault, Relaxed);
+        }
 
         let view = self.view;
         view.current[0].store(estimate.current.d.to_bits(), Relaxed);

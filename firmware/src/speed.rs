@@ -1,5 +1,6 @@
 //! What the speed task does: read what the current loops found, step, tell them.
 
+use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Scale;
@@ -12,7 +13,10 @@ use control::supervisor::{Fault, Request, State};
 use core::sync::atomic::Ordering::Relaxed;
 
 /// The words between the current loops and the speed task: screw, nut.
-pub(crate) static EXCHANGE: [MotorExchange; 2] = [MotorExchange::new(), MotorExchange::new()];
+pub(crate) static EXCHANGE: [MotorExchange; 2] = [
+    MotorExchange::new(CONFIG.speed_divider),
+    MotorExchange::new(CONFIG.speed_divider),
+];
 
 /// The speed task and what it owns.
 pub(crate) struct Speed {
@@ -36,10 +40,9 @@ impl Speed {
         let start = cycles::now();
         let view = &DRIVE_VIEW;
         self.take_command();
-        let run = DRIVE_COMMAND.run.load(Relaxed);
         let request = Request {
-            run: run == 1,
-            reset: run == 2,
+            run: DRIVE_COMMAND.asks_run(),
+            reset: DRIVE_COMMAND.asks_reset(),
         };
         let [screw, nut] = &EXCHANGE;
         let output = self.control.step(request, [screw.status(), nut.status()]);
@@ -74,7 +77,7 @@ impl Speed {
 }
 
 /// The state's and the fault's numbers in the debug view.
-fn codes(state: State) -> (u32, u32) {
+pub(crate) const fn codes(state: State) -> (u32, u32) {
     match state {
         State::Off => (0, 0),
         State::Calibrating => (1, 0),
@@ -86,11 +89,14 @@ fn codes(state: State) -> (u32, u32) {
 }
 
 /// The number of a fault in the debug view.
-fn fault_code(fault: Fault) -> u32 {
+const fn fault_code(fault: Fault) -> u32 {
     match fault {
         Fault::ScrewBreak => 1,
         Fault::NutBreak => 2,
         Fault::ScrewCurrentZero => 3,
         Fault::NutCurrentZero => 4,
+        Fault::ScrewEncoder => 5,
+        Fault::NutEncoder => 6,
+        Fault::SpeedTaskLate => 7,
     }
 }

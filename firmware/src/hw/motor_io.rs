@@ -37,18 +37,19 @@ where
     }
 
     /// What the ADCs and the encoder's capture hold, and whether the break has fired. Acknowledges the interrupt and
-    /// the timer's update.
+    /// the timer's update, and with `clear_break` the break, which holds while its input is active.
     #[inline(always)]
     #[allow(clippy::cast_possible_truncation)]
-    pub(crate) fn sample(&mut self) -> MotorSample {
+    pub(crate) fn sample(&mut self, clear_break: bool) -> MotorSample {
         const UIF: u32 = 1;
         const BREAK_FLAGS: u32 = 1 << 7 | 1 << 8;
         const JEOC_JEOS: u32 = 1 << 5 | 1 << 6;
         // SAFETY: flags that are cleared by writing one.
         self.adc_x.isr().write(|w| unsafe { w.bits(JEOC_JEOS) });
         let flags = self.timer.sr().read().bits();
+        let acknowledged = if clear_break { UIF | BREAK_FLAGS } else { UIF };
         // SAFETY: flags of this register are cleared by writing zero; ones leave the others.
-        self.timer.sr().write(|w| unsafe { w.bits(!UIF) });
+        self.timer.sr().write(|w| unsafe { w.bits(!acknowledged) });
         MotorSample {
             current: [
                 self.adc_x.jdr1().read().bits() as u16,
