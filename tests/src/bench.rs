@@ -155,12 +155,11 @@ impl Bench {
         self.emulator.run_until(until)
     }
 
-    /// Lets time pass to shortly before the screw's next top, where all tasks have done their work, and says how many
-    /// of its tops were sampled so far.
+    /// Lets time pass to shortly before the screw's next top, where all tasks have done their work.
     ///
     /// # Errors
-    /// The record of tops is not kept, or as [`Bench::pass`].
-    pub fn settle(&mut self) -> Result<u64, String> {
+    /// As [`Bench::pass`].
+    pub fn settle_untold(&mut self) -> Result<(), String> {
         const MARGIN: u64 = 500;
         let chip = self.emulator.chip();
         let top = chip.pwm[0].next_top().ok_or("the timers do not run yet")?;
@@ -170,7 +169,15 @@ impl Bench {
         } else {
             top + period
         } - MARGIN;
-        self.emulator.run_until(until)?;
+        self.emulator.run_until(until)
+    }
+
+    /// [`Bench::settle_untold`], and how many of the screw's tops were sampled so far.
+    ///
+    /// # Errors
+    /// The record of tops is not kept, or as [`Bench::pass`].
+    pub fn settle(&mut self) -> Result<u64, String> {
+        self.settle_untold()?;
         let tops = self
             .emulator
             .chip()
@@ -178,6 +185,23 @@ impl Bench {
             .as_ref()
             .ok_or("the record of tops is not kept")?;
         Ok(tops.iter().filter(|top| top.motor == Motor::Screw).count() as u64)
+    }
+
+    /// Time until the next top of `motor`'s timer, s.
+    pub fn time_to_top(&mut self, motor: Motor) -> f64 {
+        let chip = self.emulator.chip();
+        let next = chip.pwm[motor as usize].next_top().unwrap_or(chip.now);
+        (next - chip.now) as f64 / CORE_HZ as f64
+    }
+
+    /// Makes the interrupt handler called `handler` loop for ever from its next entry on.
+    ///
+    /// # Errors
+    /// The firmware has no such function.
+    pub fn hang(&mut self, handler: &str) -> Result<(), String> {
+        const BRANCH_TO_ITSELF: u16 = 0xE7FE;
+        let address = self.image.symbol(handler)? & !1;
+        self.emulator.patch(address, BRANCH_TO_ITSELF)
     }
 
     /// What the drive says.

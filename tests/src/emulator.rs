@@ -297,6 +297,19 @@ impl Emulator {
             .map_err(|_| format!("no memory at {address:#010x}"))
     }
 
+    /// Changes an instruction in memory.
+    ///
+    /// # Errors
+    /// There is no memory.
+    pub fn patch(&mut self, address: u32, instruction: u16) -> Result<(), String> {
+        let at = u64::from(address);
+        self.unicorn
+            .mem_write(at, &instruction.to_le_bytes())
+            .map_err(|_| format!("no memory at {address:#010x}"))?;
+        self.unicorn.get_data_mut().blocks.clear();
+        self.unicorn.ctl_flush_tb().map_err(engine)
+    }
+
     /// Bytes of memory.
     ///
     /// # Errors

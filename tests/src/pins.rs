@@ -37,8 +37,11 @@ pub trait Machine {
     /// sampled, and `bridge` holds from here to the next top.
     fn top(&mut self, motor: Motor, time: u64, bridge: Bridge) -> Sensors;
 
-    /// The bridge of `motor` was stopped by its break input at `time`, between two tops.
-    fn stopped(&mut self, motor: Motor, time: u64);
+    /// The bridge of `motor` was stopped by its break input, between two tops.
+    fn stopped(&mut self, motor: Motor);
+
+    /// The chip was reset: both bridges are open, and the next top comes when the firmware has started again.
+    fn reset(&mut self);
 }
 
 /// A machine that stands still: no current, a full bus, no motion.
@@ -55,5 +58,7 @@ impl Machine for AtRest {
         }
     }
 
-    fn stopped(&mut self, _motor: Motor, _time: u64) {}
+    fn stopped(&mut self, _motor: Motor) {}
+
+    fn reset(&mut self) {}
 }

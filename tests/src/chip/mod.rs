@@ -132,6 +132,7 @@ impl Chip {
 
     /// Everything but time, machine and record goes back to its reset value; the flags say why.
     pub fn restart(&mut self, reason: Reset) {
+        self.machine.borrow_mut().reset();
         let fresh = Self::new(Rc::clone(&self.machine));
         let old = std::mem::replace(self, fresh);
         self.tops = old.tops;
@@ -241,11 +242,15 @@ impl Chip {
                 .comparators
                 .outputs(index, self.sensors[index].current, thresholds);
             if self.pwm[index].break_input(high) {
-                self.machine
-                    .borrow_mut()
-                    .stopped(Self::motor(index), self.now);
+                self.machine.borrow_mut().stopped(Self::motor(index));
             }
         }
+    }
+
+    /// The count that the encoder of `motor` last had.
+    #[must_use]
+    pub fn last_count(&self, motor: Motor) -> u32 {
+        self.sensors[motor as usize].encoder
     }
 
     /// Puts an over-current on a motor's shunts now, between two tops, as its comparators see it.
@@ -254,6 +259,11 @@ impl Chip {
         self.provoked.over_current[index] = Some(counts);
         self.sensors[index].current = [counts; 3];
         self.compare_currents();
+    }
+
+    /// The over-current is gone.
+    pub fn end_short_circuit(&mut self, motor: Motor) {
+        self.provoked.over_current[motor as usize] = None;
     }
 
     /// An ADC finished a sequence.

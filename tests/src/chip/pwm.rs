@@ -262,7 +262,8 @@ impl PwmTimer {
                     self.start(now);
                 }
             }
-            SR => self.flags &= value,
+            // The break's flag cannot be cleared while its input is active.
+            SR => self.flags &= value | if self.break_high { BIF } else { 0 },
             EGR => {
                 if value != 1 {
                     return Err("of the events, this model generates the update only".into());
