@@ -6,6 +6,7 @@
 //! | --- | --- | --- |
 //! | ADC counts -> phase currents, bus voltage | [`sense`] | each PWM period |
 //! | encoder counts -> `theta_e`, `omega_e` | [`observer`] | each PWM period |
+//! | is the encoder alive? | [`encoder_watch`] | each PWM period |
 //! | phases -> d, q and back | [`transform`] | each PWM period |
 //! | PI in d and q, voltage limit, anti-windup | [`regulator`] | each PWM period |
 //! | phase voltages -> timer compare values | [`modulation`] | each PWM period |
@@ -47,6 +48,7 @@ extern crate std;
 
 pub mod coordinator;
 pub mod current_loop;
+pub mod encoder_watch;
 pub mod exchange;
 pub mod format;
 pub mod modulation;

@@ -79,6 +79,8 @@ pub struct Motion {
     pub theta: Angle,
     /// Electrical angle.
     pub theta_e: Angle,
+    /// Mechanical angle gained each sample, 2^-32 turn.
+    pub theta_step: i32,
     /// Electrical angle gained each sample, 2^-32 turn.
     pub theta_e_step: i32,
     /// Electrical speed, rad/s.
@@ -137,6 +139,7 @@ impl Observer {
         Motion {
             theta,
             theta_e: theta.times(config.pole_pairs).plus(config.theta_e_offset),
+            theta_step: coarse,
             theta_e_step: coarse.saturating_mul(config.pole_pairs.cast_signed()),
             omega_e: narrow_bits(
                 i64::from(fine).saturating_mul(i64::from(config.omega_multiplier)),

@@ -5,6 +5,7 @@
 
 use crate::coordinator::CoordinatorConfig;
 use crate::current_loop::CurrentLoopConfig;
+use crate::encoder_watch::EncoderWatchConfig;
 use crate::format::{
     Current, Impedance, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity, quantise,
 };
@@ -329,6 +330,7 @@ impl MotorPlate {
             sense: attempt!(board.current_sense(self.current_gains)),
             bus: attempt!(board.bus_sense()),
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
+            encoder_watch: self.encoder_watch(&drive.tuning),
             regulator: RegulatorConfig {
                 k_pc: Impedance::from_bits(attempt!(quantise("Kpc (Eq 9)", "V/A", gains.k_pc, 20))),
                 k_ic_step: Impedance::from_bits(attempt!(quantise(
@@ -348,6 +350,21 @@ impl MotorPlate {
             modulation: attempt!(board.modulation()),
             measure_zeros: board.measure_zeros,
         })
+    }
+
+    /// Twice what a reversal at full torque lets the observer turn within one count (see
+    /// [`encoder_watch`](crate::encoder_watch)), and four counts.
+    const fn encoder_watch(&self, tuning: &Tuning) -> EncoderWatchConfig {
+        let count = TAU / self.encoder.counts_per_turn as f64;
+        let acceleration = self.torque_max_nm / self.inertia_kg_m2;
+        let lag = 2.0 * tuning.observer_damping * acceleration / tuning.observer_rad_s;
+        let stands = 2.0 * square_root(2.0 * count / acceleration);
+        let turns = (2.0 * lag * stands + 4.0 * count) / TAU;
+        // The cast saturates; a turn or more never fires.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        EncoderWatchConfig {
+            travel_max: (turns * 4_294_967_296.0) as u32,
+        }
     }
 
     const fn observer(&self, tuning: &Tuning, sample_time: f64) -> Result<ObserverConfig, Misfit> {
@@ -544,6 +561,21 @@ impl DrivePlate {
             base,
         })
     }
+}
+
+/// Square root by Newton's method, for configuration; 0 of what has none.
+const fn square_root(x: f64) -> f64 {
+    if !(x > 0.0 && x < f64::MAX) {
+        return 0.0;
+    }
+    let mut root = if x > 1.0 { x } else { 1.0 };
+    let mut step = 0u32;
+    // Halves down to the root's size first: 600 steps are enough for any f64.
+    while step < 600 {
+        root = 0.5 * (root + x / root);
+        step = step.saturating_add(1);
+    }
+    root
 }
 
 const fn within(
