@@ -98,7 +98,8 @@ fn pi(k_p: Impedance, error: Current, integral: VoltageState) -> Voltage {
 }
 
 /// Adds this sample's error and takes away what the limit took: after a cut, proportional part plus integral is the
-/// voltage that was realised, so that nothing is left to unwind.
+/// voltage that was realised, so that nothing is left to unwind. Where the sum itself left the format of a voltage, the
+/// cut is not all there is, so the state is held to that format too.
 fn integrate(
     state: VoltageState,
     k_i: Impedance,
@@ -110,6 +111,10 @@ fn integrate(
     state
         .saturating_add(k_i.wide_mul(error))
         .saturating_add(cut)
+        .clamp(
+            VoltageState::from(Voltage::MIN),
+            VoltageState::from(Voltage::MAX),
+        )
 }
 
 /// Cuts a voltage to the circle of radius `v_max`, d first: it may have all of it, q gets what the circle leaves.
@@ -220,8 +225,9 @@ mod tests {
                 );
                 let (d, q) = (out.voltage.d.to_num::<f64>(), out.voltage.q.to_num::<f64>());
                 prop_assert!(d.hypot(q) <= v_max.to_num::<f64>() * (1.0 + 1e-9));
-                // Each integrator stays within what its voltage, feed-forward and one sample's error can hold.
-                prop_assert!(regulator.integral.d.abs() < VoltageState::from_num(100_000));
+                for integral in [regulator.integral.d, regulator.integral.q] {
+                    prop_assert!(integral.abs() <= VoltageState::from_num(1024));
+                }
             }
         }
 
