@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod bench;
+mod emulator_tools;
 mod output;
 mod simulate;
 mod test;
