@@ -16,6 +16,7 @@ const MOTOR: MotorPlate = MotorPlate {
     // One and a half times the rated torque: 3 A of phase current, which leaves the comparators' 4.5 A room for a
     // step's overshoot.
     torque_max_nm: 2.0,
+    current_gains: [1.0; 3],
     encoder: EncoderPlate {
         counts_per_turn: 1 << 20,
         theta_e_at_zero_turns: 0.0,
