@@ -76,7 +76,29 @@ impl Body {
                 body.instructions.insert(instruction.address, instruction);
             }
         }
+        body.resolve_veneer();
         Ok(body)
+    }
+
+    /// A linker's veneer puts an address into a register, in two halves, and goes there.
+    fn resolve_veneer(&mut self) {
+        let list: Vec<&Instruction> = self.instructions.values().collect();
+        let [low, high, jump] = list[..] else { return };
+        let half = |i: &Instruction, name| {
+            let value = i.text.strip_prefix(name)?.rsplit('#').next()?;
+            u32::from_str_radix(value.strip_prefix("0x")?, 16).ok()
+        };
+        let (Some(low), Some(high)) = (half(low, "movw"), half(high, "movt")) else {
+            return;
+        };
+        let (at, to) = (jump.address, (high << 16 | low) & !1);
+        if let Some(jump) = self.instructions.get_mut(&at) {
+            jump.flow = Flow::Branch {
+                to,
+                conditional: false,
+            };
+            self.indirect.clear();
+        }
     }
 
     /// Straight code from `at` to the first instruction that may go elsewhere.
