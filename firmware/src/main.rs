@@ -32,7 +32,7 @@ mod app {
     use crate::hw::{analog, clock, cycles, encoder, protection, pwm};
     use crate::motor_loop::MotorLoop;
     use crate::speed::{EXCHANGE, Speed};
-    use crate::{CONFIG, crash, memory, schedule};
+    use crate::{CONFIG, crash, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -56,7 +56,6 @@ mod app {
 
     #[init]
     fn init(cx: init::Context) -> (Shared, Local) {
-        memory::load_fast_code();
         let (device, mut core) = (cx.device, cx.core);
         cycles::start(&mut core.DCB, &mut core.DWT);
         schedule::no_lazy_float_state(&core.FPU);

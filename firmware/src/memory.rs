@@ -1,21 +1,26 @@
 //! Puts the fast code where it runs: CCM SRAM, on the core's own buses, without wait states.
+//!
+//! `__pre_init` is what the runtime calls before anything else. It copies the code from flash in assembly, because Rust
+//! code may not run before RAM is initialised, and because the compiler's own `memcpy` is part of what it copies.
+//! `memory.x` aligns both ends to words and gives the CCM region to nothing else; r0 to r3 are free to use, and the two
+//! barriers make what was written as data visible to instruction fetches.
 
-/// Copies the fast code from flash. Must run before any of it is called: first thing in `init`.
-pub(crate) fn load_fast_code() {
-    unsafe extern "C" {
-        // From memory.x: addresses, not objects.
-        static mut __sccm: u32;
-        static mut __eccm: u32;
-        static __siccm: u32;
-    }
-    // SAFETY: memory.x aligns both ends to a word and gives the CCM region to nothing else; nothing in it runs yet,
-    // as all interrupts are off.
-    unsafe {
-        let start = &raw mut __sccm;
-        let words = (&raw mut __eccm).offset_from_unsigned(start);
-        core::ptr::copy_nonoverlapping(&raw const __siccm, start, words);
-    }
-    // What was written as data is fetched as instructions.
-    cortex_m::asm::dsb();
-    cortex_m::asm::isb();
-}
+core::arch::global_asm!(
+    ".section .text.__pre_init, \"ax\"",
+    ".global __pre_init",
+    ".type __pre_init, %function",
+    ".thumb_func",
+    "__pre_init:",
+    "ldr r0, =__sccm",
+    "ldr r1, =__eccm",
+    "ldr r2, =__siccm",
+    "2: cmp r0, r1",
+    "beq 3f",
+    "ldm r2!, {{r3}}",
+    "stm r0!, {{r3}}",
+    "b 2b",
+    "3: dsb",
+    "isb",
+    "bx lr",
+    ".size __pre_init, . - __pre_init",
+);

@@ -69,9 +69,10 @@ impl Inside {
         } else {
             0
         };
-        let cycles = block.cycles + refill + std::mem::take(&mut self.chip.bus_wait);
-        self.profile.run(address, block.instructions, cycles);
-        let now = self.chip.now + cycles;
+        let wait = std::mem::take(&mut self.chip.bus_wait);
+        let cycles = block.cycles + refill;
+        self.profile.run(address, block.instructions, cycles, wait);
+        let now = self.chip.now + cycles + wait;
         self.chip.advance(now);
     }
 }

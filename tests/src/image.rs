@@ -94,6 +94,17 @@ impl Image {
             .ok_or_else(|| format!("the firmware has no symbol `{name}`"))
     }
 
+    /// Bytes of RAM that objects and fast code take, and bytes that are left for the stack.
+    ///
+    /// # Errors
+    /// The linker script's symbols are missing.
+    pub fn ram(&self) -> Result<(u32, u32), String> {
+        const START: u32 = 0x2000_0000;
+        let end = self.symbol("__euninit")?;
+        let fast_code = self.symbol("__eccm")? - self.symbol("__sccm")?;
+        Ok((end - START + fast_code, self.symbol("_stack_start")? - end))
+    }
+
     /// The function that holds `address`.
     #[must_use]
     pub fn function_at(&self, address: u32) -> Option<&Function> {

@@ -8,7 +8,9 @@
 
 pub mod bench;
 pub mod chip;
+pub mod cost;
 pub mod emulator;
+pub mod graph;
 pub mod image;
 pub mod joint;
 pub mod pins;

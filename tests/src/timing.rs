@@ -22,7 +22,7 @@
 //! Entering an exception takes [`ENTRY`] cycles and leaving it [`EXIT`]. What the bus adds to an access of a
 //! peripheral is counted where the access happens (`chip::bus_wait`).
 
-use capstone::arch::arm::{ArmInsn, ArmOperandType};
+use capstone::arch::arm::ArmOperandType;
 use capstone::prelude::*;
 
 /// P for what runs.
@@ -53,7 +53,9 @@ pub enum Flow {
         /// It may fall through instead.
         conditional: bool,
     },
-    /// Goes or calls where a register or a table says.
+    /// Goes to one of these, by a table after the instruction.
+    Table(Vec<u32>),
+    /// Goes or calls where a register says.
     Indirect,
 }
 
@@ -135,7 +137,6 @@ impl Decoder {
             ArmOperandType::Mem(memory) => Some(memory),
             _ => None,
         });
-        let id = ArmInsn::from(instruction.id().0);
         let mut access = None;
         let cycles = match base {
             "mla" | "mls" => 2,
@@ -175,7 +176,7 @@ impl Decoder {
         let text = format!("{mnemonic} {}", instruction.op_str().unwrap_or(""));
         #[allow(clippy::cast_possible_truncation)]
         let address = instruction.address() as u32;
-        let flow = flow(id, base, &text, &operands);
+        let flow = flow(base, &text, &operands);
         let size = instruction.bytes().len() as u32;
         (
             Instruction {
@@ -209,50 +210,48 @@ fn register(operand: &arch::arm::ArmOperand) -> Option<RegId> {
     }
 }
 
-fn flow(id: ArmInsn, base: &str, text: &str, operands: &[arch::arm::ArmOperand]) -> Flow {
+/// The name without a condition, and whether there is one.
+fn conditional<'a>(base: &'a str, names: &[&'a str]) -> Option<(&'a str, bool)> {
+    const CONDITIONS: [&str; 16] = [
+        "eq", "ne", "hs", "lo", "cs", "cc", "mi", "pl", "vs", "vc", "hi", "ls", "ge", "lt", "gt",
+        "le",
+    ];
+    names.iter().find_map(|&name| {
+        let rest = base.strip_prefix(name)?;
+        (rest.is_empty() || CONDITIONS.contains(&rest)).then_some((name, !rest.is_empty()))
+    })
+}
+
+fn flow(base: &str, text: &str, operands: &[arch::arm::ArmOperand]) -> Flow {
     let immediate = operands.iter().rev().find_map(|o| match o.op_type {
-        #[allow(clippy::cast_sign_loss)]
+        #[allow(clippy::cast_sign_loss, clippy::cast_possible_truncation)]
         ArmOperandType::Imm(value) => Some(value as u32),
         _ => None,
     });
-    let writes_pc = text
-        .split_once(' ')
-        .is_some_and(|(_, ops)| ops.contains("pc}") || ops.starts_with("pc,"));
-    match id {
-        ArmInsn::ARM_INS_B => match immediate {
-            Some(to) => Flow::Branch {
-                to,
-                conditional: base != "b",
-            },
-            None => Flow::Indirect,
+    let operand_text = text.split_once(' ').map_or("", |(_, rest)| rest);
+    let writes_pc = operand_text.contains("pc}") || operand_text.starts_with("pc,");
+    let names = [
+        "cbz", "cbnz", "blx", "bl", "bx", "b", "tbb", "tbh", "pop", "ldmdb", "ldm", "ldr", "mov",
+    ];
+    let Some((name, conditional)) = conditional(base, &names) else {
+        return if writes_pc {
+            Flow::Indirect
+        } else {
+            Flow::Next
+        };
+    };
+    match (name, immediate) {
+        ("b", Some(to)) => Flow::Branch { to, conditional },
+        ("cbz" | "cbnz", Some(to)) => Flow::Branch {
+            to,
+            conditional: true,
         },
-        ArmInsn::ARM_INS_CBZ | ArmInsn::ARM_INS_CBNZ => match immediate {
-            Some(to) => Flow::Branch {
-                to,
-                conditional: true,
-            },
-            None => Flow::Indirect,
-        },
-        ArmInsn::ARM_INS_BL => immediate.map_or(Flow::Indirect, Flow::Call),
-        ArmInsn::ARM_INS_BX if text.contains("lr") => Flow::Return {
-            conditional: base != "bx",
-        },
-        ArmInsn::ARM_INS_BX
-        | ArmInsn::ARM_INS_BLX
-        | ArmInsn::ARM_INS_TBB
-        | ArmInsn::ARM_INS_TBH => Flow::Indirect,
-        ArmInsn::ARM_INS_POP if writes_pc => Flow::Return {
-            conditional: base != "pop",
-        },
-        _ if base.starts_with("ldm") && writes_pc => Flow::Return { conditional: false },
-        _ if base.starts_with("ldr") && writes_pc => {
-            if text.contains("[sp]") {
-                Flow::Return { conditional: false }
-            } else {
-                Flow::Indirect
-            }
-        }
-        _ if base.starts_with("mov") && writes_pc => Flow::Indirect,
+        ("bl", Some(to)) => Flow::Call(to),
+        ("bx", _) if operand_text == "lr" => Flow::Return { conditional },
+        ("b" | "cbz" | "cbnz" | "bl" | "blx" | "bx" | "tbb" | "tbh", _) => Flow::Indirect,
+        ("pop" | "ldm" | "ldmdb", _) if writes_pc => Flow::Return { conditional },
+        ("ldr", _) if writes_pc && operand_text.contains("[sp]") => Flow::Return { conditional },
+        ("ldr" | "mov", _) if writes_pc => Flow::Indirect,
         _ => Flow::Next,
     }
 }

@@ -52,6 +52,8 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
         }
         bench.run(0)?;
         bench.wait_for(READY, 1.0)?;
+        // The current loops follow the supervisor in their next periods.
+        bench.pass(100e-6)?;
         let chip = bench.emulator.chip();
         assert!(
             chip.pwm.iter().all(|timer| !timer.bridge().enabled),

@@ -254,16 +254,20 @@ fn lag(following: Following, asked: ProfileState, pole_pairs: i32) -> ProfileSta
     if !following.limited {
         return ProfileState::ZERO;
     }
-    let speed = ProfileState::from(following.omega_e)
-        .checked_div_int(i64::from(pole_pairs))
-        .unwrap_or_default();
+    // A 32-bit division, which the core has; the bits that a 64-bit one would keep are below 2^-16 rad/s.
+    let speed = ProfileState::from(
+        following
+            .omega_e
+            .checked_div_int(pole_pairs)
+            .unwrap_or_default(),
+    );
     let lag = asked.saturating_sub(speed);
     let lag = if asked.is_negative() {
         lag.saturating_neg()
     } else {
         lag
     };
-    lag.clamp(ProfileState::ZERO, asked.saturating_abs())
+    lag.min(asked.saturating_abs()).max(ProfileState::ZERO)
 }
 
 fn towards_zero(x: ProfileState, by: ProfileState) -> ProfileState {

@@ -143,6 +143,7 @@ impl CurrentLoop {
     }
 
     /// One PWM period.
+    #[inline(always)]
     pub fn step(
         &mut self,
         sample: &MotorSample,

@@ -23,6 +23,7 @@
 //! Nothing here wraps but [`Angle`]. A product is taken in full width (`wide_mul`, 64 bits) and comes back
 //! through [`narrow`], which saturates; sums of narrow values are `saturating_add`.
 
+use fixed::traits::FixedSigned;
 use fixed::types::extra::{LeEqU32, LeEqU64};
 use fixed::types::{I1F31, I2F30, I4F28, I8F24, I11F21, I12F20, I14F18, I16F16, I24F40, I32F32};
 use fixed::{FixedI32, FixedI64};
@@ -98,14 +99,17 @@ impl Angle {
 }
 
 /// A full-width product, brought back to 32 bits: rounded down, saturated at the ends of the format.
+///
+/// A value beyond an end comes back as that end to within `2^(32 - shift)` of the format's last steps, `shift` being
+/// the fraction bits that are dropped: see [`narrow_bits`].
 #[must_use]
-#[inline]
+#[inline(always)]
 pub fn narrow<Wide: LeEqU64, Narrow: LeEqU32>(wide: FixedI64<Wide>) -> FixedI32<Narrow> {
     const {
         assert!(
-            Wide::U32 >= Narrow::U32,
+            Wide::U32 > Narrow::U32,
             "a product has the fraction bits of both factors"
-        )
+        );
     };
     narrow_bits(
         wide.to_bits(),
@@ -113,12 +117,62 @@ pub fn narrow<Wide: LeEqU64, Narrow: LeEqU32>(wide: FixedI64<Wide>) -> FixedI32<
     )
 }
 
-/// [`narrow`] on bare bits, for a product whose factors have no common type: drops `shift` fraction bits.
-#[inline]
+/// [`narrow`] on bare bits, for a product whose factors have no common type: drops `shift` fraction bits, 1 to 63.
+///
+/// Only the upper word is saturated, which a Cortex-M4 does in one instruction (`SSAT`) where the whole value takes
+/// eight. The lower word of a value beyond the end stays what it was, so the end is met to `2^(32 - shift)` last steps:
+/// at most one part in `2^(shift - 1)` of the range. With 32 bits and more to drop nothing can be beyond.
+#[inline(always)]
 pub(crate) fn narrow_bits<F: LeEqU32>(wide: i64, shift: u32) -> FixedI32<F> {
-    // In range after the clamp, so the cast keeps the value; every caller's shift is a constant below 64.
+    // In range after the clamp, so the casts and shifts keep the value; every caller's shift is a constant.
     #[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
-    FixedI32::from_bits((wide >> shift).clamp(i32::MIN as i64, i32::MAX as i64) as i32)
+    let bits = if shift >= 32 {
+        (wide >> (shift & 63)) as i32
+    } else {
+        let end = 1i32 << (shift - 1);
+        let upper = ((wide >> 32) as i32).clamp(-end, end - 1);
+        (upper << (32 - shift)) | (wide as u32 >> shift).cast_signed()
+    };
+    FixedI32::from_bits(bits)
+}
+
+/// The upper word of a product: `a * b / 2^32`, rounded down. It cannot overflow, and is one instruction.
+#[must_use]
+#[inline(always)]
+pub(crate) fn multiply_upper(a: i32, b: i32) -> i32 {
+    // |a * b| <= 2^62, so the shifted product fits 31 bits.
+    #[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
+    let upper = ((i64::from(a) * i64::from(b)) >> 32) as i32;
+    upper
+}
+
+/// `a + b` of two wide states, each first cut to a quarter of the format, so that their sum cannot overflow. Like
+/// [`narrow_bits`] it cuts the upper word only.
+#[must_use]
+#[inline(always)]
+pub(crate) fn add_wide(a: i64, b: i64) -> i64 {
+    // |a|, |b| < 2^61 + 2^32 after the cut.
+    #[allow(clippy::arithmetic_side_effects)]
+    let sum = cut_upper(a, 29) + cut_upper(b, 29);
+    sum
+}
+
+/// `x` with its upper word cut to `bits` bits and a sign.
+#[must_use]
+#[inline(always)]
+#[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
+pub(crate) fn cut_upper(x: i64, bits: u32) -> i64 {
+    let end = 1i32 << bits;
+    let upper = ((x >> 32) as i32).clamp(-end, end - 1);
+    (i64::from(upper) << 32) | i64::from(x as u32)
+}
+
+/// `x` cut to ±`limit`. `Ord::clamp` would panic at a negative limit, which no configuration has but which the compiler
+/// cannot know; here it would come back as the limit without its sign.
+#[must_use]
+#[inline(always)]
+pub fn cut<T: FixedSigned>(x: T, limit: T) -> T {
+    x.min(limit).max(limit.saturating_neg())
 }
 
 /// `a*cos + b*sin`: one row of a rotation, in full width.
@@ -126,7 +180,7 @@ pub(crate) fn narrow_bits<F: LeEqU32>(wide: i64, shift: u32) -> FixedI32<F> {
 /// Cannot overflow: |a|, |b| <= 2^31 and |cos|, |sin| <= 2^31 in bits, and cos and sin of one angle never
 /// have |cos| + |sin| above sqrt(2), so the sum stays below 1.42 * 2^62 < 2^63.
 #[must_use]
-#[inline]
+#[inline(always)]
 #[allow(clippy::arithmetic_side_effects)]
 pub fn rotate<F: LeEqU32>(a: FixedI32<F>, cos: Unit, b: FixedI32<F>, sin: Unit) -> FixedI32<F> {
     let wide = i64::from(a.to_bits()) * i64::from(cos.to_bits())
@@ -226,7 +280,11 @@ mod tests {
             let got: Current = narrow(wide);
             let exact = bits as f64 / 2f64.powi(40);
             let ends = (Current::MIN.to_num::<f64>(), Current::MAX.to_num::<f64>());
-            prop_assert!((got.to_num::<f64>() - exact.clamp(ends.0, ends.1)).abs() <= 2f64.powi(-20));
+            // 20 bits are dropped: the ends are met to 2^12 last steps.
+            prop_assert!((got.to_num::<f64>() - exact.clamp(ends.0, ends.1)).abs() <= 2f64.powi(12 - 20));
+            if exact > ends.0 && exact < ends.1 {
+                prop_assert!((got.to_num::<f64>() - exact).abs() <= 2f64.powi(-20));
+            }
         }
 
         #[test]

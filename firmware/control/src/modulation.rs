@@ -6,7 +6,7 @@
 //! sides are on around the counter's top, where the shunts are sampled. A minimum on-time of the low sides keeps
 //! that window open: it bounds the compare value from above, and the voltage circle is made smaller to match.
 
-use crate::format::{CountsPerVolt, Current, Ratio, Voltage, narrow, narrow_bits};
+use crate::format::{CountsPerVolt, Current, Ratio, Voltage, multiply_upper, narrow};
 
 /// Configuration of the modulator of one bridge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,11 +40,10 @@ impl DeadTime {
     }
 
     fn compensation(&self, current: Current, full: Voltage) -> Voltage {
-        let part: Ratio = narrow_bits(
-            i64::from(current.to_bits()).saturating_mul(i64::from(self.slope.to_bits())),
-            14,
-        );
-        narrow(full.wide_mul(part.clamp(Ratio::NEG_ONE, Ratio::ONE)))
+        // Part of the full voltage in 2^-12, cut to ±1: a few millivolts of a phase.
+        let part = multiply_upper(current.to_bits(), self.slope.to_bits()).clamp(-4096, 4095);
+        // 20 bits times 13 bits and signs fit 32.
+        Voltage::from_bits((full.to_bits() >> 12).wrapping_mul(part))
     }
 }
 
@@ -65,6 +64,7 @@ impl ModulationConfig {
     /// Compare values of phases a, b, c for the phase voltages `v`, with the phase currents' signs for the dead
     /// time, on the bus of `bus` V measured as `bus_counts`.
     #[must_use]
+    #[inline(always)]
     pub fn compare(
         &self,
         v: [Voltage; 3],
@@ -84,13 +84,13 @@ impl ModulationConfig {
     }
 
     fn counts(&self, v: Voltage, scale: CountsPerVolt) -> u16 {
-        // Half a count of rounding, then the middle of the permitted range: voltage zero.
-        let product = i64::from(v.to_bits()).saturating_mul(i64::from(scale.to_bits()));
-        let counts: fixed::FixedI32<fixed::types::extra::U8> = narrow_bits(product, 29);
-        let centred = counts
-            .saturating_add(fixed::FixedI32::from_bits(i32::from(self.compare_max) << 7))
-            .saturating_add(fixed::FixedI32::from_bits(128));
-        let compare = (centred.to_bits() >> 8).clamp(0, i32::from(self.compare_max));
+        // In 2^-5 of a count; half a count of rounding, then the middle of the permitted range: voltage zero.
+        // |product| <= 2^30, and what is added is below 2^21.
+        let product = multiply_upper(v.to_bits(), scale.to_bits());
+        let centred = product
+            .wrapping_add(i32::from(self.compare_max) << 4)
+            .wrapping_add(16);
+        let compare = (centred >> 5).max(0).min(i32::from(self.compare_max));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let compare = compare as u16;
         compare
@@ -100,8 +100,11 @@ impl ModulationConfig {
     fn counts_per_volt(&self, bus_counts: u16) -> CountsPerVolt {
         let counts = u32::from(bus_counts.max(self.bus_counts_min).max(1));
         let reciprocal = u32::MAX.checked_div(counts).unwrap_or(u32::MAX);
-        let wide = u64::from(reciprocal).saturating_mul(u64::from(self.period_per_bus_count));
-        narrow_bits((wide >> 1).cast_signed(), 23)
+        // The product has 40 fraction bits and loses 24; beyond the format's end it is cut to it.
+        let wide = u64::from(reciprocal).wrapping_mul(u64::from(self.period_per_bus_count));
+        #[allow(clippy::cast_possible_truncation)]
+        let (upper, lower) = (((wide >> 32) as u32).min((1 << 23) - 1), wide as u32);
+        CountsPerVolt::from_bits((upper << 8 | lower >> 24).cast_signed())
     }
 }
 

@@ -8,10 +8,12 @@
 //! acceleration `a` with the angle lag `a / omega_0^2`. With `omega_0 = 1/T` and `zeta = 0.5` it is deadbeat: the
 //! speed is then the difference of two angles.
 
-use crate::format::{Angle, Ratio, Speed, narrow_bits};
+use crate::format::{Angle, Ratio, Speed, cut_upper};
 
 /// Speeds are held below 1/16 turn a sample: no drive commutates on fewer than sixteen samples a turn.
-const SPEED_LIMIT: i64 = (1 << 60) - 1;
+///
+/// The bits of the upper word of 1/16 turn, 2^60.
+const SPEED_LIMIT_BITS: u32 = 28;
 
 /// Encoder counts -> angle of the shaft, for any count from 2 to 2^30 a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,6 +47,7 @@ impl EncoderScale {
     /// The shaft's angle at `counts`, low by less than three of its 2^-32 turns. A count of a turn or more, which no
     /// healthy encoder gives, is taken modulo the turn.
     #[must_use]
+    #[inline(always)]
     pub fn angle(&self, counts: u32) -> Angle {
         let wide = u64::from(counts).wrapping_mul(u64::from(self.multiplier));
         // Dropping the high bits is the modulo.
@@ -68,8 +71,30 @@ pub struct ObserverConfig {
     pub theta_e_offset: Angle,
     /// `omega_e` in 2^-16 rad/s = speed in 2^-35 turn a sample times this, shifted right by `omega_shift`.
     pub omega_multiplier: i32,
-    /// See `omega_multiplier`.
+    /// See `omega_multiplier`; 1 to 31.
     pub omega_shift: u32,
+    /// Largest speed that is passed on, 2^-35 turn a sample: a quarter electrical turn, and within the format of
+    /// `omega_e`.
+    pub fine_max: i32,
+}
+
+impl ObserverConfig {
+    /// The electrical speed of a shaft that turns `fine` 2^-35 turns a sample, at most `fine_max`.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    fn omega_e(&self, fine: i32) -> Speed {
+        // |fine| <= fine_max makes the result fit. The halves are shifted by hand, because a 64-bit shift by a
+        // variable is a dozen instructions.
+        let wide = i64::from(fine).wrapping_mul(i64::from(self.omega_multiplier));
+        let (upper, lower) = ((wide >> 32) as u32, wide as u32);
+        let shift = self.omega_shift & 31;
+        let bits = upper.wrapping_shl(32u32.wrapping_sub(shift)) | lower.wrapping_shr(shift);
+        Speed::from_bits(bits.cast_signed())
+    }
+}
+
+/// `x` cut to ±`limit`.
+fn cut_bits(x: i32, limit: i32) -> i32 {
+    x.min(limit).max(limit.wrapping_neg())
 }
 
 /// Angle and speed as the observer knows them.
@@ -111,6 +136,7 @@ impl Observer {
     }
 
     /// Takes one encoder count and says where the shaft is and how fast it turns.
+    #[inline(always)]
     pub fn step(&mut self, config: &ObserverConfig, counts: u32) -> Motion {
         let measured = config.encoder.angle(counts);
         if !self.started {
@@ -119,32 +145,32 @@ impl Observer {
             self.started = true;
         }
         let predicted = self.angle.wrapping_add_signed(self.speed);
-        let innovation = measured.minus(Angle(high(predicted)));
-        // |innovation| <= 2^31 and gain < 2^31 (below 2): 2^62, and the shift by 2 to 2^-64 turn saturates.
-        let correction = |gain: Ratio| {
-            i64::from(innovation)
-                .saturating_mul(i64::from(gain.to_bits()))
-                .saturating_mul(4)
-        };
+        // A difference of more than a quarter turn is no difference but a jump; cut, it makes the products below fit:
+        // |innovation| <= 2^30 and gain < 2^31 (below 2) give 2^61, and 2^63 when shifted by 2 to 2^-64 turn.
+        let innovation = measured
+            .minus(Angle(high(predicted)))
+            .clamp(-(1 << 30), (1 << 30) - 1);
+        #[allow(clippy::arithmetic_side_effects)]
+        let correction = |gain: Ratio| (i64::from(innovation) * i64::from(gain.to_bits())) << 2;
         self.angle = predicted.wrapping_add_signed(correction(config.alpha));
-        self.speed = self
-            .speed
-            .saturating_add(correction(config.beta))
-            .clamp(SPEED_LIMIT.saturating_neg(), SPEED_LIMIT);
+        // |speed| <= 2^60 + 2^32 and beta <= 1 (1 + 2^-9 by the plate's bounds), so the sum fits.
+        self.speed = cut_upper(
+            self.speed.wrapping_add(correction(config.beta)),
+            SPEED_LIMIT_BITS,
+        );
 
         let theta = Angle(high(self.angle));
-        // |speed| < 2^60, so both shifted values fit 32 bits.
+        // |speed| <= 2^60, so the shifted value fits 32 bits.
         #[allow(clippy::cast_possible_truncation)]
-        let (fine, coarse) = ((self.speed >> 29) as i32, (self.speed >> 32) as i32);
+        let fine = cut_bits((self.speed >> 29) as i32, config.fine_max);
+        let coarse = fine >> 3;
         Motion {
             theta,
             theta_e: theta.times(config.pole_pairs).plus(config.theta_e_offset),
             theta_step: coarse,
-            theta_e_step: coarse.saturating_mul(config.pole_pairs.cast_signed()),
-            omega_e: narrow_bits(
-                i64::from(fine).saturating_mul(i64::from(config.omega_multiplier)),
-                config.omega_shift & 63,
-            ),
+            // A quarter turn at most.
+            theta_e_step: coarse.wrapping_mul(config.pole_pairs.cast_signed()),
+            omega_e: config.omega_e(fine),
             innovation,
         }
     }
@@ -209,13 +235,15 @@ mod tests {
                 let error = f64::from(count) / f64::from(1 << 20) - predicted;
                 // A jump of half a turn has no short way round.
                 prop_assume!((error - error.floor() - 0.5).abs() > 1e-4);
-                let error = error - error.round();
+                // And one of more than a quarter is taken as a quarter.
+                let error = (error - error.round()).clamp(-0.25, 0.25);
                 angle = predicted + alpha * error;
                 speed = (speed + beta * error).clamp(-1.0 / 16.0, 1.0 / 16.0);
                 let omega_e = speed * core::f64::consts::TAU * 5.0 / 50e-6;
                 let off = f64::from(motion.theta.0) / 2f64.powi(32) - angle;
                 prop_assert!((off - off.round()).abs() < 1e-6, "angle off by {off}");
-                let exact = omega_e.clamp(-32_768.0, 32_767.99);
+                let end = f64::from(config.fine_max) / 2f64.powi(35) * core::f64::consts::TAU * 5.0 / 50e-6;
+                let exact = omega_e.clamp(-end, end);
                 prop_assert!((motion.omega_e.to_num::<f64>() - exact).abs() < 0.02 + 1e-6 * exact.abs());
             }
         }
@@ -230,7 +258,7 @@ mod tests {
             let mut observer = Observer::default();
             for count in counts {
                 observer.step(&config, count);
-                prop_assert!(observer.speed.abs() <= SPEED_LIMIT);
+                prop_assert!(observer.speed.abs() <= 1 << 60);
             }
         }
     }

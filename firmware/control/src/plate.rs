@@ -403,10 +403,20 @@ impl MotorPlate {
         let mut multiplier =
             TAU * self.pole_pairs as f64 / sample_time * 65_536.0 / 34_359_738_368.0;
         let mut omega_shift = 0u32;
-        while multiplier < 1_073_741_824.0 && omega_shift < 40 {
+        while multiplier < 1_073_741_824.0 && omega_shift < 31 {
             multiplier *= 2.0;
             omega_shift = omega_shift.saturating_add(1);
         }
+        // A quarter electrical turn a sample, and what `Speed` holds; both casts saturate.
+        let quarter_turn = 8_589_934_592.0 / self.pole_pairs as f64;
+        #[allow(clippy::arithmetic_side_effects)]
+        let format_end = 32_767.0 * 65_536.0 * (1u64 << omega_shift) as f64 / multiplier;
+        #[allow(clippy::cast_possible_truncation)]
+        let fine_max = if quarter_turn < format_end {
+            quarter_turn as i32
+        } else {
+            format_end as i32
+        };
         Ok(ObserverConfig {
             encoder,
             alpha: Ratio::from_bits(attempt!(quantise(
@@ -420,6 +430,7 @@ impl MotorPlate {
             theta_e_offset: crate::format::Angle::from_turns(self.encoder.theta_e_at_zero_turns),
             omega_multiplier: attempt!(quantise("electrical speed scale", "", multiplier, 0)),
             omega_shift,
+            fine_max,
         })
     }
 

@@ -5,7 +5,7 @@
 //! `a = 0`. Solved for `a`: the largest acceleration that can still stop in the distance `x` is
 //! `sqrt(2*J*x + J^2/4) - J/2`. The profile takes the least of that, the limit, and what the jerk allows.
 
-use crate::format::{ProfileState, square_root};
+use crate::format::{ProfileState, cut, square_root};
 use fixed::FixedI32;
 use fixed::types::I2F30;
 use fixed::types::extra::U20;
@@ -34,7 +34,7 @@ impl Profile {
         let jerk = ProfileState::from(I2F30::from_bits(config.jerk));
         let limit = ProfileState::from(FixedI32::<U20>::from_bits(config.acceleration));
         let distance = target.saturating_sub(self.value);
-        let wanted = stopping_change(distance, jerk).clamp(limit.saturating_neg(), limit);
+        let wanted = cut(stopping_change(distance, jerk), limit);
         self.approach(wanted, jerk);
     }
 
@@ -47,9 +47,7 @@ impl Profile {
     }
 
     fn approach(&mut self, wanted: ProfileState, jerk: ProfileState) {
-        let step = wanted
-            .saturating_sub(self.change)
-            .clamp(jerk.saturating_neg(), jerk);
+        let step = cut(wanted.saturating_sub(self.change), jerk);
         self.change = self.change.saturating_add(step);
         self.value = self.value.saturating_add(self.change);
     }

@@ -1,7 +1,9 @@
 //! PI in d and q, with feed-forward, a voltage circle that serves d first, and integrators that follow the voltage
 //! that was realised.
 
-use crate::format::{Current, Impedance, Ratio, Speed, Voltage, VoltageState, narrow, square_root};
+use crate::format::{
+    Current, Impedance, Ratio, Speed, Voltage, VoltageState, add_wide, cut, narrow, square_root,
+};
 use crate::transform::DirectQuadrature;
 
 /// Gains of a current regulator and the motor constants of its feed-forward.
@@ -45,6 +47,7 @@ impl Regulator {
     }
 
     /// One step: currents and their references at electrical speed `omega_e` -> voltages of at most `v_max`.
+    #[inline(always)]
     pub fn step(
         &mut self,
         config: &RegulatorConfig,
@@ -68,7 +71,7 @@ impl Regulator {
                 .saturating_add(coupled_q)
                 .saturating_add(back_emf),
         };
-        let voltage = limit(wanted, v_max);
+        let (voltage, limited) = limit(wanted, v_max);
         self.integral = DirectQuadrature {
             d: integrate(
                 self.integral.d,
@@ -85,10 +88,7 @@ impl Regulator {
                 voltage.q,
             ),
         };
-        RegulatorOutput {
-            voltage,
-            limited: voltage != wanted,
-        }
+        RegulatorOutput { voltage, limited }
     }
 }
 
@@ -100,6 +100,7 @@ fn pi(k_p: Impedance, error: Current, integral: VoltageState) -> Voltage {
 /// Adds this sample's error and takes away what the limit took: after a cut, proportional part plus integral is the
 /// voltage that was realised, so that nothing is left to unwind. Where the sum itself left the format of a voltage, the
 /// cut is not all there is, so the state is held to that format too.
+#[inline(always)]
 fn integrate(
     state: VoltageState,
     k_i: Impedance,
@@ -107,37 +108,43 @@ fn integrate(
     wanted: Voltage,
     realised: Voltage,
 ) -> VoltageState {
-    let cut = VoltageState::from(realised).saturating_sub(VoltageState::from(wanted));
-    state
-        .saturating_add(k_i.wide_mul(error))
-        .saturating_add(cut)
-        .clamp(
-            VoltageState::from(Voltage::MIN),
-            VoltageState::from(Voltage::MAX),
-        )
+    let step: VoltageState = k_i.wide_mul(error);
+    let mut bits = add_wide(state.to_bits(), step.to_bits());
+    if realised != wanted {
+        let cut = VoltageState::from(realised).saturating_sub(VoltageState::from(wanted));
+        bits = add_wide(bits, cut.to_bits());
+    }
+    VoltageState::from_bits(bits).clamp(
+        VoltageState::from(Voltage::MIN),
+        VoltageState::from(Voltage::MAX),
+    )
 }
 
 /// Cuts a voltage to the circle of radius `v_max`, d first: it may have all of it, q gets what the circle leaves.
+/// `true` if it cut.
 #[must_use]
-pub fn limit(wanted: DirectQuadrature<Voltage>, v_max: Voltage) -> DirectQuadrature<Voltage> {
+#[inline(always)]
+pub fn limit(
+    wanted: DirectQuadrature<Voltage>,
+    v_max: Voltage,
+) -> (DirectQuadrature<Voltage>, bool) {
     let v_max = v_max.max(Voltage::ZERO);
     let room = square(v_max);
     // Each square is at most 2^62, so their sum fits.
-    if square(wanted.d).saturating_add(square(wanted.q)) <= room {
-        return wanted;
+    if square(wanted.d).wrapping_add(square(wanted.q)) <= room {
+        return (wanted, false);
     }
-    let d = wanted.d.clamp(v_max.saturating_neg(), v_max);
+    let d = cut(wanted.d, v_max);
     // The root of a number below 2^62 is below 2^31.
     let q_max = Voltage::from_bits(square_root(room.saturating_sub(square(d))).cast_signed());
-    DirectQuadrature {
-        d,
-        q: wanted.q.clamp(q_max.saturating_neg(), q_max),
-    }
+    let q = cut(wanted.q, q_max);
+    (DirectQuadrature { d, q }, true)
 }
 
+#[allow(clippy::cast_sign_loss)]
 fn square(v: Voltage) -> u64 {
-    let bits = u64::from(v.to_bits().unsigned_abs());
-    bits.saturating_mul(bits)
+    let bits = i64::from(v.to_bits());
+    bits.wrapping_mul(bits) as u64
 }
 
 #[cfg(test)]

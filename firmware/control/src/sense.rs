@@ -25,11 +25,13 @@ impl CurrentChannel {
     /// The current that `counts` stand for.
     #[must_use]
     pub fn current(&self, counts: u16) -> Current {
-        // 20 bits of code times 31 bits of gain fit 63.
-        let code = (i32::from(counts) << 4).saturating_sub(self.zero_sixteenths);
+        // 20 bits and a sign of code, shifted up to 31: the product fits 63, and is narrowed from high above its end.
+        let code = (i32::from(counts) << 4)
+            .saturating_sub(self.zero_sixteenths)
+            .clamp(-(1 << 20), (1 << 20) - 1);
         narrow_bits(
-            i64::from(code).saturating_mul(i64::from(self.gain.to_bits())),
-            10,
+            i64::from(code << 11).wrapping_mul(i64::from(self.gain.to_bits())),
+            21,
         )
     }
 }
@@ -86,9 +88,10 @@ impl BusSense {
     /// The voltage that `counts` stand for.
     #[must_use]
     pub fn voltage(&self, counts: u16) -> Voltage {
+        // Shifted up to 31 bits, for the same reason as a current.
         narrow_bits(
-            i64::from(counts).saturating_mul(i64::from(self.gain.to_bits())),
-            7,
+            (i64::from(counts) << 15).wrapping_mul(i64::from(self.gain.to_bits())),
+            22,
         )
     }
 }

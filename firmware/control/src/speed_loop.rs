@@ -1,6 +1,6 @@
 //! Speed error -> `i_q` reference: PI with the gains of Eqs 11 and 12, inertia feed-forward, torque limit.
 
-use crate::format::{Current, CurrentState, Speed, SpeedGain, narrow};
+use crate::format::{Current, CurrentState, Speed, SpeedGain, cut, narrow};
 
 /// Configuration of a speed loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,7 +63,7 @@ impl SpeedLoop {
         let wanted = proportional
             .saturating_add(narrow(self.integral))
             .saturating_add(feed_forward);
-        let i_q = wanted.clamp(config.i_max.saturating_neg(), config.i_max);
+        let i_q = cut(wanted, config.i_max);
 
         // Anti-windup by conditional integration: no error is integrated that pushes further into a limit. What the
         // limit cut is not taken from the integrator: a short peak of the other parts would leave it without the
@@ -72,10 +72,10 @@ impl SpeedLoop {
         let pushing = (limited || voltage_limited) && error.is_negative() == wanted.is_negative();
         if !pushing {
             let bound = CurrentState::from(config.i_max);
-            self.integral = self
+            let integral = self
                 .integral
-                .saturating_add(config.k_iw_step.wide_mul(error))
-                .clamp(bound.saturating_neg(), bound);
+                .saturating_add(config.k_iw_step.wide_mul(error));
+            self.integral = cut(integral, bound);
         }
         SpeedLoopOutput { i_q, limited }
     }

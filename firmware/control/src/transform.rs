@@ -97,10 +97,11 @@ pub fn inverse_clarke(v: AlphaBeta<Voltage>) -> [Voltage; 3] {
     [a, mean.saturating_add(beta), mean.saturating_sub(beta)]
 }
 
+#[inline(always)]
 fn scale<F: LeEqU32>(x: FixedI32<F>, factor: Ratio) -> FixedI32<F> {
     // |x| <= 2^31 and |factor| < 2^31: the product fits 63 bits.
     narrow_bits(
-        i64::from(x.to_bits()).saturating_mul(i64::from(factor.to_bits())),
+        i64::from(x.to_bits()).wrapping_mul(i64::from(factor.to_bits())),
         30,
     )
 }

@@ -13,6 +13,8 @@ pub struct Cost {
     pub cycles: u64,
     /// Instructions that ran from flash.
     pub from_flash: u64,
+    /// Cycles that the bus added to accesses of peripherals; part of `cycles`.
+    pub bus_wait: u64,
 }
 
 /// Every run of every exception.
@@ -35,10 +37,11 @@ impl Profile {
         ));
     }
 
-    pub(super) fn run(&mut self, address: u32, instructions: u64, cycles: u64) {
+    pub(super) fn run(&mut self, address: u32, instructions: u64, cycles: u64, bus_wait: u64) {
         if let Some((_, cost)) = self.stack.last_mut() {
             cost.instructions += instructions;
-            cost.cycles += cycles;
+            cost.cycles += cycles + bus_wait;
+            cost.bus_wait += bus_wait;
             if (0x0800_0000..0x1000_0000).contains(&address) {
                 cost.from_flash += instructions;
             }

@@ -1,0 +1,75 @@
+//! Measures what the firmware's interrupts cost and prints it, as a table or with `--json` as JSON. `--keep` makes the
+//! figures the baseline that the tests hold the firmware to.
+
+use std::path::Path;
+use std::process::ExitCode;
+use tests::cost::{BASELINE, Report, measure};
+
+fn main() -> ExitCode {
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let has = |name: &str| arguments.iter().any(|argument| argument == name);
+    if let Some(unknown) = arguments
+        .iter()
+        .find(|a| !["--json", "--keep"].contains(&a.as_str()))
+    {
+        eprintln!(
+            "error: `{unknown}` is not known; `--json` prints JSON, `--keep` keeps the figures as the baseline"
+        );
+        return ExitCode::FAILURE;
+    }
+    let report = match measure() {
+        Ok(report) => report,
+        Err(error) => {
+            eprintln!("error: {error}");
+            return ExitCode::FAILURE;
+        }
+    };
+    if has("--json") {
+        println!("{}", report.json());
+    } else {
+        table(&report);
+    }
+    if has("--keep") {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(BASELINE);
+        let text = format!("{:#}\n", report.json());
+        if let Err(error) = std::fs::write(&path, text) {
+            eprintln!("error: cannot write {}: {error}", path.display());
+            return ExitCode::FAILURE;
+        }
+    }
+    ExitCode::SUCCESS
+}
+
+fn table(report: &Report) {
+    println!(
+        "{:<20} {:>8} {:>22} {:>30}",
+        "interrupt", "rate", "instructions", "cycles (estimated)"
+    );
+    println!(
+        "{:<20} {:>8} {:>11} {:>10} {:>11} {:>9} {:>8}",
+        "", "Hz", "typical", "worst", "typical", "worst", "bound"
+    );
+    for row in &report.rows {
+        println!(
+            "{:<20} {:>8} {:>11} {:>10} {:>11} {:>9} {:>8}",
+            row.interrupt.name,
+            row.interrupt.rate_hz,
+            row.typical.instructions,
+            row.worst.instructions,
+            row.typical.cycles,
+            row.worst.cycles,
+            row.bound
+        );
+    }
+    let Report {
+        flash_bytes,
+        ram_bytes,
+        stack_bytes,
+        stack_seen,
+        stack_room,
+        ..
+    } = report;
+    println!("load {:.1} % of 170 MHz", report.load_percent());
+    println!("flash {flash_bytes} bytes, RAM {ram_bytes} bytes");
+    println!("stack at most {stack_bytes} bytes, {stack_seen} seen, {stack_room} there");
+}

@@ -1,0 +1,258 @@
+//! What the interrupts cost: measured on the emulated drive, and bounded from the code.
+
+use crate::bench::{Bench, READY};
+use crate::chip::CORE_HZ;
+use crate::emulator::Cost;
+use crate::graph::{Graph, LoopBound};
+use crate::image::Image;
+use crate::timing::{ENTRY, EXIT};
+use plant::machine::Coupling;
+use plant::model::Model;
+use serde_json::{Value, json};
+use std::f64::consts::TAU;
+use std::rc::Rc;
+
+/// The figures that the tests hold the firmware to, beside this package's manifest.
+pub const BASELINE: &str = "cost-baseline.json";
+
+/// An interrupt whose cost is of interest.
+#[derive(Clone, Copy, Debug)]
+pub struct Interrupt {
+    /// As in the firmware's schedule.
+    pub name: &'static str,
+    /// Its handler's symbol.
+    pub handler: &'static str,
+    /// Its line.
+    pub line: usize,
+    /// How often, Hz.
+    pub rate_hz: f64,
+}
+
+/// The control interrupts: the firmware's schedule has the same.
+pub const INTERRUPTS: [Interrupt; 3] = [
+    Interrupt {
+        name: "screw current loop",
+        handler: "ADC1_2",
+        line: 18,
+        rate_hz: 20_000.0,
+    },
+    Interrupt {
+        name: "nut current loop",
+        handler: "ADC4",
+        line: 61,
+        rate_hz: 20_000.0,
+    },
+    Interrupt {
+        name: "speed task",
+        handler: "FMAC",
+        line: 101,
+        rate_hz: 5_000.0,
+    },
+];
+
+/// Loops in the interrupts' code.
+pub const LOOPS: [LoopBound; 1] = [LoopBound {
+    function: "__aeabi_memclr",
+    rounds: 8,
+    because: "the speed task clears its coordinator while the drive stands: less than 128 bytes, 16 a round",
+}];
+
+/// Exceptions that can interrupt one another, one of each line: current loops, speed task, time queue, tasks, and a
+/// fault on top.
+const NESTING: [&[&str]; 5] = [
+    &["ADC1_2", "ADC4"],
+    &["FMAC"],
+    &["SysTick"],
+    &["CRS"],
+    &["HardFault"],
+];
+
+/// Stack that an exception's entry takes: eight words, and one to align it.
+const FRAME: u32 = 36;
+
+/// Cost of one interrupt.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// Which.
+    pub interrupt: Interrupt,
+    /// Median over the runs with the drive at work.
+    pub typical: Cost,
+    /// Largest of each over all runs.
+    pub worst: Cost,
+    /// Cycles of the longest way through the code.
+    pub bound: u64,
+}
+
+/// All that the firmware costs.
+#[derive(Clone, Debug)]
+pub struct Report {
+    /// The control interrupts.
+    pub rows: Vec<Row>,
+    /// Bytes of flash.
+    pub flash_bytes: u32,
+    /// Bytes of RAM, of both kinds, without the stack.
+    pub ram_bytes: u32,
+    /// Bytes of stack that all nested tasks can take at most.
+    pub stack_bytes: u32,
+    /// Bytes of stack that were used in the run.
+    pub stack_seen: u32,
+    /// Bytes of RAM that the stack has.
+    pub stack_room: u32,
+}
+
+impl Report {
+    /// Part of the core's time that the control interrupts take, %.
+    #[must_use]
+    pub fn load_percent(&self) -> f64 {
+        let cycles: f64 = self
+            .rows
+            .iter()
+            .map(|row| row.typical.cycles as f64 * row.interrupt.rate_hz)
+            .sum();
+        100.0 * cycles / CORE_HZ as f64
+    }
+
+    /// As JSON.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        let interrupts: Vec<Value> = self
+            .rows
+            .iter()
+            .map(|row| {
+                json!({
+                    "name": row.interrupt.name,
+                    "rate_hz": row.interrupt.rate_hz,
+                    "instructions": {"typical": row.typical.instructions, "worst": row.worst.instructions},
+                    "cycles": {"typical": row.typical.cycles, "worst": row.worst.cycles, "bound": row.bound},
+                })
+            })
+            .collect();
+        json!({
+            "interrupts": interrupts,
+            "load_percent": (self.load_percent() * 100.0).round() / 100.0,
+            "flash_bytes": self.flash_bytes,
+            "ram_bytes": self.ram_bytes,
+            "stack_bytes": self.stack_bytes,
+        })
+    }
+}
+
+/// Runs the drive through rest, both modes, reversals, both limits and a stop, and measures.
+///
+/// # Errors
+/// What the firmware did that the chip does not have, or why the code has no bound.
+pub fn measure() -> Result<Report, String> {
+    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    bench.emulator.profile().keep = true;
+    bench.wait_for(READY, 0.2)?;
+    bench.ask(2.5e-3, 0.0)?;
+    bench.run(1)?;
+    bench.pass(0.3)?;
+    let script = [
+        (2.5e-3, 800.0),
+        (-50e-3, 300.0),
+        (50e-3, -2000.0),
+        (2.5e-3, 300.0),
+    ];
+    for (velocity, rpm) in script {
+        bench.ask(velocity, rpm * TAU / 60.0)?;
+        bench.pass(0.5)?;
+    }
+    bench.run(0)?;
+    bench.pass(0.5)?;
+    let image = Rc::clone(&bench.image);
+    let mut graph = Graph::new(&image);
+    let mut rows = Vec::new();
+    for interrupt in INTERRUPTS {
+        let runs = bench.emulator.profile().of_line(interrupt.line);
+        let (typical, worst) = (median(runs), worst(runs));
+        let start = image.symbol(interrupt.handler)? & !1;
+        // The ways to the peripherals are straight: what the bus added at most is what it adds.
+        let bound = graph.longest(start, &LOOPS)? + ENTRY + EXIT + worst.bus_wait;
+        rows.push(Row {
+            interrupt,
+            typical,
+            worst,
+            bound,
+        });
+    }
+    let (ram, stack_room) = image.ram()?;
+    Ok(Report {
+        rows,
+        flash_bytes: image
+            .segments
+            .iter()
+            .map(|(_, data)| data.len() as u32)
+            .sum(),
+        ram_bytes: ram,
+        stack_bytes: stack_bound(&image, &mut graph)?,
+        stack_seen: bench.emulator.stack_used()?,
+        stack_room,
+    })
+}
+
+fn stack_bound(image: &Image, graph: &mut Graph<'_>) -> Result<u32, String> {
+    let mut sum = graph.stack(image.symbol("Reset")? & !1)?;
+    for level in NESTING {
+        let mut deepest = 0;
+        for handler in level {
+            deepest = deepest.max(graph.stack(image.symbol(handler)? & !1)?);
+        }
+        sum += FRAME + deepest;
+    }
+    Ok(sum)
+}
+
+/// Why the control interrupts could do what they must not: reach a panic, go where only a register knows, or use the
+/// float unit, whose registers exceptions do not save. Empty if they cannot.
+///
+/// # Errors
+/// The code cannot be read.
+pub fn forbidden(image: &Image) -> Result<Vec<String>, String> {
+    let mut graph = Graph::new(image);
+    let mut found = Vec::new();
+    for interrupt in INTERRUPTS {
+        let reach = graph.reach(image.symbol(interrupt.handler)? & !1)?;
+        let name = interrupt.name;
+        for function in reach.functions.iter().map(|&address| graph.name(address)) {
+            if function.contains("panic") || function.contains("crash") {
+                found.push(format!("the {name} reaches {function}"));
+            }
+        }
+        found.extend(
+            reach
+                .indirect
+                .iter()
+                .map(|(at, text)| format!("the {name} goes on by register at {at:#x}: {text}")),
+        );
+        found.extend(
+            reach
+                .float
+                .iter()
+                .map(|(at, text)| format!("the {name} uses floats at {at:#x}: {text}")),
+        );
+    }
+    Ok(found)
+}
+
+fn median(runs: &[Cost]) -> Cost {
+    let of = |field: fn(&Cost) -> u64| {
+        let mut values: Vec<u64> = runs.iter().map(field).collect();
+        values.sort_unstable();
+        values.get(values.len() / 2).copied().unwrap_or(0)
+    };
+    each(of)
+}
+
+fn worst(runs: &[Cost]) -> Cost {
+    each(|field| runs.iter().map(field).max().unwrap_or(0))
+}
+
+fn each(of: impl Fn(fn(&Cost) -> u64) -> u64) -> Cost {
+    Cost {
+        instructions: of(|c| c.instructions),
+        cycles: of(|c| c.cycles),
+        from_flash: of(|c| c.from_flash),
+        bus_wait: of(|c| c.bus_wait),
+    }
+}

@@ -1,0 +1,79 @@
+//! What the interrupts cost stays what it was kept as, and what they must not do they cannot.
+
+use serde_json::Value;
+use std::path::Path;
+use tests::bench::firmware;
+use tests::cost::{BASELINE, forbidden, measure};
+use tests::image::Image;
+
+/// How far a figure may rise above the baseline, and fall below it before the baseline has to be renewed.
+const RISE: f64 = 1.02;
+const FALL: f64 = 0.95;
+
+#[test]
+fn costs_are_those_of_the_baseline() -> Result<(), String> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(BASELINE);
+    let text =
+        std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+    let kept: Value =
+        serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
+    let report = measure()?;
+    let now = report.json();
+    let mut figures = Vec::new();
+    for k in 0..report.rows.len() {
+        for figure in ["typical", "worst", "bound"] {
+            figures.push(format!("/interrupts/{k}/cycles/{figure}"));
+        }
+    }
+    figures.extend(["/flash_bytes", "/ram_bytes", "/stack_bytes"].map(String::from));
+    for figure in figures {
+        let of = |value: &Value| {
+            value
+                .pointer(&figure)
+                .and_then(Value::as_f64)
+                .ok_or(format!("no figure {figure}"))
+        };
+        let (kept, now) = (of(&kept)?, of(&now)?);
+        assert!(now <= kept * RISE, "{figure} rose from {kept} to {now}");
+        assert!(
+            now >= kept * FALL,
+            "{figure} fell from {kept} to {now}: keep it, with `cargo xtask cost --keep`"
+        );
+    }
+    for row in &report.rows {
+        assert_eq!(
+            row.worst.from_flash, 0,
+            "the {} runs from flash",
+            row.interrupt.name
+        );
+        assert!(
+            row.worst.cycles <= row.bound,
+            "the {}'s bound is below what was seen",
+            row.interrupt.name
+        );
+    }
+    // 40 kHz: both current loops' worst within a period, and the speed task's beside them.
+    let [screw, nut, speed] = &report.rows[..] else {
+        return Err("three interrupts".into());
+    };
+    let period = 170e6 / 40e3;
+    let load = (screw.bound + nut.bound) as f64 / period
+        + speed.bound as f64 / 170e6 * speed.interrupt.rate_hz;
+    assert!(
+        load < 0.9,
+        "at 40 kHz the longest ways take {load} of the core"
+    );
+    assert!(
+        f64::from(report.stack_bytes) * 1.5 < f64::from(report.stack_room),
+        "half as much stack again is there"
+    );
+    assert!(report.stack_seen <= report.stack_bytes);
+    Ok(())
+}
+
+#[test]
+fn no_control_interrupt_can_panic_or_use_floats() -> Result<(), String> {
+    let image = Image::read(&firmware()?)?;
+    assert_eq!(forbidden(&image)?, Vec::<String>::new());
+    Ok(())
+}
