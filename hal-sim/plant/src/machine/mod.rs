@@ -30,7 +30,7 @@ pub use winding::Bridge;
 use crate::Axis;
 use crate::model::Model;
 use feed::Feed;
-use friction::{Axial, Step};
+use friction::Step;
 use motor::Motor;
 
 /// Bus voltage until [`Machine::set_bus_voltage`] is called, V. It acts on open bridges only.
@@ -159,7 +159,7 @@ impl Machine {
             free: [0.0; 3],
             mobility: [screw.kick.mobility, nut.kick.mobility, 0.0],
             limit: [bearings[0], bearings[1], 0.0, 0.0],
-            axial: Axial::default(),
+            axial: None,
         };
         if self.coupling == Coupling::Coupled {
             let relative = theta[0] - theta[1];
@@ -173,7 +173,7 @@ impl Machine {
             step.mobility[2] = self.feed.kick.mobility;
             step.limit[2] = self.feed.friction_level(half) * dt;
             step.limit[3] = self.feed.pair_coulomb * dt;
-            step.axial = self.feed.axial(dt, relative, position, before);
+            step.axial = self.feed.axial(relative, position, before);
         }
         step.free[0] = screw.kick.apply(before[0], dt * torque[0]);
         step.free[1] = nut.kick.apply(before[1], dt * torque[1]);
