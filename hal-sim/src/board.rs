@@ -141,15 +141,24 @@ impl Board {
         self.machine
             .set_bridge(axis, self.voltages(active, broken, true_currents));
 
-        let readings = self.machine.current_readings(axis);
+        let [a, b, c] = self.machine.current_readings(axis);
         let Sensors {
             current,
             bus,
             encoder_counts: counts,
             ..
         } = self.config.sensors;
+        let mut convert = |i| current.convert(i, &mut self.random);
         MotorSample {
-            current: readings.map(|i| current.convert(i, &mut self.random)),
+            // A phase without a sensor reads 0.
+            current: [
+                convert(a),
+                convert(b),
+                match self.config.shunts {
+                    Shunts::Two => 0,
+                    Shunts::Three => convert(c),
+                },
+            ],
             bus: bus.convert(self.config.bus_v, &mut self.random),
             encoder: encoder_counts(self.machine.encoder_angle(axis), counts),
             broken,

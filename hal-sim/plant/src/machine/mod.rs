@@ -31,6 +31,7 @@ use crate::Axis;
 use crate::model::Model;
 use feed::Feed;
 use friction::Step;
+use harmonics::Phasor;
 use motor::Motor;
 
 /// Bus voltage until [`Machine::set_bus_voltage`] is called, V. It acts on open bridges only.
@@ -143,9 +144,10 @@ impl Machine {
             .each_ref()
             .map(|motor| motor.state.theta + half * motor.state.omega);
         let [screw, nut] = &mut self.motors;
+        let electrical = Phasor::pair([screw.pole_pairs * theta[0], nut.pole_pairs * theta[1]]);
         let mut torque = [
-            screw.step_currents(dt, middle, theta[0], self.half_bus),
-            nut.step_currents(dt, middle, theta[1], self.half_bus),
+            screw.step_currents(dt, middle, theta[0], electrical[0], self.half_bus),
+            nut.step_currents(dt, middle, theta[1], electrical[1], self.half_bus),
         ];
 
         let before = [screw.state.omega, nut.state.omega, self.feed.velocity];
