@@ -51,7 +51,7 @@ impl From<CommandError> for ExperimentError {
 }
 
 /// A machine, the board and the tuning of its drive.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// The machine.
     pub model: Model,

@@ -5,7 +5,7 @@ use control::sense::Shunts;
 use control::supervisor::{Fault, Request, State};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{
-    OperatingPoint, RPM, Setup, ripple_percent, settle_quietly, table_velocities,
+    OperatingPoint, RPM, Recorder, Setup, ripple_percent, settle_quietly, table_velocities,
 };
 use hal_sim::vrf::vrf_percent;
 use plant::Axis;
@@ -350,4 +350,36 @@ fn dead_time_is_compensated() {
         known - clean < 0.25 * (unknown - clean),
         "{clean} {known} {unknown}"
     );
+}
+
+#[test]
+fn a_row_holds_the_many_turn_angle_and_the_voltage_that_acted() {
+    for base in [700.0 * RPM, -700.0 * RPM] {
+        let mut drive = coupled().drive().unwrap();
+        drive.command(CREEP.velocity, base).unwrap();
+        let mut recorder = Recorder::default();
+        let mut computed = Vec::new();
+        for _ in 0..20_000 {
+            drive.period();
+            computed.push(drive.estimate(Axis::Nut).voltage);
+            let row = recorder.row(&mut drive);
+            // What was computed two samples ago was taken over one sample ago, and acted until this one.
+            let acted = computed
+                .len()
+                .checked_sub(3)
+                .map_or_else(Default::default, |k| computed[k]);
+            assert_eq!(row.axes[1].ud_v, acted.d.to_num::<f64>());
+            assert_eq!(row.axes[1].uq_v, acted.q.to_num::<f64>());
+            // The encoder was read half a period before the end of the period.
+            let nut = drive.board.machine.motor(Axis::Nut);
+            let then = nut.theta - nut.omega * 25e-6;
+            assert!(
+                (row.axes[1].angle_rad - then).abs() < 2e-5,
+                "{} for {then}",
+                row.axes[1].angle_rad
+            );
+        }
+        let turns = drive.board.machine.motor(Axis::Nut).theta / std::f64::consts::TAU;
+        assert!(turns.abs() > 8.0, "{turns} turns");
+    }
 }

@@ -268,6 +268,36 @@ mod tests {
         assert!((estimate.voltage.q.to_num::<f64>() - 23.08).abs() < 0.01);
     }
 
+    /// Without current, the voltage is the back-EMF: it must point along q as the rotor will stand in the middle of the
+    /// period in which the compare values act, one and a half periods after the sample.
+    #[test]
+    fn the_voltage_is_turned_to_where_the_rotor_will_be() {
+        let mut current_loop = current_loop();
+        for rpm in [3000.0, -1500.0f64] {
+            let turns_a_period = rpm / 60.0 * 50e-6;
+            let at = |k: i32| (turns_a_period * f64::from(k)).rem_euclid(1.0);
+            let mut command = PwmCommand::default();
+            for k in 0..2000 {
+                let sample = MotorSample {
+                    encoder: (at(k) * f64::from(1 << 20)) as u32 % (1 << 20),
+                    ..sample([2048; 3])
+                };
+                let reference = CurrentReference {
+                    mode: Mode::Drive,
+                    i_q: Current::ZERO,
+                };
+                command = current_loop.step(&sample, reference).0;
+            }
+            let [a, b, c] = command.compare.map(f64::from);
+            let angle = (3f64.sqrt() * (b - c)).atan2(2.0 * a - b - c);
+            let rotor = core::f64::consts::TAU * 5.0 * (at(1999) + 1.5 * turns_a_period);
+            let expected = rotor + core::f64::consts::FRAC_PI_2.copysign(rpm);
+            let off = (angle - expected).sin().atan2((angle - expected).cos());
+            // Half a period at 3000 rpm is 0.04 rad; an LSB of the PWM is 0.001.
+            assert!(off.abs() < 0.005, "{off} rad off at {rpm} rpm");
+        }
+    }
+
     #[test]
     fn off_broken_and_calibrating_leave_the_outputs_off() {
         let mut current_loop = current_loop();

@@ -264,6 +264,21 @@ mod tests {
     }
 
     #[test]
+    fn the_electrical_angle_counts_from_the_encoder_s_zero() {
+        let mut plate = test_plate();
+        plate.motors[0].encoder.theta_e_at_zero_turns = 0.3;
+        let config = plate.motors[0].current_loop(&plate).unwrap().observer;
+        // A quarter turn of the shaft is one and a quarter electrical turns at five pole pairs.
+        let motion = Observer::new().step(&config, 1 << 18);
+        let expected = Angle::from_turns(0.25 * 5.0 + 0.3);
+        assert!(
+            motion.theta_e.minus(expected).abs() < 16,
+            "{:?}",
+            motion.theta_e
+        );
+    }
+
+    #[test]
     fn bounds_of_the_resolution() {
         assert!(EncoderScale::new(1).is_none());
         assert!(EncoderScale::new((1 << 30) + 1).is_none());

@@ -2,7 +2,7 @@
 //! that was realised.
 
 use crate::format::{
-    Current, Impedance, Ratio, Speed, Voltage, VoltageState, add_wide, cut, narrow, square_root,
+    Current, Impedance, Ratio, Speed, Voltage, VoltageState, cut, cut_upper, narrow, square_root,
 };
 use crate::transform::DirectQuadrature;
 
@@ -98,7 +98,8 @@ fn pi(k_p: Impedance, error: Current, integral: VoltageState) -> Voltage {
 }
 
 /// Adds this sample's error and takes away what the limit took: after a cut, proportional part plus integral is the
-/// voltage that was realised, so that nothing is left to unwind.
+/// voltage that was realised, so that nothing is left to unwind. Where the sum itself left the format of a voltage, the
+/// cut is not all there is, so the state is held to that format too.
 #[inline(always)]
 fn integrate(
     state: VoltageState,
@@ -108,12 +109,15 @@ fn integrate(
     realised: Voltage,
 ) -> VoltageState {
     let step: VoltageState = k_i.wide_mul(error);
-    let mut bits = add_wide(state.to_bits(), step.to_bits());
+    let mut bits = state.to_bits();
+    // A held state is within 2^50, what was cut within 2^51 and a product within 2^62: the sum fits.
+    bits = bits.wrapping_add(step.to_bits());
     if realised != wanted {
-        let cut = VoltageState::from(realised).saturating_sub(VoltageState::from(wanted));
-        bits = add_wide(bits, cut.to_bits());
+        let cut = i64::from(realised.to_bits()).wrapping_sub(i64::from(wanted.to_bits())) << 19;
+        bits = bits.wrapping_add(cut);
     }
-    VoltageState::from_bits(bits)
+    // ±1024 V is 2^50: 18 bits of the upper word.
+    VoltageState::from_bits(cut_upper(bits, 18))
 }
 
 /// Cuts a voltage to the circle of radius `v_max`, d first: it may have all of it, q gets what the circle leaves.
@@ -228,8 +232,9 @@ mod tests {
                 );
                 let (d, q) = (out.voltage.d.to_num::<f64>(), out.voltage.q.to_num::<f64>());
                 prop_assert!(d.hypot(q) <= v_max.to_num::<f64>() * (1.0 + 1e-9));
-                // Each integrator stays within what its voltage, feed-forward and one sample's error can hold.
-                prop_assert!(regulator.integral.d.abs() < VoltageState::from_num(100_000));
+                for integral in [regulator.integral.d, regulator.integral.q] {
+                    prop_assert!(integral.abs() <= VoltageState::from_num(1024));
+                }
             }
         }
 

@@ -194,6 +194,15 @@ mod tests {
         );
         assert_eq!(state, FAULT);
         assert_eq!(state.mode(), Mode::Off);
+        let still_asked = Request {
+            run: true,
+            reset: true,
+        };
+        assert_eq!(
+            state.next(still_asked, [MotorStatus::default(); 2], false),
+            FAULT,
+            "a reset while run is asked"
+        );
         let zero = MotorStatus {
             calibration: Calibration::OutOfRange,
             ..MotorStatus::default()

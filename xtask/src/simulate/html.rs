@@ -1,8 +1,8 @@
 //! `report.html`: the experiment as a page that stands alone.
 
 use super::axis::{Axis, extent, widen};
-use super::page::{document, escape, legend, sentence, short, two};
-use super::plots::{Chart, DDFS, INK, Label, MUTED, Mark, PAPER, Series, chart};
+use super::page::{document, escape, legend, sentence, short, standalone, two};
+use super::plots::{CDFS, Chart, DDFS, INK, Label, MUTED, Mark, PAPER, Series, chart};
 use super::records::records;
 use super::report::{Report, RunReport, SetupReport};
 
@@ -141,9 +141,14 @@ fn sensitivity(report: &Report) -> String {
                 mark: CURVE,
             },
             Series {
-                points: found.measured.clone(),
+                points: found.ideal.clone(),
                 color: DDFS,
                 mark: Mark::Cross,
+            },
+            Series {
+                points: found.measured.clone(),
+                color: CDFS,
+                mark: Mark::Dot,
             },
             Series {
                 points: marks,
@@ -154,12 +159,16 @@ fn sensitivity(report: &Report) -> String {
         labels: labels.collect(),
     });
     let mut keys = vec![(MUTED, CURVE, "analytic, Appendix A".into())];
-    if !found.measured.is_empty() {
+    if !found.ideal.is_empty() {
         keys.push((
             DDFS,
             Mark::Cross,
-            "simulated drive, sine torque injected".into(),
+            "simulated drive, sine torque injected, ideal sensors".into(),
         ));
+    }
+    if !found.measured.is_empty() {
+        let name = format!("the same, {} sensors", report.setup.sensors);
+        keys.push((CDFS, Mark::Dot, name));
     }
     if !found.marks.is_empty() {
         let runs: Vec<_> = report
@@ -188,6 +197,26 @@ fn sensitivity(report: &Report) -> String {
 }
 
 fn curve(report: &Report) -> String {
+    let mut keys = vec![
+        (MUTED, CURVE, "analytic, S(s)".into()),
+        (DDFS, Mark::Dot, "simulated drive".into()),
+    ];
+    if !report.curve.measured.is_empty() {
+        keys.push((PAPER, Mark::Cross, "measured in the paper".into()));
+    }
+    format!(
+        "<figure>\n<figcaption>VRF against nut speed (the paper\u{2019}s Fig 9)</figcaption>\n{}{}</figure>\n",
+        legend(&keys),
+        curve_plot(report)
+    )
+}
+
+/// The plot of VRF against nut speed, as a file of its own.
+pub(crate) fn picture(report: &Report) -> String {
+    standalone(&curve_plot(report))
+}
+
+fn curve_plot(report: &Report) -> String {
     let simulated: Vec<_> = report
         .runs
         .iter()
@@ -202,14 +231,7 @@ fn curve(report: &Report) -> String {
     };
     let speeds = extent(points().map(|p| p.0)).map(|r| widen(&r, 0.04));
     let ripples = extent(points().map(|p| p.1)).map(|r| 0.0..1.08 * r.end);
-    let mut keys = vec![
-        (MUTED, CURVE, "analytic, S(s)".into()),
-        (DDFS, Mark::Dot, "simulated drive".into()),
-    ];
-    if !found.measured.is_empty() {
-        keys.push((PAPER, Mark::Cross, "measured in the paper".into()));
-    }
-    let plot = chart(&Chart {
+    chart(&Chart {
         about: "Velocity ripple factor against the nut's speed",
         x: Axis {
             title: "Nut speed, rpm",
@@ -239,11 +261,7 @@ fn curve(report: &Report) -> String {
             },
         ],
         labels: Vec::new(),
-    });
-    format!(
-        "<figure>\n<figcaption>VRF against nut speed (the paper\u{2019}s Fig 9)</figcaption>\n{}{plot}</figure>\n",
-        legend(&keys)
-    )
+    })
 }
 
 fn foot(setup: &SetupReport) -> String {
@@ -306,7 +324,8 @@ mod tests {
             runs,
             sensitivity: SensitivityReport {
                 analytic: (5..5_000).map(slope).collect(),
-                measured: vec![slope(50)],
+                ideal: vec![slope(50)],
+                measured: vec![slope(60)],
                 marks: vec![Harmonic {
                     name: "A6".into(),
                     omega: 94.2,

@@ -80,6 +80,15 @@ pub(super) fn document(title: &str, body: &str) -> String {
     )
 }
 
+/// A plot as an SVG file of its own, with the style that themes it.
+pub(super) fn standalone(plot: &str) -> String {
+    let style = format!(
+        "</title>\n<style>\nsvg {{ font-family: system-ui, sans-serif; }}\n{}</style>",
+        include_str!("style.css")
+    );
+    plot.replacen("</title>", &style, 1)
+}
+
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;

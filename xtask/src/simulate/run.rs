@@ -55,7 +55,7 @@ pub fn run(options: &Options) -> Result<()> {
     let is_paper =
         machine == "paper" && options.table_speed == PAPER_MM_S && options.machine.load.is_none();
 
-    let progress = progress_bar(points.len() + MEASURED_OMEGAS);
+    let progress = progress_bar(points.len() + 2 * MEASURED_OMEGAS);
     let mut runs = Vec::new();
     folder.put("recording.csv.gz", |path| {
         let mut drive = setup.drive()?;
@@ -92,6 +92,7 @@ pub fn run(options: &Options) -> Result<()> {
     folder.put_text("model.toml", &setup.model.to_toml())?;
     folder.put_text("report.json", &serde_json::to_string_pretty(&report)?)?;
     folder.put_text("report.html", &html::page(&report))?;
+    folder.put_text("ripple.svg", &html::picture(&report))?;
     table::print(&report);
     println!("\nThe report is {}.", folder.path("report.html").display());
     Ok(())
@@ -164,6 +165,7 @@ fn sensitivity(
     points: &[OperatingPoint],
     progress: &ProgressBar,
 ) -> Result<SensitivityReport> {
+    let ideal = Setup::ideal(setup.model.clone(), setup.coupling);
     let plate = setup.plate();
     let s = Sensitivity::new(&setup.model.screw, &plate.motors[0].gains(&setup.tuning));
     let omega = |k: usize, of: usize| 5.0 * 1000f64.powf(k as f64 / (of - 1) as f64);
@@ -171,13 +173,23 @@ fn sensitivity(
         .map(|k| omega(k, 200))
         .map(|w| (w, s.at(w).norm()))
         .collect();
-    let mut measured = Vec::new();
-    for w in (0..MEASURED_OMEGAS).map(|k| omega(k, MEASURED_OMEGAS)) {
-        progress.set_message(format!("S at {w:.0} rad/s"));
-        // Turning, so that no friction holds the shaft.
-        measured.push((w, response::measure(setup, 100.0 * RPM, w)?.norm()));
-        progress.inc(1);
-    }
+    let omegas: Vec<f64> = (0..MEASURED_OMEGAS)
+        .map(|k| omega(k, MEASURED_OMEGAS))
+        .collect();
+    let measure = |setup: &Setup| -> Result<Vec<(f64, f64)>> {
+        let gain = |&w: &f64| {
+            progress.set_message(format!("S at {w:.0} rad/s"));
+            progress.inc(1);
+            // Turning, so that no friction holds the shaft.
+            Ok((w, response::measure(setup, 100.0 * RPM, w)?.norm()))
+        };
+        omegas.iter().map(gain).collect()
+    };
+    let own = if *setup == ideal {
+        Vec::new()
+    } else {
+        measure(setup)?
+    };
     let r = setup.model.feed.travel_per_radian();
     let p = f64::from(setup.model.screw.pole_pairs);
     let marks = points
@@ -203,7 +215,8 @@ fn sensitivity(
         .collect();
     Ok(SensitivityReport {
         analytic,
-        measured,
+        ideal: measure(&ideal)?,
+        measured: own,
         marks,
     })
 }
