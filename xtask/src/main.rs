@@ -2,10 +2,11 @@
 #![forbid(unsafe_code)]
 
 mod bench;
-mod emulator_tools;
+mod firmware;
 mod output;
 mod simulate;
 mod test;
+mod tools;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -27,6 +28,10 @@ enum Task {
         #[command(subcommand)]
         what: bench::Bench,
     },
+    /// Build the firmware as it is flashed.
+    Build,
+    /// Run the firmware on an emulated chip and print what its interrupts cost.
+    Cost(firmware::CostOptions),
     /// Everything that must hold: format, lints, tests, the firmware's build.
     Test,
 }
@@ -35,6 +40,8 @@ fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Task::Simulate(options) => simulate::run(&options),
         Task::Bench { what } => bench::run(&what),
+        Task::Build => firmware::build().map(|_| ()),
+        Task::Cost(options) => firmware::cost(&options),
         Task::Test => test::run(),
     };
     match result {

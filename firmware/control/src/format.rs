@@ -146,17 +146,6 @@ pub(crate) fn multiply_upper(a: i32, b: i32) -> i32 {
     upper
 }
 
-/// `a + b` of two wide states, each first cut to a quarter of the format, so that their sum cannot overflow. Like
-/// [`narrow_bits`] it cuts the upper word only.
-#[must_use]
-#[inline(always)]
-pub(crate) fn add_wide(a: i64, b: i64) -> i64 {
-    // |a|, |b| < 2^61 + 2^32 after the cut.
-    #[allow(clippy::arithmetic_side_effects)]
-    let sum = cut_upper(a, 29) + cut_upper(b, 29);
-    sum
-}
-
 /// `x` with its upper word cut to `bits` bits and a sign.
 #[must_use]
 #[inline(always)]

@@ -2,7 +2,7 @@
 //! that was realised.
 
 use crate::format::{
-    Current, Impedance, Ratio, Speed, Voltage, VoltageState, add_wide, cut, narrow, square_root,
+    Current, Impedance, Ratio, Speed, Voltage, VoltageState, cut, cut_upper, narrow, square_root,
 };
 use crate::transform::DirectQuadrature;
 
@@ -109,15 +109,15 @@ fn integrate(
     realised: Voltage,
 ) -> VoltageState {
     let step: VoltageState = k_i.wide_mul(error);
-    let mut bits = add_wide(state.to_bits(), step.to_bits());
+    let mut bits = state.to_bits();
+    // A held state is within 2^50, what was cut within 2^51 and a product within 2^62: the sum fits.
+    bits = bits.wrapping_add(step.to_bits());
     if realised != wanted {
-        let cut = VoltageState::from(realised).saturating_sub(VoltageState::from(wanted));
-        bits = add_wide(bits, cut.to_bits());
+        let cut = i64::from(realised.to_bits()).wrapping_sub(i64::from(wanted.to_bits())) << 19;
+        bits = bits.wrapping_add(cut);
     }
-    VoltageState::from_bits(bits).clamp(
-        VoltageState::from(Voltage::MIN),
-        VoltageState::from(Voltage::MAX),
-    )
+    // ±1024 V is 2^50: 18 bits of the upper word.
+    VoltageState::from_bits(cut_upper(bits, 18))
 }
 
 /// Cuts a voltage to the circle of radius `v_max`, d first: it may have all of it, q gets what the circle leaves.

@@ -1,0 +1,108 @@
+//! `cargo xtask build | cost`: the firmware, and what its interrupts take.
+
+use crate::tools::{emulator_environment, root, target_folder};
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use std::ffi::OsString;
+use std::path::PathBuf;
+use std::process::Command;
+
+/// The target that the firmware is built for.
+pub const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// What `cost` can be asked.
+#[derive(Args)]
+pub struct CostOptions {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
+    /// Keep the figures as the baseline that the tests hold the firmware to.
+    #[arg(long)]
+    keep: bool,
+}
+
+/// Builds the firmware as it is flashed and says where its ELF is.
+pub fn build() -> Result<PathBuf> {
+    cargo(
+        &[
+            "build",
+            "--package",
+            "firmware",
+            "--profile",
+            "firmware",
+            "--target",
+            TARGET,
+        ],
+        &[],
+    )?;
+    let elf = target_folder()
+        .join(TARGET)
+        .join("firmware")
+        .join("firmware");
+    println!("{}", elf.display());
+    Ok(elf)
+}
+
+/// Runs the firmware on the emulated chip and prints what its interrupts cost.
+pub fn cost(options: &CostOptions) -> Result<()> {
+    let mut arguments = vec![
+        "run",
+        "--quiet",
+        "--release",
+        "--package",
+        "tests",
+        "--bin",
+        "cost",
+        "--",
+    ];
+    if options.json {
+        arguments.push("--json");
+    }
+    if options.keep {
+        arguments.push("--keep");
+    }
+    cargo(&arguments, &emulator_environment(&target_folder())?)
+}
+
+/// The firmware's lints, its build, and its tests on the emulated chip.
+pub fn test() -> Result<()> {
+    let firmware = [
+        "--package",
+        "firmware",
+        "--profile",
+        "firmware",
+        "--target",
+        TARGET,
+    ];
+    let lint = [&["clippy"], &firmware[..], &["--", "-D", "warnings"]].concat();
+    cargo(&lint, &[])?;
+    build()?;
+    let environment = emulator_environment(&target_folder())?;
+    cargo(
+        &[
+            "clippy",
+            "--release",
+            "--package",
+            "tests",
+            "--all-targets",
+            "--",
+            "-D",
+            "warnings",
+        ],
+        &environment,
+    )?;
+    cargo(&["test", "--release", "--package", "tests"], &environment)
+}
+
+fn cargo(arguments: &[&str], environment: &[(&str, OsString)]) -> Result<()> {
+    let line = format!("cargo {}", arguments.join(" "));
+    eprintln!("> {line}");
+    let status = Command::new("cargo")
+        .args(arguments)
+        .envs(environment.iter().map(|(name, value)| (name, value)))
+        .current_dir(root())
+        .status()
+        .with_context(|| format!("`{line}` could not be started"))?;
+    ensure!(status.success(), "`{line}` failed ({status})");
+    Ok(())
+}

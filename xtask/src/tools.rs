@@ -1,0 +1,102 @@
+//! What the emulator's engine needs to be built: cmake, ninja and libclang, from this machine or from PyPI.
+
+use anyhow::{Context, Result, ensure};
+use std::env;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+
+/// The packages that bring what this machine lacks.
+const WHEELS: [&str; 3] = ["cmake", "ninja", "libclang"];
+
+/// Variables for a cargo that builds the emulator. The first time on a machine without cmake and libclang this installs
+/// them into the target folder.
+///
+/// # Errors
+/// Python is missing, or the packages cannot be fetched.
+pub fn emulator_environment(target: &Path) -> Result<Vec<(&'static str, OsString)>> {
+    if runs("cmake") && system_libclang() {
+        return Ok(Vec::new());
+    }
+    let tools = target.join("tools");
+    let bin = tools.join("bin");
+    if !bin.join("cmake").exists() {
+        println!(
+            "> installing {} into {}",
+            WHEELS.join(", "),
+            tools.display()
+        );
+        let tools = tools.to_string_lossy();
+        output("python3", &["-m", "venv", &tools])?;
+        let mut install = vec!["-m", "pip", "install", "--quiet"];
+        install.extend(WHEELS);
+        output(&bin.join("python").to_string_lossy(), &install)?;
+    }
+    let old = env::var_os("PATH").unwrap_or_default();
+    let path = env::join_paths([bin.clone()].into_iter().chain(env::split_paths(&old)))?;
+    let find = "import clang, os; print(os.path.join(os.path.dirname(clang.__file__), 'native'))";
+    let libclang = output(&bin.join("python").to_string_lossy(), &["-c", find])?;
+    let mut variables = vec![("PATH", path), ("LIBCLANG_PATH", line(&libclang).into())];
+    // The wheel has no headers of the compiler's own (stdbool.h and the like); the C compiler has.
+    if let Ok(include) = output("cc", &["-print-file-name=include"]) {
+        variables.push((
+            "BINDGEN_EXTRA_CLANG_ARGS",
+            format!("-I{}", line(&include)).into(),
+        ));
+    }
+    Ok(variables)
+}
+
+/// The folder that cargo builds into.
+#[must_use]
+pub fn target_folder() -> PathBuf {
+    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
+}
+
+/// The workspace's root.
+#[must_use]
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+}
+
+fn runs(program: &str) -> bool {
+    Command::new(program)
+        .arg("--version")
+        .stdout(Stdio::null())
+        .stderr(Stdio::null())
+        .status()
+        .is_ok_and(|status| status.success())
+}
+
+/// A libclang with its headers, as Debian's `libclang-dev` puts it.
+fn system_libclang() -> bool {
+    if env::var_os("LIBCLANG_PATH").is_some() {
+        return true;
+    }
+    let versions = std::fs::read_dir("/usr/lib")
+        .into_iter()
+        .flatten()
+        .flatten();
+    versions
+        .map(|entry| entry.path())
+        .filter(|path| {
+            path.file_name()
+                .is_some_and(|n| n.to_string_lossy().starts_with("llvm-"))
+        })
+        .any(|llvm| llvm.join("lib/libclang.so").exists())
+}
+
+fn output(program: &str, arguments: &[&str]) -> Result<Output> {
+    let line = format!("{program} {}", arguments.join(" "));
+    let output = Command::new(program)
+        .args(arguments)
+        .output()
+        .with_context(|| format!("`{line}` could not be started: is {program} installed?"))?;
+    let message = String::from_utf8_lossy(&output.stderr);
+    ensure!(output.status.success(), "`{line}` failed: {message}");
+    Ok(output)
+}
+
+fn line(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stdout).trim().to_owned()
+}
