@@ -205,10 +205,9 @@ impl Feed {
             damper,
         } = self.coupling;
         let ratio = self.ratio(relative);
-        let speed = ratio * (before[0] - before[1]) - before[2];
         Some(Axial {
-            ratio: [ratio, -ratio, -1.0],
-            offset: push * stretch + (damper - spring) * speed,
+            ratio,
+            offset: push * stretch + (damper - spring) * Axial::speed(ratio, before),
             slope: damper + spring,
         })
     }
