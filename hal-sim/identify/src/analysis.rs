@@ -1,13 +1,18 @@
 //! The whole way: a fit record and a check record under a declared model, and what they have beyond it.
 
+use crate::balance::Balance;
 use crate::channel::Channel;
-use crate::design::{Normal, Solution, Whitener, dot};
+use crate::conclusion::conclude;
+use crate::design::{Solution, Whitener};
 use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
 use crate::record::{Base, Record};
 use crate::select::{Search, Trial};
-use plant::effects::EffectModel;
+use plant::Axis;
+use plant::effects::{EffectModel, Place};
 use plant::model::Model;
+use plant::recording::Recording;
+use std::f64::consts::TAU;
 
 /// What an effect must explain at least, as a share of what noise leaves: smaller than a sixteenth of the noise's rms,
 /// simplifications of the balances explain as much.
@@ -15,7 +20,7 @@ pub const MATERIAL: f64 = 0.004;
 /// Share of that which the check record must confirm, with the parameters of the fit.
 const CONFIRMED: f64 = 0.25;
 /// What a further effect must explain at least of what the first of its channel did: below it, it may be a remainder.
-const REMAINDER: f64 = 2e-3;
+const REMAINDER: f64 = 3e-5;
 /// Effects of one machine at most.
 const MOST_EFFECTS: usize = 4;
 
@@ -117,16 +122,197 @@ impl Outcome {
     }
 }
 
-/// A regression with its effects, under a noise that fits what it leaves.
-struct Stage {
-    noise: Noise,
-    found: Vec<Hypothesis>,
+/// A record under a model: what is looked through, or what must confirm.
+pub(crate) struct Case<'a> {
+    pub(crate) balance: &'a Balance<'a>,
+    pub(crate) base: &'a Base,
+    pub(crate) declared: Noise,
 }
 
-fn left_noise(noise: &Noise, declared: &Noise, base: &Base, found: &[Hypothesis], record: &Record, search: impl Fn(&Whitener, Normal) -> Normal) -> Noise {
-    let whitener = Whitener::new(&record.signals, &record.fourier, noise);
-    let normal = search(&whitener, base.normal(&whitener));
-    let _ = found;
-    let solution = normal.solve(None);
-    noise.corrected(declared, &normal.residual(&solution.values).parts, &record.fourier)
+impl<'a> Case<'a> {
+    fn new(balance: &'a Balance<'a>, base: &'a Base) -> Self {
+        Case { balance, base, declared: Noise::declared(balance.model, balance.signals, balance.fourier) }
+    }
+
+    pub(crate) fn whitener(&self, noise: &Noise) -> Whitener<'a> {
+        Whitener::new(self.balance.signals, self.balance.fourier, noise)
+    }
+
+    /// The regression of the declared parameters and given effects.
+    pub(crate) fn search<'w>(&self, whitener: &'w Whitener<'w>, found: &[Hypothesis]) -> Search<'w>
+    where
+        'a: 'w,
+    {
+        let mut search = Search::new(self.balance, whitener, self.base.normal(whitener));
+        found.iter().for_each(|hypothesis| search.add(hypothesis));
+        search
+    }
+
+    /// The noise that fits what a regression with given effects leaves, starting from another estimate of it.
+    pub(crate) fn noise(&self, from: &Noise, found: &[Hypothesis]) -> Noise {
+        let whitener = self.whitener(from);
+        let normal = self.search(&whitener, found).normal;
+        let left = normal.residual(&normal.solve(None).values);
+        from.corrected(&self.declared, &left.parts, self.balance.fourier)
+    }
+}
+
+/// Number of columns that a hypothesis puts into a regression.
+pub(crate) fn width(hypothesis: &Hypothesis) -> usize {
+    hypothesis.columns() + hypothesis.companion().map_or(0, |companion| companion.columns())
+}
+
+/// Turns that an angle covers.
+pub(crate) fn turns(angle: &[f64]) -> f64 {
+    let (low, high) = angle.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+    ((high - low) / TAU).max(0.05)
+}
+
+/// Whether two hypotheses say the same within what the record resolves.
+fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
+    let near = a.place == b.place || a.place == Place::Both || b.place == Place::Both;
+    if a.family != b.family || !near {
+        return false;
+    }
+    let signals = balance.signals;
+    let resolution = match a.family {
+        Family::AngleTorque => 3.0 / turns(&signals.motors[a.axis().map_or(0, Axis::index)].travel),
+        Family::LeadError | Family::BallPassage => 1.5 / turns(&signals.relative),
+        Family::TimePeriodic => 3.0 / signals.time.last().copied().unwrap_or(1.0),
+        Family::FluxHarmonic | Family::EncoderEccentricity => 1e-9,
+        _ => f64::INFINITY,
+    };
+    (a.shape - b.shape).abs() < resolution
+}
+
+/// The trials that bring at least `enough`, their shapes refined, the best first. Of trials that say the same only the
+/// best stays.
+fn contenders(trials: &[Trial], search: &mut Search, solution: &Solution, enough: f64, balance: &Balance) -> Vec<Trial> {
+    const MOST: usize = 5;
+    let top = trials.first().map_or(0.0, |trial| trial.gain.fall);
+    let mut list: Vec<Trial> = Vec::new();
+    for trial in trials.iter().filter(|trial| trial.gain.fall > (0.2 * top).max(0.5 * enough)) {
+        if list.len() < MOST && !list.iter().any(|known| same(&known.hypothesis, &trial.hypothesis, balance)) {
+            list.push(trial.clone());
+        }
+    }
+    let mut list: Vec<Trial> = list.into_iter().map(|trial| search.refined(trial, solution)).collect();
+    list.retain(|trial| trial.gain.fall > enough);
+    list.sort_by(|a, b| b.gain.fall.total_cmp(&a.gain.fall));
+    list
+}
+
+/// Whether the check record bears a trial out: with the fit's parameters it must explain a share of what its rows make
+/// one expect.
+fn confirmed(trial: &Trial, check: &Case, noise: &Noise, found: &[Hypothesis], least: f64) -> bool {
+    let whitener = check.whitener(noise);
+    let mut search = check.search(&whitener, found);
+    let solution = search.normal.solve(None);
+    let fall = search.fall_at(&trial.hypothesis, &trial.gain.values, &solution);
+    fall > CONFIRMED * least * whitener.used_rows() as f64
+}
+
+/// An effect of both motors alike is two effects where their sizes differ.
+fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothesis> {
+    if trial.hypothesis.place == Place::Both {
+        let each = [Place::Screw, Place::Nut].map(|place| Hypothesis { place, ..trial.hypothesis });
+        let apart: f64 = each.iter().map(|h| search.try_one(*h, solution).gain.fall).sum();
+        if apart > 1.02 * trial.gain.fall + 50.0 {
+            return each.to_vec();
+        }
+    }
+    vec![trial.hypothesis]
+}
+
+/// Traces what `fit` has beyond the declared `model`, confirmed on `check`.
+pub fn analyse(model: &Model, fit: &Recording, check: &Recording) -> Outcome {
+    let record = Record::new(fit, model);
+    let balance = record.balance(model);
+    let base = Base::new(&balance);
+    let case = Case::new(&balance, &base);
+    let check_record = Record::new(check, model);
+    let check_balance = Balance::new(model, &check_record.signals, &check_record.fourier, balance.rounding);
+    let check_base = Base::new(&check_balance);
+    let check_case = Case::new(&check_balance, &check_base);
+    let check_noise = check_case.noise(&check_case.declared, &[]);
+
+    let mut noise = case.noise(&case.declared, &[]);
+    let mut search = Progress::default();
+    loop {
+        let step = search.step(&case, &check_case, &noise, &check_noise);
+        if !step {
+            break;
+        }
+        noise = case.noise(&noise, &search.found);
+    }
+    if search.found.len() > 1 {
+        search.reconsider(&case, &noise);
+        noise = case.noise(&noise, &search.found);
+    }
+    conclude(case, check_case, noise, search)
+}
+
+/// How far a search has come.
+#[derive(Default)]
+pub(crate) struct Progress {
+    pub(crate) found: Vec<Hypothesis>,
+    pub(crate) rivals: Vec<Vec<Trial>>,
+    pub(crate) last: Vec<Trial>,
+    pub(crate) unconfirmed: Vec<Trial>,
+    pub(crate) tried: usize,
+    pub(crate) threshold: f64,
+    greatest: f64,
+}
+
+impl Progress {
+    /// Tries everything and adds what explains most; `false` when nothing is worth it.
+    fn step(&mut self, case: &Case, check: &Case, noise: &Noise, check_noise: &Noise) -> bool {
+        let whitener = case.whitener(noise);
+        let mut search = case.search(&whitener, &self.found);
+        let solution = search.normal.solve(None);
+        let rows = whitener.used_rows() as f64;
+        let mut trials = search.trials(&solution);
+        self.tried += trials.len();
+        trials.retain(|trial| !self.found.iter().any(|known| same(known, &trial.hypothesis, case.balance)));
+        self.threshold = (MATERIAL * rows).max(REMAINDER * self.greatest);
+        self.unconfirmed.clear();
+        let mut accepted = None;
+        for trial in contenders(&trials, &mut search, &solution, self.threshold, case.balance) {
+            if confirmed(&trial, check, check_noise, &self.found, self.threshold / rows) {
+                accepted = Some(trial);
+                break;
+            }
+            self.unconfirmed.push(trial);
+        }
+        self.last = trials;
+        let Some(trial) = accepted else { return false };
+        if self.found.len() >= MOST_EFFECTS {
+            self.unconfirmed.push(trial);
+            return false;
+        }
+        self.greatest = self.greatest.max(trial.gain.fall);
+        for hypothesis in split(&trial, &mut search, &solution) {
+            let lost = self.last.iter().filter(|t| !same(&t.hypothesis, &hypothesis, case.balance));
+            self.rivals.push(lost.take(8).cloned().collect());
+            self.found.push(hypothesis);
+        }
+        true
+    }
+
+    /// Looks at each effect again with the others in place: another may explain its part better, or its shape move.
+    fn reconsider(&mut self, case: &Case, noise: &Noise) {
+        let whitener = case.whitener(noise);
+        for k in 0..self.found.len() {
+            let others: Vec<Hypothesis> =
+                self.found.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, h)| *h).collect();
+            let mut search = case.search(&whitener, &others);
+            let solution = search.normal.solve(None);
+            let own = search.try_one(self.found[k], &solution);
+            let own = search.refined(own, &solution);
+            let mut trials = search.trials(&solution);
+            trials.retain(|trial| !others.iter().any(|known| same(known, &trial.hypothesis, case.balance)));
+            let best = contenders(&trials, &mut search, &solution, 1.05 * own.gain.fall, case.balance).into_iter().next();
+            self.found[k] = best.map_or(own.hypothesis, |trial| trial.hypothesis);
+        }
+    }
 }

@@ -539,6 +539,11 @@ impl Parameter {
         all
     }
 
+    /// Whether it is the machine's and not the record's.
+    pub fn is_of_the_machine(self) -> bool {
+        !matches!(self, Parameter::TableOrigin { .. } | Parameter::RestOffset { .. })
+    }
+
     /// Whether it shows in a torque balance.
     pub fn is_torque(self) -> bool {
         use MotorParameter::*;

@@ -307,8 +307,9 @@ impl Normal {
         left
     }
 
-    /// What candidate columns would gain, without adding them.
-    pub fn gain(&self, candidates: &[Column], solution: &Solution, whitener: &Whitener) -> Gain {
+    /// Gram matrix and right-hand side of candidate columns, less what the columns that are there can do as well; and
+    /// the candidates' own weights before that.
+    fn reduced(&self, candidates: &[Column], solution: &Solution, whitener: &Whitener) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
         let (n, m) = (self.len(), candidates.len());
         let mut cross = DMatrix::zeros(n, m);
         let mut own = DMatrix::zeros(m, m);
@@ -324,20 +325,32 @@ impl Normal {
             }
             rhs[j] = whitener.inner(&self.target, candidate).iter().sum();
         }
-        let before = own.clone();
+        let before = own.diagonal().iter().copied().collect();
         own -= cross.transpose() * &solution.covariance * &cross;
         rhs -= cross.transpose() * &solution.values;
+        (own, rhs, before)
+    }
+
+    /// What candidate columns would gain, without adding them.
+    pub fn gain(&self, candidates: &[Column], solution: &Solution, whitener: &Whitener) -> Gain {
+        let m = candidates.len();
+        let (own, rhs, before) = self.reduced(candidates, solution, whitener);
+        let nothing = Gain { fall: 0.0, values: vec![0.0; m] };
         // What the declared parameters can do as well is not the candidate's.
-        if (0..m).any(|j| own[(j, j)] <= 1e-6 * before[(j, j)] || before[(j, j)] == 0.0) {
-            return Gain { fall: 0.0, values: vec![0.0; m] };
+        if (0..m).any(|j| own[(j, j)] <= 1e-6 * before[j] || before[j] == 0.0) {
+            return nothing;
         }
-        match own.cholesky() {
-            Some(factor) => {
-                let values = factor.solve(&rhs);
-                Gain { fall: values.dot(&rhs), values: values.iter().copied().collect() }
-            }
-            None => Gain { fall: 0.0, values: vec![0.0; m] },
-        }
+        own.cholesky().map_or(nothing, |factor| {
+            let values = factor.solve(&rhs);
+            Gain { fall: values.dot(&rhs), values: values.iter().copied().collect() }
+        })
+    }
+
+    /// What candidate columns with given parameters would gain.
+    pub fn gain_at(&self, candidates: &[Column], values: &[f64], solution: &Solution, whitener: &Whitener) -> f64 {
+        let (own, rhs, _) = self.reduced(candidates, solution, whitener);
+        let values = DVector::from_column_slice(values);
+        2.0 * values.dot(&rhs) - (own * &values).dot(&values)
     }
 
     /// Fall of the sum of squares on each operating point that the columns from `base` on bring when fitted on all

@@ -69,6 +69,28 @@ impl Hypothesis {
         Hypothesis { family, place, shape }
     }
 
+    /// The family in words of a model file; torque over angle stands for the kinds that its order tells apart.
+    pub fn name(&self) -> &'static str {
+        match self.family {
+            Family::CurrentOffset => "current_offset",
+            Family::CurrentGain => "current_gain",
+            Family::DeadTime => "dead_time",
+            Family::ResistanceDrift => "resistance_drift",
+            Family::FluxDrift => "flux_drift",
+            Family::AngleTorque => "torque over angle",
+            Family::TimePeriodic => "time_periodic",
+            Family::FluxHarmonic => "flux_harmonic",
+            Family::EncoderEccentricity => "encoder_eccentricity",
+            Family::StribeckFriction => "stribeck_friction",
+            Family::LeadError => "lead_error",
+            Family::LeadScale => "lead_scale",
+            Family::BallPassage => "ball_passage",
+            Family::AxialCompliance => "axial_compliance",
+            Family::PositionLoad => "position_load",
+            Family::Backlash => "backlash",
+        }
+    }
+
     /// Number of linear parameters.
     pub fn columns(&self) -> usize {
         match self.family {

@@ -1,46 +1,72 @@
-//! dev
-use identify::{channel::Channel, design::*, noise::Noise, select::*, record::*, hypothesis::*};
+//! `identify`: from a recording to the effect that its model lacks.
+
+use clap::{Parser, Subcommand};
+use identify::report;
 use plant::model::Model;
 use plant::recording::Recording;
-fn main() {
-    let args: Vec<usize> = std::env::args().skip(1).map(|a| a.parse().unwrap()).collect();
-    for i in if args.is_empty() { (1..=10).collect() } else { args } {
-        let dir = std::path::PathBuf::from(format!("../shared/recordings/open-{i:02}"));
-        let model = Model::load(&dir.join("model.toml")).unwrap();
-        let rec = Recording::load(&dir.join("fit.csv.gz")).unwrap();
-        let t1 = std::time::Instant::now();
-        let r = Record::new(&rec, &model);
-        println!("== {i} signals {:?}", t1.elapsed());
-        let b = r.balance(&model);
-        println!("== {i} rounding {:?} {:?}", b.rounding, t1.elapsed());
-        let base = Base::new(&b);
-        println!("== {i} base {:?}", t1.elapsed());
-        let mut found: Vec<Hypothesis> = vec![];
-        for stage in 0..3 {
-            let mut noise = Noise::declared(&model, &r.signals, &r.fourier);
-            for pass in 0..2 {
-                let w = Whitener::new(&r.signals, &r.fourier, &noise);
-                let mut search = Search::new(&b, &w, base.normal(&w));
-                for h in &found { search.add(h); }
-                let sol = search.normal.solve(None);
-                if pass == 0 { if stage>0 {println!("   pass0 values {:?}", sol.values.iter().skip(base.parameters.len()).collect::<Vec<_>>());} noise = noise.corrected(&search.normal.residual(&sol.values).parts, &r.fourier); continue; }
-                let left = search.normal.residual(&sol.values);
-                for c in Channel::ALL { let x = left.parts[c.index()].as_ref().unwrap(); let u = w.mask(c).iter().filter(|o| **o).count() as f64; print!(" {}:{:.3}", c.name(), (dot(x, x) / u).sqrt()); }
-                println!();
-                for (k, (p, _)) in base.parameters.iter().enumerate() { print!("{p:?} {:.4}; ", sol.values[k]); } println!();
-                println!("   values {:?}", sol.values.iter().skip(base.parameters.len()).collect::<Vec<_>>());
-                let trials = search.trials(&sol);
-                println!("stage {stage} cost {:.0} {:?}", search.normal.cost(&sol.values), t1.elapsed());
-                for t in trials.iter().take(6) {
-                    println!("   {:?} {:?} {:.4} fall {:.0} values {:?}", t.hypothesis.family, t.hypothesis.place, t.hypothesis.shape, t.gain.fall, t.gain.values);
-                }
-                let best = search.refined(trials[0].clone(), &sol);
-                println!("   -> {:?} {:.5} fall {:.0} {:?}", best.hypothesis, best.hypothesis.shape, best.gain.fall, best.gain.values);
-                found.push(best.hypothesis);
-                let n = search.normal.len();
-                search.add(&best.hypothesis);
-                println!("   cv {:?} {:?}", search.normal.held_back(n).iter().map(|x| x.round()).collect::<Vec<_>>(), t1.elapsed());
-            }
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+/// Holds a model against a recording and traces what the model lacks.
+#[derive(Parser)]
+#[command(args_conflicts_with_subcommands = true, subcommand_negates_reqs = true)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Option<Command>,
+    /// The declared model (model.toml).
+    #[arg(long, required = true)]
+    model: Option<PathBuf>,
+    /// The recording to identify from (.csv, .csv.gz).
+    #[arg(long, required = true)]
+    fit: Option<PathBuf>,
+    /// Another recording of the same machine: it confirms, and errors are reported on it.
+    #[arg(long, required = true)]
+    check: Option<PathBuf>,
+    /// Folder for report.json, report.html, model.toml and residual.csv.
+    #[arg(long, required = true)]
+    out: Option<PathBuf>,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// The figures that the tool is held to, on the recordings and measured data beside the project.
+    Bench {
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+}
+
+fn main() -> ExitCode {
+    match run(Arguments::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
         }
     }
+}
+
+fn run(arguments: Arguments) -> Result<(), Box<dyn std::error::Error>> {
+    let (Some(model), Some(fit), Some(check), Some(out)) =
+        (arguments.model, arguments.fit, arguments.check, arguments.out)
+    else {
+        return Ok(());
+    };
+    let model = Model::load(&model)?;
+    let fit = Recording::load(&fit)?;
+    let check = Recording::load(&check)?;
+    let outcome = identify::analysis::analyse(&model, &fit, &check);
+    report::write(&outcome, &out)?;
+    println!("verdict: {}", outcome.verdict());
+    for found in &outcome.effects {
+        print!("{} at {}:", found.effect.effect().kind(), found.effect.place().name());
+        for estimate in identify::interval::estimates(found) {
+            let [low, high] = estimate.interval;
+            print!(" {} {:.5} ({low:.5} to {high:.5})", estimate.name, estimate.value);
+        }
+        println!("; explains {:.1} %", 100.0 * found.explained);
+    }
+    println!("report: {}", out.join("report.html").display());
+    Ok(())
 }

@@ -85,6 +85,12 @@ impl<'a> Search<'a> {
         Trial { hypothesis, gain }
     }
 
+    /// Fall of the sum of squares that a hypothesis with given parameters brings.
+    pub fn fall_at(&mut self, hypothesis: &Hypothesis, values: &[f64], solution: &Solution) -> f64 {
+        let columns = self.columns(hypothesis);
+        self.normal.gain_at(&columns, values, solution, self.whitener)
+    }
+
     /// The hypotheses with a listed shape, and those whose shape the order spectra suggest.
     pub fn hypotheses(&self, solution: &Solution) -> Vec<Hypothesis> {
         let mut list = Vec::new();

@@ -174,7 +174,7 @@ impl EffectModel {
         let mut table = Table::new();
         table.insert("kind".to_owned(), Value::from(self.effect.kind()));
         table.insert("where".to_owned(), Value::from(self.place.name()));
-        table.extend(self.effect.parameters());
+        table.extend(self.effect.table());
         table
     }
 }

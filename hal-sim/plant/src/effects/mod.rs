@@ -58,7 +58,26 @@ macro_rules! registry {
                 match self { $(AnyEffect::$name(effect) => effect.terms(),)* }
             }
 
-            fn parameters(&self) -> toml::Table {
+            /// An effect by its kind and its parameters' names; parameters with a default may be left out.
+            ///
+            /// # Errors
+            /// A sentence for an unknown kind, an unknown or missing parameter or a value out of its range.
+            pub fn from_parameters<'a>(
+                kind: &str,
+                parameters: impl IntoIterator<Item = (&'a str, f64)>,
+            ) -> Result<Self, String> {
+                let table: toml::Table = parameters
+                    .into_iter()
+                    .map(|(name, value)| (name.to_owned(), toml::Value::Float(value)))
+                    .collect();
+                let fault = |error: toml::de::Error| format!("{kind}: {}", error.message());
+                match kind {
+                    $($name::KIND => $name::deserialize(table).map(AnyEffect::$name).map_err(fault),)*
+                    _ => Err(format!("read the kind `{kind}`, expected one of {}", AnyEffect::KINDS.join(", "))),
+                }
+            }
+
+            fn table(&self) -> toml::Table {
                 match self { $(AnyEffect::$name(effect) => crate::model::to_table(effect),)* }
             }
 
@@ -97,4 +116,14 @@ registry! {
 /// Length of a run where a model does not give it, s.
 fn default_run_s() -> f64 {
     10.0
+}
+
+impl AnyEffect {
+    /// Its parameters by their names in a model file, in their order there.
+    pub fn parameters(&self) -> Vec<(String, f64)> {
+        let numbers = self.table().into_iter();
+        numbers
+            .filter_map(|(name, value)| Some((name, value.as_float()?)))
+            .collect()
+    }
 }

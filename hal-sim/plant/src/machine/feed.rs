@@ -1,6 +1,6 @@
 //! Screw-nut pair, table and guideway.
 
-use super::friction::Axial;
+use super::friction::{Axial, Kick};
 use super::motor::sum;
 use crate::effects::{Coordinate, Law, Place, Site, Term};
 use crate::model::Model;
@@ -12,8 +12,10 @@ pub(super) struct Feed {
     pub(super) velocity: f64,
     pub(super) acceleration: f64,
     pub(super) load: f64,
-    pub(super) mass: f64,
-    pub(super) viscous: f64,
+    /// Mass and viscous friction over a step.
+    pub(super) kick: Kick,
+    mass: f64,
+    viscous: f64,
     pub(super) pair_coulomb: f64,
     coulomb: f64,
     travel_per_radian: f64,
@@ -43,6 +45,7 @@ impl Feed {
             velocity: 0.0,
             acceleration: 0.0,
             load: feed.load_n,
+            kick: Kick::default(),
             mass: feed.table_mass_kg,
             viscous: feed.guideway_viscous_n_s_per_m,
             pair_coulomb: feed.pair_coulomb_nm,
@@ -89,6 +92,11 @@ impl Feed {
                 "no feed takes a term at {site:?} over {coordinate:?}"
             ),
         }
+    }
+
+    /// Computes what depends on the length of the step.
+    pub(super) fn prepare(&mut self, dt: f64) {
+        self.kick = Kick::new(self.mass, self.viscous, dt);
     }
 
     /// Travel at a relative angle of screw and nut, m.

@@ -20,9 +20,34 @@ fn dot(a: &Velocities, b: &Velocities) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
+/// Response of an inertia with viscous friction, which takes the mean of the velocities before and after, to a step.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Kick {
+    /// What is left of the velocity.
+    keep: f64,
+    /// Change of the velocity per impulse.
+    pub(super) mobility: f64,
+}
+
+impl Kick {
+    pub(super) fn new(inertia: f64, viscous: f64, dt: f64) -> Self {
+        let loss = 0.5 * dt * viscous;
+        Kick {
+            keep: (inertia - loss) / (inertia + loss),
+            mobility: 1.0 / (inertia + loss),
+        }
+    }
+
+    /// Velocity after the step.
+    #[inline]
+    pub(super) fn apply(&self, velocity: f64, impulse: f64) -> f64 {
+        self.keep * velocity + self.mobility * impulse
+    }
+}
+
 /// Impulse of the axial spring and damper, `offset + slope * (ratio . velocities after the step)`, which acts on the
 /// velocities as `-ratio * impulse`.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Axial {
     pub(super) ratio: Velocities,
     pub(super) offset: f64,
@@ -96,21 +121,22 @@ impl Step {
     /// Projected Gauss-Seidel: each surface in turn takes the impulse that stops it, within its limit.
     fn search(&self, impulses: &mut [f64; 4]) -> Velocities {
         const SWEEPS: usize = 60;
+        let surfaces = self.surfaces();
         for (impulse, limit) in impulses.iter_mut().zip(self.limit) {
             *impulse = impulse.clamp(-limit, limit);
         }
         let mut after = self.with_axial(self.moved(impulses));
         for _ in 0..SWEEPS {
             let mut settled = true;
-            for k in 0..4 {
-                if self.limit[k] == 0.0 {
-                    continue;
+            for ((surface, impulse), limit) in surfaces.iter().zip(&mut *impulses).zip(self.limit) {
+                let stop = *impulse - dot(&surface.of, &after) * surface.mass;
+                let next = stop.clamp(-limit, limit);
+                let change = next - *impulse;
+                settled &= change.abs() <= 1e-9 * limit;
+                *impulse = next;
+                for (velocity, response) in after.iter_mut().zip(surface.response) {
+                    *velocity += change * response;
                 }
-                let stop = impulses[k] - dot(&SURFACES[k], &after) / self.weight(&SURFACES[k]);
-                let next = stop.clamp(-self.limit[k], self.limit[k]);
-                settled &= (next - impulses[k]).abs() <= 1e-9 * self.limit[k];
-                impulses[k] = next;
-                after = self.with_axial(self.moved(impulses));
             }
             if settled {
                 break;
@@ -124,4 +150,35 @@ impl Step {
         }
         after
     }
+
+    /// How the velocities respond to an impulse at each surface, the axial coupling included.
+    fn surfaces(&self) -> [Surface; 4] {
+        let Axial { ratio, slope, .. } = self.axial;
+        let [screw, nut, table] = [0, 1, 2].map(|k: usize| self.mobility[k] * ratio[k]);
+        let coupling = slope / (1.0 + slope * self.weight(&ratio));
+        SURFACES.map(|of| {
+            let spread = coupling * (of[0] * screw + of[1] * nut + of[2] * table);
+            let response = [
+                of[0] * self.mobility[0] - spread * screw,
+                of[1] * self.mobility[1] - spread * nut,
+                of[2] * self.mobility[2] - spread * table,
+            ];
+            let weight = dot(&of, &response);
+            Surface {
+                of,
+                response,
+                mass: if weight > 0.0 { 1.0 / weight } else { 0.0 },
+            }
+        })
+    }
+}
+
+/// One place where surfaces rub.
+struct Surface {
+    /// Its velocity as weights of the velocities.
+    of: Velocities,
+    /// Change of the velocities per impulse.
+    response: Velocities,
+    /// Impulse per change of its own velocity.
+    mass: f64,
 }

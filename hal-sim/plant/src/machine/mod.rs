@@ -57,7 +57,9 @@ pub struct Machine {
     feed: Feed,
     coupling: Coupling,
     time: f64,
+    /// Length of the last step, for which the parts are prepared, and its reciprocal.
     dt: f64,
+    rate: f64,
     half_bus: f64,
     friction_impulses: [f64; 4],
 }
@@ -74,6 +76,7 @@ impl Machine {
             coupling,
             time: 0.0,
             dt: f64::NAN,
+            rate: f64::NAN,
             half_bus: 0.5 * DEFAULT_BUS_VOLTAGE,
             friction_impulses: [0.0; 4],
         };
@@ -118,83 +121,70 @@ impl Machine {
         self.motors[axis.index()].disturbance_torque = newton_metres;
     }
 
-    /// One step of integration over `dt` seconds (above 0) with the bridges held.
+    /// One step of integration over `dt` seconds with the bridges held.
+    ///
+    /// # Panics
+    /// If `dt` is no finite number above 0.
     pub fn advance(&mut self, dt: f64) {
         if dt != self.dt {
+            assert!(
+                dt > 0.0 && dt.is_finite(),
+                "a step of {dt} s; it must be finite and above 0"
+            );
             self.dt = dt;
+            self.rate = dt.recip();
             self.motors.iter_mut().for_each(|motor| motor.prepare(dt));
+            self.feed.prepare(dt);
         }
         let half = 0.5 * dt;
         let middle = self.time + half;
-        let theta =
-            [0, 1].map(|k: usize| self.motors[k].state.theta + half * self.motors[k].state.omega);
-        let mut torque = [0, 1]
-            .map(|k: usize| self.motors[k].step_currents(dt, middle, theta[k], self.half_bus));
-
-        let before = [
-            self.motors[0].state.omega,
-            self.motors[1].state.omega,
-            self.feed.velocity,
+        let theta = self
+            .motors
+            .each_ref()
+            .map(|motor| motor.state.theta + half * motor.state.omega);
+        let [screw, nut] = &mut self.motors;
+        let mut torque = [
+            screw.step_currents(dt, middle, theta[0], self.half_bus),
+            nut.step_currents(dt, middle, theta[1], self.half_bus),
         ];
-        let relative = theta[0] - theta[1];
+
+        let before = [screw.state.omega, nut.state.omega, self.feed.velocity];
         let position = self.feed.position + half * self.feed.velocity;
-        let (axial, table, limits) = match self.coupling {
-            Coupling::Lumped => (
-                Axial {
-                    ratio: [0.0; 3],
-                    offset: 0.0,
-                    slope: 0.0,
-                },
-                [0.0; 3],
-                [0.0; 2],
-            ),
-            Coupling::Coupled => {
-                let pair = self.feed.pair_torque(relative);
-                torque[0] -= pair;
-                torque[1] += pair;
-                (
-                    self.feed.axial(dt, relative, position, before),
-                    [
-                        self.feed.mass,
-                        self.feed.viscous,
-                        -self.feed.table_load(position),
-                    ],
-                    [
-                        self.feed.friction_level(half) * dt,
-                        self.feed.pair_coulomb * dt,
-                    ],
-                )
-            }
-        };
-        let [screw, nut] = &self.motors;
-        let (screw_free, screw_mobility) =
-            kick(before[0], screw.inertia, screw.viscous, torque[0], dt);
-        let (nut_free, nut_mobility) = kick(before[1], nut.inertia, nut.viscous, torque[1], dt);
-        let (table_free, table_mobility) = match self.coupling {
-            Coupling::Lumped => (0.0, 0.0),
-            Coupling::Coupled => kick(before[2], table[0], table[1], table[2], dt),
-        };
-        let step = Step {
+        let bearings = [
+            screw.friction_level(half) * dt,
+            nut.friction_level(half) * dt,
+        ];
+        let mut step = Step {
             before,
-            free: [screw_free, nut_free, table_free],
-            mobility: [screw_mobility, nut_mobility, table_mobility],
-            limit: [
-                screw.friction_level(half) * dt,
-                nut.friction_level(half) * dt,
-                limits[0],
-                limits[1],
-            ],
-            axial,
+            free: [0.0; 3],
+            mobility: [screw.kick.mobility, nut.kick.mobility, 0.0],
+            limit: [bearings[0], bearings[1], 0.0, 0.0],
+            axial: Axial::default(),
         };
+        if self.coupling == Coupling::Coupled {
+            let relative = theta[0] - theta[1];
+            let pair = self.feed.pair_torque(relative);
+            torque[0] -= pair;
+            torque[1] += pair;
+            step.free[2] = self
+                .feed
+                .kick
+                .apply(before[2], -dt * self.feed.table_load(position));
+            step.mobility[2] = self.feed.kick.mobility;
+            step.limit[2] = self.feed.friction_level(half) * dt;
+            step.limit[3] = self.feed.pair_coulomb * dt;
+            step.axial = self.feed.axial(dt, relative, position, before);
+        }
+        step.free[0] = screw.kick.apply(before[0], dt * torque[0]);
+        step.free[1] = nut.kick.apply(before[1], dt * torque[1]);
         let after = step.solve(&mut self.friction_impulses);
 
-        for k in 0..2 {
-            let motor = &mut self.motors[k];
-            motor.acceleration = (after[k] - before[k]) / dt;
+        for (k, motor) in self.motors.iter_mut().enumerate() {
+            motor.acceleration = (after[k] - before[k]) * self.rate;
             motor.state.omega = after[k];
             motor.state.theta = theta[k] + half * after[k];
         }
-        self.feed.acceleration = (after[2] - before[2]) / dt;
+        self.feed.acceleration = (after[2] - before[2]) * self.rate;
         self.feed.velocity = after[2];
         self.feed.position = position + half * after[2];
         self.time += dt;
@@ -259,15 +249,4 @@ impl Machine {
     fn relative_speed(&self) -> f64 {
         self.motors[0].state.omega - self.motors[1].state.omega
     }
-}
-
-/// Velocity after a step under a held force and viscous friction on the mean velocity, and its change per impulse.
-#[inline]
-fn kick(velocity: f64, inertia: f64, viscous: f64, force: f64, dt: f64) -> (f64, f64) {
-    let loss = 0.5 * dt * viscous;
-    let mobility = 1.0 / (inertia + loss);
-    (
-        mobility * ((inertia - loss) * velocity + dt * force),
-        mobility,
-    )
 }

@@ -1,7 +1,8 @@
 //! One motor: windings, torque, and what its sensors read.
 
 use super::clarke::{clarke, inverse_clarke};
-use super::harmonics::{Harmonics, Powers};
+use super::friction::Kick;
+use super::harmonics::{Harmonics, Phasor};
 use super::winding::{self, Bridge, Response, Stepped};
 use crate::Axis;
 use crate::effects::{Coordinate, Law, Site, Term};
@@ -25,9 +26,11 @@ pub(super) struct Motor {
     pub(super) state: MotorState,
     /// Mean acceleration of the last step, rad/s^2: it predicts the speed at the middle of the next.
     pub(super) acceleration: f64,
-    pub(super) inertia: f64,
-    pub(super) viscous: f64,
-    pub(super) coulomb: f64,
+    /// Inertia and viscous friction over a step.
+    pub(super) kick: Kick,
+    inertia: f64,
+    viscous: f64,
+    coulomb: f64,
     pub(super) load_torque: f64,
     pub(super) disturbance_torque: f64,
     pole_pairs: f64,
@@ -47,8 +50,6 @@ struct MotorTerms {
     electrical_torque: Harmonics,
     electrical_flux: Harmonics,
     mechanical_torque: Harmonics,
-    electrical_bits: usize,
-    mechanical_bits: usize,
     timed_torque: Vec<Law>,
     timed_flux: Vec<Law>,
     timed_resistance: Vec<Law>,
@@ -59,33 +60,34 @@ struct MotorTerms {
 }
 
 impl MotorTerms {
-    fn add(&mut self, term: Term) {
-        match (term.site, term.coordinate) {
-            (Site::ShaftTorque, Coordinate::ElectricalAngle) => {
-                self.electrical_torque.push(term.law)
-            }
-            (Site::ShaftTorque, Coordinate::MechanicalAngle) => {
-                self.mechanical_torque.push(term.law)
-            }
-            (Site::ShaftTorque, Coordinate::Time) => self.timed_torque.push(term.law),
-            (Site::Flux, Coordinate::ElectricalAngle) => self.electrical_flux.push(term.law),
-            (Site::Flux, Coordinate::Time) => self.timed_flux.push(term.law),
-            (Site::Resistance, Coordinate::Time) => self.timed_resistance.push(term.law),
-            (Site::Friction, Coordinate::Speed) => self.friction.push(term.law),
-            (Site::PhaseVoltage, Coordinate::PhaseCurrent) => {
-                // The law's value at a positive current is what that current loses.
-                self.lost_voltage -= term.law.value(1.0);
-            }
-            (Site::EncoderReading, Coordinate::MechanicalAngle) => self.encoder.push(term.law),
-            (Site::CurrentReadingA, _) => self.reading[0].push(term.law),
-            (Site::CurrentReadingB, _) => self.reading[1].push(term.law),
-            (site, coordinate) => {
-                debug_assert!(
-                    false,
-                    "no motor takes a term at {site:?} over {coordinate:?}"
-                );
-            }
-        }
+    fn new(mut terms: Vec<Term>) -> Self {
+        let mut laws = |site, coordinate| -> Vec<Law> {
+            let here = terms.extract_if(.., |term| {
+                (term.site, term.coordinate) == (site, coordinate)
+            });
+            here.map(|term| term.law).collect()
+        };
+        let sorted = MotorTerms {
+            electrical_torque: Harmonics::new(laws(Site::ShaftTorque, Coordinate::ElectricalAngle)),
+            electrical_flux: Harmonics::new(laws(Site::Flux, Coordinate::ElectricalAngle)),
+            mechanical_torque: Harmonics::new(laws(Site::ShaftTorque, Coordinate::MechanicalAngle)),
+            timed_torque: laws(Site::ShaftTorque, Coordinate::Time),
+            timed_flux: laws(Site::Flux, Coordinate::Time),
+            timed_resistance: laws(Site::Resistance, Coordinate::Time),
+            friction: laws(Site::Friction, Coordinate::Speed),
+            // What a positive current loses.
+            lost_voltage: -sum(&laws(Site::PhaseVoltage, Coordinate::PhaseCurrent), 1.0),
+            encoder: laws(Site::EncoderReading, Coordinate::MechanicalAngle),
+            reading: [Site::CurrentReadingA, Site::CurrentReadingB].map(|site| {
+                [
+                    laws(site, Coordinate::None),
+                    laws(site, Coordinate::PhaseCurrent),
+                ]
+                .concat()
+            }),
+        };
+        debug_assert!(terms.is_empty(), "no motor takes {terms:?}");
+        sorted
     }
 }
 
@@ -98,34 +100,28 @@ pub(super) fn sum(laws: &[Law], x: f64) -> f64 {
 impl Motor {
     pub(super) fn new(model: &Model, axis: Axis) -> Self {
         let motor = model.motor(axis);
-        let mut terms = MotorTerms::default();
-        for harmonic in &motor.torque_harmonics {
-            let (order, amplitude) = (harmonic.order, harmonic.amplitude_nm);
-            terms.electrical_torque.push(Law::Periodic {
+        let declared = motor.torque_harmonics.iter().map(|harmonic| {
+            let (order, amplitude, phase) =
+                (harmonic.order, harmonic.amplitude_nm, harmonic.phase_rad);
+            Term::periodic(
+                Site::ShaftTorque,
+                Coordinate::ElectricalAngle,
                 order,
                 amplitude,
-                phase: harmonic.phase_rad,
-            });
-        }
-        for effect in model
+                phase,
+            )
+        });
+        let effects = model
             .effects
             .iter()
-            .filter(|effect| effect.place().has(axis))
-        {
-            effect
-                .effect()
-                .terms()
-                .into_iter()
-                .for_each(|term| terms.add(term));
-        }
-        terms.electrical_bits = terms
-            .electrical_torque
-            .bits()
-            .max(terms.electrical_flux.bits());
-        terms.mechanical_bits = terms.mechanical_torque.bits();
+            .filter(|effect| effect.place().has(axis));
+        let terms: Vec<Term> = declared
+            .chain(effects.flat_map(|effect| effect.effect().terms()))
+            .collect();
         Motor {
             state: MotorState::default(),
             acceleration: 0.0,
+            kick: Kick::default(),
             inertia: motor.inertia_kg_m2,
             viscous: motor.viscous_nm_s,
             coulomb: motor.coulomb_nm,
@@ -137,8 +133,8 @@ impl Motor {
             flux: motor.flux_wb,
             bridge: Bridge::Open,
             voltage: [0.0; 2],
-            response: Response::new(motor.resistance_ohm, motor.inductance_h, 25e-6),
-            terms,
+            response: Response::default(),
+            terms: MotorTerms::new(terms),
         }
     }
 
@@ -152,6 +148,7 @@ impl Motor {
     /// Computes what depends on the length of the step.
     pub(super) fn prepare(&mut self, dt: f64) {
         self.response = Response::new(self.resistance, self.inductance, dt);
+        self.kick = Kick::new(self.inertia, self.viscous, dt);
     }
 
     /// Steps the currents around the angle at the middle of the step, `theta`, and returns the mean torque on the
@@ -159,18 +156,18 @@ impl Motor {
     #[inline]
     pub(super) fn step_currents(&mut self, dt: f64, time: f64, theta: f64, half_bus: f64) -> f64 {
         let omega = self.state.omega + 0.5 * dt * self.acceleration;
-        let powers = Powers::new(self.pole_pairs * theta, self.terms.electrical_bits);
+        let electrical = Phasor::new(self.pole_pairs * theta);
         let terms = &self.terms;
-        let flux =
-            self.flux * (1.0 + terms.electrical_flux.sum(&powers) + sum(&terms.timed_flux, time));
+        let flux = self.flux
+            * (1.0 + terms.electrical_flux.value(electrical) + sum(&terms.timed_flux, time));
         if !terms.timed_resistance.is_empty() {
             let resistance = self.resistance * (1.0 + sum(&terms.timed_resistance, time));
             self.response = Response::new(resistance, self.inductance, dt);
         }
         let torque_per_ampere = self.pole_pairs * flux;
         let emf = [
-            -torque_per_ampere * omega * powers.sin,
-            torque_per_ampere * omega * powers.cos,
+            -torque_per_ampere * omega * electrical.sin,
+            torque_per_ampere * omega * electrical.cos,
         ];
         let current = [self.state.i_alpha, self.state.i_beta];
         let net = [self.voltage[0] - emf[0], self.voltage[1] - emf[1]];
@@ -182,12 +179,11 @@ impl Motor {
             Bridge::Driven(_) => winding::driven(current, net, &self.response),
         };
         [self.state.i_alpha, self.state.i_beta] = current;
-        let mut torque = torque_per_ampere * (powers.cos * mean[1] - powers.sin * mean[0]);
-        torque += terms.electrical_torque.sum(&powers) + self.disturbance_torque - self.load_torque;
+        let mut torque = torque_per_ampere * (electrical.cos * mean[1] - electrical.sin * mean[0]);
+        torque +=
+            terms.electrical_torque.value(electrical) + self.disturbance_torque - self.load_torque;
         if !terms.mechanical_torque.is_empty() {
-            torque += terms
-                .mechanical_torque
-                .sum(&Powers::new(theta, terms.mechanical_bits));
+            torque += terms.mechanical_torque.value(Phasor::new(theta));
         }
         torque + sum(&terms.timed_torque, time)
     }

@@ -14,7 +14,7 @@ pub enum Bridge {
 }
 
 /// Response of an R-L winding over one step.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Response {
     /// What is left of the current after the step.
     decay: f64,
@@ -70,13 +70,14 @@ pub(super) fn driven_with_loss(
     const SWEEPS: usize = 40;
     let free = inverse_clarke(driven(current, voltage, response).current);
     // A volt in one phase moves its current by 2/3 of the gain and the others by -1/3, since their sum is zero.
+    let per_ampere = 1.5 / response.gain;
     let mut loss = free.map(|i| lost * sign(i));
     for _ in 0..SWEEPS {
         let mut change = 0.0_f64;
         for k in 0..3 {
             let common = (loss[0] + loss[1] + loss[2]) / 3.0;
             let i = free[k] - response.gain * (loss[k] - common);
-            let next = (loss[k] + 1.5 * i / response.gain).clamp(-lost, lost);
+            let next = (loss[k] + per_ampere * i).clamp(-lost, lost);
             change = change.max((next - loss[k]).abs());
             loss[k] = next;
         }

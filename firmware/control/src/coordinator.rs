@@ -1,0 +1,413 @@
+//! A table velocity and a base speed -> two speed references (Eqs 7 and 8).
+//!
+//! The screw turns at the base speed plus the table's share, the nut at the base speed; the table moves with the
+//! difference, so a ramp of the base speed does not move it. Base speed 0 is the single drive (CDFS): the nut holds
+//! still under control.
+//!
+//! When a motor is at its torque or voltage limit and falls behind, the pair gives way: the base speed is lowered by
+//! as much as that motor lags, so that the other slows with it and their difference stays; only what the base speed
+//! cannot give comes off the table's velocity. Neither changes its sign. The profiles ease off meanwhile, and once
+//! the motor follows again, what was given is taken back at the acceleration limit.
+
+use crate::format::{MechanicalSpeed, ProfileState, Speed, TableVelocity, narrow, narrow_bits};
+use crate::profile::{Profile, ProfileConfig};
+use crate::speed_loop::SpeedReference;
+use fixed::FixedI32;
+use fixed::types::I20F12;
+use fixed::types::extra::U20;
+
+/// Configuration of the coordinator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CoordinatorConfig {
+    /// Electrical turns a mechanical turn: screw, nut.
+    pub pole_pairs: [i32; 2],
+    /// `2*pi / lead`, rad/m: Eq 8 in mechanical angles.
+    pub radians_per_metre: I20F12,
+    /// Largest table velocity.
+    pub velocity_max: TableVelocity,
+    /// Largest speeds of screw and nut, mechanical.
+    pub speed_max: [MechanicalSpeed; 2],
+    /// Limits of the table's share, as an angular speed.
+    pub table: ProfileConfig,
+    /// Limits of the base speed.
+    pub base: ProfileConfig,
+}
+
+/// What is asked of the pair.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Command {
+    /// Table velocity, m/s.
+    pub velocity: TableVelocity,
+    /// Base speed of both motors, mechanical rad/s; 0 is CDFS.
+    pub base: MechanicalSpeed,
+}
+
+impl Command {
+    /// Both motors still.
+    #[must_use]
+    pub const fn rest() -> Self {
+        Self {
+            velocity: TableVelocity::ZERO,
+            base: MechanicalSpeed::ZERO,
+        }
+    }
+}
+
+/// Why a command is refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum CommandError {
+    /// The table velocity is beyond the feed's limit.
+    Velocity {
+        /// What was asked, m/s.
+        asked: TableVelocity,
+        /// What is allowed, m/s.
+        allowed: TableVelocity,
+    },
+    /// A motor would have to turn faster than it may.
+    Speed {
+        /// 0 is the screw, 1 the nut.
+        motor: usize,
+        /// What was asked of it, mechanical rad/s.
+        asked: MechanicalSpeed,
+        /// What is allowed, mechanical rad/s.
+        allowed: MechanicalSpeed,
+    },
+}
+
+impl core::fmt::Display for CommandError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Velocity { asked, allowed } => {
+                write!(
+                    f,
+                    "a table velocity of {asked:.4} m/s was asked, but the feed allows ±{allowed:.4} m/s: ask for less"
+                )
+            }
+            Self::Speed {
+                motor,
+                asked,
+                allowed,
+            } => write!(
+                f,
+                "the {} would have to turn at {asked:.1} rad/s, but its motor allows ±{allowed:.1} rad/s: lower the base \
+                 speed or the table velocity",
+                if *motor == 0 { "screw" } else { "nut" }
+            ),
+        }
+    }
+}
+
+impl core::error::Error for CommandError {}
+
+/// How a motor follows its reference.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Following {
+    /// Its speed, electrical rad/s.
+    pub omega_e: Speed,
+    /// It is at its torque or voltage limit.
+    pub limited: bool,
+}
+
+/// State of the coordinator.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Coordinator {
+    target_table: ProfileState,
+    target_base: ProfileState,
+    table: Profile,
+    base: Profile,
+    /// How much of the speed the pair gives way, mechanical rad/s, never negative.
+    given: ProfileState,
+    before: [Speed; 2],
+}
+
+impl Coordinator {
+    /// At rest, and to stay so.
+    #[must_use]
+    pub const fn new() -> Self {
+        let rest = Profile {
+            value: ProfileState::ZERO,
+            change: ProfileState::ZERO,
+        };
+        Self {
+            target_table: ProfileState::ZERO,
+            target_base: ProfileState::ZERO,
+            table: rest,
+            base: rest,
+            given: ProfileState::ZERO,
+            before: [Speed::ZERO; 2],
+        }
+    }
+
+    /// Takes a new target; the references move there within the limits.
+    ///
+    /// # Errors
+    /// [`CommandError`] if the feed or a motor may not move that fast; the old target stays.
+    pub fn command(
+        &mut self,
+        config: &CoordinatorConfig,
+        command: Command,
+    ) -> Result<(), CommandError> {
+        if command.velocity.saturating_abs() > config.velocity_max {
+            return Err(CommandError::Velocity {
+                asked: command.velocity,
+                allowed: config.velocity_max,
+            });
+        }
+        let table: MechanicalSpeed = narrow(command.velocity.wide_mul(config.radians_per_metre));
+        let [screw_max, nut_max] = config.speed_max;
+        let screw = command.base.saturating_add(table);
+        for (motor, asked, allowed) in [(0, screw, screw_max), (1, command.base, nut_max)] {
+            if asked.saturating_abs() > allowed {
+                return Err(CommandError::Speed {
+                    motor,
+                    asked,
+                    allowed,
+                });
+            }
+        }
+        self.target_table = table.into();
+        self.target_base = command.base.into();
+        Ok(())
+    }
+
+    /// One step: how the motors follow -> their speed references, screw first.
+    pub fn step(
+        &mut self,
+        config: &CoordinatorConfig,
+        following: [Following; 2],
+    ) -> [SpeedReference; 2] {
+        let [screw, nut] = following;
+        if screw.limited || nut.limited {
+            self.table.ease(&config.table);
+            self.base.ease(&config.base);
+        } else {
+            self.table.step(&config.table, self.target_table);
+            self.base.step(&config.base, self.target_base);
+        }
+        self.give_way(config, following);
+
+        let from_base = self.given.min(self.base.value.saturating_abs());
+        let from_table = self
+            .given
+            .saturating_sub(from_base)
+            .min(self.table.value.saturating_abs());
+        let base = towards_zero(self.base.value, from_base);
+        let table = towards_zero(self.table.value, from_table);
+
+        let [screw_pairs, nut_pairs] = config.pole_pairs;
+        let omega = [
+            electrical(base.saturating_add(table), screw_pairs),
+            electrical(base, nut_pairs),
+        ];
+        let ([screw_now, nut_now], [screw_before, nut_before]) = (omega, self.before);
+        self.before = omega;
+        [
+            SpeedReference {
+                omega_e: screw_now,
+                change: screw_now.saturating_sub(screw_before),
+            },
+            SpeedReference {
+                omega_e: nut_now,
+                change: nut_now.saturating_sub(nut_before),
+            },
+        ]
+    }
+
+    /// Both references have arrived at rest.
+    #[must_use]
+    pub fn at_rest(&self) -> bool {
+        self.arrived()
+            && self.target_table == ProfileState::ZERO
+            && self.target_base == ProfileState::ZERO
+    }
+
+    /// Both references are at their targets and neither motor is given way to.
+    #[must_use]
+    pub fn arrived(&self) -> bool {
+        self.table.value == self.target_table
+            && self.base.value == self.target_base
+            && self.given == ProfileState::ZERO
+    }
+
+    fn give_way(&mut self, config: &CoordinatorConfig, [screw, nut]: [Following; 2]) {
+        let [screw_pairs, nut_pairs] = config.pole_pairs;
+        let asked = [
+            self.base.value.saturating_add(self.table.value),
+            self.base.value,
+        ];
+        let [screw_asked, nut_asked] = asked;
+        let lag = lag(screw, screw_asked, screw_pairs).max(lag(nut, nut_asked, nut_pairs));
+        let recovery = ProfileState::from(FixedI32::<U20>::from_bits(config.base.acceleration));
+        self.given = if screw.limited || nut.limited {
+            self.given.max(lag)
+        } else {
+            self.given.saturating_sub(recovery).max(ProfileState::ZERO)
+        };
+    }
+}
+
+/// By how much a limited motor is slower than asked, mechanical rad/s; 0 if it is not limited or not slower.
+fn lag(following: Following, asked: ProfileState, pole_pairs: i32) -> ProfileState {
+    if !following.limited {
+        return ProfileState::ZERO;
+    }
+    let speed = ProfileState::from(following.omega_e)
+        .checked_div_int(i64::from(pole_pairs))
+        .unwrap_or_default();
+    let lag = asked.saturating_sub(speed);
+    let lag = if asked.is_negative() {
+        lag.saturating_neg()
+    } else {
+        lag
+    };
+    lag.clamp(ProfileState::ZERO, asked.saturating_abs())
+}
+
+fn towards_zero(x: ProfileState, by: ProfileState) -> ProfileState {
+    if x.is_negative() {
+        x.saturating_add(by)
+    } else {
+        x.saturating_sub(by)
+    }
+}
+
+fn electrical(omega: ProfileState, pole_pairs: i32) -> Speed {
+    let narrow_omega: MechanicalSpeed = narrow(omega);
+    narrow_bits(
+        i64::from(narrow_omega.to_bits()).saturating_mul(i64::from(pole_pairs)),
+        2,
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plate::test_plate;
+    use proptest::prelude::*;
+    use std::format;
+
+    fn config() -> CoordinatorConfig {
+        test_plate().config().unwrap().coordinator
+    }
+
+    fn command(velocity: f64, rpm: f64) -> Command {
+        Command {
+            velocity: TableVelocity::from_num(velocity),
+            base: MechanicalSpeed::from_num(rpm * core::f64::consts::TAU / 60.0),
+        }
+    }
+
+    /// The motors follow perfectly.
+    fn run(coordinator: &mut Coordinator, config: &CoordinatorConfig, steps: usize) -> [f64; 2] {
+        let mut out = [SpeedReference::default(); 2];
+        for _ in 0..steps {
+            let following = out.map(|r| Following {
+                omega_e: r.omega_e,
+                limited: false,
+            });
+            out = coordinator.step(config, following);
+        }
+        out.map(|r| r.omega_e.to_num::<f64>())
+    }
+
+    #[test]
+    fn eq_7_and_eq_8() {
+        let config = config();
+        let mut coordinator = Coordinator::default();
+        coordinator
+            .command(&config, command(2.5e-3, 800.0))
+            .unwrap();
+        let [screw, nut] = run(&mut coordinator, &config, 20_000);
+        let r = 5e-3 / (core::f64::consts::TAU * 5.0);
+        assert!(((screw - nut) * r - 2.5e-3).abs() < 1e-8);
+        assert!((nut / (800.0 / 60.0 * core::f64::consts::TAU * 5.0) - 1.0).abs() < 1e-6);
+    }
+
+    #[test]
+    fn a_base_ramp_does_not_move_the_table() {
+        let config = config();
+        let mut coordinator = Coordinator::default();
+        coordinator.command(&config, command(2.5e-3, 0.0)).unwrap();
+        let [screw, nut] = run(&mut coordinator, &config, 20_000);
+        assert_eq!(nut, 0.0);
+        coordinator
+            .command(&config, command(2.5e-3, -500.0))
+            .unwrap();
+        for _ in 0..20_000 {
+            let [s, n] = run(&mut coordinator, &config, 1);
+            assert!(
+                (s - n - screw).abs() < 1e-4,
+                "the difference moved by {}",
+                s - n - screw
+            );
+        }
+    }
+
+    #[test]
+    fn too_much_is_refused_and_the_old_target_kept() {
+        let config = config();
+        let mut coordinator = Coordinator::default();
+        coordinator
+            .command(&config, command(2.5e-3, 800.0))
+            .unwrap();
+        let kept = coordinator;
+        let error = coordinator.command(&config, command(0.2, 0.0)).unwrap_err();
+        assert_eq!(
+            format!("{error}"),
+            "a table velocity of 0.2000 m/s was asked, but the feed allows ±0.1000 m/s: ask for less"
+        );
+        let error = coordinator
+            .command(&config, command(0.05, 2900.0))
+            .unwrap_err();
+        assert!(
+            format!("{error}").starts_with("the screw would have to turn at 366.5 rad/s"),
+            "{error}"
+        );
+        assert_eq!(coordinator, kept);
+    }
+
+    proptest! {
+        #[test]
+        fn giving_way_keeps_signs_and_the_difference(
+            velocity in -0.05..0.05f64,
+            rpm in -1500.0..1500.0f64,
+            lags in prop::collection::vec((0.0..1.5f64, any::<bool>(), any::<bool>()), 1..200),
+        ) {
+            let config = config();
+            let mut coordinator = Coordinator::default();
+            coordinator.command(&config, command(velocity, rpm)).unwrap();
+            run(&mut coordinator, &config, 40_000);
+            let (table, base) = (coordinator.table.value, coordinator.base.value);
+            let full = coordinator.before.map(|w| w.to_num::<f64>());
+            for (part, screw, nut) in lags {
+                let at = |k: usize, limited| Following { omega_e: Speed::from_num(full[k] * (1.0 - part)), limited };
+                let out = coordinator.step(&config, [at(0, screw), at(1, nut)]);
+                let [s, n] = out.map(|r| r.omega_e.to_num::<f64>());
+                let difference = (s - n) / 5.0;
+                prop_assert!(difference * velocity >= -1e-3, "the table would reverse: {difference}");
+                prop_assert!(n * rpm >= -1e-3);
+                prop_assert!(difference.abs() <= table.to_num::<f64>().abs() + 1e-3);
+                if coordinator.given <= base.saturating_abs() {
+                    prop_assert!((difference - table.to_num::<f64>()).abs() < 1e-3, "only the base gives way first");
+                }
+            }
+        }
+
+        #[test]
+        fn no_input_overflows(
+            inputs in prop::collection::vec((any::<i32>(), any::<i32>(), any::<bool>(), any::<bool>()), 1..100),
+            velocity in any::<i32>(), base in any::<i32>(),
+        ) {
+            let config = config();
+            let mut coordinator = Coordinator::default();
+            let _ = coordinator.command(&config, Command {
+                velocity: TableVelocity::from_bits(velocity), base: MechanicalSpeed::from_bits(base) });
+            for (s, n, a, b) in inputs {
+                coordinator.step(&config, [
+                    Following { omega_e: Speed::from_bits(s), limited: a },
+                    Following { omega_e: Speed::from_bits(n), limited: b },
+                ]);
+            }
+        }
+    }
+}

@@ -1,0 +1,310 @@
+//! One motor's current loop: raw sample in, compare values out, once a PWM period.
+//!
+//! Timing: the sample is taken at the counter's turn; the compare values of this step take effect at the next turn
+//! and act for one period, so on average one and a half periods after the sample. The voltage is turned forward by
+//! the angle that the rotor gains in that time.
+
+use crate::format::{Angle, Current, Voltage};
+use crate::modulation::ModulationConfig;
+use crate::observer::{Motion, Observer, ObserverConfig};
+use crate::regulator::{Regulator, RegulatorConfig};
+use crate::sense::{BusSense, CurrentSense, ZeroCalibration};
+use crate::transform::{DirectQuadrature, Rotation, inverse_clarke};
+
+/// Configuration of a motor's current loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentLoopConfig {
+    /// ADC counts to currents.
+    pub sense: CurrentSense,
+    /// ADC counts to bus voltage.
+    pub bus: BusSense,
+    /// Encoder counts to angle and speed.
+    pub observer: ObserverConfig,
+    /// Current error to voltage.
+    pub regulator: RegulatorConfig,
+    /// Voltage to compare values.
+    pub modulation: ModulationConfig,
+    /// The current zeros are to be measured; otherwise the nominal ones are trusted.
+    pub measure_zeros: bool,
+}
+
+/// What the board read at the counter's turn.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct MotorSample {
+    /// ADC counts of the shunts in phases a, b, c.
+    pub current: [u16; 3],
+    /// ADC counts of the bus voltage.
+    pub bus: u16,
+    /// Encoder counts, modulo the counts of a turn.
+    pub encoder: u32,
+    /// The break input has stopped the bridge.
+    pub broken: bool,
+}
+
+/// What a current loop does with its bridge.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Mode {
+    /// Outputs off.
+    #[default]
+    Off,
+    /// Outputs off, zero currents being measured.
+    Calibrate,
+    /// Outputs on, currents controlled.
+    Drive,
+}
+
+/// What the speed task asks of a current loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct CurrentReference {
+    /// What to do with the bridge.
+    pub mode: Mode,
+    /// Torque-making current, A; `i_d` is held at 0 (Eq 6).
+    pub i_q: Current,
+}
+
+/// How far an offset calibration is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Calibration {
+    /// Not done.
+    #[default]
+    Pending,
+    /// The zeros are measured, or the nominal ones trusted, and in use.
+    Done,
+    /// A zero lies further from its nominal place than a healthy sensor's: the nominal ones stay in use.
+    OutOfRange,
+}
+
+/// What a current loop knows after a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorEstimate {
+    /// Angle and speed.
+    pub motion: Motion,
+    /// Measured phase currents, A.
+    pub phases: [Current; 3],
+    /// Measured current, A.
+    pub current: DirectQuadrature<Current>,
+    /// Commanded voltage, V.
+    pub voltage: DirectQuadrature<Voltage>,
+    /// Measured bus voltage, V.
+    pub bus: Voltage,
+    /// The voltage circle cut the command.
+    pub voltage_limited: bool,
+    /// The break input has stopped the bridge.
+    pub broken: bool,
+    /// How far the offset calibration is.
+    pub calibration: Calibration,
+}
+
+/// What the bridge shall do from the next turn of its counter on.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PwmCommand {
+    /// Timer compare values of phases a, b, c.
+    pub compare: [u16; 3],
+    /// The six outputs follow the compare values; otherwise all are off.
+    pub enable: bool,
+}
+
+/// Furthest that a measured zero may lie from its nominal place: 1/16 of a 12-bit range, in sixteenths of a count.
+const ZERO_TOLERANCE: i32 = 256 * 16;
+
+/// One motor's current loop: configuration and state.
+#[derive(Clone, Copy, Debug)]
+pub struct CurrentLoop {
+    config: CurrentLoopConfig,
+    observer: Observer,
+    regulator: Regulator,
+    zeros: ZeroCalibration,
+    calibration: Calibration,
+}
+
+impl CurrentLoop {
+    /// A loop at rest with nominal current zeros.
+    #[must_use]
+    pub const fn new(config: CurrentLoopConfig) -> Self {
+        Self {
+            config,
+            observer: Observer::new(),
+            regulator: Regulator::new(),
+            zeros: ZeroCalibration::new(),
+            calibration: if config.measure_zeros {
+                Calibration::Pending
+            } else {
+                Calibration::Done
+            },
+        }
+    }
+
+    /// One PWM period.
+    pub fn step(
+        &mut self,
+        sample: &MotorSample,
+        reference: CurrentReference,
+    ) -> (PwmCommand, MotorEstimate) {
+        let config = &self.config;
+        let phases = config.sense.phases(sample.current);
+        let bus = config.bus.voltage(sample.bus);
+        let motion = self.observer.step(&config.observer, sample.encoder);
+        let rotation = Rotation::new(motion.theta_e);
+        let current = rotation.park(config.sense.vector(phases));
+
+        let mut estimate = MotorEstimate {
+            motion,
+            phases,
+            current,
+            bus,
+            broken: sample.broken,
+            calibration: self.calibration,
+            ..MotorEstimate::default()
+        };
+        if reference.mode != Mode::Drive || sample.broken {
+            self.regulator = Regulator::new();
+            if reference.mode == Mode::Calibrate && self.calibration == Calibration::Pending {
+                self.calibrate(sample.current);
+                estimate.calibration = self.calibration;
+            }
+            return (PwmCommand::default(), estimate);
+        }
+
+        let wanted = DirectQuadrature {
+            d: Current::ZERO,
+            q: reference.i_q,
+        };
+        let v_max = config.modulation.v_max(bus);
+        let output = self
+            .regulator
+            .step(&config.regulator, wanted, current, motion.omega_e, v_max);
+
+        let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
+        let phase_voltages =
+            inverse_clarke(Rotation::new(realised_at).inverse_park(output.voltage));
+        let compare = config
+            .modulation
+            .compare(phase_voltages, phases, bus, sample.bus);
+        estimate.voltage = output.voltage;
+        estimate.voltage_limited = output.limited;
+        (
+            PwmCommand {
+                compare,
+                enable: true,
+            },
+            estimate,
+        )
+    }
+
+    fn calibrate(&mut self, counts: [u16; 3]) {
+        let Some(zeros) = self.zeros.take(counts) else {
+            return;
+        };
+        let mut sense = self.config.sense;
+        self.calibration = Calibration::Done;
+        for (channel, zero) in sense.measured_mut().zip(zeros) {
+            if channel.zero_sixteenths.abs_diff(zero) > ZERO_TOLERANCE.unsigned_abs() {
+                self.calibration = Calibration::OutOfRange;
+                return;
+            }
+            channel.zero_sixteenths = zero;
+        }
+        self.config.sense = sense;
+    }
+}
+
+/// The angle gained in one and a half samples.
+fn three_halves(step: i32) -> Angle {
+    Angle(step.saturating_add(step >> 1).cast_unsigned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plate::test_plate;
+    use proptest::prelude::*;
+
+    fn current_loop() -> CurrentLoop {
+        let plate = test_plate();
+        CurrentLoop::new(plate.motors[0].current_loop(&plate).unwrap())
+    }
+
+    fn sample(current: [u16; 3]) -> MotorSample {
+        MotorSample {
+            current,
+            bus: 2818,
+            encoder: 0,
+            broken: false,
+        }
+    }
+
+    const ONE_AMPERE: CurrentReference = CurrentReference {
+        mode: Mode::Drive,
+        i_q: Current::ONE,
+    };
+
+    #[test]
+    fn torque_current_is_ninety_degrees_ahead_of_the_flux() {
+        let (command, estimate) = current_loop().step(&sample([2048; 3]), ONE_AMPERE);
+        assert!(command.enable);
+        let [a, b, c] = command.compare.map(i32::from);
+        // At theta_e = 0 the q axis is beta: b above, c below, a between.
+        assert!(
+            b > a && a > c && (b - a - (a - c)).abs() <= 1,
+            "{a} {b} {c}"
+        );
+        assert!((estimate.voltage.q.to_num::<f64>() - 23.08).abs() < 0.01);
+    }
+
+    #[test]
+    fn off_broken_and_calibrating_leave_the_outputs_off() {
+        let mut current_loop = current_loop();
+        for (mode, broken) in [
+            (Mode::Off, false),
+            (Mode::Calibrate, false),
+            (Mode::Drive, true),
+        ] {
+            let sample = MotorSample {
+                broken,
+                ..sample([2048; 3])
+            };
+            let (command, estimate) =
+                current_loop.step(&sample, CurrentReference { mode, ..ONE_AMPERE });
+            assert_eq!(command, PwmCommand::default());
+            assert_eq!(estimate.broken, broken);
+        }
+    }
+
+    #[test]
+    fn calibration_finds_the_zeros_or_says_that_a_sensor_is_wrong() {
+        for (zero, expected) in [(2060, Calibration::Done), (3000, Calibration::OutOfRange)] {
+            let mut current_loop = current_loop();
+            let ask = CurrentReference {
+                mode: Mode::Calibrate,
+                ..ONE_AMPERE
+            };
+            let mut last = Calibration::Pending;
+            for _ in 0..1024 {
+                assert_eq!(last, Calibration::Pending);
+                last = current_loop
+                    .step(&sample([zero, 2048, 0]), ask)
+                    .1
+                    .calibration;
+            }
+            assert_eq!(last, expected);
+            let (_, estimate) = current_loop.step(&sample([zero, 2048, 0]), ask);
+            assert_eq!(estimate.phases[0] == 0, expected == Calibration::Done);
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn any_samples_give_compares_within_the_period(
+            samples in prop::collection::vec((any::<[u16; 3]>(), any::<u16>(), any::<u32>(), any::<i32>()), 1..100),
+        ) {
+            let mut current_loop = current_loop();
+            for (current, bus, encoder, i_q) in samples {
+                let sample = MotorSample { current, bus, encoder, broken: false };
+                let reference = CurrentReference { mode: Mode::Drive, i_q: Current::from_bits(i_q) };
+                let (command, _) = current_loop.step(&sample, reference);
+                prop_assert!(command.compare.iter().all(|&c| c <= 4250));
+            }
+        }
+    }
+}

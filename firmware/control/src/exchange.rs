@@ -1,0 +1,142 @@
+//! The words that pass between the interrupts of different priority: one word each, so no lock.
+//!
+//! The speed task writes [`MotorExchange`]'s reference, the current loop reads it; the current loop writes its
+//! estimate, the speed task reads it. Each word is whole by itself, and none means anything only together with
+//! another, so relaxed ordering on a single core is enough.
+
+use crate::current_loop::{Calibration, CurrentReference, Mode, MotorEstimate};
+use crate::format::{Current, Speed};
+use core::sync::atomic::{AtomicI32, AtomicU8, Ordering::Relaxed};
+
+/// Words between one motor's current loop and the speed task.
+#[derive(Debug, Default)]
+pub struct MotorExchange {
+    mode: AtomicU8,
+    i_q: AtomicI32,
+    omega_e: AtomicI32,
+    flags: AtomicU8,
+}
+
+/// What the speed task sees of a motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorStatus {
+    /// Electrical speed, rad/s.
+    pub omega_e: Speed,
+    /// The voltage circle cut the last step.
+    pub voltage_limited: bool,
+    /// The bridge is stopped by its break input.
+    pub broken: bool,
+    /// How far the offset calibration is.
+    pub calibration: Calibration,
+}
+
+const LIMITED: u8 = 1;
+const BROKEN: u8 = 2;
+const CALIBRATED: u8 = 4;
+const ZERO_OUT_OF_RANGE: u8 = 8;
+
+impl MotorExchange {
+    /// No mode, no current, no speed: how every drive starts.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            mode: AtomicU8::new(Mode::Off as u8),
+            i_q: AtomicI32::new(0),
+            omega_e: AtomicI32::new(0),
+            flags: AtomicU8::new(0),
+        }
+    }
+
+    /// Speed task: what the current loop shall do from its next period on.
+    pub fn ask(&self, reference: CurrentReference) {
+        self.i_q.store(reference.i_q.to_bits(), Relaxed);
+        self.mode.store(reference.mode as u8, Relaxed);
+    }
+
+    /// Current loop: what it shall do.
+    #[must_use]
+    pub fn asked(&self) -> CurrentReference {
+        let mode = match self.mode.load(Relaxed) {
+            m if m == Mode::Drive as u8 => Mode::Drive,
+            m if m == Mode::Calibrate as u8 => Mode::Calibrate,
+            _ => Mode::Off,
+        };
+        CurrentReference {
+            mode,
+            i_q: Current::from_bits(self.i_q.load(Relaxed)),
+        }
+    }
+
+    /// Current loop: what it found.
+    pub fn publish(&self, estimate: &MotorEstimate) {
+        let calibration = match estimate.calibration {
+            Calibration::Pending => 0,
+            Calibration::Done => CALIBRATED,
+            Calibration::OutOfRange => ZERO_OUT_OF_RANGE,
+        };
+        let flag = |set: bool, bit: u8| if set { bit } else { 0 };
+        let flags =
+            flag(estimate.voltage_limited, LIMITED) | flag(estimate.broken, BROKEN) | calibration;
+        self.omega_e
+            .store(estimate.motion.omega_e.to_bits(), Relaxed);
+        self.flags.store(flags, Relaxed);
+    }
+
+    /// Speed task: what the current loop found.
+    #[must_use]
+    pub fn status(&self) -> MotorStatus {
+        let flags = self.flags.load(Relaxed);
+        MotorStatus {
+            omega_e: Speed::from_bits(self.omega_e.load(Relaxed)),
+            voltage_limited: flags & LIMITED != 0,
+            broken: flags & BROKEN != 0,
+            calibration: match flags & (CALIBRATED | ZERO_OUT_OF_RANGE) {
+                0 => Calibration::Pending,
+                CALIBRATED => Calibration::Done,
+                _ => Calibration::OutOfRange,
+            },
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_one_side_writes_the_other_reads() {
+        let exchange = MotorExchange::new();
+        assert_eq!(exchange.asked(), CurrentReference::default());
+        for mode in [Mode::Off, Mode::Calibrate, Mode::Drive] {
+            let reference = CurrentReference {
+                mode,
+                i_q: Current::from_num(-1.25),
+            };
+            exchange.ask(reference);
+            assert_eq!(exchange.asked(), reference);
+        }
+        for calibration in [
+            Calibration::Pending,
+            Calibration::Done,
+            Calibration::OutOfRange,
+        ] {
+            for (voltage_limited, broken) in [(false, true), (true, false)] {
+                let mut estimate = MotorEstimate {
+                    calibration,
+                    voltage_limited,
+                    broken,
+                    ..Default::default()
+                };
+                estimate.motion.omega_e = Speed::from_num(-471.5);
+                exchange.publish(&estimate);
+                let status = MotorStatus {
+                    omega_e: Speed::from_num(-471.5),
+                    voltage_limited,
+                    broken,
+                    calibration,
+                };
+                assert_eq!(exchange.status(), status);
+            }
+        }
+    }
+}

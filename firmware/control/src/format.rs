@@ -1,0 +1,258 @@
+//! The fixed-point formats: one place that says what each quantity is stored in, and why.
+//!
+//! Each quantity has its own number of fraction bits, so that a volt cannot be added to an ampere: the compiler
+//! refuses it.
+//!
+//! | type | unit | range | resolution | reason |
+//! | --- | --- | --- | --- | --- |
+//! | [`Current`] | A | ±2048 | 0.95 uA | current references need 2^-12 A (0.02 % of ripple at 2.5 mm/s); 8 bits more make rounding free |
+//! | [`Voltage`] | V | ±1024 | 0.48 uV | buses to 900 V; the d/q sums saturate far beyond any bus |
+//! | [`Speed`] | electrical rad/s | ±32768 | 15 urad/s | the speed error needs 2^-10; 32768 rad/s is 62 000 rpm at 5 pole pairs |
+//! | [`MechanicalSpeed`] | mechanical rad/s | ±8192 | 3.8 urad/s | 78 000 rpm; a table at 1 um/s is 1.3 mrad/s on a 5 mm lead |
+//! | [`TableVelocity`] | m/s | ±8 | 3.7 nm/s | finer than any scale; 8 m/s is beyond ball screws |
+//! | [`Unit`] | 1 | [-1, 1) | 4.7e-10 | cosine and sine as `idsp::cossin` gives them |
+//! | [`Ratio`] | 1, or H, or Wb | ±2 | 9.3e-10 | constants of the transforms, inductance, flux |
+//! | [`Impedance`] | V/A | ±2048 | 0.95 uV/A | current-loop gains: 23.08 and 2.655 a sample on the paper's motor |
+//! | [`SpeedGain`] | A s/rad, per step | ±128 | 6e-8 | speed-loop gains: 0.0733 and 0.0026 a step; resolved to 2e-5 |
+//! | [`VoltageState`] | V | ±8.4e6 | 9.1e-13 | current integrators: the full product, so no dead band |
+//! | [`CurrentState`] | A | ±8.4e6 | 9.1e-13 | speed integrators: the full product, so no dead band |
+//! | [`ProfileState`] | rad/s, per step | ±2.1e9 | 2.3e-10 | a jerk of 0.1 rad/s^3 at 5 kHz is 4e-9 a step^2 |
+//! | [`Angle`] | turn | [0, 1), wraps | 2^-32 | modular by nature: an angle's wrap is its arithmetic |
+//! | [`CountsPerVolt`] | timer counts per V | ±32768 | 1.5e-5 | 13.7 at 310 V and 4250 counts, resolved to 1e-6 |
+//!
+//! Nothing here wraps but [`Angle`]. A product is taken in full width (`wide_mul`, 64 bits) and comes back
+//! through [`narrow`], which saturates; sums of narrow values are `saturating_add`.
+
+use fixed::types::extra::{LeEqU32, LeEqU64};
+use fixed::types::{I1F31, I2F30, I4F28, I8F24, I11F21, I12F20, I14F18, I16F16, I24F40, I32F32};
+use fixed::{FixedI32, FixedI64};
+
+/// Current, A. ±2048 A in steps of 2^-20 A.
+pub type Current = I12F20;
+/// Voltage, V. ±1024 V in steps of 2^-21 V.
+pub type Voltage = I11F21;
+/// Electrical angular speed, rad/s. ±32768 rad/s in steps of 2^-16 rad/s.
+pub type Speed = I16F16;
+/// Mechanical angular speed, rad/s. ±8192 rad/s in steps of 2^-18 rad/s.
+pub type MechanicalSpeed = I14F18;
+/// Table velocity, m/s. ±8 m/s in steps of 2^-28 m/s.
+pub type TableVelocity = I4F28;
+/// Cosine or sine, [-1, 1).
+pub type Unit = I1F31;
+/// A constant of a transform, an inductance in H or a flux in Wb. ±2.
+pub type Ratio = I2F30;
+/// Gain of a current regulator, V/A (the integral one: V/A per sample). ±2048.
+pub type Impedance = I12F20;
+/// Gain of a speed regulator, A per electrical rad/s (the integral one: per step). ±128.
+pub type SpeedGain = I8F24;
+/// State of a current integrator, V, as wide as the product that feeds it.
+pub type VoltageState = I24F40;
+/// State of a speed integrator, A, as wide as the product that feeds it.
+pub type CurrentState = I24F40;
+/// State of a profile, rad/s (and per step, per step squared).
+pub type ProfileState = I32F32;
+/// Timer counts per volt of phase voltage. ±32768.
+pub type CountsPerVolt = I16F16;
+
+/// An angle as a fraction of a turn: 2^32 is one turn, and the wrap of the integer is the wrap of the angle.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Angle(pub u32);
+
+impl Angle {
+    /// The angle `turns` past zero; whole turns drop out. For configuration and tests, not for the loops.
+    #[must_use]
+    pub const fn from_turns(turns: f64) -> Self {
+        // The cast saturates at 2^63; angles of a plate are a few turns.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        Self((turns * 4_294_967_296.0) as i64 as u32)
+    }
+
+    /// This angle plus `other`, modulo one turn.
+    #[must_use]
+    pub const fn plus(self, other: Self) -> Self {
+        Self(self.0.wrapping_add(other.0))
+    }
+
+    /// The way from `other` to this angle, the short way round, in 2^-32 turn: [-2^31, 2^31).
+    #[must_use]
+    pub const fn minus(self, other: Self) -> i32 {
+        self.0.wrapping_sub(other.0).cast_signed()
+    }
+
+    /// This angle times a whole number, modulo one turn: mechanical to electrical.
+    #[must_use]
+    pub const fn times(self, factor: u32) -> Self {
+        Self(self.0.wrapping_mul(factor))
+    }
+
+    /// Cosine and sine, each within 9e-6.
+    #[must_use]
+    pub fn cos_sin(self) -> (Unit, Unit) {
+        let (cos, sin) = idsp::cossin(self.0.cast_signed());
+        (Unit::from_bits(cos), Unit::from_bits(sin))
+    }
+}
+
+/// A full-width product, brought back to 32 bits: rounded down, saturated at the ends of the format.
+#[must_use]
+#[inline]
+pub fn narrow<Wide: LeEqU64, Narrow: LeEqU32>(wide: FixedI64<Wide>) -> FixedI32<Narrow> {
+    const {
+        assert!(
+            Wide::U32 >= Narrow::U32,
+            "a product has the fraction bits of both factors"
+        )
+    };
+    narrow_bits(
+        wide.to_bits(),
+        const { Wide::U32.saturating_sub(Narrow::U32) },
+    )
+}
+
+/// [`narrow`] on bare bits, for a product whose factors have no common type: drops `shift` fraction bits.
+#[inline]
+pub(crate) fn narrow_bits<F: LeEqU32>(wide: i64, shift: u32) -> FixedI32<F> {
+    // In range after the clamp, so the cast keeps the value; every caller's shift is a constant below 64.
+    #[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
+    FixedI32::from_bits((wide >> shift).clamp(i32::MIN as i64, i32::MAX as i64) as i32)
+}
+
+/// `a*cos + b*sin`: one row of a rotation, in full width.
+///
+/// Cannot overflow: |a|, |b| <= 2^31 and |cos|, |sin| <= 2^31 in bits, and cos and sin of one angle never
+/// have |cos| + |sin| above sqrt(2), so the sum stays below 1.42 * 2^62 < 2^63.
+#[must_use]
+#[inline]
+#[allow(clippy::arithmetic_side_effects)]
+pub fn rotate<F: LeEqU32>(a: FixedI32<F>, cos: Unit, b: FixedI32<F>, sin: Unit) -> FixedI32<F> {
+    let wide = i64::from(a.to_bits()) * i64::from(cos.to_bits())
+        + i64::from(b.to_bits()) * i64::from(sin.to_bits());
+    narrow_bits(wide, 31)
+}
+
+/// Square root, rounded down to 16 significant bits: `sqrt(x)` for the integer `x`.
+///
+/// 16 bits are enough for what uses it (the voltage circle, the braking curve) and cost one 32-bit root
+/// instead of a 64-bit one, which on a Cortex-M4 needs software division.
+#[must_use]
+#[inline]
+pub fn square_root(x: u64) -> u32 {
+    // An even number of bits, so that the root shifts by half of it; x >> shift fits 32 bits.
+    let excess = 32u32.saturating_sub(x.leading_zeros());
+    let shift = excess.saturating_add(excess & 1);
+    #[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
+    let root = ((x >> shift) as u32).isqrt() << (shift / 2);
+    root
+}
+
+/// A number that its format, or physics, does not allow.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Misfit {
+    /// What the number is.
+    pub name: &'static str,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// What it must exceed: the smallest magnitude that its format holds to one part in a thousand, or a bound.
+    pub least: f64,
+    /// What it must stay below.
+    pub below: f64,
+}
+
+impl core::fmt::Display for Misfit {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Self {
+            name,
+            unit,
+            value,
+            least,
+            below,
+        } = self;
+        write!(
+            f,
+            "{name} is {value} {unit}, but the drive holds values from {least:.3e} to {below:.3e}: check the plate \
+             data, the rates and the bandwidths that it comes from"
+        )
+    }
+}
+
+impl core::error::Error for Misfit {}
+
+/// `value` in a format of `fraction` bits, if the format holds it to one part in a thousand. Zero is held.
+///
+/// # Errors
+/// [`Misfit`] if the value is not finite, too large for the format, or too small to be resolved.
+pub const fn quantise(
+    name: &'static str,
+    unit: &'static str,
+    value: f64,
+    fraction: u32,
+) -> Result<i32, Misfit> {
+    #[allow(clippy::arithmetic_side_effects)]
+    let scale = (1u64 << fraction) as f64;
+    let (below, least) = (2_147_483_648.0 / scale, 500.0 / scale);
+    let magnitude = value.abs();
+    let held = magnitude < below && (magnitude >= least || magnitude == 0.0);
+    if !held {
+        return Err(Misfit {
+            name,
+            unit,
+            value,
+            least,
+            below,
+        });
+    }
+    let half = if value < 0.0 { -0.5 } else { 0.5 };
+    // |value * scale| < 2^31, and a rounding up to 2^31 saturates in the cast.
+    #[allow(clippy::cast_possible_truncation)]
+    Ok((value * scale + half) as i32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn narrow_saturates_and_never_wraps(bits in any::<i64>()) {
+            let wide = I24F40::from_bits(bits);
+            let got: Current = narrow(wide);
+            let exact = bits as f64 / 2f64.powi(40);
+            let ends = (Current::MIN.to_num::<f64>(), Current::MAX.to_num::<f64>());
+            prop_assert!((got.to_num::<f64>() - exact.clamp(ends.0, ends.1)).abs() <= 2f64.powi(-20));
+        }
+
+        #[test]
+        fn rotation_stays_in_range_and_on_value(a in any::<i32>(), b in any::<i32>(), angle in any::<u32>()) {
+            let (cos, sin) = Angle(angle).cos_sin();
+            let theta = angle as f64 / 2f64.powi(32) * core::f64::consts::TAU;
+            let exact = a as f64 * theta.cos() + b as f64 * theta.sin();
+            let got = rotate(Current::from_bits(a), cos, Current::from_bits(b), sin).to_bits() as f64;
+            prop_assert!((got - exact.clamp(-2f64.powi(31), 2f64.powi(31))).abs() < 2f64.powi(31) * 3e-5);
+        }
+
+        #[test]
+        fn square_root_has_sixteen_bits(x in any::<u64>()) {
+            let root = f64::from(square_root(x));
+            let exact = (x as f64).sqrt();
+            prop_assert!(root <= exact * (1.0 + 1e-12));
+            prop_assert!(exact - root <= 1.0 + exact * 3.1e-5);
+        }
+
+        #[test]
+        fn quantise_refuses_or_holds_to_a_thousandth(value in any::<f64>(), fraction in 0u32..31) {
+            match quantise("x", "V", value, fraction) {
+                Ok(bits) if value == 0.0 => prop_assert_eq!(bits, 0),
+                Ok(bits) => {
+                    let held = f64::from(bits) / 2f64.powi(fraction as i32);
+                    prop_assert!((held / value - 1.0).abs() <= 1.01e-3);
+                }
+                Err(misfit) => prop_assert!(
+                    !value.is_finite() || value.abs() >= misfit.below || value.abs() < misfit.least
+                ),
+            }
+        }
+    }
+}

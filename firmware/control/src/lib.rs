@@ -1,0 +1,59 @@
+//! The control law of a double-drive differential feed, in fixed point.
+//!
+//! The way of the data is the order of the modules:
+//!
+//! | step | module | rate |
+//! | --- | --- | --- |
+//! | ADC counts -> phase currents, bus voltage | [`sense`] | each PWM period |
+//! | encoder counts -> `theta_e`, `omega_e` | [`observer`] | each PWM period |
+//! | phases -> d, q and back | [`transform`] | each PWM period |
+//! | PI in d and q, voltage limit, anti-windup | [`regulator`] | each PWM period |
+//! | phase voltages -> timer compare values | [`modulation`] | each PWM period |
+//! | the five above in one step | [`current_loop`] | each PWM period |
+//! | speed error -> `i_q` reference | [`speed_loop`] | speed task |
+//! | jerk-limited reference | [`profile`] | speed task |
+//! | table velocity, base speed -> two references | [`coordinator`] | speed task |
+//! | what the drive is doing and may do next | [`supervisor`] | speed task |
+//! | the last four in one step | [`speed_task`] | speed task |
+//! | words between the interrupts | [`exchange`] | |
+//!
+//! [`plate`] turns plate data into gains (Eqs 9 to 12 of Wang et al. 2020) once, [`format`](mod@format) says
+//! in which fixed-point format each quantity lives and why. Everything else is integer.
+//!
+//! Equations named `Eq n` are those of Wang et al., Mech. Sci. 11, 163-172, 2020.
+#![no_std]
+#![forbid(unsafe_code)]
+#![deny(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic
+)]
+#![cfg_attr(
+    test,
+    allow(
+        clippy::arithmetic_side_effects,
+        clippy::indexing_slicing,
+        clippy::unwrap_used,
+        clippy::panic
+    )
+)]
+
+#[cfg(test)]
+extern crate std;
+
+pub mod coordinator;
+pub mod current_loop;
+pub mod exchange;
+pub mod format;
+pub mod modulation;
+pub mod observer;
+pub mod plate;
+pub mod profile;
+pub mod regulator;
+pub mod sense;
+pub mod speed_loop;
+pub mod speed_task;
+pub mod supervisor;
+pub mod transform;

@@ -1,0 +1,233 @@
+//! Encoder counts -> angle and speed, by a tracking observer.
+//!
+//! A second-order tracking loop (type II): it predicts the angle from its speed, compares it with the encoder,
+//! and corrects angle and speed by fixed parts of the difference:
+//!
+//! `e = theta - (theta_hat + w)`, `theta_hat += w + alpha*e`, `w += beta*e`, with `alpha = 2*zeta*omega_0*T` and
+//! `beta = (omega_0*T)^2`, `w` in turns a sample. It follows a constant speed with no lag and a constant
+//! acceleration `a` with the angle lag `a / omega_0^2`. With `omega_0 = 1/T` and `zeta = 0.5` it is deadbeat: the
+//! speed is then the difference of two angles.
+
+use crate::format::{Angle, Ratio, Speed, narrow_bits};
+
+/// Speeds are held below 1/16 turn a sample: no drive commutates on fewer than sixteen samples a turn.
+const SPEED_LIMIT: i64 = (1 << 60) - 1;
+
+/// Encoder counts -> angle of the shaft, for any count from 2 to 2^30 a turn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct EncoderScale {
+    /// `2^(32 + shift) / counts_per_turn`, in [2^31, 2^32).
+    pub multiplier: u32,
+    /// See `multiplier`.
+    pub shift: u32,
+    /// The count wraps at this value.
+    pub counts_per_turn: u32,
+}
+
+impl EncoderScale {
+    /// The scale of an encoder with `counts_per_turn`; `None` outside 2 to 2^30.
+    #[must_use]
+    pub const fn new(counts_per_turn: u32) -> Option<Self> {
+        if counts_per_turn < 2 || counts_per_turn > 1 << 30 {
+            return None;
+        }
+        let shift = counts_per_turn.saturating_sub(1).ilog2();
+        // counts_per_turn > 2^shift, so the quotient is below 2^32.
+        #[allow(clippy::arithmetic_side_effects, clippy::cast_possible_truncation)]
+        let multiplier = ((1u64 << (32 + shift)) / counts_per_turn as u64) as u32;
+        Some(Self {
+            multiplier,
+            shift,
+            counts_per_turn,
+        })
+    }
+
+    /// The shaft's angle at `counts`, low by less than three of its 2^-32 turns. A count of a turn or more, which no
+    /// healthy encoder gives, is taken modulo the turn.
+    #[must_use]
+    pub fn angle(&self, counts: u32) -> Angle {
+        let wide = u64::from(counts).wrapping_mul(u64::from(self.multiplier));
+        // Dropping the high bits is the modulo.
+        #[allow(clippy::cast_possible_truncation)]
+        Angle((wide >> (self.shift & 31)) as u32)
+    }
+}
+
+/// Configuration of a tracking observer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ObserverConfig {
+    /// Counts to angle.
+    pub encoder: EncoderScale,
+    /// Part of the difference that corrects the angle, (0, 2).
+    pub alpha: Ratio,
+    /// Part of the difference that corrects the speed a sample, (0, 2).
+    pub beta: Ratio,
+    /// Electrical turns a mechanical turn.
+    pub pole_pairs: u32,
+    /// Electrical angle at encoder count zero, negated: `theta_e = p * theta + theta_e_offset`.
+    pub theta_e_offset: Angle,
+    /// `omega_e` in 2^-16 rad/s = speed in 2^-35 turn a sample times this, shifted right by `omega_shift`.
+    pub omega_multiplier: i32,
+    /// See `omega_multiplier`.
+    pub omega_shift: u32,
+}
+
+/// Angle and speed as the observer knows them.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Motion {
+    /// Mechanical angle of the shaft.
+    pub theta: Angle,
+    /// Electrical angle.
+    pub theta_e: Angle,
+    /// Electrical angle gained each sample, 2^-32 turn.
+    pub theta_e_step: i32,
+    /// Electrical speed, rad/s.
+    pub omega_e: Speed,
+    /// Encoder minus prediction, 2^-32 mechanical turn: what a stuck or jumping encoder shows first.
+    pub innovation: i32,
+}
+
+/// State of a tracking observer.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Observer {
+    /// Angle, 2^-64 turn.
+    angle: u64,
+    /// Speed, 2^-64 turn a sample.
+    speed: i64,
+    started: bool,
+}
+
+impl Observer {
+    /// An observer that takes its first sample as the place where the shaft stands.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            angle: 0,
+            speed: 0,
+            started: false,
+        }
+    }
+
+    /// Takes one encoder count and says where the shaft is and how fast it turns.
+    pub fn step(&mut self, config: &ObserverConfig, counts: u32) -> Motion {
+        let measured = config.encoder.angle(counts);
+        if !self.started {
+            // The first sample says where the shaft is, not that it jumped there.
+            self.angle = u64::from(measured.0) << 32;
+            self.started = true;
+        }
+        let predicted = self.angle.wrapping_add_signed(self.speed);
+        let innovation = measured.minus(Angle(high(predicted)));
+        // |innovation| <= 2^31 and gain < 2^31 (below 2): 2^62, and the shift by 2 to 2^-64 turn saturates.
+        let correction = |gain: Ratio| {
+            i64::from(innovation)
+                .saturating_mul(i64::from(gain.to_bits()))
+                .saturating_mul(4)
+        };
+        self.angle = predicted.wrapping_add_signed(correction(config.alpha));
+        self.speed = self
+            .speed
+            .saturating_add(correction(config.beta))
+            .clamp(SPEED_LIMIT.saturating_neg(), SPEED_LIMIT);
+
+        let theta = Angle(high(self.angle));
+        // |speed| < 2^60, so both shifted values fit 32 bits.
+        #[allow(clippy::cast_possible_truncation)]
+        let (fine, coarse) = ((self.speed >> 29) as i32, (self.speed >> 32) as i32);
+        Motion {
+            theta,
+            theta_e: theta.times(config.pole_pairs).plus(config.theta_e_offset),
+            theta_e_step: coarse.saturating_mul(config.pole_pairs.cast_signed()),
+            omega_e: narrow_bits(
+                i64::from(fine).saturating_mul(i64::from(config.omega_multiplier)),
+                config.omega_shift & 63,
+            ),
+            innovation,
+        }
+    }
+}
+
+#[allow(clippy::cast_possible_truncation)]
+fn high(angle: u64) -> u32 {
+    (angle >> 32) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plate::test_plate;
+    use proptest::prelude::*;
+
+    fn config(counts_per_turn: u32) -> ObserverConfig {
+        let mut plate = test_plate();
+        plate.motors[0].encoder.counts_per_turn = counts_per_turn;
+        plate.motors[0].current_loop(&plate).unwrap().observer
+    }
+
+    proptest! {
+        #[test]
+        fn every_count_is_its_angle(counts_per_turn in 2u32..=1 << 30, at in 0.0..1.0f64) {
+            let scale = EncoderScale::new(counts_per_turn).unwrap();
+            let counts = (at * f64::from(counts_per_turn)) as u32;
+            let exact = f64::from(counts) / f64::from(counts_per_turn) * 2f64.powi(32);
+            let got = f64::from(scale.angle(counts).0);
+            prop_assert!(got <= exact && exact - got < 3.0, "{got} for {exact}");
+        }
+
+        #[test]
+        fn a_constant_speed_is_followed_through_the_wrap(rpm in -6000.0..6000.0f64, start in 0.0..1.0f64) {
+            let config = config(1 << 20);
+            let mut observer = Observer::default();
+            let mut motion = Motion::default();
+            for k in 0..1500 {
+                let turns = start + rpm / 60.0 * f64::from(k) * 50e-6;
+                let counts = (turns.rem_euclid(1.0) * f64::from(1 << 20)) as u32 % (1 << 20);
+                motion = observer.step(&config, counts);
+            }
+            let omega_e = rpm / 60.0 * core::f64::consts::TAU * 5.0;
+            // One count of quantisation, seen through beta, is beta * 2pi * p / (2^20 * T) rad/s.
+            prop_assert!((motion.omega_e.to_num::<f64>() - omega_e).abs() < 0.005 * omega_e.abs() + 0.1);
+        }
+
+        #[test]
+        fn no_input_overflows(counts in prop::collection::vec(any::<u32>(), 1..200), alpha in any::<i32>(), beta in any::<i32>()) {
+            let config = ObserverConfig {
+                alpha: Ratio::from_bits(alpha),
+                beta: Ratio::from_bits(beta),
+                ..config(1 << 23)
+            };
+            let mut observer = Observer::default();
+            for count in counts {
+                observer.step(&config, count);
+                prop_assert!(observer.speed.abs() <= SPEED_LIMIT);
+            }
+        }
+    }
+
+    #[test]
+    fn bounds_of_the_resolution() {
+        assert!(EncoderScale::new(1).is_none());
+        assert!(EncoderScale::new((1 << 30) + 1).is_none());
+        for bits in 1..=30 {
+            assert_eq!(
+                EncoderScale::new(1 << bits).unwrap().angle(1).0,
+                (1u32 << (32 - bits))
+            );
+        }
+    }
+
+    #[test]
+    fn deadbeat_speed_is_the_difference_of_two_angles() {
+        let config = ObserverConfig {
+            alpha: Ratio::ONE,
+            beta: Ratio::ONE,
+            ..config(1 << 20)
+        };
+        let mut observer = Observer::default();
+        observer.step(&config, 100);
+        observer.step(&config, 150);
+        let motion = observer.step(&config, 210);
+        let exact = 60.0 / f64::from(1 << 20) * core::f64::consts::TAU * 5.0 / 50e-6;
+        assert!((motion.omega_e.to_num::<f64>() / exact - 1.0).abs() < 1e-4);
+    }
+}

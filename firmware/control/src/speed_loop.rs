@@ -1,0 +1,152 @@
+//! Speed error -> `i_q` reference: PI with the gains of Eqs 11 and 12, inertia feed-forward, torque limit.
+
+use crate::format::{Current, CurrentState, Speed, SpeedGain, narrow};
+
+/// Configuration of a speed loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SpeedLoopConfig {
+    /// Eq 11, A per electrical rad/s.
+    pub k_pw: SpeedGain,
+    /// Eq 12 times the step, A per electrical rad/s a step.
+    pub k_iw_step: SpeedGain,
+    /// `J / (p^2 * flux * step)`: A per electrical rad/s that the reference gains a step.
+    pub inertia: SpeedGain,
+    /// Torque limit as a current, A.
+    pub i_max: Current,
+}
+
+/// What a speed loop is asked, electrical.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpeedReference {
+    /// Speed, rad/s.
+    pub omega_e: Speed,
+    /// Its change a step, rad/s.
+    pub change: Speed,
+}
+
+/// What a speed loop asks.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpeedLoopOutput {
+    /// `i_q` reference, within the torque limit.
+    pub i_q: Current,
+    /// The torque limit cut it.
+    pub limited: bool,
+}
+
+/// State of a speed loop.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct SpeedLoop {
+    integral: CurrentState,
+}
+
+impl SpeedLoop {
+    /// A loop with an empty integrator.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            integral: CurrentState::ZERO,
+        }
+    }
+
+    /// One step. `voltage_limited`: the current loop could not follow the last reference, so the integrator must
+    /// not push further that way.
+    pub fn step(
+        &mut self,
+        config: &SpeedLoopConfig,
+        reference: SpeedReference,
+        omega_e: Speed,
+        voltage_limited: bool,
+    ) -> SpeedLoopOutput {
+        let error = reference.omega_e.saturating_sub(omega_e);
+        let proportional: Current = narrow(config.k_pw.wide_mul(error));
+        let feed_forward: Current = narrow(config.inertia.wide_mul(reference.change));
+        let wanted = proportional
+            .saturating_add(narrow(self.integral))
+            .saturating_add(feed_forward);
+        let i_q = wanted.clamp(config.i_max.saturating_neg(), config.i_max);
+
+        // After a cut the PI is what was realised, so that nothing is left to unwind.
+        let cut = CurrentState::from(i_q).saturating_sub(CurrentState::from(wanted));
+        let pushing = voltage_limited && error.is_negative() == i_q.is_negative();
+        if !pushing {
+            self.integral = self
+                .integral
+                .saturating_add(config.k_iw_step.wide_mul(error))
+                .saturating_add(cut);
+        }
+        SpeedLoopOutput {
+            i_q,
+            limited: i_q != wanted,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plate::test_plate;
+    use proptest::prelude::*;
+
+    fn config() -> SpeedLoopConfig {
+        let plate = test_plate();
+        plate.motors[0].speed_loop(&plate).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn agrees_with_the_law_in_floats(
+            samples in prop::collection::vec((-1600.0..1600.0f64, -1600.0..1600.0f64, -0.5..0.5f64), 1..80),
+        ) {
+            let config = config();
+            let mut speed_loop = SpeedLoop::default();
+            let mut integral = 0.0;
+            let [kp, ki, kj] = [config.k_pw, config.k_iw_step, config.inertia].map(|k| k.to_num::<f64>());
+            let i_max = config.i_max.to_num::<f64>();
+            for (reference, omega, change) in samples {
+                let asked = SpeedReference { omega_e: Speed::from_num(reference), change: Speed::from_num(change) };
+                let out = speed_loop.step(&config, asked, Speed::from_num(omega), false);
+                let wanted = kp * (reference - omega) + integral + kj * change;
+                let exact = wanted.clamp(-i_max, i_max);
+                integral += ki * (reference - omega) + exact - wanted;
+                prop_assert!((out.i_q.to_num::<f64>() - exact).abs() < 1e-3);
+            }
+        }
+
+        #[test]
+        fn extremes_stay_within_the_torque_limit(
+            samples in prop::collection::vec((any::<i32>(), any::<i32>(), any::<i32>(), any::<bool>()), 1..100),
+        ) {
+            let config = config();
+            let mut speed_loop = SpeedLoop::default();
+            for (reference, omega, change, limited) in samples {
+                let asked = SpeedReference { omega_e: Speed::from_bits(reference), change: Speed::from_bits(change) };
+                let out = speed_loop.step(&config, asked, Speed::from_bits(omega), limited);
+                prop_assert!(out.i_q.abs() <= config.i_max);
+            }
+        }
+
+        #[test]
+        fn does_not_wind_up(error in 50.0..1500.0f64) {
+            let config = config();
+            let mut speed_loop = SpeedLoop::default();
+            let at = |omega_e: f64| SpeedReference { omega_e: Speed::from_num(omega_e), change: Speed::ZERO };
+            for _ in 0..5000 {
+                speed_loop.step(&config, at(error), Speed::ZERO, false);
+            }
+            speed_loop.step(&config, at(-30.0), Speed::ZERO, false);
+            let out = speed_loop.step(&config, at(-30.0), Speed::ZERO, false);
+            prop_assert!(out.i_q < config.i_max, "a turned error is answered within a step");
+        }
+
+        #[test]
+        fn a_limited_voltage_stops_the_integrator_only_where_it_pushes(error in 0.5..10.0f64) {
+            let config = config();
+            let mut speed_loop = SpeedLoop::default();
+            let asked = SpeedReference { omega_e: Speed::from_num(error), change: Speed::ZERO };
+            speed_loop.step(&config, asked, Speed::ZERO, true);
+            prop_assert_eq!(speed_loop.integral, CurrentState::ZERO);
+            speed_loop.step(&config, asked, Speed::ZERO, false);
+            prop_assert!(speed_loop.integral > 0);
+        }
+    }
+}

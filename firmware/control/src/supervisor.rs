@@ -1,0 +1,195 @@
+//! What the drive is doing and may do next.
+//!
+//! | from | to | when |
+//! | --- | --- | --- |
+//! | `Off` | `Calibrating` | at once: the bridges are off, so no current flows |
+//! | `Calibrating` | `Ready` | both motors' current zeros are measured |
+//! | `Ready` | `Running` | run is asked |
+//! | `Running` | `Stopping` | run is no longer asked |
+//! | `Stopping` | `Running` | run is asked again |
+//! | `Stopping` | `Ready` | both references have come to rest |
+//! | any but `Fault` | `Fault` | a fault |
+//! | `Fault` | `Off` | the fault's cause is gone and a reset is asked while run is not |
+//!
+//! No other transition exists.
+
+use crate::current_loop::{Calibration, Mode};
+use crate::exchange::MotorStatus;
+
+/// What stopped the drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Fault {
+    /// The break input of the screw's bridge: over-current in hardware.
+    ScrewBreak,
+    /// The break input of the nut's bridge.
+    NutBreak,
+    /// A current zero of the screw lies further out than a healthy sensor's.
+    ScrewCurrentZero,
+    /// A current zero of the nut does.
+    NutCurrentZero,
+}
+
+/// What the drive is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum State {
+    /// Just started; bridges off.
+    #[default]
+    Off,
+    /// Bridges off, current zeros being measured.
+    Calibrating,
+    /// Bridges off, all is known that running needs.
+    Ready,
+    /// Bridges on, following the command.
+    Running,
+    /// Bridges on, references going to rest.
+    Stopping,
+    /// Bridges off until the cause is gone and a reset is asked.
+    Fault(Fault),
+}
+
+/// What is asked of the drive.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Request {
+    /// Run, or come to rest.
+    pub run: bool,
+    /// Leave a fault.
+    pub reset: bool,
+}
+
+impl State {
+    /// The next state.
+    #[must_use]
+    pub fn next(self, request: Request, motors: [MotorStatus; 2], at_rest: bool) -> Self {
+        let fault = fault(motors);
+        match (self, fault) {
+            (Self::Fault(_), None) if request.reset && !request.run => Self::Off,
+            (Self::Fault(first), _) => Self::Fault(first),
+            (_, Some(fault)) => Self::Fault(fault),
+            (Self::Off, None) => Self::Calibrating,
+            (Self::Calibrating, None)
+                if motors.iter().all(|m| m.calibration == Calibration::Done) =>
+            {
+                Self::Ready
+            }
+            (Self::Ready | Self::Stopping, None) if request.run => Self::Running,
+            (Self::Running, None) if !request.run => Self::Stopping,
+            (Self::Stopping, None) if at_rest => Self::Ready,
+            (same, None) => same,
+        }
+    }
+
+    /// What the current loops do in this state.
+    #[must_use]
+    pub const fn mode(self) -> Mode {
+        match self {
+            Self::Calibrating => Mode::Calibrate,
+            Self::Running | Self::Stopping => Mode::Drive,
+            Self::Off | Self::Ready | Self::Fault(_) => Mode::Off,
+        }
+    }
+}
+
+fn fault([screw, nut]: [MotorStatus; 2]) -> Option<Fault> {
+    [
+        (screw.broken, Fault::ScrewBreak),
+        (nut.broken, Fault::NutBreak),
+        (
+            screw.calibration == Calibration::OutOfRange,
+            Fault::ScrewCurrentZero,
+        ),
+        (
+            nut.calibration == Calibration::OutOfRange,
+            Fault::NutCurrentZero,
+        ),
+    ]
+    .into_iter()
+    .find_map(|(present, fault)| present.then_some(fault))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    const FAULT: State = State::Fault(Fault::NutBreak);
+
+    #[test]
+    fn only_the_transitions_of_the_table_exist() {
+        use State::{Calibrating, Off, Ready, Running, Stopping};
+        let table = HashSet::from(
+            [
+                (Off, Calibrating),
+                (Calibrating, Ready),
+                (Ready, Running),
+                (Running, Stopping),
+                (Stopping, Running),
+                (Stopping, Ready),
+                (Off, FAULT),
+                (Calibrating, FAULT),
+                (Ready, FAULT),
+                (Running, FAULT),
+                (Stopping, FAULT),
+                (FAULT, Off),
+            ]
+            .map(|pair| std::format!("{pair:?}")),
+        );
+        let mut seen = HashSet::new();
+        for from in [Off, Calibrating, Ready, Running, Stopping, FAULT] {
+            for bits in 0..32u8 {
+                let on = |n: u8| bits >> n & 1 == 1;
+                let calibration = if on(0) {
+                    Calibration::Done
+                } else {
+                    Calibration::Pending
+                };
+                let healthy = MotorStatus {
+                    calibration,
+                    ..MotorStatus::default()
+                };
+                let nut = MotorStatus {
+                    broken: on(1),
+                    ..healthy
+                };
+                let to = from.next(
+                    Request {
+                        run: on(2),
+                        reset: on(3),
+                    },
+                    [healthy, nut],
+                    on(4),
+                );
+                if to != from {
+                    seen.insert(std::format!("{:?}", (from, to)));
+                }
+            }
+        }
+        assert_eq!(seen, table);
+    }
+
+    #[test]
+    fn the_first_fault_is_kept_and_the_bridges_are_off() {
+        let broken = MotorStatus {
+            broken: true,
+            ..MotorStatus::default()
+        };
+        let state = State::Running.next(
+            Request {
+                run: true,
+                reset: true,
+            },
+            [MotorStatus::default(), broken],
+            false,
+        );
+        assert_eq!(state, FAULT);
+        assert_eq!(state.mode(), Mode::Off);
+        let zero = MotorStatus {
+            calibration: Calibration::OutOfRange,
+            ..MotorStatus::default()
+        };
+        assert_eq!(state.next(Request::default(), [zero, broken], true), FAULT);
+        assert_eq!(
+            State::Calibrating.next(Request::default(), [zero, MotorStatus::default()], true),
+            State::Fault(Fault::ScrewCurrentZero)
+        );
+    }
+}

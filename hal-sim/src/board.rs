@@ -1,0 +1,192 @@
+//! The board: what the control code touches, joined to the machine.
+//!
+//! Time goes from one turn of a bridge's counter to the next. At its turn a bridge takes over the compare values that
+//! were written since the turn before, and the ADCs sample; so a compare value acts one period after the sample that
+//! it was computed from. The nut's counter is half a period behind the screw's.
+
+use crate::sensors::{Sensors, encoder_counts};
+use control::current_loop::{MotorSample, PwmCommand};
+use plant::Axis;
+use plant::machine::{Bridge, Coupling, Machine};
+use plant::model::Model;
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+
+/// What the board is made of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoardConfig {
+    /// Clock of the PWM timers, Hz.
+    pub timer_hz: f64,
+    /// PWM frequency, Hz.
+    pub pwm_hz: f64,
+    /// Bus voltage, V.
+    pub bus_v: f64,
+    /// Dead time of the bridges, s.
+    pub dead_time_s: f64,
+    /// Phase current that trips the break input, A.
+    pub break_a: f64,
+    /// What measures the machine.
+    pub sensors: Sensors,
+    /// The drive measures its current zeros before it starts, which hides a constant offset from it.
+    pub measure_zeros: bool,
+    /// Integration steps per half PWM period.
+    pub substeps: u32,
+    /// Seed of all noise.
+    pub seed: u64,
+}
+
+impl Default for BoardConfig {
+    /// 170 MHz, 20 kHz, 310 V, no dead time, real sensors, nominal current zeros, one integration step per half period.
+    fn default() -> Self {
+        Self {
+            timer_hz: 170e6,
+            pwm_hz: 20e3,
+            bus_v: 310.0,
+            dead_time_s: 0.0,
+            break_a: 8.0,
+            sensors: Sensors::real(),
+            measure_zeros: false,
+            substeps: 1,
+            seed: 1,
+        }
+    }
+}
+
+impl BoardConfig {
+    /// Top of the centre-aligned counters.
+    #[must_use]
+    pub fn period(&self) -> u16 {
+        (self.timer_hz / (2.0 * self.pwm_hz))
+            .round()
+            .clamp(1.0, 65_535.0) as u16
+    }
+
+    /// PWM period that the counters make, s.
+    #[must_use]
+    pub fn pwm_period_s(&self) -> f64 {
+        2.0 * f64::from(self.period()) / self.timer_hz
+    }
+}
+
+/// The current, A, within which a phase's dead time loses its grip: the ripple of a real current makes it change
+/// sign within the period.
+const DEAD_TIME_FADE_A: f64 = 0.02;
+
+/// One bridge as its timer drives it.
+#[derive(Clone, Copy, Debug, Default)]
+struct BridgeState {
+    written: PwmCommand,
+    active: PwmCommand,
+    broken: bool,
+}
+
+/// The peripherals of both motors, on the machine.
+#[derive(Clone, Debug)]
+pub struct Board {
+    /// The machine itself, for what no sensor sees.
+    pub machine: Machine,
+    config: BoardConfig,
+    bridges: [BridgeState; 2],
+    random: Xoshiro256PlusPlus,
+    step_s: f64,
+}
+
+impl Board {
+    /// A board with all outputs off on a machine at rest.
+    #[must_use]
+    pub fn new(model: &Model, coupling: Coupling, config: BoardConfig) -> Self {
+        let mut machine = Machine::new(model, coupling);
+        machine.set_bus_voltage(config.bus_v);
+        Self {
+            machine,
+            config,
+            bridges: [BridgeState::default(); 2],
+            random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
+            step_s: config.pwm_period_s() / 2.0 / f64::from(config.substeps.max(1)),
+        }
+    }
+
+    /// What the board is made of.
+    #[must_use]
+    pub fn config(&self) -> &BoardConfig {
+        &self.config
+    }
+
+    /// Changes the bus voltage from now on, V.
+    pub fn set_bus_voltage(&mut self, volts: f64) {
+        self.config.bus_v = volts;
+        self.machine.set_bus_voltage(volts);
+    }
+
+    /// The counter of `axis` turns: the written compare values become active, the ADCs and the encoder are read.
+    pub fn turn(&mut self, axis: Axis) -> MotorSample {
+        let true_currents = self.machine.phase_currents(axis);
+        let bridge = &mut self.bridges[axis.index()];
+        // The comparators look at the true current, and a break holds until it is cleared.
+        bridge.broken |= true_currents.iter().any(|i| i.abs() > self.config.break_a);
+        bridge.active = bridge.written;
+        let (active, broken) = (bridge.active, bridge.broken);
+        self.machine
+            .set_bridge(axis, self.voltages(active, broken, true_currents));
+
+        let readings = self.machine.current_readings(axis);
+        let Sensors {
+            current,
+            bus,
+            encoder_counts: counts,
+            ..
+        } = self.config.sensors;
+        MotorSample {
+            current: readings.map(|i| current.convert(i, &mut self.random)),
+            bus: bus.convert(self.config.bus_v, &mut self.random),
+            encoder: encoder_counts(self.machine.encoder_angle(axis), counts),
+            broken,
+        }
+    }
+
+    /// Writes compare values; they act from the counter's next turn on.
+    pub fn write(&mut self, axis: Axis, command: PwmCommand) {
+        self.bridges[axis.index()].written = command;
+    }
+
+    /// Trips the break input of `axis`, as its comparator would: the bridge opens now.
+    pub fn trip_break(&mut self, axis: Axis) {
+        self.bridges[axis.index()].broken = true;
+        self.machine.set_bridge(axis, Bridge::Open);
+    }
+
+    /// Clears the break latch of `axis`.
+    pub fn clear_break(&mut self, axis: Axis) {
+        self.bridges[axis.index()].broken = false;
+    }
+
+    /// Half a PWM period passes.
+    pub fn advance(&mut self) {
+        for _ in 0..self.config.substeps.max(1) {
+            self.machine.advance(self.step_s);
+        }
+    }
+
+    /// Counts of the table's scale.
+    pub fn scale_counts(&mut self) -> i64 {
+        let noise: f64 = StandardNormal.sample(&mut self.random);
+        let metres = self.machine.table_position() + noise * self.config.sensors.scale_noise_m;
+        (metres / self.config.sensors.scale_count_m).round() as i64
+    }
+
+    /// Mean phase voltages over a period, to the middle of the bus.
+    fn voltages(&self, command: PwmCommand, broken: bool, currents: [f64; 3]) -> Bridge {
+        if !command.enable || broken {
+            return Bridge::Open;
+        }
+        let period = f64::from(self.config.period());
+        let lost = self.config.bus_v * self.config.dead_time_s / self.config.pwm_period_s();
+        let phase = |k: usize| {
+            let duty = (f64::from(command.compare[k]) / period).min(1.0);
+            let sign = (currents[k] / DEAD_TIME_FADE_A).clamp(-1.0, 1.0);
+            self.config.bus_v * (duty - 0.5) - lost * sign
+        };
+        Bridge::Driven([phase(0), phase(1), phase(2)])
+    }
+}

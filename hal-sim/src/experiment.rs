@@ -1,0 +1,274 @@
+//! Experiments on the drive: a set-up, profiles, records.
+
+use crate::board::BoardConfig;
+use crate::drive::Drive;
+use crate::plates::{PAPER_TUNING, deadbeat, plates};
+use crate::sensors::Sensors;
+use crate::vrf::vrf_percent;
+use control::coordinator::CommandError;
+use control::format::Misfit;
+use control::plate::{DrivePlate, Tuning};
+use control::supervisor::State;
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+use plant::recording::{AxisSample, Sample};
+use std::f64::consts::TAU;
+
+/// Mechanical rad/s of one rpm.
+pub const RPM: f64 = TAU / 60.0;
+
+/// Why an experiment cannot be done.
+#[derive(Debug, thiserror::Error)]
+pub enum ExperimentError {
+    /// A gain of the machine's plate data does not fit the drive's formats.
+    #[error("the drive cannot be configured for this machine: {0}")]
+    Misfit(#[from] Misfit),
+    /// The feed or a motor may not move as fast as asked.
+    #[error("{0}")]
+    Command(CommandError),
+    /// The drive did not reach its operating point.
+    #[error(
+        "after {seconds} s the drive is still not steady at {velocity_mm_s} mm/s and nut {base_rpm:.0} rpm (state \
+         {state:?}): lower the speeds, or check the load and the torque limit"
+    )]
+    NotSteady {
+        /// How long it was given, s.
+        seconds: f64,
+        /// Asked table velocity, mm/s.
+        velocity_mm_s: f64,
+        /// Asked nut speed, rpm.
+        base_rpm: f64,
+        /// What the drive is doing.
+        state: State,
+    },
+}
+
+impl From<CommandError> for ExperimentError {
+    fn from(error: CommandError) -> Self {
+        Self::Command(error)
+    }
+}
+
+/// A machine, the board and the tuning of its drive.
+#[derive(Clone, Debug)]
+pub struct Setup {
+    /// The machine.
+    pub model: Model,
+    /// How screw and nut meet.
+    pub coupling: Coupling,
+    /// The board.
+    pub board: BoardConfig,
+    /// The loops' tuning.
+    pub tuning: Tuning,
+}
+
+impl Setup {
+    /// `model` with ideal sensors: nothing between the machine and the control law but its sample time.
+    #[must_use]
+    pub fn ideal(model: Model, coupling: Coupling) -> Self {
+        let board = BoardConfig {
+            sensors: Sensors::ideal(),
+            ..BoardConfig::default()
+        };
+        Self {
+            model,
+            coupling,
+            board,
+            tuning: deadbeat(PAPER_TUNING, &board),
+        }
+    }
+
+    /// `model` with a good drive's sensors and an observer of 1000 rad/s.
+    #[must_use]
+    pub fn real(model: Model, coupling: Coupling) -> Self {
+        Self {
+            model,
+            coupling,
+            board: BoardConfig::default(),
+            tuning: PAPER_TUNING,
+        }
+    }
+
+    /// `model` with the sensors that its file declares.
+    #[must_use]
+    pub fn declared(model: Model, coupling: Coupling) -> Self {
+        let board = BoardConfig {
+            sensors: Sensors::declared(&model.sensing),
+            pwm_hz: model.sensing.control_hz,
+            ..BoardConfig::default()
+        };
+        Self {
+            model,
+            coupling,
+            board,
+            tuning: PAPER_TUNING,
+        }
+    }
+
+    /// What the control code is told.
+    #[must_use]
+    pub fn plate(&self) -> DrivePlate {
+        plates(&self.model, self.coupling, &self.board, self.tuning)
+    }
+
+    /// The drive at rest.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Misfit`] if a gain does not fit its format.
+    pub fn drive(&self) -> Result<Drive, ExperimentError> {
+        Ok(Drive::new(
+            &self.model,
+            self.coupling,
+            self.board,
+            &self.plate(),
+        )?)
+    }
+}
+
+/// A table velocity and a nut speed.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OperatingPoint {
+    /// Table velocity, m/s.
+    pub velocity: f64,
+    /// Nut speed, mechanical rad/s; 0 is CDFS.
+    pub base: f64,
+}
+
+/// Time that transients are given once the references are at their targets, s: many times the slowest loop's.
+const SETTLE_S: f64 = 0.3;
+
+/// Longest that references may take to their targets, s.
+const REACH_S: f64 = 20.0;
+
+/// Commands an operating point and lets the drive come to it; `each` sees the drive after each PWM period.
+///
+/// # Errors
+/// [`ExperimentError`] if the point is not allowed or not reached, or what `each` returns.
+pub fn settle<E: From<ExperimentError>>(
+    drive: &mut Drive,
+    point: OperatingPoint,
+    mut each: impl FnMut(&mut Drive) -> Result<(), E>,
+) -> Result<(), E> {
+    drive.command(point.velocity, point.base).map_err(ExperimentError::from)?;
+    let period_s = drive.board.config().pwm_period_s();
+    let (settle, reach) = ((SETTLE_S / period_s) as u64, (REACH_S / period_s) as u64);
+    let mut steady = 0;
+    for _ in 0..reach {
+        drive.period();
+        each(drive)?;
+        steady = if drive.state() == State::Running && drive.arrived() { steady + 1 } else { 0 };
+        if steady >= settle {
+            return Ok(());
+        }
+    }
+    Err(E::from(ExperimentError::NotSteady {
+        seconds: REACH_S,
+        velocity_mm_s: point.velocity * 1e3,
+        base_rpm: point.base / RPM,
+        state: drive.state(),
+    }))
+}
+
+/// [`settle`] with nobody watching.
+///
+/// # Errors
+/// [`ExperimentError`] if the point is not allowed or not reached.
+pub fn settle_quietly(drive: &mut Drive, point: OperatingPoint) -> Result<(), ExperimentError> {
+    settle(drive, point, |_| Ok(()))
+}
+
+/// True table velocities, m/s, of a drive that runs for `seconds`, sampled every `periods` PWM periods; `each` sees
+/// the drive after each period.
+///
+/// # Errors
+/// What `each` returns.
+pub fn table_velocities<E>(
+    drive: &mut Drive,
+    seconds: f64,
+    periods: u32,
+    mut each: impl FnMut(&mut Drive) -> Result<(), E>,
+) -> Result<Vec<f64>, E> {
+    let samples = (seconds / (drive.board.config().pwm_period_s() * f64::from(periods))).round() as usize;
+    let mut velocities = Vec::with_capacity(samples);
+    for _ in 0..samples {
+        for _ in 0..periods {
+            drive.period();
+            each(drive)?;
+        }
+        velocities.push(drive.board.machine.table_velocity());
+    }
+    Ok(velocities)
+}
+
+/// Length of a velocity record, s: at least one beat of the motors' harmonics, and what the reference figures use.
+pub const RECORD_S: f64 = 4.0;
+
+/// Rate of a velocity record, Hz.
+pub const RECORD_HZ: f64 = 10_000.0;
+
+/// PWM periods between two samples of a velocity record on `board`, at [`RECORD_HZ`] or as near as the periods allow.
+#[must_use]
+pub fn record_periods(board: &BoardConfig) -> u32 {
+    (1.0 / (RECORD_HZ * board.pwm_period_s())).round().max(1.0) as u32
+}
+
+/// Velocity ripple factor, %, of a fresh drive at `point`: true table velocity, [`RECORD_S`] long, no filter.
+///
+/// # Errors
+/// [`ExperimentError`] if the drive cannot be configured or does not reach the point.
+pub fn ripple_percent(setup: &Setup, point: OperatingPoint) -> Result<f64, ExperimentError> {
+    let mut drive = setup.drive()?;
+    settle_quietly(&mut drive, point)?;
+    let periods = record_periods(&setup.board);
+    let velocities = table_velocities(&mut drive, RECORD_S, periods, |_| Ok::<(), ExperimentError>(()))?;
+    Ok(vrf_percent(&velocities, point.velocity))
+}
+
+/// Turns what the drive knows into rows of a recording.
+#[derive(Debug, Default)]
+pub struct Recorder {
+    turns: [i64; 2],
+    before: [Option<u32>; 2],
+}
+
+impl Recorder {
+    /// One row, of the last period of `drive`. Call it at least twice a turn of the fastest motor.
+    pub fn row(&mut self, drive: &mut Drive) -> Sample {
+        let config = *drive.board.config();
+        let axes = Axis::ALL.map(|axis| {
+            let (sample, voltage) = (drive.sample(axis), drive.ended_voltage(axis));
+            let speed = drive.speed();
+            let k = axis.index();
+            let pole_pairs = f64::from(drive.pole_pairs(axis));
+            let amps = |counts: u16| {
+                (f64::from(counts) - config.sensors.current.zero) * config.sensors.current.per_count
+            };
+            AxisSample {
+                angle_rad: self.unwrap(k, sample.encoder, config.sensors.encoder_counts),
+                ia_a: amps(sample.current[0]),
+                ib_a: amps(sample.current[1]),
+                ud_v: voltage.d.to_num(),
+                uq_v: voltage.q.to_num(),
+                iq_ref_a: speed.current[k].i_q.to_num(),
+                speed_ref_rad_s: speed.speed[k].omega_e.to_num::<f64>() / pole_pairs,
+            }
+        });
+        Sample {
+            time_s: drive.periods() as f64 * config.pwm_period_s(),
+            axes,
+            table_position_m: drive.board.scale_counts() as f64 * config.sensors.scale_count_m,
+        }
+    }
+
+    /// Many-turn angle, rad, of the encoder of motor `k`.
+    fn unwrap(&mut self, k: usize, counts: u32, per_turn: u32) -> f64 {
+        if let Some(before) = self.before[k] {
+            let step = i64::from(counts) - i64::from(before);
+            let half = i64::from(per_turn) / 2;
+            self.turns[k] += i64::from(step < -half) - i64::from(step > half);
+        }
+        self.before[k] = Some(counts);
+        (self.turns[k] as f64 + f64::from(counts) / f64::from(per_turn)) * TAU
+    }
+}

@@ -1,0 +1,20 @@
+//! The board's peripherals on the simulated machine, and the drive on that board.
+//!
+//! - [`sensors`]: what measures the machine: resolution, range, noise.
+//! - [`board`]: timers, bridges, ADCs, encoders, break inputs: the raw seam, stepped from one counter turn to the next.
+//! - [`plates`]: the plate data that the control code gets for a model of a machine.
+//! - [`drive`]: the control code on the board, with the interrupts' order and rates.
+//! - [`experiment`]: profiles, records, and what is measured on them.
+//! - [`vrf`], [`response`], [`analytic`]: velocity ripple, measured sensitivity, and the paper's own formulas.
+//!
+//! One thread, one seed: the same call gives the same bits.
+#![forbid(unsafe_code)]
+
+pub mod analytic;
+pub mod board;
+pub mod drive;
+pub mod experiment;
+pub mod plates;
+pub mod response;
+pub mod sensors;
+pub mod vrf;

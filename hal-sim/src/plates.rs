@@ -1,0 +1,99 @@
+//! The plate data that the control code gets for a model of a machine.
+
+use crate::board::BoardConfig;
+use control::plate::{BoardPlate, DrivePlate, EncoderPlate, FeedPlate, MotorPlate, Tuning};
+use control::sense::Shunts;
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+
+/// The paper's tuning (Table 1, `xi` = 0.7) with an observer of 1000 rad/s.
+pub const PAPER_TUNING: Tuning = Tuning {
+    damping: 0.7,
+    current_rad_s: 3000.0,
+    speed_rad_s: 200.0,
+    observer_rad_s: 1000.0,
+    observer_damping: 0.7,
+};
+
+/// Rated speed of the paper's motors, rpm.
+pub const PAPER_SPEED_RPM: f64 = 3000.0;
+
+/// Twice the rated torque of the paper's motors, N m.
+pub const PAPER_TORQUE_NM: f64 = 2.6;
+
+/// The tuning whose observer is deadbeat: with a fine encoder it adds no lag but half a sample.
+#[must_use]
+pub fn deadbeat(tuning: Tuning, board: &BoardConfig) -> Tuning {
+    Tuning {
+        observer_rad_s: 1.0 / board.pwm_period_s(),
+        observer_damping: 0.5,
+        ..tuning
+    }
+}
+
+/// Plate data of the drive for `model` on a board of `board`.
+///
+/// The inertia is what each motor moves: lumped, the model's own `J_M`; coupled, the motor's plus the table's mass
+/// through the lead.
+#[must_use]
+pub fn plates(
+    model: &Model,
+    coupling: Coupling,
+    board: &BoardConfig,
+    tuning: Tuning,
+) -> DrivePlate {
+    let r = model.feed.travel_per_radian();
+    let table = match coupling {
+        Coupling::Lumped => 0.0,
+        Coupling::Coupled => model.feed.table_mass_kg * r * r,
+    };
+    let motor = |axis: Axis| {
+        let motor = model.motor(axis);
+        MotorPlate {
+            resistance_ohm: motor.resistance_ohm,
+            inductance_h: motor.inductance_h,
+            pole_pairs: motor.pole_pairs,
+            flux_wb: motor.flux_wb,
+            inertia_kg_m2: motor.inertia_kg_m2 + table,
+            speed_max_rpm: PAPER_SPEED_RPM,
+            torque_max_nm: PAPER_TORQUE_NM,
+            encoder: EncoderPlate {
+                counts_per_turn: board.sensors.encoder_counts,
+                theta_e_at_zero_turns: 0.0,
+            },
+        }
+    };
+    DrivePlate {
+        motors: [motor(Axis::Screw), motor(Axis::Nut)],
+        board: BoardPlate {
+            timer_hz: board.timer_hz,
+            pwm_hz: board.pwm_hz,
+            speed_divider: speed_divider(board.pwm_hz),
+            shunts: Shunts::Two,
+            amps_per_count: board.sensors.current.per_count,
+            zero_counts: board.sensors.current.zero,
+            bus_volts_per_count: board.sensors.bus.per_count,
+            adc_counts: board.sensors.current.counts.max(board.sensors.bus.counts),
+            bus_min_v: 0.1 * board.bus_v,
+            dead_time_s: board.dead_time_s,
+            dead_time_fade_a: 0.05,
+            measure_zeros: board.measure_zeros,
+            min_on_time_s: 1e-6,
+        },
+        tuning,
+        feed: FeedPlate {
+            lead_m: model.feed.lead_m,
+            velocity_max: 0.1,
+            acceleration_max: 0.25,
+            jerk_max: 10.0,
+            base_acceleration_max: 700.0,
+            base_jerk_max: 20_000.0,
+        },
+    }
+}
+
+/// Current-loop periods per speed step: 5 kHz, or the nearest that divides the PWM frequency.
+fn speed_divider(pwm_hz: f64) -> u32 {
+    (pwm_hz / 5000.0).round().clamp(1.0, 64.0) as u32
+}

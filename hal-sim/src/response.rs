@@ -1,0 +1,57 @@
+//! The sensitivity `S` of the simulated drive, measured as one would on a machine: a sine torque in, a speed out.
+
+use crate::experiment::{ExperimentError, OperatingPoint, Setup, settle_quietly};
+use plant::Axis;
+use rustfft::num_complex::Complex64;
+use std::f64::consts::TAU;
+
+/// Amplitude of the injected torque, N m: large against the sensors' resolution, small against the torque limit.
+const TORQUE_NM: f64 = 0.1;
+
+/// Least time that is measured at each frequency, s.
+const MEASURE_S: f64 = 0.25;
+
+/// `S` of the screw's motor at `omega` rad/s: electrical speed per torque, rad/s per N m, phase included.
+///
+/// The model's own torque harmonics are left out, and the motors turn at `base` mechanical rad/s.
+///
+/// # Errors
+/// [`ExperimentError`] if the drive cannot be configured or does not reach `base`.
+pub fn measure(setup: &Setup, base: f64, omega: f64) -> Result<Complex64, ExperimentError> {
+    let mut setup = setup.clone();
+    for axis in Axis::ALL {
+        setup.model.motor_mut(axis).torque_harmonics.clear();
+    }
+    let mut drive = setup.drive()?;
+    settle(
+        &mut drive,
+        OperatingPoint {
+            velocity: 0.0,
+            base,
+        },
+    )?;
+    let half_s = setup.board.pwm_period_s() / 2.0;
+    let p = f64::from(setup.model.screw.pole_pairs);
+
+    let cycles = (MEASURE_S * omega / TAU).ceil().max(2.0);
+    let measured = (cycles * TAU / omega / (2.0 * half_s)).round() as usize;
+    // Transients of the loops are gone after 0.1 s; a slow sine needs a cycle of its own.
+    let before = ((0.1f64).max(TAU / omega) / (2.0 * half_s)) as usize;
+    let (mut sum, mut sum_of_reference, mut mean) = (Complex64::ZERO, Complex64::ZERO, 0.0);
+    for k in 0..before + measured {
+        // Two half periods; the torque of each is the sine at its middle.
+        let t = 2.0 * half_s * k as f64;
+        drive.period_with(|machine, half| {
+            let at = t + half_s * (half as f64 + 0.5);
+            machine.set_disturbance_torque(Axis::Screw, TORQUE_NM * (omega * at).cos());
+        });
+        if k >= before {
+            let phasor = Complex64::cis(-omega * (t + 2.0 * half_s));
+            let speed = p * drive.board.machine.motor(Axis::Screw).omega;
+            sum += phasor * speed;
+            sum_of_reference += phasor;
+            mean += speed / measured as f64;
+        }
+    }
+    Ok((sum - sum_of_reference * mean) * (2.0 / measured as f64 / TORQUE_NM))
+}

@@ -1,0 +1,173 @@
+//! What measures the machine: resolution, range, noise.
+
+use plant::model::SensingModel;
+use rand_distr::{Distribution, StandardNormal};
+use rand_xoshiro::Xoshiro256PlusPlus;
+
+/// An analogue-to-digital converter with what stands before it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Adc {
+    /// Counts of its range; readings are 0 to `counts - 1`.
+    pub counts: u32,
+    /// Units (A or V) of one count.
+    pub per_count: f64,
+    /// Counts at zero.
+    pub zero: f64,
+    /// Standard deviation of its noise, counts.
+    pub noise: f64,
+}
+
+impl Adc {
+    /// A bipolar converter of `bits` bits over ±`range`.
+    #[must_use]
+    pub fn bipolar(bits: u32, range: f64, noise_counts: f64) -> Self {
+        let counts = 1u32 << bits;
+        Self {
+            counts,
+            per_count: 2.0 * range / f64::from(counts),
+            zero: f64::from(counts) / 2.0,
+            noise: noise_counts,
+        }
+    }
+
+    /// A unipolar converter of `bits` bits over 0 to `range`.
+    #[must_use]
+    pub fn unipolar(bits: u32, range: f64, noise_counts: f64) -> Self {
+        let counts = 1u32 << bits;
+        Self {
+            counts,
+            per_count: range / f64::from(counts),
+            zero: 0.0,
+            noise: noise_counts,
+        }
+    }
+
+    /// One conversion of `value`: rounded, and cut at the ends of the range.
+    pub fn convert(&self, value: f64, random: &mut Xoshiro256PlusPlus) -> u16 {
+        let noise = if self.noise > 0.0 {
+            let unit: f64 = StandardNormal.sample(random);
+            unit * self.noise
+        } else {
+            0.0
+        };
+        let counts = value / self.per_count + self.zero + noise;
+        // A float-to-integer cast saturates, and makes 0 of NaN.
+        (counts + 0.5).clamp(0.0, f64::from(self.counts - 1)) as u16
+    }
+}
+
+/// The sensors of both motors and of the table.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sensors {
+    /// Motor encoders, counts a turn.
+    pub encoder_counts: u32,
+    /// Phase currents.
+    pub current: Adc,
+    /// Bus voltage.
+    pub bus: Adc,
+    /// One count of the table's scale, m.
+    pub scale_count_m: f64,
+    /// Standard deviation of the scale's noise, m.
+    pub scale_noise_m: f64,
+}
+
+/// Full scale of the bus divider, V.
+const BUS_RANGE_V: f64 = 450.0;
+
+impl Sensors {
+    /// So fine that they add nothing: 30-bit encoders, 16-bit converters without noise.
+    #[must_use]
+    pub fn ideal() -> Self {
+        Self {
+            encoder_counts: 1 << 30,
+            current: Adc::bipolar(16, 5.0, 0.0),
+            bus: Adc::unipolar(16, BUS_RANGE_V, 0.0),
+            scale_count_m: 1e-12,
+            scale_noise_m: 0.0,
+        }
+    }
+
+    /// A good drive's: 20-bit encoders, 12-bit converters over ±5 A with half a count of noise.
+    #[must_use]
+    pub fn real() -> Self {
+        Self {
+            encoder_counts: 1 << 20,
+            current: Adc::bipolar(12, 5.0, 0.5),
+            bus: Adc::unipolar(12, BUS_RANGE_V, 0.5),
+            scale_count_m: 1e-9,
+            scale_noise_m: 1e-9,
+        }
+    }
+
+    /// What a model file declares. Its current count sets the range of a 12-bit converter.
+    #[must_use]
+    pub fn declared(sensing: &SensingModel) -> Self {
+        let current = if sensing.current_lsb_a > 0.0 {
+            Adc::bipolar(
+                12,
+                sensing.current_lsb_a * 2048.0,
+                sensing.current_noise_a / sensing.current_lsb_a,
+            )
+        } else {
+            Self::ideal().current
+        };
+        Self {
+            encoder_counts: sensing.encoder_counts_per_turn,
+            current,
+            scale_noise_m: sensing.table_noise_m,
+            ..Self::real()
+        }
+    }
+}
+
+/// Encoder counts at a shaft angle in rad, modulo a turn.
+#[must_use]
+pub fn encoder_counts(angle: f64, counts_per_turn: u32) -> u32 {
+    let turns = angle / std::f64::consts::TAU;
+    let counts = (turns - turns.floor()) * f64::from(counts_per_turn);
+    // A fraction just below one may round up to the whole turn.
+    (counts as u32).min(counts_per_turn - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use rand_xoshiro::rand_core::SeedableRng;
+
+    #[test]
+    fn a_converter_rounds_saturates_and_survives_nonsense() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+        let adc = Adc::bipolar(12, 5.0, 0.0);
+        let mut counts = |amps| adc.convert(amps, &mut random);
+        assert_eq!(counts(0.0), 2048);
+        assert_eq!(counts(0.6 * 10.0 / 4096.0), 2049);
+        assert_eq!(counts(5.1), 4095);
+        assert_eq!(counts(-5.1), 0);
+        assert_eq!(counts(f64::NAN), 0);
+    }
+
+    #[test]
+    fn noise_has_its_standard_deviation() {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
+        let adc = Adc::bipolar(12, 5.0, 3.0);
+        let n = 20_000;
+        let squares: f64 = (0..n)
+            .map(|_| (f64::from(adc.convert(0.0, &mut random)) - 2048.0).powi(2))
+            .sum();
+        assert!(((squares / f64::from(n)).sqrt() - 3.0).abs() < 0.1);
+    }
+
+    #[test]
+    fn an_encoder_wraps_both_ways() {
+        let turn = std::f64::consts::TAU;
+        for (angle, counts) in [
+            (0.0, 0),
+            (0.26 * turn, 260),
+            (-0.26 * turn, 740),
+            (7.0005 * turn, 0),
+            (-1e-18, 999),
+        ] {
+            assert_eq!(encoder_counts(angle, 1000), counts);
+        }
+    }
+}
