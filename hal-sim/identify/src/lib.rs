@@ -6,6 +6,7 @@ pub mod balance;
 pub mod channel;
 mod conclusion;
 pub mod design;
+pub mod emps;
 pub mod fourier;
 pub mod hypothesis;
 pub mod html;
