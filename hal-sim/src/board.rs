@@ -6,6 +6,7 @@
 
 use crate::sensors::{Sensors, encoder_counts};
 use control::current_loop::{MotorSample, PwmCommand};
+use control::sense::Shunts;
 use plant::Axis;
 use plant::machine::{Bridge, Coupling, Machine};
 use plant::model::Model;
@@ -28,6 +29,8 @@ pub struct BoardConfig {
     pub break_a: f64,
     /// What measures the machine.
     pub sensors: Sensors,
+    /// Which phases have a current sensor.
+    pub shunts: Shunts,
     /// The drive measures its current zeros before it starts, which hides a constant offset from it.
     pub measure_zeros: bool,
     /// Integration steps per half PWM period.
@@ -37,7 +40,7 @@ pub struct BoardConfig {
 }
 
 impl Default for BoardConfig {
-    /// 170 MHz, 20 kHz, 310 V, no dead time, real sensors, nominal current zeros, one integration step per half period.
+    /// 170 MHz, 20 kHz, 310 V, no dead time, two shunts, real sensors, nominal current zeros, one integration step per half period.
     fn default() -> Self {
         Self {
             timer_hz: 170e6,
@@ -46,6 +49,7 @@ impl Default for BoardConfig {
             dead_time_s: 0.0,
             break_a: 8.0,
             sensors: Sensors::real(),
+            shunts: Shunts::Two,
             measure_zeros: false,
             substeps: 1,
             seed: 1,

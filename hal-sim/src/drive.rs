@@ -57,7 +57,7 @@ impl Drive {
             },
             current_loops: config.current_loops.map(CurrentLoop::new),
             speed_task: SpeedTask::new(&config),
-            exchanges: [MotorExchange::new(), MotorExchange::new()],
+            exchanges: [(); 2].map(|()| MotorExchange::new(config.speed_divider)),
             estimates: [MotorEstimate::default(); 2],
             compares: [PwmCommand::default(); 2],
             samples: [MotorSample::default(); 2],

@@ -2,7 +2,7 @@
 
 use crate::board::BoardConfig;
 use crate::drive::Drive;
-use crate::plates::{PAPER_TUNING, deadbeat, plates};
+use crate::plates::{PAPER_TUNING, RECORDED_TUNING, deadbeat, plates};
 use crate::sensors::Sensors;
 use crate::vrf::vrf_percent;
 use control::coordinator::CommandError;
@@ -22,7 +22,7 @@ pub const RPM: f64 = TAU / 60.0;
 #[derive(Debug, thiserror::Error)]
 pub enum ExperimentError {
     /// A gain of the machine's plate data does not fit the drive's formats.
-    #[error("the drive cannot be configured for this machine: {0}")]
+    #[error("the drive cannot be configured for this machine")]
     Misfit(#[from] Misfit),
     /// The feed or a motor may not move as fast as asked.
     #[error("{0}")]
@@ -51,7 +51,7 @@ impl From<CommandError> for ExperimentError {
 }
 
 /// A machine, the board and the tuning of its drive.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// The machine.
     pub model: Model,
@@ -90,7 +90,7 @@ impl Setup {
         }
     }
 
-    /// `model` with the sensors that its file declares.
+    /// `model` with the sensors that its file declares, on a drive as the shared recordings were made with.
     #[must_use]
     pub fn declared(model: Model, coupling: Coupling) -> Self {
         let board = BoardConfig {
@@ -102,7 +102,7 @@ impl Setup {
             model,
             coupling,
             board,
-            tuning: PAPER_TUNING,
+            tuning: RECORDED_TUNING,
         }
     }
 
@@ -150,14 +150,20 @@ pub fn settle<E: From<ExperimentError>>(
     point: OperatingPoint,
     mut each: impl FnMut(&mut Drive) -> Result<(), E>,
 ) -> Result<(), E> {
-    drive.command(point.velocity, point.base).map_err(ExperimentError::from)?;
+    drive
+        .command(point.velocity, point.base)
+        .map_err(ExperimentError::from)?;
     let period_s = drive.board.config().pwm_period_s();
     let (settle, reach) = ((SETTLE_S / period_s) as u64, (REACH_S / period_s) as u64);
     let mut steady = 0;
     for _ in 0..reach {
         drive.period();
         each(drive)?;
-        steady = if drive.state() == State::Running && drive.arrived() { steady + 1 } else { 0 };
+        steady = if drive.state() == State::Running && drive.arrived() {
+            steady + 1
+        } else {
+            0
+        };
         if steady >= settle {
             return Ok(());
         }
@@ -189,7 +195,8 @@ pub fn table_velocities<E>(
     periods: u32,
     mut each: impl FnMut(&mut Drive) -> Result<(), E>,
 ) -> Result<Vec<f64>, E> {
-    let samples = (seconds / (drive.board.config().pwm_period_s() * f64::from(periods))).round() as usize;
+    let samples =
+        (seconds / (drive.board.config().pwm_period_s() * f64::from(periods))).round() as usize;
     let mut velocities = Vec::with_capacity(samples);
     for _ in 0..samples {
         for _ in 0..periods {
@@ -221,7 +228,9 @@ pub fn ripple_percent(setup: &Setup, point: OperatingPoint) -> Result<f64, Exper
     let mut drive = setup.drive()?;
     settle_quietly(&mut drive, point)?;
     let periods = record_periods(&setup.board);
-    let velocities = table_velocities(&mut drive, RECORD_S, periods, |_| Ok::<(), ExperimentError>(()))?;
+    let velocities = table_velocities(&mut drive, RECORD_S, periods, |_| {
+        Ok::<(), ExperimentError>(())
+    })?;
     Ok(vrf_percent(&velocities, point.velocity))
 }
 

@@ -5,6 +5,7 @@
 //! - [`plates`]: the plate data that the control code gets for a model of a machine.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`experiment`]: profiles, records, and what is measured on them.
+//! - [`replay`]: a recording driven again, beside what was recorded.
 //! - [`vrf`], [`response`], [`analytic`]: velocity ripple, measured sensitivity, and the paper's own formulas.
 //!
 //! One thread, one seed: the same call gives the same bits.
@@ -15,6 +16,7 @@ pub mod board;
 pub mod drive;
 pub mod experiment;
 pub mod plates;
+pub mod replay;
 pub mod response;
 pub mod sensors;
 pub mod vrf;

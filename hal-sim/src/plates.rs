@@ -2,18 +2,27 @@
 
 use crate::board::BoardConfig;
 use control::plate::{BoardPlate, DrivePlate, EncoderPlate, FeedPlate, MotorPlate, Tuning};
-use control::sense::Shunts;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 
-/// The paper's tuning (Table 1, `xi` = 0.7) with an observer of 1000 rad/s.
+/// The paper's tuning (Table 1, `xi` = 0.7) with an observer of 1000 rad/s. The paper has no observer; a damping of 0.9
+/// is where the ripple of independently computed loops with such an observer is met at all four nut speeds.
 pub const PAPER_TUNING: Tuning = Tuning {
     damping: 0.7,
     current_rad_s: 3000.0,
     speed_rad_s: 200.0,
     observer_rad_s: 1000.0,
+    observer_damping: 0.9,
+};
+
+/// The tuning of the drives that made the shared recordings. They declare the paper's gains and leave their speed
+/// estimation open; this observer meets the ripple of the clean ones in every hold within 10 %, where 1000 rad/s misses
+/// by up to 18 %.
+pub const RECORDED_TUNING: Tuning = Tuning {
+    observer_rad_s: 1500.0,
     observer_damping: 0.7,
+    ..PAPER_TUNING
 };
 
 /// Rated speed of the paper's motors, rpm.
@@ -58,6 +67,7 @@ pub fn plates(
             inertia_kg_m2: motor.inertia_kg_m2 + table,
             speed_max_rpm: PAPER_SPEED_RPM,
             torque_max_nm: PAPER_TORQUE_NM,
+            current_gains: [1.0; 3],
             encoder: EncoderPlate {
                 counts_per_turn: board.sensors.encoder_counts,
                 theta_e_at_zero_turns: 0.0,
@@ -70,14 +80,14 @@ pub fn plates(
             timer_hz: board.timer_hz,
             pwm_hz: board.pwm_hz,
             speed_divider: speed_divider(board.pwm_hz),
-            shunts: Shunts::Two,
+            shunts: board.shunts,
             amps_per_count: board.sensors.current.per_count,
             zero_counts: board.sensors.current.zero,
             bus_volts_per_count: board.sensors.bus.per_count,
             adc_counts: board.sensors.current.counts.max(board.sensors.bus.counts),
             bus_min_v: 0.1 * board.bus_v,
             dead_time_s: board.dead_time_s,
-            dead_time_fade_a: 0.05,
+            dead_time_fade_a: 0.02,
             measure_zeros: board.measure_zeros,
             min_on_time_s: 1e-6,
         },

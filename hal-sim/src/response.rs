@@ -23,7 +23,7 @@ pub fn measure(setup: &Setup, base: f64, omega: f64) -> Result<Complex64, Experi
         setup.model.motor_mut(axis).torque_harmonics.clear();
     }
     let mut drive = setup.drive()?;
-    settle(
+    settle_quietly(
         &mut drive,
         OperatingPoint {
             velocity: 0.0,

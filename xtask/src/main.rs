@@ -20,7 +20,7 @@ struct Arguments {
 #[derive(Subcommand)]
 enum Task {
     /// Run the drive on a simulated machine and report how smoothly the table moves.
-    Simulate(simulate::Options),
+    Simulate(Box<simulate::Options>),
     /// Measure the project against its goals.
     Bench {
         #[command(subcommand)]

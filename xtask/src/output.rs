@@ -33,9 +33,12 @@ impl Folder {
     pub fn put(&self, name: &str, write: impl FnOnce(&Path) -> Result<()>) -> Result<()> {
         // The ending stays: it says how the file is packed.
         let partial = self.path(&format!("partial-{name}"));
-        write(&partial)
-            .and_then(|()| Ok(fs::rename(&partial, self.path(name))?))
-            .with_context(|| format!("{} was not written", self.path(name).display()))
+        let written = write(&partial).and_then(|()| Ok(fs::rename(&partial, self.path(name))?));
+        if written.is_err() {
+            // It may not be there; the error that is told is the first one.
+            let _ = fs::remove_file(&partial);
+        }
+        written.with_context(|| format!("{} was not written", self.path(name).display()))
     }
 
     /// Writes a text.

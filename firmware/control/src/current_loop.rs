@@ -4,6 +4,7 @@
 //! and act for one period, so on average one and a half periods after the sample. The voltage is turned forward by
 //! the angle that the rotor gains in that time.
 
+use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig};
 use crate::format::{Angle, Current, Voltage};
 use crate::modulation::ModulationConfig;
 use crate::observer::{Motion, Observer, ObserverConfig};
@@ -20,6 +21,8 @@ pub struct CurrentLoopConfig {
     pub bus: BusSense,
     /// Encoder counts to angle and speed.
     pub observer: ObserverConfig,
+    /// Whether the encoder is alive.
+    pub encoder_watch: EncoderWatchConfig,
     /// Current error to voltage.
     pub regulator: RegulatorConfig,
     /// Voltage to compare values.
@@ -92,6 +95,8 @@ pub struct MotorEstimate {
     pub voltage_limited: bool,
     /// The break input has stopped the bridge.
     pub broken: bool,
+    /// The encoder's count stands while the shaft turns: the bridge is off.
+    pub encoder_stuck: bool,
     /// How far the offset calibration is.
     pub calibration: Calibration,
 }
@@ -113,6 +118,7 @@ const ZERO_TOLERANCE: i32 = 256 * 16;
 pub struct CurrentLoop {
     config: CurrentLoopConfig,
     observer: Observer,
+    encoder_watch: EncoderWatch,
     regulator: Regulator,
     zeros: ZeroCalibration,
     calibration: Calibration,
@@ -125,6 +131,7 @@ impl CurrentLoop {
         Self {
             config,
             observer: Observer::new(),
+            encoder_watch: EncoderWatch::new(),
             regulator: Regulator::new(),
             zeros: ZeroCalibration::new(),
             calibration: if config.measure_zeros {
@@ -157,7 +164,15 @@ impl CurrentLoop {
             calibration: self.calibration,
             ..MotorEstimate::default()
         };
-        if reference.mode != Mode::Drive || sample.broken {
+        let drive = reference.mode == Mode::Drive;
+        estimate.encoder_stuck = drive
+            && self
+                .encoder_watch
+                .stuck(&config.encoder_watch, sample.encoder, motion.theta_step);
+        if !drive {
+            self.encoder_watch = EncoderWatch::new();
+        }
+        if !drive || sample.broken || estimate.encoder_stuck {
             self.regulator = Regulator::new();
             if reference.mode == Mode::Calibrate && self.calibration == Calibration::Pending {
                 self.calibrate(sample.current);

@@ -63,7 +63,11 @@ impl Angle {
     #[must_use]
     pub const fn from_turns(turns: f64) -> Self {
         // The cast saturates at 2^63; angles of a plate are a few turns.
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        #[allow(
+            clippy::cast_possible_truncation,
+            clippy::cast_sign_loss,
+            clippy::float_arithmetic
+        )]
         Self((turns * 4_294_967_296.0) as i64 as u32)
     }
 
@@ -183,6 +187,7 @@ impl core::error::Error for Misfit {}
 ///
 /// # Errors
 /// [`Misfit`] if the value is not finite, too large for the format, or too small to be resolved.
+#[allow(clippy::float_arithmetic)]
 pub const fn quantise(
     name: &'static str,
     unit: &'static str,

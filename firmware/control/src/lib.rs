@@ -6,6 +6,7 @@
 //! | --- | --- | --- |
 //! | ADC counts -> phase currents, bus voltage | [`sense`] | each PWM period |
 //! | encoder counts -> `theta_e`, `omega_e` | [`observer`] | each PWM period |
+//! | is the encoder alive? | [`encoder_watch`] | each PWM period |
 //! | phases -> d, q and back | [`transform`] | each PWM period |
 //! | PI in d and q, voltage limit, anti-windup | [`regulator`] | each PWM period |
 //! | phase voltages -> timer compare values | [`modulation`] | each PWM period |
@@ -25,6 +26,7 @@
 #![forbid(unsafe_code)]
 #![deny(
     clippy::arithmetic_side_effects,
+    clippy::float_arithmetic,
     clippy::indexing_slicing,
     clippy::unwrap_used,
     clippy::expect_used,
@@ -34,6 +36,7 @@
     test,
     allow(
         clippy::arithmetic_side_effects,
+        clippy::float_arithmetic,
         clippy::indexing_slicing,
         clippy::unwrap_used,
         clippy::panic
@@ -45,10 +48,12 @@ extern crate std;
 
 pub mod coordinator;
 pub mod current_loop;
+pub mod encoder_watch;
 pub mod exchange;
 pub mod format;
 pub mod modulation;
 pub mod observer;
+#[allow(clippy::float_arithmetic)]
 pub mod plate;
 pub mod profile;
 pub mod regulator;

@@ -79,6 +79,8 @@ pub struct Motion {
     pub theta: Angle,
     /// Electrical angle.
     pub theta_e: Angle,
+    /// Mechanical angle gained each sample, 2^-32 turn.
+    pub theta_step: i32,
     /// Electrical angle gained each sample, 2^-32 turn.
     pub theta_e_step: i32,
     /// Electrical speed, rad/s.
@@ -137,6 +139,7 @@ impl Observer {
         Motion {
             theta,
             theta_e: theta.times(config.pole_pairs).plus(config.theta_e_offset),
+            theta_step: coarse,
             theta_e_step: coarse.saturating_mul(config.pole_pairs.cast_signed()),
             omega_e: narrow_bits(
                 i64::from(fine).saturating_mul(i64::from(config.omega_multiplier)),
@@ -187,6 +190,34 @@ mod tests {
             let omega_e = rpm / 60.0 * core::f64::consts::TAU * 5.0;
             // One count of quantisation, seen through beta, is beta * 2pi * p / (2^20 * T) rad/s.
             prop_assert!((motion.omega_e.to_num::<f64>() - omega_e).abs() < 0.005 * omega_e.abs() + 0.1);
+        }
+
+        #[test]
+        fn agrees_with_the_law_in_floats(
+            counts in prop::collection::vec(0u32..1 << 20, 1..120),
+            alpha in 0.01..1.0f64,
+            part in 0.01..1.0f64,
+        ) {
+            let (alpha, beta) = (Ratio::from_num(alpha), Ratio::from_num(part * alpha * alpha));
+            let config = ObserverConfig { alpha, beta, ..config(1 << 20) };
+            let (alpha, beta) = (alpha.to_num::<f64>(), beta.to_num::<f64>());
+            let mut observer = Observer::default();
+            let (mut angle, mut speed) = (f64::from(counts[0]) / f64::from(1 << 20), 0.0f64);
+            for count in counts {
+                let motion = observer.step(&config, count);
+                let predicted = angle + speed;
+                let error = f64::from(count) / f64::from(1 << 20) - predicted;
+                // A jump of half a turn has no short way round.
+                prop_assume!((error - error.floor() - 0.5).abs() > 1e-4);
+                let error = error - error.round();
+                angle = predicted + alpha * error;
+                speed = (speed + beta * error).clamp(-1.0 / 16.0, 1.0 / 16.0);
+                let omega_e = speed * core::f64::consts::TAU * 5.0 / 50e-6;
+                let off = f64::from(motion.theta.0) / 2f64.powi(32) - angle;
+                prop_assert!((off - off.round()).abs() < 1e-6, "angle off by {off}");
+                let exact = omega_e.clamp(-32_768.0, 32_767.99);
+                prop_assert!((motion.omega_e.to_num::<f64>() - exact).abs() < 0.02 + 1e-6 * exact.abs());
+            }
         }
 
         #[test]

@@ -5,6 +5,7 @@
 
 use crate::coordinator::CoordinatorConfig;
 use crate::current_loop::CurrentLoopConfig;
+use crate::encoder_watch::EncoderWatchConfig;
 use crate::format::{
     Current, Impedance, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity, quantise,
 };
@@ -44,6 +45,8 @@ pub struct MotorPlate {
     pub speed_max_rpm: f64,
     /// Largest torque, N m: limits the `i_q` reference.
     pub torque_max_nm: f64,
+    /// Gains of its current channels a, b, c relative to the board's: 1 where they are not calibrated.
+    pub current_gains: [f64; 3],
     /// The encoder on its shaft.
     pub encoder: EncoderPlate,
 }
@@ -235,27 +238,37 @@ impl BoardPlate {
         })
     }
 
-    const fn current_sense(&self) -> Result<CurrentSense, Misfit> {
+    const fn current_sense(&self, gains: [f64; 3]) -> Result<CurrentSense, Misfit> {
+        let [a, b, c] = gains;
+        Ok(CurrentSense {
+            shunts: self.shunts,
+            channels: [
+                attempt!(self.current_channel(a)),
+                attempt!(self.current_channel(b)),
+                attempt!(self.current_channel(c)),
+            ],
+        })
+    }
+
+    const fn current_channel(&self, gain: f64) -> Result<CurrentChannel, Misfit> {
+        attempt!(within("gain of a current channel", "", gain, 0.5, 2.0));
+        let amps_per_count = self.amps_per_count * gain;
         attempt!(within(
             "ADC full scale",
             "A",
-            self.adc_counts as f64 * self.amps_per_count,
+            self.adc_counts as f64 * amps_per_count,
             0.0,
             2048.0
         ));
-        let channel = CurrentChannel {
+        Ok(CurrentChannel {
             #[allow(clippy::cast_possible_truncation)]
             zero_sixteenths: (self.zero_counts * 16.0) as i32,
             gain: Ratio::from_bits(attempt!(quantise(
                 "current gain",
                 "A/16th count",
-                self.amps_per_count / 16.0,
+                amps_per_count / 16.0,
                 30
             ))),
-        };
-        Ok(CurrentSense {
-            shunts: self.shunts,
-            channels: [channel; 3],
         })
     }
 
@@ -314,9 +327,10 @@ impl MotorPlate {
         let gains = self.gains(&drive.tuning);
         attempt!(positive("current-loop gain Kpc (Eq 9)", "V/A", gains.k_pc));
         Ok(CurrentLoopConfig {
-            sense: attempt!(board.current_sense()),
+            sense: attempt!(board.current_sense(self.current_gains)),
             bus: attempt!(board.bus_sense()),
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
+            encoder_watch: self.encoder_watch(&drive.tuning),
             regulator: RegulatorConfig {
                 k_pc: Impedance::from_bits(attempt!(quantise("Kpc (Eq 9)", "V/A", gains.k_pc, 20))),
                 k_ic_step: Impedance::from_bits(attempt!(quantise(
@@ -336,6 +350,21 @@ impl MotorPlate {
             modulation: attempt!(board.modulation()),
             measure_zeros: board.measure_zeros,
         })
+    }
+
+    /// Twice what a reversal at full torque lets the observer turn within one count (see
+    /// [`encoder_watch`](crate::encoder_watch)), and four counts.
+    const fn encoder_watch(&self, tuning: &Tuning) -> EncoderWatchConfig {
+        let count = TAU / self.encoder.counts_per_turn as f64;
+        let acceleration = self.torque_max_nm / self.inertia_kg_m2;
+        let lag = 2.0 * tuning.observer_damping * acceleration / tuning.observer_rad_s;
+        let stands = 2.0 * square_root(2.0 * count / acceleration);
+        let turns = (2.0 * lag * stands + 4.0 * count) / TAU;
+        // The cast saturates; a turn or more never fires.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        EncoderWatchConfig {
+            travel_max: (turns * 4_294_967_296.0) as u32,
+        }
     }
 
     const fn observer(&self, tuning: &Tuning, sample_time: f64) -> Result<ObserverConfig, Misfit> {
@@ -534,6 +563,21 @@ impl DrivePlate {
     }
 }
 
+/// Square root by Newton's method, for configuration; 0 of what has none.
+const fn square_root(x: f64) -> f64 {
+    if !(x > 0.0 && x < f64::MAX) {
+        return 0.0;
+    }
+    let mut root = if x > 1.0 { x } else { 1.0 };
+    let mut step = 0u32;
+    // Halves down to the root's size first: 600 steps are enough for any f64.
+    while step < 600 {
+        root = 0.5 * (root + x / root);
+        step = step.saturating_add(1);
+    }
+    root
+}
+
 const fn within(
     name: &'static str,
     unit: &'static str,
@@ -576,6 +620,7 @@ mod tests {
             inertia_kg_m2: 7.2e-4,
             speed_max_rpm: 3000.0,
             torque_max_nm: 2.6,
+            current_gains: [1.0; 3],
             encoder: EncoderPlate {
                 counts_per_turn: 1 << 20,
                 theta_e_at_zero_turns: 0.0,
@@ -626,6 +671,7 @@ mod tests {
             inertia_kg_m2: 7.2e-4,
             speed_max_rpm: 3000.0,
             torque_max_nm: 2.6,
+            current_gains: [1.0; 3],
             encoder: EncoderPlate {
                 counts_per_turn: 10_000,
                 theta_e_at_zero_turns: 0.25,
@@ -707,6 +753,10 @@ mod tests {
                 "current-loop gain Kpc (Eq 9)",
             ),
             (|p| p.feed.lead_m = -5e-3, "lead"),
+            (
+                |p| p.motors[1].current_gains[2] = -1.0,
+                "gain of a current channel",
+            ),
             (|p| p.motors[0].inertia_kg_m2 = 0.0, "inertia"),
             (|p| p.board.min_on_time_s = 40e-6, "minimum on-time"),
             (|p| p.motors[0].speed_max_rpm = 60_000.0, "largest speed"),

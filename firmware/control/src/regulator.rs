@@ -124,7 +124,10 @@ pub fn limit(wanted: DirectQuadrature<Voltage>, v_max: Voltage) -> DirectQuadrat
     let d = wanted.d.clamp(v_max.saturating_neg(), v_max);
     // The root of a number below 2^62 is below 2^31.
     let q_max = Voltage::from_bits(square_root(room.saturating_sub(square(d))).cast_signed());
-    DirectQuadrature { d, q: wanted.q.clamp(q_max.saturating_neg(), q_max) }
+    DirectQuadrature {
+        d,
+        q: wanted.q.clamp(q_max.saturating_neg(), q_max),
+    }
 }
 
 fn square(v: Voltage) -> u64 {

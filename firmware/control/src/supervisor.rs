@@ -27,6 +27,12 @@ pub enum Fault {
     ScrewCurrentZero,
     /// A current zero of the nut does.
     NutCurrentZero,
+    /// The screw's encoder stands while its shaft turns.
+    ScrewEncoder,
+    /// The nut's encoder does.
+    NutEncoder,
+    /// The speed task was late, and the current loops stopped by themselves.
+    SpeedTaskLate,
 }
 
 /// What the drive is doing.
@@ -100,6 +106,12 @@ fn fault([screw, nut]: [MotorStatus; 2]) -> Option<Fault> {
         (
             nut.calibration == Calibration::OutOfRange,
             Fault::NutCurrentZero,
+        ),
+        (screw.encoder_stuck, Fault::ScrewEncoder),
+        (nut.encoder_stuck, Fault::NutEncoder),
+        (
+            screw.reference_stale || nut.reference_stale,
+            Fault::SpeedTaskLate,
         ),
     ]
     .into_iter()

@@ -1,8 +1,13 @@
 //! `cargo xtask simulate`: the drive on a simulated machine.
 
+mod axis;
+mod heat;
 mod html;
+mod labels;
 mod options;
+mod page;
 mod plots;
+mod records;
 mod replay;
 mod report;
 mod run;
@@ -12,6 +17,7 @@ mod sweep_report;
 mod table;
 
 pub use options::Options;
+pub use run::{PAPER_MEASURED, analytic_percent};
 
 use anyhow::Result;
 use options::Kind;

@@ -18,10 +18,15 @@ pub struct Options {
     #[arg(long, default_value_t = 2.5, allow_negative_numbers = true)]
     pub table_speed: f64,
     /// Nut speeds, rpm; 0 is the single drive (CDFS).
-    #[arg(long, value_delimiter = ',', default_value = "0,300,500,800", allow_negative_numbers = true)]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "0,300,500,800",
+        allow_negative_numbers = true
+    )]
     pub nut_rpm: Vec<f64>,
     /// Length of each record, s.
-    #[arg(long, default_value_t = hal_sim::experiment::RECORD_S)]
+    #[arg(long, default_value_t = hal_sim::experiment::RECORD_S, allow_negative_numbers = true)]
     pub duration: f64,
     #[command(flatten)]
     pub machine: MachineOptions,
@@ -46,10 +51,14 @@ pub struct SweepOptions {
     #[arg(long, value_delimiter = ',', default_value = "0.2,0.5,1,2.5,5,10,20")]
     pub table_speed: Vec<f64>,
     /// Nut speeds besides 0, rpm.
-    #[arg(long, value_delimiter = ',', default_value = "25,50,100,200,300,400,500,600,700,800,1000,1200")]
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "25,50,100,200,300,400,500,600,700,800,1000,1200"
+    )]
     pub nut_rpm: Vec<f64>,
     /// Length of each record, s.
-    #[arg(long, default_value_t = 1.0)]
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub duration: f64,
     /// `coupled` unless said otherwise.
     #[command(flatten)]
@@ -120,7 +129,11 @@ impl MachineOptions {
     /// The set-up, and the machine's name. `preset` is used where none is asked.
     pub fn setup(&self, preset: Preset) -> Result<(Setup, String)> {
         let (mut model, coupling, name) = match (&self.model, self.machine.unwrap_or(preset)) {
-            (Some(path), _) => (Model::load(path)?, Coupling::Coupled, path.display().to_string()),
+            (Some(path), _) => (
+                Model::load(path)?,
+                Coupling::Coupled,
+                path.display().to_string(),
+            ),
             (None, Preset::Paper) => (Model::paper(), Coupling::Lumped, "paper".to_owned()),
             (None, Preset::Coupled) => (Model::coupled(), Coupling::Coupled, "coupled".to_owned()),
         };
@@ -155,7 +168,13 @@ pub fn nut_speed(value: f64, velocity: f64, setup: &Setup) -> Result<f64> {
     let [screw, nut] = plate.motors.map(|motor| motor.speed_max_rpm);
     finite("--nut-rpm", "rpm", value, -nut, nut)?;
     let screw_rpm = value + velocity / setup.model.feed.travel_per_radian() / RPM;
-    finite("the screw's speed, --nut-rpm plus the table's share", "rpm", screw_rpm, -screw, screw)?;
+    finite(
+        "the screw's speed, --nut-rpm plus the table's share,",
+        "rpm",
+        screw_rpm,
+        -screw,
+        screw,
+    )?;
     Ok(value * RPM)
 }
 
@@ -169,5 +188,7 @@ fn finite(name: &str, unit: &str, value: f64, low: f64, high: f64) -> Result<()>
     Some(value)
         .filter(|v| (low..=high).contains(v))
         .map(drop)
-        .with_context(|| format!("{name} is {value} {unit}, but {low} to {high} {unit} is possible"))
+        .with_context(|| {
+            format!("{name} is {value} {unit}, but {low} to {high} {unit} is possible")
+        })
 }

@@ -60,7 +60,9 @@ pub struct RunReport {
 pub struct SensitivityReport {
     /// Appendix A.
     pub analytic: Vec<(f64, f64)>,
-    /// Measured on the simulated drive with an injected sine torque.
+    /// Measured on the simulated drive with an injected sine torque, with ideal sensors.
+    pub ideal: Vec<(f64, f64)>,
+    /// The same with the run's own sensors, where they are not ideal.
     pub measured: Vec<(f64, f64)>,
     /// Where the torque harmonics of the runs lie, named as in the paper's Fig 3.
     pub marks: Vec<Mark>,

@@ -1,0 +1,160 @@
+//! The ADCs.
+//!
+//! ADC1 and ADC2 serve the screw, ADC3 and ADC4 the nut: two injected conversions each, started together by the
+//! motor's timer at its top (ES0430 2.7.11: ADCs that run at the same time disturb each other unless they start
+//! together). The two heat sinks' temperatures are regular conversions of ADC1 and ADC2, started by the nut's timer
+//! half a period away from their injected ones, and taken by DMA.
+
+use crate::hw::clock::CORE_HZ;
+use core::sync::atomic::{AtomicU16, Ordering};
+use stm32g4xx_hal::stm32::{
+    ADC1, ADC2, ADC3, ADC4, ADC12_COMMON, ADC345_COMMON, DMA1, DMAMUX, adc1,
+};
+
+/// Channels of one ADC: the injected sequence of two, and the regular channel if it has one.
+#[derive(Clone, Copy)]
+pub(crate) struct Channels {
+    pub(crate) injected: [u8; 2],
+    pub(crate) regular: Option<u8>,
+}
+
+/// What starts an ADC's injected sequence (`JEXTSEL`).
+#[derive(Clone, Copy)]
+enum Trigger {
+    Tim1Trgo2 = 8,
+    Tim8Trgo2 = 10,
+}
+
+/// `EXTSEL` of TIM8's TRGO2 for regular conversions of ADC1 and ADC2 (RM0440 table 163).
+const REGULAR_TIM8_TRGO2: u32 = 8;
+
+/// Sampling time code of all channels: 6.5 ADC clocks, 153 ns at 42.5 MHz (RM0440, ADC_SMPRx).
+const SAMPLING: u32 = 1;
+
+/// Temperatures of the heat sinks as ADC counts; the DMA writes them.
+static TEMPERATURES: [AtomicU16; 2] = [AtomicU16::new(0), AtomicU16::new(0)];
+
+/// All ADCs in use.
+pub(crate) struct Converters<'a> {
+    pub(crate) screw: (&'a ADC1, &'a ADC2),
+    pub(crate) nut: (&'a ADC4, &'a ADC3),
+    pub(crate) common: (&'a ADC12_COMMON, &'a ADC345_COMMON),
+    pub(crate) dma: (&'a DMA1, &'a DMAMUX),
+}
+
+impl Converters<'_> {
+    /// Sets up and calibrates all four, with the channels of ADC1 to ADC4. Interrupts at the end of the injected
+    /// sequence of ADC1 and of ADC4. `false` if an ADC did not answer.
+    pub(crate) fn prepare(&self, channels: [Channels; 4]) -> bool {
+        // All from the bus clock divided by 4 (CKMODE 3): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs.
+        // SAFETY: a value of the field (RM0440, ADCx_CCR).
+        self.common.0.ccr().write(|w| unsafe { w.ckmode().bits(3) });
+        // SAFETY: as above.
+        self.common.1.ccr().write(|w| unsafe { w.ckmode().bits(3) });
+        self.start_dma();
+        let (x1, y1) = self.screw;
+        let (x2, y2) = self.nut;
+        let [c1, c2, c3, c4] = channels;
+        let ready = enable(x1) & enable(y1) & enable(x2) & enable(y2);
+        sequence(x1, c1, Trigger::Tim1Trgo2);
+        sequence(y1, c2, Trigger::Tim1Trgo2);
+        sequence(y2, c3, Trigger::Tim8Trgo2);
+        sequence(x2, c4, Trigger::Tim8Trgo2);
+        x1.ier().write(|w| w.jeosie().set_bit());
+        x2.ier().write(|w| w.jeosie().set_bit());
+        ready
+    }
+
+    /// From here on each top of a motor's timer starts its ADCs.
+    pub(crate) fn arm(&self) {
+        let (x1, y1) = self.screw;
+        let (x2, y2) = self.nut;
+        for adc in [x1 as &adc1::RegisterBlock, y1, x2, y2] {
+            adc.cr().modify(|_, w| w.jadstart().set_bit());
+        }
+        // Their regular conversions are the temperatures.
+        for adc in [x1 as &adc1::RegisterBlock, y1] {
+            adc.cr().modify(|_, w| w.adstart().set_bit());
+        }
+    }
+
+    /// DMA1 channel 1 follows ADC1 (request 5), channel 2 ADC2 (request 36): RM0440 table 91.
+    fn start_dma(&self) {
+        let (dma, mux) = self.dma;
+        let sources = [
+            self.screw.0.dr().as_ptr() as u32,
+            self.screw.1.dr().as_ptr() as u32,
+        ];
+        for (index, (source, request)) in sources.into_iter().zip([5, 36]).enumerate() {
+            let channel = dma.ch(index);
+            // SAFETY: the addresses are a data register's and a static's, both of 16 bits as CR says; the static is
+            // atomic, so the DMA may write it at any time.
+            unsafe {
+                mux.ccr(index).write(|w| w.bits(request));
+                channel.par().write(|w| w.bits(source));
+                channel
+                    .mar()
+                    .write(|w| w.bits(TEMPERATURES[index].as_ptr() as u32));
+                channel.ndtr().write(|w| w.bits(1));
+                // 16 bits on both sides (PSIZE, MSIZE 1), circular, from the peripheral, enabled.
+                channel
+                    .cr()
+                    .write(|w| w.bits(1 << 8 | 1 << 10 | 1 << 5 | 1));
+            }
+        }
+    }
+}
+
+/// Temperatures of the screw's and the nut's heat sinks, ADC counts.
+pub(crate) fn temperatures() -> [u16; 2] {
+    [
+        TEMPERATURES[0].load(Ordering::Relaxed),
+        TEMPERATURES[1].load(Ordering::Relaxed),
+    ]
+}
+
+/// Power up, calibrate, enable (RM0440 21.4.6 and 21.4.8).
+fn enable(adc: &adc1::RegisterBlock) -> bool {
+    const LOOKS: u32 = 100_000;
+    adc.cr().write(|w| w.deeppwd().clear_bit());
+    adc.cr().modify(|_, w| w.advregen().set_bit());
+    // The regulator needs 20 us.
+    cortex_m::asm::delay(CORE_HZ / 1_000_000 * 20);
+    adc.cr().modify(|_, w| w.adcal().set_bit());
+    let calibrated = (0..LOOKS).any(|_| adc.cr().read().adcal().bit_is_clear());
+    // ADEN must not be set within four ADC clocks of the calibration's end: 16 core cycles, taken generously.
+    cortex_m::asm::delay(100);
+    adc.cr().modify(|_, w| w.aden().set_bit());
+    let ready = (0..LOOKS).any(|_| adc.isr().read().adrdy().bit_is_set());
+    calibrated && ready
+}
+
+fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {
+    const RISING: u32 = 1;
+    let all = channels.injected.into_iter().chain(channels.regular);
+    let (mut low, mut high) = (0, 0);
+    for channel in all {
+        match u32::from(channel) {
+            n @ 0..=9 => low |= SAMPLING << (3 * n),
+            n => high |= SAMPLING << (3 * (n - 10)),
+        }
+    }
+    let [first, second] = channels.injected.map(u32::from);
+    // JL = 1 (two conversions), JEXTSEL, JEXTEN, JSQ1, JSQ2.
+    let jsqr = 1 | (trigger as u32) << 2 | RISING << 7 | first << 9 | second << 15;
+    // SAFETY: values of the fields (RM0440, ADC_SMPRx, ADC_JSQR, ADC_SQR1, ADC_CFGR).
+    unsafe {
+        adc.smpr1().write(|w| w.bits(low));
+        adc.smpr2().write(|w| w.bits(high));
+        adc.jsqr().write(|w| w.bits(jsqr));
+    }
+    if let Some(regular) = channels.regular {
+        // SAFETY: as above: one conversion; DMA, circular, overwritten, started by TIM8's TRGO2; queue off (JQDIS).
+        unsafe {
+            adc.sqr1().write(|w| w.bits(u32::from(regular) << 6));
+            adc.cfgr().write(|w| {
+                w.bits(1 << 31 | 1 << 12 | RISING << 10 | REGULAR_TIM8_TRGO2 << 5 | 0b11)
+            });
+        }
+    }
+}

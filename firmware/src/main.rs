@@ -1,0 +1,197 @@
+//! The drive on an STM32G474: what the hardware calls, and in what order.
+//!
+//! See [`schedule`] for the tasks, their rates, deadlines and what happens when one is missed.
+#![no_std]
+#![no_main]
+
+mod board;
+mod crash;
+mod debug_view;
+mod hw;
+mod memory;
+mod motor_loop;
+mod schedule;
+mod speed;
+mod supervision;
+
+use control::plate::DriveConfig;
+use defmt_rtt as _;
+
+/// The drive's configuration, computed while compiling: a number that does not fit its format stops the build.
+const CONFIG: DriveConfig = match board::PLATE.config() {
+    Ok(config) => config,
+    Err(_) => panic!("a number of the board's plate does not fit its fixed-point format"),
+};
+
+#[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG, CRS])]
+mod app {
+    use crate::board::{self, Ports};
+    use crate::debug_view::DRIVE_VIEW;
+    use crate::hw::motor_io::MotorIo;
+    use crate::hw::watchdog::{Watchdog, reset_reason};
+    use crate::hw::{analog, clock, cycles, encoder, protection, pwm};
+    use crate::motor_loop::MotorLoop;
+    use crate::speed::{EXCHANGE, Speed};
+    use crate::{CONFIG, crash, memory, schedule};
+    use core::sync::atomic::Ordering::Relaxed;
+    use cortex_m::peripheral::scb::SystemHandler;
+    use rtic_monotonics::Timebase as _;
+    use rtic_monotonics::fugit::ExtU32 as _;
+    use stm32g4xx_hal::gpio::GpioExt as _;
+    use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, Interrupt, TIM1, TIM2, TIM5, TIM8};
+
+    rtic_monotonics::systick_monotonic!(Mono, 1000);
+
+    #[shared]
+    struct Shared {}
+
+    #[local]
+    struct Local {
+        screw: MotorLoop<TIM1, ADC1, ADC2, TIM2>,
+        nut: MotorLoop<TIM8, ADC4, ADC3, TIM5>,
+        until_speed: u32,
+        speed: Speed,
+        watchdog: Watchdog<3>,
+    }
+
+    #[init]
+    fn init(cx: init::Context) -> (Shared, Local) {
+        memory::load_fast_code();
+        let (device, mut core) = (cx.device, cx.core);
+        cycles::start(&mut core.DCB, &mut core.DWT);
+        schedule::no_lazy_float_state(&core.FPU);
+
+        let mut rcc = clock::start(device.RCC, device.PWR, &device.FLASH);
+        let reason = reset_reason(&mut rcc);
+        DRIVE_VIEW.reset_reason.store(reason as u32, Relaxed);
+        defmt::info!("started after a reset by {}", reason);
+        crash::take(|text| defmt::error!("the last run ended: {=str}", text));
+
+        clock::enable_peripherals(&rcc);
+        let channels = board::claim(Ports {
+            a: device.GPIOA.split(&mut rcc),
+            b: device.GPIOB.split(&mut rcc),
+            c: device.GPIOC.split(&mut rcc),
+        });
+
+        let config = &CONFIG;
+        let plan = const { pwm::PwmPlan::new(&board::PLATE.board) };
+        let [screw_counts, nut_counts] = board::PLATE
+            .motors
+            .map(|motor| motor.encoder.counts_per_turn);
+        encoder::start_motor_encoder(
+            &device.TIM2,
+            screw_counts,
+            board::ENCODER_INDEX[0],
+            encoder::CaptureBy::Screw,
+        );
+        encoder::start_motor_encoder(
+            &device.TIM5,
+            nut_counts,
+            board::ENCODER_INDEX[1],
+            encoder::CaptureBy::Nut,
+        );
+        let scale = encoder::Scale::start(device.TIM4);
+        protection::start(
+            &device.COMP,
+            &device.DAC3,
+            &device.DAC4,
+            board::OVER_CURRENT_COUNTS,
+        );
+        let converters = analog::Converters {
+            screw: (&device.ADC1, &device.ADC2),
+            nut: (&device.ADC4, &device.ADC3),
+            common: (&device.ADC12_COMMON, &device.ADC345_COMMON),
+            dma: (&device.DMA1, &device.DMAMUX),
+        };
+        assert!(
+            converters.prepare(channels),
+            "an ADC did not calibrate: check the analog supply"
+        );
+
+        // The HAL's SysTick would come up above the current loops.
+        // SAFETY: no critical section relies on SysTick's priority: they mask all interrupts.
+        unsafe {
+            core.SCB
+                .set_priority(SystemHandler::SysTick, schedule::SYSTICK_PRIORITY)
+        };
+        Mono::start(core.SYST, clock::CORE_HZ);
+        supervise::spawn().expect("spawned once");
+
+        let watchdog = Watchdog::start(device.IWDG);
+        let timers = (&device.TIM1, &device.TIM8);
+        let breaks = [protection::SCREW_BREAK, protection::NUT_BREAK];
+        assert!(
+            pwm::start(timers.0, timers.1, &plan, breaks),
+            "the PWM timers do not run: check the board's crystal"
+        );
+        converters.arm();
+
+        let bdtr = pwm::bdtr(&plan);
+        let [screw, nut] = config.current_loops;
+        let [screw_view, nut_view] = &DRIVE_VIEW.motors;
+        let [screw_words, nut_words] = &EXCHANGE;
+        let local = Local {
+            screw: MotorLoop::new(
+                MotorIo::new(device.TIM1, device.ADC1, device.ADC2, device.TIM2, bdtr),
+                screw,
+                screw_words,
+                screw_view,
+            ),
+            nut: MotorLoop::new(
+                MotorIo::new(device.TIM8, device.ADC4, device.ADC3, device.TIM5, bdtr),
+                nut,
+                nut_words,
+                nut_view,
+            ),
+            until_speed: 0,
+            speed: Speed::new(config, scale),
+            watchdog,
+        };
+        (Shared {}, local)
+    }
+
+    #[task(binds = ADC1_2, priority = 15, local = [screw, until_speed])]
+    #[unsafe(link_section = ".ccm.screw")]
+    fn screw_current_loop(cx: screw_current_loop::Context) {
+        cx.local.screw.step();
+        // The speed task follows every `speed_divider`th screw period, below both current loops.
+        match cx.local.until_speed.checked_sub(1) {
+            Some(left) => *cx.local.until_speed = left,
+            None => {
+                *cx.local.until_speed = CONFIG.speed_divider - 1;
+                rtic::pend(Interrupt::FMAC);
+            }
+        }
+    }
+
+    #[task(binds = ADC4, priority = 15, local = [nut])]
+    #[unsafe(link_section = ".ccm.nut")]
+    fn nut_current_loop(cx: nut_current_loop::Context) {
+        cx.local.nut.step();
+    }
+
+    // FMAC is not used; its vector serves.
+    #[task(binds = FMAC, priority = 12, local = [speed])]
+    #[unsafe(link_section = ".ccm.speed")]
+    fn speed(cx: speed::Context) {
+        cx.local.speed.step();
+    }
+
+    #[task(priority = 4, local = [watchdog])]
+    async fn supervise(cx: supervise::Context) {
+        let mut next = Mono::now();
+        loop {
+            next += 1.millis();
+            Mono::delay_until(next).await;
+            crate::supervision::step(cx.local.watchdog);
+        }
+    }
+
+    #[idle]
+    fn idle(_: idle::Context) -> ! {
+        loop {
+            cortex_m::asm::wfi();
+        }
+    }
+}

@@ -1,0 +1,24 @@
+//! The tasks: priorities, rates, deadlines, and what a missed one means.
+//!
+//! | task | bound to | priority | rate | deadline | when it is missed |
+//! | --- | --- | --- | --- | --- | --- |
+//! | screw current loop | ADC1_2 | 15 | 20 kHz | the screw timer's next top, 50 us | counted; the old compare values hold for a period |
+//! | nut current loop | ADC4 | 15 | 20 kHz | the nut timer's next top, 50 us | the same |
+//! | speed | FMAC | 12 | 5 kHz | its next step, 200 us | counted; the references hold |
+//! | time queue | SysTick | 8 | 1 kHz | 1 ms | the two below run late |
+//! | supervise | async | 4 | 1 kHz | 20 ms | the watchdog resets the chip, which opens both bridges |
+//!
+//! The two current loops are half a period apart and cannot interrupt each other: each must end within 25 us.
+
+use cortex_m::peripheral::FPU;
+
+/// SysTick's hardware priority: RTIC's 8 on 4 priority bits.
+pub(crate) const SYSTICK_PRIORITY: u8 = (16 - 8) << 4;
+
+/// Interrupts neither save float registers nor reserve room for them: nothing in them uses the FPU (PM0214 4.6.2).
+pub(crate) fn no_lazy_float_state(fpu: &FPU) {
+    const ASPEN: u32 = 1 << 31;
+    const LSPEN: u32 = 1 << 30;
+    // SAFETY: no float register is live, and both bits only choose what exceptions save.
+    unsafe { fpu.fpccr.modify(|bits| bits & !(ASPEN | LSPEN)) };
+}

@@ -1,0 +1,262 @@
+//! The emulated drive on its bench: built, joined to a machine, and used through its debug structures, as a person with
+//! a probe would.
+
+use crate::chip::CORE_HZ;
+use crate::emulator::Emulator;
+use crate::image::Image;
+use crate::joint::Joint;
+use crate::pins::Motor;
+use control::format::{MechanicalSpeed, TableVelocity};
+use control::plate::DrivePlate;
+use hal_sim::board::BoardConfig;
+use hal_sim::sensors::{Adc, Sensors};
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::cell::RefCell;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::rc::Rc;
+use std::sync::OnceLock;
+
+#[path = "../../firmware/src/board/plate.rs"]
+mod plate;
+
+/// Plate data of the drive that the firmware is built for, from the firmware's own source.
+#[must_use]
+pub fn plate() -> DrivePlate {
+    plate::PLATE
+}
+
+/// Builds the firmware as it is flashed, once, and says where its ELF is.
+///
+/// # Errors
+/// The build's own words.
+pub fn firmware() -> Result<PathBuf, String> {
+    static BUILT: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+    BUILT.get_or_init(build).clone()
+}
+
+fn build() -> Result<PathBuf, String> {
+    const TARGET: &str = "thumbv7em-none-eabihf";
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+    let output = Command::new(cargo)
+        .args([
+            "build",
+            "--package",
+            "firmware",
+            "--profile",
+            "firmware",
+            "--target",
+            TARGET,
+        ])
+        .current_dir(&root)
+        .output()
+        .map_err(|error| format!("cargo does not start: {error}"))?;
+    if !output.status.success() {
+        return Err(format!(
+            "the firmware does not build:\n{}",
+            String::from_utf8_lossy(&output.stderr)
+        ));
+    }
+    let target =
+        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from);
+    Ok(target.join(TARGET).join("firmware").join("firmware"))
+}
+
+/// The board of `hal-sim` that has what the firmware's plate says.
+#[must_use]
+pub fn board_config(plate: &DrivePlate) -> BoardConfig {
+    let board = &plate.board;
+    let adc = |per_count, zero| Adc {
+        counts: board.adc_counts,
+        per_count,
+        zero,
+        noise: 0.5,
+    };
+    BoardConfig {
+        timer_hz: board.timer_hz,
+        pwm_hz: board.pwm_hz,
+        dead_time_s: board.dead_time_s,
+        measure_zeros: board.measure_zeros,
+        sensors: Sensors {
+            encoder_counts: plate.motors[0].encoder.counts_per_turn,
+            current: adc(board.amps_per_count, board.zero_counts),
+            bus: adc(board.bus_volts_per_count, 0.0),
+            ..Sensors::real()
+        },
+        ..BoardConfig::default()
+    }
+}
+
+/// The state: bridges off, ready to run.
+pub const READY: u32 = 2;
+/// The state: following the command.
+pub const RUNNING: u32 = 3;
+/// The state: stopped by a fault.
+pub const FAULT: u32 = 5;
+
+/// What the drive says it is doing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Status {
+    /// 0 off, 1 calibrating, 2 ready, 3 running, 4 stopping, 5 fault.
+    pub state: u32,
+    /// 0 none, else the fault's number in the firmware's `speed` module.
+    pub fault: u32,
+    /// Reason of the last reset: 1 power, 2 pin, 3 software, 4 watchdog.
+    pub reset_reason: u32,
+}
+
+/// The drive on its bench.
+pub struct Bench {
+    /// The chip.
+    pub emulator: Emulator,
+    /// The machine at its pins.
+    pub joint: Rc<RefCell<Joint>>,
+    /// What it runs.
+    pub image: Rc<Image>,
+    view: u32,
+    command: u32,
+    commands: u32,
+}
+
+impl Bench {
+    /// The firmware just flashed, on `model`.
+    ///
+    /// # Errors
+    /// A sentence about what is missing.
+    pub fn new(model: &Model, coupling: Coupling) -> Result<Self, String> {
+        let image = Rc::new(Image::read(&firmware()?)?);
+        let joint = Rc::new(RefCell::new(Joint::new(
+            model,
+            coupling,
+            board_config(&plate()),
+        )));
+        let emulator = Emulator::new(&image, Rc::clone(&joint) as _)?;
+        let (view, command) = (image.symbol("DRIVE_VIEW")?, image.symbol("DRIVE_COMMAND")?);
+        Ok(Self {
+            emulator,
+            joint,
+            image,
+            view,
+            command,
+            commands: 0,
+        })
+    }
+
+    /// Lets `seconds` pass.
+    ///
+    /// # Errors
+    /// What the firmware did that the chip does not have.
+    pub fn pass(&mut self, seconds: f64) -> Result<(), String> {
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let cycles = (seconds * CORE_HZ as f64).round() as u64;
+        let until = self.emulator.chip().now + cycles;
+        self.emulator.run_until(until)
+    }
+
+    /// Lets time pass to shortly before the screw's next top, where all tasks have done their work.
+    ///
+    /// # Errors
+    /// As [`Bench::pass`].
+    pub fn settle_untold(&mut self) -> Result<(), String> {
+        const MARGIN: u64 = 500;
+        let chip = self.emulator.chip();
+        let top = chip.pwm[0].next_top().ok_or("the timers do not run yet")?;
+        let (now, period) = (chip.now, chip.pwm[0].period());
+        let until = if top > now + MARGIN {
+            top
+        } else {
+            top + period
+        } - MARGIN;
+        self.emulator.run_until(until)
+    }
+
+    /// [`Bench::settle_untold`], and how many of the screw's tops were sampled so far.
+    ///
+    /// # Errors
+    /// The record of tops is not kept, or as [`Bench::pass`].
+    pub fn settle(&mut self) -> Result<u64, String> {
+        self.settle_untold()?;
+        let tops = self
+            .emulator
+            .chip()
+            .tops
+            .as_ref()
+            .ok_or("the record of tops is not kept")?;
+        Ok(tops.iter().filter(|top| top.motor == Motor::Screw).count() as u64)
+    }
+
+    /// Time until the next top of `motor`'s timer, s.
+    pub fn time_to_top(&mut self, motor: Motor) -> f64 {
+        let chip = self.emulator.chip();
+        let next = chip.pwm[motor as usize].next_top().unwrap_or(chip.now);
+        (next - chip.now) as f64 / CORE_HZ as f64
+    }
+
+    /// Makes the interrupt handler called `handler` loop for ever from its next entry on.
+    ///
+    /// # Errors
+    /// The firmware has no such function.
+    pub fn hang(&mut self, handler: &str) -> Result<(), String> {
+        const BRANCH_TO_ITSELF: u16 = 0xE7FE;
+        let address = self.image.symbol(handler)? & !1;
+        self.emulator.patch(address, BRANCH_TO_ITSELF)
+    }
+
+    /// What the drive says.
+    ///
+    /// # Errors
+    /// Never, while the view is in RAM.
+    pub fn status(&self) -> Result<Status, String> {
+        let word = |index: u32| self.emulator.word(self.view + 4 * index);
+        Ok(Status {
+            state: word(2)?,
+            fault: word(3)?,
+            reset_reason: word(4)?,
+        })
+    }
+
+    /// Lets time pass until the drive is in `state`, for at most `seconds`.
+    ///
+    /// # Errors
+    /// The state did not come.
+    pub fn wait_for(&mut self, state: u32, seconds: f64) -> Result<(), String> {
+        const LOOK: f64 = 200e-6;
+        let mut left = seconds;
+        while left > 0.0 {
+            if self.status()?.state == state {
+                return Ok(());
+            }
+            self.pass(LOOK)?;
+            left -= LOOK;
+        }
+        Err(format!(
+            "the drive is not in state {state} after {seconds} s: {:?}",
+            self.status()?
+        ))
+    }
+
+    /// Asks for a table velocity, m/s, and a base speed, rad/s.
+    ///
+    /// # Errors
+    /// Never, while the command is in RAM.
+    pub fn ask(&mut self, velocity: f64, base: f64) -> Result<(), String> {
+        let velocity = TableVelocity::saturating_from_num(velocity).to_bits();
+        let base = MechanicalSpeed::saturating_from_num(base).to_bits();
+        self.emulator
+            .set_word(self.command, velocity.cast_unsigned())?;
+        self.emulator
+            .set_word(self.command + 4, base.cast_unsigned())?;
+        self.commands += 1;
+        self.emulator.set_word(self.command + 8, self.commands)
+    }
+
+    /// Asks to run (1), to come to rest (0), or to leave a fault (2).
+    ///
+    /// # Errors
+    /// Never, while the command is in RAM.
+    pub fn run(&mut self, run: u32) -> Result<(), String> {
+        self.emulator.set_word(self.command + 12, run)
+    }
+}

@@ -1,0 +1,266 @@
+//! ADC1 to ADC4: power-up, calibration, injected sequences on a trigger, regular conversions for DMA (RM0440 21).
+
+use super::registers::Registers;
+
+const ISR: u32 = 0x00;
+const IER: u32 = 0x04;
+const CR: u32 = 0x08;
+const CFGR: u32 = 0x0C;
+const SMPR1: u32 = 0x14;
+const SMPR2: u32 = 0x18;
+const SQR1: u32 = 0x30;
+const JSQR: u32 = 0x4C;
+const JDR1: u32 = 0x80;
+const JDR4: u32 = 0x8C;
+/// Offset of the common registers from the first ADC of a pair.
+const COMMON_CCR: u32 = 0x308;
+
+const ADRDY: u32 = 1;
+const EOC: u32 = 1 << 2;
+const JEOC: u32 = 1 << 5;
+const JEOS: u32 = 1 << 6;
+
+const ADEN: u32 = 1;
+const ADSTART: u32 = 1 << 2;
+const JADSTART: u32 = 1 << 3;
+const ADVREGEN: u32 = 1 << 28;
+const DEEPPWD: u32 = 1 << 29;
+const ADCAL: u32 = 1 << 31;
+
+/// Core cycles of an ADC clock: the bus clock divided by 4, the only setting that the model has.
+const CLOCK: u64 = 4;
+/// Half ADC clocks of a conversion: 6.5 of sampling and 12.5 of approximation.
+const CONVERSION_HALVES: u64 = 38;
+
+/// What an ADC finished.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Conversion {
+    /// Its injected sequence; the results are in its data registers.
+    Injected,
+    /// A regular conversion, for DMA.
+    Regular(u16),
+}
+
+/// An ADC.
+pub struct Adc {
+    number: usize,
+    registers: Registers,
+    flags: u32,
+    control: u32,
+    calibrated: bool,
+    common_clock: u32,
+    results: [u16; 4],
+    injected_done: Option<u64>,
+    regular_done: Option<u64>,
+}
+
+impl Adc {
+    /// ADC `number` after reset.
+    #[must_use]
+    pub fn new(number: usize) -> Self {
+        let name = ["ADC", "ADC1", "ADC2", "ADC3", "ADC4"][number];
+        let registers = Registers::new(
+            name,
+            &[
+                ("IER", IER, 0),
+                ("CFGR", CFGR, 1 << 31),
+                ("SMPR1", SMPR1, 0),
+                ("SMPR2", SMPR2, 0),
+                ("SQR1", SQR1, 0),
+                ("JSQR", JSQR, 0),
+            ],
+        );
+        Self {
+            number,
+            registers,
+            flags: 0,
+            control: DEEPPWD,
+            calibrated: false,
+            common_clock: 0,
+            results: [0; 4],
+            injected_done: None,
+            regular_done: None,
+        }
+    }
+
+    /// Its injected conversions wait for their trigger.
+    #[must_use]
+    pub fn armed(&self) -> bool {
+        self.control & JADSTART != 0
+    }
+
+    /// The interrupt line.
+    #[must_use]
+    pub fn interrupt(&self) -> bool {
+        self.flags & self.registers.get("IER") != 0
+    }
+
+    /// When the conversion under way is done.
+    #[must_use]
+    pub fn done_at(&self) -> Option<u64> {
+        [self.injected_done, self.regular_done]
+            .into_iter()
+            .flatten()
+            .min()
+    }
+
+    /// TRGO2 of TIM1 (0) or TIM8 (1) rises.
+    pub fn trigger(&mut self, timer: usize, now: u64) {
+        const RISING: u32 = 1;
+        let jsqr = self.registers.get("JSQR");
+        // JEXTSEL (tables 167 and 168): TIM1_TRGO2, TIM8_TRGO2.
+        if self.armed() && jsqr >> 7 & 3 == RISING && jsqr >> 2 & 31 == [8, 10][timer] {
+            let conversions = u64::from(jsqr & 3) + 1;
+            self.injected_done = Some(now + conversions * CONVERSION_HALVES * CLOCK / 2);
+        }
+        let cfgr = self.registers.get("CFGR");
+        // EXTSEL (table 166): TIM1_TRGO2, TIM8_TRGO2.
+        if self.control & ADSTART != 0
+            && cfgr >> 10 & 3 == RISING
+            && cfgr >> 5 & 31 == [10, 8][timer]
+        {
+            self.regular_done = Some(now + CONVERSION_HALVES * CLOCK / 2);
+        }
+    }
+
+    /// The conversion under way is done; `input` says what a channel reads.
+    ///
+    /// # Errors
+    /// A channel that nothing is wired to, or whose sampling time is not the model's.
+    pub fn finish(&mut self, input: impl Fn(u32) -> Option<u16>) -> Result<Conversion, String> {
+        let read = |channel: u32| {
+            let smpr = if channel < 10 {
+                self.registers.get("SMPR1") >> (3 * channel)
+            } else {
+                self.registers.get("SMPR2") >> (3 * (channel - 10))
+            };
+            if smpr & 7 != 1 {
+                return Err(format!(
+                    "channel {channel} of ADC{} is not sampled for 6.5 clocks, as this model has it",
+                    self.number
+                ));
+            }
+            input(channel).ok_or_else(|| {
+                format!(
+                    "nothing is wired to channel {channel} of ADC{}",
+                    self.number
+                )
+            })
+        };
+        if self.injected_done.is_some()
+            && self.injected_done <= self.regular_done.or(Some(u64::MAX))
+        {
+            let jsqr = self.registers.get("JSQR");
+            let ranks = [jsqr >> 9, jsqr >> 15, jsqr >> 21, jsqr >> 27].map(|field| field & 31);
+            let mut results = self.results;
+            for (result, channel) in results.iter_mut().zip(ranks).take((jsqr & 3) as usize + 1) {
+                *result = read(channel)?;
+            }
+            self.results = results;
+            self.injected_done = None;
+            self.flags |= JEOC | JEOS;
+            Ok(Conversion::Injected)
+        } else {
+            let counts = read(self.registers.get("SQR1") >> 6 & 31)?;
+            self.regular_done = None;
+            self.flags |= EOC;
+            Ok(Conversion::Regular(counts))
+        }
+    }
+
+    fn read(&self, offset: u32) -> Result<u32, String> {
+        Ok(match offset {
+            ISR => self.flags,
+            CR => self.control,
+            JDR1..=JDR4 => u32::from(self.results[((offset - JDR1) / 4) as usize]),
+            _ => self.registers.read(offset)?,
+        })
+    }
+
+    fn write(&mut self, offset: u32, value: u32) -> Result<(), String> {
+        match offset {
+            ISR => self.flags &= !value,
+            CR => self.write_control(value)?,
+            JSQR | CFGR | SMPR1 | SMPR2 | SQR1 if self.control & (ADSTART | JADSTART) != 0 => {
+                return Err(format!("ADC{} is set up while it converts", self.number));
+            }
+            _ => {
+                self.registers.write(offset, value)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_control(&mut self, value: u32) -> Result<(), String> {
+        let powered = value & ADVREGEN != 0 && value & DEEPPWD == 0;
+        let risen = value & !self.control;
+        if risen & (ADCAL | ADEN) != 0 && !(powered && self.control & ADVREGEN != 0) {
+            return Err(format!(
+                "ADC{} calibrates or starts without its regulator",
+                self.number
+            ));
+        }
+        if risen & ADCAL != 0 {
+            self.calibrated = true;
+        }
+        if risen & ADEN != 0 {
+            if !self.calibrated {
+                return Err(format!("ADC{} is enabled without calibration", self.number));
+            }
+            if self.common_clock != 3 {
+                return Err(format!(
+                    "ADC{} is not clocked by the bus clock / 4",
+                    self.number
+                ));
+            }
+            self.flags |= ADRDY;
+        }
+        // These are set by writing one and cleared by the hardware.
+        let set_only = ADEN | ADSTART | JADSTART;
+        let set = (self.control | value) & set_only;
+        if risen & (ADSTART | JADSTART) != 0 && set & ADEN == 0 {
+            return Err(format!("ADC{} starts before it is enabled", self.number));
+        }
+        // Calibration is over at once: its end is all that the firmware waits for.
+        self.control = value & (ADVREGEN | DEEPPWD) | set;
+        Ok(())
+    }
+}
+
+/// Splits an address of the ADCs into the ADC, or the pair's common registers, and the offset.
+fn split(address: u32) -> (usize, u32) {
+    let pair = if address & 0x400 == 0 { 0 } else { 2 };
+    let offset = address & 0x3FF;
+    match offset {
+        0x000..=0x0FF => (pair, offset),
+        0x100..=0x1FF => (pair + 1, offset - 0x100),
+        _ => (pair, offset),
+    }
+}
+
+/// Reads a register of the four ADCs.
+///
+/// # Errors
+/// The model does not have it.
+pub fn read(adcs: &mut [Adc; 4], address: u32) -> Result<u32, String> {
+    let (index, offset) = split(address);
+    match offset {
+        COMMON_CCR => Ok(adcs[index].common_clock << 16),
+        _ => adcs[index].read(offset),
+    }
+}
+
+/// Writes a register of the four ADCs.
+///
+/// # Errors
+/// The model does not have it, or the ADC is not used as the manual says.
+pub fn write(adcs: &mut [Adc; 4], address: u32, value: u32) -> Result<(), String> {
+    let (index, offset) = split(address);
+    if offset == COMMON_CCR {
+        for adc in &mut adcs[index..index + 2] {
+            adc.common_clock = value >> 16 & 3;
+        }
+        return Ok(());
+    }
+    adcs[index].write(offset, value)
+}

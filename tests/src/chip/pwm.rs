@@ -1,0 +1,318 @@
+//! TIM1 and TIM8: centre-aligned PWM with repetition counter, preload, break and lock (RM0440 29).
+
+use super::registers::Registers;
+use crate::pins::Bridge;
+
+const CR1: u32 = 0x00;
+const CR2: u32 = 0x04;
+const SMCR: u32 = 0x08;
+const SR: u32 = 0x10;
+const EGR: u32 = 0x14;
+const CCMR1: u32 = 0x18;
+const CCMR2: u32 = 0x1C;
+const CCER: u32 = 0x20;
+const CNT: u32 = 0x24;
+const ARR: u32 = 0x2C;
+const RCR: u32 = 0x30;
+const CCR1: u32 = 0x34;
+const CCR3: u32 = 0x3C;
+const BDTR: u32 = 0x44;
+const AF1: u32 = 0x60;
+
+const MOE: u32 = 1 << 15;
+const UIF: u32 = 1;
+const BIF: u32 = 1 << 7;
+
+/// A trigger output.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// The counter's enable bit.
+    Enable,
+    /// The update event.
+    Update,
+    /// Something that the firmware does not use.
+    Other,
+}
+
+/// What a turn of the counter did.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Turn {
+    /// At the top, not at the bottom.
+    pub top: bool,
+    /// The update event happened.
+    pub update: bool,
+}
+
+/// A PWM timer.
+pub struct PwmTimer {
+    registers: Registers,
+    /// Position at the start in a run of `2 * ARR`: up from 0, down from `ARR`.
+    phase: u64,
+    started: Option<u64>,
+    next_turn: u64,
+    next_is_top: bool,
+    repetitions: u32,
+    active_repetitions: u32,
+    active: [u16; 3],
+    flags: u32,
+    /// Main output enable.
+    moe: bool,
+    break_high: bool,
+    lock: u32,
+}
+
+impl PwmTimer {
+    /// A timer after reset.
+    #[must_use]
+    pub fn new(name: &'static str) -> Self {
+        let registers = Registers::new(
+            name,
+            &[
+                ("CR1", CR1, 0),
+                ("CR2", CR2, 0),
+                ("SMCR", SMCR, 0),
+                ("CCMR1", CCMR1, 0),
+                ("CCMR2", CCMR2, 0),
+                ("CCER", CCER, 0),
+                ("ARR", ARR, 0xFFFF),
+                ("RCR", RCR, 0),
+                ("CCR1", CCR1, 0),
+                ("CCR2", CCR1 + 4, 0),
+                ("CCR3", CCR3, 0),
+                ("BDTR", BDTR, 0),
+                ("AF1", AF1, 1),
+            ],
+        );
+        Self {
+            registers,
+            phase: 0,
+            started: None,
+            next_turn: 0,
+            next_is_top: true,
+            repetitions: 0,
+            active_repetitions: 0,
+            active: [0; 3],
+            flags: 0,
+            moe: false,
+            break_high: false,
+            lock: 0,
+        }
+    }
+
+    /// The counter runs.
+    #[must_use]
+    pub fn running(&self) -> bool {
+        self.started.is_some()
+    }
+
+    /// When the counter next turns.
+    #[must_use]
+    pub fn next_turn(&self) -> Option<u64> {
+        self.started.map(|_| self.next_turn)
+    }
+
+    /// When the counter is next at its top.
+    #[must_use]
+    pub fn next_top(&self) -> Option<u64> {
+        let half = if self.next_is_top { 0 } else { self.top() };
+        self.next_turn().map(|turn| turn + half)
+    }
+
+    /// Cycles of a PWM period.
+    #[must_use]
+    pub fn period(&self) -> u64 {
+        2 * self.top()
+    }
+
+    /// What the bridge does from the last update on.
+    #[must_use]
+    pub fn bridge(&self) -> Bridge {
+        Bridge {
+            compare: self.active,
+            enabled: self.moe,
+        }
+    }
+
+    /// What TRGO follows.
+    #[must_use]
+    pub fn trigger_output(&self) -> Output {
+        match self.registers.get("CR2") >> 4 & 7 {
+            1 => Output::Enable,
+            2 => Output::Update,
+            _ => Output::Other,
+        }
+    }
+
+    /// What TRGO2 follows.
+    #[must_use]
+    pub fn trigger_output_2(&self) -> Output {
+        match self.registers.get("CR2") >> 20 & 15 {
+            1 => Output::Enable,
+            2 => Output::Update,
+            _ => Output::Other,
+        }
+    }
+
+    /// A rising edge of internal trigger `input`.
+    pub fn start_by_trigger(&mut self, input: u32, now: u64) {
+        let smcr = self.registers.get("SMCR");
+        let selected = (smcr >> 4 & 7) | (smcr >> 20 & 3) << 3;
+        const TRIGGER_MODE: u32 = 6;
+        if smcr & 7 == TRIGGER_MODE && selected == input && !self.running() {
+            self.start(now);
+        }
+    }
+
+    fn top(&self) -> u64 {
+        u64::from(self.registers.get("ARR") & 0xFFFF).max(1)
+    }
+
+    fn start(&mut self, now: u64) {
+        let top = self.top();
+        self.started = Some(now);
+        self.next_is_top = self.phase < top;
+        self.next_turn = now
+            + if self.next_is_top {
+                top - self.phase
+            } else {
+                2 * top - self.phase
+            };
+    }
+
+    fn position(&self, now: u64) -> u64 {
+        let run = 2 * self.top();
+        let passed = self.started.map_or(0, |start| now - start);
+        (self.phase + passed) % run
+    }
+
+    /// The counter turns now.
+    pub fn turn(&mut self, now: u64) -> Turn {
+        let top = self.next_is_top;
+        self.next_is_top = !top;
+        self.next_turn = now + self.top();
+        let update = self.repetitions == 0;
+        if update {
+            self.update();
+            self.flags |= UIF;
+        } else {
+            self.repetitions -= 1;
+        }
+        Turn { top, update }
+    }
+
+    fn update(&mut self) {
+        self.active_repetitions = self.registers.get("RCR");
+        self.repetitions = self.active_repetitions;
+        #[allow(clippy::cast_possible_truncation)]
+        let preloaded = ["CCR1", "CCR2", "CCR3"].map(|name| self.registers.get(name) as u16);
+        self.active = preloaded;
+    }
+
+    /// Comparator outputs by number (bit n is COMPn) reach the break input. `true` if that stopped the bridge now.
+    pub fn break_input(&mut self, comparators: u32) -> bool {
+        // BKCMPxE are bits 1 to 7 of AF1, as the comparators' numbers.
+        self.break_high = comparators & self.registers.get("AF1") & 0xFE != 0;
+        const BREAK_ENABLE: u32 = 1 << 12;
+        if !self.break_high || self.registers.get("BDTR") & BREAK_ENABLE == 0 {
+            return false;
+        }
+        self.flags |= BIF;
+        std::mem::take(&mut self.moe)
+    }
+
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// The model does not have it.
+    pub fn read(&self, offset: u32, now: u64) -> Result<u32, String> {
+        let position = self.position(now);
+        let down = position >= self.top();
+        #[allow(clippy::cast_possible_truncation)]
+        Ok(match offset {
+            CR1 => self.registers.read(CR1)? | u32::from(down) << 4 | u32::from(self.running()),
+            SR => self.flags,
+            CNT => {
+                (if down {
+                    2 * self.top() - position
+                } else {
+                    position
+                }) as u32
+            }
+            BDTR => self.registers.read(BDTR)? | if self.moe { MOE } else { 0 },
+            _ => self.registers.read(offset)?,
+        })
+    }
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// The model does not have it, or it is not used as the model has it.
+    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), String> {
+        match offset {
+            CR1 => {
+                const CENTRE_ALIGNED: u32 = 3 << 5;
+                self.registers.write(CR1, value & !0x11)?;
+                if value & 1 == 0 {
+                    self.phase = self.position(now);
+                    self.started = None;
+                } else if !self.running() {
+                    if value & CENTRE_ALIGNED == 0 {
+                        return Err("this model counts in centre-aligned mode only".into());
+                    }
+                    self.start(now);
+                }
+            }
+            // The break's flag cannot be cleared while its input is active.
+            SR => self.flags &= value | if self.break_high { BIF } else { 0 },
+            EGR => {
+                if value != 1 {
+                    return Err("of the events, this model generates the update only".into());
+                }
+                self.update();
+                self.flags |= UIF;
+                self.phase = 0;
+            }
+            CNT => {
+                if self.running() {
+                    return Err("the counter is written while it runs".into());
+                }
+                self.phase = u64::from(value & 0xFFFF);
+            }
+            BDTR => self.write_bdtr(value)?,
+            // Lock level 1 and above hold the break's sources and the idle levels, 2 the polarities, 3 the modes.
+            AF1 if self.lock >= 1 => {}
+            CCER if self.lock >= 2 => {
+                let polarity = 0x0AAA;
+                let held = self.registers.read(CCER)? & polarity;
+                self.registers.write(CCER, value & !polarity | held)?;
+            }
+            CCMR1 | CCMR2 if self.lock >= 3 => {}
+            CCER | CCMR1 | CCMR2 => {
+                self.registers.write(offset, value)?;
+            }
+            CCR1..=CCR3 if value > 0xFFFF => return Err("a compare value beyond 16 bits".into()),
+            _ => {
+                self.registers.write(offset, value)?;
+            }
+        }
+        Ok(())
+    }
+
+    fn write_bdtr(&mut self, value: u32) -> Result<(), String> {
+        // What level 1 holds: dead time, break enable, polarity and filter. Level 2 adds OSSI and OSSR.
+        const LEVEL_1: u32 = 0xFF | 1 << 12 | 1 << 13 | 1 << 14 | 0xF << 16;
+        const LEVEL_2: u32 = LEVEL_1 | 3 << 10;
+        let held_bits = match self.lock {
+            0 => 0,
+            1 => LEVEL_1 | 3 << 8,
+            _ => LEVEL_2 | 3 << 8,
+        };
+        let old = self.registers.read(BDTR)?;
+        let kept = old & held_bits | value & !held_bits & !MOE;
+        self.registers.write(BDTR, kept)?;
+        self.lock = kept >> 8 & 3;
+        // The main output cannot be enabled while the break is active.
+        self.moe = value & MOE != 0 && !self.break_high;
+        Ok(())
+    }
+}

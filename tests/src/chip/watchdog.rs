@@ -1,0 +1,93 @@
+//! The independent watchdog (RM0440 42), on its 32 kHz clock.
+
+use super::CORE_HZ;
+
+const LSI_HZ: u64 = 32_000;
+
+/// IWDG.
+pub struct Watchdog {
+    prescaler: u32,
+    reload: u32,
+    unlocked: bool,
+    running: bool,
+    fed: u64,
+}
+
+impl Watchdog {
+    /// Off.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            prescaler: 0,
+            reload: 0xFFF,
+            unlocked: false,
+            running: false,
+            fed: 0,
+        }
+    }
+
+    /// When it resets the chip unless it is fed.
+    #[must_use]
+    pub fn bites_at(&self) -> Option<u64> {
+        let ticks = u64::from(self.reload) + 1;
+        let divider = 4u64 << self.prescaler.min(6);
+        self.running
+            .then_some(self.fed + ticks * divider * CORE_HZ / LSI_HZ)
+    }
+
+    /// It has bitten.
+    pub fn stop(&mut self) {
+        self.running = false;
+    }
+
+    /// Reads a register.
+    ///
+    /// # Errors
+    /// The model does not have it.
+    pub fn read(&self, offset: u32) -> Result<u32, String> {
+        match offset {
+            0x04 => Ok(self.prescaler),
+            0x08 => Ok(self.reload),
+            // No update is ever under way.
+            0x0C => Ok(0),
+            _ => Err(format!("IWDG has no register at {offset:#x} in this model")),
+        }
+    }
+
+    /// Writes a register.
+    ///
+    /// # Errors
+    /// The model does not have it, or it is locked.
+    pub fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), String> {
+        match (offset, value) {
+            (0x00, 0xCCCC) => {
+                self.running = true;
+                self.fed = now;
+            }
+            (0x00, 0x5555) => self.unlocked = true,
+            (0x00, 0xAAAA) => {
+                self.unlocked = false;
+                self.fed = now;
+            }
+            (0x00, _) => self.unlocked = false,
+            (0x04 | 0x08, _) if !self.unlocked => return Err("IWDG is locked".into()),
+            (0x04, _) => self.prescaler = value & 7,
+            (0x08, _) => {
+                self.reload = value & 0xFFF;
+                self.fed = now;
+            }
+            (0x10, window) if window & 0xFFF < self.reload => {
+                return Err("this model has no window".into());
+            }
+            (0x10, _) => {}
+            _ => return Err(format!("IWDG has no register at {offset:#x} in this model")),
+        }
+        Ok(())
+    }
+}
+
+impl Default for Watchdog {
+    fn default() -> Self {
+        Self::new()
+    }
+}

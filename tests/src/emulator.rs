@@ -1,0 +1,499 @@
+//! The core: runs the ELF's instructions in Unicorn, and adds what Unicorn leaves out: exceptions with their
+//! priorities, sleep, bit-band, and time in cycles.
+
+mod exception;
+mod profile;
+
+pub use profile::{Cost, Profile};
+
+use crate::chip::{Chip, Reset};
+use crate::image::Image;
+use crate::pins::Machine;
+use crate::timing::{Decoder, REFILL};
+use std::cell::RefCell;
+use std::collections::HashMap;
+use std::rc::Rc;
+use unicorn_engine::{Arch, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
+
+const FLASH: (u64, u64) = (0x0800_0000, 0x8_0000);
+const RAM: (u64, u64) = (0x2000_0000, 0x1_8000);
+const CCM: (u64, u64) = (0x1000_0000, 0x8000);
+const BIT_BAND: u64 = 0x4200_0000;
+/// Peripheral regions: start and size.
+const PERIPHERALS: [(u64, u64); 4] = [
+    (0x4000_0000, 0x10_0000),
+    (0x4800_0000, 0x2000),
+    (0x5000_0000, 0x2000),
+    (0xE000_0000, 0x10_0000),
+];
+/// What unused RAM holds at the start, to see how deep the stack went.
+const PAINT: u8 = 0xCD;
+
+/// Why the core stopped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stop {
+    /// Something outside has to look: an interrupt to take, the time limit, an error, a reset.
+    Look,
+    /// An exception returns.
+    ExceptionReturn,
+}
+
+/// A run of instructions that is entered at its top only.
+#[derive(Clone, Copy)]
+struct Block {
+    end: u32,
+    instructions: u64,
+    cycles: u64,
+}
+
+/// What the hooks share.
+struct Inside {
+    chip: Chip,
+    decoder: Decoder,
+    blocks: HashMap<u32, Block>,
+    /// The block that runs: its time is taken when it has run.
+    current: Option<(u32, Block)>,
+    limit: u64,
+    stop: Option<Stop>,
+    profile: Profile,
+}
+
+impl Inside {
+    /// The block under way has run and went on to `next`, if that is known: its time passes.
+    fn settle(&mut self, next: Option<u32>) {
+        let Some((address, block)) = self.current.take() else {
+            return;
+        };
+        let refill = if next.is_some_and(|next| next != block.end) {
+            REFILL
+        } else {
+            0
+        };
+        let cycles = block.cycles + refill + std::mem::take(&mut self.chip.bus_wait);
+        self.profile.run(address, block.instructions, cycles);
+        let now = self.chip.now + cycles;
+        self.chip.advance(now);
+    }
+}
+
+/// The chip with its core.
+pub struct Emulator {
+    unicorn: Unicorn<'static, Inside>,
+    image: Rc<Image>,
+    sleeping: bool,
+    /// Resets so far.
+    pub resets: Vec<Reset>,
+}
+
+/// An emulator's own failure, as opposed to the firmware's.
+fn engine(error: uc_error) -> String {
+    format!("the Unicorn engine failed: {error:?}")
+}
+
+impl Emulator {
+    /// A chip with `image` in its flash, after a power-on reset.
+    ///
+    /// # Errors
+    /// The image does not fit the chip, or the engine fails.
+    pub fn new(image: &Rc<Image>, machine: Rc<RefCell<dyn Machine>>) -> Result<Self, String> {
+        let inside = Inside {
+            chip: Chip::new(machine),
+            decoder: Decoder::new(),
+            blocks: HashMap::new(),
+            current: None,
+            limit: 0,
+            stop: None,
+            profile: Profile::default(),
+        };
+        let mut unicorn =
+            Unicorn::new_with_data(Arch::ARM, Mode::MCLASS, inside).map_err(engine)?;
+        unicorn
+            .ctl_set_cpu_model(unicorn_engine::ArmCpuModel::CORTEX_M4 as i32)
+            .map_err(engine)?;
+        unicorn
+            .mem_map(FLASH.0, FLASH.1, Prot::READ | Prot::EXEC)
+            .map_err(engine)?;
+        unicorn.mem_map(RAM.0, RAM.1, Prot::ALL).map_err(engine)?;
+        unicorn.mem_map(CCM.0, CCM.1, Prot::ALL).map_err(engine)?;
+        for (start, data) in &image.segments {
+            unicorn.mem_write(u64::from(*start), data).map_err(|_| {
+                format!(
+                    "the firmware loads {} bytes at {start:#010x}, where the chip has no flash",
+                    data.len()
+                )
+            })?;
+        }
+        #[allow(clippy::cast_possible_truncation)]
+        unicorn
+            .mem_write(RAM.0, &vec![PAINT; RAM.1 as usize])
+            .map_err(engine)?;
+        let mut emulator = Self {
+            unicorn,
+            image: Rc::clone(image),
+            sleeping: false,
+            resets: Vec::new(),
+        };
+        emulator.map_peripherals()?;
+        emulator.add_hooks()?;
+        emulator.start_core()?;
+        Ok(emulator)
+    }
+
+    fn map_peripherals(&mut self) -> Result<(), String> {
+        for (start, size) in PERIPHERALS {
+            #[allow(clippy::cast_possible_truncation)]
+            self.unicorn
+                .mmio_map(
+                    start,
+                    size,
+                    Some(
+                        move |uc: &mut Unicorn<'_, Inside>, offset: u64, size: usize| {
+                            u64::from(uc.get_data_mut().chip.read((start + offset) as u32, size))
+                        },
+                    ),
+                    Some(
+                        move |uc: &mut Unicorn<'_, Inside>,
+                              offset: u64,
+                              size: usize,
+                              value: u64| {
+                            uc.get_data_mut().chip.write(
+                                (start + offset) as u32,
+                                size,
+                                value as u32,
+                            );
+                        },
+                    ),
+                )
+                .map_err(engine)?;
+        }
+        // Each word of the alias is one bit of the peripherals' first megabyte (PM0214 2.2.5).
+        #[allow(clippy::cast_possible_truncation)]
+        self.unicorn
+            .mmio_map(
+                BIT_BAND,
+                0x200_0000,
+                Some(|uc: &mut Unicorn<'_, Inside>, offset: u64, _: usize| {
+                    let (word, bit) = bit_banded(offset);
+                    u64::from(uc.get_data_mut().chip.read(word, 4) >> bit & 1)
+                }),
+                Some(
+                    |uc: &mut Unicorn<'_, Inside>, offset: u64, _: usize, value: u64| {
+                        let (word, bit) = bit_banded(offset);
+                        let chip = &mut uc.get_data_mut().chip;
+                        let old = chip.read(word, 4);
+                        chip.write(word, 4, old & !(1 << bit) | (value as u32 & 1) << bit);
+                    },
+                ),
+            )
+            .map_err(engine)
+    }
+
+    fn add_hooks(&mut self) -> Result<(), String> {
+        self.unicorn
+            .add_block_hook(1, 0, on_block)
+            .map_err(engine)?;
+        self.unicorn
+            .add_intr_hook(|uc, number| {
+                const EXCEPTION_EXIT: u32 = 8;
+                let inside = uc.get_data_mut();
+                if number == EXCEPTION_EXIT {
+                    inside.stop = Some(Stop::ExceptionReturn);
+                } else {
+                    inside
+                        .chip
+                        .error
+                        .get_or_insert(format!("the core raises exception {number} by itself"));
+                    inside.stop = Some(Stop::Look);
+                }
+                let _ = uc.emu_stop();
+            })
+            .map_err(engine)?;
+        self.unicorn
+            .add_mem_hook(HookType::MEM_INVALID, 1, 0, |uc, kind, address, size, _| {
+                let pc = uc.reg_read(RegisterARM::PC).unwrap_or(0);
+                let text = format!(
+                    "{kind:?} of {size} bytes at {address:#010x} from {pc:#010x}: no memory there"
+                );
+                uc.get_data_mut().chip.error.get_or_insert(text);
+                false
+            })
+            .map_err(engine)?;
+        Ok(())
+    }
+
+    /// As after a reset: stack pointer and first instruction from the vector table.
+    fn start_core(&mut self) -> Result<(), String> {
+        for register in [
+            RegisterARM::R0,
+            RegisterARM::R1,
+            RegisterARM::R2,
+            RegisterARM::R3,
+            RegisterARM::R4,
+            RegisterARM::R5,
+            RegisterARM::R6,
+            RegisterARM::R7,
+            RegisterARM::R8,
+            RegisterARM::R9,
+            RegisterARM::R10,
+            RegisterARM::R11,
+            RegisterARM::R12,
+            RegisterARM::PRIMASK,
+            RegisterARM::BASEPRI,
+        ] {
+            self.unicorn.reg_write(register, 0).map_err(engine)?;
+        }
+        const THUMB: u64 = 1 << 24;
+        self.set(RegisterARM::XPSR, THUMB)?;
+        self.set(RegisterARM::LR, 0xFFFF_FFFF)?;
+        let (stack, entry) = (self.word(0x0800_0000)?, self.word(0x0800_0004)?);
+        self.set(RegisterARM::MSP, u64::from(stack))?;
+        self.set(RegisterARM::PC, u64::from(entry))?;
+        self.unicorn.get_data_mut().current = None;
+        self.sleeping = false;
+        Ok(())
+    }
+
+    /// The chip around the core.
+    pub fn chip(&mut self) -> &mut Chip {
+        &mut self.unicorn.get_data_mut().chip
+    }
+
+    /// What the interrupts cost so far.
+    pub fn profile(&mut self) -> &mut Profile {
+        &mut self.unicorn.get_data_mut().profile
+    }
+
+    fn get(&self, register: RegisterARM) -> Result<u32, String> {
+        #[allow(clippy::cast_possible_truncation)]
+        self.unicorn
+            .reg_read(register)
+            .map(|value| value as u32)
+            .map_err(engine)
+    }
+
+    fn set(&mut self, register: RegisterARM, value: u64) -> Result<(), String> {
+        self.unicorn.reg_write(register, value).map_err(engine)
+    }
+
+    /// A word of memory.
+    ///
+    /// # Errors
+    /// There is no memory.
+    pub fn word(&self, address: u32) -> Result<u32, String> {
+        let mut bytes = [0; 4];
+        self.unicorn
+            .mem_read(u64::from(address), &mut bytes)
+            .map_err(|_| format!("no memory at {address:#010x}"))?;
+        Ok(u32::from_le_bytes(bytes))
+    }
+
+    /// Writes a word of memory, as a debugger does.
+    ///
+    /// # Errors
+    /// There is no memory.
+    pub fn set_word(&mut self, address: u32, value: u32) -> Result<(), String> {
+        self.unicorn
+            .mem_write(u64::from(address), &value.to_le_bytes())
+            .map_err(|_| format!("no memory at {address:#010x}"))
+    }
+
+    /// Changes an instruction in memory.
+    ///
+    /// # Errors
+    /// There is no memory.
+    pub fn patch(&mut self, address: u32, instruction: u16) -> Result<(), String> {
+        let at = u64::from(address);
+        self.unicorn
+            .mem_write(at, &instruction.to_le_bytes())
+            .map_err(|_| format!("no memory at {address:#010x}"))?;
+        self.unicorn.get_data_mut().blocks.clear();
+        self.unicorn.ctl_flush_tb().map_err(engine)
+    }
+
+    /// Bytes of memory.
+    ///
+    /// # Errors
+    /// There is no memory.
+    pub fn bytes(&self, address: u32, size: usize) -> Result<Vec<u8>, String> {
+        self.unicorn
+            .mem_read_as_vec(u64::from(address), size)
+            .map_err(|_| format!("no memory at {address:#010x}"))
+    }
+
+    /// The deepest that the stack has been, bytes.
+    ///
+    /// # Errors
+    /// The engine fails.
+    pub fn stack_used(&self) -> Result<u32, String> {
+        #[allow(clippy::cast_possible_truncation)]
+        let (start, size) = (RAM.0 as u32, RAM.1 as usize);
+        let bottom = self
+            .image
+            .symbol("__euninit")
+            .or_else(|_| self.image.symbol("__ebss"))?;
+        let stack = self.bytes(bottom, size - (bottom - start) as usize)?;
+        let untouched = stack.iter().take_while(|&&byte| byte == PAINT).count();
+        #[allow(clippy::cast_possible_truncation)]
+        Ok((stack.len() - untouched) as u32)
+    }
+
+    /// Runs until the chip's time is `time`, in core cycles since the first reset.
+    ///
+    /// # Errors
+    /// A sentence about what the firmware did that the chip does not have, or about the engine.
+    pub fn run_until(&mut self, time: u64) -> Result<(), String> {
+        self.unicorn.get_data_mut().limit = time;
+        loop {
+            let chip = &mut self.unicorn.get_data_mut().chip;
+            if let Some(error) = chip.error.clone() {
+                return Err(format!("{error} (at {})", self.place()));
+            }
+            if let Some(reason) = chip.reset {
+                chip.restart(reason);
+                self.resets.push(reason);
+                self.start_core()?;
+                continue;
+            }
+            if chip.now >= time {
+                return Ok(());
+            }
+            let (basepri, primask) = (
+                self.get(RegisterARM::BASEPRI)?,
+                self.get(RegisterARM::PRIMASK)?,
+            );
+            #[allow(clippy::cast_possible_truncation)]
+            let basepri = basepri as u8;
+            let chip = &mut self.unicorn.get_data_mut().chip;
+            if let Some(exception) = chip.nvic.takeable(basepri, primask & 1 == 1) {
+                self.sleeping = false;
+                self.enter(exception)?;
+            } else if self.sleeping {
+                if chip.nvic.wakes(basepri) {
+                    self.sleeping = false;
+                } else {
+                    let next = chip.next_event().min(time);
+                    chip.advance(next);
+                    self.flush_memory()?;
+                    continue;
+                }
+            }
+            self.run()?;
+        }
+    }
+
+    fn flush_memory(&mut self) -> Result<(), String> {
+        for (address, value) in std::mem::take(&mut self.unicorn.get_data_mut().chip.memory_writes)
+        {
+            self.unicorn
+                .mem_write(u64::from(address), &value.to_le_bytes())
+                .map_err(engine)?;
+        }
+        Ok(())
+    }
+
+    /// Runs the core until a hook stops it.
+    fn run(&mut self) -> Result<(), String> {
+        const NOWHERE: u64 = 0xFFFF_FFFE;
+        let pc = self.get(RegisterARM::PC)?;
+        self.unicorn.get_data_mut().stop = None;
+        let result = self.unicorn.emu_start(u64::from(pc | 1), NOWHERE, 0, 0);
+        let inside = self.unicorn.get_data_mut();
+        inside.settle(None);
+        self.flush_memory()?;
+        let inside = self.unicorn.get_data_mut();
+        match (inside.stop.take(), result) {
+            (Some(Stop::ExceptionReturn), _) => self.leave(),
+            (Some(Stop::Look), Ok(())) => Ok(()),
+            // The core stopped by itself: it sleeps.
+            (None, Ok(())) => {
+                self.sleeping = true;
+                Ok(())
+            }
+            (_, Err(error)) => {
+                let known = inside.chip.error.clone();
+                Err(format!(
+                    "{} (at {})",
+                    known.unwrap_or_else(|| engine(error)),
+                    self.place()
+                ))
+            }
+        }
+    }
+
+    /// Where the core is, in words.
+    fn place(&self) -> String {
+        let pc = self.get(RegisterARM::PC).unwrap_or(0);
+        let lr = self.get(RegisterARM::LR).unwrap_or(0) & !1;
+        let name = |address| {
+            self.image
+                .function_at(address)
+                .map_or("nowhere", |f| f.name.as_str())
+        };
+        format!("{pc:#010x} in {}, called from {}", name(pc), name(lr))
+    }
+}
+
+fn bit_banded(offset: u64) -> (u32, u32) {
+    #[allow(clippy::cast_possible_truncation)]
+    let (byte, bit) = ((offset / 32) as u32, (offset / 4 % 8) as u32);
+    (0x4000_0000 + (byte & !3), bit + 8 * (byte & 3))
+}
+
+/// The core is about to run a block: time passes, and what falls due happens.
+fn on_block(uc: &mut Unicorn<'_, Inside>, address: u64, size: u32) {
+    #[allow(clippy::cast_possible_truncation)]
+    let address = address as u32;
+    if !uc.get_data().blocks.contains_key(&address) {
+        let code = uc
+            .mem_read_as_vec(u64::from(address), size as usize)
+            .unwrap_or_default();
+        let inside = uc.get_data_mut();
+        match inside.decoder.decode(&code, address) {
+            Ok(list) => {
+                let block = Block {
+                    end: address + size,
+                    instructions: list.len() as u64,
+                    cycles: list.iter().map(|instruction| instruction.cycles).sum(),
+                };
+                inside.blocks.insert(address, block);
+            }
+            Err(error) => {
+                inside
+                    .chip
+                    .error
+                    .get_or_insert(format!("no instructions at {address:#010x}: {error}"));
+            }
+        }
+    }
+    let inside = uc.get_data_mut();
+    inside.settle(Some(address));
+    let Some(&block) = inside.blocks.get(&address) else {
+        inside.stop = Some(Stop::Look);
+        let _ = uc.emu_stop();
+        return;
+    };
+    let now = inside.chip.now;
+    let chip = &inside.chip;
+    let mut stop = chip.error.is_some() || chip.reset.is_some() || now >= inside.limit;
+    let pending = chip.nvic.any_pending();
+    let writes = !chip.memory_writes.is_empty();
+    if pending && !stop {
+        #[allow(clippy::cast_possible_truncation)]
+        let basepri = uc.reg_read(RegisterARM::BASEPRI).unwrap_or(0) as u8;
+        let primask = uc.reg_read(RegisterARM::PRIMASK).unwrap_or(0) & 1 == 1;
+        stop = uc.get_data().chip.nvic.takeable(basepri, primask).is_some();
+    }
+    if writes {
+        let list = std::mem::take(&mut uc.get_data_mut().chip.memory_writes);
+        for (address, value) in list {
+            let _ = uc.mem_write(u64::from(address), &value.to_le_bytes());
+        }
+    }
+    if stop {
+        // The block has not run and is met again.
+        uc.get_data_mut().stop = Some(Stop::Look);
+        let _ = uc.emu_stop();
+    } else {
+        uc.get_data_mut().current = Some((address, block));
+    }
+}

@@ -1,0 +1,112 @@
+//! The firmware's ELF: what goes where, and what is called how.
+
+use object::{Object, ObjectSegment, ObjectSymbol, SymbolKind};
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// A function of the image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Function {
+    /// Its demangled name, without hash.
+    pub name: String,
+    /// Address of its first instruction, where it runs.
+    pub address: u32,
+    /// Bytes.
+    pub size: u32,
+}
+
+/// A loaded ELF.
+#[derive(Clone, Debug)]
+pub struct Image {
+    /// Load address and bytes of each segment.
+    pub segments: Vec<(u32, Vec<u8>)>,
+    /// Where each segment runs: address, and index and offset of its bytes; for code that is copied before use.
+    code: Vec<(u32, Vec<u8>)>,
+    /// By address.
+    pub functions: BTreeMap<u32, Function>,
+    symbols: BTreeMap<String, u32>,
+}
+
+impl Image {
+    /// Reads an ELF file.
+    ///
+    /// # Errors
+    /// A sentence that says what is wrong with the file.
+    pub fn read(path: &Path) -> Result<Self, String> {
+        let bytes = std::fs::read(path).map_err(|error| {
+            format!(
+                "cannot read the firmware {}: {error}; build it with `cargo xtask build`",
+                path.display()
+            )
+        })?;
+        Self::parse(&bytes)
+            .map_err(|error| format!("{} is not an ELF for this chip: {error}", path.display()))
+    }
+
+    fn parse(bytes: &[u8]) -> Result<Self, object::Error> {
+        let file = object::read::elf::ElfFile32::<object::Endianness>::parse(bytes)?;
+        let mut image = Self {
+            segments: Vec::new(),
+            code: Vec::new(),
+            functions: BTreeMap::new(),
+            symbols: BTreeMap::new(),
+        };
+        let endian = file.endian();
+        for segment in file.segments() {
+            let data = segment.data()?.to_vec();
+            if data.is_empty() {
+                continue;
+            }
+            let load = segment.elf_program_header().p_paddr.get(endian);
+            #[allow(clippy::cast_possible_truncation)]
+            image.code.push((segment.address() as u32, data.clone()));
+            image.segments.push((load, data));
+        }
+        for symbol in file.symbols() {
+            let Ok(name) = symbol.name() else { continue };
+            #[allow(clippy::cast_possible_truncation)]
+            let (address, size) = (symbol.address() as u32, symbol.size() as u32);
+            image.symbols.insert(name.to_owned(), address);
+            if symbol.kind() == SymbolKind::Text && size > 0 {
+                let name = format!("{:#}", rustc_demangle::demangle(name));
+                let address = address & !1;
+                image.functions.insert(
+                    address,
+                    Function {
+                        name,
+                        address,
+                        size,
+                    },
+                );
+            }
+        }
+        Ok(image)
+    }
+
+    /// The address of a symbol.
+    ///
+    /// # Errors
+    /// A sentence that says that it is missing.
+    pub fn symbol(&self, name: &str) -> Result<u32, String> {
+        self.symbols
+            .get(name)
+            .copied()
+            .ok_or_else(|| format!("the firmware has no symbol `{name}`"))
+    }
+
+    /// The function that holds `address`.
+    #[must_use]
+    pub fn function_at(&self, address: u32) -> Option<&Function> {
+        let (_, function) = self.functions.range(..=address).next_back()?;
+        (address < function.address + function.size).then_some(function)
+    }
+
+    /// `size` bytes at `address`, where they run.
+    #[must_use]
+    pub fn bytes(&self, address: u32, size: u32) -> Option<&[u8]> {
+        self.code.iter().find_map(|(start, data)| {
+            let offset = address.checked_sub(*start)? as usize;
+            data.get(offset..offset.checked_add(size as usize)?)
+        })
+    }
+}

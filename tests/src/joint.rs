@@ -1,0 +1,107 @@
+//! The board and machine of `hal-sim` at the emulated chip's pins.
+
+use crate::pins::{Bridge, Machine, Motor, Sensors};
+use control::current_loop::PwmCommand;
+use hal_sim::board::{Board, BoardConfig};
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+
+/// The machine of `hal-sim`, stepped by the tops of the emulated timers.
+pub struct Joint {
+    /// The board's sensors, and the machine behind them.
+    pub board: Board,
+    last: Option<(Motor, u64)>,
+    half_period: u64,
+    restarted: bool,
+}
+
+/// How far apart the two tops may be from half a period, core cycles: the timers start one count apart.
+const STAGGER: u64 = 4;
+
+impl Joint {
+    /// A machine at rest.
+    #[must_use]
+    pub fn new(model: &Model, coupling: Coupling, config: BoardConfig) -> Self {
+        Self {
+            board: Board::new(model, coupling, config),
+            last: None,
+            half_period: u64::from(config.period()),
+            restarted: false,
+        }
+    }
+
+    fn axis(motor: Motor) -> Axis {
+        match motor {
+            Motor::Screw => Axis::Screw,
+            Motor::Nut => Axis::Nut,
+        }
+    }
+}
+
+impl Machine for Joint {
+    /// # Panics
+    /// If the tops do not alternate half a period apart, screw first: the machine's steps would not be time's.
+    fn top(&mut self, motor: Motor, time: u64, bridge: Bridge) -> Sensors {
+        match self.last {
+            None => assert_eq!(
+                motor,
+                Motor::Screw,
+                "the first top that is sampled is the screw's"
+            ),
+            Some((last, before)) => {
+                let passed = time - before;
+                let halves = if self.restarted {
+                    // The machine coasts while the chip starts; its steps are half periods.
+                    assert_eq!(
+                        motor,
+                        Motor::Screw,
+                        "the first top that is sampled is the screw's"
+                    );
+                    (passed + self.half_period / 2) / self.half_period
+                } else {
+                    assert_ne!(motor, last, "the tops alternate");
+                    let expected = self.half_period;
+                    assert!(
+                        passed.abs_diff(expected) <= STAGGER,
+                        "{motor:?}: {passed} cycles since the other top, not {expected}",
+                    );
+                    1
+                };
+                for _ in 0..halves {
+                    self.board.advance();
+                }
+            }
+        }
+        self.restarted = false;
+        self.last = Some((motor, time));
+        let axis = Self::axis(motor);
+        self.board.write(
+            axis,
+            PwmCommand {
+                compare: bridge.compare,
+                enable: bridge.enabled,
+            },
+        );
+        let sample = self.board.turn(axis);
+        Sensors {
+            current: sample.current,
+            bus: sample.bus,
+            encoder: sample.encoder,
+            temperature: 1000,
+        }
+    }
+
+    fn stopped(&mut self, motor: Motor) {
+        self.board.trip_break(Self::axis(motor));
+    }
+
+    fn reset(&mut self) {
+        for axis in [Axis::Screw, Axis::Nut] {
+            // Opens the bridge now; the latch of the timer's break is cleared by the reset itself.
+            self.board.trip_break(axis);
+            self.board.clear_break(axis);
+        }
+        self.restarted = true;
+    }
+}

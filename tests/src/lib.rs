@@ -1,0 +1,15 @@
+//! The firmware's release ELF, unmodified, on an emulated STM32G474 whose pins are joined to a simulated machine.
+//!
+//! [`image`] reads the ELF, [`chip`] is the chip around the core, [`emulator`] the core itself and its exceptions,
+//! [`timing`] what each instruction costs on a Cortex-M4, [`pins`] what the chip's pins are joined to, [`joint`] the
+//! machine of `hal-sim` at the pins, [`bench`] a drive on that bench as a person with a probe would use it.
+//!
+//! A register that the firmware touches and the chip model lacks is an error that names it, not a silent zero.
+
+pub mod bench;
+pub mod chip;
+pub mod emulator;
+pub mod image;
+pub mod joint;
+pub mod pins;
+pub mod timing;

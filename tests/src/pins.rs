@@ -1,0 +1,64 @@
+//! What the chip's pins are joined to.
+
+/// What a bridge does from the top of its timer's counter on, for one PWM period.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Bridge {
+    /// Compare values of phases a, b, c, timer counts.
+    pub compare: [u16; 3],
+    /// The outputs follow the compare values; otherwise all six switches are open.
+    pub enabled: bool,
+}
+
+/// What the sensors of a motor give at the top of its timer's counter.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Sensors {
+    /// Shunts of phases a, b, c, ADC counts.
+    pub current: [u16; 3],
+    /// Bus voltage, ADC counts.
+    pub bus: u16,
+    /// Encoder, counts.
+    pub encoder: u32,
+    /// Heat sink, ADC counts.
+    pub temperature: u16,
+}
+
+/// A motor, and so its timer and its sensors.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Motor {
+    /// On TIM1.
+    Screw = 0,
+    /// On TIM8.
+    Nut = 1,
+}
+
+/// The machine at the pins.
+pub trait Machine {
+    /// The counter of `motor`'s timer is at its top at `time`, in core cycles since the reset: the sensors are
+    /// sampled, and `bridge` holds from here to the next top.
+    fn top(&mut self, motor: Motor, time: u64, bridge: Bridge) -> Sensors;
+
+    /// The bridge of `motor` was stopped by its break input, between two tops.
+    fn stopped(&mut self, motor: Motor);
+
+    /// The chip was reset: both bridges are open, and the next top comes when the firmware has started again.
+    fn reset(&mut self);
+}
+
+/// A machine that stands still: no current, a full bus, no motion.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct AtRest;
+
+impl Machine for AtRest {
+    fn top(&mut self, _motor: Motor, _time: u64, _bridge: Bridge) -> Sensors {
+        Sensors {
+            current: [2048; 3],
+            bus: 2818,
+            encoder: 0,
+            temperature: 1000,
+        }
+    }
+
+    fn stopped(&mut self, _motor: Motor) {}
+
+    fn reset(&mut self) {}
+}

@@ -1,0 +1,62 @@
+//! The flashed ELF turns the motors of the simulated machine.
+
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::TAU;
+use tests::bench::{Bench, READY, RUNNING};
+
+/// Mean speeds of screw and nut over `seconds`, rad/s.
+fn mean_speeds(bench: &mut Bench, seconds: f64) -> Result<[f64; 2], String> {
+    let angles = |bench: &Bench| {
+        [Axis::Screw, Axis::Nut].map(|axis| bench.joint.borrow().board.machine.motor(axis).theta)
+    };
+    let before = angles(bench);
+    bench.pass(seconds)?;
+    let after = angles(bench);
+    Ok([
+        (after[0] - before[0]) / seconds,
+        (after[1] - before[1]) / seconds,
+    ])
+}
+
+#[test]
+fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
+    for (model, coupling) in [
+        (Model::paper(), Coupling::Lumped),
+        (Model::coupled(), Coupling::Coupled),
+    ] {
+        let mut bench = Bench::new(&model, coupling)?;
+        bench.wait_for(READY, 0.2)?;
+        for base_rpm in [0.0, 300.0] {
+            let base = base_rpm * TAU / 60.0;
+            bench.ask(2.5e-3, base)?;
+            bench.run(1)?;
+            bench.pass(0.5)?;
+            let status = bench.status()?;
+            assert_eq!(
+                status.state, RUNNING,
+                "{coupling:?} at {base_rpm} rpm: {status:?}"
+            );
+            // One beat of the motors' 6th harmonics at 30 rpm of difference is 66.7 ms.
+            let [screw, nut] = mean_speeds(&mut bench, 0.2)?;
+            let table = (screw - nut) * model.feed.lead_m / TAU;
+            assert!(
+                (table - 2.5e-3).abs() < 2.5e-5,
+                "{coupling:?} at {base_rpm} rpm: the table moves at {table} m/s"
+            );
+            assert!(
+                (nut - base).abs() < 0.01 * base + 0.05,
+                "{coupling:?}: the nut turns at {nut} rad/s, not {base}"
+            );
+        }
+        bench.run(0)?;
+        bench.wait_for(READY, 1.0)?;
+        let chip = bench.emulator.chip();
+        assert!(
+            chip.pwm.iter().all(|timer| !timer.bridge().enabled),
+            "a drive at rest has its bridges off"
+        );
+    }
+    Ok(())
+}

@@ -1,0 +1,142 @@
+//! Faults, provoked: the bridge's output enable falls in time, and the state says why.
+
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::TAU;
+use tests::bench::{Bench, FAULT, READY, RUNNING};
+use tests::chip::{CORE_HZ, Reset};
+use tests::pins::Motor;
+
+const PERIOD_S: f64 = 50e-6;
+
+/// A drive at 300 rpm with the table moving.
+fn running() -> Result<Bench, String> {
+    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    bench.wait_for(READY, 0.2)?;
+    bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
+    bench.run(1)?;
+    bench.pass(0.4)?;
+    assert_eq!(bench.status()?.state, RUNNING);
+    assert!(enabled(&mut bench, Motor::Screw) && enabled(&mut bench, Motor::Nut));
+    Ok(bench)
+}
+
+fn enabled(bench: &mut Bench, motor: Motor) -> bool {
+    bench.emulator.chip().pwm[motor as usize].bridge().enabled
+}
+
+/// Time from now until the bridge of `motor` is off, s, to a microsecond.
+fn until_off(bench: &mut Bench, motor: Motor, at_most: f64) -> Result<f64, String> {
+    let start = bench.emulator.chip().now;
+    while enabled(bench, motor) {
+        let passed = (bench.emulator.chip().now - start) as f64 / CORE_HZ as f64;
+        if passed > at_most {
+            return Err(format!(
+                "the bridge of the {motor:?} is still on after {passed} s"
+            ));
+        }
+        bench.pass(1e-6)?;
+    }
+    Ok((bench.emulator.chip().now - start) as f64 / CORE_HZ as f64)
+}
+
+/// Number of a fault in the debug view, as the firmware's `speed` module has them.
+#[derive(Clone, Copy)]
+enum Cause {
+    ScrewBreak = 1,
+    NutBreak = 2,
+    ScrewEncoder = 5,
+    NutEncoder = 6,
+    SpeedTaskLate = 7,
+}
+
+fn assert_cause(bench: &Bench, cause: Cause) -> Result<(), String> {
+    let status = bench.status()?;
+    assert_eq!((status.state, status.fault), (FAULT, cause as u32));
+    Ok(())
+}
+
+#[test]
+fn an_over_current_opens_the_bridge_in_hardware() -> Result<(), String> {
+    for (motor, other, cause) in [
+        (Motor::Screw, Motor::Nut, Cause::ScrewBreak),
+        (Motor::Nut, Motor::Screw, Cause::NutBreak),
+    ] {
+        let mut bench = running()?;
+        // In the middle of a period, with no interrupt near.
+        bench.settle_untold()?;
+        bench.pass(PERIOD_S / 4.0)?;
+        bench.emulator.chip().short_circuit(motor, 4000);
+        assert!(!enabled(&mut bench, motor), "off without an instruction");
+        // The supervisor takes the other bridge down in its next step.
+        assert!(until_off(&mut bench, other, 1e-3)? < 6.0 * PERIOD_S);
+        assert_cause(&bench, cause)?;
+        // It stays off while the current is there, whatever is asked.
+        bench.run(2)?;
+        bench.pass(1e-3)?;
+        assert_cause(&bench, cause)?;
+        assert!(!enabled(&mut bench, motor));
+        // Once it is gone a reset leaves the fault, and the drive runs again.
+        bench.emulator.chip().end_short_circuit(motor);
+        bench.wait_for(READY, 1e-3)?;
+        bench.run(1)?;
+        bench.pass(10e-3)?;
+        assert_eq!(bench.status()?.state, RUNNING);
+        assert!(enabled(&mut bench, motor));
+    }
+    Ok(())
+}
+
+#[test]
+fn a_stuck_encoder_opens_its_bridge_within_a_period() -> Result<(), String> {
+    for (motor, cause) in [
+        (Motor::Screw, Cause::ScrewEncoder),
+        (Motor::Nut, Cause::NutEncoder),
+    ] {
+        let mut bench = running()?;
+        bench.settle_untold()?;
+        let chip = bench.emulator.chip();
+        let last = chip.last_count(motor);
+        chip.provoked.stuck_encoder[motor as usize] = Some(last);
+        // From the first sample that is wrong; the screw's is 3 us away, the nut's half a period more.
+        let to_sample = bench.time_to_top(motor);
+        let off = until_off(&mut bench, motor, 1e-3)? - to_sample;
+        assert!(
+            off < PERIOD_S,
+            "{off} s after the first wrong sample of the {motor:?}"
+        );
+        bench.pass(1e-3)?;
+        assert_cause(&bench, cause)?;
+        assert!(!enabled(&mut bench, Motor::Screw) && !enabled(&mut bench, Motor::Nut));
+    }
+    Ok(())
+}
+
+#[test]
+fn a_hung_speed_task_is_noticed_and_the_watchdog_resets_the_chip() -> Result<(), String> {
+    let mut bench = running()?;
+    bench.hang("FMAC")?;
+    // Its next step is due within four periods, and a reference holds for eight: then each current loop opens its own
+    // bridge in the period in which it finds the reference too old.
+    let screw = until_off(&mut bench, Motor::Screw, 1e-3)?;
+    let nut = until_off(&mut bench, Motor::Nut, 1e-3)?;
+    assert!(screw < 12.0 * PERIOD_S, "{screw}");
+    assert!(nut < 1.0 * PERIOD_S, "within a period of the other: {nut}");
+    assert_cause(&bench, Cause::SpeedTaskLate)?;
+    bench.pass(30e-3)?;
+    assert_eq!(bench.emulator.resets, [Reset::Watchdog]);
+    bench.wait_for(READY, 0.2)?;
+    const WATCHDOG: u32 = 4;
+    assert_eq!(bench.status()?.reset_reason, WATCHDOG);
+    Ok(())
+}
+
+#[test]
+fn a_hung_current_loop_is_reset() -> Result<(), String> {
+    let mut bench = running()?;
+    bench.hang("ADC4")?;
+    bench.pass(30e-3)?;
+    assert_eq!(bench.emulator.resets, [Reset::Watchdog]);
+    assert!(!enabled(&mut bench, Motor::Screw) && !enabled(&mut bench, Motor::Nut));
+    Ok(())
+}

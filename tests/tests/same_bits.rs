@@ -1,0 +1,112 @@
+//! The emulated firmware and the control code on the host are the same drive, bit for bit.
+
+use control::current_loop::PwmCommand;
+use hal_sim::drive::Drive;
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::TAU;
+use tests::bench::{Bench, board_config, plate};
+use tests::chip::Top;
+use tests::pins::Motor;
+
+/// What the drive is asked, and when, s.
+const SCRIPT: [(f64, u32, f64, f64); 4] = [
+    (0.055, 1, 2.5e-3, 300.0),
+    (0.7, 1, -2.5e-3, 500.0),
+    (1.2, 1, 2.5e-3, 0.0),
+    (1.5, 0, 0.0, 0.0),
+];
+const END: f64 = 1.7;
+
+/// Runs the script in the emulator: every top of both timers, and how many of the screw's came before each command.
+fn emulated(model: &Model, coupling: Coupling) -> Result<(Vec<Top>, Vec<u64>), String> {
+    let mut bench = Bench::new(model, coupling)?;
+    bench.emulator.chip().tops = Some(Vec::new());
+    let mut before = Vec::new();
+    let mut now = 0.0;
+    for (at, run, velocity, base_rpm) in SCRIPT {
+        bench.pass(at - now)?;
+        now = at;
+        before.push(bench.settle()?);
+        bench.ask(velocity, base_rpm * TAU / 60.0)?;
+        bench.run(run)?;
+    }
+    bench.pass(END - now)?;
+    Ok((
+        bench.emulator.chip().tops.take().unwrap_or_default(),
+        before,
+    ))
+}
+
+#[test]
+fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
+    for (model, coupling) in [
+        (Model::paper(), Coupling::Lumped),
+        (Model::coupled(), Coupling::Coupled),
+    ] {
+        let (tops, before) = emulated(&model, coupling)?;
+        let of = |motor: Motor| {
+            tops.iter()
+                .filter(move |top| top.motor == motor)
+                .collect::<Vec<_>>()
+        };
+        let streams = [of(Motor::Screw), of(Motor::Nut)];
+        let periods = streams[1].len() - 1;
+        assert!(
+            periods > 30_000,
+            "more than a second with both motors turning"
+        );
+
+        let plate = plate();
+        let mut drive = Drive::new(&model, coupling, board_config(&plate), &plate)
+            .map_err(|misfit| misfit.to_string())?;
+        drive.request.run = false;
+        let mut script = before.iter().zip(SCRIPT).peekable();
+        let (mut driven, mut turned) = (0, [0.0; 2]);
+        for period in 0..periods {
+            if let Some((_, (_, run, velocity, base_rpm))) =
+                script.next_if(|(at, _)| **at == period as u64)
+            {
+                drive
+                    .command(velocity, base_rpm * TAU / 60.0)
+                    .map_err(|error| error.to_string())?;
+                drive.request.run = run == 1;
+            }
+            drive.period();
+            for (axis, stream) in [Axis::Screw, Axis::Nut].into_iter().zip(&streams) {
+                let (sampled, next) = (stream[period].sensors, stream[period + 1].bridge);
+                let host = drive.sample(axis);
+                assert_eq!(
+                    (sampled.current, sampled.bus, sampled.encoder),
+                    (host.current, host.bus, host.encoder),
+                    "{coupling:?}: sample {period} of the {axis:?}"
+                );
+                let emulated = PwmCommand {
+                    compare: next.compare,
+                    enable: next.enabled,
+                };
+                assert_eq!(
+                    emulated,
+                    drive.compare(axis),
+                    "{coupling:?}: compare values {period} of the {axis:?}"
+                );
+            }
+            driven +=
+                usize::from(drive.compare(Axis::Screw).enable && drive.compare(Axis::Nut).enable);
+            for (most, axis) in turned.iter_mut().zip([Axis::Screw, Axis::Nut]) {
+                *most = f64::max(*most, drive.board.machine.motor(axis).omega.abs());
+            }
+        }
+        assert!(script.next().is_none(), "the whole script was run");
+        assert!(
+            driven > 20_000,
+            "both bridges were on for a second: {driven} periods"
+        );
+        assert!(
+            turned.iter().all(|&speed| speed > 30.0),
+            "both motors turned: {turned:?} rad/s"
+        );
+    }
+    Ok(())
+}

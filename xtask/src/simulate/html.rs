@@ -1,0 +1,419 @@
+//! `report.html`: the experiment as a page that stands alone.
+
+use super::axis::{Axis, extent, widen};
+use super::page::{document, escape, legend, sentence, short, standalone, two};
+use super::plots::{CDFS, Chart, DDFS, INK, Label, MUTED, Mark, PAPER, Series, chart};
+use super::records::records;
+use super::report::{Report, RunReport, SetupReport};
+
+const CURVE: Mark = Mark::Line(1.5);
+
+/// The page.
+pub(crate) fn page(report: &Report) -> String {
+    let title = format!(
+        "Ripple of the table velocity at {} mm/s",
+        short(report.setup.table_mm_s)
+    );
+    let body = format!(
+        "<p class=\"result\">{}</p>\n{}{}<section>\n<h2>Why, and at which speeds</h2>\n<div class=\"pair\">\n{}{}</div>\n\
+         </section>\n{}",
+        sentence(&result(report)),
+        table(report),
+        records(report),
+        sensitivity(report),
+        curve(report),
+        foot(&report.setup),
+    );
+    document(&title, &body)
+}
+
+/// The CDFS run, if one was made.
+pub(super) fn cdfs(report: &Report) -> Option<&RunReport> {
+    report.runs.iter().find(|run| run.nut_rpm == 0.0)
+}
+
+/// What the runs say, in a sentence.
+fn result(report: &Report) -> String {
+    let known = |run: &&RunReport| run.vrf_percent.is_finite();
+    let moving = || {
+        report
+            .runs
+            .iter()
+            .filter(|run| run.nut_rpm != 0.0)
+            .filter(known)
+    };
+    let best = moving().min_by(|a, b| a.vrf_percent.total_cmp(&b.vrf_percent));
+    let at = |run: &RunReport| format!("{} rpm", short(run.nut_rpm));
+    let vrf = |run: &RunReport| format!("{} %", two(Some(run.vrf_percent)));
+    match (cdfs(report).filter(known), best) {
+        (Some(cdfs), Some(best)) if best.vrf_percent < cdfs.vrf_percent => {
+            let worse: Vec<_> = moving()
+                .filter(|run| run.vrf_percent >= cdfs.vrf_percent)
+                .map(at)
+                .collect();
+            let but = match worse.is_empty() {
+                true => String::new(),
+                false => format!(" Not so at {}: no better than CDFS.", worse.join(", ")),
+            };
+            format!(
+                "Turning the nut at {} lowers the velocity ripple (VRF) from {} with CDFS to {}: {} % less.{but}",
+                at(best),
+                vrf(cdfs),
+                vrf(best),
+                short((100.0 * (1.0 - best.vrf_percent / cdfs.vrf_percent)).round()),
+            )
+        }
+        (Some(cdfs), Some(best)) => format!(
+            "Turning the nut does not lower the velocity ripple (VRF): {} with CDFS, {} at the best nut speed, {}.",
+            vrf(cdfs),
+            vrf(best),
+            at(best),
+        ),
+        (Some(cdfs), None) => format!(
+            "The velocity ripple (VRF) is {} with CDFS; no DDFS run was made.",
+            vrf(cdfs)
+        ),
+        (None, Some(best)) => format!(
+            "The velocity ripple (VRF) is least, {}, with the nut at {}; no CDFS run was made to compare with.",
+            vrf(best),
+            at(best),
+        ),
+        (None, None) => "No run gave a velocity ripple.".into(),
+    }
+}
+
+/// How a run is called.
+pub(super) fn name(run: &RunReport) -> String {
+    match run.nut_rpm == 0.0 {
+        true => "CDFS, nut at rest".into(),
+        false => format!("DDFS, nut at {} rpm", short(run.nut_rpm)),
+    }
+}
+
+fn table(report: &Report) -> String {
+    let rows: String = report
+        .runs
+        .iter()
+        .map(|run| {
+            format!(
+                "<tr><th scope=\"row\">{}{}</th><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                short(run.nut_rpm),
+                if run.nut_rpm == 0.0 { " (CDFS)" } else { "" },
+                two(Some(run.vrf_percent)),
+                two(Some(run.analytic_percent)),
+                run.measured_percent.map_or_else(|| two(None), short),
+            )
+        })
+        .collect();
+    format!(
+        "<div class=\"scroll\" role=\"region\" aria-label=\"Velocity ripple\" tabindex=\"0\">\n<table>\n\
+         <caption>Velocity ripple factor (VRF), %</caption>\n<thead><tr><th scope=\"col\">Nut speed, rpm</th>\
+         <th scope=\"col\">Simulated drive</th><th scope=\"col\">Analytic, <i>S</i>(<i>s</i>)</th>\
+         <th scope=\"col\">Measured in the paper</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n</div>\n"
+    )
+}
+
+fn sensitivity(report: &Report) -> String {
+    let found = &report.sensitivity;
+    let marks: Vec<_> = found
+        .marks
+        .iter()
+        .map(|mark| (mark.omega, mark.gain))
+        .collect();
+    let labels = found.marks.iter().map(|mark| Label {
+        at: (mark.omega, mark.gain),
+        text: mark.name.clone(),
+        color: INK,
+    });
+    let axis = |title| Axis {
+        title,
+        range: None,
+        log: true,
+    };
+    let plot = chart(&Chart {
+        about: "Bode magnitude of S(s), electrical speed per torque, with the torque harmonics of the runs",
+        x: axis("Angular frequency, rad/s"),
+        y: axis("|S|, rad/s (el.) per N m"),
+        series: vec![
+            Series {
+                points: found.analytic.clone(),
+                color: MUTED,
+                mark: CURVE,
+            },
+            Series {
+                points: found.ideal.clone(),
+                color: DDFS,
+                mark: Mark::Cross,
+            },
+            Series {
+                points: found.measured.clone(),
+                color: CDFS,
+                mark: Mark::Dot,
+            },
+            Series {
+                points: marks,
+                color: INK,
+                mark: Mark::Ring,
+            },
+        ],
+        labels: labels.collect(),
+    });
+    let mut keys = vec![(MUTED, CURVE, "analytic, Appendix A".into())];
+    if !found.ideal.is_empty() {
+        keys.push((
+            DDFS,
+            Mark::Cross,
+            "simulated drive, sine torque injected, ideal sensors".into(),
+        ));
+    }
+    if !found.measured.is_empty() {
+        let name = format!("the same, {} sensors", report.setup.sensors);
+        keys.push((CDFS, Mark::Dot, name));
+    }
+    if !found.marks.is_empty() {
+        let runs: Vec<_> = report
+            .runs
+            .iter()
+            .zip('A'..='Z')
+            .map(|(run, letter)| match run.nut_rpm == 0.0 {
+                true => format!("{letter} CDFS"),
+                false => format!("{letter} nut {} rpm", short(run.nut_rpm)),
+            })
+            .collect();
+        keys.push((
+            INK,
+            Mark::Ring,
+            format!(
+                "torque harmonics of the screw\u{2019}s motor: {}",
+                runs.join(", ")
+            ),
+        ));
+    }
+    format!(
+        "<figure>\n<figcaption>How much torque disturbs the speed: |<i>S</i>(j\u{03C9})| (the paper\u{2019}s Fig 3)\
+         </figcaption>\n{}{plot}</figure>\n",
+        legend(&keys)
+    )
+}
+
+fn curve(report: &Report) -> String {
+    let mut keys = vec![
+        (MUTED, CURVE, "analytic, S(s)".into()),
+        (DDFS, Mark::Dot, "simulated drive".into()),
+    ];
+    if !report.curve.measured.is_empty() {
+        keys.push((PAPER, Mark::Cross, "measured in the paper".into()));
+    }
+    format!(
+        "<figure>\n<figcaption>VRF against nut speed (the paper\u{2019}s Fig 9)</figcaption>\n{}{}</figure>\n",
+        legend(&keys),
+        curve_plot(report)
+    )
+}
+
+/// The plot of VRF against nut speed, as a file of its own.
+pub(crate) fn picture(report: &Report) -> String {
+    standalone(&curve_plot(report))
+}
+
+fn curve_plot(report: &Report) -> String {
+    let simulated: Vec<_> = report
+        .runs
+        .iter()
+        .map(|run| (run.nut_rpm, run.vrf_percent))
+        .collect();
+    let found = &report.curve;
+    let points = || {
+        simulated
+            .iter()
+            .chain(&found.analytic)
+            .chain(&found.measured)
+    };
+    let speeds = extent(points().map(|p| p.0)).map(|r| widen(&r, 0.04));
+    let ripples = extent(points().map(|p| p.1)).map(|r| 0.0..1.08 * r.end);
+    chart(&Chart {
+        about: "Velocity ripple factor against the nut's speed",
+        x: Axis {
+            title: "Nut speed, rpm",
+            range: speeds,
+            log: false,
+        },
+        y: Axis {
+            title: "VRF, %",
+            range: ripples,
+            log: false,
+        },
+        series: vec![
+            Series {
+                points: found.analytic.clone(),
+                color: MUTED,
+                mark: CURVE,
+            },
+            Series {
+                points: found.measured.clone(),
+                color: PAPER,
+                mark: Mark::Cross,
+            },
+            Series {
+                points: simulated,
+                color: DDFS,
+                mark: Mark::Dot,
+            },
+        ],
+        labels: Vec::new(),
+    })
+}
+
+fn foot(setup: &SetupReport) -> String {
+    format!(
+        "<footer>\n<h2>What was simulated</h2>\n<p>Machine: {}. Sensors: {}. Table velocity: {} mm/s. Load: {}. Each \
+         record: {} s at {} Hz. Seed: {}.</p>\n<p>VRF (Eq 19) is the peak-to-peak of the table velocity over its \
+         reference. It is taken of the whole record of the true velocity of the simulated table, with no scale and no \
+         filter between; the time records show its first part. The drive is the fixed-point control code. The analytic \
+         figure is the same by <i>S</i>(<i>s</i>) of Appendix A: it knows the torque harmonics and nothing else. CDFS: \
+         the screw alone turns; DDFS: screw and nut turn, the table moves by the difference.{}</p>\n</footer>\n",
+        escape(&setup.machine),
+        escape(&setup.sensors),
+        short(setup.table_mm_s),
+        escape(&setup.load),
+        short(setup.record_s),
+        short(setup.record_hz),
+        setup.seed,
+        match setup.is_paper {
+            true => " Measured: the paper\u{2019}s experiment, with a laser scale.",
+            false => "",
+        },
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::simulate::page::tests::assert_sound;
+    use crate::simulate::report::{CurveReport, Mark as Harmonic, SensitivityReport};
+    use std::f64::consts::TAU;
+
+    fn run(nut_rpm: f64, vrf_percent: f64, measured_percent: Option<f64>) -> RunReport {
+        let wave = |k: u32| 2.5 + 0.0125 * vrf_percent * (TAU * 15.0 * f64::from(k) * 1e-4).sin();
+        RunReport {
+            nut_rpm,
+            vrf_percent,
+            analytic_percent: vrf_percent + 0.25,
+            measured_percent,
+            mean_mm_s: 2.5,
+            velocity_mm_s: (0..10_000).map(wave).collect(),
+            spectrum: (1..4_000)
+                .map(|k| (f64::from(k) * 0.25, 1.0 / f64::from(k)))
+                .collect(),
+        }
+    }
+
+    fn report(runs: Vec<RunReport>) -> Report {
+        let slope = |k: u32| (f64::from(k), 50.0 / f64::from(k));
+        Report {
+            setup: SetupReport {
+                machine: "models/<odd> & \"old\".toml".into(),
+                sensors: "ideal".into(),
+                table_mm_s: 2.5,
+                load: "1 N m".into(),
+                record_s: 4.0,
+                record_hz: 10_000.0,
+                seed: 4711,
+                is_paper: true,
+            },
+            runs,
+            sensitivity: SensitivityReport {
+                analytic: (5..5_000).map(slope).collect(),
+                ideal: vec![slope(50)],
+                measured: vec![slope(60)],
+                marks: vec![Harmonic {
+                    name: "A6".into(),
+                    omega: 94.2,
+                    gain: 0.5,
+                }],
+            },
+            curve: CurveReport {
+                analytic: vec![(0.0, 21.0), (800.0, 6.0)],
+                measured: vec![(800.0, 8.2)],
+            },
+        }
+    }
+
+    #[test]
+    fn every_figure_of_the_runs_is_on_the_page() {
+        let page = page(&report(vec![
+            run(0.0, 21.2, Some(20.1)),
+            run(800.0, 6.3, Some(8.2)),
+            run(500.0, 9.8, None),
+        ]));
+        assert_sound(&page);
+        let page = page.replace('\u{A0}', " ");
+        assert!(
+            page.contains(
+                "<th scope=\"row\">0 (CDFS)</th><td>21.20</td><td>21.45</td><td>20.1</td>"
+            )
+        );
+        assert!(page.contains("<th scope=\"row\">800</th><td>6.30</td><td>6.55</td><td>8.2</td>"));
+        assert!(
+            page.contains("<th scope=\"row\">500</th><td>9.80</td><td>10.05</td><td>\u{2013}</td>")
+        );
+        assert!(page.contains(
+            "nut at 800 rpm lowers the velocity ripple (VRF) from 21.20 % with CDFS to 6.30 %: 70 %"
+        ));
+        assert_eq!(page.matches("<svg class=\"plot\"").count(), 2 * 2 + 2);
+        assert!(page.contains("Fig 8)") && page.contains("Fig 7)") && page.contains("A6"));
+        assert!(page.contains("Load: 1 N m.") && page.contains("Seed: 4711."));
+    }
+
+    #[test]
+    fn names_from_outside_are_escaped() {
+        let page = page(&report(vec![run(0.0, 21.2, None)]));
+        assert_sound(&page);
+        assert!(page.contains("Machine: models/&lt;odd&gt; &amp; &quot;old&quot;.toml."));
+        assert!(!page.contains("<odd>"));
+    }
+
+    #[test]
+    fn empty_records_and_missing_values_leave_a_sound_page() {
+        let hollow = |nut_rpm| RunReport {
+            analytic_percent: f64::INFINITY,
+            velocity_mm_s: Vec::new(),
+            spectrum: vec![(10.0, f64::NAN)],
+            ..run(nut_rpm, f64::NAN, None)
+        };
+        let mut bare = report(vec![hollow(0.0), hollow(300.0)]);
+        bare.sensitivity.marks[0].gain = 0.0;
+        bare.sensitivity.measured = vec![(10.0, -1.0)];
+        bare.curve.analytic = Vec::new();
+        let page_ = page(&bare);
+        assert_sound(&page_);
+        assert!(page_.contains("No run gave a velocity ripple."));
+        assert!(page_.contains("nothing was recorded"));
+        let mut none = report(Vec::new());
+        none.sensitivity.analytic.clear();
+        none.curve.measured.clear();
+        assert_sound(&page(&none));
+    }
+
+    #[test]
+    fn the_sentence_does_not_praise_what_is_worse() {
+        let worse = result(&report(vec![
+            run(0.0, 5.0, None),
+            run(300.0, 7.0, None),
+            run(500.0, 6.0, None),
+        ]));
+        assert!(
+            worse.contains("does not lower")
+                && worse.contains("6.00 % at the best nut speed, 500 rpm")
+        );
+        let mixed = result(&report(vec![
+            run(0.0, 5.0, None),
+            run(300.0, 7.0, None),
+            run(500.0, 4.0, None),
+        ]));
+        assert!(mixed.contains("20 % less") && mixed.contains("Not so at 300 rpm"));
+        let alone = result(&report(vec![run(300.0, 7.0, None)]));
+        assert!(alone.contains("no CDFS run"));
+        assert!(result(&report(vec![run(0.0, 7.0, None)])).contains("no DDFS run"));
+    }
+}

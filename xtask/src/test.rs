@@ -1,0 +1,45 @@
+//! `cargo xtask test`: everything that must hold, in the order in which it fails fastest.
+
+use anyhow::{Context, Result, ensure};
+use std::process::Command;
+
+/// The target that the firmware is built for.
+const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Runs all checks; stops at the first that fails.
+pub fn run() -> Result<()> {
+    // Automatic installation may be switched off, so the target is asked for by name.
+    step("rustup", &["target", "add", TARGET])?;
+    step("cargo", &["fmt", "--all", "--check"])?;
+    step(
+        "cargo",
+        &["clippy", "--all-targets", "--", "-D", "warnings"],
+    )?;
+    step(
+        "cargo",
+        &[
+            "build",
+            "--release",
+            "--package",
+            "control",
+            "--target",
+            TARGET,
+        ],
+    )?;
+    step("cargo", &["test"])?;
+    println!("All checks passed.");
+    Ok(())
+}
+
+fn step(program: &str, arguments: &[&str]) -> Result<()> {
+    let line = format!("{program} {}", arguments.join(" "));
+    println!("> {line}");
+    let status = Command::new(program)
+        .args(arguments)
+        .status()
+        .with_context(|| {
+            format!("`{line}` could not be started: is {program} installed and on the PATH?")
+        })?;
+    ensure!(status.success(), "`{line}` failed ({status})");
+    Ok(())
+}
