@@ -235,6 +235,9 @@ impl<'a> Balance<'a> {
                         sum.add(d, motor.inductance_h, &self.fourier.slope(&s.i_d));
                         sum.add(q, motor.inductance_h, &self.fourier.slope(&s.i_q));
                     }
+                    MotorParameter::ReadingLag => {
+                        sum.add(Channel::Table, brake(axis) * self.lead, &self.fourier.slope(&s.travel));
+                    }
                     MotorParameter::VoltageLag => {
                         sum.add(q, motor.inductance_h, &self.fourier.curvature(&s.i_q_smooth));
                     }
@@ -518,6 +521,9 @@ pub enum MotorParameter {
     /// The inductance's part in front of the current's derivative, relative. The sensors' noise, which the loop answers
     /// with voltage, biases it: a nuisance.
     CurrentSlope,
+    /// Time by which the angle is read before or after the table, s: a nuisance. Drives whose two current loops are
+    /// half a period apart read the angles so.
+    ReadingLag,
     /// Time by which the commanded voltages are later than the currents, s: a nuisance.
     VoltageLag,
     /// Time by which the frame of the commanded voltages is off, s: a nuisance.
@@ -530,7 +536,7 @@ impl Parameter {
         use MotorParameter::*;
         let mut all = Vec::new();
         for axis in Axis::ALL {
-            for which in [Inertia, Viscous, Coulomb, Flux, Resistance, Inductance, CurrentSlope, VoltageLag, AngleLag] {
+            for which in [Inertia, Viscous, Coulomb, Flux, Resistance, Inductance, CurrentSlope, VoltageLag, AngleLag, ReadingLag] {
                 all.push(Parameter::Motor(axis, which));
             }
         }
@@ -564,7 +570,7 @@ impl Parameter {
                 MotorParameter::Viscous | MotorParameter::Coulomb => 0.22,
                 MotorParameter::CurrentSlope => 0.4,
                 MotorParameter::AngleLag => 2e-5,
-                MotorParameter::VoltageLag => 1e-4,
+                MotorParameter::VoltageLag | MotorParameter::ReadingLag => 1e-4,
             },
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
             Parameter::Load => 0.005,
