@@ -1,6 +1,6 @@
 //! The whole way: a fit record and a check record under a declared model, and what they have beyond it.
 
-use crate::balance::Balance;
+use crate::balance::{Balance, Rounding};
 use crate::channel::Channel;
 use crate::conclusion::conclude;
 use crate::design::{Solution, Whitener};
@@ -19,8 +19,6 @@ use std::f64::consts::TAU;
 pub const MATERIAL: f64 = 0.004;
 /// Share of that which the check record must confirm, with the parameters of the fit.
 const CONFIRMED: f64 = 0.25;
-/// What a further effect must explain at least of what the first of its channel did: below it, it may be a remainder.
-const REMAINDER: f64 = 3e-5;
 /// Effects of one machine at most.
 const MOST_EFFECTS: usize = 4;
 
@@ -227,29 +225,33 @@ fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothe
 /// Traces what `fit` has beyond the declared `model`, confirmed on `check`.
 pub fn analyse(model: &Model, fit: &Recording, check: &Recording) -> Outcome {
     let record = Record::new(fit, model);
-    let balance = record.balance(model);
-    let base = Base::new(&balance);
-    let case = Case::new(&balance, &base);
     let check_record = Record::new(check, model);
-    let check_balance = Balance::new(model, &check_record.signals, &check_record.fourier, balance.rounding);
-    let check_base = Base::new(&check_balance);
-    let check_case = Case::new(&check_balance, &check_base);
-    let check_noise = check_case.noise(&check_case.declared, &[]);
-
-    let mut noise = case.noise(&case.declared, &[]);
-    let mut search = Progress::default();
+    let mut progress = Progress::default();
+    let mut rounding = None;
     loop {
-        let step = search.step(&case, &check_case, &noise, &check_noise);
-        if !step {
-            break;
+        // An effect that is in the way can hide how friction is rounded: it is chosen again when one was found.
+        let balance = record.balance(model, &progress.found);
+        let settled = rounding.replace(balance.rounding) == Some(balance.rounding);
+        let base = Base::new(&balance);
+        let case = Case::new(&balance, &base);
+        let check_balance = Balance::new(model, &check_record.signals, &check_record.fourier, balance.rounding);
+        let check_base = Base::new(&check_balance);
+        let check_case = Case::new(&check_balance, &check_base);
+        let again = !settled && !progress.found.is_empty();
+        if again {
+            progress = Progress::default();
         }
-        noise = case.noise(&noise, &search.found);
+        let mut noise = case.noise(&case.declared, &progress.found);
+        progress.search(&case, &check_case, &mut noise);
+        if rounding_holds(&record, model, &progress, balance.rounding) || again {
+            return conclude(case, check_case, noise, progress);
+        }
     }
-    if search.found.len() > 1 {
-        search.reconsider(&case, &noise);
-        noise = case.noise(&noise, &search.found);
-    }
-    conclude(case, check_case, noise, search)
+}
+
+/// Whether the friction's rounding that a search began with is still the best with what it found.
+fn rounding_holds(record: &Record, model: &Model, progress: &Progress, rounding: Rounding) -> bool {
+    progress.found.is_empty() || record.balance(model, &progress.found).rounding == rounding
 }
 
 /// How far a search has come.
@@ -261,10 +263,26 @@ pub(crate) struct Progress {
     pub(crate) unconfirmed: Vec<Trial>,
     pub(crate) tried: usize,
     pub(crate) threshold: f64,
-    greatest: f64,
+    /// What the simplifications of the effects that were found may leave.
+    remainder: f64,
 }
 
 impl Progress {
+    /// Adds effects until none is worth it, looks at each again with the others in place, drops those that are then
+    /// worth nothing, and goes on until nothing changes.
+    fn search(&mut self, case: &Case, check: &Case, noise: &mut Noise) {
+        let check_noise = check.noise(&check.declared, &[]);
+        for _ in 0..3 {
+            while self.step(case, check, noise, &check_noise) {
+                *noise = case.noise(noise, &self.found);
+            }
+            if self.found.len() < 2 || !self.reconsider(case, check, noise, &check_noise) {
+                return;
+            }
+            *noise = case.noise(noise, &self.found);
+        }
+    }
+
     /// Tries everything and adds what explains most; `false` when nothing is worth it.
     fn step(&mut self, case: &Case, check: &Case, noise: &Noise, check_noise: &Noise) -> bool {
         let whitener = case.whitener(noise);
@@ -274,7 +292,7 @@ impl Progress {
         let mut trials = search.trials(&solution);
         self.tried += trials.len();
         trials.retain(|trial| !self.found.iter().any(|known| same(known, &trial.hypothesis, case.balance)));
-        self.threshold = (MATERIAL * rows).max(REMAINDER * self.greatest);
+        self.threshold = (MATERIAL * rows).max(self.remainder);
         self.unconfirmed.clear();
         let mut accepted = None;
         for trial in contenders(&trials, &mut search, &solution, self.threshold, case.balance) {
@@ -290,7 +308,7 @@ impl Progress {
             self.unconfirmed.push(trial);
             return false;
         }
-        self.greatest = self.greatest.max(trial.gain.fall);
+        self.remainder = self.remainder.max(trial.hypothesis.remainder() * trial.gain.fall);
         for hypothesis in split(&trial, &mut search, &solution) {
             let lost = self.last.iter().filter(|t| !same(&t.hypothesis, &hypothesis, case.balance));
             self.rivals.push(lost.take(8).cloned().collect());
@@ -299,10 +317,13 @@ impl Progress {
         true
     }
 
-    /// Looks at each effect again with the others in place: another may explain its part better, or its shape move.
-    fn reconsider(&mut self, case: &Case, noise: &Noise) {
+    /// Looks at each effect again with the others in place: another may explain its part better, or its shape move, or
+    /// nothing be left for it to explain. `true` if an effect was replaced or dropped.
+    fn reconsider(&mut self, case: &Case, check: &Case, noise: &Noise, check_noise: &Noise) -> bool {
         let whitener = case.whitener(noise);
-        for k in 0..self.found.len() {
+        let mut changed = false;
+        let mut k = 0;
+        while k < self.found.len() {
             let others: Vec<Hypothesis> =
                 self.found.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, h)| *h).collect();
             let mut search = case.search(&whitener, &others);
@@ -311,8 +332,25 @@ impl Progress {
             let own = search.refined(own, &solution);
             let mut trials = search.trials(&solution);
             trials.retain(|trial| !others.iter().any(|known| same(known, &trial.hypothesis, case.balance)));
-            let best = contenders(&trials, &mut search, &solution, 1.05 * own.gain.fall, case.balance).into_iter().next();
-            self.found[k] = best.map_or(own.hypothesis, |trial| trial.hypothesis);
+            let least = (1.05 * own.gain.fall).max(self.threshold);
+            let better = contenders(&trials, &mut search, &solution, least, case.balance).into_iter().next();
+            match better {
+                Some(trial) => {
+                    changed |= !same(&trial.hypothesis, &self.found[k], case.balance);
+                    self.found[k] = trial.hypothesis;
+                }
+                None if own.gain.fall < self.threshold
+                    || !confirmed(&own, check, check_noise, &others, self.threshold / whitener.used_rows() as f64) =>
+                {
+                    self.found.remove(k);
+                    self.rivals.remove(k);
+                    changed = true;
+                    continue;
+                }
+                None => self.found[k] = own.hypothesis,
+            }
+            k += 1;
         }
+        changed
     }
 }

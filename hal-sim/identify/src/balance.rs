@@ -294,7 +294,7 @@ impl<'a> Balance<'a> {
     fn motor_term(&self, axis: Axis, term: &Term, sum: &mut Contribution) {
         let (motor, s) = (self.model.motor(axis), &self.signals.motors[axis.index()]);
         let pole_pairs = f64::from(motor.pole_pairs);
-        let (torque, d, q) = (Channel::Torque(axis), Channel::VoltageD(axis), Channel::VoltageQ(axis));
+        let (torque, q) = (Channel::Torque(axis), Channel::VoltageQ(axis));
         let omega_e = |k: usize| pole_pairs * s.omega[k];
         let law = &term.law;
         let value = |k: usize| match term.coordinate {
@@ -325,17 +325,8 @@ impl<'a> Balance<'a> {
                 self.reading(axis, phase, &error, sum);
             }
             Site::PhaseVoltage => {
-                // Its mean over the ripple and noise of a current near zero is a rounded sign.
                 let round = self.model.sensing.current_noise_a.max(self.model.sensing.current_lsb_a);
-                let size = law.value(1.0);
-                let (lost_d, lost_q): (Vec<f64>, Vec<f64>) = (0..self.signals.len()).map(|k| {
-                    let (a, b) = (s.phases[0][k], s.phases[1][k]);
-                    let [a, b, c] = [a, b, -a - b].map(|i| size * rounded_sign(i, round));
-                    let mean = (a + b + c) / 3.0;
-                    park(clarke(a - mean, b - mean), s.rotor[k])
-                }).unzip();
-                sum.add(d, -1.0, &self.fourier.spectrum(&lost_d));
-                sum.add(q, -1.0, &self.fourier.spectrum(&lost_q));
+                self.phase_voltage(axis, law.value(1.0), round, sum);
             }
             Site::EncoderReading => {
                 let error: Vec<f64> = (0..self.signals.len()).map(value).collect();
@@ -348,6 +339,20 @@ impl<'a> Balance<'a> {
             // These belong to the feed; no motor's term has them.
             _ => {}
         }
+    }
+
+    /// A voltage of `size` that each phase loses against the sign of its current. Over the ripple and noise of a current
+    /// near zero the mean of a sign is a rounded one, over `round` A.
+    pub fn phase_voltage(&self, axis: Axis, size: f64, round: f64, sum: &mut Contribution) {
+        let s = &self.signals.motors[axis.index()];
+        let (lost_d, lost_q): (Vec<f64>, Vec<f64>) = (0..self.signals.len()).map(|k| {
+            let (a, b) = (s.phases[0][k], s.phases[1][k]);
+            let [a, b, c] = [a, b, -a - b].map(|i| size * rounded_sign(i, round));
+            let mean = (a + b + c) / 3.0;
+            park(clarke(a - mean, b - mean), s.rotor[k])
+        }).unzip();
+        sum.add(Channel::VoltageD(axis), -1.0, &self.fourier.spectrum(&lost_d));
+        sum.add(Channel::VoltageQ(axis), -1.0, &self.fourier.spectrum(&lost_q));
     }
 
     /// An error of a phase current's reading shows as torque that is not there and in the voltages that the true

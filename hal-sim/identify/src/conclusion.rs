@@ -187,8 +187,8 @@ impl Fixed {
             let mut at = case.base.parameters.len();
             for hypothesis in effects {
                 let parts = [Some(*hypothesis), hypothesis.companion()];
-                for unit in parts.into_iter().flatten().flat_map(|h| h.units(check.balance.model, run_s)) {
-                    residual.add_all(-values.values[at], &check.balance.effect(&unit));
+                for part in parts.into_iter().flatten().flat_map(|h| h.contributions(check.balance, run_s)) {
+                    residual.add_all(-values.values[at], &part);
                     at += 1;
                 }
             }

@@ -1,5 +1,6 @@
 //! What may be missing: every kind of effect of the plant, as columns of a regression.
 
+use crate::balance::{Balance, Contribution};
 use plant::Axis;
 use plant::effects::*;
 use plant::model::Model;
@@ -53,6 +54,11 @@ pub struct Hypothesis {
     pub shape: f64,
 }
 
+/// Lowest order per turn of a motor.
+pub const LEAST_ORDER: f64 = 0.3;
+/// Lowest order per turn of screw against nut: below it a wave over the few turns of a record is a slope.
+pub const LEAST_RELATIVE_ORDER: f64 = 0.4;
+
 /// Slots of the usual winding for a number of poles: 12 slots for 10 poles, and in general 6/5 of the poles.
 fn slots(poles: u32) -> f64 {
     (f64::from(poles) * 1.2).round()
@@ -104,7 +110,7 @@ impl Hypothesis {
     pub fn has_free_shape(&self) -> bool {
         match self.family {
             Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage
-            | Family::StribeckFriction | Family::AxialCompliance => true,
+            | Family::StribeckFriction | Family::AxialCompliance | Family::DeadTime => true,
             // Whole orders only.
             Family::FluxHarmonic | Family::EncoderEccentricity => false,
             _ => false,
@@ -115,6 +121,17 @@ impl Hypothesis {
     /// on the shafts through the slope of a lead error, as far as the thread's flanks let it.
     pub fn companion(&self) -> Option<Hypothesis> {
         (self.family == Family::LeadError).then_some(Hypothesis { family: Family::BallPassage, ..*self })
+    }
+
+    /// Smallest value that its shape may take.
+    pub fn least_shape(&self) -> f64 {
+        match self.family {
+            Family::AngleTorque => LEAST_ORDER,
+            Family::LeadError | Family::BallPassage => LEAST_RELATIVE_ORDER,
+            Family::TimePeriodic => 0.5,
+            Family::DeadTime => 5e-4,
+            _ => 1e-6,
+        }
     }
 
     /// Whether it repeats with an angle or with time.
@@ -185,6 +202,32 @@ impl Hypothesis {
             values[k] = 1.0;
             self.effect(model, run_s, &values)
         }).collect()
+    }
+
+    /// What each linear parameter adds to the residuals per unit.
+    pub fn contributions(&self, balance: &Balance, run_s: f64) -> Vec<Contribution> {
+        match self.family {
+            // Its shape is the current over which a phase's sign turns round.
+            Family::DeadTime => {
+                let mut sum = Contribution::default();
+                for axis in Axis::ALL.into_iter().filter(|&axis| self.place.has(axis)) {
+                    balance.phase_voltage(axis, -1.0, self.shape, &mut sum);
+                }
+                vec![sum]
+            }
+            // 0: a load holds the table on a flank. 1: it changes flanks as it turns.
+            Family::Backlash if self.shape != 0.0 => vec![balance.play(1.0)],
+            _ => self.units(balance.model, run_s).iter().map(|unit| balance.effect(unit)).collect(),
+        }
+    }
+
+    /// Share of what this effect explains that its own simplifications may leave for others to pick up.
+    pub fn remainder(&self) -> f64 {
+        match self.family {
+            Family::DeadTime => 2e-3,
+            Family::StribeckFriction | Family::Backlash => 1e-2,
+            _ => 3e-5,
+        }
     }
 
     /// Whether an effect with these parameters can be.

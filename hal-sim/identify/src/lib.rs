@@ -11,6 +11,7 @@ pub mod fourier;
 pub mod hypothesis;
 pub mod html;
 pub mod interval;
+pub mod laas;
 pub mod noise;
 pub mod record;
 pub mod report;

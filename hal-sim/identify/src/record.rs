@@ -1,8 +1,10 @@
 //! A record made ready: transforms, signals, balances and noise under a model.
 
 use crate::balance::{Balance, Contribution, Parameter, Rounding};
+use crate::channel::Channel;
 use crate::design::{Normal, Whitener, operating_points};
 use crate::fourier::Fourier;
+use crate::hypothesis::Hypothesis;
 use crate::noise::Noise;
 use crate::signals::Signals;
 use plant::model::Model;
@@ -36,18 +38,26 @@ impl Record {
         Record { fourier, signals }
     }
 
-    /// The balances under a model, with the rounding of friction that explains the record best.
-    pub fn balance<'a>(&'a self, model: &'a Model) -> Balance<'a> {
+    /// The balances under a model with given effects, with the rounding of friction that explains the record best.
+    pub fn balance<'a>(&'a self, model: &'a Model, found: &[Hypothesis]) -> Balance<'a> {
         let noise = Noise::declared(model, &self.signals, &self.fourier);
         let whitener = Whitener::new(&self.signals, &self.fourier, &noise);
+        let run_s = self.signals.time.last().copied().unwrap_or(0.0).max(1e-3);
+        let torque = |mut contribution: Contribution| {
+            contribution.0.retain(|(channel, _)| matches!(channel, Channel::Torque(_)));
+            contribution
+        };
         let mut best: Option<(f64, Balance)> = None;
         for rounding in ROUNDINGS {
             let balance = Balance::new(model, &self.signals, &self.fourier, rounding);
-            let mut normal = Normal::new(whitener.column(&balance.torque_residual()), &whitener);
+            let mut normal = Normal::new(whitener.column(&torque(balance.torque_residual())), &whitener);
             for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
-                let mut column = balance.parameter(parameter);
-                column.0.retain(|(channel, _)| matches!(channel, crate::channel::Channel::Torque(_)));
-                normal.push(whitener.column(&column), parameter.spread(), parameter.bound(), &whitener);
+                let column = whitener.column(&torque(balance.parameter(parameter)));
+                normal.push(column, parameter.spread(), parameter.bound(), &whitener);
+            }
+            for part in found.iter().flat_map(|hypothesis| hypothesis.contributions(&balance, run_s)) {
+                let column = whitener.column(&torque(part));
+                normal.push(column, f64::INFINITY, f64::INFINITY, &whitener);
             }
             let cost = normal.cost(&normal.solve(None).values);
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {

@@ -3,7 +3,7 @@
 use crate::balance::Balance;
 use crate::channel::Channel;
 use crate::design::{Column, Gain, Normal, Solution, Whitener};
-use crate::hypothesis::{Family, Hypothesis};
+use crate::hypothesis::{Family, Hypothesis, LEAST_ORDER, LEAST_RELATIVE_ORDER};
 use crate::scan::{OrderSpectrum, Stretch};
 use plant::Axis;
 use plant::effects::Place;
@@ -31,9 +31,9 @@ pub struct Search<'a> {
 }
 
 /// Where to look for periodic torque: from below one period per turn to what the slowest operating point resolves.
-const ORDERS: std::ops::Range<f64> = 0.3..126.0;
+const ORDERS: std::ops::Range<f64> = LEAST_ORDER..126.0;
 /// Where to look for what repeats with screw against nut.
-const RELATIVE_ORDERS: std::ops::Range<f64> = 0.4..60.0;
+const RELATIVE_ORDERS: std::ops::Range<f64> = LEAST_RELATIVE_ORDER..60.0;
 
 impl<'a> Search<'a> {
     /// A search that starts from a regression of the declared parameters.
@@ -53,15 +53,10 @@ impl<'a> Search<'a> {
         if let Some(columns) = self.cache.get(&key) {
             return columns.clone();
         }
-        if hypothesis.family == Family::Backlash && hypothesis.shape != 0.0 {
-            let columns = vec![self.whitener.column(&self.balance.play(1.0))];
-            self.cache.insert(key, columns.clone());
-            return columns;
-        }
         let columns: Vec<Column> = hypothesis
-            .units(self.balance.model, self.run_s)
+            .contributions(self.balance, self.run_s)
             .iter()
-            .map(|unit| self.whitener.column(&self.balance.effect(unit)))
+            .map(|contribution| self.whitener.column(contribution))
             .collect();
         if !matches!(hypothesis.family, Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage) {
             self.cache.insert(key, columns.clone());
@@ -94,8 +89,11 @@ impl<'a> Search<'a> {
     /// The hypotheses with a listed shape, and those whose shape the order spectra suggest.
     pub fn hypotheses(&self, solution: &Solution) -> Vec<Hypothesis> {
         let mut list = Vec::new();
+        let sensing = &self.balance.model.sensing;
+        let ripple = sensing.current_noise_a.max(sensing.current_lsb_a).max(1e-3);
         for place in [Place::Screw, Place::Nut] {
-            for family in [Family::CurrentOffset, Family::CurrentGain, Family::DeadTime, Family::ResistanceDrift, Family::FluxDrift] {
+            list.push(Hypothesis::new(Family::DeadTime, place, ripple));
+            for family in [Family::CurrentOffset, Family::CurrentGain, Family::ResistanceDrift, Family::FluxDrift] {
                 list.push(Hypothesis::new(family, place, 0.0));
             }
             for order in [1.0, 2.0] {
@@ -105,7 +103,7 @@ impl<'a> Search<'a> {
                 list.push(Hypothesis::new(Family::StribeckFriction, place, speed));
             }
         }
-        list.push(Hypothesis::new(Family::DeadTime, Place::Both, 0.0));
+        list.push(Hypothesis::new(Family::DeadTime, Place::Both, ripple));
         for family in [Family::LeadScale, Family::PositionLoad, Family::Backlash] {
             list.push(Hypothesis::new(family, Place::Feed, 0.0));
         }
@@ -308,7 +306,7 @@ impl<'a> Search<'a> {
             let mut moved = false;
             for side in [-1.0, 1.0] {
                 let shape = best.hypothesis.shape + side * step;
-                if shape <= 0.0 {
+                if shape < best.hypothesis.least_shape() {
                     continue;
                 }
                 let next = self.try_one(Hypothesis { shape, ..best.hypothesis }, solution);

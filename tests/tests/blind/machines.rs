@@ -162,6 +162,8 @@ fn run(declared: &Model, machine: &Model, profile: &[Leg], seed: u64) -> Recordi
             (0..every).for_each(|_| drive.period());
         }
     };
+    // The sensors are read for the first time within the first period.
+    drive.period();
     record(&mut drive, seconds(0.4));
     for (velocity, base, hold) in profile {
         drive.command(*velocity, *base).expect("speeds that the drive allows");

@@ -29,7 +29,11 @@ fn parameter(effect: &EffectModel, name: &str) -> Option<f64> {
 }
 
 fn same_name(truth: &EffectModel, found: &EffectModel) -> bool {
-    let order = |effect| parameter(effect, "order").or(parameter(effect, "hz"));
+    // A resonance is a value; what repeats has an order or a frequency that must be met.
+    let order = |effect: &EffectModel| {
+        let hz = parameter(effect, "hz").filter(|_| effect.effect().kind() == "time_periodic");
+        parameter(effect, "order").or(hz)
+    };
     label(truth) == label(found)
         && match (order(truth), order(found)) {
             (Some(a), Some(b)) => (a - b).abs() <= 0.02 * a,
@@ -58,7 +62,7 @@ pub fn score(truth: &[EffectModel], outcome: &Outcome) -> Score {
 
 /// The greatest share of a channel's noise floor that an effect makes up, both as rms in the band that is used.
 pub fn above_floor(declared: &Model, record: &Record, effect: &EffectModel) -> f64 {
-    let balance = record.balance(declared);
+    let balance = record.balance(declared, &[]);
     let noise = Noise::declared(declared, &record.signals, &record.fourier);
     let part = balance.effect(effect);
     Channel::ALL

@@ -37,7 +37,7 @@ fn zero_phase(signal: &[f64], gain: impl Fn(f64) -> f64) -> Vec<f64> {
 }
 
 /// Butterworth low-pass of order 4 at 100 Hz, forth and back.
-pub(super) fn butterworth_100(signal: &[f64]) -> Vec<f64> {
+pub(crate) fn butterworth_100(signal: &[f64]) -> Vec<f64> {
     let corner = warped(100.0);
     zero_phase(signal, |hz| {
         if hz >= 0.5 * RATE { 0.0 } else { 1.0 / (1.0 + (warped(hz) / corner).powi(8)) }

@@ -8,5 +8,6 @@ mod record;
 mod study;
 
 pub use axis::{Axis, Term};
+pub(crate) use filter::butterworth_100;
 pub use record::{EmpsError, Record};
 pub use study::{Errors, Stage, Study};
