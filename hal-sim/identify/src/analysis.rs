@@ -103,8 +103,24 @@ pub struct Outcome {
     pub calibration: Vec<(String, f64, f64)>,
     /// Residuals of the fit record before and after, by channel, at the decimated rate.
     pub residuals: Vec<(Channel, Vec<f64>, Vec<f64>)>,
-    /// Time of their rows, s.
+    /// Rows of each channel that count, in the order of [`Channel::ALL`].
+    pub open: Vec<Vec<bool>>,
+    /// Coordinates of the residuals' rows.
+    pub coordinates: Coordinates,
+}
+
+/// What residuals are looked at over, at the decimated rate.
+pub struct Coordinates {
+    /// Time, s.
     pub time: Vec<f64>,
+    /// Mechanical angles of screw and nut, rad.
+    pub angle: [Vec<f64>; 2],
+    /// Angle of screw against nut, rad.
+    pub relative: Vec<f64>,
+    /// Speeds of screw and nut, rad/s.
+    pub speed: [Vec<f64>; 2],
+    /// Speed of screw against nut, rad/s.
+    pub relative_speed: Vec<f64>,
 }
 
 impl Outcome {
@@ -205,8 +221,7 @@ fn contenders(trials: &[Trial], search: &mut Search, solution: &Solution, enough
 fn confirmed(trial: &Trial, check: &Case, noise: &Noise, found: &[Hypothesis], least: f64) -> bool {
     let whitener = check.whitener(noise);
     let mut search = check.search(&whitener, found);
-    let solution = search.normal.solve(None);
-    let fall = search.fall_at(&trial.hypothesis, &trial.gain.values, &solution);
+    let fall = search.fall_at(&trial.hypothesis, &trial.gain.values);
     fall > CONFIRMED * least * whitener.used_rows() as f64
 }
 

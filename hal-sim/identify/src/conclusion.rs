@@ -1,6 +1,6 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
-use crate::analysis::{Case, ChannelFigures, Found, Outcome, Progress, Unexplained, width};
+use crate::analysis::{Case, ChannelFigures, Coordinates, Found, Outcome, Progress, Unexplained, width};
 use crate::balance::{Contribution, MotorParameter, Parameter};
 use crate::channel::Channel;
 use crate::design::{Normal, Solution, Whitener, dot};
@@ -71,7 +71,8 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
             }
         })
         .collect();
-    let step = case.balance.fourier.step();
+    let (signals, step) = (case.balance.signals, case.balance.fourier.step());
+    let every = |column: &[f64]| column.iter().step_by(step).copied().collect::<Vec<f64>>();
     Outcome {
         model: new_model(&case, &solution, &effects),
         calibration: calibration(&case, &solution),
@@ -81,7 +82,14 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
         last: progress.last,
         tried: progress.tried,
         threshold: progress.threshold,
-        time: (0..case.balance.fourier.decimated_rows()).map(|k| case.balance.signals.time[k * step]).collect(),
+        open: Channel::ALL.iter().map(|&channel| whitener.mask(channel).to_vec()).collect(),
+        coordinates: Coordinates {
+            time: every(&signals.time),
+            angle: [0, 1].map(|k: usize| every(&signals.motors[k].theta)),
+            relative: every(&signals.relative),
+            speed: [0, 1].map(|k: usize| every(&signals.motors[k].omega)),
+            relative_speed: every(&signals.relative_speed),
+        },
         residuals: Channel::ALL.into_iter().zip(fit.before).zip(fit.after).map(|((c, b), a)| (c, b, a)).collect(),
     }
 }
@@ -136,8 +144,7 @@ fn shape_sigma(hypothesis: &Hypothesis, without: &mut Search, solution: &Solutio
 fn check_fall(check: &Case, noise: &Noise, others: &[Hypothesis], hypothesis: &Hypothesis, values: &[f64]) -> f64 {
     let whitener = check.whitener(noise);
     let mut search = check.search(&whitener, others);
-    let solution = search.normal.solve(None);
-    search.fall_at(hypothesis, values, &solution)
+    search.fall_at(hypothesis, values)
 }
 
 /// The fit record's residuals in their units.

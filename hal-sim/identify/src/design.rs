@@ -227,16 +227,16 @@ impl Normal {
 
     /// Number of columns.
     pub fn len(&self) -> usize {
-        self.columns.len()
+        self.precision.len()
     }
 
     /// Whether there are no columns.
     pub fn is_empty(&self) -> bool {
-        self.columns.is_empty()
+        self.precision.is_empty()
     }
 
     fn sums(&self, without: Option<usize>) -> (DMatrix<f64>, DVector<f64>) {
-        let n = self.columns.len();
+        let n = self.len();
         let (mut gram, mut rhs) = (DMatrix::zeros(n, n), DVector::zeros(n));
         for fold in (0..self.gram.len()).filter(|fold| Some(*fold) != without) {
             gram += &self.gram[fold];
@@ -346,11 +346,35 @@ impl Normal {
         })
     }
 
-    /// What candidate columns with given parameters would gain.
-    pub fn gain_at(&self, candidates: &[Column], values: &[f64], solution: &Solution, whitener: &Whitener) -> f64 {
-        let (own, rhs, _) = self.reduced(candidates, solution, whitener);
-        let values = DVector::from_column_slice(values);
-        2.0 * values.dot(&rhs) - (own * &values).dot(&values)
+    /// What candidate columns with given parameters would gain, all other parameters solved again within their bounds.
+    pub fn gain_at(&self, candidates: &[Column], values: &[f64], whitener: &Whitener) -> f64 {
+        let before = self.cost(&self.solve(None).values);
+        let mut less = Normal {
+            columns: Vec::new(),
+            target: Column { parts: Default::default() },
+            gram: self.gram.clone(),
+            rhs: self.rhs.clone(),
+            energy: self.energy.clone(),
+            precision: self.precision.clone(),
+            bounds: self.bounds.clone(),
+        };
+        for (candidate, value) in candidates.iter().zip(values) {
+            let with_target = whitener.inner(candidate, &self.target);
+            for (energy, product) in less.energy.iter_mut().zip(with_target) {
+                *energy -= 2.0 * value * product;
+            }
+            for (other, other_value) in candidates.iter().zip(values) {
+                for (energy, product) in less.energy.iter_mut().zip(whitener.inner(candidate, other)) {
+                    *energy += value * other_value * product;
+                }
+            }
+            for (k, column) in self.columns.iter().enumerate() {
+                for (rhs, product) in less.rhs.iter_mut().zip(whitener.inner(column, candidate)) {
+                    rhs[k] -= value * product;
+                }
+            }
+        }
+        before - less.cost(&less.solve(None).values)
     }
 
     /// Fall of the sum of squares on each operating point that the columns from `base` on bring when fitted on all

@@ -13,6 +13,7 @@ pub mod html;
 pub mod interval;
 pub mod laas;
 pub mod noise;
+mod plot;
 pub mod record;
 pub mod report;
 pub mod scan;

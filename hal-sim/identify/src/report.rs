@@ -120,7 +120,7 @@ fn residual_csv(outcome: &Outcome) -> String {
         text.push_str(&format!(",{name}_before_{unit},{name}_after_{unit}"));
     }
     text.push('\n');
-    for (row, time) in outcome.time.iter().enumerate() {
+    for (row, time) in outcome.coordinates.time.iter().enumerate() {
         text.push_str(&format!("{time:.4}"));
         for (_, before, after) in &outcome.residuals {
             for side in [before, after] {

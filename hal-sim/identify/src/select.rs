@@ -81,9 +81,9 @@ impl<'a> Search<'a> {
     }
 
     /// Fall of the sum of squares that a hypothesis with given parameters brings.
-    pub fn fall_at(&mut self, hypothesis: &Hypothesis, values: &[f64], solution: &Solution) -> f64 {
+    pub fn fall_at(&mut self, hypothesis: &Hypothesis, values: &[f64]) -> f64 {
         let columns = self.columns(hypothesis);
-        self.normal.gain_at(&columns, values, solution, self.whitener)
+        self.normal.gain_at(&columns, values, self.whitener)
     }
 
     /// The hypotheses with a listed shape, and those whose shape the order spectra suggest.
@@ -269,8 +269,32 @@ impl<'a> Search<'a> {
     pub fn trials(&mut self, solution: &Solution) -> Vec<Trial> {
         let mut trials: Vec<Trial> =
             self.hypotheses(solution).into_iter().map(|h| self.try_one(h, solution)).collect();
+        trials.extend(self.softer(&trials, solution));
         trials.sort_by(|a, b| b.gain.fall.total_cmp(&a.gain.fall));
         trials
+    }
+
+    /// The screw's resonance, from how much too soft or stiff the listed ones are: the parameter of the best tells what
+    /// share of its compliance is there.
+    fn softer(&mut self, trials: &[Trial], solution: &Solution) -> Option<Trial> {
+        let free = |trial: &Trial| {
+            let value = trial.gain.values[0];
+            trial.gain.fall * value * value / (2.0 * value - 1.0)
+        };
+        let listed = trials.iter().filter(|t| t.hypothesis.family == Family::AxialCompliance && t.gain.fall != 0.0);
+        let mut best = listed.max_by(|a, b| free(a).total_cmp(&free(b)))?.clone();
+        let feed = &self.balance.model.feed;
+        let declared = (feed.axial_stiffness_n_per_m / feed.table_mass_kg).sqrt() / TAU;
+        for _ in 0..4 {
+            // Compliance goes as 1 / hz^2.
+            let (own, given) = (best.hypothesis.shape.powi(-2), declared.powi(-2));
+            let compliance = given + best.gain.values[0] * (own - given);
+            if compliance <= given {
+                return None;
+            }
+            best = self.try_one(Hypothesis { shape: compliance.powf(-0.5), ..best.hypothesis }, solution);
+        }
+        Some(best)
     }
 
     /// Adds a hypothesis to the regression: its columns, and behind them those of what may come with it.
