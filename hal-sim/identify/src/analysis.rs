@@ -199,18 +199,19 @@ fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
     (a.shape - b.shape).abs() < resolution
 }
 
-/// The trials that bring at least `enough`, their shapes refined, the best first. Of trials that say the same only the
-/// best stays.
-fn contenders(trials: &[Trial], search: &mut Search, solution: &Solution, enough: f64, balance: &Balance) -> Vec<Trial> {
+/// The trials that bring at least `enough`, each at its best, the best first. Of trials that say the same only the best
+/// is looked at.
+fn contenders(trials: &[Trial], search: &mut Search, enough: f64, balance: &Balance) -> Vec<Trial> {
     const MOST: usize = 5;
     let top = trials.first().map_or(0.0, |trial| trial.gain.fall);
-    let mut list: Vec<Trial> = Vec::new();
+    let mut list: Vec<&Trial> = Vec::new();
+    // Parameters at their bounds hide a part of what a trial brings: a rough one is enough to be looked at.
     for trial in trials.iter().filter(|trial| trial.gain.fall > (0.2 * top).max(0.5 * enough)) {
         if list.len() < MOST && !list.iter().any(|known| same(&known.hypothesis, &trial.hypothesis, balance)) {
-            list.push(trial.clone());
+            list.push(trial);
         }
     }
-    let mut list: Vec<Trial> = list.into_iter().map(|trial| search.refined(trial, solution)).collect();
+    let mut list: Vec<Trial> = list.into_iter().map(|trial| search.at_best(trial)).collect();
     list.retain(|trial| trial.gain.fall > enough);
     list.sort_by(|a, b| b.gain.fall.total_cmp(&a.gain.fall));
     list
@@ -310,7 +311,7 @@ impl Progress {
         self.threshold = (MATERIAL * rows).max(self.remainder);
         self.unconfirmed.clear();
         let mut accepted = None;
-        for trial in contenders(&trials, &mut search, &solution, self.threshold, case.balance) {
+        for trial in contenders(&trials, &mut search, self.threshold, case.balance) {
             if confirmed(&trial, check, check_noise, &self.found, self.threshold / rows) {
                 accepted = Some(trial);
                 break;
@@ -344,11 +345,11 @@ impl Progress {
             let mut search = case.search(&whitener, &others);
             let solution = search.normal.solve(None);
             let own = search.try_one(self.found[k], &solution);
-            let own = search.refined(own, &solution);
+            let own = search.at_best(&own);
             let mut trials = search.trials(&solution);
             trials.retain(|trial| !others.iter().any(|known| same(known, &trial.hypothesis, case.balance)));
             let least = (1.05 * own.gain.fall).max(self.threshold);
-            let better = contenders(&trials, &mut search, &solution, least, case.balance).into_iter().next();
+            let better = contenders(&trials, &mut search, least, case.balance).into_iter().next();
             match better {
                 Some(trial) => {
                     changed |= !same(&trial.hypothesis, &self.found[k], case.balance);

@@ -165,6 +165,30 @@ pub struct Solution {
     pub values: DVector<f64>,
     /// Their covariance under white noise of variance 1.
     pub covariance: DMatrix<f64>,
+    /// Parameters that are held at a bound, and where.
+    pub held: Vec<(usize, f64)>,
+}
+
+/// Least squares with some parameters held.
+fn solve_holding(gram: &DMatrix<f64>, rhs: &DVector<f64>, held: &[(usize, f64)]) -> Solution {
+    let n = rhs.len();
+    let free: Vec<usize> = (0..n).filter(|k| held.iter().all(|(h, _)| h != k)).collect();
+    let mut reduced = DVector::from_iterator(free.len(), free.iter().map(|&k| rhs[k]));
+    for (row, &k) in free.iter().enumerate() {
+        reduced[row] -= held.iter().map(|&(h, value)| gram[(k, h)] * value).sum::<f64>();
+    }
+    let inverse = inverse(gram.select_rows(&free).select_columns(&free));
+    let found = &inverse * reduced;
+    let mut values = DVector::zeros(n);
+    let mut covariance = DMatrix::zeros(n, n);
+    held.iter().for_each(|&(k, value)| values[k] = value);
+    for (row, &k) in free.iter().enumerate() {
+        values[k] = found[row];
+        for (column, &j) in free.iter().enumerate() {
+            covariance[(k, j)] = inverse[(row, column)];
+        }
+    }
+    Solution { values, covariance, held: Vec::new() }
 }
 
 /// Gain of a candidate over the columns that are there.
@@ -253,34 +277,32 @@ impl Normal {
     /// bound, the one that goes furthest first.
     pub fn solve(&self, without: Option<usize>) -> Solution {
         let (gram, rhs) = self.sums(without);
-        let n = self.len();
         let mut held: Vec<(usize, f64)> = Vec::new();
         loop {
-            let free: Vec<usize> = (0..n).filter(|k| held.iter().all(|(h, _)| h != k)).collect();
-            let mut reduced = DVector::from_iterator(free.len(), free.iter().map(|&k| rhs[k]));
-            for (row, &k) in free.iter().enumerate() {
-                reduced[row] -= held.iter().map(|&(h, value)| gram[(k, h)] * value).sum::<f64>();
+            let solution = solve_holding(&gram, &rhs, &held);
+            let excess = |k: usize| (k, solution.values[k].abs() / self.bounds[k]);
+            let free = (0..self.len()).filter(|k| held.iter().all(|(h, _)| h != k));
+            match free.map(excess).max_by(|a, b| a.1.total_cmp(&b.1)) {
+                Some((k, ratio)) if ratio > 1.0 => held.push((k, self.bounds[k].copysign(solution.values[k]))),
+                _ => return Solution { held, ..solution },
             }
-            let inverse = inverse(gram.select_rows(&free).select_columns(&free));
-            let found = &inverse * reduced;
-            let excess = |(row, &k): (usize, &usize)| (k, found[row], found[row].abs() / self.bounds[k]);
-            let worst = free.iter().enumerate().map(excess).max_by(|a, b| a.2.total_cmp(&b.2));
-            if let Some((k, value, ratio)) = worst
-                && ratio > 1.0
-            {
-                held.push((k, self.bounds[k].copysign(value)));
-                continue;
-            }
-            let mut solution = Solution { values: DVector::zeros(n), covariance: DMatrix::zeros(n, n) };
-            held.iter().for_each(|&(k, value)| solution.values[k] = value);
-            for (row, &k) in free.iter().enumerate() {
-                solution.values[k] = found[row];
-                for (column, &j) in free.iter().enumerate() {
-                    solution.covariance[(k, j)] = inverse[(row, column)];
-                }
-            }
-            return solution;
         }
+    }
+
+    /// The solution of the columns that are there when those parameters are held that a regression with further columns
+    /// holds, and what that regression costs. Against this solution a candidate like them is judged without the bias of
+    /// parameters that went to their bounds for want of it.
+    pub fn solve_beside(&mut self, candidates: &[Column], whitener: &Whitener) -> (Solution, f64) {
+        let n = self.len();
+        for candidate in candidates {
+            self.push(candidate.clone(), f64::INFINITY, f64::INFINITY, whitener);
+        }
+        let full = self.solve(None);
+        let cost = self.cost(&full.values);
+        self.truncate(n);
+        let (gram, rhs) = self.sums(None);
+        let solution = solve_holding(&gram, &rhs, &full.held);
+        (Solution { held: full.held, ..solution }, cost)
     }
 
     /// Sum of squares of one operating point under given parameters.

@@ -39,7 +39,9 @@ fn extent(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
 }
 
 /// A number short enough for an axis.
-fn tick(value: f64) -> String {
+fn tick(value: f64, span: f64) -> String {
+    // What rounding leaves of zero is zero.
+    let value = if value.abs() < 1e-9 * span { 0.0 } else { value };
     let text = match value.abs() {
         0.0 => "0".to_owned(),
         size if !(1e-3..1e5).contains(&size) => format!("{value:.0e}"),
@@ -94,8 +96,8 @@ impl Chart<'_> {
             .y_labels(5)
             .x_desc(self.x)
             .y_desc(self.y)
-            .x_label_formatter(&|v| tick(*v))
-            .y_label_formatter(&|v| if logarithmic { tick(10f64.powf(*v)) } else { tick(*v) })
+            .x_label_formatter(&|v| tick(*v, x.1 - x.0))
+            .y_label_formatter(&|v| if logarithmic { tick(10f64.powf(*v), 0.0) } else { tick(*v, y.1 - y.0) })
             .light_line_style(TRANSPARENT)
             .bold_line_style(GRID.stroke_width(SCALE))
             .axis_style(MUTED.stroke_width(SCALE))

@@ -269,32 +269,45 @@ impl<'a> Search<'a> {
     pub fn trials(&mut self, solution: &Solution) -> Vec<Trial> {
         let mut trials: Vec<Trial> =
             self.hypotheses(solution).into_iter().map(|h| self.try_one(h, solution)).collect();
-        trials.extend(self.softer(&trials, solution));
         trials.sort_by(|a, b| b.gain.fall.total_cmp(&a.gain.fall));
         trials
     }
 
-    /// The screw's resonance, from how much too soft or stiff the listed ones are: the parameter of the best tells what
-    /// share of its compliance is there.
-    fn softer(&mut self, trials: &[Trial], solution: &Solution) -> Option<Trial> {
-        let free = |trial: &Trial| {
-            let value = trial.gain.values[0];
-            trial.gain.fall * value * value / (2.0 * value - 1.0)
-        };
-        let listed = trials.iter().filter(|t| t.hypothesis.family == Family::AxialCompliance && t.gain.fall != 0.0);
-        let mut best = listed.max_by(|a, b| free(a).total_cmp(&free(b)))?.clone();
+    /// A trial at its best: its shape refined, all declared parameters free to give way to it.
+    pub fn at_best(&mut self, trial: &Trial) -> Trial {
+        let cost = self.normal.cost(&self.normal.solve(None).values);
+        let mut best = trial.clone();
+        for _ in 0..2 {
+            let columns = self.columns(&best.hypothesis);
+            let (beside, _) = self.normal.solve_beside(&columns, self.whitener);
+            best = self.try_one(best.hypothesis, &beside);
+            if best.hypothesis.family == Family::AxialCompliance {
+                best = self.softer(best, &beside);
+            }
+            best = self.refined(best, &beside);
+        }
+        let columns = self.columns(&best.hypothesis);
+        let (beside, left) = self.normal.solve_beside(&columns, self.whitener);
+        best = self.try_one(best.hypothesis, &beside);
+        best.gain.fall = if best.gain.fall == 0.0 { 0.0 } else { cost - left };
+        best
+    }
+
+    /// The screw's resonance, from how much too soft or stiff a hypothesis is: its parameter tells what share of its
+    /// compliance is there.
+    fn softer(&mut self, mut best: Trial, solution: &Solution) -> Trial {
         let feed = &self.balance.model.feed;
         let declared = (feed.axial_stiffness_n_per_m / feed.table_mass_kg).sqrt() / TAU;
-        for _ in 0..4 {
+        for _ in 0..5 {
             // Compliance goes as 1 / hz^2.
             let (own, given) = (best.hypothesis.shape.powi(-2), declared.powi(-2));
             let compliance = given + best.gain.values[0] * (own - given);
             if compliance <= given {
-                return None;
+                break;
             }
             best = self.try_one(Hypothesis { shape: compliance.powf(-0.5), ..best.hypothesis }, solution);
         }
-        Some(best)
+        best
     }
 
     /// Adds a hypothesis to the regression: its columns, and behind them those of what may come with it.
