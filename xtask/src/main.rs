@@ -3,6 +3,7 @@
 
 mod bench;
 mod firmware;
+mod identify;
 mod output;
 #[cfg(feature = "probe")]
 mod probe;
@@ -12,6 +13,7 @@ mod test;
 mod tools;
 
 use clap::{Parser, Subcommand};
+use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Drive software for a double-drive differential feed.
@@ -26,6 +28,13 @@ struct Arguments {
 enum Task {
     /// Run the drive on a simulated machine and report how smoothly the table moves.
     Simulate(Box<simulate::Options>),
+    /// Hold a model against a recording, and trace what the model lacks. `identify --help` says more.
+    #[command(disable_help_flag = true)]
+    Identify {
+        /// Passed on to the identification.
+        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
+        arguments: Vec<OsString>,
+    },
     /// Measure the project against its goals.
     Bench {
         #[command(subcommand)]
@@ -44,6 +53,7 @@ enum Task {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Task::Simulate(options) => simulate::run(&options),
+        Task::Identify { arguments } => identify::run(&arguments),
         Task::Bench { what } => bench::run(&what),
         Task::Build => firmware::build().map(|_| ()),
         Task::Cost(options) => firmware::cost(&options),

@@ -15,6 +15,13 @@ const SURFACES: [Velocities; 4] = [
     [1.0, -1.0, 0.0],
 ];
 
+/// The velocities at which they rub: `SURFACES` times `velocities`, without its zeros.
+#[inline]
+fn rubbing(velocities: &Velocities) -> [f64; 4] {
+    let [screw, nut, table] = *velocities;
+    [screw, nut, table, screw - nut]
+}
+
 #[inline]
 fn dot(a: &Velocities, b: &Velocities) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -45,13 +52,28 @@ impl Kick {
     }
 }
 
-/// Impulse of the axial spring and damper, `offset + slope * (ratio . velocities after the step)`, which acts on the
-/// velocities as `-ratio * impulse`.
-#[derive(Debug, Clone, Copy, Default)]
+/// Impulse of the axial spring and damper, `offset + slope * speed after the step`, which acts against the `speed`, that
+/// of the stretch.
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Axial {
-    pub(super) ratio: Velocities,
+    /// Travel per relative angle, m/rad.
+    pub(super) ratio: f64,
     pub(super) offset: f64,
     pub(super) slope: f64,
+}
+
+impl Axial {
+    /// Speed at which the spring is stretched, m/s.
+    #[inline]
+    pub(super) fn speed(ratio: f64, [screw, nut, table]: Velocities) -> f64 {
+        ratio * (screw - nut) - table
+    }
+
+    /// The speed as weights of the velocities.
+    #[inline]
+    fn weights(&self) -> Velocities {
+        [self.ratio, -self.ratio, -1.0]
+    }
 }
 
 /// One step: velocities before it, velocities after it without friction and axial coupling, response to an impulse.
@@ -62,7 +84,8 @@ pub(super) struct Step {
     pub(super) mobility: Velocities,
     /// Largest friction impulse of screw bearing, nut bearing, guideway, pair; 0 or above.
     pub(super) limit: [f64; 4],
-    pub(super) axial: Axial,
+    /// None if there is no coupling, or a gap in it.
+    pub(super) axial: Option<Axial>,
 }
 
 impl Step {
@@ -70,19 +93,17 @@ impl Step {
     #[inline]
     pub(super) fn solve(&self, impulses: &mut [f64; 4]) -> Velocities {
         // Everything slides on in its direction: one pass, no search.
+        let before = rubbing(&self.before);
         let sliding = [0, 1, 2, 3].map(|k: usize| {
-            let speed = dot(&SURFACES[k], &self.before);
-            if speed > 0.0 {
-                -self.limit[k]
-            } else if speed < 0.0 {
-                self.limit[k]
-            } else {
+            if before[k] == 0.0 {
                 0.0
+            } else {
+                self.limit[k].copysign(-before[k])
             }
         });
         let after = self.with_axial(self.moved(&sliding));
-        let slides =
-            |k: usize| self.limit[k] == 0.0 || dot(&SURFACES[k], &after) * sliding[k] < 0.0;
+        let speeds = rubbing(&after);
+        let slides = |k: usize| self.limit[k] == 0.0 || speeds[k] * sliding[k] < 0.0;
         if slides(0) && slides(1) && slides(2) && slides(3) {
             *impulses = sliding;
             return after;
@@ -99,23 +120,23 @@ impl Step {
         ]
     }
 
-    /// How much of `velocity` an impulse along `ratio` changes.
-    fn weight(&self, ratio: &Velocities) -> f64 {
-        ratio[0] * ratio[0] * self.mobility[0]
-            + ratio[1] * ratio[1] * self.mobility[1]
-            + ratio[2] * ratio[2] * self.mobility[2]
+    /// How much of the impulse's change with the speed is left, since the impulse changes the speed.
+    #[inline]
+    fn share(&self, Axial { ratio, slope, .. }: &Axial) -> f64 {
+        let [screw, nut, table] = self.mobility;
+        (1.0 + slope * (ratio * ratio * (screw + nut) + table)).recip()
     }
 
     #[inline]
     fn with_axial(&self, without: Velocities) -> Velocities {
-        let Axial {
-            ratio,
-            offset,
-            slope,
-        } = self.axial;
-        let impulse =
-            (offset + slope * dot(&ratio, &without)) / (1.0 + slope * self.weight(&ratio));
-        [0, 1, 2].map(|k: usize| without[k] - self.mobility[k] * ratio[k] * impulse)
+        let Some(axial) = self.axial else {
+            return without;
+        };
+        let speed = Axial::speed(axial.ratio, without);
+        // The reciprocal does not wait for the velocities.
+        let impulse = self.share(&axial) * (axial.offset + axial.slope * speed);
+        let weights = axial.weights();
+        [0, 1, 2].map(|k: usize| without[k] - self.mobility[k] * weights[k] * impulse)
     }
 
     /// Projected Gauss-Seidel: each surface in turn takes the impulse that stops it, within its limit.
@@ -153,9 +174,10 @@ impl Step {
 
     /// How the velocities respond to an impulse at each surface, the axial coupling included.
     fn surfaces(&self) -> [Surface; 4] {
-        let Axial { ratio, slope, .. } = self.axial;
-        let [screw, nut, table] = [0, 1, 2].map(|k: usize| self.mobility[k] * ratio[k]);
-        let coupling = slope / (1.0 + slope * self.weight(&ratio));
+        let (weights, coupling) = self.axial.map_or(([0.0; 3], 0.0), |axial| {
+            (axial.weights(), axial.slope * self.share(&axial))
+        });
+        let [screw, nut, table] = [0, 1, 2].map(|k: usize| self.mobility[k] * weights[k]);
         SURFACES.map(|of| {
             let spread = coupling * (of[0] * screw + of[1] * nut + of[2] * table);
             let response = [

@@ -1,0 +1,179 @@
+//! Zero-phase filtering, exact differentiation and resampling of whole records in the frequency domain.
+
+use realfft::num_complex::Complex64;
+use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use std::f64::consts::TAU;
+use std::sync::Arc;
+
+/// One-sided spectrum of a padded record, up to the Nyquist frequency of the decimated rate.
+pub type Spectrum = Vec<Complex64>;
+
+/// Transforms of records of one length, and back at a lower rate.
+pub struct Fourier {
+    rows: usize,
+    padded: usize,
+    step: usize,
+    rate: f64,
+    forward: Arc<dyn RealToComplex<f64>>,
+    backward: Arc<dyn ComplexToReal<f64>>,
+    decimated: Arc<dyn RealToComplex<f64>>,
+    full: Arc<dyn ComplexToReal<f64>>,
+}
+
+/// The next length of the form 2^a 3^b 5^c that `step` divides and whose quotient is even.
+fn smooth_length(at_least: usize, step: usize) -> usize {
+    let smooth = |mut n: usize| {
+        for p in [2, 3, 5] {
+            while n.is_multiple_of(p) {
+                n /= p;
+            }
+        }
+        n == 1
+    };
+    let mut quotient = at_least.div_ceil(step);
+    while !(quotient.is_multiple_of(2) && smooth(quotient)) {
+        quotient += 1;
+    }
+    quotient * step
+}
+
+impl Fourier {
+    /// For records of `rows` samples at `rate` Hz; results come at `rate / step`. `pad` samples of zeros keep the end of
+    /// a record from reaching round to its start.
+    pub fn new(rows: usize, rate: f64, step: usize, pad: usize) -> Self {
+        let padded = smooth_length(rows + pad, step);
+        let mut planner = RealFftPlanner::new();
+        Fourier {
+            rows,
+            padded,
+            step,
+            rate,
+            forward: planner.plan_fft_forward(padded),
+            backward: planner.plan_fft_inverse(padded / step),
+            decimated: planner.plan_fft_forward(padded / step),
+            full: planner.plan_fft_inverse(padded),
+        }
+    }
+
+    /// Rows of a decimated result.
+    pub fn decimated_rows(&self) -> usize {
+        self.rows.div_ceil(self.step)
+    }
+
+    /// Every how many rows a decimated result has one.
+    pub fn step(&self) -> usize {
+        self.step
+    }
+
+    /// Number of frequencies in a [`Spectrum`].
+    pub fn bins(&self) -> usize {
+        self.padded / self.step / 2
+    }
+
+    /// Frequency of a bin, Hz.
+    pub fn hz(&self, bin: usize) -> f64 {
+        bin as f64 * self.rate / self.padded as f64
+    }
+
+    /// Spectrum of a record, cut at the decimated Nyquist frequency.
+    pub fn spectrum(&self, signal: &[f64]) -> Spectrum {
+        let mut padded = vec![0.0; self.padded];
+        padded[..signal.len()].copy_from_slice(signal);
+        let mut spectrum = self.forward.make_output_vec();
+        // Lengths are those of the plan, the only error there is.
+        self.forward.process(&mut padded, &mut spectrum).expect("lengths of the plan");
+        spectrum.truncate(self.bins());
+        spectrum
+    }
+
+    /// The record of a spectrum times a real gain over frequency, at the decimated rate.
+    pub fn filtered(&self, spectrum: &[Complex64], gain: &[f64]) -> Vec<f64> {
+        let mut shaped: Vec<Complex64> = spectrum.iter().zip(gain).map(|(c, &g)| c * g).collect();
+        shaped.push(Complex64::default());
+        shaped[0].im = 0.0;
+        let mut signal = self.backward.make_output_vec();
+        self.backward.process(&mut shaped, &mut signal).expect("lengths of the plan");
+        signal.truncate(self.decimated_rows());
+        let scale = 1.0 / self.padded as f64;
+        signal.iter_mut().for_each(|x| *x *= scale);
+        signal
+    }
+
+    /// A decimated record through a real gain over frequency.
+    pub fn again(&self, signal: &[f64], gain: &[f64]) -> Vec<f64> {
+        let mut padded = self.decimated.make_input_vec();
+        padded[..signal.len()].copy_from_slice(signal);
+        let mut spectrum = self.decimated.make_output_vec();
+        self.decimated.process(&mut padded, &mut spectrum).expect("lengths of the plan");
+        let scale = self.step as f64;
+        spectrum.truncate(self.bins());
+        spectrum.iter_mut().for_each(|c| *c *= scale);
+        self.filtered(&spectrum, gain)
+    }
+
+    /// A record without what is above `hz` (a raised-cosine edge from `hz` to `1.4 hz`), at the full rate.
+    pub fn low_pass(&self, signal: &[f64], hz: f64) -> Vec<f64> {
+        let spectrum = self.spectrum(signal);
+        let mut shaped = self.full.make_input_vec();
+        for (bin, value) in spectrum.iter().enumerate() {
+            shaped[bin] = value * edge(self.hz(bin), hz, 1.4 * hz);
+        }
+        shaped[0].im = 0.0;
+        let mut out = self.full.make_output_vec();
+        self.full.process(&mut shaped, &mut out).expect("lengths of the plan");
+        out.truncate(signal.len());
+        let scale = 1.0 / self.padded as f64;
+        out.iter_mut().for_each(|x| *x *= scale);
+        out
+    }
+}
+
+/// 1 below `from`, 0 above `to`, a raised cosine between.
+pub fn edge(hz: f64, from: f64, to: f64) -> f64 {
+    if hz <= from {
+        1.0
+    } else if hz >= to {
+        0.0
+    } else {
+        0.5 + 0.5 * (0.5 * TAU * (hz - from) / (to - from)).cos()
+    }
+}
+
+/// Central first difference, per second; its gain falls short of a derivative by `sin(x)/x`, `x = omega dt`.
+pub fn slope(signal: &[f64], rate: f64) -> Vec<f64> {
+    let n = signal.len();
+    (0..n).map(|k| {
+        let (a, b) = (k.saturating_sub(1), (k + 1).min(n - 1));
+        (signal[b] - signal[a]) * rate / (b - a).max(1) as f64
+    }).collect()
+}
+
+/// Second difference, per second squared.
+pub fn curvature(signal: &[f64], rate: f64) -> Vec<f64> {
+    let n = signal.len();
+    (0..n).map(|k| {
+        if k == 0 || k + 1 == n { 0.0 } else { (signal[k + 1] - 2.0 * signal[k] + signal[k - 1]) * rate * rate }
+    }).collect()
+}
+
+impl Fourier {
+    /// Spectrum of the first derivative, exact up to the Nyquist frequency of the decimated rate.
+    pub fn slope(&self, signal: &[f64]) -> Spectrum {
+        let mut spectrum = self.spectrum(&slope(signal, self.rate));
+        for (bin, value) in spectrum.iter_mut().enumerate().skip(1) {
+            let x = TAU * self.hz(bin) / self.rate;
+            *value *= x / x.sin();
+        }
+        spectrum
+    }
+
+    /// Spectrum of the second derivative, exact up to the Nyquist frequency of the decimated rate.
+    pub fn curvature(&self, signal: &[f64]) -> Spectrum {
+        let mut spectrum = self.spectrum(&curvature(signal, self.rate));
+        for (bin, value) in spectrum.iter_mut().enumerate().skip(1) {
+            let half = 0.5 * TAU * self.hz(bin) / self.rate;
+            *value *= (half / half.sin()).powi(2);
+        }
+        spectrum
+    }
+}

@@ -1,0 +1,245 @@
+//! What may be missing: every kind of effect of the plant, as columns of a regression.
+
+use crate::balance::{Balance, Contribution};
+use plant::Axis;
+use plant::effects::*;
+use plant::model::Model;
+use std::f64::consts::FRAC_PI_2;
+
+/// A family of effects that share their columns. Families of torque over angle are told apart by their order only.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub enum Family {
+    /// `current_offset`.
+    CurrentOffset,
+    /// `current_gain`.
+    CurrentGain,
+    /// `dead_time`.
+    DeadTime,
+    /// `resistance_drift`.
+    ResistanceDrift,
+    /// `flux_drift`.
+    FluxDrift,
+    /// Torque over a motor's angle: `torque_harmonic`, `cogging`, `coupling_misalignment`, `angle_periodic`.
+    AngleTorque,
+    /// `time_periodic`.
+    TimePeriodic,
+    /// `flux_harmonic`.
+    FluxHarmonic,
+    /// `encoder_eccentricity`.
+    EncoderEccentricity,
+    /// `stribeck_friction`.
+    StribeckFriction,
+    /// `lead_error`.
+    LeadError,
+    /// `lead_scale`.
+    LeadScale,
+    /// `ball_passage`.
+    BallPassage,
+    /// `axial_compliance`.
+    AxialCompliance,
+    /// `position_load`.
+    PositionLoad,
+    /// `backlash`.
+    Backlash,
+}
+
+/// A family at a place, with the one number in which it is not linear.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Hypothesis {
+    /// What.
+    pub family: Family,
+    /// Where.
+    pub place: Place,
+    /// Order, frequency (Hz) or speed (rad/s, m/s); without meaning for families that have none.
+    pub shape: f64,
+}
+
+/// Lowest order per turn of a motor.
+pub const LEAST_ORDER: f64 = 0.3;
+/// Lowest order per turn of screw against nut: below it a wave over the few turns of a record is a slope.
+pub const LEAST_RELATIVE_ORDER: f64 = 0.4;
+
+/// Slots of the usual winding for a number of poles: 12 slots for 10 poles, and in general 6/5 of the poles.
+fn slots(poles: u32) -> f64 {
+    (f64::from(poles) * 1.2).round()
+}
+
+/// Whether `order` is a multiple of `of`, within rounding.
+fn multiple(order: f64, of: f64) -> bool {
+    order > 0.5 * of && (order / of).fract().abs() < 1e-9
+}
+
+impl Hypothesis {
+    /// A hypothesis.
+    pub fn new(family: Family, place: Place, shape: f64) -> Self {
+        Hypothesis { family, place, shape }
+    }
+
+    /// The family in words of a model file; torque over angle stands for the kinds that its order tells apart.
+    pub fn name(&self) -> &'static str {
+        match self.family {
+            Family::CurrentOffset => "current_offset",
+            Family::CurrentGain => "current_gain",
+            Family::DeadTime => "dead_time",
+            Family::ResistanceDrift => "resistance_drift",
+            Family::FluxDrift => "flux_drift",
+            Family::AngleTorque => "torque over angle",
+            Family::TimePeriodic => "time_periodic",
+            Family::FluxHarmonic => "flux_harmonic",
+            Family::EncoderEccentricity => "encoder_eccentricity",
+            Family::StribeckFriction => "stribeck_friction",
+            Family::LeadError => "lead_error",
+            Family::LeadScale => "lead_scale",
+            Family::BallPassage => "ball_passage",
+            Family::AxialCompliance => "axial_compliance",
+            Family::PositionLoad => "position_load",
+            Family::Backlash => "backlash",
+        }
+    }
+
+    /// Number of linear parameters.
+    pub fn columns(&self) -> usize {
+        match self.family {
+            Family::DeadTime | Family::ResistanceDrift | Family::FluxDrift | Family::StribeckFriction
+            | Family::LeadScale | Family::AxialCompliance | Family::PositionLoad | Family::Backlash => 1,
+            _ => 2,
+        }
+    }
+
+    /// Whether its shape is refined by the record.
+    pub fn has_free_shape(&self) -> bool {
+        match self.family {
+            Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage
+            | Family::StribeckFriction | Family::AxialCompliance | Family::DeadTime => true,
+            // Whole orders only.
+            Family::FluxHarmonic | Family::EncoderEccentricity => false,
+            _ => false,
+        }
+    }
+
+    /// What may come with it in another channel, in a size that the effect does not tell: the axial force works back
+    /// on the shafts through the slope of a lead error, as far as the thread's flanks let it.
+    pub fn companion(&self) -> Option<Hypothesis> {
+        (self.family == Family::LeadError).then_some(Hypothesis { family: Family::BallPassage, ..*self })
+    }
+
+    /// Smallest value that its shape may take.
+    pub fn least_shape(&self) -> f64 {
+        match self.family {
+            Family::AngleTorque => LEAST_ORDER,
+            Family::LeadError | Family::BallPassage => LEAST_RELATIVE_ORDER,
+            Family::TimePeriodic => 0.5,
+            Family::DeadTime => 5e-4,
+            _ => 1e-6,
+        }
+    }
+
+    /// Whether it repeats with an angle or with time.
+    pub fn is_periodic(&self) -> bool {
+        matches!(self.family, Family::AngleTorque | Family::TimePeriodic | Family::FluxHarmonic
+            | Family::EncoderEccentricity | Family::LeadError | Family::BallPassage)
+    }
+
+    /// The effect with given linear parameters over a run of `run_s` seconds; `None` if the place makes no sense.
+    pub fn effect(&self, model: &Model, run_s: f64, values: &[f64]) -> Option<EffectModel> {
+        let first = values[0];
+        let second = values.get(1).copied().unwrap_or(0.0);
+        let (amplitude, phase) = (first.hypot(second), second.atan2(first));
+        let order = self.shape;
+        let effect: AnyEffect = match self.family {
+            Family::CurrentOffset => CurrentOffset { off_a: first, off_b: second }.into(),
+            Family::CurrentGain => CurrentGain { gain_a: first, gain_b: second }.into(),
+            Family::DeadTime => DeadTime { value: first }.into(),
+            Family::ResistanceDrift => ResistanceDrift { value: first, duration_s: run_s }.into(),
+            Family::FluxDrift => FluxDrift { value: first, duration_s: run_s }.into(),
+            Family::AngleTorque => self.angle_torque(model, order, amplitude, phase),
+            Family::TimePeriodic => TimePeriodic { hz: order, amplitude, phase }.into(),
+            Family::FluxHarmonic => FluxHarmonic { order, amplitude, phase }.into(),
+            // amplitude * sin(x + phase + pi/2) = amplitude * cos(x + phase)
+            Family::EncoderEccentricity => {
+                EncoderEccentricity { order, amplitude, phase: wrapped(phase + FRAC_PI_2) }.into()
+            }
+            Family::StribeckFriction => StribeckFriction { amplitude: first, speed: order }.into(),
+            Family::LeadError => LeadError { order, amplitude, phase }.into(),
+            Family::LeadScale => LeadScale { value: first }.into(),
+            Family::BallPassage => BallPassage { order, amplitude, phase }.into(),
+            Family::AxialCompliance => AxialCompliance { hz: order }.into(),
+            Family::PositionLoad => PositionLoad { value: first }.into(),
+            Family::Backlash => Backlash { value: first }.into(),
+        };
+        EffectModel::new(self.place, effect)
+    }
+
+    /// Which kind a torque over a motor's angle is. The orders that a three-phase winding's flux makes (multiples of 6
+    /// per electrical turn) are torque harmonics, other multiples of the poles or slots cogging, other whole
+    /// electrical orders torque harmonics, 1 and 2 per turn a coupling, the rest has no name of its own.
+    fn angle_torque(&self, model: &Model, order: f64, amplitude: f64, phase: f64) -> AnyEffect {
+        let pole_pairs = self.axis().map_or(1, |axis| model.motor(axis).pole_pairs);
+        let electrical = f64::from(pole_pairs);
+        if multiple(order, 6.0 * electrical) {
+            TorqueHarmonic { order: order / electrical, amplitude, phase }.into()
+        } else if multiple(order, 2.0 * electrical) || multiple(order, slots(2 * pole_pairs)) {
+            Cogging { order, amplitude, phase }.into()
+        } else if multiple(order, electrical) {
+            TorqueHarmonic { order: order / electrical, amplitude, phase }.into()
+        } else if order == 1.0 || order == 2.0 {
+            CouplingMisalignment { order, amplitude, phase }.into()
+        } else {
+            AnglePeriodic { order, amplitude, phase }.into()
+        }
+    }
+
+    /// The motor, if it is at one.
+    pub fn axis(&self) -> Option<Axis> {
+        Axis::ALL.into_iter().find(|&axis| self.place.has(axis))
+    }
+
+    /// One effect for each linear parameter, with that parameter 1 and the others 0.
+    pub fn units(&self, model: &Model, run_s: f64) -> Vec<EffectModel> {
+        let n = self.columns();
+        (0..n).filter_map(|k| {
+            let mut values = vec![0.0; n];
+            values[k] = 1.0;
+            self.effect(model, run_s, &values)
+        }).collect()
+    }
+
+    /// What each linear parameter adds to the residuals per unit.
+    pub fn contributions(&self, balance: &Balance, run_s: f64) -> Vec<Contribution> {
+        match self.family {
+            // Its shape is the current over which a phase's sign turns round.
+            Family::DeadTime => {
+                let mut sum = Contribution::default();
+                for axis in Axis::ALL.into_iter().filter(|&axis| self.place.has(axis)) {
+                    balance.phase_voltage(axis, -1.0, self.shape, &mut sum);
+                }
+                vec![sum]
+            }
+            // 0: a load holds the table on a flank. 1: it changes flanks as it turns.
+            Family::Backlash if self.shape != 0.0 => vec![balance.play(1.0)],
+            _ => self.units(balance.model, run_s).iter().map(|unit| balance.effect(unit)).collect(),
+        }
+    }
+
+    /// Share of what this effect explains that its own simplifications may leave for others to pick up.
+    pub fn remainder(&self) -> f64 {
+        match self.family {
+            Family::DeadTime => 2e-3,
+            Family::StribeckFriction | Family::Backlash => 1e-2,
+            _ => 3e-5,
+        }
+    }
+
+    /// Whether an effect with these parameters can be.
+    pub fn allows(&self, values: &[f64]) -> bool {
+        match self.family {
+            Family::DeadTime | Family::StribeckFriction | Family::Backlash => values[0] > 0.0,
+            _ => true,
+        }
+    }
+}
+
+/// An angle in -pi..=pi.
+pub fn wrapped(angle: f64) -> f64 {
+    angle.sin().atan2(angle.cos())
+}

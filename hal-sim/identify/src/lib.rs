@@ -1,0 +1,21 @@
+//! From a recording to the missing effect.
+#![forbid(unsafe_code)]
+
+pub mod analysis;
+pub mod balance;
+pub mod channel;
+mod conclusion;
+pub mod design;
+pub mod emps;
+pub mod fourier;
+pub mod hypothesis;
+pub mod html;
+pub mod interval;
+pub mod laas;
+pub mod noise;
+mod plot;
+pub mod record;
+pub mod report;
+pub mod scan;
+pub mod select;
+pub mod signals;

@@ -1,0 +1,123 @@
+//! A record made ready: transforms, signals, balances and noise under a model.
+
+use crate::balance::{Balance, Contribution, Parameter, Rounding};
+use crate::channel::Channel;
+use crate::design::{Normal, Whitener, operating_points};
+use crate::fourier::Fourier;
+use crate::hypothesis::Hypothesis;
+use crate::noise::Noise;
+use crate::signals::Signals;
+use plant::model::Model;
+use plant::recording::Recording;
+
+/// Rate at which balances are compared, Hz: twice what the sensors leave of an acceleration.
+const BALANCE_RATE_HZ: f64 = 1250.0;
+/// Zeros behind a record, s.
+const PAD_S: f64 = 0.4;
+/// Roundings of friction that are tried: none, and what simulations that cannot stick use.
+const ROUNDINGS: [Rounding; 2] = [
+    Rounding { bearing: 2.0, pair: 0.5, guideway: 0.2 },
+    Rounding { bearing: 0.0, pair: 0.0, guideway: 0.0 },
+];
+
+/// A record and its transforms.
+pub struct Record {
+    /// Transforms of its length.
+    pub fourier: Fourier,
+    /// Its signals.
+    pub signals: Signals,
+}
+
+impl Record {
+    /// Of a recording of the machine `model`.
+    pub fn new(recording: &Recording, model: &Model) -> Self {
+        let rate = model.sensing.sample_hz;
+        let step = ((rate / BALANCE_RATE_HZ) as usize).max(1);
+        let fourier = Fourier::new(recording.len(), rate, step, (PAD_S * rate) as usize);
+        let signals = Signals::new(recording, model, &fourier);
+        Record { fourier, signals }
+    }
+
+    /// The balances under a model with given effects, with the rounding of friction that explains the record best.
+    pub fn balance<'a>(&'a self, model: &'a Model, found: &[Hypothesis]) -> Balance<'a> {
+        let noise = Noise::declared(model, &self.signals, &self.fourier);
+        let whitener = Whitener::new(&self.signals, &self.fourier, &noise);
+        let run_s = self.signals.time.last().copied().unwrap_or(0.0).max(1e-3);
+        let torque = |mut contribution: Contribution| {
+            contribution.0.retain(|(channel, _)| matches!(channel, Channel::Torque(_)));
+            contribution
+        };
+        let mut best: Option<(f64, Balance)> = None;
+        for rounding in ROUNDINGS {
+            let balance = Balance::new(model, &self.signals, &self.fourier, rounding);
+            let mut normal = Normal::new(whitener.column(&torque(balance.torque_residual())), &whitener);
+            for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
+                let column = whitener.column(&torque(balance.parameter(parameter)));
+                normal.push(column, parameter.spread(), parameter.bound(), &whitener);
+            }
+            for part in found.iter().flat_map(|hypothesis| hypothesis.contributions(&balance, run_s)) {
+                let column = whitener.column(&torque(part));
+                normal.push(column, f64::INFINITY, f64::INFINITY, &whitener);
+            }
+            let cost = normal.cost(&normal.solve(None).values);
+            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
+                best = Some((cost, balance));
+            }
+        }
+        best.expect("there is at least one rounding").1
+    }
+}
+
+/// Contributions of the declared model and its parameters, before whitening.
+pub struct Base {
+    /// Residual of the declared model.
+    pub residual: Contribution,
+    /// Each parameter with what it adds.
+    pub parameters: Vec<(Parameter, Contribution)>,
+}
+
+impl Base {
+    /// Of the balances.
+    pub fn new(balance: &Balance) -> Self {
+        let offsets = rests(balance.signals).into_iter().map(|(from, to)| Parameter::RestOffset { from, to });
+        let origin = Parameter::TableOrigin { relaxed: starts_relaxed(balance) };
+        Base {
+            residual: balance.residual(),
+            parameters: Parameter::all().into_iter().chain([origin]).chain(offsets).map(|p| (p, balance.parameter(p))).collect(),
+        }
+    }
+
+    /// The regression of the declared parameters under a noise.
+    pub fn normal(&self, whitener: &Whitener) -> Normal {
+        let mut normal = Normal::new(whitener.column(&self.residual), whitener);
+        for (parameter, contribution) in &self.parameters {
+            normal.push(whitener.column(contribution), parameter.spread(), parameter.bound(), whitener);
+        }
+        normal
+    }
+}
+
+/// Rows of the operating points at which one of the motors rests.
+fn rests(signals: &Signals) -> Vec<(usize, usize)> {
+    operating_points(signals)
+        .into_iter()
+        .filter(|rows| {
+            let middle = rows.start + rows.len() / 2;
+            signals.references.iter().any(|reference| reference[middle] == 0.0)
+                && signals.references.iter().any(|reference| reference[middle] != 0.0)
+        })
+        .map(|rows| (rows.start, rows.end))
+        .collect()
+}
+
+/// Whether the table sinks onto its spring within the first 50 ms, as it does when a run starts with the load put on a
+/// relaxed screw.
+fn starts_relaxed(balance: &Balance) -> bool {
+    let signals = balance.signals;
+    let rows = ((0.05 * signals.rate) as usize).clamp(2, signals.len() - 1);
+    let error = |k: usize| signals.table[k] - balance.lead * signals.relative[k];
+    let settled = (rows / 2..rows).map(error).sum::<f64>() / (rows - rows / 2) as f64;
+    let feed = &balance.model.feed;
+    let sag = feed.load_n.abs() / feed.axial_stiffness_n_per_m;
+    (settled - error(0)).abs() > 0.3 * sag && sag > 5.0 * balance.model.sensing.table_noise_m
+}

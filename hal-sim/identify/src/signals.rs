@@ -1,0 +1,120 @@
+//! What a recording says, in the quantities of the balances: angles, speeds, dq currents.
+
+use crate::fourier::{Fourier, slope};
+use plant::Axis;
+use plant::model::Model;
+use plant::recording::Recording;
+
+/// Bandwidth of the speeds in laws of friction and back-EMF, Hz. The encoder's quantisation at this bandwidth is below
+/// 1 % of the slowest speed of a feed.
+pub const SPEED_BANDWIDTH_HZ: f64 = 200.0;
+/// Bandwidth of currents where their sign or their product with an effect matters, Hz: the current loop's.
+pub const CURRENT_BANDWIDTH_HZ: f64 = 400.0;
+
+/// One motor's record.
+pub struct MotorSignals {
+    /// Measured mechanical angle from the first row on, rad.
+    pub travel: Vec<f64>,
+    /// Measured mechanical angle, rad.
+    pub theta: Vec<f64>,
+    /// Speed, rad/s, to [`SPEED_BANDWIDTH_HZ`].
+    pub omega: Vec<f64>,
+    /// cos and sin of the measured electrical angle.
+    pub rotor: Vec<(f64, f64)>,
+    /// Measured currents in the rotor's frame, A.
+    pub i_d: Vec<f64>,
+    /// Measured currents in the rotor's frame, A.
+    pub i_q: Vec<f64>,
+    /// Phase currents a and b to [`CURRENT_BANDWIDTH_HZ`], A.
+    pub phases: [Vec<f64>; 2],
+    /// q current to [`CURRENT_BANDWIDTH_HZ`], A.
+    pub i_q_smooth: Vec<f64>,
+    /// Commanded voltages, V.
+    pub u_d: Vec<f64>,
+    /// Commanded voltages, V.
+    pub u_q: Vec<f64>,
+}
+
+/// A whole record.
+pub struct Signals {
+    /// Rows per second.
+    pub rate: f64,
+    /// Time from the first row on, s.
+    pub time: Vec<f64>,
+    /// Screw and nut.
+    pub motors: [MotorSignals; 2],
+    /// Angle of screw against nut from the first row on, rad.
+    pub relative: Vec<f64>,
+    /// Its speed, rad/s.
+    pub relative_speed: Vec<f64>,
+    /// The table's scale, m.
+    pub table: Vec<f64>,
+    /// Speed references of screw and nut.
+    pub references: [Vec<f64>; 2],
+}
+
+/// Power-invariant Clarke of two phase currents whose third is minus their sum.
+pub fn clarke(a: f64, b: f64) -> (f64, f64) {
+    (1.5_f64.sqrt() * a, (a + 2.0 * b) * 0.5_f64.sqrt())
+}
+
+/// To the rotor's frame; `rotor` is (cos, sin) of the electrical angle.
+pub fn park((alpha, beta): (f64, f64), (cos, sin): (f64, f64)) -> (f64, f64) {
+    (alpha * cos + beta * sin, beta * cos - alpha * sin)
+}
+
+impl MotorSignals {
+    fn new(recording: &Recording, axis: Axis, model: &Model, fourier: &Fourier, rate: f64) -> Self {
+        let record = recording.axis(axis);
+        let pole_pairs = f64::from(model.motor(axis).pole_pairs);
+        let theta = record.angle_rad.clone();
+        let travel: Vec<f64> = theta.iter().map(|t| t - theta[0]).collect();
+        let omega = fourier.low_pass(&slope(&travel, rate), SPEED_BANDWIDTH_HZ);
+        let rotor: Vec<(f64, f64)> = theta.iter().map(|t| {
+            let (sin, cos) = (pole_pairs * t).sin_cos();
+            (cos, sin)
+        }).collect();
+        let (i_d, i_q): (Vec<f64>, Vec<f64>) = record.ia_a.iter().zip(&record.ib_a).zip(&rotor)
+            .map(|((&a, &b), &rotor)| park(clarke(a, b), rotor))
+            .unzip();
+        let i_q_smooth = fourier.low_pass(&i_q, CURRENT_BANDWIDTH_HZ);
+        // The d current is held at 0: the phases follow from the q current and the angle, without the sensors' noise.
+        let phases = [0.0, std::f64::consts::TAU / 3.0].map(|lag: f64| {
+            let (sin_lag, cos_lag) = lag.sin_cos();
+            let scale = (2.0_f64 / 3.0).sqrt();
+            i_q_smooth.iter().zip(&rotor).map(|(q, (cos, sin))| -scale * q * (sin * cos_lag - cos * sin_lag)).collect()
+        });
+        MotorSignals {
+            travel, theta, omega, rotor, i_d, i_q, phases, i_q_smooth,
+            u_d: record.ud_v.clone(), u_q: record.uq_v.clone(),
+        }
+    }
+}
+
+impl Signals {
+    /// The signals of a recording of the machine `model`.
+    pub fn new(recording: &Recording, model: &Model, fourier: &Fourier) -> Self {
+        let rate = model.sensing.sample_hz;
+        let motors = Axis::ALL.map(|axis| MotorSignals::new(recording, axis, model, fourier, rate));
+        let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>();
+        Signals {
+            rate,
+            time: recording.time_s.iter().map(|t| t - recording.time_s[0]).collect(),
+            relative: difference(&motors[0].travel, &motors[1].travel),
+            relative_speed: difference(&motors[0].omega, &motors[1].omega),
+            table: recording.table_position_m.clone(),
+            references: [0, 1].map(|k: usize| recording.axes[k].speed_ref_rad_s.clone()),
+            motors,
+        }
+    }
+
+    /// Rows.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+}

@@ -1,0 +1,204 @@
+//! Machines that the identification has not seen: plates that err, effects of every kind, profiles of their own, run as
+//! the full drive in closed loop with quantised sensors.
+
+use hal_sim::drive::Drive;
+use hal_sim::experiment::{Recorder, Setup};
+use plant::effects::{AnyEffect, EffectModel, Place};
+use plant::machine::Coupling;
+use plant::model::{Model, TorqueHarmonic};
+use plant::recording::Recording;
+use rand::{Rng, RngExt, SeedableRng};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use std::f64::consts::TAU;
+
+/// A machine as drawn, with two records of it.
+pub struct Machine {
+    /// What its plate says.
+    pub declared: Model,
+    /// What it has beyond that.
+    pub effects: Vec<EffectModel>,
+    /// The record to identify from.
+    pub fit: Recording,
+    /// Another one.
+    pub check: Recording,
+}
+
+/// Rpm in rad/s.
+const RPM: f64 = TAU / 60.0;
+
+fn between(rng: &mut impl Rng, low: f64, high: f64) -> f64 {
+    rng.random_range(low..high)
+}
+
+/// Even in the logarithm: as many small as large.
+fn spread(rng: &mut impl Rng, low: f64, high: f64) -> f64 {
+    (low.ln() + (high / low).ln() * rng.random::<f64>()).exp()
+}
+
+fn pick<'a, T>(rng: &mut impl Rng, list: &'a [T]) -> &'a T {
+    &list[rng.random_range(0..list.len())]
+}
+
+fn sign(rng: &mut impl Rng) -> f64 {
+    if rng.random::<bool>() { 1.0 } else { -1.0 }
+}
+
+/// The plate: that of the shared recordings' kind, with torque harmonics at phases of the machine's own.
+fn plate(rng: &mut impl Rng) -> Model {
+    let mut model = Model::coupled();
+    for motor in [&mut model.screw, &mut model.nut] {
+        motor.torque_harmonics = [(6.0, between(rng, 0.07, 0.082)), (12.0, between(rng, 0.024, 0.03))]
+            .map(|(order, amplitude_nm)| TorqueHarmonic { order, amplitude_nm, phase_rad: between(rng, -3.1, 3.1) })
+            .to_vec();
+    }
+    model
+}
+
+/// The machine behind a plate: off by what plates are off by.
+fn real(rng: &mut impl Rng, declared: &Model) -> Model {
+    let mut model = declared.clone();
+    for motor in [&mut model.screw, &mut model.nut] {
+        for value in [&mut motor.resistance_ohm, &mut motor.inductance_h, &mut motor.inertia_kg_m2] {
+            *value *= between(rng, 0.97, 1.03);
+        }
+        motor.flux_wb *= between(rng, 0.99, 1.01);
+        for value in [&mut motor.viscous_nm_s, &mut motor.coulomb_nm] {
+            *value *= between(rng, 0.8, 1.2);
+        }
+    }
+    let feed = &mut model.feed;
+    for value in [
+        &mut feed.guideway_coulomb_n,
+        &mut feed.guideway_viscous_n_s_per_m,
+        &mut feed.pair_coulomb_nm,
+        &mut feed.axial_damping_ratio,
+    ] {
+        *value *= between(rng, 0.8, 1.2);
+    }
+    model
+}
+
+/// An effect of one kind at a place of its own, from barely visible up.
+pub fn effect(rng: &mut impl Rng, kind: &str) -> EffectModel {
+    let motor = *pick(rng, &[Place::Screw, Place::Nut]);
+    let phase = between(rng, -3.1, 3.1);
+    let periodic = |order: f64, amplitude: f64| vec![("order", order), ("amplitude", amplitude), ("phase", phase)];
+    let (place, parameters) = match kind {
+        "current_offset" => {
+            let size = spread(rng, 0.008, 0.07);
+            (motor, vec![("off_a", size * sign(rng)), ("off_b", size * between(rng, 0.5, 1.2) * sign(rng))])
+        }
+        "current_gain" => {
+            let size = spread(rng, 0.01, 0.06);
+            (motor, vec![("gain_a", size), ("gain_b", -size * between(rng, 0.5, 1.2))])
+        }
+        "torque_harmonic" => (motor, periodic(*pick(rng, &[18.0, 24.0, 6.0]), spread(rng, 0.006, 0.04))),
+        "flux_harmonic" => (motor, periodic(*pick(rng, &[5.0, 6.0, 7.0, 12.0]), spread(rng, 0.004, 0.04))),
+        "cogging" => (motor, periodic(*pick(rng, &[12.0, 24.0, 36.0, 10.0, 20.0]), spread(rng, 0.005, 0.04))),
+        "coupling_misalignment" => (motor, periodic(*pick(rng, &[1.0, 2.0]), spread(rng, 0.005, 0.05))),
+        "angle_periodic" => {
+            let order = if rng.random::<bool>() { *pick(rng, &[7.0, 11.0, 17.0, 23.0]) } else { between(rng, 2.2, 26.0) };
+            (motor, periodic(order, spread(rng, 0.006, 0.04)))
+        }
+        "time_periodic" => {
+            (motor, vec![("hz", between(rng, 6.0, 140.0)), ("amplitude", spread(rng, 0.006, 0.04)), ("phase", phase)])
+        }
+        "encoder_eccentricity" => (motor, periodic(*pick(rng, &[1.0, 2.0]), spread(rng, 5e-5, 2e-3))),
+        "dead_time" => {
+            let place = *pick(rng, &[Place::Screw, Place::Nut, Place::Both]);
+            (place, vec![("value", spread(rng, 0.2, 3.0))])
+        }
+        "stribeck_friction" => {
+            if rng.random::<bool>() {
+                (motor, vec![("amplitude", spread(rng, 0.02, 0.08)), ("speed", between(rng, 3.0, 12.0))])
+            } else {
+                (Place::Feed, vec![("amplitude", spread(rng, 6.0, 30.0)), ("speed", between(rng, 1.5e-3, 6e-3))])
+            }
+        }
+        "resistance_drift" => (motor, vec![("value", spread(rng, 0.05, 0.3) * sign(rng))]),
+        "flux_drift" => (motor, vec![("value", spread(rng, 0.01, 0.08) * sign(rng))]),
+        "lead_error" => (Place::Feed, periodic(*pick(rng, &[1.0, 2.0, 0.5]), spread(rng, 2e-7, 5e-6))),
+        "lead_scale" => (Place::Feed, vec![("value", spread(rng, 3e-5, 5e-4) * sign(rng))]),
+        "ball_passage" => (Place::Feed, periodic(between(rng, 3.2, 18.0), spread(rng, 0.003, 0.02))),
+        "axial_compliance" => (Place::Feed, vec![("hz", between(rng, 120.0, 360.0))]),
+        "position_load" => (Place::Feed, vec![("value", spread(rng, 500.0, 8000.0) * sign(rng))]),
+        "backlash" => (Place::Feed, vec![("value", spread(rng, 5e-7, 2e-5))]),
+        other => unreachable!("no sizes for {other}"),
+    };
+    let effect = AnyEffect::from_parameters(kind, parameters).expect("parameters within their ranges");
+    EffectModel::new(place, effect).expect("a place that the kind allows")
+}
+
+/// A table velocity (m/s), a nut speed (rad/s) and how long they are held, s.
+type Leg = (f64, f64, f64);
+
+/// Slow legs with a resting nut first, then both motors at speed, both directions of the table in each.
+fn profile(rng: &mut impl Rng, legs: usize) -> Vec<Leg> {
+    let rest = |rng: &mut Xoshiro256PlusPlus, side: f64| (side * between(rng, 1.5e-3, 4e-3), 0.0, between(rng, 1.0, 2.2));
+    let mut own = Xoshiro256PlusPlus::seed_from_u64(rng.random());
+    let mut list = vec![rest(&mut own, 1.0), rest(&mut own, -1.0)];
+    for k in 2..legs {
+        let side = if k % 2 == 0 { 1.0 } else { -1.0 };
+        let base = between(rng, 80.0, 850.0) * RPM * if rng.random::<f64>() < 0.2 { -1.0 } else { 1.0 };
+        list.push((side * between(rng, 1e-3, 1e-2), base, between(rng, 0.9, 1.3)));
+    }
+    list
+}
+
+/// Runs a machine under the drive that its plate gives, over a profile.
+fn run(declared: &Model, machine: &Model, profile: &[Leg], seed: u64) -> Recording {
+    let mut setup = Setup::declared(declared.clone(), Coupling::Coupled);
+    setup.board.seed = seed;
+    // An offset that the drive measures before it starts would be none.
+    setup.board.measure_zeros = false;
+    let mut drive = Drive::new(machine, setup.coupling, setup.board, &setup.plate()).expect("gains that fit");
+    let every = (declared.sensing.control_hz / declared.sensing.sample_hz).round() as u32;
+    let mut recorder = Recorder::default();
+    let mut recording = Recording::default();
+    let seconds = |s: f64| (s * declared.sensing.sample_hz) as usize;
+    let mut record = |drive: &mut Drive, rows: usize| {
+        for _ in 0..rows {
+            recording.push(&recorder.row(drive));
+            (0..every).for_each(|_| drive.period());
+        }
+    };
+    // The sensors are read for the first time within the first period.
+    drive.period();
+    record(&mut drive, seconds(0.4));
+    for (velocity, base, hold) in profile {
+        drive.command(*velocity, *base).expect("speeds that the drive allows");
+        record(&mut drive, seconds(0.3 + hold));
+    }
+    recording
+}
+
+/// Draws a machine with effects of the given kinds and records it.
+pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let declared = plate(&mut rng);
+    let mut machine = real(&mut rng, &declared);
+    let effects: Vec<EffectModel> = kinds.iter().map(|kind| effect(&mut rng, kind)).collect();
+    let legs = profile(&mut rng, 9);
+    let check_legs = profile(&mut rng, 6);
+    let seconds = |legs: &[Leg]| 0.4 + legs.iter().map(|leg| leg.2 + 0.3).sum::<f64>();
+    let mut of_run = |legs: &[Leg], seed: u64| {
+        machine.effects = effects.iter().map(|effect| over(effect, seconds(legs))).collect();
+        run(&declared, &machine, legs, seed)
+    };
+    let fit = of_run(&legs, seed);
+    let check = of_run(&check_legs, seed ^ 0x5555);
+    Machine { declared, effects, fit, check }
+}
+
+/// A drift is given over the run, whatever its length.
+fn over(effect: &EffectModel, run_s: f64) -> EffectModel {
+    let mut parameters = effect.effect().parameters();
+    for (name, value) in &mut parameters {
+        if name == "duration_s" {
+            *value = run_s;
+        }
+    }
+    let parameters = parameters.iter().map(|(name, value)| (name.as_str(), *value));
+    let same = AnyEffect::from_parameters(effect.effect().kind(), parameters).expect("parameters that were valid");
+    EffectModel::new(effect.place(), same).expect("the place that it was at")
+}
