@@ -204,6 +204,14 @@ impl Bench {
         self.emulator.patch(address, BRANCH_TO_ITSELF)
     }
 
+    /// What the firmware has logged since the last call.
+    ///
+    /// # Errors
+    /// The log is not where the ELF says, or is no log.
+    pub fn log(&mut self) -> Result<Vec<String>, String> {
+        crate::log::drain(&mut self.emulator, &self.image)
+    }
+
     /// What the drive says.
     ///
     /// # Errors

@@ -18,6 +18,8 @@ pub struct Function {
 /// A loaded ELF.
 #[derive(Clone, Debug)]
 pub struct Image {
+    /// The file itself.
+    pub file: Vec<u8>,
     /// Load address and bytes of each segment.
     pub segments: Vec<(u32, Vec<u8>)>,
     /// Where each segment runs: address, and index and offset of its bytes; for code that is copied before use.
@@ -46,6 +48,7 @@ impl Image {
     fn parse(bytes: &[u8]) -> Result<Self, object::Error> {
         let file = object::read::elf::ElfFile32::<object::Endianness>::parse(bytes)?;
         let mut image = Self {
+            file: bytes.to_vec(),
             segments: Vec::new(),
             code: Vec::new(),
             functions: BTreeMap::new(),

@@ -13,5 +13,6 @@ pub mod emulator;
 pub mod graph;
 pub mod image;
 pub mod joint;
+pub mod log;
 pub mod pins;
 pub mod timing;

@@ -5,6 +5,9 @@ mod bench;
 mod firmware;
 mod identify;
 mod output;
+#[cfg(feature = "probe")]
+mod probe;
+mod session;
 mod simulate;
 mod test;
 mod tools;
@@ -41,6 +44,8 @@ enum Task {
     Build,
     /// Run the firmware on an emulated chip and print what its interrupts cost.
     Cost(firmware::CostOptions),
+    #[command(flatten)]
+    Session(session::Session),
     /// Everything that must hold: format, lints, tests, the firmware's build.
     Test,
 }
@@ -52,6 +57,7 @@ fn main() -> ExitCode {
         Task::Bench { what } => bench::run(&what),
         Task::Build => firmware::build().map(|_| ()),
         Task::Cost(options) => firmware::cost(&options),
+        Task::Session(session) => session::run(session),
         Task::Test => test::run(),
     };
     match result {
