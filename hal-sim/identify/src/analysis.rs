@@ -145,7 +145,11 @@ pub(crate) struct Case<'a> {
 
 impl<'a> Case<'a> {
     fn new(balance: &'a Balance<'a>, base: &'a Base) -> Self {
-        Case { balance, base, declared: Noise::declared(balance.model, balance.signals, balance.fourier) }
+        Case {
+            balance,
+            base,
+            declared: Noise::declared(balance.model, balance.signals, balance.fourier),
+        }
     }
 
     pub(crate) fn whitener(&self, noise: &Noise) -> Whitener<'a> {
@@ -173,12 +177,17 @@ impl<'a> Case<'a> {
 
 /// Number of columns that a hypothesis puts into a regression.
 pub(crate) fn width(hypothesis: &Hypothesis) -> usize {
-    hypothesis.columns() + hypothesis.companion().map_or(0, |companion| companion.columns())
+    hypothesis.columns()
+        + hypothesis
+            .companion()
+            .map_or(0, |companion| companion.columns())
 }
 
 /// Turns that an angle covers.
 pub(crate) fn turns(angle: &[f64]) -> f64 {
-    let (low, high) = angle.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+    let (low, high) = angle
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
     ((high - low) / TAU).max(0.05)
 }
 
@@ -206,12 +215,22 @@ fn contenders(trials: &[Trial], search: &mut Search, enough: f64, balance: &Bala
     let top = trials.first().map_or(0.0, |trial| trial.gain.fall);
     let mut list: Vec<&Trial> = Vec::new();
     // Parameters at their bounds hide a part of what a trial brings: a rough one is enough to be looked at.
-    for trial in trials.iter().filter(|trial| trial.gain.fall > (0.2 * top).max(0.5 * enough)) {
-        if list.len() < MOST && !list.iter().any(|known| same(&known.hypothesis, &trial.hypothesis, balance)) {
+    for trial in trials
+        .iter()
+        .filter(|trial| trial.gain.fall > (0.2 * top).max(0.5 * enough))
+    {
+        if list.len() < MOST
+            && !list
+                .iter()
+                .any(|known| same(&known.hypothesis, &trial.hypothesis, balance))
+        {
             list.push(trial);
         }
     }
-    let mut list: Vec<Trial> = list.into_iter().map(|trial| search.at_best(trial)).collect();
+    let mut list: Vec<Trial> = list
+        .into_iter()
+        .map(|trial| search.at_best(trial))
+        .collect();
     list.retain(|trial| trial.gain.fall > enough);
     list.sort_by(|a, b| b.gain.fall.total_cmp(&a.gain.fall));
     list
@@ -229,8 +248,14 @@ fn confirmed(trial: &Trial, check: &Case, noise: &Noise, found: &[Hypothesis], l
 /// An effect of both motors alike is two effects where their sizes differ.
 fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothesis> {
     if trial.hypothesis.place == Place::Both {
-        let each = [Place::Screw, Place::Nut].map(|place| Hypothesis { place, ..trial.hypothesis });
-        let apart: f64 = each.iter().map(|h| search.try_one(*h, solution).gain.fall).sum();
+        let each = [Place::Screw, Place::Nut].map(|place| Hypothesis {
+            place,
+            ..trial.hypothesis
+        });
+        let apart: f64 = each
+            .iter()
+            .map(|h| search.try_one(*h, solution).gain.fall)
+            .sum();
         if apart > 1.02 * trial.gain.fall + 50.0 {
             return each.to_vec();
         }
@@ -250,7 +275,12 @@ pub fn analyse(model: &Model, fit: &Recording, check: &Recording) -> Outcome {
         let settled = rounding.replace(balance.rounding) == Some(balance.rounding);
         let base = Base::new(&balance);
         let case = Case::new(&balance, &base);
-        let check_balance = Balance::new(model, &check_record.signals, &check_record.fourier, balance.rounding);
+        let check_balance = Balance::new(
+            model,
+            &check_record.signals,
+            &check_record.fourier,
+            balance.rounding,
+        );
         let check_base = Base::new(&check_balance);
         let check_case = Case::new(&check_balance, &check_base);
         let again = !settled && !progress.found.is_empty();
@@ -307,12 +337,23 @@ impl Progress {
         let rows = whitener.used_rows() as f64;
         let mut trials = search.trials(&solution);
         self.tried += trials.len();
-        trials.retain(|trial| !self.found.iter().any(|known| same(known, &trial.hypothesis, case.balance)));
+        trials.retain(|trial| {
+            !self
+                .found
+                .iter()
+                .any(|known| same(known, &trial.hypothesis, case.balance))
+        });
         self.threshold = (MATERIAL * rows).max(self.remainder);
         self.unconfirmed.clear();
         let mut accepted = None;
         for trial in contenders(&trials, &mut search, self.threshold, case.balance) {
-            if confirmed(&trial, check, check_noise, &self.found, self.threshold / rows) {
+            if confirmed(
+                &trial,
+                check,
+                check_noise,
+                &self.found,
+                self.threshold / rows,
+            ) {
                 accepted = Some(trial);
                 break;
             }
@@ -324,9 +365,14 @@ impl Progress {
             self.unconfirmed.push(trial);
             return false;
         }
-        self.remainder = self.remainder.max(trial.hypothesis.remainder() * trial.gain.fall);
+        self.remainder = self
+            .remainder
+            .max(trial.hypothesis.remainder() * trial.gain.fall);
         for hypothesis in split(&trial, &mut search, &solution) {
-            let lost = self.last.iter().filter(|t| !same(&t.hypothesis, &hypothesis, case.balance));
+            let lost = self
+                .last
+                .iter()
+                .filter(|t| !same(&t.hypothesis, &hypothesis, case.balance));
             self.rivals.push(lost.take(8).cloned().collect());
             self.found.push(hypothesis);
         }
@@ -335,28 +381,51 @@ impl Progress {
 
     /// Looks at each effect again with the others in place: another may explain its part better, or its shape move, or
     /// nothing be left for it to explain. `true` if an effect was replaced or dropped.
-    fn reconsider(&mut self, case: &Case, check: &Case, noise: &Noise, check_noise: &Noise) -> bool {
+    fn reconsider(
+        &mut self,
+        case: &Case,
+        check: &Case,
+        noise: &Noise,
+        check_noise: &Noise,
+    ) -> bool {
         let whitener = case.whitener(noise);
         let mut changed = false;
         let mut k = 0;
         while k < self.found.len() {
-            let others: Vec<Hypothesis> =
-                self.found.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, h)| *h).collect();
+            let others: Vec<Hypothesis> = self
+                .found
+                .iter()
+                .enumerate()
+                .filter(|(j, _)| *j != k)
+                .map(|(_, h)| *h)
+                .collect();
             let mut search = case.search(&whitener, &others);
             let solution = search.normal.solve(None);
             let own = search.try_one(self.found[k], &solution);
             let own = search.at_best(&own);
             let mut trials = search.trials(&solution);
-            trials.retain(|trial| !others.iter().any(|known| same(known, &trial.hypothesis, case.balance)));
+            trials.retain(|trial| {
+                !others
+                    .iter()
+                    .any(|known| same(known, &trial.hypothesis, case.balance))
+            });
             let least = (1.05 * own.gain.fall).max(self.threshold);
-            let better = contenders(&trials, &mut search, least, case.balance).into_iter().next();
+            let better = contenders(&trials, &mut search, least, case.balance)
+                .into_iter()
+                .next();
             match better {
                 Some(trial) => {
                     changed |= !same(&trial.hypothesis, &self.found[k], case.balance);
                     self.found[k] = trial.hypothesis;
                 }
                 None if own.gain.fall < self.threshold
-                    || !confirmed(&own, check, check_noise, &others, self.threshold / whitener.used_rows() as f64) =>
+                    || !confirmed(
+                        &own,
+                        check,
+                        check_noise,
+                        &others,
+                        self.threshold / whitener.used_rows() as f64,
+                    ) =>
                 {
                     self.found.remove(k);
                     self.rivals.remove(k);

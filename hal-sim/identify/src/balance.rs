@@ -21,8 +21,13 @@ impl Contribution {
     /// Adds `scale * spectrum` to a channel.
     pub fn add(&mut self, channel: Channel, scale: f64, spectrum: &[Complex64]) {
         match self.0.iter_mut().find(|(known, _)| *known == channel) {
-            Some((_, sum)) => sum.iter_mut().zip(spectrum).for_each(|(a, b)| *a += b * scale),
-            None => self.0.push((channel, spectrum.iter().map(|c| c * scale).collect())),
+            Some((_, sum)) => sum
+                .iter_mut()
+                .zip(spectrum)
+                .for_each(|(a, b)| *a += b * scale),
+            None => self
+                .0
+                .push((channel, spectrum.iter().map(|c| c * scale).collect())),
         }
     }
 
@@ -47,7 +52,13 @@ pub struct Rounding {
 
 /// `tanh(speed / rounding)`, or the sign.
 pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
-    if rounding > 0.0 { (speed / rounding).tanh() } else if speed == 0.0 { 0.0 } else { speed.signum() }
+    if rounding > 0.0 {
+        (speed / rounding).tanh()
+    } else if speed == 0.0 {
+        0.0
+    } else {
+        speed.signum()
+    }
 }
 
 /// The balances of one record under one model.
@@ -80,24 +91,42 @@ fn brake(axis: Axis) -> f64 {
 
 /// `1 / (1 - u^2 + 2 i zeta u)`, `u = hz / resonance`.
 fn compliance(fourier: &Fourier, resonance_hz: f64, damping: f64) -> Spectrum {
-    (0..fourier.bins()).map(|bin| {
-        let u = fourier.hz(bin) / resonance_hz;
-        Complex64::new(1.0 - u * u, 2.0 * damping * u).inv()
-    }).collect()
+    (0..fourier.bins())
+        .map(|bin| {
+            let u = fourier.hz(bin) / resonance_hz;
+            Complex64::new(1.0 - u * u, 2.0 * damping * u).inv()
+        })
+        .collect()
 }
 
 impl<'a> Balance<'a> {
     /// Balances of a record.
-    pub fn new(model: &'a Model, signals: &'a Signals, fourier: &'a Fourier, rounding: Rounding) -> Self {
+    pub fn new(
+        model: &'a Model,
+        signals: &'a Signals,
+        fourier: &'a Fourier,
+        rounding: Rounding,
+    ) -> Self {
         let feed = &model.feed;
         let lead = feed.travel_per_radian();
         let sign = |w: f64| rounded_sign(w, rounding.guideway);
-        let table_force = signals.relative_speed.iter()
-            .map(|&w| feed.guideway_coulomb_n * sign(w) + feed.guideway_viscous_n_s_per_m * lead * w + feed.load_n)
+        let table_force = signals
+            .relative_speed
+            .iter()
+            .map(|&w| {
+                feed.guideway_coulomb_n * sign(w)
+                    + feed.guideway_viscous_n_s_per_m * lead * w
+                    + feed.load_n
+            })
             .collect();
         let resonance_hz = (feed.axial_stiffness_n_per_m / feed.table_mass_kg).sqrt() / TAU;
         Balance {
-            model, signals, fourier, rounding, lead, table_force,
+            model,
+            signals,
+            fourier,
+            rounding,
+            lead,
+            table_force,
             resonance: compliance(fourier, resonance_hz, feed.axial_damping_ratio),
             relative_acceleration: fourier.curvature(&signals.relative),
         }
@@ -122,19 +151,28 @@ impl<'a> Balance<'a> {
             let (motor, s) = (self.model.motor(axis), &signals.motors[axis.index()]);
             let pole_pairs = f64::from(motor.pole_pairs);
             let torque = self.spectrum_of(|k| {
-                let harmonics: f64 = motor.torque_harmonics.iter()
-                    .map(|h| h.amplitude_nm * (h.order * pole_pairs * s.theta[k] + h.phase_rad).cos())
+                let harmonics: f64 = motor
+                    .torque_harmonics
+                    .iter()
+                    .map(|h| {
+                        h.amplitude_nm * (h.order * pole_pairs * s.theta[k] + h.phase_rad).cos()
+                    })
                     .sum();
                 pole_pairs * motor.flux_wb * s.i_q[k] + harmonics
                     - motor.viscous_nm_s * s.omega[k]
                     - motor.coulomb_nm * rounded_sign(s.omega[k], self.rounding.bearing)
                     - brake(axis) * self.lead * self.table_force[k]
-                    - brake(axis) * self.model.feed.pair_coulomb_nm
+                    - brake(axis)
+                        * self.model.feed.pair_coulomb_nm
                         * rounded_sign(signals.relative_speed[k], self.rounding.pair)
             });
             let channel = Channel::Torque(axis);
             residual.add(channel, 1.0, &torque);
-            residual.add(channel, -motor.inertia_kg_m2, &self.fourier.curvature(&s.travel));
+            residual.add(
+                channel,
+                -motor.inertia_kg_m2,
+                &self.fourier.curvature(&s.travel),
+            );
             residual.add(channel, -brake(axis) * inertia, &table);
         }
         residual
@@ -147,16 +185,26 @@ impl<'a> Balance<'a> {
             let (motor, s) = (self.model.motor(axis), &self.signals.motors[axis.index()]);
             let omega_e = |k: usize| f64::from(motor.pole_pairs) * s.omega[k];
             let d = self.spectrum_of(|k| {
-                s.u_d[k] - motor.resistance_ohm * s.i_d[k] + omega_e(k) * motor.inductance_h * s.i_q[k]
+                s.u_d[k] - motor.resistance_ohm * s.i_d[k]
+                    + omega_e(k) * motor.inductance_h * s.i_q[k]
             });
             residual.add(Channel::VoltageD(axis), 1.0, &d);
-            residual.add(Channel::VoltageD(axis), -motor.inductance_h, &self.fourier.slope(&s.i_d));
+            residual.add(
+                Channel::VoltageD(axis),
+                -motor.inductance_h,
+                &self.fourier.slope(&s.i_d),
+            );
             let q = self.spectrum_of(|k| {
-                s.u_q[k] - motor.resistance_ohm * s.i_q[k]
+                s.u_q[k]
+                    - motor.resistance_ohm * s.i_q[k]
                     - omega_e(k) * (motor.inductance_h * s.i_d[k] + motor.flux_wb)
             });
             residual.add(Channel::VoltageQ(axis), 1.0, &q);
-            residual.add(Channel::VoltageQ(axis), -motor.inductance_h, &self.fourier.slope(&s.i_q));
+            residual.add(
+                Channel::VoltageQ(axis),
+                -motor.inductance_h,
+                &self.fourier.slope(&s.i_q),
+            );
         }
         residual
     }
@@ -165,7 +213,10 @@ impl<'a> Balance<'a> {
     pub fn residual(&self) -> Contribution {
         let mut residual = self.torque_residual();
         residual.add_all(1.0, &self.voltage_residual());
-        residual.add_all(1.0, &self.table(self.model.feed.axial_stiffness_n_per_m, &self.resonance));
+        residual.add_all(
+            1.0,
+            &self.table(self.model.feed.axial_stiffness_n_per_m, &self.resonance),
+        );
         for effect in &self.model.effects {
             residual.add_all(-1.0, &self.effect(effect));
         }
@@ -176,7 +227,8 @@ impl<'a> Balance<'a> {
     fn table(&self, stiffness: f64, resonance: &[Complex64]) -> Contribution {
         let signals = self.signals;
         let mut residual = Contribution::default();
-        let rigid = self.spectrum_of(|k| signals.table[k] - signals.table[0] - self.lead * signals.relative[k]);
+        let rigid = self
+            .spectrum_of(|k| signals.table[k] - signals.table[0] - self.lead * signals.relative[k]);
         residual.add(Channel::Table, 1.0, &rigid);
         let mass = self.model.feed.table_mass_kg;
         let dynamic = Self::shaped(&self.relative_acceleration, resonance);
@@ -194,7 +246,11 @@ impl<'a> Balance<'a> {
             sum.add(Channel::Torque(axis), brake(axis) * self.lead, &spectrum);
         }
         let stiffness = self.model.feed.axial_stiffness_n_per_m;
-        sum.add(Channel::Table, -1.0 / stiffness, &Self::shaped(&spectrum, &self.resonance));
+        sum.add(
+            Channel::Table,
+            -1.0 / stiffness,
+            &Self::shaped(&spectrum, &self.resonance),
+        );
         sum
     }
 
@@ -207,11 +263,19 @@ impl<'a> Balance<'a> {
             Parameter::Motor(axis, which) => {
                 let (motor, s) = (self.model.motor(axis), &signals.motors[axis.index()]);
                 let pole_pairs = f64::from(motor.pole_pairs);
-                let (torque, d, q) = (Channel::Torque(axis), Channel::VoltageD(axis), Channel::VoltageQ(axis));
+                let (torque, d, q) = (
+                    Channel::Torque(axis),
+                    Channel::VoltageD(axis),
+                    Channel::VoltageQ(axis),
+                );
                 let omega_e = |k: usize| pole_pairs * s.omega[k];
                 match which {
                     MotorParameter::Inertia => {
-                        sum.add(torque, motor.inertia_kg_m2, &self.fourier.curvature(&s.travel));
+                        sum.add(
+                            torque,
+                            motor.inertia_kg_m2,
+                            &self.fourier.curvature(&s.travel),
+                        );
                     }
                     MotorParameter::Viscous => {
                         sum.add(torque, motor.viscous_nm_s, &self.fourier.spectrum(&s.omega));
@@ -221,11 +285,19 @@ impl<'a> Balance<'a> {
                         sum.add(torque, motor.coulomb_nm, &self.spectrum_of(sign));
                     }
                     MotorParameter::Flux => {
-                        sum.add(torque, -pole_pairs * motor.flux_wb, &self.fourier.spectrum(&s.i_q));
+                        sum.add(
+                            torque,
+                            -pole_pairs * motor.flux_wb,
+                            &self.fourier.spectrum(&s.i_q),
+                        );
                         sum.add(q, motor.flux_wb, &self.spectrum_of(omega_e));
                     }
                     MotorParameter::Resistance => {
-                        sum.add(q, motor.resistance_ohm, &self.fourier.spectrum(&s.i_q_smooth));
+                        sum.add(
+                            q,
+                            motor.resistance_ohm,
+                            &self.fourier.spectrum(&s.i_q_smooth),
+                        );
                     }
                     MotorParameter::Inductance => {
                         let cross = self.spectrum_of(|k| omega_e(k) * s.i_q_smooth[k]);
@@ -236,10 +308,18 @@ impl<'a> Balance<'a> {
                         sum.add(q, motor.inductance_h, &self.fourier.slope(&s.i_q));
                     }
                     MotorParameter::ReadingLag => {
-                        sum.add(Channel::Table, brake(axis) * self.lead, &self.fourier.slope(&s.travel));
+                        sum.add(
+                            Channel::Table,
+                            brake(axis) * self.lead,
+                            &self.fourier.slope(&s.travel),
+                        );
                     }
                     MotorParameter::VoltageLag => {
-                        sum.add(q, motor.inductance_h, &self.fourier.curvature(&s.i_q_smooth));
+                        sum.add(
+                            q,
+                            motor.inductance_h,
+                            &self.fourier.curvature(&s.i_q_smooth),
+                        );
                     }
                     MotorParameter::AngleLag => {
                         sum.add(d, -1.0, &self.spectrum_of(|k| omega_e(k) * s.u_q[k]));
@@ -248,21 +328,30 @@ impl<'a> Balance<'a> {
                 }
             }
             Parameter::Pair => {
-                let spectrum =
-                    self.spectrum_of(|k| rounded_sign(signals.relative_speed[k], self.rounding.pair));
+                let spectrum = self
+                    .spectrum_of(|k| rounded_sign(signals.relative_speed[k], self.rounding.pair));
                 for axis in Axis::ALL {
-                    sum.add(Channel::Torque(axis), brake(axis) * feed.pair_coulomb_nm, &spectrum);
+                    sum.add(
+                        Channel::Torque(axis),
+                        brake(axis) * feed.pair_coulomb_nm,
+                        &spectrum,
+                    );
                 }
             }
             Parameter::GuidewayCoulomb => {
-                let force: Vec<f64> = signals.relative_speed.iter()
+                let force: Vec<f64> = signals
+                    .relative_speed
+                    .iter()
                     .map(|&w| feed.guideway_coulomb_n * rounded_sign(w, self.rounding.guideway))
                     .collect();
                 sum = self.guideway(&force);
             }
             Parameter::GuidewayViscous => {
-                let force: Vec<f64> =
-                    signals.relative_speed.iter().map(|w| feed.guideway_viscous_n_s_per_m * self.lead * w).collect();
+                let force: Vec<f64> = signals
+                    .relative_speed
+                    .iter()
+                    .map(|w| feed.guideway_viscous_n_s_per_m * self.lead * w)
+                    .collect();
                 sum = self.guideway(&force);
             }
             Parameter::Load => sum = self.guideway(&vec![feed.load_n; signals.len()]),
@@ -270,7 +359,9 @@ impl<'a> Balance<'a> {
                 let inside = |k: usize| if (from..to).contains(&k) { 1.0 } else { 0.0 };
                 sum.add(Channel::Table, 1.0, &self.spectrum_of(inside));
             }
-            Parameter::TableOrigin { .. } => sum.add(Channel::Table, 1.0, &self.spectrum_of(|_| 1.0)),
+            Parameter::TableOrigin { .. } => {
+                sum.add(Channel::Table, 1.0, &self.spectrum_of(|_| 1.0))
+            }
         }
         sum
     }
@@ -310,11 +401,23 @@ impl<'a> Balance<'a> {
             Site::ShaftTorque => sum.add(torque, -1.0, &self.spectrum_of(value)),
             Site::Flux => {
                 let constant = pole_pairs * motor.flux_wb;
-                sum.add(torque, -constant, &self.spectrum_of(|k| value(k) * s.i_q_smooth[k]));
-                sum.add(q, motor.flux_wb, &self.spectrum_of(|k| value(k) * omega_e(k)));
+                sum.add(
+                    torque,
+                    -constant,
+                    &self.spectrum_of(|k| value(k) * s.i_q_smooth[k]),
+                );
+                sum.add(
+                    q,
+                    motor.flux_wb,
+                    &self.spectrum_of(|k| value(k) * omega_e(k)),
+                );
             }
             Site::Resistance => {
-                sum.add(q, motor.resistance_ohm, &self.spectrum_of(|k| value(k) * s.i_q_smooth[k]));
+                sum.add(
+                    q,
+                    motor.resistance_ohm,
+                    &self.spectrum_of(|k| value(k) * s.i_q_smooth[k]),
+                );
             }
             Site::CurrentReadingA | Site::CurrentReadingB => {
                 let phase = usize::from(term.site == Site::CurrentReadingB);
@@ -325,7 +428,11 @@ impl<'a> Balance<'a> {
                 self.reading(axis, phase, &error, sum);
             }
             Site::PhaseVoltage => {
-                let round = self.model.sensing.current_noise_a.max(self.model.sensing.current_lsb_a);
+                let round = self
+                    .model
+                    .sensing
+                    .current_noise_a
+                    .max(self.model.sensing.current_lsb_a);
                 self.phase_voltage(axis, law.value(1.0), round, sum);
             }
             Site::EncoderReading => {
@@ -333,7 +440,8 @@ impl<'a> Balance<'a> {
                 self.encoder(axis, &error, sum);
             }
             Site::Friction => {
-                let friction = |k: usize| value(k) * rounded_sign(s.omega[k], self.rounding.bearing);
+                let friction =
+                    |k: usize| value(k) * rounded_sign(s.omega[k], self.rounding.bearing);
                 sum.add(torque, 1.0, &self.spectrum_of(friction));
             }
             // These belong to the feed; no motor's term has them.
@@ -345,24 +453,46 @@ impl<'a> Balance<'a> {
     /// near zero the mean of a sign is a rounded one, over `round` A.
     pub fn phase_voltage(&self, axis: Axis, size: f64, round: f64, sum: &mut Contribution) {
         let s = &self.signals.motors[axis.index()];
-        let (lost_d, lost_q): (Vec<f64>, Vec<f64>) = (0..self.signals.len()).map(|k| {
-            let (a, b) = (s.phases[0][k], s.phases[1][k]);
-            let [a, b, c] = [a, b, -a - b].map(|i| size * rounded_sign(i, round));
-            let mean = (a + b + c) / 3.0;
-            park(clarke(a - mean, b - mean), s.rotor[k])
-        }).unzip();
-        sum.add(Channel::VoltageD(axis), -1.0, &self.fourier.spectrum(&lost_d));
-        sum.add(Channel::VoltageQ(axis), -1.0, &self.fourier.spectrum(&lost_q));
+        let (lost_d, lost_q): (Vec<f64>, Vec<f64>) = (0..self.signals.len())
+            .map(|k| {
+                let (a, b) = (s.phases[0][k], s.phases[1][k]);
+                let [a, b, c] = [a, b, -a - b].map(|i| size * rounded_sign(i, round));
+                let mean = (a + b + c) / 3.0;
+                park(clarke(a - mean, b - mean), s.rotor[k])
+            })
+            .unzip();
+        sum.add(
+            Channel::VoltageD(axis),
+            -1.0,
+            &self.fourier.spectrum(&lost_d),
+        );
+        sum.add(
+            Channel::VoltageQ(axis),
+            -1.0,
+            &self.fourier.spectrum(&lost_q),
+        );
     }
 
     /// An error of a phase current's reading shows as torque that is not there and in the voltages that the true
     /// current did not need.
-    fn reading(&self, axis: Axis, phase: usize, error: &dyn Fn(usize) -> f64, sum: &mut Contribution) {
+    fn reading(
+        &self,
+        axis: Axis,
+        phase: usize,
+        error: &dyn Fn(usize) -> f64,
+        sum: &mut Contribution,
+    ) {
         let (motor, s) = (self.model.motor(axis), &self.signals.motors[axis.index()]);
         let n = self.signals.len();
         let value: Vec<f64> = (0..n).map(error).collect();
         let rate = crate::fourier::slope(&value, self.signals.rate);
-        let two_phase = |x: f64| if phase == 0 { clarke(x, 0.0) } else { clarke(0.0, x) };
+        let two_phase = |x: f64| {
+            if phase == 0 {
+                clarke(x, 0.0)
+            } else {
+                clarke(0.0, x)
+            }
+        };
         let (mut torque, mut d, mut q) = (vec![0.0; n], vec![0.0; n], vec![0.0; n]);
         for k in 0..n {
             let (read_d, read_q) = park(two_phase(value[k]), s.rotor[k]);
@@ -372,7 +502,11 @@ impl<'a> Balance<'a> {
             q[k] = motor.resistance_ohm * read_q + motor.inductance_h * rate_q;
         }
         let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
-        sum.add(Channel::Torque(axis), constant, &self.fourier.spectrum(&torque));
+        sum.add(
+            Channel::Torque(axis),
+            constant,
+            &self.fourier.spectrum(&torque),
+        );
         sum.add(Channel::VoltageD(axis), -1.0, &self.fourier.spectrum(&d));
         sum.add(Channel::VoltageQ(axis), -1.0, &self.fourier.spectrum(&q));
     }
@@ -387,19 +521,31 @@ impl<'a> Balance<'a> {
         let travel: Vec<f64> = error.iter().map(|e| e - error[0]).collect();
         sum.add(torque, -motor.inertia_kg_m2, &curvature);
         let harmonics = self.spectrum_of(|k| {
-            let slope: f64 = motor.torque_harmonics.iter().map(|h| {
-                let order = h.order * pole_pairs;
-                -h.amplitude_nm * order * (order * s.theta[k] + h.phase_rad).sin()
-            }).sum();
+            let slope: f64 = motor
+                .torque_harmonics
+                .iter()
+                .map(|h| {
+                    let order = h.order * pole_pairs;
+                    -h.amplitude_nm * order * (order * s.theta[k] + h.phase_rad).sin()
+                })
+                .sum();
             slope * error[k]
         });
         sum.add(torque, 1.0, &harmonics);
         let rate = crate::fourier::slope(error, self.signals.rate);
         let emf = pole_pairs * motor.flux_wb;
-        sum.add(Channel::VoltageD(axis), emf, &self.spectrum_of(|k| pole_pairs * s.omega[k] * error[k]));
+        sum.add(
+            Channel::VoltageD(axis),
+            emf,
+            &self.spectrum_of(|k| pole_pairs * s.omega[k] * error[k]),
+        );
         sum.add(Channel::VoltageQ(axis), -emf, &self.fourier.spectrum(&rate));
         let side = brake(axis);
-        sum.add(Channel::Table, -side * self.lead, &self.fourier.spectrum(&travel));
+        sum.add(
+            Channel::Table,
+            -side * self.lead,
+            &self.fourier.spectrum(&travel),
+        );
         let feed = &self.model.feed;
         let dynamic = Self::shaped(&curvature, &self.resonance);
         let scale = self.lead * feed.table_mass_kg / feed.axial_stiffness_n_per_m;
@@ -410,7 +556,9 @@ impl<'a> Balance<'a> {
         let signals = self.signals;
         let law = &term.law;
         let value = |k: usize| match term.coordinate {
-            Coordinate::RelativeAngle => law.value(signals.motors[0].theta[k] - signals.motors[1].theta[k]),
+            Coordinate::RelativeAngle => {
+                law.value(signals.motors[0].theta[k] - signals.motors[1].theta[k])
+            }
             Coordinate::NominalTravel => law.value(self.lead * signals.relative[k]),
             Coordinate::TablePosition => law.value(signals.table[k]),
             Coordinate::Speed => law.value(self.lead * signals.relative_speed[k]),
@@ -420,7 +568,11 @@ impl<'a> Balance<'a> {
         match term.site {
             Site::Travel => {
                 let origin = value(0);
-                sum.add(Channel::Table, 1.0, &self.spectrum_of(|k| value(k) - origin));
+                sum.add(
+                    Channel::Table,
+                    1.0,
+                    &self.spectrum_of(|k| value(k) - origin),
+                );
             }
             Site::PairTorque => {
                 let spectrum = self.spectrum_of(value);
@@ -434,7 +586,9 @@ impl<'a> Balance<'a> {
             }
             Site::Friction => {
                 let force: Vec<f64> = (0..signals.len())
-                    .map(|k| value(k) * rounded_sign(signals.relative_speed[k], self.rounding.guideway))
+                    .map(|k| {
+                        value(k) * rounded_sign(signals.relative_speed[k], self.rounding.guideway)
+                    })
                     .collect();
                 sum.add_all(1.0, &self.guideway(&force));
             }
@@ -453,7 +607,11 @@ impl<'a> Balance<'a> {
         let mut difference = self.table(feed.axial_stiffness_n_per_m, &self.resonance);
         difference.add_all(-1.0, &self.table(stiffness, &resonance));
         let inertia = feed.table_mass_kg * self.lead * self.lead;
-        let change: Spectrum = resonance.iter().zip(&self.resonance).map(|(new, old)| new - old).collect();
+        let change: Spectrum = resonance
+            .iter()
+            .zip(&self.resonance)
+            .map(|(new, old)| new - old)
+            .collect();
         let table = Self::shaped(&self.relative_acceleration, &change);
         for axis in Axis::ALL {
             difference.add(Channel::Torque(axis), brake(axis) * inertia, &table);
@@ -464,7 +622,9 @@ impl<'a> Balance<'a> {
     /// Play that shows where the table turns: it follows the thread half the gap behind.
     pub fn play(&self, width: f64) -> Contribution {
         let mut sum = Contribution::default();
-        let lag = |k: usize| -0.5 * width * rounded_sign(self.signals.relative_speed[k], self.rounding.guideway);
+        let lag = |k: usize| {
+            -0.5 * width * rounded_sign(self.signals.relative_speed[k], self.rounding.guideway)
+        };
         sum.add(Channel::Table, 1.0, &self.spectrum_of(lag));
         sum
     }
@@ -541,7 +701,18 @@ impl Parameter {
         use MotorParameter::*;
         let mut all = Vec::new();
         for axis in Axis::ALL {
-            for which in [Inertia, Viscous, Coulomb, Flux, Resistance, Inductance, CurrentSlope, VoltageLag, AngleLag, ReadingLag] {
+            for which in [
+                Inertia,
+                Viscous,
+                Coulomb,
+                Flux,
+                Resistance,
+                Inductance,
+                CurrentSlope,
+                VoltageLag,
+                AngleLag,
+                ReadingLag,
+            ] {
                 all.push(Parameter::Motor(axis, which));
             }
         }
@@ -552,7 +723,10 @@ impl Parameter {
 
     /// Whether it is the machine's and not the record's.
     pub fn is_of_the_machine(self) -> bool {
-        !matches!(self, Parameter::TableOrigin { .. } | Parameter::RestOffset { .. })
+        !matches!(
+            self,
+            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. }
+        )
     }
 
     /// Whether it shows in a torque balance.
@@ -570,7 +744,9 @@ impl Parameter {
     pub fn bound(self) -> f64 {
         match self {
             Parameter::Motor(_, which) => match which {
-                MotorParameter::Inertia | MotorParameter::Resistance | MotorParameter::Inductance => 0.033,
+                MotorParameter::Inertia
+                | MotorParameter::Resistance
+                | MotorParameter::Inductance => 0.033,
                 MotorParameter::Flux => 0.011,
                 MotorParameter::Viscous | MotorParameter::Coulomb => 0.22,
                 MotorParameter::CurrentSlope => 0.4,
@@ -579,7 +755,13 @@ impl Parameter {
             },
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
             Parameter::Load => 0.005,
-            Parameter::TableOrigin { relaxed } => if relaxed { 2e-7 } else { 1e-2 },
+            Parameter::TableOrigin { relaxed } => {
+                if relaxed {
+                    2e-7
+                } else {
+                    1e-2
+                }
+            }
             Parameter::RestOffset { .. } => 1e-6,
         }
     }

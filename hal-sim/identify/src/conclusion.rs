@@ -1,6 +1,8 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
-use crate::analysis::{Case, ChannelFigures, Coordinates, Found, Outcome, Progress, Unexplained, width};
+use crate::analysis::{
+    Case, ChannelFigures, Coordinates, Found, Outcome, Progress, Unexplained, width,
+};
 use crate::balance::{Contribution, MotorParameter, Parameter};
 use crate::channel::Channel;
 use crate::design::{Normal, Solution, Whitener, dot};
@@ -25,11 +27,22 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
     for (k, hypothesis) in found.iter().enumerate() {
         let columns = hypothesis.columns();
         let values: Vec<f64> = solution.values.rows(at, columns).iter().copied().collect();
-        let covariance = solution.covariance.view((at, at), (columns, columns)).iter().copied().collect();
-        let others: Vec<Hypothesis> = found.iter().enumerate().filter(|(j, _)| *j != k).map(|(_, h)| *h).collect();
+        let covariance = solution
+            .covariance
+            .view((at, at), (columns, columns))
+            .iter()
+            .copied()
+            .collect();
+        let others: Vec<Hypothesis> = found
+            .iter()
+            .enumerate()
+            .filter(|(j, _)| *j != k)
+            .map(|(_, h)| *h)
+            .collect();
         let mut without = case.search(&whitener, &others);
         let without_solution = without.normal.solve(None);
-        let fall = without.normal.cost(&without_solution.values) - search.normal.cost(&solution.values);
+        let fall =
+            without.normal.cost(&without_solution.values) - search.normal.cost(&solution.values);
         let shape_sigma = shape_sigma(hypothesis, &mut without, &without_solution);
         let first = without.normal.len();
         without.add(hypothesis);
@@ -50,15 +63,37 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
     }
     effects.sort_by(|a, b| b.fall.total_cmp(&a.fall));
 
-    let fit = Side::new(&case, &noise, &whitener, &plain.normal, &plain_solution, &search, &solution);
-    let fixed = Fixed::new(&case, &check, &check_noise, found, &plain_solution, &solution);
+    let fit = Side::new(
+        &case,
+        &noise,
+        &whitener,
+        &plain.normal,
+        &plain_solution,
+        &search,
+        &solution,
+    );
+    let fixed = Fixed::new(
+        &case,
+        &check,
+        &check_noise,
+        found,
+        &plain_solution,
+        &solution,
+    );
     let residual_whitened = search.normal.residual(&solution.values);
     let channels = Channel::ALL
         .into_iter()
         .map(|channel| {
             let index = channel.index();
-            let part = residual_whitened.parts[index].as_deref().unwrap_or_default();
-            let open = whitener.mask(channel).iter().filter(|open| **open).count().max(1) as f64;
+            let part = residual_whitened.parts[index]
+                .as_deref()
+                .unwrap_or_default();
+            let open = whitener
+                .mask(channel)
+                .iter()
+                .filter(|open| **open)
+                .count()
+                .max(1) as f64;
             ChannelFigures {
                 channel,
                 fit_before: rms(&fit.before[index], whitener.mask(channel)),
@@ -82,7 +117,10 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
         last: progress.last,
         tried: progress.tried,
         threshold: progress.threshold,
-        open: Channel::ALL.iter().map(|&channel| whitener.mask(channel).to_vec()).collect(),
+        open: Channel::ALL
+            .iter()
+            .map(|&channel| whitener.mask(channel).to_vec())
+            .collect(),
         coordinates: Coordinates {
             time: every(&signals.time),
             angle: [0, 1].map(|k: usize| every(&signals.motors[k].theta)),
@@ -90,13 +128,26 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
             speed: [0, 1].map(|k: usize| every(&signals.motors[k].omega)),
             relative_speed: every(&signals.relative_speed),
         },
-        residuals: Channel::ALL.into_iter().zip(fit.before).zip(fit.after).map(|((c, b), a)| (c, b, a)).collect(),
+        residuals: Channel::ALL
+            .into_iter()
+            .zip(fit.before)
+            .zip(fit.after)
+            .map(|((c, b), a)| (c, b, a))
+            .collect(),
     }
 }
 
 fn rms(signal: &[f64], mask: &[bool]) -> f64 {
-    let (sum, count) = signal.iter().zip(mask).filter(|(_, open)| **open).fold((0.0, 0.0), |(s, n), (x, _)| (s + x * x, n + 1.0));
-    if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
+    let (sum, count) = signal
+        .iter()
+        .zip(mask)
+        .filter(|(_, open)| **open)
+        .fold((0.0, 0.0), |(s, n), (x, _)| (s + x * x, n + 1.0));
+    if count > 0.0 {
+        f64::sqrt(sum / count)
+    } else {
+        0.0
+    }
 }
 
 /// Share of the lags up to 0.1 s whose correlation is within the 95 % band of white noise. The band limit makes its own
@@ -111,7 +162,11 @@ fn whiteness(signal: &[f64]) -> f64 {
     let open = signal.iter().filter(|x| **x != 0.0).count().max(1) as f64;
     let inside = LAGS
         .filter(|lag| {
-            let sum: f64 = signal[..n - lag].iter().zip(&signal[*lag..]).map(|(a, b)| a * b).sum();
+            let sum: f64 = signal[..n - lag]
+                .iter()
+                .zip(&signal[*lag..])
+                .map(|(a, b)| a * b)
+                .sum();
             (sum / energy).abs() < 1.96 / open.sqrt()
         })
         .count();
@@ -127,7 +182,16 @@ fn shape_sigma(hypothesis: &Hypothesis, without: &mut Search, solution: &Solutio
     let here = without.try_one(*hypothesis, solution).gain.fall;
     for _ in 0..12 {
         let beside = [-step, step].map(|d| {
-            without.try_one(Hypothesis { shape: hypothesis.shape + d, ..*hypothesis }, solution).gain.fall
+            without
+                .try_one(
+                    Hypothesis {
+                        shape: hypothesis.shape + d,
+                        ..*hypothesis
+                    },
+                    solution,
+                )
+                .gain
+                .fall
         });
         let drop = here - 0.5 * (beside[0] + beside[1]);
         if (1.0..30.0).contains(&drop) || (drop >= 30.0 && step < 1e-6 * hypothesis.shape) {
@@ -141,7 +205,13 @@ fn shape_sigma(hypothesis: &Hypothesis, without: &mut Search, solution: &Solutio
     step
 }
 
-fn check_fall(check: &Case, noise: &Noise, others: &[Hypothesis], hypothesis: &Hypothesis, values: &[f64]) -> f64 {
+fn check_fall(
+    check: &Case,
+    noise: &Noise,
+    others: &[Hypothesis],
+    hypothesis: &Hypothesis,
+    values: &[f64],
+) -> f64 {
     let whitener = check.whitener(noise);
     let mut search = check.search(&whitener, others);
     search.fall_at(hypothesis, values)
@@ -154,19 +224,38 @@ struct Side {
 }
 
 impl Side {
-    fn new(case: &Case, noise: &Noise, whitener: &Whitener, plain: &Normal, before: &Solution, search: &Search, after: &Solution) -> Self {
+    fn new(
+        case: &Case,
+        noise: &Noise,
+        whitener: &Whitener,
+        plain: &Normal,
+        before: &Solution,
+        search: &Search,
+        after: &Solution,
+    ) -> Self {
         // Whitening is a gain over frequency: undone on what the regression left.
         let undo = |normal: &Normal, solution: &Solution| -> Vec<Vec<f64>> {
             let left = normal.residual(&solution.values);
-            Channel::ALL.iter().map(|&channel| {
-                let band = noise.band(channel, case.balance.fourier);
-                let gain: Vec<f64> = whitener.gain(channel).iter().zip(&band)
-                    .map(|(&gain, &band)| if gain > 0.0 { band / gain } else { 0.0 })
-                    .collect();
-                left.parts[channel.index()].as_ref().map_or_else(Vec::new, |part| case.balance.fourier.again(part, &gain))
-            }).collect()
+            Channel::ALL
+                .iter()
+                .map(|&channel| {
+                    let band = noise.band(channel, case.balance.fourier);
+                    let gain: Vec<f64> = whitener
+                        .gain(channel)
+                        .iter()
+                        .zip(&band)
+                        .map(|(&gain, &band)| if gain > 0.0 { band / gain } else { 0.0 })
+                        .collect();
+                    left.parts[channel.index()]
+                        .as_ref()
+                        .map_or_else(Vec::new, |part| case.balance.fourier.again(part, &gain))
+                })
+                .collect()
         };
-        Side { before: undo(plain, before), after: undo(&search.normal, after) }
+        Side {
+            before: undo(plain, before),
+            after: undo(&search.normal, after),
+        }
     }
 }
 
@@ -179,14 +268,29 @@ struct Fixed {
 }
 
 impl Fixed {
-    fn new(case: &Case, check: &Case, noise: &Noise, found: &[Hypothesis], plain: &Solution, full: &Solution) -> Self {
-        let run_s = check.balance.signals.time.last().copied().unwrap_or(0.0).max(1e-3);
+    fn new(
+        case: &Case,
+        check: &Case,
+        noise: &Noise,
+        found: &[Hypothesis],
+        plain: &Solution,
+        full: &Solution,
+    ) -> Self {
+        let run_s = check
+            .balance
+            .signals
+            .time
+            .last()
+            .copied()
+            .unwrap_or(0.0)
+            .max(1e-3);
         let whitener = check.whitener(noise);
         let left = |values: &Solution, effects: &[Hypothesis]| -> Vec<Vec<f64>> {
             let mut residual: Contribution = check.base.residual.clone();
             for ((parameter, _), value) in case.base.parameters.iter().zip(values.values.iter()) {
                 if parameter.is_of_the_machine()
-                    && let Some((_, contribution)) = check.base.parameters.iter().find(|(p, _)| p == parameter)
+                    && let Some((_, contribution)) =
+                        check.base.parameters.iter().find(|(p, _)| p == parameter)
                 {
                     residual.add_all(-value, contribution);
                 }
@@ -194,30 +298,55 @@ impl Fixed {
             let mut at = case.base.parameters.len();
             for hypothesis in effects {
                 let parts = [Some(*hypothesis), hypothesis.companion()];
-                for part in parts.into_iter().flatten().flat_map(|h| h.contributions(check.balance, run_s)) {
+                for part in parts
+                    .into_iter()
+                    .flatten()
+                    .flat_map(|h| h.contributions(check.balance, run_s))
+                {
                     residual.add_all(-values.values[at], &part);
                     at += 1;
                 }
             }
             let mut own = Normal::new(whitener.column(&residual), &whitener);
-            let of_record: Vec<_> = check.base.parameters.iter().filter(|(p, _)| !p.is_of_the_machine()).collect();
+            let of_record: Vec<_> = check
+                .base
+                .parameters
+                .iter()
+                .filter(|(p, _)| !p.is_of_the_machine())
+                .collect();
             for (parameter, contribution) in &of_record {
-                own.push(whitener.column(contribution), parameter.spread(), parameter.bound(), &whitener);
+                own.push(
+                    whitener.column(contribution),
+                    parameter.spread(),
+                    parameter.bound(),
+                    &whitener,
+                );
             }
             let offsets = own.solve(None);
             for ((_, contribution), value) in of_record.iter().zip(offsets.values.iter()) {
                 residual.add_all(-value, contribution);
             }
-            Channel::ALL.iter().map(|&channel| {
-                let band = noise.band(channel, check.balance.fourier);
-                residual.0.iter().find(|(c, _)| *c == channel)
-                    .map_or_else(Vec::new, |(_, spectrum)| check.balance.fourier.filtered(spectrum, &band))
-            }).collect()
+            Channel::ALL
+                .iter()
+                .map(|&channel| {
+                    let band = noise.band(channel, check.balance.fourier);
+                    residual
+                        .0
+                        .iter()
+                        .find(|(c, _)| *c == channel)
+                        .map_or_else(Vec::new, |(_, spectrum)| {
+                            check.balance.fourier.filtered(spectrum, &band)
+                        })
+                })
+                .collect()
         };
         Fixed {
             before: left(plain, &[]),
             after: left(full, found),
-            masks: Channel::ALL.iter().map(|&channel| whitener.mask(channel).to_vec()).collect(),
+            masks: Channel::ALL
+                .iter()
+                .map(|&channel| whitener.mask(channel).to_vec())
+                .collect(),
         }
     }
 }
@@ -246,9 +375,16 @@ fn declared_name(parameter: Parameter) -> Option<String> {
 }
 
 fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64, f64)> {
-    case.base.parameters.iter().enumerate()
+    case.base
+        .parameters
+        .iter()
+        .enumerate()
         .filter_map(|(k, (parameter, _))| {
-            Some((declared_name(*parameter)?, solution.values[k], solution.covariance[(k, k)].max(0.0).sqrt()))
+            Some((
+                declared_name(*parameter)?,
+                solution.values[k],
+                solution.covariance[(k, k)].max(0.0).sqrt(),
+            ))
         })
         .collect()
 }
@@ -277,30 +413,38 @@ fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
             Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => {}
         }
     }
-    model.effects.extend(effects.iter().map(|found| found.effect.clone()));
+    model
+        .effects
+        .extend(effects.iter().map(|found| found.effect.clone()));
     model
 }
 
 /// What was significant on the fit record and not borne out by the check record.
 fn unexplained(progress: &Progress) -> Vec<Unexplained> {
-    progress.unconfirmed.iter().take(3).map(|trial| {
-        let hypothesis = &trial.hypothesis;
-        let coordinate = match hypothesis.family {
-            Family::AngleTorque => "mechanical angle",
-            Family::FluxHarmonic => "electrical angle",
-            Family::EncoderEccentricity => "mechanical angle",
-            Family::TimePeriodic => "time, Hz",
-            Family::LeadError | Family::BallPassage => "relative angle",
-            Family::StribeckFriction => "speed",
-            Family::PositionLoad | Family::LeadScale => "table position",
-            _ => "none",
-        };
-        Unexplained {
-            channel: hypothesis.place.name().to_owned(),
-            coordinate: coordinate.to_owned(),
-            order: hypothesis.shape,
-            size: trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt(),
-            reason: "significant on the fit record, not borne out by the check record".to_owned(),
-        }
-    }).collect()
+    progress
+        .unconfirmed
+        .iter()
+        .take(3)
+        .map(|trial| {
+            let hypothesis = &trial.hypothesis;
+            let coordinate = match hypothesis.family {
+                Family::AngleTorque => "mechanical angle",
+                Family::FluxHarmonic => "electrical angle",
+                Family::EncoderEccentricity => "mechanical angle",
+                Family::TimePeriodic => "time, Hz",
+                Family::LeadError | Family::BallPassage => "relative angle",
+                Family::StribeckFriction => "speed",
+                Family::PositionLoad | Family::LeadScale => "table position",
+                _ => "none",
+            };
+            Unexplained {
+                channel: hypothesis.place.name().to_owned(),
+                coordinate: coordinate.to_owned(),
+                order: hypothesis.shape,
+                size: trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt(),
+                reason: "significant on the fit record, not borne out by the check record"
+                    .to_owned(),
+            }
+        })
+        .collect()
 }

@@ -26,7 +26,12 @@ pub struct Column {
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     let mut strands = [0.0; 8];
     let (a8, b8) = (a.chunks_exact(8), b.chunks_exact(8));
-    let tail: f64 = a8.remainder().iter().zip(b8.remainder()).map(|(x, y)| x * y).sum();
+    let tail: f64 = a8
+        .remainder()
+        .iter()
+        .zip(b8.remainder())
+        .map(|(x, y)| x * y)
+        .sum();
     for (x, y) in a8.zip(b8) {
         for k in 0..8 {
             strands[k] += x[k] * y[k];
@@ -48,7 +53,10 @@ pub struct Whitener<'a> {
 pub fn operating_points(signals: &Signals) -> Vec<Range<usize>> {
     let rows = signals.len();
     let same = |k: usize| {
-        signals.references.iter().all(|r| (r[k] - r[k - 1]).abs() <= 1e-6 * (1.0 + r[k].abs()))
+        signals
+            .references
+            .iter()
+            .all(|r| (r[k] - r[k - 1]).abs() <= 1e-6 * (1.0 + r[k].abs()))
     };
     let least = (PLATEAU_S * signals.rate) as usize;
     let mut starts = Vec::new();
@@ -67,7 +75,12 @@ pub fn operating_points(signals: &Signals) -> Vec<Range<usize>> {
     }
     starts[0] = 0;
     let ends = starts[1..].iter().copied().chain([rows]);
-    starts.iter().copied().zip(ends).map(|(a, b)| a..b).collect()
+    starts
+        .iter()
+        .copied()
+        .zip(ends)
+        .map(|(a, b)| a..b)
+        .collect()
 }
 
 impl<'a> Whitener<'a> {
@@ -79,22 +92,36 @@ impl<'a> Whitener<'a> {
         let mask = |speeds: &[&[f64]]| -> Vec<bool> {
             let mut open = vec![true; rows];
             let mut close = |at: usize| {
-                open[at.saturating_sub(margin)..(at + margin).min(rows)].iter_mut().for_each(|x| *x = false);
+                open[at.saturating_sub(margin)..(at + margin).min(rows)]
+                    .iter_mut()
+                    .for_each(|x| *x = false);
             };
             close(0);
             close(rows - 1);
             for speed in speeds {
-                (0..rows).filter(|k| speed[k * step].abs() < STICKING_RAD_S).for_each(&mut close);
+                (0..rows)
+                    .filter(|k| speed[k * step].abs() < STICKING_RAD_S)
+                    .for_each(&mut close);
             }
             open
         };
         let masks = Channel::ALL.map(|channel| match channel {
-            Channel::Torque(axis) => mask(&[&signals.motors[axis.index()].omega, &signals.relative_speed]),
+            Channel::Torque(axis) => {
+                mask(&[&signals.motors[axis.index()].omega, &signals.relative_speed])
+            }
             Channel::VoltageD(_) | Channel::VoltageQ(_) => mask(&[]),
             Channel::Table => mask(&[&signals.relative_speed]),
         });
-        let folds = operating_points(signals).into_iter().map(|r| r.start.div_ceil(step)..r.end.div_ceil(step)).collect();
-        Whitener { fourier, gains: Channel::ALL.map(|c| noise.whitening(c, fourier)), masks, folds }
+        let folds = operating_points(signals)
+            .into_iter()
+            .map(|r| r.start.div_ceil(step)..r.end.div_ceil(step))
+            .collect();
+        Whitener {
+            fourier,
+            gains: Channel::ALL.map(|c| noise.whitening(c, fourier)),
+            masks,
+            folds,
+        }
     }
 
     /// Whether a decimated row of a channel counts.
@@ -113,7 +140,11 @@ impl<'a> Whitener<'a> {
         for (channel, spectrum) in &contribution.0 {
             let index = channel.index();
             let mut signal = self.fourier.filtered(spectrum, &self.gains[index]);
-            signal.iter_mut().zip(&self.masks[index]).filter(|(_, open)| !**open).for_each(|(x, _)| *x = 0.0);
+            signal
+                .iter_mut()
+                .zip(&self.masks[index])
+                .filter(|(_, open)| !**open)
+                .for_each(|(x, _)| *x = 0.0);
             parts[index] = Some(signal);
         }
         Column { parts }
@@ -121,7 +152,10 @@ impl<'a> Whitener<'a> {
 
     /// Rows of all channels that count.
     pub fn used_rows(&self) -> usize {
-        self.masks.iter().map(|mask| mask.iter().filter(|open| **open).count()).sum()
+        self.masks
+            .iter()
+            .map(|mask| mask.iter().filter(|open| **open).count())
+            .sum()
     }
 
     /// Inner product of two columns for each operating point.
@@ -154,7 +188,9 @@ fn inverse(gram: DMatrix<f64>) -> DMatrix<f64> {
     let n = gram.nrows();
     match gram.clone().cholesky() {
         Some(factor) => factor.inverse(),
-        None => gram.pseudo_inverse(1e-12).unwrap_or_else(|_| DMatrix::zeros(n, n)),
+        None => gram
+            .pseudo_inverse(1e-12)
+            .unwrap_or_else(|_| DMatrix::zeros(n, n)),
     }
 }
 
@@ -172,10 +208,15 @@ pub struct Solution {
 /// Least squares with some parameters held.
 fn solve_holding(gram: &DMatrix<f64>, rhs: &DVector<f64>, held: &[(usize, f64)]) -> Solution {
     let n = rhs.len();
-    let free: Vec<usize> = (0..n).filter(|k| held.iter().all(|(h, _)| h != k)).collect();
+    let free: Vec<usize> = (0..n)
+        .filter(|k| held.iter().all(|(h, _)| h != k))
+        .collect();
     let mut reduced = DVector::from_iterator(free.len(), free.iter().map(|&k| rhs[k]));
     for (row, &k) in free.iter().enumerate() {
-        reduced[row] -= held.iter().map(|&(h, value)| gram[(k, h)] * value).sum::<f64>();
+        reduced[row] -= held
+            .iter()
+            .map(|&(h, value)| gram[(k, h)] * value)
+            .sum::<f64>();
     }
     let inverse = inverse(gram.select_rows(&free).select_columns(&free));
     let found = &inverse * reduced;
@@ -188,7 +229,11 @@ fn solve_holding(gram: &DMatrix<f64>, rhs: &DVector<f64>, held: &[(usize, f64)])
             covariance[(k, j)] = inverse[(row, column)];
         }
     }
-    Solution { values, covariance, held: Vec::new() }
+    Solution {
+        values,
+        covariance,
+        held: Vec::new(),
+    }
 }
 
 /// Gain of a candidate over the columns that are there.
@@ -219,11 +264,19 @@ impl Normal {
     /// within `bound` of 0 (both infinite for an effect).
     pub fn push(&mut self, column: Column, spread: f64, bound: f64, whitener: &Whitener) {
         let n = self.columns.len();
-        let products: Vec<Vec<f64>> = self.columns.iter().map(|c| whitener.inner(c, &column)).collect();
+        let products: Vec<Vec<f64>> = self
+            .columns
+            .iter()
+            .map(|c| whitener.inner(c, &column))
+            .collect();
         let own = whitener.inner(&column, &column);
         let with_target = whitener.inner(&column, &self.target);
         for fold in 0..self.gram.len() {
-            let mut gram = std::mem::replace(&mut self.gram[fold], DMatrix::zeros(0, 0)).resize(n + 1, n + 1, 0.0);
+            let mut gram = std::mem::replace(&mut self.gram[fold], DMatrix::zeros(0, 0)).resize(
+                n + 1,
+                n + 1,
+                0.0,
+            );
             for (k, product) in products.iter().enumerate() {
                 gram[(k, n)] = product[fold];
                 gram[(n, k)] = product[fold];
@@ -233,7 +286,11 @@ impl Normal {
             let rhs = std::mem::replace(&mut self.rhs[fold], DVector::zeros(0));
             self.rhs[fold] = rhs.push(with_target[fold]);
         }
-        self.precision.push(if spread.is_finite() { spread.powi(-2) } else { 0.0 });
+        self.precision.push(if spread.is_finite() {
+            spread.powi(-2)
+        } else {
+            0.0
+        });
         self.bounds.push(bound);
         self.columns.push(column);
     }
@@ -283,7 +340,9 @@ impl Normal {
             let excess = |k: usize| (k, solution.values[k].abs() / self.bounds[k]);
             let free = (0..self.len()).filter(|k| held.iter().all(|(h, _)| h != k));
             match free.map(excess).max_by(|a, b| a.1.total_cmp(&b.1)) {
-                Some((k, ratio)) if ratio > 1.0 => held.push((k, self.bounds[k].copysign(solution.values[k]))),
+                Some((k, ratio)) if ratio > 1.0 => {
+                    held.push((k, self.bounds[k].copysign(solution.values[k])))
+                }
                 _ => return Solution { held, ..solution },
             }
         }
@@ -302,18 +361,31 @@ impl Normal {
         self.truncate(n);
         let (gram, rhs) = self.sums(None);
         let solution = solve_holding(&gram, &rhs, &full.held);
-        (Solution { held: full.held, ..solution }, cost)
+        (
+            Solution {
+                held: full.held,
+                ..solution
+            },
+            cost,
+        )
     }
 
     /// Sum of squares of one operating point under given parameters.
     pub fn left(&self, fold: usize, values: &DVector<f64>) -> f64 {
-        self.energy[fold] - 2.0 * self.rhs[fold].dot(values) + (&self.gram[fold] * values).dot(values)
+        self.energy[fold] - 2.0 * self.rhs[fold].dot(values)
+            + (&self.gram[fold] * values).dot(values)
     }
 
     /// Sum of squares that is left on all operating points, the spread of the parameters included.
     pub fn cost(&self, values: &DVector<f64>) -> f64 {
-        let data: f64 = (0..self.gram.len()).map(|fold| self.left(fold, values)).sum();
-        data + values.iter().zip(&self.precision).map(|(v, p)| v * v * p).sum::<f64>()
+        let data: f64 = (0..self.gram.len())
+            .map(|fold| self.left(fold, values))
+            .sum();
+        data + values
+            .iter()
+            .zip(&self.precision)
+            .map(|(v, p)| v * v * p)
+            .sum::<f64>()
     }
 
     /// What is left of the target under given parameters.
@@ -331,7 +403,12 @@ impl Normal {
 
     /// Gram matrix and right-hand side of candidate columns, less what the columns that are there can do as well; and
     /// the candidates' own weights before that.
-    fn reduced(&self, candidates: &[Column], solution: &Solution, whitener: &Whitener) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
+    fn reduced(
+        &self,
+        candidates: &[Column],
+        solution: &Solution,
+        whitener: &Whitener,
+    ) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
         let (n, m) = (self.len(), candidates.len());
         let mut cross = DMatrix::zeros(n, m);
         let mut own = DMatrix::zeros(m, m);
@@ -357,14 +434,20 @@ impl Normal {
     pub fn gain(&self, candidates: &[Column], solution: &Solution, whitener: &Whitener) -> Gain {
         let m = candidates.len();
         let (own, rhs, before) = self.reduced(candidates, solution, whitener);
-        let nothing = Gain { fall: 0.0, values: vec![0.0; m] };
+        let nothing = Gain {
+            fall: 0.0,
+            values: vec![0.0; m],
+        };
         // What the declared parameters can do as well is not the candidate's.
         if (0..m).any(|j| own[(j, j)] <= 1e-6 * before[j] || before[j] == 0.0) {
             return nothing;
         }
         own.cholesky().map_or(nothing, |factor| {
             let values = factor.solve(&rhs);
-            Gain { fall: values.dot(&rhs), values: values.iter().copied().collect() }
+            Gain {
+                fall: values.dot(&rhs),
+                values: values.iter().copied().collect(),
+            }
         })
     }
 
@@ -373,7 +456,9 @@ impl Normal {
         let before = self.cost(&self.solve(None).values);
         let mut less = Normal {
             columns: Vec::new(),
-            target: Column { parts: Default::default() },
+            target: Column {
+                parts: Default::default(),
+            },
             gram: self.gram.clone(),
             rhs: self.rhs.clone(),
             energy: self.energy.clone(),
@@ -386,7 +471,9 @@ impl Normal {
                 *energy -= 2.0 * value * product;
             }
             for (other, other_value) in candidates.iter().zip(values) {
-                for (energy, product) in less.energy.iter_mut().zip(whitener.inner(candidate, other)) {
+                for (energy, product) in
+                    less.energy.iter_mut().zip(whitener.inner(candidate, other))
+                {
                     *energy += value * other_value * product;
                 }
             }
@@ -412,8 +499,11 @@ impl Normal {
             bounds: self.bounds.clone(),
         };
         narrow.truncate(base);
-        (0..self.gram.len()).map(|fold| {
-            narrow.left(fold, &narrow.solve(Some(fold)).values) - self.left(fold, &self.solve(Some(fold)).values)
-        }).collect()
+        (0..self.gram.len())
+            .map(|fold| {
+                narrow.left(fold, &narrow.solve(Some(fold)).values)
+                    - self.left(fold, &self.solve(Some(fold)).values)
+            })
+            .collect()
     }
 }

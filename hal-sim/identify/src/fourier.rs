@@ -81,7 +81,9 @@ impl Fourier {
         padded[..signal.len()].copy_from_slice(signal);
         let mut spectrum = self.forward.make_output_vec();
         // Lengths are those of the plan, the only error there is.
-        self.forward.process(&mut padded, &mut spectrum).expect("lengths of the plan");
+        self.forward
+            .process(&mut padded, &mut spectrum)
+            .expect("lengths of the plan");
         spectrum.truncate(self.bins());
         spectrum
     }
@@ -92,7 +94,9 @@ impl Fourier {
         shaped.push(Complex64::default());
         shaped[0].im = 0.0;
         let mut signal = self.backward.make_output_vec();
-        self.backward.process(&mut shaped, &mut signal).expect("lengths of the plan");
+        self.backward
+            .process(&mut shaped, &mut signal)
+            .expect("lengths of the plan");
         signal.truncate(self.decimated_rows());
         let scale = 1.0 / self.padded as f64;
         signal.iter_mut().for_each(|x| *x *= scale);
@@ -104,7 +108,9 @@ impl Fourier {
         let mut padded = self.decimated.make_input_vec();
         padded[..signal.len()].copy_from_slice(signal);
         let mut spectrum = self.decimated.make_output_vec();
-        self.decimated.process(&mut padded, &mut spectrum).expect("lengths of the plan");
+        self.decimated
+            .process(&mut padded, &mut spectrum)
+            .expect("lengths of the plan");
         let scale = self.step as f64;
         spectrum.truncate(self.bins());
         spectrum.iter_mut().for_each(|c| *c *= scale);
@@ -120,7 +126,9 @@ impl Fourier {
         }
         shaped[0].im = 0.0;
         let mut out = self.full.make_output_vec();
-        self.full.process(&mut shaped, &mut out).expect("lengths of the plan");
+        self.full
+            .process(&mut shaped, &mut out)
+            .expect("lengths of the plan");
         out.truncate(signal.len());
         let scale = 1.0 / self.padded as f64;
         out.iter_mut().for_each(|x| *x *= scale);
@@ -142,18 +150,26 @@ pub fn edge(hz: f64, from: f64, to: f64) -> f64 {
 /// Central first difference, per second; its gain falls short of a derivative by `sin(x)/x`, `x = omega dt`.
 pub fn slope(signal: &[f64], rate: f64) -> Vec<f64> {
     let n = signal.len();
-    (0..n).map(|k| {
-        let (a, b) = (k.saturating_sub(1), (k + 1).min(n - 1));
-        (signal[b] - signal[a]) * rate / (b - a).max(1) as f64
-    }).collect()
+    (0..n)
+        .map(|k| {
+            let (a, b) = (k.saturating_sub(1), (k + 1).min(n - 1));
+            (signal[b] - signal[a]) * rate / (b - a).max(1) as f64
+        })
+        .collect()
 }
 
 /// Second difference, per second squared.
 pub fn curvature(signal: &[f64], rate: f64) -> Vec<f64> {
     let n = signal.len();
-    (0..n).map(|k| {
-        if k == 0 || k + 1 == n { 0.0 } else { (signal[k + 1] - 2.0 * signal[k] + signal[k - 1]) * rate * rate }
-    }).collect()
+    (0..n)
+        .map(|k| {
+            if k == 0 || k + 1 == n {
+                0.0
+            } else {
+                (signal[k + 1] - 2.0 * signal[k] + signal[k - 1]) * rate * rate
+            }
+        })
+        .collect()
 }
 
 impl Fourier {

@@ -72,7 +72,11 @@ fn multiple(order: f64, of: f64) -> bool {
 impl Hypothesis {
     /// A hypothesis.
     pub fn new(family: Family, place: Place, shape: f64) -> Self {
-        Hypothesis { family, place, shape }
+        Hypothesis {
+            family,
+            place,
+            shape,
+        }
     }
 
     /// The family in words of a model file; torque over angle stands for the kinds that its order tells apart.
@@ -100,8 +104,14 @@ impl Hypothesis {
     /// Number of linear parameters.
     pub fn columns(&self) -> usize {
         match self.family {
-            Family::DeadTime | Family::ResistanceDrift | Family::FluxDrift | Family::StribeckFriction
-            | Family::LeadScale | Family::AxialCompliance | Family::PositionLoad | Family::Backlash => 1,
+            Family::DeadTime
+            | Family::ResistanceDrift
+            | Family::FluxDrift
+            | Family::StribeckFriction
+            | Family::LeadScale
+            | Family::AxialCompliance
+            | Family::PositionLoad
+            | Family::Backlash => 1,
             _ => 2,
         }
     }
@@ -109,8 +119,13 @@ impl Hypothesis {
     /// Whether its shape is refined by the record.
     pub fn has_free_shape(&self) -> bool {
         match self.family {
-            Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage
-            | Family::StribeckFriction | Family::AxialCompliance | Family::DeadTime => true,
+            Family::AngleTorque
+            | Family::TimePeriodic
+            | Family::LeadError
+            | Family::BallPassage
+            | Family::StribeckFriction
+            | Family::AxialCompliance
+            | Family::DeadTime => true,
             // Whole orders only.
             Family::FluxHarmonic | Family::EncoderEccentricity => false,
             _ => false,
@@ -120,7 +135,10 @@ impl Hypothesis {
     /// What may come with it in another channel, in a size that the effect does not tell: the axial force works back
     /// on the shafts through the slope of a lead error, as far as the thread's flanks let it.
     pub fn companion(&self) -> Option<Hypothesis> {
-        (self.family == Family::LeadError).then_some(Hypothesis { family: Family::BallPassage, ..*self })
+        (self.family == Family::LeadError).then_some(Hypothesis {
+            family: Family::BallPassage,
+            ..*self
+        })
     }
 
     /// Smallest value that its shape may take.
@@ -136,8 +154,15 @@ impl Hypothesis {
 
     /// Whether it repeats with an angle or with time.
     pub fn is_periodic(&self) -> bool {
-        matches!(self.family, Family::AngleTorque | Family::TimePeriodic | Family::FluxHarmonic
-            | Family::EncoderEccentricity | Family::LeadError | Family::BallPassage)
+        matches!(
+            self.family,
+            Family::AngleTorque
+                | Family::TimePeriodic
+                | Family::FluxHarmonic
+                | Family::EncoderEccentricity
+                | Family::LeadError
+                | Family::BallPassage
+        )
     }
 
     /// The effect with given linear parameters over a run of `run_s` seconds; `None` if the place makes no sense.
@@ -147,22 +172,65 @@ impl Hypothesis {
         let (amplitude, phase) = (first.hypot(second), second.atan2(first));
         let order = self.shape;
         let effect: AnyEffect = match self.family {
-            Family::CurrentOffset => CurrentOffset { off_a: first, off_b: second }.into(),
-            Family::CurrentGain => CurrentGain { gain_a: first, gain_b: second }.into(),
-            Family::DeadTime => DeadTime { value: first }.into(),
-            Family::ResistanceDrift => ResistanceDrift { value: first, duration_s: run_s }.into(),
-            Family::FluxDrift => FluxDrift { value: first, duration_s: run_s }.into(),
-            Family::AngleTorque => self.angle_torque(model, order, amplitude, phase),
-            Family::TimePeriodic => TimePeriodic { hz: order, amplitude, phase }.into(),
-            Family::FluxHarmonic => FluxHarmonic { order, amplitude, phase }.into(),
-            // amplitude * sin(x + phase + pi/2) = amplitude * cos(x + phase)
-            Family::EncoderEccentricity => {
-                EncoderEccentricity { order, amplitude, phase: wrapped(phase + FRAC_PI_2) }.into()
+            Family::CurrentOffset => CurrentOffset {
+                off_a: first,
+                off_b: second,
             }
-            Family::StribeckFriction => StribeckFriction { amplitude: first, speed: order }.into(),
-            Family::LeadError => LeadError { order, amplitude, phase }.into(),
+            .into(),
+            Family::CurrentGain => CurrentGain {
+                gain_a: first,
+                gain_b: second,
+            }
+            .into(),
+            Family::DeadTime => DeadTime { value: first }.into(),
+            Family::ResistanceDrift => ResistanceDrift {
+                value: first,
+                duration_s: run_s,
+            }
+            .into(),
+            Family::FluxDrift => FluxDrift {
+                value: first,
+                duration_s: run_s,
+            }
+            .into(),
+            Family::AngleTorque => self.angle_torque(model, order, amplitude, phase),
+            Family::TimePeriodic => TimePeriodic {
+                hz: order,
+                amplitude,
+                phase,
+            }
+            .into(),
+            Family::FluxHarmonic => FluxHarmonic {
+                order,
+                amplitude,
+                phase,
+            }
+            .into(),
+            // amplitude * sin(x + phase + pi/2) = amplitude * cos(x + phase)
+            Family::EncoderEccentricity => EncoderEccentricity {
+                order,
+                amplitude,
+                phase: wrapped(phase + FRAC_PI_2),
+            }
+            .into(),
+            Family::StribeckFriction => StribeckFriction {
+                amplitude: first,
+                speed: order,
+            }
+            .into(),
+            Family::LeadError => LeadError {
+                order,
+                amplitude,
+                phase,
+            }
+            .into(),
             Family::LeadScale => LeadScale { value: first }.into(),
-            Family::BallPassage => BallPassage { order, amplitude, phase }.into(),
+            Family::BallPassage => BallPassage {
+                order,
+                amplitude,
+                phase,
+            }
+            .into(),
             Family::AxialCompliance => AxialCompliance { hz: order }.into(),
             Family::PositionLoad => PositionLoad { value: first }.into(),
             Family::Backlash => Backlash { value: first }.into(),
@@ -177,15 +245,40 @@ impl Hypothesis {
         let pole_pairs = self.axis().map_or(1, |axis| model.motor(axis).pole_pairs);
         let electrical = f64::from(pole_pairs);
         if multiple(order, 6.0 * electrical) {
-            TorqueHarmonic { order: order / electrical, amplitude, phase }.into()
+            TorqueHarmonic {
+                order: order / electrical,
+                amplitude,
+                phase,
+            }
+            .into()
         } else if multiple(order, 2.0 * electrical) || multiple(order, slots(2 * pole_pairs)) {
-            Cogging { order, amplitude, phase }.into()
+            Cogging {
+                order,
+                amplitude,
+                phase,
+            }
+            .into()
         } else if multiple(order, electrical) {
-            TorqueHarmonic { order: order / electrical, amplitude, phase }.into()
+            TorqueHarmonic {
+                order: order / electrical,
+                amplitude,
+                phase,
+            }
+            .into()
         } else if order == 1.0 || order == 2.0 {
-            CouplingMisalignment { order, amplitude, phase }.into()
+            CouplingMisalignment {
+                order,
+                amplitude,
+                phase,
+            }
+            .into()
         } else {
-            AnglePeriodic { order, amplitude, phase }.into()
+            AnglePeriodic {
+                order,
+                amplitude,
+                phase,
+            }
+            .into()
         }
     }
 
@@ -197,11 +290,13 @@ impl Hypothesis {
     /// One effect for each linear parameter, with that parameter 1 and the others 0.
     pub fn units(&self, model: &Model, run_s: f64) -> Vec<EffectModel> {
         let n = self.columns();
-        (0..n).filter_map(|k| {
-            let mut values = vec![0.0; n];
-            values[k] = 1.0;
-            self.effect(model, run_s, &values)
-        }).collect()
+        (0..n)
+            .filter_map(|k| {
+                let mut values = vec![0.0; n];
+                values[k] = 1.0;
+                self.effect(model, run_s, &values)
+            })
+            .collect()
     }
 
     /// What each linear parameter adds to the residuals per unit.
@@ -217,7 +312,11 @@ impl Hypothesis {
             }
             // 0: a load holds the table on a flank. 1: it changes flanks as it turns.
             Family::Backlash if self.shape != 0.0 => vec![balance.play(1.0)],
-            _ => self.units(balance.model, run_s).iter().map(|unit| balance.effect(unit)).collect(),
+            _ => self
+                .units(balance.model, run_s)
+                .iter()
+                .map(|unit| balance.effect(unit))
+                .collect(),
         }
     }
 

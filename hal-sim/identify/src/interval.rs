@@ -29,7 +29,11 @@ pub fn estimates(found: &Found) -> Vec<Estimate> {
         .filter(|(name, _)| name != "duration_s")
         .map(|(name, value)| {
             let half = NORMAL_95 * sigma(found, &name, value);
-            Estimate { interval: [value - half, value + half], name, value }
+            Estimate {
+                interval: [value - half, value + half],
+                name,
+                value,
+            }
         })
         .collect()
 }
@@ -47,12 +51,16 @@ fn sigma(found: &Found, name: &str, value: f64) -> f64 {
         "amplitude" if n == 2 => {
             let [a, b] = [found.values[0], found.values[1]];
             let square = a * a + b * b;
-            let own = (a * a * variance(0) + 2.0 * a * b * found.covariance[1] + b * b * variance(1)) / square;
+            let own =
+                (a * a * variance(0) + 2.0 * a * b * found.covariance[1] + b * b * variance(1))
+                    / square;
             size(own.max(0.0).sqrt())
         }
         "phase" => {
             let square = found.values.iter().map(|v| v * v).sum::<f64>();
-            (0.5 * (variance(0) + variance(n - 1)) / square).sqrt().hypot(BALANCE_ERROR)
+            (0.5 * (variance(0) + variance(n - 1)) / square)
+                .sqrt()
+                .hypot(BALANCE_ERROR)
         }
         "off_b" | "gain_b" => size(variance(1).sqrt()),
         _ => size(variance(0).sqrt()),

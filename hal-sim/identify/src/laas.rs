@@ -57,10 +57,17 @@ pub struct Order {
 impl Order {
     /// What an order of this motor suggests.
     pub fn suggests(&self) -> &'static str {
-        match (self.order.is_multiple_of(POLE_PAIRS), self.order / POLE_PAIRS) {
+        match (
+            self.order.is_multiple_of(POLE_PAIRS),
+            self.order / POLE_PAIRS,
+        ) {
             (true, 1) => "1 per electrical turn: offset of a current sensor",
-            (true, 2) => "2 per electrical turn: gain mismatch of the current sensors, or cogging of the 24 poles",
-            (true, 6 | 12 | 18) => "a multiple of 6 per electrical turn: flux harmonics and cogging of the winding",
+            (true, 2) => {
+                "2 per electrical turn: gain mismatch of the current sensors, or cogging of the 24 poles"
+            }
+            (true, 6 | 12 | 18) => {
+                "a multiple of 6 per electrical turn: flux harmonics and cogging of the winding"
+            }
             (true, _) => "whole per electrical turn: flux or saturation",
             _ if self.order.is_multiple_of(18) => "no whole multiple of the pole pairs: the slots",
             _ => "no whole multiple of the pole pairs: slots or mechanics",
@@ -80,14 +87,24 @@ pub struct Study {
 }
 
 fn table(path: &Path, columns: &[&str]) -> Result<Vec<Vec<f64>>, LaasError> {
-    let read = |source| LaasError::Read { path: path.to_owned(), source };
-    let mut reader = csv::ReaderBuilder::new().trim(csv::Trim::All).from_path(path).map_err(read)?;
+    let read = |source| LaasError::Read {
+        path: path.to_owned(),
+        source,
+    };
+    let mut reader = csv::ReaderBuilder::new()
+        .trim(csv::Trim::All)
+        .from_path(path)
+        .map_err(read)?;
     let header = reader.headers().map_err(read)?.clone();
     let mut values = vec![Vec::new(); columns.len()];
     for (row, record) in reader.records().enumerate() {
         let record = record.map_err(read)?;
         for (column, values) in columns.iter().zip(&mut values) {
-            let text = header.iter().position(|name| name == *column).and_then(|at| record.get(at)).unwrap_or("");
+            let text = header
+                .iter()
+                .position(|name| name == *column)
+                .and_then(|at| record.get(at))
+                .unwrap_or("");
             values.push(text.parse().map_err(|_| LaasError::Value {
                 path: path.to_owned(),
                 row: row + 1,
@@ -102,7 +119,11 @@ fn table(path: &Path, columns: &[&str]) -> Result<Vec<Vec<f64>>, LaasError> {
 /// Orders of the slow map whose amplitude stands out of its spectrum; friction, which changes sign with the direction,
 /// drops out of the mean of both ways.
 fn map_orders(position: &[f64], current: &[f64]) -> Vec<Order> {
-    let turn = position.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).map_or(0, |(k, _)| k);
+    let turn = position
+        .iter()
+        .enumerate()
+        .max_by(|a, b| a.1.total_cmp(b.1))
+        .map_or(0, |(k, _)| k);
     let ways = [0..turn, turn..position.len()];
     let line = |order: u32| {
         let (c, s) = ways.iter().fold((0.0, 0.0), |(c, s), way| {
@@ -110,10 +131,16 @@ fn map_orders(position: &[f64], current: &[f64]) -> Vec<Order> {
             let mean = current[way.clone()].iter().sum::<f64>() / n;
             way.clone().fold((c, s), |(c, s), k| {
                 let (sin, cos) = (f64::from(order) * position[k]).sin_cos();
-                (c + (current[k] - mean) * cos / n, s + (current[k] - mean) * sin / n)
+                (
+                    c + (current[k] - mean) * cos / n,
+                    s + (current[k] - mean) * sin / n,
+                )
             })
         });
-        Order { order, amplitude_a: f64::hypot(c, s) }
+        Order {
+            order,
+            amplitude_a: f64::hypot(c, s),
+        }
     };
     let mut lines: Vec<Order> = (1..=HIGHEST).map(line).collect();
     lines.sort_by(|a, b| b.amplitude_a.total_cmp(&a.amplitude_a));
@@ -128,25 +155,34 @@ fn uncompensated(flag: &[f64], velocity: &[f64]) -> Option<std::ops::Range<usize
     let roughness = |rows: std::ops::Range<usize>| {
         let n = rows.len().max(1) as f64;
         let mean = velocity[rows.clone()].iter().sum::<f64>() / n;
-        velocity[rows].iter().map(|v| (v - mean).powi(2)).sum::<f64>() / n
+        velocity[rows]
+            .iter()
+            .map(|v| (v - mean).powi(2))
+            .sum::<f64>()
+            / n
     };
     let halves = [0..change, change..flag.len()];
-    halves.into_iter().max_by(|a, b| roughness(a.clone()).total_cmp(&roughness(b.clone()))).filter(|rows| rows.len() > 2000)
+    halves
+        .into_iter()
+        .max_by(|a, b| roughness(a.clone()).total_cmp(&roughness(b.clone())))
+        .filter(|rows| rows.len() > 2000)
 }
 
 /// On an even grid of the test's rate: its clock jitters.
 fn even(time: &[f64], values: &[f64]) -> Vec<f64> {
     let rows = ((time[time.len() - 1] - time[0]) * RATE) as usize;
     let mut at = 0;
-    (0..rows).map(|k| {
-        let t = time[0] + k as f64 / RATE;
-        while at + 2 < time.len() && time[at + 1] < t {
-            at += 1;
-        }
-        let span = (time[at + 1] - time[at]).max(1e-9);
-        let share = ((t - time[at]) / span).clamp(0.0, 1.0);
-        values[at] + share * (values[at + 1] - values[at])
-    }).collect()
+    (0..rows)
+        .map(|k| {
+            let t = time[0] + k as f64 / RATE;
+            while at + 2 < time.len() && time[at + 1] < t {
+                at += 1;
+            }
+            let span = (time[at + 1] - time[at]).max(1e-9);
+            let share = ((t - time[at]) / span).clamp(0.0, 1.0);
+            values[at] + share * (values[at + 1] - values[at])
+        })
+        .collect()
 }
 
 impl Study {
@@ -157,7 +193,10 @@ impl Study {
     pub fn new(folder: &Path) -> Result<Self, LaasError> {
         let map = table(&folder.join("stopped_data.txt"), &["Position", "Iq"])?;
         let path = folder.join("speed_test.txt");
-        let test = table(&path, &["Time", "Position", "Velocity", "Iq", "Function Activated"])?;
+        let test = table(
+            &path,
+            &["Time", "Position", "Velocity", "Iq", "Function Activated"],
+        )?;
         let rows = uncompensated(&test[4], &test[2]).ok_or(LaasError::Stretch { path })?;
         let time = &test[0][rows.clone()];
         let position = butterworth_100(&even(time, &test[1][rows.clone()]));
@@ -181,7 +220,12 @@ fn held_out(position: &[f64], current: &[f64], orders: &[u32]) -> f64 {
         acceleration,
         velocity.clone(),
         velocity.iter().map(|v| v * v.abs()).collect(),
-        butterworth_100(&velocity.iter().map(|v| (v / 0.3).tanh()).collect::<Vec<_>>()),
+        butterworth_100(
+            &velocity
+                .iter()
+                .map(|v| (v / 0.3).tanh())
+                .collect::<Vec<_>>(),
+        ),
         vec![1.0; position.len()],
     ];
     if !orders.is_empty() {
@@ -189,7 +233,10 @@ fn held_out(position: &[f64], current: &[f64], orders: &[u32]) -> f64 {
     }
     for &order in orders {
         for quarter in [0.0, std::f64::consts::FRAC_PI_2] {
-            let wave: Vec<f64> = position.iter().map(|p| (f64::from(order) * p - quarter).cos()).collect();
+            let wave: Vec<f64> = position
+                .iter()
+                .map(|p| (f64::from(order) * p - quarter).cos())
+                .collect();
             columns.push(butterworth_100(&wave));
         }
     }
@@ -202,10 +249,17 @@ fn held_out(position: &[f64], current: &[f64], orders: &[u32]) -> f64 {
     // Columns of very different size: their own norms make the normal equations even.
     let design = matrix(fit.clone());
     let norms: Vec<f64> = design.column_iter().map(|c| c.norm().max(1e-12)).collect();
-    let scaled = DMatrix::from_fn(design.nrows(), design.ncols(), |r, c| design[(r, c)] / norms[c]);
+    let scaled = DMatrix::from_fn(design.nrows(), design.ncols(), |r, c| {
+        design[(r, c)] / norms[c]
+    });
     let solution = scaled.svd(true, true).solve(&vector(fit), 1e-10);
-    let Ok(mut values) = solution else { return f64::NAN };
-    values.iter_mut().zip(&norms).for_each(|(value, norm)| *value /= norm);
+    let Ok(mut values) = solution else {
+        return f64::NAN;
+    };
+    values
+        .iter_mut()
+        .zip(&norms)
+        .for_each(|(value, norm)| *value /= norm);
     let measured = vector(test.clone());
     100.0 * (&measured - matrix(test) * values).norm() / measured.norm()
 }

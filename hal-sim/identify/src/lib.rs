@@ -3,16 +3,19 @@
 
 pub mod analysis;
 pub mod balance;
+pub mod bench;
 pub mod channel;
 mod conclusion;
 pub mod design;
 pub mod emps;
 pub mod fourier;
-pub mod hypothesis;
 pub mod html;
+pub mod hypothesis;
 pub mod interval;
 pub mod laas;
+pub mod load;
 pub mod noise;
+pub mod paper;
 mod plot;
 pub mod record;
 pub mod report;

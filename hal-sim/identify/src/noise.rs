@@ -14,8 +14,10 @@ const BELOW_RESONANCE: f64 = 0.6;
 /// How much more power than the sensors' may be taken for noise.
 const MOST_NOISE: f64 = 6.0;
 /// Upper edges of the bands over which the noise is estimated, Hz. Below the first, noise and slow misfit are one.
-const BANDS_HZ: [f64; 16] =
-    [6.0, 12.0, 20.0, 32.0, 48.0, 68.0, 92.0, 120.0, 155.0, 195.0, 240.0, 290.0, 345.0, 405.0, 470.0, 560.0];
+const BANDS_HZ: [f64; 16] = [
+    6.0, 12.0, 20.0, 32.0, 48.0, 68.0, 92.0, 120.0, 155.0, 195.0, 240.0, 290.0, 345.0, 405.0,
+    470.0, 560.0,
+];
 
 /// Noise density of the channels: variance per row of the record if it were white at that level.
 #[derive(Clone)]
@@ -55,10 +57,13 @@ impl Noise {
                     sensing.table_noise_m.powi(2) + 2.0 * lead * lead * angle
                 }
             };
-            (0..fourier.bins()).map(|bin| at(fourier.hz(bin)).max(1e-30)).collect()
+            (0..fourier.bins())
+                .map(|bin| at(fourier.hz(bin)).max(1e-30))
+                .collect()
         });
         let top = USED * fourier.hz(fourier.bins());
-        let resonance = (model.feed.axial_stiffness_n_per_m / model.feed.table_mass_kg).sqrt() / TAU;
+        let resonance =
+            (model.feed.axial_stiffness_n_per_m / model.feed.table_mass_kg).sqrt() / TAU;
         let top = Channel::ALL.map(|channel| match channel {
             Channel::Table => top.min(BELOW_RESONANCE * resonance),
             _ => top,
@@ -75,7 +80,9 @@ impl Noise {
     pub fn whitening(&self, channel: Channel, fourier: &Fourier) -> Vec<f64> {
         let top = self.top[channel.index()];
         let scale = (fourier.step() as f64).sqrt();
-        self.density(channel).iter().enumerate()
+        self.density(channel)
+            .iter()
+            .enumerate()
             .map(|(bin, d)| scale * edge(fourier.hz(bin), top, 1.2 * top) / d.sqrt())
             .collect()
     }
@@ -84,7 +91,10 @@ impl Noise {
     pub fn floor(&self, channel: Channel, fourier: &Fourier) -> f64 {
         let top = self.top[channel.index()];
         let width = fourier.hz(1) / (fourier.hz(fourier.bins()) * fourier.step() as f64);
-        let sum: f64 = self.density(channel).iter().enumerate()
+        let sum: f64 = self
+            .density(channel)
+            .iter()
+            .enumerate()
             .map(|(bin, density)| density * edge(fourier.hz(bin), top, 1.2 * top).powi(2))
             .sum();
         (sum * width).sqrt()
@@ -93,13 +103,20 @@ impl Noise {
     /// The gain that limits a channel to the band that is used, without whitening.
     pub fn band(&self, channel: Channel, fourier: &Fourier) -> Vec<f64> {
         let top = self.top[channel.index()];
-        (0..fourier.bins()).map(|bin| edge(fourier.hz(bin), top, 1.2 * top)).collect()
+        (0..fourier.bins())
+            .map(|bin| edge(fourier.hz(bin), top, 1.2 * top))
+            .collect()
     }
 
     /// Corrects the density by the median power of what whitening left, band by band: lines of an effect do not move a
     /// median, a raised floor does. A channel is never taken for less noisy than half of what the sensors make, nor for
     /// more than [`MOST_NOISE`] times: what is louder is for an effect to explain.
-    pub fn corrected(&self, declared: &Noise, left: &[Option<Vec<f64>>], fourier: &Fourier) -> Self {
+    pub fn corrected(
+        &self,
+        declared: &Noise,
+        left: &[Option<Vec<f64>>],
+        fourier: &Fourier,
+    ) -> Self {
         let mut corrected = self.clone();
         for (channel, signal) in left.iter().enumerate() {
             let Some(signal) = signal else { continue };
@@ -110,7 +127,10 @@ impl Noise {
             let mut points: Vec<(f64, f64)> = Vec::new();
             let mut low = 0.3;
             for high in BANDS_HZ {
-                let (from, to) = ((low / width) as usize, ((high / width) as usize).min(power.len()));
+                let (from, to) = (
+                    (low / width) as usize,
+                    ((high / width) as usize).min(power.len()),
+                );
                 if from + 8 < to && high <= 1.05 * self.top[channel] {
                     let mut band = power[from..to].to_vec();
                     let middle = band.len() / 2;
@@ -139,7 +159,9 @@ pub fn power_spectrum(signal: &[f64]) -> Vec<f64> {
     let transform = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(signal.len());
     let mut input = signal.to_vec();
     let mut output = transform.make_output_vec();
-    transform.process(&mut input, &mut output).expect("lengths of the plan");
+    transform
+        .process(&mut input, &mut output)
+        .expect("lengths of the plan");
     output.iter().map(|c| c.norm_sqr()).collect()
 }
 

@@ -16,8 +16,16 @@ const BALANCE_RATE_HZ: f64 = 1250.0;
 const PAD_S: f64 = 0.4;
 /// Roundings of friction that are tried: none, and what simulations that cannot stick use.
 const ROUNDINGS: [Rounding; 2] = [
-    Rounding { bearing: 2.0, pair: 0.5, guideway: 0.2 },
-    Rounding { bearing: 0.0, pair: 0.0, guideway: 0.0 },
+    Rounding {
+        bearing: 2.0,
+        pair: 0.5,
+        guideway: 0.2,
+    },
+    Rounding {
+        bearing: 0.0,
+        pair: 0.0,
+        guideway: 0.0,
+    },
 ];
 
 /// A record and its transforms.
@@ -44,18 +52,26 @@ impl Record {
         let whitener = Whitener::new(&self.signals, &self.fourier, &noise);
         let run_s = self.signals.time.last().copied().unwrap_or(0.0).max(1e-3);
         let torque = |mut contribution: Contribution| {
-            contribution.0.retain(|(channel, _)| matches!(channel, Channel::Torque(_)));
+            contribution
+                .0
+                .retain(|(channel, _)| matches!(channel, Channel::Torque(_)));
             contribution
         };
         let mut best: Option<(f64, Balance)> = None;
         for rounding in ROUNDINGS {
             let balance = Balance::new(model, &self.signals, &self.fourier, rounding);
-            let mut normal = Normal::new(whitener.column(&torque(balance.torque_residual())), &whitener);
+            let mut normal = Normal::new(
+                whitener.column(&torque(balance.torque_residual())),
+                &whitener,
+            );
             for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
                 let column = whitener.column(&torque(balance.parameter(parameter)));
                 normal.push(column, parameter.spread(), parameter.bound(), &whitener);
             }
-            for part in found.iter().flat_map(|hypothesis| hypothesis.contributions(&balance, run_s)) {
+            for part in found
+                .iter()
+                .flat_map(|hypothesis| hypothesis.contributions(&balance, run_s))
+            {
                 let column = whitener.column(&torque(part));
                 normal.push(column, f64::INFINITY, f64::INFINITY, &whitener);
             }
@@ -79,11 +95,20 @@ pub struct Base {
 impl Base {
     /// Of the balances.
     pub fn new(balance: &Balance) -> Self {
-        let offsets = rests(balance.signals).into_iter().map(|(from, to)| Parameter::RestOffset { from, to });
-        let origin = Parameter::TableOrigin { relaxed: starts_relaxed(balance) };
+        let offsets = rests(balance.signals)
+            .into_iter()
+            .map(|(from, to)| Parameter::RestOffset { from, to });
+        let origin = Parameter::TableOrigin {
+            relaxed: starts_relaxed(balance),
+        };
         Base {
             residual: balance.residual(),
-            parameters: Parameter::all().into_iter().chain([origin]).chain(offsets).map(|p| (p, balance.parameter(p))).collect(),
+            parameters: Parameter::all()
+                .into_iter()
+                .chain([origin])
+                .chain(offsets)
+                .map(|p| (p, balance.parameter(p)))
+                .collect(),
         }
     }
 
@@ -91,7 +116,12 @@ impl Base {
     pub fn normal(&self, whitener: &Whitener) -> Normal {
         let mut normal = Normal::new(whitener.column(&self.residual), whitener);
         for (parameter, contribution) in &self.parameters {
-            normal.push(whitener.column(contribution), parameter.spread(), parameter.bound(), whitener);
+            normal.push(
+                whitener.column(contribution),
+                parameter.spread(),
+                parameter.bound(),
+                whitener,
+            );
         }
         normal
     }
@@ -103,8 +133,14 @@ fn rests(signals: &Signals) -> Vec<(usize, usize)> {
         .into_iter()
         .filter(|rows| {
             let middle = rows.start + rows.len() / 2;
-            signals.references.iter().any(|reference| reference[middle] == 0.0)
-                && signals.references.iter().any(|reference| reference[middle] != 0.0)
+            signals
+                .references
+                .iter()
+                .any(|reference| reference[middle] == 0.0)
+                && signals
+                    .references
+                    .iter()
+                    .any(|reference| reference[middle] != 0.0)
         })
         .map(|rows| (rows.start, rows.end))
         .collect()

@@ -32,7 +32,10 @@ pub enum WriteError {
 /// # Errors
 /// A folder or file that cannot be written.
 pub fn write(outcome: &Outcome, folder: &Path) -> Result<(), WriteError> {
-    std::fs::create_dir_all(folder).map_err(|source| WriteError::Folder { path: folder.to_owned(), source })?;
+    std::fs::create_dir_all(folder).map_err(|source| WriteError::Folder {
+        path: folder.to_owned(),
+        source,
+    })?;
     let file = |name: &str, text: String| {
         let path = folder.join(name);
         std::fs::write(&path, text).map_err(|source| WriteError::File { path, source })
@@ -47,48 +50,73 @@ pub fn write(outcome: &Outcome, folder: &Path) -> Result<(), WriteError> {
 
 /// `report.json`.
 pub fn json(outcome: &Outcome) -> Value {
-    let effects: Vec<Value> = outcome.effects.iter().map(|found| {
-        let estimates = estimates(found);
-        let (mut parameters, mut intervals) = (Map::new(), Map::new());
-        let mut effect = Map::new();
-        effect.insert("kind".into(), found.effect.effect().kind().into());
-        effect.insert("where".into(), found.effect.place().name().into());
-        for estimate in estimates {
-            if estimate.name == "order" || estimate.name == "hz" {
-                effect.insert(estimate.name.clone(), estimate.value.into());
+    let effects: Vec<Value> = outcome
+        .effects
+        .iter()
+        .map(|found| {
+            let estimates = estimates(found);
+            let (mut parameters, mut intervals) = (Map::new(), Map::new());
+            let mut effect = Map::new();
+            effect.insert("kind".into(), found.effect.effect().kind().into());
+            effect.insert("where".into(), found.effect.place().name().into());
+            for estimate in estimates {
+                if estimate.name == "order" || estimate.name == "hz" {
+                    effect.insert(estimate.name.clone(), estimate.value.into());
+                }
+                intervals.insert(estimate.name.clone(), json!(estimate.interval));
+                parameters.insert(estimate.name, estimate.value.into());
             }
-            intervals.insert(estimate.name.clone(), json!(estimate.interval));
-            parameters.insert(estimate.name, estimate.value.into());
-        }
-        effect.insert("parameters".into(), parameters.into());
-        effect.insert("interval".into(), intervals.into());
-        effect.insert("explained".into(), found.explained.into());
-        effect.insert("fall".into(), json!({ "fit": found.fall, "check": found.check_fall }));
-        effect.insert("held_back".into(), json!(found.held_back));
-        effect.insert("rivals".into(), found.rivals.iter().map(trial).collect());
-        effect.into()
-    }).collect();
-    let residual: Vec<Value> = outcome.channels.iter().map(|figures| json!({
-        "channel": figures.channel.name(),
-        "unit": figures.channel.unit(),
-        "fit_before": figures.fit_before,
-        "fit_after": figures.fit_after,
-        "check_before": figures.check_before,
-        "check_after": figures.check_after,
-        "noise_floor": figures.noise_floor,
-        "whitened": figures.whitened,
-        "whiteness": figures.whiteness,
-    })).collect();
-    let unexplained: Vec<Value> = outcome.unexplained.iter().map(|left| json!({
-        "channel": left.channel,
-        "coordinate": left.coordinate,
-        "order": left.order,
-        "size": left.size,
-        "reason": left.reason,
-    })).collect();
-    let calibration: Vec<Value> = outcome.calibration.iter().map(|(name, change, sigma)| json!({
-        "parameter": name, "relative_change": change, "sigma": sigma,
-    })).collect();
+            effect.insert("parameters".into(), parameters.into());
+            effect.insert("interval".into(), intervals.into());
+            effect.insert("explained".into(), found.explained.into());
+            effect.insert(
+                "fall".into(),
+                json!({ "fit": found.fall, "check": found.check_fall }),
+            );
+            effect.insert("held_back".into(), json!(found.held_back));
+            effect.insert("rivals".into(), found.rivals.iter().map(trial).collect());
+            effect.into()
+        })
+        .collect();
+    let residual: Vec<Value> = outcome
+        .channels
+        .iter()
+        .map(|figures| {
+            json!({
+                "channel": figures.channel.name(),
+                "unit": figures.channel.unit(),
+                "fit_before": figures.fit_before,
+                "fit_after": figures.fit_after,
+                "check_before": figures.check_before,
+                "check_after": figures.check_after,
+                "noise_floor": figures.noise_floor,
+                "whitened": figures.whitened,
+                "whiteness": figures.whiteness,
+            })
+        })
+        .collect();
+    let unexplained: Vec<Value> = outcome
+        .unexplained
+        .iter()
+        .map(|left| {
+            json!({
+                "channel": left.channel,
+                "coordinate": left.coordinate,
+                "order": left.order,
+                "size": left.size,
+                "reason": left.reason,
+            })
+        })
+        .collect();
+    let calibration: Vec<Value> = outcome
+        .calibration
+        .iter()
+        .map(|(name, change, sigma)| {
+            json!({
+                "parameter": name, "relative_change": change, "sigma": sigma,
+            })
+        })
+        .collect();
     json!({
         "verdict": outcome.verdict(),
         "effects": effects,

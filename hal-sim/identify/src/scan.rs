@@ -44,7 +44,9 @@ impl OrderSpectrum {
         weight: &dyn Fn(usize, f64) -> f64,
         orders: Range<f64>,
     ) -> Self {
-        let (low, high) = angle.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+        let (low, high) = angle
+            .iter()
+            .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
         let turns = (high - low) / TAU;
         let span = ((4.0 * turns).max(16.0) as usize).next_power_of_two();
         let length = span * BINS;
@@ -61,7 +63,9 @@ impl OrderSpectrum {
                 let bin = ((angle[row] - low) / TAU * BINS as f64 + 0.5) as usize;
                 bins[bin.min(length - 1)] += score[row];
             }
-            transform.process(&mut bins, &mut spectrum).expect("lengths of the plan");
+            transform
+                .process(&mut bins, &mut spectrum)
+                .expect("lengths of the plan");
             let mut here = 0.0;
             for k in first..count {
                 if k == first || k % coarse == 0 {
@@ -74,11 +78,24 @@ impl OrderSpectrum {
             }
         }
         let most = weights.iter().copied().fold(0.0, f64::max);
-        let (fall, amplitude) = sum.iter().zip(&weights).map(|(s, &w)| {
-            // An order that hardly any operating point can show is not scored.
-            if w > 1e-4 * most { (2.0 * s.norm_sqr() / w, 2.0 * s.norm() / w) } else { (0.0, 0.0) }
-        }).unzip();
-        OrderSpectrum { spacing: 1.0 / span as f64, fall, amplitude, turns }
+        let (fall, amplitude) = sum
+            .iter()
+            .zip(&weights)
+            .map(|(s, &w)| {
+                // An order that hardly any operating point can show is not scored.
+                if w > 1e-4 * most {
+                    (2.0 * s.norm_sqr() / w, 2.0 * s.norm() / w)
+                } else {
+                    (0.0, 0.0)
+                }
+            })
+            .unzip();
+        OrderSpectrum {
+            spacing: 1.0 / span as f64,
+            fall,
+            amplitude,
+            turns,
+        }
     }
 
     /// The `count` highest peaks, as orders, at least `apart` from each other.
@@ -87,7 +104,10 @@ impl OrderSpectrum {
         let reach = (apart / self.spacing).ceil() as usize;
         let mut peaks = Vec::new();
         for _ in 0..count {
-            let Some((at, &best)) = fall.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+            let Some((at, &best)) = fall.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))
+            else {
+                break;
+            };
             if best <= 0.0 {
                 break;
             }

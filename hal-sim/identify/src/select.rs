@@ -38,8 +38,20 @@ const RELATIVE_ORDERS: std::ops::Range<f64> = LEAST_RELATIVE_ORDER..60.0;
 impl<'a> Search<'a> {
     /// A search that starts from a regression of the declared parameters.
     pub fn new(balance: &'a Balance<'a>, whitener: &'a Whitener<'a>, normal: Normal) -> Self {
-        let run_s = balance.signals.time.last().copied().unwrap_or(0.0).max(1e-3);
-        Search { balance, whitener, normal, cache: HashMap::new(), run_s }
+        let run_s = balance
+            .signals
+            .time
+            .last()
+            .copied()
+            .unwrap_or(0.0)
+            .max(1e-3);
+        Search {
+            balance,
+            whitener,
+            normal,
+            cache: HashMap::new(),
+            run_s,
+        }
     }
 
     /// Length of the run, s.
@@ -49,7 +61,11 @@ impl<'a> Search<'a> {
 
     /// The columns of a hypothesis.
     pub fn columns(&mut self, hypothesis: &Hypothesis) -> Vec<Column> {
-        let key = (hypothesis.family, hypothesis.place, hypothesis.shape.to_bits());
+        let key = (
+            hypothesis.family,
+            hypothesis.place,
+            hypothesis.shape.to_bits(),
+        );
         if let Some(columns) = self.cache.get(&key) {
             return columns.clone();
         }
@@ -58,7 +74,10 @@ impl<'a> Search<'a> {
             .iter()
             .map(|contribution| self.whitener.column(contribution))
             .collect();
-        if !matches!(hypothesis.family, Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage) {
+        if !matches!(
+            hypothesis.family,
+            Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage
+        ) {
             self.cache.insert(key, columns.clone());
         }
         columns
@@ -71,7 +90,11 @@ impl<'a> Search<'a> {
         if hypothesis.family == Family::AxialCompliance {
             // Its column is the whole difference to the softer screw: the parameter is 1 or the shape is wrong.
             let value = gain.values[0];
-            let weight = if value == 0.0 { 0.0 } else { gain.fall / (value * value) };
+            let weight = if value == 0.0 {
+                0.0
+            } else {
+                gain.fall / (value * value)
+            };
             gain.fall = weight * (2.0 * value - 1.0);
         }
         if !hypothesis.allows(&gain.values) {
@@ -93,7 +116,12 @@ impl<'a> Search<'a> {
         let ripple = sensing.current_noise_a.max(sensing.current_lsb_a).max(1e-3);
         for place in [Place::Screw, Place::Nut] {
             list.push(Hypothesis::new(Family::DeadTime, place, ripple));
-            for family in [Family::CurrentOffset, Family::CurrentGain, Family::ResistanceDrift, Family::FluxDrift] {
+            for family in [
+                Family::CurrentOffset,
+                Family::CurrentGain,
+                Family::ResistanceDrift,
+                Family::FluxDrift,
+            ] {
                 list.push(Hypothesis::new(family, place, 0.0));
             }
             for order in [1.0, 2.0] {
@@ -110,11 +138,24 @@ impl<'a> Search<'a> {
         // The play of a table that turns, in place of one that a load holds on a flank.
         list.push(Hypothesis::new(Family::Backlash, Place::Feed, 1.0));
         for speed in [1.0, 2.0, 4.0, 8.0, 16.0, 32.0] {
-            list.push(Hypothesis::new(Family::StribeckFriction, Place::Feed, speed * self.balance.lead));
+            list.push(Hypothesis::new(
+                Family::StribeckFriction,
+                Place::Feed,
+                speed * self.balance.lead,
+            ));
         }
-        let declared = (self.balance.model.feed.axial_stiffness_n_per_m / self.balance.model.feed.table_mass_kg).sqrt() / TAU;
-        for share in [0.08, 0.12, 0.17, 0.24, 0.33, 0.42, 0.52, 0.62, 0.73, 0.82, 0.9] {
-            list.push(Hypothesis::new(Family::AxialCompliance, Place::Feed, share * declared));
+        let declared = (self.balance.model.feed.axial_stiffness_n_per_m
+            / self.balance.model.feed.table_mass_kg)
+            .sqrt()
+            / TAU;
+        for share in [
+            0.08, 0.12, 0.17, 0.24, 0.33, 0.42, 0.52, 0.62, 0.73, 0.82, 0.9,
+        ] {
+            list.push(Hypothesis::new(
+                Family::AxialCompliance,
+                Place::Feed,
+                share * declared,
+            ));
         }
         list.extend(self.scanned(solution));
         list
@@ -123,22 +164,40 @@ impl<'a> Search<'a> {
     /// The residual through the whitening once more, by channel.
     fn scores(&self, solution: &Solution) -> Vec<Vec<f64>> {
         let left = self.normal.residual(&solution.values);
-        Channel::ALL.iter().map(|&channel| match &left.parts[channel.index()] {
-            Some(part) => self.balance.fourier.again(part, self.whitener.gain(channel)),
-            None => vec![0.0; self.balance.fourier.decimated_rows()],
-        }).collect()
+        Channel::ALL
+            .iter()
+            .map(|&channel| match &left.parts[channel.index()] {
+                Some(part) => self
+                    .balance
+                    .fourier
+                    .again(part, self.whitener.gain(channel)),
+                None => vec![0.0; self.balance.fourier.decimated_rows()],
+            })
+            .collect()
     }
 
     /// Operating points without the parts of their ramps that are faster than the plateau.
     fn stretches(&self, speed: &dyn Fn(usize) -> f64) -> Vec<Stretch> {
-        self.whitener.folds.iter().map(|fold| {
-            let middle = fold.start + (fold.end - fold.start) / 2;
-            let around = fold.start.max(middle.saturating_sub(200))..(middle + 200).min(fold.end);
-            let n = around.len().max(1) as f64;
-            let plateau = around.map(|k| speed(k).abs()).sum::<f64>() / n;
-            let end = fold.clone().rev().find(|&k| speed(k).abs() <= 1.1 * plateau + 0.1).map_or(fold.end, |k| k + 1);
-            Stretch { rows: fold.start..end, speed: plateau }
-        }).collect()
+        self.whitener
+            .folds
+            .iter()
+            .map(|fold| {
+                let middle = fold.start + (fold.end - fold.start) / 2;
+                let around =
+                    fold.start.max(middle.saturating_sub(200))..(middle + 200).min(fold.end);
+                let n = around.len().max(1) as f64;
+                let plateau = around.map(|k| speed(k).abs()).sum::<f64>() / n;
+                let end = fold
+                    .clone()
+                    .rev()
+                    .find(|&k| speed(k).abs() <= 1.1 * plateau + 0.1)
+                    .map_or(fold.end, |k| k + 1);
+                Stretch {
+                    rows: fold.start..end,
+                    speed: plateau,
+                }
+            })
+            .collect()
     }
 
     fn scanned(&self, solution: &Solution) -> Vec<Hypothesis> {
@@ -163,17 +222,30 @@ impl<'a> Search<'a> {
                 list.push(Hypothesis::new(Family::TimePeriodic, place, hz));
             }
         }
-        let relative: Vec<f64> = (0..self.balance.fourier.decimated_rows()).map(|k| signals.relative[k * step]).collect();
+        let relative: Vec<f64> = (0..self.balance.fourier.decimated_rows())
+            .map(|k| signals.relative[k * step])
+            .collect();
         let stretches = self.stretches(&|k| signals.relative_speed[k * step]);
         let table = OrderSpectrum::new(
-            &scores[Channel::Table.index()], &relative, &stretches,
-            &|index, hz| self.weight(Channel::Table, &stretches[index], hz), RELATIVE_ORDERS);
+            &scores[Channel::Table.index()],
+            &relative,
+            &stretches,
+            &|index, hz| self.weight(Channel::Table, &stretches[index], hz),
+            RELATIVE_ORDERS,
+        );
         for order in table.peaks(4, 2.0 / table.turns) {
             list.push(Hypothesis::new(Family::LeadError, Place::Feed, order));
         }
-        let pair: Vec<f64> = scores[0].iter().zip(&scores[1]).map(|(a, b)| a - b).collect();
+        let pair: Vec<f64> = scores[0]
+            .iter()
+            .zip(&scores[1])
+            .map(|(a, b)| a - b)
+            .collect();
         let weight = |index: usize, hz: f64| {
-            Axis::ALL.iter().map(|&axis| self.weight(Channel::Torque(axis), &stretches[index], hz)).sum()
+            Axis::ALL
+                .iter()
+                .map(|&axis| self.weight(Channel::Torque(axis), &stretches[index], hz))
+                .sum()
         };
         let pair = OrderSpectrum::new(&pair, &relative, &stretches, &weight, RELATIVE_ORDERS);
         for order in pair.peaks(4, 2.0 / pair.turns) {
@@ -187,7 +259,10 @@ impl<'a> Search<'a> {
         let fourier = self.balance.fourier;
         let bin = (hz / fourier.hz(1)) as usize;
         let gain = self.whitener.gain(channel).get(bin).copied().unwrap_or(0.0);
-        let open = self.whitener.mask(channel)[stretch.rows.clone()].iter().filter(|open| **open).count();
+        let open = self.whitener.mask(channel)[stretch.rows.clone()]
+            .iter()
+            .filter(|open| **open)
+            .count();
         gain * gain * open as f64
     }
 
@@ -195,11 +270,18 @@ impl<'a> Search<'a> {
     pub fn torque_orders(&self, scores: &[Vec<f64>], axis: Axis) -> OrderSpectrum {
         let step = self.balance.fourier.step();
         let motor = &self.balance.signals.motors[axis.index()];
-        let angle: Vec<f64> = (0..self.balance.fourier.decimated_rows()).map(|k| motor.theta[k * step]).collect();
+        let angle: Vec<f64> = (0..self.balance.fourier.decimated_rows())
+            .map(|k| motor.theta[k * step])
+            .collect();
         let stretches = self.stretches(&|k| motor.omega[k * step]);
         let channel = Channel::Torque(axis);
-        OrderSpectrum::new(&scores[channel.index()], &angle, &stretches,
-            &|index, hz| self.weight(channel, &stretches[index], hz), ORDERS)
+        OrderSpectrum::new(
+            &scores[channel.index()],
+            &angle,
+            &stretches,
+            &|index, hz| self.weight(channel, &stretches[index], hz),
+            ORDERS,
+        )
     }
 
     /// The orders per electrical turn at which a flux harmonic would explain most.
@@ -209,22 +291,36 @@ impl<'a> Search<'a> {
         let declared = self.balance.model.motor(axis);
         let pole_pairs = f64::from(declared.pole_pairs);
         let rows = self.balance.fourier.decimated_rows();
-        let angle: Vec<f64> = (0..rows).map(|k| pole_pairs * motor.theta[k * step]).collect();
+        let angle: Vec<f64> = (0..rows)
+            .map(|k| pole_pairs * motor.theta[k * step])
+            .collect();
         let per_current = -pole_pairs * declared.flux_wb;
         let (torque, q) = (Channel::Torque(axis), Channel::VoltageQ(axis));
         let emf = |k: usize| declared.flux_wb * pole_pairs * motor.omega[k * step];
         let score: Vec<f64> = (0..rows)
-            .map(|k| per_current * motor.i_q_smooth[k * step] * scores[torque.index()][k] + emf(k) * scores[q.index()][k])
+            .map(|k| {
+                per_current * motor.i_q_smooth[k * step] * scores[torque.index()][k]
+                    + emf(k) * scores[q.index()][k]
+            })
             .collect();
         let stretches = self.stretches(&|k| pole_pairs * motor.omega[k * step]);
-        let currents: Vec<f64> = stretches.iter().map(|s| {
-            let mean = s.rows.clone().map(|k| motor.i_q_smooth[k * step].powi(2)).sum::<f64>() / s.rows.len().max(1) as f64;
-            per_current * per_current * mean
-        }).collect();
+        let currents: Vec<f64> = stretches
+            .iter()
+            .map(|s| {
+                let mean = s
+                    .rows
+                    .clone()
+                    .map(|k| motor.i_q_smooth[k * step].powi(2))
+                    .sum::<f64>()
+                    / s.rows.len().max(1) as f64;
+                per_current * per_current * mean
+            })
+            .collect();
         let weight = |index: usize, hz: f64| {
             let stretch = &stretches[index];
             let volts = declared.flux_wb * stretch.speed;
-            currents[index] * self.weight(torque, stretch, hz) + volts * volts * self.weight(q, stretch, hz)
+            currents[index] * self.weight(torque, stretch, hz)
+                + volts * volts * self.weight(q, stretch, hz)
         };
         let spectrum = OrderSpectrum::new(&score, &angle, &stretches, &weight, 0.7..30.0);
         let mut whole: Vec<(f64, f64)> = (1..30)
@@ -247,28 +343,54 @@ impl<'a> Search<'a> {
         let mut padded = scores[channel.index()].clone();
         padded.resize(2 * rows, 0.0);
         let power = crate::noise::power_spectrum(&padded);
-        let open = self.whitener.mask(channel).iter().filter(|open| **open).count() as f64;
-        let mut fall: Vec<f64> = power.iter().enumerate().map(|(k, p)| {
-            let hz = k as f64 * rate / (2 * rows) as f64;
-            let gain = self.whitener.gain(channel).get((hz / fourier.hz(1)) as usize).copied().unwrap_or(0.0);
-            if hz < 0.7 || gain * gain < 1e-12 { 0.0 } else { 2.0 * p / (gain * gain * open) }
-        }).collect();
+        let open = self
+            .whitener
+            .mask(channel)
+            .iter()
+            .filter(|open| **open)
+            .count() as f64;
+        let mut fall: Vec<f64> = power
+            .iter()
+            .enumerate()
+            .map(|(k, p)| {
+                let hz = k as f64 * rate / (2 * rows) as f64;
+                let gain = self
+                    .whitener
+                    .gain(channel)
+                    .get((hz / fourier.hz(1)) as usize)
+                    .copied()
+                    .unwrap_or(0.0);
+                if hz < 0.7 || gain * gain < 1e-12 {
+                    0.0
+                } else {
+                    2.0 * p / (gain * gain * open)
+                }
+            })
+            .collect();
         let mut peaks = Vec::new();
         for _ in 0..3 {
-            let Some((at, &best)) = fall.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)) else { break };
+            let Some((at, &best)) = fall.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))
+            else {
+                break;
+            };
             if best <= 0.0 {
                 break;
             }
             peaks.push(at as f64 * rate / (2 * rows) as f64);
-            fall[at.saturating_sub(8)..(at + 9).min(2 * rows / 2)].iter_mut().for_each(|x| *x = 0.0);
+            fall[at.saturating_sub(8)..(at + 9).min(2 * rows / 2)]
+                .iter_mut()
+                .for_each(|x| *x = 0.0);
         }
         peaks
     }
 
     /// All trials under the present regression, the best first.
     pub fn trials(&mut self, solution: &Solution) -> Vec<Trial> {
-        let mut trials: Vec<Trial> =
-            self.hypotheses(solution).into_iter().map(|h| self.try_one(h, solution)).collect();
+        let mut trials: Vec<Trial> = self
+            .hypotheses(solution)
+            .into_iter()
+            .map(|h| self.try_one(h, solution))
+            .collect();
         trials.sort_by(|a, b| b.gain.fall.total_cmp(&a.gain.fall));
         trials
     }
@@ -289,7 +411,11 @@ impl<'a> Search<'a> {
         let columns = self.columns(&best.hypothesis);
         let (beside, left) = self.normal.solve_beside(&columns, self.whitener);
         best = self.try_one(best.hypothesis, &beside);
-        best.gain.fall = if best.gain.fall == 0.0 { 0.0 } else { cost - left };
+        best.gain.fall = if best.gain.fall == 0.0 {
+            0.0
+        } else {
+            cost - left
+        };
         best
     }
 
@@ -305,16 +431,26 @@ impl<'a> Search<'a> {
             if compliance <= given {
                 break;
             }
-            best = self.try_one(Hypothesis { shape: compliance.powf(-0.5), ..best.hypothesis }, solution);
+            best = self.try_one(
+                Hypothesis {
+                    shape: compliance.powf(-0.5),
+                    ..best.hypothesis
+                },
+                solution,
+            );
         }
         best
     }
 
     /// Adds a hypothesis to the regression: its columns, and behind them those of what may come with it.
     pub fn add(&mut self, hypothesis: &Hypothesis) {
-        for part in [Some(*hypothesis), hypothesis.companion()].into_iter().flatten() {
+        for part in [Some(*hypothesis), hypothesis.companion()]
+            .into_iter()
+            .flatten()
+        {
             for column in self.columns(&part) {
-                self.normal.push(column, f64::INFINITY, f64::INFINITY, self.whitener);
+                self.normal
+                    .push(column, f64::INFINITY, f64::INFINITY, self.whitener);
             }
         }
     }
@@ -326,10 +462,14 @@ impl<'a> Search<'a> {
         }
         let turns = |relative: bool| {
             let signals = self.balance.signals;
-            let travel = if relative { &signals.relative } else {
+            let travel = if relative {
+                &signals.relative
+            } else {
                 &signals.motors[trial.hypothesis.axis().map_or(0, Axis::index)].travel
             };
-            let (low, high) = travel.iter().fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+            let (low, high) = travel
+                .iter()
+                .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
             ((high - low) / TAU).max(0.1)
         };
         let mut step = match trial.hypothesis.family {
@@ -346,7 +486,13 @@ impl<'a> Search<'a> {
                 if shape < best.hypothesis.least_shape() {
                     continue;
                 }
-                let next = self.try_one(Hypothesis { shape, ..best.hypothesis }, solution);
+                let next = self.try_one(
+                    Hypothesis {
+                        shape,
+                        ..best.hypothesis
+                    },
+                    solution,
+                );
                 if next.gain.fall > best.gain.fall {
                     best = next;
                     moved = true;
@@ -359,8 +505,18 @@ impl<'a> Search<'a> {
         }
         // A whole order that explains as much is the simpler one.
         let whole = best.hypothesis.shape.round();
-        if matches!(best.hypothesis.family, Family::AngleTorque | Family::LeadError | Family::BallPassage) && whole >= 1.0 {
-            let near = self.try_one(Hypothesis { shape: whole, ..best.hypothesis }, solution);
+        if matches!(
+            best.hypothesis.family,
+            Family::AngleTorque | Family::LeadError | Family::BallPassage
+        ) && whole >= 1.0
+        {
+            let near = self.try_one(
+                Hypothesis {
+                    shape: whole,
+                    ..best.hypothesis
+                },
+                solution,
+            );
             if near.gain.fall > best.gain.fall - 15.0 - 0.002 * best.gain.fall {
                 return near;
             }

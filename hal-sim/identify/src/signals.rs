@@ -70,11 +70,18 @@ impl MotorSignals {
         let theta = record.angle_rad.clone();
         let travel: Vec<f64> = theta.iter().map(|t| t - theta[0]).collect();
         let omega = fourier.low_pass(&slope(&travel, rate), SPEED_BANDWIDTH_HZ);
-        let rotor: Vec<(f64, f64)> = theta.iter().map(|t| {
-            let (sin, cos) = (pole_pairs * t).sin_cos();
-            (cos, sin)
-        }).collect();
-        let (i_d, i_q): (Vec<f64>, Vec<f64>) = record.ia_a.iter().zip(&record.ib_a).zip(&rotor)
+        let rotor: Vec<(f64, f64)> = theta
+            .iter()
+            .map(|t| {
+                let (sin, cos) = (pole_pairs * t).sin_cos();
+                (cos, sin)
+            })
+            .collect();
+        let (i_d, i_q): (Vec<f64>, Vec<f64>) = record
+            .ia_a
+            .iter()
+            .zip(&record.ib_a)
+            .zip(&rotor)
             .map(|((&a, &b), &rotor)| park(clarke(a, b), rotor))
             .unzip();
         let i_q_smooth = fourier.low_pass(&i_q, CURRENT_BANDWIDTH_HZ);
@@ -82,11 +89,23 @@ impl MotorSignals {
         let phases = [0.0, std::f64::consts::TAU / 3.0].map(|lag: f64| {
             let (sin_lag, cos_lag) = lag.sin_cos();
             let scale = (2.0_f64 / 3.0).sqrt();
-            i_q_smooth.iter().zip(&rotor).map(|(q, (cos, sin))| -scale * q * (sin * cos_lag - cos * sin_lag)).collect()
+            i_q_smooth
+                .iter()
+                .zip(&rotor)
+                .map(|(q, (cos, sin))| -scale * q * (sin * cos_lag - cos * sin_lag))
+                .collect()
         });
         MotorSignals {
-            travel, theta, omega, rotor, i_d, i_q, phases, i_q_smooth,
-            u_d: record.ud_v.clone(), u_q: record.uq_v.clone(),
+            travel,
+            theta,
+            omega,
+            rotor,
+            i_d,
+            i_q,
+            phases,
+            i_q_smooth,
+            u_d: record.ud_v.clone(),
+            u_q: record.uq_v.clone(),
         }
     }
 }
@@ -96,10 +115,15 @@ impl Signals {
     pub fn new(recording: &Recording, model: &Model, fourier: &Fourier) -> Self {
         let rate = model.sensing.sample_hz;
         let motors = Axis::ALL.map(|axis| MotorSignals::new(recording, axis, model, fourier, rate));
-        let difference = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>();
+        let difference =
+            |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>();
         Signals {
             rate,
-            time: recording.time_s.iter().map(|t| t - recording.time_s[0]).collect(),
+            time: recording
+                .time_s
+                .iter()
+                .map(|t| t - recording.time_s[0])
+                .collect(),
             relative: difference(&motors[0].travel, &motors[1].travel),
             relative_speed: difference(&motors[0].omega, &motors[1].omega),
             table: recording.table_position_m.clone(),

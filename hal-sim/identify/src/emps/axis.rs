@@ -95,15 +95,24 @@ pub struct Run {
 impl Axis {
     /// The published parameters.
     pub fn published() -> Self {
-        Axis { base: [95.1089, 203.5034, 20.3935, -3.1648], terms: Vec::new(), homing: 0.0 }
+        Axis {
+            base: [95.1089, 203.5034, 20.3935, -3.1648],
+            terms: Vec::new(),
+            homing: 0.0,
+        }
     }
 
     /// Parameters in units of their scales.
     pub fn parameters(&self) -> Vec<f64> {
         let own = self.base.iter().zip(BASE_SCALE).map(|(v, s)| v / s);
         own.chain(self.terms.iter().flat_map(|(term, values)| {
-            values.iter().zip(term.scale()).map(|(v, s)| v / s).collect::<Vec<_>>()
-        })).collect()
+            values
+                .iter()
+                .zip(term.scale())
+                .map(|(v, s)| v / s)
+                .collect::<Vec<_>>()
+        }))
+        .collect()
     }
 
     /// The same model with other parameters, in units of their scales.
@@ -123,7 +132,10 @@ impl Axis {
     }
 
     fn find(&self, wanted: Term) -> Option<&[f64]> {
-        self.terms.iter().find(|(term, _)| *term == wanted).map(|(_, values)| values.as_slice())
+        self.terms
+            .iter()
+            .find(|(term, _)| *term == wanted)
+            .map(|(_, values)| values.as_slice())
     }
 
     fn one(&self, wanted: Term) -> f64 {
@@ -134,45 +146,77 @@ impl Axis {
     pub fn simulate(&self, record: &Record) -> Run {
         let [mass, viscous, coulomb, offset] = self.base;
         let mass = mass.max(1.0);
-        let stribeck = self.find(Term::Stribeck).map_or((0.0, 1.0), |v| (v[0], v[1].abs().max(1e-4)));
+        let stribeck = self
+            .find(Term::Stribeck)
+            .map_or((0.0, 1.0), |v| (v[0], v[1].abs().max(1e-4)));
         let (saturation, asymmetry) = (self.one(Term::Saturation), self.one(Term::Asymmetry));
         let stiffness = self.find(Term::Presliding).map(|v| v[0].clamp(1e4, 5e7));
-        let (friction_slope, load_slope) = (self.one(Term::PositionFriction), self.one(Term::PositionLoad));
+        let (friction_slope, load_slope) = (
+            self.one(Term::PositionFriction),
+            self.one(Term::PositionLoad),
+        );
         let lag = self.one(Term::Lag).max(0.0);
-        let periodic: Vec<(f64, f64, f64)> = self.terms.iter().filter_map(|(term, v)| match term {
-            Term::Periodic(order) => Some((*order, v[0], v[1])),
-            _ => None,
-        }).collect();
+        let periodic: Vec<(f64, f64, f64)> = self
+            .terms
+            .iter()
+            .filter_map(|(term, v)| match term {
+                Term::Periodic(order) => Some((*order, v[0], v[1])),
+                _ => None,
+            })
+            .collect();
         let dt = 1.0 / RATE / SUBSTEPS as f64;
         let rows = record.len();
-        let mut run = Run { position: Vec::with_capacity(rows), velocity: Vec::with_capacity(rows), force: Vec::with_capacity(rows) };
+        let mut run = Run {
+            position: Vec::with_capacity(rows),
+            velocity: Vec::with_capacity(rows),
+            force: Vec::with_capacity(rows),
+        };
         let (mut x, mut v) = (record.position[0], 0.0_f64);
         let mut bristle = 0.0_f64;
         let mut applied = record.output[0] * record.force_per_volt;
-        let follow = if lag > 0.0 { 1.0 - (-dt / lag).exp() } else { 1.0 };
+        let follow = if lag > 0.0 {
+            1.0 - (-dt / lag).exp()
+        } else {
+            1.0
+        };
         for k in 0..rows {
             // The controller takes dq/dt as the difference over its last two periods: the record of the estimation
             // file follows this law to 4 mV.
-            let before = run.position.len().checked_sub(2).map_or(x, |k| run.position[k]);
+            let before = run
+                .position
+                .len()
+                .checked_sub(2)
+                .map_or(x, |k| run.position[k]);
             let speed = (x - before) * 0.5 * RATE;
-            let volts = record.kv * (record.kp * (record.reference[k] - x) - speed) + record.pulses[k];
+            let volts =
+                record.kv * (record.kp * (record.reference[k] - x) - speed) + record.pulses[k];
             let force = volts.clamp(-LIMIT_V, LIMIT_V) * record.force_per_volt;
             run.position.push(x);
             run.velocity.push(v);
             run.force.push(force);
             let theta = TAU * x / LEAD_M + self.homing;
-            let ripple: f64 = periodic.iter().map(|(order, c, s)| c * (order * theta).cos() + s * (order * theta).sin()).sum();
+            let ripple: f64 = periodic
+                .iter()
+                .map(|(order, c, s)| c * (order * theta).cos() + s * (order * theta).sin())
+                .sum();
             for _ in 0..SUBSTEPS {
                 applied += (force - applied) * follow;
-                let level = (coulomb + stribeck.0 * (-(v.abs() / stribeck.1)).exp() + friction_slope * x).max(0.1);
+                let level =
+                    (coulomb + stribeck.0 * (-(v.abs() / stribeck.1)).exp() + friction_slope * x)
+                        .max(0.1);
                 let dry = match stiffness {
                     Some(stiffness) => {
                         // LuGre without its own damping: the bristle follows exactly over a step of constant speed.
                         let reach = level / stiffness;
                         let rate = v.abs() / reach;
-                        let target = if v == 0.0 { bristle } else { reach * v.signum() };
+                        let target = if v == 0.0 {
+                            bristle
+                        } else {
+                            reach * v.signum()
+                        };
                         bristle = target + (bristle - target) * (-rate * dt).exp();
-                        stiffness * bristle + 0.6 * (stiffness * mass).sqrt() * v * (-(v.abs() / 2e-3)).exp()
+                        stiffness * bristle
+                            + 0.6 * (stiffness * mass).sqrt() * v * (-(v.abs() / 2e-3)).exp()
                     }
                     None => level * (v / 5e-4).tanh(),
                 };

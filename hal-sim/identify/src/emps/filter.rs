@@ -7,7 +7,6 @@ use std::f64::consts::PI;
 /// Rows that are mirrored at either end, so that the filters see no step there.
 const MIRROR: usize = 400;
 
-
 /// Tangent of half the digital frequency: what the bilinear transform makes of it.
 fn warped(hz: f64) -> f64 {
     (PI * hz / RATE).tan()
@@ -24,23 +23,38 @@ fn zero_phase(signal: &[f64], gain: impl Fn(f64) -> f64) -> Vec<f64> {
     // What remains of a step from end to start is a ramp, which filters leave alone.
     let rows = long.len();
     let (start, slope) = (long[0], (long[rows - 1] - long[0]) / (rows - 1) as f64);
-    long.iter_mut().enumerate().for_each(|(k, x)| *x -= start + slope * k as f64);
+    long.iter_mut()
+        .enumerate()
+        .for_each(|(k, x)| *x -= start + slope * k as f64);
     let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, backward) = (planner.plan_fft_forward(rows), planner.plan_fft_inverse(rows));
+    let (forward, backward) = (
+        planner.plan_fft_forward(rows),
+        planner.plan_fft_inverse(rows),
+    );
     let mut spectrum = forward.make_output_vec();
-    forward.process(&mut long, &mut spectrum).expect("lengths of the plan");
+    forward
+        .process(&mut long, &mut spectrum)
+        .expect("lengths of the plan");
     for (bin, value) in spectrum.iter_mut().enumerate() {
         *value *= gain(bin as f64 * RATE / rows as f64) / rows as f64;
     }
-    backward.process(&mut spectrum, &mut long).expect("lengths of the plan");
-    (0..n).map(|k| long[mirror + k] + start + slope * (mirror + k) as f64).collect()
+    backward
+        .process(&mut spectrum, &mut long)
+        .expect("lengths of the plan");
+    (0..n)
+        .map(|k| long[mirror + k] + start + slope * (mirror + k) as f64)
+        .collect()
 }
 
 /// Butterworth low-pass of order 4 at 100 Hz, forth and back.
 pub(crate) fn butterworth_100(signal: &[f64]) -> Vec<f64> {
     let corner = warped(100.0);
     zero_phase(signal, |hz| {
-        if hz >= 0.5 * RATE { 0.0 } else { 1.0 / (1.0 + (warped(hz) / corner).powi(8)) }
+        if hz >= 0.5 * RATE {
+            0.0
+        } else {
+            1.0 / (1.0 + (warped(hz) / corner).powi(8))
+        }
     })
 }
 
@@ -53,7 +67,11 @@ pub(super) fn decimated(signal: &[f64]) -> Vec<f64> {
             return 0.0;
         }
         let x = warped(hz) / corner;
-        let chebyshev = if x <= 1.0 { (8.0 * x.acos()).cos() } else { (8.0 * x.acosh()).cosh() };
+        let chebyshev = if x <= 1.0 {
+            (8.0 * x.acos()).cos()
+        } else {
+            (8.0 * x.acosh()).cosh()
+        };
         1.0 / (1.0 + ripple * chebyshev * chebyshev)
     });
     let every: Vec<f64> = filtered.into_iter().step_by(10).collect();

@@ -34,7 +34,10 @@ impl Problem<'_> {
     fn axis_at(&self, parameters: &DVector<f64>) -> Axis {
         match self.free {
             Free::Model => self.axis.with(parameters.as_slice()),
-            Free::Homing => Axis { homing: parameters[0], ..self.axis.clone() },
+            Free::Homing => Axis {
+                homing: parameters[0],
+                ..self.axis.clone()
+            },
         }
     }
 
@@ -42,11 +45,18 @@ impl Problem<'_> {
         let run = self.axis_at(parameters).simulate(self.record);
         let force = butterworth_100(&run.force);
         let rows = self.rows.clone().step_by(STEP);
-        DVector::from_iterator(rows.len(), rows.map(|k| {
-            let error = force[k] - self.measured[k];
-            // A parameter that breaks the loop is only very wrong, not undefined.
-            if error.is_finite() { error.clamp(-1e4, 1e4) } else { 1e4 }
-        }))
+        DVector::from_iterator(
+            rows.len(),
+            rows.map(|k| {
+                let error = force[k] - self.measured[k];
+                // A parameter that breaks the loop is only very wrong, not undefined.
+                if error.is_finite() {
+                    error.clamp(-1e4, 1e4)
+                } else {
+                    1e4
+                }
+            }),
+        )
     }
 }
 
@@ -81,13 +91,29 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
 }
 
 /// The model that follows a record's force best over `rows`.
-pub(super) fn fitted(axis: &Axis, record: &Record, free: Free, rows: std::ops::Range<usize>) -> Axis {
+pub(super) fn fitted(
+    axis: &Axis,
+    record: &Record,
+    free: Free,
+    rows: std::ops::Range<usize>,
+) -> Axis {
     let measured = butterworth_100(&record.force());
     let start = match free {
         Free::Model => DVector::from_vec(axis.parameters()),
         Free::Homing => DVector::from_vec(vec![axis.homing]),
     };
-    let problem = Problem { axis: axis.clone(), record, measured: &measured, free, rows, parameters: start };
-    let (problem, _) = LevenbergMarquardt::new().with_ftol(1e-5).with_xtol(1e-5).with_patience(3).minimize(problem);
+    let problem = Problem {
+        axis: axis.clone(),
+        record,
+        measured: &measured,
+        free,
+        rows,
+        parameters: start,
+    };
+    let (problem, _) = LevenbergMarquardt::new()
+        .with_ftol(1e-5)
+        .with_xtol(1e-5)
+        .with_patience(3)
+        .minimize(problem);
     problem.axis_at(&problem.parameters)
 }

@@ -9,5 +9,6 @@ mod study;
 
 pub use axis::{Axis, Term};
 pub(crate) use filter::butterworth_100;
+pub(crate) use record::numbers;
 pub use record::{EmpsError, Record};
 pub use study::{Errors, Stage, Study};

@@ -64,20 +64,37 @@ impl Record {
     /// # Errors
     /// A file that cannot be read or lacks a variable.
     pub fn load(path: &Path) -> Result<Self, EmpsError> {
-        let file = std::fs::File::open(path).map_err(|source| EmpsError::Open { path: path.to_owned(), source })?;
-        let parsed = MatFile::parse(file)
-            .map_err(|error| EmpsError::Format { path: path.to_owned(), reason: format!("{error:?}") })?;
+        let file = std::fs::File::open(path).map_err(|source| EmpsError::Open {
+            path: path.to_owned(),
+            source,
+        })?;
+        let parsed = MatFile::parse(file).map_err(|error| EmpsError::Format {
+            path: path.to_owned(),
+            reason: format!("{error:?}"),
+        })?;
         let column = |name: &str, expected: usize| {
-            let values = parsed.find_by_name(name).map(|array| numbers(array.data())).unwrap_or_default();
+            let values = parsed
+                .find_by_name(name)
+                .map(|array| numbers(array.data()))
+                .unwrap_or_default();
             if values.len() < expected {
                 let found = values.len();
-                return Err(EmpsError::Variable { path: path.to_owned(), name: name.to_owned(), found, expected });
+                return Err(EmpsError::Variable {
+                    path: path.to_owned(),
+                    name: name.to_owned(),
+                    found,
+                    expected,
+                });
             }
             Ok(values)
         };
         let position = column("qm", 1000)?;
         let rows = position.len();
-        let pulses = if parsed.find_by_name("pulses_N").is_some() { column("pulses_N", rows)? } else { vec![0.0; rows] };
+        let pulses = if parsed.find_by_name("pulses_N").is_some() {
+            column("pulses_N", rows)?
+        } else {
+            vec![0.0; rows]
+        };
         Ok(Record {
             reference: column("qg", rows)?,
             output: column("vir", rows)?,
@@ -99,13 +116,28 @@ impl Record {
         self.position.is_empty()
     }
 
+    /// The first rows of it.
+    pub(super) fn first(&self, rows: usize) -> Self {
+        let cut = |column: &[f64]| column[..rows.min(column.len())].to_vec();
+        Record {
+            position: cut(&self.position),
+            reference: cut(&self.reference),
+            output: cut(&self.output),
+            pulses: cut(&self.pulses),
+            ..*self
+        }
+    }
+
     /// Motor force, N.
     pub fn force(&self) -> Vec<f64> {
-        self.output.iter().map(|v| v * self.force_per_volt).collect()
+        self.output
+            .iter()
+            .map(|v| v * self.force_per_volt)
+            .collect()
     }
 }
 
-fn numbers(data: &NumericData) -> Vec<f64> {
+pub(crate) fn numbers(data: &NumericData) -> Vec<f64> {
     match data {
         NumericData::Double { real, .. } => real.clone(),
         NumericData::Single { real, .. } => real.iter().map(|x| f64::from(*x)).collect(),

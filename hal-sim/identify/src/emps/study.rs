@@ -68,7 +68,9 @@ fn inverse(record: &Record) -> f64 {
     let position = butterworth_100(&record.position);
     let velocity = crate::fourier::slope(&position, RATE);
     let acceleration = crate::fourier::slope(&velocity, RATE);
-    let model: Vec<f64> = velocity.iter().zip(&acceleration)
+    let model: Vec<f64> = velocity
+        .iter()
+        .zip(&acceleration)
         .map(|(v, a)| mass * a + viscous * v + coulomb * v.signum() + offset)
         .collect();
     let (model, force) = (decimated(&model), decimated(&record.force()));
@@ -77,14 +79,30 @@ fn inverse(record: &Record) -> f64 {
 
 /// The homing that suits the first quarter of a record best.
 fn homed(axis: &Axis, record: &Record) -> Axis {
-    let quarter = MARGIN..record.len() / 4;
+    if !axis
+        .terms
+        .iter()
+        .any(|(term, _)| matches!(term, Term::Periodic(_)))
+    {
+        return axis.clone();
+    }
+    // What comes after the first quarter is not looked at.
+    let record = &record.first(record.len() / 4);
+    let quarter = MARGIN..record.len() - MARGIN;
     let error = |axis: &Axis| {
         let run = axis.simulate(record);
-        let (a, b) = (butterworth_100(&run.force), butterworth_100(&record.force()));
+        let (a, b) = (
+            butterworth_100(&run.force),
+            butterworth_100(&record.force()),
+        );
         rms(quarter.clone().map(|k| a[k] - b[k]))
     };
     // High orders give several minima a turn: a search over the turn, then a fit.
-    let best = (0..72).map(|k| Axis { homing: TAU * f64::from(k) / 72.0, ..axis.clone() })
+    let best = (0..60)
+        .map(|k| Axis {
+            homing: TAU * f64::from(k) / 60.0,
+            ..axis.clone()
+        })
         .map(|axis| (error(&axis), axis))
         .min_by(|a, b| a.0.total_cmp(&b.0));
     match best {
@@ -117,7 +135,8 @@ impl Study {
             &[Term::PositionFriction, Term::PositionLoad],
         ];
         for terms in steps {
-            axis.terms.extend(terms.iter().map(|term| (*term, term.start())));
+            axis.terms
+                .extend(terms.iter().map(|term| (*term, term.start())));
             axis = fitted(&axis, estimate, Free::Model, rows.clone());
             let names: Vec<String> = terms.iter().map(|term| term.name()).collect();
             stages.push(stage(&names.join(", "), axis.clone()));
@@ -133,30 +152,51 @@ impl Study {
             axis = fitted(&axis, estimate, Free::Model, rows.clone());
             stages.push(stage(&names.join(", "), axis.clone()));
         }
-        Study { inverse_percent: [inverse(estimate), inverse(test)], stages }
+        Study {
+            inverse_percent: [inverse(estimate), inverse(test)],
+            stages,
+        }
     }
 }
 
 /// The orders per turn of the screw at which the force error of a model is strongest and that it does not have yet.
 fn strongest_orders(axis: &Axis, record: &Record, count: usize) -> Vec<f64> {
     let run = axis.simulate(record);
-    let (simulated, measured) = (butterworth_100(&run.force), butterworth_100(&record.force()));
+    let (simulated, measured) = (
+        butterworth_100(&run.force),
+        butterworth_100(&record.force()),
+    );
     // At speed only: at rest an angle says nothing.
-    let rows: Vec<usize> = (MARGIN..record.len() - MARGIN).filter(|k| run.velocity[*k].abs() > 5e-3).collect();
-    let mut spectrum: Vec<(f64, f64)> = (70..4500).map(|k| {
-        let order = 0.01 * f64::from(k);
-        let (c, s) = rows.iter().fold((0.0, 0.0), |(c, s), &k| {
-            let (sin, cos) = (order * TAU * record.position[k] / LEAD_M).sin_cos();
-            (c + (simulated[k] - measured[k]) * cos, s + (simulated[k] - measured[k]) * sin)
-        });
-        (f64::hypot(c, s), order)
-    }).collect();
-    let has = |order: f64| axis.terms.iter().any(|(term, _)| matches!(term, Term::Periodic(known) if (known - order).abs() < 0.3));
+    let rows: Vec<usize> = (MARGIN..record.len() - MARGIN)
+        .filter(|k| run.velocity[*k].abs() > 5e-3)
+        .collect();
+    let mut spectrum: Vec<(f64, f64)> = (70..4500)
+        .map(|k| {
+            let order = 0.01 * f64::from(k);
+            let (c, s) = rows.iter().fold((0.0, 0.0), |(c, s), &k| {
+                let (sin, cos) = (order * TAU * record.position[k] / LEAD_M).sin_cos();
+                (
+                    c + (simulated[k] - measured[k]) * cos,
+                    s + (simulated[k] - measured[k]) * sin,
+                )
+            });
+            (f64::hypot(c, s), order)
+        })
+        .collect();
+    let has = |order: f64| {
+        axis.terms
+            .iter()
+            .any(|(term, _)| matches!(term, Term::Periodic(known) if (known - order).abs() < 0.3))
+    };
     spectrum.retain(|(_, order)| !has(*order) && *order > 0.7);
     spectrum.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut orders: Vec<f64> = Vec::new();
     for (_, order) in spectrum {
-        let order = if (order - order.round()).abs() < 0.015 { order.round() } else { order };
+        let order = if (order - order.round()).abs() < 0.015 {
+            order.round()
+        } else {
+            order
+        };
         if orders.len() < count && orders.iter().all(|known| (known - order).abs() > 0.3) {
             orders.push(order);
         }
