@@ -15,6 +15,16 @@ pub fn run() -> Result<()> {
     )?;
     step("cargo", &["test"])?;
     crate::firmware::test()?;
+    // Last, since probe-rs is the longest to build.
+    let probe = ["--package", "xtask", "--features", "probe"];
+    step(
+        "cargo",
+        &[&["clippy"], &probe[..], &["--", "-D", "warnings"]].concat(),
+    )?;
+    step(
+        "cargo",
+        &[&["test"], &probe[..], &["--bin", "xtask"]].concat(),
+    )?;
     println!("All checks passed.");
     Ok(())
 }
