@@ -47,9 +47,16 @@ fn sign(rng: &mut impl Rng) -> f64 {
 fn plate(rng: &mut impl Rng) -> Model {
     let mut model = Model::coupled();
     for motor in [&mut model.screw, &mut model.nut] {
-        motor.torque_harmonics = [(6.0, between(rng, 0.07, 0.082)), (12.0, between(rng, 0.024, 0.03))]
-            .map(|(order, amplitude_nm)| TorqueHarmonic { order, amplitude_nm, phase_rad: between(rng, -3.1, 3.1) })
-            .to_vec();
+        motor.torque_harmonics = [
+            (6.0, between(rng, 0.07, 0.082)),
+            (12.0, between(rng, 0.024, 0.03)),
+        ]
+        .map(|(order, amplitude_nm)| TorqueHarmonic {
+            order,
+            amplitude_nm,
+            phase_rad: between(rng, -3.1, 3.1),
+        })
+        .to_vec();
     }
     model
 }
@@ -58,7 +65,11 @@ fn plate(rng: &mut impl Rng) -> Model {
 fn real(rng: &mut impl Rng, declared: &Model) -> Model {
     let mut model = declared.clone();
     for motor in [&mut model.screw, &mut model.nut] {
-        for value in [&mut motor.resistance_ohm, &mut motor.inductance_h, &mut motor.inertia_kg_m2] {
+        for value in [
+            &mut motor.resistance_ohm,
+            &mut motor.inductance_h,
+            &mut motor.inertia_kg_m2,
+        ] {
             *value *= between(rng, 0.97, 1.03);
         }
         motor.flux_wb *= between(rng, 0.99, 1.01);
@@ -82,50 +93,113 @@ fn real(rng: &mut impl Rng, declared: &Model) -> Model {
 pub fn effect(rng: &mut impl Rng, kind: &str) -> EffectModel {
     let motor = *pick(rng, &[Place::Screw, Place::Nut]);
     let phase = between(rng, -3.1, 3.1);
-    let periodic = |order: f64, amplitude: f64| vec![("order", order), ("amplitude", amplitude), ("phase", phase)];
+    let periodic = |order: f64, amplitude: f64| {
+        vec![("order", order), ("amplitude", amplitude), ("phase", phase)]
+    };
     let (place, parameters) = match kind {
         "current_offset" => {
             let size = spread(rng, 0.008, 0.07);
-            (motor, vec![("off_a", size * sign(rng)), ("off_b", size * between(rng, 0.5, 1.2) * sign(rng))])
+            (
+                motor,
+                vec![
+                    ("off_a", size * sign(rng)),
+                    ("off_b", size * between(rng, 0.5, 1.2) * sign(rng)),
+                ],
+            )
         }
         "current_gain" => {
             let size = spread(rng, 0.01, 0.06);
-            (motor, vec![("gain_a", size), ("gain_b", -size * between(rng, 0.5, 1.2))])
+            (
+                motor,
+                vec![("gain_a", size), ("gain_b", -size * between(rng, 0.5, 1.2))],
+            )
         }
-        "torque_harmonic" => (motor, periodic(*pick(rng, &[18.0, 24.0, 6.0]), spread(rng, 0.006, 0.04))),
-        "flux_harmonic" => (motor, periodic(*pick(rng, &[5.0, 6.0, 7.0, 12.0]), spread(rng, 0.004, 0.04))),
-        "cogging" => (motor, periodic(*pick(rng, &[12.0, 24.0, 36.0, 10.0, 20.0]), spread(rng, 0.005, 0.04))),
-        "coupling_misalignment" => (motor, periodic(*pick(rng, &[1.0, 2.0]), spread(rng, 0.005, 0.05))),
+        "torque_harmonic" => (
+            motor,
+            periodic(*pick(rng, &[18.0, 24.0, 6.0]), spread(rng, 0.006, 0.04)),
+        ),
+        "flux_harmonic" => (
+            motor,
+            periodic(*pick(rng, &[5.0, 6.0, 7.0, 12.0]), spread(rng, 0.004, 0.04)),
+        ),
+        "cogging" => (
+            motor,
+            periodic(
+                *pick(rng, &[12.0, 24.0, 36.0, 10.0, 20.0]),
+                spread(rng, 0.005, 0.04),
+            ),
+        ),
+        "coupling_misalignment" => (
+            motor,
+            periodic(*pick(rng, &[1.0, 2.0]), spread(rng, 0.005, 0.05)),
+        ),
         "angle_periodic" => {
-            let order = if rng.random::<bool>() { *pick(rng, &[7.0, 11.0, 17.0, 23.0]) } else { between(rng, 2.2, 26.0) };
+            let order = if rng.random::<bool>() {
+                *pick(rng, &[7.0, 11.0, 17.0, 23.0])
+            } else {
+                between(rng, 2.2, 26.0)
+            };
             (motor, periodic(order, spread(rng, 0.006, 0.04)))
         }
-        "time_periodic" => {
-            (motor, vec![("hz", between(rng, 6.0, 140.0)), ("amplitude", spread(rng, 0.006, 0.04)), ("phase", phase)])
-        }
-        "encoder_eccentricity" => (motor, periodic(*pick(rng, &[1.0, 2.0]), spread(rng, 5e-5, 2e-3))),
+        "time_periodic" => (
+            motor,
+            vec![
+                ("hz", between(rng, 6.0, 140.0)),
+                ("amplitude", spread(rng, 0.006, 0.04)),
+                ("phase", phase),
+            ],
+        ),
+        "encoder_eccentricity" => (
+            motor,
+            periodic(*pick(rng, &[1.0, 2.0]), spread(rng, 5e-5, 2e-3)),
+        ),
         "dead_time" => {
             let place = *pick(rng, &[Place::Screw, Place::Nut, Place::Both]);
             (place, vec![("value", spread(rng, 0.2, 3.0))])
         }
         "stribeck_friction" => {
             if rng.random::<bool>() {
-                (motor, vec![("amplitude", spread(rng, 0.02, 0.08)), ("speed", between(rng, 3.0, 12.0))])
+                (
+                    motor,
+                    vec![
+                        ("amplitude", spread(rng, 0.02, 0.08)),
+                        ("speed", between(rng, 3.0, 12.0)),
+                    ],
+                )
             } else {
-                (Place::Feed, vec![("amplitude", spread(rng, 6.0, 30.0)), ("speed", between(rng, 1.5e-3, 6e-3))])
+                (
+                    Place::Feed,
+                    vec![
+                        ("amplitude", spread(rng, 6.0, 30.0)),
+                        ("speed", between(rng, 1.5e-3, 6e-3)),
+                    ],
+                )
             }
         }
         "resistance_drift" => (motor, vec![("value", spread(rng, 0.05, 0.3) * sign(rng))]),
         "flux_drift" => (motor, vec![("value", spread(rng, 0.01, 0.08) * sign(rng))]),
-        "lead_error" => (Place::Feed, periodic(*pick(rng, &[1.0, 2.0, 0.5]), spread(rng, 2e-7, 5e-6))),
-        "lead_scale" => (Place::Feed, vec![("value", spread(rng, 3e-5, 5e-4) * sign(rng))]),
-        "ball_passage" => (Place::Feed, periodic(between(rng, 3.2, 18.0), spread(rng, 0.003, 0.02))),
+        "lead_error" => (
+            Place::Feed,
+            periodic(*pick(rng, &[1.0, 2.0, 0.5]), spread(rng, 2e-7, 5e-6)),
+        ),
+        "lead_scale" => (
+            Place::Feed,
+            vec![("value", spread(rng, 3e-5, 5e-4) * sign(rng))],
+        ),
+        "ball_passage" => (
+            Place::Feed,
+            periodic(between(rng, 3.2, 18.0), spread(rng, 0.003, 0.02)),
+        ),
         "axial_compliance" => (Place::Feed, vec![("hz", between(rng, 120.0, 360.0))]),
-        "position_load" => (Place::Feed, vec![("value", spread(rng, 500.0, 8000.0) * sign(rng))]),
+        "position_load" => (
+            Place::Feed,
+            vec![("value", spread(rng, 500.0, 8000.0) * sign(rng))],
+        ),
         "backlash" => (Place::Feed, vec![("value", spread(rng, 5e-7, 2e-5))]),
         other => unreachable!("no sizes for {other}"),
     };
-    let effect = AnyEffect::from_parameters(kind, parameters).expect("parameters within their ranges");
+    let effect =
+        AnyEffect::from_parameters(kind, parameters).expect("parameters within their ranges");
     EffectModel::new(place, effect).expect("a place that the kind allows")
 }
 
@@ -134,13 +208,24 @@ type Leg = (f64, f64, f64);
 
 /// Slow legs with a resting nut first, then both motors at speed, both directions of the table in each.
 fn profile(rng: &mut impl Rng, legs: usize) -> Vec<Leg> {
-    let rest = |rng: &mut Xoshiro256PlusPlus, side: f64| (side * between(rng, 1.5e-3, 4e-3), 0.0, between(rng, 1.0, 2.2));
+    let rest = |rng: &mut Xoshiro256PlusPlus, side: f64| {
+        (
+            side * between(rng, 1.5e-3, 4e-3),
+            0.0,
+            between(rng, 1.0, 2.2),
+        )
+    };
     let mut own = Xoshiro256PlusPlus::seed_from_u64(rng.random());
     let mut list = vec![rest(&mut own, 1.0), rest(&mut own, -1.0)];
     for k in 2..legs {
         let side = if k % 2 == 0 { 1.0 } else { -1.0 };
-        let base = between(rng, 80.0, 850.0) * RPM * if rng.random::<f64>() < 0.2 { -1.0 } else { 1.0 };
-        list.push((side * between(rng, 1e-3, 1e-2), base, between(rng, 0.9, 1.3)));
+        let base =
+            between(rng, 80.0, 850.0) * RPM * if rng.random::<f64>() < 0.2 { -1.0 } else { 1.0 };
+        list.push((
+            side * between(rng, 1e-3, 1e-2),
+            base,
+            between(rng, 0.9, 1.3),
+        ));
     }
     list
 }
@@ -151,7 +236,8 @@ fn run(declared: &Model, machine: &Model, profile: &[Leg], seed: u64) -> Recordi
     setup.board.seed = seed;
     // An offset that the drive measures before it starts would be none.
     setup.board.measure_zeros = false;
-    let mut drive = Drive::new(machine, setup.coupling, setup.board, &setup.plate()).expect("gains that fit");
+    let mut drive =
+        Drive::new(machine, setup.coupling, setup.board, &setup.plate()).expect("gains that fit");
     let every = (declared.sensing.control_hz / declared.sensing.sample_hz).round() as u32;
     let mut recorder = Recorder::default();
     let mut recording = Recording::default();
@@ -166,7 +252,9 @@ fn run(declared: &Model, machine: &Model, profile: &[Leg], seed: u64) -> Recordi
     drive.period();
     record(&mut drive, seconds(0.4));
     for (velocity, base, hold) in profile {
-        drive.command(*velocity, *base).expect("speeds that the drive allows");
+        drive
+            .command(*velocity, *base)
+            .expect("speeds that the drive allows");
         record(&mut drive, seconds(0.3 + hold));
     }
     recording
@@ -182,12 +270,20 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
     let check_legs = profile(&mut rng, 6);
     let seconds = |legs: &[Leg]| 0.4 + legs.iter().map(|leg| leg.2 + 0.3).sum::<f64>();
     let mut of_run = |legs: &[Leg], seed: u64| {
-        machine.effects = effects.iter().map(|effect| over(effect, seconds(legs))).collect();
+        machine.effects = effects
+            .iter()
+            .map(|effect| over(effect, seconds(legs)))
+            .collect();
         run(&declared, &machine, legs, seed)
     };
     let fit = of_run(&legs, seed);
     let check = of_run(&check_legs, seed ^ 0x5555);
-    Machine { declared, effects, fit, check }
+    Machine {
+        declared,
+        effects,
+        fit,
+        check,
+    }
 }
 
 /// A drift is given over the run, whatever its length.
@@ -198,7 +294,10 @@ fn over(effect: &EffectModel, run_s: f64) -> EffectModel {
             *value = run_s;
         }
     }
-    let parameters = parameters.iter().map(|(name, value)| (name.as_str(), *value));
-    let same = AnyEffect::from_parameters(effect.effect().kind(), parameters).expect("parameters that were valid");
+    let parameters = parameters
+        .iter()
+        .map(|(name, value)| (name.as_str(), *value));
+    let same = AnyEffect::from_parameters(effect.effect().kind(), parameters)
+        .expect("parameters that were valid");
     EffectModel::new(effect.place(), same).expect("the place that it was at")
 }

@@ -25,7 +25,12 @@ fn label(effect: &EffectModel) -> String {
 }
 
 fn parameter(effect: &EffectModel, name: &str) -> Option<f64> {
-    effect.effect().parameters().into_iter().find(|(known, _)| known == name).map(|(_, value)| value)
+    effect
+        .effect()
+        .parameters()
+        .into_iter()
+        .find(|(known, _)| known == name)
+        .map(|(_, value)| value)
 }
 
 fn same_name(truth: &EffectModel, found: &EffectModel) -> bool {
@@ -42,9 +47,14 @@ fn same_name(truth: &EffectModel, found: &EffectModel) -> bool {
 }
 
 fn same_values(truth: &EffectModel, found: &EffectModel) -> bool {
-    truth.effect().parameters().iter().filter(|(name, _)| !matches!(name.as_str(), "phase" | "duration_s")).all(
-        |(name, value)| parameter(found, name).is_some_and(|f| (f - value).abs() <= TOLERANCE * value.abs()),
-    )
+    truth
+        .effect()
+        .parameters()
+        .iter()
+        .filter(|(name, _)| !matches!(name.as_str(), "phase" | "duration_s"))
+        .all(|(name, value)| {
+            parameter(found, name).is_some_and(|f| (f - value).abs() <= TOLERANCE * value.abs())
+        })
 }
 
 /// Compares what was drawn with what was found.
@@ -69,9 +79,13 @@ pub fn above_floor(declared: &Model, record: &Record, effect: &EffectModel) -> f
         .into_iter()
         .filter_map(|channel| {
             let (_, spectrum) = part.0.iter().find(|(known, _)| *known == channel)?;
-            let signal = record.fourier.filtered(spectrum, &noise.band(channel, &record.fourier));
+            let signal = record
+                .fourier
+                .filtered(spectrum, &noise.band(channel, &record.fourier));
             let mean = signal.iter().sum::<f64>() / signal.len() as f64;
-            let rms = (signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / signal.len() as f64).sqrt();
+            let rms = (signal.iter().map(|x| (x - mean).powi(2)).sum::<f64>()
+                / signal.len() as f64)
+                .sqrt();
             Some(rms / noise.floor(channel, &record.fourier))
         })
         .fold(0.0, f64::max)
