@@ -76,6 +76,7 @@ impl BoardConfig {
 /// The current, A, within which a phase's dead time loses its grip: the ripple of a real current makes it change
 /// sign within the period.
 const DEAD_TIME_FADE_A: f64 = 0.02;
+const DEAD_TIME_SLOPE: f64 = 1.0 / DEAD_TIME_FADE_A;
 
 /// One bridge as its timer drives it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -94,6 +95,10 @@ pub struct Board {
     bridges: [BridgeState; 2],
     random: Xoshiro256PlusPlus,
     step_s: f64,
+    /// Duty of a compare count.
+    duty_per_count: f64,
+    /// Part of the bus voltage that a phase loses to the dead time.
+    dead_part: f64,
 }
 
 impl Board {
@@ -108,6 +113,8 @@ impl Board {
             bridges: [BridgeState::default(); 2],
             random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
             step_s: config.pwm_period_s() / 2.0 / f64::from(config.substeps.max(1)),
+            duty_per_count: f64::from(config.period()).recip(),
+            dead_part: config.dead_time_s / config.pwm_period_s(),
         }
     }
 
@@ -134,15 +141,24 @@ impl Board {
         self.machine
             .set_bridge(axis, self.voltages(active, broken, true_currents));
 
-        let readings = self.machine.current_readings(axis);
+        let [a, b, c] = self.machine.current_readings(axis);
         let Sensors {
             current,
             bus,
             encoder_counts: counts,
             ..
         } = self.config.sensors;
+        let mut convert = |i| current.convert(i, &mut self.random);
         MotorSample {
-            current: readings.map(|i| current.convert(i, &mut self.random)),
+            // A phase without a sensor reads 0.
+            current: [
+                convert(a),
+                convert(b),
+                match self.config.shunts {
+                    Shunts::Two => 0,
+                    Shunts::Three => convert(c),
+                },
+            ],
             bus: bus.convert(self.config.bus_v, &mut self.random),
             encoder: encoder_counts(self.machine.encoder_angle(axis), counts),
             broken,
@@ -184,12 +200,10 @@ impl Board {
         if !command.enable || broken {
             return Bridge::Open;
         }
-        let period = f64::from(self.config.period());
-        let lost = self.config.bus_v * self.config.dead_time_s / self.config.pwm_period_s();
         let phase = |k: usize| {
-            let duty = (f64::from(command.compare[k]) / period).min(1.0);
-            let sign = (currents[k] / DEAD_TIME_FADE_A).clamp(-1.0, 1.0);
-            self.config.bus_v * (duty - 0.5) - lost * sign
+            let duty = (f64::from(command.compare[k]) * self.duty_per_count).min(1.0);
+            let sign = (currents[k] * DEAD_TIME_SLOPE).clamp(-1.0, 1.0);
+            self.config.bus_v * (duty - 0.5 - self.dead_part * sign)
         };
         Bridge::Driven([phase(0), phase(1), phase(2)])
     }

@@ -27,6 +27,15 @@ pub enum ExperimentError {
     /// The feed or a motor may not move as fast as asked.
     #[error("{0}")]
     Command(CommandError),
+    /// The rows of a recording are too far apart, or their time stands still.
+    #[error(
+        "the rows of the recording are {interval_s} s apart in the mean, but ripple shows only between 0.00001 s and \
+         0.01 s: check the time column's unit, and record faster"
+    )]
+    Interval {
+        /// Mean time between two rows, s.
+        interval_s: f64,
+    },
     /// The drive did not reach its operating point.
     #[error(
         "after {seconds} s the drive is still not steady at {velocity_mm_s} mm/s and nut {base_rpm:.0} rpm (state \

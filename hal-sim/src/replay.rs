@@ -2,7 +2,8 @@
 //!
 //! The profile is a row of holds: stretches in which both speed references stand still. They are commanded through the
 //! drive's own coordinator, so the ways between them are the drive's; only the holds are compared. Both ripples are
-//! taken from the table's scale in the same way, its noise included.
+//! taken from the table's scale in the same way, its noise included: Eq 19 of velocities over 1 ms, in pieces of 0.2 s,
+//! averaged over the hold.
 
 use crate::experiment::{ExperimentError, OperatingPoint, Recorder, Setup, settle_quietly};
 use crate::vrf::{velocities, vrf_percent};
@@ -18,6 +19,11 @@ const SETTLE_S: f64 = 0.15;
 /// Mean that a velocity is taken over, s: the scale's noise is read at every sample, so a difference of neighbours
 /// would show little else.
 const WINDOW_S: f64 = 1e-3;
+
+/// Length of the pieces whose peak-to-peak values are averaged, s: longer than any beat or period of the harmonics at
+/// the speeds of a feed, and short enough that a hold has several. One extreme of the scale's noise then does not
+/// decide the figure.
+const PIECE_S: f64 = 0.2;
 
 /// A stretch of a recording in which both references stand still.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,9 +78,12 @@ pub fn holds(recording: &Recording, travel_per_radian: f64) -> Vec<Hold> {
 /// Drives the holds of `recording` on `setup` and compares the ripple of each.
 ///
 /// # Errors
-/// [`ExperimentError`] if the drive cannot be configured or does not reach a hold.
+/// [`ExperimentError`] if the rows are too far apart, the drive cannot be configured, or it does not reach a hold.
 pub fn compare(setup: &Setup, recording: &Recording) -> Result<Vec<Compared>, ExperimentError> {
     let interval_s = interval_s(recording);
+    if !(1e-5..=1e-2).contains(&interval_s) {
+        return Err(ExperimentError::Interval { interval_s });
+    }
     let periods = (interval_s / setup.board.pwm_period_s()).round().max(1.0) as u32;
     let skip = (SETTLE_S / interval_s) as usize;
     let mut drive = setup.drive()?;
@@ -91,10 +100,12 @@ pub fn compare(setup: &Setup, recording: &Recording) -> Result<Vec<Compared>, Ex
         let recorded = &recording.table_position_m[hold.first + skip..hold.first + hold.rows];
         let ripple = |positions: &[f64]| {
             let window = (WINDOW_S / interval_s).round() as usize;
-            vrf_percent(
-                &velocities(positions, interval_s, window),
-                hold.point.velocity,
-            )
+            let velocities = velocities(positions, interval_s, window);
+            let pieces: Vec<f64> = velocities
+                .chunks_exact((PIECE_S / interval_s) as usize)
+                .map(|piece| vrf_percent(piece, hold.point.velocity))
+                .collect();
+            pieces.iter().sum::<f64>() / pieces.len() as f64
         };
         compared.push(Compared {
             hold,
@@ -108,7 +119,7 @@ pub fn compare(setup: &Setup, recording: &Recording) -> Result<Vec<Compared>, Ex
 fn interval_s(recording: &Recording) -> f64 {
     let rows = recording.len();
     if rows < 2 {
-        return 1.0;
+        return f64::INFINITY;
     }
     (recording.time_s[rows - 1] - recording.time_s[0]) / (rows - 1) as f64
 }

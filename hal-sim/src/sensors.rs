@@ -124,7 +124,10 @@ impl Sensors {
 #[must_use]
 pub fn encoder_counts(angle: f64, counts_per_turn: u32) -> u32 {
     let turns = angle / std::f64::consts::TAU;
-    let counts = (turns - turns.floor()) * f64::from(counts_per_turn);
+    // Cut by a cast: without SSE4.1, which x86-64 does not promise, `floor` is a call.
+    let past = turns - turns as i64 as f64;
+    let fraction = if past < 0.0 { past + 1.0 } else { past };
+    let counts = fraction * f64::from(counts_per_turn);
     // A fraction just below one may round up to the whole turn.
     (counts as u32).min(counts_per_turn - 1)
 }

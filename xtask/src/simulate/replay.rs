@@ -18,7 +18,8 @@ struct ReplayReport {
     segments: Vec<Segment>,
 }
 
-/// One hold of the profile. Ripple is Eq 19 of velocities over 1 ms, from the table's scale with its noise.
+/// One hold of the profile. Ripple is Eq 19 of velocities over 1 ms, from the table's scale with its noise, in pieces of
+/// 0.2 s, averaged over the hold.
 #[derive(Serialize)]
 struct Segment {
     start_s: f64,

@@ -1,6 +1,6 @@
 //! Screw-nut pair, table and guideway.
 
-use super::friction::{Axial, Kick};
+use super::friction::{Axial, Kick, Velocities};
 use super::motor::sum;
 use crate::effects::{Coordinate, Law, Place, Site, Term};
 use crate::model::Model;
@@ -14,6 +14,7 @@ pub(super) struct Feed {
     pub(super) load: f64,
     /// Mass and viscous friction over a step.
     pub(super) kick: Kick,
+    coupling: CouplingStep,
     mass: f64,
     viscous: f64,
     pub(super) pair_coulomb: f64,
@@ -25,6 +26,17 @@ pub(super) struct Feed {
     /// Travel at which the spring is relaxed with the table at 0.
     pub(super) origin: f64,
     terms: FeedTerms,
+}
+
+/// The axial spring and damper over a step.
+#[derive(Debug, Clone, Copy, Default)]
+struct CouplingStep {
+    /// Impulse of the spring per stretch.
+    push: f64,
+    /// Impulse of the spring per velocity gained in the step.
+    spring: f64,
+    /// Half the impulse of the damper per velocity.
+    damper: f64,
 }
 
 /// The terms that act on the feed, sorted by site.
@@ -46,6 +58,7 @@ impl Feed {
             acceleration: 0.0,
             load: feed.load_n,
             kick: Kick::default(),
+            coupling: CouplingStep::default(),
             mass: feed.table_mass_kg,
             viscous: feed.guideway_viscous_n_s_per_m,
             pair_coulomb: feed.pair_coulomb_nm,
@@ -97,6 +110,17 @@ impl Feed {
     /// Computes what depends on the length of the step.
     pub(super) fn prepare(&mut self, dt: f64) {
         self.kick = Kick::new(self.mass, self.viscous, dt);
+        let push = dt * self.stiffness;
+        let blend = if push * dt < 2.0 * self.mass {
+            1.0 / 3.0
+        } else {
+            1.0
+        };
+        self.coupling = CouplingStep {
+            push,
+            spring: 0.25 * blend * dt * push,
+            damper: 0.5 * dt * self.damping,
+        };
     }
 
     /// Travel at a relative angle of screw and nut, m.
@@ -164,35 +188,28 @@ impl Feed {
         .max(0.0)
     }
 
-    /// The axial coupling over a step, about relative angle and position at its middle.
+    /// The axial coupling over a step, about relative angle and position at its middle; none within the gap.
     ///
     /// Spring: the force at the middle, with the share `blend` of the correction from the predicted to the implicit
     /// middle. 1/3 makes the error of the resonance's frequency fourth order; 1 is stable at any stiffness. Damper: the
     /// mean of the velocities before and after.
     #[inline]
-    pub(super) fn axial(&self, dt: f64, relative: f64, position: f64, before: [f64; 3]) -> Axial {
-        let ratio = self.ratio(relative);
-        let ratio = [ratio, -ratio, -1.0];
+    pub(super) fn axial(&self, relative: f64, position: f64, before: Velocities) -> Option<Axial> {
         let stretch = self.stretch(relative, position);
         if !self.in_contact(stretch) {
-            return Axial {
-                ratio,
-                offset: 0.0,
-                slope: 0.0,
-            };
+            return None;
         }
-        let blend = if self.stiffness * dt * dt < 2.0 * self.mass {
-            1.0 / 3.0
-        } else {
-            1.0
-        };
-        let damper = 0.5 * dt * self.damping;
-        let spring = 0.25 * blend * dt * dt * self.stiffness;
-        let speed = ratio[0] * before[0] + ratio[1] * before[1] + ratio[2] * before[2];
-        Axial {
-            ratio,
-            offset: dt * self.stiffness * stretch + (damper - spring) * speed,
+        let CouplingStep {
+            push,
+            spring,
+            damper,
+        } = self.coupling;
+        let ratio = self.ratio(relative);
+        let speed = ratio * (before[0] - before[1]) - before[2];
+        Some(Axial {
+            ratio: [ratio, -ratio, -1.0],
+            offset: push * stretch + (damper - spring) * speed,
             slope: damper + spring,
-        }
+        })
     }
 }

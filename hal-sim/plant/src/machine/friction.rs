@@ -15,6 +15,13 @@ const SURFACES: [Velocities; 4] = [
     [1.0, -1.0, 0.0],
 ];
 
+/// The velocities at which they rub: `SURFACES` times `velocities`, without its zeros.
+#[inline]
+fn rubbing(velocities: &Velocities) -> [f64; 4] {
+    let [screw, nut, table] = *velocities;
+    [screw, nut, table, screw - nut]
+}
+
 #[inline]
 fn dot(a: &Velocities, b: &Velocities) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
@@ -47,7 +54,7 @@ impl Kick {
 
 /// Impulse of the axial spring and damper, `offset + slope * (ratio . velocities after the step)`, which acts on the
 /// velocities as `-ratio * impulse`.
-#[derive(Debug, Clone, Copy, Default)]
+#[derive(Debug, Clone, Copy)]
 pub(super) struct Axial {
     pub(super) ratio: Velocities,
     pub(super) offset: f64,
@@ -62,7 +69,8 @@ pub(super) struct Step {
     pub(super) mobility: Velocities,
     /// Largest friction impulse of screw bearing, nut bearing, guideway, pair; 0 or above.
     pub(super) limit: [f64; 4],
-    pub(super) axial: Axial,
+    /// None if there is no coupling, or a gap in it.
+    pub(super) axial: Option<Axial>,
 }
 
 impl Step {
@@ -70,19 +78,17 @@ impl Step {
     #[inline]
     pub(super) fn solve(&self, impulses: &mut [f64; 4]) -> Velocities {
         // Everything slides on in its direction: one pass, no search.
+        let before = rubbing(&self.before);
         let sliding = [0, 1, 2, 3].map(|k: usize| {
-            let speed = dot(&SURFACES[k], &self.before);
-            if speed > 0.0 {
-                -self.limit[k]
-            } else if speed < 0.0 {
-                self.limit[k]
-            } else {
+            if before[k] == 0.0 {
                 0.0
+            } else {
+                self.limit[k].copysign(-before[k])
             }
         });
         let after = self.with_axial(self.moved(&sliding));
-        let slides =
-            |k: usize| self.limit[k] == 0.0 || dot(&SURFACES[k], &after) * sliding[k] < 0.0;
+        let speeds = rubbing(&after);
+        let slides = |k: usize| self.limit[k] == 0.0 || speeds[k] * sliding[k] < 0.0;
         if slides(0) && slides(1) && slides(2) && slides(3) {
             *impulses = sliding;
             return after;
@@ -108,13 +114,17 @@ impl Step {
 
     #[inline]
     fn with_axial(&self, without: Velocities) -> Velocities {
-        let Axial {
+        let Some(Axial {
             ratio,
             offset,
             slope,
-        } = self.axial;
-        let impulse =
-            (offset + slope * dot(&ratio, &without)) / (1.0 + slope * self.weight(&ratio));
+        }) = self.axial
+        else {
+            return without;
+        };
+        // The reciprocal does not wait for the velocities.
+        let share = (1.0 + slope * self.weight(&ratio)).recip();
+        let impulse = (offset + slope * dot(&ratio, &without)) * share;
         [0, 1, 2].map(|k: usize| without[k] - self.mobility[k] * ratio[k] * impulse)
     }
 
@@ -153,7 +163,9 @@ impl Step {
 
     /// How the velocities respond to an impulse at each surface, the axial coupling included.
     fn surfaces(&self) -> [Surface; 4] {
-        let Axial { ratio, slope, .. } = self.axial;
+        let (ratio, slope) = self
+            .axial
+            .map_or(([0.0; 3], 0.0), |axial| (axial.ratio, axial.slope));
         let [screw, nut, table] = [0, 1, 2].map(|k: usize| self.mobility[k] * ratio[k]);
         let coupling = slope / (1.0 + slope * self.weight(&ratio));
         SURFACES.map(|of| {

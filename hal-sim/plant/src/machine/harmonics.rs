@@ -26,6 +26,18 @@ impl Phasor {
         let (sin, cos) = angle.sin_cos();
         Phasor { angle, cos, sin }
     }
+
+    /// Two at once, in one vector instruction each.
+    #[inline]
+    pub(super) fn pair(angles: [f64; 2]) -> [Self; 2] {
+        let (sin, cos) = wide::f64x2::from(angles).sin_cos();
+        let (sin, cos) = (sin.to_array(), cos.to_array());
+        [0, 1].map(|k: usize| Phasor {
+            angle: angles[k],
+            cos: cos[k],
+            sin: sin[k],
+        })
+    }
 }
 
 /// A sum of harmonics of one angle.

@@ -30,7 +30,8 @@ pub use winding::Bridge;
 use crate::Axis;
 use crate::model::Model;
 use feed::Feed;
-use friction::{Axial, Step};
+use friction::Step;
+use harmonics::Phasor;
 use motor::Motor;
 
 /// Bus voltage until [`Machine::set_bus_voltage`] is called, V. It acts on open bridges only.
@@ -143,9 +144,10 @@ impl Machine {
             .each_ref()
             .map(|motor| motor.state.theta + half * motor.state.omega);
         let [screw, nut] = &mut self.motors;
+        let electrical = Phasor::pair([screw.pole_pairs * theta[0], nut.pole_pairs * theta[1]]);
         let mut torque = [
-            screw.step_currents(dt, middle, theta[0], self.half_bus),
-            nut.step_currents(dt, middle, theta[1], self.half_bus),
+            screw.step_currents(dt, middle, theta[0], electrical[0], self.half_bus),
+            nut.step_currents(dt, middle, theta[1], electrical[1], self.half_bus),
         ];
 
         let before = [screw.state.omega, nut.state.omega, self.feed.velocity];
@@ -159,7 +161,7 @@ impl Machine {
             free: [0.0; 3],
             mobility: [screw.kick.mobility, nut.kick.mobility, 0.0],
             limit: [bearings[0], bearings[1], 0.0, 0.0],
-            axial: Axial::default(),
+            axial: None,
         };
         if self.coupling == Coupling::Coupled {
             let relative = theta[0] - theta[1];
@@ -173,7 +175,7 @@ impl Machine {
             step.mobility[2] = self.feed.kick.mobility;
             step.limit[2] = self.feed.friction_level(half) * dt;
             step.limit[3] = self.feed.pair_coulomb * dt;
-            step.axial = self.feed.axial(dt, relative, position, before);
+            step.axial = self.feed.axial(relative, position, before);
         }
         step.free[0] = screw.kick.apply(before[0], dt * torque[0]);
         step.free[1] = nut.kick.apply(before[1], dt * torque[1]);

@@ -33,7 +33,7 @@ pub(super) struct Motor {
     coulomb: f64,
     pub(super) load_torque: f64,
     pub(super) disturbance_torque: f64,
-    pole_pairs: f64,
+    pub(super) pole_pairs: f64,
     resistance: f64,
     inductance: f64,
     flux: f64,
@@ -154,9 +154,15 @@ impl Motor {
     /// Steps the currents around the angle at the middle of the step, `theta`, and returns the mean torque on the
     /// shaft, N m, without friction.
     #[inline]
-    pub(super) fn step_currents(&mut self, dt: f64, time: f64, theta: f64, half_bus: f64) -> f64 {
+    pub(super) fn step_currents(
+        &mut self,
+        dt: f64,
+        time: f64,
+        theta: f64,
+        electrical: Phasor,
+        half_bus: f64,
+    ) -> f64 {
         let omega = self.state.omega + 0.5 * dt * self.acceleration;
-        let electrical = Phasor::new(self.pole_pairs * theta);
         let terms = &self.terms;
         let flux = self.flux
             * (1.0 + terms.electrical_flux.value(electrical) + sum(&terms.timed_flux, time));
