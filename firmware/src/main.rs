@@ -47,8 +47,8 @@ mod app {
 
     #[local]
     struct Local {
-        screw: MotorLoop<TIM1, ADC1, ADC2, TIM2>,
-        nut: MotorLoop<TIM8, ADC4, ADC3, TIM5>,
+        screw: MotorLoop<0, TIM1, ADC1, ADC2, TIM2>,
+        nut: MotorLoop<1, TIM8, ADC4, ADC3, TIM5>,
         until_speed: u32,
         speed: Speed,
         watchdog: Watchdog<3>,
@@ -127,19 +127,16 @@ mod app {
         converters.arm();
 
         let bdtr = pwm::bdtr(&plan);
-        let [screw, nut] = config.current_loops;
         let [screw_view, nut_view] = &DRIVE_VIEW.motors;
         let [screw_words, nut_words] = &EXCHANGE;
         let local = Local {
             screw: MotorLoop::new(
                 MotorIo::new(device.TIM1, device.ADC1, device.ADC2, device.TIM2, bdtr),
-                screw,
                 screw_words,
                 screw_view,
             ),
             nut: MotorLoop::new(
                 MotorIo::new(device.TIM8, device.ADC4, device.ADC3, device.TIM5, bdtr),
-                nut,
                 nut_words,
                 nut_view,
             ),

@@ -1,25 +1,26 @@
 //! What a current-loop interrupt does: read, step, write.
 
+use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, MotorView, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::motor_io::MotorIo;
 use crate::speed::codes;
-use control::current_loop::{CurrentLoop, CurrentLoopConfig};
+use control::current_loop::CurrentLoop;
 use control::exchange::MotorExchange;
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::Ordering::Relaxed;
 use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
 
-/// One motor's loop, its registers and the words that it shares.
-pub(crate) struct MotorLoop<T, X, Y, E> {
+/// One motor's loop, its registers and the words that it shares. `MOTOR` is its place in the configuration.
+pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
     io: MotorIo<T, X, Y, E>,
     control: CurrentLoop,
     exchange: &'static MotorExchange,
     view: &'static MotorView,
 }
 
-impl<T, X, Y, E> MotorLoop<T, X, Y, E>
+impl<const MOTOR: usize, T, X, Y, E> MotorLoop<MOTOR, T, X, Y, E>
 where
     T: Deref<Target = tim1::RegisterBlock>,
     X: Deref<Target = adc1::RegisterBlock>,
@@ -28,13 +29,12 @@ where
 {
     pub(crate) fn new(
         io: MotorIo<T, X, Y, E>,
-        config: CurrentLoopConfig,
         exchange: &'static MotorExchange,
         view: &'static MotorView,
     ) -> Self {
         Self {
             io,
-            control: CurrentLoop::new(config),
+            control: CurrentLoop::new(&CONFIG.current_loops[MOTOR]),
             exchange,
             view,
         }
@@ -45,7 +45,11 @@ where
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
         let sample = self.io.sample(DRIVE_COMMAND.asks_reset());
-        let (command, estimate) = self.control.step(&sample, self.exchange.asked());
+        let (command, estimate) = self.control.step(
+            const { &CONFIG.current_loops[MOTOR] },
+            &sample,
+            self.exchange.asked(),
+        );
         if !self.io.apply(&command) {
             count(&self.view.missed);
         }

@@ -23,6 +23,7 @@ pub struct Drive {
     pub board: Board,
     /// What the drive is asked.
     pub request: Request,
+    config: DriveConfig,
     current_loops: [CurrentLoop; 2],
     speed_task: SpeedTask,
     exchanges: [MotorExchange; 2],
@@ -32,7 +33,6 @@ pub struct Drive {
     /// Voltages computed one and two periods ago: the second acted in the period that ends now.
     voltages: [[DirectQuadrature<Voltage>; 2]; 2],
     speed: SpeedTaskOutput,
-    speed_divider: u32,
     pole_pairs: [u32; 2],
     periods: u64,
 }
@@ -55,7 +55,7 @@ impl Drive {
                 run: true,
                 reset: false,
             },
-            current_loops: config.current_loops.map(CurrentLoop::new),
+            current_loops: config.current_loops.each_ref().map(CurrentLoop::new),
             speed_task: SpeedTask::new(&config),
             exchanges: [(); 2].map(|()| MotorExchange::new(config.speed_divider)),
             estimates: [MotorEstimate::default(); 2],
@@ -63,7 +63,7 @@ impl Drive {
             samples: [MotorSample::default(); 2],
             voltages: [[DirectQuadrature::default(); 2]; 2],
             speed: SpeedTaskOutput::default(),
-            speed_divider: config.speed_divider,
+            config,
             pole_pairs: plate.motors.map(|motor| motor.pole_pairs),
             periods: 0,
         })
@@ -88,7 +88,7 @@ impl Drive {
     /// One PWM period with `disturb` called before each half of it (0, 1) passes on the machine.
     pub fn period_with(&mut self, mut disturb: impl FnMut(&mut Machine, u32)) {
         self.current_interrupt(Axis::Screw);
-        if self.periods.is_multiple_of(u64::from(self.speed_divider)) {
+        if self.periods.is_multiple_of(u64::from(self.config.speed_divider)) {
             self.speed_interrupt();
         }
         disturb(&mut self.board.machine, 0);
@@ -156,7 +156,11 @@ impl Drive {
     fn current_interrupt(&mut self, axis: Axis) {
         let k = axis.index();
         let sample = self.board.turn(axis);
-        let (command, estimate) = self.current_loops[k].step(&sample, self.exchanges[k].asked());
+        let (command, estimate) = self.current_loops[k].step(
+            &self.config.current_loops[k],
+            &sample,
+            self.exchanges[k].asked(),
+        );
         self.exchanges[k].publish(&estimate);
         self.board.write(axis, command);
         self.voltages[k] = [self.estimates[k].voltage, self.voltages[k][0]];
