@@ -44,14 +44,21 @@ where
     #[inline(always)]
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
+        let config = const { &CONFIG.current_loops[MOTOR] };
         let sample = self.io.sample(DRIVE_COMMAND.asks_reset());
-        let (command, estimate) = self.control.step(
-            const { &CONFIG.current_loops[MOTOR] },
-            &sample,
-            self.exchange.asked(),
-        );
+        let measured = self.control.measure(config, &sample);
+        // Passed on before the second half, which needs the registers that they are in.
+        let view = self.view;
+        view.current[0].store(measured.current.d.to_bits(), Relaxed);
+        view.current[1].store(measured.current.q.to_bits(), Relaxed);
+        view.omega_e
+            .store(measured.motion.omega_e.to_bits(), Relaxed);
+        view.theta.store(measured.motion.theta.0, Relaxed);
+
+        let reference = self.exchange.asked();
+        let (command, estimate) = self.control.act(config, &sample, &measured, reference);
         if !self.io.apply(&command) {
-            count(&self.view.missed);
+            count(&view.missed);
         }
         self.exchange.publish(&estimate);
         if self.exchange.stale() {
@@ -61,12 +68,6 @@ where
             DRIVE_VIEW.fault.store(fault, Relaxed);
         }
 
-        let view = self.view;
-        view.current[0].store(estimate.current.d.to_bits(), Relaxed);
-        view.current[1].store(estimate.current.q.to_bits(), Relaxed);
-        view.omega_e
-            .store(estimate.motion.omega_e.to_bits(), Relaxed);
-        view.theta.store(estimate.motion.theta.0, Relaxed);
         count(&view.steps);
         let spent = cycles::now().wrapping_sub(start);
         view.cycles.store(spent, Relaxed);

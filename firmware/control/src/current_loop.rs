@@ -78,6 +78,17 @@ pub enum Calibration {
     OutOfRange,
 }
 
+/// What a current loop knows from its sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Angle and speed.
+    pub motion: Motion,
+    /// Phase currents, A.
+    pub phases: [Current; 3],
+    /// Current, A.
+    pub current: DirectQuadrature<Current>,
+}
+
 /// What a current loop knows after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorEstimate {
@@ -144,7 +155,7 @@ impl CurrentLoop {
         }
     }
 
-    /// One PWM period.
+    /// One PWM period: both halves.
     #[inline(always)]
     pub fn step(
         &mut self,
@@ -152,12 +163,39 @@ impl CurrentLoop {
         sample: &MotorSample,
         reference: CurrentReference,
     ) -> (PwmCommand, MotorEstimate) {
+        let measured = self.measure(config, sample);
+        self.act(config, sample, &measured, reference)
+    }
+
+    /// The first half: what the sample says. It ends here so that its results can be passed on at once, instead of
+    /// being kept through the second half.
+    #[inline(always)]
+    pub fn measure(&mut self, config: &CurrentLoopConfig, sample: &MotorSample) -> Measured {
         let phases = config.sense.phases(sample.current, self.zeros);
-        let bus = config.bus.voltage(sample.bus);
         let motion = self.observer.step(&config.observer, sample.encoder);
         let rotation = Rotation::new(motion.theta_e);
-        let current = rotation.park(config.sense.vector(phases));
+        Measured {
+            motion,
+            phases,
+            current: rotation.park(config.sense.vector(phases)),
+        }
+    }
 
+    /// The second half: what follows from it for the bridge.
+    #[inline(always)]
+    pub fn act(
+        &mut self,
+        config: &CurrentLoopConfig,
+        sample: &MotorSample,
+        measured: &Measured,
+        reference: CurrentReference,
+    ) -> (PwmCommand, MotorEstimate) {
+        let Measured {
+            motion,
+            phases,
+            current,
+        } = *measured;
+        let bus = config.bus.voltage(sample.bus);
         let mut estimate = MotorEstimate {
             motion,
             phases,

@@ -1,6 +1,6 @@
 //! ADC counts -> phase currents and bus voltage.
 
-use crate::format::{Current, Ratio, TableVelocity, Voltage, narrow_bits};
+use crate::format::{Current, Ratio, StatorCurrent, TableVelocity, Voltage, narrow_bits};
 use crate::transform::{AlphaBeta, clarke_three, clarke_two};
 
 /// Which phases have a current sensor.
@@ -79,7 +79,7 @@ impl CurrentSense {
     /// The phases as a vector in the stator's frame.
     #[must_use]
     #[inline(always)]
-    pub fn vector(&self, [a, b, c]: [Current; 3]) -> AlphaBeta<Current> {
+    pub fn vector(&self, [a, b, c]: [Current; 3]) -> AlphaBeta<StatorCurrent> {
         match self.shunts {
             Shunts::Two => clarke_two(a, b),
             Shunts::Three => clarke_three(a, b, c),
