@@ -6,7 +6,7 @@ use crate::hw::cycles;
 use crate::hw::motor_io::MotorIo;
 use crate::speed::codes;
 use control::current_loop::CurrentLoop;
-use control::exchange::MotorExchange;
+use control::exchange::{Asked, MotorExchange};
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::Ordering::Relaxed;
@@ -55,19 +55,18 @@ where
             .store(measured.motion.omega_e.to_bits(), Relaxed);
         view.theta.store(measured.motion.theta.0, Relaxed);
 
-        let reference = self.exchange.asked();
-        let (command, estimate) = self.control.act(config, &sample, &measured, reference);
-        if !self.io.apply(&command) {
-            count(&view.missed);
-        }
-        self.exchange.publish(&estimate);
-        if self.exchange.stale() {
+        let Asked { reference, stale } = self.exchange.asked();
+        if stale {
             // The speed task, which says what the drive is doing, cannot.
             let (state, fault) = const { codes(State::Fault(Fault::SpeedTaskLate)) };
             DRIVE_VIEW.state.store(state, Relaxed);
             DRIVE_VIEW.fault.store(fault, Relaxed);
         }
-
+        let (command, estimate) = self.control.act(config, &sample, &measured, reference);
+        if !self.io.apply(&command) {
+            count(&view.missed);
+        }
+        self.exchange.publish(&estimate, stale);
         count(&view.steps);
         let spent = cycles::now().wrapping_sub(start);
         view.cycles.store(spent, Relaxed);

@@ -156,12 +156,13 @@ impl Drive {
     fn current_interrupt(&mut self, axis: Axis) {
         let k = axis.index();
         let sample = self.board.turn(axis);
+        let asked = self.exchanges[k].asked();
         let (command, estimate) = self.current_loops[k].step(
             &self.config.current_loops[k],
             &sample,
-            self.exchanges[k].asked(),
+            asked.reference,
         );
-        self.exchanges[k].publish(&estimate);
+        self.exchanges[k].publish(&estimate, asked.stale);
         self.board.write(axis, command);
         self.voltages[k] = [self.estimates[k].voltage, self.voltages[k][0]];
         self.samples[k] = sample;

@@ -1,6 +1,6 @@
 //! ADC counts -> phase currents and bus voltage.
 
-use crate::format::{Current, Ratio, StatorCurrent, TableVelocity, Voltage, narrow_bits};
+use crate::format::{Current, Ratio, StatorCurrent, TableVelocity, Voltage, multiply_upper, narrow_bits};
 use crate::transform::{AlphaBeta, clarke_three, clarke_two};
 
 /// Which phases have a current sensor.
@@ -97,12 +97,12 @@ pub struct BusSense {
 impl BusSense {
     /// The voltage that `counts` stand for.
     #[must_use]
+    #[inline(always)]
     pub fn voltage(&self, counts: u16) -> Voltage {
-        // Shifted up to 31 bits, for the same reason as a current.
-        narrow_bits(
-            (i64::from(counts) << 15).wrapping_mul(i64::from(self.gain.to_bits())),
-            22,
-        )
+        // The upper word is in 2^-11 V: half a millivolt is enough for what is not scaled by the counts themselves.
+        let bits = multiply_upper(i32::from(counts) << 15, self.gain.to_bits());
+        const END: i32 = 1 << 21;
+        Voltage::from_bits(bits.clamp(-END, END - 1) << 10)
     }
 }
 
