@@ -73,7 +73,6 @@ mod app {
             c: device.GPIOC.split(&mut rcc),
         });
 
-        let config = &CONFIG;
         let plan = const { pwm::PwmPlan::new(&board::PLATE.board) };
         let [screw_counts, nut_counts] = board::PLATE
             .motors
@@ -141,7 +140,7 @@ mod app {
                 nut_view,
             ),
             until_speed: 0,
-            speed: Speed::new(config, scale),
+            speed: Speed::new(scale),
             watchdog,
         };
         (Shared {}, local)

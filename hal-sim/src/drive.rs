@@ -56,7 +56,7 @@ impl Drive {
                 reset: false,
             },
             current_loops: config.current_loops.each_ref().map(CurrentLoop::new),
-            speed_task: SpeedTask::new(&config),
+            speed_task: SpeedTask::new(),
             exchanges: [(); 2].map(|()| MotorExchange::new(config.speed_divider)),
             estimates: [MotorEstimate::default(); 2],
             compares: [PwmCommand::default(); 2],
@@ -74,10 +74,11 @@ impl Drive {
     /// # Errors
     /// [`CommandError`] if the feed or a motor may not move that fast; the old command stays.
     pub fn command(&mut self, velocity: f64, base: f64) -> Result<(), CommandError> {
-        self.speed_task.command(Command {
+        let command = Command {
             velocity: TableVelocity::saturating_from_num(velocity),
             base: MechanicalSpeed::saturating_from_num(base),
-        })
+        };
+        self.speed_task.command(&self.config, command)
     }
 
     /// One PWM period.
@@ -172,7 +173,7 @@ impl Drive {
 
     fn speed_interrupt(&mut self) {
         let status = [self.exchanges[0].status(), self.exchanges[1].status()];
-        self.speed = self.speed_task.step(self.request, status);
+        self.speed = self.speed_task.step(&self.config, self.request, status);
         for (exchange, reference) in self.exchanges.iter().zip(self.speed.current) {
             exchange.ask(reference);
         }
