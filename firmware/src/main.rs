@@ -31,7 +31,7 @@ mod app {
     use crate::hw::watchdog::{Watchdog, reset_reason};
     use crate::hw::{analog, clock, cycles, encoder, protection, pwm};
     use crate::motor_loop::MotorLoop;
-    use crate::speed::{EXCHANGE, Speed};
+    use crate::speed::Speed;
     use crate::{CONFIG, crash, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
@@ -126,19 +126,21 @@ mod app {
         converters.arm();
 
         let bdtr = pwm::bdtr(&plan);
-        let [screw_view, nut_view] = &DRIVE_VIEW.motors;
-        let [screw_words, nut_words] = &EXCHANGE;
         let local = Local {
-            screw: MotorLoop::new(
-                MotorIo::new(device.TIM1, device.ADC1, device.ADC2, device.TIM2, bdtr),
-                screw_words,
-                screw_view,
-            ),
-            nut: MotorLoop::new(
-                MotorIo::new(device.TIM8, device.ADC4, device.ADC3, device.TIM5, bdtr),
-                nut_words,
-                nut_view,
-            ),
+            screw: MotorLoop::new(MotorIo::new(
+                device.TIM1,
+                device.ADC1,
+                device.ADC2,
+                device.TIM2,
+                bdtr,
+            )),
+            nut: MotorLoop::new(MotorIo::new(
+                device.TIM8,
+                device.ADC4,
+                device.ADC3,
+                device.TIM5,
+                bdtr,
+            )),
             until_speed: 0,
             speed: Speed::new(scale),
             watchdog,

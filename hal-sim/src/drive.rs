@@ -89,7 +89,10 @@ impl Drive {
     /// One PWM period with `disturb` called before each half of it (0, 1) passes on the machine.
     pub fn period_with(&mut self, mut disturb: impl FnMut(&mut Machine, u32)) {
         self.current_interrupt(Axis::Screw);
-        if self.periods.is_multiple_of(u64::from(self.config.speed_divider)) {
+        if self
+            .periods
+            .is_multiple_of(u64::from(self.config.speed_divider))
+        {
             self.speed_interrupt();
         }
         disturb(&mut self.board.machine, 0);
@@ -158,11 +161,8 @@ impl Drive {
         let k = axis.index();
         let sample = self.board.turn(axis);
         let asked = self.exchanges[k].asked();
-        let (command, estimate) = self.current_loops[k].step(
-            &self.config.current_loops[k],
-            &sample,
-            asked.reference,
-        );
+        let (command, estimate) =
+            self.current_loops[k].step(&self.config.current_loops[k], &sample, asked.reference);
         self.exchanges[k].publish(&estimate, asked.stale);
         self.board.write(axis, command);
         self.voltages[k] = [self.estimates[k].voltage, self.voltages[k][0]];

@@ -182,7 +182,6 @@ pub fn cut<T: FixedSigned>(x: T, limit: T) -> T {
     x.min(limit).max(limit.saturating_neg())
 }
 
-
 /// Square root, rounded down to 16 significant bits: `sqrt(x)` for the integer `x`.
 ///
 /// 16 bits are enough for what uses it (the voltage circle, the braking curve) and cost one 32-bit root

@@ -7,7 +7,8 @@ use crate::coordinator::CoordinatorConfig;
 use crate::current_loop::CurrentLoopConfig;
 use crate::encoder_watch::EncoderWatchConfig;
 use crate::format::{
-    Current, Flux, Impedance, Inductance, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity, quantise,
+    Current, Flux, Impedance, Inductance, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity,
+    quantise,
 };
 use crate::modulation::{DeadTime, ModulationConfig};
 use crate::observer::{EncoderScale, ObserverConfig};

@@ -1,6 +1,8 @@
 //! ADC counts -> phase currents and bus voltage.
 
-use crate::format::{Current, Ratio, StatorCurrent, TableVelocity, Voltage, multiply_upper, narrow_bits};
+use crate::format::{
+    Current, Ratio, StatorCurrent, TableVelocity, Voltage, multiply_upper, narrow_bits,
+};
 use crate::transform::{AlphaBeta, clarke_three, clarke_two};
 
 /// Which phases have a current sensor.

@@ -173,9 +173,9 @@ mod tests {
             let x = AlphaBeta { alpha: StatorCurrent::from_num(alpha), beta: StatorCurrent::from_num(beta) };
             let got = rotation.park(x);
             let exact = [alpha * cos + beta * sin, beta * cos - alpha * sin];
-            // The rotation is right to 2e-5.
-            prop_assert!((got.d.to_num::<f64>() - exact[0]).abs() < 0.04, "{got:?} for {exact:?}");
-            prop_assert!((got.q.to_num::<f64>() - exact[1]).abs() < 0.04, "{got:?} for {exact:?}");
+            // Cosine and sine are right to 2e-5, each, and the vector is up to 1980 A.
+            prop_assert!((got.d.to_num::<f64>() - exact[0]).abs() < 0.06, "{got:?} for {exact:?}");
+            prop_assert!((got.q.to_num::<f64>() - exact[1]).abs() < 0.06, "{got:?} for {exact:?}");
         }
 
         #[test]
@@ -184,8 +184,8 @@ mod tests {
             let x = DirectQuadrature { d: Voltage::from_num(d), q: Voltage::from_num(q) };
             let got = Rotation::new(Angle(turn)).inverse_park(x);
             let exact = [d * cos - q * sin, q * cos + d * sin];
-            prop_assert!((got.alpha.to_num::<f64>() - exact[0]).abs() < 0.04, "{got:?} for {exact:?}");
-            prop_assert!((got.beta.to_num::<f64>() - exact[1]).abs() < 0.04, "{got:?} for {exact:?}");
+            prop_assert!((got.alpha.to_num::<f64>() - exact[0]).abs() < 0.06, "{got:?} for {exact:?}");
+            prop_assert!((got.beta.to_num::<f64>() - exact[1]).abs() < 0.06, "{got:?} for {exact:?}");
         }
 
         /// Debug builds panic where a sum would leave its format.
