@@ -31,7 +31,7 @@ mod app {
     use crate::hw::watchdog::{Watchdog, reset_reason};
     use crate::hw::{analog, clock, cycles, encoder, protection, pwm};
     use crate::motor_loop::MotorLoop;
-    use crate::speed::{EXCHANGE, Speed};
+    use crate::speed::Speed;
     use crate::{CONFIG, crash, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
@@ -47,8 +47,8 @@ mod app {
 
     #[local]
     struct Local {
-        screw: MotorLoop<TIM1, ADC1, ADC2, TIM2>,
-        nut: MotorLoop<TIM8, ADC4, ADC3, TIM5>,
+        screw: MotorLoop<0, TIM1, ADC1, ADC2, TIM2>,
+        nut: MotorLoop<1, TIM8, ADC4, ADC3, TIM5>,
         until_speed: u32,
         speed: Speed,
         watchdog: Watchdog<3>,
@@ -73,7 +73,6 @@ mod app {
             c: device.GPIOC.split(&mut rcc),
         });
 
-        let config = &CONFIG;
         let plan = const { pwm::PwmPlan::new(&board::PLATE.board) };
         let [screw_counts, nut_counts] = board::PLATE
             .motors
@@ -127,24 +126,23 @@ mod app {
         converters.arm();
 
         let bdtr = pwm::bdtr(&plan);
-        let [screw, nut] = config.current_loops;
-        let [screw_view, nut_view] = &DRIVE_VIEW.motors;
-        let [screw_words, nut_words] = &EXCHANGE;
         let local = Local {
-            screw: MotorLoop::new(
-                MotorIo::new(device.TIM1, device.ADC1, device.ADC2, device.TIM2, bdtr),
-                screw,
-                screw_words,
-                screw_view,
-            ),
-            nut: MotorLoop::new(
-                MotorIo::new(device.TIM8, device.ADC4, device.ADC3, device.TIM5, bdtr),
-                nut,
-                nut_words,
-                nut_view,
-            ),
+            screw: MotorLoop::new(MotorIo::new(
+                device.TIM1,
+                device.ADC1,
+                device.ADC2,
+                device.TIM2,
+                bdtr,
+            )),
+            nut: MotorLoop::new(MotorIo::new(
+                device.TIM8,
+                device.ADC4,
+                device.ADC3,
+                device.TIM5,
+                bdtr,
+            )),
             until_speed: 0,
-            speed: Speed::new(config, scale),
+            speed: Speed::new(scale),
             watchdog,
         };
         (Shared {}, local)

@@ -7,7 +7,6 @@ use crate::hw::encoder::Scale;
 use control::coordinator::Command;
 use control::exchange::MotorExchange;
 use control::format::{MechanicalSpeed, TableVelocity};
-use control::plate::DriveConfig;
 use control::speed_task::SpeedTask;
 use control::supervisor::{Fault, Request, State};
 use core::sync::atomic::Ordering::Relaxed;
@@ -26,9 +25,9 @@ pub(crate) struct Speed {
 }
 
 impl Speed {
-    pub(crate) fn new(config: &DriveConfig, scale: Scale) -> Self {
+    pub(crate) fn new(scale: Scale) -> Self {
         Self {
-            control: SpeedTask::new(config),
+            control: SpeedTask::new(),
             scale,
             taken: 0,
         }
@@ -45,7 +44,9 @@ impl Speed {
             reset: DRIVE_COMMAND.asks_reset(),
         };
         let [screw, nut] = &EXCHANGE;
-        let output = self.control.step(request, [screw.status(), nut.status()]);
+        let output = self
+            .control
+            .step(&CONFIG, request, [screw.status(), nut.status()]);
         let [to_screw, to_nut] = output.current;
         screw.ask(to_screw);
         nut.ask(to_nut);
@@ -70,7 +71,7 @@ impl Speed {
             velocity: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
             base: MechanicalSpeed::from_bits(DRIVE_COMMAND.base.load(Relaxed)),
         };
-        if self.control.command(command).is_err() {
+        if self.control.command(&CONFIG, command).is_err() {
             count(&DRIVE_VIEW.refused);
         }
     }

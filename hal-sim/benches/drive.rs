@@ -47,13 +47,13 @@ fn parts(c: &mut Criterion) {
     let config = setup.plate().motors[0]
         .current_loop(&setup.plate())
         .unwrap();
-    let (mut current_loop, sample) = (CurrentLoop::new(config), *drive.sample(Axis::Screw));
+    let (mut current_loop, sample) = (CurrentLoop::new(&config), *drive.sample(Axis::Screw));
     let reference = CurrentReference {
         mode: Mode::Drive,
         i_q: Current::lit("0.6"),
     };
     group.bench_function("current loop", |b| {
-        b.iter(|| current_loop.step(black_box(&sample), reference))
+        b.iter(|| current_loop.step(black_box(&config), black_box(&sample), reference))
     });
     group.finish();
 }

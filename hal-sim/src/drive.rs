@@ -23,6 +23,7 @@ pub struct Drive {
     pub board: Board,
     /// What the drive is asked.
     pub request: Request,
+    config: DriveConfig,
     current_loops: [CurrentLoop; 2],
     speed_task: SpeedTask,
     exchanges: [MotorExchange; 2],
@@ -32,7 +33,6 @@ pub struct Drive {
     /// Voltages computed one and two periods ago: the second acted in the period that ends now.
     voltages: [[DirectQuadrature<Voltage>; 2]; 2],
     speed: SpeedTaskOutput,
-    speed_divider: u32,
     pole_pairs: [u32; 2],
     periods: u64,
 }
@@ -55,15 +55,15 @@ impl Drive {
                 run: true,
                 reset: false,
             },
-            current_loops: config.current_loops.map(CurrentLoop::new),
-            speed_task: SpeedTask::new(&config),
+            current_loops: config.current_loops.each_ref().map(CurrentLoop::new),
+            speed_task: SpeedTask::new(),
             exchanges: [(); 2].map(|()| MotorExchange::new(config.speed_divider)),
             estimates: [MotorEstimate::default(); 2],
             compares: [PwmCommand::default(); 2],
             samples: [MotorSample::default(); 2],
             voltages: [[DirectQuadrature::default(); 2]; 2],
             speed: SpeedTaskOutput::default(),
-            speed_divider: config.speed_divider,
+            config,
             pole_pairs: plate.motors.map(|motor| motor.pole_pairs),
             periods: 0,
         })
@@ -74,10 +74,11 @@ impl Drive {
     /// # Errors
     /// [`CommandError`] if the feed or a motor may not move that fast; the old command stays.
     pub fn command(&mut self, velocity: f64, base: f64) -> Result<(), CommandError> {
-        self.speed_task.command(Command {
+        let command = Command {
             velocity: TableVelocity::saturating_from_num(velocity),
             base: MechanicalSpeed::saturating_from_num(base),
-        })
+        };
+        self.speed_task.command(&self.config, command)
     }
 
     /// One PWM period.
@@ -88,7 +89,10 @@ impl Drive {
     /// One PWM period with `disturb` called before each half of it (0, 1) passes on the machine.
     pub fn period_with(&mut self, mut disturb: impl FnMut(&mut Machine, u32)) {
         self.current_interrupt(Axis::Screw);
-        if self.periods.is_multiple_of(u64::from(self.speed_divider)) {
+        if self
+            .periods
+            .is_multiple_of(u64::from(self.config.speed_divider))
+        {
             self.speed_interrupt();
         }
         disturb(&mut self.board.machine, 0);
@@ -156,8 +160,10 @@ impl Drive {
     fn current_interrupt(&mut self, axis: Axis) {
         let k = axis.index();
         let sample = self.board.turn(axis);
-        let (command, estimate) = self.current_loops[k].step(&sample, self.exchanges[k].asked());
-        self.exchanges[k].publish(&estimate);
+        let asked = self.exchanges[k].asked();
+        let (command, estimate) =
+            self.current_loops[k].step(&self.config.current_loops[k], &sample, asked.reference);
+        self.exchanges[k].publish(&estimate, asked.stale);
         self.board.write(axis, command);
         self.voltages[k] = [self.estimates[k].voltage, self.voltages[k][0]];
         self.samples[k] = sample;
@@ -167,7 +173,7 @@ impl Drive {
 
     fn speed_interrupt(&mut self) {
         let status = [self.exchanges[0].status(), self.exchanges[1].status()];
-        self.speed = self.speed_task.step(self.request, status);
+        self.speed = self.speed_task.step(&self.config, self.request, status);
         for (exchange, reference) in self.exchanges.iter().zip(self.speed.current) {
             exchange.ask(reference);
         }

@@ -78,6 +78,17 @@ pub enum Calibration {
     OutOfRange,
 }
 
+/// What a current loop knows from its sample.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Measured {
+    /// Angle and speed.
+    pub motion: Motion,
+    /// Phase currents, A.
+    pub phases: [Current; 3],
+    /// Current, A.
+    pub current: DirectQuadrature<Current>,
+}
+
 /// What a current loop knows after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorEstimate {
@@ -111,29 +122,31 @@ pub struct PwmCommand {
 }
 
 /// Furthest that a measured zero may lie from its nominal place: 1/16 of a 12-bit range, in sixteenths of a count.
-const ZERO_TOLERANCE: i32 = 256 * 16;
+const ZERO_TOLERANCE: u32 = 256 * 16;
 
-/// One motor's current loop: configuration and state.
+/// State of one motor's current loop. The configuration comes with each step: where it is a constant, as in the
+/// firmware, the compiler puts its numbers into the instructions.
 #[derive(Clone, Copy, Debug)]
 pub struct CurrentLoop {
-    config: CurrentLoopConfig,
     observer: Observer,
     encoder_watch: EncoderWatch,
     regulator: Regulator,
-    zeros: ZeroCalibration,
+    /// Zeros of the current channels, sixteenths of a count.
+    zeros: [i32; 3],
+    zero_calibration: ZeroCalibration,
     calibration: Calibration,
 }
 
 impl CurrentLoop {
     /// A loop at rest with nominal current zeros.
     #[must_use]
-    pub const fn new(config: CurrentLoopConfig) -> Self {
+    pub const fn new(config: &CurrentLoopConfig) -> Self {
         Self {
-            config,
             observer: Observer::new(),
             encoder_watch: EncoderWatch::new(),
             regulator: Regulator::new(),
-            zeros: ZeroCalibration::new(),
+            zeros: config.sense.nominal_zeros(),
+            zero_calibration: ZeroCalibration::new(),
             calibration: if config.measure_zeros {
                 Calibration::Pending
             } else {
@@ -142,20 +155,47 @@ impl CurrentLoop {
         }
     }
 
-    /// One PWM period.
+    /// One PWM period: both halves.
     #[inline(always)]
     pub fn step(
         &mut self,
+        config: &CurrentLoopConfig,
         sample: &MotorSample,
         reference: CurrentReference,
     ) -> (PwmCommand, MotorEstimate) {
-        let config = &self.config;
-        let phases = config.sense.phases(sample.current);
-        let bus = config.bus.voltage(sample.bus);
+        let measured = self.measure(config, sample);
+        self.act(config, sample, &measured, reference)
+    }
+
+    /// The first half: what the sample says. It ends here so that its results can be passed on at once, instead of
+    /// being kept through the second half.
+    #[inline(always)]
+    pub fn measure(&mut self, config: &CurrentLoopConfig, sample: &MotorSample) -> Measured {
+        let phases = config.sense.phases(sample.current, self.zeros);
         let motion = self.observer.step(&config.observer, sample.encoder);
         let rotation = Rotation::new(motion.theta_e);
-        let current = rotation.park(config.sense.vector(phases));
+        Measured {
+            motion,
+            phases,
+            current: rotation.park(config.sense.vector(phases)),
+        }
+    }
 
+    /// The second half: what follows from it for the bridge.
+    #[inline(always)]
+    pub fn act(
+        &mut self,
+        config: &CurrentLoopConfig,
+        sample: &MotorSample,
+        measured: &Measured,
+        reference: CurrentReference,
+    ) -> (PwmCommand, MotorEstimate) {
+        let Measured {
+            motion,
+            phases,
+            current,
+        } = *measured;
+        let bus = config.bus.voltage(sample.bus);
         let mut estimate = MotorEstimate {
             motion,
             phases,
@@ -176,7 +216,7 @@ impl CurrentLoop {
         if !drive || sample.broken || estimate.encoder_stuck {
             self.regulator = Regulator::new();
             if reference.mode == Mode::Calibrate && self.calibration == Calibration::Pending {
-                self.calibrate(sample.current);
+                self.calibrate(&config.sense, sample.current);
                 estimate.calibration = self.calibration;
             }
             return (PwmCommand::default(), estimate);
@@ -208,20 +248,22 @@ impl CurrentLoop {
         )
     }
 
-    fn calibrate(&mut self, counts: [u16; 3]) {
-        let Some(zeros) = self.zeros.take(counts) else {
+    #[cold]
+    #[inline(never)]
+    fn calibrate(&mut self, sense: &CurrentSense, counts: [u16; 3]) {
+        let Some(zeros) = self.zero_calibration.take(counts) else {
             return;
         };
-        let mut sense = self.config.sense;
-        self.calibration = Calibration::Done;
-        for (channel, zero) in sense.measured_mut().zip(zeros) {
-            if channel.zero_sixteenths.abs_diff(zero) > ZERO_TOLERANCE.unsigned_abs() {
-                self.calibration = Calibration::OutOfRange;
-                return;
-            }
-            channel.zero_sixteenths = zero;
+        let healthy = sense
+            .measured()
+            .zip(zeros)
+            .all(|(channel, zero)| channel.zero_sixteenths.abs_diff(zero) <= ZERO_TOLERANCE);
+        if healthy {
+            self.zeros = zeros;
+            self.calibration = Calibration::Done;
+        } else {
+            self.calibration = Calibration::OutOfRange;
         }
-        self.config.sense = sense;
     }
 }
 
@@ -236,9 +278,23 @@ mod tests {
     use crate::plate::test_plate;
     use proptest::prelude::*;
 
-    fn current_loop() -> CurrentLoop {
+    /// A loop with its configuration.
+    struct Configured(CurrentLoopConfig, CurrentLoop);
+
+    impl Configured {
+        fn step(
+            &mut self,
+            sample: &MotorSample,
+            reference: CurrentReference,
+        ) -> (PwmCommand, MotorEstimate) {
+            self.1.step(&self.0, sample, reference)
+        }
+    }
+
+    fn current_loop() -> Configured {
         let plate = test_plate();
-        CurrentLoop::new(plate.motors[0].current_loop(&plate).unwrap())
+        let config = plate.motors[0].current_loop(&plate).unwrap();
+        Configured(config, CurrentLoop::new(&config))
     }
 
     fn sample(current: [u16; 3]) -> MotorSample {

@@ -20,6 +20,15 @@ pub struct MotorExchange {
     flags: AtomicU8,
 }
 
+/// What a current loop is asked.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Asked {
+    /// What it shall do.
+    pub reference: CurrentReference,
+    /// What was asked is too old to follow: the speed task is late.
+    pub stale: bool,
+}
+
 /// What the speed task sees of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorStatus {
@@ -66,28 +75,32 @@ impl MotorExchange {
         self.age.store(0, Relaxed);
     }
 
-    /// Current loop, once a period: what it shall do.
+    /// Current loop, once a period: what it shall do; nothing, if that was asked too long ago.
     ///
     /// The count of the reference's age is read and written in two steps, which is sound: the speed task, the other
     /// writer, is below and cannot come between them.
     #[must_use]
-    pub fn asked(&self) -> CurrentReference {
+    #[inline(always)]
+    pub fn asked(&self) -> Asked {
         let age = self.age.load(Relaxed).saturating_add(1);
         self.age.store(age, Relaxed);
+        let stale = age > self.age_max;
         let mode = match self.mode.load(Relaxed) {
-            _ if age > self.age_max => Mode::Off,
+            _ if stale => Mode::Off,
             m if m == Mode::Drive as u8 => Mode::Drive,
             m if m == Mode::Calibrate as u8 => Mode::Calibrate,
             _ => Mode::Off,
         };
-        CurrentReference {
+        let reference = CurrentReference {
             mode,
             i_q: Current::from_bits(self.i_q.load(Relaxed)),
-        }
+        };
+        Asked { reference, stale }
     }
 
-    /// Current loop: what it found.
-    pub fn publish(&self, estimate: &MotorEstimate) {
+    /// Current loop: what it found, and whether what it was asked was stale.
+    #[inline(always)]
+    pub fn publish(&self, estimate: &MotorEstimate, stale: bool) {
         let calibration = match estimate.calibration {
             Calibration::Pending => 0,
             Calibration::Done => CALIBRATED,
@@ -97,17 +110,11 @@ impl MotorExchange {
         let flags = flag(estimate.voltage_limited, LIMITED)
             | flag(estimate.broken, BROKEN)
             | flag(estimate.encoder_stuck, ENCODER_STUCK)
-            | flag(self.stale(), STALE)
+            | flag(stale, STALE)
             | calibration;
         self.omega_e
             .store(estimate.motion.omega_e.to_bits(), Relaxed);
         self.flags.store(flags, Relaxed);
-    }
-
-    /// The reference is too old to follow.
-    #[must_use]
-    pub fn stale(&self) -> bool {
-        self.age.load(Relaxed) > self.age_max
     }
 
     /// Speed task: what the current loop found.
@@ -136,14 +143,14 @@ mod tests {
     #[test]
     fn what_one_side_writes_the_other_reads() {
         let exchange = MotorExchange::new(4);
-        assert_eq!(exchange.asked(), CurrentReference::default());
+        assert_eq!(exchange.asked(), Asked::default());
         for mode in [Mode::Off, Mode::Calibrate, Mode::Drive] {
             let reference = CurrentReference {
                 mode,
                 i_q: Current::from_num(-1.25),
             };
             exchange.ask(reference);
-            assert_eq!(exchange.asked(), reference);
+            assert_eq!(exchange.asked().reference, reference);
         }
         for calibration in [
             Calibration::Pending,
@@ -163,7 +170,7 @@ mod tests {
                     ..Default::default()
                 };
                 estimate.motion.omega_e = Speed::from_num(-471.5);
-                exchange.publish(&estimate);
+                exchange.publish(&estimate, false);
                 let status = MotorStatus {
                     omega_e: Speed::from_num(-471.5),
                     voltage_limited,
@@ -186,15 +193,17 @@ mod tests {
         };
         exchange.ask(reference);
         for _ in 0..8 {
-            assert_eq!(exchange.asked(), reference);
-            assert!(!exchange.stale());
+            let stale = false;
+            assert_eq!(exchange.asked(), Asked { reference, stale });
         }
-        assert_eq!(exchange.asked().mode, Mode::Off);
-        exchange.publish(&MotorEstimate::default());
+        let asked = exchange.asked();
+        assert_eq!((asked.reference.mode, asked.stale), (Mode::Off, true));
+        exchange.publish(&MotorEstimate::default(), asked.stale);
         assert!(exchange.status().reference_stale);
         exchange.ask(reference);
-        assert_eq!(exchange.asked(), reference);
-        exchange.publish(&MotorEstimate::default());
+        let asked = exchange.asked();
+        assert_eq!(asked.reference, reference);
+        exchange.publish(&MotorEstimate::default(), asked.stale);
         assert!(!exchange.status().reference_stale);
     }
 }

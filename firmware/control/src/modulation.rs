@@ -6,7 +6,7 @@
 //! sides are on around the counter's top, where the shunts are sampled. A minimum on-time of the low sides keeps
 //! that window open: it bounds the compare value from above, and the voltage circle is made smaller to match.
 
-use crate::format::{CountsPerVolt, Current, Ratio, Voltage, multiply_upper, narrow};
+use crate::format::{CountsPerVolt, Current, PhaseVoltage, Ratio, Voltage, multiply_upper};
 
 /// Configuration of the modulator of one bridge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,11 +15,16 @@ pub struct ModulationConfig {
     pub period: u16,
     /// Largest compare value that leaves the low sides their minimum on-time.
     pub compare_max: u16,
-    /// `period` divided by the volts of one ADC count of the bus, in 2^-8: turns a bus count into counts per volt.
+    /// `period` divided by the volts of one ADC count of the bus, times `2^(21 - counts_shift)`: divided by a bus count
+    /// and shifted left by `counts_shift` it is [`CountsPerVolt`]. At least 2^31, so that the quotient has its bits.
     pub period_per_bus_count: u32,
-    /// Bus counts below this are taken as this: the division's floor.
+    /// See `period_per_bus_count`.
+    pub counts_shift: u32,
+    /// Bus counts below this are taken as this: the division's floor, which keeps its result below 1024 counts per volt.
     pub bus_counts_min: u16,
-    /// Radius of the voltage circle as a part of the bus: `(1 - min_on / T) / sqrt(2)`.
+    /// Radius of the voltage circle as a part of the bus, in [0, 1): `(1 - min_on / T) / sqrt(2)`, less twice the part
+    /// that the dead time takes. The compensation lifts the two outer phases apart by twice its voltage: sqrt(2) of it in
+    /// the d/q frame, and 2 is safe.
     pub circle: Ratio,
     /// Mean voltage that the dead time takes from a phase, against the sign of its current.
     pub dead_time: DeadTime,
@@ -35,81 +40,77 @@ pub struct DeadTime {
 }
 
 impl DeadTime {
-    fn full(&self, bus: Voltage) -> Voltage {
-        narrow(bus.wide_mul(self.bus_part))
-    }
-
-    fn compensation(&self, current: Current, full: Voltage) -> Voltage {
+    /// What is added to a phase with `current` on the bus of `bus` V: within ±1024 V.
+    #[inline(always)]
+    fn compensation(&self, current: Current, bus: Voltage) -> PhaseVoltage {
+        // In 2^-19 V.
+        let full = multiply_upper(bus.to_bits(), self.bus_part.to_bits());
         // Part of the full voltage in 2^-12, cut to ±1: a few millivolts of a phase.
         let part = multiply_upper(current.to_bits(), self.slope.to_bits()).clamp(-4096, 4095);
-        // 20 bits times 13 bits and signs fit 32.
-        Voltage::from_bits((full.to_bits() >> 12).wrapping_mul(part))
+        PhaseVoltage::from_bits(multiply_upper(full, part << 19))
     }
 }
 
 impl ModulationConfig {
     /// The longest d/q vector that can be realised without touching a limit, at bus voltage `bus`.
     #[must_use]
+    #[inline(always)]
     pub fn v_max(&self, bus: Voltage) -> Voltage {
-        // The compensation lifts the two outer phases apart by twice its voltage: sqrt(2) of it in the d/q frame,
-        // and 2 is safe.
-        let reserve = self.dead_time.full(bus);
-        let circle: Voltage = narrow(bus.wide_mul(self.circle));
-        circle
-            .saturating_sub(reserve)
-            .saturating_sub(reserve)
-            .max(Voltage::ZERO)
+        // A part below 1, so that a quarter of the voltage, which the upper word is, is below a quarter of the format.
+        let quarter = multiply_upper(bus.to_bits().max(0), self.circle.to_bits());
+        Voltage::from_bits(quarter << 2)
     }
 
-    /// Compare values of phases a, b, c for the phase voltages `v`, with the phase currents' signs for the dead
-    /// time, on the bus of `bus` V measured as `bus_counts`.
+    /// Compare values of phases a, b, c for the phase voltages `v`, each within ±2294 V as the inverse Clarke gives
+    /// them, with the phase currents' signs for the dead time, on the bus of `bus` V measured as `bus_counts`.
     #[must_use]
     #[inline(always)]
     pub fn compare(
         &self,
-        v: [Voltage; 3],
+        v: [PhaseVoltage; 3],
         currents: [Current; 3],
         bus: Voltage,
         bus_counts: u16,
     ) -> [u16; 3] {
-        let full = self.dead_time.full(bus);
         let ([va, vb, vc], [ia, ib, ic]) = (v, currents);
-        let a = va.saturating_add(self.dead_time.compensation(ia, full));
-        let b = vb.saturating_add(self.dead_time.compensation(ib, full));
-        let c = vc.saturating_add(self.dead_time.compensation(ic, full));
-
-        let middle = half(a.max(b).max(c)).saturating_add(half(a.min(b).min(c)));
+        // With the compensation within ±3318 V; the sum of two, and a phase less half of it, stay within ±6636 V of the
+        // format's ±8192 V.
+        #[allow(clippy::arithmetic_side_effects)]
+        let phases = {
+            let a = va + self.dead_time.compensation(ia, bus);
+            let b = vb + self.dead_time.compensation(ib, bus);
+            let c = vc + self.dead_time.compensation(ic, bus);
+            let middle = (a.max(b).max(c) + a.min(b).min(c)).to_bits() >> 1;
+            let middle = PhaseVoltage::from_bits(middle);
+            [a - middle, b - middle, c - middle]
+        };
         let scale = self.counts_per_volt(bus_counts);
-        [a, b, c].map(|phase| self.counts(phase.saturating_sub(middle), scale))
+        phases.map(|phase| self.counts(phase, scale))
     }
 
-    fn counts(&self, v: Voltage, scale: CountsPerVolt) -> u16 {
-        // In 2^-5 of a count; half a count of rounding, then the middle of the permitted range: voltage zero.
-        // |product| <= 2^30, and what is added is below 2^21.
+    #[inline(always)]
+    fn counts(&self, v: PhaseVoltage, scale: CountsPerVolt) -> u16 {
+        // In 2^-7 of a count: the middle of the permitted range, which is voltage zero, and half a count of rounding.
+        // |v| < 2^31 and scale < 2^31 make the product at most 2^30; what is added is below 2^23.
         let product = multiply_upper(v.to_bits(), scale.to_bits());
-        let centred = product
-            .wrapping_add(i32::from(self.compare_max) << 4)
-            .wrapping_add(16);
-        let compare = (centred >> 5).max(0).min(i32::from(self.compare_max));
+        #[allow(clippy::arithmetic_side_effects)]
+        let centred = product + ((i32::from(self.compare_max) << 6) + 64);
+        let compare = (centred >> 7).max(0).min(i32::from(self.compare_max));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let compare = compare as u16;
         compare
     }
 
     /// Timer counts per volt: the bus voltage compensation. One 32-bit division.
+    #[inline(always)]
     fn counts_per_volt(&self, bus_counts: u16) -> CountsPerVolt {
-        let counts = u32::from(bus_counts.max(self.bus_counts_min).max(1));
-        let reciprocal = u32::MAX.checked_div(counts).unwrap_or(u32::MAX);
-        // The product has 40 fraction bits and loses 24; beyond the format's end it is cut to it.
-        let wide = u64::from(reciprocal).wrapping_mul(u64::from(self.period_per_bus_count));
-        #[allow(clippy::cast_possible_truncation)]
-        let (upper, lower) = (((wide >> 32) as u32).min((1 << 23) - 1), wide as u32);
-        CountsPerVolt::from_bits((upper << 8 | lower >> 24).cast_signed())
+        let counts = u32::from(bus_counts.max(self.bus_counts_min));
+        let quotient = self.period_per_bus_count.checked_div(counts).unwrap_or(0);
+        // Below 2^31: `bus_counts_min` is chosen so.
+        #[allow(clippy::arithmetic_side_effects)]
+        let bits = quotient << self.counts_shift;
+        CountsPerVolt::from_bits(bits.cast_signed())
     }
-}
-
-fn half(v: Voltage) -> Voltage {
-    Voltage::from_bits(v.to_bits() >> 1)
 }
 
 #[cfg(test)]
@@ -143,7 +144,7 @@ mod tests {
             let bus = bus(counts);
             let length = config.v_max(bus).to_num::<f64>() * part * (2f64 / 3.0).sqrt();
             let volts = [0.0, 1.0, 2.0].map(|k| length * (angle - k * core::f64::consts::TAU / 3.0).cos());
-            let compare = config.compare(volts.map(Voltage::from_num), [Current::ZERO; 3], bus, counts);
+            let compare = config.compare(volts.map(PhaseVoltage::from_num), [Current::ZERO; 3], bus, counts);
             let lsb = bus.to_num::<f64>() / f64::from(config.period);
             for (j, k) in [(0, 1), (1, 2), (2, 0)] {
                 let realised = (f64::from(compare[j]) - f64::from(compare[k])) * lsb;
@@ -157,7 +158,7 @@ mod tests {
             let config = config(1e-6, 0.0);
             let volts = bus(3000);
             let amps = [i, -i, 0.0].map(Current::from_num);
-            let compare = config.compare([Voltage::ZERO; 3], amps, volts, 3000);
+            let compare = config.compare([PhaseVoltage::ZERO; 3], amps, volts, 3000);
             let lsb = volts.to_num::<f64>() / f64::from(config.period);
             let lost = volts.to_num::<f64>() * 1e-6 / 50e-6;
             let part = (i / test_plate().board.dead_time_fade_a).clamp(-1.0, 1.0);
@@ -167,11 +168,11 @@ mod tests {
 
         #[test]
         fn any_input_gives_a_compare_within_the_range(
-            v in any::<[i32; 3]>(), i in any::<[i32; 3]>(), volts in any::<i32>(), counts in any::<u16>(),
+            v in prop::array::uniform3(prop_oneof![-2294..=2294i32, Just(-2294), Just(2294)]), i in any::<[i32; 3]>(), volts in any::<i32>(), counts in any::<u16>(),
         ) {
             let config = config(1e-6, 1e-6);
             let compare = config.compare(
-                v.map(Voltage::from_bits), i.map(Current::from_bits), Voltage::from_bits(volts), counts);
+                v.map(PhaseVoltage::from_num), i.map(Current::from_bits), Voltage::from_bits(volts), counts);
             prop_assert!(compare.iter().all(|&c| c <= config.compare_max));
             prop_assert!(config.v_max(Voltage::from_bits(volts)) >= 0);
         }

@@ -15,6 +15,9 @@ use crate::format::{Angle, Ratio, Speed, cut_upper};
 /// The bits of the upper word of 1/16 turn, 2^60.
 const SPEED_LIMIT_BITS: u32 = 28;
 
+/// A sixteenth of a turn, 2^-32 turn: the largest difference between encoder and prediction that counts.
+const JUMP: i32 = 1 << 28;
+
 /// Encoder counts -> angle of the shaft, for any count from 2 to 2^30 a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EncoderScale {
@@ -81,6 +84,7 @@ pub struct ObserverConfig {
 impl ObserverConfig {
     /// The electrical speed of a shaft that turns `fine` 2^-35 turns a sample, at most `fine_max`.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    #[inline(always)]
     fn omega_e(&self, fine: i32) -> Speed {
         // |fine| <= fine_max makes the result fit. The halves are shifted by hand, because a 64-bit shift by a
         // variable is a dozen instructions.
@@ -93,6 +97,7 @@ impl ObserverConfig {
 }
 
 /// `x` cut to ±`limit`.
+#[inline(always)]
 fn cut_bits(x: i32, limit: i32) -> i32 {
     x.min(limit).max(limit.wrapping_neg())
 }
@@ -145,19 +150,18 @@ impl Observer {
             self.started = true;
         }
         let predicted = self.angle.wrapping_add_signed(self.speed);
-        // A difference of more than a quarter turn is no difference but a jump; cut, it makes the products below fit:
-        // |innovation| <= 2^30 and gain < 2^31 (below 2) give 2^61, and 2^63 when shifted by 2 to 2^-64 turn.
+        // A difference of more than a sixteenth of a turn, the fastest speed, is no difference but a jump; cut, it fits
+        // its word in 2^-34 turn, which makes its products with the gains 2^-64 turn.
         let innovation = measured
             .minus(Angle(high(predicted)))
-            .clamp(-(1 << 30), (1 << 30) - 1);
+            .clamp(-JUMP, JUMP - 1);
         #[allow(clippy::arithmetic_side_effects)]
-        let correction = |gain: Ratio| (i64::from(innovation) * i64::from(gain.to_bits())) << 2;
+        let correction = |gain: Ratio| i64::from(innovation << 2) * i64::from(gain.to_bits());
         self.angle = predicted.wrapping_add_signed(correction(config.alpha));
-        // |speed| <= 2^60 + 2^32 and beta <= 1 (1 + 2^-9 by the plate's bounds), so the sum fits.
-        self.speed = cut_upper(
-            self.speed.wrapping_add(correction(config.beta)),
-            SPEED_LIMIT_BITS,
-        );
+        // |speed| <= 2^60 + 2^32 and the correction is within 2^61, so the sum fits.
+        #[allow(clippy::arithmetic_side_effects)]
+        let speed = self.speed + correction(config.beta);
+        self.speed = cut_upper(speed, SPEED_LIMIT_BITS);
 
         let theta = Angle(high(self.angle));
         // |speed| <= 2^60, so the shifted value fits 32 bits.
@@ -235,8 +239,8 @@ mod tests {
                 let error = f64::from(count) / f64::from(1 << 20) - predicted;
                 // A jump of half a turn has no short way round.
                 prop_assume!((error - error.floor() - 0.5).abs() > 1e-4);
-                // And one of more than a quarter is taken as a quarter.
-                let error = (error - error.round()).clamp(-0.25, 0.25);
+                // And one of more than a sixteenth is taken as a sixteenth.
+                let error = (error - error.round()).clamp(-1.0 / 16.0, 1.0 / 16.0);
                 angle = predicted + alpha * error;
                 speed = (speed + beta * error).clamp(-1.0 / 16.0, 1.0 / 16.0);
                 let omega_e = speed * core::f64::consts::TAU * 5.0 / 50e-6;

@@ -7,7 +7,8 @@ use crate::coordinator::CoordinatorConfig;
 use crate::current_loop::CurrentLoopConfig;
 use crate::encoder_watch::EncoderWatchConfig;
 use crate::format::{
-    Current, Impedance, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity, quantise,
+    Current, Flux, Impedance, Inductance, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity,
+    quantise,
 };
 use crate::modulation::{DeadTime, ModulationConfig};
 use crate::observer::{EncoderScale, ObserverConfig};
@@ -202,23 +203,38 @@ impl BoardPlate {
         ));
         let dead = self.dead_time_s / self.sample_time();
         attempt!(within("dead time", "PWM periods", dead, -1e-9, 0.2));
+        // The numerator of the counts per volt, brought to [2^31, 2^32) of its word.
+        let per_bus_count = period as f64 / self.bus_volts_per_count;
+        attempt!(within(
+            "PWM counts per volt and bus count",
+            "counts/V",
+            per_bus_count,
+            1024.0,
+            2_097_152.0
+        ));
+        let (mut numerator, mut counts_shift) = (per_bus_count * 1024.0, 11);
+        while numerator < 2_147_483_648.0 {
+            numerator *= 2.0;
+            counts_shift -= 1;
+        }
+        // Below this the counts per volt would leave their format.
+        let least = (per_bus_count / 1024.0) as u16 + 1;
+        let bus_counts_min = (self.bus_min_v / self.bus_volts_per_count) as u16;
         Ok(ModulationConfig {
             period,
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             compare_max: (period as f64 * (1.0 - low_side)) as u16,
-            period_per_bus_count: attempt!(quantise(
-                "PWM counts per volt and bus count",
-                "counts/V",
-                period as f64 / self.bus_volts_per_count,
-                8
-            ))
-            .cast_unsigned(),
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-            bus_counts_min: (self.bus_min_v / self.bus_volts_per_count) as u16,
+            period_per_bus_count: numerator as u32,
+            counts_shift,
+            bus_counts_min: if bus_counts_min > least {
+                bus_counts_min
+            } else {
+                least
+            },
             circle: Ratio::from_bits(attempt!(quantise(
                 "voltage circle",
                 "bus",
-                (1.0 - low_side) * FRAC_1_SQRT_2,
+                (1.0 - low_side) * FRAC_1_SQRT_2 - 2.0 * dead,
                 30
             ))),
             dead_time: DeadTime {
@@ -339,13 +355,13 @@ impl MotorPlate {
                     gains.k_ic * sample_time,
                     20
                 ))),
-                inductance: Ratio::from_bits(attempt!(quantise(
+                inductance: Inductance(attempt!(quantise(
                     "inductance",
                     "H",
                     self.inductance_h,
-                    30
+                    34
                 ))),
-                flux: Ratio::from_bits(attempt!(quantise("flux", "Wb", self.flux_wb, 30))),
+                flux: Flux::from_bits(attempt!(quantise("flux", "Wb", self.flux_wb, 24))),
             },
             modulation: attempt!(board.modulation()),
             measure_zeros: board.measure_zeros,

@@ -1,6 +1,8 @@
 //! ADC counts -> phase currents and bus voltage.
 
-use crate::format::{Current, Ratio, TableVelocity, Voltage, narrow_bits};
+use crate::format::{
+    Current, Ratio, StatorCurrent, TableVelocity, Voltage, multiply_upper, narrow_bits,
+};
 use crate::transform::{AlphaBeta, clarke_three, clarke_two};
 
 /// Which phases have a current sensor.
@@ -15,19 +17,20 @@ pub enum Shunts {
 /// One current channel: `i = (counts - zero) * gain`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurrentChannel {
-    /// Counts at zero current, in sixteenths of a count: the mean of many samples is finer than one.
+    /// Counts at zero current by design, in sixteenths of a count: the mean of many samples is finer than one.
     pub zero_sixteenths: i32,
     /// A per sixteenth of a count.
     pub gain: Ratio,
 }
 
 impl CurrentChannel {
-    /// The current that `counts` stand for.
+    /// The current that `counts` stand for, with the zero at `zero` sixteenths of a count.
     #[must_use]
-    pub fn current(&self, counts: u16) -> Current {
+    #[inline(always)]
+    pub fn current(&self, counts: u16, zero: i32) -> Current {
         // 20 bits and a sign of code, shifted up to 31: the product fits 63, and is narrowed from high above its end.
         let code = (i32::from(counts) << 4)
-            .saturating_sub(self.zero_sixteenths)
+            .saturating_sub(zero)
             .clamp(-(1 << 20), (1 << 20) - 1);
         narrow_bits(
             i64::from(code << 11).wrapping_mul(i64::from(self.gain.to_bits())),
@@ -46,30 +49,39 @@ pub struct CurrentSense {
 }
 
 impl CurrentSense {
-    /// Phase currents a, b, c.
+    /// Phase currents a, b, c, with the zeros of the channels in sixteenths of a count.
     #[must_use]
-    pub fn phases(&self, counts: [u16; 3]) -> [Current; 3] {
-        let ([qa, qb, qc], [na, nb, nc]) = (&self.channels, counts);
-        let (a, b) = (qa.current(na), qb.current(nb));
+    #[inline(always)]
+    pub fn phases(&self, counts: [u16; 3], zeros: [i32; 3]) -> [Current; 3] {
+        let ([qa, qb, qc], [na, nb, nc], [za, zb, zc]) = (&self.channels, counts, zeros);
+        let (a, b) = (qa.current(na, za), qb.current(nb, zb));
         let c = match self.shunts {
             Shunts::Two => a.saturating_add(b).saturating_neg(),
-            Shunts::Three => qc.current(nc),
+            Shunts::Three => qc.current(nc, zc),
         };
         [a, b, c]
     }
 
+    /// The zeros of the channels by design.
+    #[must_use]
+    pub const fn nominal_zeros(&self) -> [i32; 3] {
+        let [a, b, c] = &self.channels;
+        [a.zero_sixteenths, b.zero_sixteenths, c.zero_sixteenths]
+    }
+
     /// The channels that are there.
-    pub fn measured_mut(&mut self) -> impl Iterator<Item = &mut CurrentChannel> {
+    pub fn measured(&self) -> impl Iterator<Item = &CurrentChannel> {
         let count = match self.shunts {
             Shunts::Two => 2,
             Shunts::Three => 3,
         };
-        self.channels.iter_mut().take(count)
+        self.channels.iter().take(count)
     }
 
     /// The phases as a vector in the stator's frame.
     #[must_use]
-    pub fn vector(&self, [a, b, c]: [Current; 3]) -> AlphaBeta<Current> {
+    #[inline(always)]
+    pub fn vector(&self, [a, b, c]: [Current; 3]) -> AlphaBeta<StatorCurrent> {
         match self.shunts {
             Shunts::Two => clarke_two(a, b),
             Shunts::Three => clarke_three(a, b, c),
@@ -87,12 +99,12 @@ pub struct BusSense {
 impl BusSense {
     /// The voltage that `counts` stand for.
     #[must_use]
+    #[inline(always)]
     pub fn voltage(&self, counts: u16) -> Voltage {
-        // Shifted up to 31 bits, for the same reason as a current.
-        narrow_bits(
-            (i64::from(counts) << 15).wrapping_mul(i64::from(self.gain.to_bits())),
-            22,
-        )
+        // The upper word is in 2^-11 V: half a millivolt is enough for what is not scaled by the counts themselves.
+        let bits = multiply_upper(i32::from(counts) << 15, self.gain.to_bits());
+        const END: i32 = 1 << 21;
+        Voltage::from_bits(bits.clamp(-END, END - 1) << 10)
     }
 }
 
@@ -150,7 +162,8 @@ mod tests {
     proptest! {
         #[test]
         fn counts_become_amperes(counts in any::<u16>(), lsb in 1e-4..1.0f64, zero in 0.0..65535.0f64) {
-            let got = channel(lsb, zero).current(counts).to_num::<f64>();
+            let channel = channel(lsb, zero);
+            let got = channel.current(counts, channel.zero_sixteenths).to_num::<f64>();
             let exact = (f64::from(counts) - (zero * 16.0).floor() / 16.0) * lsb;
             prop_assert!((got - exact.clamp(-2048.0, 2048.0)).abs() < 1e-5 + exact.abs() * 2e-4);
         }
@@ -160,7 +173,7 @@ mod tests {
             let channels = zero.map(|z| CurrentChannel { zero_sixteenths: z, gain: Ratio::from_bits(gain) });
             for shunts in [Shunts::Two, Shunts::Three] {
                 let sense = CurrentSense { shunts, channels };
-                let _ = sense.vector(sense.phases(counts));
+                let _ = sense.vector(sense.phases(counts, zero));
             }
             let bus = BusSense { gain: TableVelocity::from_bits(gain) };
             prop_assert_eq!(bus.voltage(counts[0]).is_negative(), gain < 0 && counts[0] > 0);

@@ -1,10 +1,10 @@
 //! The speed task: supervisor, coordinator and both speed loops in one step.
 
-use crate::coordinator::{Command, CommandError, Coordinator, CoordinatorConfig, Following};
+use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_loop::CurrentReference;
 use crate::exchange::MotorStatus;
 use crate::plate::DriveConfig;
-use crate::speed_loop::{SpeedLoop, SpeedLoopConfig, SpeedReference};
+use crate::speed_loop::{SpeedLoop, SpeedReference};
 use crate::supervisor::{Request, State};
 
 /// What the speed task decided in a step.
@@ -18,29 +18,28 @@ pub struct SpeedTaskOutput {
     pub state: State,
 }
 
-/// The speed task: configuration and state.
+/// State of the speed task. The configuration comes with each step, as a current loop's does.
 #[derive(Clone, Copy, Debug)]
 pub struct SpeedTask {
-    loops: [SpeedLoopConfig; 2],
-    pair: CoordinatorConfig,
     speed_loops: [SpeedLoop; 2],
     coordinator: Coordinator,
     torque_limited: [bool; 2],
     command: Command,
+    /// What the coordinator was last told.
+    followed: Command,
     state: State,
 }
 
 impl SpeedTask {
     /// A task at rest.
     #[must_use]
-    pub const fn new(config: &DriveConfig) -> Self {
+    pub const fn new() -> Self {
         Self {
-            loops: config.speed_loops,
-            pair: config.coordinator,
             speed_loops: [SpeedLoop::new(), SpeedLoop::new()],
             coordinator: Coordinator::new(),
             torque_limited: [false; 2],
             command: Command::rest(),
+            followed: Command::rest(),
             state: State::Off,
         }
     }
@@ -49,8 +48,8 @@ impl SpeedTask {
     ///
     /// # Errors
     /// [`CommandError`] if the feed or a motor may not move that fast; the old command stays.
-    pub fn command(&mut self, command: Command) -> Result<(), CommandError> {
-        Coordinator::new().command(&self.pair, command)?;
+    pub fn command(&mut self, config: &DriveConfig, command: Command) -> Result<(), CommandError> {
+        Coordinator::new().command(&config.coordinator, command)?;
         self.command = command;
         Ok(())
     }
@@ -62,12 +61,19 @@ impl SpeedTask {
     }
 
     /// One step.
-    pub fn step(&mut self, request: Request, motors: [MotorStatus; 2]) -> SpeedTaskOutput {
+    #[inline(always)]
+    pub fn step(
+        &mut self,
+        config: &DriveConfig,
+        request: Request,
+        motors: [MotorStatus; 2],
+    ) -> SpeedTaskOutput {
         self.state = self.state.next(request, motors, self.coordinator.at_rest());
         let mode = self.state.mode();
         if !matches!(self.state, State::Running | State::Stopping) {
             self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
             self.coordinator = Coordinator::new();
+            self.followed = Command::rest();
             self.torque_limited = [false; 2];
             let current = [CurrentReference {
                 mode,
@@ -85,12 +91,15 @@ impl SpeedTask {
         } else {
             Command::rest()
         };
-        // Checked when it was given, and rest is always allowed; a refusal would leave the old target.
-        let _ = self.coordinator.command(&self.pair, target);
+        if target != self.followed {
+            // Checked when it was given, and rest is always allowed; a refusal would leave the old target.
+            let _ = self.coordinator.command(&config.coordinator, target);
+            self.followed = target;
+        }
         let [screw, nut] = motors;
         let [screw_torque, nut_torque] = self.torque_limited;
         let speed = self.coordinator.step(
-            &self.pair,
+            &config.coordinator,
             [
                 Following {
                     omega_e: screw.omega_e,
@@ -107,8 +116,8 @@ impl SpeedTask {
             mode,
             ..CurrentReference::default()
         }; 2];
-        let motors = self
-            .loops
+        let motors = config
+            .speed_loops
             .iter()
             .zip(&mut self.speed_loops)
             .zip(motors)
@@ -126,5 +135,11 @@ impl SpeedTask {
             speed,
             state: self.state,
         }
+    }
+}
+
+impl Default for SpeedTask {
+    fn default() -> Self {
+        Self::new()
     }
 }

@@ -95,27 +95,26 @@ impl State {
     }
 }
 
+/// The first fault, in the order of what is likelier to be the cause of the others.
 fn fault([screw, nut]: [MotorStatus; 2]) -> Option<Fault> {
-    [
-        (screw.broken, Fault::ScrewBreak),
-        (nut.broken, Fault::NutBreak),
-        (
-            screw.calibration == Calibration::OutOfRange,
-            Fault::ScrewCurrentZero,
-        ),
-        (
-            nut.calibration == Calibration::OutOfRange,
-            Fault::NutCurrentZero,
-        ),
-        (screw.encoder_stuck, Fault::ScrewEncoder),
-        (nut.encoder_stuck, Fault::NutEncoder),
-        (
-            screw.reference_stale || nut.reference_stale,
-            Fault::SpeedTaskLate,
-        ),
-    ]
-    .into_iter()
-    .find_map(|(present, fault)| present.then_some(fault))
+    let zero_is_off = |motor: MotorStatus| motor.calibration == Calibration::OutOfRange;
+    if screw.broken {
+        Some(Fault::ScrewBreak)
+    } else if nut.broken {
+        Some(Fault::NutBreak)
+    } else if zero_is_off(screw) {
+        Some(Fault::ScrewCurrentZero)
+    } else if zero_is_off(nut) {
+        Some(Fault::NutCurrentZero)
+    } else if screw.encoder_stuck {
+        Some(Fault::ScrewEncoder)
+    } else if nut.encoder_stuck {
+        Some(Fault::NutEncoder)
+    } else if screw.reference_stale || nut.reference_stale {
+        Some(Fault::SpeedTaskLate)
+    } else {
+        None
+    }
 }
 
 #[cfg(test)]
