@@ -215,10 +215,10 @@ impl BoardPlate {
         let (mut numerator, mut counts_shift) = (per_bus_count * 1024.0, 11);
         while numerator < 2_147_483_648.0 {
             numerator *= 2.0;
-            counts_shift -= 1;
+            counts_shift = u32::saturating_sub(counts_shift, 1);
         }
         // Below this the counts per volt would leave their format.
-        let least = (per_bus_count / 1024.0) as u16 + 1;
+        let least = ((per_bus_count / 1024.0) as u16).saturating_add(1);
         let bus_counts_min = (self.bus_min_v / self.bus_volts_per_count) as u16;
         Ok(ModulationConfig {
             period,
