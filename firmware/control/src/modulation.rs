@@ -175,6 +175,7 @@ mod tests {
                 v.map(PhaseVoltage::from_num), i.map(Current::from_bits), Voltage::from_bits(volts), counts);
             prop_assert!(compare.iter().all(|&c| c <= config.compare_max));
             prop_assert!(config.v_max(Voltage::from_bits(volts)) >= 0);
+            prop_assert!(config.counts_per_volt(counts) > 0);
         }
     }
 }

@@ -203,6 +203,8 @@ impl BoardPlate {
         ));
         let dead = self.dead_time_s / self.sample_time();
         attempt!(within("dead time", "PWM periods", dead, -1e-9, 0.2));
+        let circle = (1.0 - low_side) * FRAC_1_SQRT_2 - 2.0 * dead;
+        attempt!(within("voltage circle", "bus", circle, 0.0, 1.0));
         // The numerator of the counts per volt, brought to [2^31, 2^32) of its word.
         let per_bus_count = period as f64 / self.bus_volts_per_count;
         attempt!(within(
@@ -218,7 +220,7 @@ impl BoardPlate {
             counts_shift = u32::saturating_sub(counts_shift, 1);
         }
         // Below this the counts per volt would leave their format.
-        let least = ((per_bus_count / 1024.0) as u16).saturating_add(1);
+        let least = (per_bus_count / 1024.0 + 1.0) as u16;
         let bus_counts_min = (self.bus_min_v / self.bus_volts_per_count) as u16;
         Ok(ModulationConfig {
             period,
@@ -231,12 +233,7 @@ impl BoardPlate {
             } else {
                 least
             },
-            circle: Ratio::from_bits(attempt!(quantise(
-                "voltage circle",
-                "bus",
-                (1.0 - low_side) * FRAC_1_SQRT_2 - 2.0 * dead,
-                30
-            ))),
+            circle: Ratio::from_bits(attempt!(quantise("voltage circle", "bus", circle, 30))),
             dead_time: DeadTime {
                 bus_part: Ratio::from_bits(attempt!(quantise(
                     "dead time",
@@ -342,6 +339,7 @@ impl MotorPlate {
         let (board, sample_time) = (&drive.board, drive.board.sample_time());
         let gains = self.gains(&drive.tuning);
         attempt!(positive("current-loop gain Kpc (Eq 9)", "V/A", gains.k_pc));
+        attempt!(within("flux", "Wb", self.flux_wb, -64.0, 64.0));
         Ok(CurrentLoopConfig {
             sense: attempt!(board.current_sense(self.current_gains)),
             bus: attempt!(board.bus_sense()),

@@ -245,8 +245,16 @@ mod tests {
         fn never_leaves_the_circle_nor_winds_up(
             bits in prop::collection::vec(any::<[i32; 5]>(), 1..50),
             v_max in 0..i32::MAX,
+            gains in any::<[i32; 3]>(),
+            flux in -64..=64i32,
         ) {
-            let config = config();
+            // Any gains, so that the ends of every sum are driven.
+            let config = RegulatorConfig {
+                k_pc: Impedance::from_bits(gains[0]),
+                k_ic_step: Impedance::from_bits(gains[1]),
+                inductance: Inductance(gains[2]),
+                flux: Flux::from_num(flux),
+            };
             let mut regulator = Regulator::default();
             let v_max = Voltage::from_bits(v_max);
             for [rd, rq, id, iq, omega] in bits {
