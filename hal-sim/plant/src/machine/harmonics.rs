@@ -148,6 +148,14 @@ mod tests {
 
     proptest! {
         #[test]
+        fn a_pair_is_two_angles(angles in [-1e6..1e6f64, -1e6..1e6f64]) {
+            for (pair, one) in Phasor::pair(angles).into_iter().zip(angles.map(Phasor::new)) {
+                prop_assert_eq!(pair.angle, one.angle);
+                prop_assert!((pair.cos - one.cos).abs() < 4e-16 && (pair.sin - one.sin).abs() < 4e-16);
+            }
+        }
+
+        #[test]
         fn equals_the_sum_of_its_laws(
             terms in prop::collection::vec((1u32..400, any::<bool>(), -2.0..2.0f64, -7.0..7.0f64), 0..6),
             angle in -1e4..1e4f64,
