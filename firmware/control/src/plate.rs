@@ -636,7 +636,7 @@ mod tests {
     use std::format;
 
     /// The paper's motors (Table 1) on a 310 V bus, 20-bit encoders, 12-bit ADC of ±5 A.
-    pub(crate) fn test_plate() -> DrivePlate {
+    pub(crate) const fn test_plate() -> DrivePlate {
         let motor = MotorPlate {
             resistance_ohm: 1.7,
             inductance_h: 5.9e-3,
@@ -686,54 +686,26 @@ mod tests {
         }
     }
 
-    /// The same plate in a constant: a misfit would fail the build, as it does for a board.
+    /// A plate of another kind in a constant: a misfit would fail the build, as it does for a board.
     const _: DriveConfig = {
-        let motor = MotorPlate {
-            resistance_ohm: 1.7,
-            inductance_h: 5.9e-3,
-            pole_pairs: 5,
-            flux_wb: 0.11,
-            inertia_kg_m2: 7.2e-4,
-            speed_max_rpm: 3000.0,
-            torque_max_nm: 2.6,
-            current_gains: [1.0; 3],
-            encoder: EncoderPlate {
-                counts_per_turn: 10_000,
-                theta_e_at_zero_turns: 0.25,
-            },
+        let mut plate = test_plate();
+        let [screw, nut] = &mut plate.motors;
+        screw.encoder = EncoderPlate {
+            counts_per_turn: 10_000,
+            theta_e_at_zero_turns: 0.25,
         };
-        let plate = DrivePlate {
-            motors: [motor; 2],
-            board: BoardPlate {
-                timer_hz: 170e6,
-                pwm_hz: 40e3,
-                speed_divider: 8,
-                shunts: Shunts::Three,
-                amps_per_count: 0.02,
-                zero_counts: 2048.0,
-                bus_volts_per_count: 0.02,
-                adc_counts: 4096,
-                bus_min_v: 8.0,
-                dead_time_s: 500e-9,
-                dead_time_fade_a: 0.1,
-                measure_zeros: true,
-                min_on_time_s: 1e-6,
-            },
-            tuning: Tuning {
-                damping: 0.7,
-                current_rad_s: 3000.0,
-                speed_rad_s: 200.0,
-                observer_rad_s: 1000.0,
-                observer_damping: 0.7,
-            },
-            feed: FeedPlate {
-                lead_m: 5e-3,
-                velocity_max: 0.1,
-                acceleration_max: 1.0,
-                jerk_max: 100.0,
-                base_acceleration_max: 500.0,
-                base_jerk_max: 50_000.0,
-            },
+        nut.encoder = screw.encoder;
+        plate.board = BoardPlate {
+            pwm_hz: 40e3,
+            speed_divider: 8,
+            shunts: Shunts::Three,
+            amps_per_count: 0.02,
+            bus_volts_per_count: 0.02,
+            bus_min_v: 8.0,
+            dead_time_s: 500e-9,
+            dead_time_fade_a: 0.1,
+            min_on_time_s: 1e-6,
+            ..plate.board
         };
         match plate.config() {
             Ok(config) => config,
