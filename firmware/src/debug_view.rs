@@ -9,7 +9,7 @@ use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 /// First word of the view: `DDFV`, little-endian.
 const MAGIC: u32 = u32::from_le_bytes(*b"DDFV");
 /// Number of this layout.
-const LAYOUT: u32 = 1;
+const LAYOUT: u32 = 2;
 
 /// One motor, as its current loop last saw it.
 #[repr(C)]
@@ -51,7 +51,7 @@ pub(crate) struct DriveView {
     layout: AtomicU32,
     /// 0 off, 1 calibrating, 2 ready, 3 running, 4 stopping, 5 fault.
     pub(crate) state: AtomicU32,
-    /// 0 none, else the code of the fault: see `fault_code`.
+    /// 0 none, else the number of the fault: see `control::supervisor::Fault`.
     pub(crate) fault: AtomicU32,
     /// Reason of the last reset: see `ResetReason`.
     pub(crate) reset_reason: AtomicU32,
@@ -73,6 +73,14 @@ pub(crate) struct DriveView {
     pub(crate) refused: AtomicU32,
     /// Screw, nut.
     pub(crate) motors: [MotorView; 2],
+    /// Readings of the motor encoders that were wrong: screw, nut.
+    pub(crate) encoder_wrong: [AtomicU32; 2],
+    /// Missing indices and transition errors of the incremental encoders: screw, nut.
+    pub(crate) encoder_errors: [AtomicU32; 2],
+    /// Bus voltage at the bridges, ADC counts: screw, nut.
+    pub(crate) bus: [AtomicU32; 2],
+    /// Times that the supervision came a millisecond late or more.
+    pub(crate) supervision_missed: AtomicU32,
 }
 
 /// What is asked of the drive. Write `velocity` and `base` first, then count `sequence` up; `run` acts at once.
@@ -120,6 +128,10 @@ pub(crate) static DRIVE_VIEW: DriveView = DriveView {
     temperatures: [AtomicU32::new(0), AtomicU32::new(0)],
     refused: AtomicU32::new(0),
     motors: [MotorView::new(), MotorView::new()],
+    encoder_wrong: [AtomicU32::new(0), AtomicU32::new(0)],
+    encoder_errors: [AtomicU32::new(0), AtomicU32::new(0)],
+    bus: [AtomicU32::new(0), AtomicU32::new(0)],
+    supervision_missed: AtomicU32::new(0),
 };
 
 /// At a symbol that a debugger knows.

@@ -3,6 +3,7 @@
 use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
 use crate::hw::cycles;
+use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::MotorIo;
 use crate::speed::{EXCHANGE, codes};
 use control::current_loop::CurrentLoop;
@@ -10,7 +11,7 @@ use control::exchange::Asked;
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::Ordering::Relaxed;
-use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
+use stm32g4xx_hal::stm32::{adc1, tim1};
 
 /// One motor's loop, and its registers. `MOTOR` is its place in the configuration and among the shared words.
 pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
@@ -23,7 +24,7 @@ where
     T: Deref<Target = tim1::RegisterBlock>,
     X: Deref<Target = adc1::RegisterBlock>,
     Y: Deref<Target = adc1::RegisterBlock>,
-    E: Deref<Target = tim2::RegisterBlock>,
+    E: Encoder,
 {
     pub(crate) fn new(io: MotorIo<T, X, Y, E>) -> Self {
         Self {
@@ -57,6 +58,9 @@ where
         let (command, estimate) = self.control.act(config, &sample, &measured, reference);
         if !self.io.apply(&command) {
             count(&view.missed);
+        }
+        if estimate.encoder_wrong {
+            count(&DRIVE_VIEW.encoder_wrong[MOTOR]);
         }
         exchange.publish(&estimate, stale);
         count(&view.steps);

@@ -2,14 +2,19 @@
 
 use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
+use crate::hw::analog::Watches;
 use crate::hw::cycles;
+use crate::hw::deadman;
 use crate::hw::encoder::Scale;
 use control::coordinator::Command;
 use control::exchange::MotorExchange;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::speed_task::SpeedTask;
 use control::supervisor::{Fault, Request, State};
+use core::sync::atomic::AtomicU8;
 use core::sync::atomic::Ordering::Relaxed;
+use cortex_m::peripheral::NVIC;
+use stm32g4xx_hal::stm32::Interrupt;
 
 /// The words between the current loops and the speed task: screw, nut.
 pub(crate) static EXCHANGE: [MotorExchange; 2] = [
@@ -17,18 +22,23 @@ pub(crate) static EXCHANGE: [MotorExchange; 2] = [
     MotorExchange::new(CONFIG.speed_divider),
 ];
 
+/// Number of the fault that the supervision has found, or 0.
+pub(crate) static FOUND: AtomicU8 = AtomicU8::new(0);
+
 /// The speed task and what it owns.
 pub(crate) struct Speed {
     control: SpeedTask,
     scale: Scale,
+    watches: Watches,
     taken: u32,
 }
 
 impl Speed {
-    pub(crate) fn new(scale: Scale) -> Self {
+    pub(crate) fn new(scale: Scale, watches: Watches) -> Self {
         Self {
             control: SpeedTask::new(),
             scale,
+            watches,
             taken: 0,
         }
     }
@@ -44,9 +54,14 @@ impl Speed {
             reset: DRIVE_COMMAND.asks_reset(),
         };
         let [screw, nut] = &EXCHANGE;
+        let found = match self.watches.take() {
+            _ if deadman::has_run_out(request.reset) => Some(Fault::LoopHung),
+            None => Fault::of_number(FOUND.load(Relaxed)),
+            tripped => tripped,
+        };
         let output = self
             .control
-            .step(&CONFIG, request, [screw.status(), nut.status()]);
+            .step(&CONFIG, request, [screw.status(), nut.status()], found);
         let [to_screw, to_nut] = output.current;
         screw.ask(to_screw);
         nut.ask(to_nut);
@@ -56,6 +71,9 @@ impl Speed {
         view.fault.store(fault, Relaxed);
         view.scale.store(self.scale.position(), Relaxed);
         count(&view.speed_steps);
+        if NVIC::is_pending(Interrupt::FMAC) {
+            count(&view.speed_missed);
+        }
         let spent = cycles::now().wrapping_sub(start);
         view.speed_cycles.store(spent, Relaxed);
         keep_max(&view.speed_cycles_max, spent);
@@ -85,19 +103,6 @@ pub(crate) const fn codes(state: State) -> (u32, u32) {
         State::Ready => (2, 0),
         State::Running => (3, 0),
         State::Stopping => (4, 0),
-        State::Fault(fault) => (5, fault_code(fault)),
-    }
-}
-
-/// The number of a fault in the debug view.
-const fn fault_code(fault: Fault) -> u32 {
-    match fault {
-        Fault::ScrewBreak => 1,
-        Fault::NutBreak => 2,
-        Fault::ScrewCurrentZero => 3,
-        Fault::NutCurrentZero => 4,
-        Fault::ScrewEncoder => 5,
-        Fault::NutEncoder => 6,
-        Fault::SpeedTaskLate => 7,
+        State::Fault(fault) => (5, fault as u32),
     }
 }

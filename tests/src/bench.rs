@@ -2,11 +2,13 @@
 //! a probe would.
 
 use crate::chip::CORE_HZ;
+use crate::chip::wiring::Wiring;
 use crate::emulator::Emulator;
 use crate::image::Image;
 use crate::joint::Joint;
 use crate::pins::Motor;
 use control::format::{MechanicalSpeed, TableVelocity};
+use control::guard::GuardPlate;
 use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
 use hal_sim::sensors::{Adc, Sensors};
@@ -16,15 +18,45 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::rc::Rc;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock};
 
+#[path = "../../firmware/src/board/custom_plate.rs"]
+#[allow(dead_code, reason = "the firmware uses the rest")]
+mod custom_plate;
 #[path = "../../firmware/src/board/plate.rs"]
 mod plate;
 
-/// Plate data of the drive that the firmware is built for, from the firmware's own source.
+/// Plate data of the drive that the firmware is built for by default, from the firmware's own source.
 #[must_use]
 pub fn plate() -> DrivePlate {
-    plate::PLATE
+    plate_of(Wiring::Nucleo)
+}
+
+/// Plate data of the drive on a board, from the firmware's own source.
+#[must_use]
+pub fn plate_of(board: Wiring) -> DrivePlate {
+    match board {
+        Wiring::Nucleo => plate::PLATE,
+        Wiring::Custom => custom_plate::PLATE,
+    }
+}
+
+/// What the ADCs read of a board's heat sinks at a temperature, degrees Celsius.
+#[must_use]
+pub fn counts_at(board: Wiring, celsius: f64) -> [u16; 2] {
+    let guards = guards_of(board);
+    guards
+        .temperatures
+        .map(|plate| plate.counts(celsius, guards.adc_counts) as u16)
+}
+
+/// Limits of a board, from the firmware's own source.
+#[must_use]
+pub fn guards_of(board: Wiring) -> GuardPlate {
+    match board {
+        Wiring::Nucleo => plate::GUARDS,
+        Wiring::Custom => custom_plate::GUARDS,
+    }
 }
 
 /// Builds the firmware as it is flashed, once, and says where its ELF is.
@@ -32,11 +64,37 @@ pub fn plate() -> DrivePlate {
 /// # Errors
 /// The build's own words.
 pub fn firmware() -> Result<PathBuf, String> {
-    static BUILT: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    BUILT.get_or_init(build).clone()
+    firmware_of(Wiring::Nucleo)
 }
 
-fn build() -> Result<PathBuf, String> {
+/// Builds the firmware for a board, once, and says where its ELF is.
+///
+/// # Errors
+/// The build's own words.
+pub fn firmware_of(board: Wiring) -> Result<PathBuf, String> {
+    static BUILT: [OnceLock<Result<PathBuf, String>>; 2] = [const { OnceLock::new() }; 2];
+    // One build at a time, for all boards' ELFs leave cargo by the same name.
+    static ONE: Mutex<()> = Mutex::new(());
+    BUILT[board as usize]
+        .get_or_init(|| {
+            let _one = ONE.lock().map_err(|_| "another build failed")?;
+            match board {
+                Wiring::Nucleo => build(&[]),
+                Wiring::Custom => {
+                    let elf = build(&["--no-default-features", "--features", "board-custom"])?;
+                    let kept = elf.with_file_name("firmware-custom");
+                    std::fs::copy(&elf, &kept)
+                        .map_err(|error| format!("cannot copy {}: {error}", elf.display()))?;
+                    // The name is the default board's again: what is flashed by it must be that.
+                    build(&[])?;
+                    Ok(kept)
+                }
+            }
+        })
+        .clone()
+}
+
+fn build(features: &[&str]) -> Result<PathBuf, String> {
     const TARGET: &str = "thumbv7em-none-eabihf";
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
@@ -50,6 +108,7 @@ fn build() -> Result<PathBuf, String> {
             "--target",
             TARGET,
         ])
+        .args(features)
         .current_dir(&root)
         .output()
         .map_err(|error| format!("cargo does not start: {error}"))?;
@@ -80,7 +139,7 @@ pub fn board_config(plate: &DrivePlate) -> BoardConfig {
         dead_time_s: board.dead_time_s,
         measure_zeros: board.measure_zeros,
         sensors: Sensors {
-            encoder_counts: plate.motors[0].encoder.counts_per_turn,
+            encoders: plate.motors.map(|motor| motor.encoder),
             current: adc(board.amps_per_count, board.zero_counts),
             bus: adc(board.bus_volts_per_count, 0.0),
             ..Sensors::real()
@@ -126,13 +185,23 @@ impl Bench {
     /// # Errors
     /// A sentence about what is missing.
     pub fn new(model: &Model, coupling: Coupling) -> Result<Self, String> {
-        let image = Rc::new(Image::read(&firmware()?)?);
+        Self::on(Wiring::Nucleo, model, coupling)
+    }
+
+    /// The firmware of a board just flashed, on `model`.
+    ///
+    /// # Errors
+    /// A sentence about what is missing.
+    pub fn on(board: Wiring, model: &Model, coupling: Coupling) -> Result<Self, String> {
+        let image = Rc::new(Image::read(&firmware_of(board)?)?);
+        let config = board_config(&plate_of(board));
         let joint = Rc::new(RefCell::new(Joint::new(
             model,
             coupling,
-            board_config(&plate()),
+            config,
+            counts_at(board, 40.0),
         )));
-        let emulator = Emulator::new(&image, Rc::clone(&joint) as _)?;
+        let emulator = Emulator::new(&image, board, Rc::clone(&joint) as _)?;
         let (view, command) = (image.symbol("DRIVE_VIEW")?, image.symbol("DRIVE_COMMAND")?);
         Ok(Self {
             emulator,
@@ -223,6 +292,27 @@ impl Bench {
             fault: word(3)?,
             reset_reason: word(4)?,
         })
+    }
+
+    /// A word of the debug view.
+    ///
+    /// # Errors
+    /// Never, while the view is in RAM.
+    pub fn word_of_view(&self, index: u32) -> Result<u32, String> {
+        self.emulator.word(self.view + 4 * index)
+    }
+
+    /// Readings of the motor encoders that the drive took for wrong: screw, nut.
+    ///
+    /// # Errors
+    /// Never, while the view is in RAM.
+    pub fn encoder_wrong(&self) -> Result<[u32; 2], String> {
+        const AFTER_THE_MOTORS: u32 = 30;
+        let word = |index: u32| {
+            self.emulator
+                .word(self.view + 4 * (AFTER_THE_MOTORS + index))
+        };
+        Ok([word(0)?, word(1)?])
     }
 
     /// Lets time pass until the drive is in `state`, for at most `seconds`.

@@ -6,7 +6,7 @@ use std::fmt;
 /// `DDFV`, little-endian: the view's first word.
 const MAGIC: u32 = u32::from_le_bytes(*b"DDFV");
 /// The layout that this reads.
-const LAYOUT: u32 = 1;
+const LAYOUT: u32 = 2;
 /// Words before the first motor, and words of a motor.
 const HEAD: usize = 14;
 const MOTOR: usize = 8;
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn another_firmware_is_not_read() {
         let mut other = running();
-        other.0[1] = 2;
+        other.0[1] = 3;
         let error = View::read(&mut other, 0x2000_0100).unwrap_err().to_string();
         assert!(error.contains("flash it first"), "{error}");
     }
