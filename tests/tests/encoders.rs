@@ -44,6 +44,28 @@ fn screw_speed(bench: &Bench) -> f64 {
 }
 
 #[test]
+fn a_frame_is_in_memory_before_the_interrupt_begins() -> Result<(), String> {
+    let mut bench = running()?;
+    for _ in 0..20 {
+        bench.settle_untold()?;
+        bench.pass(PERIOD_S / 2.0)?;
+        let chip = bench.emulator.chip();
+        let next = chip.pwm[0].next_top().ok_or("the timers run")?;
+        let top = next - chip.pwm[0].period();
+        // Half a microsecond for the DMA; after the top it is 0.9 us more.
+        assert!(chip.spi.last + 85 < top, "{} before {top}", chip.spi.last);
+        assert!(chip.spi.last + 935 > top, "the frame of this top");
+    }
+    // It costs a load and its check: the nut's loop, whose encoder is a timer, does the rest as well.
+    const CYCLES: [u32; 2] = [14 + 6, 14 + 8 + 6];
+    let [screw, nut] = CYCLES.map(|word| bench.word_of_view(word));
+    let (screw, nut) = (screw?, nut?);
+    println!("screw {screw} cycles, nut {nut}");
+    assert!(screw < nut + 60, "{screw} against {nut} cycles");
+    Ok(())
+}
+
+#[test]
 fn wrong_frames_are_counted_and_ridden_through() -> Result<(), String> {
     let mut bench = running()?;
     let mut expected = 0;

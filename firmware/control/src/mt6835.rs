@@ -1,4 +1,4 @@
-//! MagnTek MT6835: what its burst read of the angle says (datasheet rev 1.0, 7.4).
+//! MagnTek MT6835: what its burst read of the angle says (MT6835 datasheet, SPI interface).
 //!
 //! After the 16 bits of the command (`0xA`, address `0x003`) the sensor sends registers 0x003 to 0x006, which are taken
 //! as one word: 21 bits of angle, 3 of status, 8 of check. The check is the remainder of the first 24 bits by

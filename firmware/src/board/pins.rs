@@ -75,7 +75,7 @@ pub(crate) fn converted<A, P: Channel<Ad<A>, ID = u8>>(_pin: &P) -> u8 {
 
 /// A pin that carries the index of the encoder on timer `T`.
 pub(crate) trait IndexPin<T> {}
-// TIM5_ETR (datasheet table 13).
+// TIM5_ETR (datasheet, alternate functions).
 impl IndexPin<TIM5> for gpiob::PB12<AF2> {}
 
 /// Takes the index of an encoder on timer `T`.

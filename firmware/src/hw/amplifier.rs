@@ -38,7 +38,7 @@ pub(crate) fn start(opamps: &OPAMP, amplifiers: [Option<Amplifier>; 4], gain: Ga
     const ENABLE: u32 = 1;
     // The gain's resistors are the inverting input.
     const PROGRAMMABLE: u32 = 2 << 5;
-    // 45 V/us instead of 6.5 (datasheet table 100): it has to follow the bridge's edges before the sample.
+    // 45 V/us instead of 6.5 (typical, datasheet): it has to follow the bridge's edges before the sample.
     const HIGH_SPEED: u32 = 1 << 7;
     const TO_ADC: u32 = 1 << 8;
     const LOCK: u32 = 1 << 31;
@@ -49,7 +49,7 @@ pub(crate) fn start(opamps: &OPAMP, amplifiers: [Option<Amplifier>; 4], gain: Ga
             | HIGH_SPEED
             | TO_ADC
             | (gain as u32) << 14;
-        // OPAMP1_CSR to OPAMP6_CSR follow each other (RM0440 25.5).
+        // OPAMP1_CSR to OPAMP6_CSR follow each other (RM0440, OPAMP registers).
         let register = opamps
             .opamp1_csr()
             .as_ptr()

@@ -1,4 +1,4 @@
-//! TIM7: counts up, and interrupts when it runs out (RM0440 32).
+//! TIM7: counts up, and interrupts when it runs out (RM0440, basic timers).
 
 use super::registers::Registers;
 

@@ -1,4 +1,4 @@
-//! OPAMP1 to OPAMP6 as programmable-gain amplifiers into the ADCs (RM0440 25).
+//! OPAMP1 to OPAMP6 as programmable-gain amplifiers into the ADCs (RM0440, OPAMP).
 
 use super::wiring::Wiring;
 

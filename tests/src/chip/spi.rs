@@ -1,4 +1,4 @@
-//! SPI1 as a master of 16-bit words (RM0440 39), and the MT6835 at its pins.
+//! SPI1 as a master of 16-bit words (RM0440, SPI), and the MT6835 at its pins.
 
 use super::registers::Registers;
 use std::collections::VecDeque;
@@ -53,6 +53,8 @@ pub struct Spi {
     done: Option<u64>,
     received: VecDeque<u16>,
     sensor: Sensor,
+    /// When the last word was exchanged.
+    pub last: u64,
 }
 
 impl Spi {
@@ -65,6 +67,7 @@ impl Spi {
             done: None,
             received: VecDeque::new(),
             sensor: Sensor::default(),
+            last: 0,
         }
     }
 
@@ -120,6 +123,7 @@ impl Spi {
         let Some(word) = self.sending.pop_front() else {
             return Ok(false);
         };
+        self.last = now;
         self.done = match self.sending.is_empty() {
             true => None,
             false => Some(now + self.word_time()?),

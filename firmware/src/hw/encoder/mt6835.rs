@@ -1,9 +1,9 @@
 //! An MT6835 on SPI1, read by hardware alone: at the top of the motor's PWM its frame is in memory.
 //!
 //! A timer is put to zero at each top of the motor's PWM. Its channel 1 is the sensor's chip select: it falls [`LEAD`]
-//! before the next top, when the sensor latches its angle, and rises there. Channels 2 to 4 each ask the DMA for one of
-//! the three words of the burst read shortly after, which the SPI's buffer takes at once; what comes back another DMA
-//! channel writes to memory. The interrupt begins 0.9 us after the top, when the currents are converted, and finds the
+//! before the next top, when the sensor is taken to latch its angle, and rises there. Channels 2 to 4 each ask the DMA for
+//! one of the three words of the burst read shortly after, which the SPI's buffer takes at once; what comes back another
+//! DMA channel writes to memory. The interrupt begins 0.9 us after the top, when the currents are converted, and finds the
 //! frame there: it costs a load.
 //!
 //! | what | when, before the top |
@@ -22,7 +22,7 @@ use stm32g4xx_hal::stm32::{DMA1, DMAMUX, SPI1, TIM2, dma1};
 const LEAD: u32 = 935;
 /// The same, s: the age of the angle when the currents are sampled.
 pub(crate) const LEAD_S: f64 = LEAD as f64 / 170e6;
-/// From the chip select's fall to the first word, timer counts: the sensor wants 100 ns.
+/// From the chip select's fall to the first word, timer counts: 235 ns for the sensor to get ready.
 const SELECT: u32 = 40;
 /// Between two words' requests, timer counts: each waits for the DMA's arbitration at most.
 const NEXT: u32 = 20;
@@ -57,7 +57,7 @@ impl Mt6835 {
         top: TopOf,
         period: u32,
     ) -> Self {
-        // The sensor answers 10 ms after its supply came up (datasheet 7.1); the chip may be faster.
+        // The sensor starts with the chip and may take longer: its first frames would count as wrong.
         cortex_m::asm::delay(crate::hw::clock::CORE_HZ / 100);
 
         // 16 bits (DS 15), received by DMA. Mode 3, master, own select (SSM, SSI), 170 MHz / 16 (BR 3).
