@@ -14,6 +14,7 @@ impl Copied {
         let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
         let copy = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wrong-pins");
         let _ = fs::remove_dir_all(&copy);
+        fs::create_dir_all(&copy).unwrap();
         for part in [
             "Cargo.toml",
             "Cargo.lock",
