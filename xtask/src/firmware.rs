@@ -9,6 +9,8 @@ use std::process::Command;
 
 /// The target that the firmware is built for.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
+/// The profile that the emulator and its tests are built with.
+const EMULATOR: &str = "emulator";
 
 /// What `cost` can be asked.
 #[derive(Args)]
@@ -48,7 +50,8 @@ pub fn cost(options: &CostOptions) -> Result<()> {
     let mut arguments = vec![
         "run",
         "--quiet",
-        "--release",
+        "--profile",
+        EMULATOR,
         "--package",
         "tests",
         "--bin",
@@ -81,7 +84,8 @@ pub fn test() -> Result<()> {
     cargo(
         &[
             "clippy",
-            "--release",
+            "--profile",
+            EMULATOR,
             "--package",
             "tests",
             "--all-targets",
@@ -91,7 +95,10 @@ pub fn test() -> Result<()> {
         ],
         &environment,
     )?;
-    cargo(&["test", "--release", "--package", "tests"], &environment)
+    cargo(
+        &["test", "--profile", EMULATOR, "--package", "tests"],
+        &environment,
+    )
 }
 
 fn cargo(arguments: &[&str], environment: &[(&str, OsString)]) -> Result<()> {
