@@ -1,15 +1,16 @@
 //! What a current-loop interrupt does: read, step, write.
 
 use crate::CONFIG;
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
+use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::motor_io::MotorIo;
-use crate::speed::{EXCHANGE, codes};
+use crate::speed::EXCHANGE;
 use control::current_loop::CurrentLoop;
 use control::exchange::Asked;
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::Ordering::Relaxed;
+use link::codes::Run;
 use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
 
 /// One motor's loop, and its registers. `MOTOR` is its place in the configuration and among the shared words.
@@ -37,15 +38,13 @@ where
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
         let config = const { &CONFIG.current_loops[MOTOR] };
-        let sample = self.io.sample(DRIVE_COMMAND.asks_reset());
+        let sample = self.io.sample(DRIVE_COMMAND.asks(Run::Reset));
         let measured = self.control.measure(config, &sample);
         // Passed on before the second half, which needs the registers that they are in.
         let (view, exchange) = (&DRIVE_VIEW.motors[MOTOR], &EXCHANGE[MOTOR]);
-        view.current[0].store(measured.current.d.to_bits(), Relaxed);
-        view.current[1].store(measured.current.q.to_bits(), Relaxed);
-        view.omega_e
-            .store(measured.motion.omega_e.to_bits(), Relaxed);
-        view.theta.store(measured.motion.theta.0, Relaxed);
+        view.phases[0].store(measured.phases[0].to_bits(), Relaxed);
+        view.phases[1].store(measured.phases[1].to_bits(), Relaxed);
+        view.encoder.store(sample.encoder, Relaxed);
 
         let Asked { reference, stale } = exchange.asked();
         if stale {
@@ -59,7 +58,11 @@ where
             count(&view.missed);
         }
         exchange.publish(&estimate, stale);
-        count(&view.steps);
+        let steps = view.steps.load(Relaxed);
+        let [d, q] = &view.voltages[(steps & 3) as usize];
+        d.store(estimate.voltage.d.to_bits(), Relaxed);
+        q.store(estimate.voltage.q.to_bits(), Relaxed);
+        view.steps.store(steps.wrapping_add(1), Relaxed);
         let spent = cycles::now().wrapping_sub(start);
         view.cycles.store(spent, Relaxed);
         keep_max(&view.cycles_max, spent);

@@ -59,11 +59,12 @@ pub const LOOPS: [LoopBound; 1] = [LoopBound {
 
 /// Exceptions that can interrupt one another, one of each line: current loops, speed task, time queue, tasks, and a
 /// fault on top.
-const NESTING: [&[&str]; 5] = [
+const NESTING: [&[&str]; 6] = [
     &["ADC1_2", "ADC4"],
     &["FMAC"],
     &["SysTick"],
     &["CRS"],
+    &["RNG"],
     &["HardFault"],
 ];
 

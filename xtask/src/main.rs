@@ -4,13 +4,14 @@
 mod bench;
 mod firmware;
 mod identify;
-mod output;
 #[cfg(feature = "probe")]
 mod probe;
 mod session;
 mod simulate;
 mod test;
 mod tools;
+
+use xtask::output;
 
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
