@@ -35,7 +35,7 @@ mod app {
     use crate::motor_loop::MotorLoop;
     use crate::speed::Speed;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
-    use crate::{CONFIG, crash, log, schedule, telemetry};
+    use crate::{CONFIG, crash, log, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -204,7 +204,6 @@ mod app {
         loop {
             next += 1.millis();
             Mono::delay_until(next).await;
-            telemetry::refresh_view();
             cx.local.sender.step();
         }
     }

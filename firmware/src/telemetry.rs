@@ -1,24 +1,20 @@
 //! Telemetry: the speed task leaves rows in a queue, the lowest task sends them through RTT channel 1.
 //!
-//! The current loops do nothing for it but leave their words in the debug view, as they do for every reader. The speed
-//! task runs right after the screw's loop and between two steps of the nut's, so it finds both motors' words whole; a
+//! The current loops do nothing for it but leave their words where every task below finds them. The speed task runs right after the screw's loop and between two steps of the nut's, so it finds both motors' words whole; a
 //! nut's step that comes between is noticed by its count. While the channel is full, rows stay in the queue; once that is
 //! full too they are dropped and counted, and the host sees by their period that they are missing.
 
+use crate::board;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
+use crate::motor_loop::{MOTORS, MotorShared};
 use crate::rows::{ROWS, Rows, WORDS};
-use crate::speed::EXCHANGE;
-use crate::{CONFIG, board};
-use control::format::{Current, Speed};
 use control::plate::MotorPlate as Plate;
 use control::speed_task::SpeedTaskOutput;
-use control::transform::{Rotation, clarke_two};
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
 use link::telemetry::{
     FRAME_MAX, Frame, Header, MotorPlate, MotorSample, Real, Request, Sample, rounded,
 };
-use link::view::MotorView;
 use rtt_target::{ChannelMode, UpChannel};
 
 /// Bytes of the channel: a host that looks away for 0.1 s loses nothing at 5 kHz.
@@ -53,7 +49,7 @@ impl Sampler {
         if asked == 0 {
             return;
         }
-        let [screw, nut] = &DRIVE_VIEW.motors;
+        let [screw, nut] = &MOTORS;
         if asked != self.serving {
             self.serving = asked;
             self.left = 0;
@@ -94,7 +90,7 @@ impl Sampler {
 
 /// A motor's encoder, currents and voltages, of one step of its current loop.
 #[inline(always)]
-fn words(motor: &MotorView) -> [u32; 5] {
+fn words(motor: &MotorShared) -> [u32; 5] {
     let take = || {
         let steps = motor.steps.load(Relaxed);
         // The last step's voltage is at `steps - 1`. It acts from the next period on; what acted in the period that
@@ -215,31 +211,5 @@ const fn header(request: u32) -> Header {
                 motors: [motor(&PLATE.motors[0]), motor(&PLATE.motors[1])],
             }
         }
-    }
-}
-
-/// Once a millisecond, for a person's eye: currents in d and q and the shafts' speeds, from the loops' words.
-pub(crate) fn refresh_view() {
-    for ((motor, exchange), config) in DRIVE_VIEW
-        .motors
-        .iter()
-        .zip(&EXCHANGE)
-        .zip(&CONFIG.current_loops)
-    {
-        let observer = &config.observer;
-        let theta = observer.encoder.angle(motor.encoder.load(Relaxed));
-        let theta_e = theta
-            .times(observer.pole_pairs)
-            .plus(observer.theta_e_offset);
-        let [a, b] = [0, 1].map(|k: usize| Current::from_bits(motor.phases[k].load(Relaxed)));
-        let current = Rotation::new(theta_e).park(clarke_two(a, b));
-        motor.current[0].store(current.d.to_bits(), Relaxed);
-        motor.current[1].store(current.q.to_bits(), Relaxed);
-        let omega_e: Speed = exchange.status().omega_e;
-        let pole_pairs = observer.pole_pairs.cast_signed();
-        motor.speed.store(
-            omega_e.to_bits().checked_div(pole_pairs).unwrap_or(0),
-            Relaxed,
-        );
     }
 }

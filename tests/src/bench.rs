@@ -11,6 +11,7 @@ use hal_sim::board::BoardConfig;
 use hal_sim::sensors::{Adc, Sensors};
 use link::codes::{Run, State};
 use link::host::{Drive, View};
+use link::telemetry::Request;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
@@ -271,6 +272,14 @@ impl Bench {
     pub fn run(&mut self, run: u32) -> Result<(), String> {
         let run = Run::of_word(run).ok_or_else(|| format!("there is no request {run}"))?;
         self.drive.run(&mut self.emulator, run).map_err(said)
+    }
+
+    /// Asks for telemetry at every `divider`th step of the speed task; 0: none.
+    ///
+    /// # Errors
+    /// Never, while the command is in RAM.
+    pub fn record(&mut self, divider: u8) -> Result<Request, String> {
+        self.drive.record(&mut self.emulator, divider).map_err(said)
     }
 }
 

@@ -11,6 +11,8 @@ use plant::recording::Recording;
 use std::f64::consts::TAU;
 use std::path::Path;
 use tests::bench::{Bench, READY, board_config, plate};
+use tests::cost::INTERRUPTS;
+use tests::emulator::Profile;
 use xtask::output::Folder;
 use xtask::record::{Recorder, Summary, save};
 
@@ -50,7 +52,7 @@ impl Recorded {
         let channel = Channel::find(emulator, drive.rtt, TELEMETRY_CHANNEL)
             .map_err(said)?
             .ok_or("the firmware has not set its channels up")?;
-        let request = drive.record(emulator, divider).map_err(said)?;
+        let request = self.bench.record(divider)?;
         let folder = Folder::open(folder).map_err(said)?;
         let bench = &mut self.bench;
         let mut look = |recorder: &mut Recorder, seconds: f64| {
@@ -60,7 +62,8 @@ impl Recorded {
             recorder.take(&bytes)
         };
         let rate = 5000.0 / f64::from(divider);
-        let (summary, outcome) = save(&folder, "record", request, rate, |recorder| {
+        let (summary, outcome) = save(&folder, "record", rate, |recorder| {
+            recorder.start(request);
             looks
                 .into_iter()
                 .try_for_each(|seconds| look(recorder, seconds))
@@ -270,5 +273,31 @@ fn a_slower_rate_is_a_stream_of_its_own() -> Result<(), String> {
     let before = recorded.bench.look()?.words().telemetry_dropped;
     recorded.bench.pass(0.5)?;
     assert_eq!(recorded.bench.look()?.words().telemetry_dropped, before);
+    Ok(())
+}
+
+#[test]
+fn recording_costs_the_speed_task_alone_and_little() -> Result<(), String> {
+    let mut bench = Recorded::start()?.bench;
+    let mut typical = |divider: u8| -> Result<[u64; 3], String> {
+        bench.record(divider)?;
+        bench.pass(5e-3)?;
+        *bench.emulator.profile() = Profile::default();
+        bench.emulator.profile().keep = true;
+        bench.pass(0.1)?;
+        Ok(INTERRUPTS.map(|interrupt| {
+            let runs = bench.emulator.profile().of_line(interrupt.line);
+            let mut cycles: Vec<u64> = runs.iter().map(|run| run.cycles).collect();
+            cycles.sort_unstable();
+            cycles[cycles.len() / 2]
+        }))
+    };
+    let ([screw, nut, speed], [screw_sent, nut_sent, speed_sent]) = (typical(0)?, typical(1)?);
+    println!("speed task: {speed} cycles, recording {speed_sent}");
+    assert_eq!((screw, nut), (screw_sent, nut_sent));
+    assert!(
+        (1..150).contains(&(speed_sent - speed)),
+        "{speed} {speed_sent}"
+    );
     Ok(())
 }

@@ -1,12 +1,13 @@
 //! A drive's telemetry as a folder of the format of the shared recordings: `NAME.csv.gz` and `model.toml`.
 
 use crate::output::Folder;
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use link::host::{Count, Decoder, MotorRow, Row};
 use link::telemetry::{Header, Request};
 use plant::model::Model;
 use plant::recording::{AxisSample, RecordingWriter, Sample};
 use std::f64::consts::TAU;
+use std::fmt;
 
 /// What a recording became.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,7 +27,7 @@ pub struct Summary {
 /// Takes a stream's bytes and writes its rows.
 pub struct Recorder {
     writer: RecordingWriter,
-    decoder: Decoder,
+    decoder: Option<Decoder>,
     rate_hz: f64,
     bytes: u64,
     first_s: Option<f64>,
@@ -39,7 +40,9 @@ impl Recorder {
     /// How the stream went so far.
     #[must_use]
     pub fn count(&self) -> Count {
-        self.decoder.count()
+        self.decoder
+            .as_ref()
+            .map_or_else(Count::default, Decoder::count)
     }
 
     /// Seconds from the first row to the last.
@@ -48,11 +51,10 @@ impl Recorder {
         self.first_s.map_or(0.0, |first| self.last_s - first)
     }
 
-    /// Starts with the stream of `request`, whose rows are to come at `rate_hz`.
-    fn new(writer: RecordingWriter, request: Request, rate_hz: f64) -> Self {
+    fn new(writer: RecordingWriter, rate_hz: f64) -> Self {
         Self {
             writer,
-            decoder: Decoder::new(request),
+            decoder: None,
             rate_hz,
             bytes: 0,
             first_s: None,
@@ -60,6 +62,11 @@ impl Recorder {
             whole_from_s: 0.0,
             whole_s: 0.0,
         }
+    }
+
+    /// The stream of `request` is to come.
+    pub fn start(&mut self, request: Request) {
+        self.decoder = Some(Decoder::new(request));
     }
 
     /// Takes what came, in pieces of any length.
@@ -76,6 +83,9 @@ impl Recorder {
             whole_s,
             ..
         } = self;
+        let Some(decoder) = decoder else {
+            return Ok(());
+        };
         self.bytes += bytes.len() as u64;
         let known = decoder.header().is_some();
         decoder.take(bytes, |_, row| {
@@ -100,47 +110,71 @@ impl Recorder {
     }
 }
 
-/// Records into `folder`: `stream` starts the drive's telemetry, calls what it is given with the request that it made and
-/// the rate that it asked for, and feeds what comes. Whatever ends it, what came before is kept; its own error is given
-/// back beside it.
+/// Records into `folder`, at `rate_hz`: `stream` starts the drive's telemetry, tells the recorder its request, and feeds
+/// what comes. Whatever ends it, what came before is kept; its own error is given back beside it.
 ///
 /// # Errors
 /// Nothing could be recorded: `stream`'s error if it has one, or a file that cannot be written.
 pub fn save(
     folder: &Folder,
     name: &str,
-    request: Request,
     rate_hz: f64,
     stream: impl FnOnce(&mut Recorder) -> Result<()>,
 ) -> Result<(Summary, Result<()>)> {
     let mut ended = None;
     folder.put(&format!("{name}.csv.gz"), |path| {
-        let mut recorder = Recorder::new(RecordingWriter::create(path)?, request, rate_hz);
+        let mut recorder = Recorder::new(RecordingWriter::create(path)?, rate_hz);
         let outcome = stream(&mut recorder);
+        let (count, seconds) = (recorder.count(), recorder.seconds());
+        recorder.writer.finish()?;
+        let decoder = recorder.decoder.filter(|_| count.rows > 0);
+        let known = decoder.and_then(|d| Some((*d.header()?, d.interval_s()?)));
+        let Some((header, interval_s)) = known else {
+            outcome?;
+            bail!("the drive sent no telemetry: does the firmware run? `cargo xtask attach` shows what it does");
+        };
         let summary = Summary {
-            count: recorder.count(),
-            seconds: recorder.seconds(),
-            interval_s: recorder.decoder.interval_s().unwrap_or_default(),
+            count,
+            seconds,
+            interval_s,
             whole_s: recorder.whole_s,
             bytes: recorder.bytes,
         };
-        let header = recorder.decoder.header().copied();
-        recorder.writer.finish()?;
-        if summary.count.rows == 0 {
-            outcome?;
-            anyhow::bail!(
-                "the drive sent no telemetry: does the firmware run? `cargo xtask attach` shows what it does"
-            );
-        }
         ended = Some((summary, outcome, header));
         Ok(())
     })?;
     let (summary, outcome, header) = ended.context("the recording did not end")?;
-    if let Some(header) = header {
-        let text = format!("{ABOUT}{}", model(&header, summary.interval_s).to_toml());
-        folder.put_text("model.toml", &text)?;
-    }
+    let text = format!("{ABOUT}{}", model(&header, summary.interval_s).to_toml());
+    folder.put_text("model.toml", &text)?;
     Ok((summary, outcome))
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Count {
+            rows,
+            lost,
+            gaps,
+            damaged,
+        } = self.count;
+        let each = self.bytes as f64 / rows as f64;
+        write!(
+            f,
+            "{rows} samples over {:.2} s, {:.0} a second of {each:.1} bytes ({:.0} kB/s)",
+            self.seconds,
+            1.0 / self.interval_s,
+            each / self.interval_s / 1e3
+        )?;
+        if lost == 0 && damaged == 0 {
+            return write!(f, "; none lost");
+        }
+        write!(
+            f,
+            "; {lost} lost in {gaps} gaps, {damaged} damaged. The longest stretch without a gap is {:.2} s; `identify` \
+             refuses gaps: record again at a lower --rate, or with less else on the computer",
+            self.whole_s
+        )
+    }
 }
 
 /// What stands above the model that a recording comes with.

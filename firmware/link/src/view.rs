@@ -80,27 +80,22 @@ macro_rules! words {
 }
 
 words! {
-    /// One motor. The first words are its current loop's own; it writes them each period.
+    /// One motor, as its current loop saw it in the last millisecond.
     MotorView, MotorWords {
-        /// Steps of the current loop, one a PWM period.
-        steps: u32,
-        /// Current of phases a and b, 2^-20 A, with the measured zeros taken off.
-        phases: [i32; 2],
+        /// Currents d and q, 2^-20 A.
+        current: [i32; 2],
+        /// Speed of the shaft, 2^-16 rad/s.
+        speed: i32,
         /// The encoder's count within the turn.
         encoder: u32,
-        /// Commanded voltages d and q, 2^-21 V, of the last four steps: a step's are at its number modulo 4, the first
-        /// step's number being 0.
-        voltages: [[i32; 2]; 4],
+        /// Steps of the current loop, one a PWM period.
+        steps: u32,
         /// Steps that ended after their period had begun.
         missed: u32,
         /// Cycles of the last step.
         cycles: u32,
         /// Cycles of the longest step.
         cycles_max: u32,
-        /// Currents d and q, 2^-20 A, once a millisecond.
-        current: [i32; 2],
-        /// Speed of the shaft, 2^-16 rad/s, once a millisecond.
-        speed: i32,
     }
 }
 
