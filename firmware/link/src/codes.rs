@@ -100,3 +100,19 @@ codes! {
         Reset = 2, "reset", "Come to rest, and leave a fault whose cause is gone.";
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_code_has_its_own_word_and_name() {
+        for (k, code) in Fault::ALL.iter().enumerate() {
+            assert_eq!(Fault::of_word(code.word()), Some(*code));
+            let others = &Fault::ALL[k + 1..];
+            assert!(others.iter().all(|other| other.name() != code.name()));
+            assert!(code.sentence().ends_with('.'));
+        }
+        assert_eq!(Fault::of_word(u32::MAX), None);
+    }
+}

@@ -179,3 +179,41 @@ impl DriveCommand {
         self.run.load(Relaxed) == run.word()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::mem::{offset_of, size_of};
+
+    /// The plain structure is read in the order in which the live one lies in memory, all of it.
+    #[test]
+    fn words_are_taken_from_where_they_are() {
+        let mut next = 0;
+        let view = DriveWords::take(&mut || {
+            next += 1;
+            next - 1
+        });
+        assert_eq!(next as usize, size_of::<DriveView>() / 4);
+        let motor = offset_of!(DriveView, motors) + size_of::<MotorView>();
+        for (taken, offset) in [
+            (view.magic, offset_of!(DriveView, magic)),
+            (view.fault, offset_of!(DriveView, fault)),
+            (view.scale.cast_unsigned(), offset_of!(DriveView, scale)),
+            (
+                view.temperatures[1],
+                offset_of!(DriveView, temperatures) + 4,
+            ),
+            (
+                view.telemetry_dropped,
+                offset_of!(DriveView, telemetry_dropped),
+            ),
+            (view.motors[1].current[1].cast_unsigned(), motor + 4),
+            (
+                view.motors[1].cycles_max,
+                motor + offset_of!(MotorView, cycles_max),
+            ),
+        ] {
+            assert_eq!(taken as usize, offset / 4);
+        }
+    }
+}

@@ -78,3 +78,63 @@ impl Channel {
         Ok(bytes.len() - before)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    struct Ram(Vec<u8>);
+
+    impl Memory for Ram {
+        fn read(&mut self, address: u32, bytes: &mut [u8]) -> Result<()> {
+            let at = address as usize;
+            bytes.copy_from_slice(&self.0[at..at + bytes.len()]);
+            Ok(())
+        }
+
+        fn write(&mut self, address: u32, word: u32) -> Result<()> {
+            let at = address as usize;
+            self.0[at..at + 4].copy_from_slice(&word.to_le_bytes());
+            Ok(())
+        }
+    }
+
+    /// Two channels; the second has eight bytes, of which `read` to `write` are there.
+    fn ram(write: u32, read: u32) -> Ram {
+        let mut ram = Ram(vec![0; 0x100]);
+        ram.0[..16].copy_from_slice(ID);
+        for (k, word) in [2, 0].into_iter().enumerate() {
+            ram.write(16 + 4 * k as u32, word).unwrap();
+        }
+        for (k, word) in [0, 0x80, 8, write, read, 0].into_iter().enumerate() {
+            ram.write(48 + 4 * k as u32, word).unwrap();
+        }
+        ram.0[0x80..0x88].copy_from_slice(b"abcdefgh");
+        ram
+    }
+
+    #[test]
+    fn a_channel_is_emptied_over_its_end() {
+        for (write, read, expected) in [(5, 2, "cde"), (2, 6, "ghab"), (3, 3, ""), (0, 6, "gh")] {
+            let mut ram = ram(write, read);
+            let channel = Channel::find(&mut ram, 0, 1).unwrap().unwrap();
+            let mut bytes = b"+".to_vec();
+            let length = channel.drain(&mut ram, &mut bytes).unwrap();
+            assert_eq!(bytes, format!("+{expected}").as_bytes());
+            assert_eq!(length, expected.len());
+            assert_eq!(channel.drain(&mut ram, &mut bytes).unwrap(), 0);
+        }
+    }
+
+    #[test]
+    fn what_is_no_channel_is_said() {
+        let mut unready = ram(0, 0);
+        unready.0[0] = 0;
+        assert_eq!(Channel::find(&mut unready, 0, 1).unwrap(), None);
+        let error = Channel::find(&mut ram(0, 0), 0, 2).unwrap_err().to_string();
+        assert!(error.contains("no channel 2"), "{error}");
+        let mut wild = ram(9, 0);
+        let channel = Channel::find(&mut wild, 0, 1).unwrap().unwrap();
+        assert!(channel.drain(&mut wild, &mut Vec::new()).is_err());
+    }
+}

@@ -115,9 +115,9 @@ impl Decoder {
                         each(&header, &row)?;
                     }
                 }
-                (Err(_), Some(_)) => self.count.damaged += 1,
-                // Of another stream.
-                _ => {}
+                // Of another stream, before this one's header.
+                (_, None) => {}
+                (_, Some(_)) => self.count.damaged += 1,
             }
         }
         Ok(())
@@ -184,5 +184,133 @@ impl Decoder {
             table_m: f64::from(sample.scale) * header.scale_count_m.get(),
             lost,
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::telemetry::{MotorPlate, Real};
+
+    const REQUEST: Request = Request {
+        divider: 1,
+        stream: 7,
+    };
+    const COUNTS: u32 = 1 << 20;
+
+    fn header(request: Request) -> Frame {
+        let motor = MotorPlate {
+            resistance_ohm: Real::new(1.7),
+            inductance_h: Real::new(5.9e-3),
+            pole_pairs: 5,
+            flux_wb: Real::new(0.11),
+            inertia_kg_m2: Real::new(7.2e-4),
+            encoder_counts: COUNTS,
+        };
+        Frame::Header(Header {
+            layout: crate::LAYOUT,
+            request: request.word(),
+            speed_divider: 4,
+            period_s: Real::new(50e-6),
+            current_lsb_a: Real::new(0.0025),
+            scale_count_m: Real::new(1e-8),
+            lead_m: Real::new(5e-3),
+            motors: [motor; 2],
+        })
+    }
+
+    /// The row at time `k` of a drive whose nut turns back at 50 turns a second, and whose screw stands.
+    fn row(k: u32) -> Frame {
+        let turns = -50.0 * f64::from(k) * 200e-6;
+        let mut sample = Sample {
+            period: 4 * k,
+            scale: -3,
+            ..Sample::default()
+        };
+        sample.motors[1] = MotorSample {
+            encoder: ((turns.rem_euclid(1.0)) * f64::from(COUNTS)) as u32 % COUNTS,
+            phases: [4096, -2048],
+            voltage: [8192, -4096],
+            i_q_ref: 1024,
+            speed_ref: scale::word(-50.0 * TAU * 5.0, scale::SPEED).unwrap(),
+        };
+        Frame::Sample(sample)
+    }
+
+    fn bytes(frames: impl IntoIterator<Item = Frame>) -> Vec<u8> {
+        let mut buffer = [0; FRAME_MAX];
+        let mut encode = |frame: Frame| frame.encode(&mut buffer).unwrap().to_vec();
+        frames.into_iter().flat_map(&mut encode).collect()
+    }
+
+    fn decode(bytes: &[u8], piece: usize) -> (Vec<Row>, Count) {
+        let mut decoder = Decoder::new(REQUEST);
+        let mut rows = Vec::new();
+        for piece in bytes.chunks(piece) {
+            let take = |_: &Header, row: &Row| {
+                rows.push(*row);
+                Ok::<(), ()>(())
+            };
+            decoder.take(piece, take).unwrap();
+        }
+        (rows, decoder.count())
+    }
+
+    #[test]
+    fn rows_come_in_their_units_whatever_the_pieces() {
+        let stream = bytes([header(REQUEST), row(0), row(1), row(2)]);
+        for piece in [1, 7, 1000] {
+            let (rows, count) = decode(&stream, piece);
+            assert_eq!((count.rows, count.lost, count.damaged), (3, 0, 0));
+            let nut = rows[1].motors[1];
+            assert_eq!(nut.phases_a, [1.0, -0.5]);
+            assert_eq!(nut.voltage_v, [1.0, -0.5]);
+            assert_eq!(nut.i_q_ref_a, 0.25);
+            assert!((nut.speed_ref_rad_s + 50.0 * TAU).abs() < 1e-4);
+            assert!((rows[1].time_s - 200e-6).abs() < 1e-15);
+            assert!((rows[1].table_m + 3e-8).abs() < 1e-20);
+        }
+    }
+
+    #[test]
+    fn what_is_missing_is_counted_and_turns_are_kept_over_it() {
+        // 480 rows are missing: almost five turns of the nut.
+        let frames = [0, 1, 2, 483, 484, 486].map(row);
+        let (rows, count) = decode(&bytes([header(REQUEST)].into_iter().chain(frames)), 100);
+        assert_eq!((count.rows, count.lost, count.gaps), (6, 481, 2));
+        assert_eq!(
+            rows.iter().map(|row| row.lost).collect::<Vec<_>>(),
+            [0, 0, 0, 480, 0, 1]
+        );
+        let angle = rows[5].motors[1].angle_rad - rows[0].motors[1].angle_rad;
+        assert!(
+            (angle + 486.0 * 200e-6 * 50.0 * TAU).abs() < 1e-4,
+            "{angle}"
+        );
+    }
+
+    #[test]
+    fn another_stream_and_damage_are_not_taken_for_rows() {
+        let other = Request {
+            stream: 6,
+            ..REQUEST
+        };
+        // A host that stopped in the middle of a frame left its rest, and rows of its own stream.
+        let mut stream = bytes([header(other), row(5), row(6)]).split_off(30);
+        stream.extend(bytes([header(REQUEST), row(0), row(1)]));
+        let mut broken = bytes([row(2)]);
+        broken[3] ^= 0x55;
+        broken.remove(9);
+        stream.extend(broken);
+        stream.extend([1; 2 * FRAME_MAX]);
+        stream.push(0);
+        stream.extend(bytes([row(3), row(3)]));
+        let (rows, count) = decode(&stream, 13);
+        let times: Vec<f64> = rows
+            .iter()
+            .map(|row| (row.time_s * 5000.0).round())
+            .collect();
+        assert_eq!(times, [0.0, 1.0, 3.0]);
+        assert_eq!((count.lost, count.damaged), (1, 3));
     }
 }
