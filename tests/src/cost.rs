@@ -194,7 +194,11 @@ pub fn measure() -> Result<Report, String> {
     })
 }
 
-fn stack_bound(image: &Image, graph: &mut Graph<'_>) -> Result<u32, String> {
+/// Bytes of stack that all nested tasks can take at most.
+///
+/// # Errors
+/// The code cannot be read, or has no bound.
+pub fn stack_bound(image: &Image, graph: &mut Graph<'_>) -> Result<u32, String> {
     let mut sum = graph.stack(image.symbol("Reset")? & !1)?;
     for level in NESTING {
         let mut deepest = 0;

@@ -16,4 +16,5 @@ pub mod joint;
 pub mod log;
 mod memory;
 pub mod pins;
+pub mod sizes;
 pub mod timing;
