@@ -1,6 +1,6 @@
-//! Once a millisecond: watch the tasks, feed the watchdog, report.
+//! Once a millisecond: show what the current loops see, watch the tasks, feed the watchdog, report.
 
-use crate::debug_view::{DRIVE_VIEW, count};
+use crate::debug_view::{self, DRIVE_VIEW, count};
 use crate::hw::analog;
 use crate::hw::watchdog::Watchdog;
 use core::sync::atomic::Ordering::Relaxed;
@@ -15,6 +15,7 @@ pub(crate) fn step(watchdog: &mut Watchdog<3>) {
     for (word, counts) in view.temperatures.iter().zip(analog::temperatures()) {
         word.store(u32::from(counts), Relaxed);
     }
+    debug_view::refresh();
     let [screw, nut] = &view.motors;
     let progress = [&screw.steps, &nut.steps, &view.speed_steps].map(|steps| steps.load(Relaxed));
     if let Err(task) = watchdog.feed(progress) {
