@@ -3,6 +3,7 @@
 use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
 use crate::hw::cycles;
+use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::MotorIo;
 use crate::speed::EXCHANGE;
 use control::current_loop::CurrentLoop;
@@ -11,7 +12,7 @@ use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::Run;
-use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
+use stm32g4xx_hal::stm32::{adc1, tim1};
 
 /// What a current loop leaves for the tasks below it, in its own formats: all in one place, so that one address in a
 /// register serves.
@@ -60,7 +61,7 @@ where
     T: Deref<Target = tim1::RegisterBlock>,
     X: Deref<Target = adc1::RegisterBlock>,
     Y: Deref<Target = adc1::RegisterBlock>,
-    E: Deref<Target = tim2::RegisterBlock>,
+    E: Encoder,
 {
     pub(crate) fn new(io: MotorIo<T, X, Y, E>) -> Self {
         Self {
@@ -80,7 +81,9 @@ where
         let (shared, exchange) = (&MOTORS[MOTOR], &EXCHANGE[MOTOR]);
         shared.phases[0].store(measured.phases[0].to_bits(), Relaxed);
         shared.phases[1].store(measured.phases[1].to_bits(), Relaxed);
-        shared.encoder.store(sample.encoder, Relaxed);
+        if let Some(counts) = measured.counts {
+            shared.encoder.store(counts, Relaxed);
+        }
 
         let Asked { reference, stale } = exchange.asked();
         if stale {
@@ -92,6 +95,9 @@ where
         let (command, estimate) = self.control.act(config, &sample, &measured, reference);
         if !self.io.apply(&command) {
             count(&shared.missed);
+        }
+        if estimate.encoder_wrong {
+            count(&DRIVE_VIEW.encoder_wrong[MOTOR]);
         }
         exchange.publish(&estimate, stale);
         let steps = shared.steps.load(Relaxed);

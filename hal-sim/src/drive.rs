@@ -173,7 +173,9 @@ impl Drive {
 
     fn speed_interrupt(&mut self) {
         let status = [self.exchanges[0].status(), self.exchanges[1].status()];
-        self.speed = self.speed_task.step(&self.config, self.request, status);
+        self.speed = self
+            .speed_task
+            .step(&self.config, self.request, status, None);
         for (exchange, reference) in self.exchanges.iter().zip(self.speed.current) {
             exchange.ask(reference);
         }

@@ -87,8 +87,12 @@ pub fn test() -> Result<()> {
         "--target",
         TARGET,
     ];
-    let lint = [&["clippy"], &firmware[..], &["--", "-D", "warnings"]].concat();
-    cargo(&lint, &[])?;
+    // Both boards; the default one last, whose ELF is the one that is flashed.
+    let custom = ["--no-default-features", "--features", "board-custom"];
+    for board in [&custom[..], &[]] {
+        let lint = [&["clippy"], &firmware[..], board, &["--", "-D", "warnings"]].concat();
+        cargo(&lint, &[])?;
+    }
     build()?;
     let environment = emulator_environment(&target_folder())?;
     cargo(

@@ -4,6 +4,7 @@
 //! and act for one period, so on average one and a half periods after the sample. The voltage is turned forward by
 //! the angle that the rotor gains in that time.
 
+use crate::encoder::Interface;
 use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig};
 use crate::format::{Angle, Current, Voltage};
 use crate::modulation::ModulationConfig;
@@ -19,9 +20,11 @@ pub struct CurrentLoopConfig {
     pub sense: CurrentSense,
     /// ADC counts to bus voltage.
     pub bus: BusSense,
+    /// Raw word to encoder counts.
+    pub encoder: Interface,
     /// Encoder counts to angle and speed.
     pub observer: ObserverConfig,
-    /// Whether the encoder is alive.
+    /// Whether the encoder is to be trusted.
     pub encoder_watch: EncoderWatchConfig,
     /// Current error to voltage.
     pub regulator: RegulatorConfig,
@@ -38,7 +41,7 @@ pub struct MotorSample {
     pub current: [u16; 3],
     /// ADC counts of the bus voltage.
     pub bus: u16,
-    /// Encoder counts, modulo the counts of a turn.
+    /// The encoder's raw word: see [`Interface`].
     pub encoder: u32,
     /// The break input has stopped the bridge.
     pub broken: bool,
@@ -81,6 +84,8 @@ pub enum Calibration {
 /// What a current loop knows from its sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
+    /// Encoder counts, modulo the counts of a turn; `None` of a reading that is wrong.
+    pub counts: Option<u32>,
     /// Angle and speed.
     pub motion: Motion,
     /// Phase currents, A.
@@ -106,8 +111,10 @@ pub struct MotorEstimate {
     pub voltage_limited: bool,
     /// The break input has stopped the bridge.
     pub broken: bool,
-    /// The encoder's count stands while the shaft turns: the bridge is off.
+    /// The encoder's count stands while the shaft turns, or too many of its readings are wrong: the bridge is off.
     pub encoder_stuck: bool,
+    /// This reading of the encoder is wrong: the observer held what it predicted, or followed a jump.
+    pub encoder_wrong: bool,
     /// How far the offset calibration is.
     pub calibration: Calibration,
 }
@@ -172,9 +179,11 @@ impl CurrentLoop {
     #[inline(always)]
     pub fn measure(&mut self, config: &CurrentLoopConfig, sample: &MotorSample) -> Measured {
         let phases = config.sense.phases(sample.current, self.zeros);
-        let motion = self.observer.step(&config.observer, sample.encoder);
+        let counts = config.encoder.counts(sample.encoder);
+        let motion = self.observer.follow(&config.observer, counts);
         let rotation = Rotation::new(motion.theta_e);
         Measured {
+            counts,
             motion,
             phases,
             current: rotation.park(config.sense.vector(phases)),
@@ -191,6 +200,7 @@ impl CurrentLoop {
         reference: CurrentReference,
     ) -> (PwmCommand, MotorEstimate) {
         let Measured {
+            counts,
             motion,
             phases,
             current,
@@ -206,13 +216,11 @@ impl CurrentLoop {
             ..MotorEstimate::default()
         };
         let drive = reference.mode == Mode::Drive;
-        estimate.encoder_stuck = drive
-            && self
-                .encoder_watch
-                .stuck(&config.encoder_watch, sample.encoder, motion.theta_step);
-        if !drive {
-            self.encoder_watch = EncoderWatch::new();
-        }
+        let seen = self
+            .encoder_watch
+            .step(&config.encoder_watch, counts, &motion, drive);
+        estimate.encoder_stuck = seen.failed;
+        estimate.encoder_wrong = seen.wrong;
         if !drive || sample.broken || estimate.encoder_stuck {
             self.regulator = Regulator::new();
             if reference.mode == Mode::Calibrate && self.calibration == Calibration::Pending {

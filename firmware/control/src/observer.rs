@@ -68,6 +68,8 @@ pub struct ObserverConfig {
     pub alpha: Ratio,
     /// Part of the difference that corrects the speed a sample, (0, 2).
     pub beta: Ratio,
+    /// How much older than the currents a reading is, samples: the shaft's turning in that time is added to it.
+    pub age: Ratio,
     /// Electrical turns a mechanical turn.
     pub pole_pairs: u32,
     /// Electrical angle at encoder count zero, negated: `theta_e = p * theta + theta_e_offset`.
@@ -143,8 +145,14 @@ impl Observer {
     /// Takes one encoder count and says where the shaft is and how fast it turns.
     #[inline(always)]
     pub fn step(&mut self, config: &ObserverConfig, counts: u32) -> Motion {
-        let measured = config.encoder.angle(counts);
-        if !self.started {
+        self.follow(config, Some(counts))
+    }
+
+    /// As [`Observer::step`], and without a count holds what it predicts.
+    #[inline(always)]
+    pub fn follow(&mut self, config: &ObserverConfig, counts: Option<u32>) -> Motion {
+        let measured = counts.map(|counts| config.encoder.angle(counts).plus(self.gained(config)));
+        if let (false, Some(measured)) = (self.started, measured) {
             // The first sample says where the shaft is, not that it jumped there.
             self.angle = u64::from(measured.0) << 32;
             self.started = true;
@@ -152,9 +160,11 @@ impl Observer {
         let predicted = self.angle.wrapping_add_signed(self.speed);
         // A difference of more than a sixteenth of a turn, the fastest speed, is no difference but a jump; cut, it fits
         // its word in 2^-34 turn, which makes its products with the gains 2^-64 turn.
-        let innovation = measured
-            .minus(Angle(high(predicted)))
-            .clamp(-JUMP, JUMP - 1);
+        let innovation = measured.map_or(0, |measured| {
+            measured
+                .minus(Angle(high(predicted)))
+                .clamp(-JUMP, JUMP - 1)
+        });
         #[allow(clippy::arithmetic_side_effects)]
         let correction = |gain: Ratio| i64::from(innovation << 2) * i64::from(gain.to_bits());
         self.angle = predicted.wrapping_add_signed(correction(config.alpha));
@@ -177,6 +187,18 @@ impl Observer {
             omega_e: config.omega_e(fine),
             innovation,
         }
+    }
+
+    /// What the shaft turns in the reading's age.
+    #[inline(always)]
+    fn gained(&self, config: &ObserverConfig) -> Angle {
+        if config.age == Ratio::ZERO {
+            return Angle(0);
+        }
+        // |speed| <= 2^60: 2^28 in the upper word, and the age below two: the product fits 61 bits, the sum 31.
+        #[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
+        let gained = (((self.speed >> 32) * i64::from(config.age.to_bits())) >> 30) as i32;
+        Angle(gained.cast_unsigned())
     }
 }
 
@@ -285,6 +307,31 @@ mod tests {
             "{:?}",
             motion.theta_e
         );
+    }
+
+    #[test]
+    fn a_reading_that_is_older_than_the_currents_is_brought_forward() {
+        let age = 0.11;
+        let mut config = config(1 << 21);
+        config.age = Ratio::from_num(age);
+        let mut observer = Observer::new();
+        let turns = |k: f64| 3000.0 / 60.0 * k * 50e-6;
+        let at = |k: f64| (turns(k).rem_euclid(1.0) * f64::from(1 << 21)) as u32 % (1 << 21);
+        let theta = |observer: &mut Observer, k: u32, counts| {
+            let motion = observer.follow(&config, counts);
+            let off = f64::from(motion.theta.0) / 2f64.powi(32) - turns(f64::from(k));
+            off - off.round()
+        };
+        let mut off = 1.0;
+        for k in 0..4000 {
+            off = theta(&mut observer, k, Some(at(f64::from(k) - age)));
+        }
+        assert!(off.abs() < 1e-6, "{off} turns off");
+        // Without readings the angle runs on with the speed.
+        for k in 4000..4008 {
+            off = theta(&mut observer, k, None);
+        }
+        assert!(off.abs() < 2e-5, "{off} turns off after eight periods");
     }
 
     #[test]

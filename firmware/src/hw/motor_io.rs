@@ -1,10 +1,11 @@
 //! The seam between a motor's current loop and its registers: raw counts in, compare values out.
 
+use crate::hw::encoder::Encoder;
 use control::current_loop::{MotorSample, PwmCommand};
 use core::ops::Deref;
-use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
+use stm32g4xx_hal::stm32::{adc1, tim1};
 
-/// The registers of one motor: `T` its timer, `X` and `Y` its two ADCs, `E` its encoder's timer.
+/// The registers of one motor: `T` its timer, `X` and `Y` its two ADCs, `E` its encoder.
 ///
 /// Converted are, first and second: X phase a and the bus, Y phases b and c.
 pub(crate) struct MotorIo<T, X, Y, E> {
@@ -22,7 +23,7 @@ where
     T: Deref<Target = tim1::RegisterBlock>,
     X: Deref<Target = adc1::RegisterBlock>,
     Y: Deref<Target = adc1::RegisterBlock>,
-    E: Deref<Target = tim2::RegisterBlock>,
+    E: Encoder,
 {
     /// Owns the registers from here on. `bdtr` is the timer's BDTR with the outputs off.
     pub(crate) fn new(timer: T, adc_x: X, adc_y: Y, encoder: E, bdtr: u32) -> Self {
@@ -48,6 +49,9 @@ where
         self.adc_x.isr().write(|w| unsafe { w.bits(JEOC_JEOS) });
         let flags = self.timer.sr().read().bits();
         let acknowledged = if clear_break { UIF | BREAK_FLAGS } else { UIF };
+        if clear_break {
+            self.encoder.restart();
+        }
         // SAFETY: flags of this register are cleared by writing zero; ones leave the others.
         self.timer.sr().write(|w| unsafe { w.bits(!acknowledged) });
         MotorSample {
@@ -57,7 +61,7 @@ where
                 self.adc_y.jdr2().read().bits() as u16,
             ],
             bus: self.adc_x.jdr2().read().bits() as u16,
-            encoder: self.encoder.ccr3().read().bits(),
+            encoder: self.encoder.word(),
             broken: flags & BREAK_FLAGS != 0,
         }
     }
