@@ -8,14 +8,16 @@ mod board;
 mod crash;
 mod debug_view;
 mod hw;
+mod log;
 mod memory;
 mod motor_loop;
+mod rows;
 mod schedule;
 mod speed;
 mod supervision;
+mod telemetry;
 
 use control::plate::DriveConfig;
-use defmt_rtt as _;
 
 /// The drive's configuration, computed while compiling: a number that does not fit its format stops the build.
 const CONFIG: DriveConfig = match board::PLATE.config() {
@@ -33,7 +35,8 @@ mod app {
     use crate::motor_loop::MotorLoop;
     use crate::speed::Speed;
     use crate::supervision::Supervision;
-    use crate::{CONFIG, crash, schedule};
+    use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
+    use crate::{CONFIG, crash, log, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -53,19 +56,27 @@ mod app {
         until_speed: u32,
         speed: Speed,
         supervision: Supervision,
+        sender: Sender,
         off: u32,
     }
 
     #[init]
     fn init(cx: init::Context) -> (Shared, Local) {
         let (device, mut core) = (cx.device, cx.core);
+        let channels = rtt_target::rtt_init! {
+            up: {
+                0: { size: 1024, name: "defmt" }
+                1: { size: CHANNEL_BYTES, name: "telemetry", section: ".uninit.telemetry" }
+            }
+        };
+        log::start(channels.up.0);
         cycles::start(&mut core.DCB, &mut core.DWT);
         schedule::no_lazy_float_state(&core.FPU);
 
         let mut rcc = clock::start(device.RCC, device.PWR, &device.FLASH);
         let reason = reset_reason(&mut rcc);
-        DRIVE_VIEW.reset_reason.store(reason as u32, Relaxed);
-        defmt::info!("started after a reset by {}", reason);
+        DRIVE_VIEW.reset_reason.store(reason.word(), Relaxed);
+        defmt::info!("started after a reset by {=str}", reason.name());
         crash::take(|text| defmt::error!("the last run ended: {=str}", text));
 
         clock::enable_peripherals(&rcc);
@@ -110,6 +121,7 @@ mod app {
         };
         Mono::start(core.SYST, clock::CORE_HZ);
         supervise::spawn().expect("spawned once");
+        send_telemetry::spawn().expect("spawned once");
 
         let supervision = Supervision::new(Watchdog::start(device.IWDG));
         let timers = (&device.TIM1, &device.TIM8);
@@ -139,8 +151,9 @@ mod app {
                 bdtr,
             )),
             until_speed: 0,
-            speed: Speed::new(scale, watches),
+            speed: Speed::new(scale, watches, Sampler::new()),
             supervision,
+            sender: Sender::new(channels.up.1),
             off: bdtr,
         };
         (Shared {}, local)
@@ -187,6 +200,16 @@ mod app {
             Mono::delay_until(next).await;
             let late = Mono::now() > next;
             cx.local.supervision.step(late);
+        }
+    }
+
+    #[task(priority = 1, local = [sender])]
+    async fn send_telemetry(cx: send_telemetry::Context) {
+        let mut next = Mono::now();
+        loop {
+            next += 1.millis();
+            Mono::delay_until(next).await;
+            cx.local.sender.step();
         }
     }
 

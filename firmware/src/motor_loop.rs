@@ -1,17 +1,54 @@
 //! What a current-loop interrupt does: read, step, write.
 
 use crate::CONFIG;
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
+use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::MotorIo;
-use crate::speed::{EXCHANGE, codes};
+use crate::speed::EXCHANGE;
 use control::current_loop::CurrentLoop;
 use control::exchange::Asked;
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
-use core::sync::atomic::Ordering::Relaxed;
+use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
+use link::codes::Run;
 use stm32g4xx_hal::stm32::{adc1, tim1};
+
+/// What a current loop leaves for the tasks below it, in its own formats: all in one place, so that one address in a
+/// register serves.
+pub(crate) struct MotorShared {
+    /// Currents of phases a and b, with the measured zeros taken off.
+    pub(crate) phases: [AtomicI32; 2],
+    /// The encoder's count within the turn.
+    pub(crate) encoder: AtomicU32,
+    /// Commanded voltages d and q of the last four steps: a step's are at its number modulo 4.
+    pub(crate) voltages: [[AtomicI32; 2]; 4],
+    /// Steps so far.
+    pub(crate) steps: AtomicU32,
+    /// Steps that ended after their period had begun.
+    pub(crate) missed: AtomicU32,
+    /// Cycles of the last step.
+    pub(crate) cycles: AtomicU32,
+    /// Cycles of the longest step.
+    pub(crate) cycles_max: AtomicU32,
+}
+
+impl MotorShared {
+    const fn new() -> Self {
+        Self {
+            phases: [const { AtomicI32::new(0) }; 2],
+            encoder: AtomicU32::new(0),
+            voltages: [const { [const { AtomicI32::new(0) }; 2] }; 4],
+            steps: AtomicU32::new(0),
+            missed: AtomicU32::new(0),
+            cycles: AtomicU32::new(0),
+            cycles_max: AtomicU32::new(0),
+        }
+    }
+}
+
+/// Screw, nut.
+pub(crate) static MOTORS: [MotorShared; 2] = [MotorShared::new(), MotorShared::new()];
 
 /// One motor's loop, and its registers. `MOTOR` is its place in the configuration and among the shared words.
 pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
@@ -38,15 +75,15 @@ where
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
         let config = const { &CONFIG.current_loops[MOTOR] };
-        let sample = self.io.sample(DRIVE_COMMAND.asks_reset());
+        let sample = self.io.sample(DRIVE_COMMAND.asks(Run::Reset));
         let measured = self.control.measure(config, &sample);
         // Passed on before the second half, which needs the registers that they are in.
-        let (view, exchange) = (&DRIVE_VIEW.motors[MOTOR], &EXCHANGE[MOTOR]);
-        view.current[0].store(measured.current.d.to_bits(), Relaxed);
-        view.current[1].store(measured.current.q.to_bits(), Relaxed);
-        view.omega_e
-            .store(measured.motion.omega_e.to_bits(), Relaxed);
-        view.theta.store(measured.motion.theta.0, Relaxed);
+        let (shared, exchange) = (&MOTORS[MOTOR], &EXCHANGE[MOTOR]);
+        shared.phases[0].store(measured.phases[0].to_bits(), Relaxed);
+        shared.phases[1].store(measured.phases[1].to_bits(), Relaxed);
+        if let Some(counts) = measured.counts {
+            shared.encoder.store(counts, Relaxed);
+        }
 
         let Asked { reference, stale } = exchange.asked();
         if stale {
@@ -57,15 +94,19 @@ where
         }
         let (command, estimate) = self.control.act(config, &sample, &measured, reference);
         if !self.io.apply(&command) {
-            count(&view.missed);
+            count(&shared.missed);
         }
         if estimate.encoder_wrong {
             count(&DRIVE_VIEW.encoder_wrong[MOTOR]);
         }
         exchange.publish(&estimate, stale);
-        count(&view.steps);
+        let steps = shared.steps.load(Relaxed);
+        let [d, q] = &shared.voltages[(steps & 3) as usize];
+        d.store(estimate.voltage.d.to_bits(), Relaxed);
+        q.store(estimate.voltage.q.to_bits(), Relaxed);
+        shared.steps.store(steps.wrapping_add(1), Relaxed);
         let spent = cycles::now().wrapping_sub(start);
-        view.cycles.store(spent, Relaxed);
-        keep_max(&view.cycles_max, spent);
+        shared.cycles.store(spent, Relaxed);
+        keep_max(&shared.cycles_max, spent);
     }
 }

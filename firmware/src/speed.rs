@@ -1,19 +1,21 @@
 //! What the speed task does: read what the current loops found, step, tell them.
 
 use crate::CONFIG;
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
+use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
 use crate::hw::analog::Watches;
 use crate::hw::cycles;
 use crate::hw::deadman;
 use crate::hw::encoder::Scale;
+use crate::telemetry::Sampler;
 use control::coordinator::Command;
 use control::exchange::MotorExchange;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::speed_task::SpeedTask;
-use control::supervisor::{Fault, Request, State};
+use control::supervisor::{Fault, Request};
 use core::sync::atomic::AtomicU8;
 use core::sync::atomic::Ordering::Relaxed;
 use cortex_m::peripheral::NVIC;
+use link::codes::Run;
 use stm32g4xx_hal::stm32::Interrupt;
 
 /// The words between the current loops and the speed task: screw, nut.
@@ -30,15 +32,17 @@ pub(crate) struct Speed {
     control: SpeedTask,
     scale: Scale,
     watches: Watches,
+    sampler: Sampler,
     taken: u32,
 }
 
 impl Speed {
-    pub(crate) fn new(scale: Scale, watches: Watches) -> Self {
+    pub(crate) fn new(scale: Scale, watches: Watches, sampler: Sampler) -> Self {
         Self {
             control: SpeedTask::new(),
             scale,
             watches,
+            sampler,
             taken: 0,
         }
     }
@@ -50,8 +54,8 @@ impl Speed {
         let view = &DRIVE_VIEW;
         self.take_command();
         let request = Request {
-            run: DRIVE_COMMAND.asks_run(),
-            reset: DRIVE_COMMAND.asks_reset(),
+            run: DRIVE_COMMAND.asks(Run::Run),
+            reset: DRIVE_COMMAND.asks(Run::Reset),
         };
         let [screw, nut] = &EXCHANGE;
         let found = match self.watches.take() {
@@ -69,8 +73,10 @@ impl Speed {
         let (state, fault) = codes(output.state);
         view.state.store(state, Relaxed);
         view.fault.store(fault, Relaxed);
-        view.scale.store(self.scale.position(), Relaxed);
+        let scale = self.scale.position();
+        view.scale.store(scale, Relaxed);
         count(&view.speed_steps);
+        self.sampler.step(&output, scale);
         if NVIC::is_pending(Interrupt::FMAC) {
             count(&view.speed_missed);
         }
@@ -89,20 +95,9 @@ impl Speed {
             velocity: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
             base: MechanicalSpeed::from_bits(DRIVE_COMMAND.base.load(Relaxed)),
         };
-        if self.control.command(&CONFIG, command).is_err() {
-            count(&DRIVE_VIEW.refused);
-        }
-    }
-}
-
-/// The state's and the fault's numbers in the debug view.
-pub(crate) const fn codes(state: State) -> (u32, u32) {
-    match state {
-        State::Off => (0, 0),
-        State::Calibrating => (1, 0),
-        State::Ready => (2, 0),
-        State::Running => (3, 0),
-        State::Stopping => (4, 0),
-        State::Fault(fault) => (5, fault as u32),
+        match self.control.command(&CONFIG, command) {
+            Ok(()) => count(&DRIVE_VIEW.taken),
+            Err(_) => count(&DRIVE_VIEW.refused),
+        };
     }
 }

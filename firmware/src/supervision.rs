@@ -1,13 +1,16 @@
-//! Once a millisecond: watch the tasks, the bus, the heat sinks and the encoders, feed the watchdog, report.
+//! Once a millisecond: show what the current loops see, watch the tasks, the bus, the heat sinks and the encoders, feed
+//! the watchdog, report.
 
 use crate::board;
-use crate::debug_view::{DRIVE_VIEW, count};
+use crate::debug_view::{self, DRIVE_VIEW, count};
 use crate::hw::analog;
 use crate::hw::watchdog::Watchdog;
 use crate::speed::FOUND;
 use control::guard::{Guard, Look};
+use control::supervisor::Fault;
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
+use link::codes::State;
 
 /// The tasks whose progress feeds the watchdog.
 const TASKS: [&str; 3] = ["screw current loop", "nut current loop", "speed task"];
@@ -16,7 +19,7 @@ const TASKS: [&str; 3] = ["screw current loop", "nut current loop", "speed task"
 pub(crate) struct Supervision {
     watchdog: Watchdog<3>,
     guard: Guard,
-    found: u8,
+    found: Option<Fault>,
 }
 
 impl Supervision {
@@ -24,7 +27,7 @@ impl Supervision {
         Self {
             watchdog,
             guard: Guard::new(),
-            found: 0,
+            found: None,
         }
     }
 
@@ -35,6 +38,7 @@ impl Supervision {
         if late {
             count(&view.supervision_missed);
         }
+        debug_view::refresh();
         self.look();
         let [screw, nut] = &view.motors;
         let progress =
@@ -49,7 +53,9 @@ impl Supervision {
         let [screw, nut] = &view.motors;
         let flags = board::take_encoder_flags();
         let look = Look {
-            running: matches!(view.state.load(Relaxed), 3 | 4),
+            running: [State::Running, State::Stopping]
+                .iter()
+                .any(|state| view.state.load(Relaxed) == state.word()),
             missed: [
                 &screw.missed,
                 &nut.missed,
@@ -59,17 +65,18 @@ impl Supervision {
             .map(|missed| missed.load(Relaxed)),
             bus: analog::bus(),
             temperatures: analog::temperatures(),
-            theta: [screw, nut].map(|motor| motor.theta.load(Relaxed)),
+            theta: debug_view::angles(),
             index: flags.map(|flags| flags.index),
             transition_error: flags.map(|flags| flags.transition_error),
         };
         let found = self.guard.step(&board::GUARD, &look);
-        let number = found.map_or(0, |fault| fault as u8);
-        FOUND.store(number, Relaxed);
-        if number != self.found && number != 0 {
-            defmt::error!("fault {=u8}: see `supervisor::Fault`", number);
+        FOUND.store(found.map_or(0, |fault| fault as u8), Relaxed);
+        if let Some(fault) = found
+            && found != self.found
+        {
+            defmt::error!("{=str}", debug_view::fault_code(fault).sentence());
         }
-        self.found = number;
+        self.found = found;
         store(&view.temperatures, look.temperatures.map(u32::from));
         store(&view.bus, look.bus.map(u32::from));
         store(&view.encoder_errors, self.guard.encoder_errors());

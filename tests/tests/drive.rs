@@ -62,7 +62,7 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
             chip.pwm.iter().all(|timer| !timer.bridge().enabled),
             "a drive at rest has its bridges off"
         );
-        assert_eq!(bench.encoder_wrong()?, [0; 2], "{board:?}");
+        assert_eq!(bench.look()?.words().encoder_wrong, [0; 2], "{board:?}");
     }
     Ok(())
 }

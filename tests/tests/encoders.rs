@@ -20,8 +20,13 @@ fn running() -> Result<Bench, String> {
     bench.run(1)?;
     bench.pass(0.4)?;
     assert_eq!(bench.status()?.state, RUNNING);
-    assert_eq!(bench.encoder_wrong()?, [0; 2]);
+    assert_eq!(encoder_wrong(&mut bench)?, [0; 2]);
     Ok(bench)
+}
+
+/// Readings of the motor encoders that the drive took for wrong: screw, nut.
+fn encoder_wrong(bench: &mut Bench) -> Result<[u32; 2], String> {
+    Ok(bench.look()?.words().encoder_wrong)
 }
 
 fn enabled(bench: &mut Bench, motor: Motor) -> bool {
@@ -57,9 +62,7 @@ fn a_frame_is_in_memory_before_the_interrupt_begins() -> Result<(), String> {
         assert!(chip.spi.last + 935 > top, "the frame of this top");
     }
     // It costs a load and its check: the nut's loop, whose encoder is a timer, does the rest as well.
-    const CYCLES: [u32; 2] = [14 + 6, 14 + 8 + 6];
-    let [screw, nut] = CYCLES.map(|word| bench.word_of_view(word));
-    let (screw, nut) = (screw?, nut?);
+    let [screw, nut] = bench.look()?.words().motors.map(|motor| motor.cycles);
     println!("screw {screw} cycles, nut {nut}");
     assert!(screw < nut + 60, "{screw} against {nut} cycles");
     Ok(())
@@ -73,7 +76,7 @@ fn wrong_frames_are_counted_and_ridden_through() -> Result<(), String> {
         wrong_frames(&mut bench, periods)?;
         expected += periods;
         bench.pass(10e-3)?;
-        assert_eq!(bench.encoder_wrong()?, [expected, 0]);
+        assert_eq!(encoder_wrong(&mut bench)?, [expected, 0]);
         assert_eq!(bench.status()?.state, RUNNING);
     }
     // One in twenty over a tenth of a second: the screw keeps its speed as it does without.
@@ -91,7 +94,7 @@ fn wrong_frames_are_counted_and_ridden_through() -> Result<(), String> {
     };
     let (least, most) = speeds(&mut bench, false)?;
     let (least_wrong, most_wrong) = speeds(&mut bench, true)?;
-    assert_eq!(bench.encoder_wrong()?, [expected + 100, 0]);
+    assert_eq!(encoder_wrong(&mut bench)?, [expected + 100, 0]);
     assert_eq!(bench.status()?.state, RUNNING);
     println!(
         "screw {least:.3} to {most:.3} rad/s, with wrong frames {least_wrong:.3} to {most_wrong:.3}"
@@ -116,14 +119,14 @@ fn past_the_limit_wrong_frames_open_the_bridges() -> Result<(), String> {
     const SCREW_ENCODER: u32 = 5;
     let status = bench.status()?;
     assert_eq!((status.state, status.fault), (FAULT, SCREW_ENCODER));
-    assert_eq!(bench.encoder_wrong()?, [9, 0]);
+    assert_eq!(encoder_wrong(&mut bench)?, [9, 0]);
     // The frames are well again: after a while a reset leaves the fault, and the drive runs.
     bench.run(2)?;
     bench.wait_for(READY, 20e-3)?;
     bench.run(1)?;
     bench.pass(20e-3)?;
     assert_eq!(bench.status()?.state, RUNNING);
-    assert_eq!(bench.encoder_wrong()?, [9, 0]);
+    assert_eq!(encoder_wrong(&mut bench)?, [9, 0]);
     Ok(())
 }
 
@@ -133,7 +136,7 @@ fn a_sensor_that_is_not_there_keeps_the_drive_off() -> Result<(), String> {
     // The line is pulled up.
     bench.emulator.chip().provoked.stuck_encoder[0] = Some(u32::MAX);
     bench.wait_for(FAULT, 0.2)?;
-    assert!(bench.encoder_wrong()?[0] > 8);
+    assert!(encoder_wrong(&mut bench)?[0] > 8);
     Ok(())
 }
 
@@ -156,7 +159,11 @@ fn the_index_corrects_lost_counts() -> Result<(), String> {
     // A turn at 300 rpm takes 0.2 s.
     bench.pass(0.22)?;
     assert_eq!(off(&mut bench)?, 0, "after the index");
-    assert_eq!(bench.encoder_wrong()?, [0, 2], "a jump there and one back");
+    assert_eq!(
+        encoder_wrong(&mut bench)?,
+        [0, 2],
+        "a jump there and one back"
+    );
     assert_eq!(bench.status()?.state, RUNNING);
     Ok(())
 }

@@ -1,24 +1,12 @@
 //! What the supervision and the analog watchdogs guard, provoked.
 
+use link::codes::Fault;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
-use tests::bench::{Bench, FAULT, READY, RUNNING, counts_at, plate};
+use tests::bench::{Bench, FAULT, READY, RUNNING, counts_at, plate, scale_count_m};
 use tests::chip::wiring::Wiring;
 use tests::pins::Motor;
-
-/// Numbers of `control::supervisor::Fault`.
-#[derive(Clone, Copy)]
-enum Cause {
-    NutEncoder = 6,
-    OverVoltage = 8,
-    UnderVoltage = 9,
-    ScrewTemperature = 10,
-    NutTemperature = 11,
-    ScrewOverCurrent = 12,
-    NutOverCurrent = 13,
-    ScrewLoopLate = 14,
-}
 
 fn running_on(board: Wiring) -> Result<Bench, String> {
     let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
@@ -40,7 +28,7 @@ fn on(bench: &mut Bench) -> bool {
 }
 
 /// Time until both bridges are off, s, and the cause is this.
-fn stops(bench: &mut Bench, cause: Cause, at_most: f64) -> Result<f64, String> {
+fn stops(bench: &mut Bench, cause: Fault, at_most: f64) -> Result<f64, String> {
     const LOOK: f64 = 20e-6;
     let mut passed = 0.0;
     while on(bench) {
@@ -54,7 +42,7 @@ fn stops(bench: &mut Bench, cause: Cause, at_most: f64) -> Result<f64, String> {
         passed += LOOK;
     }
     let status = bench.status()?;
-    assert_eq!((status.state, status.fault), (FAULT, cause as u32));
+    assert_eq!((status.state, status.fault), (FAULT, cause.word()));
     Ok(passed)
 }
 
@@ -73,9 +61,9 @@ fn the_bus_above_or_below_its_limits_opens_the_bridges() -> Result<(), String> {
     let mut bench = running()?;
     for (volts, cause, at_most) in [
         // The analog watchdog's flag, taken by the speed task.
-        (405.0, Cause::OverVoltage, 500e-6),
+        (405.0, Fault::OverVoltage, 500e-6),
         // Two looks of the supervision.
-        (50.0, Cause::UnderVoltage, 3.5e-3),
+        (50.0, Fault::UnderVoltage, 3.5e-3),
     ] {
         bench.joint.borrow_mut().board.set_bus_voltage(volts);
         let took = stops(&mut bench, cause, at_most)?;
@@ -98,9 +86,9 @@ fn a_hot_heat_sink_or_a_torn_sensor_opens_the_bridges() -> Result<(), String> {
         for (temperatures, cause) in [
             (
                 [counts_at(board, 92.0)[0], cool[1]],
-                Cause::ScrewTemperature,
+                Fault::ScrewTemperature,
             ),
-            ([cool[0], 4095], Cause::NutTemperature),
+            ([cool[0], 4095], Fault::NutTemperature),
         ] {
             bench.joint.borrow_mut().temperatures = temperatures;
             let took = stops(&mut bench, cause, 20e-3)?;
@@ -116,8 +104,8 @@ fn a_hot_heat_sink_or_a_torn_sensor_opens_the_bridges() -> Result<(), String> {
 fn an_over_current_of_either_sign_is_seen_by_the_analog_watchdogs() -> Result<(), String> {
     // No comparator sees a negative current.
     for (motor, cause) in [
-        (Motor::Screw, Cause::ScrewOverCurrent),
-        (Motor::Nut, Cause::NutOverCurrent),
+        (Motor::Screw, Fault::ScrewOverCurrent),
+        (Motor::Nut, Fault::NutOverCurrent),
     ] {
         let mut bench = running()?;
         bench.settle_untold()?;
@@ -133,9 +121,8 @@ fn an_over_current_of_either_sign_is_seen_by_the_analog_watchdogs() -> Result<()
 #[test]
 fn late_periods_are_counted_and_past_the_limit_a_fault() -> Result<(), String> {
     let mut bench = running()?;
-    const SCREW_MISSED: u32 = 14 + 5;
-    let missed = |bench: &Bench| bench.word_of_view(SCREW_MISSED);
-    assert_eq!(missed(&bench)?, 0);
+    let missed = |bench: &mut Bench| bench.look().map(|view| view.words().motors[0].missed);
+    assert_eq!(missed(&mut bench)?, 0);
     let late = |bench: &mut Bench| -> Result<(), String> {
         bench.settle_untold()?;
         // The loop's next read of its currents takes a period.
@@ -144,7 +131,7 @@ fn late_periods_are_counted_and_past_the_limit_a_fault() -> Result<(), String> {
     };
     for expected in 1..=5 {
         late(&mut bench)?;
-        assert_eq!(missed(&bench)?, expected);
+        assert_eq!(missed(&mut bench)?, expected);
         assert_eq!(bench.status()?.state, RUNNING, "{expected} late");
         bench.pass(5e-3)?;
     }
@@ -153,44 +140,47 @@ fn late_periods_are_counted_and_past_the_limit_a_fault() -> Result<(), String> {
     for _ in 0..6 {
         late(&mut bench)?;
     }
-    stops(&mut bench, Cause::ScrewLoopLate, 1e-3)?;
-    assert_eq!(missed(&bench)?, 11);
+    stops(&mut bench, Fault::ScrewLoopLate, 1e-3)?;
+    assert_eq!(missed(&mut bench)?, 11);
     runs_again(&mut bench)
 }
 
 #[test]
 fn a_missing_index_is_counted_and_past_a_limit_a_fault() -> Result<(), String> {
     let mut bench = running_on(Wiring::Custom)?;
-    const NUT_ERRORS: u32 = 33;
+    let nut_errors = |bench: &mut Bench| bench.look().map(|view| view.words().encoder_errors[1]);
     // Faster, for each turn has one index: 25 turns/s.
     bench.ask(2.5e-3, 1500.0 * TAU / 60.0)?;
     bench.pass(0.5)?;
-    assert_eq!(bench.word_of_view(NUT_ERRORS)?, 0);
+    assert_eq!(nut_errors(&mut bench)?, 0);
     bench.emulator.chip().provoked.no_index[1] = true;
     bench.pass(0.12)?;
-    let errors = bench.word_of_view(NUT_ERRORS)?;
+    let errors = nut_errors(&mut bench)?;
     assert!((1..=2).contains(&errors), "{errors} in three turns");
     assert_eq!(bench.status()?.state, RUNNING);
-    stops(&mut bench, Cause::NutEncoder, 1.0)?;
+    stops(&mut bench, Fault::NutEncoder, 1.0)?;
     Ok(())
 }
 
-/// The scale counts nanometres: 16 bits are over every 26 ms at 2.5 mm/s.
+/// The scale counts 10 nm: 16 bits are over every 0.26 s at 2.5 mm/s.
 #[test]
 fn the_scale_is_followed_through_its_wraps() -> Result<(), String> {
     let mut bench = running()?;
-    const SCALE: u32 = 10;
+    let count = scale_count_m(Wiring::Nucleo);
     let position = |bench: &mut Bench| -> Result<(f64, f64), String> {
         bench.settle_untold()?;
-        let counts = bench.word_of_view(SCALE)?.cast_signed();
+        let counts = bench.look()?.words().scale;
         let metres = bench.joint.borrow().board.machine.table_position();
-        Ok((f64::from(counts) * 1e-9, metres))
+        Ok((f64::from(counts) * count, metres))
     };
     let (scale, table) = position(&mut bench)?;
-    bench.pass(0.3)?;
+    bench.pass(0.6)?;
     let (scale_then, table_then) = position(&mut bench)?;
     let moved = table_then - table;
-    assert!(moved > 10.0 * 65_536e-9, "{moved} m are many wraps");
+    assert!(
+        moved > 2.0 * 65_536.0 * count,
+        "{moved} m are not two wraps"
+    );
     // A speed step's time at 2.5 mm/s is half a micrometre.
     let off = scale_then - scale - moved;
     println!(

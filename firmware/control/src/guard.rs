@@ -357,7 +357,7 @@ mod tests {
         let theta = |k: u32| (f64::from(k) * 5e-3).rem_euclid(1.0) * 2f64.powi(32);
         let turning = |k: u32, seen: bool| Look {
             theta: [0, theta(k) as u32],
-            index: [false, seen && k % 200 == 0],
+            index: [false, seen && k.is_multiple_of(200)],
             ..HEALTHY
         };
         assert_eq!(found(10_000, |k| turning(k, true)), None);

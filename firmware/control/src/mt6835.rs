@@ -47,8 +47,8 @@ mod tests {
     fn check(angle_and_status: u32) -> u32 {
         let mut register = 0;
         for bit in (0..24).rev() {
-            let out = register >> 7 & 1 ^ angle_and_status >> bit & 1;
-            register = register << 1 & 0xFF ^ out * 0x07;
+            let out = ((register >> 7) ^ (angle_and_status >> bit)) & 1;
+            register = ((register << 1) & 0xFF) ^ (out * 0x07);
         }
         register
     }
@@ -68,8 +68,8 @@ mod tests {
         assert_eq!(counts(0x0000_0107), None, "over-speed, though whole");
         let nine = b"123456789".iter().fold(0u32, |register, byte| {
             (0..8).rev().fold(register, |register, bit| {
-                let out = register >> 7 & 1 ^ u32::from(byte >> bit & 1);
-                register << 1 & 0xFF ^ out * 0x07
+                let out = ((register >> 7) ^ u32::from(byte >> bit)) & 1;
+                ((register << 1) & 0xFF) ^ (out * 0x07)
             })
         });
         assert_eq!(nine, 0xF4);

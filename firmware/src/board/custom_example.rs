@@ -32,7 +32,7 @@ use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, SPI1, TIM1, TIM2, TIM4, TIM5,
 #[path = "custom_plate.rs"]
 mod plate;
 use plate::GUARDS;
-pub(crate) use plate::PLATE;
+pub(crate) use plate::{PLATE, SCALE_COUNT_M};
 
 /// Comparators and threshold of each motor: +4.5 A, before the amplifier.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [

@@ -99,3 +99,6 @@ pub(crate) const GUARDS: GuardPlate = GuardPlate {
     temperatures: [HEAT_SINK; 2],
     index: [false, true],
 };
+
+/// One count of the table's linear scale, m.
+pub(crate) const SCALE_COUNT_M: f64 = 10e-9;

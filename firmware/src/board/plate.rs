@@ -53,3 +53,6 @@ pub(crate) const GUARDS: GuardPlate = GuardPlate {
     temperatures: [HEAT_SINK; 2],
     index: [false, false],
 };
+
+/// One count of the table's linear scale, m: a quarter of the period of a scale that is interpolated to 40 nm.
+pub(crate) const SCALE_COUNT_M: f64 = 10e-9;

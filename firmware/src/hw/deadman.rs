@@ -5,7 +5,7 @@
 //! periods: a single late period is counted and tolerated.
 
 use crate::debug_view::DRIVE_VIEW;
-use crate::speed::codes;
+use crate::debug_view::codes;
 use control::supervisor::{Fault, State};
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use stm32g4xx_hal::stm32::{TIM1, TIM7, TIM8, tim7};
