@@ -25,6 +25,8 @@ use std::sync::{Mutex, OnceLock};
 #[path = "../../firmware/src/board/custom_plate.rs"]
 #[allow(dead_code, reason = "the firmware uses the rest")]
 mod custom_plate;
+#[path = "../../firmware/src/board/machine.rs"]
+mod machine;
 #[path = "../../firmware/src/board/plate.rs"]
 mod plate;
 

@@ -59,7 +59,7 @@ pub const LOOPS: [LoopBound; 1] = [LoopBound {
 
 /// Exceptions that can interrupt one another, one of each line: hung loop, current loops, speed task, time queue, tasks, and a
 /// fault on top.
-const NESTING: [&[&str]; 6] = [
+const NESTING: [&[&str]; 7] = [
     &["TIM7"],
     &["ADC1_2", "ADC4"],
     &["FMAC"],

@@ -14,6 +14,7 @@
 //!
 //! Phase c is not measured. Each amplifier's output goes to its ADC inside the chip, so its pin is free.
 
+use super::machine;
 use super::pins::{
     Bridge, EncoderParts, Pins, Ports, amplified, comparator, converted, converted_output, encoder,
     framed_spi, index,

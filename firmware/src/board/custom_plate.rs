@@ -2,15 +2,13 @@
 //!
 //! Numbers only, no hardware: the emulator's tests build the same drive on the host from this very file.
 
+use super::machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::mt6835;
 use control::plate::{BoardPlate, DrivePlate, EncoderPlate, MotorPlate};
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
-
-#[path = "machine.rs"]
-mod machine;
 
 /// Shunts, ohm.
 const SHUNT_OHM: f64 = 0.075;

@@ -12,6 +12,7 @@
 //!    used twice is a use of a moved value, a wrong alternate function an unmet bound that names the pin.
 //! 5. What is wired to which ADC channel, for the emulator (`tests/src/chip/wiring.rs`): then the tests can run it.
 
+mod machine;
 mod pins;
 pub(crate) use pins::{EncoderParts, Ports};
 

@@ -15,6 +15,7 @@
 //! Each pin goes into `Pins` once, by value, behind a bound that only the right pin in the right alternate function
 //! meets: a pin used twice, or with a wrong function, does not compile.
 
+use super::machine;
 use super::pins::{Bridge, EncoderParts, Pins, Ports, comparator, converted, encoder};
 use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, WatchLimits};

@@ -2,13 +2,11 @@
 //!
 //! Numbers only, no hardware: the emulator's tests build the same drive on the host from this very file.
 
+use super::machine;
 use control::guard::GuardPlate;
 use control::plate::{BoardPlate, DrivePlate};
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
-
-#[path = "machine.rs"]
-mod machine;
 
 /// The drive that the firmware is built for.
 pub(crate) const PLATE: DrivePlate = DrivePlate {
