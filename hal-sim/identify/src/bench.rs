@@ -5,11 +5,11 @@ use crate::feed_axis::{self, Axis};
 use crate::judge::right;
 use crate::motor::{self, MotorModel};
 use crate::paper;
+use cpu_time::ThreadTime;
 use plant::model::Model;
 use plant::recording::Recording;
 use serde_json::{Value, json};
 use std::path::Path;
-use std::time::Instant;
 
 /// Machines of the shared recordings.
 const MACHINES: u32 = 10;
@@ -28,7 +28,8 @@ pub struct Figures {
     pub motor: Option<MotorFigures>,
     /// The paper.
     pub paper: paper::Study,
-    /// Mean wall-clock time of one recording with its check, both loaded, on one thread, s.
+    /// Mean CPU time of one recording with its check, both loaded, on the one thread that it runs on, s: other load on
+    /// the machine does not count.
     pub seconds_per_recording: Option<f64>,
 }
 
@@ -111,7 +112,7 @@ impl Recordings {
                 eprintln!("skipped: {} is not there", at.display());
                 continue;
             };
-            let start = Instant::now();
+            let start = ThreadTime::now();
             let outcome = analyse(&model, &fit, &check);
             all.seconds += start.elapsed().as_secs_f64();
             all.of += 1;

@@ -130,7 +130,7 @@ fn rms(values: impl Iterator<Item = f64>) -> f64 {
 
 /// An effect's sizes, 0 and a logarithmic grid below `top`, and what each adds to the four values.
 fn grid(shape: &dyn Fn(usize, f64) -> f64, top: f64) -> Vec<(f64, [f64; 4])> {
-    const STEPS: i32 = 320;
+    const STEPS: i32 = 160;
     std::iter::once(0.0)
         .chain((0..=STEPS).map(|k| top * 10f64.powf(-4.0 + 4.0 * f64::from(k) / f64::from(STEPS))))
         .map(|size| (size, [0, 1, 2, 3].map(|k| shape(k, size))))

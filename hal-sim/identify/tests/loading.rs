@@ -272,7 +272,8 @@ fn a_gap() {
 #[test]
 fn too_short_or_too_bad() {
     says(&refused(500, |_, _| None), &["0.1 s", "2 s"]);
-    let many = |row: usize, column: usize| (column == 3 && row.is_multiple_of(10)).then(|| "?".to_owned());
+    let many =
+        |row: usize, column: usize| (column == 3 && row.is_multiple_of(10)).then(|| "?".to_owned());
     let error = of_text(&csv(ROWS, many), OnFault::Skip)
         .unwrap_err()
         .to_string();

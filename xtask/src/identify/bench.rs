@@ -61,7 +61,7 @@ fn print(figures: &Figures) {
     row("false alarms", blind("false_alarms"), "1 %");
     row("   on clean machines", blind("clean"), "");
     row(
-        "wall seconds per recording, one thread",
+        "CPU seconds per recording, one thread",
         figures.seconds_per_recording,
         "2",
     );

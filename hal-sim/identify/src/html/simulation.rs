@@ -2,17 +2,18 @@
 
 use crate::report::{Hold, Simulation, Stage};
 use page::axis::{Axis, extent};
-use page::chart::{COOL, Chart, MUTED, Mark, Series, WARM, chart};
+use page::chart::{COOL, Chart, INK, MUTED, Mark, Series, WARM, chart};
 use page::document::{legend, short, two};
 
 /// Holds whose spectra are drawn.
 const DRAWN: usize = 4;
-/// Measured, declared, new.
-const INKS: [(page::chart::Ink, Mark); 3] = [
-    (MUTED, Mark::Line(3.5)),
-    (WARM, Mark::Line(1.8)),
-    (COOL, Mark::Line(1.0)),
-];
+/// Lines of a spectrum that are marked.
+const MARKED: usize = 8;
+/// Lines nearer than this are one, Hz.
+const APART_HZ: f64 = 5.0;
+/// Measured, declared, new: rings, crosses and dots, told apart without colour too.
+const INKS: [(page::chart::Ink, Mark); 3] =
+    [(INK, Mark::Ring), (WARM, Mark::Cross), (COOL, Mark::Dot)];
 
 /// The section.
 pub(super) fn section(simulation: &Simulation) -> String {
@@ -21,10 +22,10 @@ pub(super) fn section(simulation: &Simulation) -> String {
         .iter()
         .map(|hold| {
             format!(
-                "<tr><th scope=\"row\">{} s</th><td>{}</td><td>{:.0}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
+                "<tr><th scope=\"row\">{} s</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
                 two(Some(hold.start_s)),
                 two(Some(hold.table_mm_s)),
-                hold.nut_rpm,
+                short(hold.nut_rpm.round()),
                 two(Some(hold.measured_vrf_percent)),
                 two(Some(hold.declared_vrf_percent)),
                 two(Some(hold.new_vrf_percent)),
@@ -63,22 +64,34 @@ pub(super) fn section(simulation: &Simulation) -> String {
 
 fn figure(hold: &Hold) -> String {
     let caption = format!(
-        "Velocity spectrum, table {} mm/s, nut {:.0} rpm",
+        "Velocity spectrum, table {} mm/s, nut {} rpm",
         short(hold.table_mm_s),
-        hold.nut_rpm
+        short(hold.nut_rpm.round())
     );
     let most = extent(hold.spectra.iter().flatten().map(|p| p.1)).map_or(1.0, |r| r.end);
     let last = extent(hold.spectra.iter().flatten().map(|p| p.0)).map_or(1.0, |r| r.end);
-    let series = hold
+    let lines = highest(&hold.spectra[0]);
+    let near = |points: &[(f64, f64)], hz: f64| {
+        let near = points.iter().filter(|p| (p.0 - hz).abs() < APART_HZ);
+        near.map(|p| p.1).fold(0.0, f64::max)
+    };
+    let measured = Series {
+        points: hold.spectra[0].clone(),
+        color: MUTED,
+        mark: Mark::Line(1.5),
+    };
+    // Dots first: a ring and a cross still show on them.
+    let marked = hold
         .spectra
         .iter()
         .zip(INKS)
+        .rev()
         .map(|(points, (color, mark))| Series {
-            points: points.clone(),
+            points: lines.iter().map(|hz| (*hz, near(points, *hz))).collect(),
             color,
             mark,
-        })
-        .collect();
+        });
+    let series = std::iter::once(measured).chain(marked).collect();
     let svg = chart(&Chart {
         about: &caption,
         x: Axis {
@@ -95,6 +108,21 @@ fn figure(hold: &Hold) -> String {
         labels: Vec::new(),
     });
     format!("<figure>\n<figcaption>{caption}</figcaption>\n{svg}</figure>\n")
+}
+
+/// Frequencies of a spectrum's highest lines.
+fn highest(spectrum: &[(f64, f64)]) -> Vec<f64> {
+    let mut points: Vec<_> = spectrum.iter().filter(|p| p.1.is_finite()).collect();
+    points.sort_by(|a, b| b.1.total_cmp(&a.1));
+    let most = points.first().map_or(0.0, |p| p.1);
+    let mut lines: Vec<f64> = Vec::new();
+    for (hz, amplitude) in points {
+        let new = lines.iter().all(|line| (line - hz).abs() > 2.0 * APART_HZ);
+        if new && lines.len() < MARKED && *amplitude > 0.05 * most {
+            lines.push(*hz);
+        }
+    }
+    lines
 }
 
 /// Closed-loop errors, effect by effect.

@@ -132,6 +132,10 @@ pub(super) fn sentence(effect: &Effect) -> String {
             "loses {} of each phase\u{2019}s voltage against the sign of its current",
             of("value")
         ),
+        "stribeck_friction" if value("amplitude") < 0.0 => format!(
+            "slides easier when slow: friction is {} lower near rest than when it moves",
+            size(-value("amplitude"), unit("amplitude"))
+        ),
         "stribeck_friction" => format!(
             "sticks: friction is {} higher at rest than when it moves",
             of("amplitude")
@@ -179,7 +183,8 @@ pub(super) fn fall(figures: &Residual) -> (String, String) {
         match scaled.abs() {
             s if s >= 100.0 => format!("{scaled:.0}"),
             s if s >= 10.0 => format!("{scaled:.1}"),
-            _ => format!("{scaled:.2}"),
+            s if s >= 1.0 => format!("{scaled:.2}"),
+            _ => format!("{scaled:.3}"),
         }
     };
     let floor = match figures.noise_floor.is_finite() {

@@ -109,7 +109,13 @@ mod tests {
     fn the_orders_of_a_turn_are_found_and_friction_is_not() {
         let there = (0..4000).map(|k| TAU * f64::from(k) / 4000.0);
         let position: Vec<f64> = there.clone().chain(there.rev()).collect();
-        let noise = |k: usize| ((k * 7919) % 1000) as f64 * 1e-5;
+        // White: what repeats in it would be orders.
+        let noise = |k: usize| {
+            let mut z = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            (z >> 40) as f64 / (1u64 << 24) as f64 * 0.01
+        };
         let current: Vec<f64> = (0..8000)
             .map(|k| {
                 let way = if k < 4000 { 0.3 } else { -0.3 };

@@ -146,7 +146,13 @@ fn effect(term: Term, values: &[f64], deviations: &[f64], explained: f64) -> Eff
         for ((name, of), (value, deviation)) in
             term.names().iter().zip(values.iter().zip(deviations))
         {
-            put(name, *value, *deviation, of);
+            // Of a decay's speed only the size counts.
+            let value = if *name == "speed" {
+                value.abs()
+            } else {
+                *value
+            };
+            put(name, value, *deviation, of);
         }
     }
     Effect {
