@@ -115,6 +115,32 @@ pub fn test() -> Result<()> {
     )
 }
 
+/// The identification's blind test on so many machines.
+#[cfg(feature = "identify")]
+pub fn blind(machines: u32) -> Result<()> {
+    let mut environment = emulator_environment(&target_folder())?;
+    environment.push(("DDFEED_BLIND", machines.to_string().into()));
+    let test = [
+        "test",
+        "--quiet",
+        "--release",
+        "--package",
+        "tests",
+        "--test",
+        "blind",
+    ];
+    // What it says belongs beside the figures, not among them.
+    let status = Command::new("cargo")
+        .args(test)
+        .envs(environment)
+        .current_dir(root())
+        .stdout(std::io::stderr())
+        .status()
+        .context("the blind test could not be started")?;
+    ensure!(status.success(), "the blind test failed ({status})");
+    Ok(())
+}
+
 fn cargo(arguments: &[&str], environment: &[(&str, OsString)]) -> Result<()> {
     let line = format!("cargo {}", arguments.join(" "));
     eprintln!("> {line}");
