@@ -102,6 +102,7 @@ mod app {
             &device.DAC4,
             &board::OVER_CURRENT,
         );
+        protection::core_stopped_opens_bridges(&device.DBGMCU, &device.SYSCFG);
         let converters = analog::Converters {
             screw: (&device.ADC1, &device.ADC2),
             nut: (&device.ADC4, &device.ADC3),

@@ -144,3 +144,16 @@ fn a_hung_current_loop_has_both_bridges_opened_above_its_head_and_is_reset() -> 
     }
     Ok(())
 }
+
+/// What the timers then do is the chip's: here it is shown that it is asked for.
+#[test]
+fn a_halted_or_locked_up_core_takes_the_bridges_with_it() -> Result<(), String> {
+    const TIM1: u32 = 1 << 11;
+    const TIM8: u32 = 1 << 13;
+    const WATCHDOG: u32 = 1 << 12;
+    let mut bench = running()?;
+    let system = &bench.emulator.chip().system;
+    assert_eq!(system.stops_with_the_core(), [WATCHDOG, TIM1 | TIM8]);
+    assert!(system.lockup_breaks());
+    Ok(())
+}

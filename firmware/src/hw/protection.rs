@@ -4,7 +4,7 @@
 //! A comparator sees its phase's positive currents. The three sum to zero, so a current vector of length `i` (phase
 //! amplitude) has a positive phase of at least `i / 2` whatever its angle.
 
-use stm32g4xx_hal::stm32::{COMP, DAC3, DAC4, dac1};
+use stm32g4xx_hal::stm32::{COMP, DAC3, DAC4, DBGMCU, SYSCFG, dac1};
 
 /// The comparators of a motor's shunts, and what they compare with.
 #[derive(Clone, Copy)]
@@ -45,6 +45,18 @@ pub(crate) fn start(comparators: &COMP, dac3: &DAC3, dac4: &DAC4, motors: &[Over
         // SAFETY: values of the fields (RM0440, COMP_CxCSR).
         csr.write(|w| unsafe { w.bits(ENABLE | INVERTING_DAC | HYSTERESIS_20_MV | LOCK) });
     }
+}
+
+/// A core that no longer runs controls nothing. Halted by a debugger, it stops both bridges' timers, whose outputs go
+/// idle (RM0440 29.3.30, DBGMCU_APB2FZR), and the watchdog, which would end the session; the timer that waits for the
+/// current loops runs on, so that the bridges stay off when the core goes on. Locked up, it breaks both timers (RM0440
+/// SYSCFG_CFGR2.CLL).
+pub(crate) fn core_stopped_opens_bridges(debug: &DBGMCU, system: &SYSCFG) {
+    debug
+        .apb2_fz()
+        .write(|w| w.dbg_tim1_stop().set_bit().dbg_tim8_stop().set_bit());
+    debug.apb1l_fz().write(|w| w.dbg_iwdg_stop().set_bit());
+    system.cfgr2().write(|w| w.cll().set_bit());
 }
 
 fn start_dac(dac: &dac1::RegisterBlock, counts: u16) {

@@ -509,7 +509,7 @@ impl Chip {
             0x4002_0000 | 0x4002_0800 => self.dma.read(address),
             0x4000_1400 => self.deadman.read(offset),
             0x4000_3000 => self.watchdog.read(offset),
-            0xE000_0000.. => self.nvic.read(address, now),
+            0xE000_0000..0xE004_0000 => self.nvic.read(address, now),
             _ => self.system.read(address),
         }
     }
@@ -555,7 +555,7 @@ impl Chip {
                 Ok(())
             }
             0x4000_3000 => self.watchdog.write(offset, value, now),
-            0xE000_0000.. => {
+            0xE000_0000..0xE004_0000 => {
                 if self.nvic.write(address, value, now)? {
                     self.reset.get_or_insert(Reset::Software);
                 }

@@ -1,4 +1,4 @@
-//! RCC, PWR, FLASH, SYSCFG, GPIO: registers that hold their values, and the ready flags that follow them.
+//! RCC, PWR, FLASH, SYSCFG, DBGMCU, GPIO: registers that hold their values, and the ready flags that follow them.
 
 use super::Reset;
 use super::registers::Registers;
@@ -6,6 +6,8 @@ use super::registers::Registers;
 const RCC: u32 = 0x4002_1000;
 const PWR: u32 = 0x4000_7000;
 const FLASH: u32 = 0x4002_2000;
+const SYSCFG: u32 = 0x4001_0000;
+const DBGMCU: u32 = 0xE004_2000;
 const GPIO: u32 = 0x4800_0000;
 const PORTS: usize = 6;
 
@@ -18,6 +20,8 @@ pub struct System {
     rcc: Registers,
     power: Registers,
     flash: Registers,
+    configuration: Registers,
+    debug: Registers,
     ports: Vec<Registers>,
     reset_flags: u32,
 }
@@ -79,6 +83,8 @@ impl System {
                 ],
             ),
             flash: Registers::new("FLASH", &[("ACR", 0x00, 0x0004_0600)]),
+            configuration: Registers::new("SYSCFG", &[("CFGR2", 0x18, 0)]),
+            debug: Registers::new("DBGMCU", &[("APB1FZR1", 0x08, 0), ("APB2FZR", 0x10, 0)]),
             ports: ports.collect(),
             reset_flags: POWER_ON,
         }
@@ -106,6 +112,18 @@ impl System {
         (registers.get("MODER") >> (2 * pin) & 3, alternate & 15)
     }
 
+    /// What stops with a core that a debugger halts: the bits of DBGMCU_APB1FZR1 and DBGMCU_APB2FZR.
+    #[must_use]
+    pub fn stops_with_the_core(&self) -> [u32; 2] {
+        ["APB1FZR1", "APB2FZR"].map(|name| self.debug.get(name))
+    }
+
+    /// A core that has locked up breaks the timers.
+    #[must_use]
+    pub fn lockup_breaks(&self) -> bool {
+        self.configuration.get("CFGR2") & 1 != 0
+    }
+
     /// Reads a register.
     ///
     /// # Errors
@@ -129,6 +147,8 @@ impl System {
             }),
             PWR => self.power.read(offset),
             FLASH => self.flash.read(offset),
+            SYSCFG => self.configuration.read(offset),
+            DBGMCU => self.debug.read(offset),
             _ => match self.port(address) {
                 Some(port) => self.ports[port].read(offset),
                 None => Err("the model has no peripheral here".into()),
@@ -160,6 +180,12 @@ impl System {
             }
             FLASH => {
                 self.flash.write(offset, value)?;
+            }
+            SYSCFG => {
+                self.configuration.write(offset, value)?;
+            }
+            DBGMCU => {
+                self.debug.write(offset, value)?;
             }
             _ => match self.port(address) {
                 Some(port) => {
