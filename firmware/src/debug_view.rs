@@ -11,7 +11,7 @@ const MAGIC: u32 = u32::from_le_bytes(*b"DDFV");
 /// Number of this layout.
 const LAYOUT: u32 = 1;
 
-/// One motor, as its current loop last saw it.
+/// One motor, as its current loop saw it in the last millisecond.
 #[repr(C)]
 pub(crate) struct MotorView {
     /// Current, 2^-20 A: `i_d`, `i_q`.

@@ -4,13 +4,46 @@ use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::motor_io::MotorIo;
-use crate::speed::{EXCHANGE, codes};
-use control::current_loop::CurrentLoop;
-use control::exchange::Asked;
+use crate::speed::codes;
+use control::current_loop::{CurrentLoop, Measured, MotorSample};
+use control::exchange::MotorExchange;
+use control::observer::Motion;
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
-use core::sync::atomic::Ordering::Relaxed;
+use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
+
+/// What a current loop tells the tasks below it: all in one place, so that one address in a register serves.
+pub(crate) struct MotorShared {
+    /// With the speed task.
+    pub(crate) exchange: MotorExchange,
+    /// Current in the loop's own scale: `i_d`, `i_q`.
+    pub(crate) current: [AtomicI32; 2],
+    /// Mechanical angle, 2^-32 turn.
+    pub(crate) theta: AtomicU32,
+    /// Periods whose compare values came too late.
+    pub(crate) missed: AtomicU32,
+    /// Cycles of the last period.
+    pub(crate) cycles: AtomicU32,
+    /// Cycles of the longest.
+    pub(crate) cycles_max: AtomicU32,
+}
+
+impl MotorShared {
+    const fn new() -> Self {
+        Self {
+            exchange: MotorExchange::new(CONFIG.speed_divider),
+            current: [AtomicI32::new(0), AtomicI32::new(0)],
+            theta: AtomicU32::new(0),
+            missed: AtomicU32::new(0),
+            cycles: AtomicU32::new(0),
+            cycles_max: AtomicU32::new(0),
+        }
+    }
+}
+
+/// Screw, nut.
+pub(crate) static MOTORS: [MotorShared; 2] = [MotorShared::new(), MotorShared::new()];
 
 /// One motor's loop, and its registers. `MOTOR` is its place in the configuration and among the shared words.
 pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
@@ -36,32 +69,98 @@ where
     #[inline(always)]
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
-        let config = const { &CONFIG.current_loops[MOTOR] };
-        let sample = self.io.sample(DRIVE_COMMAND.asks_reset());
-        let measured = self.control.measure(config, &sample);
-        // Passed on before the second half, which needs the registers that they are in.
-        let (view, exchange) = (&DRIVE_VIEW.motors[MOTOR], &EXCHANGE[MOTOR]);
-        view.current[0].store(measured.current.d.to_bits(), Relaxed);
-        view.current[1].store(measured.current.q.to_bits(), Relaxed);
-        view.omega_e
-            .store(measured.motion.omega_e.to_bits(), Relaxed);
-        view.theta.store(measured.motion.theta.0, Relaxed);
+        let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
+        let broken = self.io.acknowledge();
+        if shared.exchange.asked_to_drive() && !broken {
+            let (encoder, motion, measured) = self.measure();
+            if self.control.encoder_stuck(config, encoder, &motion) {
+                self.rest(broken);
+            } else {
+                let (i_q, bus) = (shared.exchange.i_q(), self.io.bus());
+                let output = self.control.regulate(config, i_q, &measured, &motion, bus);
+                shared.exchange.publish_drive(output.limited);
+                let compare =
+                    CurrentLoop::modulate(config, output.voltage, &measured, &motion, bus);
+                self.io.write(compare);
+                if !self.io.enabled() {
+                    self.begin();
+                }
+            }
+        } else {
+            self.measure_and_rest(broken);
+        }
+        if !self.io.in_time() {
+            too_late(&shared.missed);
+        }
+        let spent = cycles::now().wrapping_sub(start);
+        shared.cycles.store(spent, Relaxed);
+        keep_max(&shared.cycles_max, spent);
+    }
 
-        let Asked { reference, stale } = exchange.asked();
-        if stale {
+    /// Reads encoder and currents and passes on what they say, before the rest of the period needs the registers that it is
+    /// in.
+    #[inline(always)]
+    fn measure(&mut self) -> (u32, Motion, Measured) {
+        let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
+        let encoder = self.io.encoder();
+        let motion = self.control.observe(config, encoder);
+        shared.theta.store(motion.theta.0, Relaxed);
+        shared.exchange.publish_speed(motion.fine_step);
+        let counts = self.io.current(config.sense.shunts);
+        let measured = self.control.measure(config, counts, &motion);
+        shared.current[0].store(measured.current.d.0, Relaxed);
+        shared.current[1].store(measured.current.q.0, Relaxed);
+        (encoder, motion, measured)
+    }
+
+    /// Closes the bridge for the first period with it on, unless it was opened for an encoder that is stuck: then it waits
+    /// for the speed task to see that.
+    #[cold]
+    #[inline(never)]
+    fn begin(&mut self) {
+        if self.control.may_drive() {
+            self.io.close();
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn measure_and_rest(&mut self, broken: bool) {
+        self.measure();
+        self.rest(broken);
+    }
+
+    /// The rest of a period with the bridge off. The sample is still in its registers.
+    #[cold]
+    #[inline(never)]
+    fn rest(&mut self, broken: bool) {
+        let config = const { &CONFIG.current_loops[MOTOR] };
+        let exchange = &MOTORS[MOTOR].exchange;
+        let asked = exchange.asked_to_rest();
+        if DRIVE_COMMAND.asks_reset() {
+            self.io.clear_break();
+        }
+        if asked.stale {
             // The speed task, which says what the drive is doing, cannot.
             let (state, fault) = const { codes(State::Fault(Fault::SpeedTaskLate)) };
             DRIVE_VIEW.state.store(state, Relaxed);
             DRIVE_VIEW.fault.store(fault, Relaxed);
         }
-        let (command, estimate) = self.control.act(config, &sample, &measured, reference);
-        if !self.io.apply(&command) {
-            count(&view.missed);
-        }
-        exchange.publish(&estimate, stale);
-        count(&view.steps);
-        let spent = cycles::now().wrapping_sub(start);
-        view.cycles.store(spent, Relaxed);
-        keep_max(&view.cycles_max, spent);
+        let sample = MotorSample {
+            current: self.io.current(config.sense.shunts),
+            bus: self.io.bus(),
+            encoder: self.io.encoder(),
+            broken,
+        };
+        let rested = self.control.rest(config, &sample, asked.mode);
+        exchange.publish_rest(rested, asked.stale);
+        self.io.open();
+        self.io.write([0; 3]);
     }
+}
+
+#[cold]
+#[inline(never)]
+fn too_late(missed: &AtomicU32) {
+    count(missed);
 }

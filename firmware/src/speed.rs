@@ -4,18 +4,12 @@ use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Scale;
+use crate::motor_loop::MOTORS;
 use control::coordinator::Command;
-use control::exchange::MotorExchange;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::speed_task::SpeedTask;
 use control::supervisor::{Fault, Request, State};
 use core::sync::atomic::Ordering::Relaxed;
-
-/// The words between the current loops and the speed task: screw, nut.
-pub(crate) static EXCHANGE: [MotorExchange; 2] = [
-    MotorExchange::new(CONFIG.speed_divider),
-    MotorExchange::new(CONFIG.speed_divider),
-];
 
 /// The speed task and what it owns.
 pub(crate) struct Speed {
@@ -43,13 +37,14 @@ impl Speed {
             run: DRIVE_COMMAND.asks_run(),
             reset: DRIVE_COMMAND.asks_reset(),
         };
-        let [screw, nut] = &EXCHANGE;
+        let [screw, nut] = MOTORS.each_ref().map(|motor| &motor.exchange);
         let output = self
             .control
             .step(&CONFIG, request, [screw.status(), nut.status()]);
         let [to_screw, to_nut] = output.current;
-        screw.ask(to_screw);
-        nut.ask(to_nut);
+        let [screw_loop, nut_loop] = const { &CONFIG.current_loops };
+        screw.ask(to_screw, screw_loop.sense.scale);
+        nut.ask(to_nut, nut_loop.sense.scale);
 
         let (state, fault) = codes(output.state);
         view.state.store(state, Relaxed);

@@ -5,12 +5,12 @@
 //! the angle that the rotor gains in that time.
 
 use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig};
-use crate::format::{Angle, Current, Voltage};
+use crate::format::{Angle, Current, ScaledCurrent, Voltage};
 use crate::modulation::ModulationConfig;
 use crate::observer::{Motion, Observer, ObserverConfig};
-use crate::regulator::{Regulator, RegulatorConfig};
-use crate::sense::{BusSense, CurrentSense, ZeroCalibration};
-use crate::transform::{DirectQuadrature, Rotation, inverse_clarke};
+use crate::regulator::{Regulator, RegulatorConfig, RegulatorOutput};
+use crate::sense::{BusSense, Codes, CurrentSense, ZeroCalibration};
+use crate::transform::{DirectQuadrature, Rotation};
 
 /// Configuration of a motor's current loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,15 +78,24 @@ pub enum Calibration {
     OutOfRange,
 }
 
-/// What a current loop knows from its sample.
+/// The phase currents of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// Angle and speed.
-    pub motion: Motion,
-    /// Phase currents, A.
-    pub phases: [Current; 3],
-    /// Current, A.
-    pub current: DirectQuadrature<Current>,
+    /// Codes of the phases.
+    pub codes: Codes,
+    /// Current.
+    pub current: DirectQuadrature<ScaledCurrent>,
+}
+
+/// What a current loop knows after a period with its bridge off.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rested {
+    /// How far the offset calibration is.
+    pub calibration: Calibration,
+    /// The break input has stopped the bridge.
+    pub broken: bool,
+    /// The encoder's count stands while the shaft turns.
+    pub encoder_stuck: bool,
 }
 
 /// What a current loop knows after a step.
@@ -121,9 +130,6 @@ pub struct PwmCommand {
     pub enable: bool,
 }
 
-/// Furthest that a measured zero may lie from its nominal place: 1/16 of a 12-bit range, in sixteenths of a count.
-const ZERO_TOLERANCE: u32 = 256 * 16;
-
 /// State of one motor's current loop. The configuration comes with each step: where it is a constant, as in the
 /// firmware, the compiler puts its numbers into the instructions.
 #[derive(Clone, Copy, Debug)]
@@ -131,10 +137,12 @@ pub struct CurrentLoop {
     observer: Observer,
     encoder_watch: EncoderWatch,
     regulator: Regulator,
-    /// Zeros of the current channels, sixteenths of a count.
-    zeros: [i32; 3],
+    /// Zeros of the current channels.
+    zeros: Codes,
     zero_calibration: ZeroCalibration,
     calibration: Calibration,
+    /// The observer knows where the shaft is.
+    started: bool,
 }
 
 impl CurrentLoop {
@@ -145,17 +153,19 @@ impl CurrentLoop {
             observer: Observer::new(),
             encoder_watch: EncoderWatch::new(),
             regulator: Regulator::new(),
-            zeros: config.sense.nominal_zeros(),
+            zeros: config.sense.zeros,
             zero_calibration: ZeroCalibration::new(),
             calibration: if config.measure_zeros {
                 Calibration::Pending
             } else {
                 Calibration::Done
             },
+            started: false,
         }
     }
 
-    /// One PWM period: both halves.
+    /// One PWM period: the steps below in their order, with all that is known after them. The firmware takes the steps one
+    /// by one, with its registers between them: each is read where it is needed.
     #[inline(always)]
     pub fn step(
         &mut self,
@@ -163,102 +173,146 @@ impl CurrentLoop {
         sample: &MotorSample,
         reference: CurrentReference,
     ) -> (PwmCommand, MotorEstimate) {
-        let measured = self.measure(config, sample);
-        self.act(config, sample, &measured, reference)
-    }
-
-    /// The first half: what the sample says. It ends here so that its results can be passed on at once, instead of
-    /// being kept through the second half.
-    #[inline(always)]
-    pub fn measure(&mut self, config: &CurrentLoopConfig, sample: &MotorSample) -> Measured {
-        let phases = config.sense.phases(sample.current, self.zeros);
-        let motion = self.observer.step(&config.observer, sample.encoder);
-        let rotation = Rotation::new(motion.theta_e);
-        Measured {
-            motion,
-            phases,
-            current: rotation.park(config.sense.vector(phases)),
-        }
-    }
-
-    /// The second half: what follows from it for the bridge.
-    #[inline(always)]
-    pub fn act(
-        &mut self,
-        config: &CurrentLoopConfig,
-        sample: &MotorSample,
-        measured: &Measured,
-        reference: CurrentReference,
-    ) -> (PwmCommand, MotorEstimate) {
-        let Measured {
-            motion,
-            phases,
-            current,
-        } = *measured;
-        let bus = config.bus.voltage(sample.bus);
+        let motion = self.observe(config, sample.encoder);
+        let measured = self.measure(config, sample.current, &motion);
+        let scale = config.sense.scale;
         let mut estimate = MotorEstimate {
             motion,
-            phases,
-            current,
-            bus,
+            phases: config.sense.phases(measured.codes),
+            current: DirectQuadrature {
+                d: scale.current(measured.current.d),
+                q: scale.current(measured.current.q),
+            },
+            bus: config.bus.voltage(sample.bus),
             broken: sample.broken,
             calibration: self.calibration,
             ..MotorEstimate::default()
         };
-        let drive = reference.mode == Mode::Drive;
-        estimate.encoder_stuck = drive
-            && self
-                .encoder_watch
-                .stuck(&config.encoder_watch, sample.encoder, motion.theta_step);
-        if !drive {
-            self.encoder_watch = EncoderWatch::new();
+        let mut command = PwmCommand::default();
+        if reference.mode == Mode::Drive
+            && !sample.broken
+            && self.may_drive()
+            && !self.encoder_stuck(config, sample.encoder, &motion)
+        {
+            let i_q = scale.scaled(reference.i_q);
+            let output = self.regulate(config, i_q, &measured, &motion, sample.bus);
+            command.compare =
+                Self::modulate(config, output.voltage, &measured, &motion, sample.bus);
+            command.enable = true;
+            estimate.voltage = output.voltage;
+            estimate.voltage_limited = output.limited;
+            return (command, estimate);
         }
-        if !drive || sample.broken || estimate.encoder_stuck {
-            self.regulator = Regulator::new();
-            if reference.mode == Mode::Calibrate && self.calibration == Calibration::Pending {
-                self.calibrate(&config.sense, sample.current);
-                estimate.calibration = self.calibration;
-            }
-            return (PwmCommand::default(), estimate);
-        }
+        let rested = self.rest(config, sample, reference.mode);
+        estimate.calibration = rested.calibration;
+        estimate.encoder_stuck = rested.encoder_stuck;
+        (command, estimate)
+    }
 
-        let wanted = DirectQuadrature {
-            d: Current::ZERO,
-            q: reference.i_q,
+    /// The bridge may be closed: the shaft's place is known, and the encoder has not been found stuck.
+    #[must_use]
+    #[inline(always)]
+    pub fn may_drive(&self) -> bool {
+        self.started && !self.encoder_watch.stuck()
+    }
+
+    /// Encoder counts -> where the shaft is and how fast it turns.
+    #[inline(always)]
+    pub fn observe(&mut self, config: &CurrentLoopConfig, encoder: u32) -> Motion {
+        self.observer.step(&config.observer, encoder)
+    }
+
+    /// ADC counts of the phases -> currents.
+    #[must_use]
+    #[inline(always)]
+    pub fn measure(
+        &self,
+        config: &CurrentLoopConfig,
+        counts: [u16; 3],
+        motion: &Motion,
+    ) -> Measured {
+        let codes = config.sense.codes(counts, self.zeros);
+        let rotation = Rotation::new(motion.theta_e);
+        let current = rotation.park(config.sense.vector(codes));
+        Measured { codes, current }
+    }
+
+    /// Once in each period with the bridge on: `true` if the encoder is found stuck.
+    #[inline(always)]
+    pub fn encoder_stuck(
+        &mut self,
+        config: &CurrentLoopConfig,
+        encoder: u32,
+        motion: &Motion,
+    ) -> bool {
+        self.encoder_watch
+            .step(&config.encoder_watch, encoder, motion.theta_step)
+    }
+
+    /// Current error -> voltage, with the reference `i_q` in the loop's scale; `i_d` is held at 0.
+    #[inline(always)]
+    pub fn regulate(
+        &mut self,
+        config: &CurrentLoopConfig,
+        i_q: ScaledCurrent,
+        measured: &Measured,
+        motion: &Motion,
+        bus: u16,
+    ) -> RegulatorOutput {
+        let reference = DirectQuadrature {
+            d: ScaledCurrent(0),
+            q: i_q,
         };
-        let v_max = config.modulation.v_max(bus);
-        let output = self
-            .regulator
-            .step(&config.regulator, wanted, current, motion.omega_e, v_max);
-
-        let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
-        let phase_voltages =
-            inverse_clarke(Rotation::new(realised_at).inverse_park(output.voltage));
-        let compare = config
-            .modulation
-            .compare(phase_voltages, phases, bus, sample.bus);
-        estimate.voltage = output.voltage;
-        estimate.voltage_limited = output.limited;
-        (
-            PwmCommand {
-                compare,
-                enable: true,
-            },
-            estimate,
+        self.regulator.step(
+            &config.regulator,
+            reference,
+            measured.current,
+            motion.theta_e_step,
+            || config.modulation.circle(bus),
         )
     }
 
-    #[cold]
-    #[inline(never)]
+    /// Voltage -> compare values, turned to where the rotor will be in the middle of their period.
+    #[must_use]
+    #[inline(always)]
+    pub fn modulate(
+        config: &CurrentLoopConfig,
+        voltage: DirectQuadrature<Voltage>,
+        measured: &Measured,
+        motion: &Motion,
+        bus: u16,
+    ) -> [u16; 3] {
+        let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
+        let v = Rotation::new(realised_at).inverse_park(voltage);
+        config.modulation.compare(v, measured.codes, bus)
+    }
+
+    /// The rest of a period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current
+    /// zeros are measured.
+    pub fn rest(&mut self, config: &CurrentLoopConfig, sample: &MotorSample, mode: Mode) -> Rested {
+        if !self.started {
+            self.observer = Observer::at(&config.observer, sample.encoder);
+            self.started = true;
+        }
+        self.regulator = Regulator::new();
+        if mode != Mode::Drive {
+            self.encoder_watch = EncoderWatch::new();
+        }
+        if mode == Mode::Calibrate && self.calibration == Calibration::Pending {
+            self.calibrate(&config.sense, sample.current);
+        }
+        Rested {
+            calibration: self.calibration,
+            broken: sample.broken,
+            encoder_stuck: self.encoder_watch.stuck(),
+        }
+    }
+
     fn calibrate(&mut self, sense: &CurrentSense, counts: [u16; 3]) {
-        let Some(zeros) = self.zero_calibration.take(counts) else {
+        let Some(zeros) = self.zero_calibration.take(sense, counts) else {
             return;
         };
-        let healthy = sense
-            .measured()
-            .zip(zeros)
-            .all(|(channel, zero)| channel.zero_sixteenths.abs_diff(zero) <= ZERO_TOLERANCE);
-        if healthy {
+        if sense.healthy(zeros) {
             self.zeros = zeros;
             self.calibration = Calibration::Done;
         } else {
@@ -267,9 +321,10 @@ impl CurrentLoop {
     }
 }
 
-/// The angle gained in one and a half samples.
+/// The angle gained in one and a half samples, of a quarter turn each at most.
+#[allow(clippy::arithmetic_side_effects)]
 fn three_halves(step: i32) -> Angle {
-    Angle(step.saturating_add(step >> 1).cast_unsigned())
+    Angle((step + (step >> 1)).cast_unsigned())
 }
 
 #[cfg(test)]
@@ -294,7 +349,10 @@ mod tests {
     fn current_loop() -> Configured {
         let plate = test_plate();
         let config = plate.motors[0].current_loop(&plate).unwrap();
-        Configured(config, CurrentLoop::new(&config))
+        let mut started = Configured(config, CurrentLoop::new(&config));
+        // The first period of every drive: the observer learns where the shaft is.
+        started.step(&sample([2048; 3]), CurrentReference::default());
+        started
     }
 
     fn sample(current: [u16; 3]) -> MotorSample {
@@ -402,6 +460,7 @@ mod tests {
         ) {
             let mut current_loop = current_loop();
             for (current, bus, encoder, i_q) in samples {
+                let (current, bus) = (current.map(|n| n % 4096), bus % 4096);
                 let sample = MotorSample { current, bus, encoder, broken: false };
                 let reference = CurrentReference { mode: Mode::Drive, i_q: Current::from_bits(i_q) };
                 let (command, _) = current_loop.step(&sample, reference);

@@ -18,6 +18,7 @@ pub struct EncoderWatchConfig {
 pub struct EncoderWatch {
     counts: u32,
     travel: u32,
+    stuck: bool,
 }
 
 impl EncoderWatch {
@@ -27,20 +28,29 @@ impl EncoderWatch {
         Self {
             counts: 0,
             travel: 0,
+            stuck: false,
         }
     }
 
-    /// Takes a count and how far the observer turned in its sample, 2^-32 mechanical turn. `true` if the encoder is
-    /// stuck; it stays so until a new watch is started.
-    pub fn stuck(&mut self, config: &EncoderWatchConfig, counts: u32, turned: i32) -> bool {
-        if self.travel > config.travel_max {
-            return true;
-        }
-        if counts == self.counts {
-            self.travel = self.travel.saturating_add(turned.unsigned_abs());
-        } else {
+    /// The encoder was found stuck; it stays so until a new watch is started.
+    #[must_use]
+    #[inline(always)]
+    pub const fn stuck(&self) -> bool {
+        self.stuck
+    }
+
+    /// Takes a count and how far the observer turned in its sample, 2^-32 mechanical turn, a sixteenth of a turn at
+    /// most. `true` if the encoder is found stuck now.
+    #[inline(always)]
+    pub fn step(&mut self, config: &EncoderWatchConfig, counts: u32, turned: i32) -> bool {
+        if counts != self.counts {
             self.counts = counts;
             self.travel = 0;
+            return false;
+        }
+        self.travel = self.travel.saturating_add(turned.unsigned_abs());
+        if self.travel > config.travel_max {
+            self.stuck = true;
         }
         self.travel > config.travel_max
     }
@@ -58,13 +68,20 @@ mod tests {
         let mut plate = test_plate();
         plate.motors[0].encoder.counts_per_turn = counts_per_turn;
         let config = plate.motors[0].current_loop(&plate).unwrap();
-        let (mut observer, mut watch) = (Observer::new(), EncoderWatch::new());
-        (0..samples).find(|&k| {
+        let counts = |k: u32| {
             let turns = angle(f64::from(k) * 50e-6).rem_euclid(1.0);
-            let counts = (turns * f64::from(counts_per_turn)) as u32 % counts_per_turn;
-            let motion = observer.step(&config.observer, counts);
-            watch.stuck(&config.encoder_watch, counts, motion.theta_step)
-        })
+            (turns * f64::from(counts_per_turn)) as u32 % counts_per_turn
+        };
+        let (mut observer, mut watch) = (
+            Observer::at(&config.observer, counts(0)),
+            EncoderWatch::new(),
+        );
+        let first = (0..samples).find(|&k| {
+            let motion = observer.step(&config.observer, counts(k));
+            watch.step(&config.encoder_watch, counts(k), motion.theta_step)
+        });
+        assert_eq!(watch.stuck(), first.is_some());
+        first
     }
 
     #[test]
