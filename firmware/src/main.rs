@@ -49,7 +49,6 @@ mod app {
     struct Local {
         screw: MotorLoop<0, TIM1, ADC1, ADC2, TIM2>,
         nut: MotorLoop<1, TIM8, ADC4, ADC3, TIM5>,
-        until_speed: u32,
         speed: Speed,
         watchdog: Watchdog<3>,
     }
@@ -141,24 +140,19 @@ mod app {
                 device.TIM5,
                 bdtr,
             )),
-            until_speed: 0,
             speed: Speed::new(scale),
             watchdog,
         };
         (Shared {}, local)
     }
 
-    #[task(binds = ADC1_2, priority = 15, local = [screw, until_speed])]
+    #[task(binds = ADC1_2, priority = 15, local = [screw])]
     #[unsafe(link_section = ".ccm.screw")]
     fn screw_current_loop(cx: screw_current_loop::Context) {
         cx.local.screw.step();
         // The speed task follows every `speed_divider`th screw period, below both current loops.
-        match cx.local.until_speed.checked_sub(1) {
-            Some(left) => *cx.local.until_speed = left,
-            None => {
-                *cx.local.until_speed = CONFIG.speed_divider - 1;
-                rtic::pend(Interrupt::FMAC);
-            }
+        if cx.local.screw.speed_is_due() {
+            rtic::pend(Interrupt::FMAC);
         }
     }
 

@@ -49,6 +49,8 @@ pub(crate) static MOTORS: [MotorShared; 2] = [MotorShared::new(), MotorShared::n
 pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
     io: MotorIo<T, X, Y, E>,
     control: CurrentLoop,
+    /// Periods until the speed task is due.
+    until_speed: u32,
 }
 
 impl<const MOTOR: usize, T, X, Y, E> MotorLoop<MOTOR, T, X, Y, E>
@@ -62,7 +64,20 @@ where
         Self {
             io,
             control: CurrentLoop::new(&CONFIG.current_loops[MOTOR]),
+            until_speed: 0,
         }
+    }
+
+    /// The speed task is due: once in `speed_divider` calls, and with the first.
+    #[inline(always)]
+    pub(crate) fn speed_is_due(&mut self) -> bool {
+        let due = self.until_speed == 0;
+        self.until_speed = if due {
+            CONFIG.speed_divider - 1
+        } else {
+            self.until_speed - 1
+        };
+        due
     }
 
     /// One PWM period.
@@ -71,14 +86,17 @@ where
         let start = cycles::now();
         let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
         let broken = self.io.acknowledge();
-        if shared.exchange.asked_to_drive() && !broken {
+        let asked = shared.exchange.asked_to_drive();
+        if !broken && asked {
             let (encoder, motion, measured) = self.measure();
             if self.control.encoder_stuck(config, encoder, &motion) {
                 self.rest(broken);
             } else {
                 let (i_q, bus) = (shared.exchange.i_q(), self.io.bus());
                 let output = self.control.regulate(config, i_q, &measured, &motion, bus);
-                shared.exchange.publish_drive(output.limited);
+                if output.limited {
+                    shared.exchange.publish_limited();
+                }
                 let compare =
                     CurrentLoop::modulate(config, output.voltage, &measured, &motion, bus);
                 self.io.write(compare);

@@ -171,9 +171,10 @@ impl Drive {
         };
         let (command, estimate) = self.current_loops[k].step(config, &sample, reference);
         exchange.publish_speed(estimate.motion.fine_step);
-        if command.enable {
-            exchange.publish_drive(estimate.voltage_limited);
-        } else {
+        if estimate.voltage_limited {
+            exchange.publish_limited();
+        }
+        if !command.enable {
             let rested = Rested {
                 calibration: estimate.calibration,
                 broken: estimate.broken,

@@ -259,13 +259,9 @@ impl CurrentLoop {
         motion: &Motion,
         bus: u16,
     ) -> RegulatorOutput {
-        let reference = DirectQuadrature {
-            d: ScaledCurrent(0),
-            q: i_q,
-        };
         self.regulator.step(
             &config.regulator,
-            reference,
+            i_q,
             measured.current,
             motion.theta_e_step,
             || config.modulation.circle(bus),
@@ -283,7 +279,7 @@ impl CurrentLoop {
         bus: u16,
     ) -> [u16; 3] {
         let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
-        let v = Rotation::new(realised_at).inverse_park(voltage);
+        let v = Rotation::second(realised_at).inverse_park(voltage);
         config.modulation.compare(v, measured.codes, bus)
     }
 

@@ -6,6 +6,8 @@
 //! There the speed lags the shaft's by `2*zeta*a / omega_0`, and within one count of the turning point the count
 //! stands for `2*sqrt(2*count / a)`.
 
+use core::hint::cold_path;
+
 /// Configuration of an encoder's watch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EncoderWatchConfig {
@@ -43,16 +45,15 @@ impl EncoderWatch {
     /// most. `true` if the encoder is found stuck now.
     #[inline(always)]
     pub fn step(&mut self, config: &EncoderWatchConfig, counts: u32, turned: i32) -> bool {
-        if counts != self.counts {
-            self.counts = counts;
-            self.travel = 0;
-            return false;
+        if counts == self.counts {
+            cold_path();
+            self.travel = self.travel.saturating_add(turned.unsigned_abs());
+            self.stuck = self.travel > config.travel_max;
+            return self.stuck;
         }
-        self.travel = self.travel.saturating_add(turned.unsigned_abs());
-        if self.travel > config.travel_max {
-            self.stuck = true;
-        }
-        self.travel > config.travel_max
+        self.counts = counts;
+        self.travel = 0;
+        false
     }
 }
 

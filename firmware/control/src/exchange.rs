@@ -6,7 +6,7 @@
 
 use crate::current_loop::{Calibration, CurrentReference, Mode, Rested};
 use crate::format::{CurrentScale, ScaledCurrent};
-use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU8, AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering::Relaxed};
 
 /// Words between one motor's current loop and the speed task.
 #[derive(Debug)]
@@ -18,7 +18,8 @@ pub struct MotorExchange {
     i_q: AtomicI32,
     /// Mechanical angle a sample, 2^-35 turn.
     fine_step: AtomicI32,
-    voltage_limited: AtomicBool,
+    /// The last period in which the voltage circle cut the voltage.
+    limited_period: AtomicU32,
     /// What stands in the way of driving. Written while the bridge is off; while it is driven, nothing does.
     flags: AtomicU8,
     mode: AtomicU8,
@@ -70,7 +71,7 @@ impl MotorExchange {
             drive_until: AtomicU32::new(0),
             i_q: AtomicI32::new(0),
             fine_step: AtomicI32::new(0),
-            voltage_limited: AtomicBool::new(false),
+            limited_period: AtomicU32::new(u32::MAX),
             flags: AtomicU8::new(0),
             mode: AtomicU8::new(Mode::Off as u8),
             until: AtomicU32::new(valid_periods),
@@ -135,10 +136,10 @@ impl MotorExchange {
         self.fine_step.store(fine_step, Relaxed);
     }
 
-    /// Current loop, after a period in which it drove the bridge: whether the voltage circle cut its voltage.
-    #[inline(always)]
-    pub fn publish_drive(&self, voltage_limited: bool) {
-        self.voltage_limited.store(voltage_limited, Relaxed);
+    /// Current loop, in a period in which the voltage circle cuts its voltage.
+    pub fn publish_limited(&self) {
+        self.limited_period
+            .store(self.periods.load(Relaxed), Relaxed);
     }
 
     /// Current loop, after a period with the bridge off: how far the calibration is, what stops the bridge, and whether what
@@ -155,7 +156,6 @@ impl MotorExchange {
             | flag(stale, STALE)
             | calibration;
         self.flags.store(flags, Relaxed);
-        self.publish_drive(false);
     }
 
     /// Periods of the current loop, modulo 2^32.
@@ -171,7 +171,7 @@ impl MotorExchange {
         let flags = self.flags.load(Relaxed);
         MotorStatus {
             fine_step: self.fine_step.load(Relaxed),
-            voltage_limited: self.voltage_limited.load(Relaxed),
+            voltage_limited: self.limited_period.load(Relaxed) == self.periods.load(Relaxed),
             broken: flags & BROKEN != 0,
             encoder_stuck: flags & ENCODER_STUCK != 0,
             reference_stale: flags & STALE != 0,
@@ -237,12 +237,14 @@ mod tests {
                     calibration,
                 };
                 assert_eq!(exchange.status(), status);
-                exchange.publish_drive(true);
-                let driven = MotorStatus {
+                exchange.publish_limited();
+                let limited = MotorStatus {
                     voltage_limited: true,
                     ..status
                 };
-                assert_eq!(exchange.status(), driven);
+                assert_eq!(exchange.status(), limited);
+                let _ = exchange.asked_to_drive();
+                assert_eq!(exchange.status(), status, "only the last period counts");
             }
         }
     }

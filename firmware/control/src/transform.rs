@@ -37,6 +37,14 @@ impl Rotation {
         Self { cos, sin }
     }
 
+    /// The same, for the second angle of a period: see [`Angle::second_cos_sin`].
+    #[must_use]
+    #[inline(always)]
+    pub fn second(theta_e: Angle) -> Self {
+        let (cos, sin) = theta_e.second_cos_sin();
+        Self { cos, sin }
+    }
+
     /// Park: stator frame to rotor frame. `x` is in half of a [`ScaledCurrent`]'s unit.
     #[must_use]
     #[inline(always)]
