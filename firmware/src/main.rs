@@ -32,7 +32,7 @@ mod app {
     use crate::hw::{analog, clock, cycles, encoder, protection, pwm};
     use crate::motor_loop::MotorLoop;
     use crate::speed::Speed;
-    use crate::{CONFIG, crash, schedule};
+    use crate::{crash, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;

@@ -93,12 +93,14 @@ where
                 self.rest(broken);
             } else {
                 let (i_q, bus) = (shared.exchange.i_q(), self.io.bus());
+                shared.exchange.publish_bus(bus);
                 let output = self.control.regulate(config, i_q, &measured, &motion, bus);
                 if output.limited {
                     shared.exchange.publish_limited();
                 }
+                let scale = shared.exchange.bus_scale();
                 let compare =
-                    CurrentLoop::modulate(config, output.voltage, &measured, &motion, bus);
+                    CurrentLoop::modulate(config, output.voltage, &measured, &motion, scale, bus);
                 self.io.write(compare);
                 if !self.io.enabled() {
                     self.begin();
@@ -123,7 +125,7 @@ where
         let encoder = self.io.encoder();
         let motion = self.control.observe(config, encoder);
         shared.theta.store(motion.theta.0, Relaxed);
-        shared.exchange.publish_speed(motion.fine_step);
+        shared.exchange.publish_speed(motion.theta_step);
         let counts = self.io.current(config.sense.shunts);
         let measured = self.control.measure(config, counts, &motion);
         shared.current[0].store(measured.current.d.0, Relaxed);
@@ -170,6 +172,7 @@ where
             encoder: self.io.encoder(),
             broken,
         };
+        exchange.publish_bus(sample.bus);
         let rested = self.control.rest(config, &sample, asked.mode);
         exchange.publish_rest(rested, asked.stale);
         self.io.open();

@@ -43,8 +43,8 @@ impl Speed {
             .step(&CONFIG, request, [screw.status(), nut.status()]);
         let [to_screw, to_nut] = output.current;
         let [screw_loop, nut_loop] = const { &CONFIG.current_loops };
-        screw.ask(to_screw, screw_loop.sense.scale);
-        nut.ask(to_nut, nut_loop.sense.scale);
+        screw.ask(to_screw, screw_loop);
+        nut.ask(to_nut, nut_loop);
 
         let (state, fault) = codes(output.state);
         view.state.store(state, Relaxed);

@@ -24,8 +24,8 @@ pub(crate) fn step(watchdog: &mut Watchdog<3>) {
             let scaled = ScaledCurrent(scaled.load(Relaxed));
             word.store(config.sense.scale.current(scaled).to_bits(), Relaxed);
         }
-        let fine_step = shared.exchange.status().fine_step;
-        let omega_e = config.observer.omega_e(fine_step);
+        let theta_step = shared.exchange.status().theta_step;
+        let omega_e = config.observer.omega_e(theta_step);
         motor.omega_e.store(omega_e.to_bits(), Relaxed);
         motor.steps.store(shared.exchange.periods(), Relaxed);
         for (word, from) in [

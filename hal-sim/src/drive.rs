@@ -169,8 +169,10 @@ impl Drive {
             mode: if drive { Mode::Drive } else { asked.mode },
             i_q: config.sense.scale.current(exchange.i_q()),
         };
-        let (command, estimate) = self.current_loops[k].step(config, &sample, reference);
-        exchange.publish_speed(estimate.motion.fine_step);
+        let (command, estimate) =
+            self.current_loops[k].step(config, &sample, reference, exchange.bus_scale());
+        exchange.publish_speed(estimate.motion.theta_step);
+        exchange.publish_bus(sample.bus);
         if estimate.voltage_limited {
             exchange.publish_limited();
         }
@@ -193,8 +195,7 @@ impl Drive {
         let status = [self.exchanges[0].status(), self.exchanges[1].status()];
         self.speed = self.speed_task.step(&self.config, self.request, status);
         for (k, exchange) in self.exchanges.iter().enumerate() {
-            let scale = self.config.current_loops[k].sense.scale;
-            exchange.ask(self.speed.current[k], scale);
+            exchange.ask(self.speed.current[k], &self.config.current_loops[k]);
         }
     }
 }

@@ -6,7 +6,7 @@
 
 use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig};
 use crate::format::{Angle, Current, ScaledCurrent, Voltage};
-use crate::modulation::ModulationConfig;
+use crate::modulation::{BusScale, ModulationConfig};
 use crate::observer::{Motion, Observer, ObserverConfig};
 use crate::regulator::{Regulator, RegulatorConfig, RegulatorOutput};
 use crate::sense::{BusSense, Codes, CurrentSense, ZeroCalibration};
@@ -172,16 +172,17 @@ impl CurrentLoop {
         config: &CurrentLoopConfig,
         sample: &MotorSample,
         reference: CurrentReference,
+        scale: BusScale,
     ) -> (PwmCommand, MotorEstimate) {
         let motion = self.observe(config, sample.encoder);
         let measured = self.measure(config, sample.current, &motion);
-        let scale = config.sense.scale;
+        let amperes = config.sense.scale;
         let mut estimate = MotorEstimate {
             motion,
             phases: config.sense.phases(measured.codes),
             current: DirectQuadrature {
-                d: scale.current(measured.current.d),
-                q: scale.current(measured.current.q),
+                d: amperes.current(measured.current.d),
+                q: amperes.current(measured.current.q),
             },
             bus: config.bus.voltage(sample.bus),
             broken: sample.broken,
@@ -194,10 +195,16 @@ impl CurrentLoop {
             && self.may_drive()
             && !self.encoder_stuck(config, sample.encoder, &motion)
         {
-            let i_q = scale.scaled(reference.i_q);
+            let i_q = amperes.scaled(reference.i_q);
             let output = self.regulate(config, i_q, &measured, &motion, sample.bus);
-            command.compare =
-                Self::modulate(config, output.voltage, &measured, &motion, sample.bus);
+            command.compare = Self::modulate(
+                config,
+                output.voltage,
+                &measured,
+                &motion,
+                scale,
+                sample.bus,
+            );
             command.enable = true;
             estimate.voltage = output.voltage;
             estimate.voltage_limited = output.limited;
@@ -246,7 +253,7 @@ impl CurrentLoop {
         motion: &Motion,
     ) -> bool {
         self.encoder_watch
-            .step(&config.encoder_watch, encoder, motion.theta_step)
+            .step(&config.encoder_watch, encoder, motion.theta)
     }
 
     /// Current error -> voltage, with the reference `i_q` in the loop's scale; `i_d` is held at 0.
@@ -276,11 +283,12 @@ impl CurrentLoop {
         voltage: DirectQuadrature<Voltage>,
         measured: &Measured,
         motion: &Motion,
+        scale: BusScale,
         bus: u16,
     ) -> [u16; 3] {
         let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
         let v = Rotation::second(realised_at).inverse_park(voltage);
-        config.modulation.compare(v, measured.codes, bus)
+        config.modulation.compare(v, measured.codes, scale, bus)
     }
 
     /// The rest of a period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current
@@ -338,7 +346,8 @@ mod tests {
             sample: &MotorSample,
             reference: CurrentReference,
         ) -> (PwmCommand, MotorEstimate) {
-            self.1.step(&self.0, sample, reference)
+            let scale = self.0.modulation.bus_scale(sample.bus);
+            self.1.step(&self.0, sample, reference, scale)
         }
     }
 

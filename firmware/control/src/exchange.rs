@@ -4,9 +4,10 @@
 //! estimate, the speed task reads it. Each word is whole by itself, and none means anything only together with
 //! another, so relaxed ordering on a single core is enough.
 
-use crate::current_loop::{Calibration, CurrentReference, Mode, Rested};
-use crate::format::{CurrentScale, ScaledCurrent};
-use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU32, Ordering::Relaxed};
+use crate::current_loop::{Calibration, CurrentLoopConfig, CurrentReference, Mode, Rested};
+use crate::format::ScaledCurrent;
+use crate::modulation::BusScale;
+use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU16, AtomicU32, Ordering::Relaxed};
 
 /// Words between one motor's current loop and the speed task.
 #[derive(Debug)]
@@ -16,8 +17,12 @@ pub struct MotorExchange {
     /// The period with which the reference to drive ends; over when there is none.
     drive_until: AtomicU32,
     i_q: AtomicI32,
-    /// Mechanical angle a sample, 2^-35 turn.
-    fine_step: AtomicI32,
+    /// The bus: about where, and how voltages become compare values there.
+    bus_scale: [AtomicI32; 3],
+    /// The bus, ADC counts.
+    bus: AtomicU16,
+    /// Mechanical angle a sample, 2^-32 turn.
+    theta_step: AtomicI32,
     /// The last period in which the voltage circle cut the voltage.
     limited_period: AtomicU32,
     /// What stands in the way of driving. Written while the bridge is off; while it is driven, nothing does.
@@ -40,8 +45,8 @@ pub struct AskedToRest {
 /// What the speed task sees of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorStatus {
-    /// Mechanical angle a period of its current loop, 2^-35 turn.
-    pub fine_step: i32,
+    /// Mechanical angle a period of its current loop, 2^-32 turn.
+    pub theta_step: i32,
     /// The voltage circle cut the last step.
     pub voltage_limited: bool,
     /// The bridge is stopped by its break input.
@@ -70,7 +75,9 @@ impl MotorExchange {
             periods: AtomicU32::new(0),
             drive_until: AtomicU32::new(0),
             i_q: AtomicI32::new(0),
-            fine_step: AtomicI32::new(0),
+            bus_scale: [AtomicI32::new(0), AtomicI32::new(0), AtomicI32::new(0)],
+            bus: AtomicU16::new(0),
+            theta_step: AtomicI32::new(0),
             limited_period: AtomicU32::new(u32::MAX),
             flags: AtomicU8::new(0),
             mode: AtomicU8::new(Mode::Off as u8),
@@ -79,12 +86,12 @@ impl MotorExchange {
         }
     }
 
-    /// Speed task: what the current loop, whose currents are in `scale`, shall do from its next period on.
+    /// Speed task: what the current loop of `config` shall do from its next period on.
     ///
     /// The current loop may come between any two of the stores. It drives only by `drive_until`, which comes last, and
     /// calls a reference stale only by `until`.
     #[inline(always)]
-    pub fn ask(&self, reference: CurrentReference, scale: CurrentScale) {
+    pub fn ask(&self, reference: CurrentReference, config: &CurrentLoopConfig) {
         let periods = self.periods.load(Relaxed);
         let until = periods.wrapping_add(self.valid_periods);
         let drive_until = if reference.mode == Mode::Drive {
@@ -93,7 +100,16 @@ impl MotorExchange {
             periods
         };
         self.until.store(until, Relaxed);
-        self.i_q.store(scale.scaled(reference.i_q).0, Relaxed);
+        let BusScale {
+            counts,
+            scale,
+            slope,
+        } = config.modulation.bus_scale(self.bus.load(Relaxed));
+        for (word, value) in self.bus_scale.iter().zip([counts, scale, slope]) {
+            word.store(value, Relaxed);
+        }
+        self.i_q
+            .store(config.sense.scale.scaled(reference.i_q).0, Relaxed);
         self.mode.store(reference.mode as u8, Relaxed);
         self.drive_until.store(drive_until, Relaxed);
     }
@@ -117,6 +133,19 @@ impl MotorExchange {
         ScaledCurrent(self.i_q.load(Relaxed))
     }
 
+    /// Current loop, where it shall drive: how voltages become compare values near the bus of the last speed step. Should the
+    /// speed task be between its words, they are two steps' of a bus that hardly changes.
+    #[must_use]
+    #[inline(always)]
+    pub fn bus_scale(&self) -> BusScale {
+        let [counts, scale, slope] = &self.bus_scale;
+        BusScale {
+            counts: counts.load(Relaxed),
+            scale: scale.load(Relaxed),
+            slope: slope.load(Relaxed),
+        }
+    }
+
     /// Current loop, where it shall not or cannot drive: what else.
     #[must_use]
     pub fn asked_to_rest(&self) -> AskedToRest {
@@ -130,10 +159,16 @@ impl MotorExchange {
         AskedToRest { mode, stale }
     }
 
-    /// Current loop: how far the shaft turns in a period, 2^-35 turn.
+    /// Current loop: how far the shaft turns in a period, 2^-32 turn.
     #[inline(always)]
-    pub fn publish_speed(&self, fine_step: i32) {
-        self.fine_step.store(fine_step, Relaxed);
+    pub fn publish_speed(&self, theta_step: i32) {
+        self.theta_step.store(theta_step, Relaxed);
+    }
+
+    /// Current loop: the bus, ADC counts.
+    #[inline(always)]
+    pub fn publish_bus(&self, counts: u16) {
+        self.bus.store(counts, Relaxed);
     }
 
     /// Current loop, in a period in which the voltage circle cuts its voltage.
@@ -170,7 +205,7 @@ impl MotorExchange {
     pub fn status(&self) -> MotorStatus {
         let flags = self.flags.load(Relaxed);
         MotorStatus {
-            fine_step: self.fine_step.load(Relaxed),
+            theta_step: self.theta_step.load(Relaxed),
             voltage_limited: self.limited_period.load(Relaxed) == self.periods.load(Relaxed),
             broken: flags & BROKEN != 0,
             encoder_stuck: flags & ENCODER_STUCK != 0,
@@ -194,9 +229,12 @@ fn over(until: u32, periods: u32) -> bool {
 mod tests {
     use super::*;
     use crate::format::Current;
+    use crate::plate::test_plate;
 
-    /// Twice as fine as a reference's own format.
-    const SCALE: CurrentScale = CurrentScale { fraction: 21 };
+    fn config() -> CurrentLoopConfig {
+        let plate = test_plate();
+        plate.motors[0].current_loop(&plate).unwrap()
+    }
 
     const ONE_AMPERE: CurrentReference = CurrentReference {
         mode: Mode::Drive,
@@ -209,10 +247,10 @@ mod tests {
         assert!(!exchange.asked_to_drive());
         assert_eq!(exchange.asked_to_rest(), AskedToRest::default());
         for mode in [Mode::Off, Mode::Calibrate, Mode::Drive] {
-            exchange.ask(CurrentReference { mode, ..ONE_AMPERE }, SCALE);
+            exchange.ask(CurrentReference { mode, ..ONE_AMPERE }, &config());
             let drive = mode == Mode::Drive;
             assert_eq!(exchange.asked_to_drive(), drive);
-            assert_eq!(exchange.i_q(), ScaledCurrent(1 << 21));
+            assert_eq!(config().sense.scale.current(exchange.i_q()), Current::ONE);
             assert_eq!(exchange.asked_to_rest(), AskedToRest { mode, stale: false });
         }
         for calibration in [
@@ -229,7 +267,7 @@ mod tests {
                 exchange.publish_speed(-471);
                 exchange.publish_rest(rested, false);
                 let status = MotorStatus {
-                    fine_step: -471,
+                    theta_step: -471,
                     voltage_limited: false,
                     broken,
                     encoder_stuck,
@@ -252,7 +290,7 @@ mod tests {
     #[test]
     fn a_reference_that_is_not_renewed_switches_off_and_says_so() {
         let exchange = MotorExchange::new(4);
-        exchange.ask(ONE_AMPERE, SCALE);
+        exchange.ask(ONE_AMPERE, &config());
         for _ in 0..8 {
             assert!(exchange.asked_to_drive());
         }
@@ -264,13 +302,13 @@ mod tests {
             assert!(exchange.status().reference_stale);
         }
         // The speed task sees it when it is back, and asks for nothing until the fault is reset.
-        exchange.ask(CurrentReference::default(), SCALE);
+        exchange.ask(CurrentReference::default(), &config());
         assert!(!exchange.asked_to_drive());
         let asked = exchange.asked_to_rest();
         assert!(!asked.stale);
         exchange.publish_rest(Rested::default(), asked.stale);
         assert!(!exchange.status().reference_stale);
-        exchange.ask(ONE_AMPERE, SCALE);
+        exchange.ask(ONE_AMPERE, &config());
         assert!(exchange.asked_to_drive());
     }
 
@@ -278,7 +316,7 @@ mod tests {
     fn the_count_of_periods_may_wrap() {
         let exchange = MotorExchange::new(4);
         exchange.periods.store(u32::MAX - 3, Relaxed);
-        exchange.ask(ONE_AMPERE, SCALE);
+        exchange.ask(ONE_AMPERE, &config());
         for _ in 0..8 {
             assert!(exchange.asked_to_drive());
         }

@@ -72,24 +72,26 @@ pub struct ObserverConfig {
     pub theta_e_offset: Angle,
     /// Speeds are held below 2^this, 2^-32 turn a sample: at most [`SPEED_BITS_MAX`], and electrically at most a quarter turn.
     pub speed_bits: u32,
-    /// `omega_e` in 2^-16 rad/s = speed in 2^-35 turn a sample times this, shifted right by `omega_shift`.
+    /// `omega_e` in 2^-16 rad/s = speed in 2^-32 turn a sample times this, shifted right by `omega_shift`.
     pub omega_multiplier: i32,
     /// See `omega_multiplier`; 1 to 31.
     pub omega_shift: u32,
-    /// Largest speed within the format of `omega_e`, 2^-35 turn a sample.
-    pub fine_max: i32,
+    /// Largest speed within the format of `omega_e`, 2^-32 turn a sample.
+    pub step_max: i32,
 }
 
 impl ObserverConfig {
-    /// The electrical speed of a shaft that turns `fine` 2^-35 turns a sample.
+    /// The electrical speed of a shaft that turns by `theta_step` a sample, 2^-32 turn: 0.15 mrad/s on 5 pole pairs at 20 kHz.
     #[must_use]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     #[inline(always)]
-    pub fn omega_e(&self, fine: i32) -> Speed {
-        let fine = fine.min(self.fine_max).max(self.fine_max.wrapping_neg());
-        // |fine| <= fine_max makes the result fit. The halves are shifted by hand, because a 64-bit shift by a
+    pub fn omega_e(&self, theta_step: i32) -> Speed {
+        let step = theta_step
+            .min(self.step_max)
+            .max(self.step_max.wrapping_neg());
+        // |step| <= step_max makes the result fit. The halves are shifted by hand, because a 64-bit shift by a
         // variable is a dozen instructions.
-        let wide = i64::from(fine).wrapping_mul(i64::from(self.omega_multiplier));
+        let wide = i64::from(step).wrapping_mul(i64::from(self.omega_multiplier));
         let (upper, lower) = ((wide >> 32) as u32, wide as u32);
         let shift = self.omega_shift & 31;
         let bits = upper.wrapping_shl(32u32.wrapping_sub(shift)) | lower.wrapping_shr(shift);
@@ -104,12 +106,10 @@ pub struct Motion {
     pub theta: Angle,
     /// Electrical angle.
     pub theta_e: Angle,
-    /// Mechanical angle gained each sample, 2^-32 turn.
+    /// Mechanical angle gained each sample, 2^-32 turn: [`ObserverConfig::omega_e`] makes the electrical speed of it.
     pub theta_step: i32,
     /// Electrical angle gained each sample, 2^-32 turn: a quarter turn at most.
     pub theta_e_step: i32,
-    /// Mechanical angle gained each sample, 2^-35 turn: [`ObserverConfig::omega_e`] makes the electrical speed of it.
-    pub fine_step: i32,
     /// Encoder minus prediction, 2^-32 mechanical turn: what a stuck or jumping encoder shows first.
     pub innovation: i32,
 }
@@ -146,7 +146,7 @@ impl Observer {
     #[inline(always)]
     pub fn step(&mut self, config: &ObserverConfig, counts: u32) -> Motion {
         let measured = config.encoder.angle(counts);
-        // |speed| <= 2^60, so its upper word is 32 bits; 29 more of it are the fine step's.
+        // |speed| <= 2^60, so its upper word is 29 bits.
         #[allow(clippy::cast_possible_truncation)]
         let upper = |speed: i64| (speed >> 32) as i32;
         let predicted = self.angle.turned(upper(self.speed));
@@ -161,14 +161,11 @@ impl Observer {
         self.speed = cut_upper(speed, config.speed_bits);
 
         let (theta, theta_step) = (self.angle, upper(self.speed));
-        #[allow(clippy::cast_possible_truncation)]
-        let fine_step = (self.speed >> 29) as i32;
         Motion {
             theta,
             theta_e: theta.times(config.pole_pairs).plus(config.theta_e_offset),
             theta_step,
             theta_e_step: theta_step.wrapping_mul(config.pole_pairs.cast_signed()),
-            fine_step,
             innovation,
         }
     }
@@ -210,7 +207,7 @@ mod tests {
             }
             let omega_e = rpm / 60.0 * core::f64::consts::TAU * 5.0;
             // One count of quantisation, seen through beta, is beta * 2pi * p / (2^20 * T) rad/s.
-            let got = config.omega_e(motion.fine_step).to_num::<f64>();
+            let got = config.omega_e(motion.theta_step).to_num::<f64>();
             prop_assert!((got - omega_e).abs() < 0.005 * omega_e.abs() + 0.1);
         }
 
@@ -241,9 +238,9 @@ mod tests {
                 let omega_e = speed * core::f64::consts::TAU * 5.0 / 50e-6;
                 let off = f64::from(motion.theta.0) / 2f64.powi(32) - angle;
                 prop_assert!((off - off.round()).abs() < 1e-6, "angle off by {off}");
-                let end = f64::from(config.fine_max) / 2f64.powi(35) * core::f64::consts::TAU * 5.0 / 50e-6;
+                let end = f64::from(config.step_max) / 2f64.powi(32) * core::f64::consts::TAU * 5.0 / 50e-6;
                 let exact = omega_e.clamp(-end, end);
-                let got = config.omega_e(motion.fine_step).to_num::<f64>();
+                let got = config.omega_e(motion.theta_step).to_num::<f64>();
                 prop_assert!((got - exact).abs() < 0.02 + 1e-6 * exact.abs());
             }
         }
@@ -260,7 +257,7 @@ mod tests {
                 let motion = observer.step(&config, count);
                 prop_assert!(observer.speed.abs() <= 1 << 60);
                 prop_assert!(motion.theta_e_step.abs() <= 1 << 30, "a quarter turn");
-                let _ = config.omega_e(motion.fine_step);
+                let _ = config.omega_e(motion.theta_step);
             }
         }
     }
@@ -303,7 +300,7 @@ mod tests {
         observer.step(&config, 150);
         let motion = observer.step(&config, 210);
         let exact = 60.0 / f64::from(1 << 20) * core::f64::consts::TAU * 5.0 / 50e-6;
-        let got = config.omega_e(motion.fine_step).to_num::<f64>();
+        let got = config.omega_e(motion.theta_step).to_num::<f64>();
         assert!((got / exact - 1.0).abs() < 1e-4);
     }
 }

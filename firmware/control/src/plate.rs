@@ -10,7 +10,7 @@ use crate::format::{
     Current, CurrentScale, Gain, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity, Voltage,
     quantise,
 };
-use crate::modulation::{DeadTime, ModulationConfig};
+use crate::modulation::{BUS_STEP, DeadTime, ModulationConfig};
 use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX};
 use crate::profile::ProfileConfig;
 use crate::regulator::{Induced, RegulatorConfig};
@@ -216,13 +216,18 @@ impl BoardPlate {
             2_097_152.0
         ));
         let full = per_bus_count * 4_194_304.0 * (SQRT_2 * 0.577_350_269_189_625_8);
-        let (mut numerator, mut scale_shift) = (full, 0);
+        let (mut numerator, mut scale_shift) = (full, 0u32);
         while numerator >= 4_294_967_295.0 {
             numerator /= 2.0;
             scale_shift = u32::saturating_add(scale_shift, 1);
         }
-        // Below this the quotient would leave its word.
-        let least = (full / 2_147_483_648.0 + 1.0) as u16;
+        // Below this the quotient would leave half of its word, or a difference of counts be larger than the counts.
+        let least = (full / 1_073_741_824.0 + 1.0) as u16;
+        let least = if least > BUS_STEP as u16 {
+            least
+        } else {
+            BUS_STEP as u16
+        };
         let bus_counts_min = (self.bus_min_v / self.bus_volts_per_count) as u16;
         let radius = circle * self.bus_volts_per_count;
         attempt!(within(
@@ -237,6 +242,7 @@ impl BoardPlate {
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             compare_max: (period as f64 * (1.0 - low_side)) as u16,
             scale_per_bus_count: numerator as u32,
+            scale_inverse: (9_223_372_036_854_775_808.0 / numerator) as u32,
             scale_shift,
             bus_counts_min: if bus_counts_min > least {
                 bus_counts_min
@@ -525,9 +531,9 @@ impl MotorPlate {
             0.0,
             0.125
         ));
-        // omega_e [2^-16 rad/s] = speed [2^-35 turn a sample] * m / 2^shift, m as large as 31 bits hold.
+        // omega_e [2^-16 rad/s] = speed [2^-32 turn a sample] * m / 2^shift, m as large as 31 bits hold.
         let mut multiplier =
-            TAU * self.pole_pairs as f64 / sample_time * 65_536.0 / 34_359_738_368.0;
+            TAU * self.pole_pairs as f64 / sample_time * 65_536.0 / 4_294_967_296.0;
         let mut omega_shift = 0u32;
         while multiplier < 1_073_741_824.0 && omega_shift < 31 {
             multiplier *= 2.0;
@@ -537,7 +543,7 @@ impl MotorPlate {
         #[allow(clippy::arithmetic_side_effects)]
         let format_end = 32_767.0 * 65_536.0 * (1u64 << omega_shift) as f64 / multiplier;
         #[allow(clippy::cast_possible_truncation)]
-        let fine_max = format_end as i32;
+        let step_max = format_end as i32;
         // A quarter electrical turn a sample is 2^30.
         let mut speed_bits = SPEED_BITS_MAX;
         while self.pole_pairs as f64 * power_of_two(speed_bits) > 1_073_741_824.0 {
@@ -557,7 +563,7 @@ impl MotorPlate {
             theta_e_offset: crate::format::Angle::from_turns(self.encoder.theta_e_at_zero_turns),
             omega_multiplier: attempt!(quantise("electrical speed scale", "", multiplier, 0)),
             omega_shift,
-            fine_max,
+            step_max,
         })
     }
 

@@ -99,8 +99,8 @@ impl SpeedTask {
         let [screw, nut] = motors;
         let [screw_loop, nut_loop] = &config.current_loops;
         let omega_e = [
-            screw_loop.observer.omega_e(screw.fine_step),
-            nut_loop.observer.omega_e(nut.fine_step),
+            screw_loop.observer.omega_e(screw.theta_step),
+            nut_loop.observer.omega_e(nut.theta_step),
         ];
         let [screw_omega_e, nut_omega_e] = omega_e;
         let [screw_torque, nut_torque] = self.torque_limited;
