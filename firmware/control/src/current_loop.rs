@@ -253,7 +253,7 @@ impl CurrentLoop {
         motion: &Motion,
     ) -> bool {
         self.encoder_watch
-            .step(&config.encoder_watch, encoder, motion.theta)
+            .step(&config.encoder_watch, encoder, motion.theta_step)
     }
 
     /// Current error -> voltage, with the reference `i_q` in the loop's scale; `i_d` is held at 0.

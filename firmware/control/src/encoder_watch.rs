@@ -6,7 +6,6 @@
 //! There the speed lags the shaft's by `2*zeta*a / omega_0`, and within one count of the turning point the count
 //! stands for `2*sqrt(2*count / a)`.
 
-use crate::format::Angle;
 use core::hint::cold_path;
 
 /// Configuration of an encoder's watch.
@@ -20,8 +19,8 @@ pub struct EncoderWatchConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct EncoderWatch {
     counts: u32,
-    /// Where the observer was when the count last changed.
-    since: Angle,
+    /// How far the observer has turned since the count last changed.
+    travel: u32,
     stuck: bool,
 }
 
@@ -31,7 +30,7 @@ impl EncoderWatch {
     pub const fn new() -> Self {
         Self {
             counts: 0,
-            since: Angle(0),
+            travel: 0,
             stuck: false,
         }
     }
@@ -43,16 +42,18 @@ impl EncoderWatch {
         self.stuck
     }
 
-    /// Takes a count and the observer's angle after its sample. `true` if the encoder is found stuck now.
+    /// Takes a count and how far the observer turned in its sample, 2^-32 mechanical turn. `true` if the encoder is found
+    /// stuck now.
     #[inline(always)]
-    pub fn step(&mut self, config: &EncoderWatchConfig, counts: u32, theta: Angle) -> bool {
+    pub fn step(&mut self, config: &EncoderWatchConfig, counts: u32, turned: i32) -> bool {
         if counts == self.counts {
             cold_path();
-            self.stuck = theta.minus(self.since).unsigned_abs() > config.travel_max;
+            self.travel = self.travel.saturating_add(turned.unsigned_abs());
+            self.stuck = self.travel > config.travel_max;
             return self.stuck;
         }
         self.counts = counts;
-        self.since = theta;
+        self.travel = 0;
         false
     }
 }
@@ -79,7 +80,7 @@ mod tests {
         );
         let first = (0..samples).find(|&k| {
             let motion = observer.step(&config.observer, counts(k));
-            watch.step(&config.encoder_watch, counts(k), motion.theta)
+            watch.step(&config.encoder_watch, counts(k), motion.theta_step)
         });
         assert_eq!(watch.stuck(), first.is_some());
         first

@@ -17,7 +17,8 @@
 //! | [`Gain`] | any | 31 bits and a shift | 2^-31 of itself | gains of the current loop: `SMMUL` and, where the plate wants it, a shift |
 //! | [`SpeedGain`] | A s/rad, per step | ±128 | 6e-8 | speed-loop gains: 0.0733 and 0.0026 a step; resolved to 2e-5 |
 //! | [`CurrentState`] | A | ±8.4e6 | 9.1e-13 | speed integrators: the full product, so no dead band |
-//! | [`ProfileState`] | rad/s, per step | ±2.1e9 | 2.3e-10 | a jerk of 0.1 rad/s^3 at 5 kHz is 4e-9 a step^2 |
+//! | [`ProfileState`] | rad/s | ±3.4e10 | 3.7e-9 | whole changes and a target's steps fit, so that it is met exactly |
+//! | [`SpeedChange`] | rad/s a step | ±8 | 3.7e-9 | 40 000 rad/s^2 at 5 kHz; a jerk of 50 rad/s^3 is 2e-6 a step^2, 500 of its steps |
 //! | [`Angle`] | turn | [0, 1), wraps | 2^-32 | modular by nature: an angle's wrap is its arithmetic |
 //!
 //! Nothing here wraps but [`Angle`]. A product is taken in full width (`wide_mul`, 64 bits) and comes back
@@ -27,7 +28,7 @@
 
 use fixed::traits::FixedSigned;
 use fixed::types::extra::{LeEqU32, LeEqU64};
-use fixed::types::{I1F31, I2F30, I4F28, I8F24, I12F20, I14F18, I15F17, I16F16, I24F40, I32F32};
+use fixed::types::{I1F31, I2F30, I4F28, I8F24, I12F20, I14F18, I15F17, I16F16, I24F40, I36F28};
 use fixed::{FixedI32, FixedI64};
 
 /// Current, A. ±2048 A in steps of 2^-20 A.
@@ -50,8 +51,10 @@ pub type Ratio = I2F30;
 pub type SpeedGain = I8F24;
 /// State of a speed integrator, A, as wide as the product that feeds it.
 pub type CurrentState = I24F40;
-/// State of a profile, rad/s (and per step, per step squared).
-pub type ProfileState = I32F32;
+/// State of a profile, rad/s.
+pub type ProfileState = I36F28;
+/// Change of a profile, rad/s a step (and its change, per step squared). ±8.
+pub type SpeedChange = I4F28;
 /// A current of the fast loop, in 2^-n A: n is a [`CurrentScale`], which the plate's ADC range gives.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ScaledCurrent(pub i32);

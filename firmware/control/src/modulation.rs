@@ -262,10 +262,10 @@ mod tests {
 
         /// Along the tangent: right to the square of the change, and never beyond its word.
         #[test]
-        fn the_scale_follows_the_bus(counts in any::<u16>(), change in -200..200i32) {
+        fn the_scale_follows_the_bus(counts in 0..4096u16, change in -200..200i32) {
             let config = config(&plate(0.0, 0.0));
             let near = config.bus_scale(counts);
-            let now = (i32::from(counts) + change).clamp(0, 65535) as u16;
+            let now = (i32::from(counts) + change).clamp(0, 4095) as u16;
             let (got, exact) = (f64::from(near.at(now)), f64::from(config.bus_scale(now).scale));
             prop_assert!(got >= 0.0);
             if counts >= config.bus_counts_min && now >= config.bus_counts_min && change.abs() < BUS_STEP {

@@ -7,8 +7,8 @@ use crate::coordinator::CoordinatorConfig;
 use crate::current_loop::CurrentLoopConfig;
 use crate::encoder_watch::EncoderWatchConfig;
 use crate::format::{
-    Current, CurrentScale, Gain, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity, Voltage,
-    quantise,
+    Current, CurrentScale, Gain, MechanicalSpeed, Misfit, Ratio, SpeedChange, SpeedGain,
+    TableVelocity, Voltage, quantise,
 };
 use crate::modulation::{BUS_STEP, DeadTime, ModulationConfig};
 use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX};
@@ -645,34 +645,16 @@ impl DrivePlate {
         let [screw, nut] = &self.motors;
         attempt!(positive("lead", "m", feed.lead_m));
         let per_metre = TAU / feed.lead_m;
-        let table = ProfileConfig {
-            acceleration: attempt!(quantise(
-                "table acceleration",
-                "rad/s a step",
-                feed.acceleration_max * per_metre * step,
-                20
-            )),
-            jerk: attempt!(quantise(
-                "table jerk",
-                "rad/s a step^2",
-                feed.jerk_max * per_metre * step * step,
-                30
-            )),
-        };
-        let base = ProfileConfig {
-            acceleration: attempt!(quantise(
-                "base acceleration",
-                "rad/s a step",
-                feed.base_acceleration_max * step,
-                20
-            )),
-            jerk: attempt!(quantise(
-                "base jerk",
-                "rad/s a step^2",
-                feed.base_jerk_max * step * step,
-                30
-            )),
-        };
+        let table = attempt!(profile(
+            ["table acceleration", "table jerk"],
+            feed.acceleration_max * per_metre * step,
+            feed.jerk_max * per_metre * step * step,
+        ));
+        let base = attempt!(profile(
+            ["base acceleration", "base jerk"],
+            feed.base_acceleration_max * step,
+            feed.base_jerk_max * step * step,
+        ));
         Ok(CoordinatorConfig {
             pole_pairs: [screw.pole_pairs.cast_signed(), nut.pole_pairs.cast_signed()],
             radians_per_metre: I20F12::from_bits(attempt!(quantise(
@@ -720,6 +702,38 @@ const fn square_root(x: f64) -> f64 {
         step = step.saturating_add(1);
     }
     root
+}
+
+const fn profile(
+    [acceleration_name, jerk_name]: [&'static str; 2],
+    acceleration: f64,
+    jerk: f64,
+) -> Result<ProfileConfig, Misfit> {
+    let acceleration = attempt!(quantise(
+        acceleration_name,
+        "rad/s a step",
+        acceleration,
+        28
+    ));
+    let jerk = attempt!(quantise(jerk_name, "rad/s a step^2", jerk, 28));
+    attempt!(within(
+        acceleration_name,
+        "2^-28 rad/s a step",
+        acceleration as f64,
+        -0.5,
+        2.2e9
+    ));
+    attempt!(within(
+        jerk_name,
+        "2^-28 rad/s a step^2",
+        jerk as f64,
+        -0.5,
+        2.2e9
+    ));
+    Ok(ProfileConfig::new(
+        SpeedChange::from_bits(acceleration),
+        SpeedChange::from_bits(jerk),
+    ))
 }
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;

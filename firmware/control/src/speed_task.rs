@@ -68,7 +68,8 @@ impl SpeedTask {
         request: Request,
         motors: [MotorStatus; 2],
     ) -> SpeedTaskOutput {
-        self.state = self.state.next(request, motors, self.coordinator.at_rest());
+        let coordinator = &self.coordinator;
+        self.state = self.state.next(request, motors, || coordinator.at_rest());
         let mode = self.state.mode();
         if !matches!(self.state, State::Running | State::Stopping) {
             self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];

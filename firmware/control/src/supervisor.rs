@@ -65,7 +65,13 @@ pub struct Request {
 impl State {
     /// The next state.
     #[must_use]
-    pub fn next(self, request: Request, motors: [MotorStatus; 2], at_rest: bool) -> Self {
+    #[inline(always)]
+    pub fn next(
+        self,
+        request: Request,
+        motors: [MotorStatus; 2],
+        at_rest: impl FnOnce() -> bool,
+    ) -> Self {
         let fault = fault(motors);
         match (self, fault) {
             (Self::Fault(_), None) if request.reset && !request.run => Self::Off,
@@ -79,7 +85,7 @@ impl State {
             }
             (Self::Ready | Self::Stopping, None) if request.run => Self::Running,
             (Self::Running, None) if !request.run => Self::Stopping,
-            (Self::Stopping, None) if at_rest => Self::Ready,
+            (Self::Stopping, None) if at_rest() => Self::Ready,
             (same, None) => same,
         }
     }
@@ -167,7 +173,7 @@ mod tests {
                         reset: on(3),
                     },
                     [healthy, nut],
-                    on(4),
+                    || on(4),
                 );
                 if to != from {
                     seen.insert(std::format!("{:?}", (from, to)));
@@ -189,7 +195,7 @@ mod tests {
                 reset: true,
             },
             [MotorStatus::default(), broken],
-            false,
+            || false,
         );
         assert_eq!(state, FAULT);
         assert_eq!(state.mode(), Mode::Off);
@@ -198,7 +204,7 @@ mod tests {
             reset: true,
         };
         assert_eq!(
-            state.next(still_asked, [MotorStatus::default(); 2], false),
+            state.next(still_asked, [MotorStatus::default(); 2], || false),
             FAULT,
             "a reset while run is asked"
         );
@@ -206,9 +212,12 @@ mod tests {
             calibration: Calibration::OutOfRange,
             ..MotorStatus::default()
         };
-        assert_eq!(state.next(Request::default(), [zero, broken], true), FAULT);
         assert_eq!(
-            State::Calibrating.next(Request::default(), [zero, MotorStatus::default()], true),
+            state.next(Request::default(), [zero, broken], || true),
+            FAULT
+        );
+        assert_eq!(
+            State::Calibrating.next(Request::default(), [zero, MotorStatus::default()], || true),
             State::Fault(Fault::ScrewCurrentZero)
         );
     }
