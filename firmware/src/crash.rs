@@ -11,15 +11,18 @@ use stm32g4xx_hal::stm32::{TIM1, TIM8};
 const MAGIC: u32 = 0xC0DE_DEAD;
 const TEXT: usize = 120;
 
-/// A crash, kept across the reset that it causes.
+/// A crash, kept across the reset that it causes, and after it has been reported.
+#[repr(C)]
 struct Record {
     magic: u32,
     length: usize,
     text: [u8; TEXT],
 }
 
+/// At a symbol that a debugger knows.
+#[unsafe(no_mangle)]
 #[unsafe(link_section = ".keep")]
-static mut RECORD: MaybeUninit<Record> = MaybeUninit::uninit();
+static mut DRIVE_CRASH: MaybeUninit<Record> = MaybeUninit::uninit();
 
 impl Write for Record {
     fn write_str(&mut self, text: &str) -> core::fmt::Result {
@@ -35,7 +38,7 @@ impl Write for Record {
 pub(crate) fn take(report: impl FnOnce(&str)) {
     // SAFETY: interrupts are off and this runs once, so the reference is the only one; every bit pattern of the
     // record's integers is valid, and it is believed only with its magic word.
-    let record = unsafe { &mut *(&raw mut RECORD).cast::<Record>() };
+    let record = unsafe { &mut *(&raw mut DRIVE_CRASH).cast::<Record>() };
     if record.magic == MAGIC {
         let text = record.text.get(..record.length).unwrap_or(&record.text);
         report(core::str::from_utf8(text).unwrap_or("a record that is not text"));
@@ -58,7 +61,7 @@ fn crash(cause: core::fmt::Arguments<'_>) -> ! {
     };
     let _ = record.write_fmt(cause);
     // SAFETY: nothing else runs from here on.
-    unsafe { (&raw mut RECORD).write_volatile(MaybeUninit::new(record)) };
+    unsafe { (&raw mut DRIVE_CRASH).write_volatile(MaybeUninit::new(record)) };
     SCB::sys_reset()
 }
 

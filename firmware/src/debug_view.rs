@@ -1,136 +1,35 @@
 //! What a probe session reads and writes while the drive runs: two structures of words at known symbols.
 //!
-//! `DRIVE_VIEW` is for reading. `DRIVE_COMMAND` is how the drive is told to move. Each word is whole by itself;
-//! nothing here needs the core to be halted. The order of the words is the interface: add at the end, and raise
-//! [`LAYOUT`].
+//! `DRIVE_VIEW` is for reading, `DRIVE_COMMAND` is how the drive is told what to do. [`link`] says what their words are.
 
-use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
+use crate::CONFIG;
+use crate::motor_loop::MOTORS;
+use control::format::{Current, MechanicalSpeed, Speed, TableVelocity, Voltage};
+use control::supervisor;
+use control::transform::Rotation;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use link::codes::{Fault, State};
+use link::scale;
+use link::view::{DriveCommand, DriveView};
 
-/// First word of the view: `DDFV`, little-endian.
-const MAGIC: u32 = u32::from_le_bytes(*b"DDFV");
-/// Number of this layout.
-const LAYOUT: u32 = 1;
-
-/// One motor, as its current loop saw it in the last millisecond.
-#[repr(C)]
-pub(crate) struct MotorView {
-    /// Current, 2^-20 A: `i_d`, `i_q`.
-    pub(crate) current: [AtomicI32; 2],
-    /// Electrical speed, 2^-16 rad/s.
-    pub(crate) omega_e: AtomicI32,
-    /// Mechanical angle, 2^-32 turn.
-    pub(crate) theta: AtomicU32,
-    /// Steps of the current loop.
-    pub(crate) steps: AtomicU32,
-    /// Steps that ended after their period had begun.
-    pub(crate) missed: AtomicU32,
-    /// Cycles of the last step.
-    pub(crate) cycles: AtomicU32,
-    /// Cycles of the longest step.
-    pub(crate) cycles_max: AtomicU32,
-}
-
-impl MotorView {
-    const fn new() -> Self {
-        Self {
-            current: [AtomicI32::new(0), AtomicI32::new(0)],
-            omega_e: AtomicI32::new(0),
-            theta: AtomicU32::new(0),
-            steps: AtomicU32::new(0),
-            missed: AtomicU32::new(0),
-            cycles: AtomicU32::new(0),
-            cycles_max: AtomicU32::new(0),
-        }
-    }
-}
-
-/// The whole drive.
-#[repr(C)]
-pub(crate) struct DriveView {
-    magic: AtomicU32,
-    layout: AtomicU32,
-    /// 0 off, 1 calibrating, 2 ready, 3 running, 4 stopping, 5 fault.
-    pub(crate) state: AtomicU32,
-    /// 0 none, else the code of the fault: see `fault_code`.
-    pub(crate) fault: AtomicU32,
-    /// Reason of the last reset: see `ResetReason`.
-    pub(crate) reset_reason: AtomicU32,
-    /// Time since the start, ms.
-    pub(crate) uptime_ms: AtomicU32,
-    /// Steps of the speed task.
-    pub(crate) speed_steps: AtomicU32,
-    /// Times that the speed task was still at work when its next step was due.
-    pub(crate) speed_missed: AtomicU32,
-    /// Cycles of its last step, interruptions included.
-    pub(crate) speed_cycles: AtomicU32,
-    /// Cycles of its longest step, interruptions included.
-    pub(crate) speed_cycles_max: AtomicU32,
-    /// The table's scale, counts.
-    pub(crate) scale: AtomicI32,
-    /// Heat sinks, ADC counts: screw, nut.
-    pub(crate) temperatures: [AtomicU32; 2],
-    /// Commands that were refused.
-    pub(crate) refused: AtomicU32,
-    /// Screw, nut.
-    pub(crate) motors: [MotorView; 2],
-}
-
-/// What is asked of the drive. Write `velocity` and `base` first, then count `sequence` up; `run` acts at once.
-#[repr(C)]
-pub(crate) struct DriveCommand {
-    /// Table velocity, 2^-28 m/s.
-    pub(crate) velocity: AtomicI32,
-    /// Base speed, 2^-18 rad/s, mechanical.
-    pub(crate) base: AtomicI32,
-    /// A new value makes the drive take the two words above.
-    pub(crate) sequence: AtomicU32,
-    /// 0: come to rest. 1: run. 2: come to rest and leave a fault whose cause is gone.
-    pub(crate) run: AtomicU32,
-}
-
-impl DriveCommand {
-    /// The drive shall run.
-    #[inline(always)]
-    pub(crate) fn asks_run(&self) -> bool {
-        self.run.load(Relaxed) == 1
-    }
-
-    /// The drive shall leave a fault.
-    #[inline(always)]
-    pub(crate) fn asks_reset(&self) -> bool {
-        self.run.load(Relaxed) == 2
-    }
-}
-
-/// At a symbol that a debugger knows.
+/// At a symbol that a debugger knows: [`link::VIEW_SYMBOL`].
 #[used]
 #[unsafe(no_mangle)]
-pub(crate) static DRIVE_VIEW: DriveView = DriveView {
-    magic: AtomicU32::new(MAGIC),
-    layout: AtomicU32::new(LAYOUT),
-    state: AtomicU32::new(0),
-    fault: AtomicU32::new(0),
-    reset_reason: AtomicU32::new(0),
-    uptime_ms: AtomicU32::new(0),
-    speed_steps: AtomicU32::new(0),
-    speed_missed: AtomicU32::new(0),
-    speed_cycles: AtomicU32::new(0),
-    speed_cycles_max: AtomicU32::new(0),
-    scale: AtomicI32::new(0),
-    temperatures: [AtomicU32::new(0), AtomicU32::new(0)],
-    refused: AtomicU32::new(0),
-    motors: [MotorView::new(), MotorView::new()],
-};
+pub(crate) static DRIVE_VIEW: DriveView = DriveView::new();
 
-/// At a symbol that a debugger knows.
+/// At a symbol that a debugger knows: [`link::COMMAND_SYMBOL`].
 #[used]
 #[unsafe(no_mangle)]
-pub(crate) static DRIVE_COMMAND: DriveCommand = DriveCommand {
-    velocity: AtomicI32::new(0),
-    base: AtomicI32::new(0),
-    sequence: AtomicU32::new(0),
-    run: AtomicU32::new(0),
-};
+pub(crate) static DRIVE_COMMAND: DriveCommand = DriveCommand::zero();
+
+/// The words are passed on as the control law has them.
+const _: () = assert!(
+    Current::FRAC_NBITS == scale::CURRENT
+        && Voltage::FRAC_NBITS == scale::VOLTAGE
+        && Speed::FRAC_NBITS == scale::SPEED
+        && MechanicalSpeed::FRAC_NBITS == scale::BASE_SPEED
+        && TableVelocity::FRAC_NBITS == scale::TABLE_VELOCITY
+);
 
 /// Counts a word up. Only the word's one writer may call it.
 #[inline(always)]
@@ -145,5 +44,64 @@ pub(crate) fn count(word: &AtomicU32) -> u32 {
 pub(crate) fn keep_max(word: &AtomicU32, value: u32) {
     if value > word.load(Relaxed) {
         word.store(value, Relaxed);
+    }
+}
+
+/// The state's and the fault's words in the view.
+pub(crate) const fn codes(state: supervisor::State) -> (u32, u32) {
+    let (state, fault) = match state {
+        supervisor::State::Off => (State::Off, Fault::None),
+        supervisor::State::Calibrating => (State::Calibrating, Fault::None),
+        supervisor::State::Ready => (State::Ready, Fault::None),
+        supervisor::State::Running => (State::Running, Fault::None),
+        supervisor::State::Stopping => (State::Stopping, Fault::None),
+        supervisor::State::Fault(fault) => (State::Fault, fault_code(fault)),
+    };
+    (state.word(), fault.word())
+}
+
+const fn fault_code(fault: supervisor::Fault) -> Fault {
+    use supervisor::Fault as F;
+    match fault {
+        F::ScrewBreak => Fault::ScrewBreak,
+        F::NutBreak => Fault::NutBreak,
+        F::ScrewCurrentZero => Fault::ScrewCurrentZero,
+        F::NutCurrentZero => Fault::NutCurrentZero,
+        F::ScrewEncoder => Fault::ScrewEncoder,
+        F::NutEncoder => Fault::NutEncoder,
+        F::SpeedTaskLate => Fault::SpeedTaskLate,
+    }
+}
+
+/// Once a millisecond: what the current loops see, in the view's formats.
+pub(crate) fn refresh() {
+    for (k, (view, motor)) in DRIVE_VIEW.motors.iter().zip(&MOTORS).enumerate() {
+        let config = &CONFIG.current_loops[k];
+        let observer = &config.observer;
+        let count = motor.encoder.load(Relaxed);
+        let theta_e = observer
+            .encoder
+            .angle(count)
+            .times(observer.pole_pairs)
+            .plus(observer.theta_e_offset);
+        let current = Rotation::new(theta_e).park(config.sense.vector(motor.codes()));
+        let current = [current.d, current.q].map(|i| config.sense.scale.current(i));
+        for (word, current) in view.current.iter().zip(current) {
+            word.store(current.to_bits(), Relaxed);
+        }
+        let omega_e = observer
+            .omega_e(motor.exchange.status().theta_step)
+            .to_bits();
+        let omega = omega_e.checked_div(observer.pole_pairs.cast_signed());
+        view.speed.store(omega.unwrap_or(0), Relaxed);
+        view.steps.store(motor.exchange.periods(), Relaxed);
+        for (word, from) in [
+            (&view.encoder, &motor.encoder),
+            (&view.missed, &motor.missed),
+            (&view.cycles, &motor.cycles),
+            (&view.cycles_max, &motor.cycles_max),
+        ] {
+            word.store(from.load(Relaxed), Relaxed);
+        }
     }
 }

@@ -8,14 +8,16 @@ mod board;
 mod crash;
 mod debug_view;
 mod hw;
+mod log;
 mod memory;
 mod motor_loop;
+mod rows;
 mod schedule;
 mod speed;
 mod supervision;
+mod telemetry;
 
 use control::plate::DriveConfig;
-use defmt_rtt as _;
 
 /// The drive's configuration, computed while compiling: a number that does not fit its format stops the build.
 const CONFIG: DriveConfig = match board::PLATE.config() {
@@ -32,7 +34,8 @@ mod app {
     use crate::hw::{analog, clock, cycles, encoder, protection, pwm};
     use crate::motor_loop::MotorLoop;
     use crate::speed::Speed;
-    use crate::{crash, schedule};
+    use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
+    use crate::{crash, log, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -51,22 +54,30 @@ mod app {
         nut: MotorLoop<1, TIM8, ADC4, ADC3, TIM5>,
         speed: Speed,
         watchdog: Watchdog<3>,
+        sender: Sender,
     }
 
     #[init]
     fn init(cx: init::Context) -> (Shared, Local) {
         let (device, mut core) = (cx.device, cx.core);
+        let channels = rtt_target::rtt_init! {
+            up: {
+                0: { size: 1024, name: "defmt" }
+                1: { size: CHANNEL_BYTES, name: "telemetry", section: ".uninit.telemetry" }
+            }
+        };
+        log::start(channels.up.0);
         cycles::start(&mut core.DCB, &mut core.DWT);
         schedule::no_lazy_float_state(&core.FPU);
 
         let mut rcc = clock::start(device.RCC, device.PWR, &device.FLASH);
         let reason = reset_reason(&mut rcc);
-        DRIVE_VIEW.reset_reason.store(reason as u32, Relaxed);
-        defmt::info!("started after a reset by {}", reason);
+        DRIVE_VIEW.reset_reason.store(reason.word(), Relaxed);
+        defmt::info!("started after a reset by {=str}", reason.name());
         crash::take(|text| defmt::error!("the last run ended: {=str}", text));
 
         clock::enable_peripherals(&rcc);
-        let channels = board::claim(Ports {
+        let inputs = board::claim(Ports {
             a: device.GPIOA.split(&mut rcc),
             b: device.GPIOB.split(&mut rcc),
             c: device.GPIOC.split(&mut rcc),
@@ -102,7 +113,7 @@ mod app {
             dma: (&device.DMA1, &device.DMAMUX),
         };
         assert!(
-            converters.prepare(channels),
+            converters.prepare(inputs),
             "an ADC did not calibrate: check the analog supply"
         );
 
@@ -114,6 +125,7 @@ mod app {
         };
         Mono::start(core.SYST, clock::CORE_HZ);
         supervise::spawn().expect("spawned once");
+        send_telemetry::spawn().expect("spawned once");
 
         let watchdog = Watchdog::start(device.IWDG);
         let timers = (&device.TIM1, &device.TIM8);
@@ -140,8 +152,9 @@ mod app {
                 device.TIM5,
                 bdtr,
             )),
-            speed: Speed::new(scale),
+            speed: Speed::new(scale, Sampler::new()),
             watchdog,
+            sender: Sender::new(channels.up.1),
         };
         (Shared {}, local)
     }
@@ -176,6 +189,16 @@ mod app {
             next += 1.millis();
             Mono::delay_until(next).await;
             crate::supervision::step(cx.local.watchdog);
+        }
+    }
+
+    #[task(priority = 1, local = [sender])]
+    async fn send_telemetry(cx: send_telemetry::Context) {
+        let mut next = Mono::now();
+        loop {
+            next += 1.millis();
+            Mono::delay_until(next).await;
+            cx.local.sender.step();
         }
     }
 

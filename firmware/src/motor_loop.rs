@@ -1,26 +1,29 @@
 //! What a current-loop interrupt does: read, step, write.
 
 use crate::CONFIG;
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
+use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::motor_io::MotorIo;
-use crate::speed::codes;
 use control::current_loop::{CurrentLoop, Measured, MotorSample};
 use control::exchange::MotorExchange;
 use control::observer::Motion;
+use control::sense::{Codes, Shunts};
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
+use link::codes::Run;
 use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
 
 /// What a current loop tells the tasks below it: all in one place, so that one address in a register serves.
 pub(crate) struct MotorShared {
     /// With the speed task.
     pub(crate) exchange: MotorExchange,
-    /// Current in the loop's own scale: `i_d`, `i_q`.
-    pub(crate) current: [AtomicI32; 2],
-    /// Mechanical angle, 2^-32 turn.
-    pub(crate) theta: AtomicU32,
+    /// Codes of the phases.
+    codes: [AtomicI32; 3],
+    /// The encoder's count within the turn.
+    pub(crate) encoder: AtomicU32,
+    /// Voltages d and q of the last four periods: a period's are at its number modulo 4.
+    voltages: [[AtomicI32; 2]; 4],
     /// Periods whose compare values came too late.
     pub(crate) missed: AtomicU32,
     /// Cycles of the last period.
@@ -33,12 +36,26 @@ impl MotorShared {
     const fn new() -> Self {
         Self {
             exchange: MotorExchange::new(CONFIG.speed_divider),
-            current: [AtomicI32::new(0), AtomicI32::new(0)],
-            theta: AtomicU32::new(0),
+            codes: [const { AtomicI32::new(0) }; 3],
+            encoder: AtomicU32::new(0),
+            voltages: [const { [const { AtomicI32::new(0) }; 2] }; 4],
             missed: AtomicU32::new(0),
             cycles: AtomicU32::new(0),
             cycles_max: AtomicU32::new(0),
         }
+    }
+}
+
+impl MotorShared {
+    /// Codes of the phases.
+    pub(crate) fn codes(&self) -> Codes {
+        self.codes.each_ref().map(|word| word.load(Relaxed))
+    }
+
+    /// The voltages of period `period`, one of the last four.
+    #[inline(always)]
+    pub(crate) fn voltage(&self, period: u32) -> &[AtomicI32; 2] {
+        &self.voltages[(period & 3) as usize]
     }
 }
 
@@ -98,6 +115,9 @@ where
                 if output.limited {
                     shared.exchange.publish_limited();
                 }
+                let [d, q] = shared.voltage(shared.exchange.periods());
+                d.store(output.voltage.d.to_bits(), Relaxed);
+                q.store(output.voltage.q.to_bits(), Relaxed);
                 let scale = shared.exchange.bus_scale();
                 let compare =
                     CurrentLoop::modulate(config, output.voltage, &measured, &motion, scale, bus);
@@ -124,12 +144,16 @@ where
         let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
         let encoder = self.io.encoder();
         let motion = self.control.observe(config, encoder);
-        shared.theta.store(motion.theta.0, Relaxed);
+        shared.encoder.store(encoder, Relaxed);
         shared.exchange.publish_speed(motion.theta_step);
         let counts = self.io.current(config.sense.shunts);
         let measured = self.control.measure(config, counts, &motion);
-        shared.current[0].store(measured.current.d.0, Relaxed);
-        shared.current[1].store(measured.current.q.0, Relaxed);
+        let [a, b, c] = measured.codes;
+        shared.codes[0].store(a, Relaxed);
+        shared.codes[1].store(b, Relaxed);
+        if config.sense.shunts == Shunts::Three {
+            shared.codes[2].store(c, Relaxed);
+        }
         (encoder, motion, measured)
     }
 
@@ -157,7 +181,7 @@ where
         let config = const { &CONFIG.current_loops[MOTOR] };
         let exchange = &MOTORS[MOTOR].exchange;
         let asked = exchange.asked_to_rest();
-        if DRIVE_COMMAND.asks_reset() {
+        if DRIVE_COMMAND.asks(Run::Reset) {
             self.io.clear_break();
         }
         if asked.stale {
@@ -173,6 +197,9 @@ where
             broken,
         };
         exchange.publish_bus(sample.bus);
+        for word in MOTORS[MOTOR].voltage(exchange.periods()) {
+            word.store(0, Relaxed);
+        }
         let rested = self.control.rest(config, &sample, asked.mode);
         exchange.publish_rest(rested, asked.stale);
         self.io.open();

@@ -7,6 +7,7 @@
 //! | speed | FMAC | 12 | 5 kHz | its next step, 200 us | counted; the references hold |
 //! | time queue | SysTick | 8 | 1 kHz | 1 ms | the two below run late |
 //! | supervise | async | 4 | 1 kHz | 20 ms | the watchdog resets the chip, which opens both bridges |
+//! | telemetry | async | 1 | 1 kHz | 6 ms | samples are dropped and counted |
 //!
 //! The two current loops are half a period apart and cannot interrupt each other: each must end within 25 us.
 

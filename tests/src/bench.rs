@@ -6,10 +6,12 @@ use crate::emulator::Emulator;
 use crate::image::Image;
 use crate::joint::Joint;
 use crate::pins::Motor;
-use control::format::{MechanicalSpeed, TableVelocity};
 use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
 use hal_sim::sensors::{Adc, Sensors};
+use link::codes::{Run, State};
+use link::host::{Drive, View};
+use link::telemetry::Request;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
@@ -81,6 +83,7 @@ pub fn board_config(plate: &DrivePlate) -> BoardConfig {
         measure_zeros: board.measure_zeros,
         sensors: Sensors {
             encoder_counts: plate.motors[0].encoder.counts_per_turn,
+            scale_count_m: plate::SCALE_COUNT_M,
             current: adc(board.amps_per_count, board.zero_counts),
             bus: adc(board.bus_volts_per_count, 0.0),
             ..Sensors::real()
@@ -90,20 +93,20 @@ pub fn board_config(plate: &DrivePlate) -> BoardConfig {
 }
 
 /// The state: bridges off, ready to run.
-pub const READY: u32 = 2;
+pub const READY: u32 = State::Ready.word();
 /// The state: following the command.
-pub const RUNNING: u32 = 3;
+pub const RUNNING: u32 = State::Running.word();
 /// The state: stopped by a fault.
-pub const FAULT: u32 = 5;
+pub const FAULT: u32 = State::Fault.word();
 
 /// What the drive says it is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Status {
-    /// 0 off, 1 calibrating, 2 ready, 3 running, 4 stopping, 5 fault.
+    /// A [`State`]'s word.
     pub state: u32,
-    /// 0 none, else the fault's number in the firmware's `speed` module.
+    /// A [`link::codes::Fault`]'s word.
     pub fault: u32,
-    /// Reason of the last reset: 1 power, 2 pin, 3 software, 4 watchdog.
+    /// A [`link::codes::ResetReason`]'s word.
     pub reset_reason: u32,
 }
 
@@ -115,9 +118,8 @@ pub struct Bench {
     pub joint: Rc<RefCell<Joint>>,
     /// What it runs.
     pub image: Rc<Image>,
-    view: u32,
-    command: u32,
-    commands: u32,
+    /// Where its debug structures are.
+    pub drive: Drive,
 }
 
 impl Bench {
@@ -133,14 +135,12 @@ impl Bench {
             board_config(&plate()),
         )));
         let emulator = Emulator::new(&image, Rc::clone(&joint) as _)?;
-        let (view, command) = (image.symbol("DRIVE_VIEW")?, image.symbol("DRIVE_COMMAND")?);
+        let drive = Drive::locate(|name| image.symbol(name))?;
         Ok(Self {
             emulator,
             joint,
             image,
-            view,
-            command,
-            commands: 0,
+            drive,
         })
     }
 
@@ -216,13 +216,22 @@ impl Bench {
     ///
     /// # Errors
     /// Never, while the view is in RAM.
-    pub fn status(&self) -> Result<Status, String> {
-        let word = |index: u32| self.emulator.word(self.view + 4 * index);
+    pub fn status(&mut self) -> Result<Status, String> {
+        let view = self.look()?;
+        let words = view.words();
         Ok(Status {
-            state: word(2)?,
-            fault: word(3)?,
-            reset_reason: word(4)?,
+            state: words.state,
+            fault: words.fault,
+            reset_reason: words.reset_reason,
         })
+    }
+
+    /// The debug view, as `cargo xtask attach` reads it.
+    ///
+    /// # Errors
+    /// The firmware has not set it up.
+    pub fn look(&mut self) -> Result<View, String> {
+        self.drive.look(&mut self.emulator).map_err(said)
     }
 
     /// Lets time pass until the drive is in `state`, for at most `seconds`.
@@ -233,7 +242,8 @@ impl Bench {
         const LOOK: f64 = 200e-6;
         let mut left = seconds;
         while left > 0.0 {
-            if self.status()?.state == state {
+            // Until it has started there is no view.
+            if self.status().is_ok_and(|status| status.state == state) {
                 return Ok(());
             }
             self.pass(LOOK)?;
@@ -248,23 +258,31 @@ impl Bench {
     /// Asks for a table velocity, m/s, and a base speed, rad/s.
     ///
     /// # Errors
-    /// Never, while the command is in RAM.
+    /// The numbers are beyond the command's formats.
     pub fn ask(&mut self, velocity: f64, base: f64) -> Result<(), String> {
-        let velocity = TableVelocity::saturating_from_num(velocity).to_bits();
-        let base = MechanicalSpeed::saturating_from_num(base).to_bits();
-        self.emulator
-            .set_word(self.command, velocity.cast_unsigned())?;
-        self.emulator
-            .set_word(self.command + 4, base.cast_unsigned())?;
-        self.commands += 1;
-        self.emulator.set_word(self.command + 8, self.commands)
+        self.drive
+            .ask(&mut self.emulator, velocity, base)
+            .map_err(said)
     }
 
     /// Asks to run (1), to come to rest (0), or to leave a fault (2).
     ///
     /// # Errors
-    /// Never, while the command is in RAM.
+    /// There is no such request.
     pub fn run(&mut self, run: u32) -> Result<(), String> {
-        self.emulator.set_word(self.command + 12, run)
+        let run = Run::of_word(run).ok_or_else(|| format!("there is no request {run}"))?;
+        self.drive.run(&mut self.emulator, run).map_err(said)
     }
+
+    /// Asks for telemetry at every `divider`th step of the speed task; 0: none.
+    ///
+    /// # Errors
+    /// Never, while the command is in RAM.
+    pub fn record(&mut self, divider: u8) -> Result<Request, String> {
+        self.drive.record(&mut self.emulator, divider).map_err(said)
+    }
+}
+
+fn said(error: anyhow::Error) -> String {
+    format!("{error:#}")
 }

@@ -14,5 +14,7 @@ pub mod graph;
 pub mod image;
 pub mod joint;
 pub mod log;
+mod memory;
 pub mod pins;
+pub mod sizes;
 pub mod timing;

@@ -20,6 +20,8 @@ pub struct Sensors {
     pub encoder: u32,
     /// Heat sink, ADC counts.
     pub temperature: u16,
+    /// The table's scale, counts; it counts modulo 2^16.
+    pub scale: u16,
 }
 
 /// A motor, and so its timer and its sensors.
@@ -55,6 +57,7 @@ impl Machine for AtRest {
             bus: 2818,
             encoder: 0,
             temperature: 1000,
+            scale: 0,
         }
     }
 

@@ -1,5 +1,6 @@
 //! Faults, provoked: the bridge's output enable falls in time, and the state says why.
 
+use link::codes::{Fault, ResetReason};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
@@ -40,27 +41,17 @@ fn until_off(bench: &mut Bench, motor: Motor, at_most: f64) -> Result<f64, Strin
     Ok((bench.emulator.chip().now - start) as f64 / CORE_HZ as f64)
 }
 
-/// Number of a fault in the debug view, as the firmware's `speed` module has them.
-#[derive(Clone, Copy)]
-enum Cause {
-    ScrewBreak = 1,
-    NutBreak = 2,
-    ScrewEncoder = 5,
-    NutEncoder = 6,
-    SpeedTaskLate = 7,
-}
-
-fn assert_cause(bench: &Bench, cause: Cause) -> Result<(), String> {
+fn assert_cause(bench: &mut Bench, cause: Fault) -> Result<(), String> {
     let status = bench.status()?;
-    assert_eq!((status.state, status.fault), (FAULT, cause as u32));
+    assert_eq!((status.state, status.fault), (FAULT, cause.word()));
     Ok(())
 }
 
 #[test]
 fn an_over_current_opens_the_bridge_in_hardware() -> Result<(), String> {
     for (motor, other, cause) in [
-        (Motor::Screw, Motor::Nut, Cause::ScrewBreak),
-        (Motor::Nut, Motor::Screw, Cause::NutBreak),
+        (Motor::Screw, Motor::Nut, Fault::ScrewBreak),
+        (Motor::Nut, Motor::Screw, Fault::NutBreak),
     ] {
         let mut bench = running()?;
         // In the middle of a period, with no interrupt near.
@@ -70,11 +61,11 @@ fn an_over_current_opens_the_bridge_in_hardware() -> Result<(), String> {
         assert!(!enabled(&mut bench, motor), "off without an instruction");
         // The supervisor takes the other bridge down in its next step.
         assert!(until_off(&mut bench, other, 1e-3)? < 6.0 * PERIOD_S);
-        assert_cause(&bench, cause)?;
+        assert_cause(&mut bench, cause)?;
         // It stays off while the current is there, whatever is asked.
         bench.run(2)?;
         bench.pass(1e-3)?;
-        assert_cause(&bench, cause)?;
+        assert_cause(&mut bench, cause)?;
         assert!(!enabled(&mut bench, motor));
         // Once it is gone a reset leaves the fault, and the drive runs again.
         bench.emulator.chip().end_short_circuit(motor);
@@ -90,8 +81,8 @@ fn an_over_current_opens_the_bridge_in_hardware() -> Result<(), String> {
 #[test]
 fn a_stuck_encoder_opens_its_bridge_within_a_period() -> Result<(), String> {
     for (motor, cause) in [
-        (Motor::Screw, Cause::ScrewEncoder),
-        (Motor::Nut, Cause::NutEncoder),
+        (Motor::Screw, Fault::ScrewEncoder),
+        (Motor::Nut, Fault::NutEncoder),
     ] {
         let mut bench = running()?;
         bench.settle_untold()?;
@@ -106,7 +97,7 @@ fn a_stuck_encoder_opens_its_bridge_within_a_period() -> Result<(), String> {
             "{off} s after the first wrong sample of the {motor:?}"
         );
         bench.pass(1e-3)?;
-        assert_cause(&bench, cause)?;
+        assert_cause(&mut bench, cause)?;
         assert!(!enabled(&mut bench, Motor::Screw) && !enabled(&mut bench, Motor::Nut));
     }
     Ok(())
@@ -122,12 +113,14 @@ fn a_hung_speed_task_is_noticed_and_the_watchdog_resets_the_chip() -> Result<(),
     let nut = until_off(&mut bench, Motor::Nut, 1e-3)?;
     assert!(screw < 12.0 * PERIOD_S, "{screw}");
     assert!(nut < 1.0 * PERIOD_S, "within a period of the other: {nut}");
-    assert_cause(&bench, Cause::SpeedTaskLate)?;
+    assert_cause(&mut bench, Fault::SpeedTaskLate)?;
     bench.pass(30e-3)?;
     assert_eq!(bench.emulator.resets, [Reset::Watchdog]);
     bench.wait_for(READY, 0.2)?;
-    const WATCHDOG: u32 = 4;
-    assert_eq!(bench.status()?.reset_reason, WATCHDOG);
+    assert_eq!(
+        bench.look()?.reset_reason(),
+        Some(ResetReason::IndependentWatchdog)
+    );
     Ok(())
 }
 

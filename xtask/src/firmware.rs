@@ -1,4 +1,4 @@
-//! `cargo xtask build | cost`: the firmware, and what its interrupts take.
+//! `cargo xtask build | cost | sizes`: the firmware, and what it takes.
 
 use crate::tools::{emulator_environment, root, target_folder};
 use anyhow::{Context, Result, ensure};
@@ -9,6 +9,8 @@ use std::process::Command;
 
 /// The target that the firmware is built for.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
+/// The profile that the emulator and its tests are built with.
+const EMULATOR: &str = "emulator";
 
 /// What `cost` can be asked.
 #[derive(Args)]
@@ -19,6 +21,14 @@ pub struct CostOptions {
     /// Keep the figures as the baseline that the tests hold the firmware to.
     #[arg(long)]
     keep: bool,
+}
+
+/// What `sizes` can be asked.
+#[derive(Args)]
+pub struct SizesOptions {
+    /// Print JSON.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Builds the firmware as it is flashed and says where its ELF is.
@@ -45,22 +55,25 @@ pub fn build() -> Result<PathBuf> {
 
 /// Runs the firmware on the emulated chip and prints what its interrupts cost.
 pub fn cost(options: &CostOptions) -> Result<()> {
-    let mut arguments = vec![
-        "run",
-        "--quiet",
-        "--release",
-        "--package",
-        "tests",
-        "--bin",
-        "cost",
-        "--",
-    ];
-    if options.json {
-        arguments.push("--json");
-    }
-    if options.keep {
-        arguments.push("--keep");
-    }
+    report("cost", [(options.json, "--json"), (options.keep, "--keep")])
+}
+
+/// Prints what the firmware takes of the chip's memories.
+pub fn sizes(options: &SizesOptions) -> Result<()> {
+    report("sizes", [(options.json, "--json")])
+}
+
+/// Runs one of the emulator's programs.
+fn report<const N: usize>(program: &str, flags: [(bool, &str); N]) -> Result<()> {
+    let mut arguments = vec!["run", "--quiet", "--profile", EMULATOR];
+    arguments.extend(["--package", "tests"]);
+    arguments.extend(["--bin", program, "--"]);
+    arguments.extend(
+        flags
+            .into_iter()
+            .filter(|(on, _)| *on)
+            .map(|(_, flag)| flag),
+    );
     cargo(&arguments, &emulator_environment(&target_folder())?)
 }
 
@@ -81,7 +94,8 @@ pub fn test() -> Result<()> {
     cargo(
         &[
             "clippy",
-            "--release",
+            "--profile",
+            EMULATOR,
             "--package",
             "tests",
             "--all-targets",
@@ -91,7 +105,10 @@ pub fn test() -> Result<()> {
         ],
         &environment,
     )?;
-    cargo(&["test", "--release", "--package", "tests"], &environment)
+    cargo(
+        &["test", "--profile", EMULATOR, "--package", "tests"],
+        &environment,
+    )
 }
 
 fn cargo(arguments: &[&str], environment: &[(&str, OsString)]) -> Result<()> {

@@ -4,13 +4,14 @@
 mod bench;
 mod firmware;
 mod identify;
-mod output;
 #[cfg(feature = "probe")]
 mod probe;
 mod session;
 mod simulate;
 mod test;
 mod tools;
+
+use xtask::output;
 
 use clap::{Parser, Subcommand};
 use std::ffi::OsString;
@@ -44,6 +45,8 @@ enum Task {
     Build,
     /// Run the firmware on an emulated chip and print what its interrupts cost.
     Cost(firmware::CostOptions),
+    /// Print what the firmware takes of the chip's flash, RAM, CCM and stack, and its largest symbols.
+    Sizes(firmware::SizesOptions),
     #[command(flatten)]
     Session(session::Session),
     /// Everything that must hold: format, lints, tests, the firmware's build.
@@ -57,6 +60,7 @@ fn main() -> ExitCode {
         Task::Bench { what } => bench::run(&what),
         Task::Build => firmware::build().map(|_| ()),
         Task::Cost(options) => firmware::cost(&options),
+        Task::Sizes(options) => firmware::sizes(&options),
         Task::Session(session) => session::run(session),
         Task::Test => test::run(),
     };

@@ -19,11 +19,21 @@ pub fn run() -> Result<()> {
     let probe = ["--package", "xtask", "--features", "probe"];
     step(
         "cargo",
-        &[&["clippy"], &probe[..], &["--", "-D", "warnings"]].concat(),
+        &[
+            &["clippy"],
+            &probe[..],
+            &["--all-targets", "--", "-D", "warnings"],
+        ]
+        .concat(),
     )?;
     step(
         "cargo",
-        &[&["test"], &probe[..], &["--bin", "xtask"]].concat(),
+        &[
+            &["test"],
+            &probe[..],
+            &["--bin", "xtask", "--test", "probe"],
+        ]
+        .concat(),
     )?;
     println!("All checks passed.");
     Ok(())

@@ -22,7 +22,7 @@ use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, TIM1, TIM2, TIM4, TIM5, TIM8}
 
 #[path = "plate.rs"]
 mod plate;
-pub(crate) use plate::PLATE;
+pub(crate) use plate::{PLATE, SCALE_COUNT_M};
 
 /// Threshold of the over-current comparators, ADC counts: +4.5 A of a ±5 A channel.
 pub(crate) const OVER_CURRENT_COUNTS: u16 = 3891;

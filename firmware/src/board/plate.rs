@@ -57,3 +57,6 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         base_jerk_max: 20_000.0,
     },
 };
+
+/// One count of the table's linear scale, m: a quarter of the period of a scale that is interpolated to 40 nm.
+pub(crate) const SCALE_COUNT_M: f64 = 10e-9;

@@ -1,5 +1,6 @@
 //! The independent watchdog, fed only when every task has made progress, and the reason for the last reset.
 
+use link::codes::ResetReason;
 use stm32g4xx_hal::independent_watchdog::IndependentWatchdog;
 use stm32g4xx_hal::rcc::Rcc;
 use stm32g4xx_hal::stm32::IWDG;
@@ -40,24 +41,6 @@ impl<const TASKS: usize> Watchdog<TASKS> {
             }
         }
     }
-}
-
-/// Why the chip was last reset.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, defmt::Format)]
-#[repr(u32)]
-pub(crate) enum ResetReason {
-    /// Power came up, or fell below the brown-out level.
-    Power = 1,
-    /// The reset pin, by a button or a probe.
-    Pin = 2,
-    /// The firmware asked for it: after a panic, or a probe through the core.
-    Software = 3,
-    /// The independent watchdog: a task hung.
-    IndependentWatchdog = 4,
-    /// The window watchdog, which this firmware does not use.
-    WindowWatchdog = 5,
-    /// Something else.
-    Other = 6,
 }
 
 /// Reads the reason and clears it for the next reset.

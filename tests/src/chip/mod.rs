@@ -206,6 +206,7 @@ impl Chip {
             }
             self.sensors[index] = sensors;
             self.encoders[index].set_count(sensors.encoder);
+            self.encoders[2].set_count(u32::from(sensors.scale));
             if let Some(tops) = &mut self.tops {
                 tops.push(Top {
                     motor,

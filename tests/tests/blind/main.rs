@@ -1,6 +1,6 @@
 //! The identification on machines that it has not seen, told from records of the full drive in closed loop.
 //!
-//! Twenty machines as a test; `DDFEED_BLIND=240 cargo test --release -p tests --test blind` for a long run. It writes
+//! Twenty machines as a test; `DDFEED_BLIND=240 cargo test --profile emulator -p tests --test blind` for a long run. It writes
 //! `blind.json` (what `identify bench --blind` reads) and `confusion.svg` into the target folder's `blind`.
 
 mod machines;

@@ -1,6 +1,7 @@
 //! What a session needs of the firmware's ELF: where its structures are, and what its log's numbers mean.
 
 use anyhow::{Context, Result, anyhow};
+use link::host::Drive;
 use object::{Object, ObjectSymbol};
 use std::path::Path;
 
@@ -22,21 +23,14 @@ impl Image {
         &self.bytes
     }
 
-    /// Address of the debug view.
-    pub fn view(&self) -> Result<u32> {
-        self.symbol("DRIVE_VIEW")
-    }
-
-    /// Address of the log's control block.
-    pub fn log(&self) -> Result<u32> {
-        self.symbol("_SEGGER_RTT")
-    }
-
-    fn symbol(&self, name: &str) -> Result<u32> {
+    /// Where the drive has what a host needs.
+    pub fn drive(&self) -> Result<Drive> {
         let file = object::File::parse(&*self.bytes).context("the firmware is not an ELF")?;
-        let symbol = file
-            .symbol_by_name(name)
-            .ok_or_else(|| anyhow!("the firmware has no symbol {name}"))?;
-        u32::try_from(symbol.address()).context("a symbol beyond 32 bits")
+        Drive::locate(|name| {
+            let symbol = file
+                .symbol_by_name(name)
+                .ok_or_else(|| anyhow!("the firmware has no symbol {name}"))?;
+            u32::try_from(symbol.address()).context("a symbol beyond 32 bits")
+        })
     }
 }

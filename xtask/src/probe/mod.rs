@@ -1,139 +1,132 @@
 //! A session with the chip through a debug probe.
 
+mod chip;
+mod choose;
 mod image;
-mod log;
-mod view;
+mod memory;
+mod patience;
+mod record;
+mod tell;
 
-use crate::session::Session as Task;
-use anyhow::{Context, Result, anyhow, bail};
+use crate::session::{Session as Task, Which};
+use anyhow::{Context, Result};
+use choose::choose;
 use image::Image;
+use link::LOG_CHANNEL;
+use link::host::log::{Log, table};
+use link::host::rtt::Channel;
+use patience::watch;
+use probe_rs::flashing::{DownloadOptions, ElfLoader, ElfOptions, FlashProgress};
+use probe_rs::probe::DebugProbeInfo;
 use probe_rs::probe::list::Lister;
-use probe_rs::probe::{DebugProbeInfo, Probe};
-use probe_rs::{Core, MemoryInterface, Permissions, Session, flashing};
-use std::sync::mpsc;
+use probe_rs::{Permissions, flashing};
+use std::path::Path;
 use std::thread;
-use std::time::Duration;
-use view::{Memory, View};
+use std::time::{Duration, Instant};
 
 /// The chip, as probe-rs names it.
 const CHIP: &str = "STM32G474RETx";
-/// A probe or chip that has not answered by then does not.
-const PATIENCE: Duration = Duration::from_secs(4);
 /// How often a running drive is looked at.
 const LOOK: Duration = Duration::from_millis(200);
+/// How often the log is looked at.
+const LISTEN: Duration = Duration::from_millis(20);
+/// How long the firmware has to start.
+const START: Duration = Duration::from_secs(2);
 
-/// Does `task` with the only probe that is there.
+/// Does `task` with the probe that is there.
 pub fn run(task: Task) -> Result<()> {
+    let which = match &task {
+        Task::Flash(which) | Task::Run(which) | Task::Attach(which) => which,
+        Task::Command(options) => &options.which,
+        Task::Record(options) => &options.which,
+    };
     // First, so that a missing probe is said at once and not after a build.
-    let probe = only(&within_patience("look for probes", || {
-        Ok(Lister::new().list_all())
-    })?)?;
+    let probe = find(which)?;
     let elf = crate::firmware::build()?;
     let image = Image::read(&elf)?;
-    let mut session = within_patience("attach to the chip", move || attach(probe))?;
     match task {
-        Task::Flash => flash(&mut session, &elf),
-        Task::Run => {
-            flash(&mut session, &elf)?;
-            log::follow(&mut session.core(0)?, &image)
+        Task::Flash(_) => flash(probe, &elf),
+        Task::Run(_) => {
+            flash(probe.clone(), &elf)?;
+            follow(probe, &image)
         }
-        Task::Attach => {
-            let mut core = session.core(0)?;
-            loop {
-                println!("{}", View::read(&mut Target(&mut core), image.view()?)?);
-                thread::sleep(LOOK);
-            }
-        }
+        Task::Attach(_) => tell::attach(probe, image.drive()?),
+        Task::Command(options) => tell::command(probe, image.drive()?, &options),
+        Task::Record(options) => record::record(probe, image.drive()?, &options),
     }
 }
 
-/// The one probe of `probes`.
-fn only(probes: &[DebugProbeInfo]) -> Result<DebugProbeInfo> {
-    match probes {
-        [] => bail!(
-            "no debug probe found: connect the board's ST-LINK by USB; on Linux the udev rules of probe-rs must let \
-             this user open it"
-        ),
-        [one] => Ok(one.clone()),
-        more => {
-            let names: Vec<String> = more.iter().map(ToString::to_string).collect();
-            bail!(
-                "{} debug probes found, and one is expected: unplug all but the board's ({})",
-                more.len(),
-                names.join("; ")
-            )
-        }
-    }
-}
-
-fn attach(info: DebugProbeInfo) -> Result<Session> {
-    let name = info.to_string();
-    let probe: Probe = info.open().with_context(|| {
-        format!("the probe {name} does not open: is another debugger using it?")
+/// The probe that was asked for, or the only one.
+fn find(which: &Which) -> Result<DebugProbeInfo> {
+    let probes = watch("look for probes", patience::LIST, |_: &dyn Fn(())| {
+        Ok(Lister::new().list_all())
     })?;
-    probe.attach(CHIP, Permissions::default()).map_err(|error| {
-        anyhow!(
-            "the probe {name} does not reach an {CHIP}: {error}. Is the board powered, is it this chip, and is its \
-             read-out protection off?"
-        )
-    })
+    choose(&probes, which.probe.as_deref()).cloned()
 }
 
-fn flash(session: &mut Session, elf: &std::path::Path) -> Result<()> {
-    flashing::download_file(
-        session,
-        elf,
-        flashing::ElfLoader(flashing::ElfOptions::default()),
-    )
-    .with_context(|| format!("{} could not be written to the chip", elf.display()))?;
-    session
-        .core(0)?
-        .reset()
-        .context("the chip was written but does not start")?;
+/// Writes the firmware and starts it.
+fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
+    // First without a session, whose attaching says nothing of a locked chip or another one.
+    memory::with_chip(probe.clone(), |_, _: &dyn Fn(())| Ok(()), |()| Ok(()))?;
+    let elf = elf.to_owned();
+    patience::watch_each(
+        "write to the chip",
+        move |say| {
+            let mut session = memory::open(&probe)?
+                .attach(CHIP, Permissions::default())
+                .map_err(|error| chip::unreachable(&probe, &error))?;
+            say(());
+            let mut options = DownloadOptions::default();
+            options.progress = FlashProgress::new(|_| say(()));
+            options.verify = true;
+            flashing::download_file_with_options(
+                &mut session,
+                &elf,
+                ElfLoader(ElfOptions::default()),
+                options,
+            )
+            .with_context(|| format!("{} could not be written to the chip", elf.display()))?;
+            session
+                .core(0)
+                .and_then(|mut core| core.reset())
+                .context("the chip was written but does not start")
+        },
+        |()| Ok(()),
+    )?;
     println!("written and started");
     Ok(())
 }
 
-/// Does `work` in a thread of its own, for a probe may never answer.
-fn within_patience<T: Send + 'static>(
-    what: &str,
-    work: impl FnOnce() -> Result<T> + Send + 'static,
-) -> Result<T> {
-    let (sender, receiver) = mpsc::channel();
-    thread::spawn(move || sender.send(work()));
-    let seconds = PATIENCE.as_secs();
-    receiver.recv_timeout(PATIENCE).map_err(|_| {
-        anyhow!("could not {what} within {seconds} s: unplug the probe and plug it in again")
-    })?
-}
-
-/// The chip's memory, read while it runs.
-struct Target<'a, 'probe>(&'a mut Core<'probe>);
-
-impl Memory for Target<'_, '_> {
-    fn words(&mut self, address: u32, words: &mut [u32]) -> Result<()> {
-        self.0
-            .read_32(u64::from(address), words)
-            .with_context(|| format!("the chip's memory at {address:#010x} cannot be read"))
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn no_probe_is_said_in_a_sentence() {
-        let error = only(&[]).unwrap_err().to_string();
-        assert!(error.starts_with("no debug probe found"), "{error}");
-    }
-
-    #[test]
-    fn a_probe_that_never_answers_is_given_up() {
-        let error = within_patience("wait", || {
-            thread::sleep(PATIENCE * 2);
+/// Prints the log for as long as the session lasts.
+fn follow(probe: DebugProbeInfo, image: &Image) -> Result<()> {
+    let table = table(image.bytes())?;
+    let mut log = Log::new(&table);
+    let drive = image.drive()?;
+    memory::with_chip(
+        probe,
+        move |mut memory, say: &dyn Fn(Vec<u8>)| {
+            let start = Instant::now();
+            let channel = loop {
+                match Channel::find(&mut memory, drive.rtt, LOG_CHANNEL)? {
+                    Some(channel) => break channel,
+                    None if start.elapsed() > START => {
+                        anyhow::bail!("the firmware's log does not start: does the firmware run?")
+                    }
+                    None => thread::sleep(LISTEN),
+                }
+            };
+            loop {
+                let mut bytes = Vec::new();
+                channel.drain(&mut memory, &mut bytes)?;
+                say(bytes);
+                thread::sleep(LISTEN);
+            }
+        },
+        |bytes| {
+            for line in log.take(&bytes) {
+                println!("{:5} {}", line.level, line.message);
+            }
             Ok(())
-        });
-        assert!(error.unwrap_err().to_string().contains("within 4 s"));
-    }
+        },
+    )
 }

@@ -1,0 +1,82 @@
+# The drive in gdb: `gdb-multiarch -x firmware/debug/drive.gdb target/thumbv7em-none-eabihf/firmware/firmware`, then
+# `target extended-remote :1337` (probe-rs gdb) or `:3333` (OpenOCD).
+#
+# Connecting halts the core: switch the drive's bridges off before (`cargo xtask command --stop`). With OpenOCD
+# `drive-watch` reads the view of a running drive (`continue &`); `cargo xtask attach` does it with any probe.
+
+set language rust
+
+define drive-view
+  printf "layout             %d\n", firmware::debug_view::DRIVE_VIEW.layout.v.value
+  printf "state              %d\n", firmware::debug_view::DRIVE_VIEW.state.v.value
+  printf "fault              %d\n", firmware::debug_view::DRIVE_VIEW.fault.v.value
+  printf "reset_reason       %d\n", firmware::debug_view::DRIVE_VIEW.reset_reason.v.value
+  printf "uptime_ms          %d\n", firmware::debug_view::DRIVE_VIEW.uptime_ms.v.value
+  printf "speed_steps        %d\n", firmware::debug_view::DRIVE_VIEW.speed_steps.v.value
+  printf "speed_missed       %d\n", firmware::debug_view::DRIVE_VIEW.speed_missed.v.value
+  printf "speed_cycles       %d\n", firmware::debug_view::DRIVE_VIEW.speed_cycles.v.value
+  printf "speed_cycles_max   %d\n", firmware::debug_view::DRIVE_VIEW.speed_cycles_max.v.value
+  printf "scale              %d\n", firmware::debug_view::DRIVE_VIEW.scale.v.value
+  printf "temperatures[0]    %d\n", firmware::debug_view::DRIVE_VIEW.temperatures[0].v.value
+  printf "temperatures[1]    %d\n", firmware::debug_view::DRIVE_VIEW.temperatures[1].v.value
+  printf "taken              %d\n", firmware::debug_view::DRIVE_VIEW.taken.v.value
+  printf "refused            %d\n", firmware::debug_view::DRIVE_VIEW.refused.v.value
+  printf "telemetry_dropped  %d\n", firmware::debug_view::DRIVE_VIEW.telemetry_dropped.v.value
+  printf "motors[0].current[0] %d\n", firmware::debug_view::DRIVE_VIEW.motors[0].current[0].v.value
+  printf "motors[0].current[1] %d\n", firmware::debug_view::DRIVE_VIEW.motors[0].current[1].v.value
+  printf "motors[0].speed    %d\n", firmware::debug_view::DRIVE_VIEW.motors[0].speed.v.value
+  printf "motors[0].encoder  %d\n", firmware::debug_view::DRIVE_VIEW.motors[0].encoder.v.value
+  printf "motors[0].steps    %d\n", firmware::debug_view::DRIVE_VIEW.motors[0].steps.v.value
+  printf "motors[0].missed   %d\n", firmware::debug_view::DRIVE_VIEW.motors[0].missed.v.value
+  printf "motors[0].cycles   %d\n", firmware::debug_view::DRIVE_VIEW.motors[0].cycles.v.value
+  printf "motors[0].cycles_max %d\n", firmware::debug_view::DRIVE_VIEW.motors[0].cycles_max.v.value
+  printf "motors[1].current[0] %d\n", firmware::debug_view::DRIVE_VIEW.motors[1].current[0].v.value
+  printf "motors[1].current[1] %d\n", firmware::debug_view::DRIVE_VIEW.motors[1].current[1].v.value
+  printf "motors[1].speed    %d\n", firmware::debug_view::DRIVE_VIEW.motors[1].speed.v.value
+  printf "motors[1].encoder  %d\n", firmware::debug_view::DRIVE_VIEW.motors[1].encoder.v.value
+  printf "motors[1].steps    %d\n", firmware::debug_view::DRIVE_VIEW.motors[1].steps.v.value
+  printf "motors[1].missed   %d\n", firmware::debug_view::DRIVE_VIEW.motors[1].missed.v.value
+  printf "motors[1].cycles   %d\n", firmware::debug_view::DRIVE_VIEW.motors[1].cycles.v.value
+  printf "motors[1].cycles_max %d\n", firmware::debug_view::DRIVE_VIEW.motors[1].cycles_max.v.value
+end
+document drive-view
+The debug view, by its fields' names. firmware/link/src/view.rs says their units, codes.rs what state and fault mean.
+end
+
+define drive-run
+  set var firmware::debug_view::DRIVE_COMMAND.velocity.v.value = ($arg0 * 268435.456) as i32
+  set var firmware::debug_view::DRIVE_COMMAND.base.v.value = ($arg1 * 27451.65548608809) as i32
+  set var firmware::debug_view::DRIVE_COMMAND.sequence.v.value = firmware::debug_view::DRIVE_COMMAND.sequence.v.value + 1
+  set var firmware::debug_view::DRIVE_COMMAND.run.v.value = 1
+end
+document drive-run
+drive-run MM_S RPM: table velocity and nut speed, and run. `continue` lets the drive take it.
+end
+
+define drive-stop
+  set var firmware::debug_view::DRIVE_COMMAND.run.v.value = 0
+end
+document drive-stop
+Come to rest and switch the bridges off.
+end
+
+define drive-reset
+  set var firmware::debug_view::DRIVE_COMMAND.run.v.value = 2
+end
+document drive-reset
+Leave a fault whose cause is gone.
+end
+
+define drive-crash
+  x/s &firmware::crash::DRIVE_CRASH.value.value.0.text
+end
+document drive-crash
+Where the last panic or hard fault was. It outlives resets, but not the power.
+end
+
+define drive-watch
+  eval "monitor mdw %u %u", &firmware::debug_view::DRIVE_VIEW as u32, sizeof(firmware::debug_view::DRIVE_VIEW) / 4
+end
+document drive-watch
+The view's words while the core runs (OpenOCD only): their order is that of `drive-view`.
+end

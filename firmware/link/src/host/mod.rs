@@ -1,0 +1,42 @@
+//! The host's end: a drive read, told and recorded through its chip's memory, while it runs.
+
+mod drive;
+#[cfg(feature = "log")]
+pub mod log;
+pub mod rtt;
+mod stream;
+
+pub use drive::{Drive, View};
+pub use stream::{Count, Decoder, MotorRow, Row};
+
+use anyhow::Result;
+
+/// A chip's memory: behind a debug probe, emulated, or a test's stand-in.
+pub trait Memory {
+    /// Reads bytes from `address` on.
+    ///
+    /// # Errors
+    /// The memory cannot be reached, or there is none.
+    fn read(&mut self, address: u32, bytes: &mut [u8]) -> Result<()>;
+
+    /// Writes the word at `address`.
+    ///
+    /// # Errors
+    /// As [`Memory::read`].
+    fn write(&mut self, address: u32, word: u32) -> Result<()>;
+
+    /// Reads words from `address` on.
+    ///
+    /// # Errors
+    /// As [`Memory::read`].
+    fn words<const N: usize>(&mut self, address: u32) -> Result<[u32; N]> {
+        let mut bytes = vec![0; 4 * N];
+        self.read(address, &mut bytes)?;
+        let mut words = bytes
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|word| u32::from_le_bytes(*word));
+        Ok(std::array::from_fn(|_| words.next().unwrap_or_default()))
+    }
+}

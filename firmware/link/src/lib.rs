@@ -1,0 +1,36 @@
+//! What drive and host say to each other: the one definition of every code, word and frame.
+//!
+//! | what | where | which way |
+//! | --- | --- | --- |
+//! | [`codes`]: state, fault, reset reason | in the view | |
+//! | [`view::DriveView`], at the symbol [`VIEW_SYMBOL`] | the drive's RAM | the host reads, at any time, without halting |
+//! | [`view::DriveCommand`], at the symbol [`COMMAND_SYMBOL`] | the drive's RAM | the host writes |
+//! | [`telemetry`]: a header, then samples | RTT up-channel [`TELEMETRY_CHANNEL`] | the drive writes |
+//! | the log, in defmt's frames | RTT up-channel [`LOG_CHANNEL`] | the drive writes |
+//!
+//! With the feature `host`, [`host`] is the other end: it reads and decodes all of this through a chip's memory, be it
+//! behind a debug probe or emulated. [`scale`] says in which steps the fixed-point words count.
+#![cfg_attr(not(feature = "host"), no_std)]
+#![forbid(unsafe_code)]
+
+pub mod codes;
+#[cfg(feature = "host")]
+pub mod host;
+pub mod scale;
+pub mod telemetry;
+pub mod view;
+
+/// Number of the layout of everything here. Raise it with every change of a word, a code's meaning or a frame: a host
+/// of another layout then says so instead of reading nonsense.
+pub const LAYOUT: u32 = 2;
+
+/// Symbol of the firmware's [`view::DriveView`].
+pub const VIEW_SYMBOL: &str = "DRIVE_VIEW";
+/// Symbol of the firmware's [`view::DriveCommand`].
+pub const COMMAND_SYMBOL: &str = "DRIVE_COMMAND";
+/// Symbol of RTT's control block, as every RTT host knows it.
+pub const RTT_SYMBOL: &str = "_SEGGER_RTT";
+/// RTT up-channel of the log.
+pub const LOG_CHANNEL: usize = 0;
+/// RTT up-channel of the telemetry.
+pub const TELEMETRY_CHANNEL: usize = 1;

@@ -1,0 +1,219 @@
+//! The drive's debug structures: words in its RAM that a probe reads and writes while the drive runs.
+//!
+//! Every word is whole by itself, so nothing has to be halted or locked. Each structure is declared once; of it come the
+//! live one of atomics, which the firmware has, and the plain one that a host makes of the words that it read. The order
+//! of the words is the order of the fields.
+
+use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
+
+/// First word of the view: `DDFV`, little-endian.
+pub const MAGIC: u32 = u32::from_le_bytes(*b"DDFV");
+
+/// A kind of word, or a group of them.
+pub trait Words {
+    /// In the drive's memory.
+    type Live;
+    /// All zero.
+    const ZERO: Self::Live;
+    /// Taken from the memory's words, which `next` gives in their order.
+    fn take(next: &mut impl FnMut() -> u32) -> Self;
+}
+
+impl Words for u32 {
+    type Live = AtomicU32;
+    #[allow(clippy::declare_interior_mutable_const)]
+    const ZERO: AtomicU32 = AtomicU32::new(0);
+    fn take(next: &mut impl FnMut() -> u32) -> Self {
+        next()
+    }
+}
+
+impl Words for i32 {
+    type Live = AtomicI32;
+    #[allow(clippy::declare_interior_mutable_const)]
+    const ZERO: AtomicI32 = AtomicI32::new(0);
+    fn take(next: &mut impl FnMut() -> u32) -> Self {
+        next().cast_signed()
+    }
+}
+
+impl<W: Words, const N: usize> Words for [W; N] {
+    type Live = [W::Live; N];
+    const ZERO: [W::Live; N] = [const { W::ZERO }; N];
+    fn take(next: &mut impl FnMut() -> u32) -> Self {
+        core::array::from_fn(|_| W::take(next))
+    }
+}
+
+macro_rules! words {
+    ($(#[$about:meta])* $live:ident, $plain:ident { $($(#[$doc:meta])* $name:ident: $kind:ty,)* }) => {
+        $(#[$about])*
+        #[derive(Debug)]
+        #[repr(C)]
+        pub struct $live {
+            $($(#[$doc])* pub $name: <$kind as Words>::Live,)*
+        }
+
+        #[doc = concat!("A [`", stringify!($live), "`] as it was read.")]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub struct $plain {
+            $($(#[$doc])* pub $name: $kind,)*
+        }
+
+        impl $live {
+            /// All zero.
+            #[must_use]
+            pub const fn zero() -> Self {
+                Self { $($name: <$kind as Words>::ZERO,)* }
+            }
+        }
+
+        impl Words for $plain {
+            type Live = $live;
+            #[allow(clippy::declare_interior_mutable_const)]
+            const ZERO: $live = $live::zero();
+            fn take(next: &mut impl FnMut() -> u32) -> Self {
+                Self { $($name: <$kind as Words>::take(next),)* }
+            }
+        }
+    };
+}
+
+words! {
+    /// One motor, as its current loop saw it in the last millisecond.
+    MotorView, MotorWords {
+        /// Currents d and q, 2^-20 A.
+        current: [i32; 2],
+        /// Speed of the shaft, 2^-16 rad/s.
+        speed: i32,
+        /// The encoder's count within the turn.
+        encoder: u32,
+        /// Steps of the current loop, one a PWM period.
+        steps: u32,
+        /// Steps that ended after their period had begun.
+        missed: u32,
+        /// Cycles of the last step.
+        cycles: u32,
+        /// Cycles of the longest step.
+        cycles_max: u32,
+    }
+}
+
+words! {
+    /// The whole drive.
+    DriveView, DriveWords {
+        /// [`MAGIC`].
+        magic: u32,
+        /// [`LAYOUT`](crate::LAYOUT).
+        layout: u32,
+        /// A [`State`](crate::codes::State).
+        state: u32,
+        /// A [`Fault`](crate::codes::Fault).
+        fault: u32,
+        /// A [`ResetReason`](crate::codes::ResetReason).
+        reset_reason: u32,
+        /// Time since the start, ms.
+        uptime_ms: u32,
+        /// Steps of the speed task.
+        speed_steps: u32,
+        /// Times that the speed task was still at work when its next step was due.
+        speed_missed: u32,
+        /// Cycles of its last step, interruptions included.
+        speed_cycles: u32,
+        /// Cycles of its longest step, interruptions included.
+        speed_cycles_max: u32,
+        /// The table's scale, counts.
+        scale: i32,
+        /// Heat sinks, ADC counts: screw, nut.
+        temperatures: [u32; 2],
+        /// Commands that were taken.
+        taken: u32,
+        /// Commands that were refused.
+        refused: u32,
+        /// Telemetry samples that found no room, since the start.
+        telemetry_dropped: u32,
+        /// Screw, nut.
+        motors: [MotorWords; 2],
+    }
+}
+
+words! {
+    /// What is asked of the drive. Write `velocity` and `base` first, then count `sequence` up; `run` and `record` act
+    /// at once.
+    DriveCommand, CommandWords {
+        /// Table velocity, 2^-28 m/s.
+        velocity: i32,
+        /// Base speed, 2^-18 rad/s, mechanical.
+        base: i32,
+        /// A new value makes the drive take the two words above.
+        sequence: u32,
+        /// A [`Run`](crate::codes::Run).
+        run: u32,
+        /// What telemetry to send: see [`telemetry::Request`](crate::telemetry::Request).
+        record: u32,
+    }
+}
+
+impl DriveView {
+    /// A view that says what it is, and nothing yet of the drive.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            magic: AtomicU32::new(MAGIC),
+            layout: AtomicU32::new(crate::LAYOUT),
+            ..Self::zero()
+        }
+    }
+}
+
+impl Default for DriveView {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl DriveCommand {
+    /// The drive is asked this.
+    #[inline(always)]
+    pub fn asks(&self, run: crate::codes::Run) -> bool {
+        self.run.load(Relaxed) == run.word()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use core::mem::{offset_of, size_of};
+
+    /// The plain structure is read in the order in which the live one lies in memory, all of it.
+    #[test]
+    fn words_are_taken_from_where_they_are() {
+        let mut next = 0;
+        let view = DriveWords::take(&mut || {
+            next += 1;
+            next - 1
+        });
+        assert_eq!(next as usize, size_of::<DriveView>() / 4);
+        let motor = offset_of!(DriveView, motors) + size_of::<MotorView>();
+        for (taken, offset) in [
+            (view.magic, offset_of!(DriveView, magic)),
+            (view.fault, offset_of!(DriveView, fault)),
+            (view.scale.cast_unsigned(), offset_of!(DriveView, scale)),
+            (
+                view.temperatures[1],
+                offset_of!(DriveView, temperatures) + 4,
+            ),
+            (
+                view.telemetry_dropped,
+                offset_of!(DriveView, telemetry_dropped),
+            ),
+            (view.motors[1].current[1].cast_unsigned(), motor + 4),
+            (
+                view.motors[1].cycles_max,
+                motor + offset_of!(MotorView, cycles_max),
+            ),
+        ] {
+            assert_eq!(taken as usize, offset / 4);
+        }
+    }
+}

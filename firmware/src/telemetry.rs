@@ -1,0 +1,219 @@
+//! Telemetry: the speed task leaves rows in a queue, the lowest task sends them through RTT channel 1.
+//!
+//! The current loops do nothing for it but leave their words where every task below finds them. The speed task runs right after the screw's loop and between two steps of the nut's, so it finds both motors' words whole; a
+//! nut's step that comes between is noticed by its count. While the channel is full, rows stay in the queue; once that is
+//! full too they are dropped and counted, and the host sees by their period that they are missing.
+
+use crate::CONFIG;
+use crate::board;
+use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
+use crate::motor_loop::{MOTORS, MotorShared};
+use crate::rows::{ROWS, Rows, WORDS};
+use control::current_loop::CurrentLoopConfig;
+use control::plate::MotorPlate as Plate;
+use control::speed_task::SpeedTaskOutput;
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
+use link::telemetry::{
+    FRAME_MAX, Frame, Header, MotorPlate, MotorSample, Real, Request, Sample, rounded,
+};
+use rtt_target::{ChannelMode, UpChannel};
+
+/// Bytes of the channel: a host that looks away for 0.1 s loses nothing at 5 kHz.
+pub(crate) const CHANNEL_BYTES: usize = 32 * 1024;
+
+/// Between the two.
+static QUEUE: Rows = Rows::new();
+
+/// The word of the [`Request`] that the speed task serves; 0: none. Only the lowest task writes it.
+static SERVED: AtomicU32 = AtomicU32::new(0);
+
+/// The speed task's end.
+pub(crate) struct Sampler {
+    serving: u32,
+    start: u32,
+    left: u8,
+}
+
+impl Sampler {
+    pub(crate) const fn new() -> Self {
+        Self {
+            serving: 0,
+            start: 0,
+            left: 0,
+        }
+    }
+
+    /// After a step of the speed task: a row, if one is due.
+    #[inline(always)]
+    pub(crate) fn step(&mut self, output: &SpeedTaskOutput, scale: i32) {
+        let asked = SERVED.load(Relaxed);
+        if asked == 0 {
+            return;
+        }
+        let [screw, nut] = &MOTORS;
+        if asked != self.serving {
+            self.serving = asked;
+            self.left = 0;
+            self.start = screw.exchange.periods();
+        }
+        if let Some(left) = self.left.checked_sub(1) {
+            self.left = left;
+            return;
+        }
+        self.left = Request::of_word(asked).divider.saturating_sub(1);
+        let period = screw.exchange.periods().wrapping_sub(self.start);
+        let (s, n) = (words(screw), words(nut));
+        let [to_screw, to_nut] = output.current.map(|c| c.i_q.to_bits().cast_unsigned());
+        let [screw_speed, nut_speed] = output.speed.map(|s| s.omega_e.to_bits().cast_unsigned());
+        let row = [
+            period,
+            s[0],
+            s[1],
+            s[2],
+            s[3],
+            s[4],
+            to_screw,
+            screw_speed,
+            n[0],
+            n[1],
+            n[2],
+            n[3],
+            n[4],
+            to_nut,
+            nut_speed,
+            scale.cast_unsigned(),
+        ];
+        if !QUEUE.push(row) {
+            count(&DRIVE_VIEW.telemetry_dropped);
+        }
+    }
+}
+
+/// A motor's encoder, currents and voltages, of one step of its current loop: currents as codes, voltages as the loop has
+/// them.
+#[inline(always)]
+fn words(motor: &MotorShared) -> [u32; 5] {
+    let take = || {
+        let periods = motor.exchange.periods();
+        // The last step's voltage acts from the next period on; what acted in the period that ended with the sample is
+        // the one of two steps before.
+        let [d, q] = motor.voltage(periods.wrapping_sub(2));
+        let [a, b, _] = motor.codes().map(i32::cast_unsigned);
+        let [d, q] = [d, q].map(|word| word.load(Relaxed).cast_unsigned());
+        (periods, [motor.encoder.load(Relaxed), a, b, d, q])
+    };
+    let (periods, words) = take();
+    if motor.exchange.periods() == periods {
+        words
+    } else {
+        // Its next step is a period away.
+        take().1
+    }
+}
+
+/// A row as it is sent.
+fn sample(row: [u32; WORDS]) -> Sample {
+    let [period, motors @ .., scale] = row;
+    let motor = |config: &CurrentLoopConfig, words: &[i32; 7]| {
+        let [encoder, a, b, d, q, i_q_ref, speed_ref] = *words;
+        let [a, b, _] = config.sense.phases([a, b, 0]);
+        MotorSample {
+            encoder: encoder.cast_unsigned(),
+            phases: [a, b].map(|i| rounded(i.to_bits(), SAMPLE_CURRENT_DROPS)),
+            voltage: [d, q].map(|u| rounded(u, SAMPLE_VOLTAGE_DROPS)),
+            i_q_ref: rounded(i_q_ref, SAMPLE_CURRENT_DROPS),
+            speed_ref,
+        }
+    };
+    let [screw, nut] = const { &CONFIG.current_loops };
+    let [s0, s1, s2, s3, s4, s5, s6, n0, n1, n2, n3, n4, n5, n6] = motors.map(u32::cast_signed);
+    Sample {
+        period,
+        motors: [
+            motor(screw, &[s0, s1, s2, s3, s4, s5, s6]),
+            motor(nut, &[n0, n1, n2, n3, n4, n5, n6]),
+        ],
+        scale: scale.cast_signed(),
+    }
+}
+
+/// The lowest task's end.
+pub(crate) struct Sender {
+    channel: UpChannel,
+    answered: u32,
+}
+
+impl Sender {
+    pub(crate) const fn new(channel: UpChannel) -> Self {
+        Self {
+            channel,
+            answered: 0,
+        }
+    }
+
+    /// Once a millisecond: answers a new request, and sends what the queue holds and the channel takes.
+    pub(crate) fn step(&mut self) {
+        let asked = DRIVE_COMMAND.record.load(Relaxed);
+        if asked != self.answered {
+            // The speed task is above this one: from here on it adds no row of the old stream.
+            SERVED.store(0, Relaxed);
+            QUEUE.clear();
+            if !self.send(&Frame::Header(header(asked))) {
+                return;
+            }
+            self.answered = asked;
+            let wanted = Request::of_word(asked).divider != 0;
+            SERVED.store(if wanted { asked } else { 0 }, Relaxed);
+        }
+        // As many as the queue holds, and no more: what comes meanwhile is the next millisecond's.
+        for _ in 0..ROWS {
+            let Some(row) = QUEUE.first() else { return };
+            if !self.send(&Frame::Sample(sample(row))) {
+                return;
+            }
+            QUEUE.drop_first();
+        }
+    }
+
+    /// Sends a frame, whole; `false` if the channel has no room for it.
+    fn send(&mut self, frame: &Frame) -> bool {
+        let mut buffer = [0; FRAME_MAX];
+        let Some(bytes) = frame.encode(&mut buffer) else {
+            return true;
+        };
+        // A debugger may have told the channel to wait for room.
+        self.channel.set_mode(ChannelMode::NoBlockSkip);
+        self.channel.write(bytes) == bytes.len()
+    }
+}
+
+/// What the host must know to read the rows.
+const fn header(request: u32) -> Header {
+    const PLATE: control::plate::DrivePlate = board::PLATE;
+    const fn motor(plate: &Plate) -> MotorPlate {
+        MotorPlate {
+            resistance_ohm: Real::new(plate.resistance_ohm),
+            inductance_h: Real::new(plate.inductance_h),
+            pole_pairs: plate.pole_pairs,
+            flux_wb: Real::new(plate.flux_wb),
+            inertia_kg_m2: Real::new(plate.inertia_kg_m2),
+            encoder_counts: plate.encoder.counts_per_turn,
+        }
+    }
+    Header {
+        request,
+        ..const {
+            Header {
+                layout: link::LAYOUT,
+                request: 0,
+                speed_divider: PLATE.board.speed_divider,
+                period_s: Real::new(PLATE.board.sample_time()),
+                current_lsb_a: Real::new(PLATE.board.amps_per_count),
+                scale_count_m: Real::new(board::SCALE_COUNT_M),
+                lead_m: Real::new(PLATE.feed.lead_m),
+                motors: [motor(&PLATE.motors[0]), motor(&PLATE.motors[1])],
+            }
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! A recording taken from the emulated chip's memory, as a probe would take it, against the control code on the host.
+
+use hal_sim::drive::Drive;
+use link::TELEMETRY_CHANNEL;
+use link::host::rtt::Channel;
+use link::telemetry::Request;
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+use plant::recording::Recording;
+use std::f64::consts::TAU;
+use std::path::Path;
+use tests::bench::{Bench, READY, board_config, plate};
+use tests::cost::INTERRUPTS;
+use tests::emulator::Profile;
+use xtask::output::Folder;
+use xtask::record::{Recorder, Summary, save};
+
+/// A drive that turns its nut at 300 rpm, and how many periods of it came before it was asked to.
+const VELOCITY: f64 = 2.5e-3;
+const BASE: f64 = 300.0 * TAU / 60.0;
+
+struct Recorded {
+    bench: Bench,
+    asked: u64,
+}
+
+impl Recorded {
+    /// Boots, starts, and keeps record of how many of the screw's tops came before.
+    fn start() -> Result<Self, String> {
+        let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+        bench.emulator.chip().tops = Some(Vec::new());
+        bench.wait_for(READY, 0.2)?;
+        let asked = bench.settle()?;
+        bench.ask(VELOCITY, BASE)?;
+        bench.run(1)?;
+        bench.pass(0.1)?;
+        Ok(Self { bench, asked })
+    }
+
+    /// Records into `folder`, looking into the channel after each of `looks`, s.
+    fn record(
+        &mut self,
+        folder: &Path,
+        divider: u8,
+        looks: impl IntoIterator<Item = f64>,
+    ) -> Result<(Summary, Request), String> {
+        let said = |error: anyhow::Error| format!("{error:#}");
+        let Bench {
+            emulator, drive, ..
+        } = &mut self.bench;
+        let channel = Channel::find(emulator, drive.rtt, TELEMETRY_CHANNEL)
+            .map_err(said)?
+            .ok_or("the firmware has not set its channels up")?;
+        let request = self.bench.record(divider)?;
+        let folder = Folder::open(folder).map_err(said)?;
+        let bench = &mut self.bench;
+        let mut look = |recorder: &mut Recorder, seconds: f64| {
+            bench.pass(seconds).map_err(anyhow::Error::msg)?;
+            let mut bytes = Vec::new();
+            channel.drain(&mut bench.emulator, &mut bytes)?;
+            recorder.take(&bytes)
+        };
+        let rate = 5000.0 / f64::from(divider);
+        let (summary, outcome) = save(&folder, "record", rate, |recorder| {
+            recorder.start(request);
+            looks
+                .into_iter()
+                .try_for_each(|seconds| look(recorder, seconds))
+        })
+        .map_err(said)?;
+        outcome.map_err(said)?;
+        Ok((summary, request))
+    }
+}
+
+/// What the host's drive knows of a motor after a step of its current loop.
+#[derive(Clone, Copy, Default)]
+struct Known {
+    encoder: u32,
+    phases: [f64; 2],
+    voltage: [f64; 2],
+}
+
+/// What it knows after a step of the speed task, when the screw's loop has had its step and the nut's has not.
+struct Row {
+    motors: [Known; 2],
+    i_q_ref: [f64; 2],
+    speed_ref: [f64; 2],
+    table: f64,
+}
+
+/// The host's drive, asked in period `asked` for the same: a row for each of its speed task's steps from its start on.
+fn host(asked: u64, seconds: f64) -> Result<Vec<Row>, String> {
+    let plate = plate();
+    let board = board_config(&plate);
+    let mut drive = Drive::new(&Model::paper(), Coupling::Lumped, board, &plate)
+        .map_err(|misfit| misfit.to_string())?;
+    drive.request.run = false;
+    let known = |drive: &Drive, axis: Axis| {
+        let (estimate, voltage) = (drive.estimate(axis), drive.ended_voltage(axis));
+        let [a, b, _] = estimate.phases.map(|i| i.to_num());
+        Known {
+            encoder: drive.sample(axis).encoder,
+            phases: [a, b],
+            voltage: [voltage.d.to_num(), voltage.q.to_num()],
+        }
+    };
+    let mut rows = Vec::new();
+    let mut nut = Known::default();
+    for period in 0..(seconds * board.pwm_hz) as u64 {
+        if period == asked {
+            drive
+                .command(VELOCITY, BASE)
+                .map_err(|error| error.to_string())?;
+            drive.request.run = true;
+        }
+        let table = drive.board.machine.table_position();
+        drive.period();
+        if period.is_multiple_of(u64::from(plate.board.speed_divider)) {
+            let speed = drive.speed();
+            rows.push(Row {
+                motors: [known(&drive, Axis::Screw), nut],
+                i_q_ref: speed.current.map(|c| c.i_q.to_num()),
+                speed_ref: [0, 1].map(|k: usize| {
+                    speed.speed[k].omega_e.to_num::<f64>() / f64::from(plate.motors[k].pole_pairs)
+                }),
+                table,
+            });
+        }
+        nut = known(&drive, Axis::Nut);
+    }
+    Ok(rows)
+}
+
+/// The count within the turn that an angle stands for.
+fn count(angle_rad: f64) -> u32 {
+    let per_turn = plate().motors[0].encoder.counts_per_turn;
+    (angle_rad / TAU * f64::from(per_turn))
+        .round()
+        .rem_euclid(f64::from(per_turn)) as u32
+}
+
+#[test]
+fn a_recording_is_what_the_control_code_knew() -> Result<(), String> {
+    let mut recorded = Recorded::start()?;
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let before = recorded.bench.settle()? / 4;
+    let (summary, _) = recorded.record(folder.path(), 1, [0.02; 125])?;
+    println!(
+        "{} rows of {:.1} bytes, {:.0} kB/s",
+        summary.count.rows,
+        summary.bytes as f64 / summary.count.rows as f64,
+        summary.bytes as f64 / summary.seconds / 1e3
+    );
+    assert_eq!((summary.count.lost, summary.count.damaged), (0, 0));
+    // What came in the last milliseconds is still in the drive.
+    assert!((summary.seconds - 2.5).abs() < 0.01, "{summary:?}");
+    assert!(summary.bytes < 60 * summary.count.rows, "{summary:?}");
+
+    // As an identification reads it.
+    let model = Model::load(&folder.path().join("model.toml")).map_err(|e| e.to_string())?;
+    let path = folder.path().join("record.csv.gz");
+    let rows = identify::load::load(&path, None, &model).map_err(|error| error.to_string())?;
+    assert_eq!(rows.len() as u64, summary.count.rows);
+
+    let expected = host(recorded.asked, 3.0)?;
+    let close = |what: &str, row: usize, got: f64, expected: f64, by: f64| {
+        assert!(
+            (got - expected).abs() <= by,
+            "{what} of row {row} is {got}, and {expected} in the control code"
+        );
+    };
+    let at = |first: usize, row: usize| {
+        [0, 1].map(|k: usize| {
+            (
+                count(rows.axes[k].angle_rad[row]),
+                expected[first + row].motors[k].encoder,
+            )
+        })
+    };
+    let first = (before as usize..before as usize + 20)
+        .find(|&first| (0..50).all(|row| at(first, row).iter().all(|(got, host)| got == host)))
+        .ok_or("no step of the control code has the first rows' angles")?;
+    for row in 0..rows.len() {
+        let host = &expected[first + row];
+        close("time", row, rows.time_s[row], row as f64 / 5000.0, 1e-9);
+        close("table", row, rows.table_position_m[row], host.table, 5.6e-9);
+        for (k, (got, encoder)) in at(first, row).into_iter().enumerate() {
+            assert_eq!(got, encoder, "angle of row {row}");
+            let (axis, motor) = (&rows.axes[k], &host.motors[k]);
+            // Half a step of what is sent, and half of the file's last digit.
+            let [amps, volts] = [0.5 / 4096.0 + 0.6e-4, 0.5 / 8192.0 + 0.6e-3];
+            close("i_a", row, axis.ia_a[row], motor.phases[0], amps);
+            close("i_b", row, axis.ib_a[row], motor.phases[1], amps);
+            close("u_d", row, axis.ud_v[row], motor.voltage[0], volts);
+            close("u_q", row, axis.uq_v[row], motor.voltage[1], volts);
+            close("i_q_ref", row, axis.iq_ref_a[row], host.i_q_ref[k], amps);
+            close(
+                "speed",
+                row,
+                axis.speed_ref_rad_s[row],
+                host.speed_ref[k],
+                0.6e-4,
+            );
+        }
+    }
+    let turned = |k: usize| {
+        let angle = &rows.axes[k].angle_rad;
+        (angle[rows.len() - 1] - angle[0]) / TAU
+    };
+    // 300 rpm for 2.5 s, less the start.
+    assert!(turned(1) > 11.0 && turned(0) > turned(1), "both turned");
+
+    // The plate's data came with it.
+    let plate = plate();
+    assert_eq!(model.screw.resistance_ohm, plate.motors[0].resistance_ohm);
+    assert_eq!(model.feed.lead_m, plate.feed.lead_m);
+    assert_eq!(model.sensing.sample_hz, 5000.0);
+    assert_eq!(model.sensing.encoder_counts_per_turn, 1 << 20);
+    Ok(())
+}
+
+#[test]
+fn what_a_slow_reader_loses_is_counted_and_left_as_gaps() -> Result<(), String> {
+    let mut recorded = Recorded::start()?;
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let looks = [0.05, 0.05, 0.7, 0.05, 0.4, 0.05].into_iter();
+    let (summary, _) = recorded.record(folder.path(), 1, looks.chain([0.02; 60]))?;
+    let dropped = recorded.bench.look()?.words().telemetry_dropped;
+    assert!(dropped > 1000, "the channel was full: {dropped}");
+    assert_eq!(summary.count.lost, u64::from(dropped));
+    assert_eq!((summary.count.gaps, summary.count.damaged), (2, 0));
+    let rows = Recording::load(&folder.path().join("record.csv.gz")).map_err(|e| e.to_string())?;
+    let all = (rows.time_s[rows.len() - 1] * 5000.0).round() as u64 + 1;
+    assert_eq!(rows.len() as u64 + summary.count.lost, all);
+    // Over the gaps the shafts have made several turns; none is missing.
+    let nut = recorded
+        .bench
+        .joint
+        .borrow()
+        .board
+        .machine
+        .motor(Axis::Nut)
+        .theta;
+    let last = rows.axes[1].angle_rad[rows.len() - 1];
+    assert!(
+        (last - nut).abs() < 1.0,
+        "{last} rad, and {nut} rad in the machine"
+    );
+    // An identification says where the gap is, and does not take it for motion.
+    let model = Model::load(&folder.path().join("model.toml")).map_err(|e| e.to_string())?;
+    let path = folder.path().join("record.csv.gz");
+    let refused = identify::load::load(&path, None, &model)
+        .unwrap_err()
+        .to_string();
+    assert!(refused.contains("a gap"), "{refused}");
+    Ok(())
+}
+
+#[test]
+fn a_slower_rate_is_a_stream_of_its_own() -> Result<(), String> {
+    let mut recorded = Recorded::start()?;
+    let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+    let (_, first) = recorded.record(folder.path(), 1, [0.01; 3])?;
+    let (summary, second) = recorded.record(folder.path(), 5, [0.05; 4])?;
+    assert_ne!(first, second);
+    assert_eq!((summary.count.lost, summary.count.damaged), (0, 0));
+    assert!((summary.interval_s - 1e-3).abs() < 1e-12, "{summary:?}");
+    assert!((195..=200).contains(&summary.count.rows), "{summary:?}");
+    // Nothing is sent once nothing is asked for.
+    recorded.record(folder.path(), 0, [0.01; 2]).unwrap_err();
+    let before = recorded.bench.look()?.words().telemetry_dropped;
+    recorded.bench.pass(0.5)?;
+    assert_eq!(recorded.bench.look()?.words().telemetry_dropped, before);
+    Ok(())
+}
+
+#[test]
+fn recording_costs_the_speed_task_alone_and_little() -> Result<(), String> {
+    let mut bench = Recorded::start()?.bench;
+    let mut typical = |divider: u8| -> Result<[u64; 3], String> {
+        bench.record(divider)?;
+        bench.pass(5e-3)?;
+        *bench.emulator.profile() = Profile::default();
+        bench.emulator.profile().keep = true;
+        bench.pass(0.1)?;
+        Ok(INTERRUPTS.map(|interrupt| {
+            let runs = bench.emulator.profile().of_line(interrupt.line);
+            let mut cycles: Vec<u64> = runs.iter().map(|run| run.cycles).collect();
+            cycles.sort_unstable();
+            cycles[cycles.len() / 2]
+        }))
+    };
+    let ([screw, nut, speed], [screw_sent, nut_sent, speed_sent]) = (typical(0)?, typical(1)?);
+    println!("speed task: {speed} cycles, recording {speed_sent}");
+    assert_eq!((screw, nut), (screw_sent, nut_sent));
+    assert!(
+        (1..150).contains(&(speed_sent - speed)),
+        "{speed} {speed_sent}"
+    );
+    Ok(())
+}

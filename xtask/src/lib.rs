@@ -1,0 +1,5 @@
+//! What of the project's one door others use too: result folders, and recordings from a drive's telemetry.
+#![forbid(unsafe_code)]
+
+pub mod output;
+pub mod record;

@@ -1,0 +1,113 @@
+//! `attach` and `command`: a running drive looked at and told what to do.
+
+use super::LOOK;
+use super::memory::with_chip;
+use crate::session::CommandOptions;
+use anyhow::{Result, bail};
+use link::codes::{Fault, ResetReason, Run, State};
+use link::host::{Drive, Memory, View};
+use probe_rs::probe::DebugProbeInfo;
+use std::f64::consts::TAU;
+use std::thread;
+use std::time::Duration;
+
+/// How long the drive has to take a command.
+const TAKE: Duration = Duration::from_millis(50);
+
+/// Shows the drive until the session is ended.
+pub fn attach(probe: DebugProbeInfo, drive: Drive) -> Result<()> {
+    let mut before = None;
+    with_chip(
+        probe,
+        move |mut memory, say: &dyn Fn(View)| -> Result<()> {
+            loop {
+                say(drive.look(&mut memory)?);
+                thread::sleep(LOOK);
+            }
+        },
+        |view| {
+            for line in news(before.as_ref(), &view) {
+                println!("{line}");
+            }
+            println!("{view}");
+            before = Some(view);
+            Ok(())
+        },
+    )
+}
+
+/// What has changed since the last look, in sentences.
+fn news(before: Option<&View>, now: &View) -> Vec<String> {
+    let mut lines = Vec::new();
+    let restarted = before.is_none_or(|before| now.words().uptime_ms < before.words().uptime_ms);
+    if restarted && let Some(reason) = now.reset_reason() {
+        lines.push(format!("Last reset: {}", ResetReason::sentence(reason)));
+    }
+    let fault = |view: &View| view.fault().filter(|fault| *fault != Fault::None);
+    if let Some(fault) = fault(now)
+        && before.is_none_or(|before| before.fault() != Some(fault))
+    {
+        lines.push(format!("Fault: {}", fault.sentence()));
+    }
+    lines
+}
+
+/// Tells the drive, and says what it made of that.
+pub fn command(probe: DebugProbeInfo, drive: Drive, options: &CommandOptions) -> Result<()> {
+    let options = options.clone();
+    let view = with_chip(
+        probe,
+        move |mut memory, _: &dyn Fn(())| tell(&mut memory, drive, &options),
+        |()| Ok(()),
+    )?;
+    println!("{view}");
+    Ok(())
+}
+
+fn tell(memory: &mut impl Memory, drive: Drive, options: &CommandOptions) -> Result<View> {
+    if options.velocity.is_some() || options.base.is_some() {
+        let velocity = options.velocity.unwrap_or(0.0) * 1e-3;
+        let base = options.base.unwrap_or(0.0) * TAU / 60.0;
+        start(memory, drive, velocity, base)?;
+    } else {
+        let run = if options.reset { Run::Reset } else { Run::Rest };
+        drive.run(memory, run)?;
+    }
+    thread::sleep(TAKE);
+    drive.look(memory)
+}
+
+/// Gives the drive a velocity, m/s, and a base speed, rad/s, and lets it run.
+///
+/// # Errors
+/// It is in no state to run, or may not move that fast.
+pub fn start(memory: &mut impl Memory, drive: Drive, velocity: f64, base: f64) -> Result<()> {
+    let before = drive.look(memory)?;
+    match before.state() {
+        Some(State::Ready | State::Running | State::Stopping) => {}
+        Some(State::Fault) => {
+            let fault = before.fault().map_or("an unknown fault.", Fault::sentence);
+            bail!(
+                "the drive is stopped by a fault and will not run. {fault} Once that is gone, `cargo xtask command --reset` \
+                 leaves it"
+            );
+        }
+        Some(state) => bail!(
+            "the drive is {} and cannot run yet: try again in a moment",
+            state.name()
+        ),
+        None => bail!("the drive is in a state that this layout does not know: flash it first"),
+    }
+    drive.ask(memory, velocity, base)?;
+    thread::sleep(TAKE);
+    let after = drive.look(memory)?;
+    if after.words().taken == before.words().taken {
+        let why = if after.words().refused == before.words().refused {
+            "has not taken the command: does its speed task run?"
+        } else {
+            "refuses the command: the table or a motor may not move that fast by the drive's plate"
+        };
+        bail!("the drive {why}");
+    }
+    drive.run(memory, Run::Run)
+}

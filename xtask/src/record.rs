@@ -1,0 +1,265 @@
+//! A drive's telemetry as a folder of the format of the shared recordings: `NAME.csv.gz` and `model.toml`.
+
+use crate::output::Folder;
+use anyhow::{Context, Result, bail, ensure};
+use link::host::{Count, Decoder, MotorRow, Row};
+use link::telemetry::{Header, Request};
+use plant::model::Model;
+use plant::recording::{AxisSample, RecordingWriter, Sample};
+use std::f64::consts::TAU;
+use std::fmt;
+
+/// What a recording became.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Summary {
+    /// How the stream went.
+    pub count: Count,
+    /// From the first row to the last, s.
+    pub seconds: f64,
+    /// From row to row, s.
+    pub interval_s: f64,
+    /// The longest stretch without a gap, s.
+    pub whole_s: f64,
+    /// Bytes that came.
+    pub bytes: u64,
+}
+
+/// Takes a stream's bytes and writes its rows.
+pub struct Recorder {
+    writer: RecordingWriter,
+    decoder: Option<Decoder>,
+    rate_hz: f64,
+    bytes: u64,
+    first_s: Option<f64>,
+    last_s: f64,
+    whole_from_s: f64,
+    whole_s: f64,
+}
+
+impl Recorder {
+    /// How the stream went so far.
+    #[must_use]
+    pub fn count(&self) -> Count {
+        self.decoder
+            .as_ref()
+            .map_or_else(Count::default, Decoder::count)
+    }
+
+    /// Seconds from the first row to the last.
+    #[must_use]
+    pub fn seconds(&self) -> f64 {
+        self.first_s.map_or(0.0, |first| self.last_s - first)
+    }
+
+    fn new(writer: RecordingWriter, rate_hz: f64) -> Self {
+        Self {
+            writer,
+            decoder: None,
+            rate_hz,
+            bytes: 0,
+            first_s: None,
+            last_s: 0.0,
+            whole_from_s: 0.0,
+            whole_s: 0.0,
+        }
+    }
+
+    /// The stream of `request` is to come.
+    pub fn start(&mut self, request: Request) {
+        self.decoder = Some(Decoder::new(request));
+    }
+
+    /// Takes what came, in pieces of any length.
+    ///
+    /// # Errors
+    /// The rows cannot be written, or come at another rate than asked.
+    pub fn take(&mut self, bytes: &[u8]) -> Result<()> {
+        let Self {
+            writer,
+            decoder,
+            first_s,
+            last_s,
+            whole_from_s,
+            whole_s,
+            ..
+        } = self;
+        let Some(decoder) = decoder else {
+            return Ok(());
+        };
+        self.bytes += bytes.len() as u64;
+        let known = decoder.header().is_some();
+        decoder.take(bytes, |_, row| {
+            if first_s.is_none() || row.lost > 0 {
+                *whole_from_s = row.time_s;
+            }
+            first_s.get_or_insert(row.time_s);
+            *last_s = row.time_s;
+            *whole_s = whole_s.max(row.time_s - *whole_from_s);
+            writer.write(&sample(row))
+        })?;
+        if let (false, Some(interval)) = (known, decoder.interval_s()) {
+            let rate = 1.0 / interval;
+            ensure!(
+                (rate / self.rate_hz - 1.0).abs() < 0.01,
+                "this drive sends {rate:.0} samples a second when asked for {:.0}: its speed task has another rate; ask \
+                 for a rate that divides it",
+                self.rate_hz
+            );
+        }
+        Ok(())
+    }
+}
+
+/// Records into `folder`, at `rate_hz`: `stream` starts the drive's telemetry, tells the recorder its request, and feeds
+/// what comes. Whatever ends it, what came before is kept; its own error is given back beside it.
+///
+/// # Errors
+/// Nothing could be recorded: `stream`'s error if it has one, or a file that cannot be written.
+pub fn save(
+    folder: &Folder,
+    name: &str,
+    rate_hz: f64,
+    stream: impl FnOnce(&mut Recorder) -> Result<()>,
+) -> Result<(Summary, Result<()>)> {
+    let mut ended = None;
+    folder.put(&format!("{name}.csv.gz"), |path| {
+        let mut recorder = Recorder::new(RecordingWriter::create(path)?, rate_hz);
+        let outcome = stream(&mut recorder);
+        let (count, seconds) = (recorder.count(), recorder.seconds());
+        recorder.writer.finish()?;
+        let decoder = recorder.decoder.filter(|_| count.rows > 0);
+        let known = decoder.and_then(|d| Some((*d.header()?, d.interval_s()?)));
+        let Some((header, interval_s)) = known else {
+            outcome?;
+            bail!("the drive sent no telemetry: does the firmware run? `cargo xtask attach` shows what it does");
+        };
+        let summary = Summary {
+            count,
+            seconds,
+            interval_s,
+            whole_s: recorder.whole_s,
+            bytes: recorder.bytes,
+        };
+        ended = Some((summary, outcome, header));
+        Ok(())
+    })?;
+    let (summary, outcome, header) = ended.context("the recording did not end")?;
+    let text = format!("{ABOUT}{}", model(&header, summary.interval_s).to_toml());
+    folder.put_text("model.toml", &text)?;
+    Ok((summary, outcome))
+}
+
+impl fmt::Display for Summary {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Count {
+            rows,
+            lost,
+            gaps,
+            damaged,
+        } = self.count;
+        let each = self.bytes as f64 / rows as f64;
+        write!(
+            f,
+            "{rows} samples over {:.2} s, {:.0} a second of {each:.1} bytes ({:.0} kB/s)",
+            self.seconds,
+            1.0 / self.interval_s,
+            each / self.interval_s / 1e3
+        )?;
+        if lost == 0 && damaged == 0 {
+            return write!(f, "; none lost");
+        }
+        write!(
+            f,
+            "; {lost} lost in {gaps} gaps, {damaged} damaged. The longest stretch without a gap is {:.2} s; `identify` \
+             refuses gaps: record again at a lower --rate, or with less else on the computer",
+            self.whole_s
+        )
+    }
+}
+
+/// What stands above the model that a recording comes with.
+const ABOUT: &str = "\
+# Motors, lead and sensing are the drive's own plate. What a drive does not know of its machine is of the size of common
+# feed axes: friction, the table's mass, stiffness and guideway, the load, and the sensors' noise. Put your machine's
+# own figures in before you trust what an identification makes of them.
+";
+
+/// The model that the drive's plate declares; what the plate does not have is of the size of common feed axes.
+#[must_use]
+pub fn model(header: &Header, interval_s: f64) -> Model {
+    let mut model = Model::coupled();
+    model.feed.lead_m = header.lead_m.get();
+    let travel = model.feed.travel_per_radian();
+    let table = model.feed.table_mass_kg * travel * travel;
+    let [screw, nut] = &header.motors;
+    for (motor, plate) in [(&mut model.screw, screw), (&mut model.nut, nut)] {
+        motor.resistance_ohm = plate.resistance_ohm.get();
+        motor.inductance_h = plate.inductance_h.get();
+        motor.pole_pairs = plate.pole_pairs;
+        motor.flux_wb = plate.flux_wb.get();
+        // The plate's inertia is all that the motor moves; the model has the table's part by itself.
+        let moved = plate.inertia_kg_m2.get();
+        motor.inertia_kg_m2 = if moved > table { moved - table } else { moved };
+        motor.torque_harmonics.clear();
+    }
+    model.sensing.sample_hz = 1.0 / interval_s;
+    model.sensing.control_hz = 1.0 / header.period_s.get();
+    model.sensing.encoder_counts_per_turn = screw.encoder_counts;
+    model.sensing.current_lsb_a = header.current_lsb_a.get();
+    model
+}
+
+fn sample(row: &Row) -> Sample {
+    let axis = |motor: &MotorRow| AxisSample {
+        angle_rad: motor.angle_rad,
+        ia_a: motor.phases_a[0],
+        ib_a: motor.phases_a[1],
+        ud_v: motor.voltage_v[0],
+        uq_v: motor.voltage_v[1],
+        iq_ref_a: motor.i_q_ref_a,
+        speed_ref_rad_s: motor.speed_ref_rad_s,
+    };
+    let [screw, nut] = &row.motors;
+    Sample {
+        time_s: row.time_s,
+        axes: [axis(screw), axis(nut)],
+        table_position_m: row.table_m,
+    }
+}
+
+/// A table velocity and a base speed, held for a time while recording: `MM_S,RPM,SECONDS`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hold {
+    /// Table velocity, m/s.
+    pub velocity: f64,
+    /// Base speed, mechanical rad/s.
+    pub base: f64,
+    /// For how long, s.
+    pub seconds: f64,
+}
+
+impl std::str::FromStr for Hold {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let numbers: Vec<f64> = text
+            .split(',')
+            .map(|part| part.trim().parse())
+            .collect::<Result<_, _>>()
+            .map_err(|error| format!("`{text}`: {error}"))?;
+        let [mm_s, rpm, seconds] = numbers[..] else {
+            return Err(format!(
+                "`{text}` has {} numbers; give three, as in 2.5,300,3: table mm/s, nut rpm, seconds",
+                numbers.len()
+            ));
+        };
+        if !(mm_s.is_finite() && rpm.is_finite() && seconds > 0.0 && seconds.is_finite()) {
+            return Err(format!("`{text}`: give finite numbers, and a time above 0"));
+        }
+        Ok(Self {
+            velocity: mm_s * 1e-3,
+            base: rpm * TAU / 60.0,
+            seconds,
+        })
+    }
+}
