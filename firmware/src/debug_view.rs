@@ -60,7 +60,7 @@ pub(crate) const fn codes(state: supervisor::State) -> (u32, u32) {
     (state.word(), fault.word())
 }
 
-const fn fault_code(fault: supervisor::Fault) -> Fault {
+pub(crate) const fn fault_code(fault: supervisor::Fault) -> Fault {
     use supervisor::Fault as F;
     match fault {
         F::ScrewBreak => Fault::ScrewBreak,
@@ -70,7 +70,25 @@ const fn fault_code(fault: supervisor::Fault) -> Fault {
         F::ScrewEncoder => Fault::ScrewEncoder,
         F::NutEncoder => Fault::NutEncoder,
         F::SpeedTaskLate => Fault::SpeedTaskLate,
+        F::OverVoltage => Fault::OverVoltage,
+        F::UnderVoltage => Fault::UnderVoltage,
+        F::ScrewTemperature => Fault::ScrewTemperature,
+        F::NutTemperature => Fault::NutTemperature,
+        F::ScrewOverCurrent => Fault::ScrewOverCurrent,
+        F::NutOverCurrent => Fault::NutOverCurrent,
+        F::ScrewLoopLate => Fault::ScrewLoopLate,
+        F::NutLoopLate => Fault::NutLoopLate,
+        F::SupervisionLate => Fault::SupervisionLate,
+        F::LoopHung => Fault::LoopHung,
     }
+}
+
+/// Angles of the shafts, screw and nut, 2^-32 turn, as the current loops last saw them.
+pub(crate) fn angles() -> [u32; 2] {
+    core::array::from_fn(|k| {
+        let count = MOTORS[k].encoder.load(Relaxed);
+        CONFIG.current_loops[k].observer.encoder.angle(count).0
+    })
 }
 
 /// Once a millisecond: what the current loops see, in the view's formats.

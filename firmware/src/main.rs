@@ -27,13 +27,14 @@ const CONFIG: DriveConfig = match board::PLATE.config() {
 
 #[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG, CRS])]
 mod app {
-    use crate::board::{self, Ports};
+    use crate::board::{self, EncoderParts, Ports};
     use crate::debug_view::DRIVE_VIEW;
     use crate::hw::motor_io::MotorIo;
     use crate::hw::watchdog::{Watchdog, reset_reason};
-    use crate::hw::{analog, clock, cycles, encoder, protection, pwm};
+    use crate::hw::{amplifier, analog, clock, cycles, deadman, encoder, protection, pwm};
     use crate::motor_loop::MotorLoop;
     use crate::speed::Speed;
+    use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
     use crate::{crash, log, schedule};
     use core::sync::atomic::Ordering::Relaxed;
@@ -41,7 +42,7 @@ mod app {
     use rtic_monotonics::Timebase as _;
     use rtic_monotonics::fugit::ExtU32 as _;
     use stm32g4xx_hal::gpio::GpioExt as _;
-    use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, Interrupt, TIM1, TIM2, TIM5, TIM8};
+    use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, Interrupt, TIM1, TIM8};
 
     rtic_monotonics::systick_monotonic!(Mono, 1000);
 
@@ -50,11 +51,12 @@ mod app {
 
     #[local]
     struct Local {
-        screw: MotorLoop<0, TIM1, ADC1, ADC2, TIM2>,
-        nut: MotorLoop<1, TIM8, ADC4, ADC3, TIM5>,
+        screw: MotorLoop<0, TIM1, ADC1, ADC2, board::ScrewEncoder>,
+        nut: MotorLoop<1, TIM8, ADC4, ADC3, board::NutEncoder>,
         speed: Speed,
-        watchdog: Watchdog<3>,
+        supervision: Supervision,
         sender: Sender,
+        off: u32,
     }
 
     #[init]
@@ -77,34 +79,27 @@ mod app {
         crash::take(|text| defmt::error!("the last run ended: {=str}", text));
 
         clock::enable_peripherals(&rcc);
-        let inputs = board::claim(Ports {
+        let pins = board::claim(Ports {
             a: device.GPIOA.split(&mut rcc),
             b: device.GPIOB.split(&mut rcc),
             c: device.GPIOC.split(&mut rcc),
         });
 
         let plan = const { pwm::PwmPlan::new(&board::PLATE.board) };
-        let [screw_counts, nut_counts] = board::PLATE
-            .motors
-            .map(|motor| motor.encoder.counts_per_turn);
-        encoder::start_motor_encoder(
-            &device.TIM2,
-            screw_counts,
-            board::ENCODER_INDEX[0],
-            encoder::CaptureBy::Screw,
-        );
-        encoder::start_motor_encoder(
-            &device.TIM5,
-            nut_counts,
-            board::ENCODER_INDEX[1],
-            encoder::CaptureBy::Nut,
-        );
+        let (screw_encoder, nut_encoder) = board::start_encoders(EncoderParts {
+            tim2: device.TIM2,
+            tim5: device.TIM5,
+            spi1: device.SPI1,
+            dma: (&device.DMA1, &device.DMAMUX),
+            period: 2 * u32::from(plan.period),
+        });
         let scale = encoder::Scale::start(device.TIM4);
+        amplifier::start(&device.OPAMP, pins.amplifiers, board::AMPLIFIER_GAIN);
         protection::start(
             &device.COMP,
             &device.DAC3,
             &device.DAC4,
-            board::OVER_CURRENT_COUNTS,
+            &board::OVER_CURRENT,
         );
         let converters = analog::Converters {
             screw: (&device.ADC1, &device.ADC2),
@@ -113,7 +108,7 @@ mod app {
             dma: (&device.DMA1, &device.DMAMUX),
         };
         assert!(
-            converters.prepare(inputs),
+            converters.prepare(pins.channels, board::SAMPLING, &board::WATCH_LIMITS),
             "an ADC did not calibrate: check the analog supply"
         );
 
@@ -127,34 +122,37 @@ mod app {
         supervise::spawn().expect("spawned once");
         send_telemetry::spawn().expect("spawned once");
 
-        let watchdog = Watchdog::start(device.IWDG);
+        let supervision = Supervision::new(Watchdog::start(device.IWDG));
         let timers = (&device.TIM1, &device.TIM8);
-        let breaks = [protection::SCREW_BREAK, protection::NUT_BREAK];
+        let breaks = board::OVER_CURRENT.map(|motor| motor.break_sources());
         assert!(
             pwm::start(timers.0, timers.1, &plan, breaks),
             "the PWM timers do not run: check the board's crystal"
         );
         converters.arm();
+        let watches = analog::Watches::of(&converters);
 
         let bdtr = pwm::bdtr(&plan);
+        deadman::start(device.TIM7, plan.period);
         let local = Local {
             screw: MotorLoop::new(MotorIo::new(
                 device.TIM1,
                 device.ADC1,
                 device.ADC2,
-                device.TIM2,
+                screw_encoder,
                 bdtr,
             )),
             nut: MotorLoop::new(MotorIo::new(
                 device.TIM8,
                 device.ADC4,
                 device.ADC3,
-                device.TIM5,
+                nut_encoder,
                 bdtr,
             )),
-            speed: Speed::new(scale, Sampler::new()),
-            watchdog,
+            speed: Speed::new(scale, watches, Sampler::new()),
+            supervision,
             sender: Sender::new(channels.up.1),
+            off: bdtr,
         };
         (Shared {}, local)
     }
@@ -163,6 +161,7 @@ mod app {
     #[unsafe(link_section = ".ccm.screw")]
     fn screw_current_loop(cx: screw_current_loop::Context) {
         cx.local.screw.step();
+        deadman::put_back();
         // The speed task follows every `speed_divider`th screw period, below both current loops.
         if cx.local.screw.speed_is_due() {
             rtic::pend(Interrupt::FMAC);
@@ -175,6 +174,11 @@ mod app {
         cx.local.nut.step();
     }
 
+    #[task(binds = TIM7, priority = 16, local = [off])]
+    fn current_loop_hung(cx: current_loop_hung::Context) {
+        deadman::run_out(*cx.local.off);
+    }
+
     // FMAC is not used; its vector serves.
     #[task(binds = FMAC, priority = 12, local = [speed])]
     #[unsafe(link_section = ".ccm.speed")]
@@ -182,13 +186,14 @@ mod app {
         cx.local.speed.step();
     }
 
-    #[task(priority = 4, local = [watchdog])]
+    #[task(priority = 4, local = [supervision])]
     async fn supervise(cx: supervise::Context) {
         let mut next = Mono::now();
         loop {
             next += 1.millis();
             Mono::delay_until(next).await;
-            crate::supervision::step(cx.local.watchdog);
+            let late = Mono::now() > next;
+            cx.local.supervision.step(late);
         }
     }
 

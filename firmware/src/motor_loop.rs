@@ -3,8 +3,9 @@
 use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
 use crate::hw::cycles;
+use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::MotorIo;
-use control::current_loop::{CurrentLoop, Measured, MotorSample};
+use control::current_loop::{CurrentLoop, Measured, Mode, MotorSample};
 use control::exchange::MotorExchange;
 use control::observer::Motion;
 use control::sense::{Codes, Shunts};
@@ -12,7 +13,7 @@ use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::Run;
-use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
+use stm32g4xx_hal::stm32::{adc1, tim1};
 
 /// What a current loop tells the tasks below it: all in one place, so that one address in a register serves.
 pub(crate) struct MotorShared {
@@ -75,7 +76,7 @@ where
     T: Deref<Target = tim1::RegisterBlock>,
     X: Deref<Target = adc1::RegisterBlock>,
     Y: Deref<Target = adc1::RegisterBlock>,
-    E: Deref<Target = tim2::RegisterBlock>,
+    E: Encoder,
 {
     pub(crate) fn new(io: MotorIo<T, X, Y, E>) -> Self {
         Self {
@@ -105,8 +106,8 @@ where
         let broken = self.io.acknowledge();
         let asked = shared.exchange.asked_to_drive();
         if !broken && asked {
-            let (encoder, motion, measured) = self.measure();
-            if self.control.encoder_stuck(config, encoder, &motion) {
+            let (counts, motion, measured) = self.measure();
+            if self.watch(counts, &motion, true) {
                 self.rest(broken);
             } else {
                 let (i_q, bus) = (shared.exchange.i_q(), self.io.bus());
@@ -140,24 +141,36 @@ where
     /// Reads encoder and currents and passes on what they say, before the rest of the period needs the registers that it is
     /// in.
     #[inline(always)]
-    fn measure(&mut self) -> (u32, Motion, Measured) {
+    fn measure(&mut self) -> (Option<u32>, Motion, Measured) {
         let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
-        let encoder = self.io.encoder();
-        let motion = self.control.observe(config, encoder);
-        shared.encoder.store(encoder, Relaxed);
+        let (counts, motion) = self.control.observe(config, self.io.encoder());
+        if let Some(counts) = counts {
+            shared.encoder.store(counts, Relaxed);
+        }
         shared.exchange.publish_speed(motion.theta_step);
-        let counts = self.io.current(config.sense.shunts);
-        let measured = self.control.measure(config, counts, &motion);
+        let current = self.io.current(config.sense.shunts);
+        let measured = self.control.measure(config, current, &motion);
         let [a, b, c] = measured.codes;
         shared.codes[0].store(a, Relaxed);
         shared.codes[1].store(b, Relaxed);
         if config.sense.shunts == Shunts::Three {
             shared.codes[2].store(c, Relaxed);
         }
-        (encoder, motion, measured)
+        (counts, motion, measured)
     }
 
-    /// Closes the bridge for the first period with it on, unless it was opened for an encoder that is stuck: then it waits
+    /// Watches the encoder; `true` if it is found to have failed.
+    #[inline(always)]
+    fn watch(&mut self, counts: Option<u32>, motion: &Motion, drive: bool) -> bool {
+        let config = const { &CONFIG.current_loops[MOTOR] };
+        let seen = self.control.watch(config, counts, motion, drive);
+        if seen.wrong {
+            count(&DRIVE_VIEW.encoder_wrong[MOTOR]);
+        }
+        seen.failed
+    }
+
+    /// Closes the bridge for the first period with it on, unless it was opened for an encoder that has failed: then it waits
     /// for the speed task to see that.
     #[cold]
     #[inline(never)]
@@ -170,7 +183,9 @@ where
     #[cold]
     #[inline(never)]
     fn measure_and_rest(&mut self, broken: bool) {
-        self.measure();
+        let (counts, motion, _) = self.measure();
+        let asked = MOTORS[MOTOR].exchange.asked_to_rest();
+        self.watch(counts, &motion, asked.mode == Mode::Drive);
         self.rest(broken);
     }
 
@@ -200,7 +215,8 @@ where
         for word in MOTORS[MOTOR].voltage(exchange.periods()) {
             word.store(0, Relaxed);
         }
-        let rested = self.control.rest(config, &sample, asked.mode);
+        let counts = config.encoder.counts(sample.encoder);
+        let rested = self.control.rest(config, &sample, counts, asked.mode);
         exchange.publish_rest(rested, asked.stale);
         self.io.open();
         self.io.write([0; 3]);

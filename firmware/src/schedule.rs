@@ -1,13 +1,17 @@
 //! The tasks: priorities, rates, deadlines, and what a missed one means.
 //!
-//! | task | bound to | priority | rate | deadline | when it is missed |
-//! | --- | --- | --- | --- | --- | --- |
-//! | screw current loop | ADC1_2 | 15 | 20 kHz | the screw timer's next top, 50 us | counted; the old compare values hold for a period |
-//! | nut current loop | ADC4 | 15 | 20 kHz | the nut timer's next top, 50 us | the same |
-//! | speed | FMAC | 12 | 5 kHz | its next step, 200 us | counted; the references hold |
-//! | time queue | SysTick | 8 | 1 kHz | 1 ms | the two below run late |
-//! | supervise | async | 4 | 1 kHz | 20 ms | the watchdog resets the chip, which opens both bridges |
-//! | telemetry | async | 1 | 1 kHz | 6 ms | samples are dropped and counted |
+//! | task | bound to | priority | rate | deadline | when it is missed | past the limit |
+//! | --- | --- | --- | --- | --- | --- | --- |
+//! | current loop hung | TIM7 | 16 | never | - | - | what it is: 2.5 periods without the screw's loop; opens both bridges, fault `LoopHung` |
+//! | screw current loop | ADC1_2 | 15 | 20 kHz | the screw timer's next top, 50 us | counted; the old compare values hold for a period | fault `ScrewLoopLate` |
+//! | nut current loop | ADC4 | 15 | 20 kHz | the nut timer's next top, 50 us | the same | fault `NutLoopLate` |
+//! | speed | FMAC | 12 | 5 kHz | its next step, 200 us | counted; the references hold, and go to rest after 400 us | fault `SpeedTaskLate` |
+//! | time queue | SysTick | 8 | 1 kHz | 1 ms | the two below run late | theirs |
+//! | supervise | async | 4 | 1 kHz | its next step, 1 ms | counted | fault `SupervisionLate`; after 20 ms the watchdog resets the chip, which opens both bridges |
+//! | telemetry | async | 1 | 1 kHz | 6 ms | samples are dropped and counted | none: the drive does not hang on it |
+//!
+//! The limit of each is six misses in a row, or more than one in 100 ms for long: `control::guard`. All counts are in
+//! the debug view.
 //!
 //! The two current loops are half a period apart and cannot interrupt each other: each must end within 25 us.
 

@@ -2,30 +2,40 @@
 
 use crate::CONFIG;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
+use crate::hw::analog::Watches;
 use crate::hw::cycles;
+use crate::hw::deadman;
 use crate::hw::encoder::Scale;
 use crate::motor_loop::MOTORS;
 use crate::telemetry::Sampler;
 use control::coordinator::Command;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::speed_task::SpeedTask;
-use control::supervisor::Request;
+use control::supervisor::{Fault, Request};
+use core::sync::atomic::AtomicU8;
 use core::sync::atomic::Ordering::Relaxed;
+use cortex_m::peripheral::NVIC;
 use link::codes::Run;
+use stm32g4xx_hal::stm32::Interrupt;
+
+/// Number of the fault that the supervision has found, or 0.
+pub(crate) static FOUND: AtomicU8 = AtomicU8::new(0);
 
 /// The speed task and what it owns.
 pub(crate) struct Speed {
     control: SpeedTask,
     scale: Scale,
+    watches: Watches,
     sampler: Sampler,
     taken: u32,
 }
 
 impl Speed {
-    pub(crate) fn new(scale: Scale, sampler: Sampler) -> Self {
+    pub(crate) fn new(scale: Scale, watches: Watches, sampler: Sampler) -> Self {
         Self {
             control: SpeedTask::new(),
             scale,
+            watches,
             sampler,
             taken: 0,
         }
@@ -42,9 +52,14 @@ impl Speed {
             reset: DRIVE_COMMAND.asks(Run::Reset),
         };
         let [screw, nut] = MOTORS.each_ref().map(|motor| &motor.exchange);
+        let found = match self.watches.take() {
+            _ if deadman::has_run_out(request.reset) => Some(Fault::LoopHung),
+            None => Fault::of_number(FOUND.load(Relaxed)),
+            tripped => tripped,
+        };
         let output = self
             .control
-            .step(&CONFIG, request, [screw.status(), nut.status()]);
+            .step(&CONFIG, request, [screw.status(), nut.status()], found);
         let [to_screw, to_nut] = output.current;
         let [screw_loop, nut_loop] = const { &CONFIG.current_loops };
         screw.ask(to_screw, screw_loop);
@@ -57,6 +72,9 @@ impl Speed {
         view.scale.store(scale, Relaxed);
         count(&view.speed_steps);
         self.sampler.step(&output, scale);
+        if NVIC::is_pending(Interrupt::FMAC) {
+            count(&view.speed_missed);
+        }
         let spent = cycles::now().wrapping_sub(start);
         view.speed_cycles.store(spent, Relaxed);
         keep_max(&view.speed_cycles_max, spent);

@@ -1,24 +1,90 @@
-//! Once a millisecond: show what the current loops see, watch the tasks, feed the watchdog, report.
+//! Once a millisecond: show what the current loops see, watch the tasks, the bus, the heat sinks and the encoders, feed
+//! the watchdog, report.
 
+use crate::board;
 use crate::debug_view::{self, DRIVE_VIEW, count};
 use crate::hw::analog;
 use crate::hw::watchdog::Watchdog;
+use crate::speed::FOUND;
+use control::guard::{Guard, Look};
+use control::supervisor::Fault;
+use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
+use link::codes::State;
 
 /// The tasks whose progress feeds the watchdog.
 const TASKS: [&str; 3] = ["screw current loop", "nut current loop", "speed task"];
 
-/// One millisecond.
-pub(crate) fn step(watchdog: &mut Watchdog<3>) {
-    let view = &DRIVE_VIEW;
-    count(&view.uptime_ms);
-    for (word, counts) in view.temperatures.iter().zip(analog::temperatures()) {
-        word.store(u32::from(counts), Relaxed);
+/// The supervision and what it owns.
+pub(crate) struct Supervision {
+    watchdog: Watchdog<3>,
+    guard: Guard,
+    found: Option<Fault>,
+}
+
+impl Supervision {
+    pub(crate) fn new(watchdog: Watchdog<3>) -> Self {
+        Self {
+            watchdog,
+            guard: Guard::new(),
+            found: None,
+        }
     }
-    debug_view::refresh();
-    let [screw, nut] = &view.motors;
-    let progress = [&screw.steps, &nut.steps, &view.speed_steps].map(|steps| steps.load(Relaxed));
-    if let Err(task) = watchdog.feed(progress) {
-        defmt::error!("no progress in a millisecond: {=str}", TASKS[task]);
+
+    /// One millisecond; `late` if it comes a millisecond late or more.
+    pub(crate) fn step(&mut self, late: bool) {
+        let view = &DRIVE_VIEW;
+        count(&view.uptime_ms);
+        if late {
+            count(&view.supervision_missed);
+        }
+        debug_view::refresh();
+        self.look();
+        let [screw, nut] = &view.motors;
+        let progress =
+            [&screw.steps, &nut.steps, &view.speed_steps].map(|steps| steps.load(Relaxed));
+        if let Err(task) = self.watchdog.feed(progress) {
+            defmt::error!("no progress in a millisecond: {=str}", TASKS[task]);
+        }
+    }
+
+    fn look(&mut self) {
+        let view = &DRIVE_VIEW;
+        let [screw, nut] = &view.motors;
+        let flags = board::take_encoder_flags();
+        let look = Look {
+            running: [State::Running, State::Stopping]
+                .iter()
+                .any(|state| view.state.load(Relaxed) == state.word()),
+            missed: [
+                &screw.missed,
+                &nut.missed,
+                &view.speed_missed,
+                &view.supervision_missed,
+            ]
+            .map(|missed| missed.load(Relaxed)),
+            bus: analog::bus(),
+            temperatures: analog::temperatures(),
+            theta: debug_view::angles(),
+            index: flags.map(|flags| flags.index),
+            transition_error: flags.map(|flags| flags.transition_error),
+        };
+        let found = self.guard.step(&board::GUARD, &look);
+        FOUND.store(found.map_or(0, |fault| fault as u8), Relaxed);
+        if let Some(fault) = found
+            && found != self.found
+        {
+            defmt::error!("{=str}", debug_view::fault_code(fault).sentence());
+        }
+        self.found = found;
+        store(&view.temperatures, look.temperatures.map(u32::from));
+        store(&view.bus, look.bus.map(u32::from));
+        store(&view.encoder_errors, self.guard.encoder_errors());
+    }
+}
+
+fn store(words: &[AtomicU32; 2], values: [u32; 2]) {
+    for (word, value) in words.iter().zip(values) {
+        word.store(value, Relaxed);
     }
 }

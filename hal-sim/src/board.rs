@@ -4,7 +4,7 @@
 //! were written since the turn before, and the ADCs sample; so a compare value acts one period after the sample that
 //! it was computed from. The nut's counter is half a period behind the screw's.
 
-use crate::sensors::{Sensors, encoder_counts};
+use crate::sensors::{Sensors, encoder_word};
 use control::current_loop::{MotorSample, PwmCommand};
 use control::sense::Shunts;
 use plant::Axis;
@@ -142,12 +142,7 @@ impl Board {
             .set_bridge(axis, self.voltages(active, broken, true_currents));
 
         let [a, b, c] = self.machine.current_readings(axis);
-        let Sensors {
-            current,
-            bus,
-            encoder_counts: counts,
-            ..
-        } = self.config.sensors;
+        let Sensors { current, bus, .. } = self.config.sensors;
         let mut convert = |i| current.convert(i, &mut self.random);
         MotorSample {
             // A phase without a sensor reads 0.
@@ -160,9 +155,18 @@ impl Board {
                 },
             ],
             bus: bus.convert(self.config.bus_v, &mut self.random),
-            encoder: encoder_counts(self.machine.encoder_angle(axis), counts),
+            encoder: self.encoder_word(axis, 0.0),
             broken,
         }
+    }
+
+    /// The raw word of the encoder of `axis`, of a reading that is for a sample `later_s` from now.
+    #[must_use]
+    pub fn encoder_word(&self, axis: Axis, later_s: f64) -> u32 {
+        let encoder = &self.config.sensors.encoders[axis.index()];
+        let angle = self.machine.encoder_angle(axis);
+        let turned = self.machine.motor(axis).omega * (later_s - encoder.age_s);
+        encoder_word(encoder, angle + turned)
     }
 
     /// Writes compare values; they act from the counter's next turn on.

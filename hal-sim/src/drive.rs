@@ -193,7 +193,9 @@ impl Drive {
 
     fn speed_interrupt(&mut self) {
         let status = [self.exchanges[0].status(), self.exchanges[1].status()];
-        self.speed = self.speed_task.step(&self.config, self.request, status);
+        self.speed = self
+            .speed_task
+            .step(&self.config, self.request, status, None);
         for (k, exchange) in self.exchanges.iter().enumerate() {
             exchange.ask(self.speed.current[k], &self.config.current_loops[k]);
         }

@@ -258,12 +258,14 @@ impl Recorder {
             let (sample, voltage) = (drive.sample(axis), drive.ended_voltage(axis));
             let speed = drive.speed();
             let k = axis.index();
+            let encoder = &config.sensors.encoders[k];
+            let counts = encoder.interface.counts(sample.encoder).unwrap_or_default();
             let pole_pairs = f64::from(drive.pole_pairs(axis));
             let amps = |counts: u16| {
                 (f64::from(counts) - config.sensors.current.zero) * config.sensors.current.per_count
             };
             AxisSample {
-                angle_rad: self.unwrap(k, sample.encoder, config.sensors.encoder_counts),
+                angle_rad: self.unwrap(k, counts, encoder.counts_per_turn),
                 ia_a: amps(sample.current[0]),
                 ib_a: amps(sample.current[1]),
                 ud_v: voltage.d.to_num(),

@@ -2,6 +2,7 @@
 //!
 //! - [`sensors`]: what measures the machine: resolution, range, noise.
 //! - [`board`]: timers, bridges, ADCs, encoders, break inputs: the raw seam, stepped from one counter turn to the next.
+//! - [`mt6835`]: an absolute encoder's frames.
 //! - [`plates`]: the plate data that the control code gets for a model of a machine.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`experiment`]: profiles, records, and what is measured on them.
@@ -15,6 +16,7 @@ pub mod analytic;
 pub mod board;
 pub mod drive;
 pub mod experiment;
+pub mod mt6835;
 pub mod plates;
 pub mod replay;
 pub mod response;

@@ -1,7 +1,7 @@
 //! The plate data that the control code gets for a model of a machine.
 
 use crate::board::BoardConfig;
-use control::plate::{BoardPlate, DrivePlate, EncoderPlate, FeedPlate, MotorPlate, Tuning};
+use control::plate::{BoardPlate, DrivePlate, FeedPlate, MotorPlate, Tuning};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -68,10 +68,7 @@ pub fn plates(
             speed_max_rpm: PAPER_SPEED_RPM,
             torque_max_nm: PAPER_TORQUE_NM,
             current_gains: [1.0; 3],
-            encoder: EncoderPlate {
-                counts_per_turn: board.sensors.encoder_counts,
-                theta_e_at_zero_turns: 0.0,
-            },
+            encoder: board.sensors.encoders[axis.index()],
         }
     };
     DrivePlate {

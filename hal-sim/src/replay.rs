@@ -6,7 +6,7 @@
 //! averaged over the hold.
 
 use crate::experiment::{ExperimentError, OperatingPoint, Recorder, Setup, settle_quietly};
-use crate::vrf::{velocities, vrf_percent};
+use crate::vrf::{spectrum, velocities, vrf_percent};
 use plant::Axis;
 use plant::recording::Recording;
 
@@ -36,8 +36,8 @@ pub struct Hold {
     pub point: OperatingPoint,
 }
 
-/// A hold and its ripple, recorded and simulated.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A hold, recorded and simulated.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Compared {
     /// The hold.
     pub hold: Hold,
@@ -45,6 +45,10 @@ pub struct Compared {
     pub recorded_percent: f64,
     /// Ripple of the simulated drive, %.
     pub simulated_percent: f64,
+    /// Amplitude spectrum of the recorded table velocity: (Hz, m/s).
+    pub recorded_spectrum: Vec<(f64, f64)>,
+    /// The same of the simulated drive.
+    pub simulated_spectrum: Vec<(f64, f64)>,
 }
 
 /// The holds of a recording in which the table moves.
@@ -98,9 +102,10 @@ pub fn compare(setup: &Setup, recording: &Recording) -> Result<Vec<Compared>, Ex
             })
             .collect();
         let recorded = &recording.table_position_m[hold.first + skip..hold.first + hold.rows];
-        let ripple = |positions: &[f64]| {
-            let window = (WINDOW_S / interval_s).round() as usize;
-            let velocities = velocities(positions, interval_s, window);
+        let window = (WINDOW_S / interval_s).round() as usize;
+        let [recorded, simulated] =
+            [recorded, &simulated[..]].map(|positions| velocities(positions, interval_s, window));
+        let ripple = |velocities: &[f64]| {
             let pieces: Vec<f64> = velocities
                 .chunks_exact((PIECE_S / interval_s) as usize)
                 .map(|piece| vrf_percent(piece, hold.point.velocity))
@@ -109,8 +114,10 @@ pub fn compare(setup: &Setup, recording: &Recording) -> Result<Vec<Compared>, Ex
         };
         compared.push(Compared {
             hold,
-            recorded_percent: ripple(recorded),
+            recorded_percent: ripple(&recorded),
             simulated_percent: ripple(&simulated),
+            recorded_spectrum: spectrum(&recorded, 1.0 / interval_s),
+            simulated_spectrum: spectrum(&simulated, 1.0 / interval_s),
         });
     }
     Ok(compared)

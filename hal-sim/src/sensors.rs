@@ -1,5 +1,8 @@
 //! What measures the machine: resolution, range, noise.
 
+use crate::mt6835;
+use control::encoder::Interface;
+use control::plate::EncoderPlate;
 use plant::model::SensingModel;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -59,8 +62,8 @@ impl Adc {
 /// The sensors of both motors and of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
-    /// Motor encoders, counts a turn.
-    pub encoder_counts: u32,
+    /// Motor encoders: screw, nut.
+    pub encoders: [EncoderPlate; 2],
     /// Phase currents.
     pub current: Adc,
     /// Bus voltage.
@@ -79,7 +82,7 @@ impl Sensors {
     #[must_use]
     pub fn ideal() -> Self {
         Self {
-            encoder_counts: 1 << 30,
+            encoders: incremental(1 << 30),
             current: Adc::bipolar(16, 5.0, 0.0),
             bus: Adc::unipolar(16, BUS_RANGE_V, 0.0),
             scale_count_m: 1e-12,
@@ -91,7 +94,7 @@ impl Sensors {
     #[must_use]
     pub fn real() -> Self {
         Self {
-            encoder_counts: 1 << 20,
+            encoders: incremental(1 << 20),
             current: Adc::bipolar(12, 5.0, 0.5),
             bus: Adc::unipolar(12, BUS_RANGE_V, 0.5),
             scale_count_m: 1e-9,
@@ -112,11 +115,32 @@ impl Sensors {
             Self::ideal().current
         };
         Self {
-            encoder_counts: sensing.encoder_counts_per_turn,
+            encoders: incremental(sensing.encoder_counts_per_turn),
             current,
             scale_noise_m: sensing.table_noise_m,
             ..Self::real()
         }
+    }
+}
+
+/// Incremental encoders of that many counts a turn on both motors, aligned with their rotors.
+#[must_use]
+pub fn incremental(counts_per_turn: u32) -> [EncoderPlate; 2] {
+    [EncoderPlate {
+        interface: Interface::Incremental,
+        counts_per_turn,
+        age_s: 0.0,
+        theta_e_at_zero_turns: 0.0,
+    }; 2]
+}
+
+/// The raw word of an encoder at a shaft angle, rad.
+#[must_use]
+pub fn encoder_word(encoder: &EncoderPlate, angle: f64) -> u32 {
+    let counts = encoder_counts(angle, encoder.counts_per_turn);
+    match encoder.interface {
+        Interface::Incremental | Interface::IncrementalWithIndex => counts,
+        Interface::Mt6835 => mt6835::frame(counts, 0),
     }
 }
 

@@ -2,10 +2,12 @@
 //! a probe would.
 
 use crate::chip::CORE_HZ;
+use crate::chip::wiring::Wiring;
 use crate::emulator::Emulator;
 use crate::image::Image;
 use crate::joint::Joint;
 use crate::pins::Motor;
+use control::guard::GuardPlate;
 use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
 use hal_sim::sensors::{Adc, Sensors};
@@ -18,15 +20,47 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::rc::Rc;
-use std::sync::OnceLock;
+use std::sync::{Mutex, OnceLock};
 
+#[path = "../../firmware/src/board/custom_plate.rs"]
+#[allow(dead_code, reason = "the firmware uses the rest")]
+mod custom_plate;
+#[path = "../../firmware/src/board/machine.rs"]
+mod machine;
 #[path = "../../firmware/src/board/plate.rs"]
 mod plate;
 
-/// Plate data of the drive that the firmware is built for, from the firmware's own source.
+/// Plate data of the drive that the firmware is built for by default, from the firmware's own source.
 #[must_use]
 pub fn plate() -> DrivePlate {
-    plate::PLATE
+    plate_of(Wiring::Nucleo)
+}
+
+/// Plate data of the drive on a board, from the firmware's own source.
+#[must_use]
+pub fn plate_of(board: Wiring) -> DrivePlate {
+    match board {
+        Wiring::Nucleo => plate::PLATE,
+        Wiring::Custom => custom_plate::PLATE,
+    }
+}
+
+/// What the ADCs read of a board's heat sinks at a temperature, degrees Celsius.
+#[must_use]
+pub fn counts_at(board: Wiring, celsius: f64) -> [u16; 2] {
+    let guards = guards_of(board);
+    guards
+        .temperatures
+        .map(|plate| plate.counts(celsius, guards.adc_counts) as u16)
+}
+
+/// Limits of a board, from the firmware's own source.
+#[must_use]
+pub fn guards_of(board: Wiring) -> GuardPlate {
+    match board {
+        Wiring::Nucleo => plate::GUARDS,
+        Wiring::Custom => custom_plate::GUARDS,
+    }
 }
 
 /// Builds the firmware as it is flashed, once, and says where its ELF is.
@@ -34,11 +68,37 @@ pub fn plate() -> DrivePlate {
 /// # Errors
 /// The build's own words.
 pub fn firmware() -> Result<PathBuf, String> {
-    static BUILT: OnceLock<Result<PathBuf, String>> = OnceLock::new();
-    BUILT.get_or_init(build).clone()
+    firmware_of(Wiring::Nucleo)
 }
 
-fn build() -> Result<PathBuf, String> {
+/// Builds the firmware for a board, once, and says where its ELF is.
+///
+/// # Errors
+/// The build's own words.
+pub fn firmware_of(board: Wiring) -> Result<PathBuf, String> {
+    static BUILT: [OnceLock<Result<PathBuf, String>>; 2] = [const { OnceLock::new() }; 2];
+    // One build at a time, for all boards' ELFs leave cargo by the same name.
+    static ONE: Mutex<()> = Mutex::new(());
+    BUILT[board as usize]
+        .get_or_init(|| {
+            let _one = ONE.lock().map_err(|_| "another build failed")?;
+            match board {
+                Wiring::Nucleo => build(&[]),
+                Wiring::Custom => {
+                    let elf = build(&["--no-default-features", "--features", "board-custom"])?;
+                    let kept = elf.with_file_name("firmware-custom");
+                    std::fs::copy(&elf, &kept)
+                        .map_err(|error| format!("cannot copy {}: {error}", elf.display()))?;
+                    // The name is the default board's again: what is flashed by it must be that.
+                    build(&[])?;
+                    Ok(kept)
+                }
+            }
+        })
+        .clone()
+}
+
+fn build(features: &[&str]) -> Result<PathBuf, String> {
     const TARGET: &str = "thumbv7em-none-eabihf";
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
@@ -52,6 +112,7 @@ fn build() -> Result<PathBuf, String> {
             "--target",
             TARGET,
         ])
+        .args(features)
         .current_dir(&root)
         .output()
         .map_err(|error| format!("cargo does not start: {error}"))?;
@@ -66,9 +127,19 @@ fn build() -> Result<PathBuf, String> {
     Ok(target.join(TARGET).join("firmware").join("firmware"))
 }
 
+/// One count of a board's linear scale, m, from the firmware's own source.
+#[must_use]
+pub fn scale_count_m(board: Wiring) -> f64 {
+    match board {
+        Wiring::Nucleo => plate::SCALE_COUNT_M,
+        Wiring::Custom => custom_plate::SCALE_COUNT_M,
+    }
+}
+
 /// The board of `hal-sim` that has what the firmware's plate says.
 #[must_use]
-pub fn board_config(plate: &DrivePlate) -> BoardConfig {
+pub fn board_config(wiring: Wiring) -> BoardConfig {
+    let plate = plate_of(wiring);
     let board = &plate.board;
     let adc = |per_count, zero| Adc {
         counts: board.adc_counts,
@@ -82,8 +153,8 @@ pub fn board_config(plate: &DrivePlate) -> BoardConfig {
         dead_time_s: board.dead_time_s,
         measure_zeros: board.measure_zeros,
         sensors: Sensors {
-            encoder_counts: plate.motors[0].encoder.counts_per_turn,
-            scale_count_m: plate::SCALE_COUNT_M,
+            encoders: plate.motors.map(|motor| motor.encoder),
+            scale_count_m: scale_count_m(wiring),
             current: adc(board.amps_per_count, board.zero_counts),
             bus: adc(board.bus_volts_per_count, 0.0),
             ..Sensors::real()
@@ -128,13 +199,23 @@ impl Bench {
     /// # Errors
     /// A sentence about what is missing.
     pub fn new(model: &Model, coupling: Coupling) -> Result<Self, String> {
-        let image = Rc::new(Image::read(&firmware()?)?);
+        Self::on(Wiring::Nucleo, model, coupling)
+    }
+
+    /// The firmware of a board just flashed, on `model`.
+    ///
+    /// # Errors
+    /// A sentence about what is missing.
+    pub fn on(board: Wiring, model: &Model, coupling: Coupling) -> Result<Self, String> {
+        let image = Rc::new(Image::read(&firmware_of(board)?)?);
+        let config = board_config(board);
         let joint = Rc::new(RefCell::new(Joint::new(
             model,
             coupling,
-            board_config(&plate()),
+            config,
+            counts_at(board, 40.0),
         )));
-        let emulator = Emulator::new(&image, Rc::clone(&joint) as _)?;
+        let emulator = Emulator::new(&image, board, Rc::clone(&joint) as _)?;
         let drive = Drive::locate(|name| image.symbol(name))?;
         Ok(Self {
             emulator,

@@ -57,9 +57,10 @@ pub const LOOPS: [LoopBound; 1] = [LoopBound {
     because: "the speed task clears its coordinator while the drive stands: less than 128 bytes, 16 a round",
 }];
 
-/// Exceptions that can interrupt one another, one of each line: current loops, speed task, time queue, tasks, and a
+/// Exceptions that can interrupt one another, one of each line: hung loop, current loops, speed task, time queue, tasks, and a
 /// fault on top.
-const NESTING: [&[&str]; 6] = [
+const NESTING: [&[&str]; 7] = [
+    &["TIM7"],
     &["ADC1_2", "ADC4"],
     &["FMAC"],
     &["SysTick"],

@@ -6,6 +6,7 @@ mod profile;
 
 pub use profile::{Cost, Profile};
 
+use crate::chip::wiring::Wiring;
 use crate::chip::{Chip, Reset};
 use crate::image::Image;
 use crate::pins::Machine;
@@ -92,13 +93,17 @@ fn engine(error: uc_error) -> String {
 }
 
 impl Emulator {
-    /// A chip with `image` in its flash, after a power-on reset.
+    /// A chip on the board of `wiring` with `image` in its flash, after a power-on reset.
     ///
     /// # Errors
     /// The image does not fit the chip, or the engine fails.
-    pub fn new(image: &Rc<Image>, machine: Rc<RefCell<dyn Machine>>) -> Result<Self, String> {
+    pub fn new(
+        image: &Rc<Image>,
+        wiring: Wiring,
+        machine: Rc<RefCell<dyn Machine>>,
+    ) -> Result<Self, String> {
         let inside = Inside {
-            chip: Chip::new(machine),
+            chip: Chip::new(machine, wiring, Rc::clone(image)),
             decoder: Decoder::new(),
             blocks: HashMap::new(),
             current: None,

@@ -1,5 +1,6 @@
 //! The board and machine of `hal-sim` at the emulated chip's pins.
 
+use crate::chip::CORE_HZ;
 use crate::pins::{Bridge, Machine, Motor, Sensors};
 use control::current_loop::PwmCommand;
 use hal_sim::board::{Board, BoardConfig};
@@ -11,6 +12,8 @@ use plant::model::Model;
 pub struct Joint {
     /// The board's sensors, and the machine behind them.
     pub board: Board,
+    /// ADC counts of the heat sinks: screw, nut.
+    pub temperatures: [u16; 2],
     last: Option<(Motor, u64)>,
     half_period: u64,
     restarted: bool,
@@ -20,22 +23,21 @@ pub struct Joint {
 const STAGGER: u64 = 4;
 
 impl Joint {
-    /// A machine at rest.
+    /// A machine at rest, with heat sinks at these counts.
     #[must_use]
-    pub fn new(model: &Model, coupling: Coupling, config: BoardConfig) -> Self {
+    pub fn new(
+        model: &Model,
+        coupling: Coupling,
+        config: BoardConfig,
+        temperatures: [u16; 2],
+    ) -> Self {
         Self {
             board: Board::new(model, coupling, config),
+            temperatures,
             last: None,
             half_period: u64::from(config.period()),
             restarted: false,
         }
-    }
-
-    /// The table's scale without noise, whose draw would set this machine apart from one that nobody asks for it.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    fn scale(&self) -> u16 {
-        let count_m = self.board.config().sensors.scale_count_m;
-        (self.board.machine.table_position() / count_m).round() as i64 as u16
     }
 
     fn axis(motor: Motor) -> Axis {
@@ -95,9 +97,26 @@ impl Machine for Joint {
             current: sample.current,
             bus: sample.bus,
             encoder: sample.encoder,
-            temperature: 1000,
-            scale: self.scale(),
+            temperature: self.temperatures[axis.index()],
         }
+    }
+
+    fn frame(&mut self, motor: Motor, time: u64) -> u32 {
+        let axis = Self::axis(motor);
+        // The machine stands where it was at the last top; its speed takes it from there.
+        let since = self.last.map_or(0, |(_, last)| time - last);
+        let age = self.board.config().sensors.encoders[axis.index()].age_s;
+        self.board
+            .encoder_word(axis, since as f64 / CORE_HZ as f64 + age)
+    }
+
+    fn scale(&mut self) -> u32 {
+        // Without noise: what the sensors draw is drawn in the host's order.
+        let metres = self.board.machine.table_position();
+        let counts = metres / self.board.config().sensors.scale_count_m;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let counts = counts.round() as i64 as u32;
+        counts
     }
 
     fn stopped(&mut self, motor: Motor) {

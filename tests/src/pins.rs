@@ -16,12 +16,10 @@ pub struct Sensors {
     pub current: [u16; 3],
     /// Bus voltage, ADC counts.
     pub bus: u16,
-    /// Encoder, counts.
+    /// Encoder, its raw word: counts, or an absolute one's frame.
     pub encoder: u32,
     /// Heat sink, ADC counts.
     pub temperature: u16,
-    /// The table's scale, counts; it counts modulo 2^16.
-    pub scale: u16,
 }
 
 /// A motor, and so its timer and its sensors.
@@ -38,6 +36,12 @@ pub trait Machine {
     /// The counter of `motor`'s timer is at its top at `time`, in core cycles since the reset: the sensors are
     /// sampled, and `bridge` holds from here to the next top.
     fn top(&mut self, motor: Motor, time: u64, bridge: Bridge) -> Sensors;
+
+    /// The frame of the absolute encoder of `motor`, latched at `time`.
+    fn frame(&mut self, motor: Motor, time: u64) -> u32;
+
+    /// The table's scale, counts.
+    fn scale(&mut self) -> u32;
 
     /// The bridge of `motor` was stopped by its break input, between two tops.
     fn stopped(&mut self, motor: Motor);
@@ -57,8 +61,15 @@ impl Machine for AtRest {
             bus: 2818,
             encoder: 0,
             temperature: 1000,
-            scale: 0,
         }
+    }
+
+    fn frame(&mut self, _motor: Motor, _time: u64) -> u32 {
+        0
+    }
+
+    fn scale(&mut self) -> u32 {
+        0
     }
 
     fn stopped(&mut self, _motor: Motor) {}

@@ -5,6 +5,7 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
 use tests::bench::{Bench, READY, RUNNING};
+use tests::chip::wiring::Wiring;
 
 /// Mean speeds of screw and nut over `seconds`, rad/s.
 fn mean_speeds(bench: &mut Bench, seconds: f64) -> Result<[f64; 2], String> {
@@ -22,11 +23,13 @@ fn mean_speeds(bench: &mut Bench, seconds: f64) -> Result<[f64; 2], String> {
 
 #[test]
 fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
-    for (model, coupling) in [
-        (Model::paper(), Coupling::Lumped),
-        (Model::coupled(), Coupling::Coupled),
+    for (board, model, coupling) in [
+        (Wiring::Nucleo, Model::paper(), Coupling::Lumped),
+        (Wiring::Nucleo, Model::coupled(), Coupling::Coupled),
+        // The screw's encoder on SPI, the nut's with index, the current amplifiers inside the chip.
+        (Wiring::Custom, Model::coupled(), Coupling::Coupled),
     ] {
-        let mut bench = Bench::new(&model, coupling)?;
+        let mut bench = Bench::on(board, &model, coupling)?;
         bench.wait_for(READY, 0.2)?;
         for base_rpm in [0.0, 300.0] {
             let base = base_rpm * TAU / 60.0;
@@ -36,18 +39,18 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
             let status = bench.status()?;
             assert_eq!(
                 status.state, RUNNING,
-                "{coupling:?} at {base_rpm} rpm: {status:?}"
+                "{board:?}, {coupling:?} at {base_rpm} rpm: {status:?}"
             );
             // One beat of the motors' 6th harmonics at 30 rpm of difference is 66.7 ms.
             let [screw, nut] = mean_speeds(&mut bench, 0.2)?;
             let table = (screw - nut) * model.feed.lead_m / TAU;
             assert!(
                 (table - 2.5e-3).abs() < 2.5e-5,
-                "{coupling:?} at {base_rpm} rpm: the table moves at {table} m/s"
+                "{board:?}, {coupling:?} at {base_rpm} rpm: the table moves at {table} m/s"
             );
             assert!(
                 (nut - base).abs() < 0.01 * base + 0.05,
-                "{coupling:?}: the nut turns at {nut} rad/s, not {base}"
+                "{board:?}, {coupling:?}: the nut turns at {nut} rad/s, not {base}"
             );
         }
         bench.run(0)?;
@@ -59,6 +62,7 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
             chip.pwm.iter().all(|timer| !timer.bridge().enabled),
             "a drive at rest has its bridges off"
         );
+        assert_eq!(bench.look()?.words().encoder_wrong, [0; 2], "{board:?}");
     }
     Ok(())
 }

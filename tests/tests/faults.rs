@@ -125,11 +125,22 @@ fn a_hung_speed_task_is_noticed_and_the_watchdog_resets_the_chip() -> Result<(),
 }
 
 #[test]
-fn a_hung_current_loop_is_reset() -> Result<(), String> {
-    let mut bench = running()?;
-    bench.hang("ADC4")?;
-    bench.pass(30e-3)?;
-    assert_eq!(bench.emulator.resets, [Reset::Watchdog]);
-    assert!(!enabled(&mut bench, Motor::Screw) && !enabled(&mut bench, Motor::Nut));
+fn a_hung_current_loop_has_both_bridges_opened_above_its_head_and_is_reset() -> Result<(), String> {
+    for (handler, motor) in [("ADC1_2", Motor::Screw), ("ADC4", Motor::Nut)] {
+        let mut bench = running()?;
+        bench.settle_untold()?;
+        bench.hang(handler)?;
+        let to_hang = bench.time_to_top(motor);
+        // The screw's loop ended before that, and is waited for two and a half periods.
+        let screw = until_off(&mut bench, Motor::Screw, 1e-3)?;
+        let nut = until_off(&mut bench, Motor::Nut, 1e-3)?;
+        let off = screw + nut - to_hang;
+        println!("{handler}: off {:.0} us after it hung", 1e6 * off);
+        assert!(off < 2.5 * PERIOD_S, "{handler}: {off} s");
+        assert_cause(&mut bench, Fault::LoopHung)?;
+        bench.pass(30e-3)?;
+        assert_eq!(bench.emulator.resets, [Reset::Watchdog]);
+        assert!(!enabled(&mut bench, Motor::Screw) && !enabled(&mut bench, Motor::Nut));
+    }
     Ok(())
 }

@@ -8,6 +8,7 @@ use plant::model::Model;
 use std::f64::consts::TAU;
 use tests::bench::{Bench, board_config, plate};
 use tests::chip::Top;
+use tests::chip::wiring::Wiring;
 use tests::pins::Motor;
 
 /// What the drive is asked, and when, s.
@@ -59,7 +60,7 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
         );
 
         let plate = plate();
-        let mut drive = Drive::new(&model, coupling, board_config(&plate), &plate)
+        let mut drive = Drive::new(&model, coupling, board_config(Wiring::Nucleo), &plate)
             .map_err(|misfit| misfit.to_string())?;
         drive.request.run = false;
         let mut script = before.iter().zip(SCRIPT).peekable();

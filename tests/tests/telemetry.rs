@@ -11,6 +11,7 @@ use plant::recording::Recording;
 use std::f64::consts::TAU;
 use std::path::Path;
 use tests::bench::{Bench, READY, board_config, plate};
+use tests::chip::wiring::Wiring;
 use tests::cost::INTERRUPTS;
 use tests::emulator::Profile;
 use xtask::output::Folder;
@@ -93,7 +94,7 @@ struct Row {
 /// The host's drive, asked in period `asked` for the same: a row for each of its speed task's steps from its start on.
 fn host(asked: u64, seconds: f64) -> Result<Vec<Row>, String> {
     let plate = plate();
-    let board = board_config(&plate);
+    let board = board_config(Wiring::Nucleo);
     let mut drive = Drive::new(&Model::paper(), Coupling::Lumped, board, &plate)
         .map_err(|misfit| misfit.to_string())?;
     drive.request.run = false;

@@ -7,8 +7,6 @@ use hal_sim::experiment::{OperatingPoint, RPM, Setup, ripple_percent, settle_qui
 use plant::machine::Coupling;
 use plant::model::Model;
 use serde::Serialize;
-use std::ffi::OsString;
-use std::path::PathBuf;
 use std::time::Instant;
 
 /// What to measure.
@@ -17,7 +15,7 @@ pub enum Bench {
     /// Ripple of the simulated drive on the paper's machine, and the simulator's speed.
     Drive(DriveOptions),
     /// The identification on the recordings and measured data beside the project.
-    Identify(IdentifyOptions),
+    Identify(crate::identify::BenchOptions),
 }
 
 /// How to say it.
@@ -28,39 +26,12 @@ pub struct DriveOptions {
     json: bool,
 }
 
-/// How to say what the identification reaches.
-#[derive(Args)]
-pub struct IdentifyOptions {
-    /// As JSON.
-    #[arg(long)]
-    json: bool,
-    /// What the recordings' machines have, to judge by (answers.json); without it they are not judged.
-    #[arg(long)]
-    answers: Option<PathBuf>,
-    /// The blind test's result (blind.json in the target folder after that test).
-    #[arg(long)]
-    blind: Option<PathBuf>,
-}
-
 /// Measures and prints.
 pub fn run(what: &Bench) -> Result<()> {
     match what {
         Bench::Drive(options) => drive(options),
-        Bench::Identify(options) => identify(options),
+        Bench::Identify(options) => crate::identify::bench(options),
     }
-}
-
-fn identify(options: &IdentifyOptions) -> Result<()> {
-    let mut arguments: Vec<OsString> = vec!["bench".into()];
-    if options.json {
-        arguments.push("--json".into());
-    }
-    for (flag, file) in [("--answers", &options.answers), ("--blind", &options.blind)] {
-        if let Some(file) = file {
-            arguments.extend([flag.into(), file.into()]);
-        }
-    }
-    crate::identify::run(&arguments)
 }
 
 #[derive(Serialize)]

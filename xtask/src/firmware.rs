@@ -87,8 +87,12 @@ pub fn test() -> Result<()> {
         "--target",
         TARGET,
     ];
-    let lint = [&["clippy"], &firmware[..], &["--", "-D", "warnings"]].concat();
-    cargo(&lint, &[])?;
+    // Both boards; the default one last, whose ELF is the one that is flashed.
+    let custom = ["--no-default-features", "--features", "board-custom"];
+    for board in [&custom[..], &[]] {
+        let lint = [&["clippy"], &firmware[..], board, &["--", "-D", "warnings"]].concat();
+        cargo(&lint, &[])?;
+    }
     build()?;
     let environment = emulator_environment(&target_folder())?;
     cargo(
@@ -109,6 +113,32 @@ pub fn test() -> Result<()> {
         &["test", "--profile", EMULATOR, "--package", "tests"],
         &environment,
     )
+}
+
+/// The identification's blind test on so many machines.
+#[cfg(feature = "identify")]
+pub fn blind(machines: u32) -> Result<()> {
+    let mut environment = emulator_environment(&target_folder())?;
+    environment.push(("DDFEED_BLIND", machines.to_string().into()));
+    let test = [
+        "test",
+        "--quiet",
+        "--release",
+        "--package",
+        "tests",
+        "--test",
+        "blind",
+    ];
+    // What it says belongs beside the figures, not among them.
+    let status = Command::new("cargo")
+        .args(test)
+        .envs(environment)
+        .current_dir(root())
+        .stdout(std::io::stderr())
+        .status()
+        .context("the blind test could not be started")?;
+    ensure!(status.success(), "the blind test failed ({status})");
+    Ok(())
 }
 
 fn cargo(arguments: &[&str], environment: &[(&str, OsString)]) -> Result<()> {

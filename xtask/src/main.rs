@@ -14,7 +14,6 @@ mod tools;
 use xtask::output;
 
 use clap::{Parser, Subcommand};
-use std::ffi::OsString;
 use std::process::ExitCode;
 
 /// Drive software for a double-drive differential feed.
@@ -29,13 +28,8 @@ struct Arguments {
 enum Task {
     /// Run the drive on a simulated machine and report how smoothly the table moves.
     Simulate(Box<simulate::Options>),
-    /// Hold a model against a recording, and trace what the model lacks. `identify --help` says more.
-    #[command(disable_help_flag = true)]
-    Identify {
-        /// Passed on to the identification.
-        #[arg(trailing_var_arg = true, allow_hyphen_values = true)]
-        arguments: Vec<OsString>,
-    },
+    /// Hold a model against a recording, and trace what the model lacks.
+    Identify(identify::IdentifyOptions),
     /// Measure the project against its goals.
     Bench {
         #[command(subcommand)]
@@ -56,7 +50,7 @@ enum Task {
 fn main() -> ExitCode {
     let result = match Arguments::parse().command {
         Task::Simulate(options) => simulate::run(&options),
-        Task::Identify { arguments } => identify::run(&arguments),
+        Task::Identify(options) => identify::run(&options),
         Task::Bench { what } => bench::run(&what),
         Task::Build => firmware::build().map(|_| ()),
         Task::Cost(options) => firmware::cost(&options),

@@ -4,6 +4,9 @@ use crate::firmware::TARGET;
 use anyhow::{Context, Result, ensure};
 use std::process::Command;
 
+/// Most of it is checked with the identification in.
+const WITH_IDENTIFY: [&str; 2] = ["--features", "xtask/identify"];
+
 /// Runs all checks; stops at the first that fails.
 pub fn run() -> Result<()> {
     // Automatic installation may be switched off, so the target is asked for by name.
@@ -11,9 +14,14 @@ pub fn run() -> Result<()> {
     step("cargo", &["fmt", "--all", "--check"])?;
     step(
         "cargo",
-        &["clippy", "--all-targets", "--", "-D", "warnings"],
+        &[
+            &["clippy", "--all-targets"],
+            &WITH_IDENTIFY[..],
+            &["--", "-D", "warnings"],
+        ]
+        .concat(),
     )?;
-    step("cargo", &["test"])?;
+    step("cargo", &[&["test"], &WITH_IDENTIFY[..]].concat())?;
     crate::firmware::test()?;
     // Last, since probe-rs is the longest to build.
     let probe = ["--package", "xtask", "--features", "probe"];

@@ -4,7 +4,8 @@
 //! and act for one period, so on average one and a half periods after the sample. The voltage is turned forward by
 //! the angle that the rotor gains in that time.
 
-use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig};
+use crate::encoder::Interface;
+use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig, Seen};
 use crate::format::{Angle, Current, ScaledCurrent, Voltage};
 use crate::modulation::{BusScale, ModulationConfig};
 use crate::observer::{Motion, Observer, ObserverConfig};
@@ -19,9 +20,11 @@ pub struct CurrentLoopConfig {
     pub sense: CurrentSense,
     /// ADC counts to bus voltage.
     pub bus: BusSense,
+    /// Raw word to encoder counts.
+    pub encoder: Interface,
     /// Encoder counts to angle and speed.
     pub observer: ObserverConfig,
-    /// Whether the encoder is alive.
+    /// Whether the encoder is to be trusted.
     pub encoder_watch: EncoderWatchConfig,
     /// Current error to voltage.
     pub regulator: RegulatorConfig,
@@ -38,7 +41,7 @@ pub struct MotorSample {
     pub current: [u16; 3],
     /// ADC counts of the bus voltage.
     pub bus: u16,
-    /// Encoder counts, modulo the counts of a turn.
+    /// The encoder's raw word: see [`Interface`].
     pub encoder: u32,
     /// The break input has stopped the bridge.
     pub broken: bool,
@@ -94,7 +97,7 @@ pub struct Rested {
     pub calibration: Calibration,
     /// The break input has stopped the bridge.
     pub broken: bool,
-    /// The encoder's count stands while the shaft turns.
+    /// The encoder's count stands while the shaft turns, or too many of its readings are wrong.
     pub encoder_stuck: bool,
 }
 
@@ -115,8 +118,10 @@ pub struct MotorEstimate {
     pub voltage_limited: bool,
     /// The break input has stopped the bridge.
     pub broken: bool,
-    /// The encoder's count stands while the shaft turns: the bridge is off.
+    /// The encoder's count stands while the shaft turns, or too many of its readings are wrong: the bridge is off.
     pub encoder_stuck: bool,
+    /// This reading of the encoder is wrong: the observer held what it predicted, or followed a jump.
+    pub encoder_wrong: bool,
     /// How far the offset calibration is.
     pub calibration: Calibration,
 }
@@ -174,7 +179,9 @@ impl CurrentLoop {
         reference: CurrentReference,
         scale: BusScale,
     ) -> (PwmCommand, MotorEstimate) {
-        let motion = self.observe(config, sample.encoder);
+        let (counts, motion) = self.observe(config, sample.encoder);
+        let drive = reference.mode == Mode::Drive;
+        let seen = self.watch(config, counts, &motion, drive);
         let measured = self.measure(config, sample.current, &motion);
         let amperes = config.sense.scale;
         let mut estimate = MotorEstimate {
@@ -186,15 +193,12 @@ impl CurrentLoop {
             },
             bus: config.bus.voltage(sample.bus),
             broken: sample.broken,
+            encoder_wrong: seen.wrong,
             calibration: self.calibration,
             ..MotorEstimate::default()
         };
         let mut command = PwmCommand::default();
-        if reference.mode == Mode::Drive
-            && !sample.broken
-            && self.may_drive()
-            && !self.encoder_stuck(config, sample.encoder, &motion)
-        {
+        if drive && !sample.broken && self.may_drive() {
             let i_q = amperes.scaled(reference.i_q);
             let output = self.regulate(config, i_q, &measured, &motion, sample.bus);
             command.compare = Self::modulate(
@@ -210,23 +214,24 @@ impl CurrentLoop {
             estimate.voltage_limited = output.limited;
             return (command, estimate);
         }
-        let rested = self.rest(config, sample, reference.mode);
+        let rested = self.rest(config, sample, counts, reference.mode);
         estimate.calibration = rested.calibration;
         estimate.encoder_stuck = rested.encoder_stuck;
         (command, estimate)
     }
 
-    /// The bridge may be closed: the shaft's place is known, and the encoder has not been found stuck.
+    /// The bridge may be closed: the shaft's place is known, and the encoder has not failed.
     #[must_use]
     #[inline(always)]
     pub fn may_drive(&self) -> bool {
-        self.started && !self.encoder_watch.stuck()
+        self.started && !self.encoder_watch.failed()
     }
 
-    /// Encoder counts -> where the shaft is and how fast it turns.
+    /// The encoder's raw word -> its counts, `None` of a reading that is wrong, where the shaft is and how fast it turns.
     #[inline(always)]
-    pub fn observe(&mut self, config: &CurrentLoopConfig, encoder: u32) -> Motion {
-        self.observer.step(&config.observer, encoder)
+    pub fn observe(&mut self, config: &CurrentLoopConfig, encoder: u32) -> (Option<u32>, Motion) {
+        let counts = config.encoder.counts(encoder);
+        (counts, self.observer.follow(&config.observer, counts))
     }
 
     /// ADC counts of the phases -> currents.
@@ -244,16 +249,17 @@ impl CurrentLoop {
         Measured { codes, current }
     }
 
-    /// Once in each period with the bridge on: `true` if the encoder is found stuck.
+    /// Whether the encoder is to be trusted, once in each period; `drive`: the bridge is asked to be on.
     #[inline(always)]
-    pub fn encoder_stuck(
+    pub fn watch(
         &mut self,
         config: &CurrentLoopConfig,
-        encoder: u32,
+        counts: Option<u32>,
         motion: &Motion,
-    ) -> bool {
+        drive: bool,
+    ) -> Seen {
         self.encoder_watch
-            .step(&config.encoder_watch, encoder, motion.theta_step)
+            .step(&config.encoder_watch, counts, motion, drive)
     }
 
     /// Current error -> voltage, with the reference `i_q` in the loop's scale; `i_d` is held at 0.
@@ -293,22 +299,25 @@ impl CurrentLoop {
 
     /// The rest of a period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current
     /// zeros are measured.
-    pub fn rest(&mut self, config: &CurrentLoopConfig, sample: &MotorSample, mode: Mode) -> Rested {
-        if !self.started {
-            self.observer = Observer::at(&config.observer, sample.encoder);
+    pub fn rest(
+        &mut self,
+        config: &CurrentLoopConfig,
+        sample: &MotorSample,
+        counts: Option<u32>,
+        mode: Mode,
+    ) -> Rested {
+        if let (false, Some(counts)) = (self.started, counts) {
+            self.observer = Observer::at(&config.observer, counts);
             self.started = true;
         }
         self.regulator = Regulator::new();
-        if mode != Mode::Drive {
-            self.encoder_watch = EncoderWatch::new();
-        }
         if mode == Mode::Calibrate && self.calibration == Calibration::Pending {
             self.calibrate(&config.sense, sample.current);
         }
         Rested {
             calibration: self.calibration,
             broken: sample.broken,
-            encoder_stuck: self.encoder_watch.stuck(),
+            encoder_stuck: self.encoder_watch.failed(),
         }
     }
 

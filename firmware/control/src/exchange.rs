@@ -51,7 +51,7 @@ pub struct MotorStatus {
     pub voltage_limited: bool,
     /// The bridge is stopped by its break input.
     pub broken: bool,
-    /// The encoder's count stands while the shaft turns.
+    /// The encoder's count stands while the shaft turns, or too many of its readings are wrong.
     pub encoder_stuck: bool,
     /// The speed task was late with its reference: the current loop has stopped its bridge by itself.
     pub reference_stale: bool,

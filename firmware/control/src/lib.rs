@@ -17,6 +17,7 @@
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
 //! | what the drive is doing and may do next | [`supervisor`] | speed task |
 //! | the last four in one step | [`speed_task`] | speed task |
+//! | late tasks, bus, temperatures, index -> fault | [`guard`] | supervision |
 //! | words between the interrupts | [`exchange`] | |
 //!
 //! [`plate`] turns plate data into gains (Eqs 9 to 12 of Wang et al. 2020) once, [`format`](mod@format) says
@@ -49,10 +50,14 @@ extern crate std;
 
 pub mod coordinator;
 pub mod current_loop;
+pub mod encoder;
 pub mod encoder_watch;
 pub mod exchange;
 pub mod format;
+#[allow(clippy::float_arithmetic)]
+pub mod guard;
 pub mod modulation;
+pub mod mt6835;
 pub mod observer;
 #[allow(clippy::float_arithmetic)]
 pub mod plate;
@@ -63,4 +68,7 @@ mod sine;
 pub mod speed_loop;
 pub mod speed_task;
 pub mod supervisor;
+#[allow(clippy::float_arithmetic)]
+pub mod thermometer;
+pub mod tolerance;
 pub mod transform;

@@ -5,6 +5,7 @@
 
 use crate::coordinator::CoordinatorConfig;
 use crate::current_loop::CurrentLoopConfig;
+use crate::encoder::Interface;
 use crate::encoder_watch::EncoderWatchConfig;
 use crate::format::{
     Current, CurrentScale, Gain, MechanicalSpeed, Misfit, Ratio, SpeedChange, SpeedGain,
@@ -56,8 +57,12 @@ pub struct MotorPlate {
 /// An encoder.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EncoderPlate {
+    /// How it is read.
+    pub interface: Interface,
     /// Counts a mechanical turn, 2 to 2^30.
     pub counts_per_turn: u32,
+    /// How much earlier than the currents the angle is taken, s: less than two PWM periods.
+    pub age_s: f64,
     /// Electrical angle at count zero, electrical turns.
     pub theta_e_at_zero_turns: f64,
 }
@@ -432,6 +437,7 @@ impl MotorPlate {
         let scale = sense.scale;
         Ok(CurrentLoopConfig {
             bus: attempt!(board.bus_sense()),
+            encoder: self.encoder.interface,
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
             encoder_watch: self.encoder_watch(&drive.tuning),
             regulator: RegulatorConfig {
@@ -484,18 +490,23 @@ impl MotorPlate {
         })
     }
 
-    /// Twice what a reversal at full torque lets the observer turn within one count (see
-    /// [`encoder_watch`](crate::encoder_watch)), and four counts.
+    /// Travel: twice what a reversal at full torque lets the observer turn within one count (see
+    /// [`encoder_watch`](crate::encoder_watch)), and four counts. Jump: four times the observer's lag at full torque,
+    /// `a / omega_0^2`, and eight counts.
     const fn encoder_watch(&self, tuning: &Tuning) -> EncoderWatchConfig {
         let count = TAU / self.encoder.counts_per_turn as f64;
         let acceleration = self.torque_max_nm / self.inertia_kg_m2;
         let lag = 2.0 * tuning.observer_damping * acceleration / tuning.observer_rad_s;
         let stands = 2.0 * square_root(2.0 * count / acceleration);
         let turns = (2.0 * lag * stands + 4.0 * count) / TAU;
-        // The cast saturates; a turn or more never fires.
+        let lag_max = acceleration / (tuning.observer_rad_s * tuning.observer_rad_s);
+        let jump = (4.0 * lag_max + 8.0 * count) / TAU;
+        // The casts saturate; a turn or more never fires.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         EncoderWatchConfig {
             travel_max: (turns * 4_294_967_296.0) as u32,
+            jump_max: (jump * 4_294_967_296.0) as u32,
+            checked: self.encoder.interface.is_checked(),
         }
     }
 
@@ -549,8 +560,32 @@ impl MotorPlate {
         while self.pole_pairs as f64 * power_of_two(speed_bits) > 1_073_741_824.0 {
             speed_bits = speed_bits.saturating_sub(1);
         }
+        if matches!(self.encoder.interface, Interface::Mt6835) {
+            let counts = crate::mt6835::COUNTS_PER_TURN as f64;
+            attempt!(within(
+                "resolution of an MT6835",
+                "counts/turn",
+                self.encoder.counts_per_turn as f64,
+                counts - 0.5,
+                counts + 0.5
+            ));
+        }
+        let age = self.encoder.age_s / sample_time;
+        attempt!(within(
+            "age of an encoder reading",
+            "PWM periods",
+            age,
+            -1e-9,
+            2.0
+        ));
         Ok(ObserverConfig {
             encoder,
+            age: Ratio::from_bits(attempt!(quantise(
+                "age of an encoder reading",
+                "PWM periods",
+                age,
+                30
+            ))),
             alpha: Ratio::from_bits(attempt!(quantise(
                 "observer alpha",
                 "",
@@ -815,6 +850,8 @@ mod tests {
             torque_max_nm: 2.6,
             current_gains: [1.0; 3],
             encoder: EncoderPlate {
+                interface: Interface::Incremental,
+                age_s: 0.0,
                 counts_per_turn: 1 << 20,
                 theta_e_at_zero_turns: 0.0,
             },
@@ -859,10 +896,17 @@ mod tests {
         let mut plate = test_plate();
         let [screw, nut] = &mut plate.motors;
         screw.encoder = EncoderPlate {
+            interface: Interface::IncrementalWithIndex,
             counts_per_turn: 10_000,
             theta_e_at_zero_turns: 0.25,
+            ..screw.encoder
         };
-        nut.encoder = screw.encoder;
+        nut.encoder = EncoderPlate {
+            interface: Interface::Mt6835,
+            counts_per_turn: 1 << 21,
+            age_s: 5.5e-6,
+            ..screw.encoder
+        };
         plate.board = BoardPlate {
             pwm_hz: 40e3,
             speed_divider: 8,
@@ -910,6 +954,14 @@ mod tests {
                 (|p: &mut DrivePlate| p.motors[0].encoder.counts_per_turn = 1)
                     as fn(&mut DrivePlate),
                 "encoder resolution",
+            ),
+            (
+                |p| p.motors[0].encoder.interface = Interface::Mt6835,
+                "resolution of an MT6835",
+            ),
+            (
+                |p| p.motors[1].encoder.age_s = 101e-6,
+                "age of an encoder reading",
             ),
             (|p| p.board.pwm_hz = 50e3, "PWM frequency"),
             (|p| p.motors[0].flux_wb = f64::NAN, "flux"),

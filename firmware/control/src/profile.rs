@@ -194,7 +194,7 @@ mod tests {
 
         /// Where the root is no longer taken, it would give the limit.
         #[test]
-        fn the_limit_begins_where_the_root_reaches_it(a in 1000..i32::MAX / 64, part in 0.001..1.0f64) {
+        fn the_limit_begins_where_the_root_reaches_it(a in 1_000_000..i32::MAX / 64, part in 0.001..1.0f64) {
             let acceleration = SpeedChange::from_bits(a);
             let config = ProfileConfig::new(acceleration, SpeedChange::from_num(acceleration.to_num::<f64>() * part));
             prop_assume!(config.jerk > 0 && config.braking < 16_384);

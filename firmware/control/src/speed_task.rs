@@ -5,7 +5,7 @@ use crate::current_loop::CurrentReference;
 use crate::exchange::MotorStatus;
 use crate::plate::DriveConfig;
 use crate::speed_loop::{SpeedLoop, SpeedReference};
-use crate::supervisor::{Request, State};
+use crate::supervisor::{Fault, Request, State};
 
 /// What the speed task decided in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -60,16 +60,19 @@ impl SpeedTask {
         self.coordinator.arrived()
     }
 
-    /// One step.
+    /// One step, with the fault that the board or its guard has found.
     #[inline(always)]
     pub fn step(
         &mut self,
         config: &DriveConfig,
         request: Request,
         motors: [MotorStatus; 2],
+        found: Option<Fault>,
     ) -> SpeedTaskOutput {
         let coordinator = &self.coordinator;
-        self.state = self.state.next(request, motors, || coordinator.at_rest());
+        self.state = self
+            .state
+            .next(request, motors, found, || coordinator.at_rest());
         let mode = self.state.mode();
         if !matches!(self.state, State::Running | State::Stopping) {
             self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];

@@ -16,23 +16,74 @@
 use crate::current_loop::{Calibration, Mode};
 use crate::exchange::MotorStatus;
 
-/// What stopped the drive.
+/// What stopped the drive, with its number in the debug view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
 pub enum Fault {
     /// The break input of the screw's bridge: over-current in hardware.
-    ScrewBreak,
+    ScrewBreak = 1,
     /// The break input of the nut's bridge.
-    NutBreak,
+    NutBreak = 2,
     /// A current zero of the screw lies further out than a healthy sensor's.
-    ScrewCurrentZero,
+    ScrewCurrentZero = 3,
     /// A current zero of the nut does.
-    NutCurrentZero,
-    /// The screw's encoder stands while its shaft turns.
-    ScrewEncoder,
+    NutCurrentZero = 4,
+    /// The screw's encoder stands while its shaft turns, too many of its readings are wrong, or its index is missing.
+    ScrewEncoder = 5,
     /// The nut's encoder does.
-    NutEncoder,
-    /// The speed task was late, and the current loops stopped by themselves.
-    SpeedTaskLate,
+    NutEncoder = 6,
+    /// The speed task was late: the current loops stopped by themselves, or it is too often.
+    SpeedTaskLate = 7,
+    /// The bus voltage is above its limit.
+    OverVoltage = 8,
+    /// The bus voltage is below its limit while the bridges are on.
+    UnderVoltage = 9,
+    /// The heat sink of the screw's bridge is too hot, or its sensor is not there.
+    ScrewTemperature = 10,
+    /// The heat sink of the nut's bridge is, or its sensor.
+    NutTemperature = 11,
+    /// A converted current of the screw's motor is beyond its limit, of either sign.
+    ScrewOverCurrent = 12,
+    /// A converted current of the nut's motor is.
+    NutOverCurrent = 13,
+    /// The screw's current loop is late too often.
+    ScrewLoopLate = 14,
+    /// The nut's current loop is.
+    NutLoopLate = 15,
+    /// Supervision is late too often.
+    SupervisionLate = 16,
+    /// A current loop hung for two and a half periods, and the bridges were opened above its head.
+    LoopHung = 17,
+}
+
+impl Fault {
+    /// All of them, in the order of their numbers.
+    pub const ALL: [Self; 17] = [
+        Self::ScrewBreak,
+        Self::NutBreak,
+        Self::ScrewCurrentZero,
+        Self::NutCurrentZero,
+        Self::ScrewEncoder,
+        Self::NutEncoder,
+        Self::SpeedTaskLate,
+        Self::OverVoltage,
+        Self::UnderVoltage,
+        Self::ScrewTemperature,
+        Self::NutTemperature,
+        Self::ScrewOverCurrent,
+        Self::NutOverCurrent,
+        Self::ScrewLoopLate,
+        Self::NutLoopLate,
+        Self::SupervisionLate,
+        Self::LoopHung,
+    ];
+
+    /// The fault of a number; `None` of 0 and of what is no fault's.
+    #[must_use]
+    pub fn of_number(number: u8) -> Option<Self> {
+        let index = usize::from(number).checked_sub(1)?;
+        Self::ALL.get(index).copied()
+    }
 }
 
 /// What the drive is doing.
@@ -63,16 +114,17 @@ pub struct Request {
 }
 
 impl State {
-    /// The next state.
+    /// The next state, with the fault that the board or its guard has found.
     #[must_use]
     #[inline(always)]
     pub fn next(
         self,
         request: Request,
         motors: [MotorStatus; 2],
+        found: Option<Fault>,
         at_rest: impl FnOnce() -> bool,
     ) -> Self {
-        let fault = fault(motors);
+        let fault = fault(motors).or(found);
         match (self, fault) {
             (Self::Fault(_), None) if request.reset && !request.run => Self::Off,
             (Self::Fault(first), _) => Self::Fault(first),
@@ -173,6 +225,7 @@ mod tests {
                         reset: on(3),
                     },
                     [healthy, nut],
+                    None,
                     || on(4),
                 );
                 if to != from {
@@ -195,6 +248,7 @@ mod tests {
                 reset: true,
             },
             [MotorStatus::default(), broken],
+            Some(Fault::OverVoltage),
             || false,
         );
         assert_eq!(state, FAULT);
@@ -204,7 +258,7 @@ mod tests {
             reset: true,
         };
         assert_eq!(
-            state.next(still_asked, [MotorStatus::default(); 2], || false),
+            state.next(still_asked, [MotorStatus::default(); 2], None, || false),
             FAULT,
             "a reset while run is asked"
         );
@@ -212,13 +266,34 @@ mod tests {
             calibration: Calibration::OutOfRange,
             ..MotorStatus::default()
         };
+        let asked = Request::default();
+        assert_eq!(state.next(asked, [zero, broken], None, || true), FAULT);
         assert_eq!(
-            state.next(Request::default(), [zero, broken], || true),
-            FAULT
-        );
-        assert_eq!(
-            State::Calibrating.next(Request::default(), [zero, MotorStatus::default()], || true),
+            State::Calibrating.next(asked, [zero, MotorStatus::default()], None, || true),
             State::Fault(Fault::ScrewCurrentZero)
         );
+    }
+
+    #[test]
+    fn what_the_guard_finds_is_a_fault_until_it_is_gone() {
+        let healthy = [MotorStatus::default(); 2];
+        let hot = Some(Fault::NutTemperature);
+        let state = State::Running.next(Request::default(), healthy, hot, || false);
+        assert_eq!(state, State::Fault(Fault::NutTemperature));
+        let reset = Request {
+            run: false,
+            reset: true,
+        };
+        assert_eq!(state.next(reset, healthy, hot, || true), state);
+        assert_eq!(state.next(reset, healthy, None, || true), State::Off);
+    }
+
+    #[test]
+    fn numbers_are_those_of_the_faults() {
+        for (index, fault) in Fault::ALL.into_iter().enumerate() {
+            assert_eq!(fault as usize, index + 1);
+            assert_eq!(Fault::of_number(fault as u8), Some(fault));
+        }
+        assert_eq!((Fault::of_number(0), Fault::of_number(18)), (None, None));
     }
 }

@@ -132,6 +132,14 @@ words! {
         refused: u32,
         /// Telemetry samples that found no room, since the start.
         telemetry_dropped: u32,
+        /// Times that the supervision came a millisecond late or more.
+        supervision_missed: u32,
+        /// Readings of the motor encoders that were wrong: screw, nut.
+        encoder_wrong: [u32; 2],
+        /// Missing indices and transition errors of the incremental encoders: screw, nut.
+        encoder_errors: [u32; 2],
+        /// Bus voltage at the bridges, ADC counts: screw, nut.
+        bus: [u32; 2],
         /// Screw, nut.
         motors: [MotorWords; 2],
     }

@@ -1,13 +1,34 @@
 //! The boards. One module each holds its pins, amplifiers, dividers and limits; a cargo feature picks one.
+//!
+//! To add a board, in this order:
+//!
+//! 1. A plate beside `custom_plate.rs`: motors, encoders, A and V per count, dead time. Numbers only; what does not fit
+//!    its fixed-point format stops the build.
+//! 2. A module beside `custom_example.rs` with the same public names: `PLATE`, `OVER_CURRENT`, `SAMPLING`,
+//!    `AMPLIFIER_GAIN`, `GUARDS`, `ScrewEncoder`, `NutEncoder`, `start_encoders`, `claim`. In `claim` each pin goes once,
+//!    by value, through a function of [`pins`] whose bounds only the right pin in the right alternate function meets.
+//! 3. A feature in `Cargo.toml`, and two lines below.
+//! 4. `cargo check --package firmware --target thumbv7em-none-eabihf --no-default-features --features board-yours`: a pin
+//!    used twice is a use of a moved value, a wrong alternate function an unmet bound that names the pin.
+//! 5. What is wired to which ADC channel, for the emulator (`tests/src/chip/wiring.rs`): then the tests can run it.
+
+mod machine;
+mod pins;
+pub(crate) use pins::{EncoderParts, Ports};
 
 #[cfg(feature = "board-nucleo")]
-mod pins;
-pub(crate) use pins::Ports;
 mod nucleo_g474re;
 #[cfg(feature = "board-nucleo")]
 pub(crate) use nucleo_g474re::*;
 
-#[cfg(not(feature = "board-nucleo"))]
+#[cfg(feature = "board-custom")]
+mod custom_example;
+#[cfg(feature = "board-custom")]
+pub(crate) use custom_example::*;
+
+#[cfg(not(any(feature = "board-nucleo", feature = "board-custom")))]
 compile_error!(
     "pick a board: build with `--features board-nucleo`, or add a module beside nucleo_g474re.rs"
 );
+#[cfg(all(feature = "board-nucleo", feature = "board-custom"))]
+compile_error!("pick one board: `--no-default-features` leaves the default one out");

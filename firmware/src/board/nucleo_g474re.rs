@@ -15,23 +15,72 @@
 //! Each pin goes into `Pins` once, by value, behind a bound that only the right pin in the right alternate function
 //! meets: a pin used twice, or with a wrong function, does not compile.
 
-use super::pins::{Bridge, Ports, comparator, converted, encoder};
-use crate::hw::analog::Channels;
+use super::machine;
+use super::pins::{Bridge, EncoderParts, Pins, Ports, comparator, converted, encoder};
+use crate::hw::amplifier::Gain;
+use crate::hw::analog::{Channels, WatchLimits};
+use crate::hw::encoder::{Flags, Incremental, TopOf};
+use crate::hw::protection::OverCurrent;
+use control::guard::GuardConfig;
 use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP3, COMP4, COMP5, COMP7};
 use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, TIM1, TIM2, TIM4, TIM5, TIM8};
 
 #[path = "plate.rs"]
 mod plate;
+use plate::GUARDS;
 pub(crate) use plate::{PLATE, SCALE_COUNT_M};
 
-/// Threshold of the over-current comparators, ADC counts: +4.5 A of a ±5 A channel.
-pub(crate) const OVER_CURRENT_COUNTS: u16 = 3891;
+/// Comparators and threshold of each motor: +4.5 A of a ±5 A channel.
+pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
+    OverCurrent {
+        comparators: &[3, 1, 2],
+        threshold: 3891,
+    },
+    OverCurrent {
+        comparators: &[7, 4, 5],
+        threshold: 3891,
+    },
+];
 
-/// Neither motor encoder's index is wired: its timers' index pins serve as encoder and bus inputs.
-pub(crate) const ENCODER_INDEX: [bool; 2] = [false, false];
+/// The guard's limits in counts.
+pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
+    Ok(config) => config,
+    Err(_) => panic!("a limit of the board is beyond its ADC"),
+};
 
-/// Puts every pin in its function and says which ADC channels the measurements are on: ADC1 to ADC4.
-pub(crate) fn claim(ports: Ports) -> [Channels; 4] {
+/// Limits of the analog watchdogs: ±4.75 A.
+pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
+    current: [102, 3994],
+    bus: GUARD.bus_most,
+    shunts: PLATE.board.shunts,
+};
+
+/// Sampling time code of all channels: 6.5 ADC clocks, 153 ns at 42.5 MHz (RM0440, ADC_SMPRx).
+pub(crate) const SAMPLING: u32 = 1;
+
+/// Gain of the on-chip amplifiers, of which this board uses none: its power stages have their own.
+pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X2;
+
+pub(crate) type ScrewEncoder = Incremental<TIM2>;
+pub(crate) type NutEncoder = Incremental<TIM5>;
+
+/// Starts both motors' encoders. Neither index is wired: its timers' index pins serve as encoder and bus inputs.
+pub(crate) fn start_encoders(parts: EncoderParts) -> (ScrewEncoder, NutEncoder) {
+    let [screw, nut] = &PLATE.motors;
+    (
+        Incremental::start(parts.tim2, &screw.encoder, TopOf::Screw),
+        Incremental::start(parts.tim5, &nut.encoder, TopOf::Nut),
+    )
+}
+
+/// What the encoders' timers saw since the last look: screw, nut.
+pub(crate) fn take_encoder_flags() -> [Flags; 2] {
+    // SAFETY: of these timers nobody else touches the flags.
+    unsafe { [Flags::take(&*TIM2::ptr()), Flags::take(&*TIM5::ptr())] }
+}
+
+/// Puts every pin in its function and says where the measurements are.
+pub(crate) fn claim(ports: Ports) -> Pins {
     let Ports { a, b, c } = ports;
 
     Bridge::<TIM1>::claim(
@@ -81,7 +130,7 @@ pub(crate) fn claim(ports: Ports) -> [Channels; 4] {
 
     let (screw_bus, nut_bus) = (c.pc0.into_analog(), b.pb12.into_analog());
     let (screw_heat, nut_heat) = (c.pc1.into_analog(), c.pc2.into_analog());
-    [
+    let channels = [
         Channels {
             injected: [
                 converted::<ADC1, _>(&screw_a),
@@ -104,5 +153,9 @@ pub(crate) fn claim(ports: Ports) -> [Channels; 4] {
             injected: [converted::<ADC4, _>(&nut_a), converted::<ADC4, _>(&nut_bus)],
             regular: None,
         },
-    ]
+    ];
+    Pins {
+        channels,
+        amplifiers: [None; 4],
+    }
 }

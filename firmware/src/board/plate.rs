@@ -2,30 +2,15 @@
 //!
 //! Numbers only, no hardware: the emulator's tests build the same drive on the host from this very file.
 
-use control::plate::{BoardPlate, DrivePlate, EncoderPlate, FeedPlate, MotorPlate, Tuning};
+use super::machine;
+use control::guard::GuardPlate;
+use control::plate::{BoardPlate, DrivePlate};
 use control::sense::Shunts;
-
-/// The motors of Table 1 (Wang et al. 2020) with 20-bit encoders.
-const MOTOR: MotorPlate = MotorPlate {
-    resistance_ohm: 1.7,
-    inductance_h: 5.9e-3,
-    pole_pairs: 5,
-    flux_wb: 0.11,
-    inertia_kg_m2: 7.2e-4,
-    speed_max_rpm: 3000.0,
-    // One and a half times the rated torque: 3 A of phase current, which leaves the comparators' 4.5 A room for a
-    // step's overshoot.
-    torque_max_nm: 2.0,
-    current_gains: [1.0; 3],
-    encoder: EncoderPlate {
-        counts_per_turn: 1 << 20,
-        theta_e_at_zero_turns: 0.0,
-    },
-};
+use control::thermometer::{Side, TemperaturePlate, Thermometer};
 
 /// The drive that the firmware is built for.
 pub(crate) const PLATE: DrivePlate = DrivePlate {
-    motors: [MOTOR; 2],
+    motors: [machine::MOTOR; 2],
     board: BoardPlate {
         timer_hz: 170e6,
         pwm_hz: 20e3,
@@ -41,21 +26,30 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         measure_zeros: true,
         min_on_time_s: 2e-6,
     },
-    tuning: Tuning {
-        damping: 0.7,
-        current_rad_s: 3000.0,
-        speed_rad_s: 200.0,
-        observer_rad_s: 1000.0,
-        observer_damping: 0.7,
+    tuning: machine::TUNING,
+    feed: machine::FEED,
+};
+
+/// The power stages' own sensor: 10 kohm NTC to ground, 4.7 kohm to the reference.
+const HEAT_SINK: TemperaturePlate = TemperaturePlate {
+    sensor: Thermometer::Ntc {
+        r25_ohm: 10e3,
+        beta_k: 3977.0,
     },
-    feed: FeedPlate {
-        lead_m: 5e-3,
-        velocity_max: 0.1,
-        acceleration_max: 0.25,
-        jerk_max: 10.0,
-        base_acceleration_max: 700.0,
-        base_jerk_max: 20_000.0,
-    },
+    side: Side::Ground,
+    divider_ohm: 4.7e3,
+    max_celsius: 90.0,
+    min_celsius: -30.0,
+};
+
+/// What the board bears: a bus of 310 V from the mains.
+pub(crate) const GUARDS: GuardPlate = GuardPlate {
+    bus_max_v: 400.0,
+    bus_min_v: 60.0,
+    bus_volts_per_count: PLATE.board.bus_volts_per_count,
+    adc_counts: PLATE.board.adc_counts,
+    temperatures: [HEAT_SINK; 2],
+    index: [false, false],
 };
 
 /// One count of the table's linear scale, m: a quarter of the period of a scale that is interpolated to 40 nm.

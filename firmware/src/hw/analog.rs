@@ -4,8 +4,16 @@
 //! motor's timer at its top (ES0430 2.7.11: ADCs that run at the same time disturb each other unless they start
 //! together). The two heat sinks' temperatures are regular conversions of ADC1 and ADC2, started by the nut's timer
 //! half a period away from their injected ones, and taken by DMA.
+//!
+//! The analog watchdogs hold each conversion of the bus voltage and of the currents, of either sign, against limits. Their
+//! flags stay set until the speed task takes them: nothing slips through between two of its steps, and it costs the
+//! current loops nothing. They are the second guard, within 200 us of a conversion; the first, without code, are the
+//! comparators on the break inputs, which see positive currents only. (An analog watchdog of this chip reaches a timer's
+//! external trigger but no break input, and ADC1's and ADC2's interrupt is the current loop's.)
 
 use crate::hw::clock::CORE_HZ;
+use control::sense::Shunts;
+use control::supervisor::Fault;
 use core::sync::atomic::{AtomicU16, Ordering};
 use stm32g4xx_hal::stm32::{
     ADC1, ADC2, ADC3, ADC4, ADC12_COMMON, ADC345_COMMON, DMA1, DMAMUX, adc1,
@@ -28,8 +36,16 @@ enum Trigger {
 /// `EXTSEL` of TIM8's TRGO2 for regular conversions of ADC1 and ADC2 (RM0440 table 163).
 const REGULAR_TIM8_TRGO2: u32 = 8;
 
-/// Sampling time code of all channels: 6.5 ADC clocks, 153 ns at 42.5 MHz (RM0440, ADC_SMPRx).
-const SAMPLING: u32 = 1;
+/// What the analog watchdogs compare with, ADC counts.
+#[derive(Clone, Copy)]
+pub(crate) struct WatchLimits {
+    /// Least and most of a current channel; the watchdogs see steps of 16.
+    pub(crate) current: [u16; 2],
+    /// Most of the bus voltage.
+    pub(crate) bus: u16,
+    /// Which phases are measured.
+    pub(crate) shunts: Shunts,
+}
 
 /// Temperatures of the heat sinks as ADC counts; the DMA writes them.
 static TEMPERATURES: [AtomicU16; 2] = [AtomicU16::new(0), AtomicU16::new(0)];
@@ -43,9 +59,15 @@ pub(crate) struct Converters<'a> {
 }
 
 impl Converters<'_> {
-    /// Sets up and calibrates all four, with the channels of ADC1 to ADC4. Interrupts at the end of the injected
+    /// Sets up and calibrates all four, with the channels of ADC1 to ADC4 and
+    /// the code of their sampling time (`ADC_SMPRx`). Interrupts at the end of the injected
     /// sequence of ADC1 and of ADC4. `false` if an ADC did not answer.
-    pub(crate) fn prepare(&self, channels: [Channels; 4]) -> bool {
+    pub(crate) fn prepare(
+        &self,
+        channels: [Channels; 4],
+        sampling: u32,
+        limits: &WatchLimits,
+    ) -> bool {
         // All from the bus clock divided by 4 (CKMODE 3): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs.
         // SAFETY: a value of the field (RM0440, ADCx_CCR).
         self.common.0.ccr().write(|w| unsafe { w.ckmode().bits(3) });
@@ -56,10 +78,20 @@ impl Converters<'_> {
         let (x2, y2) = self.nut;
         let [c1, c2, c3, c4] = channels;
         let ready = enable(x1) & enable(y1) & enable(x2) & enable(y2);
-        sequence(x1, c1, Trigger::Tim1Trgo2);
-        sequence(y1, c2, Trigger::Tim1Trgo2);
-        sequence(y2, c3, Trigger::Tim8Trgo2);
-        sequence(x2, c4, Trigger::Tim8Trgo2);
+        sequence(x1, c1, Trigger::Tim1Trgo2, sampling);
+        sequence(y1, c2, Trigger::Tim1Trgo2, sampling);
+        sequence(y2, c3, Trigger::Tim8Trgo2, sampling);
+        sequence(x2, c4, Trigger::Tim8Trgo2, sampling);
+        let [(bus1, a1), (bus2, a2)] = [c1, c4].map(|c| (c.injected[1], c.injected[0]));
+        watch(x1, &[a1], Some(bus1), limits);
+        watch(x2, &[a2], Some(bus2), limits);
+        // Without a sensor in phase c its channel means nothing.
+        let (b2, b3) = match limits.shunts {
+            Shunts::Two => (&c2.injected[..1], &c3.injected[..1]),
+            Shunts::Three => (&c2.injected[..], &c3.injected[..]),
+        };
+        watch(y1, b2, None, limits);
+        watch(y2, b3, None, limits);
         x1.ier().write(|w| w.jeosie().set_bit());
         x2.ier().write(|w| w.jeosie().set_bit());
         ready
@@ -129,27 +161,28 @@ fn enable(adc: &adc1::RegisterBlock) -> bool {
     calibrated && ready
 }
 
-fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {
+fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger, sampling: u32) {
     const RISING: u32 = 1;
     let all = channels.injected.into_iter().chain(channels.regular);
     let (mut low, mut high) = (0, 0);
     for channel in all {
         match u32::from(channel) {
-            n @ 0..=9 => low |= SAMPLING << (3 * n),
-            n => high |= SAMPLING << (3 * (n - 10)),
+            n @ 0..=9 => low |= sampling << (3 * n),
+            n => high |= sampling << (3 * (n - 10)),
         }
     }
     let [first, second] = channels.injected.map(u32::from);
     // JL = 1 (two conversions), JEXTSEL, JEXTEN, JSQ1, JSQ2.
     let jsqr = 1 | (trigger as u32) << 2 | RISING << 7 | first << 9 | second << 15;
-    // SAFETY: values of the fields (RM0440, ADC_SMPRx, ADC_JSQR, ADC_SQR1, ADC_CFGR).
+    // SAFETY: values of the fields (RM0440, ADC_SMPRx, ADC_JSQR).
     unsafe {
         adc.smpr1().write(|w| w.bits(low));
         adc.smpr2().write(|w| w.bits(high));
         adc.jsqr().write(|w| w.bits(jsqr));
     }
     if let Some(regular) = channels.regular {
-        // SAFETY: as above: one conversion; DMA, circular, overwritten, started by TIM8's TRGO2; queue off (JQDIS).
+        // SAFETY: values of the fields (RM0440, ADC_SQR1, ADC_CFGR): one conversion; DMA, circular, overwritten, started by
+        // TIM8's TRGO2; queue off (JQDIS).
         unsafe {
             adc.sqr1().write(|w| w.bits(u32::from(regular) << 6));
             adc.cfgr().write(|w| {
@@ -157,4 +190,70 @@ fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {
             });
         }
     }
+}
+
+/// Watchdog 2 looks at currents, watchdog 1 at the bus.
+fn watch(adc: &adc1::RegisterBlock, currents: &[u8], bus: Option<u8>, limits: &WatchLimits) {
+    let [least, most] = limits.current.map(u32::from);
+    let mask = currents.iter().fold(0, |mask, channel| mask | 1 << channel);
+    // SAFETY: values of the fields (RM0440, ADC_TR2, ADC_AWD2CR): the upper 8 of 12 bits.
+    unsafe {
+        adc.tr2().write(|w| w.bits((most >> 4) << 16 | least >> 4));
+        adc.awd2cr().write(|w| w.bits(mask));
+    }
+    if let Some(channel) = bus {
+        // One channel (AWD1SGL, AWD1CH), injected (JAWD1EN).
+        const ONE_INJECTED: u32 = 1 << 22 | 1 << 24;
+        // SAFETY: values of the fields (RM0440, ADC_TR1, ADC_CFGR).
+        unsafe {
+            adc.tr1().write(|w| w.bits(u32::from(limits.bus) << 16));
+            adc.cfgr()
+                .modify(|r, w| w.bits(r.bits() | ONE_INJECTED | u32::from(channel) << 26));
+        }
+    }
+}
+
+/// The analog watchdogs' flags.
+pub(crate) struct Watches(());
+
+impl Watches {
+    const BUS: u32 = 1 << 7;
+    const CURRENT: u32 = 1 << 8;
+
+    /// Of the converters that were set up.
+    pub(crate) fn of(_: &Converters) -> Self {
+        Self(())
+    }
+
+    /// What was past its limit since the last call.
+    #[inline(always)]
+    pub(crate) fn take(&self) -> Option<Fault> {
+        // SAFETY: the flags are read, and those of the watchdogs, which nobody else touches, cleared by writing ones.
+        let adcs: [&adc1::RegisterBlock; 4] =
+            unsafe { [&*ADC1::ptr(), &*ADC2::ptr(), &*ADC3::ptr(), &*ADC4::ptr()] };
+        let [a, b, c, d] = adcs.map(|adc| adc.isr().read().bits());
+        if (a | b | c | d) & (Self::BUS | Self::CURRENT) == 0 {
+            return None;
+        }
+        for adc in adcs {
+            // SAFETY: as above.
+            adc.isr()
+                .write(|w| unsafe { w.bits(Self::BUS | Self::CURRENT) });
+        }
+        Some(if (a | d) & Self::BUS != 0 {
+            Fault::OverVoltage
+        } else if (a | b) & Self::CURRENT != 0 {
+            Fault::ScrewOverCurrent
+        } else {
+            Fault::NutOverCurrent
+        })
+    }
+}
+
+/// The bus voltage at the screw's and at the nut's bridge as last converted, ADC counts.
+#[allow(clippy::cast_possible_truncation)]
+pub(crate) fn bus() -> [u16; 2] {
+    // SAFETY: data registers are read, which changes nothing.
+    let [screw, nut]: [&adc1::RegisterBlock; 2] = unsafe { [&*ADC1::ptr(), &*ADC4::ptr()] };
+    [screw, nut].map(|adc| adc.jdr2().read().bits() as u16)
 }

@@ -44,10 +44,26 @@ pub(crate) fn enable_peripherals(rcc: &Rcc) {
             .dac4en()
             .set_bit()
     });
-    rcc.apb1enr1()
-        .modify(|_, w| w.tim2en().set_bit().tim4en().set_bit().tim5en().set_bit());
-    rcc.apb2enr()
-        .modify(|_, w| w.tim1en().set_bit().tim8en().set_bit().syscfgen().set_bit());
+    rcc.apb1enr1().modify(|_, w| {
+        w.tim2en()
+            .set_bit()
+            .tim4en()
+            .set_bit()
+            .tim5en()
+            .set_bit()
+            .tim7en()
+            .set_bit()
+    });
+    rcc.apb2enr().modify(|_, w| {
+        w.tim1en()
+            .set_bit()
+            .tim8en()
+            .set_bit()
+            .spi1en()
+            .set_bit()
+            .syscfgen()
+            .set_bit()
+    });
     // RM0440 7.2.17: a peripheral may be accessed two clock cycles after its enable bit; a read back takes that.
     let _ = rcc.apb2enr().read();
 }

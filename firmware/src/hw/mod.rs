@@ -1,8 +1,10 @@
 //! What touches registers. One file a function of the board; nothing above this module names a register.
 
+pub(crate) mod amplifier;
 pub(crate) mod analog;
 pub(crate) mod clock;
 pub(crate) mod cycles;
+pub(crate) mod deadman;
 pub(crate) mod encoder;
 pub(crate) mod motor_io;
 pub(crate) mod protection;

@@ -1,14 +1,15 @@
 //! The seam between a motor's current loop and its registers: raw counts in, compare values out.
 
+use crate::hw::encoder::Encoder;
 use control::sense::Shunts;
 use core::ops::Deref;
-use stm32g4xx_hal::stm32::{adc1, tim1, tim2};
+use stm32g4xx_hal::stm32::{adc1, tim1};
 
 /// The timer's flags: its update, and its two breaks.
 const UIF: u32 = 1;
 const BREAK_FLAGS: u32 = 1 << 7 | 1 << 8;
 
-/// The registers of one motor: `T` its timer, `X` and `Y` its two ADCs, `E` its encoder's timer.
+/// The registers of one motor: `T` its timer, `X` and `Y` its two ADCs, `E` its encoder.
 ///
 /// Converted are, first and second: X phase a and the bus, Y phases b and c.
 pub(crate) struct MotorIo<T, X, Y, E> {
@@ -26,7 +27,7 @@ where
     T: Deref<Target = tim1::RegisterBlock>,
     X: Deref<Target = adc1::RegisterBlock>,
     Y: Deref<Target = adc1::RegisterBlock>,
-    E: Deref<Target = tim2::RegisterBlock>,
+    E: Encoder,
 {
     /// Owns the registers from here on. `bdtr` is the timer's BDTR with the outputs off.
     pub(crate) fn new(timer: T, adc_x: X, adc_y: Y, encoder: E, bdtr: u32) -> Self {
@@ -52,8 +53,9 @@ where
         flags & BREAK_FLAGS != 0
     }
 
-    /// Acknowledges the break, which holds while its input is active.
+    /// Acknowledges the break, which holds while its input is active, and lets the encoder start again.
     pub(crate) fn clear_break(&mut self) {
+        self.encoder.restart();
         // SAFETY: as above.
         self.timer.sr().write(|w| unsafe { w.bits(!BREAK_FLAGS) });
     }
@@ -79,10 +81,10 @@ where
         self.adc_x.jdr2().read().bits() as u16
     }
 
-    /// Counts of the encoder at the counter's turn.
+    /// The encoder's raw word.
     #[inline(always)]
     pub(crate) fn encoder(&self) -> u32 {
-        self.encoder.ccr3().read().bits()
+        self.encoder.word()
     }
 
     /// Writes the compare values of the next period.

@@ -6,23 +6,42 @@
 
 use stm32g4xx_hal::stm32::{COMP, DAC3, DAC4, dac1};
 
-/// `TIM1_AF1`: break by comparators 1 to 3 (the screw's shunts), pin input off.
-pub(crate) const SCREW_BREAK: u32 = 1 << 1 | 1 << 2 | 1 << 3;
-/// `TIM8_AF1`: break by comparators 4, 5 and 7 (the nut's shunts), pin input off.
-pub(crate) const NUT_BREAK: u32 = 1 << 4 | 1 << 5 | 1 << 7;
+/// The comparators of a motor's shunts, and what they compare with.
+#[derive(Clone, Copy)]
+pub(crate) struct OverCurrent {
+    /// Their numbers, 1 to 7, one for each shunt that has one; their non-inverting input is the pin of input 0.
+    pub(crate) comparators: &'static [usize],
+    /// Threshold, 12-bit counts as the ADC would read the comparator's pin.
+    pub(crate) threshold: u16,
+}
 
-/// Puts the thresholds (12-bit counts, as the ADC would read them) on the DACs and enables the comparators, locked.
-pub(crate) fn start(comparators: &COMP, dac3: &DAC3, dac4: &DAC4, threshold_counts: u16) {
-    start_dac(dac3, threshold_counts);
-    start_dac(dac4, threshold_counts);
+impl OverCurrent {
+    /// `TIMx_AF1`: break by these comparators, pin input off.
+    pub(crate) const fn break_sources(&self) -> u32 {
+        let (mut sources, mut index) = (0, 0);
+        while index < self.comparators.len() {
+            sources |= 1 << self.comparators[index];
+            index += 1;
+        }
+        sources
+    }
+}
+
+/// Puts the thresholds on the DACs and enables the comparators, locked. DAC3 and DAC4 serve both motors, so their
+/// thresholds are alike.
+pub(crate) fn start(comparators: &COMP, dac3: &DAC3, dac4: &DAC4, motors: &[OverCurrent; 2]) {
+    let [screw, nut] = motors;
+    assert!(screw.threshold == nut.threshold);
+    start_dac(dac3, screw.threshold);
+    start_dac(dac4, screw.threshold);
     // RM0440 table 199: the inverting input 4 is DAC3 channel 1 (COMP1, COMP3), DAC3 channel 2 (COMP2, COMP4) and
-    // DAC4 channel 1 (COMP5, COMP7). Non-inverting input 0: PA1, PA7, PA0; PB0, PB13, PB14.
+    // DAC4 channel 1 (COMP5, COMP7), DAC4 channel 2 (COMP6).
     const ENABLE: u32 = 1;
     const INVERTING_DAC: u32 = 4 << 4;
     const HYSTERESIS_20_MV: u32 = 2 << 16;
     const LOCK: u32 = 1 << 31;
-    for index in [0, 1, 2, 3, 4, 6] {
-        let csr = comparators.ccsr(index);
+    for number in screw.comparators.iter().chain(nut.comparators) {
+        let csr = comparators.ccsr(number - 1);
         // SAFETY: values of the fields (RM0440, COMP_CxCSR).
         csr.write(|w| unsafe { w.bits(ENABLE | INVERTING_DAC | HYSTERESIS_20_MV | LOCK) });
     }

@@ -1,159 +1,179 @@
 //! The figures that the tool is held to, on the data beside the project.
 
 use crate::analysis::{Outcome, analyse};
-use crate::{emps, laas, paper};
+use crate::feed_axis::{self, Axis};
+use crate::judge::right;
+use crate::motor::{self, MotorModel};
+use crate::paper;
+use cpu_time::ThreadTime;
 use plant::model::Model;
 use plant::recording::Recording;
 use serde_json::{Value, json};
 use std::path::Path;
-use std::time::Instant;
 
 /// Machines of the shared recordings.
 const MACHINES: u32 = 10;
-/// Values may be off by this share.
-const TOLERANCE: f64 = 0.15;
 
-/// The folder beside the project that holds recordings and measured data: `$DDFEED_SHARED`, or `../shared`.
-pub fn shared() -> std::path::PathBuf {
-    std::env::var_os("DDFEED_SHARED").map_or_else(|| "../shared".into(), Into::into)
+/// Everything that is measured. What is not there is skipped and named on standard error.
+pub struct Figures {
+    /// Machines of the shared recordings that are told right, of how many; `None` without their answers.
+    pub open: Option<(u32, u32)>,
+    /// What was found on each of them, in words.
+    pub found: Vec<String>,
+    /// What the blind test wrote.
+    pub blind: Value,
+    /// The feed axis.
+    pub axis: Option<feed_axis::Study>,
+    /// The motor: records and study.
+    pub motor: Option<MotorFigures>,
+    /// The paper.
+    pub paper: paper::Study,
+    /// Mean CPU time of one recording with its check, both loaded, on the one thread that it runs on, s: other load on
+    /// the machine does not count.
+    pub seconds_per_recording: Option<f64>,
 }
 
-/// Whether an expected list of effects (`kind`, `where`, and parameters, here or under `parameters`) is what was found.
-fn right(expected: &[Value], outcome: &Outcome) -> bool {
-    let one = |wanted: &Value, found: &crate::analysis::Found| {
-        let value = |name: &str| {
-            wanted
-                .get(name)
-                .or_else(|| wanted.get("parameters")?.get(name))
-        };
-        let text = |name: &str| value(name).and_then(Value::as_str);
-        text("kind") == Some(found.effect.effect().kind())
-            && text("where") == Some(found.effect.place().name())
-            && found
-                .effect
-                .effect()
-                .parameters()
-                .iter()
-                .all(|(name, ours)| match value(name).and_then(Value::as_f64) {
-                    Some(theirs) if name == "order" => (ours - theirs).abs() <= 0.02 * theirs,
-                    Some(theirs) if name != "phase" => {
-                        (ours - theirs).abs() <= TOLERANCE * theirs.abs()
-                    }
-                    _ => true,
-                })
-    };
-    expected.len() == outcome.effects.len()
-        && expected
-            .iter()
-            .all(|w| outcome.effects.iter().any(|f| one(w, f)))
+/// A motor's study and how it depends on what was chosen.
+pub struct MotorFigures {
+    /// First half fitted, second half checked, filtered.
+    pub study: motor::Study,
+    /// The halves swapped: before and after, %.
+    pub swapped_percent: [f64; 2],
+    /// Without the 100 Hz filter of the current: before and after, %.
+    pub unfiltered_percent: [f64; 2],
+    /// What is known of the motor.
+    pub model: MotorModel,
 }
 
-/// Runs everything. `answers` judges the shared recordings, `blind` is what the blind test wrote; without them their
-/// counts are null. What is not there is skipped and named on standard error.
-pub fn run(folder: &Path, answers: Option<&Path>, blind: Option<&Path>) -> Value {
-    let read = |path: &Path| -> Option<Value> {
-        serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()
-    };
-    let answers = answers.and_then(read);
-    let (mut correct, mut of, mut seconds, mut named) = (0, 0, 0.0, Vec::new());
-    for k in 1..=MACHINES {
-        let name = format!("open-{k:02}");
-        let at = folder.join("recordings").join(&name);
-        let start = Instant::now();
-        let (Ok(model), Ok(fit), Ok(check)) = (
-            Model::load(&at.join("model.toml")),
-            Recording::load(&at.join("fit.csv.gz")),
-            Recording::load(&at.join("check.csv.gz")),
-        ) else {
-            eprintln!("skipped: {} is not there", at.display());
-            continue;
-        };
-        let outcome = analyse(&model, &fit, &check);
-        seconds += start.elapsed().as_secs_f64();
-        of += 1;
-        let expected = answers.as_ref().and_then(|all| {
-            let own = all.get(&name)?;
-            own.as_array().or_else(|| own.get("effects")?.as_array())
-        });
-        correct += u32::from(expected.is_some_and(|expected| right(expected, &outcome)));
-        named.push(json!({ "machine": name, "report": crate::report::json(&outcome)["effects"] }));
+impl Figures {
+    /// Measures everything in `folder`. `answers` judges the shared recordings.
+    pub fn measure(folder: &Path, answers: Option<&Value>, blind: Value) -> Self {
+        let recordings = Recordings::measure(folder, answers);
+        Figures {
+            open: answers.map(|_| (recordings.right, recordings.of)),
+            found: recordings.found,
+            blind,
+            axis: axis(&folder.join("measured/emps")),
+            motor: motor_figures(&folder.join("measured/laas")),
+            paper: paper::Study::new(&Model::paper()),
+            seconds_per_recording: (recordings.of > 0)
+                .then(|| recordings.seconds / f64::from(recordings.of)),
+        }
     }
-    json!({
-        "open": { "right": answers.as_ref().map(|_| correct), "of": of, "found": named },
-        "blind": blind.and_then(read).unwrap_or(json!({ "right": null, "of": null, "false_alarms": null, "clean": null })),
-        "emps": emps_figures(&folder.join("measured/emps")),
-        "laas": laas_figures(&folder.join("measured/laas")),
-        "paper": paper_figures(),
-        "seconds_per_recording": if of > 0 { json!(seconds / f64::from(of)) } else { Value::Null },
-    })
+
+    /// The figures as the issue wants them printed.
+    pub fn json(&self) -> Value {
+        let errors = |errors: &feed_axis::Errors| {
+            json!({
+                "force_percent": errors.force_percent,
+                "velocity_percent": errors.velocity_percent,
+                "position_um": errors.position_um,
+            })
+        };
+        json!({
+            "open": {
+                "right": self.open.map(|(right, _)| right),
+                "of": self.open.map(|(_, of)| of),
+            },
+            "blind": self.blind,
+            "emps": self.axis.as_ref().map(|study| json!({
+                "published": errors(&study.first().test),
+                "ours": errors(&study.last().test),
+                "ours_homed": errors(&study.last().homed),
+            })),
+            "laas": self.motor.as_ref().map(|motor| json!({
+                "before_percent": motor.study.before_percent(),
+                "after_percent": motor.study.after_percent(),
+            })),
+            "seconds_per_recording": self.seconds_per_recording,
+        })
+    }
 }
 
-fn emps_figures(folder: &Path) -> Value {
-    let load = |name: &str| emps::Record::load(&folder.join(name));
-    let (estimate, test) = match (load("DATA_EMPS.mat"), load("DATA_EMPS_PULSES.mat")) {
-        (Ok(estimate), Ok(test)) => (estimate, test),
+#[derive(Default)]
+struct Recordings {
+    right: u32,
+    of: u32,
+    seconds: f64,
+    found: Vec<String>,
+}
+
+impl Recordings {
+    fn measure(folder: &Path, answers: Option<&Value>) -> Self {
+        let mut all = Recordings::default();
+        for k in 1..=MACHINES {
+            let name = format!("open-{k:02}");
+            let at = folder.join("recordings").join(&name);
+            let (Ok(model), Ok(fit), Ok(check)) = (
+                Model::load(&at.join("model.toml")),
+                Recording::load(&at.join("fit.csv.gz")),
+                Recording::load(&at.join("check.csv.gz")),
+            ) else {
+                eprintln!("skipped: {} is not there", at.display());
+                continue;
+            };
+            let start = ThreadTime::now();
+            let outcome = analyse(&model, &fit, &check);
+            all.seconds += start.elapsed().as_secs_f64();
+            all.of += 1;
+            if let Some(answers) = answers {
+                match right(answers, &name, &outcome) {
+                    Some(right) => all.right += u32::from(right),
+                    None => eprintln!("the answers have no entry that says what {name} has"),
+                }
+            }
+            all.found.push(format!("{name}: {}", in_words(&outcome)));
+        }
+        all
+    }
+}
+
+fn in_words(outcome: &Outcome) -> String {
+    let names: Vec<String> = outcome
+        .effects
+        .iter()
+        .map(|f| {
+            format!(
+                "{} at {}",
+                f.effect.effect().kind(),
+                f.effect.place().name()
+            )
+        })
+        .collect();
+    match names.is_empty() {
+        true => outcome.verdict().into(),
+        false => names.join(", "),
+    }
+}
+
+fn axis(folder: &Path) -> Option<feed_axis::Study> {
+    let load = |name: &str| feed_axis::Record::emps(&folder.join(name));
+    match (load("DATA_EMPS.mat"), load("DATA_EMPS_PULSES.mat")) {
+        (Ok(estimate), Ok(test)) => {
+            Some(feed_axis::Study::new(&Axis::published(), &estimate, &test))
+        }
         (Err(error), _) | (_, Err(error)) => {
             eprintln!("skipped: {error}");
-            return Value::Null;
-        }
-    };
-    let study = emps::Study::new(&estimate, &test);
-    let figures = |errors: &emps::Errors| {
-        json!({
-            "force_percent": errors.force_percent,
-            "velocity_percent": errors.velocity_percent,
-            "position_um": errors.position_um,
-        })
-    };
-    let (Some(first), Some(last)) = (study.stages.first(), study.stages.last()) else {
-        return Value::Null;
-    };
-    // Without homing, what repeats with the screw has no phase on the test file: the model before it.
-    let unhomed = study.stages.iter().rev().find(|s| {
-        !s.axis
-            .terms
-            .iter()
-            .any(|(t, _)| matches!(t, emps::Term::Periodic(_)))
-    });
-    json!({
-        "published": figures(&first.test),
-        "ours": unhomed.map(|stage| figures(&stage.test)),
-        "ours_homed": figures(&last.homed),
-        "published_inverse_percent": study.inverse_percent,
-        "stages": study.stages.iter().map(|stage| json!({
-            "added": stage.added,
-            "estimate": figures(&stage.estimate),
-            "test": figures(&stage.test),
-            "homed": figures(&stage.homed),
-        })).collect::<Vec<_>>(),
-    })
-}
-
-fn laas_figures(folder: &Path) -> Value {
-    match laas::Study::new(folder) {
-        Ok(study) => json!({
-            "before_percent": study.before_percent,
-            "after_percent": study.after_percent,
-            "orders": study.orders.iter().map(|o| json!({
-                "order": o.order, "amplitude_a": o.amplitude_a, "suggests": o.suggests(),
-            })).collect::<Vec<_>>(),
-        }),
-        Err(error) => {
-            eprintln!("skipped: {error}");
-            Value::Null
+            None
         }
     }
 }
 
-fn paper_figures() -> Value {
-    let study = paper::Study::new(&Model::paper());
-    json!({
-        "model": study.model,
-        "measured": paper::MEASURED,
-        "rms_points": study.rms,
-        "attempts": study.attempts.iter().map(|a| json!({
-            "effect": a.name, "size": a.size, "unit": a.unit, "in_sample": a.in_sample, "leave_one_out": a.leave_one_out,
-        })).collect::<Vec<_>>(),
-        "sentence": study.sentence(),
+fn motor_figures(folder: &Path) -> Option<MotorFigures> {
+    let (record, map) = match motor::Record::laas(folder) {
+        Ok(found) => found,
+        Err(error) => {
+            eprintln!("skipped: {error}");
+            return None;
+        }
+    };
+    let [first, second] = record.halves();
+    let study = motor::Study::new(&first, &second, Some(&map));
+    let swapped = motor::Study::new(&second, &first, Some(&map));
+    Some(MotorFigures {
+        swapped_percent: [swapped.before_percent(), swapped.after_percent()],
+        unfiltered_percent: motor::Study::unfiltered_percent(&first, &second, &study.orders),
+        study,
+        model: MotorModel::laas(),
     })
 }

@@ -152,7 +152,7 @@ fn rms(signal: &[f64], mask: &[bool]) -> f64 {
 
 /// Share of the lags up to 0.1 s whose correlation is within the 95 % band of white noise. The band limit makes its own
 /// correlation at the first lags; they are left out.
-fn whiteness(signal: &[f64]) -> f64 {
+pub(crate) fn whiteness(signal: &[f64]) -> f64 {
     const LAGS: std::ops::Range<usize> = 8..128;
     let n = signal.len();
     if n < 4 * LAGS.end {

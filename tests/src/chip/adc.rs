@@ -8,10 +8,13 @@ const CR: u32 = 0x08;
 const CFGR: u32 = 0x0C;
 const SMPR1: u32 = 0x14;
 const SMPR2: u32 = 0x18;
+const TR1: u32 = 0x20;
+const TR2: u32 = 0x24;
 const SQR1: u32 = 0x30;
 const JSQR: u32 = 0x4C;
 const JDR1: u32 = 0x80;
 const JDR4: u32 = 0x8C;
+const AWD2CR: u32 = 0xA0;
 /// Offset of the common registers from the first ADC of a pair.
 const COMMON_CCR: u32 = 0x308;
 
@@ -19,6 +22,9 @@ const ADRDY: u32 = 1;
 const EOC: u32 = 1 << 2;
 const JEOC: u32 = 1 << 5;
 const JEOS: u32 = 1 << 6;
+
+const AWD1: u32 = 1 << 7;
+const AWD2: u32 = 1 << 8;
 
 const ADEN: u32 = 1;
 const ADSTART: u32 = 1 << 2;
@@ -29,8 +35,9 @@ const ADCAL: u32 = 1 << 31;
 
 /// Core cycles of an ADC clock: the bus clock divided by 4, the only setting that the model has.
 const CLOCK: u64 = 4;
-/// Half ADC clocks of a conversion: 6.5 of sampling and 12.5 of approximation.
-const CONVERSION_HALVES: u64 = 38;
+/// Half ADC clocks of the approximation, and of the sampling by the code of SMPRx (RM0440 21.4.12).
+const APPROXIMATION_HALVES: u64 = 25;
+const SAMPLING_HALVES: [u64; 8] = [5, 13, 25, 49, 95, 185, 495, 1281];
 
 /// What an ADC finished.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -66,8 +73,11 @@ impl Adc {
                 ("CFGR", CFGR, 1 << 31),
                 ("SMPR1", SMPR1, 0),
                 ("SMPR2", SMPR2, 0),
+                ("TR1", TR1, 0x0FFF_0000),
+                ("TR2", TR2, 0x00FF_0000),
                 ("SQR1", SQR1, 0),
                 ("JSQR", JSQR, 0),
+                ("AWD2CR", AWD2CR, 0),
             ],
         );
         Self {
@@ -110,8 +120,12 @@ impl Adc {
         let jsqr = self.registers.get("JSQR");
         // JEXTSEL (tables 167 and 168): TIM1_TRGO2, TIM8_TRGO2.
         if self.armed() && jsqr >> 7 & 3 == RISING && jsqr >> 2 & 31 == [8, 10][timer] {
-            let conversions = u64::from(jsqr & 3) + 1;
-            self.injected_done = Some(now + conversions * CONVERSION_HALVES * CLOCK / 2);
+            let halves: u64 = self
+                .injected_channels()
+                .into_iter()
+                .map(|channel| self.conversion_halves(channel))
+                .sum();
+            self.injected_done = Some(now + halves * CLOCK / 2);
         }
         let cfgr = self.registers.get("CFGR");
         // EXTSEL (table 166): TIM1_TRGO2, TIM8_TRGO2.
@@ -119,27 +133,32 @@ impl Adc {
             && cfgr >> 10 & 3 == RISING
             && cfgr >> 5 & 31 == [10, 8][timer]
         {
-            self.regular_done = Some(now + CONVERSION_HALVES * CLOCK / 2);
+            let channel = self.registers.get("SQR1") >> 6 & 31;
+            self.regular_done = Some(now + self.conversion_halves(channel) * CLOCK / 2);
         }
+    }
+
+    fn injected_channels(&self) -> Vec<u32> {
+        let jsqr = self.registers.get("JSQR");
+        let ranks = [jsqr >> 9, jsqr >> 15, jsqr >> 21, jsqr >> 27].map(|field| field & 31);
+        ranks.into_iter().take((jsqr & 3) as usize + 1).collect()
+    }
+
+    fn conversion_halves(&self, channel: u32) -> u64 {
+        let smpr = if channel < 10 {
+            self.registers.get("SMPR1") >> (3 * channel)
+        } else {
+            self.registers.get("SMPR2") >> (3 * (channel - 10))
+        };
+        APPROXIMATION_HALVES + SAMPLING_HALVES[(smpr & 7) as usize]
     }
 
     /// The conversion under way is done; `input` says what a channel reads.
     ///
     /// # Errors
-    /// A channel that nothing is wired to, or whose sampling time is not the model's.
+    /// A channel that nothing is wired to.
     pub fn finish(&mut self, input: impl Fn(u32) -> Option<u16>) -> Result<Conversion, String> {
         let read = |channel: u32| {
-            let smpr = if channel < 10 {
-                self.registers.get("SMPR1") >> (3 * channel)
-            } else {
-                self.registers.get("SMPR2") >> (3 * (channel - 10))
-            };
-            if smpr & 7 != 1 {
-                return Err(format!(
-                    "channel {channel} of ADC{} is not sampled for 6.5 clocks, as this model has it",
-                    self.number
-                ));
-            }
             input(channel).ok_or_else(|| {
                 format!(
                     "nothing is wired to channel {channel} of ADC{}",
@@ -150,22 +169,41 @@ impl Adc {
         if self.injected_done.is_some()
             && self.injected_done <= self.regular_done.or(Some(u64::MAX))
         {
-            let jsqr = self.registers.get("JSQR");
-            let ranks = [jsqr >> 9, jsqr >> 15, jsqr >> 21, jsqr >> 27].map(|field| field & 31);
-            let mut results = self.results;
-            for (result, channel) in results.iter_mut().zip(ranks).take((jsqr & 3) as usize + 1) {
+            let (mut results, mut watched) = (self.results, 0);
+            for (result, channel) in results.iter_mut().zip(self.injected_channels()) {
                 *result = read(channel)?;
+                watched |= self.watch(channel, *result, true);
             }
+            self.flags |= watched;
             self.results = results;
             self.injected_done = None;
             self.flags |= JEOC | JEOS;
             Ok(Conversion::Injected)
         } else {
-            let counts = read(self.registers.get("SQR1") >> 6 & 31)?;
+            let channel = self.registers.get("SQR1") >> 6 & 31;
+            let counts = read(channel)?;
+            self.flags |= self.watch(channel, counts, false);
             self.regular_done = None;
             self.flags |= EOC;
             Ok(Conversion::Regular(counts))
         }
+    }
+
+    /// The analog watchdogs' flags for a conversion (RM0440 21.4.28).
+    fn watch(&self, channel: u32, counts: u16, injected: bool) -> u32 {
+        let (cfgr, counts) = (self.registers.get("CFGR"), u32::from(counts));
+        let enabled = cfgr >> (if injected { 24 } else { 23 }) & 1 == 1;
+        let selected = cfgr >> 22 & 1 == 0 || cfgr >> 26 & 31 == channel;
+        let (first, second) = (self.registers.get("TR1"), self.registers.get("TR2"));
+        let mut flags = 0;
+        if enabled && selected && !(first & 0xFFF..=first >> 16 & 0xFFF).contains(&counts) {
+            flags |= AWD1;
+        }
+        let watched = self.registers.get("AWD2CR") >> channel & 1 == 1;
+        if watched && !(second & 0xFF..=second >> 16 & 0xFF).contains(&(counts >> 4)) {
+            flags |= AWD2;
+        }
+        flags
     }
 
     fn read(&self, offset: u32) -> Result<u32, String> {
@@ -181,7 +219,9 @@ impl Adc {
         match offset {
             ISR => self.flags &= !value,
             CR => self.write_control(value)?,
-            JSQR | CFGR | SMPR1 | SMPR2 | SQR1 if self.control & (ADSTART | JADSTART) != 0 => {
+            JSQR | CFGR | SMPR1 | SMPR2 | SQR1 | AWD2CR
+                if self.control & (ADSTART | JADSTART) != 0 =>
+            {
                 return Err(format!("ADC{} is set up while it converts", self.number));
             }
             _ => {

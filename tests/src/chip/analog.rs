@@ -1,6 +1,7 @@
 //! DAC3 and DAC4 as thresholds, and the comparators that drive the break inputs (RM0440 22 and 24).
 
 use super::registers::Registers;
+use super::wiring::Wiring;
 
 /// A DAC with two internal outputs.
 pub struct Dac {
@@ -66,15 +67,21 @@ impl Comparators {
     /// Outputs (bit n is COMPn) of the comparators of motor `index` for its phase currents in ADC counts.
     /// `thresholds`: DAC3 channel 1, DAC3 channel 2, DAC4 channel 1.
     #[must_use]
-    pub fn outputs(&self, index: usize, currents: [u16; 3], thresholds: [Option<u16>; 3]) -> u32 {
-        // Comparator and its DAC per phase, as the default board wires them: PA0 COMP3, PA1 COMP1, PA7 COMP2;
-        // PB14 COMP7, PB0 COMP4, PB13 COMP5.
-        let wiring = [[(3, 0), (1, 0), (2, 1)], [(7, 2), (4, 1), (5, 2)]];
+    pub fn outputs(
+        &self,
+        wiring: Wiring,
+        index: usize,
+        currents: [u16; 3],
+        thresholds: [Option<u16>; 3],
+    ) -> u32 {
+        // The DAC at each comparator's inverting input 4 (RM0440 table 199); COMP6 is not used.
+        let dacs = [0, 1, 0, 1, 2, 3, 2];
         let mut outputs = 0;
-        for ((number, dac), current) in wiring[index].into_iter().zip(currents) {
+        for &(number, phase) in wiring.comparators(index) {
+            let current = wiring.at_comparator(currents[phase]);
             let control = self.control[number - 1];
             let from_dac = control >> 4 & 7 == 4 && control >> 8 & 1 == 0;
-            let high = thresholds[dac].is_some_and(|threshold| current > threshold);
+            let high = thresholds[dacs[number - 1]].is_some_and(|threshold| current > threshold);
             if control & 1 == 1 && from_dac && high {
                 outputs |= 1 << number;
             }

@@ -1,66 +1,110 @@
-//! DMA1 and its multiplexer: a circular transfer of one 16-bit word from an ADC to memory (RM0440 12 and 13).
+//! DMA1 and its multiplexer: circular transfers of half words between a peripheral and memory (RM0440 12 and 13).
 
 use super::registers::Registers;
 
+/// Channels that the model has.
+const CHANNELS: usize = 6;
+
+const CR: u32 = 0x0;
+const NDTR: u32 = 0x4;
+
+const ENABLE: u32 = 1;
+const FROM_MEMORY: u32 = 1 << 4;
+const CIRCULAR: u32 = 1 << 5;
+const MEMORY_COUNTS_UP: u32 = 1 << 7;
+const HALF_WORDS: u32 = 1 << 8 | 1 << 10;
+const PRIORITY: u32 = 3 << 12;
+
+struct Channel {
+    registers: Registers,
+    request: u32,
+    /// Transfers that are left of the round.
+    left: u32,
+}
+
+/// Where a request takes a half word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Transfer {
+    /// From the peripheral to this address of memory.
+    ToMemory(u32),
+    /// From this address of memory to the peripheral.
+    FromMemory(u32),
+}
+
 /// DMA1 with DMAMUX.
 pub struct Dma {
-    channels: [Registers; 2],
-    requests: [u32; 2],
+    channels: [Channel; CHANNELS],
 }
 
 impl Dma {
     /// After reset.
     #[must_use]
     pub fn new() -> Self {
-        let channel = |name| {
-            Registers::new(
-                name,
-                &[
-                    ("CR", 0x0, 0),
-                    ("NDTR", 0x4, 0),
-                    ("PAR", 0x8, 0),
-                    ("MAR", 0xC, 0),
-                ],
-            )
-        };
+        let names = ["DMA1 channel 1", "2", "3", "4", "5", "6"];
         Self {
-            channels: [channel("DMA1 channel 1"), channel("DMA1 channel 2")],
-            requests: [0; 2],
+            channels: names.map(|name| Channel {
+                registers: Registers::new(
+                    name,
+                    &[
+                        ("CR", CR, 0),
+                        ("NDTR", NDTR, 0),
+                        ("PAR", 0x8, 0),
+                        ("MAR", 0xC, 0),
+                    ],
+                ),
+                request: 0,
+                left: 0,
+            }),
         }
     }
 
-    /// ADC `index` + 1 has `counts` in its data register at `from`: where they go.
+    /// The peripheral whose data register is at `data` makes `request`: what is to go where. `None` if no channel
+    /// listens.
     ///
     /// # Errors
     /// A channel takes the request and is not set up for it.
-    pub fn transfer(
-        &self,
-        index: usize,
-        from: u32,
-        counts: u16,
-    ) -> Result<Option<(u32, u16)>, String> {
-        // DMAMUX requests of ADC1 to ADC4 (RM0440 table 91).
-        let request = [5, 36, 37, 38][index];
-        let Some(channel) = self.requests.iter().position(|&taken| taken == request) else {
+    pub fn request(&mut self, request: u32, data: u32) -> Result<Option<Transfer>, String> {
+        let Some(index) = self
+            .channels
+            .iter()
+            .position(|channel| channel.request == request)
+        else {
             return Ok(None);
         };
-        let registers = &self.channels[channel];
-        let cr = registers.get("CR");
-        // Enabled, circular, 16 bits on both sides, from the peripheral, one word.
-        let as_modelled = cr == (1 | 1 << 5 | 1 << 8 | 1 << 10) && registers.get("NDTR") == 1;
-        if !as_modelled || registers.get("PAR") != from {
+        let channel = &mut self.channels[index];
+        let (cr, count) = (channel.registers.get("CR"), channel.registers.get("NDTR"));
+        if cr & ENABLE == 0 {
+            return Ok(None);
+        }
+        let choices = FROM_MEMORY | MEMORY_COUNTS_UP | PRIORITY;
+        if cr & !choices != ENABLE | CIRCULAR | HALF_WORDS || channel.registers.get("PAR") != data {
             return Err(format!(
                 "DMA1 channel {} is not set up as this model has it (CR {cr:#x})",
-                channel + 1
+                index + 1
             ));
         }
-        Ok(Some((registers.get("MAR"), counts)))
+        let passed = if cr & MEMORY_COUNTS_UP == 0 {
+            0
+        } else {
+            2 * (count - channel.left)
+        };
+        channel.left = if channel.left > 1 {
+            channel.left - 1
+        } else {
+            count
+        };
+        let memory = channel.registers.get("MAR") + passed;
+        Ok(Some(if cr & FROM_MEMORY == 0 {
+            Transfer::ToMemory(memory)
+        } else {
+            Transfer::FromMemory(memory)
+        }))
     }
 
     fn at(address: u32) -> Option<(usize, u32)> {
         let offset = (address & 0x3FF).checked_sub(8)?;
         let (channel, offset) = (offset / 20, offset % 20);
-        (channel < 2).then_some((channel as usize, offset))
+        ((channel as usize) < CHANNELS).then_some((channel as usize, offset))
     }
 
     /// Reads a register.
@@ -69,7 +113,8 @@ impl Dma {
     /// The model does not have it.
     pub fn read(&self, address: u32) -> Result<u32, String> {
         match (address & 0x800, Self::at(address)) {
-            (0, Some((channel, offset))) => self.channels[channel].read(offset),
+            (0, Some((channel, NDTR))) => Ok(self.channels[channel].left),
+            (0, Some((channel, offset))) => self.channels[channel].registers.read(offset),
             _ => Err("DMA or DMAMUX have no such register in this model".into()),
         }
     }
@@ -77,13 +122,22 @@ impl Dma {
     /// Writes a register.
     ///
     /// # Errors
-    /// The model does not have it.
+    /// The model does not have it, or the channel runs.
     pub fn write(&mut self, address: u32, value: u32) -> Result<(), String> {
-        let offset = (address & 0x3FF) as usize;
+        let multiplexed = (address & 0x3FF) as usize / 4;
         match (address & 0x800, Self::at(address)) {
-            (0, Some((channel, offset))) => self.channels[channel].write(offset, value).map(|_| ()),
-            (0x800, _) if offset / 4 < 2 => {
-                self.requests[offset / 4] = value;
+            (0, Some((channel, offset))) => {
+                let channel = &mut self.channels[channel];
+                if offset != CR && channel.registers.get("CR") & ENABLE != 0 {
+                    return Err("a DMA channel is set up while it runs".into());
+                }
+                if offset == NDTR {
+                    channel.left = value;
+                }
+                channel.registers.write(offset, value).map(|_| ())
+            }
+            (0x800, _) if multiplexed < CHANNELS => {
+                self.channels[multiplexed].request = value;
                 Ok(())
             }
             _ => Err("DMA or DMAMUX have no such register in this model".into()),

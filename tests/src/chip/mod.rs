@@ -5,25 +5,34 @@
 
 pub mod adc;
 pub mod analog;
+pub mod basic_timer;
 pub mod dma;
 pub mod encoder;
 pub mod nvic;
+pub mod opamp;
 pub mod pwm;
 pub mod registers;
+pub mod spi;
 pub mod system;
 pub mod watchdog;
+pub mod wiring;
 
+use crate::image::Image;
 use crate::pins::{Bridge, Machine, Motor, Sensors};
 use adc::{Adc, Conversion};
 use analog::{Comparators, Dac};
-use dma::Dma;
-use encoder::EncoderTimer;
+use basic_timer::BasicTimer;
+use dma::{Dma, Transfer};
+use encoder::{EncoderTimer, Frame};
 use nvic::Nvic;
+use opamp::Amplifiers;
 use pwm::{PwmTimer, Turn};
+use spi::Spi;
 use std::cell::RefCell;
 use std::rc::Rc;
 use system::System;
 use watchdog::Watchdog;
+use wiring::{Input, Wiring};
 
 /// Core clock, Hz.
 pub const CORE_HZ: u64 = 170_000_000;
@@ -53,16 +62,26 @@ pub struct Chip {
     pub pwm: [PwmTimer; 2],
     /// TIM2 and TIM5, then TIM4.
     pub encoders: [EncoderTimer; 3],
+    /// TIM7.
+    pub deadman: BasicTimer,
     /// ADC1 to ADC4.
     pub adcs: [Adc; 4],
     /// DAC3 and DAC4.
     pub dacs: [Dac; 2],
     /// COMP1 to COMP7.
     pub comparators: Comparators,
+    /// OPAMP1 to OPAMP6.
+    pub amplifiers: Amplifiers,
     /// DMA1 and its multiplexer.
     pub dma: Dma,
+    /// SPI1.
+    pub spi: Spi,
     /// IWDG.
     pub watchdog: Watchdog,
+    /// The board that it is on.
+    wiring: Wiring,
+    /// What is in its flash.
+    image: Rc<Image>,
     /// The machine at the pins.
     machine: Rc<RefCell<dyn Machine>>,
     sensors: [Sensors; 2],
@@ -84,6 +103,14 @@ pub struct Chip {
 /// Faults put in from outside.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Provoked {
+    /// Bits of the absolute encoders' frames that arrive turned over.
+    pub frame_errors: [u32; 2],
+    /// Edges of the incremental encoders that are not seen, once.
+    pub lost_counts: [u32; 2],
+    /// The next read of a motor's currents takes this many cycles.
+    pub slow_read: [Option<u64>; 2],
+    /// The incremental encoders' indices do not come.
+    pub no_index: [bool; 2],
     /// The encoders hold this count.
     pub stuck_encoder: [Option<u32>; 2],
     /// The phase currents read this, at the ADCs and at the comparators, at once.
@@ -100,9 +127,9 @@ pub enum Reset {
 }
 
 impl Chip {
-    /// A chip after a power-on reset, joined to `machine`.
+    /// A chip after a power-on reset on a board, with `image` in its flash, joined to `machine`.
     #[must_use]
-    pub fn new(machine: Rc<RefCell<dyn Machine>>) -> Self {
+    pub fn new(machine: Rc<RefCell<dyn Machine>>, wiring: Wiring, image: Rc<Image>) -> Self {
         Self {
             now: 0,
             system: System::new(),
@@ -113,11 +140,16 @@ impl Chip {
                 EncoderTimer::new("TIM5", u32::MAX),
                 EncoderTimer::new("TIM4", 0xFFFF),
             ],
+            deadman: BasicTimer::new(),
             adcs: [1, 2, 3, 4].map(Adc::new),
             dacs: [Dac::new("DAC3"), Dac::new("DAC4")],
             comparators: Comparators::new(),
+            amplifiers: Amplifiers::new(),
             dma: Dma::new(),
+            spi: Spi::new(),
             watchdog: Watchdog::new(),
+            wiring,
+            image,
             machine,
             sensors: [Sensors::default(); 2],
             tops: None,
@@ -133,7 +165,11 @@ impl Chip {
     /// Everything but time, machine and record goes back to its reset value; the flags say why.
     pub fn restart(&mut self, reason: Reset) {
         self.machine.borrow_mut().reset();
-        let fresh = Self::new(Rc::clone(&self.machine));
+        let fresh = Self::new(
+            Rc::clone(&self.machine),
+            self.wiring,
+            Rc::clone(&self.image),
+        );
         let old = std::mem::replace(self, fresh);
         self.tops = old.tops;
         self.system.set_reset_reason(reason);
@@ -155,10 +191,24 @@ impl Chip {
     fn reschedule(&mut self) {
         let pwm = self.pwm.iter().filter_map(PwmTimer::next_turn);
         let adc = self.adcs.iter().filter_map(Adc::done_at);
-        let others = [self.nvic.next_systick(), self.watchdog.bites_at()]
-            .into_iter()
-            .flatten();
-        self.next_event = pwm.chain(adc).chain(others).min().unwrap_or(u64::MAX);
+        let frames = self
+            .encoders
+            .iter()
+            .filter_map(EncoderTimer::next_frame_event)
+            .chain(self.spi.done_at());
+        let others = [
+            self.nvic.next_systick(),
+            self.watchdog.bites_at(),
+            self.deadman.out_at(),
+        ]
+        .into_iter()
+        .flatten();
+        self.next_event = pwm
+            .chain(adc)
+            .chain(frames)
+            .chain(others)
+            .min()
+            .unwrap_or(u64::MAX);
     }
 
     /// Lets time run to `to`; what falls due on the way happens in its order.
@@ -181,6 +231,18 @@ impl Chip {
             if self.adcs[index].done_at() == Some(self.now) {
                 self.converted(index);
             }
+        }
+        for index in 0..2 {
+            if self.encoders[index].next_frame_event() == Some(self.now) {
+                self.frame_event(index);
+            }
+        }
+        if self.spi.done_at() == Some(self.now) {
+            self.exchanged();
+        }
+        if self.deadman.out_at() == Some(self.now) {
+            self.deadman.run_out(self.now);
+            self.nvic.set_level(nvic::TIM7, self.deadman.interrupt());
         }
         self.nvic.tick(self.now);
         if self.watchdog.bites_at() == Some(self.now) {
@@ -205,8 +267,17 @@ impl Chip {
                 sensors.current = [counts; 3];
             }
             self.sensors[index] = sensors;
-            self.encoders[index].set_count(sensors.encoder);
-            self.encoders[2].set_count(u32::from(sensors.scale));
+            let lost = std::mem::take(&mut self.provoked.lost_counts[index]);
+            let counts = self.encoders[index].counts_per_turn();
+            let scale = self.machine.borrow_mut().scale();
+            let scale_range = self.encoders[2].counts_per_turn();
+            self.encoders[2].set_count(scale & 0xFFFF, scale_range, 0, false);
+            self.encoders[index].set_count(
+                sensors.encoder,
+                counts,
+                lost,
+                !self.provoked.no_index[index],
+            );
             if let Some(tops) = &mut self.tops {
                 tops.push(Top {
                     motor,
@@ -221,7 +292,7 @@ impl Chip {
             if self.pwm[index].trigger_output() == pwm::Output::Update {
                 // TIM1 is trigger 0, TIM8 trigger 5 of the encoders' timers (table 291).
                 let trigger = encoder::trigger_code([0, 5][index]);
-                self.encoders[index].trigger(trigger);
+                self.trigger_encoder(index, trigger);
             }
             if self.pwm[index].trigger_output_2() == pwm::Output::Update {
                 for adc in &mut self.adcs {
@@ -239,13 +310,85 @@ impl Chip {
             self.dacs[1].output(1),
         ];
         for index in 0..2 {
-            let high = self
-                .comparators
-                .outputs(index, self.sensors[index].current, thresholds);
+            let high = self.comparators.outputs(
+                self.wiring,
+                index,
+                self.sensors[index].current,
+                thresholds,
+            );
             if self.pwm[index].break_input(high) {
                 self.machine.borrow_mut().stopped(Self::motor(index));
             }
         }
+    }
+
+    /// An encoder's timer is triggered: a frame that it had begun is over.
+    fn trigger_encoder(&mut self, index: usize, code: u32) {
+        if self.encoders[index].trigger(code, self.now) {
+            self.spi.select(None);
+        }
+    }
+
+    /// A compare event of a timer that frames a sensor's readings.
+    fn frame_event(&mut self, index: usize) {
+        match self.encoders[index].frame_event() {
+            Some(Frame::Select) => {
+                let frame = self
+                    .machine
+                    .borrow_mut()
+                    .frame(Self::motor(index), self.now);
+                let frame = self.provoked.stuck_encoder[index].unwrap_or(frame);
+                self.spi
+                    .select(Some(frame ^ self.provoked.frame_errors[index]));
+            }
+            Some(Frame::Request(channel)) => {
+                // DMAMUX requests of TIM2's and TIM5's channels (RM0440 table 91); both send through SPI1.
+                let request = [56, 72][index] + channel - 1;
+                let result =
+                    self.dma
+                        .request(request, SPI1_DATA)
+                        .and_then(|transfer| match transfer {
+                            Some(Transfer::FromMemory(address)) => {
+                                self.spi.send(self.half_word_of_flash(address)?, self.now)
+                            }
+                            Some(Transfer::ToMemory(_)) => {
+                                Err("a timer's request fetches from SPI1".into())
+                            }
+                            None => Ok(()),
+                        });
+                if let Err(error) = result {
+                    self.fail(error);
+                }
+            }
+            None => {}
+        }
+    }
+
+    /// SPI1 has exchanged a word.
+    fn exchanged(&mut self) {
+        const SPI1_RECEIVED: u32 = 10;
+        let result = self.spi.finish(self.now).and_then(|asks| {
+            if !asks {
+                return Ok(());
+            }
+            if let Some(Transfer::ToMemory(address)) = self.dma.request(SPI1_RECEIVED, SPI1_DATA)? {
+                self.memory_writes.push((address, self.spi.receive()));
+            }
+            Ok(())
+        });
+        if let Err(error) = result {
+            self.fail(error);
+        }
+    }
+
+    /// A half word that the DMA reads: of flash only, which does not change.
+    fn half_word_of_flash(&self, address: u32) -> Result<u16, String> {
+        self.image
+            .bytes(address, 2)
+            .filter(|_| (0x0800_0000..0x0808_0000).contains(&address))
+            .and_then(|bytes| bytes.try_into().ok())
+            .map(u16::from_le_bytes)
+            .ok_or_else(|| format!("the DMA reads {address:#010x}, which is not in flash"))
     }
 
     /// The count that the encoder of `motor` last had.
@@ -270,12 +413,24 @@ impl Chip {
     /// An ADC finished a sequence.
     fn converted(&mut self, index: usize) {
         let (adc, sensors) = (&mut self.adcs[index], &self.sensors);
-        match adc.finish(|channel| wired(index, channel, sensors)) {
+        let (wiring, amplifiers) = (self.wiring, &self.amplifiers);
+        let input = |channel| match wiring.input(index, channel, sensors)? {
+            Input::Pin(counts) => Some(counts),
+            Input::Amplifier(number, counts) => amplifiers.works(wiring, number).then_some(counts),
+        };
+        match adc.finish(input) {
             Ok(Conversion::Injected) => {}
             Ok(Conversion::Regular(counts)) => {
                 let from = 0x5000_0040 + 0x100 * u32::try_from(index).unwrap_or(0);
-                match self.dma.transfer(index, from, counts) {
-                    Ok(write) => self.memory_writes.extend(write),
+                // DMAMUX requests of ADC1 to ADC4 (RM0440 table 91).
+                match self.dma.request([5, 36, 37, 38][index], from) {
+                    Ok(Some(Transfer::ToMemory(address))) => {
+                        self.memory_writes.push((address, counts));
+                    }
+                    Ok(Some(Transfer::FromMemory(_))) => {
+                        self.fail("the DMA writes to an ADC's data".into());
+                    }
+                    Ok(None) => {}
                     Err(error) => self.fail(error),
                 }
             }
@@ -308,8 +463,9 @@ impl Chip {
     pub fn write(&mut self, address: u32, size: usize, value: u32) {
         let word = address & !3;
         let shift = 8 * (address & 3);
-        // The watchdog's registers hold 16 bits, and half a word is a whole write of them.
-        let halves = (0x4000_3000..0x4000_3400).contains(&address) && size == 2 && shift == 0;
+        // The watchdog's and the SPI's registers hold 16 bits, and half a word is a whole write of them.
+        let of_16_bits = [0x4000_3000, 0x4001_3000].contains(&(address & !0x3FF));
+        let halves = of_16_bits && size == 2 && shift == 0;
         let result = if size == 4 || halves {
             self.write_word(word, value)
         } else if nvic::takes_bytes(word) {
@@ -335,11 +491,23 @@ impl Chip {
             0x4000_0000 => self.encoders[0].read(offset),
             0x4000_0C00 => self.encoders[1].read(offset),
             0x4000_0800 => self.encoders[2].read(offset),
-            0x5000_0000 | 0x5000_0400 => adc::read(&mut self.adcs, address),
+            0x5000_0000 | 0x5000_0400 => {
+                // The first injected result of ADC1 and of ADC4.
+                let slow = match address {
+                    0x5000_0080 => self.provoked.slow_read[0].take(),
+                    0x5000_0580 => self.provoked.slow_read[1].take(),
+                    _ => None,
+                };
+                self.bus_wait += slow.unwrap_or(0);
+                adc::read(&mut self.adcs, address)
+            }
             0x5000_1000 => self.dacs[0].read(offset),
             0x5000_1400 => self.dacs[1].read(offset),
+            0x4001_0000 if offset >= 0x300 => self.amplifiers.read(offset - 0x300),
             0x4001_0000 if offset >= 0x200 => self.comparators.read(offset - 0x200),
+            0x4001_3000 => self.spi.read(offset),
             0x4002_0000 | 0x4002_0800 => self.dma.read(address),
+            0x4000_1400 => self.deadman.read(offset),
             0x4000_3000 => self.watchdog.read(offset),
             0xE000_0000.. => self.nvic.read(address, now),
             _ => self.system.read(address),
@@ -352,10 +520,14 @@ impl Chip {
         self.bus_wait += bus_wait(address);
         match block {
             0x4001_2C00 => {
+                let ran = self.pwm[0].running();
                 self.pwm[0].write(offset, value, now)?;
                 // TIM8 starts with TIM1: trigger mode on ITR0.
                 if self.pwm[0].trigger_output() == pwm::Output::Enable && self.pwm[0].running() {
                     self.pwm[1].start_by_trigger(0, now);
+                    if !ran {
+                        self.trigger_encoder(0, encoder::trigger_code(0));
+                    }
                 }
                 Ok(())
             }
@@ -373,8 +545,15 @@ impl Chip {
             }
             0x5000_1000 => self.dacs[0].write(offset, value),
             0x5000_1400 => self.dacs[1].write(offset, value),
+            0x4001_0000 if offset >= 0x300 => self.amplifiers.write(offset - 0x300, value),
             0x4001_0000 if offset >= 0x200 => self.comparators.write(offset - 0x200, value),
+            0x4001_3000 => self.spi.write(offset, value),
             0x4002_0000 | 0x4002_0800 => self.dma.write(address, value),
+            0x4000_1400 => {
+                self.deadman.write(offset, value, now)?;
+                self.nvic.set_level(nvic::TIM7, self.deadman.interrupt());
+                Ok(())
+            }
             0x4000_3000 => self.watchdog.write(offset, value, now),
             0xE000_0000.. => {
                 if self.nvic.write(address, value, now)? {
@@ -387,22 +566,8 @@ impl Chip {
     }
 }
 
-/// What channel `channel` of ADC `index` + 1 is wired to on the default board (see the firmware's board module).
-fn wired(index: usize, channel: u32, [screw, nut]: &[Sensors; 2]) -> Option<u16> {
-    Some(match (index + 1, channel) {
-        (1, 1) => screw.current[0],
-        (2, 2) => screw.current[1],
-        (2, 4) => screw.current[2],
-        (1, 6) => screw.bus,
-        (1, 7) => screw.temperature,
-        (4, 4) => nut.current[0],
-        (3, 12) => nut.current[1],
-        (3, 5) => nut.current[2],
-        (4, 3) => nut.bus,
-        (2, 8) => nut.temperature,
-        _ => return None,
-    })
-}
+/// SPI1's data register.
+const SPI1_DATA: u32 = 0x4001_300C;
 
 /// Cycles that the bus adds to an access: the bridge to the APB peripherals (timers, comparators, watchdog) takes two
 /// more than the core's own cycle, the AHB ones (ADC, DAC, GPIO, RCC) one.

@@ -6,6 +6,8 @@ use super::registers::Registers;
 pub const ADC1_2: usize = 18;
 /// ADC3's interrupt.
 pub const ADC3: usize = 47;
+/// TIM7's interrupt.
+pub const TIM7: usize = 55;
 /// ADC4's interrupt.
 pub const ADC4: usize = 61;
 

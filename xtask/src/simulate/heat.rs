@@ -1,9 +1,9 @@
 //! The heat map of ripple over table speed and nut speed.
 
-use super::axis::extent;
-use super::page::short;
-use super::plots::{DrawError, INK, MUTED, Root, SCALE, TEXT, WIDTH, svg, text, units};
 use super::sweep_report::SweepReport;
+use page::axis::extent;
+use page::chart::{DrawError, INK, MUTED, Root, SCALE, TEXT, WIDTH, svg, text, units};
+use page::document::short;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use std::ops::Range;

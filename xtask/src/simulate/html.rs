@@ -1,12 +1,9 @@
 //! `report.html`: the experiment as a page that stands alone.
 
-use super::axis::{Axis, extent, widen};
-use super::page::{document, escape, legend, sentence, short, standalone, two};
-use super::plots::{CDFS, Chart, DDFS, INK, Label, MUTED, Mark, PAPER, Series, chart};
+use super::curves::{curve, sensitivity};
 use super::records::records;
 use super::report::{Report, RunReport, SetupReport};
-
-const CURVE: Mark = Mark::Line(1.5);
+use page::document::{document, escape, sentence, short, two};
 
 /// The page.
 pub(crate) fn page(report: &Report) -> String {
@@ -113,157 +110,6 @@ fn table(report: &Report) -> String {
     )
 }
 
-fn sensitivity(report: &Report) -> String {
-    let found = &report.sensitivity;
-    let marks: Vec<_> = found
-        .marks
-        .iter()
-        .map(|mark| (mark.omega, mark.gain))
-        .collect();
-    let labels = found.marks.iter().map(|mark| Label {
-        at: (mark.omega, mark.gain),
-        text: mark.name.clone(),
-        color: INK,
-    });
-    let axis = |title| Axis {
-        title,
-        range: None,
-        log: true,
-    };
-    let plot = chart(&Chart {
-        about: "Bode magnitude of S(s), electrical speed per torque, with the torque harmonics of the runs",
-        x: axis("Angular frequency, rad/s"),
-        y: axis("|S|, rad/s (el.) per N m"),
-        series: vec![
-            Series {
-                points: found.analytic.clone(),
-                color: MUTED,
-                mark: CURVE,
-            },
-            Series {
-                points: found.ideal.clone(),
-                color: DDFS,
-                mark: Mark::Cross,
-            },
-            Series {
-                points: found.measured.clone(),
-                color: CDFS,
-                mark: Mark::Dot,
-            },
-            Series {
-                points: marks,
-                color: INK,
-                mark: Mark::Ring,
-            },
-        ],
-        labels: labels.collect(),
-    });
-    let mut keys = vec![(MUTED, CURVE, "analytic, Appendix A".into())];
-    if !found.ideal.is_empty() {
-        keys.push((
-            DDFS,
-            Mark::Cross,
-            "simulated drive, sine torque injected, ideal sensors".into(),
-        ));
-    }
-    if !found.measured.is_empty() {
-        let name = format!("the same, {} sensors", report.setup.sensors);
-        keys.push((CDFS, Mark::Dot, name));
-    }
-    if !found.marks.is_empty() {
-        let runs: Vec<_> = report
-            .runs
-            .iter()
-            .zip('A'..='Z')
-            .map(|(run, letter)| match run.nut_rpm == 0.0 {
-                true => format!("{letter} CDFS"),
-                false => format!("{letter} nut {} rpm", short(run.nut_rpm)),
-            })
-            .collect();
-        keys.push((
-            INK,
-            Mark::Ring,
-            format!(
-                "torque harmonics of the screw\u{2019}s motor: {}",
-                runs.join(", ")
-            ),
-        ));
-    }
-    format!(
-        "<figure>\n<figcaption>How much torque disturbs the speed: |<i>S</i>(j\u{03C9})| (the paper\u{2019}s Fig 3)\
-         </figcaption>\n{}{plot}</figure>\n",
-        legend(&keys)
-    )
-}
-
-fn curve(report: &Report) -> String {
-    let mut keys = vec![
-        (MUTED, CURVE, "analytic, S(s)".into()),
-        (DDFS, Mark::Dot, "simulated drive".into()),
-    ];
-    if !report.curve.measured.is_empty() {
-        keys.push((PAPER, Mark::Cross, "measured in the paper".into()));
-    }
-    format!(
-        "<figure>\n<figcaption>VRF against nut speed (the paper\u{2019}s Fig 9)</figcaption>\n{}{}</figure>\n",
-        legend(&keys),
-        curve_plot(report)
-    )
-}
-
-/// The plot of VRF against nut speed, as a file of its own.
-pub(crate) fn picture(report: &Report) -> String {
-    standalone(&curve_plot(report))
-}
-
-fn curve_plot(report: &Report) -> String {
-    let simulated: Vec<_> = report
-        .runs
-        .iter()
-        .map(|run| (run.nut_rpm, run.vrf_percent))
-        .collect();
-    let found = &report.curve;
-    let points = || {
-        simulated
-            .iter()
-            .chain(&found.analytic)
-            .chain(&found.measured)
-    };
-    let speeds = extent(points().map(|p| p.0)).map(|r| widen(&r, 0.04));
-    let ripples = extent(points().map(|p| p.1)).map(|r| 0.0..1.08 * r.end);
-    chart(&Chart {
-        about: "Velocity ripple factor against the nut's speed",
-        x: Axis {
-            title: "Nut speed, rpm",
-            range: speeds,
-            log: false,
-        },
-        y: Axis {
-            title: "VRF, %",
-            range: ripples,
-            log: false,
-        },
-        series: vec![
-            Series {
-                points: found.analytic.clone(),
-                color: MUTED,
-                mark: CURVE,
-            },
-            Series {
-                points: found.measured.clone(),
-                color: PAPER,
-                mark: Mark::Cross,
-            },
-            Series {
-                points: simulated,
-                color: DDFS,
-                mark: Mark::Dot,
-            },
-        ],
-        labels: Vec::new(),
-    })
-}
-
 fn foot(setup: &SetupReport) -> String {
     format!(
         "<footer>\n<h2>What was simulated</h2>\n<p>Machine: {}. Sensors: {}. Table velocity: {} mm/s. Load: {}. Each \
@@ -289,7 +135,6 @@ fn foot(setup: &SetupReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::page::tests::assert_sound;
     use crate::simulate::report::{CurveReport, Mark as Harmonic, SensitivityReport};
     use std::f64::consts::TAU;
 
@@ -346,7 +191,7 @@ mod tests {
             run(800.0, 6.3, Some(8.2)),
             run(500.0, 9.8, None),
         ]));
-        assert_sound(&page);
+        page::check::sound(&page).unwrap();
         let page = page.replace('\u{A0}', " ");
         assert!(
             page.contains(
@@ -368,7 +213,7 @@ mod tests {
     #[test]
     fn names_from_outside_are_escaped() {
         let page = page(&report(vec![run(0.0, 21.2, None)]));
-        assert_sound(&page);
+        page::check::sound(&page).unwrap();
         assert!(page.contains("Machine: models/&lt;odd&gt; &amp; &quot;old&quot;.toml."));
         assert!(!page.contains("<odd>"));
     }
@@ -386,13 +231,13 @@ mod tests {
         bare.sensitivity.measured = vec![(10.0, -1.0)];
         bare.curve.analytic = Vec::new();
         let page_ = page(&bare);
-        assert_sound(&page_);
+        page::check::sound(&page_).unwrap();
         assert!(page_.contains("No run gave a velocity ripple."));
         assert!(page_.contains("nothing was recorded"));
         let mut none = report(Vec::new());
         none.sensitivity.analytic.clear();
         none.curve.measured.clear();
-        assert_sound(&page(&none));
+        page::check::sound(&page(&none)).unwrap();
     }
 
     #[test]

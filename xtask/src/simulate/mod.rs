@@ -1,12 +1,9 @@
 //! `cargo xtask simulate`: the drive on a simulated machine.
 
-mod axis;
+mod curves;
 mod heat;
 mod html;
-mod labels;
 mod options;
-mod page;
-mod plots;
 mod records;
 mod replay;
 mod report;

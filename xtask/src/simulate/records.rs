@@ -1,10 +1,10 @@
 //! Time records and spectra of the table velocity, as in the paper's Figs 6 to 8.
 
-use super::axis::{Axis, extent, widen};
 use super::html::{cdfs, name};
-use super::page::{escape, legend, short, two};
-use super::plots::{CDFS, Chart, DDFS, Label, Mark, REFERENCE, Series, chart};
 use super::report::{Report, RunReport, SetupReport};
+use page::axis::{Axis, extent, widen};
+use page::chart::{COOL as DDFS, Chart, Label, Mark, REFERENCE, Series, WARM as CDFS, chart};
+use page::document::{escape, legend, short, two};
 use std::ops::Range;
 
 /// Weights of the lines, px: CDFS is told from DDFS without colour too.

@@ -2,7 +2,7 @@
 
 use super::options::{Options, Preset, Sensing, duration, nut_speed, table_speed};
 use super::report::{CurveReport, Mark, Report, RunReport, SensitivityReport, SetupReport};
-use super::{html, table};
+use super::{curves, html, table};
 use crate::output::Folder;
 use anyhow::{Context, Result, ensure};
 use hal_sim::analytic::{Sensitivity, ripple_percent};
@@ -92,7 +92,7 @@ pub fn run(options: &Options) -> Result<()> {
     folder.put_text("model.toml", &setup.model.to_toml())?;
     folder.put_text("report.json", &serde_json::to_string_pretty(&report)?)?;
     folder.put_text("report.html", &html::page(&report))?;
-    folder.put_text("ripple.svg", &html::picture(&report))?;
+    folder.put_text("ripple.svg", &curves::picture(&report))?;
     table::print(&report);
     println!("\nThe report is {}.", folder.path("report.html").display());
     Ok(())

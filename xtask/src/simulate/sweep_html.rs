@@ -1,8 +1,8 @@
 //! `sweep.html`: where CDFS beats DDFS and where not, as a page that stands alone.
 
 use super::heat::{Verdict, cdfs, map, verdict, vrf};
-use super::page::{document, escape, sentence, short, two};
 use super::sweep_report::SweepReport;
+use page::document::{document, escape, sentence, short, two};
 
 /// The page.
 pub(crate) fn page(report: &SweepReport) -> String {
@@ -140,7 +140,6 @@ fn foot(report: &SweepReport) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::simulate::page::tests::assert_sound;
 
     fn sweep(
         nut_rpm: &[f64],
@@ -163,7 +162,7 @@ mod tests {
             vec![Some(2.0), None, Some(3.456)],
         ];
         let page = page(&sweep(&[0.0, 300.0, 800.0], &[2.5, 50.0], rows));
-        assert_sound(&page);
+        page::check::sound(&page).unwrap();
         let page = page.replace('\u{A0}', " ");
         assert!(page.contains("&lt;m&gt;"));
         for text in [
@@ -194,19 +193,20 @@ mod tests {
 
     #[test]
     fn a_grid_with_holes_is_sound() {
-        assert_sound(&page(&sweep(&[], &[], Vec::new())));
-        assert_sound(&page(&sweep(
+        page::check::sound(&page(&sweep(&[], &[], Vec::new()))).unwrap();
+        page::check::sound(&page(&sweep(
             &[0.0, 300.0],
             &[1.0, 2.0],
             vec![vec![None, Some(f64::NAN)], vec![Some(1.0)]],
-        )));
-        assert_sound(&page(&sweep(&[300.0], &[1.0], vec![vec![Some(0.0)]])));
+        )))
+        .unwrap();
+        page::check::sound(&page(&sweep(&[300.0], &[1.0], vec![vec![Some(0.0)]]))).unwrap();
         let wide: Vec<f64> = (0..60).map(|k| f64::from(k) * 50.0).collect();
         let rows = wide
             .iter()
             .map(|t| wide.iter().map(|n| Some(1.0 + t * n)).collect())
             .collect();
-        assert_sound(&page(&sweep(&wide, &wide, rows)));
+        page::check::sound(&page(&sweep(&wide, &wide, rows))).unwrap();
     }
 
     #[test]

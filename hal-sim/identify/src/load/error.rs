@@ -1,6 +1,6 @@
 //! Why a recording could not be loaded.
 
-/// Why a recording could not be loaded.
+/// Why a recording could not be loaded. Rows are counted from 1, the first one below the header.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be opened.
@@ -13,7 +13,7 @@ pub enum LoadError {
         /// The system's reason.
         reason: String,
     },
-    /// The file is not what its name says.
+    /// The file is not what its name says, or is cut off or damaged.
     #[error("{origin}: cannot read it as {format}: {reason}")]
     Format {
         /// The file.
@@ -33,26 +33,38 @@ pub enum LoadError {
         /// The columns that are there.
         present: Vec<String>,
     },
+    /// Columns differ in length.
+    #[error("{origin}: column `{column}` has {rows} rows, expected {expected} as in the others")]
+    Length {
+        /// The file.
+        origin: String,
+        /// The column.
+        column: String,
+        /// Its rows.
+        rows: usize,
+        /// Rows of the others.
+        expected: usize,
+    },
     /// A cell is no number.
-    #[error("{origin}, row {row}, column `{column}`: read `{text}`, expected a number")]
+    #[error("{origin}, row {row}, column `{column}`: read `{text}`, expected a finite number")]
     Cell {
         /// The file.
         origin: String,
-        /// Row, the first one being 1.
+        /// Row.
         row: usize,
         /// The column.
         column: String,
         /// What was there.
         text: String,
     },
-    /// A value cannot be.
+    /// A value is larger than a feed drive has.
     #[error(
-        "{origin}, row {row}, column `{column}`: read {value}, expected a finite number of at most {most}; is the unit right?"
+        "{origin}, row {row}, column `{column}`: read {value}, expected at most {most}; is the unit right?"
     )]
     Value {
         /// The file.
         origin: String,
-        /// Row, the first one being 1.
+        /// Row.
         row: usize,
         /// The column.
         column: String,
@@ -61,19 +73,80 @@ pub enum LoadError {
         /// Largest plausible size.
         most: f64,
     },
+    /// So many values are too large that it is the unit.
+    #[error(
+        "{origin}, column `{column}`: {count} values are larger than {most}, the first in row {row}; the unit is wrong: \
+         give a scale in a mapping file"
+    )]
+    Unit {
+        /// The file.
+        origin: String,
+        /// The column.
+        column: String,
+        /// How many.
+        count: usize,
+        /// Row of the first.
+        row: usize,
+        /// Largest plausible size.
+        most: f64,
+    },
+    /// Angle and speed reference do not belong together.
+    #[error(
+        "{origin}, column `{column}`: it turns by {turned:.1} rad where the speed reference asks for {asked:.1} rad; is a \
+         unit wrong (degrees, rpm), or did the motor not follow?"
+    )]
+    Turned {
+        /// The file.
+        origin: String,
+        /// The angle's column.
+        column: String,
+        /// Way of the angle, rad.
+        turned: f64,
+        /// Way by the speed reference, rad.
+        asked: f64,
+    },
     /// Time does not go on evenly.
     #[error(
-        "{origin}, row {row}: time steps by {step} s, expected {interval} s; a gap, a row twice or a step back"
+        "{origin}, row {row}, column `t_s`: {what}; time steps by {step:.6} s, expected {interval:.6} s"
     )]
     Time {
         /// The file.
         origin: String,
-        /// Row, the first one being 1.
+        /// Row.
         row: usize,
+        /// A gap, a time twice, a step back.
+        what: &'static str,
         /// The step to it, s.
         step: f64,
         /// What was expected, s.
         interval: f64,
+    },
+    /// The rows have another rate than declared.
+    #[error(
+        "{origin}, column `t_s`: rows are {step:e} s apart, but {expected:e} s are declared; is time in seconds, and is \
+         sample_hz right?"
+    )]
+    Rate {
+        /// The file.
+        origin: String,
+        /// Median step, s.
+        step: f64,
+        /// Declared step, s.
+        expected: f64,
+    },
+    /// So many rows are bad that what is left says little.
+    #[error(
+        "{origin}: {skipped} of {rows} rows are bad, the first in row {row}; at most one in twenty may be skipped"
+    )]
+    TooMany {
+        /// The file.
+        origin: String,
+        /// Bad rows.
+        skipped: usize,
+        /// All rows.
+        rows: usize,
+        /// The first bad one.
+        row: usize,
     },
     /// There is too little of it.
     #[error("{origin}: {seconds} s of record, expected at least {least} s")]

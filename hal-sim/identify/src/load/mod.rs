@@ -1,205 +1,237 @@
-//! Recordings from files: `.csv`, `.csv.gz`, MATLAB 5 `.mat` and (feature `parquet`) Parquet, in any column layout that a
-//! mapping describes.
+//! The one way in: records from `.csv`, `.csv.gz`, Parquet and MATLAB 5 `.mat`, of a double drive, a feed axis or a motor,
+//! in any column layout that a [`Mapping`] describes. [`rules`] says what is done with faults.
 
+mod account;
 mod error;
+mod layout;
 mod mapping;
+pub mod rules;
 mod table;
 
+pub use account::{Account, Skipped};
 pub use error::LoadError;
-pub use mapping::{Mapping, Source};
-pub use table::Table;
+pub use layout::Machine;
+pub use mapping::{Clock, Constant, Mapping, Source};
+pub use rules::OnFault;
+pub use table::{Progress, Table};
 
-use plant::model::Model;
-use plant::recording::{COLUMNS, Recording, Sample};
+use plant::Axis;
+use plant::recording::{AxisRecord, Recording};
+use rules::{Raw, Timing, sift};
+use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Largest phase current, voltage, speed and travel that a feed drive has; beyond it a unit is wrong.
-const MOST: [(&str, f64); 6] = [
-    ("a", 200.0),
-    ("v", 2000.0),
-    ("rad_s", 5000.0),
-    ("angle_rad", 1e7),
-    ("m", 100.0),
-    ("t_s", 1e6),
-];
-/// Shortest record, s.
-const SHORTEST_S: f64 = 2.0;
-
-/// Reads a recording. Without a mapping the columns have the names and units of [`COLUMNS`].
-///
-/// # Errors
-/// [`LoadError`]: what was read, where, and what is expected. Nothing is skipped.
-pub fn load(path: &Path, mapping: Option<&Mapping>, model: &Model) -> Result<Recording, LoadError> {
-    let table = Table::read(path)?;
-    let plain = Mapping::default();
-    let columns = mapping
-        .unwrap_or(&plain)
-        .apply(&table, model.sensing.sample_hz)?;
-    check(&columns, &table.origin, model.sensing.sample_hz)?;
-    let mut recording = Recording::default();
-    let rows = columns[0].len();
-    (0..rows).for_each(|row| {
-        let axis = |first: usize| plant::recording::AxisSample {
-            angle_rad: columns[first][row],
-            ia_a: columns[first + 1][row],
-            ib_a: columns[first + 2][row],
-            ud_v: columns[first + 3][row],
-            uq_v: columns[first + 4][row],
-            iq_ref_a: columns[first + 5][row],
-            speed_ref_rad_s: columns[first + 6][row],
-        };
-        recording.push(&Sample {
-            time_s: columns[0][row],
-            axes: [axis(1), axis(8)],
-            table_position_m: columns[15][row],
-        });
-    });
-    Ok(recording)
+/// How to load.
+#[derive(Debug, Clone, Copy)]
+pub struct How<'a> {
+    /// The file's layout.
+    pub mapping: &'a Mapping,
+    /// What is done with a fault.
+    pub on_fault: OnFault,
+    /// Rate that the machine's model declares, Hz; a mapping's own comes first.
+    pub declared_hz: Option<f64>,
 }
 
-/// Refuses what an identification would take for a machine: values that are no numbers or in a wrong unit, gaps and
-/// steps back in time, a record that is too short.
-fn check(columns: &[Vec<f64>], origin: &str, sample_hz: f64) -> Result<(), LoadError> {
-    for (name, values) in COLUMNS.iter().zip(columns) {
-        let most = MOST
-            .iter()
-            .find(|(unit, _)| name.ends_with(unit))
-            .map_or(f64::INFINITY, |(_, most)| *most);
-        for (row, value) in values.iter().enumerate() {
-            if !value.is_finite() || value.abs() > most {
-                return Err(LoadError::Value {
-                    origin: origin.to_owned(),
-                    row: row + 1,
-                    column: (*name).to_owned(),
-                    value: *value,
-                    most,
-                });
-            }
+/// A record's columns, even in time, by our names.
+#[derive(Debug, Clone)]
+pub struct Loaded {
+    /// Time first, then as the machine's layout has them.
+    columns: Vec<(&'static str, Vec<f64>)>,
+    /// Numbers beside the columns.
+    constants: BTreeMap<&'static str, f64>,
+    /// Rows a second.
+    pub rate: f64,
+    /// What became of the file's rows.
+    pub account: Account,
+}
+
+impl Loaded {
+    /// Takes a column out. An empty one if the machine's layout does not have it.
+    pub fn take(&mut self, name: &str) -> Vec<f64> {
+        self.columns
+            .iter_mut()
+            .find(|(known, _)| *known == name)
+            .map(|(_, values)| std::mem::take(values))
+            .unwrap_or_default()
+    }
+
+    /// A constant; NaN if the machine's layout does not have it.
+    pub fn constant(&self, name: &str) -> f64 {
+        self.constants.get(name).copied().unwrap_or(f64::NAN)
+    }
+}
+
+/// Reads a record.
+///
+/// # Errors
+/// [`LoadError`]: what was read, where, and what is expected.
+pub fn load(path: &Path, how: How, progress: &mut Progress) -> Result<Loaded, LoadError> {
+    let mapping = how.mapping;
+    let table = Table::read(path, mapping.separator(), progress)?;
+    let keep = rows_that_count(&table, mapping)?;
+    let timed = mapping.find(&table, "t_s").ok();
+    if timed.is_none() && mapping.columns.contains_key("t_s") {
+        mapping.find(&table, "t_s")?;
+    }
+    let rate = mapping.sample_hz.or(how.declared_hz).filter(|hz| *hz > 0.0);
+    let rate = rate.ok_or_else(|| LoadError::Mapping {
+        origin: table.origin.clone(),
+        reason: "how fast it was sampled is not known; give sample_hz in the mapping file".into(),
+    })?;
+    let layout = mapping.machine.columns();
+    let raw = |name: &'static str, most: f64, (column, scale, offset): (usize, f64, f64)| {
+        let keep = &keep;
+        let table = &table;
+        Raw {
+            name,
+            most,
+            values: values(table, column, keep)
+                .map(|value| value * scale + offset)
+                .collect(),
+            text: Box::new(move |row| {
+                let row = keep.as_ref().map_or(row, |rows| rows[row - 1] + 1);
+                table.text(column, row)
+            }),
+        }
+    };
+    let mut names = Vec::new();
+    let mut columns = Vec::new();
+    if let Some(found) = timed {
+        columns.push(raw("t_s", 1e6, found));
+    }
+    for column in &layout {
+        let found = match mapping.find(&table, column.name) {
+            Err(_) if column.optional => continue,
+            found => found?,
+        };
+        names.push(column.name);
+        columns.push(raw(column.name, column.most(), found));
+    }
+    let constants = mapping
+        .machine
+        .constants()
+        .iter()
+        .map(|name| Ok((*name, mapping.constant(&table, name)?)))
+        .collect::<Result<_, LoadError>>()?;
+    let mut account = Account {
+        file: table.origin.clone(),
+        ..Account::default()
+    };
+    let timing = Timing {
+        rate,
+        clock: mapping.clock,
+        timed: timed.is_some(),
+    };
+    let mut sifted = sift(&columns, &timing, how.on_fault, &mut account)?.into_iter();
+    let time = sifted.next().unwrap_or_default();
+    let mut columns: Vec<_> = std::iter::once("t_s")
+        .chain(names)
+        .zip(std::iter::once(time).chain(sifted))
+        .collect();
+    for absent in layout.iter().filter(|c| c.optional) {
+        if columns.iter().all(|(name, _)| *name != absent.name) {
+            columns.push((absent.name, vec![0.0; account.used]));
         }
     }
-    let time = &columns[0];
-    let interval = 1.0 / sample_hz;
-    for (row, pair) in time.windows(2).enumerate() {
-        let step = pair[1] - pair[0];
-        if !(0.5 * interval..1.5 * interval).contains(&step) {
-            return Err(LoadError::Time {
-                origin: origin.to_owned(),
-                row: row + 2,
-                step,
-                interval,
+    Ok(Loaded {
+        columns,
+        constants,
+        rate,
+        account,
+    })
+}
+
+/// Reads two columns of a motor's slow turn, which needs no time.
+///
+/// # Errors
+/// As [`load`].
+pub fn load_map(
+    path: &Path,
+    mapping: &Mapping,
+    progress: &mut Progress,
+) -> Result<[Vec<f64>; 2], LoadError> {
+    let table = Table::read(path, mapping.separator(), progress)?;
+    let column = |name: &str| {
+        let (column, scale, offset) = mapping.find(&table, name)?;
+        match table.columns[column].iter().position(|v| !v.is_finite()) {
+            Some(row) => Err(LoadError::Cell {
+                origin: table.origin.clone(),
+                row: row + 1,
+                column: name.to_owned(),
+                text: table.text(column, row + 1),
+            }),
+            None => Ok(table.columns[column]
+                .iter()
+                .map(|v| v * scale + offset)
+                .collect()),
+        }
+    };
+    Ok([column("position_rad")?, column("current_a")?])
+}
+
+/// The rows that a mapping asks for; `None` is all.
+fn rows_that_count(table: &Table, mapping: &Mapping) -> Result<Option<Vec<usize>>, LoadError> {
+    let Some(rows) = &mapping.rows else {
+        return Ok(None);
+    };
+    let flag = &table.columns[table.find(&rows.column)?];
+    Ok(Some(
+        (0..flag.len())
+            .filter(|row| flag[*row] == rows.equals)
+            .collect(),
+    ))
+}
+
+fn values<'a>(
+    table: &'a Table,
+    column: usize,
+    keep: &'a Option<Vec<usize>>,
+) -> Box<dyn Iterator<Item = f64> + 'a> {
+    let all = &table.columns[column];
+    match keep {
+        Some(rows) => Box::new(
+            rows.iter()
+                .map(|row| all.get(*row).copied().unwrap_or(f64::NAN)),
+        ),
+        None => Box::new(all.iter().copied()),
+    }
+}
+
+/// A double drive's record.
+///
+/// # Errors
+/// An angle that does not turn as its speed reference asks: one of the units is wrong.
+pub fn double_drive(mut loaded: Loaded) -> Result<Recording, LoadError> {
+    let mut axis = |name: &str| AxisRecord {
+        angle_rad: loaded.take(&format!("{name}_angle_rad")),
+        ia_a: loaded.take(&format!("{name}_ia_a")),
+        ib_a: loaded.take(&format!("{name}_ib_a")),
+        ud_v: loaded.take(&format!("{name}_ud_v")),
+        uq_v: loaded.take(&format!("{name}_uq_v")),
+        iq_ref_a: loaded.take(&format!("{name}_iq_ref_a")),
+        speed_ref_rad_s: loaded.take(&format!("{name}_speed_ref_rad_s")),
+    };
+    let axes = [axis("screw"), axis("nut")];
+    for which in Axis::ALL {
+        let record = &axes[which.index()];
+        let way = |values: &mut dyn Iterator<Item = f64>| values.map(f64::abs).sum::<f64>();
+        let asked = way(&mut record.speed_ref_rad_s.iter().copied()) / loaded.rate;
+        // Over a hundredth of a second, so that the encoder's counts at rest are no way.
+        let step = ((0.01 * loaded.rate) as usize).max(1);
+        let every: Vec<f64> = record.angle_rad.iter().copied().step_by(step).collect();
+        let turned = way(&mut every.windows(2).map(|pair| pair[1] - pair[0]));
+        if asked > std::f64::consts::TAU && !(0.5..2.0).contains(&(turned / asked)) {
+            return Err(LoadError::Turned {
+                origin: loaded.account.file.clone(),
+                column: format!("{}_angle_rad", ["screw", "nut"][which.index()]),
+                turned,
+                asked,
             });
         }
     }
-    let seconds = time.len() as f64 * interval;
-    if seconds < SHORTEST_S {
-        return Err(LoadError::Short {
-            origin: origin.to_owned(),
-            seconds,
-            least: SHORTEST_S,
-        });
-    }
-    Ok(())
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    fn text(
-        rows: usize,
-        change: impl Fn(usize, usize) -> Option<String>,
-    ) -> tempfile::NamedTempFile {
-        let mut text = COLUMNS.join(",") + "\n";
-        for row in 0..rows {
-            let cells: Vec<String> = (0..16)
-                .map(|column| {
-                    change(row, column).unwrap_or_else(|| {
-                        if column == 0 {
-                            format!("{}", row as f64 / 5000.0)
-                        } else {
-                            "0.1".into()
-                        }
-                    })
-                })
-                .collect();
-            text += &(cells.join(",") + "\n");
-        }
-        let file = tempfile::Builder::new()
-            .suffix(".csv")
-            .tempfile()
-            .expect("a temporary file");
-        std::fs::write(file.path(), text).expect("it can be written");
-        file
-    }
-
-    fn fault(rows: usize, change: impl Fn(usize, usize) -> Option<String>) -> String {
-        let file = text(rows, change);
-        load(file.path(), None, &Model::coupled())
-            .expect_err("the record has a fault")
-            .to_string()
-    }
-
-    #[test]
-    fn a_sound_record_loads() {
-        let file = text(12_000, |_, _| None);
-        let recording = load(file.path(), None, &Model::coupled()).expect("a sound record");
-        assert_eq!(recording.len(), 12_000);
-        assert_eq!(recording.axes[1].uq_v[7], 0.1);
-    }
-
-    #[test]
-    fn faults_are_told_by_row_and_column() {
-        let nan = fault(12_000, |row, column| {
-            (row == 41 && column == 2).then(|| "NaN".into())
-        });
-        assert!(
-            nan.contains("row 42") && nan.contains("screw_ia_a"),
-            "{nan}"
-        );
-        let unit = fault(12_000, |row, column| {
-            (row == 9 && column == 9).then(|| "400".into())
-        });
-        assert!(
-            unit.contains("row 10") && unit.contains("nut_ia_a") && unit.contains("400"),
-            "{unit}"
-        );
-        let word = fault(12_000, |row, column| {
-            (row == 5 && column == 15).then(|| "abc".into())
-        });
-        assert!(
-            word.contains("row 6") && word.contains("table_position_m") && word.contains("abc"),
-            "{word}"
-        );
-    }
-
-    #[test]
-    fn gaps_and_steps_back_in_time_are_refused() {
-        let gap = fault(12_000, |row, column| {
-            (column == 0 && row >= 100).then(|| format!("{}", (row + 3) as f64 / 5000.0))
-        });
-        assert!(gap.contains("row 101"), "{gap}");
-        let twice = fault(12_000, |row, column| {
-            (column == 0 && row == 50).then(|| format!("{}", 49.0 / 5000.0))
-        });
-        assert!(twice.contains("row 51"), "{twice}");
-        let short = fault(500, |_, _| None);
-        assert!(short.contains("0.1 s") && short.contains("2 s"), "{short}");
-    }
-
-    #[test]
-    fn a_mapping_renames_and_scales() {
-        let file = text(12_000, |_, _| None);
-        let renamed = std::fs::read_to_string(file.path())
-            .expect("it is there")
-            .replacen("screw_ia_a", "I1_mA", 1);
-        std::fs::write(file.path(), renamed).expect("it can be written");
-        let mapping = Mapping::parse(
-            "[columns.screw_ia_a]\nname = \"I1_mA\"\nscale = 1e-3\n",
-            "mapping.toml",
-        )
-        .expect("a mapping");
-        let recording =
-            load(file.path(), Some(&mapping), &Model::coupled()).expect("a mapped record");
-        assert!((recording.axes[0].ia_a[3] - 1e-4).abs() < 1e-12);
-    }
+    Ok(Recording {
+        time_s: loaded.take("t_s"),
+        axes,
+        table_position_m: loaded.take("table_position_m"),
+    })
 }

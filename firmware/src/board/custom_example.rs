@@ -1,0 +1,182 @@
+//! An example of another board: an STM32G474RE with its own power stages, current amplifiers inside the chip, an absolute
+//! encoder on the screw's motor and an incremental one with index on the nut's.
+//!
+//! | what | screw | nut |
+//! | --- | --- | --- |
+//! | high sides a, b, c | PC0, PC1, PC2 (TIM1) | PC6, PC7, PC8 (TIM8) |
+//! | low sides a, b, c | PA11, PA12, PB15 | PC10, PC11, PB1 |
+//! | shunts a, b | PA1 (OPAMP1), PA7 (OPAMP2) | PB13 (OPAMP6), PB0 (OPAMP3) |
+//! | bus voltage | PC3 | PB14 |
+//! | heat sink's temperature | PA0 | PC4 |
+//! | encoder | PA5, PA6, PB5 (SPI1), PA15 (chip select by TIM2) | PB2, PC12, index PB12 (TIM5) |
+//!
+//! The table's scale is on PB6 and PB7 (TIM4). PA13 and PA14 are the debugger's, PF0 and PF1 the 24 MHz crystal's.
+//!
+//! Phase c is not measured. Each amplifier's output goes to its ADC inside the chip, so its pin is free.
+
+use super::machine;
+use super::pins::{
+    Bridge, EncoderParts, Pins, Ports, amplified, comparator, converted, converted_output, encoder,
+    framed_spi, index,
+};
+use crate::hw::amplifier::Gain;
+use crate::hw::analog::{Channels, WatchLimits};
+use crate::hw::encoder::mt6835::{LEAD_S, Mt6835};
+use crate::hw::encoder::{Flags, Incremental, TopOf};
+use crate::hw::protection::OverCurrent;
+use control::guard::GuardConfig;
+use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP4, COMP5};
+use stm32g4xx_hal::gpio::Pull;
+use stm32g4xx_hal::opamp::{InternalOutput, Locked, Opamp1, Opamp2, Opamp3, Opamp6};
+use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, SPI1, TIM1, TIM2, TIM4, TIM5, TIM8};
+
+#[path = "custom_plate.rs"]
+mod plate;
+use plate::GUARDS;
+pub(crate) use plate::{PLATE, SCALE_COUNT_M};
+
+/// Comparators and threshold of each motor: +4.5 A, before the amplifier.
+pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
+    OverCurrent {
+        comparators: &[1, 2],
+        threshold: plate::pin_counts(4.5),
+    },
+    OverCurrent {
+        comparators: &[5, 4],
+        threshold: plate::pin_counts(4.5),
+    },
+];
+
+/// The guard's limits in counts.
+pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
+    Ok(config) => config,
+    Err(_) => panic!("a limit of the board is beyond its ADC"),
+};
+
+/// Limits of the analog watchdogs: ±4.75 A.
+pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
+    current: plate::AMPLIFIED_LIMITS,
+    bus: GUARD.bus_most,
+    shunts: PLATE.board.shunts,
+};
+
+/// Sampling time code of all channels: 12.5 ADC clocks, 294 ns at 42.5 MHz: an amplifier's output needs 200 ns.
+pub(crate) const SAMPLING: u32 = 2;
+
+/// Gain of the on-chip amplifiers.
+pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X4;
+
+// The numbers of the plate are those of the hardware.
+const _: () = assert!(AMPLIFIER_GAIN.times() == plate::AMPLIFIER_GAIN);
+const _: () = assert!(LEAD_S == plate::FRAME_LEAD_S);
+
+pub(crate) type ScrewEncoder = Mt6835;
+pub(crate) type NutEncoder = Incremental<TIM5>;
+
+/// Starts both motors' encoders.
+pub(crate) fn start_encoders(parts: EncoderParts) -> (ScrewEncoder, NutEncoder) {
+    let EncoderParts {
+        tim2,
+        tim5,
+        spi1,
+        dma,
+        period,
+    } = parts;
+    (
+        Mt6835::start(spi1, tim2, dma, TopOf::Screw, period),
+        Incremental::start(tim5, &PLATE.motors[1].encoder, TopOf::Nut),
+    )
+}
+
+/// What the encoders' timers saw since the last look: screw, nut.
+pub(crate) fn take_encoder_flags() -> [Flags; 2] {
+    // SAFETY: of this timer nobody else touches the flags.
+    [Flags::default(), unsafe { Flags::take(&*TIM5::ptr()) }]
+}
+
+/// Puts every pin in its function and says where the measurements are.
+pub(crate) fn claim(ports: Ports) -> Pins {
+    let Ports { a, b, c } = ports;
+
+    Bridge::<TIM1>::claim(
+        (
+            c.pc0.into_alternate::<2>(),
+            c.pc1.into_alternate::<2>(),
+            c.pc2.into_alternate::<2>(),
+        ),
+        (
+            a.pa11.into_alternate::<6>(),
+            a.pa12.into_alternate::<6>(),
+            b.pb15.into_alternate::<4>(),
+        ),
+    );
+    Bridge::<TIM8>::claim(
+        (
+            c.pc6.into_alternate::<4>(),
+            c.pc7.into_alternate::<4>(),
+            c.pc8.into_alternate::<4>(),
+        ),
+        (
+            c.pc10.into_alternate::<4>(),
+            c.pc11.into_alternate::<4>(),
+            b.pb1.into_alternate::<4>(),
+        ),
+    );
+    framed_spi::<SPI1, TIM2, _, _, _, _>(
+        a.pa5.into_alternate::<5>(),
+        // Without a sensor the line reads ones, which fail the frame's check.
+        a.pa6.into_alternate::<5>().internal_resistor(Pull::Up),
+        b.pb5.into_alternate::<5>(),
+        a.pa15.into_alternate::<1>(),
+    );
+    encoder::<TIM5, _, _>(b.pb2.into_alternate::<2>(), c.pc12.into_alternate::<1>());
+    index::<TIM5, _>(b.pb12.into_alternate::<2>());
+    encoder::<TIM4, _, _>(b.pb6.into_alternate::<2>(), b.pb7.into_alternate::<2>());
+
+    let (screw_a, screw_b) = (a.pa1.into_analog(), a.pa7.into_analog());
+    let (nut_a, nut_b) = (b.pb13.into_analog(), b.pb0.into_analog());
+    comparator::<COMP1, _>(&screw_a);
+    comparator::<COMP2, _>(&screw_b);
+    comparator::<COMP5, _>(&nut_a);
+    comparator::<COMP4, _>(&nut_b);
+    let amplifiers = [
+        amplified::<Opamp1, _>(&screw_a, 1),
+        amplified::<Opamp2, _>(&screw_b, 2),
+        amplified::<Opamp3, _>(&nut_b, 3),
+        amplified::<Opamp6, _>(&nut_a, 6),
+    ];
+
+    let (screw_bus, nut_bus) = (c.pc3.into_analog(), b.pb14.into_analog());
+    let (screw_heat, nut_heat) = (a.pa0.into_analog(), c.pc4.into_analog());
+    let screw_b = converted_output::<ADC2, Locked<Opamp2, InternalOutput>>();
+    let nut_b = converted_output::<ADC3, Locked<Opamp3, InternalOutput>>();
+    let channels = [
+        Channels {
+            injected: [
+                converted_output::<ADC1, Locked<Opamp1, InternalOutput>>(),
+                converted::<ADC1, _>(&screw_bus),
+            ],
+            regular: Some(converted::<ADC1, _>(&screw_heat)),
+        },
+        // Phase c has no sensor: phase b again, which the control code does not read.
+        Channels {
+            injected: [screw_b, screw_b],
+            regular: Some(converted::<ADC2, _>(&nut_heat)),
+        },
+        Channels {
+            injected: [nut_b, nut_b],
+            regular: None,
+        },
+        Channels {
+            injected: [
+                converted_output::<ADC4, Locked<Opamp6, InternalOutput>>(),
+                converted::<ADC4, _>(&nut_bus),
+            ],
+            regular: None,
+        },
+    ];
+    Pins {
+        channels,
+        amplifiers: amplifiers.map(Some),
+    }
+}

@@ -1,0 +1,102 @@
+//! Plate data of the custom board: the paper's motors on on-chip amplifiers and other encoders, screw first.
+//!
+//! Numbers only, no hardware: the emulator's tests build the same drive on the host from this very file.
+
+use super::machine;
+use control::encoder::Interface;
+use control::guard::GuardPlate;
+use control::mt6835;
+use control::plate::{BoardPlate, DrivePlate, EncoderPlate, MotorPlate};
+use control::sense::Shunts;
+use control::thermometer::{Side, TemperaturePlate, Thermometer};
+
+/// Shunts, ohm.
+const SHUNT_OHM: f64 = 0.075;
+/// From the shunt's 0 to the pin: 1 kohm to the shunt and 7 kohm to the supply lift the signal into the amplifier's
+/// range, and take an eighth of it.
+const PASSED: f64 = 7.0 / 8.0;
+/// Analog supply and reference, V.
+const SUPPLY_V: f64 = 3.3;
+/// Gain of the on-chip amplifiers.
+pub(crate) const AMPLIFIER_GAIN: f64 = 4.0;
+/// Counts of the ADCs and DACs.
+const COUNTS: f64 = 4096.0;
+/// How long before the top the sensor latches its angle: see the firmware's `hw::encoder::mt6835`.
+pub(crate) const FRAME_LEAD_S: f64 = 5.5e-6;
+
+/// What the pin of a shunt is at with `amps` through it, in counts of a 12-bit converter.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+pub(crate) const fn pin_counts(amps: f64) -> u16 {
+    let volts = SUPPLY_V * (1.0 - PASSED) + amps * SHUNT_OHM * PASSED;
+    (volts / SUPPLY_V * COUNTS + 0.5) as u16
+}
+
+/// What the ADC reads behind the amplifier at -4.75 A and at +4.75 A.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+pub(crate) const AMPLIFIED_LIMITS: [u16; 2] = {
+    let counts = 4.75 / PLATE.board.amps_per_count;
+    let zero = PLATE.board.zero_counts;
+    [(zero - counts) as u16, (zero + counts) as u16]
+};
+
+/// The drive that the firmware is built for.
+pub(crate) const PLATE: DrivePlate = DrivePlate {
+    motors: [
+        MotorPlate {
+            encoder: EncoderPlate {
+                interface: Interface::Mt6835,
+                counts_per_turn: mt6835::COUNTS_PER_TURN,
+                age_s: FRAME_LEAD_S,
+                theta_e_at_zero_turns: 0.0,
+            },
+            ..machine::MOTOR
+        },
+        MotorPlate {
+            encoder: EncoderPlate {
+                interface: Interface::IncrementalWithIndex,
+                counts_per_turn: 40_000,
+                ..machine::MOTOR.encoder
+            },
+            ..machine::MOTOR
+        },
+    ],
+    board: BoardPlate {
+        timer_hz: 170e6,
+        pwm_hz: 20e3,
+        speed_divider: 4,
+        shunts: Shunts::Two,
+        amps_per_count: SUPPLY_V / COUNTS / (SHUNT_OHM * PASSED * AMPLIFIER_GAIN),
+        zero_counts: (1.0 - PASSED) * AMPLIFIER_GAIN * COUNTS,
+        bus_volts_per_count: 0.11,
+        adc_counts: 4096,
+        bus_min_v: 30.0,
+        dead_time_s: 800e-9,
+        dead_time_fade_a: 0.05,
+        measure_zeros: true,
+        min_on_time_s: 2e-6,
+    },
+    tuning: machine::TUNING,
+    feed: machine::FEED,
+};
+
+/// A Pt1000 on each heat sink, to the reference over 2.2 kohm.
+const HEAT_SINK: TemperaturePlate = TemperaturePlate {
+    sensor: Thermometer::Platinum { r0_ohm: 1000.0 },
+    side: Side::Ground,
+    divider_ohm: 2.2e3,
+    max_celsius: 85.0,
+    min_celsius: -30.0,
+};
+
+/// What the board bears: a bus of 310 V from the mains.
+pub(crate) const GUARDS: GuardPlate = GuardPlate {
+    bus_max_v: 390.0,
+    bus_min_v: 60.0,
+    bus_volts_per_count: PLATE.board.bus_volts_per_count,
+    adc_counts: PLATE.board.adc_counts,
+    temperatures: [HEAT_SINK; 2],
+    index: [false, true],
+};
+
+/// One count of the table's linear scale, m.
+pub(crate) const SCALE_COUNT_M: f64 = 10e-9;

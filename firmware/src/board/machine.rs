@@ -1,0 +1,43 @@
+//! The machine that both boards here drive: the paper's motors and feed. Numbers only.
+
+use control::encoder::Interface;
+use control::plate::{EncoderPlate, FeedPlate, MotorPlate, Tuning};
+
+/// The motors of Table 1 (Wang et al. 2020) with 20-bit encoders.
+pub(crate) const MOTOR: MotorPlate = MotorPlate {
+    resistance_ohm: 1.7,
+    inductance_h: 5.9e-3,
+    pole_pairs: 5,
+    flux_wb: 0.11,
+    inertia_kg_m2: 7.2e-4,
+    speed_max_rpm: 3000.0,
+    // One and a half times the rated torque: 3 A of phase current, which leaves the comparators' 4.5 A room for a
+    // step's overshoot.
+    torque_max_nm: 2.0,
+    current_gains: [1.0; 3],
+    encoder: EncoderPlate {
+        interface: Interface::Incremental,
+        counts_per_turn: 1 << 20,
+        age_s: 0.0,
+        theta_e_at_zero_turns: 0.0,
+    },
+};
+
+/// Table 1's cutoffs, with an observer well above the speed loop.
+pub(crate) const TUNING: Tuning = Tuning {
+    damping: 0.7,
+    current_rad_s: 3000.0,
+    speed_rad_s: 200.0,
+    observer_rad_s: 1000.0,
+    observer_damping: 0.7,
+};
+
+/// A lead of 5 mm.
+pub(crate) const FEED: FeedPlate = FeedPlate {
+    lead_m: 5e-3,
+    velocity_max: 0.1,
+    acceleration_max: 0.25,
+    jerk_max: 10.0,
+    base_acceleration_max: 700.0,
+    base_jerk_max: 20_000.0,
+};

@@ -1,0 +1,62 @@
+//! A hung current loop: TIM7 runs out unless the screw's loop puts it back each period, and its interrupt, the only one
+//! above the current loops, opens both bridges.
+//!
+//! Both loops have one priority, so a hung one holds the other up too, and one timer sees either. It waits two and a half
+//! periods: a single late period is counted and tolerated.
+
+use crate::debug_view::DRIVE_VIEW;
+use crate::debug_view::codes;
+use control::supervisor::{Fault, State};
+use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use stm32g4xx_hal::stm32::{TIM1, TIM7, TIM8, tim7};
+
+/// It has run out, and no reset was asked since.
+static RAN_OUT: AtomicBool = AtomicBool::new(false);
+
+fn timer() -> &'static tim7::RegisterBlock {
+    // SAFETY: only this module touches the timer, with single writes.
+    unsafe { &*TIM7::ptr() }
+}
+
+/// Lets it run. `half_period`: of the PWM, timer counts.
+pub(crate) fn start(_: TIM7, half_period: u16) {
+    // SAFETY: any 16-bit value; five half periods of 40 to 10 kHz fit (10 625 to 42 500).
+    timer()
+        .arr()
+        .write(|w| unsafe { w.bits(5 * u32::from(half_period)) });
+    // Only running out is an update (URS).
+    timer().cr1().write(|w| w.urs().set_bit());
+    put_back();
+    timer().dier().write(|w| w.uie().set_bit());
+    timer().cr1().write(|w| w.urs().set_bit().cen().set_bit());
+}
+
+/// A period has passed as it should.
+#[inline(always)]
+pub(crate) fn put_back() {
+    timer().egr().write(|w| w.ug().set_bit());
+}
+
+/// It has run out: opens both bridges and says why, for nobody below can.
+pub(crate) fn run_out(bdtr: u32) {
+    timer().sr().write(|w| w.uif().clear_bit());
+    // SAFETY: the two registers' configured fields without the main output enable; a current loop that is interrupted
+    // between its own read and write of it does not exist, for it writes only.
+    unsafe {
+        (*TIM1::ptr()).bdtr().write(|w| w.bits(bdtr));
+        (*TIM8::ptr()).bdtr().write(|w| w.bits(bdtr));
+    }
+    RAN_OUT.store(true, Relaxed);
+    let (state, fault) = const { codes(State::Fault(Fault::LoopHung)) };
+    DRIVE_VIEW.state.store(state, Relaxed);
+    DRIVE_VIEW.fault.store(fault, Relaxed);
+}
+
+/// Whether it has run out; a reset that is asked forgives that.
+#[inline(always)]
+pub(crate) fn has_run_out(reset: bool) -> bool {
+    if reset {
+        RAN_OUT.store(false, Relaxed);
+    }
+    RAN_OUT.load(Relaxed)
+}

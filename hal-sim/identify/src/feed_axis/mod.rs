@@ -1,0 +1,20 @@
+//! A single feed axis, one motor in a position loop: the Electro-Mechanical Positioning System (Janot, Gautier, Brunot
+//! 2019) is one, a ball screw with its nut held. Parameters and effects from one record, errors in closed-loop
+//! simulation of another.
+
+mod axis;
+mod file;
+mod filter;
+mod fit;
+mod record;
+mod select;
+mod simulate;
+mod study;
+
+pub use axis::{Axis, Term};
+pub use file::AxisModelError;
+pub(crate) use filter::butterworth_100;
+pub use record::{Law, Record};
+pub use select::{LEAST, Trial};
+pub use simulate::Run;
+pub use study::{Errors, Stage, Study};

@@ -1,0 +1,225 @@
+//! Which effects an axis has, from one record alone.
+//!
+//! The record's operating points (stretches of one speed and direction) are dealt into two hands. A model is fitted on
+//! either hand and judged by the force error on the other. All terms of friction and amplifier are put in together, since
+//! some hide each other; then orders of the screw, the strongest first, as long as each lowers the error by at least
+//! [`LEAST`]; then each term is taken out in turn, the least certain first, and stays out if that costs less than
+//! [`LEAST`]. No other record is looked at.
+
+use super::axis::{Axis, Term};
+use super::filter::butterworth_100;
+use super::fit::{Free, MARGIN, deviations, fitted};
+use super::record::Record;
+use std::f64::consts::TAU;
+
+/// Share by which a term must lower the force error on what it was not fitted to.
+pub const LEAST: f64 = 0.01;
+/// Orders at most.
+const MOST: usize = 8;
+/// Length of record that a search uses, s: a lap or two of a programme; the fit that follows uses all of it.
+const LENGTH_S: f64 = 12.5;
+/// What may be there besides orders of the screw.
+const TERMS: [Term; 7] = [
+    Term::Asymmetry,
+    Term::Lag,
+    Term::Stribeck,
+    Term::Saturation,
+    Term::Presliding,
+    Term::PositionFriction,
+    Term::PositionLoad,
+];
+
+/// A term that was tried.
+#[derive(Debug, Clone)]
+pub struct Trial {
+    /// Which.
+    pub term: Term,
+    /// Share by which the force error on what was not fitted is less with it.
+    pub fall: f64,
+    /// Whether it was taken.
+    pub taken: bool,
+}
+
+/// The two hands of a record's rows.
+pub(super) fn hands(record: &Record) -> [Vec<usize>; 2] {
+    let speed = crate::fourier::slope(
+        &butterworth_100(&record.reference, record.rate),
+        record.rate,
+    );
+    let top = speed.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
+    let mut hands = [Vec::new(), Vec::new()];
+    // Segments end where the reference all but stands still. Each second stroke is dealt the other way round, so that
+    // both hands have all speeds, though not in the same direction.
+    let (mut segment, mut stroke, mut moving, mut way) = (0_usize, 0_usize, false, 0.0);
+    for (row, v) in speed.iter().enumerate() {
+        let now = v.abs() > 0.05 * top;
+        if now && !moving {
+            if way * v < 0.0 {
+                stroke += 1;
+                segment = 0;
+            } else {
+                segment += 1;
+            }
+            way = *v;
+        }
+        moving = now;
+        if (MARGIN..record.len() - MARGIN).contains(&row) {
+            hands[(segment + stroke) % 2].push(row);
+        }
+    }
+    hands
+}
+
+fn error(axis: &Axis, record: &Record, rows: &[usize]) -> f64 {
+    let simulated = butterworth_100(&axis.simulate(record).force, record.rate);
+    let measured = butterworth_100(&record.force(), record.rate);
+    let square: f64 = rows
+        .iter()
+        .map(|&k| (simulated[k] - measured[k]).powi(2))
+        .sum();
+    (square / rows.len().max(1) as f64).sqrt()
+}
+
+/// Models fitted on either hand, and the force error on the other, N.
+struct Pair<'a> {
+    record: &'a Record,
+    hands: &'a [Vec<usize>; 2],
+    fits: [Axis; 2],
+    error: f64,
+}
+
+impl<'a> Pair<'a> {
+    fn new(start: [Axis; 2], record: &'a Record, hands: &'a [Vec<usize>; 2]) -> Self {
+        let mut hand = 0;
+        let fits = start.map(|axis| {
+            hand += 1;
+            fitted(&axis, record, Free::Model, &hands[hand - 1])
+        });
+        let square =
+            error(&fits[0], record, &hands[1]).powi(2) + error(&fits[1], record, &hands[0]).powi(2);
+        Pair {
+            record,
+            hands,
+            fits,
+            error: (0.5 * square).sqrt(),
+        }
+    }
+
+    /// With other terms, fitted again from where it is.
+    fn changed(&self, change: impl Fn(&mut Axis)) -> Self {
+        let start = self.fits.clone().map(|mut axis| {
+            change(&mut axis);
+            axis
+        });
+        Self::new(start, self.record, self.hands)
+    }
+}
+
+/// Everything that was tried on a record, in the order in which the terms that were taken belong into the model.
+pub fn search(axis: &Axis, record: &Record) -> Vec<Trial> {
+    let record = &record.first((LENGTH_S * record.rate) as usize);
+    let hands = hands(record);
+    let start = [axis.clone(), axis.clone()];
+    let mut pair = Pair::new(start, record, &hands).changed(|axis| {
+        axis.terms.extend(TERMS.map(|term| (term, term.start())));
+    });
+    let mut orders = Vec::new();
+    while orders.len() < MOST {
+        let Some(term) = strongest_order(&pair.fits, record, &hands) else {
+            break;
+        };
+        let with = pair.changed(|axis| axis.terms.push((term, term.start())));
+        let fall = 1.0 - with.error / pair.error;
+        let taken = fall >= LEAST;
+        orders.push(Trial { term, fall, taken });
+        if !taken {
+            break;
+        }
+        pair = with;
+    }
+    let certainty = certainty(&pair.fits[0], record, &hands[0]);
+    let mut terms: Vec<(f64, Term)> = TERMS.map(|term| (certainty(term), term)).to_vec();
+    terms.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut trials = Vec::new();
+    for (_, term) in terms {
+        let without = pair.changed(|axis| axis.terms.retain(|(known, _)| *known != term));
+        let fall = 1.0 - pair.error / without.error;
+        let taken = fall >= LEAST;
+        trials.push(Trial { term, fall, taken });
+        if !taken {
+            pair = without;
+        }
+    }
+    // What matters most first.
+    trials.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+    trials.extend(orders);
+    trials
+}
+
+/// How many deviations a term's first parameter is from 0. A spring before sliding is none at infinity, not at 0: it is
+/// looked at first.
+fn certainty(axis: &Axis, record: &Record, rows: &[usize]) -> impl Fn(Term) -> f64 + use<> {
+    let deviations = deviations(axis, record, rows);
+    let mut at = axis.base.len();
+    let list: Vec<(Term, f64)> = axis
+        .terms
+        .iter()
+        .map(|(term, values)| {
+            let sure = values[0].abs() / deviations[at].max(1e-300);
+            at += values.len();
+            (*term, if *term == Term::Presliding { 0.0 } else { sure })
+        })
+        .collect();
+    move |term| {
+        list.iter()
+            .find(|(known, _)| *known == term)
+            .map_or(0.0, |(_, sure)| *sure)
+    }
+}
+
+/// The order per turn of the screw at which the error of the fits is strongest, on the hand that each was fitted to,
+/// and that they do not have yet.
+fn strongest_order(fits: &[Axis; 2], record: &Record, hands: &[Vec<usize>; 2]) -> Option<Term> {
+    let axis = &fits[0];
+    let measured = butterworth_100(&record.force(), record.rate);
+    let mut rows: Vec<(f64, f64)> = Vec::new();
+    for (fit, hand) in fits.iter().zip(hands) {
+        let run = fit.simulate(record);
+        let simulated = butterworth_100(&run.force, record.rate);
+        // At speed only: at rest an angle says nothing.
+        let moving = hand
+            .iter()
+            .step_by(4)
+            .filter(|k| run.velocity[**k].abs() > 5e-3);
+        rows.extend(moving.map(|&k| {
+            (
+                TAU * record.position[k] / axis.lead_m,
+                simulated[k] - measured[k],
+            )
+        }));
+    }
+    let has = |order: f64| {
+        axis.terms
+            .iter()
+            .any(|(term, _)| matches!(term, Term::Periodic(known) if (known - order).abs() < 0.3))
+    };
+    let strength = |order: f64| {
+        let (c, s) = rows.iter().fold((0.0, 0.0), |(c, s), (angle, error)| {
+            let (sin, cos) = (order * angle).sin_cos();
+            (c + error * cos, s + error * sin)
+        });
+        f64::hypot(c, s)
+    };
+    (70..4500)
+        .map(|k| 0.01 * f64::from(k))
+        .filter(|order| !has(*order))
+        .map(|order| (strength(order), order))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, order)| {
+            Term::Periodic(if (order - order.round()).abs() < 0.015 {
+                order.round()
+            } else {
+                order
+            })
+        })
+}

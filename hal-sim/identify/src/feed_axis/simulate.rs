@@ -1,0 +1,112 @@
+//! The closed loop of an axis, simulated over a record's references and pulses.
+
+use super::axis::{Axis, Term};
+use super::record::{Law, Record};
+use std::f64::consts::TAU;
+
+/// Integration steps per row.
+const SUBSTEPS: usize = 4;
+
+/// What a simulation gives, at every row.
+pub struct Run {
+    /// Position, m.
+    pub position: Vec<f64>,
+    /// Velocity, m/s.
+    pub velocity: Vec<f64>,
+    /// Motor force as the controller asks for it, N.
+    pub force: Vec<f64>,
+}
+
+impl Axis {
+    /// Simulates the closed loop over a record's references and pulses, from its first position at rest.
+    pub fn simulate(&self, record: &Record) -> Run {
+        let [mass, viscous, coulomb, offset] = self.base;
+        let mass = mass.max(1.0);
+        let stribeck = self
+            .find(Term::Stribeck)
+            .map_or((0.0, 1.0), |v| (v[0], v[1].abs().max(1e-4)));
+        let (saturation, asymmetry) = (self.one(Term::Saturation), self.one(Term::Asymmetry));
+        let stiffness = self.find(Term::Presliding).map(|v| v[0].clamp(1e4, 5e7));
+        let (friction_slope, load_slope) = (
+            self.one(Term::PositionFriction),
+            self.one(Term::PositionLoad),
+        );
+        let lag = self.one(Term::Lag).max(0.0);
+        let periodic: Vec<(f64, f64, f64)> = self
+            .terms
+            .iter()
+            .filter_map(|(term, v)| match term {
+                Term::Periodic(order) => Some((*order, v[0], v[1])),
+                _ => None,
+            })
+            .collect();
+        let dt = 1.0 / record.rate / SUBSTEPS as f64;
+        let inside = self.law == Law::Ideal;
+        let rows = record.len();
+        let mut run = Run {
+            position: Vec::with_capacity(rows),
+            velocity: Vec::with_capacity(rows),
+            force: Vec::with_capacity(rows),
+        };
+        let (mut x, mut v) = (record.position[0], 0.0_f64);
+        let mut bristle = 0.0_f64;
+        let mut applied = record.output[0] * record.force_per_volt;
+        let follow = if lag > 0.0 {
+            1.0 - (-dt / lag).exp()
+        } else {
+            1.0
+        };
+        for k in 0..rows {
+            let speed = match self.law {
+                Law::Ideal => v,
+                Law::Difference(periods) => {
+                    let before = k.checked_sub(periods).map_or(x, |k| run.position[k]);
+                    (x - before) * record.rate / periods as f64
+                }
+            };
+            let asked = |x: f64, speed: f64, share: f64| {
+                let volts = record.kv * (record.kp * (record.reference_at(k, share) - x) - speed)
+                    + record.pulses_at(k, share);
+                volts.clamp(-self.limit_v, self.limit_v) * record.force_per_volt
+            };
+            let mut force = asked(x, speed, 0.0);
+            run.position.push(x);
+            run.velocity.push(v);
+            run.force.push(force);
+            let theta = TAU * x / self.lead_m + self.homing;
+            let ripple: f64 = periodic
+                .iter()
+                .map(|(order, c, s)| c * (order * theta).cos() + s * (order * theta).sin())
+                .sum();
+            for step in 0..SUBSTEPS {
+                if inside {
+                    force = asked(x, v, step as f64 / SUBSTEPS as f64);
+                }
+                applied += (force - applied) * follow;
+                let level =
+                    (coulomb + stribeck.0 * (-(v.abs() / stribeck.1)).exp() + friction_slope * x)
+                        .max(0.1);
+                let dry = match stiffness {
+                    Some(stiffness) => {
+                        // LuGre without its own damping: the bristle follows exactly over a step of constant speed.
+                        let reach = level / stiffness;
+                        let rate = v.abs() / reach;
+                        let target = if v == 0.0 {
+                            bristle
+                        } else {
+                            reach * v.signum()
+                        };
+                        bristle = target + (bristle - target) * (-rate * dt).exp();
+                        stiffness * bristle
+                            + 0.6 * (stiffness * mass).sqrt() * v * (-(v.abs() / 2e-3)).exp()
+                    }
+                    None => level * (v / 5e-4).tanh(),
+                };
+                let drag = viscous * v - saturation * v * v.abs() + asymmetry * v.abs();
+                v += dt / mass * (applied - drag - dry - offset - ripple - load_slope * x);
+                x += dt * v;
+            }
+        }
+        run
+    }
+}

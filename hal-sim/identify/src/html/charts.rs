@@ -1,0 +1,281 @@
+//! Residuals over their coordinates, and their order spectra.
+
+use super::words::{capital, prefix};
+use crate::report::{Channel, Coordinate};
+use page::axis::{Axis, extent, widen};
+use page::chart::{COOL, Chart, Label, Mark, Series, THIRD, WARM, chart};
+use page::document::{escape, legend};
+use realfft::RealFftPlanner;
+use std::f64::consts::TAU;
+use std::ops::Range;
+
+/// Bins over a turn: several for each period of a high order.
+const TURN_BINS: usize = 360;
+/// Bins over another range.
+const BINS: usize = 90;
+/// Highest order of a spectrum's chart, or a little above the highest that was found.
+const ORDERS: f64 = 66.0;
+/// Lines of before and after: told apart without colour too.
+const BEFORE: Mark = Mark::Line(2.5);
+const AFTER: Mark = Mark::Line(1.2);
+
+/// The key of all charts here.
+pub(super) fn key(found: bool) -> String {
+    let mut entries = vec![
+        (WARM, BEFORE, "declared model".to_owned()),
+        (COOL, AFTER, "new model".to_owned()),
+    ];
+    if found {
+        entries.push((
+            THIRD,
+            Mark::Ring,
+            "order of an effect that was found".to_owned(),
+        ));
+    }
+    legend(&entries)
+}
+
+fn figure(caption: &str, svg: &str) -> String {
+    format!(
+        "<figure>\n<figcaption>{}</figcaption>\n{svg}</figure>\n",
+        escape(caption)
+    )
+}
+
+/// Both residuals as series, the heavy one first.
+fn series(points: [Vec<(f64, f64)>; 2]) -> Vec<Series> {
+    let [before, after] = points;
+    vec![
+        Series {
+            points: before,
+            color: WARM,
+            mark: BEFORE,
+        },
+        Series {
+            points: after,
+            color: COOL,
+            mark: AFTER,
+        },
+    ]
+}
+
+fn scaled(points: Vec<(f64, f64)>, factor: f64) -> Vec<(f64, f64)> {
+    points.into_iter().map(|(x, y)| (x, factor * y)).collect()
+}
+
+/// The order spectrum, found lines marked by their names.
+pub(super) fn orders(channel: &Channel) -> String {
+    figure("Which orders of the turn it has", &spectrum_chart(channel))
+}
+
+/// Its picture.
+pub(super) fn spectrum_chart(channel: &Channel) -> String {
+    let highest = channel.marks.iter().map(|mark| mark.0).fold(0.0, f64::max);
+    let top = ORDERS.max(1.15 * highest);
+    let lines = [0, 1].map(|k| {
+        spectrum(
+            &channel.turn.values,
+            &channel.residual[k],
+            &channel.open,
+            top,
+        )
+    });
+    let most = lines.iter().flatten().map(|p| p.1).fold(0.0, f64::max);
+    let (factor, unit) = prefix(most, &channel.unit);
+    let [before, after] = lines.map(|points| scaled(points, factor));
+    let at = |order: f64| {
+        let near = |p: &&(f64, f64)| (p.0 - order).abs() < 0.35;
+        let line = before
+            .iter()
+            .filter(near)
+            .max_by(|a, b| a.1.total_cmp(&b.1));
+        line.map_or((order, factor * most), |line| *line)
+    };
+    let mut marks: Vec<(f64, String)> = Vec::new();
+    for (order, name) in &channel.marks {
+        if marks.iter().all(|(known, _)| known != order) {
+            marks.push((*order, format!("{} \u{D7} {name}", short(*order))));
+        }
+    }
+    let rings = marks.iter().map(|(order, _)| at(*order)).collect();
+    let labels = marks
+        .iter()
+        .map(|(order, text)| Label {
+            at: at(*order),
+            text: text.clone(),
+            color: THIRD,
+        })
+        .collect();
+    let mut series = series([before.clone(), after]);
+    series.push(Series {
+        points: rings,
+        color: THIRD,
+        mark: Mark::Ring,
+    });
+    let title = format!("Amplitude, {unit}");
+    let about = format!(
+        "Amplitude of the {} residual over orders per turn",
+        channel.name
+    );
+    chart(&Chart {
+        about: &about,
+        x: Axis {
+            title: "Order, per turn",
+            range: Some(0.0..top),
+            log: false,
+        },
+        y: Axis {
+            title: &title,
+            range: Some(0.0..1.18 * factor * most.max(1e-300)),
+            log: false,
+        },
+        series,
+        labels,
+    })
+}
+
+fn short(order: f64) -> String {
+    let text = format!("{order:.2}");
+    text.trim_end_matches('0').trim_end_matches('.').into()
+}
+
+/// Mean residual over a coordinate.
+pub(super) fn over(channel: &Channel, coordinate: &Coordinate) -> String {
+    let values: Vec<f64> = match coordinate.folded {
+        true => coordinate
+            .values
+            .iter()
+            .map(|a| (a / TAU).rem_euclid(1.0))
+            .collect(),
+        false => coordinate.values.clone(),
+    };
+    let open = || {
+        values
+            .iter()
+            .zip(&channel.open)
+            .filter(|(_, open)| **open)
+            .map(|(x, _)| *x)
+    };
+    let range = match coordinate.folded {
+        true => 0.0..1.0,
+        false => extent(open()).unwrap_or(0.0..1.0),
+    };
+    let bins = if coordinate.folded { TURN_BINS } else { BINS };
+    let points = [0, 1].map(|k| binned(&values, &channel.residual[k], &channel.open, &range, bins));
+    let most = points
+        .iter()
+        .flatten()
+        .map(|p| p.1.abs())
+        .fold(0.0, f64::max);
+    let (factor, unit) = prefix(most, &channel.unit);
+    let points = points.map(|points| scaled(points, factor));
+    let heights = extent(points.iter().flatten().map(|p| p.1)).map(|range| widen(&range, 0.08));
+    let y = format!("Mean residual, {unit}");
+    let about = format!("Mean {} residual over {}", channel.name, coordinate.title);
+    let svg = chart(&Chart {
+        about: &about,
+        x: Axis {
+            title: &coordinate.title,
+            range: Some(widen(&range, 0.02)),
+            log: false,
+        },
+        y: Axis {
+            title: &y,
+            range: heights,
+            log: false,
+        },
+        series: series(points),
+        labels: Vec::new(),
+    });
+    let name = coordinate.title.split(',').next().unwrap_or_default();
+    let caption = match coordinate.folded {
+        true => format!("Over a turn: {}", name.to_lowercase()),
+        false => format!("Over {}", name.to_lowercase()),
+    };
+    figure(&caption, &svg)
+}
+
+/// All charts of a channel.
+pub(super) fn section(channel: &Channel) -> String {
+    let over: String = std::iter::once(&channel.turn)
+        .chain(&channel.over)
+        .map(|coordinate| over(channel, coordinate))
+        .collect();
+    format!(
+        "<h3>{}</h3>\n<div class=\"pair\">\n{}{over}</div>\n",
+        escape(&capital(&channel.name)),
+        orders(channel)
+    )
+}
+
+/// Mean of a residual over bins of a coordinate.
+fn binned(
+    coordinate: &[f64],
+    residual: &[f64],
+    open: &[bool],
+    range: &Range<f64>,
+    bins: usize,
+) -> Vec<(f64, f64)> {
+    let mut sums = vec![(0.0, 0.0); bins];
+    let width = (range.end - range.start) / bins as f64;
+    for ((x, r), _) in coordinate
+        .iter()
+        .zip(residual)
+        .zip(open)
+        .filter(|(_, open)| **open)
+    {
+        let bin = ((x - range.start) / width) as usize;
+        if let Some(sum) = sums.get_mut(bin) {
+            sum.0 += r;
+            sum.1 += 1.0;
+        }
+    }
+    sums.iter()
+        .enumerate()
+        .filter(|(_, sum)| sum.1 > 3.0)
+        .map(|(k, sum)| (range.start + (k as f64 + 0.5) * width, sum.0 / sum.1))
+        .collect()
+}
+
+/// Amplitude of a residual over the orders of an angle; of neighbouring orders the greatest.
+fn spectrum(angle: &[f64], residual: &[f64], open: &[bool], top: f64) -> Vec<(f64, f64)> {
+    const PER_TURN: usize = 256;
+    const POINTS: usize = 420;
+    let low = angle.iter().copied().fold(f64::MAX, f64::min);
+    let high = angle.iter().copied().fold(f64::MIN, f64::max);
+    let turns = (((high - low) / TAU).max(8.0) as usize + 1).next_power_of_two();
+    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(turns * PER_TURN);
+    let mut bins = transform.make_input_vec();
+    let mut used = 0.0;
+    for ((x, r), _) in angle
+        .iter()
+        .zip(residual)
+        .zip(open)
+        .filter(|(_, open)| **open)
+    {
+        let bin = ((x - low) / TAU * PER_TURN as f64) as usize;
+        bins[bin.min(turns * PER_TURN - 1)] += r;
+        used += 1.0;
+    }
+    let mut lines = transform.make_output_vec();
+    if transform.process(&mut bins, &mut lines).is_err() || used == 0.0 {
+        return Vec::new();
+    }
+    let top = ((top * turns as f64) as usize).min(lines.len());
+    let group = (top / POINTS).max(1);
+    lines[1..top.max(1)]
+        .chunks(group)
+        .enumerate()
+        .map(|(k, chunk)| {
+            let (at, most) = chunk
+                .iter()
+                .enumerate()
+                .map(|(j, c)| (j, c.norm()))
+                .fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
+            (
+                (1 + k * group + at) as f64 / turns as f64,
+                2.0 * most / used,
+            )
+        })
+        .collect()
+}

@@ -1,0 +1,327 @@
+//! `report.html`: what was found, for a person. The first screen answers: a sentence, the error before and after, the
+//! picture; all else stands below.
+
+mod charts;
+mod simulation;
+mod tables;
+mod words;
+
+use crate::report::Report;
+use page::document::{document, escape};
+
+/// The page.
+pub fn page(report: &Report) -> String {
+    let body = [
+        first(report),
+        tables::effects(report),
+        report
+            .simulation
+            .as_ref()
+            .map_or_else(String::new, simulation::section),
+        simulation::stages(&report.stages),
+        tables::residuals(report),
+        left(report),
+        more(report),
+        tables::hypotheses(report),
+        tables::foot(report),
+    ];
+    document(title(report), &body.concat())
+}
+
+/// The order spectrum of the first screen, as a file of its own.
+pub fn picture(report: &Report) -> Option<String> {
+    let (channel, _) = report.lead()?;
+    Some(page::document::standalone(&charts::spectrum_chart(channel)))
+}
+
+fn title(report: &Report) -> &'static str {
+    match report.verdict {
+        "nothing missing" => "Nothing is missing",
+        "unexplained" => "Something is left that is not explained",
+        _ => "What the record has and the model lacks",
+    }
+}
+
+/// Effects that the first sentence names; the table has all.
+const NAMED: usize = 3;
+
+fn result(report: &Report) -> String {
+    if report.effects.is_empty() {
+        return match report.unexplained.is_empty() {
+            true => "With its plate values refined, the declared model explains the record to the noise of its sensors.".into(),
+            false => "No effect was borne out by both records; what is left is described below, without a cause.".into(),
+        };
+    }
+    let mut sentences: Vec<String> = report
+        .effects
+        .iter()
+        .take(NAMED)
+        .map(words::sentence)
+        .collect();
+    if report.effects.len() > NAMED {
+        sentences.push(format!(
+            "{} more effects are below.",
+            report.effects.len() - NAMED
+        ));
+    }
+    if !report.unexplained.is_empty() {
+        sentences.push("Something is left beside it, described below without a cause.".into());
+    }
+    sentences.join(" ")
+}
+
+/// What one must know, on one screen.
+fn first(report: &Report) -> String {
+    let mut text = format!("<p class=\"result\">{}</p>\n", escape(&result(report)));
+    let Some((channel, figures)) = report.lead() else {
+        return text;
+    };
+    text += "<dl class=\"figures\">\n";
+    let mut figure = |name: &str, value: &str, beside: &str| {
+        text += &format!("<div><dt>{name}</dt><dd><b>{value}</b> {beside}</dd></div>\n");
+    };
+    let (fall, beside) = words::fall(figures);
+    let name = format!(
+        "{} residual, rms, on the run that was not fitted",
+        words::capital(&figures.channel)
+    );
+    figure(&name, &fall, &beside);
+    if let Some(simulation) = &report.simulation {
+        let off = |points: f64| page::document::two(Some(points));
+        let value = format!(
+            "{} \u{2192} {}\u{A0}points",
+            off(simulation.declared_rms_points),
+            off(simulation.new_rms_points)
+        );
+        figure(
+            "Ripple of the table (VRF), simulated less measured",
+            &value,
+            "",
+        );
+    }
+    if let (Some(before), Some(after)) = (report.stages.first(), report.last_stage()) {
+        let value = format!(
+            "{} \u{2192} {}\u{A0}%",
+            page::document::two(Some(before.check.force_percent)),
+            page::document::two(Some(after.check_homed.force_percent))
+        );
+        figure(
+            "Force error in closed-loop simulation of the check record",
+            &value,
+            "",
+        );
+    }
+    text += "</dl>\n";
+    text += &format!(
+        "{}<div class=\"pair\">\n{}{}</div>\n",
+        charts::key(!channel.marks.is_empty()),
+        charts::orders(channel),
+        charts::over(channel, &channel.turn),
+    );
+    text
+}
+
+/// What no hypothesis explains: what it looks like, no cause.
+fn left(report: &Report) -> String {
+    if report.unexplained.is_empty() {
+        return String::new();
+    }
+    let items: String = report
+        .unexplained
+        .iter()
+        .map(|left| {
+            format!(
+                "<li>At {}, over {}: order or frequency {}, size {}; {}.</li>\n",
+                escape(&left.channel),
+                escape(&left.coordinate),
+                words::number(left.order),
+                words::number(left.size),
+                escape(&left.reason)
+            )
+        })
+        .collect();
+    format!("<section>\n<h2>What is left, without a cause</h2>\n<ul>\n{items}</ul>\n</section>\n")
+}
+
+/// All channels in which something shows; where nothing is missing, the torques and the table.
+fn more(report: &Report) -> String {
+    let shows = |name: &str| {
+        report
+            .figures(name)
+            .is_some_and(|f| f.fit_before > 1.02 * f.fit_after)
+    };
+    let mut list: Vec<_> = report.channels.iter().filter(|c| shows(&c.name)).collect();
+    if list.is_empty() {
+        list = report
+            .channels
+            .iter()
+            .filter(|c| !c.name.contains("voltage"))
+            .collect();
+    }
+    let marked = list.iter().any(|channel| !channel.marks.is_empty());
+    let sections: String = list.into_iter().map(charts::section).collect();
+    format!(
+        "<section>\n<h2>Residual over its coordinates</h2>\n{}{sections}</section>\n",
+        charts::key(marked)
+    )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::load::Account;
+    use crate::report::*;
+    use std::collections::BTreeMap;
+
+    fn report() -> Report {
+        let time: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
+        let angle: Vec<f64> = time.iter().map(|t| 20.0 * t).collect();
+        let wave = |size: f64| {
+            angle
+                .iter()
+                .map(|a| size * (36.0 * a).cos())
+                .collect::<Vec<_>>()
+        };
+        let coordinate = |title: &str, folded, values: &[f64]| Coordinate {
+            title: title.into(),
+            folded,
+            values: values.to_vec(),
+        };
+        let of =
+            |value| BTreeMap::from([("order".to_owned(), 36.0), ("amplitude".to_owned(), value)]);
+        let figures = |channel: &str, after| Residual {
+            channel: channel.into(),
+            unit: "N m".into(),
+            fit_before: 0.0312,
+            fit_after: after,
+            check_before: 0.0312,
+            check_after: after,
+            noise_floor: f64::NAN,
+            whiteness: 0.94,
+        };
+        Report {
+            verdict: "explained",
+            effects: vec![Effect {
+                kind: "cogging".into(),
+                place: "screw".into(),
+                order: Some(36.0),
+                hz: None,
+                parameters: of(0.0441),
+                interval: BTreeMap::from([("amplitude".to_owned(), [0.044, 0.0442])]),
+                unit: BTreeMap::from([("amplitude".to_owned(), "N m".to_owned())]),
+                explained: 0.97,
+                suggests: None,
+            }],
+            residual: vec![
+                figures("nut torque", 0.0311),
+                figures("screw torque", 0.0012),
+            ],
+            unexplained: vec![Left {
+                channel: "nut".into(),
+                coordinate: "time".into(),
+                order: 43.2,
+                size: 1e-4,
+                reason: "a <reason>".into(),
+            }],
+            calibration: Vec::new(),
+            selection: Selection {
+                rule: "a & b".into(),
+                tried: 7,
+                threshold: 100.0,
+                measure: "fall",
+                trials: Vec::new(),
+            },
+            simulation: Some(Simulation {
+                declared_rms_points: 3.5,
+                new_rms_points: 0.25,
+                holds: vec![Hold {
+                    start_s: 1.0,
+                    seconds: 1.0,
+                    table_mm_s: 2.5,
+                    nut_rpm: 300.0,
+                    measured_vrf_percent: 18.25,
+                    declared_vrf_percent: 14.75,
+                    new_vrf_percent: 18.5,
+                    spectra: [
+                        vec![(1.0, 0.1), (2.0, 0.2)],
+                        Vec::new(),
+                        vec![(1.0, f64::NAN)],
+                    ],
+                }],
+            }),
+            stages: Vec::new(),
+            records: vec![Account {
+                file: "a&b.csv".into(),
+                rows: 10,
+                used: 9,
+                ..Account::default()
+            }],
+            channels: ["nut torque", "screw torque"]
+                .map(|name| Channel {
+                    name: name.into(),
+                    unit: "N m".into(),
+                    residual: [wave(0.0441), wave(0.0001)],
+                    open: vec![true; 4000],
+                    turn: coordinate("Angle of the screw, turns", true, &angle),
+                    marks: vec![(36.0, "cogging".into())],
+                    over: vec![coordinate("Time, s", false, &time)],
+                })
+                .into(),
+            time,
+            model: String::new(),
+        }
+    }
+
+    /// A sentence, the figures before and after, and the picture come before all else.
+    #[test]
+    fn the_first_screen_answers() {
+        let page = page(&report());
+        page::check::sound(&page).unwrap();
+        let first = &page[..page.find("<h2>").expect("a second part")];
+        for answer in [
+            "The screw\u{2019}s motor cogs 36 times a turn, by 44.1\u{A0}mN m.",
+            "Screw torque residual",
+            "31.2 \u{2192} 1.20\u{A0}mN m",
+            "3.50 \u{2192} 0.25\u{A0}points",
+            "36 \u{D7} cogging",
+        ] {
+            assert!(
+                first.contains(answer),
+                "`{answer}` is not on the first screen"
+            );
+        }
+        assert_eq!(first.matches("<svg class=\"plot\"").count(), 2);
+    }
+
+    #[test]
+    fn everything_else_is_there_and_escaped() {
+        let page = page(&report());
+        for part in [
+            "a &lt;reason&gt;",
+            "a &amp; b",
+            "a&amp;b.csv",
+            "<td>18.25</td><td>14.75</td><td>18.50</td>",
+            "94 %",
+        ] {
+            assert!(page.contains(part), "`{part}` is not on the page");
+        }
+        let left = &page[page.find("without a cause</h2>").expect("the section")..];
+        assert!(left[..300].contains("43.2") && !left[..300].contains("cogging"));
+    }
+
+    #[test]
+    fn a_clean_machine_has_a_page_too() {
+        let mut clean = report();
+        clean.verdict = "nothing missing";
+        clean.effects.clear();
+        clean.unexplained.clear();
+        clean
+            .channels
+            .iter_mut()
+            .for_each(|channel| channel.marks.clear());
+        clean.simulation = None;
+        let page = page(&clean);
+        page::check::sound(&page).unwrap();
+        assert!(page.contains("<h1>Nothing is missing</h1>"));
+    }
+}

@@ -1,0 +1,208 @@
+//! An effect, a size and a place in words.
+
+use crate::report::{Effect, Residual};
+
+/// Four significant digits, in powers of ten where that is shorter.
+pub(super) fn number(value: f64) -> String {
+    if !value.is_finite() {
+        return "\u{2013}".into();
+    }
+    let size = value.abs();
+    let text = if size == 0.0 {
+        "0".into()
+    } else if !(1e-3..1e5).contains(&size) {
+        let power = size.log10().floor();
+        format!("{:.2}\u{B7}10<sup>{power}</sup>", value / 10f64.powf(power))
+    } else {
+        let decimals = (3 - size.log10().floor() as i32).max(0) as usize;
+        let text = format!("{value:.decimals$}");
+        match text.contains('.') {
+            true => text.trim_end_matches('0').trim_end_matches('.').into(),
+            false => text,
+        }
+    };
+    text.replace('-', "\u{2212}")
+}
+
+/// A unit's prefix so that `size` is read easily: factor and name.
+pub(super) fn prefix(size: f64, unit: &str) -> (f64, String) {
+    let takes = matches!(unit, "N m" | "V" | "A" | "m" | "rad" | "N" | "s");
+    let (factor, sign) = match size.abs() {
+        _ if !takes => (1.0, ""),
+        s if s >= 0.1 || s == 0.0 => (1.0, ""),
+        s if s >= 1e-4 => (1e3, "m"),
+        s if s >= 1e-7 => (1e6, "\u{B5}"),
+        _ => (1e9, "n"),
+    };
+    (factor, format!("{sign}{unit}"))
+}
+
+/// A size with its unit.
+pub(super) fn size(value: f64, unit: &str) -> String {
+    let (factor, unit) = prefix(value, unit);
+    let scaled = value * factor;
+    let decimals = match scaled.abs() {
+        s if s >= 100.0 || s == 0.0 => 0,
+        s if s >= 10.0 => 1,
+        _ => 2,
+    };
+    format!("{scaled:.decimals$}\u{A0}{unit}")
+        .trim_end()
+        .replace('-', "\u{2212}")
+}
+
+/// Who has it.
+fn owner(place: &str) -> &'static str {
+    match place {
+        "screw" => "The screw\u{2019}s motor",
+        "nut" => "The nut\u{2019}s motor",
+        "both" => "Each motor",
+        "motor" => "The motor",
+        _ => "The feed",
+    }
+}
+
+/// `3 times`, `once`.
+fn times(order: f64) -> String {
+    match order {
+        1.0 => "once".into(),
+        2.0 => "twice".into(),
+        _ => format!("{} times", number((1000.0 * order).round() / 1000.0)),
+    }
+}
+
+/// What an effect is, as a sentence.
+pub(super) fn sentence(effect: &Effect) -> String {
+    let value = |name: &str| effect.parameters.get(name).copied().unwrap_or(f64::NAN);
+    let unit = |name: &str| effect.unit.get(name).map_or("", String::as_str);
+    let of = |name: &str| size(value(name), unit(name));
+    let percent =
+        |name: &str| format!("{:.2}\u{A0}%", 100.0 * value(name)).replace('-', "\u{2212}");
+    let often = || times(effect.order.unwrap_or(f64::NAN));
+    let what = match effect.kind.as_str() {
+        "current_offset" => format!(
+            "reads its current wrong by {} in phase a and {} in phase b: a torque once per electrical turn",
+            of("off_a"),
+            of("off_b")
+        ),
+        "current_gain" => format!(
+            "reads its current wrong by {} of it in phase a and {} in phase b: a torque twice per electrical turn",
+            percent("gain_a"),
+            percent("gain_b")
+        ),
+        "torque_harmonic" => format!(
+            "has a torque ripple of {}, {} per electrical turn",
+            of("amplitude"),
+            often()
+        ),
+        "flux_harmonic" => format!(
+            "has a flux harmonic of {}, {} per electrical turn",
+            percent("amplitude"),
+            often()
+        ),
+        "cogging" => format!("cogs {} a turn, by {}", often(), of("amplitude")),
+        "coupling_misalignment" => format!(
+            "has a torque of {}, {} a turn, as a misaligned coupling makes it",
+            of("amplitude"),
+            often()
+        ),
+        "angle_periodic" if unit("amplitude") == "N" => {
+            return format!(
+                "A force of {} repeats {} a turn of the screw.",
+                of("amplitude"),
+                often()
+            );
+        }
+        "angle_periodic" => format!(
+            "has a ripple of {}, {} a turn: no order of its poles, so a belt, a bearing or the like",
+            of("amplitude"),
+            often()
+        ),
+        "time_periodic" => format!(
+            "feels a torque of {} at {} Hz, whatever its speed",
+            of("amplitude"),
+            number(value("hz"))
+        ),
+        "encoder_eccentricity" => format!(
+            "has an encoder that errs by {}, {} a turn",
+            of("amplitude"),
+            often()
+        ),
+        "dead_time" => format!(
+            "loses {} of each phase\u{2019}s voltage against the sign of its current",
+            of("value")
+        ),
+        "stribeck_friction" if value("amplitude") < 0.0 => format!(
+            "slides easier when slow: friction is {} lower near rest than when it moves",
+            size(-value("amplitude"), unit("amplitude"))
+        ),
+        "stribeck_friction" => format!(
+            "sticks: friction is {} higher at rest than when it moves",
+            of("amplitude")
+        ),
+        "resistance_drift" => format!(
+            "changes its resistance by {} over the run",
+            percent("value")
+        ),
+        "flux_drift" => format!("changes its flux by {} over the run", percent("value")),
+        "lead_error" => format!(
+            "has a lead that errs by {}, {} per turn of screw against nut",
+            of("amplitude"),
+            often()
+        ),
+        "lead_scale" => format!("has a lead that is off by {}", percent("value")),
+        "ball_passage" => format!(
+            "has balls that pass {} per turn of screw against nut, with {}",
+            often(),
+            of("amplitude")
+        ),
+        "axial_compliance" => format!(
+            "has a table that swings on the screw at {} Hz",
+            number(value("hz"))
+        ),
+        "position_load" => format!(
+            "has a load that grows by {} with the table\u{2019}s position",
+            of("value")
+        ),
+        "backlash" => format!("has a backlash of {}", of("value")),
+        "force_lag" => format!("has a force that follows {} late", of("value")),
+        "viscous_saturation" => "has a viscous friction that grows less than the speed".into(),
+        "viscous_asymmetry" => "has a viscous friction that differs by direction".into(),
+        "presliding" => "gives like a spring before it slides".into(),
+        "position_friction" => "has a friction that grows with position".into(),
+        other => format!("has {}", other.replace('_', " ")),
+    };
+    format!("{} {what}.", owner(&effect.place))
+}
+
+/// How a channel's residual fell, and what noise alone is.
+pub(super) fn fall(figures: &Residual) -> (String, String) {
+    let (factor, unit) = prefix(figures.check_before, &figures.unit);
+    let digits = |value: f64| {
+        let scaled = value * factor;
+        match scaled.abs() {
+            s if s >= 100.0 => format!("{scaled:.0}"),
+            s if s >= 10.0 => format!("{scaled:.1}"),
+            s if s >= 1.0 => format!("{scaled:.2}"),
+            _ => format!("{scaled:.3}"),
+        }
+    };
+    let floor = match figures.noise_floor.is_finite() {
+        true => format!("noise alone is {}", digits(figures.noise_floor)),
+        false => String::new(),
+    };
+    let fall = format!(
+        "{} \u{2192} {}\u{A0}{unit}",
+        digits(figures.check_before),
+        digits(figures.check_after)
+    );
+    (fall, floor)
+}
+
+/// With a capital letter.
+pub(super) fn capital(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |first| {
+        first.to_uppercase().collect::<String>() + letters.as_str()
+    })
+}

@@ -1,0 +1,143 @@
+//! Orders of a motor's turn, and what they suggest.
+
+/// Highest order that is looked for.
+const HIGHEST: u32 = 220;
+/// An order stands out whose amplitude is so many times the median of all.
+const OUTSTANDING: f64 = 6.0;
+
+/// An order of the motor's turn.
+#[derive(Debug, Clone, Copy)]
+pub struct Order {
+    /// Periods per mechanical turn.
+    pub order: u32,
+    /// Amplitude in the slow turn, A.
+    pub amplitude_a: f64,
+}
+
+impl Order {
+    /// What kind of effect has such an order, by the names of a model file.
+    pub fn kind(self, pole_pairs: u32) -> &'static str {
+        if self.order.is_multiple_of(2 * pole_pairs) {
+            "cogging"
+        } else if self.order.is_multiple_of(pole_pairs) {
+            "torque_harmonic"
+        } else {
+            "angle_periodic"
+        }
+    }
+
+    /// What an order suggests. A record of the current alone cannot tell the causes of one order apart.
+    pub fn suggests(self, pole_pairs: u32) -> String {
+        let Order { order, .. } = self;
+        if !order.is_multiple_of(pole_pairs) {
+            let share = f64::from(order) / f64::from(pole_pairs);
+            return format!(
+                "{share} per electrical turn, so not the magnets alone: slots, or mechanics"
+            );
+        }
+        let cause = match order / pole_pairs {
+            1 => "offset of a current sensor".to_owned(),
+            2 => format!("gains of the current sensors that differ, or cogging of the {} poles", 2 * pole_pairs),
+            n if n.is_multiple_of(6) => {
+                "flux harmonics of a three-phase winding, or cogging where the slots have a multiple there".to_owned()
+            }
+            n if n.is_multiple_of(2) => format!("cogging of the {} poles, or saturation", 2 * pole_pairs),
+            _ => "magnets or phases that differ, or saturation".to_owned(),
+        };
+        format!("{} per electrical turn: {cause}", order / pole_pairs)
+    }
+}
+
+/// Amplitude of an order in one way of a slow turn: cosine and sine.
+fn line(position: &[f64], current: &[f64], order: u32) -> (f64, f64) {
+    let n = position.len().max(1) as f64;
+    let mean = current.iter().sum::<f64>() / n;
+    position
+        .iter()
+        .zip(current)
+        .fold((0.0, 0.0), |(c, s), (p, i)| {
+            let (sin, cos) = (f64::from(order) * p).sin_cos();
+            (c + (i - mean) * cos / n, s + (i - mean) * sin / n)
+        })
+}
+
+/// Orders of a slow turn forth and back whose amplitude stands out of its spectrum, the strongest first. Friction, which
+/// changes sign with the direction, drops out of the mean of both ways.
+pub(super) fn of_map(position: &[f64], current: &[f64]) -> Vec<Order> {
+    let turn = position
+        .iter()
+        .enumerate()
+        .max_by(|a, b| a.1.total_cmp(b.1))
+        .map_or(0, |(k, _)| k);
+    let ways = [0..turn, turn..position.len()];
+    outstanding(|order| {
+        let (c, s) = ways
+            .iter()
+            .map(|way| line(&position[way.clone()], &current[way.clone()], order))
+            .fold((0.0, 0.0), |sum, one| (sum.0 + one.0, sum.1 + one.1));
+        f64::hypot(c, s)
+    })
+}
+
+/// The same of a residual over position, where there is no slow turn.
+pub(super) fn of_residual(position: &[f64], residual: &[f64]) -> Vec<Order> {
+    outstanding(|order| {
+        let (c, s) = line(position, residual, order);
+        2.0 * f64::hypot(c, s)
+    })
+}
+
+fn outstanding(amplitude: impl Fn(u32) -> f64) -> Vec<Order> {
+    let mut orders: Vec<Order> = (1..=HIGHEST)
+        .map(|order| Order {
+            order,
+            amplitude_a: amplitude(order),
+        })
+        .collect();
+    orders.sort_by(|a, b| b.amplitude_a.total_cmp(&a.amplitude_a));
+    let median = orders[orders.len() / 2].amplitude_a;
+    orders.retain(|order| order.amplitude_a > OUTSTANDING * median);
+    orders
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::f64::consts::TAU;
+
+    #[test]
+    fn the_orders_of_a_turn_are_found_and_friction_is_not() {
+        let there = (0..4000).map(|k| TAU * f64::from(k) / 4000.0);
+        let position: Vec<f64> = there.clone().chain(there.rev()).collect();
+        // White: what repeats in it would be orders.
+        let noise = |k: usize| {
+            let mut z = (k as u64 + 1).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+            z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+            (z >> 40) as f64 / (1u64 << 24) as f64 * 0.01
+        };
+        let current: Vec<f64> = (0..8000)
+            .map(|k| {
+                let way = if k < 4000 { 0.3 } else { -0.3 };
+                way + 0.2 * (36.0 * position[k]).cos() + 0.05 * (7.0 * position[k]).sin() + noise(k)
+            })
+            .collect();
+        let found = of_map(&position, &current);
+        assert_eq!(found.iter().map(|o| o.order).collect::<Vec<_>>(), [36, 7]);
+        assert!((found[0].amplitude_a - 0.2).abs() < 0.01);
+    }
+
+    #[test]
+    fn an_order_suggests_what_its_share_of_the_pole_pairs_says() {
+        let suggests = |order| {
+            Order {
+                order,
+                amplitude_a: 1.0,
+            }
+            .suggests(12)
+        };
+        assert!(suggests(12).contains("1 per electrical turn: offset"));
+        assert!(suggests(18).contains("1.5 per electrical turn"));
+        assert!(suggests(72).contains("6 per electrical turn: flux"));
+    }
+}

@@ -1,0 +1,203 @@
+//! The current of a motor by inertia, friction and the orders of its turn.
+
+use super::orders::{Order, of_map, of_residual};
+use super::record::Record;
+use crate::feed_axis::butterworth_100;
+use crate::fourier::slope;
+use nalgebra::{DMatrix, DVector};
+
+/// What is left out at a record's start, s, in which the speed is not yet reached, and at its end.
+const MARGIN_S: [f64; 2] = [0.3, 0.1];
+/// Speed over which friction changes its sign, rad/s.
+const STICKING: f64 = 0.3;
+
+/// A fitted current and what it leaves, on the filtered records.
+#[derive(Debug, Clone)]
+pub struct Fit {
+    /// Coefficients: the base columns, then cosine and sine of each order.
+    pub values: Vec<f64>,
+    /// Their standard deviations.
+    pub deviations: Vec<f64>,
+    /// What is left of the current of fit and check record, A.
+    pub left: [Vec<f64>; 2],
+    /// Rms of what each column brings on the fit record, A.
+    pub parts: Vec<f64>,
+}
+
+/// What the orders explain of a motor's current.
+pub struct Study {
+    /// Orders, the strongest first.
+    pub orders: Vec<Order>,
+    /// Columns ahead of the orders' in [`Fit::values`]: acceleration, velocity, its square, friction, offset.
+    pub base: usize,
+    /// Inertia and friction only.
+    pub before: Fit,
+    /// With the orders.
+    pub after: Fit,
+    /// Filtered current of fit and check record, A.
+    pub current: [Vec<f64>; 2],
+    /// Angles of the same rows, rad.
+    pub position: [Vec<f64>; 2],
+    /// Rate of the rows, Hz.
+    pub rate: f64,
+    /// What the current's sensor alone leaves after the filter, A.
+    pub noise: f64,
+}
+
+/// Rms of a signal.
+pub(crate) fn rms(values: &[f64]) -> f64 {
+    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
+}
+
+/// Noise of a record's current within the filter's band, A: white noise by its fourth differences, which what moves
+/// slowly has not.
+fn noise(record: &Record) -> f64 {
+    let fourth: Vec<f64> = record
+        .current
+        .windows(5)
+        .map(|i| i[0] - 4.0 * i[1] + 6.0 * i[2] - 4.0 * i[3] + i[4])
+        .collect();
+    rms(&fourth) / 70f64.sqrt() * (200.0 / record.rate).sqrt()
+}
+
+/// One record's columns, with the margins cut off.
+struct Prepared {
+    columns: Vec<Vec<f64>>,
+    current: Vec<f64>,
+    position: Vec<f64>,
+}
+
+fn prepared(record: &Record, orders: &[u32], filtered: bool) -> Prepared {
+    let rate = record.rate;
+    let smooth = |values: &[f64]| match filtered {
+        true => butterworth_100(values, rate),
+        false => values.to_vec(),
+    };
+    // Derivatives need a smooth position whatever the current is compared by.
+    let position = butterworth_100(&record.position, rate);
+    let velocity = slope(&position, rate);
+    let acceleration = slope(&velocity, rate);
+    let friction: Vec<f64> = velocity.iter().map(|v| (v / STICKING).tanh()).collect();
+    let square: Vec<f64> = velocity.iter().map(|v| v * v.abs()).collect();
+    let mut columns = vec![
+        acceleration,
+        velocity,
+        square,
+        smooth(&friction),
+        vec![1.0; position.len()],
+    ];
+    for &order in orders {
+        for quarter in [0.0, std::f64::consts::FRAC_PI_2] {
+            let wave: Vec<f64> = position
+                .iter()
+                .map(|p| (f64::from(order) * p - quarter).cos())
+                .collect();
+            columns.push(smooth(&wave));
+        }
+    }
+    let [from, to] = MARGIN_S.map(|s| (s * rate) as usize);
+    let rows = from..position.len().saturating_sub(to).max(from);
+    let cut = |values: &[f64]| values[rows.clone()].to_vec();
+    Prepared {
+        columns: columns.iter().map(|column| cut(column)).collect(),
+        current: cut(&smooth(&record.current)),
+        position: cut(&position),
+    }
+}
+
+/// Least squares on the first record; what is left of both.
+fn fit(records: [&Prepared; 2]) -> Fit {
+    let matrix =
+        |p: &Prepared| DMatrix::from_fn(p.current.len(), p.columns.len(), |r, c| p.columns[c][r]);
+    let current = |p: &Prepared| DVector::from_column_slice(&p.current);
+    // Columns of very different size: their own norms make the equations even.
+    let mut design = matrix(records[0]);
+    let norms: Vec<f64> = design.column_iter().map(|c| c.norm().max(1e-12)).collect();
+    design
+        .column_iter_mut()
+        .zip(&norms)
+        .for_each(|(mut column, norm)| column /= *norm);
+    let measured = current(records[0]);
+    let n = design.ncols();
+    let curvature = design.tr_mul(&design);
+    let Ok(inverse) = curvature.pseudo_inverse(1e-12) else {
+        return Fit {
+            values: vec![f64::NAN; n],
+            deviations: vec![f64::NAN; n],
+            left: [Vec::new(), Vec::new()],
+            parts: vec![f64::NAN; n],
+        };
+    };
+    let scaled = &inverse * design.tr_mul(&measured);
+    let left = &measured - &design * &scaled;
+    // A band of 100 Hz has 200 free values a second, fewer than rows.
+    let variance = left.norm_squared() / (measured.len() as f64 - n as f64).max(1.0) * 5.0;
+    let values = DVector::from_fn(n, |k, _| scaled[k] / norms[k]);
+    let other = current(records[1]) - matrix(records[1]) * &values;
+    Fit {
+        deviations: (0..n)
+            .map(|k| (variance * inverse[(k, k)].max(0.0)).sqrt() / norms[k])
+            .collect(),
+        parts: (0..n)
+            .map(|k| (scaled[k] * scaled[k] / measured.len() as f64).sqrt())
+            .collect(),
+        values: values.as_slice().to_vec(),
+        left: [left.as_slice().to_vec(), other.as_slice().to_vec()],
+    }
+}
+
+impl Study {
+    /// Fits on `estimate`, checks on `check`. The orders are those of the slow turn `map` (position, current) or, without
+    /// one, those that inertia and friction leave of `estimate`.
+    pub fn new(estimate: &Record, check: &Record, map: Option<&[Vec<f64>; 2]>) -> Self {
+        let bare = [estimate, check].map(|record| prepared(record, &[], true));
+        let before = fit([&bare[0], &bare[1]]);
+        let orders = match map {
+            Some([position, current]) => of_map(position, current),
+            None => of_residual(&bare[0].position, &before.left[0]),
+        };
+        let after = Self::with_orders(estimate, check, &orders, true);
+        let base = bare[0].columns.len();
+        let [fit_part, check_part] = bare;
+        Study {
+            orders,
+            base,
+            before,
+            after,
+            rate: estimate.rate,
+            noise: noise(estimate),
+            current: [fit_part.current, check_part.current],
+            position: [fit_part.position, check_part.position],
+        }
+    }
+
+    fn with_orders(estimate: &Record, check: &Record, orders: &[Order], filtered: bool) -> Fit {
+        let numbers: Vec<u32> = orders.iter().map(|order| order.order).collect();
+        let both = [estimate, check].map(|record| prepared(record, &numbers, filtered));
+        fit([&both[0], &both[1]])
+    }
+
+    /// Current error of a fit on the check record, of its rms, %.
+    fn percent(&self, fit: &Fit) -> f64 {
+        100.0 * rms(&fit.left[1]) / rms(&self.current[1])
+    }
+
+    /// Without the orders, %.
+    pub fn before_percent(&self) -> f64 {
+        self.percent(&self.before)
+    }
+
+    /// With them, %.
+    pub fn after_percent(&self) -> f64 {
+        self.percent(&self.after)
+    }
+
+    /// Both without the 100 Hz filter of the current, %: the sensor's noise is then in.
+    pub fn unfiltered_percent(estimate: &Record, check: &Record, orders: &[Order]) -> [f64; 2] {
+        let size = prepared(check, &[], false).current;
+        [&[], orders].map(|orders| {
+            let fit = Self::with_orders(estimate, check, orders, false);
+            100.0 * rms(&fit.left[1]) / rms(&size)
+        })
+    }
+}

@@ -1,0 +1,241 @@
+//! The report of a double drive.
+
+use super::{Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
+use crate::analysis::{Found, Outcome};
+use crate::channel::Channel as Balance;
+use crate::hypothesis::Family;
+use crate::interval::estimates;
+use crate::load::Account;
+use crate::select::Trial;
+use plant::Axis;
+use plant::effects::Place;
+
+/// Trials that lost, listed for each step.
+const LISTED: usize = 8;
+
+/// Of what was traced, from the records `accounts`.
+pub fn double_drive(outcome: &Outcome, accounts: [Account; 2]) -> Report {
+    Report {
+        verdict: outcome.verdict(),
+        effects: outcome.effects.iter().map(effect).collect(),
+        residual: outcome
+            .channels
+            .iter()
+            .map(|figures| Residual {
+                channel: figures.channel.name().into(),
+                unit: figures.channel.unit().into(),
+                fit_before: figures.fit_before,
+                fit_after: figures.fit_after,
+                check_before: figures.check_before,
+                check_after: figures.check_after,
+                noise_floor: figures.noise_floor,
+                whiteness: figures.whiteness,
+            })
+            .collect(),
+        unexplained: outcome
+            .unexplained
+            .iter()
+            .map(|left| Left {
+                channel: left.channel.clone(),
+                coordinate: left.coordinate.clone(),
+                order: left.order,
+                size: left.size,
+                reason: left.reason.clone(),
+            })
+            .collect(),
+        calibration: outcome
+            .calibration
+            .iter()
+            .map(|(parameter, relative_change, sigma)| Calibrated {
+                parameter: parameter.clone(),
+                relative_change: *relative_change,
+                sigma: *sigma,
+            })
+            .collect(),
+        selection: selection(outcome),
+        simulation: None,
+        stages: Vec::new(),
+        records: accounts.into(),
+        channels: outcome
+            .residuals
+            .iter()
+            .map(|(balance, before, after)| channel(*balance, before, after, outcome))
+            .collect(),
+        time: outcome.coordinates.time.clone(),
+        model: outcome.model.to_toml(),
+    }
+}
+
+fn effect(found: &Found) -> Effect {
+    let estimates = estimates(found);
+    let value = |name: &str| estimates.iter().find(|e| e.name == name).map(|e| e.value);
+    let kind = found.effect.effect().kind();
+    Effect {
+        kind: kind.into(),
+        place: found.effect.place().name().into(),
+        order: value("order"),
+        hz: value("hz"),
+        unit: estimates
+            .iter()
+            .map(|e| {
+                (
+                    e.name.clone(),
+                    unit(kind, found.effect.place(), &e.name).into(),
+                )
+            })
+            .collect(),
+        interval: estimates
+            .iter()
+            .map(|e| (e.name.clone(), e.interval))
+            .collect(),
+        parameters: estimates.into_iter().map(|e| (e.name, e.value)).collect(),
+        explained: found.explained,
+        suggests: None,
+    }
+}
+
+fn unit(kind: &str, place: Place, name: &str) -> &'static str {
+    match (kind, name) {
+        ("torque_harmonic" | "flux_harmonic", "order") => "per electrical turn",
+        ("lead_error" | "ball_passage", "order") => "per turn of screw against nut",
+        ("current_offset", _) => "A",
+        ("dead_time", _) => "V",
+        ("encoder_eccentricity", "amplitude") => "rad",
+        ("lead_error" | "backlash", "amplitude" | "value") => "m",
+        ("position_load", _) => "N/m",
+        ("flux_harmonic", "amplitude") => "of the flux",
+        ("stribeck_friction", "amplitude") if place == Place::Feed => "N",
+        ("stribeck_friction", "speed") if place == Place::Feed => "m/s",
+        ("stribeck_friction", "speed") => "rad/s",
+        (_, "hz") => "Hz",
+        (_, "phase") => "rad",
+        (_, "order") => "per turn",
+        (_, "amplitude") => "N m",
+        _ => "",
+    }
+}
+
+fn selection(outcome: &Outcome) -> Selection {
+    let tried = |trial: &Trial, outcome: String| Tried {
+        hypothesis: trial.hypothesis.name().into(),
+        place: trial.hypothesis.place.name().into(),
+        shape: (trial.hypothesis.shape != 0.0).then_some(trial.hypothesis.shape),
+        fall: trial.gain.fall.max(0.0),
+        outcome,
+    };
+    let mut trials = Vec::new();
+    for found in &outcome.effects {
+        let name = found.effect.effect().kind();
+        trials.push(Tried {
+            hypothesis: name.into(),
+            place: found.effect.place().name().into(),
+            shape: (found.hypothesis.shape != 0.0).then_some(found.hypothesis.shape),
+            fall: found.fall,
+            outcome: format!("found; {:.0} on the check record", found.check_fall),
+        });
+        let lost = format!("explained less than {name}, and nothing beside it");
+        trials.extend(
+            found
+                .rivals
+                .iter()
+                .take(LISTED)
+                .map(|rival| tried(rival, lost.clone())),
+        );
+    }
+    trials.extend(outcome.last.iter().take(LISTED).map(|trial| {
+        let reason = match trial.gain.fall > outcome.threshold {
+            true => "not borne out by the check record",
+            false => "below the threshold",
+        };
+        tried(trial, reason.into())
+    }));
+    Selection {
+        rule: "An effect must lower the sum of squares over all channels by the threshold on the fit record, and by a share \
+               of it on the check record with the same parameters. Besides the list, all orders from 0.3 to 126 per turn \
+               and all frequencies are scanned."
+            .into(),
+        tried: outcome.tried,
+        threshold: outcome.threshold,
+        measure: "fall of the sum of squares, in units of the noise",
+        trials,
+    }
+}
+
+fn channel(balance: Balance, before: &[f64], after: &[f64], outcome: &Outcome) -> Channel {
+    let at = &outcome.coordinates;
+    let coordinate = |title: &str, folded: bool, values: &[f64]| Coordinate {
+        title: title.into(),
+        folded,
+        values: values.to_vec(),
+    };
+    let relative = coordinate("Angle of screw against nut, turns", true, &at.relative);
+    let time = coordinate("Time, s", false, &at.time);
+    let (turn, mut over) = match balance {
+        Balance::Table => {
+            let speed = coordinate(
+                "Speed of screw against nut, rad/s",
+                false,
+                &at.relative_speed,
+            );
+            (relative, vec![speed])
+        }
+        Balance::Torque(axis) | Balance::VoltageD(axis) | Balance::VoltageQ(axis) => {
+            let name = match axis {
+                Axis::Screw => "screw",
+                Axis::Nut => "nut",
+            };
+            let k = axis.index();
+            let speed = coordinate(&format!("Speed of the {name}, rad/s"), false, &at.speed[k]);
+            (
+                coordinate(&format!("Angle of the {name}, turns"), true, &at.angle[k]),
+                vec![relative, speed],
+            )
+        }
+    };
+    over.push(time);
+    Channel {
+        name: balance.name().into(),
+        unit: balance.unit().into(),
+        residual: [before.to_vec(), after.to_vec()],
+        open: outcome.open[balance.index()].clone(),
+        turn,
+        marks: marks(balance, outcome),
+        over,
+    }
+}
+
+/// The orders per turn of a channel's own angle at which effects were found.
+fn marks(channel: Balance, outcome: &Outcome) -> Vec<(f64, String)> {
+    let pole_pairs = |axis: Axis| f64::from(outcome.model.motor(axis).pole_pairs);
+    outcome
+        .effects
+        .iter()
+        .filter_map(|found| {
+            let hypothesis = &found.hypothesis;
+            let at_own = |axis: Axis| match hypothesis.place {
+                Place::Both => true,
+                _ => hypothesis.axis() == Some(axis),
+            };
+            let order = match channel {
+                Balance::Table => match hypothesis.family {
+                    Family::LeadError => hypothesis.shape,
+                    _ => return None,
+                },
+                Balance::Torque(axis) | Balance::VoltageD(axis) | Balance::VoltageQ(axis)
+                    if at_own(axis) =>
+                {
+                    match hypothesis.family {
+                        Family::AngleTorque | Family::EncoderEccentricity => hypothesis.shape,
+                        Family::FluxHarmonic => hypothesis.shape * pole_pairs(axis),
+                        Family::CurrentOffset => pole_pairs(axis),
+                        Family::CurrentGain => 2.0 * pole_pairs(axis),
+                        Family::DeadTime => 6.0 * pole_pairs(axis),
+                        _ => return None,
+                    }
+                }
+                _ => return None,
+            };
+            Some((order, found.effect.effect().kind().replace('_', " ")))
+        })
+        .collect()
+}

@@ -1,0 +1,221 @@
+//! The report of a feed axis.
+
+use super::{
+    Calibrated, Channel, Coordinate, Effect, Errors, Report, Residual, Selection, Stage, Tried,
+};
+use crate::conclusion::whiteness;
+use crate::feed_axis::{self, Axis, Record, Study, Term};
+use crate::load::Account;
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+
+/// Half-width of a 95 % interval in standard deviations.
+const NORMAL_95: f64 = 1.96;
+
+/// Of what was found with an axis, from the records `accounts`.
+pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report {
+    let (first, last) = (study.first(), study.last());
+    let effects = effects(study);
+    let [before, after] =
+        [&study.stages[study.refitted].axis, &last.axis].map(|axis| axis.left(fit));
+    let step = ((fit.rate / 200.0) as usize).max(1);
+    let every: Vec<f64> = after.iter().copied().step_by(step).collect();
+    let time: Vec<f64> = (0..fit.len()).map(|k| k as f64 / fit.rate).collect();
+    let coordinate = |title: &str, folded, values: Vec<f64>| Coordinate {
+        title: title.into(),
+        folded,
+        values,
+    };
+    let turns = fit
+        .position
+        .iter()
+        .map(|x| TAU * x / last.axis.lead_m)
+        .collect();
+    let marks = last
+        .axis
+        .terms
+        .iter()
+        .filter_map(|(term, _)| match term {
+            Term::Periodic(order) => Some((*order, "angle periodic".to_owned())),
+            _ => None,
+        })
+        .collect();
+    let channel = Channel {
+        name: "force".into(),
+        unit: "N".into(),
+        open: vec![true; fit.len()],
+        residual: [before, after],
+        turn: coordinate("Angle of the screw, turns", true, turns),
+        marks,
+        over: vec![
+            coordinate(
+                "Velocity, m/s",
+                false,
+                crate::fourier::slope(&fit.reference, fit.rate),
+            ),
+            coordinate("Position, m", false, fit.position.clone()),
+            coordinate("Time, s", false, time.clone()),
+        ],
+    };
+    let refitted = &study.stages[study.refitted];
+    Report {
+        verdict: if effects.is_empty() {
+            "nothing missing"
+        } else {
+            "explained"
+        },
+        residual: vec![Residual {
+            channel: "force".into(),
+            unit: "N".into(),
+            fit_before: refitted.estimate.force_n,
+            fit_after: last.estimate.force_n,
+            check_before: refitted.test.force_n,
+            check_after: last.homed.force_n,
+            noise_floor: study.lap_to_lap_n,
+            whiteness: whiteness(&every),
+        }],
+        effects,
+        unexplained: Vec::new(),
+        calibration: calibration(study, &first.axis),
+        selection: selection(study),
+        simulation: None,
+        stages: study
+            .stages
+            .iter()
+            .chain([&study.ideal])
+            .map(|stage| Stage {
+                added: stage.added.clone(),
+                fit: errors(&stage.estimate),
+                check: errors(&stage.test),
+                check_homed: errors(&stage.homed),
+            })
+            .collect(),
+        records: accounts.into(),
+        channels: vec![channel],
+        time,
+        model: last.axis.to_toml(),
+    }
+}
+
+fn errors(errors: &feed_axis::Errors) -> Errors {
+    Errors {
+        force_percent: errors.force_percent,
+        velocity_percent: errors.velocity_percent,
+        position_um: errors.position_um,
+    }
+}
+
+fn around(value: f64, deviation: f64) -> [f64; 2] {
+    [value - NORMAL_95 * deviation, value + NORMAL_95 * deviation]
+}
+
+/// The effects in the order in which they were found.
+fn effects(study: &Study) -> Vec<Effect> {
+    let axis = &study.last().axis;
+    let declared = study.stages[study.refitted].estimate.force_n.powi(2);
+    let mut at = axis.base.len();
+    let mut effects = Vec::new();
+    for (k, (term, values)) in axis.terms.iter().enumerate() {
+        let deviations = &study.deviations[at..at + values.len()];
+        at += values.len();
+        let stages = &study.stages[study.refitted + k..];
+        let fall = stages[0].estimate.force_n.powi(2) - stages[1].estimate.force_n.powi(2);
+        effects.push(effect(*term, values, deviations, fall / declared));
+    }
+    effects
+}
+
+fn effect(term: Term, values: &[f64], deviations: &[f64], explained: f64) -> Effect {
+    let (mut parameters, mut interval, mut unit) =
+        (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
+    let mut put = |name: &str, value: f64, deviation: f64, of: &str| {
+        parameters.insert(name.to_owned(), value);
+        interval.insert(name.to_owned(), around(value, deviation));
+        unit.insert(name.to_owned(), of.to_owned());
+    };
+    let mut order = None;
+    if let Term::Periodic(own) = term {
+        order = Some(own);
+        let (c, s) = (values[0], values[1]);
+        let amplitude = c.hypot(s);
+        let deviation = (c * deviations[0]).hypot(s * deviations[1]) / amplitude;
+        put("order", own, 0.005, "per turn");
+        put("amplitude", amplitude, deviation, "N");
+        put("phase", (-s).atan2(c), deviation / amplitude, "rad");
+    } else {
+        for ((name, of), (value, deviation)) in
+            term.names().iter().zip(values.iter().zip(deviations))
+        {
+            // Of a decay's speed only the size counts.
+            let value = if *name == "speed" {
+                value.abs()
+            } else {
+                *value
+            };
+            put(name, value, *deviation, of);
+        }
+    }
+    Effect {
+        kind: term.kind().into(),
+        place: term.place().into(),
+        order,
+        hz: None,
+        parameters,
+        interval,
+        unit,
+        explained,
+        suggests: None,
+    }
+}
+
+fn calibration(study: &Study, declared: &Axis) -> Vec<Calibrated> {
+    let names = ["mass_kg", "viscous_n_s_per_m", "coulomb_n", "offset_n"];
+    let new = study.last().axis.base;
+    names
+        .iter()
+        .enumerate()
+        .map(|(k, name)| Calibrated {
+            parameter: (*name).into(),
+            relative_change: new[k] / declared.base[k] - 1.0,
+            sigma: study.deviations[k] / declared.base[k].abs(),
+        })
+        .collect()
+}
+
+fn selection(study: &Study) -> Selection {
+    let trials = study
+        .search
+        .iter()
+        .map(|trial| Tried {
+            hypothesis: trial.term.name(),
+            place: trial.term.place().into(),
+            shape: match trial.term {
+                Term::Periodic(order) => Some(order),
+                _ => None,
+            },
+            fall: trial.fall,
+            outcome: match trial.taken {
+                true => "taken",
+                false => "below the threshold on what it was not fitted to",
+            }
+            .into(),
+        })
+        .collect();
+    Selection {
+        rule: format!(
+            "Chosen on the fit record alone: each stretch of one speed and direction is dealt into one of two hands, a model is \
+             fitted on either and judged by the force error on the other. A term stays if it lowers that error by at least \
+             {:.0} %. The controller's output follows its law to {:.1} mV rms with dq/dt as the difference over the \
+             periods that the table names; with dq/dt as it is the declared model's error is the first row's. Force error of \
+             the declared inverse model: {:.2} % on the fit record, {:.2} % on the check record.",
+            100.0 * feed_axis::LEAST,
+            1e3 * study.law_left_v,
+            study.inverse_percent[0],
+            study.inverse_percent[1],
+        ),
+        tried: study.search.len(),
+        threshold: feed_axis::LEAST,
+        measure: "share by which the force error falls on what was not fitted",
+        trials,
+    }
+}

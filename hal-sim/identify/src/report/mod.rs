@@ -1,0 +1,265 @@
+//! What was found, whatever the machine: as `report.json`, and for the page.
+
+mod double_drive;
+mod feed_axis;
+mod motor;
+mod write;
+
+pub use double_drive::double_drive;
+pub use feed_axis::feed_axis;
+pub use motor::motor;
+pub use write::{WriteError, write};
+
+use crate::load::Account;
+use serde::Serialize;
+use std::collections::BTreeMap;
+
+/// A report. What serde skips is for the page and the other files.
+#[derive(Debug, Clone, Serialize)]
+pub struct Report {
+    /// `nothing missing`, `explained` or `unexplained`.
+    pub verdict: &'static str,
+    /// What the record has and the model lacks, the greatest first.
+    pub effects: Vec<Effect>,
+    /// Residual by channel.
+    pub residual: Vec<Residual>,
+    /// What no hypothesis explains.
+    pub unexplained: Vec<Left>,
+    /// Plate values that were refined.
+    pub calibration: Vec<Calibrated>,
+    /// How effects were chosen, and what lost.
+    pub selection: Selection,
+    /// The record's profile, simulated with both models.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub simulation: Option<Simulation>,
+    /// Errors in closed-loop simulation, effect by effect.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<Stage>,
+    /// Fit record and check record.
+    pub records: Vec<Account>,
+    /// Residuals row by row.
+    #[serde(skip)]
+    pub channels: Vec<Channel>,
+    /// Times of their rows, s.
+    #[serde(skip)]
+    pub time: Vec<f64>,
+    /// `model.toml`.
+    #[serde(skip)]
+    pub model: String,
+}
+
+/// An effect.
+#[derive(Debug, Clone, Serialize)]
+pub struct Effect {
+    /// Kind, as in a model file.
+    pub kind: String,
+    /// Place, as in a model file.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// Order, where it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub order: Option<f64>,
+    /// Frequency, where it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hz: Option<f64>,
+    /// Parameters by name.
+    pub parameters: BTreeMap<String, f64>,
+    /// 95 % interval of each.
+    pub interval: BTreeMap<String, [f64; 2]>,
+    /// Units of the parameters.
+    pub unit: BTreeMap<String, String>,
+    /// Share of what the fit record has beyond noise.
+    pub explained: f64,
+    /// What its order suggests, where the record cannot tell.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub suggests: Option<String>,
+}
+
+/// Rms of one channel, in its unit.
+#[derive(Debug, Clone, Serialize)]
+pub struct Residual {
+    /// Name.
+    pub channel: String,
+    /// Unit.
+    pub unit: String,
+    /// Fit record, declared parameters refined.
+    pub fit_before: f64,
+    /// Fit record with the effects.
+    pub fit_after: f64,
+    /// Check record, parameters of the fit record.
+    pub check_before: f64,
+    /// Check record with the effects.
+    pub check_after: f64,
+    /// What sensors alone leave.
+    pub noise_floor: f64,
+    /// Share of the lags of what is left whose correlation is within the 95 % band of white noise.
+    pub whiteness: f64,
+}
+
+/// Something that no hypothesis explains: what it looks like.
+#[derive(Debug, Clone, Serialize)]
+pub struct Left {
+    /// Where it shows.
+    pub channel: String,
+    /// What it repeats with.
+    pub coordinate: String,
+    /// Order or frequency there.
+    pub order: f64,
+    /// Size.
+    pub size: f64,
+    /// Why it was not named.
+    pub reason: String,
+}
+
+/// A plate value that was refined.
+#[derive(Debug, Clone, Serialize)]
+pub struct Calibrated {
+    /// Which.
+    pub parameter: String,
+    /// Change of the declared value, relative.
+    pub relative_change: f64,
+    /// Its standard deviation.
+    pub sigma: f64,
+}
+
+/// How effects were chosen.
+#[derive(Debug, Clone, Serialize)]
+pub struct Selection {
+    /// The rule in words.
+    pub rule: String,
+    /// Hypotheses tried.
+    pub tried: usize,
+    /// What an effect had to bring.
+    pub threshold: f64,
+    /// What `fall` is.
+    pub measure: &'static str,
+    /// What was tried, in the order of the search: what was taken, and what lost.
+    pub trials: Vec<Tried>,
+}
+
+/// A hypothesis that was tried.
+#[derive(Debug, Clone, Serialize)]
+pub struct Tried {
+    /// Its name.
+    pub hypothesis: String,
+    /// Place.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// Order, frequency or speed, where it has one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shape: Option<f64>,
+    /// What it brought.
+    pub fall: f64,
+    /// Whether it was taken, and why not.
+    pub outcome: String,
+}
+
+/// The check record's profile, simulated with both models.
+#[derive(Debug, Clone, Serialize)]
+pub struct Simulation {
+    /// Rms of simulated less measured ripple over the holds, points of %: declared model, new model.
+    pub declared_rms_points: f64,
+    /// See `declared_rms_points`.
+    pub new_rms_points: f64,
+    /// Stretches of one speed.
+    pub holds: Vec<Hold>,
+}
+
+/// A stretch of one speed, measured and simulated.
+#[derive(Debug, Clone, Serialize)]
+pub struct Hold {
+    /// Where it begins in the record, s.
+    pub start_s: f64,
+    /// Length, s.
+    pub seconds: f64,
+    /// Table velocity asked for, mm/s.
+    pub table_mm_s: f64,
+    /// Nut speed asked for, rpm.
+    pub nut_rpm: f64,
+    /// Velocity ripple factor (Eq 19) as measured, %.
+    pub measured_vrf_percent: f64,
+    /// Simulated with the declared model, %.
+    pub declared_vrf_percent: f64,
+    /// Simulated with the new model, %.
+    pub new_vrf_percent: f64,
+    /// Amplitude spectra of the table velocity, (Hz, mm/s): measured, declared, new.
+    #[serde(skip)]
+    pub spectra: [Vec<(f64, f64)>; 3],
+}
+
+/// A model with one effect more, in closed-loop simulation.
+#[derive(Debug, Clone, Serialize)]
+pub struct Stage {
+    /// What was added.
+    pub added: String,
+    /// On the fit record.
+    pub fit: Errors,
+    /// On the check record, nothing fitted there; what repeats with the screw is left out, its phase being unknown.
+    pub check: Errors,
+    /// On the check record from its first quarter on, with the homing taken from that quarter.
+    pub check_homed: Errors,
+}
+
+/// Errors of a simulation.
+#[derive(Debug, Clone, Copy, Serialize)]
+pub struct Errors {
+    /// Force, rms of the error over rms, %.
+    pub force_percent: f64,
+    /// Velocity, the same, %.
+    pub velocity_percent: f64,
+    /// Position, rms, um.
+    pub position_um: f64,
+}
+
+/// A channel's residual row by row.
+#[derive(Debug, Clone)]
+pub struct Channel {
+    /// Name.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// Before and after.
+    pub residual: [Vec<f64>; 2],
+    /// Rows that count.
+    pub open: Vec<bool>,
+    /// The angle that orders are counted in.
+    pub turn: Coordinate,
+    /// Orders of that angle at which effects were found.
+    pub marks: Vec<(f64, String)>,
+    /// What else it is looked at over.
+    pub over: Vec<Coordinate>,
+}
+
+/// Something that a residual is looked at over.
+#[derive(Debug, Clone)]
+pub struct Coordinate {
+    /// Name and unit.
+    pub title: String,
+    /// An angle, folded to one turn.
+    pub folded: bool,
+    /// Its values, rad where folded.
+    pub values: Vec<f64>,
+}
+
+impl Report {
+    /// The residual of a channel.
+    pub fn figures(&self, channel: &str) -> Option<&Residual> {
+        self.residual
+            .iter()
+            .find(|figures| figures.channel == channel)
+    }
+
+    /// The stage with all effects; the last but one, behind which stands the same with dq/dt as it is.
+    pub fn last_stage(&self) -> Option<&Stage> {
+        self.stages.iter().rev().nth(1)
+    }
+
+    /// The channel whose residual fell most, which is what a reader wants to see first.
+    pub fn lead(&self) -> Option<(&Channel, &Residual)> {
+        let fall = |figures: &Residual| figures.check_before / figures.check_after.max(1e-300);
+        self.channels
+            .iter()
+            .filter_map(|channel| Some((channel, self.figures(&channel.name)?)))
+            .max_by(|a, b| fall(a.1).total_cmp(&fall(b.1)))
+    }
+}

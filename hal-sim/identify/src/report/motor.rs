@@ -1,0 +1,153 @@
+//! The report of a bare motor.
+
+use super::{Channel, Coordinate, Effect, Report, Residual, Selection, Tried};
+use crate::conclusion::whiteness;
+use crate::load::Account;
+use crate::motor::{Fit, MotorModel, Study, rms};
+use std::collections::BTreeMap;
+
+/// Half-width of a 95 % interval in standard deviations.
+const NORMAL_95: f64 = 1.96;
+
+/// Of what was found with a motor, from the records `accounts`.
+pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report {
+    let effects: Vec<Effect> = (0..study.orders.len())
+        .map(|k| effect(study, model, k))
+        .collect();
+    let names: Vec<String> = effects.iter().map(|e| e.kind.replace('_', " ")).collect();
+    let marks = study
+        .orders
+        .iter()
+        .zip(names)
+        .take(8)
+        .map(|(order, name)| (f64::from(order.order), name))
+        .collect();
+    let rate = study.rate;
+    let rows = study.position[0].len();
+    let time: Vec<f64> = (0..rows).map(|k| k as f64 / rate).collect();
+    let speed = crate::fourier::slope(&study.position[0], rate);
+    let coordinate = |title: &str, folded, values: Vec<f64>| Coordinate {
+        title: title.into(),
+        folded,
+        values,
+    };
+    let channel = Channel {
+        name: "current".into(),
+        unit: "A".into(),
+        residual: [study.before.left[0].clone(), study.after.left[0].clone()],
+        open: vec![true; rows],
+        turn: coordinate("Angle of the motor, turns", true, study.position[0].clone()),
+        marks,
+        over: vec![
+            coordinate("Speed, rad/s", false, speed),
+            coordinate("Time, s", false, time.clone()),
+        ],
+    };
+    // A band of 100 Hz is white at 200 values a second only.
+    let step = ((rate / 200.0) as usize).max(1);
+    let every: Vec<f64> = study.after.left[0].iter().copied().step_by(step).collect();
+    let left = |fit: &Fit, k: usize| rms(&fit.left[k]);
+    Report {
+        verdict: if effects.is_empty() {
+            "nothing missing"
+        } else {
+            "explained"
+        },
+        residual: vec![Residual {
+            channel: "current".into(),
+            unit: "A".into(),
+            fit_before: left(&study.before, 0),
+            fit_after: left(&study.after, 0),
+            check_before: left(&study.before, 1),
+            check_after: left(&study.after, 1),
+            noise_floor: study.noise,
+            whiteness: whiteness(&every),
+        }],
+        unexplained: Vec::new(),
+        // Nothing is declared of inertia and friction.
+        calibration: Vec::new(),
+        selection: Selection {
+            rule: format!(
+                "Orders of the slow turn whose amplitude is more than six times the median of all; the current after a \
+                 100 Hz zero-phase filter. Its error on the part that was not fitted falls from {:.1} to {:.2} % of its rms. \
+                 One order can have several causes, which a record of the current alone cannot tell apart.",
+                study.before_percent(),
+                study.after_percent()
+            ),
+            tried: 220,
+            threshold: 6.0,
+            measure: "amplitude in the slow turn, A",
+            trials: study
+                .orders
+                .iter()
+                .map(|order| Tried {
+                    hypothesis: order.kind(model.pole_pairs).into(),
+                    place: "motor".into(),
+                    shape: Some(f64::from(order.order)),
+                    fall: order.amplitude_a,
+                    outcome: format!("found; {}", order.suggests(model.pole_pairs)),
+                })
+                .collect(),
+        },
+        simulation: None,
+        stages: Vec::new(),
+        records: accounts.into(),
+        channels: vec![channel],
+        time,
+        model: model_toml(model, &effects),
+        effects,
+    }
+}
+
+fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
+    let order = study.orders[k];
+    let at = study.base + 2 * k;
+    let (c, s) = (study.after.values[at], study.after.values[at + 1]);
+    let (dc, ds) = (study.after.deviations[at], study.after.deviations[at + 1]);
+    let amplitude = c.hypot(s);
+    let own = ((c * dc).hypot(s * ds)) / amplitude;
+    let around =
+        |value: f64, deviation: f64| [value - NORMAL_95 * deviation, value + NORMAL_95 * deviation];
+    // c cos x + s sin x = amplitude cos(x + phase)
+    let phase = (-s).atan2(c);
+    let whole = f64::from(order.order);
+    let part = |k: usize| study.after.parts[k];
+    let before = rms(&study.before.left[0]).powi(2);
+    Effect {
+        kind: order.kind(model.pole_pairs).into(),
+        place: "motor".into(),
+        order: Some(whole),
+        hz: None,
+        parameters: BTreeMap::from([
+            ("order".into(), whole),
+            ("amplitude".into(), amplitude),
+            ("phase".into(), phase),
+        ]),
+        interval: BTreeMap::from([
+            ("order".into(), [whole, whole]),
+            ("amplitude".into(), around(amplitude, own)),
+            ("phase".into(), around(phase, own / amplitude)),
+        ]),
+        unit: BTreeMap::from([
+            ("order".into(), "per turn".into()),
+            ("amplitude".into(), "A".into()),
+            ("phase".into(), "rad".into()),
+        ]),
+        explained: ((part(at).powi(2) + part(at + 1).powi(2)) / before).min(1.0),
+        suggests: Some(order.suggests(model.pole_pairs)),
+    }
+}
+
+fn model_toml(model: MotorModel, effects: &[Effect]) -> String {
+    let mut text = format!("[motor]\npole_pairs = {}\n", model.pole_pairs);
+    for effect in effects {
+        text += &format!(
+            "\n[[effects]]\nkind = \"{}\"\nwhere = \"motor\"\n",
+            effect.kind
+        );
+        for (name, value) in &effect.parameters {
+            text += &format!("{name} = {value:?}\n");
+        }
+    }
+    text
+}

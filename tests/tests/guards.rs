@@ -1,0 +1,194 @@
+//! What the supervision and the analog watchdogs guard, provoked.
+
+use link::codes::Fault;
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::TAU;
+use tests::bench::{Bench, FAULT, READY, RUNNING, counts_at, plate, scale_count_m};
+use tests::chip::wiring::Wiring;
+use tests::pins::Motor;
+
+fn running_on(board: Wiring) -> Result<Bench, String> {
+    let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
+    bench.wait_for(READY, 0.2)?;
+    bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
+    bench.run(1)?;
+    bench.pass(0.4)?;
+    assert_eq!(bench.status()?.state, RUNNING);
+    Ok(bench)
+}
+
+fn running() -> Result<Bench, String> {
+    running_on(Wiring::Nucleo)
+}
+
+fn on(bench: &mut Bench) -> bool {
+    let pwm = &bench.emulator.chip().pwm;
+    pwm.iter().any(|timer| timer.bridge().enabled)
+}
+
+/// Time until both bridges are off, s, and the cause is this.
+fn stops(bench: &mut Bench, cause: Fault, at_most: f64) -> Result<f64, String> {
+    const LOOK: f64 = 20e-6;
+    let mut passed = 0.0;
+    while on(bench) {
+        if passed > at_most {
+            return Err(format!(
+                "a bridge is on after {passed} s: {:?}",
+                bench.status()?
+            ));
+        }
+        bench.pass(LOOK)?;
+        passed += LOOK;
+    }
+    let status = bench.status()?;
+    assert_eq!((status.state, status.fault), (FAULT, cause.word()));
+    Ok(passed)
+}
+
+/// The cause is gone: a reset leaves the fault and the drive runs again.
+fn runs_again(bench: &mut Bench) -> Result<(), String> {
+    bench.run(2)?;
+    bench.wait_for(READY, 1.0)?;
+    bench.run(1)?;
+    bench.pass(20e-3)?;
+    assert_eq!(bench.status()?.state, RUNNING);
+    Ok(())
+}
+
+#[test]
+fn the_bus_above_or_below_its_limits_opens_the_bridges() -> Result<(), String> {
+    let mut bench = running()?;
+    for (volts, cause, at_most) in [
+        // The analog watchdog's flag, taken by the speed task.
+        (405.0, Fault::OverVoltage, 500e-6),
+        // Two looks of the supervision.
+        (50.0, Fault::UnderVoltage, 3.5e-3),
+    ] {
+        bench.joint.borrow_mut().board.set_bus_voltage(volts);
+        let took = stops(&mut bench, cause, at_most)?;
+        println!("{volts} V: off after {:.0} us", 1e6 * took);
+        bench.joint.borrow_mut().board.set_bus_voltage(310.0);
+        runs_again(&mut bench)?;
+    }
+    Ok(())
+}
+
+#[test]
+fn a_hot_heat_sink_or_a_torn_sensor_opens_the_bridges() -> Result<(), String> {
+    for board in [Wiring::Nucleo, Wiring::Custom] {
+        let mut bench = running_on(board)?;
+        let cool = counts_at(board, 40.0);
+        let warm = counts_at(board, 84.0);
+        bench.joint.borrow_mut().temperatures = warm;
+        bench.pass(30e-3)?;
+        assert_eq!(bench.status()?.state, RUNNING, "{board:?} at 84 degrees");
+        for (temperatures, cause) in [
+            (
+                [counts_at(board, 92.0)[0], cool[1]],
+                Fault::ScrewTemperature,
+            ),
+            ([cool[0], 4095], Fault::NutTemperature),
+        ] {
+            bench.joint.borrow_mut().temperatures = temperatures;
+            let took = stops(&mut bench, cause, 20e-3)?;
+            println!("{board:?}: off after {:.1} ms", 1e3 * took);
+            bench.joint.borrow_mut().temperatures = cool;
+            runs_again(&mut bench)?;
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn an_over_current_of_either_sign_is_seen_by_the_analog_watchdogs() -> Result<(), String> {
+    // No comparator sees a negative current.
+    for (motor, cause) in [
+        (Motor::Screw, Fault::ScrewOverCurrent),
+        (Motor::Nut, Fault::NutOverCurrent),
+    ] {
+        let mut bench = running()?;
+        bench.settle_untold()?;
+        bench.emulator.chip().short_circuit(motor, 90);
+        let took = stops(&mut bench, cause, 500e-6)?;
+        println!("{motor:?}: off after {:.0} us", 1e6 * took);
+        bench.emulator.chip().end_short_circuit(motor);
+        runs_again(&mut bench)?;
+    }
+    Ok(())
+}
+
+#[test]
+fn late_periods_are_counted_and_past_the_limit_a_fault() -> Result<(), String> {
+    let mut bench = running()?;
+    let missed = |bench: &mut Bench| bench.look().map(|view| view.words().motors[0].missed);
+    assert_eq!(missed(&mut bench)?, 0);
+    let late = |bench: &mut Bench| -> Result<(), String> {
+        bench.settle_untold()?;
+        // The loop's next read of its currents takes a period.
+        bench.emulator.chip().provoked.slow_read[0] = Some(8500);
+        bench.pass(1e-3)
+    };
+    for expected in 1..=5 {
+        late(&mut bench)?;
+        assert_eq!(missed(&mut bench)?, expected);
+        assert_eq!(bench.status()?.state, RUNNING, "{expected} late");
+        bench.pass(5e-3)?;
+    }
+    // They are forgiven, a hundred milliseconds each.
+    bench.pass(0.6)?;
+    for _ in 0..6 {
+        late(&mut bench)?;
+    }
+    stops(&mut bench, Fault::ScrewLoopLate, 1e-3)?;
+    assert_eq!(missed(&mut bench)?, 11);
+    runs_again(&mut bench)
+}
+
+#[test]
+fn a_missing_index_is_counted_and_past_a_limit_a_fault() -> Result<(), String> {
+    let mut bench = running_on(Wiring::Custom)?;
+    let nut_errors = |bench: &mut Bench| bench.look().map(|view| view.words().encoder_errors[1]);
+    // Faster, for each turn has one index: 25 turns/s.
+    bench.ask(2.5e-3, 1500.0 * TAU / 60.0)?;
+    bench.pass(0.5)?;
+    assert_eq!(nut_errors(&mut bench)?, 0);
+    bench.emulator.chip().provoked.no_index[1] = true;
+    bench.pass(0.12)?;
+    let errors = nut_errors(&mut bench)?;
+    assert!((1..=2).contains(&errors), "{errors} in three turns");
+    assert_eq!(bench.status()?.state, RUNNING);
+    stops(&mut bench, Fault::NutEncoder, 1.0)?;
+    Ok(())
+}
+
+/// The scale counts 10 nm: 16 bits are over every 0.26 s at 2.5 mm/s.
+#[test]
+fn the_scale_is_followed_through_its_wraps() -> Result<(), String> {
+    let mut bench = running()?;
+    let count = scale_count_m(Wiring::Nucleo);
+    let position = |bench: &mut Bench| -> Result<(f64, f64), String> {
+        bench.settle_untold()?;
+        let counts = bench.look()?.words().scale;
+        let metres = bench.joint.borrow().board.machine.table_position();
+        Ok((f64::from(counts) * count, metres))
+    };
+    let (scale, table) = position(&mut bench)?;
+    bench.pass(0.6)?;
+    let (scale_then, table_then) = position(&mut bench)?;
+    let moved = table_then - table;
+    assert!(
+        moved > 2.0 * 65_536.0 * count,
+        "{moved} m are not two wraps"
+    );
+    // A speed step's time at 2.5 mm/s is half a micrometre.
+    let off = scale_then - scale - moved;
+    println!(
+        "{:.1} um of table, the scale is {:.3} um off",
+        1e6 * moved,
+        1e6 * off
+    );
+    assert!(off.abs() < 0.6e-6, "{off} m off after {moved} m");
+    assert_eq!(plate().board.speed_divider, 4);
+    Ok(())
+}

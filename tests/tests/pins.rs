@@ -1,0 +1,130 @@
+//! A board whose pins are wrong does not compile, and the compiler says which pin and why.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// A copy of the workspace's sources, to spoil.
+struct Copied(PathBuf);
+
+impl Copied {
+    fn new() -> Self {
+        let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+        let copy = Path::new(env!("CARGO_TARGET_TMPDIR")).join("wrong-pins");
+        let _ = fs::remove_dir_all(&copy);
+        fs::create_dir_all(&copy).unwrap();
+        for part in [
+            "Cargo.toml",
+            "Cargo.lock",
+            "memory.x",
+            ".cargo",
+            "firmware",
+            "hal-sim",
+            "tests",
+            "xtask",
+        ] {
+            copy_sources(&root.join(part), &copy.join(part));
+        }
+        Self(copy)
+    }
+
+    /// Checks the firmware with `from` made `to` in the default board's module: what the compiler says, or nothing if it
+    /// is content.
+    fn check(&self, from: &str, to: &str) -> Option<String> {
+        let board = self.0.join("firmware/src/board/nucleo_g474re.rs");
+        let good = fs::read_to_string(&board).unwrap();
+        assert_eq!(
+            good.matches(from).count(),
+            1,
+            "`{from}` is in the board once"
+        );
+        fs::write(&board, good.replace(from, to)).unwrap();
+        // Into the same folder as the firmware's own checks, whose dependencies it shares.
+        let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("..");
+        let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
+        let output = Command::new(cargo)
+            .args([
+                "check",
+                "--package",
+                "firmware",
+                "--profile",
+                "firmware",
+                "--target",
+                TARGET,
+            ])
+            .arg("--target-dir")
+            .arg(target)
+            .current_dir(&self.0)
+            .output()
+            .unwrap();
+        fs::write(&board, good).unwrap();
+        let said = String::from_utf8_lossy(&output.stderr).into_owned();
+        (!output.status.success()).then_some(said)
+    }
+}
+
+fn copy_sources(from: &Path, to: &Path) {
+    if from.is_dir() {
+        if from.file_name().is_some_and(|name| name == "target") {
+            return;
+        }
+        fs::create_dir_all(to).unwrap();
+        for entry in fs::read_dir(from).unwrap() {
+            let entry = entry.unwrap();
+            copy_sources(&entry.path(), &to.join(entry.file_name()));
+        }
+    } else {
+        fs::copy(from, to).unwrap();
+    }
+}
+
+#[test]
+fn a_pin_used_twice_or_in_a_wrong_function_does_not_compile() {
+    let copied = Copied::new();
+    let right = "b.pb3.into_alternate::<1>()";
+    assert_eq!(copied.check(right, right), None, "the board as it is");
+    for (from, to, says) in [
+        // PB6 is the scale's already.
+        (
+            right,
+            "b.pb6.into_alternate::<2>()",
+            ["use of moved value", "b.pb6"],
+        ),
+        // A pin in two functions of the same kind.
+        (
+            "a.pa1.into_analog()",
+            "a.pa0.into_analog()",
+            ["use of moved value", "a.pa0"],
+        ),
+        // A function that the pin has, but not the encoder's.
+        (
+            right,
+            "b.pb3.into_alternate::<6>()",
+            ["is not satisfied", "Pin<'B', 3, Alternate<6>>"],
+        ),
+        // A function that the pin does not have.
+        (
+            right,
+            "b.pb3.into_alternate::<15>()",
+            ["is not satisfied", "IntoAf<15>"],
+        ),
+        // A pin that is no input of that ADC.
+        (
+            "c.pc1.into_analog()",
+            "b.pb3.into_analog()",
+            ["is not satisfied", "Channel<Adc<ADC1"],
+        ),
+    ] {
+        let said = copied
+            .check(from, to)
+            .unwrap_or_else(|| panic!("{to} compiles"));
+        for word in says {
+            assert!(
+                said.contains(word),
+                "{to}: `{word}` is not in what the compiler says:\n{said}"
+            );
+        }
+    }
+}

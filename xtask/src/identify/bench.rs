@@ -1,0 +1,132 @@
+//! `cargo xtask bench identify`: the identification against its goals.
+
+use super::BenchOptions;
+use anyhow::{Context, Result};
+use identify::bench::Figures;
+use serde_json::{Value, json};
+use std::path::Path;
+
+/// Machines of the blind test where it has not run yet.
+const SHORT: u32 = 20;
+
+/// Measures and prints.
+pub(super) fn run(options: &BenchOptions) -> Result<()> {
+    let shared = std::env::var_os("DDFEED_SHARED")
+        .map_or_else(|| crate::tools::root().join("../shared"), Into::into);
+    let result = crate::tools::target_folder().join("blind/blind.json");
+    let machines = options.blind.or((!result.exists()).then_some(SHORT));
+    let failed = machines.and_then(|machines| crate::firmware::blind(machines).err());
+    // A test that misses its goal has written its result all the same.
+    let blind = read(&result).unwrap_or_else(|error| {
+        let why = failed.as_ref().unwrap_or(&error);
+        eprintln!("the blind test has no result: {why:#}");
+        json!({ "right": null, "of": null, "false_alarms": null, "clean": null })
+    });
+    let answers = options
+        .answers
+        .clone()
+        .unwrap_or_else(|| shared.join("recordings/answers.json"));
+    let answers = read(&answers)
+        .inspect_err(|error| eprintln!("the recordings are not judged: {error:#}"))
+        .ok();
+    let figures = Figures::measure(&shared, answers.as_ref(), blind);
+    if options.json {
+        println!("{}", serde_json::to_string(&figures.json())?);
+    } else {
+        print(&figures);
+    }
+    Ok(())
+}
+
+fn read(path: &Path) -> Result<Value> {
+    let text = std::fs::read_to_string(path)
+        .with_context(|| format!("{} is not there", path.display()))?;
+    serde_json::from_str(&text).with_context(|| format!("{} is no JSON", path.display()))
+}
+
+fn print(figures: &Figures) {
+    let row = |name: &str, value: Option<f64>, goal: &str| {
+        let value = value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
+        println!("{name:52}{value:>10}{goal:>10}");
+    };
+    println!("{:52}{:>10}{:>10}", "", "is", "goal");
+    row(
+        "shared recordings right",
+        figures.open.map(|o| o.0.into()),
+        "10",
+    );
+    let blind = |name: &str| figures.blind.get(name).and_then(Value::as_f64);
+    row("blind machines right", blind("right"), "95 %");
+    row("   of", blind("of"), "");
+    row("false alarms", blind("false_alarms"), "1 %");
+    row("   on clean machines", blind("clean"), "");
+    row(
+        "CPU seconds per recording, one thread",
+        figures.seconds_per_recording,
+        "2",
+    );
+    for found in &figures.found {
+        println!("  {found}");
+    }
+    if let Some(study) = &figures.axis {
+        let [fit, test] = study.inverse_percent;
+        println!("\nEMPS, force error, %; declared inverse model: {fit:.2} fit, {test:.2} test");
+        println!(
+            "{:52}{:>10}{:>10}{:>10}",
+            "in closed-loop simulation", "fit", "test", "homed"
+        );
+        for stage in study.stages.iter().chain([&study.ideal]) {
+            println!(
+                "  {:50}{:>10.2}{:>10.2}{:>10.2}",
+                stage.added,
+                stage.estimate.force_percent,
+                stage.test.force_percent,
+                stage.homed.force_percent
+            );
+        }
+        println!("{:52}{:>10}{:>10}{:>10}", "goal", "", "", "2.9");
+    }
+    if let Some(motor) = &figures.motor {
+        println!("\nLAAS, current error on the half that was not fitted, % of its rms");
+        row(
+            "inertia and friction",
+            Some(motor.study.before_percent()),
+            "",
+        );
+        row(
+            "with the orders of the slow turn",
+            Some(motor.study.after_percent()),
+            "5",
+        );
+        row("   halves swapped", Some(motor.swapped_percent[1]), "");
+        row(
+            "   current not filtered: before",
+            Some(motor.unfiltered_percent[0]),
+            "",
+        );
+        row(
+            "   current not filtered: after",
+            Some(motor.unfiltered_percent[1]),
+            "",
+        );
+        for order in motor.study.orders.iter().take(5) {
+            println!(
+                "  {:>4} per turn: {}",
+                order.order,
+                order.suggests(motor.model.pole_pairs)
+            );
+        }
+    }
+    let paper = &figures.paper;
+    println!(
+        "\nPaper, model less measured: {:.2} points rms; with one effect more: in sample, left out",
+        paper.rms
+    );
+    for attempt in &paper.attempts {
+        println!(
+            "  {:64}{:>6.2}{:>6.2}  ({:.3} {})",
+            attempt.name, attempt.in_sample, attempt.leave_one_out, attempt.size, attempt.unit
+        );
+    }
+    println!("{}", paper.sentence());
+}

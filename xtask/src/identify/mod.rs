@@ -1,0 +1,114 @@
+//! `cargo xtask identify` and `bench identify`.
+//!
+//! The identification's libraries are many, and nothing else needs them, so it is behind the feature `identify`: without
+//! it these commands build xtask once more, with it, and hand over.
+
+#[cfg(feature = "identify")]
+mod bench;
+#[cfg(feature = "identify")]
+mod simulation;
+#[cfg(feature = "identify")]
+mod told;
+#[cfg(feature = "identify")]
+mod trace;
+#[cfg(all(test, feature = "identify"))]
+mod trace_test;
+
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use std::path::PathBuf;
+
+/// Which record of which machine.
+#[derive(Args)]
+pub struct IdentifyOptions {
+    /// The declared model (model.toml).
+    #[arg(long)]
+    pub model: PathBuf,
+    /// The record to identify from: .csv, .csv.gz, .parquet, MATLAB 5 .mat.
+    #[arg(long)]
+    pub fit: PathBuf,
+    /// Another record of the same machine: it confirms, and errors are reported on it.
+    #[arg(long)]
+    pub check: PathBuf,
+    /// Folder for report.html, report.json, model.toml and residual.csv.
+    #[arg(long, default_value = "out/identify")]
+    pub out: PathBuf,
+    /// What the records are of and which of their columns is which, where they are not the project's own
+    /// (hal-sim/identify/mappings has two).
+    #[arg(long)]
+    pub mapping: Option<PathBuf>,
+    /// What is done with a fault that a rule can mend.
+    #[arg(long, value_enum, default_value_t = Fault::Refuse)]
+    pub on_fault: Fault,
+    /// Progress in lines even where standard error is no terminal.
+    #[arg(long)]
+    pub progress: bool,
+    /// Leave out the simulation of the check record's profile with the declared and the new model.
+    #[arg(long)]
+    pub no_simulation: bool,
+}
+
+/// What is done with a fault.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub enum Fault {
+    /// The record is refused, the fault told by row and column.
+    Refuse,
+    /// The row is left out and counted in report.json.
+    Skip,
+}
+
+/// How to say what the identification reaches.
+#[derive(Args)]
+pub struct BenchOptions {
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+    /// What the shared recordings' machines have, to judge by; recordings/answers.json beside the project if not given.
+    #[arg(long)]
+    pub answers: Option<PathBuf>,
+    /// Runs the blind test first, on so many machines. Without it, what its last run wrote is taken, and the test of 20
+    /// machines is run if there is none.
+    #[arg(long)]
+    pub blind: Option<u32>,
+}
+
+/// Identifies.
+#[cfg(feature = "identify")]
+pub fn run(options: &IdentifyOptions) -> Result<()> {
+    trace::run(options)
+}
+
+/// Measures.
+#[cfg(feature = "identify")]
+pub fn bench(options: &BenchOptions) -> Result<()> {
+    bench::run(options)
+}
+
+/// Builds xtask with the identification and hands over.
+#[cfg(not(feature = "identify"))]
+pub fn run(_: &IdentifyOptions) -> Result<()> {
+    hand_over()
+}
+
+/// Builds xtask with the identification and hands over.
+#[cfg(not(feature = "identify"))]
+pub fn bench(_: &BenchOptions) -> Result<()> {
+    hand_over()
+}
+
+#[cfg(not(feature = "identify"))]
+fn hand_over() -> Result<()> {
+    use anyhow::Context;
+    let manifest = crate::tools::root().join("Cargo.toml");
+    // In the folder that the caller stands in: the paths that he gave are from there.
+    let status = std::process::Command::new("cargo")
+        .args(["run", "--quiet", "--release", "--package", "xtask"])
+        .args(["--features", "identify", "--manifest-path"])
+        .arg(manifest)
+        .arg("--")
+        .args(std::env::args_os().skip(1))
+        .status()
+        .context("cargo could not be started")?;
+    // It has said why.
+    std::process::exit(status.code().unwrap_or(1));
+}

@@ -1,0 +1,180 @@
+//! A simulated machine with an effect that its model does not declare, all the way to the report's files.
+
+use super::simulation::simulation;
+use hal_sim::experiment::{RPM, Recorder, Setup};
+use identify::load::{Mapping, OnFault};
+use identify::report::write;
+use identify::run::Task;
+use plant::effects::{AnyEffect, Cogging, EffectModel, Place};
+use plant::machine::Coupling;
+use plant::model::Model;
+use plant::recording::Recording;
+use serde::Deserialize;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+/// Size of the cogging, N m.
+const AMPLITUDE: f64 = 0.03;
+
+/// What `report.json` must hold; more may be there.
+#[derive(Deserialize)]
+struct Report {
+    verdict: String,
+    effects: Vec<Effect>,
+    residual: Vec<Residual>,
+    unexplained: Vec<Left>,
+    simulation: Simulation,
+    records: Vec<Account>,
+}
+
+#[derive(Deserialize)]
+struct Effect {
+    kind: String,
+    r#where: String,
+    order: Option<f64>,
+    hz: Option<f64>,
+    parameters: BTreeMap<String, f64>,
+    interval: BTreeMap<String, [f64; 2]>,
+    explained: f64,
+}
+
+#[derive(Deserialize)]
+struct Residual {
+    channel: String,
+    unit: String,
+    fit_before: f64,
+    fit_after: f64,
+    check_before: f64,
+    check_after: f64,
+    noise_floor: f64,
+}
+
+#[derive(Deserialize)]
+#[expect(
+    dead_code,
+    reason = "that it is there and has its type is what is tested"
+)]
+struct Left {
+    channel: String,
+    coordinate: String,
+    order: f64,
+    size: f64,
+}
+
+#[derive(Deserialize)]
+struct Simulation {
+    declared_rms_points: f64,
+    new_rms_points: f64,
+    holds: Vec<BTreeMap<String, f64>>,
+}
+
+#[derive(Deserialize)]
+struct Account {
+    rows: usize,
+    used: usize,
+    skipped: Vec<serde_json::Value>,
+}
+
+/// A run of `model` over speeds (mm/s, rpm), each for so many seconds.
+fn record(model: &Model, points: &[(f64, f64)], path: &Path) {
+    const SECONDS: f64 = 1.3;
+    let mut drive = Setup::declared(model.clone(), Coupling::Coupled)
+        .drive()
+        .unwrap();
+    let periods = (model.sensing.control_hz / model.sensing.sample_hz).round() as u32;
+    let mut recorder = Recorder::default();
+    let mut recording = Recording::default();
+    for (velocity, rpm) in points {
+        drive.command(velocity * 1e-3, rpm * RPM).unwrap();
+        for _ in 0..(SECONDS * model.sensing.sample_hz) as usize {
+            (0..periods).for_each(|_| drive.period());
+            recording.push(&recorder.row(&mut drive));
+        }
+    }
+    recording.save(path).unwrap();
+}
+
+#[test]
+fn an_undeclared_effect_reaches_every_file_of_the_report() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let declared = Model::coupled();
+    let mut real = declared.clone();
+    let cogging: AnyEffect = Cogging {
+        order: 36.0,
+        amplitude: AMPLITUDE,
+        phase: 0.4,
+    }
+    .into();
+    real.effects.extend(EffectModel::new(Place::Screw, cogging));
+    record(
+        &real,
+        &[(2.5, 0.0), (2.5, 300.0), (5.0, 0.0), (4.0, 500.0)],
+        &at("fit.csv.gz"),
+    );
+    record(
+        &real,
+        &[(3.0, 0.0), (2.0, 400.0), (5.0, 200.0)],
+        &at("check.csv.gz"),
+    );
+    std::fs::write(at("model.toml"), declared.to_toml()).unwrap();
+    let task = Task {
+        model: at("model.toml"),
+        fit: at("fit.csv.gz"),
+        check: at("check.csv.gz"),
+        mapping: Mapping::default(),
+        on_fault: OnFault::Refuse,
+    };
+    let mut done = task.run(&mut |_, _| ()).unwrap();
+    done.report.simulation = simulation(&done.replay.unwrap()).unwrap();
+    write(&done.report, &at("out")).unwrap();
+
+    let text = |name: &str| std::fs::read_to_string(at("out").join(name)).unwrap();
+    let report: Report = serde_json::from_str(&text("report.json")).unwrap();
+    assert_eq!(report.verdict, "explained");
+    assert!(report.unexplained.is_empty());
+    let [effect] = &report.effects[..] else {
+        panic!("one effect is there")
+    };
+    assert_eq!(
+        (effect.kind.as_str(), effect.r#where.as_str()),
+        ("cogging", "screw")
+    );
+    assert_eq!((effect.order, effect.hz), (Some(36.0), None));
+    assert!((effect.parameters["amplitude"] / AMPLITUDE - 1.0).abs() < 0.05);
+    assert!(effect.interval.keys().eq(effect.parameters.keys()));
+    assert!(effect.interval.values().all(|[low, high]| low <= high));
+    assert!((0.5..=1.0).contains(&effect.explained));
+    let torque = report
+        .residual
+        .iter()
+        .find(|r| r.channel == "screw torque")
+        .unwrap();
+    assert_eq!(torque.unit, "N m");
+    assert!(
+        torque.fit_after < 0.9 * torque.fit_before
+            && torque.check_after < 0.9 * torque.check_before
+    );
+    assert!(torque.noise_floor > 0.0 && torque.check_after < 1.5 * torque.noise_floor);
+    // The same effect, simulated, explains the ripple of the table.
+    assert!(report.simulation.new_rms_points < 0.4 * report.simulation.declared_rms_points);
+    assert_eq!(report.simulation.holds.len(), 3);
+    assert!(report.simulation.holds[0].contains_key("measured_vrf_percent"));
+    assert!(
+        report
+            .records
+            .iter()
+            .all(|r| r.rows == r.used && r.skipped.is_empty())
+    );
+
+    page::check::sound(&text("report.html")).unwrap();
+    let again = Model::load(&at("out").join("model.toml")).unwrap();
+    assert_eq!(again.effects.len(), 1);
+    let csv = text("residual.csv");
+    let header = csv.lines().next().unwrap();
+    assert!(
+        header.starts_with("t_s,screw_torque_before_nm,screw_torque_after_nm"),
+        "{header}"
+    );
+    assert!(csv.lines().all(|line| line.split(',').count() == 15));
+}
