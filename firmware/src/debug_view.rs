@@ -4,10 +4,9 @@
 
 use crate::CONFIG;
 use crate::motor_loop::MOTORS;
-use crate::speed::EXCHANGE;
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity, Voltage};
 use control::supervisor;
-use control::transform::{Rotation, clarke_two};
+use control::transform::Rotation;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::codes::{Fault, State};
 use link::scale;
@@ -95,26 +94,27 @@ pub(crate) fn angles() -> [u32; 2] {
 /// Once a millisecond: what the current loops see, in the view's formats.
 pub(crate) fn refresh() {
     for (k, (view, motor)) in DRIVE_VIEW.motors.iter().zip(&MOTORS).enumerate() {
-        let (observer, exchange) = (&CONFIG.current_loops[k].observer, &EXCHANGE[k]);
+        let config = &CONFIG.current_loops[k];
+        let observer = &config.observer;
         let count = motor.encoder.load(Relaxed);
         let theta_e = observer
             .encoder
             .angle(count)
             .times(observer.pole_pairs)
             .plus(observer.theta_e_offset);
-        let [a, b] = motor
-            .phases
-            .each_ref()
-            .map(|word| Current::from_bits(word.load(Relaxed)));
-        let current = Rotation::new(theta_e).park(clarke_two(a, b));
-        view.current[0].store(current.d.to_bits(), Relaxed);
-        view.current[1].store(current.q.to_bits(), Relaxed);
-        let omega_e = exchange.status().omega_e.to_bits();
+        let current = Rotation::new(theta_e).park(config.sense.vector(motor.codes()));
+        let current = [current.d, current.q].map(|i| config.sense.scale.current(i));
+        for (word, current) in view.current.iter().zip(current) {
+            word.store(current.to_bits(), Relaxed);
+        }
+        let omega_e = observer
+            .omega_e(motor.exchange.status().theta_step)
+            .to_bits();
         let omega = omega_e.checked_div(observer.pole_pairs.cast_signed());
         view.speed.store(omega.unwrap_or(0), Relaxed);
+        view.steps.store(motor.exchange.periods(), Relaxed);
         for (word, from) in [
             (&view.encoder, &motor.encoder),
-            (&view.steps, &motor.steps),
             (&view.missed, &motor.missed),
             (&view.cycles, &motor.cycles),
             (&view.cycles_max, &motor.cycles_max),

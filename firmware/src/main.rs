@@ -36,7 +36,7 @@ mod app {
     use crate::speed::Speed;
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
-    use crate::{CONFIG, crash, log, schedule};
+    use crate::{crash, log, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -53,7 +53,6 @@ mod app {
     struct Local {
         screw: MotorLoop<0, TIM1, ADC1, ADC2, board::ScrewEncoder>,
         nut: MotorLoop<1, TIM8, ADC4, ADC3, board::NutEncoder>,
-        until_speed: u32,
         speed: Speed,
         supervision: Supervision,
         sender: Sender,
@@ -151,7 +150,6 @@ mod app {
                 nut_encoder,
                 bdtr,
             )),
-            until_speed: 0,
             speed: Speed::new(scale, watches, Sampler::new()),
             supervision,
             sender: Sender::new(channels.up.1),
@@ -160,18 +158,14 @@ mod app {
         (Shared {}, local)
     }
 
-    #[task(binds = ADC1_2, priority = 15, local = [screw, until_speed])]
+    #[task(binds = ADC1_2, priority = 15, local = [screw])]
     #[unsafe(link_section = ".ccm.screw")]
     fn screw_current_loop(cx: screw_current_loop::Context) {
         cx.local.screw.step();
         deadman::put_back();
         // The speed task follows every `speed_divider`th screw period, below both current loops.
-        match cx.local.until_speed.checked_sub(1) {
-            Some(left) => *cx.local.until_speed = left,
-            None => {
-                *cx.local.until_speed = CONFIG.speed_divider - 1;
-                rtic::pend(Interrupt::FMAC);
-            }
+        if cx.local.screw.speed_is_due() {
+            rtic::pend(Interrupt::FMAC);
         }
     }
 

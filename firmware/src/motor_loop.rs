@@ -5,45 +5,58 @@ use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::MotorIo;
-use crate::speed::EXCHANGE;
-use control::current_loop::CurrentLoop;
-use control::exchange::Asked;
+use control::current_loop::{CurrentLoop, Measured, Mode, MotorSample};
+use control::exchange::MotorExchange;
+use control::observer::Motion;
+use control::sense::{Codes, Shunts};
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::Run;
 use stm32g4xx_hal::stm32::{adc1, tim1};
 
-/// What a current loop leaves for the tasks below it, in its own formats: all in one place, so that one address in a
-/// register serves.
+/// What a current loop tells the tasks below it: all in one place, so that one address in a register serves.
 pub(crate) struct MotorShared {
-    /// Currents of phases a and b, with the measured zeros taken off.
-    pub(crate) phases: [AtomicI32; 2],
+    /// With the speed task.
+    pub(crate) exchange: MotorExchange,
+    /// Codes of the phases.
+    codes: [AtomicI32; 3],
     /// The encoder's count within the turn.
     pub(crate) encoder: AtomicU32,
-    /// Commanded voltages d and q of the last four steps: a step's are at its number modulo 4.
-    pub(crate) voltages: [[AtomicI32; 2]; 4],
-    /// Steps so far.
-    pub(crate) steps: AtomicU32,
-    /// Steps that ended after their period had begun.
+    /// Voltages d and q of the last four periods: a period's are at its number modulo 4.
+    voltages: [[AtomicI32; 2]; 4],
+    /// Periods whose compare values came too late.
     pub(crate) missed: AtomicU32,
-    /// Cycles of the last step.
+    /// Cycles of the last period.
     pub(crate) cycles: AtomicU32,
-    /// Cycles of the longest step.
+    /// Cycles of the longest.
     pub(crate) cycles_max: AtomicU32,
 }
 
 impl MotorShared {
     const fn new() -> Self {
         Self {
-            phases: [const { AtomicI32::new(0) }; 2],
+            exchange: MotorExchange::new(CONFIG.speed_divider),
+            codes: [const { AtomicI32::new(0) }; 3],
             encoder: AtomicU32::new(0),
             voltages: [const { [const { AtomicI32::new(0) }; 2] }; 4],
-            steps: AtomicU32::new(0),
             missed: AtomicU32::new(0),
             cycles: AtomicU32::new(0),
             cycles_max: AtomicU32::new(0),
         }
+    }
+}
+
+impl MotorShared {
+    /// Codes of the phases.
+    pub(crate) fn codes(&self) -> Codes {
+        self.codes.each_ref().map(|word| word.load(Relaxed))
+    }
+
+    /// The voltages of period `period`, one of the last four.
+    #[inline(always)]
+    pub(crate) fn voltage(&self, period: u32) -> &[AtomicI32; 2] {
+        &self.voltages[(period & 3) as usize]
     }
 }
 
@@ -54,6 +67,8 @@ pub(crate) static MOTORS: [MotorShared; 2] = [MotorShared::new(), MotorShared::n
 pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
     io: MotorIo<T, X, Y, E>,
     control: CurrentLoop,
+    /// Periods until the speed task is due.
+    until_speed: u32,
 }
 
 impl<const MOTOR: usize, T, X, Y, E> MotorLoop<MOTOR, T, X, Y, E>
@@ -67,46 +82,149 @@ where
         Self {
             io,
             control: CurrentLoop::new(&CONFIG.current_loops[MOTOR]),
+            until_speed: 0,
         }
+    }
+
+    /// The speed task is due: once in `speed_divider` calls, and with the first.
+    #[inline(always)]
+    pub(crate) fn speed_is_due(&mut self) -> bool {
+        let due = self.until_speed == 0;
+        self.until_speed = if due {
+            CONFIG.speed_divider - 1
+        } else {
+            self.until_speed - 1
+        };
+        due
     }
 
     /// One PWM period.
     #[inline(always)]
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
-        let config = const { &CONFIG.current_loops[MOTOR] };
-        let sample = self.io.sample(DRIVE_COMMAND.asks(Run::Reset));
-        let measured = self.control.measure(config, &sample);
-        // Passed on before the second half, which needs the registers that they are in.
-        let (shared, exchange) = (&MOTORS[MOTOR], &EXCHANGE[MOTOR]);
-        shared.phases[0].store(measured.phases[0].to_bits(), Relaxed);
-        shared.phases[1].store(measured.phases[1].to_bits(), Relaxed);
-        if let Some(counts) = measured.counts {
+        let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
+        let broken = self.io.acknowledge();
+        let asked = shared.exchange.asked_to_drive();
+        if !broken && asked {
+            let (counts, motion, measured) = self.measure();
+            if self.watch(counts, &motion, true) {
+                self.rest(broken);
+            } else {
+                let (i_q, bus) = (shared.exchange.i_q(), self.io.bus());
+                shared.exchange.publish_bus(bus);
+                let output = self.control.regulate(config, i_q, &measured, &motion, bus);
+                if output.limited {
+                    shared.exchange.publish_limited();
+                }
+                let [d, q] = shared.voltage(shared.exchange.periods());
+                d.store(output.voltage.d.to_bits(), Relaxed);
+                q.store(output.voltage.q.to_bits(), Relaxed);
+                let scale = shared.exchange.bus_scale();
+                let compare =
+                    CurrentLoop::modulate(config, output.voltage, &measured, &motion, scale, bus);
+                self.io.write(compare);
+                if !self.io.enabled() {
+                    self.begin();
+                }
+            }
+        } else {
+            self.measure_and_rest(broken);
+        }
+        if !self.io.in_time() {
+            too_late(&shared.missed);
+        }
+        let spent = cycles::now().wrapping_sub(start);
+        shared.cycles.store(spent, Relaxed);
+        keep_max(&shared.cycles_max, spent);
+    }
+
+    /// Reads encoder and currents and passes on what they say, before the rest of the period needs the registers that it is
+    /// in.
+    #[inline(always)]
+    fn measure(&mut self) -> (Option<u32>, Motion, Measured) {
+        let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
+        let (counts, motion) = self.control.observe(config, self.io.encoder());
+        if let Some(counts) = counts {
             shared.encoder.store(counts, Relaxed);
         }
+        shared.exchange.publish_speed(motion.theta_step);
+        let current = self.io.current(config.sense.shunts);
+        let measured = self.control.measure(config, current, &motion);
+        let [a, b, c] = measured.codes;
+        shared.codes[0].store(a, Relaxed);
+        shared.codes[1].store(b, Relaxed);
+        if config.sense.shunts == Shunts::Three {
+            shared.codes[2].store(c, Relaxed);
+        }
+        (counts, motion, measured)
+    }
 
-        let Asked { reference, stale } = exchange.asked();
-        if stale {
+    /// Watches the encoder; `true` if it is found to have failed.
+    #[inline(always)]
+    fn watch(&mut self, counts: Option<u32>, motion: &Motion, drive: bool) -> bool {
+        let config = const { &CONFIG.current_loops[MOTOR] };
+        let seen = self.control.watch(config, counts, motion, drive);
+        if seen.wrong {
+            count(&DRIVE_VIEW.encoder_wrong[MOTOR]);
+        }
+        seen.failed
+    }
+
+    /// Closes the bridge for the first period with it on, unless it was opened for an encoder that has failed: then it waits
+    /// for the speed task to see that.
+    #[cold]
+    #[inline(never)]
+    fn begin(&mut self) {
+        if self.control.may_drive() {
+            self.io.close();
+        }
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn measure_and_rest(&mut self, broken: bool) {
+        let (counts, motion, _) = self.measure();
+        let asked = MOTORS[MOTOR].exchange.asked_to_rest();
+        self.watch(counts, &motion, asked.mode == Mode::Drive);
+        self.rest(broken);
+    }
+
+    /// The rest of a period with the bridge off. The sample is still in its registers.
+    #[cold]
+    #[inline(never)]
+    fn rest(&mut self, broken: bool) {
+        let config = const { &CONFIG.current_loops[MOTOR] };
+        let exchange = &MOTORS[MOTOR].exchange;
+        let asked = exchange.asked_to_rest();
+        if DRIVE_COMMAND.asks(Run::Reset) {
+            self.io.clear_break();
+        }
+        if asked.stale {
             // The speed task, which says what the drive is doing, cannot.
             let (state, fault) = const { codes(State::Fault(Fault::SpeedTaskLate)) };
             DRIVE_VIEW.state.store(state, Relaxed);
             DRIVE_VIEW.fault.store(fault, Relaxed);
         }
-        let (command, estimate) = self.control.act(config, &sample, &measured, reference);
-        if !self.io.apply(&command) {
-            count(&shared.missed);
+        let sample = MotorSample {
+            current: self.io.current(config.sense.shunts),
+            bus: self.io.bus(),
+            encoder: self.io.encoder(),
+            broken,
+        };
+        exchange.publish_bus(sample.bus);
+        for word in MOTORS[MOTOR].voltage(exchange.periods()) {
+            word.store(0, Relaxed);
         }
-        if estimate.encoder_wrong {
-            count(&DRIVE_VIEW.encoder_wrong[MOTOR]);
-        }
-        exchange.publish(&estimate, stale);
-        let steps = shared.steps.load(Relaxed);
-        let [d, q] = &shared.voltages[(steps & 3) as usize];
-        d.store(estimate.voltage.d.to_bits(), Relaxed);
-        q.store(estimate.voltage.q.to_bits(), Relaxed);
-        shared.steps.store(steps.wrapping_add(1), Relaxed);
-        let spent = cycles::now().wrapping_sub(start);
-        shared.cycles.store(spent, Relaxed);
-        keep_max(&shared.cycles_max, spent);
+        let counts = config.encoder.counts(sample.encoder);
+        let rested = self.control.rest(config, &sample, counts, asked.mode);
+        exchange.publish_rest(rested, asked.stale);
+        self.io.open();
+        self.io.write([0; 3]);
     }
+}
+
+#[cold]
+#[inline(never)]
+fn too_late(missed: &AtomicU32) {
+    count(missed);
 }

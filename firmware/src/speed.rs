@@ -6,9 +6,9 @@ use crate::hw::analog::Watches;
 use crate::hw::cycles;
 use crate::hw::deadman;
 use crate::hw::encoder::Scale;
+use crate::motor_loop::MOTORS;
 use crate::telemetry::Sampler;
 use control::coordinator::Command;
-use control::exchange::MotorExchange;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::speed_task::SpeedTask;
 use control::supervisor::{Fault, Request};
@@ -17,12 +17,6 @@ use core::sync::atomic::Ordering::Relaxed;
 use cortex_m::peripheral::NVIC;
 use link::codes::Run;
 use stm32g4xx_hal::stm32::Interrupt;
-
-/// The words between the current loops and the speed task: screw, nut.
-pub(crate) static EXCHANGE: [MotorExchange; 2] = [
-    MotorExchange::new(CONFIG.speed_divider),
-    MotorExchange::new(CONFIG.speed_divider),
-];
 
 /// Number of the fault that the supervision has found, or 0.
 pub(crate) static FOUND: AtomicU8 = AtomicU8::new(0);
@@ -57,7 +51,7 @@ impl Speed {
             run: DRIVE_COMMAND.asks(Run::Run),
             reset: DRIVE_COMMAND.asks(Run::Reset),
         };
-        let [screw, nut] = &EXCHANGE;
+        let [screw, nut] = MOTORS.each_ref().map(|motor| &motor.exchange);
         let found = match self.watches.take() {
             _ if deadman::has_run_out(request.reset) => Some(Fault::LoopHung),
             None => Fault::of_number(FOUND.load(Relaxed)),
@@ -67,8 +61,9 @@ impl Speed {
             .control
             .step(&CONFIG, request, [screw.status(), nut.status()], found);
         let [to_screw, to_nut] = output.current;
-        screw.ask(to_screw);
-        nut.ask(to_nut);
+        let [screw_loop, nut_loop] = const { &CONFIG.current_loops };
+        screw.ask(to_screw, screw_loop);
+        nut.ask(to_nut, nut_loop);
 
         let (state, fault) = codes(output.state);
         view.state.store(state, Relaxed);

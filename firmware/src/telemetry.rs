@@ -4,10 +4,12 @@
 //! nut's step that comes between is noticed by its count. While the channel is full, rows stay in the queue; once that is
 //! full too they are dropped and counted, and the host sees by their period that they are missing.
 
+use crate::CONFIG;
 use crate::board;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
 use crate::motor_loop::{MOTORS, MotorShared};
 use crate::rows::{ROWS, Rows, WORDS};
+use control::current_loop::CurrentLoopConfig;
 use control::plate::MotorPlate as Plate;
 use control::speed_task::SpeedTaskOutput;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -53,14 +55,14 @@ impl Sampler {
         if asked != self.serving {
             self.serving = asked;
             self.left = 0;
-            self.start = screw.steps.load(Relaxed);
+            self.start = screw.exchange.periods();
         }
         if let Some(left) = self.left.checked_sub(1) {
             self.left = left;
             return;
         }
         self.left = Request::of_word(asked).divider.saturating_sub(1);
-        let period = screw.steps.load(Relaxed).wrapping_sub(self.start);
+        let period = screw.exchange.periods().wrapping_sub(self.start);
         let (s, n) = (words(screw), words(nut));
         let [to_screw, to_nut] = output.current.map(|c| c.i_q.to_bits().cast_unsigned());
         let [screw_speed, nut_speed] = output.speed.map(|s| s.omega_e.to_bits().cast_unsigned());
@@ -88,21 +90,21 @@ impl Sampler {
     }
 }
 
-/// A motor's encoder, currents and voltages, of one step of its current loop.
+/// A motor's encoder, currents and voltages, of one step of its current loop: currents as codes, voltages as the loop has
+/// them.
 #[inline(always)]
 fn words(motor: &MotorShared) -> [u32; 5] {
     let take = || {
-        let steps = motor.steps.load(Relaxed);
-        // The last step's voltage is at `steps - 1`. It acts from the next period on; what acted in the period that
-        // ended with the sample is the one of two steps before.
-        let [d, q] = &motor.voltages[(steps.wrapping_sub(3) & 3) as usize];
-        let [a, b] = &motor.phases;
-        let signed = [a, b, d, q].map(|word| word.load(Relaxed).cast_unsigned());
-        let [a, b, d, q] = signed;
-        (steps, [motor.encoder.load(Relaxed), a, b, d, q])
+        let periods = motor.exchange.periods();
+        // The last step's voltage acts from the next period on; what acted in the period that ended with the sample is
+        // the one of two steps before.
+        let [d, q] = motor.voltage(periods.wrapping_sub(2));
+        let [a, b, _] = motor.codes().map(i32::cast_unsigned);
+        let [d, q] = [d, q].map(|word| word.load(Relaxed).cast_unsigned());
+        (periods, [motor.encoder.load(Relaxed), a, b, d, q])
     };
-    let (steps, words) = take();
-    if motor.steps.load(Relaxed) == steps {
+    let (periods, words) = take();
+    if motor.exchange.periods() == periods {
         words
     } else {
         // Its next step is a period away.
@@ -113,22 +115,24 @@ fn words(motor: &MotorShared) -> [u32; 5] {
 /// A row as it is sent.
 fn sample(row: [u32; WORDS]) -> Sample {
     let [period, motors @ .., scale] = row;
-    let motor = |words: &[i32; 7]| {
+    let motor = |config: &CurrentLoopConfig, words: &[i32; 7]| {
         let [encoder, a, b, d, q, i_q_ref, speed_ref] = *words;
+        let [a, b, _] = config.sense.phases([a, b, 0]);
         MotorSample {
             encoder: encoder.cast_unsigned(),
-            phases: [a, b].map(|i| rounded(i, SAMPLE_CURRENT_DROPS)),
+            phases: [a, b].map(|i| rounded(i.to_bits(), SAMPLE_CURRENT_DROPS)),
             voltage: [d, q].map(|u| rounded(u, SAMPLE_VOLTAGE_DROPS)),
             i_q_ref: rounded(i_q_ref, SAMPLE_CURRENT_DROPS),
             speed_ref,
         }
     };
+    let [screw, nut] = const { &CONFIG.current_loops };
     let [s0, s1, s2, s3, s4, s5, s6, n0, n1, n2, n3, n4, n5, n6] = motors.map(u32::cast_signed);
     Sample {
         period,
         motors: [
-            motor(&[s0, s1, s2, s3, s4, s5, s6]),
-            motor(&[n0, n1, n2, n3, n4, n5, n6]),
+            motor(screw, &[s0, s1, s2, s3, s4, s5, s6]),
+            motor(nut, &[n0, n1, n2, n3, n4, n5, n6]),
         ],
         scale: scale.cast_signed(),
     }

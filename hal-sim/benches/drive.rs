@@ -53,7 +53,8 @@ fn parts(c: &mut Criterion) {
         i_q: Current::lit("0.6"),
     };
     group.bench_function("current loop", |b| {
-        b.iter(|| current_loop.step(black_box(&config), black_box(&sample), reference))
+        let scale = config.modulation.bus_scale(sample.bus);
+        b.iter(|| current_loop.step(black_box(&config), black_box(&sample), reference, scale))
     });
     group.finish();
 }

@@ -5,7 +5,9 @@
 
 use crate::board::{Board, BoardConfig};
 use control::coordinator::{Command, CommandError};
-use control::current_loop::{CurrentLoop, MotorEstimate, MotorSample, PwmCommand};
+use control::current_loop::{
+    CurrentLoop, CurrentReference, Mode, MotorEstimate, MotorSample, PwmCommand, Rested,
+};
 use control::exchange::MotorExchange;
 use control::format::{MechanicalSpeed, Misfit, TableVelocity, Voltage};
 use control::plate::{DriveConfig, DrivePlate};
@@ -160,10 +162,28 @@ impl Drive {
     fn current_interrupt(&mut self, axis: Axis) {
         let k = axis.index();
         let sample = self.board.turn(axis);
-        let asked = self.exchanges[k].asked();
+        let (config, exchange) = (&self.config.current_loops[k], &self.exchanges[k]);
+        let drive = exchange.asked_to_drive();
+        let asked = exchange.asked_to_rest();
+        let reference = CurrentReference {
+            mode: if drive { Mode::Drive } else { asked.mode },
+            i_q: config.sense.scale.current(exchange.i_q()),
+        };
         let (command, estimate) =
-            self.current_loops[k].step(&self.config.current_loops[k], &sample, asked.reference);
-        self.exchanges[k].publish(&estimate, asked.stale);
+            self.current_loops[k].step(config, &sample, reference, exchange.bus_scale());
+        exchange.publish_speed(estimate.motion.theta_step);
+        exchange.publish_bus(sample.bus);
+        if estimate.voltage_limited {
+            exchange.publish_limited();
+        }
+        if !command.enable {
+            let rested = Rested {
+                calibration: estimate.calibration,
+                broken: estimate.broken,
+                encoder_stuck: estimate.encoder_stuck,
+            };
+            exchange.publish_rest(rested, asked.stale);
+        }
         self.board.write(axis, command);
         self.voltages[k] = [self.estimates[k].voltage, self.voltages[k][0]];
         self.samples[k] = sample;
@@ -176,8 +196,8 @@ impl Drive {
         self.speed = self
             .speed_task
             .step(&self.config, self.request, status, None);
-        for (exchange, reference) in self.exchanges.iter().zip(self.speed.current) {
-            exchange.ask(reference);
+        for (k, exchange) in self.exchanges.iter().enumerate() {
+            exchange.ask(self.speed.current[k], &self.config.current_loops[k]);
         }
     }
 }

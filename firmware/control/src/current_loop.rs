@@ -5,13 +5,13 @@
 //! the angle that the rotor gains in that time.
 
 use crate::encoder::Interface;
-use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig};
-use crate::format::{Angle, Current, Voltage};
-use crate::modulation::ModulationConfig;
+use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig, Seen};
+use crate::format::{Angle, Current, ScaledCurrent, Voltage};
+use crate::modulation::{BusScale, ModulationConfig};
 use crate::observer::{Motion, Observer, ObserverConfig};
-use crate::regulator::{Regulator, RegulatorConfig};
-use crate::sense::{BusSense, CurrentSense, ZeroCalibration};
-use crate::transform::{DirectQuadrature, Rotation, inverse_clarke};
+use crate::regulator::{Regulator, RegulatorConfig, RegulatorOutput};
+use crate::sense::{BusSense, Codes, CurrentSense, ZeroCalibration};
+use crate::transform::{DirectQuadrature, Rotation};
 
 /// Configuration of a motor's current loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -81,17 +81,24 @@ pub enum Calibration {
     OutOfRange,
 }
 
-/// What a current loop knows from its sample.
+/// The phase currents of a sample.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Measured {
-    /// Encoder counts, modulo the counts of a turn; `None` of a reading that is wrong.
-    pub counts: Option<u32>,
-    /// Angle and speed.
-    pub motion: Motion,
-    /// Phase currents, A.
-    pub phases: [Current; 3],
-    /// Current, A.
-    pub current: DirectQuadrature<Current>,
+    /// Codes of the phases.
+    pub codes: Codes,
+    /// Current.
+    pub current: DirectQuadrature<ScaledCurrent>,
+}
+
+/// What a current loop knows after a period with its bridge off.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Rested {
+    /// How far the offset calibration is.
+    pub calibration: Calibration,
+    /// The break input has stopped the bridge.
+    pub broken: bool,
+    /// The encoder's count stands while the shaft turns, or too many of its readings are wrong.
+    pub encoder_stuck: bool,
 }
 
 /// What a current loop knows after a step.
@@ -128,9 +135,6 @@ pub struct PwmCommand {
     pub enable: bool,
 }
 
-/// Furthest that a measured zero may lie from its nominal place: 1/16 of a 12-bit range, in sixteenths of a count.
-const ZERO_TOLERANCE: u32 = 256 * 16;
-
 /// State of one motor's current loop. The configuration comes with each step: where it is a constant, as in the
 /// firmware, the compiler puts its numbers into the instructions.
 #[derive(Clone, Copy, Debug)]
@@ -138,10 +142,12 @@ pub struct CurrentLoop {
     observer: Observer,
     encoder_watch: EncoderWatch,
     regulator: Regulator,
-    /// Zeros of the current channels, sixteenths of a count.
-    zeros: [i32; 3],
+    /// Zeros of the current channels.
+    zeros: Codes,
     zero_calibration: ZeroCalibration,
     calibration: Calibration,
+    /// The observer knows where the shaft is.
+    started: bool,
 }
 
 impl CurrentLoop {
@@ -152,121 +158,174 @@ impl CurrentLoop {
             observer: Observer::new(),
             encoder_watch: EncoderWatch::new(),
             regulator: Regulator::new(),
-            zeros: config.sense.nominal_zeros(),
+            zeros: config.sense.zeros,
             zero_calibration: ZeroCalibration::new(),
             calibration: if config.measure_zeros {
                 Calibration::Pending
             } else {
                 Calibration::Done
             },
+            started: false,
         }
     }
 
-    /// One PWM period: both halves.
+    /// One PWM period: the steps below in their order, with all that is known after them. The firmware takes the steps one
+    /// by one, with its registers between them: each is read where it is needed.
     #[inline(always)]
     pub fn step(
         &mut self,
         config: &CurrentLoopConfig,
         sample: &MotorSample,
         reference: CurrentReference,
+        scale: BusScale,
     ) -> (PwmCommand, MotorEstimate) {
-        let measured = self.measure(config, sample);
-        self.act(config, sample, &measured, reference)
-    }
-
-    /// The first half: what the sample says. It ends here so that its results can be passed on at once, instead of
-    /// being kept through the second half.
-    #[inline(always)]
-    pub fn measure(&mut self, config: &CurrentLoopConfig, sample: &MotorSample) -> Measured {
-        let phases = config.sense.phases(sample.current, self.zeros);
-        let counts = config.encoder.counts(sample.encoder);
-        let motion = self.observer.follow(&config.observer, counts);
-        let rotation = Rotation::new(motion.theta_e);
-        Measured {
-            counts,
-            motion,
-            phases,
-            current: rotation.park(config.sense.vector(phases)),
-        }
-    }
-
-    /// The second half: what follows from it for the bridge.
-    #[inline(always)]
-    pub fn act(
-        &mut self,
-        config: &CurrentLoopConfig,
-        sample: &MotorSample,
-        measured: &Measured,
-        reference: CurrentReference,
-    ) -> (PwmCommand, MotorEstimate) {
-        let Measured {
-            counts,
-            motion,
-            phases,
-            current,
-        } = *measured;
-        let bus = config.bus.voltage(sample.bus);
+        let (counts, motion) = self.observe(config, sample.encoder);
+        let drive = reference.mode == Mode::Drive;
+        let seen = self.watch(config, counts, &motion, drive);
+        let measured = self.measure(config, sample.current, &motion);
+        let amperes = config.sense.scale;
         let mut estimate = MotorEstimate {
             motion,
-            phases,
-            current,
-            bus,
+            phases: config.sense.phases(measured.codes),
+            current: DirectQuadrature {
+                d: amperes.current(measured.current.d),
+                q: amperes.current(measured.current.q),
+            },
+            bus: config.bus.voltage(sample.bus),
             broken: sample.broken,
+            encoder_wrong: seen.wrong,
             calibration: self.calibration,
             ..MotorEstimate::default()
         };
-        let drive = reference.mode == Mode::Drive;
-        let seen = self
-            .encoder_watch
-            .step(&config.encoder_watch, counts, &motion, drive);
-        estimate.encoder_stuck = seen.failed;
-        estimate.encoder_wrong = seen.wrong;
-        if !drive || sample.broken || estimate.encoder_stuck {
-            self.regulator = Regulator::new();
-            if reference.mode == Mode::Calibrate && self.calibration == Calibration::Pending {
-                self.calibrate(&config.sense, sample.current);
-                estimate.calibration = self.calibration;
-            }
-            return (PwmCommand::default(), estimate);
+        let mut command = PwmCommand::default();
+        if drive && !sample.broken && self.may_drive() {
+            let i_q = amperes.scaled(reference.i_q);
+            let output = self.regulate(config, i_q, &measured, &motion, sample.bus);
+            command.compare = Self::modulate(
+                config,
+                output.voltage,
+                &measured,
+                &motion,
+                scale,
+                sample.bus,
+            );
+            command.enable = true;
+            estimate.voltage = output.voltage;
+            estimate.voltage_limited = output.limited;
+            return (command, estimate);
         }
+        let rested = self.rest(config, sample, counts, reference.mode);
+        estimate.calibration = rested.calibration;
+        estimate.encoder_stuck = rested.encoder_stuck;
+        (command, estimate)
+    }
 
-        let wanted = DirectQuadrature {
-            d: Current::ZERO,
-            q: reference.i_q,
-        };
-        let v_max = config.modulation.v_max(bus);
-        let output = self
-            .regulator
-            .step(&config.regulator, wanted, current, motion.omega_e, v_max);
+    /// The bridge may be closed: the shaft's place is known, and the encoder has not failed.
+    #[must_use]
+    #[inline(always)]
+    pub fn may_drive(&self) -> bool {
+        self.started && !self.encoder_watch.failed()
+    }
 
-        let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
-        let phase_voltages =
-            inverse_clarke(Rotation::new(realised_at).inverse_park(output.voltage));
-        let compare = config
-            .modulation
-            .compare(phase_voltages, phases, bus, sample.bus);
-        estimate.voltage = output.voltage;
-        estimate.voltage_limited = output.limited;
-        (
-            PwmCommand {
-                compare,
-                enable: true,
-            },
-            estimate,
+    /// The encoder's raw word -> its counts, `None` of a reading that is wrong, where the shaft is and how fast it turns.
+    #[inline(always)]
+    pub fn observe(&mut self, config: &CurrentLoopConfig, encoder: u32) -> (Option<u32>, Motion) {
+        let counts = config.encoder.counts(encoder);
+        (counts, self.observer.follow(&config.observer, counts))
+    }
+
+    /// ADC counts of the phases -> currents.
+    #[must_use]
+    #[inline(always)]
+    pub fn measure(
+        &self,
+        config: &CurrentLoopConfig,
+        counts: [u16; 3],
+        motion: &Motion,
+    ) -> Measured {
+        let codes = config.sense.codes(counts, self.zeros);
+        let rotation = Rotation::new(motion.theta_e);
+        let current = rotation.park(config.sense.vector(codes));
+        Measured { codes, current }
+    }
+
+    /// Whether the encoder is to be trusted, once in each period; `drive`: the bridge is asked to be on.
+    #[inline(always)]
+    pub fn watch(
+        &mut self,
+        config: &CurrentLoopConfig,
+        counts: Option<u32>,
+        motion: &Motion,
+        drive: bool,
+    ) -> Seen {
+        self.encoder_watch
+            .step(&config.encoder_watch, counts, motion, drive)
+    }
+
+    /// Current error -> voltage, with the reference `i_q` in the loop's scale; `i_d` is held at 0.
+    #[inline(always)]
+    pub fn regulate(
+        &mut self,
+        config: &CurrentLoopConfig,
+        i_q: ScaledCurrent,
+        measured: &Measured,
+        motion: &Motion,
+        bus: u16,
+    ) -> RegulatorOutput {
+        self.regulator.step(
+            &config.regulator,
+            i_q,
+            measured.current,
+            motion.theta_e_step,
+            || config.modulation.circle(bus),
         )
     }
 
-    #[cold]
-    #[inline(never)]
+    /// Voltage -> compare values, turned to where the rotor will be in the middle of their period.
+    #[must_use]
+    #[inline(always)]
+    pub fn modulate(
+        config: &CurrentLoopConfig,
+        voltage: DirectQuadrature<Voltage>,
+        measured: &Measured,
+        motion: &Motion,
+        scale: BusScale,
+        bus: u16,
+    ) -> [u16; 3] {
+        let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
+        let v = Rotation::second(realised_at).inverse_park(voltage);
+        config.modulation.compare(v, measured.codes, scale, bus)
+    }
+
+    /// The rest of a period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current
+    /// zeros are measured.
+    pub fn rest(
+        &mut self,
+        config: &CurrentLoopConfig,
+        sample: &MotorSample,
+        counts: Option<u32>,
+        mode: Mode,
+    ) -> Rested {
+        if let (false, Some(counts)) = (self.started, counts) {
+            self.observer = Observer::at(&config.observer, counts);
+            self.started = true;
+        }
+        self.regulator = Regulator::new();
+        if mode == Mode::Calibrate && self.calibration == Calibration::Pending {
+            self.calibrate(&config.sense, sample.current);
+        }
+        Rested {
+            calibration: self.calibration,
+            broken: sample.broken,
+            encoder_stuck: self.encoder_watch.failed(),
+        }
+    }
+
     fn calibrate(&mut self, sense: &CurrentSense, counts: [u16; 3]) {
-        let Some(zeros) = self.zero_calibration.take(counts) else {
+        let Some(zeros) = self.zero_calibration.take(sense, counts) else {
             return;
         };
-        let healthy = sense
-            .measured()
-            .zip(zeros)
-            .all(|(channel, zero)| channel.zero_sixteenths.abs_diff(zero) <= ZERO_TOLERANCE);
-        if healthy {
+        if sense.healthy(zeros) {
             self.zeros = zeros;
             self.calibration = Calibration::Done;
         } else {
@@ -275,9 +334,10 @@ impl CurrentLoop {
     }
 }
 
-/// The angle gained in one and a half samples.
+/// The angle gained in one and a half samples, of a quarter turn each at most.
+#[allow(clippy::arithmetic_side_effects)]
 fn three_halves(step: i32) -> Angle {
-    Angle(step.saturating_add(step >> 1).cast_unsigned())
+    Angle((step + (step >> 1)).cast_unsigned())
 }
 
 #[cfg(test)]
@@ -295,14 +355,18 @@ mod tests {
             sample: &MotorSample,
             reference: CurrentReference,
         ) -> (PwmCommand, MotorEstimate) {
-            self.1.step(&self.0, sample, reference)
+            let scale = self.0.modulation.bus_scale(sample.bus);
+            self.1.step(&self.0, sample, reference, scale)
         }
     }
 
     fn current_loop() -> Configured {
         let plate = test_plate();
         let config = plate.motors[0].current_loop(&plate).unwrap();
-        Configured(config, CurrentLoop::new(&config))
+        let mut started = Configured(config, CurrentLoop::new(&config));
+        // The first period of every drive: the observer learns where the shaft is.
+        started.step(&sample([2048; 3]), CurrentReference::default());
+        started
     }
 
     fn sample(current: [u16; 3]) -> MotorSample {
@@ -410,6 +474,7 @@ mod tests {
         ) {
             let mut current_loop = current_loop();
             for (current, bus, encoder, i_q) in samples {
+                let (current, bus) = (current.map(|n| n % 4096), bus % 4096);
                 let sample = MotorSample { current, bus, encoder, broken: false };
                 let reference = CurrentReference { mode: Mode::Drive, i_q: Current::from_bits(i_q) };
                 let (command, _) = current_loop.step(&sample, reference);

@@ -14,6 +14,7 @@
 
 use crate::observer::Motion;
 use crate::tolerance::{Tally, Tolerance};
+use core::hint::cold_path;
 
 /// How many wrong readings are put up with.
 pub const WRONG_READINGS: Tolerance = Tolerance {
@@ -37,7 +38,7 @@ pub struct EncoderWatchConfig {
 pub struct Seen {
     /// The reading is wrong.
     pub wrong: bool,
-    /// The encoder is not to be trusted.
+    /// The encoder is found not to be trusted. That it was found before says [`EncoderWatch::failed`].
     pub failed: bool,
 }
 
@@ -49,7 +50,7 @@ pub struct EncoderWatch {
     wrong: Tally,
     /// The last count was further from the prediction than the shaft can turn.
     off: bool,
-    /// Too many were wrong; it stays so while the drive is on.
+    /// Too many were wrong, or the count stood; it stays so while the drive is on.
     failed: bool,
 }
 
@@ -66,8 +67,8 @@ impl EncoderWatch {
         }
     }
 
-    /// Takes a sample's count, `None` if it did not arrive whole, and what the observer made of it. A failure stays
-    /// while `drive`; without it only frames are watched.
+    /// Takes a sample's count, `None` if it did not arrive whole, and what the observer made of it. A failure stays, as
+    /// [`EncoderWatch::failed`] says, while `drive`; without it only frames are watched.
     #[inline(always)]
     pub fn step(
         &mut self,
@@ -90,27 +91,38 @@ impl EncoderWatch {
             seen.failed |= self.stuck(config, counts, motion.theta_step);
         } else {
             (self.counts, self.travel) = (0, 0);
+            self.failed &= config.checked;
         }
         seen
     }
 
+    /// The encoder has failed, in the last sample or before it.
+    #[must_use]
+    #[inline(always)]
+    pub const fn failed(&self) -> bool {
+        self.failed
+    }
+
+    /// The count stands while the shaft turns, in this sample: what a current loop pays for that in each period is a
+    /// comparison.
     #[inline(always)]
     fn stuck(&mut self, config: &EncoderWatchConfig, counts: Option<u32>, turned: i32) -> bool {
-        if self.travel > config.travel_max {
-            return true;
-        }
         match counts {
             Some(counts) if counts == self.counts => {
+                cold_path();
                 self.travel = self.travel.saturating_add(turned.unsigned_abs());
+                let stuck = self.travel > config.travel_max;
+                self.failed |= stuck;
+                stuck
             }
             Some(counts) => {
                 self.counts = counts;
                 self.travel = 0;
+                false
             }
             // A reading that did not arrive says nothing of where the count stands.
-            None => {}
+            None => false,
         }
-        self.travel > config.travel_max
     }
 }
 
@@ -134,17 +146,21 @@ mod tests {
         plate.motors[0].encoder.counts_per_turn = counts_per_turn;
         plate.motors[0].encoder.interface = interface;
         let config = plate.motors[0].current_loop(&plate).unwrap();
-        let (mut observer, mut watch) = (Observer::new(), EncoderWatch::new());
+        let count = |k: u32| {
+            let turns = angle(f64::from(k) * 50e-6).rem_euclid(1.0);
+            (turns * f64::from(counts_per_turn)) as u32 % counts_per_turn
+        };
+        let mut watch = EncoderWatch::new();
+        let mut observer = Observer::at(&config.observer, count(0));
         let mut wrong = 0;
         let fired = (0..samples).find(|&k| {
-            let turns = angle(f64::from(k) * 50e-6).rem_euclid(1.0);
-            let counts = (turns * f64::from(counts_per_turn)) as u32 % counts_per_turn;
-            let counts = arrives(k).then_some(counts);
+            let counts = arrives(k).then(|| count(k));
             let motion = observer.follow(&config.observer, counts);
             // The observer finds the speed while the drive is off.
             let drive = k >= 400;
             let seen = watch.step(&config.encoder_watch, counts, &motion, drive);
             wrong += u32::from(seen.wrong);
+            assert_eq!(seen.failed, watch.failed());
             seen.failed
         });
         (fired, wrong)

@@ -6,24 +6,20 @@
 //! | type | unit | range | resolution | reason |
 //! | --- | --- | --- | --- | --- |
 //! | [`Current`] | A | ±2048 | 0.95 uA | current references need 2^-12 A (0.02 % of ripple at 2.5 mm/s); 8 bits more make rounding free |
-//! | [`Voltage`] | V | ±1024 | 0.48 uV | buses to 900 V; the d/q sums saturate far beyond any bus |
-//! | [`StatorCurrent`] | A | ±8192 | 3.8 uA | what `SMMUL` makes of a [`Current`]; no sum of three phases can leave it |
-//! | [`StatorVoltage`] | V | ±2048 | 0.95 uV | what `SMMUL` makes of a [`Voltage`]; a rotated vector cannot leave it |
-//! | [`PhaseVoltage`] | V | ±8192 | 3.8 uV | one step of the PWM is 36 mV; sums of two voltages and a compensation fit |
+//! | [`ScaledCurrent`] | A | at least 2.8 times the ADC's range | 2^-29 of it | measured currents: what `SMMUL` makes of an ADC's code, so that no step of the fast loop has to scale |
+//! | [`Voltage`] | V | ±8192 | 3.8 uV | buses to 900 V; the sums of d and q fit; an integrator's step of 3.8 uV is 1.4 uA of error on the paper's motor, a hundredth of what the ADC resolves |
+//! | [`StatorVoltage`] | V | ±16384 | 7.6 uV | what `SMMUL` makes of a [`Voltage`]; a rotated vector cannot leave it |
 //! | [`Speed`] | electrical rad/s | ±32768 | 15 urad/s | the speed error needs 2^-10; 32768 rad/s is 62 000 rpm at 5 pole pairs |
 //! | [`MechanicalSpeed`] | mechanical rad/s | ±8192 | 3.8 urad/s | 78 000 rpm; a table at 1 um/s is 1.3 mrad/s on a 5 mm lead |
 //! | [`TableVelocity`] | m/s | ±8 | 3.7 nm/s | finer than any scale; 8 m/s is beyond ball screws |
-//! | [`Unit`] | 1 | [-1, 1) | 4.7e-10 | cosine and sine as `idsp::cossin` gives them |
-//! | [`Ratio`] | 1, or H, or Wb | ±2 | 9.3e-10 | constants of the transforms, inductance, flux |
-//! | [`Flux`] | Wb | ±128 | 6e-8 | times a [`Speed`] it has the fraction bits of a [`VoltageState`] |
-//! | [`Inductance`] | H | ±0.125 | 5.8e-11 | 2^-34 H: the upper word of its product with a [`Current`] is a flux |
-//! | [`Impedance`] | V/A | ±2048 | 0.95 uV/A | current-loop gains: 23.08 and 2.655 a sample on the paper's motor |
+//! | [`Unit`] | 1 | [-1, 1) | 4.7e-10 | cosine and sine |
+//! | [`Ratio`] | 1 | ±2 | 9.3e-10 | gains of the observer |
+//! | [`Gain`] | any | 31 bits and a shift | 2^-31 of itself | gains of the current loop: `SMMUL` and, where the plate wants it, a shift |
 //! | [`SpeedGain`] | A s/rad, per step | ±128 | 6e-8 | speed-loop gains: 0.0733 and 0.0026 a step; resolved to 2e-5 |
-//! | [`VoltageState`] | V | ±8.4e6 | 9.1e-13 | current integrators: the full product, so no dead band |
 //! | [`CurrentState`] | A | ±8.4e6 | 9.1e-13 | speed integrators: the full product, so no dead band |
-//! | [`ProfileState`] | rad/s, per step | ±2.1e9 | 2.3e-10 | a jerk of 0.1 rad/s^3 at 5 kHz is 4e-9 a step^2 |
+//! | [`ProfileState`] | rad/s | ±3.4e10 | 3.7e-9 | whole changes and a target's steps fit, so that it is met exactly |
+//! | [`SpeedChange`] | rad/s a step | ±8 | 3.7e-9 | 40 000 rad/s^2 at 5 kHz; a jerk of 50 rad/s^3 is 2e-6 a step^2, 500 of its steps |
 //! | [`Angle`] | turn | [0, 1), wraps | 2^-32 | modular by nature: an angle's wrap is its arithmetic |
-//! | [`CountsPerVolt`] | timer counts per V | ±1024 | 4.8e-7 | 13.7 at 310 V and 4250 counts |
 //!
 //! Nothing here wraps but [`Angle`]. A product is taken in full width (`wide_mul`, 64 bits) and comes back
 //! through [`narrow`], which saturates, or only its upper word is taken, which cannot overflow; sums of narrow values
@@ -32,19 +28,15 @@
 
 use fixed::traits::FixedSigned;
 use fixed::types::extra::{LeEqU32, LeEqU64};
-use fixed::types::{I1F31, I2F30, I4F28, I8F24, I11F21, I12F20, I14F18, I16F16, I24F40, I32F32};
+use fixed::types::{I1F31, I2F30, I4F28, I8F24, I12F20, I14F18, I15F17, I16F16, I24F40, I36F28};
 use fixed::{FixedI32, FixedI64};
 
 /// Current, A. ±2048 A in steps of 2^-20 A.
 pub type Current = I12F20;
-/// Voltage, V. ±1024 V in steps of 2^-21 V.
-pub type Voltage = I11F21;
-/// Current in the stator's frame, A. ±8192 A in steps of 2^-18 A.
-pub type StatorCurrent = I14F18;
-/// Voltage in the stator's frame, V. ±2048 V in steps of 2^-20 V.
-pub type StatorVoltage = I12F20;
-/// Voltage of a phase, V. ±8192 V in steps of 2^-18 V.
-pub type PhaseVoltage = I14F18;
+/// Voltage, V. ±8192 V in steps of 2^-18 V.
+pub type Voltage = I14F18;
+/// Voltage in the stator's frame, V. ±16384 V in steps of 2^-17 V.
+pub type StatorVoltage = I15F17;
 /// Electrical angular speed, rad/s. ±32768 rad/s in steps of 2^-16 rad/s.
 pub type Speed = I16F16;
 /// Mechanical angular speed, rad/s. ±8192 rad/s in steps of 2^-18 rad/s.
@@ -53,25 +45,84 @@ pub type MechanicalSpeed = I14F18;
 pub type TableVelocity = I4F28;
 /// Cosine or sine, [-1, 1).
 pub type Unit = I1F31;
-/// A constant of a transform, an inductance in H or a flux in Wb. ±2.
+/// A ratio, ±2.
 pub type Ratio = I2F30;
-/// Flux linkage, Wb. ±128 Wb in steps of 2^-24 Wb.
-pub type Flux = I8F24;
-/// Inductance, H. ±0.125 H in steps of 2^-34 H.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Inductance(pub i32);
-/// Gain of a current regulator, V/A (the integral one: V/A per sample). ±2048.
-pub type Impedance = I12F20;
 /// Gain of a speed regulator, A per electrical rad/s (the integral one: per step). ±128.
 pub type SpeedGain = I8F24;
-/// State of a current integrator, V, as wide as the product that feeds it.
-pub type VoltageState = I24F40;
 /// State of a speed integrator, A, as wide as the product that feeds it.
 pub type CurrentState = I24F40;
-/// State of a profile, rad/s (and per step, per step squared).
-pub type ProfileState = I32F32;
-/// Timer counts per volt of phase voltage. ±1024.
-pub type CountsPerVolt = I11F21;
+/// State of a profile, rad/s.
+pub type ProfileState = I36F28;
+/// Change of a profile, rad/s a step (and its change, per step squared). ±8.
+pub type SpeedChange = I4F28;
+/// A current of the fast loop, in 2^-n A: n is a [`CurrentScale`], which the plate's ADC range gives.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ScaledCurrent(pub i32);
+
+/// The fraction bits of a motor's [`ScaledCurrent`]s, 0 to 30.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct CurrentScale {
+    /// Fraction bits.
+    pub fraction: u32,
+}
+
+impl CurrentScale {
+    /// A current in this scale, cut to half of the word: the difference of two then fits.
+    #[must_use]
+    #[inline(always)]
+    #[allow(clippy::arithmetic_side_effects)]
+    pub fn scaled(self, current: Current) -> ScaledCurrent {
+        let bits = current.to_bits();
+        ScaledCurrent(if self.fraction >= Current::FRAC_NBITS {
+            shift_up(bits, self.fraction - Current::FRAC_NBITS, 30)
+        } else {
+            bits >> (Current::FRAC_NBITS - self.fraction)
+        })
+    }
+
+    /// A current of this scale, saturated to its format.
+    #[must_use]
+    #[inline(always)]
+    #[allow(clippy::arithmetic_side_effects)]
+    pub fn current(self, ScaledCurrent(bits): ScaledCurrent) -> Current {
+        Current::from_bits(if self.fraction >= Current::FRAC_NBITS {
+            bits >> (self.fraction - Current::FRAC_NBITS)
+        } else {
+            shift_up(bits, Current::FRAC_NBITS - self.fraction, 31)
+        })
+    }
+}
+
+/// A gain that one instruction applies: `x * multiplier / 2^32`, shifted left by `shift`, which is zero on most plates.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Gain {
+    /// See above.
+    pub multiplier: i32,
+    /// See above; 0 to 16.
+    pub shift: u32,
+}
+
+impl Gain {
+    /// The gain times `x`: within ±2^30.
+    #[must_use]
+    #[inline(always)]
+    pub fn times(self, x: i32) -> i32 {
+        shift_up(multiply_upper(self.multiplier, x), self.shift, 30)
+    }
+}
+
+/// `x` shifted left by `shift`, at most 16 bits, and cut to ±2^`bits`.
+#[inline(always)]
+#[allow(clippy::arithmetic_side_effects)]
+pub(crate) fn shift_up(x: i32, shift: u32, bits: u32) -> i32 {
+    let end = 1i32.wrapping_shl(bits.wrapping_sub(shift));
+    if shift == 0 && bits >= 30 {
+        // A product's upper word is within ±2^30 by itself.
+        return x;
+    }
+    x.clamp(end.wrapping_neg(), end.wrapping_sub(1))
+        .wrapping_shl(shift)
+}
 
 /// An angle as a fraction of a turn: 2^32 is one turn, and the wrap of the integer is the wrap of the angle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -96,6 +147,12 @@ impl Angle {
         Self(self.0.wrapping_add(other.0))
     }
 
+    /// This angle turned on by `step` 2^-32 turn.
+    #[must_use]
+    pub const fn turned(self, step: i32) -> Self {
+        Self(self.0.wrapping_add_signed(step))
+    }
+
     /// The way from `other` to this angle, the short way round, in 2^-32 turn: [-2^31, 2^31).
     #[must_use]
     pub const fn minus(self, other: Self) -> i32 {
@@ -106,13 +163,6 @@ impl Angle {
     #[must_use]
     pub const fn times(self, factor: u32) -> Self {
         Self(self.0.wrapping_mul(factor))
-    }
-
-    /// Cosine and sine, each within 9e-6.
-    #[must_use]
-    pub fn cos_sin(self) -> (Unit, Unit) {
-        let (cos, sin) = idsp::cossin(self.0.cast_signed());
-        (Unit::from_bits(cos), Unit::from_bits(sin))
     }
 }
 

@@ -4,12 +4,13 @@
 //!
 //! | step | module | rate |
 //! | --- | --- | --- |
-//! | ADC counts -> phase currents, bus voltage | [`sense`] | each PWM period |
+//! | ADC counts -> codes, current vector, bus voltage | [`sense`] | each PWM period |
 //! | encoder counts -> `theta_e`, `omega_e` | [`observer`] | each PWM period |
 //! | is the encoder alive? | [`encoder_watch`] | each PWM period |
-//! | phases -> d, q and back | [`transform`] | each PWM period |
+//! | `theta_e` -> cosine and sine | `sine` | each PWM period |
+//! | stator's frame -> d, q and back | [`transform`] | each PWM period |
 //! | PI in d and q, voltage limit, anti-windup | [`regulator`] | each PWM period |
-//! | phase voltages -> timer compare values | [`modulation`] | each PWM period |
+//! | voltage -> timer compare values | [`modulation`] | each PWM period |
 //! | the five above in one step | [`current_loop`] | each PWM period |
 //! | speed error -> `i_q` reference | [`speed_loop`] | speed task |
 //! | jerk-limited reference | [`profile`] | speed task |
@@ -63,6 +64,7 @@ pub mod plate;
 pub mod profile;
 pub mod regulator;
 pub mod sense;
+mod sine;
 pub mod speed_loop;
 pub mod speed_task;
 pub mod supervisor;

@@ -6,7 +6,10 @@
 //! sides are on around the counter's top, where the shunts are sampled. A minimum on-time of the low sides keeps
 //! that window open: it bounds the compare value from above, and the voltage circle is made smaller to match.
 
-use crate::format::{CountsPerVolt, Current, PhaseVoltage, Ratio, Voltage, multiply_upper};
+use crate::format::{StatorVoltage, Voltage, multiply_upper};
+use crate::regulator::Circle;
+use crate::sense::{Codes, Shunts};
+use crate::transform::AlphaBeta;
 
 /// Configuration of the modulator of one bridge.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -15,124 +18,186 @@ pub struct ModulationConfig {
     pub period: u16,
     /// Largest compare value that leaves the low sides their minimum on-time.
     pub compare_max: u16,
-    /// `period` divided by the volts of one ADC count of the bus, times `2^(21 - counts_shift)`: divided by a bus count
-    /// and shifted left by `counts_shift` it is [`CountsPerVolt`]. At least 2^31, so that the quotient has its bits.
-    pub period_per_bus_count: u32,
-    /// See `period_per_bus_count`.
-    pub counts_shift: u32,
-    /// Bus counts below this are taken as this: the division's floor, which keeps its result below 1024 counts per volt.
+    /// What, divided by a count of the bus and shifted left by `scale_shift`, makes compare values of voltages: the
+    /// period times `sqrt(2/3)` of the inverse Clarke, per volt of one bus count, brought to [2^31, 2^32) so that the
+    /// quotient has its bits.
+    pub scale_per_bus_count: u32,
+    /// See `scale_per_bus_count`.
+    pub scale_shift: u32,
+    /// 2^63 divided by `scale_per_bus_count`.
+    pub scale_inverse: u32,
+    /// Bus counts below this are taken as this: the division's floor, which keeps its result in its word.
     pub bus_counts_min: u16,
-    /// Radius of the voltage circle as a part of the bus, in [0, 1): `(1 - min_on / T) / sqrt(2)`, less twice the part
-    /// that the dead time takes. The compensation lifts the two outer phases apart by twice its voltage: sqrt(2) of it in
-    /// the d/q frame, and 2 is safe.
-    pub circle: Ratio,
-    /// Mean voltage that the dead time takes from a phase, against the sign of its current.
+    /// Radius of the voltage circle for one bus count, 2^-28 V: `(1 - min_on / T) / sqrt(2)` of the bus, less twice the
+    /// part that the dead time takes, less a thousandth for what is rounded. The compensation lifts the two outer phases
+    /// apart by twice its voltage: sqrt(2) of it in the d/q frame, and 2 is safe.
+    pub radius: u32,
+    /// The square of half of it, 2^-34 V^2.
+    pub radius_square: u32,
+    /// Dead-time compensation.
     pub dead_time: DeadTime,
 }
 
-/// Dead-time compensation: `v = v_full * clamp(i / i_full, -1, 1)`.
+/// What makes compare values of voltages near one bus voltage: the bus voltage compensation, along its tangent. The
+/// speed task divides; a current loop corrects by what the bus has changed since, a fraction of a percent.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BusScale {
+    /// The bus, counts.
+    pub counts: i32,
+    /// Voltages in 2^-17 V to 2^-7 counts of alpha, 2^-32; at most 2^30.
+    pub scale: i32,
+    /// By how much it falls with a count.
+    pub slope: i32,
+}
+
+/// Counts that the bus may change while a [`BusScale`] is followed; a power of two. 14 V of 450 V in 200 us.
+pub const BUS_STEP: i32 = 128;
+
+impl BusScale {
+    /// The scale at `bus` counts.
+    #[inline(always)]
+    #[allow(clippy::arithmetic_side_effects)]
+    fn at(self, bus: u16) -> i32 {
+        let change = (self.counts - i32::from(bus)).clamp(-BUS_STEP, BUS_STEP - 1);
+        // The counts are at least `BUS_STEP`, so that the product is at most the scale, and the sum between 0 and 2^31.
+        self.scale.wrapping_add(self.slope.wrapping_mul(change))
+    }
+}
+
+/// Dead-time compensation: `v = v_full * clamp(i / i_full, -1, 1)`, straight in timer counts: the dead time takes as many
+/// of them whatever the bus.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DeadTime {
-    /// Dead time divided by the PWM period: the part of the bus that a phase loses.
-    pub bus_part: Ratio,
-    /// 1 / `i_full`, 1/A: within `i_full` of zero a current's sign is noise and the voltage fades in.
-    pub slope: crate::format::SpeedGain,
+    /// Which channels have a code.
+    pub shunts: Shunts,
+    /// Codes of each channel to parts of the full compensation, 2^-16: within `i_full` of zero a current's sign is
+    /// noise, and the compensation fades in. At most 2^30.
+    pub slopes: [i32; 3],
+    /// Half the dead time, as a compare value is half of an on-time, 2^-23 timer counts: times a part it is in 2^-7.
+    pub full: i32,
 }
 
 impl DeadTime {
-    /// What is added to a phase with `current` on the bus of `bus` V: within ±1024 V.
+    /// What is added to the compare values of the phases for their codes, 2^-7 counts.
     #[inline(always)]
-    fn compensation(&self, current: Current, bus: Voltage) -> PhaseVoltage {
-        // In 2^-19 V.
-        let full = multiply_upper(bus.to_bits(), self.bus_part.to_bits());
-        // Part of the full voltage in 2^-12, cut to ±1: a few millivolts of a phase.
-        let part = multiply_upper(current.to_bits(), self.slope.to_bits()).clamp(-4096, 4095);
-        PhaseVoltage::from_bits(multiply_upper(full, part << 19))
+    fn compensation(&self, [a, b, c]: Codes) -> [i32; 3] {
+        let [ka, kb, kc] = self.slopes;
+        let (a, b) = (multiply_upper(a, ka), multiply_upper(b, kb));
+        // Each is at most 2^29.
+        #[allow(clippy::arithmetic_side_effects)]
+        let c = match self.shunts {
+            Shunts::Two => -(a + b),
+            Shunts::Three => multiply_upper(c, kc),
+        };
+        const ONE: i32 = 1 << 16;
+        [a, b, c].map(|part| multiply_upper(part.clamp(-ONE, ONE - 1), self.full))
     }
 }
 
 impl ModulationConfig {
-    /// The longest d/q vector that can be realised without touching a limit, at bus voltage `bus`.
+    /// The circle of the d/q vectors that can be realised without touching a limit, at `bus_counts`.
     #[must_use]
     #[inline(always)]
-    pub fn v_max(&self, bus: Voltage) -> Voltage {
-        // A part below 1, so that a quarter of the voltage, which the upper word is, is below a quarter of the format.
-        let quarter = multiply_upper(bus.to_bits().max(0), self.circle.to_bits());
-        Voltage::from_bits(quarter << 2)
+    pub fn circle(&self, bus_counts: u16) -> Circle {
+        let counts = u32::from(bus_counts);
+        let square =
+            u64::from(counts.wrapping_mul(counts)).wrapping_mul(u64::from(self.radius_square));
+        // In 2^-18 V: fewer than 1024 counts of less than a volt each, or the end of the format.
+        let radius = u64::from(counts).wrapping_mul(u64::from(self.radius)) >> 10;
+        #[allow(clippy::cast_possible_truncation)]
+        Circle {
+            radius: Voltage::from_bits(radius.min(1 << 30) as i32),
+            square: (square >> 32) as u32,
+        }
     }
 
-    /// Compare values of phases a, b, c for the phase voltages `v`, each within ±2294 V as the inverse Clarke gives
-    /// them, with the phase currents' signs for the dead time, on the bus of `bus` V measured as `bus_counts`.
+    /// Compare values of phases a, b, c for the voltage `v` within the circle, with the phase currents' `codes` for the
+    /// dead time, on the bus measured as `bus_counts`, near that of `scale`.
     #[must_use]
     #[inline(always)]
+    #[allow(clippy::arithmetic_side_effects)]
     pub fn compare(
         &self,
-        v: [PhaseVoltage; 3],
-        currents: [Current; 3],
-        bus: Voltage,
+        v: AlphaBeta<StatorVoltage>,
+        codes: Codes,
+        scale: BusScale,
         bus_counts: u16,
     ) -> [u16; 3] {
-        let ([va, vb, vc], [ia, ib, ic]) = (v, currents);
-        // With the compensation within ±3318 V; the sum of two, and a phase less half of it, stay within ±6636 V of the
-        // format's ±8192 V.
-        #[allow(clippy::arithmetic_side_effects)]
-        let phases = {
-            let a = va + self.dead_time.compensation(ia, bus);
-            let b = vb + self.dead_time.compensation(ib, bus);
-            let c = vc + self.dead_time.compensation(ic, bus);
-            let middle = (a.max(b).max(c) + a.min(b).min(c)).to_bits() >> 1;
-            let middle = PhaseVoltage::from_bits(middle);
-            [a - middle, b - middle, c - middle]
-        };
-        let scale = self.counts_per_volt(bus_counts);
-        phases.map(|phase| self.counts(phase, scale))
+        // sqrt(3)/2 less 1, in 2^-32.
+        const SQRT_3_2_LESS_1: i32 = -575_416_510;
+        let scale = scale.at(bus_counts);
+        // Inverse Clarke in 2^-7 counts: whatever comes in, a product's upper word is within 2^30.
+        let a = multiply_upper(v.alpha.to_bits(), scale);
+        let beta = multiply_upper(v.beta.to_bits(), scale);
+        let beta = beta + multiply_upper(beta, SQRT_3_2_LESS_1);
+        let (half, above) = (a >> 1, beta.abs());
+        let (b, c) = (beta - half, -beta - half);
+        // The highest and the lowest phase lie symmetrically when half of the middle one is added to all.
+        let middle = a.min(above - half).max(-above - half);
+        // Voltage zero is the middle of the permitted range; and half a count of rounding.
+        let offset = (middle >> 1) + ((i32::from(self.compare_max) << 6) + 64);
+        let [da, db, dc] = self.dead_time.compensation(codes);
+        // The circle keeps them within 0 and `compare_max`; the ends are those of any value that an interrupt might write.
+        [a + offset + da, b + offset + db, c + offset + dc].map(counts)
     }
 
+    /// The scale at and near `bus_counts`. One 32-bit division.
+    #[must_use]
     #[inline(always)]
-    fn counts(&self, v: PhaseVoltage, scale: CountsPerVolt) -> u16 {
-        // In 2^-7 of a count: the middle of the permitted range, which is voltage zero, and half a count of rounding.
-        // |v| < 2^31 and scale < 2^31 make the product at most 2^30; what is added is below 2^23.
-        let product = multiply_upper(v.to_bits(), scale.to_bits());
-        #[allow(clippy::arithmetic_side_effects)]
-        let centred = product + ((i32::from(self.compare_max) << 6) + 64);
-        let compare = (centred >> 7).max(0).min(i32::from(self.compare_max));
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        let compare = compare as u16;
-        compare
-    }
-
-    /// Timer counts per volt: the bus voltage compensation. One 32-bit division.
-    #[inline(always)]
-    fn counts_per_volt(&self, bus_counts: u16) -> CountsPerVolt {
+    #[allow(clippy::cast_possible_truncation)]
+    pub fn bus_scale(&self, bus_counts: u16) -> BusScale {
         let counts = u32::from(bus_counts.max(self.bus_counts_min));
-        let quotient = self.period_per_bus_count.checked_div(counts).unwrap_or(0);
-        // Below 2^31: `bus_counts_min` is chosen so.
-        #[allow(clippy::arithmetic_side_effects)]
-        let bits = quotient << self.counts_shift;
-        CountsPerVolt::from_bits(bits.cast_signed())
+        let quotient = self.scale_per_bus_count.checked_div(counts).unwrap_or(0);
+        // Below 2^30: `bus_counts_min` is chosen so.
+        let scale = quotient.wrapping_shl(self.scale_shift);
+        // scale / counts = scale * quotient / scale_per_bus_count, rounded down.
+        let upper = |a: u32, b: u32| (u64::from(a).wrapping_mul(u64::from(b)) >> 32) as u32;
+        let slope = upper(upper(scale, quotient), self.scale_inverse).wrapping_shl(1);
+        BusScale {
+            counts: counts.cast_signed(),
+            scale: scale.cast_signed(),
+            slope: slope.cast_signed(),
+        }
     }
+}
+
+/// Whole counts of a compare value in 2^-7, cut to what the timer's 13 to 15 bits can need.
+#[inline(always)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn counts(compare: i32) -> u16 {
+    const END: i32 = (1 << 15) - 1;
+    (compare >> 7).clamp(0, END) as u16
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plate::test_plate;
+    use crate::format::Angle;
+    use crate::plate::{DrivePlate, test_plate};
+    use crate::regulator::limit;
+    use crate::transform::{DirectQuadrature, Rotation};
     use proptest::prelude::*;
 
-    fn config(dead_time_s: f64, min_on_s: f64) -> ModulationConfig {
+    fn plate(dead_time_s: f64, min_on_time_s: f64) -> DrivePlate {
         let mut plate = test_plate();
         plate.board.dead_time_s = dead_time_s;
-        plate.board.min_on_time_s = min_on_s;
-        plate.motors[0].current_loop(&plate).unwrap().modulation
+        plate.board.min_on_time_s = min_on_time_s;
+        plate
     }
 
-    fn bus(counts: u16) -> Voltage {
-        let plate = test_plate();
-        plate.motors[0]
-            .current_loop(&plate)
-            .unwrap()
-            .bus
-            .voltage(counts)
+    fn config(plate: &DrivePlate) -> ModulationConfig {
+        plate.motors[0].current_loop(plate).unwrap().modulation
+    }
+
+    fn bus(counts: u16) -> f64 {
+        f64::from(counts) * test_plate().board.bus_volts_per_count
+    }
+
+    fn vector(alpha: f64, beta: f64) -> AlphaBeta<StatorVoltage> {
+        AlphaBeta {
+            alpha: StatorVoltage::from_num(alpha),
+            beta: StatorVoltage::from_num(beta),
+        }
     }
 
     proptest! {
@@ -140,42 +205,83 @@ mod tests {
         fn phase_to_phase_voltages_are_realised(
             angle in 0.0..core::f64::consts::TAU, part in 0.0..1.0f64, counts in 800u16..4095, min_on in 0.0..3e-6f64,
         ) {
-            let config = config(0.0, min_on);
-            let bus = bus(counts);
-            let length = config.v_max(bus).to_num::<f64>() * part * (2f64 / 3.0).sqrt();
-            let volts = [0.0, 1.0, 2.0].map(|k| length * (angle - k * core::f64::consts::TAU / 3.0).cos());
-            let compare = config.compare(volts.map(PhaseVoltage::from_num), [Current::ZERO; 3], bus, counts);
-            let lsb = bus.to_num::<f64>() / f64::from(config.period);
+            let config = config(&plate(0.0, min_on));
+            let length = config.circle(counts).radius.to_num::<f64>() * part;
+            let compare = config.compare(vector(length * angle.cos(), length * angle.sin()), [0; 3], config.bus_scale(counts), counts);
+            let volts = [0.0, 1.0, 2.0]
+                .map(|k| (2f64 / 3.0).sqrt() * length * (angle - k * core::f64::consts::TAU / 3.0).cos());
+            let lsb = bus(counts) / f64::from(config.period);
             for (j, k) in [(0, 1), (1, 2), (2, 0)] {
                 let realised = (f64::from(compare[j]) - f64::from(compare[k])) * lsb;
                 prop_assert!((realised - (volts[j] - volts[k])).abs() < 1.1 * lsb, "{realised} for {}", volts[j] - volts[k]);
             }
-            prop_assert!(compare.iter().all(|&c| c <= config.compare_max));
+            let (highest, lowest) = (compare.iter().max().unwrap(), compare.iter().min().unwrap());
+            prop_assert!((highest + lowest).abs_diff(config.compare_max) <= 1, "{compare:?} are not in the middle");
+        }
+
+        /// The whole circle is there: its square and its radius agree, and on it a phase is within 5 counts of an end.
+        #[test]
+        fn the_circle_is_what_the_bus_gives(counts in 100u16..4095, dead_time in 0.0..1e-6f64) {
+            let config = config(&plate(dead_time, 2e-6));
+            let circle = config.circle(counts);
+            let radius = circle.radius.to_num::<f64>();
+            prop_assert!((f64::from(circle.square) / 4.0 - radius * radius).abs() < 0.3);
+            let exact = bus(counts) * (core::f64::consts::FRAC_1_SQRT_2 * (1.0 - 2.0 / 50.0) - 2.0 * dead_time / 50e-6);
+            prop_assert!(radius < exact && radius > 0.998 * exact, "{radius} V of {exact} V");
         }
 
         #[test]
-        fn dead_time_is_added_with_the_current(i in -5.0..5.0f64) {
-            let config = config(1e-6, 0.0);
-            let volts = bus(3000);
-            let amps = [i, -i, 0.0].map(Current::from_num);
-            let compare = config.compare([PhaseVoltage::ZERO; 3], amps, volts, 3000);
-            let lsb = volts.to_num::<f64>() / f64::from(config.period);
-            let lost = volts.to_num::<f64>() * 1e-6 / 50e-6;
-            let part = (i / test_plate().board.dead_time_fade_a).clamp(-1.0, 1.0);
-            let realised = (f64::from(compare[0]) - f64::from(compare[1])) * lsb;
-            prop_assert!((realised - 2.0 * lost * part).abs() < 1.1 * lsb + 1e-3);
+        fn dead_time_is_added_with_the_current(i in -4.0..4.0f64) {
+            let plate = plate(1e-6, 0.0);
+            let config = config(&plate);
+            let code = (i / plate.board.amps_per_count * 2f64.powi(19)) as i32;
+            let compare = config.compare(vector(0.0, 0.0), [code, -code, 0], config.bus_scale(3000), 3000).map(f64::from);
+            let part = (i / plate.board.dead_time_fade_a).clamp(-1.0, 1.0);
+            let counts = 4250.0 / 50.0 * part;
+            prop_assert!(config.period == 4250);
+            prop_assert!((compare[0] - compare[2] - counts).abs() < 1.1, "{compare:?} for {counts}");
+            prop_assert!((compare[1] - compare[2] + counts).abs() < 1.1, "{compare:?} for {counts}");
         }
 
+        /// Whatever the regulator asks, its limit to the circle leaves compare values that keep the low sides' on-time.
         #[test]
-        fn any_input_gives_a_compare_within_the_range(
-            v in prop::array::uniform3(prop_oneof![-2294..=2294i32, Just(-2294), Just(2294)]), i in any::<[i32; 3]>(), volts in any::<i32>(), counts in any::<u16>(),
+        fn any_voltage_in_the_circle_gives_a_compare_within_the_range(
+            v in any::<[i32; 2]>(), theta_e in any::<u32>(), codes in any::<[i32; 3]>(), counts in any::<u16>(), on_the_circle in any::<bool>(),
         ) {
-            let config = config(1e-6, 1e-6);
-            let compare = config.compare(
-                v.map(PhaseVoltage::from_num), i.map(Current::from_bits), Voltage::from_bits(volts), counts);
-            prop_assert!(compare.iter().all(|&c| c <= config.compare_max));
-            prop_assert!(config.v_max(Voltage::from_bits(volts)) >= 0);
-            prop_assert!(config.counts_per_volt(counts) > 0);
+            for shunts in [Shunts::Two, Shunts::Three] {
+                let mut plate = plate(1e-6, 1e-6);
+                plate.board.shunts = shunts;
+                let config = config(&plate);
+                let counts = counts % 4096;
+                let [d, q] = v.map(|x| Voltage::from_bits(if on_the_circle { x } else { x >> 6 }));
+                let v = limit(DirectQuadrature { d, q }, config.circle(counts).radius);
+                let compare = config.compare(Rotation::new(Angle(theta_e)).inverse_park(v), codes, config.bus_scale(counts), counts);
+                prop_assert!(compare.iter().all(|&c| c <= config.compare_max), "{compare:?}");
+            }
+        }
+
+        /// Along the tangent: right to the square of the change, and never beyond its word.
+        #[test]
+        fn the_scale_follows_the_bus(counts in 0..4096u16, change in -200..200i32) {
+            let config = config(&plate(0.0, 0.0));
+            let near = config.bus_scale(counts);
+            let now = (i32::from(counts) + change).clamp(0, 4095) as u16;
+            let (got, exact) = (f64::from(near.at(now)), f64::from(config.bus_scale(now).scale));
+            prop_assert!(got >= 0.0);
+            if counts >= config.bus_counts_min && now >= config.bus_counts_min && change.abs() < BUS_STEP {
+                let part = f64::from(change) / f64::from(counts);
+                prop_assert!((got / exact - 1.0).abs() <= part * part + 3e-5, "{got} for {exact}");
+            }
+        }
+
+        /// Debug builds panic where a sum would leave its format.
+        #[test]
+        fn no_input_overflows(v in any::<[i32; 2]>(), codes in any::<[i32; 3]>(), counts in any::<u16>()) {
+            let config = config(&plate(1e-6, 1e-6));
+            let [alpha, beta] = v.map(StatorVoltage::from_bits);
+            let _ = config.compare(AlphaBeta { alpha, beta }, codes, config.bus_scale(counts), counts);
+            prop_assert!(config.bus_scale(counts).scale > 0);
+            prop_assert!(config.circle(counts).radius >= 0);
         }
     }
 }

@@ -8,15 +8,13 @@
 //! acceleration `a` with the angle lag `a / omega_0^2`. With `omega_0 = 1/T` and `zeta = 0.5` it is deadbeat: the
 //! speed is then the difference of two angles.
 
-use crate::format::{Angle, Ratio, Speed, cut_upper};
-
-/// Speeds are held below 1/16 turn a sample: no drive commutates on fewer than sixteen samples a turn.
-///
-/// The bits of the upper word of 1/16 turn, 2^60.
-const SPEED_LIMIT_BITS: u32 = 28;
+use crate::format::{Angle, Ratio, Speed, cut_upper, multiply_upper};
 
 /// A sixteenth of a turn, 2^-32 turn: the largest difference between encoder and prediction that counts.
 const JUMP: i32 = 1 << 28;
+
+/// Speeds are held below 1/16 turn a sample, 2^28: no drive commutates on fewer than sixteen samples a turn.
+pub(crate) const SPEED_BITS_MAX: u32 = 28;
 
 /// Encoder counts -> angle of the shaft, for any count from 2 to 2^30 a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,34 +72,33 @@ pub struct ObserverConfig {
     pub pole_pairs: u32,
     /// Electrical angle at encoder count zero, negated: `theta_e = p * theta + theta_e_offset`.
     pub theta_e_offset: Angle,
-    /// `omega_e` in 2^-16 rad/s = speed in 2^-35 turn a sample times this, shifted right by `omega_shift`.
+    /// Speeds are held below 2^this, 2^-32 turn a sample: at most [`SPEED_BITS_MAX`], and electrically at most a quarter turn.
+    pub speed_bits: u32,
+    /// `omega_e` in 2^-16 rad/s = speed in 2^-32 turn a sample times this, shifted right by `omega_shift`.
     pub omega_multiplier: i32,
     /// See `omega_multiplier`; 1 to 31.
     pub omega_shift: u32,
-    /// Largest speed that is passed on, 2^-35 turn a sample: a quarter electrical turn, and within the format of
-    /// `omega_e`.
-    pub fine_max: i32,
+    /// Largest speed within the format of `omega_e`, 2^-32 turn a sample.
+    pub step_max: i32,
 }
 
 impl ObserverConfig {
-    /// The electrical speed of a shaft that turns `fine` 2^-35 turns a sample, at most `fine_max`.
+    /// The electrical speed of a shaft that turns by `theta_step` a sample, 2^-32 turn: 0.15 mrad/s on 5 pole pairs at 20 kHz.
+    #[must_use]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     #[inline(always)]
-    fn omega_e(&self, fine: i32) -> Speed {
-        // |fine| <= fine_max makes the result fit. The halves are shifted by hand, because a 64-bit shift by a
+    pub fn omega_e(&self, theta_step: i32) -> Speed {
+        let step = theta_step
+            .min(self.step_max)
+            .max(self.step_max.wrapping_neg());
+        // |step| <= step_max makes the result fit. The halves are shifted by hand, because a 64-bit shift by a
         // variable is a dozen instructions.
-        let wide = i64::from(fine).wrapping_mul(i64::from(self.omega_multiplier));
+        let wide = i64::from(step).wrapping_mul(i64::from(self.omega_multiplier));
         let (upper, lower) = ((wide >> 32) as u32, wide as u32);
         let shift = self.omega_shift & 31;
         let bits = upper.wrapping_shl(32u32.wrapping_sub(shift)) | lower.wrapping_shr(shift);
         Speed::from_bits(bits.cast_signed())
     }
-}
-
-/// `x` cut to ±`limit`.
-#[inline(always)]
-fn cut_bits(x: i32, limit: i32) -> i32 {
-    x.min(limit).max(limit.wrapping_neg())
 }
 
 /// Angle and speed as the observer knows them.
@@ -111,12 +108,10 @@ pub struct Motion {
     pub theta: Angle,
     /// Electrical angle.
     pub theta_e: Angle,
-    /// Mechanical angle gained each sample, 2^-32 turn.
+    /// Mechanical angle gained each sample, 2^-32 turn: [`ObserverConfig::omega_e`] makes the electrical speed of it.
     pub theta_step: i32,
-    /// Electrical angle gained each sample, 2^-32 turn.
+    /// Electrical angle gained each sample, 2^-32 turn: a quarter turn at most.
     pub theta_e_step: i32,
-    /// Electrical speed, rad/s.
-    pub omega_e: Speed,
     /// Encoder minus prediction, 2^-32 mechanical turn: what a stuck or jumping encoder shows first.
     pub innovation: i32,
 }
@@ -124,21 +119,28 @@ pub struct Motion {
 /// State of a tracking observer.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Observer {
-    /// Angle, 2^-64 turn.
-    angle: u64,
+    /// Angle. What its sums lose below 2^-32 turn a sample, the next innovation brings back.
+    angle: Angle,
     /// Speed, 2^-64 turn a sample.
     speed: i64,
-    started: bool,
 }
 
 impl Observer {
-    /// An observer that takes its first sample as the place where the shaft stands.
+    /// An observer of a shaft that stands at angle 0.
     #[must_use]
     pub const fn new() -> Self {
         Self {
-            angle: 0,
+            angle: Angle(0),
             speed: 0,
-            started: false,
+        }
+    }
+
+    /// An observer of a shaft that stands where `counts` say: the first sample is no jump from somewhere else.
+    #[must_use]
+    pub fn at(config: &ObserverConfig, counts: u32) -> Self {
+        Self {
+            angle: config.encoder.angle(counts),
+            speed: 0,
         }
     }
 
@@ -151,60 +153,45 @@ impl Observer {
     /// As [`Observer::step`], and without a count holds what it predicts.
     #[inline(always)]
     pub fn follow(&mut self, config: &ObserverConfig, counts: Option<u32>) -> Motion {
-        let measured = counts.map(|counts| config.encoder.angle(counts).plus(self.gained(config)));
-        if let (false, Some(measured)) = (self.started, measured) {
-            // The first sample says where the shaft is, not that it jumped there.
-            self.angle = u64::from(measured.0) << 32;
-            self.started = true;
-        }
-        let predicted = self.angle.wrapping_add_signed(self.speed);
+        // |speed| <= 2^60, so its upper word is 29 bits.
+        #[allow(clippy::cast_possible_truncation)]
+        let upper = |speed: i64| (speed >> 32) as i32;
+        let predicted = self.angle.turned(upper(self.speed));
+        let measured = counts.map(|counts| {
+            let angle = config.encoder.angle(counts);
+            angle.turned(gained(config.age, upper(self.speed)))
+        });
         // A difference of more than a sixteenth of a turn, the fastest speed, is no difference but a jump; cut, it fits
         // its word in 2^-34 turn, which makes its products with the gains 2^-64 turn.
         let innovation = measured.map_or(0, |measured| {
-            measured
-                .minus(Angle(high(predicted)))
-                .clamp(-JUMP, JUMP - 1)
+            measured.minus(predicted).clamp(-JUMP, JUMP - 1)
         });
-        #[allow(clippy::arithmetic_side_effects)]
-        let correction = |gain: Ratio| i64::from(innovation << 2) * i64::from(gain.to_bits());
-        self.angle = predicted.wrapping_add_signed(correction(config.alpha));
+        let fine = innovation << 2;
+        self.angle = predicted.turned(multiply_upper(fine, config.alpha.to_bits()));
         // |speed| <= 2^60 + 2^32 and the correction is within 2^61, so the sum fits.
         #[allow(clippy::arithmetic_side_effects)]
-        let speed = self.speed + correction(config.beta);
-        self.speed = cut_upper(speed, SPEED_LIMIT_BITS);
+        let speed = self.speed + i64::from(fine) * i64::from(config.beta.to_bits());
+        self.speed = cut_upper(speed, config.speed_bits);
 
-        let theta = Angle(high(self.angle));
-        // |speed| <= 2^60, so the shifted value fits 32 bits.
-        #[allow(clippy::cast_possible_truncation)]
-        let fine = cut_bits((self.speed >> 29) as i32, config.fine_max);
-        let coarse = fine >> 3;
+        let (theta, theta_step) = (self.angle, upper(self.speed));
         Motion {
             theta,
             theta_e: theta.times(config.pole_pairs).plus(config.theta_e_offset),
-            theta_step: coarse,
-            // A quarter turn at most.
-            theta_e_step: coarse.wrapping_mul(config.pole_pairs.cast_signed()),
-            omega_e: config.omega_e(fine),
+            theta_step,
+            theta_e_step: theta_step.wrapping_mul(config.pole_pairs.cast_signed()),
             innovation,
         }
     }
-
-    /// What the shaft turns in the reading's age.
-    #[inline(always)]
-    fn gained(&self, config: &ObserverConfig) -> Angle {
-        if config.age == Ratio::ZERO {
-            return Angle(0);
-        }
-        // |speed| <= 2^60: 2^28 in the upper word, and the age below two: the product fits 61 bits, the sum 31.
-        #[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
-        let gained = (((self.speed >> 32) * i64::from(config.age.to_bits())) >> 30) as i32;
-        Angle(gained.cast_unsigned())
-    }
 }
 
-#[allow(clippy::cast_possible_truncation)]
-fn high(angle: u64) -> u32 {
-    (angle >> 32) as u32
+/// What a shaft that turns by `theta_step` a sample turns in a reading's `age`.
+#[inline(always)]
+fn gained(age: Ratio, theta_step: i32) -> i32 {
+    if age == Ratio::ZERO {
+        return 0;
+    }
+    // Below 2^28 a sample and below two samples: the product's upper word is in 2^-30 turn.
+    multiply_upper(theta_step, age.to_bits()) << 2
 }
 
 #[cfg(test)]
@@ -232,16 +219,19 @@ mod tests {
         #[test]
         fn a_constant_speed_is_followed_through_the_wrap(rpm in -6000.0..6000.0f64, start in 0.0..1.0f64) {
             let config = config(1 << 20);
-            let mut observer = Observer::default();
+            let counts = |k: i32| {
+                let turns: f64 = start + rpm / 60.0 * f64::from(k) * 50e-6;
+                (turns.rem_euclid(1.0) * f64::from(1 << 20)) as u32 % (1 << 20)
+            };
+            let mut observer = Observer::at(&config, counts(0));
             let mut motion = Motion::default();
             for k in 0..1500 {
-                let turns = start + rpm / 60.0 * f64::from(k) * 50e-6;
-                let counts = (turns.rem_euclid(1.0) * f64::from(1 << 20)) as u32 % (1 << 20);
-                motion = observer.step(&config, counts);
+                motion = observer.step(&config, counts(k));
             }
             let omega_e = rpm / 60.0 * core::f64::consts::TAU * 5.0;
             // One count of quantisation, seen through beta, is beta * 2pi * p / (2^20 * T) rad/s.
-            prop_assert!((motion.omega_e.to_num::<f64>() - omega_e).abs() < 0.005 * omega_e.abs() + 0.1);
+            let got = config.omega_e(motion.theta_step).to_num::<f64>();
+            prop_assert!((got - omega_e).abs() < 0.005 * omega_e.abs() + 0.1);
         }
 
         #[test]
@@ -253,14 +243,11 @@ mod tests {
             let (alpha, beta) = (Ratio::from_num(alpha), Ratio::from_num(part * alpha * alpha));
             let config = ObserverConfig { alpha, beta, ..config(1 << 20) };
             let (alpha, beta) = (alpha.to_num::<f64>(), beta.to_num::<f64>());
-            let mut observer = Observer::default();
-            for (k, count) in counts.into_iter().enumerate() {
+            let mut observer = Observer::at(&config, counts[0]);
+            for count in counts {
                 // Each step from the observer's own state: while jumps are cut nothing corrects, and two observers that
                 // differ by a rounding part.
-                let (mut angle, mut speed) = (observer.angle as f64 / 2f64.powi(64), observer.speed as f64 / 2f64.powi(64));
-                if k == 0 {
-                    angle = f64::from(count) / f64::from(1 << 20);
-                }
+                let (mut angle, mut speed) = (f64::from(observer.angle.0) / 2f64.powi(32), observer.speed as f64 / 2f64.powi(64));
                 let motion = observer.step(&config, count);
                 let predicted = angle + speed;
                 let error = f64::from(count) / f64::from(1 << 20) - predicted;
@@ -269,13 +256,15 @@ mod tests {
                 // And one of more than a sixteenth is taken as a sixteenth.
                 let error = (error - error.round()).clamp(-1.0 / 16.0, 1.0 / 16.0);
                 angle = predicted + alpha * error;
-                speed = (speed + beta * error).clamp(-1.0 / 16.0, 1.0 / 16.0);
+                let end = 2f64.powi(config.speed_bits as i32 - 32);
+                speed = (speed + beta * error).clamp(-end, end);
                 let omega_e = speed * core::f64::consts::TAU * 5.0 / 50e-6;
                 let off = f64::from(motion.theta.0) / 2f64.powi(32) - angle;
                 prop_assert!((off - off.round()).abs() < 1e-6, "angle off by {off}");
-                let end = f64::from(config.fine_max) / 2f64.powi(35) * core::f64::consts::TAU * 5.0 / 50e-6;
+                let end = f64::from(config.step_max) / 2f64.powi(32) * core::f64::consts::TAU * 5.0 / 50e-6;
                 let exact = omega_e.clamp(-end, end);
-                prop_assert!((motion.omega_e.to_num::<f64>() - exact).abs() < 0.02 + 1e-6 * exact.abs());
+                let got = config.omega_e(motion.theta_step).to_num::<f64>();
+                prop_assert!((got - exact).abs() < 0.02 + 1e-6 * exact.abs());
             }
         }
 
@@ -288,8 +277,10 @@ mod tests {
             };
             let mut observer = Observer::default();
             for count in counts {
-                observer.step(&config, count);
+                let motion = observer.step(&config, count);
                 prop_assert!(observer.speed.abs() <= 1 << 60);
+                prop_assert!(motion.theta_e_step.abs() <= 1 << 30, "a quarter turn");
+                let _ = config.omega_e(motion.theta_step);
             }
         }
     }
@@ -300,7 +291,7 @@ mod tests {
         plate.motors[0].encoder.theta_e_at_zero_turns = 0.3;
         let config = plate.motors[0].current_loop(&plate).unwrap().observer;
         // A quarter turn of the shaft is one and a quarter electrical turns at five pole pairs.
-        let motion = Observer::new().step(&config, 1 << 18);
+        let motion = Observer::at(&config, 1 << 18).step(&config, 1 << 18);
         let expected = Angle::from_turns(0.25 * 5.0 + 0.3);
         assert!(
             motion.theta_e.minus(expected).abs() < 16,
@@ -314,9 +305,9 @@ mod tests {
         let age = 0.11;
         let mut config = config(1 << 21);
         config.age = Ratio::from_num(age);
-        let mut observer = Observer::new();
         let turns = |k: f64| 3000.0 / 60.0 * k * 50e-6;
         let at = |k: f64| (turns(k).rem_euclid(1.0) * f64::from(1 << 21)) as u32 % (1 << 21);
+        let mut observer = Observer::at(&config, at(0.0));
         let theta = |observer: &mut Observer, k: u32, counts| {
             let motion = observer.follow(&config, counts);
             let off = f64::from(motion.theta.0) / 2f64.powi(32) - turns(f64::from(k));
@@ -353,11 +344,11 @@ mod tests {
             beta: Ratio::ONE,
             ..config(1 << 20)
         };
-        let mut observer = Observer::default();
-        observer.step(&config, 100);
+        let mut observer = Observer::at(&config, 100);
         observer.step(&config, 150);
         let motion = observer.step(&config, 210);
         let exact = 60.0 / f64::from(1 << 20) * core::f64::consts::TAU * 5.0 / 50e-6;
-        assert!((motion.omega_e.to_num::<f64>() / exact - 1.0).abs() < 1e-4);
+        let got = config.omega_e(motion.theta_step).to_num::<f64>();
+        assert!((got / exact - 1.0).abs() < 1e-4);
     }
 }

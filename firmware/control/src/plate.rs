@@ -8,16 +8,17 @@ use crate::current_loop::CurrentLoopConfig;
 use crate::encoder::Interface;
 use crate::encoder_watch::EncoderWatchConfig;
 use crate::format::{
-    Current, Flux, Impedance, Inductance, MechanicalSpeed, Misfit, Ratio, SpeedGain, TableVelocity,
-    quantise,
+    Current, CurrentScale, Gain, MechanicalSpeed, Misfit, Ratio, SpeedChange, SpeedGain,
+    TableVelocity, Voltage, quantise,
 };
-use crate::modulation::{DeadTime, ModulationConfig};
-use crate::observer::{EncoderScale, ObserverConfig};
+use crate::modulation::{BUS_STEP, DeadTime, ModulationConfig};
+use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX};
 use crate::profile::ProfileConfig;
-use crate::regulator::RegulatorConfig;
-use crate::sense::{BusSense, CurrentChannel, CurrentSense, Shunts};
+use crate::regulator::{Induced, RegulatorConfig};
+use crate::sense::{BusSense, CurrentSense, Shunts};
 use crate::speed_loop::SpeedLoopConfig;
-use core::f64::consts::{FRAC_1_SQRT_2, TAU};
+use crate::transform::AlphaBeta;
+use core::f64::consts::{FRAC_1_SQRT_2, SQRT_2, TAU};
 use fixed::types::I20F12;
 
 /// `?` for `const fn`.
@@ -182,7 +183,7 @@ impl BoardPlate {
         2.0 * self.period() as f64 / self.timer_hz
     }
 
-    const fn modulation(&self) -> Result<ModulationConfig, Misfit> {
+    const fn modulation(&self, sense: &CurrentSense) -> Result<ModulationConfig, Misfit> {
         let period = self.period();
         attempt!(within(
             "PWM frequency",
@@ -208,9 +209,9 @@ impl BoardPlate {
         ));
         let dead = self.dead_time_s / self.sample_time();
         attempt!(within("dead time", "PWM periods", dead, -1e-9, 0.2));
-        let circle = (1.0 - low_side) * FRAC_1_SQRT_2 - 2.0 * dead;
+        let circle = ((1.0 - low_side) * FRAC_1_SQRT_2 - 2.0 * dead) * 0.999;
         attempt!(within("voltage circle", "bus", circle, 0.0, 1.0));
-        // The numerator of the counts per volt, brought to [2^31, 2^32) of its word.
+        // What divides by the bus, brought to [2^31, 2^32) of its word. A voltage is in 2^-17 V, a compare value in 2^-7.
         let per_bus_count = period as f64 / self.bus_volts_per_count;
         attempt!(within(
             "PWM counts per volt and bus count",
@@ -219,74 +220,161 @@ impl BoardPlate {
             1024.0,
             2_097_152.0
         ));
-        let (mut numerator, mut counts_shift) = (per_bus_count * 1024.0, 11);
-        while numerator < 2_147_483_648.0 {
-            numerator *= 2.0;
-            counts_shift = u32::saturating_sub(counts_shift, 1);
+        let full = per_bus_count * 4_194_304.0 * (SQRT_2 * 0.577_350_269_189_625_8);
+        let (mut numerator, mut scale_shift) = (full, 0u32);
+        while numerator >= 4_294_967_295.0 {
+            numerator /= 2.0;
+            scale_shift = u32::saturating_add(scale_shift, 1);
         }
-        // Below this the counts per volt would leave their format.
-        let least = (per_bus_count / 1024.0 + 1.0) as u16;
+        // Below this the quotient would leave half of its word, or a difference of counts be larger than the counts.
+        let least = (full / 1_073_741_824.0 + 1.0) as u16;
+        let least = if least > BUS_STEP as u16 {
+            least
+        } else {
+            BUS_STEP as u16
+        };
         let bus_counts_min = (self.bus_min_v / self.bus_volts_per_count) as u16;
+        let radius = circle * self.bus_volts_per_count;
+        attempt!(within(
+            "voltage circle of a bus count",
+            "V",
+            radius,
+            1e-4,
+            0.2499
+        ));
         Ok(ModulationConfig {
             period,
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             compare_max: (period as f64 * (1.0 - low_side)) as u16,
-            period_per_bus_count: numerator as u32,
-            counts_shift,
+            scale_per_bus_count: numerator as u32,
+            scale_inverse: (9_223_372_036_854_775_808.0 / numerator) as u32,
+            scale_shift,
             bus_counts_min: if bus_counts_min > least {
                 bus_counts_min
             } else {
                 least
             },
-            circle: Ratio::from_bits(attempt!(quantise("voltage circle", "bus", circle, 30))),
-            dead_time: DeadTime {
-                bus_part: Ratio::from_bits(attempt!(quantise(
-                    "dead time",
-                    "PWM periods",
-                    dead,
-                    30
-                ))),
-                slope: SpeedGain::from_bits(attempt!(quantise(
-                    "dead-time slope",
-                    "1/A",
-                    1.0 / self.dead_time_fade_a,
-                    24
-                ))),
-            },
+            radius: (radius * 268_435_456.0) as u32,
+            radius_square: (radius * radius * 17_179_869_184.0) as u32,
+            dead_time: attempt!(self.dead_time(sense)),
         })
     }
 
-    const fn current_sense(&self, gains: [f64; 3]) -> Result<CurrentSense, Misfit> {
-        let [a, b, c] = gains;
-        Ok(CurrentSense {
+    const fn dead_time(&self, sense: &CurrentSense) -> Result<DeadTime, Misfit> {
+        // Compare values are counted up to half a period.
+        let counts = self.dead_time_s * self.timer_hz / 2.0;
+        attempt!(within("dead time", "timer counts", counts, -1e-9, 256.0));
+        attempt!(positive(
+            "current of the full dead-time compensation",
+            "A",
+            self.dead_time_fade_a
+        ));
+        let [a, b, c] = sense.amperes;
+        Ok(DeadTime {
             shunts: self.shunts,
-            channels: [
-                attempt!(self.current_channel(a)),
-                attempt!(self.current_channel(b)),
-                attempt!(self.current_channel(c)),
+            slopes: [
+                self.dead_time_slope(a, sense.scale),
+                self.dead_time_slope(b, sense.scale),
+                self.dead_time_slope(c, sense.scale),
             ],
+            #[allow(clippy::cast_possible_truncation)]
+            full: (counts * 8_388_608.0) as i32,
         })
     }
 
-    const fn current_channel(&self, gain: f64) -> Result<CurrentChannel, Misfit> {
-        attempt!(within("gain of a current channel", "", gain, 0.5, 2.0));
-        let amps_per_count = self.amps_per_count * gain;
+    /// Codes to 2^-16 of the full compensation; the cast saturates where the current fades in within a count or two.
+    #[allow(clippy::cast_possible_truncation)]
+    const fn dead_time_slope(&self, amperes: i32, scale: CurrentScale) -> i32 {
+        let ampere = power_of_two(scale.fraction);
+        let slope = amperes as f64 / ampere * 65_536.0 / self.dead_time_fade_a;
+        if slope < 1_073_741_824.0 {
+            slope as i32
+        } else {
+            1 << 30
+        }
+    }
+
+    #[allow(clippy::cast_possible_truncation)]
+    const fn current_sense(&self, gains: [f64; 3]) -> Result<CurrentSense, Misfit> {
+        attempt!(within(
+            "ADC range",
+            "counts",
+            self.adc_counts as f64,
+            1023.5,
+            65_536.5
+        ));
+        attempt!(within(
+            "ADC counts at zero current",
+            "counts",
+            self.zero_counts,
+            -1e-9,
+            self.adc_counts as f64
+        ));
+        let [ga, gb, gc] = gains;
+        attempt!(within("gain of a current channel", "", ga, 0.5, 2.0));
+        attempt!(within("gain of a current channel", "", gb, 0.5, 2.0));
+        attempt!(within("gain of a current channel", "", gc, 0.5, 2.0));
+        let largest = if ga > gb && ga > gc {
+            ga
+        } else if gb > gc {
+            gb
+        } else {
+            gc
+        };
         attempt!(within(
             "ADC full scale",
             "A",
-            self.adc_counts as f64 * amps_per_count,
+            self.adc_counts as f64 * self.amps_per_count * largest,
             0.0,
             2048.0
         ));
-        Ok(CurrentChannel {
-            #[allow(clippy::cast_possible_truncation)]
-            zero_sixteenths: (self.zero_counts * 16.0) as i32,
-            gain: Ratio::from_bits(attempt!(quantise(
-                "current gain",
-                "A/16th count",
-                amps_per_count / 16.0,
-                30
-            ))),
+        // The code of the whole range is 2^31.
+        let bits = self.adc_counts.saturating_sub(1).ilog2().saturating_add(1);
+        let code_shift = 31u32.saturating_sub(bits);
+        let per_code = self.amps_per_count / power_of_two(code_shift);
+        // As many fraction bits as the largest factor has room for: sqrt(2) of b in beta.
+        let mut fraction = 30u32;
+        while per_code * largest * SQRT_2 * power_of_two(fraction) * 8_589_934_592.0
+            >= 2_147_483_647.0
+            && fraction > 0
+        {
+            fraction = fraction.saturating_sub(1);
+        }
+        // Amperes of a code in 2^-32 of the unit of currents in the rotor's frame; of the vector's, twice that.
+        let unit = per_code * power_of_two(fraction) * 4_294_967_296.0;
+        attempt!(within(
+            "current of a count",
+            "A",
+            unit,
+            1.0e6,
+            2_147_483_648.0
+        ));
+        let [a, b, c] = [unit * ga, unit * gb, unit * gc];
+        let clarke = match self.shunts {
+            Shunts::Two => AlphaBeta {
+                alpha: [a * SQRT_2 * SQRT_3, 0.0, 0.0],
+                beta: [a * SQRT_2, b * 2.0 * SQRT_2, 0.0],
+            },
+            Shunts::Three => AlphaBeta {
+                alpha: [
+                    a * 2.0 * SQRT_2 / SQRT_3,
+                    -b * SQRT_2 / SQRT_3,
+                    -c * SQRT_2 / SQRT_3,
+                ],
+                beta: [0.0, b * SQRT_2, -c * SQRT_2],
+            },
+        };
+        let zero = (self.zero_counts * power_of_two(code_shift)) as i32;
+        Ok(CurrentSense {
+            shunts: self.shunts,
+            code_shift,
+            zeros: [zero; 3],
+            clarke: AlphaBeta {
+                alpha: rounded(clarke.alpha),
+                beta: rounded(clarke.beta),
+            },
+            amperes: rounded([a, b, c]),
+            scale: CurrentScale { fraction },
         })
     }
 
@@ -345,30 +433,60 @@ impl MotorPlate {
         let gains = self.gains(&drive.tuning);
         attempt!(positive("current-loop gain Kpc (Eq 9)", "V/A", gains.k_pc));
         attempt!(within("flux", "Wb", self.flux_wb, -64.0, 64.0));
+        let sense = attempt!(board.current_sense(self.current_gains));
+        let scale = sense.scale;
         Ok(CurrentLoopConfig {
-            sense: attempt!(board.current_sense(self.current_gains)),
             bus: attempt!(board.bus_sense()),
             encoder: self.encoder.interface,
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
             encoder_watch: self.encoder_watch(&drive.tuning),
             regulator: RegulatorConfig {
-                k_pc: Impedance::from_bits(attempt!(quantise("Kpc (Eq 9)", "V/A", gains.k_pc, 20))),
-                k_ic_step: Impedance::from_bits(attempt!(quantise(
+                k_pc: attempt!(gain("Kpc (Eq 9)", gains.k_pc, scale)),
+                k_ic_step: attempt!(gain(
                     "Kic (Eq 10) per sample",
-                    "V/A",
                     gains.k_ic * sample_time,
-                    20
-                ))),
-                inductance: Inductance(attempt!(quantise(
-                    "inductance",
-                    "H",
-                    self.inductance_h,
-                    34
-                ))),
-                flux: Flux::from_bits(attempt!(quantise("flux", "Wb", self.flux_wb, 24))),
+                    scale
+                )),
+                induced: attempt!(self.induced(sample_time, scale)),
             },
-            modulation: attempt!(board.modulation()),
+            modulation: attempt!(board.modulation(&sense)),
             measure_zeros: board.measure_zeros,
+            sense,
+        })
+    }
+
+    #[allow(clippy::cast_possible_truncation)]
+    const fn induced(&self, sample_time: f64, scale: CurrentScale) -> Result<Induced, Misfit> {
+        attempt!(within("inductance", "H", self.inductance_h, 1e-7, 0.125));
+        // A step of 2^-32 turn a sample in rad/s, times a flux linkage in Wb, in a voltage's last steps; times 2^32.
+        let per_weber = TAU / sample_time * power_of_two(Voltage::FRAC_NBITS);
+        let per_unit =
+            self.inductance_h * per_weber * 4_294_967_296.0 / power_of_two(scale.fraction);
+        let (mut inductance, mut flux) = (per_unit, self.flux_wb * per_weber);
+        let mut shift = 0u32;
+        while (inductance > 1_073_741_823.0 || flux.abs() > 536_870_911.0) && shift < 16 {
+            inductance /= 2.0;
+            flux /= 2.0;
+            shift = shift.saturating_add(1);
+        }
+        attempt!(within(
+            "induced voltage of a current",
+            "2^-32",
+            inductance,
+            500.0,
+            1_073_741_824.0
+        ));
+        attempt!(within(
+            "induced voltage of the magnets",
+            "2^-32",
+            flux.abs(),
+            -1.0,
+            536_870_912.0
+        ));
+        Ok(Induced {
+            inductance: inductance as i32,
+            flux: flux as i32,
+            shift,
         })
     }
 
@@ -424,24 +542,24 @@ impl MotorPlate {
             0.0,
             0.125
         ));
-        // omega_e [2^-16 rad/s] = speed [2^-35 turn a sample] * m / 2^shift, m as large as 31 bits hold.
+        // omega_e [2^-16 rad/s] = speed [2^-32 turn a sample] * m / 2^shift, m as large as 31 bits hold.
         let mut multiplier =
-            TAU * self.pole_pairs as f64 / sample_time * 65_536.0 / 34_359_738_368.0;
+            TAU * self.pole_pairs as f64 / sample_time * 65_536.0 / 4_294_967_296.0;
         let mut omega_shift = 0u32;
         while multiplier < 1_073_741_824.0 && omega_shift < 31 {
             multiplier *= 2.0;
             omega_shift = omega_shift.saturating_add(1);
         }
-        // A quarter electrical turn a sample, and what `Speed` holds; both casts saturate.
-        let quarter_turn = 8_589_934_592.0 / self.pole_pairs as f64;
+        // What `Speed` holds; the cast saturates.
         #[allow(clippy::arithmetic_side_effects)]
         let format_end = 32_767.0 * 65_536.0 * (1u64 << omega_shift) as f64 / multiplier;
         #[allow(clippy::cast_possible_truncation)]
-        let fine_max = if quarter_turn < format_end {
-            quarter_turn as i32
-        } else {
-            format_end as i32
-        };
+        let step_max = format_end as i32;
+        // A quarter electrical turn a sample is 2^30.
+        let mut speed_bits = SPEED_BITS_MAX;
+        while self.pole_pairs as f64 * power_of_two(speed_bits) > 1_073_741_824.0 {
+            speed_bits = speed_bits.saturating_sub(1);
+        }
         if matches!(self.encoder.interface, Interface::Mt6835) {
             let counts = crate::mt6835::COUNTS_PER_TURN as f64;
             attempt!(within(
@@ -475,11 +593,12 @@ impl MotorPlate {
                 30
             ))),
             beta: Ratio::from_bits(attempt!(quantise("observer beta", "", x * x, 30))),
+            speed_bits,
             pole_pairs: self.pole_pairs,
             theta_e_offset: crate::format::Angle::from_turns(self.encoder.theta_e_at_zero_turns),
             omega_multiplier: attempt!(quantise("electrical speed scale", "", multiplier, 0)),
             omega_shift,
-            fine_max,
+            step_max,
         })
     }
 
@@ -561,34 +680,16 @@ impl DrivePlate {
         let [screw, nut] = &self.motors;
         attempt!(positive("lead", "m", feed.lead_m));
         let per_metre = TAU / feed.lead_m;
-        let table = ProfileConfig {
-            acceleration: attempt!(quantise(
-                "table acceleration",
-                "rad/s a step",
-                feed.acceleration_max * per_metre * step,
-                20
-            )),
-            jerk: attempt!(quantise(
-                "table jerk",
-                "rad/s a step^2",
-                feed.jerk_max * per_metre * step * step,
-                30
-            )),
-        };
-        let base = ProfileConfig {
-            acceleration: attempt!(quantise(
-                "base acceleration",
-                "rad/s a step",
-                feed.base_acceleration_max * step,
-                20
-            )),
-            jerk: attempt!(quantise(
-                "base jerk",
-                "rad/s a step^2",
-                feed.base_jerk_max * step * step,
-                30
-            )),
-        };
+        let table = attempt!(profile(
+            ["table acceleration", "table jerk"],
+            feed.acceleration_max * per_metre * step,
+            feed.jerk_max * per_metre * step * step,
+        ));
+        let base = attempt!(profile(
+            ["base acceleration", "base jerk"],
+            feed.base_acceleration_max * step,
+            feed.base_jerk_max * step * step,
+        ));
         Ok(CoordinatorConfig {
             pole_pairs: [screw.pole_pairs.cast_signed(), nut.pole_pairs.cast_signed()],
             radians_per_metre: I20F12::from_bits(attempt!(quantise(
@@ -636,6 +737,73 @@ const fn square_root(x: f64) -> f64 {
         step = step.saturating_add(1);
     }
     root
+}
+
+const fn profile(
+    [acceleration_name, jerk_name]: [&'static str; 2],
+    acceleration: f64,
+    jerk: f64,
+) -> Result<ProfileConfig, Misfit> {
+    let acceleration = attempt!(quantise(
+        acceleration_name,
+        "rad/s a step",
+        acceleration,
+        28
+    ));
+    let jerk = attempt!(quantise(jerk_name, "rad/s a step^2", jerk, 28));
+    attempt!(within(
+        acceleration_name,
+        "2^-28 rad/s a step",
+        acceleration as f64,
+        -0.5,
+        2.2e9
+    ));
+    attempt!(within(
+        jerk_name,
+        "2^-28 rad/s a step^2",
+        jerk as f64,
+        -0.5,
+        2.2e9
+    ));
+    Ok(ProfileConfig::new(
+        SpeedChange::from_bits(acceleration),
+        SpeedChange::from_bits(jerk),
+    ))
+}
+
+const SQRT_3: f64 = 1.732_050_807_568_877_2;
+
+const fn power_of_two(n: u32) -> f64 {
+    1u64.wrapping_shl(n) as f64
+}
+
+#[allow(clippy::cast_possible_truncation)]
+const fn rounded([a, b, c]: [f64; 3]) -> [i32; 3] {
+    [
+        (a + half(a)) as i32,
+        (b + half(b)) as i32,
+        (c + half(c)) as i32,
+    ]
+}
+
+const fn half(x: f64) -> f64 {
+    if x < 0.0 { -0.5 } else { 0.5 }
+}
+
+/// A gain of the current loop, from V/A, for currents of `scale`: at most 2048 V/A.
+const fn gain(name: &'static str, gain: f64, scale: CurrentScale) -> Result<Gain, Misfit> {
+    attempt!(within(name, "V/A", gain, -2048.0, 2048.0));
+    // Times 2^32 it makes a voltage's last steps of a current's.
+    let fraction = Voltage::FRAC_NBITS
+        .saturating_add(32)
+        .saturating_sub(scale.fraction);
+    let mut shift = 0u32;
+    while gain.abs() * power_of_two(fraction.saturating_sub(shift)) >= 2_147_483_647.0 && shift < 16
+    {
+        shift = shift.saturating_add(1);
+    }
+    let multiplier = attempt!(quantise(name, "V/A", gain, fraction.saturating_sub(shift)));
+    Ok(Gain { multiplier, shift })
 }
 
 const fn within(

@@ -4,79 +4,122 @@
 //! acceleration `n*J` the steps `n, n-1, ..., 1` times `J` bring the reference `J*n(n+1)/2` further and end with
 //! `a = 0`. Solved for `a`: the largest acceleration that can still stop in the distance `x` is
 //! `sqrt(2*J*x + J^2/4) - J/2`. The profile takes the least of that, the limit, and what the jerk allows.
+//! Further away than the limit needs to stop, no root is taken.
 
-use crate::format::{ProfileState, cut, square_root};
-use fixed::FixedI32;
-use fixed::types::I2F30;
-use fixed::types::extra::U20;
+use crate::format::{ProfileState, SpeedChange, cut, square_root};
 
 /// Limits of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ProfileConfig {
-    /// Largest acceleration, rad/s a step, in 2^-20.
-    pub acceleration: i32,
-    /// Largest jerk, rad/s a step squared, in 2^-30.
-    pub jerk: i32,
+    /// Largest acceleration, rad/s a step.
+    acceleration: SpeedChange,
+    /// Largest jerk, rad/s a step squared.
+    jerk: SpeedChange,
+    /// From here on the largest acceleration can still stop, rad/s.
+    braking: ProfileState,
+}
+
+impl ProfileConfig {
+    /// The limits, not negative: the largest acceleration, rad/s a step, and jerk, rad/s a step squared.
+    #[must_use]
+    pub const fn new(acceleration: SpeedChange, jerk: SpeedChange) -> Self {
+        // sqrt(2*J*x + J^2/4) - J/2 = a, solved for x and rounded up.
+        let (a, j) = (
+            acceleration.to_bits().unsigned_abs() as u64,
+            jerk.to_bits().unsigned_abs() as u64,
+        );
+        let braking = match a
+            .wrapping_mul(a.wrapping_add(j))
+            .checked_div(j.wrapping_mul(2))
+        {
+            Some(x) => ProfileState::from_bits(x.saturating_add(1).cast_signed()),
+            None => ProfileState::MAX,
+        };
+        Self {
+            acceleration,
+            jerk,
+            braking,
+        }
+    }
+
+    /// Largest acceleration, rad/s a step.
+    #[must_use]
+    #[inline(always)]
+    pub const fn acceleration(&self) -> SpeedChange {
+        self.acceleration
+    }
 }
 
 /// A reference on its way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Profile {
-    /// The reference, mechanical rad/s.
+    /// The reference, mechanical rad/s: beyond any motor's, but within ±2^33.
     pub value: ProfileState,
     /// Its change in the last step, rad/s.
-    pub change: ProfileState,
+    pub change: SpeedChange,
 }
 
 impl Profile {
-    /// One step towards `target`.
+    /// One step towards `target`, which is within the same range.
+    #[inline(always)]
     pub fn step(&mut self, config: &ProfileConfig, target: ProfileState) {
-        let jerk = ProfileState::from(I2F30::from_bits(config.jerk));
-        let limit = ProfileState::from(FixedI32::<U20>::from_bits(config.acceleration));
-        let distance = target.saturating_sub(self.value);
-        let wanted = cut(stopping_change(distance, jerk), limit);
-        self.approach(wanted, jerk);
+        // Both are within a quarter of the word.
+        #[allow(clippy::arithmetic_side_effects)]
+        let distance = target - self.value;
+        if distance == ProfileState::ZERO && self.change == SpeedChange::ZERO {
+            return;
+        }
+        let magnitude = distance.to_bits().unsigned_abs();
+        let wanted = if magnitude >= config.braking.to_bits().unsigned_abs() {
+            config.acceleration
+        } else {
+            stopping_change(magnitude, config)
+        };
+        let wanted = if distance.is_negative() {
+            wanted.saturating_neg()
+        } else {
+            wanted
+        };
+        self.approach(wanted, config.jerk);
     }
 
     /// One step towards standing where it is, as fast as the jerk allows: what is asked while a motor cannot follow.
+    #[inline(always)]
     pub fn ease(&mut self, config: &ProfileConfig) {
-        self.approach(
-            ProfileState::ZERO,
-            ProfileState::from(I2F30::from_bits(config.jerk)),
-        );
+        self.approach(SpeedChange::ZERO, config.jerk);
     }
 
-    fn approach(&mut self, wanted: ProfileState, jerk: ProfileState) {
+    #[inline(always)]
+    fn approach(&mut self, wanted: SpeedChange, jerk: SpeedChange) {
         let step = cut(wanted.saturating_sub(self.change), jerk);
         self.change = self.change.saturating_add(step);
-        self.value = self.value.saturating_add(self.change);
+        // It takes 2^30 steps of the largest change, two days, to leave the range from within a motor's speeds.
+        #[allow(clippy::arithmetic_side_effects)]
+        let value = self.value + ProfileState::from(self.change);
+        self.value = value;
     }
 }
 
-/// The largest change a step that still stops at `distance`, with its sign.
-fn stopping_change(distance: ProfileState, jerk: ProfileState) -> ProfileState {
-    let magnitude = distance.saturating_abs();
-    let change = if magnitude <= jerk {
-        // The last step lands on the target.
-        magnitude
-    } else {
-        // 2*J*x in 2^-48: 32 bits of J (below 2 in 2^-32: 33 bits) times 30 bits of x in 2^-16. Distances beyond
-        // 16384 rad/s, which no motor has, are cut to that.
-        let jerk_bits = jerk.to_bits().unsigned_abs();
-        let x_bits = (magnitude.to_bits().unsigned_abs() >> 16).min((1 << 30) - 1);
-        let twice = jerk_bits.saturating_mul(x_bits).saturating_mul(2);
-        let quarter = jerk_bits.saturating_mul(jerk_bits) >> 18;
-        let root = u64::from(square_root(twice.saturating_add(quarter)));
-        // The root is in 2^-24; back to 2^-32, below 2^41.
-        ProfileState::from_bits((root << 8).cast_signed())
-            .saturating_sub(ProfileState::from_bits(jerk.to_bits() >> 1))
-            .max(jerk)
-    };
-    if distance.is_negative() {
-        change.saturating_neg()
-    } else {
-        change
+/// The largest change a step that still stops in `distance`, 2^-28 rad/s, which is below the distance that the limit needs.
+#[cold]
+#[inline(never)]
+fn stopping_change(distance: u64, config: &ProfileConfig) -> SpeedChange {
+    let jerk = config.jerk.to_bits().unsigned_abs();
+    if distance <= u64::from(jerk) {
+        // The last step lands on the target. Below 2^31, as the jerk is.
+        #[allow(clippy::cast_possible_truncation)]
+        return SpeedChange::from_bits((distance as u32).cast_signed());
     }
+    // 2*J*x + J^2/4 in 2^-44: J below 8 in 2^-28 (31 bits) times x in 2^-16. Distances beyond 16384 rad/s, which no motor
+    // has, are cut to that.
+    let x = (distance >> 12).min((1 << 30) - 1);
+    let wide = u64::from(jerk);
+    let square = (wide.wrapping_mul(x) << 1).wrapping_add(wide.wrapping_mul(wide) >> 14);
+    // The root is in 2^-22: below 8192 of 16 significant bits, and cut to the limit.
+    let root = u64::from(square_root(square)) << 6;
+    let change = root.saturating_sub(wide >> 1).max(wide);
+    let limit = config.acceleration.to_bits();
+    SpeedChange::from_bits(i32::try_from(change).unwrap_or(limit).min(limit))
 }
 
 #[cfg(test)]
@@ -85,10 +128,10 @@ mod tests {
     use proptest::prelude::*;
 
     fn config(acceleration: f64, jerk: f64) -> ProfileConfig {
-        ProfileConfig {
-            acceleration: (acceleration * 2f64.powi(20)) as i32,
-            jerk: (jerk * 2f64.powi(30)) as i32,
-        }
+        ProfileConfig::new(
+            SpeedChange::from_num(acceleration),
+            SpeedChange::from_num(jerk),
+        )
     }
 
     proptest! {
@@ -99,7 +142,7 @@ mod tests {
             part in 1e-3..1.0f64,
         ) {
             let config = config(acceleration, acceleration * part);
-            let jerk = f64::from(config.jerk) / 2f64.powi(30);
+            let jerk = config.jerk.to_num::<f64>();
             let mut profile = Profile::default();
             for target in targets {
                 let goal = ProfileState::from_num(target);
@@ -116,7 +159,7 @@ mod tests {
                     before = profile;
                 }
                 prop_assert_eq!(profile.value, goal, "change {}", profile.change);
-                prop_assert_eq!(profile.change, ProfileState::ZERO);
+                prop_assert_eq!(profile.change, SpeedChange::ZERO);
                 prop_assert!(furthest <= jerk + 1e-3, "overshoot {furthest}, jerk {jerk}");
             }
         }
@@ -131,18 +174,32 @@ mod tests {
                 for _ in 0..steps {
                     let before = profile.change;
                     profile.step(&config, ProfileState::from_num(target));
-                    prop_assert!(profile.change.abs() <= ProfileState::from_num(0.200_001));
-                    prop_assert!((profile.change - before).abs() <= ProfileState::from_num(0.004_000_1));
+                    prop_assert!(profile.change.abs() <= SpeedChange::from_num(0.200_001));
+                    prop_assert!((profile.change - before).abs() <= SpeedChange::from_num(0.004_000_1));
                 }
             }
         }
 
+        /// Debug builds panic where a sum would leave its format.
         #[test]
-        fn no_input_overflows(value in any::<i64>(), change in any::<i64>(), target in any::<i64>(), a in 0..i32::MAX, j in 0..i32::MAX) {
-            let mut profile = Profile { value: ProfileState::from_bits(value), change: ProfileState::from_bits(change) };
+        fn no_input_overflows(
+            value in -(1i64 << 61)..1 << 61, change in any::<i32>(), target in -(1i64 << 61)..1 << 61, a in 0..i32::MAX, j in 0..i32::MAX,
+        ) {
+            let [acceleration, jerk] = [a, j].map(SpeedChange::from_bits);
+            let mut profile = Profile { value: ProfileState::from_bits(value), change: SpeedChange::from_bits(change) };
             for _ in 0..10 {
-                profile.step(&ProfileConfig { acceleration: a, jerk: j }, ProfileState::from_bits(target));
+                profile.step(&ProfileConfig::new(acceleration, jerk), ProfileState::from_bits(target));
             }
+        }
+
+        /// Where the root is no longer taken, it would give the limit.
+        #[test]
+        fn the_limit_begins_where_the_root_reaches_it(a in 1_000_000..i32::MAX / 64, part in 0.001..1.0f64) {
+            let acceleration = SpeedChange::from_bits(a);
+            let config = ProfileConfig::new(acceleration, SpeedChange::from_num(acceleration.to_num::<f64>() * part));
+            prop_assume!(config.jerk > 0 && config.braking < 16_384);
+            let below = stopping_change(config.braking.to_bits().unsigned_abs() - 1, &config);
+            prop_assert!((below.to_num::<f64>() / acceleration.to_num::<f64>() - 1.0).abs() < 2e-2 + 4e-7 / acceleration.to_num::<f64>());
         }
     }
 }

@@ -1,9 +1,12 @@
-//! ADC counts -> phase currents and bus voltage.
+//! ADC counts -> codes, currents and bus voltage.
+//!
+//! A code is a count above its zero, shifted up until the ADC's range fills a word: one subtraction. What a code is worth
+//! in amperes is part of the factors that the Clarke transform multiplies with.
 
 use crate::format::{
-    Current, Ratio, StatorCurrent, TableVelocity, Voltage, multiply_upper, narrow_bits,
+    Current, CurrentScale, ScaledCurrent, TableVelocity, Voltage, multiply_upper, narrow_bits,
 };
-use crate::transform::{AlphaBeta, clarke_three, clarke_two};
+use crate::transform::AlphaBeta;
 
 /// Which phases have a current sensor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -14,78 +17,91 @@ pub enum Shunts {
     Three,
 }
 
-/// One current channel: `i = (counts - zero) * gain`.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CurrentChannel {
-    /// Counts at zero current by design, in sixteenths of a count: the mean of many samples is finer than one.
-    pub zero_sixteenths: i32,
-    /// A per sixteenth of a count.
-    pub gain: Ratio,
-}
-
-impl CurrentChannel {
-    /// The current that `counts` stand for, with the zero at `zero` sixteenths of a count.
-    #[must_use]
-    #[inline(always)]
-    pub fn current(&self, counts: u16, zero: i32) -> Current {
-        // 20 bits and a sign of code, shifted up to 31: the product fits 63, and is narrowed from high above its end.
-        let code = (i32::from(counts) << 4)
-            .saturating_sub(zero)
-            .clamp(-(1 << 20), (1 << 20) - 1);
-        narrow_bits(
-            i64::from(code << 11).wrapping_mul(i64::from(self.gain.to_bits())),
-            21,
-        )
-    }
-}
+/// Codes of the channels of phases a, b, c.
+pub type Codes = [i32; 3];
 
 /// Current channels of one motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CurrentSense {
-    /// Which of the channels are there.
+    /// Which of the channels are there; with [`Shunts::Two`] nothing of c is used.
     pub shunts: Shunts,
-    /// Phases a, b, c; c is unused with [`Shunts::Two`].
-    pub channels: [CurrentChannel; 3],
+    /// Counts are shifted up by this: 31 less the ADC's bits, 15 to 21.
+    pub code_shift: u32,
+    /// Codes of the counts at zero current by design.
+    pub zeros: Codes,
+    /// What a code of each channel adds to the vector, in 2^-32 of the vector's unit, which is half of a
+    /// [`ScaledCurrent`]'s: power-invariant Clarke times amperes per code.
+    pub clarke: AlphaBeta<[i32; 3]>,
+    /// Amperes per code, in 2^-32 of a [`ScaledCurrent`]'s unit.
+    pub amperes: [i32; 3],
+    /// Unit of the currents in the rotor's frame.
+    pub scale: CurrentScale,
 }
 
 impl CurrentSense {
-    /// Phase currents a, b, c, with the zeros of the channels in sixteenths of a count.
+    /// The codes of `counts` over `zeros`. A count beyond the ADC's range is taken modulo the range.
     #[must_use]
     #[inline(always)]
-    pub fn phases(&self, counts: [u16; 3], zeros: [i32; 3]) -> [Current; 3] {
-        let ([qa, qb, qc], [na, nb, nc], [za, zb, zc]) = (&self.channels, counts, zeros);
-        let (a, b) = (qa.current(na, za), qb.current(nb, zb));
+    pub fn codes(&self, counts: [u16; 3], zeros: Codes) -> Codes {
+        let ([na, nb, nc], [za, zb, zc]) = (counts, zeros);
+        // What the ADC gives and zeros are 31 bits, so that their differences fit.
+        let code = |n: u16, zero: i32| {
+            let code = u32::from(n).wrapping_shl(self.code_shift).cast_signed();
+            code.wrapping_sub(zero)
+        };
+        [code(na, za), code(nb, zb), code(nc, zc)]
+    }
+
+    /// The phases as a vector in the stator's frame, in half of a [`ScaledCurrent`]'s unit.
+    ///
+    /// Cannot overflow: the scale leaves the largest factor below 2^31, which is that of b in beta; the others of a row
+    /// are at most as large together. The vector is at most 1.74 * 2^30 long.
+    #[must_use]
+    #[inline(always)]
+    #[allow(clippy::arithmetic_side_effects)]
+    pub fn vector(&self, [a, b, c]: Codes) -> AlphaBeta<i32> {
+        let AlphaBeta {
+            alpha: [ka, kb, kc],
+            beta: [la, lb, lc],
+        } = self.clarke;
+        match self.shunts {
+            Shunts::Two => AlphaBeta {
+                alpha: multiply_upper(a, ka),
+                beta: multiply_upper(a, la) + multiply_upper(b, lb),
+            },
+            Shunts::Three => AlphaBeta {
+                alpha: multiply_upper(a, ka) + multiply_upper(b, kb) + multiply_upper(c, kc),
+                beta: multiply_upper(b, lb) + multiply_upper(c, lc),
+            },
+        }
+    }
+
+    /// The phase currents, for records: the loop itself does not need them.
+    #[must_use]
+    pub fn phases(&self, codes: Codes) -> [Current; 3] {
+        let ([a, b, c], [ga, gb, gc]) = (codes, self.amperes);
+        let current = |code, gain| {
+            self.scale
+                .current(ScaledCurrent(multiply_upper(code, gain)))
+        };
+        let (a, b) = (current(a, ga), current(b, gb));
         let c = match self.shunts {
             Shunts::Two => a.saturating_add(b).saturating_neg(),
-            Shunts::Three => qc.current(nc, zc),
+            Shunts::Three => current(c, gc),
         };
         [a, b, c]
     }
 
-    /// The zeros of the channels by design.
+    /// The zeros are as near to those by design as a healthy sensor's: within 256 counts, 1/16 of a 12-bit range.
     #[must_use]
-    pub const fn nominal_zeros(&self) -> [i32; 3] {
-        let [a, b, c] = &self.channels;
-        [a.zero_sixteenths, b.zero_sixteenths, c.zero_sixteenths]
-    }
-
-    /// The channels that are there.
-    pub fn measured(&self) -> impl Iterator<Item = &CurrentChannel> {
-        let count = match self.shunts {
+    pub fn healthy(&self, zeros: Codes) -> bool {
+        let channels = match self.shunts {
             Shunts::Two => 2,
             Shunts::Three => 3,
         };
-        self.channels.iter().take(count)
-    }
-
-    /// The phases as a vector in the stator's frame.
-    #[must_use]
-    #[inline(always)]
-    pub fn vector(&self, [a, b, c]: [Current; 3]) -> AlphaBeta<StatorCurrent> {
-        match self.shunts {
-            Shunts::Two => clarke_two(a, b),
-            Shunts::Three => clarke_three(a, b, c),
-        }
+        let tolerance = 256u32.wrapping_shl(self.code_shift);
+        let mut pairs = self.zeros.iter().zip(zeros).take(channels);
+        pairs.all(|(nominal, zero)| nominal.abs_diff(zero) <= tolerance)
     }
 }
 
@@ -99,12 +115,11 @@ pub struct BusSense {
 impl BusSense {
     /// The voltage that `counts` stand for.
     #[must_use]
-    #[inline(always)]
     pub fn voltage(&self, counts: u16) -> Voltage {
-        // The upper word is in 2^-11 V: half a millivolt is enough for what is not scaled by the counts themselves.
-        let bits = multiply_upper(i32::from(counts) << 15, self.gain.to_bits());
-        const END: i32 = 1 << 21;
-        Voltage::from_bits(bits.clamp(-END, END - 1) << 10)
+        narrow_bits(
+            i64::from(counts).wrapping_mul(i64::from(self.gain.to_bits())),
+            10,
+        )
     }
 }
 
@@ -129,8 +144,8 @@ impl ZeroCalibration {
         }
     }
 
-    /// Takes one sample of the three channels; the zeros in sixteenths of a count once there are enough.
-    pub fn take(&mut self, counts: [u16; 3]) -> Option<[i32; 3]> {
+    /// Takes one sample of the three channels; the zeros, as codes of `sense`, once there are enough.
+    pub fn take(&mut self, sense: &CurrentSense, counts: [u16; 3]) -> Option<Codes> {
         // 2^10 samples of 16 bits fit 26 bits.
         let add = |sum: u32, count: u16| sum.saturating_add(u32::from(count));
         let ([a, b, c], [na, nb, nc]) = (self.sums, counts);
@@ -139,9 +154,11 @@ impl ZeroCalibration {
         if self.samples < 1 << CALIBRATION_SHIFT {
             return None;
         }
+        // The shift of a code is at least 15, so no bit of the sum is lost.
+        let shift = sense.code_shift.saturating_sub(CALIBRATION_SHIFT);
         let zeros = self
             .sums
-            .map(|sum| (sum >> (CALIBRATION_SHIFT - 4)).cast_signed());
+            .map(|sum| sum.wrapping_shl(shift).cast_signed() & i32::MAX);
         *self = Self::default();
         Some(zeros)
     }
@@ -150,45 +167,87 @@ impl ZeroCalibration {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::plate::{DrivePlate, test_plate};
+    use core::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
     use proptest::prelude::*;
 
-    fn channel(lsb: f64, zero: f64) -> CurrentChannel {
-        CurrentChannel {
-            zero_sixteenths: (zero * 16.0) as i32,
-            gain: Ratio::from_num(lsb / 16.0),
-        }
+    fn plate(adc_bits: u32, range: f64, shunts: Shunts) -> DrivePlate {
+        let mut plate = test_plate();
+        let counts = 1 << adc_bits;
+        plate.board.shunts = shunts;
+        plate.board.adc_counts = counts;
+        plate.board.amps_per_count = range / f64::from(counts);
+        plate.board.zero_counts = f64::from(counts) / 2.0;
+        plate.board.bus_volts_per_count = 450.0 / f64::from(counts);
+        // The gains of the loop must fit any range.
+        plate.motors[0].torque_max_nm = 0.1;
+        plate
+    }
+
+    fn sense(plate: &DrivePlate) -> CurrentSense {
+        plate.motors[0].current_loop(plate).unwrap().sense
     }
 
     proptest! {
         #[test]
-        fn counts_become_amperes(counts in any::<u16>(), lsb in 1e-4..1.0f64, zero in 0.0..65535.0f64) {
-            let channel = channel(lsb, zero);
-            let got = channel.current(counts, channel.zero_sixteenths).to_num::<f64>();
-            let exact = (f64::from(counts) - (zero * 16.0).floor() / 16.0) * lsb;
-            prop_assert!((got - exact.clamp(-2048.0, 2048.0)).abs() < 1e-5 + exact.abs() * 2e-4);
+        fn counts_become_amperes_and_the_vector_is_their_clarke(
+            adc_bits in 12u32..=16, range in 1.0..2000.0f64, at in prop::array::uniform3(0.0..1.0f64),
+        ) {
+            for shunts in [Shunts::Two, Shunts::Three] {
+                let plate = plate(adc_bits, range, shunts);
+                let sense = sense(&plate);
+                let counts = at.map(|at| (at * f64::from(1 << adc_bits)) as u16);
+                let codes = sense.codes(counts, sense.zeros);
+                let exact = counts.map(|n| (f64::from(n) - plate.board.zero_counts) * plate.board.amps_per_count);
+                let got = sense.phases(codes).map(|i| i.to_num::<f64>());
+                let [a, b, c] = match shunts {
+                    Shunts::Two => [exact[0], exact[1], -exact[0] - exact[1]],
+                    Shunts::Three => exact,
+                };
+                for (got, exact) in got.into_iter().zip([a, b, c]) {
+                    prop_assert!((got - exact).abs() < 4e-6 + 1e-8 * range, "{got} A for {exact} A");
+                }
+                let unit = 2f64.powi(-(sense.scale.fraction as i32) - 1);
+                let vector = sense.vector(codes);
+                let alpha = (2f64 / 3.0).sqrt() * (a - (b + c) / 2.0);
+                let beta = (b - c) * FRAC_1_SQRT_2;
+                prop_assert!((f64::from(vector.alpha) * unit - alpha).abs() < 1e-8 * range);
+                prop_assert!((f64::from(vector.beta) * unit - beta).abs() < 1e-8 * range);
+                // The scale is not wasteful: it leaves no more than two bits of the word.
+                prop_assert!(range * SQRT_2 / unit > 2f64.powi(29));
+            }
         }
 
+        /// Debug builds panic where a sum would leave its format.
         #[test]
-        fn extremes_do_not_wrap(counts in any::<[u16; 3]>(), zero in any::<[i32; 3]>(), gain in any::<i32>()) {
-            let channels = zero.map(|z| CurrentChannel { zero_sixteenths: z, gain: Ratio::from_bits(gain) });
+        fn extremes_do_not_wrap(
+            counts in prop::array::uniform3(prop_oneof![any::<u16>(), Just(0), Just(4095)]),
+            gains in prop::array::uniform3(0.51..1.99f64),
+        ) {
             for shunts in [Shunts::Two, Shunts::Three] {
-                let sense = CurrentSense { shunts, channels };
-                let _ = sense.vector(sense.phases(counts, zero));
+                let mut plate = plate(12, 10.0, shunts);
+                plate.motors[0].current_gains = gains;
+                let sense = sense(&plate);
+                for zeros in [[0; 3], sense.zeros, [i32::MAX; 3]] {
+                    let vector = sense.vector(sense.codes(counts, zeros));
+                    let length = f64::from(vector.alpha).hypot(f64::from(vector.beta));
+                    prop_assert!(length < 1.74 * 2f64.powi(30));
+                }
             }
-            let bus = BusSense { gain: TableVelocity::from_bits(gain) };
-            prop_assert_eq!(bus.voltage(counts[0]).is_negative(), gain < 0 && counts[0] > 0);
         }
     }
 
     #[test]
-    fn zeros_are_the_mean_to_a_sixteenth() {
+    fn zeros_are_the_mean_to_a_thousandth_of_a_count() {
+        let sense = sense(&plate(16, 10.0, Shunts::Two));
         let mut calibration = ZeroCalibration::default();
         let mut found = None;
         for n in 0..1024u16 {
             assert!(found.is_none());
-            found = calibration.take([2048 + n % 2, 2040, 65535]);
+            found = calibration.take(&sense, [2048 + n % 2, 2040, 65535]);
         }
-        assert_eq!(found, Some([2048 * 16 + 8, 2040 * 16, 65535 * 16]));
+        let code = |counts: f64| (counts * 32768.0) as i32;
+        assert_eq!(found, Some([2048.5, 2040.0, 65535.0].map(code)));
         assert_eq!(calibration, ZeroCalibration::default());
     }
 }

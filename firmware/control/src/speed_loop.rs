@@ -50,6 +50,7 @@ impl SpeedLoop {
 
     /// One step. `voltage_limited`: the current loop could not follow the last reference, so the integrator must
     /// not push further that way.
+    #[inline(always)]
     pub fn step(
         &mut self,
         config: &SpeedLoopConfig,
@@ -71,14 +72,28 @@ impl SpeedLoop {
         let limited = i_q != wanted;
         let pushing = (limited || voltage_limited) && error.is_negative() == wanted.is_negative();
         if !pushing {
-            let bound = CurrentState::from(config.i_max);
-            let integral = self
-                .integral
-                .saturating_add(config.k_iw_step.wide_mul(error));
-            self.integral = cut(integral, bound);
+            // The integral is within 2^51 and the product within 2^62.
+            #[allow(clippy::arithmetic_side_effects)]
+            let integral = self.integral + config.k_iw_step.wide_mul(error);
+            self.integral = hold(integral, config.i_max);
         }
         SpeedLoopOutput { i_q, limited }
     }
+}
+
+/// Holds an integral to ±`i_max`, to a thousandth of an ampere: only its upper word is compared.
+#[inline(always)]
+#[allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::arithmetic_side_effects
+)]
+fn hold(integral: CurrentState, i_max: Current) -> CurrentState {
+    let bits = integral.to_bits();
+    // An upper word is in 2^-8 A.
+    let end = i_max.to_bits() >> 12;
+    let upper = ((bits >> 32) as i32).min(end).max(-end);
+    CurrentState::from_bits(i64::from(upper) << 32 | i64::from(bits as u32))
 }
 
 #[cfg(test)]

@@ -69,9 +69,10 @@ impl SpeedTask {
         motors: [MotorStatus; 2],
         found: Option<Fault>,
     ) -> SpeedTaskOutput {
+        let coordinator = &self.coordinator;
         self.state = self
             .state
-            .next(request, motors, found, self.coordinator.at_rest());
+            .next(request, motors, found, || coordinator.at_rest());
         let mode = self.state.mode();
         if !matches!(self.state, State::Running | State::Stopping) {
             self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
@@ -100,16 +101,22 @@ impl SpeedTask {
             self.followed = target;
         }
         let [screw, nut] = motors;
+        let [screw_loop, nut_loop] = &config.current_loops;
+        let omega_e = [
+            screw_loop.observer.omega_e(screw.theta_step),
+            nut_loop.observer.omega_e(nut.theta_step),
+        ];
+        let [screw_omega_e, nut_omega_e] = omega_e;
         let [screw_torque, nut_torque] = self.torque_limited;
         let speed = self.coordinator.step(
             &config.coordinator,
             [
                 Following {
-                    omega_e: screw.omega_e,
+                    omega_e: screw_omega_e,
                     limited: screw.voltage_limited || screw_torque,
                 },
                 Following {
-                    omega_e: nut.omega_e,
+                    omega_e: nut_omega_e,
                     limited: nut.voltage_limited || nut_torque,
                 },
             ],
@@ -124,12 +131,13 @@ impl SpeedTask {
             .iter()
             .zip(&mut self.speed_loops)
             .zip(motors)
+            .zip(omega_e)
             .zip(speed);
         let outputs = current.iter_mut().zip(&mut self.torque_limited);
-        for ((((config, speed_loop), motor), reference), (current, torque_limited)) in
+        for (((((config, speed_loop), motor), omega_e), reference), (current, torque_limited)) in
             motors.zip(outputs)
         {
-            let output = speed_loop.step(config, reference, motor.omega_e, motor.voltage_limited);
+            let output = speed_loop.step(config, reference, omega_e, motor.voltage_limited);
             current.i_q = output.i_q;
             *torque_limited = output.limited;
         }

@@ -116,12 +116,13 @@ pub struct Request {
 impl State {
     /// The next state, with the fault that the board or its guard has found.
     #[must_use]
+    #[inline(always)]
     pub fn next(
         self,
         request: Request,
         motors: [MotorStatus; 2],
         found: Option<Fault>,
-        at_rest: bool,
+        at_rest: impl FnOnce() -> bool,
     ) -> Self {
         let fault = fault(motors).or(found);
         match (self, fault) {
@@ -136,7 +137,7 @@ impl State {
             }
             (Self::Ready | Self::Stopping, None) if request.run => Self::Running,
             (Self::Running, None) if !request.run => Self::Stopping,
-            (Self::Stopping, None) if at_rest => Self::Ready,
+            (Self::Stopping, None) if at_rest() => Self::Ready,
             (same, None) => same,
         }
     }
@@ -225,7 +226,7 @@ mod tests {
                     },
                     [healthy, nut],
                     None,
-                    on(4),
+                    || on(4),
                 );
                 if to != from {
                     seen.insert(std::format!("{:?}", (from, to)));
@@ -248,7 +249,7 @@ mod tests {
             },
             [MotorStatus::default(), broken],
             Some(Fault::OverVoltage),
-            false,
+            || false,
         );
         assert_eq!(state, FAULT);
         assert_eq!(state.mode(), Mode::Off);
@@ -257,7 +258,7 @@ mod tests {
             reset: true,
         };
         assert_eq!(
-            state.next(still_asked, [MotorStatus::default(); 2], None, false),
+            state.next(still_asked, [MotorStatus::default(); 2], None, || false),
             FAULT,
             "a reset while run is asked"
         );
@@ -266,9 +267,9 @@ mod tests {
             ..MotorStatus::default()
         };
         let asked = Request::default();
-        assert_eq!(state.next(asked, [zero, broken], None, true), FAULT);
+        assert_eq!(state.next(asked, [zero, broken], None, || true), FAULT);
         assert_eq!(
-            State::Calibrating.next(asked, [zero, MotorStatus::default()], None, true),
+            State::Calibrating.next(asked, [zero, MotorStatus::default()], None, || true),
             State::Fault(Fault::ScrewCurrentZero)
         );
     }
@@ -277,14 +278,14 @@ mod tests {
     fn what_the_guard_finds_is_a_fault_until_it_is_gone() {
         let healthy = [MotorStatus::default(); 2];
         let hot = Some(Fault::NutTemperature);
-        let state = State::Running.next(Request::default(), healthy, hot, false);
+        let state = State::Running.next(Request::default(), healthy, hot, || false);
         assert_eq!(state, State::Fault(Fault::NutTemperature));
         let reset = Request {
             run: false,
             reset: true,
         };
-        assert_eq!(state.next(reset, healthy, hot, true), state);
-        assert_eq!(state.next(reset, healthy, None, true), State::Off);
+        assert_eq!(state.next(reset, healthy, hot, || true), state);
+        assert_eq!(state.next(reset, healthy, None, || true), State::Off);
     }
 
     #[test]

@@ -5,7 +5,7 @@
 /// Current, A.
 pub const CURRENT: u32 = 20;
 /// Voltage, V.
-pub const VOLTAGE: u32 = 21;
+pub const VOLTAGE: u32 = 18;
 /// Angular speed of the shaft or of the electrical angle, rad/s.
 pub const SPEED: u32 = 16;
 /// Base speed in a command, mechanical rad/s.
@@ -16,7 +16,7 @@ pub const TABLE_VELOCITY: u32 = 28;
 /// What a telemetry sample leaves out of a current: 2^-12 A are a tenth of a count of a 12-bit ADC over 10 A.
 pub const SAMPLE_CURRENT_DROPS: u32 = 8;
 /// What a telemetry sample leaves out of a voltage: 2^-13 V are a three-hundredth of a step of the PWM at 310 V.
-pub const SAMPLE_VOLTAGE_DROPS: u32 = 8;
+pub const SAMPLE_VOLTAGE_DROPS: u32 = 5;
 
 /// A word's value in its unit.
 #[must_use]
