@@ -32,11 +32,11 @@ mod app {
     use crate::hw::motor_io::MotorIo;
     use crate::hw::watchdog::{Watchdog, reset_reason};
     use crate::hw::{amplifier, analog, clock, cycles, deadman, encoder, protection, pwm};
-    use crate::motor_loop::MotorLoop;
+    use crate::motor_loop::{MOTORS, MotorLoop};
     use crate::speed::Speed;
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
-    use crate::{crash, log, schedule};
+    use crate::{CONFIG, crash, log, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -164,7 +164,7 @@ mod app {
         cx.local.screw.step();
         deadman::put_back();
         // The speed task follows every `speed_divider`th screw period, below both current loops.
-        if cx.local.screw.speed_is_due() {
+        if MOTORS[0].exchange.speed_is_due(CONFIG.speed_divider) {
             rtic::pend(Interrupt::FMAC);
         }
     }

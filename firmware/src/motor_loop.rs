@@ -11,7 +11,7 @@ use control::observer::Motion;
 use control::sense::{Codes, Shunts};
 use control::supervisor::{Fault, State};
 use core::ops::Deref;
-use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::Run;
 use stm32g4xx_hal::stm32::{adc1, tim1};
 
@@ -25,6 +25,8 @@ pub(crate) struct MotorShared {
     pub(crate) encoder: AtomicU32,
     /// Voltages d and q of the last four periods: a period's are at its number modulo 4.
     voltages: [[AtomicI32; 2]; 4],
+    /// The loop closed its bridge and has not opened it since; the break may have.
+    closed: AtomicBool,
     /// Periods whose compare values came too late.
     pub(crate) missed: AtomicU32,
     /// Cycles of the last period.
@@ -40,6 +42,7 @@ impl MotorShared {
             codes: [const { AtomicI32::new(0) }; 3],
             encoder: AtomicU32::new(0),
             voltages: [const { [const { AtomicI32::new(0) }; 2] }; 4],
+            closed: AtomicBool::new(false),
             missed: AtomicU32::new(0),
             cycles: AtomicU32::new(0),
             cycles_max: AtomicU32::new(0),
@@ -67,8 +70,6 @@ pub(crate) static MOTORS: [MotorShared; 2] = [MotorShared::new(), MotorShared::n
 pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
     io: MotorIo<T, X, Y, E>,
     control: CurrentLoop,
-    /// Periods until the speed task is due.
-    until_speed: u32,
 }
 
 impl<const MOTOR: usize, T, X, Y, E> MotorLoop<MOTOR, T, X, Y, E>
@@ -82,20 +83,7 @@ where
         Self {
             io,
             control: CurrentLoop::new(&CONFIG.current_loops[MOTOR]),
-            until_speed: 0,
         }
-    }
-
-    /// The speed task is due: once in `speed_divider` calls, and with the first.
-    #[inline(always)]
-    pub(crate) fn speed_is_due(&mut self) -> bool {
-        let due = self.until_speed == 0;
-        self.until_speed = if due {
-            CONFIG.speed_divider - 1
-        } else {
-            self.until_speed - 1
-        };
-        due
     }
 
     /// One PWM period.
@@ -111,7 +99,7 @@ where
                 self.rest(broken);
             } else {
                 let (i_q, bus) = (shared.exchange.i_q(), self.io.bus());
-                shared.exchange.publish_bus(bus);
+                shared.exchange.publish_bus(bus as u16);
                 let output = self.control.regulate(config, i_q, &measured, &motion, bus);
                 if output.limited {
                     shared.exchange.publish_limited();
@@ -123,7 +111,7 @@ where
                 let compare =
                     CurrentLoop::modulate(config, output.voltage, &measured, &motion, scale, bus);
                 self.io.write(compare);
-                if !self.io.enabled() {
+                if !shared.closed.load(Relaxed) {
                     self.begin();
                 }
             }
@@ -177,6 +165,7 @@ where
     fn begin(&mut self) {
         if self.control.may_drive() {
             self.io.close();
+            MOTORS[MOTOR].closed.store(true, Relaxed);
         }
     }
 
@@ -207,7 +196,7 @@ where
         }
         let sample = MotorSample {
             current: self.io.current(config.sense.shunts),
-            bus: self.io.bus(),
+            bus: self.io.bus() as u16,
             encoder: self.io.encoder(),
             broken,
         };
@@ -218,7 +207,10 @@ where
         let counts = config.encoder.counts(sample.encoder);
         let rested = self.control.rest(config, &sample, counts, asked.mode);
         exchange.publish_rest(rested, asked.stale);
-        self.io.open();
+        if MOTORS[MOTOR].closed.load(Relaxed) {
+            self.io.open();
+            MOTORS[MOTOR].closed.store(false, Relaxed);
+        }
         self.io.write([0; 3]);
     }
 }

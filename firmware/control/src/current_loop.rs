@@ -200,14 +200,14 @@ impl CurrentLoop {
         let mut command = PwmCommand::default();
         if drive && !sample.broken && self.may_drive() {
             let i_q = amperes.scaled(reference.i_q);
-            let output = self.regulate(config, i_q, &measured, &motion, sample.bus);
+            let output = self.regulate(config, i_q, &measured, &motion, sample.bus.into());
             command.compare = Self::modulate(
                 config,
                 output.voltage,
                 &measured,
                 &motion,
                 scale,
-                sample.bus,
+                sample.bus.into(),
             );
             command.enable = true;
             estimate.voltage = output.voltage;
@@ -270,7 +270,7 @@ impl CurrentLoop {
         i_q: ScaledCurrent,
         measured: &Measured,
         motion: &Motion,
-        bus: u16,
+        bus: u32,
     ) -> RegulatorOutput {
         self.regulator.step(
             &config.regulator,
@@ -290,7 +290,7 @@ impl CurrentLoop {
         measured: &Measured,
         motion: &Motion,
         scale: BusScale,
-        bus: u16,
+        bus: u32,
     ) -> [u16; 3] {
         let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
         let v = Rotation::second(realised_at).inverse_park(voltage);

@@ -17,8 +17,8 @@ pub struct MotorExchange {
     /// The period with which the reference to drive ends; over when there is none.
     drive_until: AtomicU32,
     i_q: AtomicI32,
-    /// The bus: about where, and how voltages become compare values there.
-    bus_scale: [AtomicI32; 3],
+    /// How voltages become compare values near the bus.
+    bus_scale: [AtomicI32; 2],
     /// The bus, ADC counts.
     bus: AtomicU16,
     /// Mechanical angle a sample, 2^-32 turn.
@@ -75,7 +75,7 @@ impl MotorExchange {
             periods: AtomicU32::new(0),
             drive_until: AtomicU32::new(0),
             i_q: AtomicI32::new(0),
-            bus_scale: [AtomicI32::new(0), AtomicI32::new(0), AtomicI32::new(0)],
+            bus_scale: [AtomicI32::new(0), AtomicI32::new(0)],
             bus: AtomicU16::new(0),
             theta_step: AtomicI32::new(0),
             limited_period: AtomicU32::new(u32::MAX),
@@ -100,12 +100,8 @@ impl MotorExchange {
             periods
         };
         self.until.store(until, Relaxed);
-        let BusScale {
-            counts,
-            scale,
-            slope,
-        } = config.modulation.bus_scale(self.bus.load(Relaxed));
-        for (word, value) in self.bus_scale.iter().zip([counts, scale, slope]) {
+        let BusScale { at_zero, slope } = config.modulation.bus_scale(self.bus.load(Relaxed));
+        for (word, value) in self.bus_scale.iter().zip([at_zero, slope]) {
             word.store(value, Relaxed);
         }
         self.i_q
@@ -126,6 +122,15 @@ impl MotorExchange {
         !over(self.drive_until.load(Relaxed), periods)
     }
 
+    /// Current loop: the speed task is due, once in `speed_divider` periods and with the first. Where the divider is not a
+    /// power of two, a step comes early when the count of periods wraps, once in 59 hours at 20 kHz.
+    #[must_use]
+    #[inline(always)]
+    pub fn speed_is_due(&self, speed_divider: u32) -> bool {
+        let after = |periods: u32| periods.checked_rem(speed_divider);
+        after(self.periods.load(Relaxed)) == after(1)
+    }
+
     /// Current loop, where it shall drive: the reference, within half of its word.
     #[must_use]
     #[inline(always)]
@@ -138,10 +143,9 @@ impl MotorExchange {
     #[must_use]
     #[inline(always)]
     pub fn bus_scale(&self) -> BusScale {
-        let [counts, scale, slope] = &self.bus_scale;
+        let [at_zero, slope] = &self.bus_scale;
         BusScale {
-            counts: counts.load(Relaxed),
-            scale: scale.load(Relaxed),
+            at_zero: at_zero.load(Relaxed),
             slope: slope.load(Relaxed),
         }
     }

@@ -18,7 +18,9 @@ pub struct ModulationConfig {
     pub period: u16,
     /// Largest compare value that leaves the low sides their minimum on-time.
     pub compare_max: u16,
-    /// What, divided by a count of the bus and shifted left by `scale_shift`, makes compare values of voltages: the
+    /// Fraction bits of a fine count, in which compare values are computed: 7, or as many as the lowest bus leaves.
+    pub fraction: u32,
+    /// What, divided by a count of the bus and shifted left by `scale_shift`, makes fine counts of voltages: the
     /// period times `sqrt(2/3)` of the inverse Clarke, per volt of one bus count, brought to [2^31, 2^32) so that the
     /// quotient has its bits.
     pub scale_per_bus_count: u32,
@@ -42,25 +44,22 @@ pub struct ModulationConfig {
 /// speed task divides; a current loop corrects by what the bus has changed since, a fraction of a percent.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct BusScale {
-    /// The bus, counts.
-    pub counts: i32,
-    /// Voltages in 2^-17 V to 2^-7 counts of alpha, 2^-32; at most 2^30.
-    pub scale: i32,
-    /// By how much it falls with a count.
+    /// Voltages in 2^-17 V to fine counts of alpha, 2^-32, where the tangent meets a bus of zero counts: twice the scale,
+    /// at most 2^30.
+    pub at_zero: i32,
+    /// By how much the scale falls with a count.
     pub slope: i32,
 }
 
-/// Counts that the bus may change while a [`BusScale`] is followed; a power of two. 14 V of 450 V in 200 us.
-pub const BUS_STEP: i32 = 128;
-
 impl BusScale {
-    /// The scale at `bus` counts.
+    /// The scale at `bus` counts. On a bus of more than twice the counts that it was made for it would turn its sign: there
+    /// it is zero.
     #[inline(always)]
     #[allow(clippy::arithmetic_side_effects)]
-    fn at(self, bus: u16) -> i32 {
-        let change = (self.counts - i32::from(bus)).clamp(-BUS_STEP, BUS_STEP - 1);
-        // The counts are at least `BUS_STEP`, so that the product is at most the scale, and the sum between 0 and 2^31.
-        self.scale.wrapping_add(self.slope.wrapping_mul(change))
+    fn at(self, bus: u32) -> i32 {
+        self.at_zero
+            .wrapping_sub(self.slope.wrapping_mul(bus.cast_signed()))
+            .max(0)
     }
 }
 
@@ -73,12 +72,12 @@ pub struct DeadTime {
     /// Codes of each channel to parts of the full compensation, 2^-16: within `i_full` of zero a current's sign is
     /// noise, and the compensation fades in. At most 2^30.
     pub slopes: [i32; 3],
-    /// Half the dead time, as a compare value is half of an on-time, 2^-23 timer counts: times a part it is in 2^-7.
+    /// Half the dead time, as a compare value is half of an on-time, 2^-16 fine counts: times a part, 2^-32 of it.
     pub full: i32,
 }
 
 impl DeadTime {
-    /// What is added to the compare values of the phases for their codes, 2^-7 counts.
+    /// What is added to the compare values of the phases for their codes, fine counts.
     #[inline(always)]
     fn compensation(&self, [a, b, c]: Codes) -> [i32; 3] {
         let [ka, kb, kc] = self.slopes;
@@ -95,11 +94,10 @@ impl DeadTime {
 }
 
 impl ModulationConfig {
-    /// The circle of the d/q vectors that can be realised without touching a limit, at `bus_counts`.
+    /// The circle of the d/q vectors that can be realised without touching a limit, at `counts` of the bus.
     #[must_use]
     #[inline(always)]
-    pub fn circle(&self, bus_counts: u16) -> Circle {
-        let counts = u32::from(bus_counts);
+    pub fn circle(&self, counts: u32) -> Circle {
         let square =
             u64::from(counts.wrapping_mul(counts)).wrapping_mul(u64::from(self.radius_square));
         // In 2^-18 V: fewer than 1024 counts of less than a volt each, or the end of the format.
@@ -121,12 +119,12 @@ impl ModulationConfig {
         v: AlphaBeta<StatorVoltage>,
         codes: Codes,
         scale: BusScale,
-        bus_counts: u16,
+        bus_counts: u32,
     ) -> [u16; 3] {
         // sqrt(3)/2 less 1, in 2^-32.
         const SQRT_3_2_LESS_1: i32 = -575_416_510;
         let scale = scale.at(bus_counts);
-        // Inverse Clarke in 2^-7 counts: whatever comes in, a product's upper word is within 2^30.
+        // Inverse Clarke in fine counts: whatever comes in, a product's upper word is within 2^30.
         let a = multiply_upper(v.alpha.to_bits(), scale);
         let beta = multiply_upper(v.beta.to_bits(), scale);
         let beta = beta + multiply_upper(beta, SQRT_3_2_LESS_1);
@@ -135,10 +133,11 @@ impl ModulationConfig {
         // The highest and the lowest phase lie symmetrically when half of the middle one is added to all.
         let middle = a.min(above - half).max(-above - half);
         // Voltage zero is the middle of the permitted range; and half a count of rounding.
-        let offset = (middle >> 1) + ((i32::from(self.compare_max) << 6) + 64);
+        let centre = i32::from(self.compare_max) + 1;
+        let offset = (middle >> 1) + (centre << (self.fraction - 1));
         let [da, db, dc] = self.dead_time.compensation(codes);
         // The circle keeps them within 0 and `compare_max`; the ends are those of any value that an interrupt might write.
-        [a + offset + da, b + offset + db, c + offset + dc].map(counts)
+        [a + offset + da, b + offset + db, c + offset + dc].map(|fine| counts(fine, self.fraction))
     }
 
     /// The scale at and near `bus_counts`. One 32-bit division.
@@ -148,25 +147,24 @@ impl ModulationConfig {
     pub fn bus_scale(&self, bus_counts: u16) -> BusScale {
         let counts = u32::from(bus_counts.max(self.bus_counts_min));
         let quotient = self.scale_per_bus_count.checked_div(counts).unwrap_or(0);
-        // Below 2^30: `bus_counts_min` is chosen so.
+        // Below 2^29: `bus_counts_min` is chosen so.
         let scale = quotient.wrapping_shl(self.scale_shift);
         // scale / counts = scale * quotient / scale_per_bus_count, rounded down.
         let upper = |a: u32, b: u32| (u64::from(a).wrapping_mul(u64::from(b)) >> 32) as u32;
         let slope = upper(upper(scale, quotient), self.scale_inverse).wrapping_shl(1);
         BusScale {
-            counts: counts.cast_signed(),
-            scale: scale.cast_signed(),
+            at_zero: scale.wrapping_add(slope.wrapping_mul(counts)).cast_signed(),
             slope: slope.cast_signed(),
         }
     }
 }
 
-/// Whole counts of a compare value in 2^-7, cut to what the timer's 13 to 15 bits can need.
+/// Whole counts of a compare value in fine ones, cut to what the timer's 13 to 15 bits can need.
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-fn counts(compare: i32) -> u16 {
+fn counts(fine: i32, fraction: u32) -> u16 {
     const END: i32 = (1 << 15) - 1;
-    (compare >> 7).clamp(0, END) as u16
+    (fine >> (fraction & 31)).clamp(0, END) as u16
 }
 
 #[cfg(test)]
@@ -206,8 +204,8 @@ mod tests {
             angle in 0.0..core::f64::consts::TAU, part in 0.0..1.0f64, counts in 800u16..4095, min_on in 0.0..3e-6f64,
         ) {
             let config = config(&plate(0.0, min_on));
-            let length = config.circle(counts).radius.to_num::<f64>() * part;
-            let compare = config.compare(vector(length * angle.cos(), length * angle.sin()), [0; 3], config.bus_scale(counts), counts);
+            let length = config.circle(counts.into()).radius.to_num::<f64>() * part;
+            let compare = config.compare(vector(length * angle.cos(), length * angle.sin()), [0; 3], config.bus_scale(counts), counts.into());
             let volts = [0.0, 1.0, 2.0]
                 .map(|k| (2f64 / 3.0).sqrt() * length * (angle - k * core::f64::consts::TAU / 3.0).cos());
             let lsb = bus(counts) / f64::from(config.period);
@@ -223,7 +221,7 @@ mod tests {
         #[test]
         fn the_circle_is_what_the_bus_gives(counts in 100u16..4095, dead_time in 0.0..1e-6f64) {
             let config = config(&plate(dead_time, 2e-6));
-            let circle = config.circle(counts);
+            let circle = config.circle(counts.into());
             let radius = circle.radius.to_num::<f64>();
             prop_assert!((f64::from(circle.square) / 4.0 - radius * radius).abs() < 0.3);
             let exact = bus(counts) * (core::f64::consts::FRAC_1_SQRT_2 * (1.0 - 2.0 / 50.0) - 2.0 * dead_time / 50e-6);
@@ -254,22 +252,23 @@ mod tests {
                 let config = config(&plate);
                 let counts = counts % 4096;
                 let [d, q] = v.map(|x| Voltage::from_bits(if on_the_circle { x } else { x >> 6 }));
-                let v = limit(DirectQuadrature { d, q }, config.circle(counts).radius);
-                let compare = config.compare(Rotation::new(Angle(theta_e)).inverse_park(v), codes, config.bus_scale(counts), counts);
+                let v = limit(DirectQuadrature { d, q }, config.circle(counts.into()).radius);
+                let compare = config.compare(Rotation::new(Angle(theta_e)).inverse_park(v), codes, config.bus_scale(counts), counts.into());
                 prop_assert!(compare.iter().all(|&c| c <= config.compare_max), "{compare:?}");
             }
         }
 
-        /// Along the tangent: right to the square of the change, and never beyond its word.
+        /// Along the tangent: right to the square of the change, and never of another sign.
         #[test]
-        fn the_scale_follows_the_bus(counts in 0..4096u16, change in -200..200i32) {
+        fn the_scale_follows_the_bus(counts in 0..4096u16, now in 0..4096u16) {
             let config = config(&plate(0.0, 0.0));
             let near = config.bus_scale(counts);
-            let now = (i32::from(counts) + change).clamp(0, 4095) as u16;
-            let (got, exact) = (f64::from(near.at(now)), f64::from(config.bus_scale(now).scale));
+            let got = f64::from(near.at(now.into()));
+            let (counts, now) = (counts.max(config.bus_counts_min), now.max(config.bus_counts_min));
+            let exact = f64::from(config.scale_per_bus_count) * 2f64.powi(config.scale_shift as i32) / f64::from(now);
             prop_assert!(got >= 0.0);
-            if counts >= config.bus_counts_min && now >= config.bus_counts_min && change.abs() < BUS_STEP {
-                let part = f64::from(change) / f64::from(counts);
+            let part = (f64::from(now) - f64::from(counts)) / f64::from(counts);
+            if part.abs() < 0.5 {
                 prop_assert!((got / exact - 1.0).abs() <= part * part + 3e-5, "{got} for {exact}");
             }
         }
@@ -279,9 +278,9 @@ mod tests {
         fn no_input_overflows(v in any::<[i32; 2]>(), codes in any::<[i32; 3]>(), counts in any::<u16>()) {
             let config = config(&plate(1e-6, 1e-6));
             let [alpha, beta] = v.map(StatorVoltage::from_bits);
-            let _ = config.compare(AlphaBeta { alpha, beta }, codes, config.bus_scale(counts), counts);
-            prop_assert!(config.bus_scale(counts).scale > 0);
-            prop_assert!(config.circle(counts).radius >= 0);
+            let _ = config.compare(AlphaBeta { alpha, beta }, codes, config.bus_scale(counts), counts.into());
+            prop_assert!(config.bus_scale(counts).at_zero > 0);
+            prop_assert!(config.circle(counts.into()).radius >= 0);
         }
     }
 }

@@ -11,7 +11,7 @@ use crate::format::{
     Current, CurrentScale, Gain, MechanicalSpeed, Misfit, Ratio, SpeedChange, SpeedGain,
     TableVelocity, Voltage, quantise,
 };
-use crate::modulation::{BUS_STEP, DeadTime, ModulationConfig};
+use crate::modulation::{DeadTime, ModulationConfig};
 use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX};
 use crate::profile::ProfileConfig;
 use crate::regulator::{Induced, RegulatorConfig};
@@ -211,7 +211,7 @@ impl BoardPlate {
         attempt!(within("dead time", "PWM periods", dead, -1e-9, 0.2));
         let circle = ((1.0 - low_side) * FRAC_1_SQRT_2 - 2.0 * dead) * 0.999;
         attempt!(within("voltage circle", "bus", circle, 0.0, 1.0));
-        // What divides by the bus, brought to [2^31, 2^32) of its word. A voltage is in 2^-17 V, a compare value in 2^-7.
+        // What divides by the bus, brought to [2^31, 2^32) of its word. A voltage is in 2^-17 V.
         let per_bus_count = period as f64 / self.bus_volts_per_count;
         attempt!(within(
             "PWM counts per volt and bus count",
@@ -220,20 +220,22 @@ impl BoardPlate {
             1024.0,
             2_097_152.0
         ));
-        let full = per_bus_count * 4_194_304.0 * (SQRT_2 * 0.577_350_269_189_625_8);
+        let bus_counts_min = self.bus_min_v / self.bus_volts_per_count;
+        let per_count = per_bus_count * 32_768.0 * (SQRT_2 / SQRT_3);
+        // At the lowest bus the quotient must be within a quarter of its word.
+        let mut fraction = 7u32;
+        while per_count * power_of_two(fraction) > 536_870_912.0 * bus_counts_min && fraction > 3 {
+            fraction = fraction.saturating_sub(1);
+        }
+        let full = per_count * power_of_two(fraction);
         let (mut numerator, mut scale_shift) = (full, 0u32);
         while numerator >= 4_294_967_295.0 {
             numerator /= 2.0;
             scale_shift = u32::saturating_add(scale_shift, 1);
         }
-        // Below this the quotient would leave half of its word, or a difference of counts be larger than the counts.
-        let least = (full / 1_073_741_824.0 + 1.0) as u16;
-        let least = if least > BUS_STEP as u16 {
-            least
-        } else {
-            BUS_STEP as u16
-        };
-        let bus_counts_min = (self.bus_min_v / self.bus_volts_per_count) as u16;
+        // Below this it would leave that.
+        let least = (full / 536_870_912.0 + 1.0) as u16;
+        let bus_counts_min = bus_counts_min as u16;
         let radius = circle * self.bus_volts_per_count;
         attempt!(within(
             "voltage circle of a bus count",
@@ -246,6 +248,7 @@ impl BoardPlate {
             period,
             #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
             compare_max: (period as f64 * (1.0 - low_side)) as u16,
+            fraction,
             scale_per_bus_count: numerator as u32,
             scale_inverse: (9_223_372_036_854_775_808.0 / numerator) as u32,
             scale_shift,
@@ -256,11 +259,11 @@ impl BoardPlate {
             },
             radius: (radius * 268_435_456.0) as u32,
             radius_square: (radius * radius * 17_179_869_184.0) as u32,
-            dead_time: attempt!(self.dead_time(sense)),
+            dead_time: attempt!(self.dead_time(sense, fraction)),
         })
     }
 
-    const fn dead_time(&self, sense: &CurrentSense) -> Result<DeadTime, Misfit> {
+    const fn dead_time(&self, sense: &CurrentSense, fraction: u32) -> Result<DeadTime, Misfit> {
         // Compare values are counted up to half a period.
         let counts = self.dead_time_s * self.timer_hz / 2.0;
         attempt!(within("dead time", "timer counts", counts, -1e-9, 256.0));
@@ -278,7 +281,7 @@ impl BoardPlate {
                 self.dead_time_slope(c, sense.scale),
             ],
             #[allow(clippy::cast_possible_truncation)]
-            full: (counts * 8_388_608.0) as i32,
+            full: (counts * 65_536.0 * power_of_two(fraction)) as i32,
         })
     }
 

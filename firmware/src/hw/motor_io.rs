@@ -19,7 +19,6 @@ pub(crate) struct MotorIo<T, X, Y, E> {
     encoder: E,
     /// BDTR without the main output enable; what is locked in it keeps its value whatever is written.
     off: u32,
-    enabled: bool,
 }
 
 impl<T, X, Y, E> MotorIo<T, X, Y, E>
@@ -37,7 +36,6 @@ where
             adc_y,
             encoder,
             off: bdtr,
-            enabled: false,
         }
     }
 
@@ -76,9 +74,8 @@ where
 
     /// ADC counts of the bus voltage.
     #[inline(always)]
-    #[allow(clippy::cast_possible_truncation)]
-    pub(crate) fn bus(&self) -> u16 {
-        self.adc_x.jdr2().read().bits() as u16
+    pub(crate) fn bus(&self) -> u32 {
+        self.adc_x.jdr2().read().bits()
     }
 
     /// The encoder's raw word.
@@ -106,25 +103,15 @@ where
         self.timer.sr().read().uif().bit_is_clear()
     }
 
-    /// The bridge was closed, and not opened since but by its break.
-    #[inline(always)]
-    pub(crate) fn enabled(&self) -> bool {
-        self.enabled
-    }
-
     /// Closes the bridge: the outputs follow the compare values. To be called once: a bridge that the break has opened
     /// since this interrupt read its flag must not be closed again by a write that merely repeats.
     pub(crate) fn close(&mut self) {
         self.switch(crate::hw::pwm::MOE);
-        self.enabled = true;
     }
 
-    /// Opens the bridge if it is closed.
+    /// Opens the bridge.
     pub(crate) fn open(&mut self) {
-        if self.enabled {
-            self.switch(0);
-            self.enabled = false;
-        }
+        self.switch(0);
     }
 
     fn switch(&mut self, moe: u32) {
