@@ -1,14 +1,17 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
 use crate::analysis::{
-    Case, ChannelFigures, Coordinates, Found, Outcome, Progress, Unexplained, width,
+    Bandwidth, Case, ChannelFigures, Coordinates, Found, Outcome, Rival, Unexplained,
 };
 use crate::balance::{Contribution, MotorParameter, Parameter};
 use crate::channel::Channel;
 use crate::design::{Normal, Solution, Whitener, dot};
 use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
+use crate::progress::Progress;
 use crate::select::Search;
+use crate::signals::SPEED_BANDWIDTH_HZ;
+use plant::Axis;
 use plant::model::Model;
 
 /// Draws the conclusion of a search.
@@ -21,7 +24,7 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
     let plain_solution = plain.normal.solve(None);
     let excess = plain.normal.cost(&plain_solution.values) - search.normal.cost(&solution.values);
 
-    let check_noise = check.noise(&check.declared, found);
+    let check_noise = check.noise(None, found);
     let mut effects = Vec::new();
     let mut at = case.base.parameters.len();
     for (k, hypothesis) in found.iter().enumerate() {
@@ -47,19 +50,45 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
         let first = without.normal.len();
         without.add(hypothesis);
         let effect = hypothesis.effect(case.balance.model, search.run_s(), &values);
-        effects.extend(effect.map(|effect| Found {
-            hypothesis: *hypothesis,
-            check_fall: check_fall(&check, &check_noise, &others, hypothesis, &values),
-            values,
-            covariance,
-            shape_sigma,
-            effect,
-            explained: (fall / excess).clamp(0.0, 1.0),
-            fall,
-            held_back: without.normal.held_back(first),
-            rivals: progress.rivals.get(k).cloned().unwrap_or_default(),
+        let on_check = check_fall(&check, &check_noise, &others, hypothesis, &values);
+        effects.extend(effect.map(|effect| {
+            Found {
+                hypothesis: *hypothesis,
+                check_fall: on_check,
+                values,
+                covariance,
+                shape_sigma,
+                effect,
+                explained: (fall / excess).clamp(0.0, 1.0),
+                fall,
+                held_back: without.normal.held_back(first),
+                rivals: progress.rivals.get(k).cloned().unwrap_or_default(),
+                inseparable: progress.inseparable[k]
+                    .iter()
+                    .map(|trial| {
+                        let rival = &trial.gain.values;
+                        Rival {
+                            hypothesis: trial.hypothesis,
+                            effect: trial.hypothesis.effect(
+                                case.balance.model,
+                                search.run_s(),
+                                rival,
+                            ),
+                            behind: fall - trial.gain.fall,
+                            check_behind: on_check
+                                - check_fall(
+                                    &check,
+                                    &check_noise,
+                                    &others,
+                                    &trial.hypothesis,
+                                    rival,
+                                ),
+                        }
+                    })
+                    .collect(),
+            }
         }));
-        at += width(hypothesis);
+        at += columns + hypothesis.nuisances();
     }
     effects.sort_by(|a, b| b.fall.total_cmp(&a.fall));
 
@@ -112,6 +141,7 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
         model: new_model(&case, &solution, &effects),
         calibration: calibration(&case, &solution),
         unexplained: unexplained(&progress),
+        bandwidth: bandwidth(&case, &noise),
         effects,
         channels,
         last: progress.last,
@@ -134,6 +164,25 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
             .zip(fit.after)
             .map(|((c, b), a)| (c, b, a))
             .collect(),
+    }
+}
+
+/// The bandwidths that the noise left.
+fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
+    let sensing = &case.balance.model.sensing;
+    let count = std::f64::consts::TAU / f64::from(sensing.encoder_counts_per_turn);
+    let current = sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0;
+    Bandwidth {
+        balance_hz: noise.top(Channel::Torque(Axis::Screw)),
+        table_hz: noise.top(Channel::Table),
+        speed_hz: SPEED_BANDWIDTH_HZ,
+        even_hz: Axis::ALL.map(|axis| {
+            let motor = case.balance.model.motor(axis);
+            let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
+            let torque = (2.0 * current).sqrt() * constant;
+            let acceleration = torque / (motor.inertia_kg_m2 * count / 12.0_f64.sqrt());
+            acceleration.sqrt() / std::f64::consts::TAU
+        }),
     }
 }
 
@@ -276,14 +325,7 @@ impl Fixed {
         plain: &Solution,
         full: &Solution,
     ) -> Self {
-        let run_s = check
-            .balance
-            .signals
-            .time
-            .last()
-            .copied()
-            .unwrap_or(0.0)
-            .max(1e-3);
+        let run_s = check.balance.signals.run_s();
         let whitener = check.whitener(noise);
         let left = |values: &Solution, effects: &[Hypothesis]| -> Vec<Vec<f64>> {
             let mut residual: Contribution = check.base.residual.clone();
@@ -297,13 +339,13 @@ impl Fixed {
             }
             let mut at = case.base.parameters.len();
             for hypothesis in effects {
-                let parts = [Some(*hypothesis), hypothesis.companion()];
-                for part in parts
-                    .into_iter()
-                    .flatten()
-                    .flat_map(|h| h.contributions(check.balance, run_s))
+                let nuisances = hypothesis.nuisance_contributions(check.balance, run_s);
+                for part in hypothesis
+                    .contributions(check.balance, run_s)
+                    .iter()
+                    .chain(nuisances.iter().map(|(contribution, _)| contribution))
                 {
-                    residual.add_all(-values.values[at], &part);
+                    residual.add_all(-values.values[at], part);
                     at += 1;
                 }
             }
@@ -315,12 +357,7 @@ impl Fixed {
                 .filter(|(p, _)| !p.is_of_the_machine())
                 .collect();
             for (parameter, contribution) in &of_record {
-                own.push(
-                    whitener.column(contribution),
-                    parameter.spread(),
-                    parameter.bound(),
-                    &whitener,
-                );
+                own.push(whitener.column(contribution), parameter.prior(), &whitener);
             }
             let offsets = own.solve(None);
             for ((_, contribution), value) in of_record.iter().zip(offsets.values.iter()) {

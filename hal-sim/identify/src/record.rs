@@ -2,11 +2,13 @@
 
 use crate::balance::{Balance, Contribution, Parameter, Rounding};
 use crate::channel::Channel;
-use crate::design::{Normal, Whitener, operating_points};
+use crate::design::{Whitener, operating_points};
 use crate::fourier::Fourier;
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
+use crate::normal::Normal;
 use crate::signals::Signals;
+use plant::effects::Place;
 use plant::model::Model;
 use plant::recording::Recording;
 
@@ -50,7 +52,7 @@ impl Record {
     pub fn balance<'a>(&'a self, model: &'a Model, found: &[Hypothesis]) -> Balance<'a> {
         let noise = Noise::declared(model, &self.signals, &self.fourier);
         let whitener = Whitener::new(&self.signals, &self.fourier, &noise);
-        let run_s = self.signals.time.last().copied().unwrap_or(0.0).max(1e-3);
+        let run_s = self.signals.run_s();
         let torque = |mut contribution: Contribution| {
             contribution
                 .0
@@ -66,14 +68,13 @@ impl Record {
             );
             for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
                 let column = whitener.column(&torque(balance.parameter(parameter)));
-                normal.push(column, parameter.spread(), parameter.bound(), &whitener);
+                normal.push(column, parameter.prior(), &whitener);
             }
-            for part in found
-                .iter()
-                .flat_map(|hypothesis| hypothesis.contributions(&balance, run_s))
-            {
-                let column = whitener.column(&torque(part));
-                normal.push(column, f64::INFINITY, f64::INFINITY, &whitener);
+            for hypothesis in found.iter().chain(&level_over_speed(balance.lead)) {
+                for part in hypothesis.contributions(&balance, run_s).iter() {
+                    let column = whitener.column(&torque(part.clone()));
+                    normal.push(column, hypothesis.prior(), &whitener);
+                }
             }
             let cost = normal.cost(&normal.solve(None).values);
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {
@@ -82,6 +83,15 @@ impl Record {
         }
         best.expect("there is at least one rounding").1
     }
+}
+
+/// A friction level that changes with speed, in the rough: it must not be taken for another rounding.
+fn level_over_speed(lead: f64) -> [Hypothesis; 6] {
+    let places = [(Place::Screw, 1.0), (Place::Nut, 1.0), (Place::Feed, lead)];
+    let [slow, fast] = [2.5, 8.0].map(|speed| {
+        places.map(|(place, unit)| Hypothesis::new(Family::StribeckFriction, place, speed * unit))
+    });
+    [slow[0], slow[1], slow[2], fast[0], fast[1], fast[2]]
 }
 
 /// Contributions of the declared model and its parameters, before whitening.
@@ -116,12 +126,7 @@ impl Base {
     pub fn normal(&self, whitener: &Whitener) -> Normal {
         let mut normal = Normal::new(whitener.column(&self.residual), whitener);
         for (parameter, contribution) in &self.parameters {
-            normal.push(
-                whitener.column(contribution),
-                parameter.spread(),
-                parameter.bound(),
-                whitener,
-            );
+            normal.push(whitener.column(contribution), parameter.prior(), whitener);
         }
         normal
     }
