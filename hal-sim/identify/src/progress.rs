@@ -228,13 +228,6 @@ impl Progress {
                 Contender { trial, credit }
             })
             .collect();
-            for c in &list {
-                eprintln!(
-                    "{:?} fall {:.0} credit {:.0} enough {enough:.0} values {:?}",
-                    c.trial.hypothesis, c.trial.gain.fall, c.credit, c.trial.gain.values
-                );
-            }
-        }
         list.retain(|c| {
             c.credit > enough.max(self.least_beside(&c.trial.hypothesis, others, balance))
                 && c.trial.gain.fall > 0.0
