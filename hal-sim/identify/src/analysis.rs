@@ -98,14 +98,22 @@ pub fn analyse(model: &Model, fit: &Recording, check: &Recording) -> Outcome {
         if again {
             progress = Progress::default();
         }
-        let noise = progress.search(&case, &check_case);
-        if rounding_holds(&record, model, &progress, balance.rounding) || again {
+        let holds =
+            |found: &[Hypothesis]| again || rounding_holds(&record, model, found, balance.rounding);
+        if let Some(noise) = progress.search(&case, &check_case, &holds)
+            && holds(&progress.found)
+        {
             return conclude(case, check_case, noise, progress);
         }
     }
 }
 
 /// Whether the friction's rounding that a search began with is still the best with what it found.
-fn rounding_holds(record: &Record, model: &Model, progress: &Progress, rounding: Rounding) -> bool {
-    progress.found.is_empty() || record.balance(model, &progress.found).rounding == rounding
+fn rounding_holds(
+    record: &Record,
+    model: &Model,
+    found: &[Hypothesis],
+    rounding: Rounding,
+) -> bool {
+    found.is_empty() || record.balance(model, found).rounding == rounding
 }

@@ -2,11 +2,21 @@
 
 use realfft::num_complex::Complex64;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// One-sided spectrum of a padded record, up to the Nyquist frequency of the decimated rate.
 pub type Spectrum = Vec<Complex64>;
+
+thread_local! {
+    static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
+}
+
+/// The forward transform of a length; planned once on each thread.
+pub fn transform(length: usize) -> Arc<dyn RealToComplex<f64>> {
+    PLANNER.with(|planner| planner.borrow_mut().plan_fft_forward(length))
+}
 
 /// Transforms of records of one length, and back at a lower rate.
 pub struct Fourier {
@@ -50,7 +60,7 @@ impl Fourier {
             rate,
             forward: (1..=step)
                 .filter(|stride| step.is_multiple_of(*stride))
-                .map(|stride| (stride, planner.plan_fft_forward(padded / stride)))
+                .map(|stride| (stride, transform(padded / stride)))
                 .collect(),
             backward: planner.plan_fft_inverse(padded / step),
             full: planner.plan_fft_inverse(padded),
@@ -223,5 +233,41 @@ impl Fourier {
             *value *= (half / half.sin()).powi(2);
         }
         spectrum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A stride is only as wide as the content allows, and then loses nothing of what is used.
+    #[test]
+    fn a_stride_keeps_what_is_used() {
+        let fourier = Fourier::new(20_000, 5000.0, 4, 2000);
+        for hz in [40.0, 600.0, 900.0, 1700.0] {
+            let signal: Vec<f64> = (0..20_000)
+                .map(|k| {
+                    let window = (0.5 * TAU * k as f64 / 20_000.0).sin().powi(4);
+                    window * (TAU * hz * k as f64 / 5000.0 + 0.3).cos()
+                })
+                .collect();
+            let stride = fourier.stride(hz);
+            let every: Vec<f64> = signal.iter().copied().step_by(stride).collect();
+            let (full, fast) = (
+                fourier.spectrum(&signal),
+                fourier.spectrum_at(stride, &every),
+            );
+            let used = (0.96 * fourier.bins() as f64) as usize;
+            let apart = full[..used]
+                .iter()
+                .zip(&fast)
+                .map(|(a, b)| (a - b).norm())
+                .fold(0.0, f64::max);
+            assert!(
+                apart < 1e-6 * 20_000.0,
+                "{hz} Hz at stride {stride}: {apart}"
+            );
+        }
+        assert_eq!(fourier.stride(40.0), 4);
     }
 }

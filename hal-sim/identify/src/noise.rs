@@ -173,7 +173,7 @@ impl Noise {
 
 /// Squared magnitudes of a signal's spectrum.
 pub fn power_spectrum(signal: &[f64]) -> Vec<f64> {
-    let transform = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(signal.len());
+    let transform = crate::fourier::transform(signal.len());
     let mut input = signal.to_vec();
     let mut output = transform.make_output_vec();
     transform

@@ -3,6 +3,7 @@
 use crate::channel::Channel;
 use crate::design::{Column, Whitener, dot};
 use nalgebra::{DMatrix, DVector};
+use std::rc::Rc;
 
 /// What is known of a column's parameter before the record is seen.
 #[derive(Debug, Clone, Copy)]
@@ -50,8 +51,9 @@ impl Prior {
 }
 
 /// The normal equations of a set of columns for one residual.
+#[derive(Clone)]
 pub struct Normal {
-    columns: Vec<Column>,
+    columns: Vec<Rc<Column>>,
     target: Column,
     gram: Vec<DMatrix<f64>>,
     rhs: Vec<DVector<f64>>,
@@ -173,7 +175,7 @@ impl Normal {
             self.rhs[fold] = rhs.push(with_target[fold]);
         }
         self.priors.push(prior);
-        self.columns.push(column);
+        self.columns.push(Rc::new(column));
     }
 
     /// Removes the columns from `n` on.

@@ -149,8 +149,14 @@ struct Contender {
 
 impl Progress {
     /// Adds effects until none is worth it, looks at each again with the others in place, drops those that are then
-    /// worth nothing, and goes on until nothing changes. Returns the noise that is left.
-    pub(crate) fn search(&mut self, case: &Case, check: &Case) -> Noise {
+    /// worth nothing, and goes on until nothing changes. Returns the noise that is left, or `None` as soon as an effect
+    /// shows that what the search rests on does not hold (`holds`).
+    pub(crate) fn search(
+        &mut self,
+        case: &Case,
+        check: &Case,
+        holds: &dyn Fn(&[Hypothesis]) -> bool,
+    ) -> Option<Noise> {
         let mut noise = case.noise(None, &self.found);
         let mut witness = Witness {
             case: check,
@@ -159,6 +165,9 @@ impl Progress {
         };
         for _ in 0..3 {
             while self.step(case, &witness, &noise) {
+                if !holds(&self.found) {
+                    return None;
+                }
                 noise = case.noise(Some(&noise), &self.found);
                 witness.noise = check.noise(Some(&witness.noise), &self.found);
             }
@@ -168,7 +177,7 @@ impl Progress {
             noise = case.noise(Some(&noise), &self.found);
             witness.noise = check.noise(Some(&witness.noise), &self.found);
         }
-        noise
+        Some(noise)
     }
 
     /// What of a fall is more than what the effects that were found may have left.
@@ -339,6 +348,7 @@ impl Progress {
     fn reconsider(&mut self, case: &Case, witness: &Witness, noise: &Noise) -> bool {
         let whitener = case.whitener(noise);
         let check_whitener = witness.case.whitener(&witness.noise);
+        let bare = case.search(&whitener, &[]);
         let mut changed = false;
         let mut k = 0;
         while k < self.found.len() {
@@ -346,7 +356,8 @@ impl Progress {
             let own = others.remove(k);
             let mut known = self.known();
             known.remove(k);
-            let mut search = case.search(&whitener, &others);
+            let mut search = bare.fork();
+            others.iter().for_each(|h| search.add(h));
             let solution = search.normal.solve(None);
             let own = search.try_one(own, &solution);
             let own = search.at_best(&own);

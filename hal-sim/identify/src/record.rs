@@ -8,6 +8,7 @@ use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
 use crate::normal::Normal;
 use crate::signals::Signals;
+use plant::Axis;
 use plant::effects::Place;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -59,6 +60,7 @@ impl Record {
                 .retain(|(channel, _)| matches!(channel, Channel::Torque(_)));
             contribution
         };
+        let in_the_way = in_the_way(model);
         let mut best: Option<(f64, Balance)> = None;
         for rounding in ROUNDINGS {
             let balance = Balance::new(model, &self.signals, &self.fourier, rounding);
@@ -70,7 +72,7 @@ impl Record {
                 let column = whitener.column(&torque(balance.parameter(parameter)));
                 normal.push(column, parameter.prior(), &whitener);
             }
-            for hypothesis in found.iter().chain(&level_over_speed(balance.lead)) {
+            for hypothesis in found.iter().chain(&in_the_way) {
                 for part in hypothesis.contributions(&balance, run_s).iter() {
                     let column = whitener.column(&torque(part.clone()));
                     normal.push(column, hypothesis.prior(), &whitener);
@@ -85,13 +87,23 @@ impl Record {
     }
 }
 
-/// A friction level that changes with speed, in the rough: it must not be taken for another rounding.
-fn level_over_speed(lead: f64) -> [Hypothesis; 6] {
+/// What must not be taken for another rounding, in the rough: a friction level that changes with speed, and slow torque
+/// over an angle.
+fn in_the_way(model: &Model) -> Vec<Hypothesis> {
+    let lead = model.feed.travel_per_radian();
     let places = [(Place::Screw, 1.0), (Place::Nut, 1.0), (Place::Feed, lead)];
-    let [slow, fast] = [2.5, 8.0].map(|speed| {
+    let levels = [2.5, 8.0].into_iter().flat_map(|speed| {
         places.map(|(place, unit)| Hypothesis::new(Family::StribeckFriction, place, speed * unit))
     });
-    [slow[0], slow[1], slow[2], fast[0], fast[1], fast[2]]
+    let waves = Axis::ALL.into_iter().flat_map(|axis| {
+        let place = match axis {
+            Axis::Screw => Place::Screw,
+            Axis::Nut => Place::Nut,
+        };
+        let electrical = f64::from(model.motor(axis).pole_pairs);
+        [1.0, 2.0, electrical].map(|order| Hypothesis::new(Family::AngleTorque, place, order))
+    });
+    levels.chain(waves).collect()
 }
 
 /// Contributions of the declared model and its parameters, before whitening.

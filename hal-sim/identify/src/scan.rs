@@ -4,7 +4,6 @@
 //! `exp(-i order angle)` at all orders. Divided by what a unit amplitude would weigh on the operating points, it gives the
 //! fall of the sum of squares that a harmonic of that order brings.
 
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 use std::ops::Range;
@@ -49,7 +48,6 @@ impl OrderSpectrum {
         let span = ((2.0 * turns).max(16.0) as usize).next_power_of_two();
         let count = (orders.end * span as f64) as usize;
         let first = ((orders.start * span as f64).ceil() as usize).max(1);
-        let mut planner = RealFftPlanner::<f64>::new();
         let (mut sum, mut weights) = (vec![Complex64::default(); count], vec![0.0; count]);
         // Rows are samples of the angle: above half of them per turn an operating point shows its own orders mirrored.
         // Those that have all orders below share one transform.
@@ -61,7 +59,7 @@ impl OrderSpectrum {
         for group in groups.filter(|group| !group.is_empty()) {
             let top = highest(group[0]);
             let per_turn = ((4.0 * top) as usize).next_power_of_two();
-            let transform = planner.plan_fft_forward(span * per_turn);
+            let transform = crate::fourier::transform(span * per_turn);
             let mut bins = transform.make_input_vec();
             let last = bins.len() - 1;
             for row in group.iter().flat_map(|stretch| stretch.rows.clone()) {
@@ -127,5 +125,34 @@ impl OrderSpectrum {
             fall[from..to].iter_mut().for_each(|x| *x = 0.0);
         }
         peaks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A slow wave on a fast stretch has mirrors at high orders, where only a slow stretch has any weight.
+    #[test]
+    fn a_slow_wave_is_not_taken_for_its_mirror() {
+        const NYQUIST: f64 = 625.0;
+        let speeds = [1.4 * TAU, 13.0 * TAU];
+        let rows = 1500;
+        let mut angle = vec![0.0];
+        for speed in speeds {
+            for _ in 0..rows {
+                angle.push(angle[angle.len() - 1] + speed / (2.0 * NYQUIST));
+            }
+        }
+        let score: Vec<f64> = angle.iter().map(|a| (a + 0.4).cos()).collect();
+        let stretches = [0, 1].map(|k| Stretch {
+            rows: k * rows..(k + 1) * rows,
+            speed: speeds[k],
+        });
+        // As an acceleration's noise weighs: less and less from 60 Hz on.
+        let weight = |_: usize, hz: f64| rows as f64 * (1.0 + (hz / 60.0).powi(4)).recip();
+        let spectrum = OrderSpectrum::new(&score, &angle, &stretches, &weight, NYQUIST, 0.3..126.0);
+        let best = spectrum.peaks(1, 0.1)[0];
+        assert!((best - 1.0).abs() < 0.05, "order {best}");
     }
 }

@@ -5,6 +5,7 @@ use crate::channel::Channel;
 use crate::design::{Column, Whitener};
 use crate::hypothesis::{Family, Hypothesis, Key};
 use crate::normal::{Gain, Normal, Prior, Solution, With};
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
 
@@ -24,7 +25,8 @@ pub struct Search<'a> {
     pub whitener: &'a Whitener<'a>,
     /// The regression, its declared parameters first.
     pub normal: Normal,
-    cache: HashMap<Key, Rc<Vec<Column>>>,
+    /// Whitened columns of hypotheses that are asked for again and again; forks share it.
+    cache: Rc<RefCell<HashMap<Key, Rc<Vec<Column>>>>>,
     run_s: f64,
 }
 
@@ -35,8 +37,19 @@ impl<'a> Search<'a> {
             balance,
             whitener,
             normal,
-            cache: HashMap::new(),
+            cache: Rc::default(),
             run_s: balance.signals.run_s(),
+        }
+    }
+
+    /// Another search under the same whitening from the same regression.
+    pub(crate) fn fork(&self) -> Self {
+        Search {
+            balance: self.balance,
+            whitener: self.whitener,
+            normal: self.normal.clone(),
+            cache: self.cache.clone(),
+            run_s: self.run_s,
         }
     }
 
@@ -52,7 +65,7 @@ impl<'a> Search<'a> {
             hypothesis.place,
             hypothesis.shape.to_bits(),
         );
-        if let Some(columns) = self.cache.get(&key) {
+        if let Some(columns) = self.cache.borrow().get(&key) {
             return columns.clone();
         }
         let columns: Rc<Vec<Column>> = Rc::new(
@@ -63,7 +76,7 @@ impl<'a> Search<'a> {
                 .collect(),
         );
         if !hypothesis.has_scanned_shape() {
-            self.cache.insert(key, columns.clone());
+            self.cache.borrow_mut().insert(key, columns.clone());
         }
         columns
     }

@@ -56,6 +56,8 @@ fn unseen_machines_are_told_apart() {
                         break;
                     }
                     let row = told(seed);
+                    // A long run is watched.
+                    eprintln!("{}", row.line());
                     rows.lock().expect("no test thread panicked").push(row);
                 }
             });

@@ -53,6 +53,21 @@ impl Row {
         }
     }
 
+    /// In one line.
+    pub fn line(&self) -> String {
+        let result = match (self.score.right, self.score.wrong) {
+            (true, _) => "right",
+            (_, true) => "wrong name",
+            _ => "in part or silent",
+        };
+        let visible = if self.is_visible() { "visible" } else { "" };
+        format!(
+            "{} {} effects {visible}: {result}",
+            self.seed,
+            self.truth.len()
+        )
+    }
+
     fn is_clean(&self) -> bool {
         self.truth.is_empty()
     }
