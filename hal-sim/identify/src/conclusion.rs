@@ -1,15 +1,19 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
 use crate::analysis::{
-    Case, ChannelFigures, Coordinates, Found, Outcome, Progress, Unexplained, width,
+    Bandwidth, Case, ChannelFigures, Coordinates, Found, Outcome, Rival, Unexplained,
 };
-use crate::balance::{Contribution, MotorParameter, Parameter};
 use crate::channel::Channel;
-use crate::design::{Normal, Solution, Whitener, dot};
+use crate::design::dot;
 use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
+use crate::normal::Solution;
+use crate::progress::Progress;
+use crate::recalibrated::{calibration, new_model};
+use crate::remains::{Fixed, Side, rms, whiteness};
 use crate::select::Search;
-use plant::model::Model;
+use crate::signals::SPEED_BANDWIDTH_HZ;
+use plant::Axis;
 
 /// Draws the conclusion of a search.
 pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress) -> Outcome {
@@ -21,7 +25,7 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
     let plain_solution = plain.normal.solve(None);
     let excess = plain.normal.cost(&plain_solution.values) - search.normal.cost(&solution.values);
 
-    let check_noise = check.noise(&check.declared, found);
+    let check_noise = check.noise(None, found);
     let mut effects = Vec::new();
     let mut at = case.base.parameters.len();
     for (k, hypothesis) in found.iter().enumerate() {
@@ -47,19 +51,45 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
         let first = without.normal.len();
         without.add(hypothesis);
         let effect = hypothesis.effect(case.balance.model, search.run_s(), &values);
-        effects.extend(effect.map(|effect| Found {
-            hypothesis: *hypothesis,
-            check_fall: check_fall(&check, &check_noise, &others, hypothesis, &values),
-            values,
-            covariance,
-            shape_sigma,
-            effect,
-            explained: (fall / excess).clamp(0.0, 1.0),
-            fall,
-            held_back: without.normal.held_back(first),
-            rivals: progress.rivals.get(k).cloned().unwrap_or_default(),
+        let on_check = check_fall(&check, &check_noise, &others, hypothesis, &values);
+        effects.extend(effect.map(|effect| {
+            Found {
+                hypothesis: *hypothesis,
+                check_fall: on_check,
+                values,
+                covariance,
+                shape_sigma,
+                effect,
+                explained: (fall / excess).clamp(0.0, 1.0),
+                fall,
+                held_back: without.normal.held_back(first),
+                rivals: progress.rivals.get(k).cloned().unwrap_or_default(),
+                inseparable: progress.inseparable[k]
+                    .iter()
+                    .map(|trial| {
+                        let rival = &trial.gain.values;
+                        Rival {
+                            hypothesis: trial.hypothesis,
+                            effect: trial.hypothesis.effect(
+                                case.balance.model,
+                                search.run_s(),
+                                rival,
+                            ),
+                            behind: fall - trial.gain.fall,
+                            check_behind: on_check
+                                - check_fall(
+                                    &check,
+                                    &check_noise,
+                                    &others,
+                                    &trial.hypothesis,
+                                    rival,
+                                ),
+                        }
+                    })
+                    .collect(),
+            }
         }));
-        at += width(hypothesis);
+        at += columns + hypothesis.nuisances();
     }
     effects.sort_by(|a, b| b.fall.total_cmp(&a.fall));
 
@@ -112,6 +142,7 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
         model: new_model(&case, &solution, &effects),
         calibration: calibration(&case, &solution),
         unexplained: unexplained(&progress),
+        bandwidth: bandwidth(&case, &noise),
         effects,
         channels,
         last: progress.last,
@@ -137,40 +168,23 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
     }
 }
 
-fn rms(signal: &[f64], mask: &[bool]) -> f64 {
-    let (sum, count) = signal
-        .iter()
-        .zip(mask)
-        .filter(|(_, open)| **open)
-        .fold((0.0, 0.0), |(s, n), (x, _)| (s + x * x, n + 1.0));
-    if count > 0.0 {
-        f64::sqrt(sum / count)
-    } else {
-        0.0
+/// The bandwidths that the noise left.
+fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
+    let sensing = &case.balance.model.sensing;
+    let count = std::f64::consts::TAU / f64::from(sensing.encoder_counts_per_turn);
+    let current = sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0;
+    Bandwidth {
+        balance_hz: noise.top(Channel::Torque(Axis::Screw)),
+        table_hz: noise.top(Channel::Table),
+        speed_hz: SPEED_BANDWIDTH_HZ,
+        even_hz: Axis::ALL.map(|axis| {
+            let motor = case.balance.model.motor(axis);
+            let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
+            let torque = (2.0 * current).sqrt() * constant;
+            let acceleration = torque / (motor.inertia_kg_m2 * count / 12.0_f64.sqrt());
+            acceleration.sqrt() / std::f64::consts::TAU
+        }),
     }
-}
-
-/// Share of the lags up to 0.1 s whose correlation is within the 95 % band of white noise. The band limit makes its own
-/// correlation at the first lags; they are left out.
-pub(crate) fn whiteness(signal: &[f64]) -> f64 {
-    const LAGS: std::ops::Range<usize> = 8..128;
-    let n = signal.len();
-    if n < 4 * LAGS.end {
-        return 0.0;
-    }
-    let energy: f64 = dot(signal, signal);
-    let open = signal.iter().filter(|x| **x != 0.0).count().max(1) as f64;
-    let inside = LAGS
-        .filter(|lag| {
-            let sum: f64 = signal[..n - lag]
-                .iter()
-                .zip(&signal[*lag..])
-                .map(|(a, b)| a * b)
-                .sum();
-            (sum / energy).abs() < 1.96 / open.sqrt()
-        })
-        .count();
-    inside as f64 / LAGS.len() as f64
 }
 
 /// Standard deviation of a shape, from the curvature of what it explains.
@@ -215,208 +229,6 @@ fn check_fall(
     let whitener = check.whitener(noise);
     let mut search = check.search(&whitener, others);
     search.fall_at(hypothesis, values)
-}
-
-/// The fit record's residuals in their units.
-struct Side {
-    before: Vec<Vec<f64>>,
-    after: Vec<Vec<f64>>,
-}
-
-impl Side {
-    fn new(
-        case: &Case,
-        noise: &Noise,
-        whitener: &Whitener,
-        plain: &Normal,
-        before: &Solution,
-        search: &Search,
-        after: &Solution,
-    ) -> Self {
-        // Whitening is a gain over frequency: undone on what the regression left.
-        let undo = |normal: &Normal, solution: &Solution| -> Vec<Vec<f64>> {
-            let left = normal.residual(&solution.values);
-            Channel::ALL
-                .iter()
-                .map(|&channel| {
-                    let band = noise.band(channel, case.balance.fourier);
-                    let gain: Vec<f64> = whitener
-                        .gain(channel)
-                        .iter()
-                        .zip(&band)
-                        .map(|(&gain, &band)| if gain > 0.0 { band / gain } else { 0.0 })
-                        .collect();
-                    left.parts[channel.index()]
-                        .as_ref()
-                        .map_or_else(Vec::new, |part| case.balance.fourier.again(part, &gain))
-                })
-                .collect()
-        };
-        Side {
-            before: undo(plain, before),
-            after: undo(&search.normal, after),
-        }
-    }
-}
-
-/// The check record's residuals with all physical parameters as the fit record has them; only what belongs to a record
-/// (the scale's zero, an encoder's rounding at rest) is its own.
-struct Fixed {
-    before: Vec<Vec<f64>>,
-    after: Vec<Vec<f64>>,
-    masks: Vec<Vec<bool>>,
-}
-
-impl Fixed {
-    fn new(
-        case: &Case,
-        check: &Case,
-        noise: &Noise,
-        found: &[Hypothesis],
-        plain: &Solution,
-        full: &Solution,
-    ) -> Self {
-        let run_s = check
-            .balance
-            .signals
-            .time
-            .last()
-            .copied()
-            .unwrap_or(0.0)
-            .max(1e-3);
-        let whitener = check.whitener(noise);
-        let left = |values: &Solution, effects: &[Hypothesis]| -> Vec<Vec<f64>> {
-            let mut residual: Contribution = check.base.residual.clone();
-            for ((parameter, _), value) in case.base.parameters.iter().zip(values.values.iter()) {
-                if parameter.is_of_the_machine()
-                    && let Some((_, contribution)) =
-                        check.base.parameters.iter().find(|(p, _)| p == parameter)
-                {
-                    residual.add_all(-value, contribution);
-                }
-            }
-            let mut at = case.base.parameters.len();
-            for hypothesis in effects {
-                let parts = [Some(*hypothesis), hypothesis.companion()];
-                for part in parts
-                    .into_iter()
-                    .flatten()
-                    .flat_map(|h| h.contributions(check.balance, run_s))
-                {
-                    residual.add_all(-values.values[at], &part);
-                    at += 1;
-                }
-            }
-            let mut own = Normal::new(whitener.column(&residual), &whitener);
-            let of_record: Vec<_> = check
-                .base
-                .parameters
-                .iter()
-                .filter(|(p, _)| !p.is_of_the_machine())
-                .collect();
-            for (parameter, contribution) in &of_record {
-                own.push(
-                    whitener.column(contribution),
-                    parameter.spread(),
-                    parameter.bound(),
-                    &whitener,
-                );
-            }
-            let offsets = own.solve(None);
-            for ((_, contribution), value) in of_record.iter().zip(offsets.values.iter()) {
-                residual.add_all(-value, contribution);
-            }
-            Channel::ALL
-                .iter()
-                .map(|&channel| {
-                    let band = noise.band(channel, check.balance.fourier);
-                    residual
-                        .0
-                        .iter()
-                        .find(|(c, _)| *c == channel)
-                        .map_or_else(Vec::new, |(_, spectrum)| {
-                            check.balance.fourier.filtered(spectrum, &band)
-                        })
-                })
-                .collect()
-        };
-        Fixed {
-            before: left(plain, &[]),
-            after: left(full, found),
-            masks: Channel::ALL
-                .iter()
-                .map(|&channel| whitener.mask(channel).to_vec())
-                .collect(),
-        }
-    }
-}
-
-/// Name of a declared parameter in a model file; `None` for a nuisance.
-fn declared_name(parameter: Parameter) -> Option<String> {
-    Some(match parameter {
-        Parameter::Motor(axis, which) => {
-            let key = match which {
-                MotorParameter::Inertia => "inertia_kg_m2",
-                MotorParameter::Viscous => "viscous_nm_s",
-                MotorParameter::Coulomb => "coulomb_nm",
-                MotorParameter::Flux => "flux_wb",
-                MotorParameter::Resistance => "resistance_ohm",
-                MotorParameter::Inductance => "inductance_h",
-                _ => return None,
-            };
-            format!("{}.{key}", axis.name())
-        }
-        Parameter::Pair => "feed.pair_coulomb_nm".into(),
-        Parameter::GuidewayCoulomb => "feed.guideway_coulomb_n".into(),
-        Parameter::GuidewayViscous => "feed.guideway_viscous_n_s_per_m".into(),
-        Parameter::Load => "feed.load_n".into(),
-        Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => return None,
-    })
-}
-
-fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64, f64)> {
-    case.base
-        .parameters
-        .iter()
-        .enumerate()
-        .filter_map(|(k, (parameter, _))| {
-            Some((
-                declared_name(*parameter)?,
-                solution.values[k],
-                solution.covariance[(k, k)].max(0.0).sqrt(),
-            ))
-        })
-        .collect()
-}
-
-fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
-    let mut model = case.balance.model.clone();
-    for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
-        let factor = 1.0 + solution.values[k];
-        match *parameter {
-            Parameter::Motor(axis, which) => {
-                let motor = model.motor_mut(axis);
-                match which {
-                    MotorParameter::Inertia => motor.inertia_kg_m2 *= factor,
-                    MotorParameter::Viscous => motor.viscous_nm_s *= factor,
-                    MotorParameter::Coulomb => motor.coulomb_nm *= factor,
-                    MotorParameter::Flux => motor.flux_wb *= factor,
-                    MotorParameter::Resistance => motor.resistance_ohm *= factor,
-                    MotorParameter::Inductance => motor.inductance_h *= factor,
-                    _ => {}
-                }
-            }
-            Parameter::Pair => model.feed.pair_coulomb_nm *= factor,
-            Parameter::GuidewayCoulomb => model.feed.guideway_coulomb_n *= factor,
-            Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
-            Parameter::Load => model.feed.load_n *= factor,
-            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => {}
-        }
-    }
-    model
-        .effects
-        .extend(effects.iter().map(|found| found.effect.clone()));
-    model
 }
 
 /// What was significant on the fit record and not borne out by the check record.

@@ -2,11 +2,21 @@
 
 use realfft::num_complex::Complex64;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
 /// One-sided spectrum of a padded record, up to the Nyquist frequency of the decimated rate.
 pub type Spectrum = Vec<Complex64>;
+
+thread_local! {
+    static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
+}
+
+/// The forward transform of a length; planned once on each thread.
+pub fn transform(length: usize) -> Arc<dyn RealToComplex<f64>> {
+    PLANNER.with(|planner| planner.borrow_mut().plan_fft_forward(length))
+}
 
 /// Transforms of records of one length, and back at a lower rate.
 pub struct Fourier {
@@ -14,9 +24,9 @@ pub struct Fourier {
     padded: usize,
     step: usize,
     rate: f64,
-    forward: Arc<dyn RealToComplex<f64>>,
+    /// By stride: of records of which every `stride`-th row is given.
+    forward: Vec<(usize, Arc<dyn RealToComplex<f64>>)>,
     backward: Arc<dyn ComplexToReal<f64>>,
-    decimated: Arc<dyn RealToComplex<f64>>,
     full: Arc<dyn ComplexToReal<f64>>,
 }
 
@@ -48,9 +58,11 @@ impl Fourier {
             padded,
             step,
             rate,
-            forward: planner.plan_fft_forward(padded),
+            forward: (1..=step)
+                .filter(|stride| step.is_multiple_of(*stride))
+                .map(|stride| (stride, transform(padded / stride)))
+                .collect(),
             backward: planner.plan_fft_inverse(padded / step),
-            decimated: planner.plan_fft_forward(padded / step),
             full: planner.plan_fft_inverse(padded),
         }
     }
@@ -75,16 +87,42 @@ impl Fourier {
         bin as f64 * self.rate / self.padded as f64
     }
 
+    /// The widest stride at which a signal without content above `hz` loses nothing of what is used.
+    pub fn stride(&self, hz: f64) -> usize {
+        // What is above the Nyquist frequency of a stride's rate folds back from there: it must stay above what is used.
+        let fits = |stride: usize| hz + self.hz(self.bins()) <= self.rate / stride as f64;
+        self.forward
+            .iter()
+            .rev()
+            .map(|(stride, _)| *stride)
+            .find(|&stride| fits(stride))
+            .unwrap_or(1)
+    }
+
     /// Spectrum of a record, cut at the decimated Nyquist frequency.
     pub fn spectrum(&self, signal: &[f64]) -> Spectrum {
-        let mut padded = vec![0.0; self.padded];
+        self.spectrum_at(1, signal)
+    }
+
+    /// As [`Fourier::spectrum`], of every `stride`-th row of a record. A stride that does not divide the step is no
+    /// stride.
+    pub fn spectrum_at(&self, stride: usize, signal: &[f64]) -> Spectrum {
+        let (_, plan) = self
+            .forward
+            .iter()
+            .find(|(known, _)| *known == stride)
+            .expect("a stride that divides the step");
+        let mut padded = plan.make_input_vec();
         padded[..signal.len()].copy_from_slice(signal);
-        let mut spectrum = self.forward.make_output_vec();
+        let mut spectrum = plan.make_output_vec();
         // Lengths are those of the plan, the only error there is.
-        self.forward
-            .process(&mut padded, &mut spectrum)
+        plan.process(&mut padded, &mut spectrum)
             .expect("lengths of the plan");
         spectrum.truncate(self.bins());
+        if stride > 1 {
+            let scale = stride as f64;
+            spectrum.iter_mut().for_each(|c| *c *= scale);
+        }
         spectrum
     }
 
@@ -105,15 +143,7 @@ impl Fourier {
 
     /// A decimated record through a real gain over frequency.
     pub fn again(&self, signal: &[f64], gain: &[f64]) -> Vec<f64> {
-        let mut padded = self.decimated.make_input_vec();
-        padded[..signal.len()].copy_from_slice(signal);
-        let mut spectrum = self.decimated.make_output_vec();
-        self.decimated
-            .process(&mut padded, &mut spectrum)
-            .expect("lengths of the plan");
-        let scale = self.step as f64;
-        spectrum.truncate(self.bins());
-        spectrum.iter_mut().for_each(|c| *c *= scale);
+        let spectrum = self.spectrum_at(self.step, signal);
         self.filtered(&spectrum, gain)
     }
 
@@ -175,9 +205,15 @@ pub fn curvature(signal: &[f64], rate: f64) -> Vec<f64> {
 impl Fourier {
     /// Spectrum of the first derivative, exact up to the Nyquist frequency of the decimated rate.
     pub fn slope(&self, signal: &[f64]) -> Spectrum {
-        let mut spectrum = self.spectrum(&slope(signal, self.rate));
+        self.slope_at(1, signal)
+    }
+
+    /// As [`Fourier::slope`], of every `stride`-th row.
+    pub fn slope_at(&self, stride: usize, signal: &[f64]) -> Spectrum {
+        let rate = self.rate / stride as f64;
+        let mut spectrum = self.spectrum_at(stride, &slope(signal, rate));
         for (bin, value) in spectrum.iter_mut().enumerate().skip(1) {
-            let x = TAU * self.hz(bin) / self.rate;
+            let x = TAU * self.hz(bin) / rate;
             *value *= x / x.sin();
         }
         spectrum
@@ -185,11 +221,53 @@ impl Fourier {
 
     /// Spectrum of the second derivative, exact up to the Nyquist frequency of the decimated rate.
     pub fn curvature(&self, signal: &[f64]) -> Spectrum {
-        let mut spectrum = self.spectrum(&curvature(signal, self.rate));
+        self.curvature_at(1, signal)
+    }
+
+    /// As [`Fourier::curvature`], of every `stride`-th row.
+    pub fn curvature_at(&self, stride: usize, signal: &[f64]) -> Spectrum {
+        let rate = self.rate / stride as f64;
+        let mut spectrum = self.spectrum_at(stride, &curvature(signal, rate));
         for (bin, value) in spectrum.iter_mut().enumerate().skip(1) {
-            let half = 0.5 * TAU * self.hz(bin) / self.rate;
+            let half = 0.5 * TAU * self.hz(bin) / rate;
             *value *= (half / half.sin()).powi(2);
         }
         spectrum
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A stride is only as wide as the content allows, and then loses nothing of what is used.
+    #[test]
+    fn a_stride_keeps_what_is_used() {
+        let fourier = Fourier::new(20_000, 5000.0, 4, 2000);
+        for hz in [40.0, 600.0, 900.0, 1700.0] {
+            let signal: Vec<f64> = (0..20_000)
+                .map(|k| {
+                    let window = (0.5 * TAU * k as f64 / 20_000.0).sin().powi(4);
+                    window * (TAU * hz * k as f64 / 5000.0 + 0.3).cos()
+                })
+                .collect();
+            let stride = fourier.stride(hz);
+            let every: Vec<f64> = signal.iter().copied().step_by(stride).collect();
+            let (full, fast) = (
+                fourier.spectrum(&signal),
+                fourier.spectrum_at(stride, &every),
+            );
+            let used = (0.96 * fourier.bins() as f64) as usize;
+            let apart = full[..used]
+                .iter()
+                .zip(&fast)
+                .map(|(a, b)| (a - b).norm())
+                .fold(0.0, f64::max);
+            assert!(
+                apart < 1e-6 * 20_000.0,
+                "{hz} Hz at stride {stride}: {apart}"
+            );
+        }
+        assert_eq!(fourier.stride(40.0), 4);
     }
 }

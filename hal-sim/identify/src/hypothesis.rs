@@ -1,10 +1,14 @@
 //! What may be missing: every kind of effect of the plant, as columns of a regression.
 
 use crate::balance::{Balance, Contribution};
+use crate::normal::Prior;
 use plant::Axis;
 use plant::effects::*;
 use plant::model::Model;
+use std::cell::RefCell;
+use std::collections::HashMap;
 use std::f64::consts::FRAC_PI_2;
+use std::rc::Rc;
 
 /// A family of effects that share their columns. Families of torque over angle are told apart by their order only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -53,6 +57,32 @@ pub struct Hypothesis {
     /// Order, frequency (Hz) or speed (rad/s, m/s); without meaning for families that have none.
     pub shape: f64,
 }
+
+/// A family, a place and the bits of a shape.
+pub(crate) type Key = (Family, Place, u64);
+
+/// What hypotheses that are asked for again and again add to one record's residuals.
+#[derive(Default)]
+pub(crate) struct Memory(RefCell<HashMap<Key, Rc<Vec<Contribution>>>>);
+
+impl Memory {
+    fn recall(
+        &self,
+        key: Key,
+        compute: impl FnOnce() -> Vec<Contribution>,
+    ) -> Rc<Vec<Contribution>> {
+        if let Some(known) = self.0.borrow().get(&key) {
+            return known.clone();
+        }
+        let new = Rc::new(compute());
+        self.0.borrow_mut().insert(key, new.clone());
+        new
+    }
+}
+
+/// Relative tolerance of a damping ratio on a plate, 20 % and a tenth more, and the even spread over it.
+const DAMPING_BOUND: f64 = 0.22;
+const DAMPING_SPREAD: f64 = 0.127;
 
 /// Lowest order per turn of a motor.
 pub const LEAST_ORDER: f64 = 0.3;
@@ -132,13 +162,48 @@ impl Hypothesis {
         }
     }
 
-    /// What may come with it in another channel, in a size that the effect does not tell: the axial force works back
-    /// on the shafts through the slope of a lead error, as far as the thread's flanks let it.
-    pub fn companion(&self) -> Option<Hypothesis> {
-        (self.family == Family::LeadError).then_some(Hypothesis {
-            family: Family::BallPassage,
-            ..*self
-        })
+    /// How many nuisances come with it.
+    pub fn nuisances(&self) -> usize {
+        match self.family {
+            Family::LeadError => 2,
+            Family::AxialCompliance => 1,
+            _ => 0,
+        }
+    }
+
+    /// What may come with it in a size that the effect does not tell: the axial force works back on the shafts through
+    /// the slope of a lead error, as far as the thread's flanks let it; the damping of a soft screw shows where that of
+    /// the declared one does not.
+    pub fn nuisance_contributions(
+        &self,
+        balance: &Balance,
+        run_s: f64,
+    ) -> Vec<(Contribution, Prior)> {
+        match self.family {
+            Family::LeadError => {
+                let back = Hypothesis {
+                    family: Family::BallPassage,
+                    ..*self
+                };
+                back.contributions(balance, run_s)
+                    .iter()
+                    .map(|contribution| (contribution.clone(), Prior::FREE))
+                    .collect()
+            }
+            Family::AxialCompliance => vec![(
+                balance.axial_damping(self.shape),
+                Prior::within(DAMPING_SPREAD, DAMPING_BOUND),
+            )],
+            _ => Vec::new(),
+        }
+    }
+
+    /// What is known of its linear parameters: a resonance has none.
+    pub fn prior(&self) -> Prior {
+        match self.family {
+            Family::AxialCompliance => Prior::fixed(1.0),
+            _ => Prior::FREE,
+        }
     }
 
     /// Smallest value that its shape may take.
@@ -300,7 +365,27 @@ impl Hypothesis {
     }
 
     /// What each linear parameter adds to the residuals per unit.
-    pub fn contributions(&self, balance: &Balance, run_s: f64) -> Vec<Contribution> {
+    pub fn contributions(&self, balance: &Balance, run_s: f64) -> Rc<Vec<Contribution>> {
+        if self.has_scanned_shape() {
+            // Hardly ever asked for twice.
+            return Rc::new(self.computed(balance, run_s));
+        }
+        balance
+            .memory
+            .recall((self.family, self.place, self.shape.to_bits()), || {
+                self.computed(balance, run_s)
+            })
+    }
+
+    /// Whether its shape is an order or a frequency that a scan of the residual suggests.
+    pub fn has_scanned_shape(&self) -> bool {
+        matches!(
+            self.family,
+            Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage
+        )
+    }
+
+    fn computed(&self, balance: &Balance, run_s: f64) -> Vec<Contribution> {
         match self.family {
             // Its shape is the current over which a phase's sign turns round.
             Family::DeadTime => {
@@ -320,11 +405,13 @@ impl Hypothesis {
         }
     }
 
-    /// Share of what this effect explains that its own simplifications may leave for others to pick up.
+    /// Share of what this effect explains in a channel that its own simplifications may leave there for others to pick
+    /// up.
     pub fn remainder(&self) -> f64 {
         match self.family {
             Family::DeadTime => 2e-3,
-            Family::StribeckFriction | Family::Backlash => 1e-2,
+            Family::StribeckFriction => 1e-2,
+            Family::Backlash => 1e-4,
             _ => 3e-5,
         }
     }

@@ -1,5 +1,6 @@
 //! How noisy each channel is over frequency, and the filter that makes it white.
 
+use crate::balance::declared_resonance_hz;
 use crate::channel::Channel;
 use crate::fourier::{Fourier, edge};
 use crate::signals::Signals;
@@ -12,7 +13,7 @@ const USED: f64 = 0.8;
 /// quantisation, and a wrong resonance would pay by amplifying it less.
 const BELOW_RESONANCE: f64 = 0.6;
 /// How much more power than the sensors' may be taken for noise.
-const MOST_NOISE: f64 = 6.0;
+const MOST_NOISE: f64 = 2.0;
 /// Upper edges of the bands over which the noise is estimated, Hz. Below the first, noise and slow misfit are one.
 const BANDS_HZ: [f64; 16] = [
     6.0, 12.0, 20.0, 32.0, 48.0, 68.0, 92.0, 120.0, 155.0, 195.0, 240.0, 290.0, 345.0, 405.0,
@@ -30,6 +31,16 @@ pub struct Noise {
 impl Noise {
     /// What sensors of the declared resolution make of a channel.
     pub fn declared(model: &Model, signals: &Signals, fourier: &Fourier) -> Self {
+        Self::with_resonance(model, signals, fourier, declared_resonance_hz(model))
+    }
+
+    /// As [`Noise::declared`], of a table with another resonance: near it the balance amplifies the encoders' noise.
+    pub fn with_resonance(
+        model: &Model,
+        signals: &Signals,
+        fourier: &Fourier,
+        resonance_hz: f64,
+    ) -> Self {
         let sensing = &model.sensing;
         let count = TAU / f64::from(sensing.encoder_counts_per_turn);
         let angle = count * count / 12.0;
@@ -54,7 +65,10 @@ impl Noise {
                 Channel::VoltageQ(axis) => steps[axis.index()].1,
                 Channel::Table => {
                     let lead = model.feed.travel_per_radian();
-                    sensing.table_noise_m.powi(2) + 2.0 * lead * lead * angle
+                    let u = hz / resonance_hz;
+                    let damping = 2.0 * model.feed.axial_damping_ratio * u;
+                    let amplified = 1.0 / ((1.0 - u * u).powi(2) + damping * damping).max(1e-6);
+                    sensing.table_noise_m.powi(2) + 2.0 * lead * lead * angle * amplified
                 }
             };
             (0..fourier.bins())
@@ -62,13 +76,16 @@ impl Noise {
                 .collect()
         });
         let top = USED * fourier.hz(fourier.bins());
-        let resonance =
-            (model.feed.axial_stiffness_n_per_m / model.feed.table_mass_kg).sqrt() / TAU;
         let top = Channel::ALL.map(|channel| match channel {
-            Channel::Table => top.min(BELOW_RESONANCE * resonance),
+            Channel::Table => top.min(BELOW_RESONANCE * declared_resonance_hz(model)),
             _ => top,
         });
         Noise { density, top }
+    }
+
+    /// Frequency up to which a channel is used, Hz.
+    pub fn top(&self, channel: Channel) -> f64 {
+        self.top[channel.index()]
     }
 
     /// Density of a channel over the bins of a spectrum.
@@ -156,7 +173,7 @@ impl Noise {
 
 /// Squared magnitudes of a signal's spectrum.
 pub fn power_spectrum(signal: &[f64]) -> Vec<f64> {
-    let transform = realfft::RealFftPlanner::<f64>::new().plan_fft_forward(signal.len());
+    let transform = crate::fourier::transform(signal.len());
     let mut input = signal.to_vec();
     let mut output = transform.make_output_vec();
     transform

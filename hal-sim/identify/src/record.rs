@@ -2,11 +2,14 @@
 
 use crate::balance::{Balance, Contribution, Parameter, Rounding};
 use crate::channel::Channel;
-use crate::design::{Normal, Whitener, operating_points};
+use crate::design::{Whitener, operating_points};
 use crate::fourier::Fourier;
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
+use crate::normal::Normal;
 use crate::signals::Signals;
+use plant::Axis;
+use plant::effects::Place;
 use plant::model::Model;
 use plant::recording::Recording;
 
@@ -50,13 +53,14 @@ impl Record {
     pub fn balance<'a>(&'a self, model: &'a Model, found: &[Hypothesis]) -> Balance<'a> {
         let noise = Noise::declared(model, &self.signals, &self.fourier);
         let whitener = Whitener::new(&self.signals, &self.fourier, &noise);
-        let run_s = self.signals.time.last().copied().unwrap_or(0.0).max(1e-3);
+        let run_s = self.signals.run_s();
         let torque = |mut contribution: Contribution| {
             contribution
                 .0
                 .retain(|(channel, _)| matches!(channel, Channel::Torque(_)));
             contribution
         };
+        let in_the_way = in_the_way(model);
         let mut best: Option<(f64, Balance)> = None;
         for rounding in ROUNDINGS {
             let balance = Balance::new(model, &self.signals, &self.fourier, rounding);
@@ -66,14 +70,13 @@ impl Record {
             );
             for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
                 let column = whitener.column(&torque(balance.parameter(parameter)));
-                normal.push(column, parameter.spread(), parameter.bound(), &whitener);
+                normal.push(column, parameter.prior(), &whitener);
             }
-            for part in found
-                .iter()
-                .flat_map(|hypothesis| hypothesis.contributions(&balance, run_s))
-            {
-                let column = whitener.column(&torque(part));
-                normal.push(column, f64::INFINITY, f64::INFINITY, &whitener);
+            for hypothesis in found.iter().chain(&in_the_way) {
+                for part in hypothesis.contributions(&balance, run_s).iter() {
+                    let column = whitener.column(&torque(part.clone()));
+                    normal.push(column, hypothesis.prior(), &whitener);
+                }
             }
             let cost = normal.cost(&normal.solve(None).values);
             if best.as_ref().is_none_or(|(least, _)| cost < *least) {
@@ -82,6 +85,25 @@ impl Record {
         }
         best.expect("there is at least one rounding").1
     }
+}
+
+/// What must not be taken for another rounding, in the rough: a friction level that changes with speed, and slow torque
+/// over an angle.
+fn in_the_way(model: &Model) -> Vec<Hypothesis> {
+    let lead = model.feed.travel_per_radian();
+    let places = [(Place::Screw, 1.0), (Place::Nut, 1.0), (Place::Feed, lead)];
+    let levels = [2.5, 8.0].into_iter().flat_map(|speed| {
+        places.map(|(place, unit)| Hypothesis::new(Family::StribeckFriction, place, speed * unit))
+    });
+    let waves = Axis::ALL.into_iter().flat_map(|axis| {
+        let place = match axis {
+            Axis::Screw => Place::Screw,
+            Axis::Nut => Place::Nut,
+        };
+        let electrical = f64::from(model.motor(axis).pole_pairs);
+        [1.0, 2.0, electrical].map(|order| Hypothesis::new(Family::AngleTorque, place, order))
+    });
+    levels.chain(waves).collect()
 }
 
 /// Contributions of the declared model and its parameters, before whitening.
@@ -116,12 +138,7 @@ impl Base {
     pub fn normal(&self, whitener: &Whitener) -> Normal {
         let mut normal = Normal::new(whitener.column(&self.residual), whitener);
         for (parameter, contribution) in &self.parameters {
-            normal.push(
-                whitener.column(contribution),
-                parameter.spread(),
-                parameter.bound(),
-                whitener,
-            );
+            normal.push(whitener.column(contribution), parameter.prior(), whitener);
         }
         normal
     }

@@ -1,16 +1,12 @@
 //! Order spectra: what of a residual repeats with an angle, at every order at once.
 //!
-//! For each operating point the twice-whitened residual is summed into bins of the angle, and one transform gives its
-//! product with `exp(-i order angle)` at all orders. Over the operating points these add coherently; divided by what a
-//! unit amplitude would weigh there, they give the fall of the sum of squares that a harmonic of that order brings.
+//! The twice-whitened residual is summed into bins of the angle, and a transform gives its product with
+//! `exp(-i order angle)` at all orders. Divided by what a unit amplitude would weigh on the operating points, it gives the
+//! fall of the sum of squares that a harmonic of that order brings.
 
-use realfft::RealFftPlanner;
 use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 use std::ops::Range;
-
-/// Bins per turn of the angle; orders are used up to a quarter of it.
-const BINS: usize = 512;
 
 /// What one operating point has.
 pub struct Stretch {
@@ -36,45 +32,57 @@ impl OrderSpectrum {
     /// Scans a weighted residual `score` (residual through the whitening twice) over `angle` (rad).
     ///
     /// `weight(stretch, hz)` is what a unit harmonic at that frequency weighs on that operating point, twice its sum of
-    /// squares. Orders run from `lowest` to `highest`.
+    /// squares. The rows' rate is twice `nyquist` (Hz).
     pub fn new(
         score: &[f64],
         angle: &[f64],
         stretches: &[Stretch],
         weight: &dyn Fn(usize, f64) -> f64,
+        nyquist: f64,
         orders: Range<f64>,
     ) -> Self {
         let (low, high) = angle
             .iter()
             .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
         let turns = (high - low) / TAU;
-        let span = ((4.0 * turns).max(16.0) as usize).next_power_of_two();
-        let length = span * BINS;
-        let count = ((orders.end.min(BINS as f64 / 4.0)) * span as f64) as usize;
+        let span = ((2.0 * turns).max(16.0) as usize).next_power_of_two();
+        let count = (orders.end * span as f64) as usize;
         let first = ((orders.start * span as f64).ceil() as usize).max(1);
-        let transform = RealFftPlanner::<f64>::new().plan_fft_forward(length);
         let (mut sum, mut weights) = (vec![Complex64::default(); count], vec![0.0; count]);
-        let mut bins = transform.make_input_vec();
-        let mut spectrum = transform.make_output_vec();
-        let coarse = span.div_ceil(4).max(1);
-        for (index, stretch) in stretches.iter().enumerate() {
-            bins.iter_mut().for_each(|x| *x = 0.0);
-            for row in stretch.rows.clone() {
-                let bin = ((angle[row] - low) / TAU * BINS as f64 + 0.5) as usize;
-                bins[bin.min(length - 1)] += score[row];
+        // Rows are samples of the angle: above half of them per turn an operating point shows its own orders mirrored.
+        // Those that have all orders below share one transform.
+        let highest = |stretch: &Stretch| (nyquist * TAU / stretch.speed).min(orders.end);
+        let (all, some): (Vec<&Stretch>, Vec<&Stretch>) = stretches
+            .iter()
+            .partition(|stretch| highest(stretch) >= orders.end);
+        let groups = some.into_iter().map(|stretch| vec![stretch]).chain([all]);
+        for group in groups.filter(|group| !group.is_empty()) {
+            let top = highest(group[0]);
+            let per_turn = ((4.0 * top) as usize).next_power_of_two();
+            let transform = crate::fourier::transform(span * per_turn);
+            let mut bins = transform.make_input_vec();
+            let last = bins.len() - 1;
+            for row in group.iter().flat_map(|stretch| stretch.rows.clone()) {
+                let bin = ((angle[row] - low) / TAU * per_turn as f64 + 0.5) as usize;
+                bins[bin.min(last)] += score[row];
             }
+            let mut spectrum = transform.make_output_vec();
             transform
                 .process(&mut bins, &mut spectrum)
                 .expect("lengths of the plan");
-            let mut here = 0.0;
-            for k in first..count {
-                if k == first || k % coarse == 0 {
-                    here = weight(index, k as f64 / span as f64 * stretch.speed / TAU);
-                }
-                if here > 0.0 {
-                    sum[k] += spectrum[k];
-                    weights[k] += here;
-                }
+            let end = ((top * span as f64) as usize).min(count);
+            for k in first..end {
+                sum[k] += spectrum[k];
+            }
+        }
+        let coarse = span.div_ceil(4).max(1);
+        for (index, stretch) in stretches.iter().enumerate() {
+            let end = ((highest(stretch) * span as f64) as usize).min(count);
+            for from in (0..end).step_by(coarse) {
+                let to = (from + coarse).min(end);
+                let order = from.max(first) as f64 / span as f64;
+                let here = weight(index, order * stretch.speed / TAU);
+                weights[from..to].iter_mut().for_each(|w| *w += here);
             }
         }
         let most = weights.iter().copied().fold(0.0, f64::max);
@@ -117,5 +125,34 @@ impl OrderSpectrum {
             fall[from..to].iter_mut().for_each(|x| *x = 0.0);
         }
         peaks
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A slow wave on a fast stretch has mirrors at high orders, where only a slow stretch has any weight.
+    #[test]
+    fn a_slow_wave_is_not_taken_for_its_mirror() {
+        const NYQUIST: f64 = 625.0;
+        let speeds = [1.4 * TAU, 13.0 * TAU];
+        let rows = 1500;
+        let mut angle = vec![0.0];
+        for speed in speeds {
+            for _ in 0..rows {
+                angle.push(angle[angle.len() - 1] + speed / (2.0 * NYQUIST));
+            }
+        }
+        let score: Vec<f64> = angle.iter().map(|a| (a + 0.4).cos()).collect();
+        let stretches = [0, 1].map(|k| Stretch {
+            rows: k * rows..(k + 1) * rows,
+            speed: speeds[k],
+        });
+        // As an acceleration's noise weighs: less and less from 60 Hz on.
+        let weight = |_: usize, hz: f64| rows as f64 * (1.0 + (hz / 60.0).powi(4)).recip();
+        let spectrum = OrderSpectrum::new(&score, &angle, &stretches, &weight, NYQUIST, 0.3..126.0);
+        let best = spectrum.peaks(1, 0.1)[0];
+        assert!((best - 1.0).abs() < 0.05, "order {best}");
     }
 }

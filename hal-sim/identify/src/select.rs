@@ -1,14 +1,13 @@
-//! Which effects a record has: hypotheses are tried in turn, the best is added, and again until none is worth it.
+//! What a hypothesis brings to the regression of a record.
 
 use crate::balance::Balance;
 use crate::channel::Channel;
-use crate::design::{Column, Gain, Normal, Solution, Whitener};
-use crate::hypothesis::{Family, Hypothesis, LEAST_ORDER, LEAST_RELATIVE_ORDER};
-use crate::scan::{OrderSpectrum, Stretch};
-use plant::Axis;
-use plant::effects::Place;
+use crate::design::{Column, Whitener};
+use crate::hypothesis::{Family, Hypothesis, Key};
+use crate::normal::{Gain, Normal, Prior, Solution, With};
+use std::cell::RefCell;
 use std::collections::HashMap;
-use std::f64::consts::TAU;
+use std::rc::Rc;
 
 /// A hypothesis and what it would bring.
 #[derive(Debug, Clone)]
@@ -21,36 +20,36 @@ pub struct Trial {
 
 /// The search over one record.
 pub struct Search<'a> {
-    balance: &'a Balance<'a>,
+    pub(crate) balance: &'a Balance<'a>,
     /// Whitening of the record.
     pub whitener: &'a Whitener<'a>,
     /// The regression, its declared parameters first.
     pub normal: Normal,
-    cache: HashMap<(Family, Place, u64), Vec<Column>>,
+    /// Whitened columns of hypotheses that are asked for again and again; forks share it.
+    cache: Rc<RefCell<HashMap<Key, Rc<Vec<Column>>>>>,
     run_s: f64,
 }
-
-/// Where to look for periodic torque: from below one period per turn to what the slowest operating point resolves.
-const ORDERS: std::ops::Range<f64> = LEAST_ORDER..126.0;
-/// Where to look for what repeats with screw against nut.
-const RELATIVE_ORDERS: std::ops::Range<f64> = LEAST_RELATIVE_ORDER..60.0;
 
 impl<'a> Search<'a> {
     /// A search that starts from a regression of the declared parameters.
     pub fn new(balance: &'a Balance<'a>, whitener: &'a Whitener<'a>, normal: Normal) -> Self {
-        let run_s = balance
-            .signals
-            .time
-            .last()
-            .copied()
-            .unwrap_or(0.0)
-            .max(1e-3);
         Search {
             balance,
             whitener,
             normal,
-            cache: HashMap::new(),
-            run_s,
+            cache: Rc::default(),
+            run_s: balance.signals.run_s(),
+        }
+    }
+
+    /// Another search under the same whitening from the same regression.
+    pub(crate) fn fork(&self) -> Self {
+        Search {
+            balance: self.balance,
+            whitener: self.whitener,
+            normal: self.normal.clone(),
+            cache: self.cache.clone(),
+            run_s: self.run_s,
         }
     }
 
@@ -60,25 +59,24 @@ impl<'a> Search<'a> {
     }
 
     /// The columns of a hypothesis.
-    pub fn columns(&mut self, hypothesis: &Hypothesis) -> Vec<Column> {
+    pub fn columns(&mut self, hypothesis: &Hypothesis) -> Rc<Vec<Column>> {
         let key = (
             hypothesis.family,
             hypothesis.place,
             hypothesis.shape.to_bits(),
         );
-        if let Some(columns) = self.cache.get(&key) {
+        if let Some(columns) = self.cache.borrow().get(&key) {
             return columns.clone();
         }
-        let columns: Vec<Column> = hypothesis
-            .contributions(self.balance, self.run_s)
-            .iter()
-            .map(|contribution| self.whitener.column(contribution))
-            .collect();
-        if !matches!(
-            hypothesis.family,
-            Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage
-        ) {
-            self.cache.insert(key, columns.clone());
+        let columns: Rc<Vec<Column>> = Rc::new(
+            hypothesis
+                .contributions(self.balance, self.run_s)
+                .iter()
+                .map(|contribution| self.whitener.column(contribution))
+                .collect(),
+        );
+        if !hypothesis.has_scanned_shape() {
+            self.cache.borrow_mut().insert(key, columns.clone());
         }
         columns
     }
@@ -109,281 +107,6 @@ impl<'a> Search<'a> {
         self.normal.gain_at(&columns, values, self.whitener)
     }
 
-    /// The hypotheses with a listed shape, and those whose shape the order spectra suggest.
-    pub fn hypotheses(&self, solution: &Solution) -> Vec<Hypothesis> {
-        let mut list = Vec::new();
-        let sensing = &self.balance.model.sensing;
-        let ripple = sensing.current_noise_a.max(sensing.current_lsb_a).max(1e-3);
-        for place in [Place::Screw, Place::Nut] {
-            list.push(Hypothesis::new(Family::DeadTime, place, ripple));
-            for family in [
-                Family::CurrentOffset,
-                Family::CurrentGain,
-                Family::ResistanceDrift,
-                Family::FluxDrift,
-            ] {
-                list.push(Hypothesis::new(family, place, 0.0));
-            }
-            for order in [1.0, 2.0] {
-                list.push(Hypothesis::new(Family::EncoderEccentricity, place, order));
-            }
-            for speed in [1.0, 2.0, 4.0, 8.0, 16.0, 32.0] {
-                list.push(Hypothesis::new(Family::StribeckFriction, place, speed));
-            }
-        }
-        list.push(Hypothesis::new(Family::DeadTime, Place::Both, ripple));
-        for family in [Family::LeadScale, Family::PositionLoad, Family::Backlash] {
-            list.push(Hypothesis::new(family, Place::Feed, 0.0));
-        }
-        // The play of a table that turns, in place of one that a load holds on a flank.
-        list.push(Hypothesis::new(Family::Backlash, Place::Feed, 1.0));
-        for speed in [1.0, 2.0, 4.0, 8.0, 16.0, 32.0] {
-            list.push(Hypothesis::new(
-                Family::StribeckFriction,
-                Place::Feed,
-                speed * self.balance.lead,
-            ));
-        }
-        let declared = (self.balance.model.feed.axial_stiffness_n_per_m
-            / self.balance.model.feed.table_mass_kg)
-            .sqrt()
-            / TAU;
-        for share in [
-            0.08, 0.12, 0.17, 0.24, 0.33, 0.42, 0.52, 0.62, 0.73, 0.82, 0.9,
-        ] {
-            list.push(Hypothesis::new(
-                Family::AxialCompliance,
-                Place::Feed,
-                share * declared,
-            ));
-        }
-        list.extend(self.scanned(solution));
-        list
-    }
-
-    /// The residual through the whitening once more, by channel.
-    fn scores(&self, solution: &Solution) -> Vec<Vec<f64>> {
-        let left = self.normal.residual(&solution.values);
-        Channel::ALL
-            .iter()
-            .map(|&channel| match &left.parts[channel.index()] {
-                Some(part) => self
-                    .balance
-                    .fourier
-                    .again(part, self.whitener.gain(channel)),
-                None => vec![0.0; self.balance.fourier.decimated_rows()],
-            })
-            .collect()
-    }
-
-    /// Operating points without the parts of their ramps that are faster than the plateau.
-    fn stretches(&self, speed: &dyn Fn(usize) -> f64) -> Vec<Stretch> {
-        self.whitener
-            .folds
-            .iter()
-            .map(|fold| {
-                let middle = fold.start + (fold.end - fold.start) / 2;
-                let around =
-                    fold.start.max(middle.saturating_sub(200))..(middle + 200).min(fold.end);
-                let n = around.len().max(1) as f64;
-                let plateau = around.map(|k| speed(k).abs()).sum::<f64>() / n;
-                let end = fold
-                    .clone()
-                    .rev()
-                    .find(|&k| speed(k).abs() <= 1.1 * plateau + 0.1)
-                    .map_or(fold.end, |k| k + 1);
-                Stretch {
-                    rows: fold.start..end,
-                    speed: plateau,
-                }
-            })
-            .collect()
-    }
-
-    fn scanned(&self, solution: &Solution) -> Vec<Hypothesis> {
-        let scores = self.scores(solution);
-        let step = self.balance.fourier.step();
-        let signals = self.balance.signals;
-        let mut list = Vec::new();
-        for (place, axis) in [(Place::Screw, Axis::Screw), (Place::Nut, Axis::Nut)] {
-            let spectrum = self.torque_orders(&scores, axis);
-            for order in spectrum.peaks(5, 2.0 / spectrum.turns) {
-                let near = order.round();
-                if near >= 1.0 && (order - near).abs() < 1.0 / spectrum.turns {
-                    list.push(Hypothesis::new(Family::AngleTorque, place, near));
-                } else {
-                    list.push(Hypothesis::new(Family::AngleTorque, place, order));
-                }
-            }
-            for order in self.flux_orders(&scores, axis) {
-                list.push(Hypothesis::new(Family::FluxHarmonic, place, order));
-            }
-            for hz in self.frequencies(&scores, axis) {
-                list.push(Hypothesis::new(Family::TimePeriodic, place, hz));
-            }
-        }
-        let relative: Vec<f64> = (0..self.balance.fourier.decimated_rows())
-            .map(|k| signals.relative[k * step])
-            .collect();
-        let stretches = self.stretches(&|k| signals.relative_speed[k * step]);
-        let table = OrderSpectrum::new(
-            &scores[Channel::Table.index()],
-            &relative,
-            &stretches,
-            &|index, hz| self.weight(Channel::Table, &stretches[index], hz),
-            RELATIVE_ORDERS,
-        );
-        for order in table.peaks(4, 2.0 / table.turns) {
-            list.push(Hypothesis::new(Family::LeadError, Place::Feed, order));
-        }
-        let pair: Vec<f64> = scores[0]
-            .iter()
-            .zip(&scores[1])
-            .map(|(a, b)| a - b)
-            .collect();
-        let weight = |index: usize, hz: f64| {
-            Axis::ALL
-                .iter()
-                .map(|&axis| self.weight(Channel::Torque(axis), &stretches[index], hz))
-                .sum()
-        };
-        let pair = OrderSpectrum::new(&pair, &relative, &stretches, &weight, RELATIVE_ORDERS);
-        for order in pair.peaks(4, 2.0 / pair.turns) {
-            list.push(Hypothesis::new(Family::BallPassage, Place::Feed, order));
-        }
-        list
-    }
-
-    /// Squared whitening gain of a channel at a frequency, times the rows of a stretch that count.
-    fn weight(&self, channel: Channel, stretch: &Stretch, hz: f64) -> f64 {
-        let fourier = self.balance.fourier;
-        let bin = (hz / fourier.hz(1)) as usize;
-        let gain = self.whitener.gain(channel).get(bin).copied().unwrap_or(0.0);
-        let open = self.whitener.mask(channel)[stretch.rows.clone()]
-            .iter()
-            .filter(|open| **open)
-            .count();
-        gain * gain * open as f64
-    }
-
-    /// The order spectrum of a motor's torque residual.
-    pub fn torque_orders(&self, scores: &[Vec<f64>], axis: Axis) -> OrderSpectrum {
-        let step = self.balance.fourier.step();
-        let motor = &self.balance.signals.motors[axis.index()];
-        let angle: Vec<f64> = (0..self.balance.fourier.decimated_rows())
-            .map(|k| motor.theta[k * step])
-            .collect();
-        let stretches = self.stretches(&|k| motor.omega[k * step]);
-        let channel = Channel::Torque(axis);
-        OrderSpectrum::new(
-            &scores[channel.index()],
-            &angle,
-            &stretches,
-            &|index, hz| self.weight(channel, &stretches[index], hz),
-            ORDERS,
-        )
-    }
-
-    /// The orders per electrical turn at which a flux harmonic would explain most.
-    fn flux_orders(&self, scores: &[Vec<f64>], axis: Axis) -> Vec<f64> {
-        let step = self.balance.fourier.step();
-        let motor = &self.balance.signals.motors[axis.index()];
-        let declared = self.balance.model.motor(axis);
-        let pole_pairs = f64::from(declared.pole_pairs);
-        let rows = self.balance.fourier.decimated_rows();
-        let angle: Vec<f64> = (0..rows)
-            .map(|k| pole_pairs * motor.theta[k * step])
-            .collect();
-        let per_current = -pole_pairs * declared.flux_wb;
-        let (torque, q) = (Channel::Torque(axis), Channel::VoltageQ(axis));
-        let emf = |k: usize| declared.flux_wb * pole_pairs * motor.omega[k * step];
-        let score: Vec<f64> = (0..rows)
-            .map(|k| {
-                per_current * motor.i_q_smooth[k * step] * scores[torque.index()][k]
-                    + emf(k) * scores[q.index()][k]
-            })
-            .collect();
-        let stretches = self.stretches(&|k| pole_pairs * motor.omega[k * step]);
-        let currents: Vec<f64> = stretches
-            .iter()
-            .map(|s| {
-                let mean = s
-                    .rows
-                    .clone()
-                    .map(|k| motor.i_q_smooth[k * step].powi(2))
-                    .sum::<f64>()
-                    / s.rows.len().max(1) as f64;
-                per_current * per_current * mean
-            })
-            .collect();
-        let weight = |index: usize, hz: f64| {
-            let stretch = &stretches[index];
-            let volts = declared.flux_wb * stretch.speed;
-            currents[index] * self.weight(torque, stretch, hz)
-                + volts * volts * self.weight(q, stretch, hz)
-        };
-        let spectrum = OrderSpectrum::new(&score, &angle, &stretches, &weight, 0.7..30.0);
-        let mut whole: Vec<(f64, f64)> = (1..30)
-            .filter_map(|n| {
-                let at = (f64::from(n) / spectrum.spacing).round() as usize;
-                spectrum.fall.get(at).map(|&fall| (fall, f64::from(n)))
-            })
-            .collect();
-        whole.sort_by(|a, b| b.0.total_cmp(&a.0));
-        whole.into_iter().take(3).map(|(_, n)| n).collect()
-    }
-
-    /// The frequencies at which a torque locked to time would explain most.
-    fn frequencies(&self, scores: &[Vec<f64>], axis: Axis) -> Vec<f64> {
-        let channel = Channel::Torque(axis);
-        let fourier = self.balance.fourier;
-        let rate = self.balance.signals.rate / fourier.step() as f64;
-        let rows = scores[channel.index()].len();
-        // Zeros behind the record halve the distance of the lines, so that none falls between two.
-        let mut padded = scores[channel.index()].clone();
-        padded.resize(2 * rows, 0.0);
-        let power = crate::noise::power_spectrum(&padded);
-        let open = self
-            .whitener
-            .mask(channel)
-            .iter()
-            .filter(|open| **open)
-            .count() as f64;
-        let mut fall: Vec<f64> = power
-            .iter()
-            .enumerate()
-            .map(|(k, p)| {
-                let hz = k as f64 * rate / (2 * rows) as f64;
-                let gain = self
-                    .whitener
-                    .gain(channel)
-                    .get((hz / fourier.hz(1)) as usize)
-                    .copied()
-                    .unwrap_or(0.0);
-                if hz < 0.7 || gain * gain < 1e-12 {
-                    0.0
-                } else {
-                    2.0 * p / (gain * gain * open)
-                }
-            })
-            .collect();
-        let mut peaks = Vec::new();
-        for _ in 0..3 {
-            let Some((at, &best)) = fall.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))
-            else {
-                break;
-            };
-            if best <= 0.0 {
-                break;
-            }
-            peaks.push(at as f64 * rate / (2 * rows) as f64);
-            fall[at.saturating_sub(8)..(at + 9).min(2 * rows / 2)]
-                .iter_mut()
-                .for_each(|x| *x = 0.0);
-        }
-        peaks
-    }
-
     /// All trials under the present regression, the best first.
     pub fn trials(&mut self, solution: &Solution) -> Vec<Trial> {
         let mut trials: Vec<Trial> = self
@@ -395,132 +118,58 @@ impl<'a> Search<'a> {
         trials
     }
 
-    /// A trial at its best: its shape refined, all declared parameters free to give way to it.
-    pub fn at_best(&mut self, trial: &Trial) -> Trial {
-        let cost = self.normal.cost(&self.normal.solve(None).values);
-        let mut best = trial.clone();
-        for _ in 0..2 {
-            let columns = self.columns(&best.hypothesis);
-            let (beside, _) = self.normal.solve_beside(&columns, self.whitener);
-            best = self.try_one(best.hypothesis, &beside);
-            if best.hypothesis.family == Family::AxialCompliance {
-                best = self.softer(best, &beside);
-            }
-            best = self.refined(best, &beside);
-        }
-        let columns = self.columns(&best.hypothesis);
-        let (beside, left) = self.normal.solve_beside(&columns, self.whitener);
-        best = self.try_one(best.hypothesis, &beside);
-        best.gain.fall = if best.gain.fall == 0.0 {
-            0.0
-        } else {
-            cost - left
-        };
-        best
+    /// What a hypothesis puts into a regression: its columns, and behind them those of what may come with it.
+    pub(crate) fn entries(&mut self, hypothesis: &Hypothesis) -> Vec<(Column, Prior)> {
+        let own = self.columns(hypothesis);
+        own.iter()
+            .map(|column| (column.clone(), hypothesis.prior()))
+            .chain(
+                hypothesis
+                    .nuisance_contributions(self.balance, self.run_s)
+                    .iter()
+                    .map(|(contribution, prior)| (self.whitener.column(contribution), *prior)),
+            )
+            .collect()
     }
 
-    /// The screw's resonance, from how much too soft or stiff a hypothesis is: its parameter tells what share of its
-    /// compliance is there.
-    fn softer(&mut self, mut best: Trial, solution: &Solution) -> Trial {
-        let feed = &self.balance.model.feed;
-        let declared = (feed.axial_stiffness_n_per_m / feed.table_mass_kg).sqrt() / TAU;
-        for _ in 0..5 {
-            // Compliance goes as 1 / hz^2.
-            let (own, given) = (best.hypothesis.shape.powi(-2), declared.powi(-2));
-            let compliance = given + best.gain.values[0] * (own - given);
-            if compliance <= given {
-                break;
-            }
-            best = self.try_one(
-                Hypothesis {
-                    shape: compliance.powf(-0.5),
-                    ..best.hypothesis
-                },
-                solution,
-            );
-        }
-        best
-    }
-
-    /// Adds a hypothesis to the regression: its columns, and behind them those of what may come with it.
+    /// Adds a hypothesis to the regression.
     pub fn add(&mut self, hypothesis: &Hypothesis) {
-        for part in [Some(*hypothesis), hypothesis.companion()]
-            .into_iter()
-            .flatten()
-        {
-            for column in self.columns(&part) {
-                self.normal
-                    .push(column, f64::INFINITY, f64::INFINITY, self.whitener);
-            }
+        for (column, prior) in self.entries(hypothesis) {
+            self.normal.push(column, prior, self.whitener);
         }
     }
 
-    /// Finds the shape near the hypothesis' own that explains most: an order, a frequency, a speed.
-    pub fn refined(&mut self, trial: Trial, solution: &Solution) -> Trial {
-        if !trial.hypothesis.has_free_shape() {
-            return trial;
+    /// The regression with a hypothesis, all parameters solved again within their bounds.
+    pub(crate) fn with(&mut self, hypothesis: &Hypothesis) -> With {
+        let entries = self.entries(hypothesis);
+        self.normal.with(&entries, self.whitener)
+    }
+
+    /// Fall of the sum of squares in each channel that a hypothesis brings, all parameters solved again.
+    pub(crate) fn fall_by_channel(&mut self, hypothesis: &Hypothesis) -> [f64; Channel::COUNT] {
+        let before = self.normal.left_by_channel(&self.normal.solve(None).values);
+        let after = self.with(hypothesis).channels;
+        std::array::from_fn(|k| before[k] - after[k])
+    }
+
+    /// The same in the rough, from what its columns weigh in each channel.
+    pub(crate) fn share_by_channel(&mut self, trial: &Trial) -> [f64; Channel::COUNT] {
+        let columns = self.columns(&trial.hypothesis);
+        let mut shares = [0.0; Channel::COUNT];
+        for (column, value) in columns.iter().zip(&trial.gain.values) {
+            for (share, part) in shares.iter_mut().zip(&column.parts) {
+                if let Some(part) = part {
+                    *share += value * value * crate::design::dot(part, part);
+                }
+            }
         }
-        let turns = |relative: bool| {
-            let signals = self.balance.signals;
-            let travel = if relative {
-                &signals.relative
+        let all: f64 = shares.iter().sum();
+        shares.map(|share| {
+            if all > 0.0 {
+                share / all * trial.gain.fall
             } else {
-                &signals.motors[trial.hypothesis.axis().map_or(0, Axis::index)].travel
-            };
-            let (low, high) = travel
-                .iter()
-                .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
-            ((high - low) / TAU).max(0.1)
-        };
-        let mut step = match trial.hypothesis.family {
-            Family::AngleTorque => 0.5 / turns(false),
-            Family::LeadError | Family::BallPassage => 0.5 / turns(true),
-            Family::TimePeriodic => 0.5 / self.run_s,
-            _ => 0.3 * trial.hypothesis.shape,
-        };
-        let mut best = trial;
-        while step > 1e-4 * best.hypothesis.shape.max(0.1) {
-            let mut moved = false;
-            for side in [-1.0, 1.0] {
-                let shape = best.hypothesis.shape + side * step;
-                if shape < best.hypothesis.least_shape() {
-                    continue;
-                }
-                let next = self.try_one(
-                    Hypothesis {
-                        shape,
-                        ..best.hypothesis
-                    },
-                    solution,
-                );
-                if next.gain.fall > best.gain.fall {
-                    best = next;
-                    moved = true;
-                    break;
-                }
+                0.0
             }
-            if !moved {
-                step *= 0.4;
-            }
-        }
-        // A whole order that explains as much is the simpler one.
-        let whole = best.hypothesis.shape.round();
-        if matches!(
-            best.hypothesis.family,
-            Family::AngleTorque | Family::LeadError | Family::BallPassage
-        ) && whole >= 1.0
-        {
-            let near = self.try_one(
-                Hypothesis {
-                    shape: whole,
-                    ..best.hypothesis
-                },
-                solution,
-            );
-            if near.gain.fall > best.gain.fall - 15.0 - 0.002 * best.gain.fall {
-                return near;
-            }
-        }
-        best
+        })
     }
 }

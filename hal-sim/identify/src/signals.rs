@@ -1,6 +1,6 @@
 //! What a recording says, in the quantities of the balances: angles, speeds, dq currents.
 
-use crate::fourier::{Fourier, slope};
+use crate::fourier::{Fourier, Spectrum, slope};
 use plant::Axis;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -10,6 +10,9 @@ use plant::recording::Recording;
 pub const SPEED_BANDWIDTH_HZ: f64 = 200.0;
 /// Bandwidth of currents where their sign or their product with an effect matters, Hz: the current loop's.
 pub const CURRENT_BANDWIDTH_HZ: f64 = 400.0;
+
+/// Above it neither smoothed currents nor what follows speeds and positions have content, Hz.
+pub const SMOOTH_HZ: f64 = 1.4 * CURRENT_BANDWIDTH_HZ;
 
 /// One motor's record.
 pub struct MotorSignals {
@@ -33,6 +36,14 @@ pub struct MotorSignals {
     pub u_d: Vec<f64>,
     /// Commanded voltages, V.
     pub u_q: Vec<f64>,
+    /// Greatest size of the speed, rad/s.
+    pub top_speed: f64,
+    /// Second derivative of the angle, rad/s^2.
+    pub acceleration: Spectrum,
+    /// First derivatives of the currents, A/s.
+    pub i_d_rate: Spectrum,
+    /// First derivatives of the currents, A/s.
+    pub i_q_rate: Spectrum,
 }
 
 /// A whole record.
@@ -49,6 +60,10 @@ pub struct Signals {
     pub relative_speed: Vec<f64>,
     /// The table's scale, m.
     pub table: Vec<f64>,
+    /// Spectrum of the table's scale from the first row on, m.
+    pub table_spectrum: Spectrum,
+    /// Spectrum of the relative angle, rad.
+    pub relative_spectrum: Spectrum,
     /// Speed references of screw and nut.
     pub references: [Vec<f64>; 2],
 }
@@ -96,6 +111,10 @@ impl MotorSignals {
                 .collect()
         });
         MotorSignals {
+            top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
+            acceleration: fourier.curvature(&travel),
+            i_d_rate: fourier.slope(&i_d),
+            i_q_rate: fourier.slope(&i_q),
             travel,
             theta,
             omega,
@@ -117,19 +136,29 @@ impl Signals {
         let motors = Axis::ALL.map(|axis| MotorSignals::new(recording, axis, model, fourier, rate));
         let difference =
             |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>();
+        let relative = difference(&motors[0].travel, &motors[1].travel);
+        let table = &recording.table_position_m;
+        let moved: Vec<f64> = table.iter().map(|x| x - table[0]).collect();
         Signals {
             rate,
+            table_spectrum: fourier.spectrum(&moved),
+            relative_spectrum: fourier.spectrum(&relative),
             time: recording
                 .time_s
                 .iter()
                 .map(|t| t - recording.time_s[0])
                 .collect(),
-            relative: difference(&motors[0].travel, &motors[1].travel),
+            relative,
             relative_speed: difference(&motors[0].omega, &motors[1].omega),
-            table: recording.table_position_m.clone(),
+            table: table.clone(),
             references: [0, 1].map(|k: usize| recording.axes[k].speed_ref_rad_s.clone()),
             motors,
         }
+    }
+
+    /// Length of the run, s.
+    pub fn run_s(&self) -> f64 {
+        self.time.last().copied().unwrap_or(0.0).max(1e-3)
     }
 
     /// Rows.

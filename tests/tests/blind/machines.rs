@@ -1,6 +1,8 @@
 //! Machines that the identification has not seen: plates that err, effects of every kind, profiles of their own, run as
 //! the full drive in closed loop with quantised sensors.
 
+use crate::friction::Rounded;
+use crate::profile::{self, Profile};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{Recorder, Setup};
 use plant::effects::{AnyEffect, EffectModel, Place};
@@ -9,7 +11,6 @@ use plant::model::{Model, TorqueHarmonic};
 use plant::recording::Recording;
 use rand::{Rng, RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
-use std::f64::consts::TAU;
 
 /// A machine as drawn, with two records of it.
 pub struct Machine {
@@ -17,16 +18,27 @@ pub struct Machine {
     pub declared: Model,
     /// What it has beyond that.
     pub effects: Vec<EffectModel>,
+    /// Its profiles and its friction, in words.
+    pub style: String,
     /// The record to identify from.
     pub fit: Recording,
     /// Another one.
     pub check: Recording,
 }
 
-/// Rpm in rad/s.
-const RPM: f64 = TAU / 60.0;
+/// Length of the ramp to an operating point, s.
+const RAMP_S: f64 = 0.25;
 
-fn between(rng: &mut impl Rng, low: f64, high: f64) -> f64 {
+/// How the machine's friction turns round.
+#[derive(Debug, Clone, Copy)]
+enum Rubbing {
+    /// At once, and holds what rests.
+    Sticks,
+    /// As in the shared recordings.
+    Rounded,
+}
+
+pub fn between(rng: &mut impl Rng, low: f64, high: f64) -> f64 {
     rng.random_range(low..high)
 }
 
@@ -35,7 +47,7 @@ fn spread(rng: &mut impl Rng, low: f64, high: f64) -> f64 {
     (low.ln() + (high / low).ln() * rng.random::<f64>()).exp()
 }
 
-fn pick<'a, T>(rng: &mut impl Rng, list: &'a [T]) -> &'a T {
+pub fn pick<'a, T>(rng: &mut impl Rng, list: &'a [T]) -> &'a T {
     &list[rng.random_range(0..list.len())]
 }
 
@@ -89,8 +101,12 @@ fn real(rng: &mut impl Rng, declared: &Model) -> Model {
     model
 }
 
-/// An effect of one kind at a place of its own, from barely visible up.
-pub fn effect(rng: &mut impl Rng, kind: &str) -> EffectModel {
+/// An effect of one kind at a place of its own, from barely visible up, or, if `bold`, of the sort of sizes that the
+/// shared recordings show: the upper part of the range.
+pub fn effect(rng: &mut impl Rng, kind: &str, bold: bool) -> EffectModel {
+    let spread = |rng: &mut _, low: f64, high: f64| {
+        spread(rng, if bold { low.max(0.3 * high) } else { low }, high)
+    };
     let motor = *pick(rng, &[Place::Screw, Place::Nut]);
     let phase = between(rng, -3.1, 3.1);
     let periodic = |order: f64, amplitude: f64| {
@@ -193,7 +209,7 @@ pub fn effect(rng: &mut impl Rng, kind: &str) -> EffectModel {
         "axial_compliance" => (Place::Feed, vec![("hz", between(rng, 120.0, 360.0))]),
         "position_load" => (
             Place::Feed,
-            vec![("value", spread(rng, 500.0, 8000.0) * sign(rng))],
+            vec![("value", spread(rng, 500.0, 15_000.0) * sign(rng))],
         ),
         "backlash" => (Place::Feed, vec![("value", spread(rng, 5e-7, 2e-5))]),
         other => unreachable!("no sizes for {other}"),
@@ -203,59 +219,58 @@ pub fn effect(rng: &mut impl Rng, kind: &str) -> EffectModel {
     EffectModel::new(place, effect).expect("a place that the kind allows")
 }
 
-/// A table velocity (m/s), a nut speed (rad/s) and how long they are held, s.
-type Leg = (f64, f64, f64);
-
-/// Slow legs with a resting nut first, then both motors at speed, both directions of the table in each.
-fn profile(rng: &mut impl Rng, legs: usize) -> Vec<Leg> {
-    let rest = |rng: &mut Xoshiro256PlusPlus, side: f64| {
-        (
-            side * between(rng, 1.5e-3, 4e-3),
-            0.0,
-            between(rng, 1.0, 2.2),
-        )
-    };
-    let mut own = Xoshiro256PlusPlus::seed_from_u64(rng.random());
-    let mut list = vec![rest(&mut own, 1.0), rest(&mut own, -1.0)];
-    for k in 2..legs {
-        let side = if k % 2 == 0 { 1.0 } else { -1.0 };
-        let base =
-            between(rng, 80.0, 850.0) * RPM * if rng.random::<f64>() < 0.2 { -1.0 } else { 1.0 };
-        list.push((
-            side * between(rng, 1e-3, 1e-2),
-            base,
-            between(rng, 0.9, 1.3),
-        ));
-    }
-    list
-}
-
 /// Runs a machine under the drive that its plate gives, over a profile.
-fn run(declared: &Model, machine: &Model, profile: &[Leg], seed: u64) -> Recording {
+fn run(
+    declared: &Model,
+    machine: &Model,
+    rubbing: Rubbing,
+    profile: &Profile,
+    seed: u64,
+) -> Recording {
     let mut setup = Setup::declared(declared.clone(), Coupling::Coupled);
     setup.board.seed = seed;
     // An offset that the drive measures before it starts would be none.
     setup.board.measure_zeros = false;
+    let (machine, rounded) = match rubbing {
+        Rubbing::Sticks => (machine.clone(), None),
+        Rubbing::Rounded => {
+            let (smooth, rounded) = Rounded::split(machine);
+            (smooth, Some(rounded))
+        }
+    };
     let mut drive =
-        Drive::new(machine, setup.coupling, setup.board, &setup.plate()).expect("gains that fit");
+        Drive::new(&machine, setup.coupling, setup.board, &setup.plate()).expect("gains that fit");
     let every = (declared.sensing.control_hz / declared.sensing.sample_hz).round() as u32;
     let mut recorder = Recorder::default();
     let mut recording = Recording::default();
     let seconds = |s: f64| (s * declared.sensing.sample_hz) as usize;
-    let mut record = |drive: &mut Drive, rows: usize| {
-        for _ in 0..rows {
+    let period = |drive: &mut Drive| match &rounded {
+        Some(rounded) => drive.period_with(|machine, _| rounded.act(machine)),
+        None => drive.period(),
+    };
+    let mut record = |drive: &mut Drive, rows: usize, ask: &mut dyn FnMut(&mut Drive, usize)| {
+        for row in 0..rows {
+            ask(drive, row);
             recording.push(&recorder.row(drive));
-            (0..every).for_each(|_| drive.period());
+            (0..every).for_each(|_| period(drive));
         }
     };
     // The sensors are read for the first time within the first period.
-    drive.period();
-    record(&mut drive, seconds(0.4));
-    for (velocity, base, hold) in profile {
-        drive
-            .command(*velocity, *base)
-            .expect("speeds that the drive allows");
-        record(&mut drive, seconds(0.3 + hold));
+    period(&mut drive);
+    record(&mut drive, seconds(profile.rest_s), &mut |_, _| ());
+    let mut from = (0.0, 0.0);
+    for leg in &profile.legs {
+        let ramp = seconds(RAMP_S);
+        record(&mut drive, seconds(leg.seconds), &mut |drive, row| {
+            if row <= ramp {
+                let part = row as f64 / ramp as f64;
+                let between = |a: f64, b: f64| a + (b - a) * part;
+                drive
+                    .command(between(from.0, leg.velocity), between(from.1, leg.base))
+                    .expect("speeds that the drive allows");
+            }
+        });
+        from = (leg.velocity, leg.base);
     }
     recording
 }
@@ -265,22 +280,26 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let declared = plate(&mut rng);
     let mut machine = real(&mut rng, &declared);
-    let effects: Vec<EffectModel> = kinds.iter().map(|kind| effect(&mut rng, kind)).collect();
-    let legs = profile(&mut rng, 9);
-    let check_legs = profile(&mut rng, 6);
-    let seconds = |legs: &[Leg]| 0.4 + legs.iter().map(|leg| leg.2 + 0.3).sum::<f64>();
-    let mut of_run = |legs: &[Leg], seed: u64| {
+    let bold = rng.random::<bool>();
+    let effects: Vec<EffectModel> = kinds
+        .iter()
+        .map(|kind| effect(&mut rng, kind, bold))
+        .collect();
+    let rubbing = *pick(&mut rng, &[Rubbing::Sticks, Rubbing::Rounded]);
+    let profiles = profile::draw(&mut rng, kinds.contains(&"stribeck_friction"));
+    let mut of_run = |profile: &Profile, seed: u64| {
         machine.effects = effects
             .iter()
-            .map(|effect| over(effect, seconds(legs)))
+            .map(|effect| over(effect, profile.seconds()))
             .collect();
-        run(&declared, &machine, legs, seed)
+        run(&declared, &machine, rubbing, profile, seed)
     };
-    let fit = of_run(&legs, seed);
-    let check = of_run(&check_legs, seed ^ 0x5555);
+    let fit = of_run(&profiles.fit, seed);
+    let check = of_run(&profiles.check, seed ^ 0x5555);
     Machine {
         declared,
         effects,
+        style: format!("{} {rubbing:?}", profiles.style),
         fit,
         check,
     }

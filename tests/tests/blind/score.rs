@@ -18,6 +18,8 @@ pub struct Score {
     pub named: bool,
     /// Values within the tolerance, too.
     pub right: bool,
+    /// Something is named, by kind, place or order, that is not there.
+    pub wrong: bool,
 }
 
 fn label(effect: &EffectModel) -> String {
@@ -66,6 +68,7 @@ pub fn score(truth: &[EffectModel], outcome: &Outcome) -> Score {
     Score {
         named: matched(&same_name),
         right: matched(&|t, f| same_name(t, f) && same_values(t, f)),
+        wrong: found.iter().any(|f| !truth.iter().any(|t| same_name(t, f))),
         found: found.iter().map(|f| label(f)).collect(),
     }
 }

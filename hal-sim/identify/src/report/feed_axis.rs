@@ -3,9 +3,9 @@
 use super::{
     Calibrated, Channel, Coordinate, Effect, Errors, Report, Residual, Selection, Stage, Tried,
 };
-use crate::conclusion::whiteness;
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::load::Account;
+use crate::remains::whiteness;
 use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 

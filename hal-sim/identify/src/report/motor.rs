@@ -1,9 +1,9 @@
 //! The report of a bare motor.
 
 use super::{Channel, Coordinate, Effect, Report, Residual, Selection, Tried};
-use crate::conclusion::whiteness;
 use crate::load::Account;
 use crate::motor::{Fit, MotorModel, Study, rms};
+use crate::remains::whiteness;
 use std::collections::BTreeMap;
 
 /// Half-width of a 95 % interval in standard deviations.

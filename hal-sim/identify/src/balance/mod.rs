@@ -1,0 +1,193 @@
+//! The declared model's balances on a record: the residual of each channel, what each declared parameter adds to it,
+//! and what an effect of the plant would add.
+//!
+//! Everything is linear in the amplitude of what is added and lives in the frequency domain, where differentiation and
+//! the table's resonance are multiplications. What has no fast content is evaluated at the decimated rate only.
+
+mod declared;
+mod feed;
+mod motor;
+mod parameter;
+
+pub use parameter::{MotorParameter, Parameter};
+
+use crate::channel::Channel;
+use crate::fourier::{Fourier, Spectrum};
+use crate::hypothesis::Memory;
+use crate::signals::Signals;
+use plant::Axis;
+use plant::effects::{EffectModel, Place};
+use plant::model::Model;
+use realfft::num_complex::Complex64;
+use std::f64::consts::TAU;
+
+/// What one quantity adds to the residuals: a spectrum for each channel that it reaches.
+#[derive(Clone, Default)]
+pub struct Contribution(pub Vec<(Channel, Spectrum)>);
+
+impl Contribution {
+    /// Adds `scale * spectrum` to a channel.
+    pub fn add(&mut self, channel: Channel, scale: f64, spectrum: &[Complex64]) {
+        match self.0.iter_mut().find(|(known, _)| *known == channel) {
+            Some((_, sum)) => sum
+                .iter_mut()
+                .zip(spectrum)
+                .for_each(|(a, b)| *a += b * scale),
+            None => self
+                .0
+                .push((channel, spectrum.iter().map(|c| c * scale).collect())),
+        }
+    }
+
+    /// Adds `scale *` another contribution.
+    pub fn add_all(&mut self, scale: f64, other: &Contribution) {
+        for (channel, spectrum) in &other.0 {
+            self.add(*channel, scale, spectrum);
+        }
+    }
+}
+
+/// Speeds over which the sign of a speed turns round in Coulomb friction; 0 is a hard sign.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rounding {
+    /// Of the bearings, rad/s.
+    pub bearing: f64,
+    /// Of screw against nut, rad/s.
+    pub pair: f64,
+    /// Of the table in radians of screw against nut, rad/s.
+    pub guideway: f64,
+}
+
+/// `tanh(speed / rounding)`, or the sign.
+pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
+    if rounding > 0.0 {
+        (speed / rounding).tanh()
+    } else if speed == 0.0 {
+        0.0
+    } else {
+        speed.signum()
+    }
+}
+
+/// The balances of one record under one model.
+pub struct Balance<'a> {
+    /// The declared model.
+    pub model: &'a Model,
+    /// The record.
+    pub signals: &'a Signals,
+    /// Its transforms.
+    pub fourier: &'a Fourier,
+    /// How the signs of friction are rounded.
+    pub rounding: Rounding,
+    /// Travel per radian, m.
+    pub lead: f64,
+    /// Compliance of table on screw over frequency, relative to its static value.
+    resonance: Spectrum,
+    /// Force on the table's guideway side in time (friction, viscous, load), N, and its spectrum.
+    table_force: Vec<f64>,
+    table_force_spectrum: Spectrum,
+    /// The table's scale less the travel of a rigid screw, m.
+    rigid: Spectrum,
+    /// Second derivative of the relative angle.
+    relative_acceleration: Spectrum,
+    pub(crate) memory: Memory,
+}
+
+/// +1 for the screw, -1 for the nut: the sign with which the axial force brakes a motor.
+fn brake(axis: Axis) -> f64 {
+    match axis {
+        Axis::Screw => 1.0,
+        Axis::Nut => -1.0,
+    }
+}
+
+/// `1 / (1 - u^2 + 2 i zeta u)`, `u = hz / resonance`.
+fn compliance(fourier: &Fourier, resonance_hz: f64, damping: f64) -> Spectrum {
+    (0..fourier.bins())
+        .map(|bin| {
+            let u = fourier.hz(bin) / resonance_hz;
+            Complex64::new(1.0 - u * u, 2.0 * damping * u).inv()
+        })
+        .collect()
+}
+
+/// Resonance of the table on the declared axial stiffness, Hz.
+pub fn declared_resonance_hz(model: &Model) -> f64 {
+    (model.feed.axial_stiffness_n_per_m / model.feed.table_mass_kg).sqrt() / TAU
+}
+
+fn shaped(spectrum: &[Complex64], by: &[Complex64]) -> Spectrum {
+    spectrum.iter().zip(by).map(|(a, b)| a * b).collect()
+}
+
+impl<'a> Balance<'a> {
+    /// Balances of a record.
+    pub fn new(
+        model: &'a Model,
+        signals: &'a Signals,
+        fourier: &'a Fourier,
+        rounding: Rounding,
+    ) -> Self {
+        let feed = &model.feed;
+        let lead = feed.travel_per_radian();
+        let sign = |w: f64| rounded_sign(w, rounding.guideway);
+        let table_force: Vec<f64> = signals
+            .relative_speed
+            .iter()
+            .map(|&w| {
+                feed.guideway_coulomb_n * sign(w)
+                    + feed.guideway_viscous_n_s_per_m * lead * w
+                    + feed.load_n
+            })
+            .collect();
+        let difference = |a: &[Complex64], b: &[Complex64], scale: f64| -> Spectrum {
+            a.iter().zip(b).map(|(a, b)| a - b * scale).collect()
+        };
+        let [screw, nut] = &signals.motors;
+        Balance {
+            model,
+            signals,
+            fourier,
+            rounding,
+            lead,
+            resonance: compliance(
+                fourier,
+                declared_resonance_hz(model),
+                feed.axial_damping_ratio,
+            ),
+            table_force_spectrum: fourier.spectrum(&table_force),
+            table_force,
+            rigid: difference(&signals.table_spectrum, &signals.relative_spectrum, lead),
+            memory: Memory::default(),
+            relative_acceleration: difference(&screw.acceleration, &nut.acceleration, 1.0),
+        }
+    }
+
+    /// Spectrum of what has the given value at a row, for a value without content above `hz`.
+    fn spectrum_of(&self, hz: f64, value: impl Fn(usize) -> f64) -> Spectrum {
+        let stride = self.fourier.stride(hz);
+        let signal = self.sampled(stride, value);
+        self.fourier.spectrum_at(stride, &signal)
+    }
+
+    /// Every `stride`-th row of a value.
+    fn sampled(&self, stride: usize, value: impl Fn(usize) -> f64) -> Vec<f64> {
+        (0..self.signals.len()).step_by(stride).map(value).collect()
+    }
+
+    /// What an effect at its place would add to the residuals of a machine that has it.
+    pub fn effect(&self, effect: &EffectModel) -> Contribution {
+        let mut sum = Contribution::default();
+        for term in effect.effect().terms() {
+            match effect.place() {
+                Place::Feed => self.feed_term(&term, &mut sum),
+                place => {
+                    for axis in Axis::ALL.into_iter().filter(|&axis| place.has(axis)) {
+                        self.motor_term(axis, &term, &mut sum);
+                    }
+                }
+            }
+        }
+        sum
+    }
+}

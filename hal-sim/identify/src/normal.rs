@@ -1,0 +1,413 @@
+//! Weighted least squares over all channels at once, with sums kept for each operating point.
+
+use crate::channel::Channel;
+use crate::design::{Column, Whitener, dot};
+use nalgebra::{DMatrix, DVector};
+use std::rc::Rc;
+
+/// What is known of a column's parameter before the record is seen.
+#[derive(Debug, Clone, Copy)]
+pub struct Prior {
+    /// Standard deviation about 0.
+    spread: f64,
+    /// Greatest size.
+    bound: f64,
+    /// The value, if the column leaves none open.
+    fixed: Option<f64>,
+}
+
+impl Prior {
+    /// Nothing is known: the parameter of an effect.
+    pub const FREE: Prior = Prior {
+        spread: f64::INFINITY,
+        bound: f64::INFINITY,
+        fixed: None,
+    };
+
+    /// Mean 0, a standard deviation, and a size of at most `bound`.
+    pub fn within(spread: f64, bound: f64) -> Self {
+        Prior {
+            spread,
+            bound,
+            fixed: None,
+        }
+    }
+
+    /// The column counts with this value.
+    pub fn fixed(value: f64) -> Self {
+        Prior {
+            fixed: Some(value),
+            ..Self::FREE
+        }
+    }
+
+    fn precision(self) -> f64 {
+        if self.spread.is_finite() {
+            self.spread.powi(-2)
+        } else {
+            0.0
+        }
+    }
+}
+
+/// The normal equations of a set of columns for one residual.
+#[derive(Clone)]
+pub struct Normal {
+    columns: Vec<Rc<Column>>,
+    target: Column,
+    gram: Vec<DMatrix<f64>>,
+    rhs: Vec<DVector<f64>>,
+    energy: Vec<f64>,
+    priors: Vec<Prior>,
+}
+
+/// Inverse of a Gram matrix; of one whose columns say the same, the least-norm one.
+fn inverse(gram: DMatrix<f64>) -> DMatrix<f64> {
+    let n = gram.nrows();
+    match gram.clone().cholesky() {
+        Some(factor) => factor.inverse(),
+        None => gram
+            .pseudo_inverse(1e-12)
+            .unwrap_or_else(|_| DMatrix::zeros(n, n)),
+    }
+}
+
+/// Parameters, and what the fit explains.
+#[derive(Clone)]
+pub struct Solution {
+    /// Value of each column's parameter.
+    pub values: DVector<f64>,
+    /// Their covariance under white noise of variance 1.
+    pub covariance: DMatrix<f64>,
+    /// Parameters that are held at a bound, and where.
+    pub held: Vec<(usize, f64)>,
+}
+
+/// Least squares with some parameters held.
+fn solve_holding(gram: &DMatrix<f64>, rhs: &DVector<f64>, held: &[(usize, f64)]) -> Solution {
+    let n = rhs.len();
+    let free: Vec<usize> = (0..n)
+        .filter(|k| held.iter().all(|(h, _)| h != k))
+        .collect();
+    let mut reduced = DVector::from_iterator(free.len(), free.iter().map(|&k| rhs[k]));
+    for (row, &k) in free.iter().enumerate() {
+        reduced[row] -= held
+            .iter()
+            .map(|&(h, value)| gram[(k, h)] * value)
+            .sum::<f64>();
+    }
+    let inverse = inverse(gram.select_rows(&free).select_columns(&free));
+    let found = &inverse * reduced;
+    let mut values = DVector::zeros(n);
+    let mut covariance = DMatrix::zeros(n, n);
+    held.iter().for_each(|&(k, value)| values[k] = value);
+    for (row, &k) in free.iter().enumerate() {
+        values[k] = found[row];
+        for (column, &j) in free.iter().enumerate() {
+            covariance[(k, j)] = inverse[(row, column)];
+        }
+    }
+    Solution {
+        values,
+        covariance,
+        held: Vec::new(),
+    }
+}
+
+/// A regression with further columns.
+pub struct With {
+    /// Sum of squares that is left, the spread of the parameters included.
+    pub cost: f64,
+    /// Sum of squares that is left in each channel.
+    pub channels: [f64; Channel::COUNT],
+    /// Parameters of the further columns.
+    pub values: Vec<f64>,
+    /// Parameters of the columns that were there which it holds at a bound.
+    pub held: Vec<(usize, f64)>,
+}
+
+/// Gain of a candidate over the columns that are there.
+#[derive(Debug, Clone)]
+pub struct Gain {
+    /// Fall of the sum of squares on all operating points.
+    pub fall: f64,
+    /// Parameters of the candidate.
+    pub values: Vec<f64>,
+}
+
+impl Normal {
+    /// No columns yet.
+    pub fn new(target: Column, whitener: &Whitener) -> Self {
+        let folds = whitener.folds.len();
+        Normal {
+            energy: whitener.inner(&target, &target),
+            target,
+            columns: Vec::new(),
+            gram: vec![DMatrix::zeros(0, 0); folds],
+            rhs: vec![DVector::zeros(0); folds],
+            priors: Vec::new(),
+        }
+    }
+
+    /// Adds a column.
+    pub fn push(&mut self, column: Column, prior: Prior, whitener: &Whitener) {
+        let n = self.columns.len();
+        let products: Vec<Vec<f64>> = self
+            .columns
+            .iter()
+            .map(|c| whitener.inner(c, &column))
+            .collect();
+        let own = whitener.inner(&column, &column);
+        let with_target = whitener.inner(&column, &self.target);
+        for fold in 0..self.gram.len() {
+            let mut gram = std::mem::replace(&mut self.gram[fold], DMatrix::zeros(0, 0)).resize(
+                n + 1,
+                n + 1,
+                0.0,
+            );
+            for (k, product) in products.iter().enumerate() {
+                gram[(k, n)] = product[fold];
+                gram[(n, k)] = product[fold];
+            }
+            gram[(n, n)] = own[fold];
+            self.gram[fold] = gram;
+            let rhs = std::mem::replace(&mut self.rhs[fold], DVector::zeros(0));
+            self.rhs[fold] = rhs.push(with_target[fold]);
+        }
+        self.priors.push(prior);
+        self.columns.push(Rc::new(column));
+    }
+
+    /// Removes the columns from `n` on.
+    pub fn truncate(&mut self, n: usize) {
+        self.columns.truncate(n);
+        self.priors.truncate(n);
+        for fold in 0..self.gram.len() {
+            self.gram[fold] = self.gram[fold].view((0, 0), (n, n)).into_owned();
+            self.rhs[fold] = self.rhs[fold].rows(0, n).into_owned();
+        }
+    }
+
+    /// Number of columns.
+    pub fn len(&self) -> usize {
+        self.priors.len()
+    }
+
+    /// Whether there are no columns.
+    pub fn is_empty(&self) -> bool {
+        self.priors.is_empty()
+    }
+
+    fn sums(&self, without: Option<usize>) -> (DMatrix<f64>, DVector<f64>) {
+        let n = self.len();
+        let (mut gram, mut rhs) = (DMatrix::zeros(n, n), DVector::zeros(n));
+        for fold in (0..self.gram.len()).filter(|fold| Some(*fold) != without) {
+            gram += &self.gram[fold];
+            rhs += &self.rhs[fold];
+        }
+        for k in 0..n {
+            // A column that nothing excites keeps a tiny precision, so that its parameter stays 0.
+            gram[(k, k)] += self.priors[k]
+                .precision()
+                .max(1e-9 * gram[(k, k)])
+                .max(1e-12);
+        }
+        (gram, rhs)
+    }
+
+    /// Least squares over all operating points, or all but one. A parameter that would leave its bounds stays at the
+    /// bound, the one that goes furthest first.
+    pub fn solve(&self, without: Option<usize>) -> Solution {
+        let (gram, rhs) = self.sums(without);
+        let mut held: Vec<(usize, f64)> = (0..self.len())
+            .filter_map(|k| Some((k, self.priors[k].fixed?)))
+            .collect();
+        loop {
+            let solution = solve_holding(&gram, &rhs, &held);
+            let excess = |k: usize| (k, solution.values[k].abs() / self.priors[k].bound);
+            let free = (0..self.len()).filter(|k| held.iter().all(|(h, _)| h != k));
+            match free.map(excess).max_by(|a, b| a.1.total_cmp(&b.1)) {
+                Some((k, ratio)) if ratio > 1.0 => {
+                    held.push((k, self.priors[k].bound.copysign(solution.values[k])))
+                }
+                _ => return Solution { held, ..solution },
+            }
+        }
+    }
+
+    /// The regression with further columns.
+    pub fn with(&mut self, candidates: &[(Column, Prior)], whitener: &Whitener) -> With {
+        let n = self.len();
+        for (column, prior) in candidates {
+            self.push(column.clone(), *prior, whitener);
+        }
+        let full = self.solve(None);
+        let with = With {
+            cost: self.cost(&full.values),
+            channels: self.left_by_channel(&full.values),
+            values: full
+                .values
+                .rows(n, candidates.len())
+                .iter()
+                .copied()
+                .collect(),
+            held: full.held.into_iter().filter(|(k, _)| *k < n).collect(),
+        };
+        self.truncate(n);
+        with
+    }
+
+    /// The solution of the columns that are there when given parameters are held. Against that of a regression with
+    /// further columns ([`With::held`]) a candidate like them is judged without the bias of parameters that went to
+    /// their bounds for want of it.
+    pub fn solve_beside(&self, held: &[(usize, f64)]) -> Solution {
+        let (gram, rhs) = self.sums(None);
+        let solution = solve_holding(&gram, &rhs, held);
+        Solution {
+            held: held.to_vec(),
+            ..solution
+        }
+    }
+
+    /// Sum of squares that is left in each channel under given parameters.
+    pub fn left_by_channel(&self, values: &DVector<f64>) -> [f64; Channel::COUNT] {
+        self.residual(values)
+            .parts
+            .map(|part| part.map_or(0.0, |part| dot(&part, &part)))
+    }
+
+    /// Sum of squares of one operating point under given parameters.
+    pub fn left(&self, fold: usize, values: &DVector<f64>) -> f64 {
+        self.energy[fold] - 2.0 * self.rhs[fold].dot(values)
+            + (&self.gram[fold] * values).dot(values)
+    }
+
+    /// Sum of squares that is left on all operating points, the spread of the parameters included.
+    pub fn cost(&self, values: &DVector<f64>) -> f64 {
+        let data: f64 = (0..self.gram.len())
+            .map(|fold| self.left(fold, values))
+            .sum();
+        data + values
+            .iter()
+            .zip(&self.priors)
+            .map(|(v, prior)| v * v * prior.precision())
+            .sum::<f64>()
+    }
+
+    /// What is left of the target under given parameters.
+    pub fn residual(&self, values: &DVector<f64>) -> Column {
+        let mut left = self.target.clone();
+        for (column, value) in self.columns.iter().zip(values.iter()) {
+            for (sum, part) in left.parts.iter_mut().zip(&column.parts) {
+                if let (Some(sum), Some(part)) = (sum, part) {
+                    sum.iter_mut().zip(part).for_each(|(s, p)| *s -= value * p);
+                }
+            }
+        }
+        left
+    }
+
+    /// Gram matrix and right-hand side of candidate columns, less what the columns that are there can do as well; and
+    /// the candidates' own weights before that.
+    fn reduced(
+        &self,
+        candidates: &[Column],
+        solution: &Solution,
+        whitener: &Whitener,
+    ) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
+        let (n, m) = (self.len(), candidates.len());
+        let mut cross = DMatrix::zeros(n, m);
+        let mut own = DMatrix::zeros(m, m);
+        let mut rhs = DVector::zeros(m);
+        for (j, candidate) in candidates.iter().enumerate() {
+            for (k, column) in self.columns.iter().enumerate() {
+                cross[(k, j)] = whitener.inner(column, candidate).iter().sum();
+            }
+            for (i, other) in candidates.iter().enumerate().take(j + 1) {
+                let product: f64 = whitener.inner(other, candidate).iter().sum();
+                own[(i, j)] = product;
+                own[(j, i)] = product;
+            }
+            rhs[j] = whitener.inner(&self.target, candidate).iter().sum();
+        }
+        let before = own.diagonal().iter().copied().collect();
+        own -= cross.transpose() * &solution.covariance * &cross;
+        rhs -= cross.transpose() * &solution.values;
+        (own, rhs, before)
+    }
+
+    /// What candidate columns would gain, without adding them.
+    pub fn gain(&self, candidates: &[Column], solution: &Solution, whitener: &Whitener) -> Gain {
+        let m = candidates.len();
+        let (own, rhs, before) = self.reduced(candidates, solution, whitener);
+        let nothing = Gain {
+            fall: 0.0,
+            values: vec![0.0; m],
+        };
+        // What the declared parameters can do as well is not the candidate's.
+        if (0..m).any(|j| own[(j, j)] <= 1e-6 * before[j] || before[j] == 0.0) {
+            return nothing;
+        }
+        own.cholesky().map_or(nothing, |factor| {
+            let values = factor.solve(&rhs);
+            Gain {
+                fall: values.dot(&rhs),
+                values: values.iter().copied().collect(),
+            }
+        })
+    }
+
+    /// What candidate columns with given parameters would gain, all other parameters solved again within their bounds.
+    pub fn gain_at(&self, candidates: &[Column], values: &[f64], whitener: &Whitener) -> f64 {
+        let before = self.cost(&self.solve(None).values);
+        let mut less = Normal {
+            columns: Vec::new(),
+            target: Column {
+                parts: Default::default(),
+            },
+            gram: self.gram.clone(),
+            rhs: self.rhs.clone(),
+            energy: self.energy.clone(),
+            priors: self.priors.clone(),
+        };
+        for (candidate, value) in candidates.iter().zip(values) {
+            let with_target = whitener.inner(candidate, &self.target);
+            for (energy, product) in less.energy.iter_mut().zip(with_target) {
+                *energy -= 2.0 * value * product;
+            }
+            for (other, other_value) in candidates.iter().zip(values) {
+                for (energy, product) in
+                    less.energy.iter_mut().zip(whitener.inner(candidate, other))
+                {
+                    *energy += value * other_value * product;
+                }
+            }
+            for (k, column) in self.columns.iter().enumerate() {
+                for (rhs, product) in less.rhs.iter_mut().zip(whitener.inner(column, candidate)) {
+                    rhs[k] -= value * product;
+                }
+            }
+        }
+        before - less.cost(&less.solve(None).values)
+    }
+
+    /// Fall of the sum of squares on each operating point that the columns from `base` on bring when fitted on all
+    /// others.
+    pub fn held_back(&self, base: usize) -> Vec<f64> {
+        let mut narrow = Normal {
+            columns: self.columns[..base].to_vec(),
+            target: self.target.clone(),
+            gram: self.gram.clone(),
+            rhs: self.rhs.clone(),
+            energy: self.energy.clone(),
+            priors: self.priors.clone(),
+        };
+        narrow.truncate(base);
+        (0..self.gram.len())
+            .map(|fold| {
+                narrow.left(fold, &narrow.solve(Some(fold)).values)
+                    - self.left(fold, &self.solve(Some(fold)).values)
+            })
+            .collect()
+    }
+}

@@ -1,0 +1,154 @@
+//! What an analysis tells.
+
+use crate::channel::Channel;
+use crate::hypothesis::Hypothesis;
+use crate::select::Trial;
+use plant::effects::EffectModel;
+use plant::model::Model;
+
+/// An effect that was found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// What it was traced to.
+    pub hypothesis: Hypothesis,
+    /// Linear parameters.
+    pub values: Vec<f64>,
+    /// Their covariance, row by row.
+    pub covariance: Vec<f64>,
+    /// Standard deviation of the shape.
+    pub shape_sigma: f64,
+    /// The effect as a model file has it.
+    pub effect: EffectModel,
+    /// Share of what the fit record has beyond noise.
+    pub explained: f64,
+    /// Fall of the sum of squares on the fit record.
+    pub fall: f64,
+    /// The same on the check record with the fit's parameters.
+    pub check_fall: f64,
+    /// Fall on each operating point of the fit record when fitted on the others.
+    pub held_back: Vec<f64>,
+    /// The hypotheses that lost against it, the best first.
+    pub rivals: Vec<Trial>,
+    /// Those of them that the record does not tell from it, at their best: what explains all but a trace as much.
+    pub inseparable: Vec<Rival>,
+}
+
+/// Another hypothesis in the place of an effect that was found.
+#[derive(Debug, Clone)]
+pub struct Rival {
+    /// What it says.
+    pub hypothesis: Hypothesis,
+    /// The effect as a model file would have it, if its place makes sense.
+    pub effect: Option<EffectModel>,
+    /// By how much the sum of squares of the fit record falls less than with the effect that was named; half of it is
+    /// the difference of the log-likelihoods.
+    pub behind: f64,
+    /// The same on the check record, with each one's parameters of the fit record.
+    pub check_behind: f64,
+}
+
+/// Rms of one channel, in its unit.
+#[derive(Debug, Clone, Copy)]
+pub struct ChannelFigures {
+    /// Which.
+    pub channel: Channel,
+    /// Fit record, declared parameters recalibrated.
+    pub fit_before: f64,
+    /// Fit record with the effects.
+    pub fit_after: f64,
+    /// Check record, parameters of the fit record.
+    pub check_before: f64,
+    /// Check record with the effects.
+    pub check_after: f64,
+    /// What sensors alone leave.
+    pub noise_floor: f64,
+    /// Whitened rms with the effects on the fit record; 1 is noise.
+    pub whitened: f64,
+    /// Share of the residual's lags of up to 0.1 s whose correlation is within the 95 % band of white noise.
+    pub whiteness: f64,
+}
+
+/// Something that no hypothesis explains.
+#[derive(Debug, Clone)]
+pub struct Unexplained {
+    /// Where it shows.
+    pub channel: String,
+    /// What it repeats with.
+    pub coordinate: String,
+    /// Order or frequency there.
+    pub order: f64,
+    /// Size.
+    pub size: f64,
+    /// Why it was not named.
+    pub reason: String,
+}
+
+/// All that was found.
+pub struct Outcome {
+    /// Effects, the greatest first.
+    pub effects: Vec<Found>,
+    /// Channels.
+    pub channels: Vec<ChannelFigures>,
+    /// What is left.
+    pub unexplained: Vec<Unexplained>,
+    /// Trials of the last step, in which nothing more was found.
+    pub last: Vec<Trial>,
+    /// Hypotheses tried.
+    pub tried: usize,
+    /// Fall that an effect had to bring.
+    pub threshold: f64,
+    /// Recalibrated model with the effects.
+    pub model: Model,
+    /// Recalibrated parameters: name, relative change, standard deviation.
+    pub calibration: Vec<(String, f64, f64)>,
+    /// Residuals of the fit record before and after, by channel, at the decimated rate.
+    pub residuals: Vec<(Channel, Vec<f64>, Vec<f64>)>,
+    /// Rows of each channel that count, in the order of [`Channel::ALL`].
+    pub open: Vec<Vec<bool>>,
+    /// Coordinates of the residuals' rows.
+    pub coordinates: Coordinates,
+    /// How derivatives were taken.
+    pub bandwidth: Bandwidth,
+}
+
+/// Bandwidths of the derivatives and filters, which are zero-phase over the whole record.
+#[derive(Debug, Clone, Copy)]
+pub struct Bandwidth {
+    /// Up to which the balances, and so the accelerations in them, are compared, Hz: above it the encoders' quantisation
+    /// leaves nothing of an acceleration.
+    pub balance_hz: f64,
+    /// Up to which the table's position is compared, Hz: nearer to its resonance the encoders' quantisation is amplified.
+    pub table_hz: f64,
+    /// Of speeds in friction and back-EMF, Hz.
+    pub speed_hz: f64,
+    /// Frequency from which the encoders' quantisation outweighs the current sensors' noise in a torque balance, Hz, for
+    /// screw and nut: below it the weights are even, above it they fall with the fourth power.
+    pub even_hz: [f64; 2],
+}
+
+/// What residuals are looked at over, at the decimated rate.
+pub struct Coordinates {
+    /// Time, s.
+    pub time: Vec<f64>,
+    /// Mechanical angles of screw and nut, rad.
+    pub angle: [Vec<f64>; 2],
+    /// Angle of screw against nut, rad.
+    pub relative: Vec<f64>,
+    /// Speeds of screw and nut, rad/s.
+    pub speed: [Vec<f64>; 2],
+    /// Speed of screw against nut, rad/s.
+    pub relative_speed: Vec<f64>,
+}
+
+impl Outcome {
+    /// `nothing missing`, `explained` or `unexplained`.
+    pub fn verdict(&self) -> &'static str {
+        if !self.unexplained.is_empty() {
+            "unexplained"
+        } else if self.effects.is_empty() {
+            "nothing missing"
+        } else {
+            "explained"
+        }
+    }
+}

@@ -1,0 +1,408 @@
+//! Which effects a record has: the best hypothesis is added, each is looked at again with the others in place, and so on
+//! until nothing changes.
+
+use crate::analysis::Case;
+use crate::balance::Balance;
+use crate::channel::Channel;
+use crate::design::Whitener;
+use crate::hypothesis::{Family, Hypothesis};
+use crate::lookalike;
+use crate::noise::Noise;
+use crate::normal::Solution;
+use crate::select::{Search, Trial};
+use plant::Axis;
+use plant::effects::Place;
+use std::f64::consts::TAU;
+
+/// What an effect must explain at least, as a share of what noise leaves: smaller than a sixteenth of the noise's rms,
+/// simplifications of the balances explain as much.
+pub const MATERIAL: f64 = 0.004;
+/// Share of that which the check record must confirm, with the parameters of the fit.
+const CONFIRMED: f64 = 0.25;
+/// Effects of one machine at most.
+const MOST_EFFECTS: usize = 4;
+/// Hypotheses that are looked at closely in each step.
+const MOST_CONTENDERS: usize = 5;
+/// Share of the best fall within which the check record has a say in the choice.
+const CLOSE: f64 = 0.03;
+/// A rival whose fall is behind by less than this (ten of log-likelihood) and a share that is left to the balances'
+/// simplifications is not told apart.
+const INSEPARABLE: f64 = 20.0;
+const INSEPARABLE_SHARE: f64 = 0.002;
+/// An effect gives way to one that explains more on both records by this and this share.
+const BETTER: f64 = 50.0;
+const BETTER_SHARE: f64 = 0.001;
+/// Smallest amplitude of a travel error in encoder counts (through the lead): what quantisation itself makes is below.
+const LEAST_TRAVEL_COUNTS: f64 = 0.25;
+
+/// Sums over the channels.
+type ByChannel = [f64; Channel::COUNT];
+
+/// Turns that an angle covers.
+fn turns(angle: &[f64]) -> f64 {
+    let (low, high) = angle
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+    ((high - low) / TAU).max(0.05)
+}
+
+/// Whether two hypotheses say the same within what the record resolves.
+pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
+    let near = a.place == b.place || a.place == Place::Both || b.place == Place::Both;
+    if a.family != b.family || !near {
+        return false;
+    }
+    let signals = balance.signals;
+    let resolution = match a.family {
+        Family::AngleTorque => 3.0 / turns(&signals.motors[a.axis().map_or(0, Axis::index)].travel),
+        Family::LeadError | Family::BallPassage => 1.5 / turns(&signals.relative),
+        Family::TimePeriodic => 3.0 / signals.run_s(),
+        Family::FluxHarmonic | Family::EncoderEccentricity => 1e-9,
+        _ => f64::INFINITY,
+    };
+    (a.shape - b.shape).abs() < resolution
+}
+
+/// Whether a trial's size is more than the sensors' resolution makes.
+fn resolved(trial: &Trial, balance: &Balance) -> bool {
+    let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let count = TAU / f64::from(balance.model.sensing.encoder_counts_per_turn);
+    trial.hypothesis.family != Family::LeadError
+        || size > LEAST_TRAVEL_COUNTS * count * balance.lead
+}
+
+/// An effect of both motors alike is two effects where their sizes differ.
+fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothesis> {
+    if trial.hypothesis.place == Place::Both {
+        let each = [Place::Screw, Place::Nut].map(|place| Hypothesis {
+            place,
+            ..trial.hypothesis
+        });
+        let apart: f64 = each
+            .iter()
+            .map(|h| search.try_one(*h, solution).gain.fall)
+            .sum();
+        if apart > 1.02 * trial.gain.fall + 50.0 {
+            return each.to_vec();
+        }
+    }
+    vec![trial.hypothesis]
+}
+
+/// Of contenders those that the record does not tell from a trial.
+fn inseparable(trial: &Trial, contenders: &[Contender], balance: &Balance) -> Vec<Trial> {
+    let least = (1.0 - INSEPARABLE_SHARE) * trial.gain.fall - INSEPARABLE;
+    contenders
+        .iter()
+        .map(|contender| &contender.trial)
+        .filter(|other| {
+            other.gain.fall > least && !same(&other.hypothesis, &trial.hypothesis, balance)
+        })
+        .cloned()
+        .collect()
+}
+
+/// How far a search has come.
+#[derive(Default)]
+pub(crate) struct Progress {
+    pub(crate) found: Vec<Hypothesis>,
+    pub(crate) rivals: Vec<Vec<Trial>>,
+    /// Of each effect: what the record does not tell from it.
+    pub(crate) inseparable: Vec<Vec<Trial>>,
+    pub(crate) last: Vec<Trial>,
+    pub(crate) unconfirmed: Vec<Trial>,
+    pub(crate) tried: usize,
+    pub(crate) threshold: f64,
+    /// What each effect explained when it was found.
+    falls: Vec<f64>,
+    /// What the simplifications of the effects that were found may leave in each channel.
+    remainder: ByChannel,
+}
+
+/// The check record beside the search, and what it must confirm.
+struct Witness<'a, 'b> {
+    case: &'a Case<'b>,
+    noise: Noise,
+    /// Least fall for each row.
+    least: f64,
+}
+
+impl Witness<'_, '_> {
+    /// Fall of the check record's sum of squares with the fit's parameters.
+    fn fall(&self, trial: &Trial, others: &[Hypothesis]) -> f64 {
+        let whitener = self.case.whitener(&self.noise);
+        let mut search = self.case.search(&whitener, others);
+        search.fall_at(&trial.hypothesis, &trial.gain.values)
+    }
+
+    /// Whether a fall bears a trial out: a share of what its rows make one expect.
+    fn confirms(&self, fall: f64, whitener: &Whitener) -> bool {
+        fall > CONFIRMED * self.least * whitener.used_rows() as f64
+    }
+}
+
+/// A trial at its best, with what it explains beyond what effects that were found before may have left.
+struct Contender {
+    trial: Trial,
+    credit: f64,
+}
+
+impl Progress {
+    /// Adds effects until none is worth it, looks at each again with the others in place, drops those that are then
+    /// worth nothing, and goes on until nothing changes. Returns the noise that is left, or `None` as soon as an effect
+    /// shows that what the search rests on does not hold (`holds`).
+    pub(crate) fn search(
+        &mut self,
+        case: &Case,
+        check: &Case,
+        holds: &dyn Fn(&[Hypothesis]) -> bool,
+    ) -> Option<Noise> {
+        let mut noise = case.noise(None, &self.found);
+        let mut witness = Witness {
+            case: check,
+            noise: check.noise(None, &self.found),
+            least: MATERIAL,
+        };
+        for _ in 0..3 {
+            while self.step(case, &witness, &noise) {
+                if !holds(&self.found) {
+                    return None;
+                }
+                noise = case.noise(Some(&noise), &self.found);
+                witness.noise = check.noise(Some(&witness.noise), &self.found);
+            }
+            if self.found.len() < 2 || !self.reconsider(case, &witness, &noise) {
+                break;
+            }
+            noise = case.noise(Some(&noise), &self.found);
+            witness.noise = check.noise(Some(&witness.noise), &self.found);
+        }
+        Some(noise)
+    }
+
+    /// What of a fall is more than what the effects that were found may have left.
+    fn credit(&self, falls: &ByChannel) -> f64 {
+        falls
+            .iter()
+            .zip(&self.remainder)
+            .map(|(fall, left)| {
+                if *fall > 0.0 {
+                    (fall - left).max(0.0)
+                } else {
+                    *fall
+                }
+            })
+            .sum()
+    }
+
+    /// The trials that bring at least `enough` beyond what was left, each at its best, the best first. Of trials that say
+    /// the same only the best is looked at.
+    fn contenders(
+        &self,
+        trials: &[Trial],
+        search: &mut Search,
+        others: &[(Hypothesis, f64)],
+        enough: f64,
+    ) -> Vec<Contender> {
+        let balance = search.balance;
+        // Parameters at their bounds hide a part of what a trial brings: a rough one is enough to be looked at.
+        let mut rough: Vec<(f64, &Trial)> = trials
+            .iter()
+            .filter(|trial| trial.gain.fall > 0.5 * enough)
+            .map(|trial| (self.credit(&search.share_by_channel(trial)), trial))
+            .collect();
+        rough.sort_by(|a, b| b.0.total_cmp(&a.0));
+        let top = rough.first().map_or(0.0, |(credit, _)| *credit);
+        let mut list: Vec<&Trial> = Vec::new();
+        for (_, trial) in rough
+            .into_iter()
+            .filter(|(credit, _)| *credit > (0.2 * top).max(0.5 * enough))
+        {
+            if list.len() < MOST_CONTENDERS
+                && !list
+                    .iter()
+                    .any(|known| same(&known.hypothesis, &trial.hypothesis, balance))
+            {
+                list.push(trial);
+            }
+        }
+        let mut list: Vec<Contender> = list
+            .into_iter()
+            .map(|trial| {
+                let trial = search.at_best(trial);
+                let credit = match self.remainder.iter().any(|left| *left > 0.0) {
+                    true => self.credit(&search.fall_by_channel(&trial.hypothesis)),
+                    false => trial.gain.fall,
+                };
+                Contender { trial, credit }
+            })
+            .collect();
+        list.retain(|c| {
+            c.credit > enough.max(self.least_beside(&c.trial.hypothesis, others, balance))
+                && c.trial.gain.fall > 0.0
+                && resolved(&c.trial, balance)
+        });
+        list.sort_by(|a, b| b.credit.total_cmp(&a.credit));
+        list
+    }
+
+    /// What a hypothesis must explain beside given effects, of which each explains so much.
+    fn least_beside(
+        &self,
+        hypothesis: &Hypothesis,
+        others: &[(Hypothesis, f64)],
+        balance: &Balance,
+    ) -> f64 {
+        others
+            .iter()
+            .map(|(found, fall)| lookalike::least(found, *fall, hypothesis, balance.model))
+            .fold(0.0, f64::max)
+    }
+
+    /// The effects that were found, with what each explained.
+    fn known(&self) -> Vec<(Hypothesis, f64)> {
+        self.found
+            .iter()
+            .copied()
+            .zip(self.falls.iter().copied())
+            .collect()
+    }
+
+    /// Of contenders the one that explains most and that the check record bears out; among those that explain nearly as
+    /// much, the one that explains most on both records. Those that are not borne out are noted.
+    fn chosen(
+        &mut self,
+        contenders: &[Contender],
+        witness: &Witness,
+        others: &[Hypothesis],
+    ) -> Option<(f64, Trial)> {
+        let whitener = witness.case.whitener(&witness.noise);
+        let mut best: Option<(f64, &Contender)> = None;
+        for contender in contenders {
+            if let Some((_, leader)) = &best
+                && contender.credit < (1.0 - CLOSE) * leader.credit
+            {
+                break;
+            }
+            let fall = witness.fall(&contender.trial, others);
+            if !witness.confirms(fall, &whitener) {
+                if best.is_none() {
+                    self.unconfirmed.push(contender.trial.clone());
+                }
+                continue;
+            }
+            let both = fall + contender.trial.gain.fall;
+            if best.as_ref().is_none_or(|(most, _)| both > *most) {
+                best = Some((both, contender));
+            }
+        }
+        best.map(|(both, contender)| (both, contender.trial.clone()))
+    }
+
+    /// Tries everything and adds what explains most; `false` when nothing is worth it.
+    fn step(&mut self, case: &Case, witness: &Witness, noise: &Noise) -> bool {
+        let whitener = case.whitener(noise);
+        let mut search = case.search(&whitener, &self.found);
+        let solution = search.normal.solve(None);
+        let mut trials = search.trials(&solution);
+        self.tried += trials.len();
+        trials.retain(|trial| {
+            !self
+                .found
+                .iter()
+                .any(|known| same(known, &trial.hypothesis, case.balance))
+        });
+        self.threshold = MATERIAL * whitener.used_rows() as f64;
+        self.unconfirmed.clear();
+        let contenders = self.contenders(&trials, &mut search, &self.known(), self.threshold);
+        let others = self.found.clone();
+        let accepted = self.chosen(&contenders, witness, &others);
+        self.last = trials;
+        let Some((_, trial)) = accepted else {
+            return false;
+        };
+        if self.found.len() >= MOST_EFFECTS {
+            self.unconfirmed.push(trial);
+            return false;
+        }
+        let falls = search.fall_by_channel(&trial.hypothesis);
+        for (left, fall) in self.remainder.iter_mut().zip(falls) {
+            *left = left.max(trial.hypothesis.remainder() * fall);
+        }
+        for hypothesis in split(&trial, &mut search, &solution) {
+            let lost = self
+                .last
+                .iter()
+                .filter(|t| !same(&t.hypothesis, &hypothesis, case.balance));
+            self.rivals.push(lost.take(8).cloned().collect());
+            self.inseparable
+                .push(inseparable(&trial, &contenders, case.balance));
+            self.found.push(hypothesis);
+            self.falls.push(trial.gain.fall);
+        }
+        true
+    }
+
+    /// Looks at each effect again with the others in place: another may explain its part better, or its shape move, or
+    /// nothing be left for it to explain. `true` if an effect was replaced or dropped.
+    fn reconsider(&mut self, case: &Case, witness: &Witness, noise: &Noise) -> bool {
+        let whitener = case.whitener(noise);
+        let check_whitener = witness.case.whitener(&witness.noise);
+        let bare = case.search(&whitener, &[]);
+        let mut changed = false;
+        let mut k = 0;
+        while k < self.found.len() {
+            let mut others = self.found.clone();
+            let own = others.remove(k);
+            let mut known = self.known();
+            known.remove(k);
+            let mut search = bare.fork();
+            others.iter().for_each(|h| search.add(h));
+            let solution = search.normal.solve(None);
+            let own = search.try_one(own, &solution);
+            let own = search.at_best(&own);
+            let own_on_check = witness.fall(&own, &others);
+            let mut trials = search.trials(&solution);
+            trials.retain(|trial| {
+                !others
+                    .iter()
+                    .any(|known| same(known, &trial.hypothesis, case.balance))
+            });
+            let close = (0.9 * own.gain.fall).max(self.threshold);
+            let contenders = self.contenders(&trials, &mut search, &known, close);
+            let both = own.gain.fall + own_on_check;
+            let better = self
+                .chosen(&contenders, witness, &others)
+                .filter(|(other, _)| *other > both + BETTER + BETTER_SHARE * both)
+                .map(|(_, trial)| trial);
+            self.inseparable[k] =
+                inseparable(better.as_ref().unwrap_or(&own), &contenders, case.balance);
+            let worth =
+                self.threshold
+                    .max(self.least_beside(&own.hypothesis, &known, case.balance));
+            match better {
+                Some(trial) => {
+                    changed |= !same(&trial.hypothesis, &self.found[k], case.balance);
+                    self.found[k] = trial.hypothesis;
+                    self.falls[k] = trial.gain.fall;
+                }
+                None if own.gain.fall < worth
+                    || !witness.confirms(own_on_check, &check_whitener) =>
+                {
+                    self.found.remove(k);
+                    self.falls.remove(k);
+                    self.rivals.remove(k);
+                    self.inseparable.remove(k);
+                    changed = true;
+                    continue;
+                }
+                None => {
+                    self.found[k] = own.hypothesis;
+                    self.falls[k] = own.gain.fall;
+                }
+            }
+            k += 1;
+        }
+        changed
+    }
+}

@@ -1,0 +1,74 @@
+//! The declared parameters as the record has them, and the new model.
+
+use crate::analysis::{Case, Found};
+use crate::balance::{MotorParameter, Parameter};
+use crate::normal::Solution;
+use plant::model::Model;
+
+/// Name of a declared parameter in a model file; `None` for a nuisance.
+fn declared_name(parameter: Parameter) -> Option<String> {
+    Some(match parameter {
+        Parameter::Motor(axis, which) => {
+            let key = match which {
+                MotorParameter::Inertia => "inertia_kg_m2",
+                MotorParameter::Viscous => "viscous_nm_s",
+                MotorParameter::Coulomb => "coulomb_nm",
+                MotorParameter::Flux => "flux_wb",
+                MotorParameter::Resistance => "resistance_ohm",
+                MotorParameter::Inductance => "inductance_h",
+                _ => return None,
+            };
+            format!("{}.{key}", axis.name())
+        }
+        Parameter::Pair => "feed.pair_coulomb_nm".into(),
+        Parameter::GuidewayCoulomb => "feed.guideway_coulomb_n".into(),
+        Parameter::GuidewayViscous => "feed.guideway_viscous_n_s_per_m".into(),
+        Parameter::Load => "feed.load_n".into(),
+        Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => return None,
+    })
+}
+
+pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64, f64)> {
+    case.base
+        .parameters
+        .iter()
+        .enumerate()
+        .filter_map(|(k, (parameter, _))| {
+            Some((
+                declared_name(*parameter)?,
+                solution.values[k],
+                solution.covariance[(k, k)].max(0.0).sqrt(),
+            ))
+        })
+        .collect()
+}
+
+pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
+    let mut model = case.balance.model.clone();
+    for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
+        let factor = 1.0 + solution.values[k];
+        match *parameter {
+            Parameter::Motor(axis, which) => {
+                let motor = model.motor_mut(axis);
+                match which {
+                    MotorParameter::Inertia => motor.inertia_kg_m2 *= factor,
+                    MotorParameter::Viscous => motor.viscous_nm_s *= factor,
+                    MotorParameter::Coulomb => motor.coulomb_nm *= factor,
+                    MotorParameter::Flux => motor.flux_wb *= factor,
+                    MotorParameter::Resistance => motor.resistance_ohm *= factor,
+                    MotorParameter::Inductance => motor.inductance_h *= factor,
+                    _ => {}
+                }
+            }
+            Parameter::Pair => model.feed.pair_coulomb_nm *= factor,
+            Parameter::GuidewayCoulomb => model.feed.guideway_coulomb_n *= factor,
+            Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
+            Parameter::Load => model.feed.load_n *= factor,
+            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => {}
+        }
+    }
+    model
+        .effects
+        .extend(effects.iter().map(|found| found.effect.clone()));
+    model
+}
