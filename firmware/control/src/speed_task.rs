@@ -102,11 +102,8 @@ impl SpeedTask {
         }
         let [screw, nut] = motors;
         let [screw_loop, nut_loop] = &config.current_loops;
-        let omega_e = [
-            screw_loop.observer.omega_e(screw.theta_step),
-            nut_loop.observer.omega_e(nut.theta_step),
-        ];
-        let [screw_omega_e, nut_omega_e] = omega_e;
+        let screw_omega_e = screw_loop.observer.omega_e(screw.theta_step);
+        let nut_omega_e = nut_loop.observer.omega_e(nut.theta_step);
         let [screw_torque, nut_torque] = self.torque_limited;
         let speed = self.coordinator.step(
             &config.coordinator,
@@ -122,25 +119,23 @@ impl SpeedTask {
             ],
         );
 
-        let mut current = [CurrentReference {
+        let [screw_config, nut_config] = &config.speed_loops;
+        let [screw_reference, nut_reference] = speed;
+        let [screw_loop, nut_loop] = &mut self.speed_loops;
+        let wanted = [
+            screw_loop.wanted(screw_config, screw_reference, screw_omega_e),
+            nut_loop.wanted(nut_config, nut_reference, nut_omega_e),
+        ];
+        let [screw_wanted, nut_wanted] = wanted;
+        let asked = [
+            screw_loop.limit(screw_config, screw_wanted, screw.voltage_limited),
+            nut_loop.limit(nut_config, nut_wanted, nut.voltage_limited),
+        ];
+        self.torque_limited = asked.map(|output| output.limited);
+        let current = asked.map(|output| CurrentReference {
             mode,
-            ..CurrentReference::default()
-        }; 2];
-        let motors = config
-            .speed_loops
-            .iter()
-            .zip(&mut self.speed_loops)
-            .zip(motors)
-            .zip(omega_e)
-            .zip(speed);
-        let outputs = current.iter_mut().zip(&mut self.torque_limited);
-        for (((((config, speed_loop), motor), omega_e), reference), (current, torque_limited)) in
-            motors.zip(outputs)
-        {
-            let output = speed_loop.step(config, reference, omega_e, motor.voltage_limited);
-            current.i_q = output.i_q;
-            *torque_limited = output.limited;
-        }
+            i_q: output.i_q,
+        });
         SpeedTaskOutput {
             current,
             speed,

@@ -15,6 +15,7 @@
 
 use crate::current_loop::{Calibration, Mode};
 use crate::exchange::MotorStatus;
+use core::hint::cold_path;
 
 /// What stopped the drive, with its number in the debug view.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -155,6 +156,17 @@ impl State {
 
 /// The first fault, in the order of what is likelier to be the cause of the others.
 fn fault([screw, nut]: [MotorStatus; 2]) -> Option<Fault> {
+    // All flags of both at once: they are bits of two words, and nearly always there is none.
+    let any = |motor: MotorStatus| {
+        motor.broken
+            | (motor.calibration == Calibration::OutOfRange)
+            | motor.encoder_stuck
+            | motor.reference_stale
+    };
+    if !(any(screw) | any(nut)) {
+        return None;
+    }
+    cold_path();
     let zero_is_off = |motor: MotorStatus| motor.calibration == Calibration::OutOfRange;
     if screw.broken {
         Some(Fault::ScrewBreak)
