@@ -7,8 +7,6 @@ use crate::noise::Noise;
 use crate::signals::Signals;
 use std::ops::Range;
 
-pub use crate::normal::{Gain, Normal, Prior, Solution};
-
 /// Speeds below which friction may stick and the torque balance says nothing, rad/s.
 const STICKING_RAD_S: f64 = 0.5;
 /// Time around sticking, and at the ends of a record, over which filters carry what is not modelled, s.

@@ -9,6 +9,7 @@ mod conclusion;
 pub mod design;
 pub mod feed_axis;
 pub mod fourier;
+pub mod gain;
 pub mod html;
 pub mod hypothesis;
 pub mod interval;

@@ -53,11 +53,11 @@ impl Prior {
 /// The normal equations of a set of columns for one residual.
 #[derive(Clone)]
 pub struct Normal {
-    columns: Vec<Rc<Column>>,
-    target: Column,
-    gram: Vec<DMatrix<f64>>,
-    rhs: Vec<DVector<f64>>,
-    energy: Vec<f64>,
+    pub(crate) columns: Vec<Rc<Column>>,
+    pub(crate) target: Column,
+    pub(crate) gram: Vec<DMatrix<f64>>,
+    pub(crate) rhs: Vec<DVector<f64>>,
+    pub(crate) energy: Vec<f64>,
     priors: Vec<Prior>,
 }
 
@@ -124,15 +124,6 @@ pub struct With {
     pub values: Vec<f64>,
     /// Parameters of the columns that were there which it holds at a bound.
     pub held: Vec<(usize, f64)>,
-}
-
-/// Gain of a candidate over the columns that are there.
-#[derive(Debug, Clone)]
-pub struct Gain {
-    /// Fall of the sum of squares on all operating points.
-    pub fall: f64,
-    /// Parameters of the candidate.
-    pub values: Vec<f64>,
 }
 
 impl Normal {
@@ -305,109 +296,5 @@ impl Normal {
             }
         }
         left
-    }
-
-    /// Gram matrix and right-hand side of candidate columns, less what the columns that are there can do as well; and
-    /// the candidates' own weights before that.
-    fn reduced(
-        &self,
-        candidates: &[Column],
-        solution: &Solution,
-        whitener: &Whitener,
-    ) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
-        let (n, m) = (self.len(), candidates.len());
-        let mut cross = DMatrix::zeros(n, m);
-        let mut own = DMatrix::zeros(m, m);
-        let mut rhs = DVector::zeros(m);
-        for (j, candidate) in candidates.iter().enumerate() {
-            for (k, column) in self.columns.iter().enumerate() {
-                cross[(k, j)] = whitener.inner(column, candidate).iter().sum();
-            }
-            for (i, other) in candidates.iter().enumerate().take(j + 1) {
-                let product: f64 = whitener.inner(other, candidate).iter().sum();
-                own[(i, j)] = product;
-                own[(j, i)] = product;
-            }
-            rhs[j] = whitener.inner(&self.target, candidate).iter().sum();
-        }
-        let before = own.diagonal().iter().copied().collect();
-        own -= cross.transpose() * &solution.covariance * &cross;
-        rhs -= cross.transpose() * &solution.values;
-        (own, rhs, before)
-    }
-
-    /// What candidate columns would gain, without adding them.
-    pub fn gain(&self, candidates: &[Column], solution: &Solution, whitener: &Whitener) -> Gain {
-        let m = candidates.len();
-        let (own, rhs, before) = self.reduced(candidates, solution, whitener);
-        let nothing = Gain {
-            fall: 0.0,
-            values: vec![0.0; m],
-        };
-        // What the declared parameters can do as well is not the candidate's.
-        if (0..m).any(|j| own[(j, j)] <= 1e-6 * before[j] || before[j] == 0.0) {
-            return nothing;
-        }
-        own.cholesky().map_or(nothing, |factor| {
-            let values = factor.solve(&rhs);
-            Gain {
-                fall: values.dot(&rhs),
-                values: values.iter().copied().collect(),
-            }
-        })
-    }
-
-    /// What candidate columns with given parameters would gain, all other parameters solved again within their bounds.
-    pub fn gain_at(&self, candidates: &[Column], values: &[f64], whitener: &Whitener) -> f64 {
-        let before = self.cost(&self.solve(None).values);
-        let mut less = Normal {
-            columns: Vec::new(),
-            target: Column {
-                parts: Default::default(),
-            },
-            gram: self.gram.clone(),
-            rhs: self.rhs.clone(),
-            energy: self.energy.clone(),
-            priors: self.priors.clone(),
-        };
-        for (candidate, value) in candidates.iter().zip(values) {
-            let with_target = whitener.inner(candidate, &self.target);
-            for (energy, product) in less.energy.iter_mut().zip(with_target) {
-                *energy -= 2.0 * value * product;
-            }
-            for (other, other_value) in candidates.iter().zip(values) {
-                for (energy, product) in
-                    less.energy.iter_mut().zip(whitener.inner(candidate, other))
-                {
-                    *energy += value * other_value * product;
-                }
-            }
-            for (k, column) in self.columns.iter().enumerate() {
-                for (rhs, product) in less.rhs.iter_mut().zip(whitener.inner(column, candidate)) {
-                    rhs[k] -= value * product;
-                }
-            }
-        }
-        before - less.cost(&less.solve(None).values)
-    }
-
-    /// Fall of the sum of squares on each operating point that the columns from `base` on bring when fitted on all
-    /// others.
-    pub fn held_back(&self, base: usize) -> Vec<f64> {
-        let mut narrow = Normal {
-            columns: self.columns[..base].to_vec(),
-            target: self.target.clone(),
-            gram: self.gram.clone(),
-            rhs: self.rhs.clone(),
-            energy: self.energy.clone(),
-            priors: self.priors.clone(),
-        };
-        narrow.truncate(base);
-        (0..self.gram.len())
-            .map(|fold| {
-                narrow.left(fold, &narrow.solve(Some(fold)).values)
-                    - self.left(fold, &self.solve(Some(fold)).values)
-            })
-            .collect()
     }
 }

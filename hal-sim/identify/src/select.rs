@@ -3,8 +3,9 @@
 use crate::balance::Balance;
 use crate::channel::Channel;
 use crate::design::{Column, Whitener};
+use crate::gain::Gain;
 use crate::hypothesis::{Family, Hypothesis, Key};
-use crate::normal::{Gain, Normal, Prior, Solution, With};
+use crate::normal::{Normal, Prior, Solution, With};
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;

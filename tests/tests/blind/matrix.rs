@@ -53,6 +53,13 @@ impl Matrix {
              <style>svg {{ background: #fff; color: #1b1f24; fill: currentColor }} \
              @media screen and (prefers-color-scheme: dark) {{ svg {{ background: #14171a; color: #e8eaed }} }}</style>\n"
         );
+        let _ = writeln!(
+            svg,
+            "<text x=\"12\" y=\"{}\" font-weight=\"bold\">has (rows),</text>\n\
+             <text x=\"12\" y=\"{}\" font-weight=\"bold\">told (columns)</text>",
+            LEFT - 30,
+            LEFT - 14
+        );
         for (k, name) in names.iter().enumerate() {
             let at = LEFT + CELL * k + CELL / 2;
             let _ = writeln!(
@@ -76,10 +83,12 @@ impl Matrix {
                     .copied()
                     .unwrap_or(0);
                 let (x, y) = (LEFT + CELL * column, LEFT + CELL * row);
-                let fill = match (count, row == column) {
-                    (0, _) => "none",
-                    (_, true) => "#0b62a8",
-                    (_, false) => "#c2410c",
+                // Right, silent, a wrong name.
+                let fill = match (count, row == column, *found == NOTHING) {
+                    (0, _, _) => "none",
+                    (_, true, _) => "#0b62a8",
+                    (_, _, true) => "#6b7280",
+                    _ => "#c2410c",
                 };
                 let _ = writeln!(
                     svg,
