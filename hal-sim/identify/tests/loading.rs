@@ -269,6 +269,16 @@ fn a_gap() {
     assert_eq!((account.cut, recording.len()), (100, ROWS - 100));
 }
 
+/// A file with four digits of time cannot say 0.25 ms: that is no fault.
+#[test]
+fn a_rounded_time() {
+    let late =
+        |row: usize, column: usize| (column == 0).then(|| format!("{:.4}", cell(row, 0) + 5e-5));
+    let (recording, account) = of_text(&csv(ROWS, late), OnFault::Refuse).expect("a sound record");
+    assert_eq!((account.bridged, recording.len()), (0, ROWS));
+    assert_eq!(recording.axes[0].ia_a[ROWS - 1], cell(ROWS - 1, 2));
+}
+
 #[test]
 fn too_short_or_too_bad() {
     says(&refused(500, |_, _| None), &["0.1 s", "2 s"]);

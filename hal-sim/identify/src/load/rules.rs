@@ -15,6 +15,8 @@ use super::LoadError;
 use super::account::Account;
 use super::mapping::Clock;
 
+use std::ops::Range;
+
 /// What is done with a fault that a rule can mend.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub enum OnFault {
@@ -104,9 +106,17 @@ pub(super) fn sift(
                 .unwrap_or(1),
         });
     }
-    let piece = longest(&kept, |row| (time(row) / interval).round() as i64);
+    let ticks = ticks(&kept, time, timing);
+    let piece = longest(&ticks);
     account.cut = kept.len() - piece.len();
-    let even = even(columns, piece, time, timing);
+    let start = kept.get(piece.start).map_or(0.0, |row| time(*row));
+    let even = even(
+        columns,
+        &kept[piece.clone()],
+        &ticks[piece.clone()],
+        start,
+        timing,
+    );
     account.used = even[0].len();
     if timing.clock == Clock::Even {
         account.bridged = account.used.saturating_sub(piece.len());
@@ -141,7 +151,8 @@ fn fault(columns: &[Raw], row: usize, step: Option<f64>, timing: &Timing) -> Opt
     }
     let interval = 1.0 / timing.rate;
     let (least, most) = match timing.clock {
-        Clock::Even => (0.5 * interval, 1.5 * interval),
+        // A time may be rounded by half an interval.
+        Clock::Even => (0.25 * interval, 1.75 * interval),
         Clock::Jitters => (0.0, (BRIDGED as f64 + 1.5) * interval),
     };
     match step {
@@ -236,46 +247,67 @@ fn rate(time: &[f64], interval: f64, origin: &str) -> Result<(), LoadError> {
     Ok(())
 }
 
-/// The longest piece of the rows without a gap that is too long to be bridged.
-fn longest(kept: &[usize], tick: impl Fn(usize) -> i64) -> &[usize] {
-    kept.chunk_by(|a, b| tick(*b) - tick(*a) <= BRIDGED as i64 + 1)
-        .max_by_key(|piece| piece.len())
-        .unwrap_or(&[])
+/// Places of the rows on the even grid, in intervals. Where the clock is even a row's time only says how many rows are
+/// missing before it: it may be rounded by up to half an interval, or drift.
+fn ticks(kept: &[usize], time: impl Fn(usize) -> f64, timing: &Timing) -> Vec<f64> {
+    let mut at = 0.0;
+    let mut before = None;
+    kept.iter()
+        .map(|&row| {
+            let now = time(row) * timing.rate;
+            let step = before.replace(now).map_or(0.0, |before| now - before);
+            at += match timing.clock {
+                Clock::Jitters => step,
+                Clock::Even if step == 0.0 => 0.0,
+                Clock::Even => (step - 0.25).round().max(1.0),
+            };
+            at
+        })
+        .collect()
 }
 
-/// The rows of a piece on an even grid, straight lines between them.
+/// The longest piece without a gap that is too long to be bridged.
+fn longest(ticks: &[f64]) -> Range<usize> {
+    let (mut best, mut from) = (0..0, 0);
+    for to in 1..=ticks.len() {
+        if to == ticks.len() || ticks[to] - ticks[to - 1] > BRIDGED as f64 + 1.5 {
+            if to - from > best.len() {
+                best = from..to;
+            }
+            from = to;
+        }
+    }
+    best
+}
+
+/// The rows of a piece on the even grid, straight lines between them; time first, from `start` on.
 fn even(
     columns: &[Raw],
     piece: &[usize],
-    time: impl Fn(usize) -> f64,
+    ticks: &[f64],
+    start: f64,
     timing: &Timing,
 ) -> Vec<Vec<f64>> {
-    let (Some(&first), Some(&last)) = (piece.first(), piece.last()) else {
-        return vec![Vec::new(); columns.len()];
+    let (Some(first), Some(last)) = (ticks.first(), ticks.last()) else {
+        return vec![Vec::new(); columns.len() + usize::from(!timing.timed)];
     };
-    let interval = 1.0 / timing.rate;
-    let whole = |row: usize| ((time(row) - time(first)) / interval).round();
-    // Where the clock is even a time only says which row it is; its last digit is no delay.
-    let at = |row: usize| match timing.clock {
-        Clock::Even => whole(row),
-        Clock::Jitters => (time(row) - time(first)) / interval,
-    };
-    let count = at(last) as usize + 1;
-    let mut place = Vec::with_capacity(count);
+    let count = (last - first) as usize + 1;
     let mut k = 0;
-    for tick in 0..count {
-        while k + 2 < piece.len() && at(piece[k + 1]) <= tick as f64 {
-            k += 1;
-        }
-        let next = (k + 1).min(piece.len() - 1);
-        let span = (at(piece[next]) - at(piece[k])).max(1e-9);
-        let share = ((tick as f64 - at(piece[k])) / span).clamp(0.0, 1.0);
-        place.push((piece[k], piece[next], share));
-    }
+    let place: Vec<(usize, usize, f64)> = (0..count)
+        .map(|tick| {
+            let wanted = first + tick as f64;
+            while k + 2 < piece.len() && ticks[k + 1] <= wanted {
+                k += 1;
+            }
+            let next = (k + 1).min(piece.len() - 1);
+            let span = (ticks[next] - ticks[k]).max(1e-9);
+            let share = ((wanted - ticks[k]) / span).clamp(0.0, 1.0);
+            (piece[k], piece[next], share)
+        })
+        .collect();
     let timed = usize::from(timing.timed);
-    let start = time(first);
     let grid = (0..count)
-        .map(|tick| start + tick as f64 * interval)
+        .map(|tick| start + tick as f64 / timing.rate)
         .collect();
     std::iter::once(grid)
         .chain(columns[timed..].iter().map(|column| {
