@@ -41,6 +41,7 @@ pub fn plate() -> DrivePlate {
 pub fn plate_of(board: Wiring) -> DrivePlate {
     match board {
         Wiring::Nucleo => plate::PLATE,
+        Wiring::Nucleo40kHz => plate::PLATE_40_KHZ,
         Wiring::Custom => custom_plate::PLATE,
     }
 }
@@ -58,7 +59,7 @@ pub fn counts_at(board: Wiring, celsius: f64) -> [u16; 2] {
 #[must_use]
 pub fn guards_of(board: Wiring) -> GuardPlate {
     match board {
-        Wiring::Nucleo => plate::GUARDS,
+        Wiring::Nucleo | Wiring::Nucleo40kHz => plate::GUARDS,
         Wiring::Custom => custom_plate::GUARDS,
     }
 }
@@ -76,24 +77,24 @@ pub fn firmware() -> Result<PathBuf, String> {
 /// # Errors
 /// The build's own words.
 pub fn firmware_of(board: Wiring) -> Result<PathBuf, String> {
-    static BUILT: [OnceLock<Result<PathBuf, String>>; 2] = [const { OnceLock::new() }; 2];
+    static BUILT: [OnceLock<Result<PathBuf, String>>; 3] = [const { OnceLock::new() }; 3];
     // One build at a time, for all boards' ELFs leave cargo by the same name.
     static ONE: Mutex<()> = Mutex::new(());
     BUILT[board as usize]
         .get_or_init(|| {
             let _one = ONE.lock().map_err(|_| "another build failed")?;
-            match board {
-                Wiring::Nucleo => build(&[]),
-                Wiring::Custom => {
-                    let elf = build(&["--no-default-features", "--features", "board-custom"])?;
-                    let kept = elf.with_file_name("firmware-custom");
-                    std::fs::copy(&elf, &kept)
-                        .map_err(|error| format!("cannot copy {}: {error}", elf.display()))?;
-                    // The name is the default board's again: what is flashed by it must be that.
-                    build(&[])?;
-                    Ok(kept)
-                }
-            }
+            let (name, features) = match board {
+                Wiring::Nucleo => return build(&[]),
+                Wiring::Nucleo40kHz => ("firmware-40khz", "pwm-40khz"),
+                Wiring::Custom => ("firmware-custom", "board-custom"),
+            };
+            let elf = build(&["--no-default-features", "--features", features])?;
+            let kept = elf.with_file_name(name);
+            std::fs::copy(&elf, &kept)
+                .map_err(|error| format!("cannot copy {}: {error}", elf.display()))?;
+            // The name is the default board's again: what is flashed by it must be that.
+            build(&[])?;
+            Ok(kept)
         })
         .clone()
 }
@@ -131,7 +132,7 @@ fn build(features: &[&str]) -> Result<PathBuf, String> {
 #[must_use]
 pub fn scale_count_m(board: Wiring) -> f64 {
     match board {
-        Wiring::Nucleo => plate::SCALE_COUNT_M,
+        Wiring::Nucleo | Wiring::Nucleo40kHz => plate::SCALE_COUNT_M,
         Wiring::Custom => custom_plate::SCALE_COUNT_M,
     }
 }

@@ -52,10 +52,17 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
             row.interrupt.name
         );
     }
-    // 40 kHz: both current loops' worst within a period, and the speed task's beside them.
     let [screw, nut, speed] = &report.rows[..] else {
         return Err("three interrupts".into());
     };
+    let both = screw.typical.cycles + nut.typical.cycles;
+    assert!(both <= 700, "both current loops take {both} cycles together");
+    assert!(
+        report.load_percent() <= 10.0,
+        "the control takes {} % of the core",
+        report.load_percent()
+    );
+    // 40 kHz: both current loops' longest ways within a period, and the speed task's beside them.
     let period = 170e6 / 40e3;
     let load = (screw.bound + nut.bound) as f64 / period
         + speed.bound as f64 / 170e6 * speed.interrupt.rate_hz;

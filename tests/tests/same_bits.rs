@@ -6,7 +6,7 @@ use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
-use tests::bench::{Bench, board_config, plate};
+use tests::bench::{Bench, board_config, plate_of};
 use tests::chip::Top;
 use tests::chip::wiring::Wiring;
 use tests::pins::Motor;
@@ -21,8 +21,12 @@ const SCRIPT: [(f64, u32, f64, f64); 4] = [
 const END: f64 = 1.7;
 
 /// Runs the script in the emulator: every top of both timers, and how many of the screw's came before each command.
-fn emulated(model: &Model, coupling: Coupling) -> Result<(Vec<Top>, Vec<u64>), String> {
-    let mut bench = Bench::new(model, coupling)?;
+fn emulated(
+    board: Wiring,
+    model: &Model,
+    coupling: Coupling,
+) -> Result<(Vec<Top>, Vec<u64>), String> {
+    let mut bench = Bench::on(board, model, coupling)?;
     bench.emulator.chip().tops = Some(Vec::new());
     let mut before = Vec::new();
     let mut now = 0.0;
@@ -34,6 +38,10 @@ fn emulated(model: &Model, coupling: Coupling) -> Result<(Vec<Top>, Vec<u64>), S
         bench.run(run)?;
     }
     bench.pass(END - now)?;
+    for motor in bench.look()?.words().motors {
+        assert_eq!(motor.missed, 0, "{board:?}: deadlines missed");
+    }
+    assert_eq!(bench.look()?.words().speed_missed, 0, "{board:?}");
     Ok((
         bench.emulator.chip().tops.take().unwrap_or_default(),
         before,
@@ -42,11 +50,12 @@ fn emulated(model: &Model, coupling: Coupling) -> Result<(Vec<Top>, Vec<u64>), S
 
 #[test]
 fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
-    for (model, coupling) in [
-        (Model::paper(), Coupling::Lumped),
-        (Model::coupled(), Coupling::Coupled),
+    for (board, model, coupling) in [
+        (Wiring::Nucleo, Model::paper(), Coupling::Lumped),
+        (Wiring::Nucleo, Model::coupled(), Coupling::Coupled),
+        (Wiring::Nucleo40kHz, Model::paper(), Coupling::Lumped),
     ] {
-        let (tops, before) = emulated(&model, coupling)?;
+        let (tops, before) = emulated(board, &model, coupling)?;
         let of = |motor: Motor| {
             tops.iter()
                 .filter(move |top| top.motor == motor)
@@ -59,8 +68,8 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
             "more than a second with both motors turning"
         );
 
-        let plate = plate();
-        let mut drive = Drive::new(&model, coupling, board_config(Wiring::Nucleo), &plate)
+        let plate = plate_of(board);
+        let mut drive = Drive::new(&model, coupling, board_config(board), &plate)
             .map_err(|misfit| misfit.to_string())?;
         drive.request.run = false;
         let mut script = before.iter().zip(SCRIPT).peekable();
@@ -81,7 +90,7 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
                 assert_eq!(
                     (sampled.current, sampled.bus, sampled.encoder),
                     (host.current, host.bus, host.encoder),
-                    "{coupling:?}: sample {period} of the {axis:?}"
+                    "{board:?}, {coupling:?}: sample {period} of the {axis:?}"
                 );
                 let emulated = PwmCommand {
                     compare: next.compare,
@@ -90,7 +99,7 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
                 assert_eq!(
                     emulated,
                     drive.compare(axis),
-                    "{coupling:?}: compare values {period} of the {axis:?}"
+                    "{board:?}, {coupling:?}: compare values {period} of the {axis:?}"
                 );
             }
             driven +=

@@ -269,7 +269,7 @@ mod tests {
             prop_assert!(got >= 0.0);
             let part = (f64::from(now) - f64::from(counts)) / f64::from(counts);
             if part.abs() < 0.5 {
-                prop_assert!((got / exact - 1.0).abs() <= part * part + 3e-5, "{got} for {exact}");
+                prop_assert!((got / exact - 1.0).abs() <= part * part + 3e-4, "{got} for {exact}");
             }
         }
 

@@ -28,7 +28,11 @@ use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, TIM1, TIM2, TIM4, TIM5, TIM8}
 #[path = "plate.rs"]
 mod plate;
 use plate::GUARDS;
-pub(crate) use plate::{PLATE, SCALE_COUNT_M};
+#[cfg(not(feature = "pwm-40khz"))]
+pub(crate) use plate::PLATE;
+#[cfg(feature = "pwm-40khz")]
+pub(crate) use plate::PLATE_40_KHZ as PLATE;
+pub(crate) use plate::SCALE_COUNT_M;
 
 /// Comparators and threshold of each motor: +4.5 A of a ±5 A channel.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [

@@ -9,6 +9,7 @@ use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
 
 /// The drive that the firmware is built for.
+#[allow(dead_code, reason = "one build of the firmware has one of the two")]
 pub(crate) const PLATE: DrivePlate = DrivePlate {
     motors: [machine::MOTOR; 2],
     board: BoardPlate {
@@ -28,6 +29,17 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     },
     tuning: machine::TUNING,
     feed: machine::FEED,
+};
+
+/// The same with its bridges at 40 kHz: the feature `pwm-40khz`. The speed task keeps its 5 kHz.
+#[allow(dead_code, reason = "one build of the firmware has one of the two")]
+pub(crate) const PLATE_40_KHZ: DrivePlate = DrivePlate {
+    board: BoardPlate {
+        pwm_hz: 40e3,
+        speed_divider: 8,
+        ..PLATE.board
+    },
+    ..PLATE
 };
 
 /// The power stages' own sensor: 10 kohm NTC to ground, 4.7 kohm to the reference.

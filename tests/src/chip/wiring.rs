@@ -7,6 +7,8 @@ use crate::pins::Sensors;
 pub enum Wiring {
     /// `nucleo_g474re`: external amplifiers, incremental encoders.
     Nucleo,
+    /// The same with its bridges at 40 kHz.
+    Nucleo40kHz,
     /// `custom_example`: on-chip amplifiers, the screw's encoder on SPI.
     Custom,
 }
@@ -38,7 +40,7 @@ impl Wiring {
             _ => return self.custom_input(index, channel, [screw, nut]),
         };
         match self {
-            Self::Nucleo => Some(Input::Pin(nucleo)),
+            Self::Nucleo | Self::Nucleo40kHz => Some(Input::Pin(nucleo)),
             Self::Custom => self.custom_input(index, channel, [screw, nut]),
         }
     }
