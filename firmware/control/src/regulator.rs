@@ -224,7 +224,7 @@ mod tests {
         let bits = u64::from(radius.to_bits().unsigned_abs());
         Circle {
             radius,
-            square: (bits * bits >> 34) as u32,
+            square: ((bits * bits) >> 34) as u32,
         }
     }
 
