@@ -56,7 +56,10 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
         return Err("three interrupts".into());
     };
     let both = screw.typical.cycles + nut.typical.cycles;
-    assert!(both <= 700, "both current loops take {both} cycles together");
+    assert!(
+        both <= 700,
+        "both current loops take {both} cycles together"
+    );
     assert!(
         report.load_percent() <= 10.0,
         "the control takes {} % of the core",
