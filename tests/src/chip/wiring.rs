@@ -72,8 +72,8 @@ impl Wiring {
     pub fn comparators(self, index: usize) -> &'static [(usize, usize)] {
         match (self, index) {
             // PA0 COMP3, PA1 COMP1, PA7 COMP2; PB14 COMP7, PB0 COMP4, PB13 COMP5.
-            (Self::Nucleo, 0) => &[(3, 0), (1, 1), (2, 2)],
-            (Self::Nucleo, _) => &[(7, 0), (4, 1), (5, 2)],
+            (Self::Nucleo | Self::Nucleo40kHz, 0) => &[(3, 0), (1, 1), (2, 2)],
+            (Self::Nucleo | Self::Nucleo40kHz, _) => &[(7, 0), (4, 1), (5, 2)],
             // PA1 COMP1, PA7 COMP2; PB13 COMP5, PB0 COMP4.
             (Self::Custom, 0) => &[(1, 0), (2, 1)],
             (Self::Custom, _) => &[(5, 0), (4, 1)],
@@ -84,7 +84,7 @@ impl Wiring {
     #[must_use]
     pub fn at_comparator(self, counts: u16) -> u16 {
         match self {
-            Self::Nucleo => counts,
+            Self::Nucleo | Self::Nucleo40kHz => counts,
             // Before the amplifiers, whose gain is 4.
             Self::Custom => counts / 4,
         }
@@ -94,7 +94,7 @@ impl Wiring {
     #[must_use]
     pub fn amplifiers(self) -> &'static [(usize, u32)] {
         match self {
-            Self::Nucleo => &[],
+            Self::Nucleo | Self::Nucleo40kHz => &[],
             // PA1, PA7, PB0, PB13.
             Self::Custom => &[(1, 0), (2, 0), (3, 0), (6, 2)],
         }
