@@ -83,7 +83,7 @@ impl System {
                 ],
             ),
             flash: Registers::new("FLASH", &[("ACR", 0x00, 0x0004_0600)]),
-            configuration: Registers::new("SYSCFG", &[("CFGR2", 0x18, 0)]),
+            configuration: Registers::new("SYSCFG", &[("CFGR2", 0x1C, 0)]),
             debug: Registers::new("DBGMCU", &[("APB1FZR1", 0x08, 0), ("APB2FZR", 0x10, 0)]),
             ports: ports.collect(),
             reset_flags: POWER_ON,
