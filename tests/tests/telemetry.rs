@@ -1,6 +1,7 @@
 //! A recording taken from the emulated chip's memory, as a probe would take it, against the control code on the host.
 
 use hal_sim::drive::Drive;
+use identify::load::{How, Mapping, OnFault, double_drive, load};
 use link::TELEMETRY_CHANNEL;
 use link::host::rtt::Channel;
 use link::telemetry::Request;
@@ -91,6 +92,18 @@ struct Row {
     table: f64,
 }
 
+/// A recording as an identification reads it.
+fn loaded(path: &Path, model: &Model) -> Result<Recording, String> {
+    let how = How {
+        mapping: &Mapping::default(),
+        on_fault: OnFault::Refuse,
+        declared_hz: Some(model.sensing.sample_hz),
+    };
+    load(path, how, &mut |_| ())
+        .and_then(double_drive)
+        .map_err(|error| error.to_string())
+}
+
 /// The host's drive, asked in period `asked` for the same: a row for each of its speed task's steps from its start on.
 fn host(asked: u64, seconds: f64) -> Result<Vec<Row>, String> {
     let plate = plate();
@@ -162,7 +175,7 @@ fn a_recording_is_what_the_control_code_knew() -> Result<(), String> {
     // As an identification reads it.
     let model = Model::load(&folder.path().join("model.toml")).map_err(|e| e.to_string())?;
     let path = folder.path().join("record.csv.gz");
-    let rows = identify::load::load(&path, None, &model).map_err(|error| error.to_string())?;
+    let rows = loaded(&path, &model)?;
     assert_eq!(rows.len() as u64, summary.count.rows);
 
     let expected = host(recorded.asked, 3.0)?;
@@ -252,9 +265,7 @@ fn what_a_slow_reader_loses_is_counted_and_left_as_gaps() -> Result<(), String> 
     // An identification says where the gap is, and does not take it for motion.
     let model = Model::load(&folder.path().join("model.toml")).map_err(|e| e.to_string())?;
     let path = folder.path().join("record.csv.gz");
-    let refused = identify::load::load(&path, None, &model)
-        .unwrap_err()
-        .to_string();
+    let refused = loaded(&path, &model).unwrap_err();
     assert!(refused.contains("a gap"), "{refused}");
     Ok(())
 }

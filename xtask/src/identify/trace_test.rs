@@ -144,11 +144,12 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         false => "unexplained",
     };
     assert_eq!(report.verdict, verdict);
-    // What else is named on so short a record must be next to nothing.
+    // On so short a record, which turns one way only, friction is not told from its law: what else is named must be next
+    // to nothing.
     let [effect, others @ ..] = &report.effects[..] else {
         panic!("no effect is there")
     };
-    assert!(others.iter().all(|other| other.explained < 1e-3));
+    assert!(others.iter().all(|other| other.explained < 1e-2));
     assert_eq!(
         (effect.kind.as_str(), effect.r#where.as_str()),
         ("cogging", "screw")
