@@ -1,7 +1,7 @@
 //! The identification on machines that it has not seen, told from records of the full drive in closed loop.
 //!
 //! Twenty machines as a test; `DDFEED_BLIND=240 cargo test --profile emulator -p tests --test blind` for a long run, of
-//! seeds from `DDFEED_BLIND_SEED` on. It writes `blind.json` (what `identify bench --blind` reads), `table.txt` (each
+//! seeds from `DDFEED_BLIND_SEED` on. It writes `blind.json` (what `cargo xtask bench identify` reads), `table.txt` (each
 //! machine that was not told right, and why) and `confusion.svg` into the target folder's `blind`.
 
 mod friction;

@@ -180,7 +180,7 @@ impl Table {
         self.0.iter().filter(|row| row.score.wrong).count()
     }
 
-    /// What `identify bench --blind` reads.
+    /// What `cargo xtask bench identify` reads.
     pub fn json(&self) -> String {
         let (visible, clean) = (self.visible(), self.clean());
         let all = self.count(|row| !row.is_clean());
