@@ -28,6 +28,7 @@ mod refine;
 mod remains;
 pub mod report;
 pub mod run;
+mod sandwich;
 pub mod scan;
 pub mod select;
 pub mod signals;

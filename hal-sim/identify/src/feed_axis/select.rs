@@ -8,7 +8,7 @@
 
 use super::axis::{Axis, Term};
 use super::filter::butterworth_100;
-use super::fit::{Free, MARGIN, deviations, fitted};
+use super::fit::{Free, MARGIN, covariance, fitted};
 use super::record::Record;
 use std::f64::consts::TAU;
 
@@ -159,13 +159,13 @@ pub fn search(axis: &Axis, record: &Record) -> Vec<Trial> {
 /// How many deviations a term's first parameter is from 0. A spring before sliding is none at infinity, not at 0: it is
 /// looked at first.
 fn certainty(axis: &Axis, record: &Record, rows: &[usize]) -> impl Fn(Term) -> f64 + use<> {
-    let deviations = deviations(axis, record, rows);
+    let covariance = covariance(axis, record, rows);
     let mut at = axis.base.len();
     let list: Vec<(Term, f64)> = axis
         .terms
         .iter()
         .map(|(term, values)| {
-            let sure = values[0].abs() / deviations[at].max(1e-300);
+            let sure = values[0].abs() / covariance[(at, at)].sqrt().max(1e-300);
             at += values.len();
             (*term, if *term == Term::Presliding { 0.0 } else { sure })
         })

@@ -2,9 +2,10 @@
 
 use super::axis::{Axis, Term};
 use super::filter::{butterworth_100, decimated};
-use super::fit::{Free, MARGIN, deviations, fitted};
+use super::fit::{Free, MARGIN, covariance, fitted};
 use super::record::{Law, Record};
 use super::select::{Trial, search};
+use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
 /// Errors of a closed-loop simulation.
@@ -50,8 +51,8 @@ pub struct Study {
     pub search: Vec<Trial>,
     /// All effects of the last stage, fitted with the derivative taken as it is.
     pub ideal: Stage,
-    /// Deviations of the last stage's parameters: the base four, then the terms'.
-    pub deviations: Vec<f64>,
+    /// Covariance of the last stage's parameters: the base four, the terms', then the orders.
+    pub covariance: DMatrix<f64>,
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -172,14 +173,14 @@ impl Study {
         let search = search(&axis, estimate);
         for trial in search.iter().filter(|trial| trial.taken) {
             axis.terms.push((trial.term, trial.term.start()));
-            axis = fitted(&axis, estimate, Free::Model, &rows);
+            axis = fitted(&axis, estimate, Free::Orders, &rows);
             stages.push(stage(trial.term.name(), axis.clone()));
         }
         let ideal = Axis {
             law: Law::Ideal,
             ..axis.clone()
         };
-        let ideal = fitted(&ideal, estimate, Free::Model, &rows);
+        let ideal = fitted(&ideal, estimate, Free::Orders, &rows);
         Study {
             inverse_percent: [inverse(declared, estimate), inverse(declared, test)],
             law_left_v,
@@ -188,7 +189,7 @@ impl Study {
             refitted,
             search,
             ideal: stage("all of it with dq/dt as it is".into(), ideal),
-            deviations: deviations(&axis, estimate, &rows),
+            covariance: covariance(&axis, estimate, &rows),
         }
     }
 

@@ -4,7 +4,9 @@ use super::orders::{Order, of_map, of_residual};
 use super::record::Record;
 use crate::feed_axis::butterworth_100;
 use crate::fourier::slope;
+use crate::sandwich::Linear;
 use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 
 /// What is left out at a record's start, s, in which the speed is not yet reached, and at its end.
 const MARGIN_S: [f64; 2] = [0.3, 0.1];
@@ -16,8 +18,8 @@ const STICKING: f64 = 0.3;
 pub struct Fit {
     /// Coefficients: the base columns, then cosine and sine of each order.
     pub values: Vec<f64>,
-    /// Their standard deviations.
-    pub deviations: Vec<f64>,
+    /// Their covariance.
+    pub covariance: DMatrix<f64>,
     /// What is left of the current of fit and check record, A.
     pub left: [Vec<f64>; 2],
     /// Rms of what each column brings on the fit record, A.
@@ -30,6 +32,8 @@ pub struct Study {
     pub orders: Vec<Order>,
     /// Columns ahead of the orders' in [`Fit::values`]: acceleration, velocity, its square, friction, offset.
     pub base: usize,
+    /// The orders as the fit record has them where they are free, whole or not, and their variances.
+    pub freed: Vec<[f64; 2]>,
     /// Inertia and friction only.
     pub before: Fit,
     /// With the orders.
@@ -67,6 +71,12 @@ struct Prepared {
     position: Vec<f64>,
 }
 
+/// Rows between the margins.
+fn rows(record: &Record) -> Range<usize> {
+    let [from, to] = MARGIN_S.map(|s| (s * record.rate) as usize);
+    from..record.position.len().saturating_sub(to).max(from)
+}
+
 fn prepared(record: &Record, orders: &[u32], filtered: bool) -> Prepared {
     let rate = record.rate;
     let smooth = |values: &[f64]| match filtered {
@@ -95,9 +105,7 @@ fn prepared(record: &Record, orders: &[u32], filtered: bool) -> Prepared {
             columns.push(smooth(&wave));
         }
     }
-    let [from, to] = MARGIN_S.map(|s| (s * rate) as usize);
-    let rows = from..position.len().saturating_sub(to).max(from);
-    let cut = |values: &[f64]| values[rows.clone()].to_vec();
+    let cut = |values: &[f64]| values[rows(record)].to_vec();
     Prepared {
         columns: columns.iter().map(|column| cut(column)).collect(),
         current: cut(&smooth(&record.current)),
@@ -110,40 +118,73 @@ fn fit(records: [&Prepared; 2]) -> Fit {
     let matrix =
         |p: &Prepared| DMatrix::from_fn(p.current.len(), p.columns.len(), |r, c| p.columns[c][r]);
     let current = |p: &Prepared| DVector::from_column_slice(&p.current);
-    // Columns of very different size: their own norms make the equations even.
-    let mut design = matrix(records[0]);
-    let norms: Vec<f64> = design.column_iter().map(|c| c.norm().max(1e-12)).collect();
-    design
-        .column_iter_mut()
-        .zip(&norms)
-        .for_each(|(mut column, norm)| column /= *norm);
-    let measured = current(records[0]);
-    let n = design.ncols();
-    let curvature = design.tr_mul(&design);
-    let Ok(inverse) = curvature.pseudo_inverse(1e-12) else {
+    let n = records[0].columns.len();
+    let (design, measured) = (matrix(records[0]), current(records[0]));
+    // The regression is one step from nothing.
+    let Some(values) = Linear::new(design.clone(), &measured).map(|fit| fit.step()) else {
         return Fit {
             values: vec![f64::NAN; n],
-            deviations: vec![f64::NAN; n],
+            covariance: DMatrix::from_element(n, n, f64::NAN),
             left: [Vec::new(), Vec::new()],
             parts: vec![f64::NAN; n],
         };
     };
-    let scaled = &inverse * design.tr_mul(&measured);
-    let left = &measured - &design * &scaled;
-    // A band of 100 Hz has 200 free values a second, fewer than rows.
-    let variance = left.norm_squared() / (measured.len() as f64 - n as f64).max(1.0) * 5.0;
-    let values = DVector::from_fn(n, |k, _| scaled[k] / norms[k]);
-    let other = current(records[1]) - matrix(records[1]) * &values;
+    let found = DVector::from_column_slice(&values);
+    let left = measured - &design * &found;
+    let other = current(records[1]) - matrix(records[1]) * &found;
+    let rows = (left.len() as f64).sqrt();
+    let covariance = Linear::new(design.clone(), &left).map(|fit| fit.covariance());
+    let parts = design
+        .column_iter()
+        .zip(&values)
+        .map(|(c, value)| value.abs() * c.norm() / rows);
     Fit {
-        deviations: (0..n)
-            .map(|k| (variance * inverse[(k, k)].max(0.0)).sqrt() / norms[k])
-            .collect(),
-        parts: (0..n)
-            .map(|k| (scaled[k] * scaled[k] / measured.len() as f64).sqrt())
-            .collect(),
-        values: values.as_slice().to_vec(),
+        parts: parts.collect(),
+        covariance: covariance.unwrap_or_else(|| DMatrix::from_element(n, n, f64::NAN)),
+        values,
         left: [left.as_slice().to_vec(), other.as_slice().to_vec()],
     }
+}
+
+/// What the record alone says of the orders: each moves by a Gauss-Newton step, all of them and the other parameters
+/// together.
+fn freed(
+    orders: &[Order],
+    prepared: &Prepared,
+    record: &Record,
+    fit: &Fit,
+    base: usize,
+) -> Vec<[f64; 2]> {
+    let position = butterworth_100(&record.position, record.rate);
+    let middle = position.iter().sum::<f64>() / position.len().max(1) as f64;
+    // By the order, about the record's middle: what is linear in the angle is then not the phase once more.
+    let slope_of = |k: usize| {
+        let order = f64::from(orders[k].order);
+        let (c, s) = (fit.values[base + 2 * k], fit.values[base + 2 * k + 1]);
+        let slope: Vec<f64> = position
+            .iter()
+            .map(|p| {
+                let (sin, cos) = (order * p).sin_cos();
+                (p - middle) * (s * cos - c * sin)
+            })
+            .collect();
+        butterworth_100(&slope, record.rate)[rows(record)].to_vec()
+    };
+    let slopes = (0..orders.len()).map(slope_of);
+    let columns: Vec<Vec<f64>> = prepared.columns.iter().cloned().chain(slopes).collect();
+    let first = prepared.columns.len();
+    let jacobian = DMatrix::from_fn(prepared.current.len(), columns.len(), |row, k| {
+        columns[k][row]
+    });
+    let left = DVector::from_column_slice(&fit.left[0]);
+    let Some(free) = Linear::new(jacobian, &left) else {
+        return vec![[f64::NAN; 2]; orders.len()];
+    };
+    let (step, covariance) = (free.step(), free.covariance());
+    (first..)
+        .zip(orders)
+        .map(|(at, order)| [f64::from(order.order) + step[at], covariance[(at, at)]])
+        .collect()
 }
 
 impl Study {
@@ -156,12 +197,16 @@ impl Study {
             Some([position, current]) => of_map(position, current),
             None => of_residual(&bare[0].position, &before.left[0]),
         };
-        let after = Self::with_orders(estimate, check, &orders, true);
+        let numbers: Vec<u32> = orders.iter().map(|order| order.order).collect();
+        let both = [estimate, check].map(|record| prepared(record, &numbers, true));
+        let after = fit([&both[0], &both[1]]);
         let base = bare[0].columns.len();
+        let freed = freed(&orders, &both[0], estimate, &after, base);
         let [fit_part, check_part] = bare;
         Study {
             orders,
             base,
+            freed,
             before,
             after,
             rate: estimate.rate,
@@ -169,12 +214,6 @@ impl Study {
             current: [fit_part.current, check_part.current],
             position: [fit_part.position, check_part.position],
         }
-    }
-
-    fn with_orders(estimate: &Record, check: &Record, orders: &[Order], filtered: bool) -> Fit {
-        let numbers: Vec<u32> = orders.iter().map(|order| order.order).collect();
-        let both = [estimate, check].map(|record| prepared(record, &numbers, filtered));
-        fit([&both[0], &both[1]])
     }
 
     /// Current error of a fit on the check record, of its rms, %.
@@ -196,7 +235,9 @@ impl Study {
     pub fn unfiltered_percent(estimate: &Record, check: &Record, orders: &[Order]) -> [f64; 2] {
         let size = prepared(check, &[], false).current;
         [&[], orders].map(|orders| {
-            let fit = Self::with_orders(estimate, check, orders, false);
+            let numbers: Vec<u32> = orders.iter().map(|order| order.order).collect();
+            let both = [estimate, check].map(|record| prepared(record, &numbers, false));
+            let fit = fit([&both[0], &both[1]]);
             100.0 * rms(&fit.left[1]) / rms(&size)
         })
     }

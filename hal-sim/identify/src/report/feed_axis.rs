@@ -6,11 +6,9 @@ use super::{
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::load::Account;
 use crate::remains::whiteness;
-use std::collections::BTreeMap;
+use crate::sandwich::{Wave, interval};
+use nalgebra::DMatrix;
 use std::f64::consts::TAU;
-
-/// Half-width of a 95 % interval in standard deviations.
-const NORMAL_95: f64 = 1.96;
 
 /// Of what was found with an axis, from the records `accounts`.
 pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report {
@@ -105,64 +103,93 @@ fn errors(errors: &feed_axis::Errors) -> Errors {
     }
 }
 
-fn around(value: f64, deviation: f64) -> [f64; 2] {
-    [value - NORMAL_95 * deviation, value + NORMAL_95 * deviation]
-}
-
 /// The effects in the order in which they were found.
 fn effects(study: &Study) -> Vec<Effect> {
     let axis = &study.last().axis;
     let declared = study.stages[study.refitted].estimate.force_n.powi(2);
     let mut at = axis.base.len();
+    let mut order_at = study.covariance.nrows() - axis.orders().len();
     let mut effects = Vec::new();
     for (k, (term, values)) in axis.terms.iter().enumerate() {
-        let deviations = &study.deviations[at..at + values.len()];
-        at += values.len();
         let stages = &study.stages[study.refitted + k..];
         let fall = stages[0].estimate.force_n.powi(2) - stages[1].estimate.force_n.powi(2);
-        effects.push(effect(*term, values, deviations, fall / declared));
+        let estimates = match term {
+            Term::Periodic(order) => {
+                order_at += 1;
+                wave(
+                    *order,
+                    [values[0], values[1]],
+                    &study.covariance,
+                    [at, order_at - 1],
+                )
+            }
+            _ => plain(*term, values, &study.covariance, at),
+        };
+        at += values.len();
+        effects.push(effect(*term, &estimates, fall / declared));
     }
     effects
 }
 
-fn effect(term: Term, values: &[f64], deviations: &[f64], explained: f64) -> Effect {
-    let (mut parameters, mut interval, mut unit) =
-        (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-    let mut put = |name: &str, value: f64, deviation: f64, of: &str| {
-        parameters.insert(name.to_owned(), value);
-        interval.insert(name.to_owned(), around(value, deviation));
-        unit.insert(name.to_owned(), of.to_owned());
-    };
-    let mut order = None;
-    if let Term::Periodic(own) = term {
-        order = Some(own);
-        let (c, s) = (values[0], values[1]);
-        let amplitude = c.hypot(s);
-        let deviation = (c * deviations[0]).hypot(s * deviations[1]) / amplitude;
-        put("order", own, 0.005, "per turn");
-        put("amplitude", amplitude, deviation, "N");
-        put("phase", (-s).atan2(c), deviation / amplitude, "rad");
-    } else {
-        for ((name, of), (value, deviation)) in
-            term.names().iter().zip(values.iter().zip(deviations))
-        {
+/// A parameter: name, value, variance, unit.
+type Estimate = (&'static str, [f64; 2], &'static str);
+
+/// Of cosine and sine, and of the order that was free with them.
+fn wave(
+    order: f64,
+    pair: [f64; 2],
+    covariance: &DMatrix<f64>,
+    [at, order_at]: [usize; 2],
+) -> Vec<Estimate> {
+    let variance = |k: usize| covariance[(k, k)];
+    let wave = Wave::new(
+        pair,
+        [variance(at), variance(at + 1)],
+        covariance[(at, at + 1)],
+    );
+    vec![
+        ("order", [order, variance(order_at)], "per turn"),
+        ("amplitude", wave.amplitude, "N"),
+        ("phase", wave.phase, "rad"),
+    ]
+}
+
+fn plain(term: Term, values: &[f64], covariance: &DMatrix<f64>, at: usize) -> Vec<Estimate> {
+    let named = term.names().iter().zip(values).enumerate();
+    named
+        .map(|(k, ((name, of), value))| {
             // Of a decay's speed only the size counts.
             let value = if *name == "speed" {
                 value.abs()
             } else {
                 *value
             };
-            put(name, value, *deviation, of);
-        }
-    }
+            (*name, [value, covariance[(at + k, at + k)]], *of)
+        })
+        .collect()
+}
+
+fn effect(term: Term, estimates: &[Estimate], explained: f64) -> Effect {
+    let by_name = estimates.iter();
     Effect {
         kind: term.kind().into(),
         place: term.place().into(),
-        order,
+        order: match term {
+            Term::Periodic(order) => Some(order),
+            _ => None,
+        },
         hz: None,
-        parameters,
-        interval,
-        unit,
+        parameters: by_name
+            .clone()
+            .map(|(name, [value, _], _)| ((*name).into(), *value))
+            .collect(),
+        interval: by_name
+            .clone()
+            .map(|(name, [value, variance], _)| ((*name).into(), interval(*value, *variance)))
+            .collect(),
+        unit: by_name
+            .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
+            .collect(),
         explained,
         suggests: None,
     }
@@ -177,7 +204,7 @@ fn calibration(study: &Study, declared: &Axis) -> Vec<Calibrated> {
         .map(|(k, name)| Calibrated {
             parameter: (*name).into(),
             relative_change: new[k] / declared.base[k] - 1.0,
-            sigma: study.deviations[k] / declared.base[k].abs(),
+            sigma: study.covariance[(k, k)].sqrt() / declared.base[k].abs(),
         })
         .collect()
 }

@@ -4,10 +4,7 @@ use super::{Channel, Coordinate, Effect, Report, Residual, Selection, Tried};
 use crate::load::Account;
 use crate::motor::{Fit, MotorModel, Study, rms};
 use crate::remains::whiteness;
-use std::collections::BTreeMap;
-
-/// Half-width of a 95 % interval in standard deviations.
-const NORMAL_95: f64 = 1.96;
+use crate::sandwich::{Wave, interval};
 
 /// Of what was found with a motor, from the records `accounts`.
 pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report {
@@ -102,37 +99,38 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
 fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
     let order = study.orders[k];
     let at = study.base + 2 * k;
-    let (c, s) = (study.after.values[at], study.after.values[at + 1]);
-    let (dc, ds) = (study.after.deviations[at], study.after.deviations[at + 1]);
-    let amplitude = c.hypot(s);
-    let own = ((c * dc).hypot(s * ds)) / amplitude;
-    let around =
-        |value: f64, deviation: f64| [value - NORMAL_95 * deviation, value + NORMAL_95 * deviation];
-    // c cos x + s sin x = amplitude cos(x + phase)
-    let phase = (-s).atan2(c);
-    let whole = f64::from(order.order);
+    let covariance = &study.after.covariance;
+    let wave = Wave::new(
+        [study.after.values[at], study.after.values[at + 1]],
+        [covariance[(at, at)], covariance[(at + 1, at + 1)]],
+        covariance[(at, at + 1)],
+    );
+    // What is fixed to the motor's angle repeats with its turn: the order is a whole number, amplitude and phase are those
+    // of it. What the record says of the order where that is not used shows whether it is so.
+    let estimates = [
+        ("order", study.freed[k], "per turn"),
+        ("amplitude", wave.amplitude, "A"),
+        ("phase", wave.phase, "rad"),
+    ];
+    let by_name = estimates.iter();
     let part = |k: usize| study.after.parts[k];
     let before = rms(&study.before.left[0]).powi(2);
     Effect {
         kind: order.kind(model.pole_pairs).into(),
         place: "motor".into(),
-        order: Some(whole),
+        order: Some(f64::from(order.order)),
         hz: None,
-        parameters: BTreeMap::from([
-            ("order".into(), whole),
-            ("amplitude".into(), amplitude),
-            ("phase".into(), phase),
-        ]),
-        interval: BTreeMap::from([
-            ("order".into(), [whole, whole]),
-            ("amplitude".into(), around(amplitude, own)),
-            ("phase".into(), around(phase, own / amplitude)),
-        ]),
-        unit: BTreeMap::from([
-            ("order".into(), "per turn".into()),
-            ("amplitude".into(), "A".into()),
-            ("phase".into(), "rad".into()),
-        ]),
+        parameters: by_name
+            .clone()
+            .map(|(name, [value, _], _)| ((*name).into(), *value))
+            .collect(),
+        interval: by_name
+            .clone()
+            .map(|(name, [value, variance], _)| ((*name).into(), interval(*value, *variance)))
+            .collect(),
+        unit: by_name
+            .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
+            .collect(),
         explained: ((part(at).powi(2) + part(at + 1).powi(2)) / before).min(1.0),
         suggests: Some(order.suggests(model.pole_pairs)),
     }
@@ -145,7 +143,12 @@ fn model_toml(model: MotorModel, effects: &[Effect]) -> String {
             "\n[[effects]]\nkind = \"{}\"\nwhere = \"motor\"\n",
             effect.kind
         );
-        for (name, value) in &effect.parameters {
+        let fitted = effect
+            .parameters
+            .iter()
+            .filter(|(name, _)| *name != "order");
+        let order = effect.order.iter().map(|order| ("order", order));
+        for (name, value) in order.chain(fitted.map(|(name, value)| (name.as_str(), value))) {
             text += &format!("{name} = {value:?}\n");
         }
     }
