@@ -27,6 +27,7 @@ pub mod record;
 mod refine;
 mod remains;
 pub mod report;
+mod roundings;
 pub mod run;
 pub mod scan;
 pub mod select;
