@@ -18,7 +18,7 @@ use std::f64::consts::TAU;
 /// simplifications of the balances explain as much.
 pub const MATERIAL: f64 = 0.004;
 /// Share of that which the check record must confirm, with the parameters of the fit.
-const CONFIRMED: f64 = 0.25;
+pub(crate) const CONFIRMED: f64 = 0.25;
 /// Effects of one machine at most.
 const MOST_EFFECTS: usize = 4;
 /// Hypotheses that are looked at closely in each step.

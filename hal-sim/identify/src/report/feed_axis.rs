@@ -77,6 +77,9 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report 
         effects,
         unexplained: Vec::new(),
         calibration: calibration(study, &first.axis),
+        derivatives: "Position and force pass the benchmark's 100 Hz zero-phase Butterworth filter; derivatives are central \
+                      differences of the filtered position."
+            .into(),
         selection: selection(study),
         simulation: None,
         stages: study
@@ -164,6 +167,8 @@ fn effect(term: Term, values: &[f64], deviations: &[f64], explained: f64) -> Eff
         interval,
         unit,
         explained,
+        held_back: Vec::new(),
+        not_separable: Vec::new(),
         suggests: None,
     }
 }

@@ -66,6 +66,9 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
         unexplained: Vec::new(),
         // Nothing is declared of inertia and friction.
         calibration: Vec::new(),
+        derivatives: "Position and current pass a 100 Hz zero-phase Butterworth filter; derivatives are central differences \
+                      of the filtered position."
+            .into(),
         selection: Selection {
             rule: format!(
                 "Orders of the slow turn whose amplitude is more than six times the median of all; the current after a \
@@ -134,6 +137,8 @@ fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
             ("phase".into(), "rad".into()),
         ]),
         explained: ((part(at).powi(2) + part(at + 1).powi(2)) / before).min(1.0),
+        held_back: Vec::new(),
+        not_separable: Vec::new(),
         suggests: Some(order.suggests(model.pole_pairs)),
     }
 }
