@@ -1,12 +1,13 @@
 //! The whole way: a fit record and a check record under a declared model, and what they have beyond it.
 
-use crate::balance::{Balance, Rounding};
+use crate::balance::Balance;
 use crate::conclusion::conclude;
 use crate::design::Whitener;
 use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
 use crate::progress::Progress;
 use crate::record::{Base, Record};
+use crate::roundings::Roundings;
 use crate::select::Search;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -79,19 +80,16 @@ pub fn analyse(model: &Model, fit: &Recording, check: &Recording) -> Outcome {
     let record = Record::new(fit, model);
     let check_record = Record::new(check, model);
     let mut progress = Progress::default();
+    let roundings = Roundings::new(&record, model);
     let mut rounding = None;
     loop {
         // An effect that is in the way can hide how friction is rounded: it is chosen again when one was found.
-        let balance = record.balance(model, &progress.found);
-        let settled = rounding.replace(balance.rounding) == Some(balance.rounding);
+        let best = roundings.best(&progress.found);
+        let settled = rounding.replace(best) == Some(best);
+        let balance = record.balance_with(model, best);
         let base = Base::new(&balance);
         let case = Case::new(&balance, &base);
-        let check_balance = Balance::new(
-            model,
-            &check_record.signals,
-            &check_record.fourier,
-            balance.rounding,
-        );
+        let check_balance = check_record.balance_with(model, best);
         let check_base = Base::new(&check_balance);
         let check_case = Case::new(&check_balance, &check_base);
         let again = !settled && !progress.found.is_empty();
@@ -99,21 +97,11 @@ pub fn analyse(model: &Model, fit: &Recording, check: &Recording) -> Outcome {
             progress = Progress::default();
         }
         let holds =
-            |found: &[Hypothesis]| again || rounding_holds(&record, model, found, balance.rounding);
+            |found: &[Hypothesis]| again || found.is_empty() || roundings.best(found) == best;
         if let Some(noise) = progress.search(&case, &check_case, &holds)
             && holds(&progress.found)
         {
             return conclude(case, check_case, noise, progress);
         }
     }
-}
-
-/// Whether the friction's rounding that a search began with is still the best with what it found.
-fn rounding_holds(
-    record: &Record,
-    model: &Model,
-    found: &[Hypothesis],
-    rounding: Rounding,
-) -> bool {
-    found.is_empty() || record.balance(model, found).rounding == rounding
 }

@@ -1,11 +1,9 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
-use crate::analysis::{
-    Bandwidth, Case, ChannelFigures, Coordinates, Found, Outcome, Rival, Unexplained,
-};
+use crate::analysis::{Bandwidth, Case, ChannelFigures, Coordinates, Found, Outcome, Rival};
 use crate::channel::Channel;
 use crate::design::dot;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::hypothesis::Hypothesis;
 use crate::noise::Noise;
 use crate::normal::Solution;
 use crate::progress::Progress;
@@ -13,6 +11,7 @@ use crate::recalibrated::{calibration, new_model};
 use crate::remains::{Fixed, Side, rms, whiteness};
 use crate::select::Search;
 use crate::signals::SPEED_BANDWIDTH_HZ;
+use crate::unexplained::{Rest, unexplained};
 use plant::Axis;
 
 /// Draws the conclusion of a search.
@@ -62,7 +61,8 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
                 effect,
                 explained: (fall / excess).clamp(0.0, 1.0),
                 fall,
-                held_back: without.normal.held_back(first),
+                fall_at: without.normal.falls(first, false),
+                held_back: without.normal.falls(first, true),
                 rivals: progress.rivals.get(k).cloned().unwrap_or_default(),
                 inseparable: progress.inseparable[k]
                     .iter()
@@ -136,12 +136,27 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
             }
         })
         .collect();
-    let (signals, step) = (case.balance.signals, case.balance.fourier.step());
-    let every = |column: &[f64]| column.iter().step_by(step).copied().collect::<Vec<f64>>();
+    let coordinates = Coordinates::new(case.balance.signals, case.balance.fourier.step());
+    let unexplained = unexplained(
+        &Rest {
+            case: &case,
+            whitener: &whitener,
+            whitened: &residual_whitened,
+            coordinates: &coordinates,
+        },
+        &Rest {
+            case: &check,
+            whitener: &check.whitener(&check_noise),
+            whitened: &fixed.whitened,
+            coordinates: &Coordinates::new(check.balance.signals, check.balance.fourier.step()),
+        },
+        &fit.after,
+        &progress.unconfirmed,
+    );
     Outcome {
         model: new_model(&case, &solution, &effects),
         calibration: calibration(&case, &solution),
-        unexplained: unexplained(&progress),
+        unexplained,
         bandwidth: bandwidth(&case, &noise),
         effects,
         channels,
@@ -152,13 +167,7 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
             .iter()
             .map(|&channel| whitener.mask(channel).to_vec())
             .collect(),
-        coordinates: Coordinates {
-            time: every(&signals.time),
-            angle: [0, 1].map(|k: usize| every(&signals.motors[k].theta)),
-            relative: every(&signals.relative),
-            speed: [0, 1].map(|k: usize| every(&signals.motors[k].omega)),
-            relative_speed: every(&signals.relative_speed),
-        },
+        coordinates,
         residuals: Channel::ALL
             .into_iter()
             .zip(fit.before)
@@ -229,34 +238,4 @@ fn check_fall(
     let whitener = check.whitener(noise);
     let mut search = check.search(&whitener, others);
     search.fall_at(hypothesis, values)
-}
-
-/// What was significant on the fit record and not borne out by the check record.
-fn unexplained(progress: &Progress) -> Vec<Unexplained> {
-    progress
-        .unconfirmed
-        .iter()
-        .take(3)
-        .map(|trial| {
-            let hypothesis = &trial.hypothesis;
-            let coordinate = match hypothesis.family {
-                Family::AngleTorque => "mechanical angle",
-                Family::FluxHarmonic => "electrical angle",
-                Family::EncoderEccentricity => "mechanical angle",
-                Family::TimePeriodic => "time, Hz",
-                Family::LeadError | Family::BallPassage => "relative angle",
-                Family::StribeckFriction => "speed",
-                Family::PositionLoad | Family::LeadScale => "table position",
-                _ => "none",
-            };
-            Unexplained {
-                channel: hypothesis.place.name().to_owned(),
-                coordinate: coordinate.to_owned(),
-                order: hypothesis.shape,
-                size: trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt(),
-                reason: "significant on the fit record, not borne out by the check record"
-                    .to_owned(),
-            }
-        })
-        .collect()
 }

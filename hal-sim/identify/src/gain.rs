@@ -90,15 +90,16 @@ impl Normal {
         before - less.cost(&less.solve(None).values)
     }
 
-    /// Fall of the sum of squares on each operating point that the columns from `base` on bring when fitted on all
-    /// others.
-    pub fn held_back(&self, base: usize) -> Vec<f64> {
+    /// Fall of the sum of squares on each operating point that the columns from `base` on bring when fitted on all, or
+    /// on all others.
+    pub fn falls(&self, base: usize, on_others: bool) -> Vec<f64> {
         let mut narrow = self.clone();
         narrow.truncate(base);
         (0..self.gram.len())
             .map(|fold| {
-                narrow.left(fold, &narrow.solve(Some(fold)).values)
-                    - self.left(fold, &self.solve(Some(fold)).values)
+                let without = on_others.then_some(fold);
+                narrow.left(fold, &narrow.solve(without).values)
+                    - self.left(fold, &self.solve(without).values)
             })
             .collect()
     }

@@ -3,6 +3,7 @@
 use crate::channel::Channel;
 use crate::hypothesis::Hypothesis;
 use crate::select::Trial;
+use crate::signals::Signals;
 use plant::effects::EffectModel;
 use plant::model::Model;
 
@@ -25,7 +26,9 @@ pub struct Found {
     pub fall: f64,
     /// The same on the check record with the fit's parameters.
     pub check_fall: f64,
-    /// Fall on each operating point of the fit record when fitted on the others.
+    /// Fall on each operating point of the fit record.
+    pub fall_at: Vec<f64>,
+    /// The same when fitted on the others.
     pub held_back: Vec<f64>,
     /// The hypotheses that lost against it, the best first.
     pub rivals: Vec<Trial>,
@@ -72,15 +75,17 @@ pub struct ChannelFigures {
 #[derive(Debug, Clone)]
 pub struct Unexplained {
     /// Where it shows.
-    pub channel: String,
-    /// What it repeats with.
+    pub channel: Channel,
+    /// What it is a shape over; `none` for what has no shape.
     pub coordinate: String,
-    /// Order or frequency there.
-    pub order: f64,
-    /// Size.
+    /// Order per turn of an angle.
+    pub order: Option<f64>,
+    /// Frequency over time, Hz.
+    pub hz: Option<f64>,
+    /// Rms in the channel's unit, on the fit record.
     pub size: f64,
     /// Why it was not named.
-    pub reason: String,
+    pub reason: &'static str,
 }
 
 /// All that was found.
@@ -138,6 +143,23 @@ pub struct Coordinates {
     pub speed: [Vec<f64>; 2],
     /// Speed of screw against nut, rad/s.
     pub relative_speed: Vec<f64>,
+    /// Position of the table, m.
+    pub table: Vec<f64>,
+}
+
+impl Coordinates {
+    /// Of a record's signals, every `step`-th row.
+    pub(crate) fn new(signals: &Signals, step: usize) -> Self {
+        let every = |column: &[f64]| column.iter().step_by(step).copied().collect::<Vec<f64>>();
+        Coordinates {
+            time: every(&signals.time),
+            angle: [0, 1].map(|k: usize| every(&signals.motors[k].theta)),
+            relative: every(&signals.relative),
+            speed: [0, 1].map(|k: usize| every(&signals.motors[k].omega)),
+            relative_speed: every(&signals.relative_speed),
+            table: every(&signals.table),
+        }
+    }
 }
 
 impl Outcome {

@@ -18,22 +18,16 @@ use std::f64::consts::TAU;
 /// simplifications of the balances explain as much.
 pub const MATERIAL: f64 = 0.004;
 /// Share of that which the check record must confirm, with the parameters of the fit.
-const CONFIRMED: f64 = 0.25;
+pub(crate) const CONFIRMED: f64 = 0.25;
 /// Effects of one machine at most.
 const MOST_EFFECTS: usize = 4;
 /// Hypotheses that are looked at closely in each step.
 const MOST_CONTENDERS: usize = 5;
 /// Share of the best fall within which the check record has a say in the choice.
 const CLOSE: f64 = 0.03;
-/// A rival whose fall is behind by less than this (ten of log-likelihood) and a share that is left to the balances'
-/// simplifications is not told apart.
-const INSEPARABLE: f64 = 20.0;
-const INSEPARABLE_SHARE: f64 = 0.002;
-/// An effect gives way to one that explains more on both records by this and this share.
-const BETTER: f64 = 50.0;
-const BETTER_SHARE: f64 = 0.001;
-/// Smallest amplitude of a travel error in encoder counts (through the lead): what quantisation itself makes is below.
-const LEAST_TRAVEL_COUNTS: f64 = 0.25;
+/// Smallest amplitude of an error of angle or travel in encoder counts (through the lead): what quantisation itself makes
+/// is below.
+const LEAST_COUNTS: f64 = 0.25;
 
 /// Sums over the channels.
 type ByChannel = [f64; Channel::COUNT];
@@ -63,12 +57,15 @@ pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
     (a.shape - b.shape).abs() < resolution
 }
 
-/// Whether a trial's size is more than the sensors' resolution makes.
+/// Whether a trial's size is more than the encoders' resolution makes.
 fn resolved(trial: &Trial, balance: &Balance) -> bool {
     let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
     let count = TAU / f64::from(balance.model.sensing.encoder_counts_per_turn);
-    trial.hypothesis.family != Family::LeadError
-        || size > LEAST_TRAVEL_COUNTS * count * balance.lead
+    match trial.hypothesis.family {
+        Family::LeadError => size > LEAST_COUNTS * count * balance.lead,
+        Family::EncoderEccentricity => size > LEAST_COUNTS * count,
+        _ => true,
+    }
 }
 
 /// An effect of both motors alike is two effects where their sizes differ.
@@ -89,9 +86,15 @@ fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothe
     vec![trial.hypothesis]
 }
 
-/// Of contenders those that the record does not tell from a trial.
-fn inseparable(trial: &Trial, contenders: &[Contender], balance: &Balance) -> Vec<Trial> {
-    let least = (1.0 - INSEPARABLE_SHARE) * trial.gain.fall - INSEPARABLE;
+/// Of contenders those that the record does not tell from a trial: they explain less by no more than what an effect must
+/// explain at least to count.
+fn inseparable(
+    trial: &Trial,
+    contenders: &[Contender],
+    material: f64,
+    balance: &Balance,
+) -> Vec<Trial> {
+    let least = trial.gain.fall - material;
     contenders
         .iter()
         .map(|contender| &contender.trial)
@@ -335,8 +338,12 @@ impl Progress {
                 .iter()
                 .filter(|t| !same(&t.hypothesis, &hypothesis, case.balance));
             self.rivals.push(lost.take(8).cloned().collect());
-            self.inseparable
-                .push(inseparable(&trial, &contenders, case.balance));
+            self.inseparable.push(inseparable(
+                &trial,
+                &contenders,
+                self.threshold,
+                case.balance,
+            ));
             self.found.push(hypothesis);
             self.falls.push(trial.gain.fall);
         }
@@ -373,10 +380,14 @@ impl Progress {
             let both = own.gain.fall + own_on_check;
             let better = self
                 .chosen(&contenders, witness, &others)
-                .filter(|(other, _)| *other > both + BETTER + BETTER_SHARE * both)
+                .filter(|(other, _)| *other > both + self.threshold)
                 .map(|(_, trial)| trial);
-            self.inseparable[k] =
-                inseparable(better.as_ref().unwrap_or(&own), &contenders, case.balance);
+            self.inseparable[k] = inseparable(
+                better.as_ref().unwrap_or(&own),
+                &contenders,
+                self.threshold,
+                case.balance,
+            );
             let worth =
                 self.threshold
                     .max(self.least_beside(&own.hypothesis, &known, case.balance));

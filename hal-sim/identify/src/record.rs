@@ -1,15 +1,12 @@
 //! A record made ready: transforms, signals, balances and noise under a model.
 
 use crate::balance::{Balance, Contribution, Parameter, Rounding};
-use crate::channel::Channel;
 use crate::design::{Whitener, operating_points};
 use crate::fourier::Fourier;
-use crate::hypothesis::{Family, Hypothesis};
-use crate::noise::Noise;
+use crate::hypothesis::Hypothesis;
 use crate::normal::Normal;
+use crate::roundings::Roundings;
 use crate::signals::Signals;
-use plant::Axis;
-use plant::effects::Place;
 use plant::model::Model;
 use plant::recording::Recording;
 
@@ -17,20 +14,6 @@ use plant::recording::Recording;
 const BALANCE_RATE_HZ: f64 = 1250.0;
 /// Zeros behind a record, s.
 const PAD_S: f64 = 0.4;
-/// Roundings of friction that are tried: none, and what simulations that cannot stick use.
-const ROUNDINGS: [Rounding; 2] = [
-    Rounding {
-        bearing: 2.0,
-        pair: 0.5,
-        guideway: 0.2,
-    },
-    Rounding {
-        bearing: 0.0,
-        pair: 0.0,
-        guideway: 0.0,
-    },
-];
-
 /// A record and its transforms.
 pub struct Record {
     /// Transforms of its length.
@@ -51,59 +34,13 @@ impl Record {
 
     /// The balances under a model with given effects, with the rounding of friction that explains the record best.
     pub fn balance<'a>(&'a self, model: &'a Model, found: &[Hypothesis]) -> Balance<'a> {
-        let noise = Noise::declared(model, &self.signals, &self.fourier);
-        let whitener = Whitener::new(&self.signals, &self.fourier, &noise);
-        let run_s = self.signals.run_s();
-        let torque = |mut contribution: Contribution| {
-            contribution
-                .0
-                .retain(|(channel, _)| matches!(channel, Channel::Torque(_)));
-            contribution
-        };
-        let in_the_way = in_the_way(model);
-        let mut best: Option<(f64, Balance)> = None;
-        for rounding in ROUNDINGS {
-            let balance = Balance::new(model, &self.signals, &self.fourier, rounding);
-            let mut normal = Normal::new(
-                whitener.column(&torque(balance.torque_residual())),
-                &whitener,
-            );
-            for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
-                let column = whitener.column(&torque(balance.parameter(parameter)));
-                normal.push(column, parameter.prior(), &whitener);
-            }
-            for hypothesis in found.iter().chain(&in_the_way) {
-                for part in hypothesis.contributions(&balance, run_s).iter() {
-                    let column = whitener.column(&torque(part.clone()));
-                    normal.push(column, hypothesis.prior(), &whitener);
-                }
-            }
-            let cost = normal.cost(&normal.solve(None).values);
-            if best.as_ref().is_none_or(|(least, _)| cost < *least) {
-                best = Some((cost, balance));
-            }
-        }
-        best.expect("there is at least one rounding").1
+        self.balance_with(model, Roundings::new(self, model).best(found))
     }
-}
 
-/// What must not be taken for another rounding, in the rough: a friction level that changes with speed, and slow torque
-/// over an angle.
-fn in_the_way(model: &Model) -> Vec<Hypothesis> {
-    let lead = model.feed.travel_per_radian();
-    let places = [(Place::Screw, 1.0), (Place::Nut, 1.0), (Place::Feed, lead)];
-    let levels = [2.5, 8.0].into_iter().flat_map(|speed| {
-        places.map(|(place, unit)| Hypothesis::new(Family::StribeckFriction, place, speed * unit))
-    });
-    let waves = Axis::ALL.into_iter().flat_map(|axis| {
-        let place = match axis {
-            Axis::Screw => Place::Screw,
-            Axis::Nut => Place::Nut,
-        };
-        let electrical = f64::from(model.motor(axis).pole_pairs);
-        [1.0, 2.0, electrical].map(|order| Hypothesis::new(Family::AngleTorque, place, order))
-    });
-    levels.chain(waves).collect()
+    /// The balances under a model with a given rounding of friction.
+    pub(crate) fn balance_with<'a>(&'a self, model: &'a Model, rounding: Rounding) -> Balance<'a> {
+        Balance::new(model, &self.signals, &self.fourier, rounding)
+    }
 }
 
 /// Contributions of the declared model and its parameters, before whitening.

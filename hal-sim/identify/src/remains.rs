@@ -3,7 +3,7 @@
 use crate::analysis::Case;
 use crate::balance::Contribution;
 use crate::channel::Channel;
-use crate::design::{Whitener, dot};
+use crate::design::{Column, Whitener, dot};
 use crate::hypothesis::Hypothesis;
 use crate::noise::Noise;
 use crate::normal::{Normal, Solution};
@@ -92,6 +92,8 @@ impl Side {
 pub(crate) struct Fixed {
     pub(crate) before: Vec<Vec<f64>>,
     pub(crate) after: Vec<Vec<f64>>,
+    /// After, made white.
+    pub(crate) whitened: Column,
     pub(crate) masks: Vec<Vec<bool>>,
 }
 
@@ -106,7 +108,7 @@ impl Fixed {
     ) -> Self {
         let run_s = check.balance.signals.run_s();
         let whitener = check.whitener(noise);
-        let left = |values: &Solution, effects: &[Hypothesis]| -> Vec<Vec<f64>> {
+        let left = |values: &Solution, effects: &[Hypothesis]| -> Contribution {
             let mut residual: Contribution = check.base.residual.clone();
             for ((parameter, _), value) in case.base.parameters.iter().zip(values.values.iter()) {
                 if parameter.is_of_the_machine()
@@ -142,6 +144,9 @@ impl Fixed {
             for ((_, contribution), value) in of_record.iter().zip(offsets.values.iter()) {
                 residual.add_all(-value, contribution);
             }
+            residual
+        };
+        let in_units = |residual: &Contribution| -> Vec<Vec<f64>> {
             Channel::ALL
                 .iter()
                 .map(|&channel| {
@@ -156,9 +161,11 @@ impl Fixed {
                 })
                 .collect()
         };
+        let after = left(full, found);
         Fixed {
-            before: left(plain, &[]),
-            after: left(full, found),
+            before: in_units(&left(plain, &[])),
+            after: in_units(&after),
+            whitened: whitener.column(&after),
             masks: Channel::ALL
                 .iter()
                 .map(|&channel| whitener.mask(channel).to_vec())

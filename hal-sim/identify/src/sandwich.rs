@@ -10,7 +10,7 @@ use nalgebra::{DMatrix, DVector};
 /// Half-width of a 95 % interval in standard deviations.
 const NORMAL_95: f64 = 1.96;
 /// Length of a stretch in correlation lengths: what reaches from one stretch into the next is then small.
-const LENGTHS: f64 = 5.0;
+const LENGTHS: f64 = 8.0;
 /// Stretches that a record must have for each parameter, or their scatter says nothing.
 const LEAST_STRETCHES: usize = 3;
 
@@ -128,17 +128,17 @@ impl Wave {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
-    use rand_distr::{Distribution, StandardNormal};
+    use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
-    use rand_xoshiro::rand_core::SeedableRng;
 
     /// Noise of variance 1 of which `kept` is kept from row to row.
     pub(crate) fn coloured(seed: u64, rows: usize, kept: f64) -> Vec<f64> {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
-        let mut last: f64 = StandardNormal.sample(&mut random);
+        let mut white = || 12f64.sqrt() * (random.random::<f64>() - 0.5);
+        let mut last = white();
         (0..rows)
             .map(|_| {
-                let new: f64 = StandardNormal.sample(&mut random);
+                let new = white();
                 last = kept * last + (1.0 - kept * kept).sqrt() * new;
                 last
             })

@@ -50,14 +50,17 @@ impl OrderSpectrum {
         let first = ((orders.start * span as f64).ceil() as usize).max(1);
         let (mut sum, mut weights) = (vec![Complex64::default(); count], vec![0.0; count]);
         // Rows are samples of the angle: above half of them per turn an operating point shows its own orders mirrored.
-        // Those that have all orders below share one transform.
+        // Those that have the same orders below share one transform.
         let highest = |stretch: &Stretch| (nyquist * TAU / stretch.speed).min(orders.end);
-        let (all, some): (Vec<&Stretch>, Vec<&Stretch>) = stretches
-            .iter()
-            .partition(|stretch| highest(stretch) >= orders.end);
-        let groups = some.into_iter().map(|stretch| vec![stretch]).chain([all]);
-        for group in groups.filter(|group| !group.is_empty()) {
-            let top = highest(group[0]);
+        let mut groups: Vec<(f64, Vec<&Stretch>)> = Vec::new();
+        for stretch in stretches {
+            let top = highest(stretch);
+            match groups.iter_mut().find(|(known, _)| *known == top) {
+                Some((_, group)) => group.push(stretch),
+                None => groups.push((top, vec![stretch])),
+            }
+        }
+        for (top, group) in groups {
             let per_turn = ((4.0 * top) as usize).next_power_of_two();
             let transform = crate::fourier::transform(span * per_turn);
             let mut bins = transform.make_input_vec();

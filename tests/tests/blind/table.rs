@@ -4,7 +4,7 @@ use crate::machines::Machine;
 use crate::matrix::Matrix;
 use crate::oracle::{self, Oracle};
 use crate::score::{self, Score};
-use identify::analysis::Outcome;
+use identify::analysis::{Outcome, Unexplained};
 use identify::record::Record;
 use plant::effects::EffectModel;
 use std::fmt::{self, Display, Formatter};
@@ -16,6 +16,8 @@ pub struct Row {
     truth: Vec<EffectModel>,
     found: Vec<EffectModel>,
     score: Score,
+    /// What the report would say is left without a cause.
+    left: Vec<String>,
     /// Of each effect: its greatest share of a channel's noise floor.
     floors: Vec<f64>,
     /// Asked only where the machine was not told right.
@@ -42,6 +44,7 @@ impl Row {
             style: machine.style.clone(),
             truth: machine.effects.clone(),
             found: outcome.effects.iter().map(|f| f.effect.clone()).collect(),
+            left: outcome.unexplained.iter().map(left).collect(),
             floors: machine
                 .effects
                 .iter()
@@ -90,6 +93,19 @@ impl Row {
     }
 }
 
+fn left(left: &Unexplained) -> String {
+    format!(
+        "{} over {}, order {:?}, {:?} Hz: {:.2e} {}; {}",
+        left.channel.name(),
+        left.coordinate,
+        left.order,
+        left.hz,
+        left.size,
+        left.channel.unit(),
+        left.reason
+    )
+}
+
 fn text(effect: &EffectModel) -> String {
     let parameters: Vec<String> = effect
         .effect()
@@ -114,6 +130,7 @@ impl Display for Row {
             _ => "below the floor",
         };
         let result = match (self.score.wrong, self.found.is_empty()) {
+            _ if self.score.right => "right, but not the verdict",
             (true, _) => "WRONG NAME",
             (_, true) => "silent",
             _ => "in part",
@@ -143,6 +160,9 @@ impl Display for Row {
         }
         for effect in &self.found {
             writeln!(f, "    found {}", text(effect))?;
+        }
+        for left in &self.left {
+            writeln!(f, "    left  {left}")?;
         }
         Ok(())
     }
@@ -180,6 +200,12 @@ impl Table {
         self.0.iter().filter(|row| row.score.wrong).count()
     }
 
+    /// Machines that were told right and yet get the verdict `unexplained`.
+    fn unexplained(&self, which: impl Fn(&Row) -> bool) -> usize {
+        let rows = self.0.iter().filter(|row| which(row) && row.score.right);
+        rows.filter(|row| !row.left.is_empty()).count()
+    }
+
     /// What `cargo xtask bench identify` reads.
     pub fn json(&self) -> String {
         let (visible, clean) = (self.visible(), self.clean());
@@ -197,7 +223,8 @@ impl Table {
 
 impl Display for Table {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        for row in self.0.iter().filter(|row| !row.score.right) {
+        let whole = |row: &&Row| row.score.right && row.left.is_empty();
+        for row in self.0.iter().filter(|row| !whole(row)) {
             write!(f, "{row}")?;
         }
         let (visible, clean) = (self.visible(), self.clean());
@@ -209,7 +236,8 @@ impl Display for Table {
             f,
             "above the noise floor: {} of {} right; below: {} of {} right\n\
              one effect: {} of {} right; pairs: {} of {} right; silent: {}\n\
-             false alarms: {} of {} clean machines; wrong names: {} of {} machines",
+             false alarms: {} of {} clean machines; wrong names: {} of {} machines\n\
+             told right, yet something said to be left: {} clean machines, {} others",
             visible.right,
             visible.of,
             below.right,
@@ -222,7 +250,9 @@ impl Display for Table {
             clean.of - clean.right,
             clean.of,
             self.wrong(),
-            self.0.len()
+            self.0.len(),
+            self.unexplained(Row::is_clean),
+            self.unexplained(|row| !row.is_clean()),
         )
     }
 }

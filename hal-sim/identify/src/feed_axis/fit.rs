@@ -174,7 +174,7 @@ pub(super) fn covariance(axis: &Axis, record: &Record, rows: &[usize]) -> DMatri
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::super::axis::Term;
     use super::super::record::Law;
     use super::*;
@@ -182,7 +182,7 @@ mod tests {
     use crate::sandwich::{Wave, interval, tests::coloured};
 
     /// Four strokes of half a turn a second and one, forth and back.
-    fn record(axis: &Axis) -> Record {
+    pub(in super::super) fn record(axis: &Axis) -> Record {
         const RATE: f64 = 1000.0;
         let speed = |t: f64| axis.lead_m * [2.0, -3.0, 3.0, -2.0][t as usize % 4];
         let mut at = 0.0;
@@ -213,9 +213,20 @@ mod tests {
         record
     }
 
+    impl Record {
+        /// With something more in its force, N, row by row.
+        pub(in super::super) fn with_force(&self, more: impl Fn(usize) -> f64) -> Self {
+            let mut changed = self.clone();
+            for (row, u) in changed.output.iter_mut().enumerate() {
+                *u += more(row) / self.force_per_volt;
+            }
+            changed
+        }
+    }
+
     #[test]
     fn the_truth_is_in_the_intervals_as_often_as_they_promise() {
-        const TRIALS: u64 = 20;
+        const TRIALS: u64 = 80;
         let real = Axis {
             law: Law::Difference(2),
             terms: vec![(Term::Periodic(4.3), vec![1.5, -0.8])],
@@ -227,13 +238,8 @@ mod tests {
         let truth = Wave::new([1.5, -0.8], [0.0; 2], 0.0);
         let (mut inside, mut of) = (0, 0);
         for seed in 0..TRIALS {
-            let mut noisy = clean.clone();
             let noise = coloured(seed, clean.len(), 0.95);
-            noisy
-                .output
-                .iter_mut()
-                .zip(noise)
-                .for_each(|(u, noise)| *u += 0.02 * noise);
+            let noisy = clean.with_force(|row| 0.7 * noise[row]);
             let found = fitted(&start, &noisy, Free::Orders, &rows);
             let covariance = covariance(&found, &noisy, &rows);
             let (variance, values) = (|k: usize| covariance[(k, k)], &found.terms[0].1);

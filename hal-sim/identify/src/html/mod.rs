@@ -129,16 +129,7 @@ fn left(report: &Report) -> String {
     let items: String = report
         .unexplained
         .iter()
-        .map(|left| {
-            format!(
-                "<li>At {}, over {}: order or frequency {}, size {}; {}.</li>\n",
-                escape(&left.channel),
-                escape(&left.coordinate),
-                words::number(left.order),
-                words::number(left.size),
-                escape(&left.reason)
-            )
-        })
+        .map(|left| format!("<li>{}</li>\n", escape(&words::left(left))))
         .collect();
     format!("<section>\n<h2>What is left, without a cause</h2>\n<ul>\n{items}</ul>\n</section>\n")
 }
@@ -210,6 +201,14 @@ mod tests {
                 interval: BTreeMap::from([("amplitude".to_owned(), [0.044, 0.0442])]),
                 unit: BTreeMap::from([("amplitude".to_owned(), "N m".to_owned())]),
                 explained: 0.97,
+                held_back: vec![0.93, 0.99],
+                not_separable: vec![Alias {
+                    kind: "flux_harmonic".into(),
+                    place: "screw".into(),
+                    parameters: BTreeMap::from([("order".to_owned(), 7.2)]),
+                    behind: 4.0,
+                    check_behind: -1.5,
+                }],
                 suggests: None,
             }],
             residual: vec![
@@ -217,13 +216,16 @@ mod tests {
                 figures("screw torque", 0.0012),
             ],
             unexplained: vec![Left {
-                channel: "nut".into(),
+                channel: "nut torque".into(),
                 coordinate: "time".into(),
-                order: 43.2,
+                order: None,
+                hz: Some(43.2),
                 size: 1e-4,
+                unit: "N m".into(),
                 reason: "a <reason>".into(),
             }],
             calibration: Vec::new(),
+            derivatives: "without phase".into(),
             selection: Selection {
                 rule: "a & b".into(),
                 tried: 7,
@@ -302,6 +304,9 @@ mod tests {
             "a&amp;b.csv",
             "<td>18.25</td><td>14.75</td><td>18.50</td>",
             "94 %",
+            "93\u{A0}% to 99\u{A0}%",
+            "not separable from Flux harmonic (screw), 7.2 times a turn: behind by 4.0",
+            "without phase",
         ] {
             assert!(page.contains(part), "`{part}` is not on the page");
         }

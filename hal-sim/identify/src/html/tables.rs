@@ -1,6 +1,6 @@
 //! The tables: effects, residuals, hypotheses, what was refined, what became of the rows.
 
-use super::words::number;
+use super::words::{self, number};
 use crate::load::Account;
 use crate::report::Report;
 use page::document::escape;
@@ -39,8 +39,15 @@ pub(super) fn effects(report: &Report) -> String {
             );
         }
     }
+    let notes: String = report
+        .effects
+        .iter()
+        .flat_map(|effect| [words::held_back(effect), words::not_separable(effect)])
+        .flatten()
+        .map(|note| format!("<p class=\"note\">{}</p>\n", escape(&note)))
+        .collect();
     format!(
-        "<section>\n<h2>Effects</h2>\n{}</section>\n",
+        "<section>\n<h2>Effects</h2>\n{}{notes}</section>\n",
         table(
             "Effects",
             "<th scope=\"col\">Effect</th><th scope=\"col\" class=\"text\">Parameter</th><th scope=\"col\">Value</th>\
@@ -72,7 +79,8 @@ pub(super) fn residuals(report: &Report) -> String {
     format!(
         "<section>\n<h2>Residual before and after</h2>\n<p class=\"note\">Rms in the band that is used, plate values refined \
          within their tolerance both times. The parameters are those of the fit record; the check record is another run. \
-         White: share of lags at which what is left does not correlate with itself; noise has 95 %.</p>\n{}</section>\n",
+         White: share of lags at which what is left does not correlate with itself; noise has 95 %. {}</p>\n{}</section>\n",
+        escape(&report.derivatives),
         table(
             "Residuals",
             "<th scope=\"col\">Channel</th><th scope=\"col\" class=\"text\">Unit</th><th scope=\"col\">Fit before</th>\

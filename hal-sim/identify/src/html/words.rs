@@ -1,6 +1,6 @@
 //! An effect, a size and a place in words.
 
-use crate::report::{Effect, Residual};
+use crate::report::{Effect, Left, Residual};
 
 /// Four significant digits, in powers of ten where that is shorter.
 pub(super) fn number(value: f64) -> String {
@@ -173,6 +173,76 @@ pub(super) fn sentence(effect: &Effect) -> String {
         other => format!("has {}", other.replace('_', " ")),
     };
     format!("{} {what}.", owner(&effect.place))
+}
+
+/// Its kind and place.
+fn named(kind: &str, place: &str) -> String {
+    format!("{} ({place})", capital(&kind.replace('_', " ")))
+}
+
+/// How an effect holds on operating points that it was not fitted to.
+pub(super) fn held_back(effect: &Effect) -> Option<String> {
+    let (low, high) = effect
+        .held_back
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+    (low <= high).then(|| {
+        let percent = |share: f64| format!("{:.0}\u{A0}%", 100.0 * share).replace('-', "\u{2212}");
+        format!(
+            "{}: fitted without an operating point it explains there {} to {} of what it explains when fitted with it \
+             ({} points that show it).",
+            named(&effect.kind, &effect.place),
+            percent(low),
+            percent(high),
+            effect.held_back.len()
+        )
+    })
+}
+
+/// What the record does not tell from an effect.
+pub(super) fn not_separable(effect: &Effect) -> Option<String> {
+    if effect.not_separable.is_empty() {
+        return None;
+    }
+    let rivals: Vec<String> = effect
+        .not_separable
+        .iter()
+        .map(|alias| {
+            let at = |name: &str| alias.parameters.get(name);
+            let often = match (at("order"), at("hz")) {
+                (Some(order), _) => format!(", {} a turn", times(*order)),
+                (_, Some(hz)) => format!(", {} Hz", number(*hz)),
+                _ => String::new(),
+            };
+            format!(
+                "{}{often}: behind by {:.1} in log-likelihood on the fit record, {:.1} on the check record",
+                named(&alias.kind, &alias.place),
+                alias.behind,
+                alias.check_behind
+            )
+        })
+        .collect();
+    Some(format!(
+        "{} is not separable from {}.",
+        named(&effect.kind, &effect.place),
+        rivals.join("; from ")
+    ))
+}
+
+/// What something looks like that nothing explains.
+pub(super) fn left(left: &Left) -> String {
+    let often = match (left.order, left.hz) {
+        (Some(order), _) => format!(", {} a turn", times(order)),
+        (_, Some(hz)) => format!(", at {} Hz", number(hz)),
+        _ => String::new(),
+    };
+    let over = match left.coordinate.as_str() {
+        "none" => String::new(),
+        coordinate => format!(" over the {coordinate}{often}"),
+    };
+    let size = size(left.size, &left.unit);
+    let channel = capital(&left.channel);
+    format!("{channel}: {size} rms{over}; {}.", left.reason)
 }
 
 /// How a channel's residual fell, and what noise alone is.

@@ -1,7 +1,7 @@
 //! Orders of a motor's turn, and what they suggest.
 
 /// Highest order that is looked for.
-const HIGHEST: u32 = 220;
+pub(super) const HIGHEST: u32 = 220;
 /// An order stands out whose amplitude is so many times the median of all.
 const OUTSTANDING: f64 = 6.0;
 

@@ -1,9 +1,11 @@
 //! The current of a motor by inertia, friction and the orders of its turn.
 
+use super::left::remnants;
 use super::orders::{Order, of_map, of_residual};
 use super::record::Record;
 use crate::feed_axis::butterworth_100;
 use crate::fourier::slope;
+use crate::rest::Remnant;
 use crate::sandwich::Linear;
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
@@ -46,6 +48,8 @@ pub struct Study {
     pub rate: f64,
     /// What the current's sensor alone leaves after the filter, A.
     pub noise: f64,
+    /// What the orders leave of both records above it.
+    pub remnants: Vec<Remnant>,
 }
 
 /// Rms of a signal.
@@ -201,6 +205,9 @@ impl Study {
         let both = [estimate, check].map(|record| prepared(record, &numbers, true));
         let after = fit([&both[0], &both[1]]);
         let base = bare[0].columns.len();
+        let noise = noise(estimate);
+        let positions = [&both[0].position, &both[1].position];
+        let remnants = remnants(&after, positions, estimate.rate, noise);
         let freed = freed(&orders, &both[0], estimate, &after, base);
         let [fit_part, check_part] = bare;
         Study {
@@ -210,7 +217,8 @@ impl Study {
             before,
             after,
             rate: estimate.rate,
-            noise: noise(estimate),
+            remnants,
+            noise,
             current: [fit_part.current, check_part.current],
             position: [fit_part.position, check_part.position],
         }

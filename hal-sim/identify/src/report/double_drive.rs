@@ -1,7 +1,9 @@
 //! The report of a double drive.
 
-use super::{Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
-use crate::analysis::{Found, Outcome};
+use super::{
+    Alias, Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried,
+};
+use crate::analysis::{Bandwidth, Found, Outcome, Rival};
 use crate::channel::Channel as Balance;
 use crate::hypothesis::Family;
 use crate::interval::estimates;
@@ -36,11 +38,13 @@ pub fn double_drive(outcome: &Outcome, accounts: [Account; 2]) -> Report {
             .unexplained
             .iter()
             .map(|left| Left {
-                channel: left.channel.clone(),
+                channel: left.channel.name().into(),
                 coordinate: left.coordinate.clone(),
                 order: left.order,
+                hz: left.hz,
                 size: left.size,
-                reason: left.reason.clone(),
+                unit: left.channel.unit().into(),
+                reason: left.reason.into(),
             })
             .collect(),
         calibration: outcome
@@ -52,6 +56,7 @@ pub fn double_drive(outcome: &Outcome, accounts: [Account; 2]) -> Report {
                 sigma: *sigma,
             })
             .collect(),
+        derivatives: derivatives(&outcome.bandwidth),
         selection: selection(outcome),
         simulation: None,
         stages: Vec::new(),
@@ -90,8 +95,51 @@ fn effect(found: &Found) -> Effect {
             .collect(),
         parameters: estimates.into_iter().map(|e| (e.name, e.value)).collect(),
         explained: found.explained,
+        held_back: held_back(found),
+        not_separable: found.inseparable.iter().filter_map(alias).collect(),
         suggests: None,
     }
+}
+
+/// Shares of what each operating point has of an effect; of those that have nothing of it, nothing is said.
+fn held_back(found: &Found) -> Vec<f64> {
+    let shares = found.held_back.iter().zip(&found.fall_at);
+    shares
+        .filter(|(_, fall)| **fall > found.fall / 1000.0)
+        .map(|(held_back, fall)| held_back / fall)
+        .collect()
+}
+
+fn alias(rival: &Rival) -> Option<Alias> {
+    let effect = rival.effect.as_ref()?;
+    let parameters = effect.effect().parameters();
+    Some(Alias {
+        kind: effect.effect().kind().into(),
+        place: effect.place().name().into(),
+        parameters: parameters
+            .into_iter()
+            .filter(|(name, _)| name != "duration_s")
+            .collect(),
+        // Half of a sum of squares in units of the noise.
+        behind: 0.5 * rival.behind,
+        check_behind: 0.5 * rival.check_behind,
+    })
+}
+
+fn derivatives(bandwidth: &Bandwidth) -> String {
+    let Bandwidth {
+        balance_hz,
+        table_hz,
+        speed_hz,
+        even_hz,
+    } = bandwidth;
+    format!(
+        "Derivatives are taken in the frequency domain over the whole record, without phase. Torque and voltage balances are \
+         compared up to {balance_hz:.0} Hz, the table up to {table_hz:.0} Hz. From {:.0} Hz (screw) and {:.0} Hz (nut) on the \
+         encoder's quantisation, differentiated twice, outweighs the current sensors' noise: weights fall there with the \
+         fourth power. Speeds in friction and back-EMF have {speed_hz:.0} Hz.",
+        even_hz[0], even_hz[1]
+    )
 }
 
 fn unit(kind: &str, place: Place, name: &str) -> &'static str {

@@ -1,7 +1,8 @@
 //! The report of a feed axis.
 
 use super::{
-    Calibrated, Channel, Coordinate, Effect, Errors, Report, Residual, Selection, Stage, Tried,
+    Calibrated, Channel, Coordinate, Effect, Errors, Left, Report, Residual, Selection, Stage,
+    Tried, verdict,
 };
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::load::Account;
@@ -56,12 +57,13 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report 
         ],
     };
     let refitted = &study.stages[study.refitted];
+    let unexplained: Vec<Left> = study
+        .remnants
+        .iter()
+        .map(|remnant| Left::of(remnant, "force", "N"))
+        .collect();
     Report {
-        verdict: if effects.is_empty() {
-            "nothing missing"
-        } else {
-            "explained"
-        },
+        verdict: verdict(&effects, &unexplained),
         residual: vec![Residual {
             channel: "force".into(),
             unit: "N".into(),
@@ -73,8 +75,11 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report 
             whiteness: whiteness(&every),
         }],
         effects,
-        unexplained: Vec::new(),
+        unexplained,
         calibration: calibration(study, &first.axis),
+        derivatives: "Position and force pass the benchmark's 100 Hz zero-phase Butterworth filter; derivatives are central \
+                      differences of the filtered position."
+            .into(),
         selection: selection(study),
         simulation: None,
         stages: study
@@ -191,6 +196,8 @@ fn effect(term: Term, estimates: &[Estimate], explained: f64) -> Effect {
             .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
             .collect(),
         explained,
+        held_back: Vec::new(),
+        not_separable: Vec::new(),
         suggests: None,
     }
 }

@@ -11,6 +11,7 @@ pub use motor::motor;
 pub use write::{WriteError, write};
 
 use crate::load::Account;
+use crate::rest::Remnant;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -27,6 +28,8 @@ pub struct Report {
     pub unexplained: Vec<Left>,
     /// Plate values that were refined.
     pub calibration: Vec<Calibrated>,
+    /// How derivatives were taken, and to which bandwidth.
+    pub derivatives: String,
     /// How effects were chosen, and what lost.
     pub selection: Selection,
     /// The record's profile, simulated with both models.
@@ -70,9 +73,32 @@ pub struct Effect {
     pub unit: BTreeMap<String, String>,
     /// Share of what the fit record has beyond noise.
     pub explained: f64,
+    /// What it explains of each operating point of the fit record when fitted on the others, as a share of what it
+    /// explains there when fitted on all.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub held_back: Vec<f64>,
+    /// Other effects that the record does not tell from it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub not_separable: Vec<Alias>,
     /// What its order suggests, where the record cannot tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub suggests: Option<String>,
+}
+
+/// An effect that explains all but as much as the one that was named.
+#[derive(Debug, Clone, Serialize)]
+pub struct Alias {
+    /// Kind, as in a model file.
+    pub kind: String,
+    /// Place, as in a model file.
+    #[serde(rename = "where")]
+    pub place: String,
+    /// Parameters by name.
+    pub parameters: BTreeMap<String, f64>,
+    /// Log-likelihood of the fit record by which it is behind.
+    pub behind: f64,
+    /// The same on the check record.
+    pub check_behind: f64,
 }
 
 /// Rms of one channel, in its unit.
@@ -99,14 +125,20 @@ pub struct Residual {
 /// Something that no hypothesis explains: what it looks like.
 #[derive(Debug, Clone, Serialize)]
 pub struct Left {
-    /// Where it shows.
+    /// Channel in which it shows.
     pub channel: String,
-    /// What it repeats with.
+    /// What it is a shape over; `none` for what has no shape.
     pub coordinate: String,
-    /// Order or frequency there.
-    pub order: f64,
-    /// Size.
+    /// Order per turn of an angle.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub order: Option<f64>,
+    /// Frequency over time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub hz: Option<f64>,
+    /// Rms of the shape on the fit record.
     pub size: f64,
+    /// Unit of the size.
+    pub unit: String,
     /// Why it was not named.
     pub reason: String,
 }
@@ -239,6 +271,29 @@ pub struct Coordinate {
     pub folded: bool,
     /// Its values, rad where folded.
     pub values: Vec<f64>,
+}
+
+impl Left {
+    fn of(remnant: &Remnant, channel: &str, unit: &str) -> Self {
+        Left {
+            channel: channel.into(),
+            coordinate: remnant.coordinate.into(),
+            order: remnant.order,
+            hz: remnant.hz,
+            size: remnant.size,
+            unit: unit.into(),
+            reason: remnant.reason.into(),
+        }
+    }
+}
+
+/// Of a machine with one channel.
+fn verdict(effects: &[Effect], unexplained: &[Left]) -> &'static str {
+    match (effects, unexplained) {
+        ([], []) => "nothing missing",
+        (_, []) => "explained",
+        _ => "unexplained",
+    }
 }
 
 impl Report {

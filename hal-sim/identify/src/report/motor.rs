@@ -1,6 +1,6 @@
 //! The report of a bare motor.
 
-use super::{Channel, Coordinate, Effect, Report, Residual, Selection, Tried};
+use super::{Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried, verdict};
 use crate::load::Account;
 use crate::motor::{Fit, MotorModel, Study, rms};
 use crate::remains::whiteness;
@@ -44,12 +44,13 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
     let step = ((rate / 200.0) as usize).max(1);
     let every: Vec<f64> = study.after.left[0].iter().copied().step_by(step).collect();
     let left = |fit: &Fit, k: usize| rms(&fit.left[k]);
+    let unexplained: Vec<Left> = study
+        .remnants
+        .iter()
+        .map(|remnant| Left::of(remnant, "current", "A"))
+        .collect();
     Report {
-        verdict: if effects.is_empty() {
-            "nothing missing"
-        } else {
-            "explained"
-        },
+        verdict: verdict(&effects, &unexplained),
         residual: vec![Residual {
             channel: "current".into(),
             unit: "A".into(),
@@ -60,9 +61,12 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
             noise_floor: study.noise,
             whiteness: whiteness(&every),
         }],
-        unexplained: Vec::new(),
+        unexplained,
         // Nothing is declared of inertia and friction.
         calibration: Vec::new(),
+        derivatives: "Position and current pass a 100 Hz zero-phase Butterworth filter; derivatives are central differences \
+                      of the filtered position."
+            .into(),
         selection: Selection {
             rule: format!(
                 "Orders of the slow turn whose amplitude is more than six times the median of all; the current after a \
@@ -132,6 +136,8 @@ fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
             .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
             .collect(),
         explained: ((part(at).powi(2) + part(at + 1).powi(2)) / before).min(1.0),
+        held_back: Vec::new(),
+        not_separable: Vec::new(),
         suggests: Some(order.suggests(model.pole_pairs)),
     }
 }

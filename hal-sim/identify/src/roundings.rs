@@ -1,0 +1,115 @@
+//! How the sign of friction turns round: chosen by the record's torque balances, again when effects were found.
+
+use crate::balance::{Balance, Contribution, Parameter, Rounding};
+use crate::channel::Channel;
+use crate::design::Whitener;
+use crate::hypothesis::{Family, Hypothesis};
+use crate::noise::Noise;
+use crate::normal::Normal;
+use crate::record::Record;
+use plant::Axis;
+use plant::effects::Place;
+use plant::model::Model;
+
+/// Roundings of friction that are tried: none, and what simulations that cannot stick use.
+const ROUNDINGS: [Rounding; 2] = [
+    Rounding {
+        bearing: 2.0,
+        pair: 0.5,
+        guideway: 0.2,
+    },
+    Rounding {
+        bearing: 0.0,
+        pair: 0.0,
+        guideway: 0.0,
+    },
+];
+
+/// The torque balances of a record under each rounding, to choose by.
+pub(crate) struct Roundings<'a> {
+    candidates: Vec<(Balance<'a>, Normal)>,
+    whitener: Whitener<'a>,
+}
+
+/// The torques of a contribution.
+fn torque(contribution: &Contribution) -> Contribution {
+    let torques = contribution
+        .0
+        .iter()
+        .filter(|(channel, _)| matches!(channel, Channel::Torque(_)));
+    Contribution(torques.cloned().collect())
+}
+
+impl<'a> Roundings<'a> {
+    /// Of a record under a model.
+    pub(crate) fn new(record: &'a Record, model: &'a Model) -> Self {
+        let noise = Noise::declared(model, &record.signals, &record.fourier);
+        let whitener = Whitener::new(&record.signals, &record.fourier, &noise);
+        let candidates = ROUNDINGS
+            .into_iter()
+            .map(|rounding| {
+                let balance = record.balance_with(model, rounding);
+                let target = whitener.column(&torque(&balance.torque_residual()));
+                let mut normal = Normal::new(target, &whitener);
+                for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
+                    let column = whitener.column(&torque(&balance.parameter(parameter)));
+                    normal.push(column, parameter.prior(), &whitener);
+                }
+                push_torques(&mut normal, &in_the_way(model), &balance, &whitener);
+                (balance, normal)
+            })
+            .collect();
+        Roundings {
+            candidates,
+            whitener,
+        }
+    }
+
+    /// The one that explains the record best when it has given effects.
+    pub(crate) fn best(&self, found: &[Hypothesis]) -> Rounding {
+        let cost = |(balance, normal): &(Balance, Normal)| {
+            let mut normal = normal.clone();
+            push_torques(&mut normal, found, balance, &self.whitener);
+            normal.cost(&normal.solve(None).values)
+        };
+        self.candidates
+            .iter()
+            .map(|candidate| (candidate.0.rounding, cost(candidate)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .expect("there is at least one rounding")
+            .0
+    }
+}
+
+fn push_torques(
+    normal: &mut Normal,
+    hypotheses: &[Hypothesis],
+    balance: &Balance,
+    whitener: &Whitener,
+) {
+    let run_s = balance.signals.run_s();
+    for hypothesis in hypotheses {
+        for part in hypothesis.contributions(balance, run_s).iter() {
+            normal.push(whitener.column(&torque(part)), hypothesis.prior(), whitener);
+        }
+    }
+}
+
+/// What must not be taken for another rounding, in the rough: a friction level that changes with speed, and slow torque
+/// over an angle.
+fn in_the_way(model: &Model) -> Vec<Hypothesis> {
+    let lead = model.feed.travel_per_radian();
+    let places = [(Place::Screw, 1.0), (Place::Nut, 1.0), (Place::Feed, lead)];
+    let levels = [2.5, 8.0].into_iter().flat_map(|speed| {
+        places.map(|(place, unit)| Hypothesis::new(Family::StribeckFriction, place, speed * unit))
+    });
+    let waves = Axis::ALL.into_iter().flat_map(|axis| {
+        let place = match axis {
+            Axis::Screw => Place::Screw,
+            Axis::Nut => Place::Nut,
+        };
+        let electrical = f64::from(model.motor(axis).pole_pairs);
+        [1.0, 2.0, electrical].map(|order| Hypothesis::new(Family::AngleTorque, place, order))
+    });
+    levels.chain(waves).collect()
+}
