@@ -226,7 +226,7 @@ pub(super) mod tests {
 
     #[test]
     fn the_truth_is_in_the_intervals_as_often_as_they_promise() {
-        const TRIALS: u64 = 80;
+        const TRIALS: u64 = 40;
         let real = Axis {
             law: Law::Difference(2),
             terms: vec![(Term::Periodic(4.3), vec![1.5, -0.8])],

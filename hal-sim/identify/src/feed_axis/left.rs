@@ -15,6 +15,17 @@ const ORDERS: std::ops::Range<f64> = 0.3..60.0;
 /// Frequencies, Hz: what is slower is a shape of the programme, what is faster the filter takes away.
 const HZ: std::ops::Range<f64> = 0.5..100.0;
 
+/// Rows in which the reference's speed changes by more than a twentieth of its fastest change.
+fn changes(record: &Record) -> Vec<bool> {
+    let speed = slope(
+        &butterworth_100(&record.reference, record.rate),
+        record.rate,
+    );
+    let change = slope(&speed, record.rate);
+    let most = change.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
+    change.iter().map(|x| x.abs() > 0.05 * most).collect()
+}
+
 /// What `axes` leave of fit and check record, whose noise is `floor` (not a number where it is not known).
 pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> Vec<Remnant> {
     let inside = |record: &Record| {
@@ -48,6 +59,7 @@ pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> V
         values: [axes[0].left(records[0]), axes[1].left(records[1])],
         open: records.map(inside),
         rate: records[0].rate,
+        during: vec![("the reference's speed changes", changes(records[0]))],
         floor: floor.is_finite().then_some(floor),
     };
     rest.remnants(&places)

@@ -48,6 +48,7 @@ pub(super) fn remnants(
         open: positions.map(|position| vec![true; position.len()]),
         values: fit.left.clone(),
         rate,
+        during: Vec::new(),
         floor: noise.is_finite().then_some(noise),
     };
     rest.remnants(&places)

@@ -7,6 +7,7 @@ use super::{
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::load::Account;
 use crate::remains::whiteness;
+use crate::rest;
 use crate::sandwich::{Wave, interval};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -241,11 +242,12 @@ fn selection(study: &Study) -> Selection {
              fitted on either and judged by the force error on the other. A term stays if it lowers that error by at least \
              {:.0} %. The controller's output follows its law to {:.1} mV rms with dq/dt as the difference over the \
              periods that the table names; with dq/dt as it is the declared model's error is the first row's. Force error of \
-             the declared inverse model: {:.2} % on the fit record, {:.2} % on the check record.",
+             the declared inverse model: {:.2} % on the fit record, {:.2} % on the check record. {}",
             100.0 * feed_axis::LEAST,
             1e3 * study.law_left_v,
             study.inverse_percent[0],
             study.inverse_percent[1],
+            rest::rule(),
         ),
         tried: study.search.len(),
         threshold: feed_axis::LEAST,

@@ -282,7 +282,7 @@ impl Left {
             hz: remnant.hz,
             size: remnant.size,
             unit: unit.into(),
-            reason: remnant.reason.into(),
+            reason: remnant.reason.clone(),
         }
     }
 }

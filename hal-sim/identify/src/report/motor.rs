@@ -4,6 +4,7 @@ use super::{Channel, Coordinate, Effect, Left, Report, Residual, Selection, Trie
 use crate::load::Account;
 use crate::motor::{Fit, MotorModel, Study, rms};
 use crate::remains::whiteness;
+use crate::rest;
 use crate::sandwich::{Wave, interval};
 
 /// Of what was found with a motor, from the records `accounts`.
@@ -71,9 +72,10 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
             rule: format!(
                 "Orders of the slow turn whose amplitude is more than six times the median of all; the current after a \
                  100 Hz zero-phase filter. Its error on the part that was not fitted falls from {:.1} to {:.2} % of its rms. \
-                 One order can have several causes, which a record of the current alone cannot tell apart.",
+                 One order can have several causes, which a record of the current alone cannot tell apart. {}",
                 study.before_percent(),
-                study.after_percent()
+                study.after_percent(),
+                rest::rule()
             ),
             tried: 220,
             threshold: 6.0,
