@@ -2,7 +2,7 @@
 //! order, how large. It names no cause.
 
 use crate::scan::{OrderSpectrum, Stretch};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 /// Pieces of a curve over a coordinate.
@@ -114,10 +114,12 @@ impl Residual<'_> {
         2.0 * (c * c + s * s) / f64::max(n, 1.0)
     }
 
-    /// Products with cosine and sine of an order, and the rows that count.
+    /// Products with cosine and sine of an order, and their rows.
     fn sums(&self, over: &Over, order: f64) -> (f64, f64, f64) {
-        self.rows(over).fold((0.0, 0.0, 0.0), |(c, s, n), (at, x)| {
-            let (sin, cos) = (order * at).sin_cos();
+        let rows = (0..self.values.len()).filter(|&row| self.open[row] && shown(over, order, row));
+        rows.fold((0.0, 0.0, 0.0), |(c, s, n), row| {
+            let (sin, cos) = (order * over.values[row]).sin_cos();
+            let x = self.values[row];
             (c + x * cos, s + x * sin, n + 1.0)
         })
     }
@@ -201,22 +203,22 @@ impl Residual<'_> {
 
     /// The residual without a shape: a curve as the shape has it, a harmonic with this residual's own phase.
     pub fn without(&self, over: &Over, shape: &Shape) -> Vec<f64> {
-        let wave = shape.order.map(|order| {
+        let mut left = self.values.to_vec();
+        let open = (0..left.len()).filter(|row| self.open[*row]);
+        if let Some(curve) = &shape.curve {
+            for row in open {
+                left[row] -= curve
+                    .piece(over.values[row])
+                    .map_or(0.0, |piece| curve.means[piece]);
+            }
+        } else if let Some(order) = shape.order {
             let (c, s, n) = self.sums(over, order);
-            let n = f64::max(n, 1.0);
-            move |at: f64| 2.0 / n * (c * (order * at).cos() + s * (order * at).sin())
-        });
-        let curve = shape.curve.as_ref();
-        let own = |at: f64| match (curve, &wave) {
-            (Some(curve), _) => curve.piece(at).map_or(0.0, |piece| curve.means[piece]),
-            (None, Some(wave)) => wave(at),
-            (None, None) => 0.0,
-        };
-        let counted = self.values.iter().zip(self.open);
-        counted
-            .zip(over.values)
-            .map(|((value, open), at)| if *open { value - own(*at) } else { *value })
-            .collect()
+            for row in open.filter(|row| shown(over, order, *row)) {
+                let (sin, cos) = (order * over.values[row]).sin_cos();
+                left[row] -= 2.0 / n * (c * cos + s * sin);
+            }
+        }
+        left
     }
 
     /// Rms of a shape of the given order, or of the curve, in this residual.
@@ -228,6 +230,13 @@ impl Residual<'_> {
         let rows = self.open.iter().filter(|open| **open).count();
         (fall / rows.max(1) as f64).sqrt()
     }
+}
+
+/// Whether a row is slow enough to show an order: above half a period from row to row it would show a lower one.
+fn shown(over: &Over, order: f64, row: usize) -> bool {
+    let from = row.min(over.values.len().saturating_sub(2));
+    let step = over.values[from + 1] - over.values[from];
+    order * step.abs() < PI
 }
 
 /// Rows of about one speed of an angle, its upper end given: faster ones show high orders mirrored.

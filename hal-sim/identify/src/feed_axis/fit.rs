@@ -181,10 +181,10 @@ pub(super) mod tests {
     use crate::load::Account;
     use crate::sandwich::{Wave, interval, tests::coloured};
 
-    /// Four strokes of half a turn a second and one, forth and back.
-    pub(in super::super) fn record(axis: &Axis) -> Record {
+    /// Four strokes of a second each, turns a second.
+    pub(in super::super) fn record(axis: &Axis, strokes: [f64; 4]) -> Record {
         const RATE: f64 = 1000.0;
-        let speed = |t: f64| axis.lead_m * [2.0, -3.0, 3.0, -2.0][t as usize % 4];
+        let speed = |t: f64| axis.lead_m * strokes[t as usize % 4];
         let mut at = 0.0;
         let reference: Vec<f64> = (0..4000)
             .map(|k| {
@@ -232,7 +232,7 @@ pub(super) mod tests {
             terms: vec![(Term::Periodic(4.3), vec![1.5, -0.8])],
             ..Axis::published()
         };
-        let clean = record(&real);
+        let clean = record(&real, [2.0, -3.0, 3.0, -2.0]);
         let rows: Vec<usize> = (MARGIN..clean.len() - MARGIN).collect();
         let start = real.moved(&[0.03]);
         let truth = Wave::new([1.5, -0.8], [0.0; 2], 0.0);

@@ -81,7 +81,7 @@ mod tests {
             law: Law::Difference(2),
             ..Axis::published()
         };
-        let clean = record(&axis);
+        let clean = record(&axis, [2.0, -3.0, 3.0, -2.0]);
         let noisy = |seed, share: f64| {
             let noise = coloured(seed, clean.len(), 0.0);
             clean.with_force(|row| NOISE * noise[row] + share * more(clean.position[row]))
