@@ -24,8 +24,6 @@ pub struct Fit {
     pub covariance: DMatrix<f64>,
     /// What is left of the current of fit and check record, A.
     pub left: [Vec<f64>; 2],
-    /// Rms of what each column brings on the fit record, A.
-    pub parts: Vec<f64>,
 }
 
 /// What the orders explain of a motor's current.
@@ -36,6 +34,9 @@ pub struct Study {
     pub base: usize,
     /// The orders as the fit record has them where they are free, whole or not, and their variances.
     pub freed: Vec<[f64; 2]>,
+    /// Share by which each order, with those ahead of it, lowers the square of what inertia and friction leave of the fit
+    /// record.
+    pub explained: Vec<f64>,
     /// Inertia and friction only.
     pub before: Fit,
     /// With the orders.
@@ -130,24 +131,37 @@ fn fit(records: [&Prepared; 2]) -> Fit {
             values: vec![f64::NAN; n],
             covariance: DMatrix::from_element(n, n, f64::NAN),
             left: [Vec::new(), Vec::new()],
-            parts: vec![f64::NAN; n],
         };
     };
     let found = DVector::from_column_slice(&values);
     let left = measured - &design * &found;
     let other = current(records[1]) - matrix(records[1]) * &found;
-    let rows = (left.len() as f64).sqrt();
     let covariance = Linear::new(design.clone(), &left).map(|fit| fit.covariance());
-    let parts = design
-        .column_iter()
-        .zip(&values)
-        .map(|(c, value)| value.abs() * c.norm() / rows);
     Fit {
-        parts: parts.collect(),
         covariance: covariance.unwrap_or_else(|| DMatrix::from_element(n, n, f64::NAN)),
         values,
         left: [left.as_slice().to_vec(), other.as_slice().to_vec()],
     }
+}
+
+/// See [`Study::explained`].
+fn explained(prepared: &Prepared, base: usize) -> Vec<f64> {
+    let measured = DVector::from_column_slice(&prepared.current);
+    let left = |columns: usize| {
+        let of = &prepared.columns;
+        let design = DMatrix::from_fn(measured.len(), columns, |row, k| of[k][row]);
+        Linear::new(design.clone(), &measured).map_or(f64::NAN, |fit| {
+            (&measured - design * DVector::from_vec(fit.step())).norm_squared()
+        })
+    };
+    let squares: Vec<f64> = (base..=prepared.columns.len())
+        .step_by(2)
+        .map(left)
+        .collect();
+    let falls = squares
+        .windows(2)
+        .map(|pair| (pair[0] - pair[1]) / squares[0]);
+    falls.collect()
 }
 
 /// What the record alone says of the orders: each moves by a Gauss-Newton step, all of them and the other parameters
@@ -214,6 +228,7 @@ impl Study {
             orders,
             base,
             freed,
+            explained: explained(&both[0], base),
             before,
             after,
             rate: estimate.rate,

@@ -119,8 +119,6 @@ fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
         ("phase", wave.phase, "rad"),
     ];
     let by_name = estimates.iter();
-    let part = |k: usize| study.after.parts[k];
-    let before = rms(&study.before.left[0]).powi(2);
     Effect {
         kind: order.kind(model.pole_pairs).into(),
         place: "motor".into(),
@@ -137,7 +135,7 @@ fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
         unit: by_name
             .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
             .collect(),
-        explained: ((part(at).powi(2) + part(at + 1).powi(2)) / before).min(1.0),
+        explained: study.explained[k],
         held_back: Vec::new(),
         not_separable: Vec::new(),
         suggests: Some(order.suggests(model.pole_pairs)),
