@@ -85,7 +85,7 @@ fn period(drive: &mut Drive) -> Option<Sample> {
         motor.i_q_ref = rounded(speed.current[k].i_q.to_bits(), SAMPLE_CURRENT_DROPS);
         motor.speed_ref = speed.speed[k].omega_e.to_bits();
     }
-    due.then(|| Sample {
+    due.then_some(Sample {
         period: period as u32,
         motors,
         scale: scale as i32,
