@@ -2,6 +2,7 @@
 //! order, how large. It names no cause.
 
 use crate::scan::{OrderSpectrum, Stretch};
+use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
 /// Pieces of a curve over a coordinate.
@@ -109,11 +110,18 @@ impl Residual<'_> {
 
     /// Fall of the sum of squares that a harmonic of one order brings.
     fn power(&self, over: &Over, order: f64) -> f64 {
-        let (c, s, n) = self.rows(over).fold((0.0, 0.0, 0.0), |(c, s, n), (at, x)| {
-            let (sin, cos) = (order * at).sin_cos();
-            (c + x * cos, s + x * sin, n + 1.0)
-        });
+        let (c, s, n) = self.sums(over, order);
         2.0 * (c * c + s * s) / f64::max(n, 1.0)
+    }
+
+    /// Products with cosine and sine of an order, and their rows.
+    fn sums(&self, over: &Over, order: f64) -> (f64, f64, f64) {
+        let rows = (0..self.values.len()).filter(|&row| self.open[row] && shown(over, order, row));
+        rows.fold((0.0, 0.0, 0.0), |(c, s, n), row| {
+            let (sin, cos) = (order * over.values[row]).sin_cos();
+            let x = self.values[row];
+            (c + x * cos, s + x * sin, n + 1.0)
+        })
     }
 
     fn curve(&self, over: &Over) -> Option<Shape> {
@@ -167,6 +175,52 @@ impl Residual<'_> {
         }
     }
 
+    /// The shape with its order between two of the spectrum's, where it explains most.
+    pub fn sharpened(&self, over: &Over, shape: Shape) -> Shape {
+        let Some(order) = shape.order else {
+            return shape;
+        };
+        let (low, high) = (over.values.iter()).fold((f64::MAX, f64::MIN), |(low, high), x| {
+            (low.min(*x), high.max(*x))
+        });
+        // Half the distance at which two orders are told apart: within it there is one peak.
+        let reach = 0.25 * TAU / (high - low);
+        let (mut from, mut to) = (order - reach, order + reach);
+        for _ in 0..16 {
+            let third = (to - from) / 3.0;
+            match self.power(over, from + third) < self.power(over, to - third) {
+                true => from += third,
+                false => to -= third,
+            }
+        }
+        let order = 0.5 * (from + to);
+        Shape {
+            fall: self.power(over, order),
+            order: Some(order),
+            ..shape
+        }
+    }
+
+    /// The residual without a shape: a curve as the shape has it, a harmonic with this residual's own phase.
+    pub fn without(&self, over: &Over, shape: &Shape) -> Vec<f64> {
+        let mut left = self.values.to_vec();
+        let open = (0..left.len()).filter(|row| self.open[*row]);
+        if let Some(curve) = &shape.curve {
+            for row in open {
+                left[row] -= curve
+                    .piece(over.values[row])
+                    .map_or(0.0, |piece| curve.means[piece]);
+            }
+        } else if let Some(order) = shape.order {
+            let (c, s, n) = self.sums(over, order);
+            for row in open.filter(|row| shown(over, order, *row)) {
+                let (sin, cos) = (order * over.values[row]).sin_cos();
+                left[row] -= 2.0 / n * (c * cos + s * sin);
+            }
+        }
+        left
+    }
+
     /// Rms of a shape of the given order, or of the curve, in this residual.
     pub fn size(&self, over: &Over, shape: &Shape) -> f64 {
         let fall = match shape.order {
@@ -176,6 +230,13 @@ impl Residual<'_> {
         let rows = self.open.iter().filter(|open| **open).count();
         (fall / rows.max(1) as f64).sqrt()
     }
+}
+
+/// Whether a row is slow enough to show an order: above half a period from row to row it would show a lower one.
+fn shown(over: &Over, order: f64, row: usize) -> bool {
+    let from = row.min(over.values.len().saturating_sub(2));
+    let step = over.values[from + 1] - over.values[from];
+    order * step.abs() < PI
 }
 
 /// Rows of about one speed of an angle, its upper end given: faster ones show high orders mirrored.

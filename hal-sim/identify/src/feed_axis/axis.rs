@@ -154,6 +154,28 @@ impl Axis {
         changed
     }
 
+    /// Orders of what repeats with the screw.
+    pub fn orders(&self) -> Vec<f64> {
+        self.terms
+            .iter()
+            .filter_map(|(term, _)| match term {
+                Term::Periodic(order) => Some(*order),
+                _ => None,
+            })
+            .collect()
+    }
+
+    /// The same model with each of its orders moved by so much.
+    pub(super) fn moved(&self, by: &[f64]) -> Self {
+        let mut changed = self.clone();
+        let orders = changed.terms.iter_mut().filter_map(|(term, _)| match term {
+            Term::Periodic(order) => Some(order),
+            _ => None,
+        });
+        orders.zip(by).for_each(|(order, by)| *order += by);
+        changed
+    }
+
     pub(super) fn find(&self, wanted: Term) -> Option<&[f64]> {
         self.terms
             .iter()

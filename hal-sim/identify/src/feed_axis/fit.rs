@@ -3,6 +3,7 @@
 use super::axis::Axis;
 use super::filter::butterworth_100;
 use super::record::Record;
+use crate::sandwich::Linear;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
 use nalgebra::{DMatrix, DVector, Dyn};
@@ -17,8 +18,10 @@ const STEP: usize = 3;
 /// Which parameters move.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Free {
-    /// All of the model.
+    /// All of the model but its orders.
     Model,
+    /// All of the model, its orders too.
+    Orders,
     /// The homing only.
     Homing,
 }
@@ -35,7 +38,10 @@ struct Problem<'a> {
 impl Problem<'_> {
     fn axis_at(&self, parameters: &DVector<f64>) -> Axis {
         match self.free {
-            Free::Model => self.axis.with(parameters.as_slice()),
+            Free::Model | Free::Orders => {
+                let (own, orders) = parameters.as_slice().split_at(self.axis.parameters().len());
+                self.axis.with(own).moved(orders)
+            }
             Free::Homing => Axis {
                 homing: parameters[0],
                 ..self.axis.clone()
@@ -110,20 +116,28 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     }
 }
 
+/// Where a fit starts: the model's parameters, then, if they are free, how far its orders are from where they were.
+fn start(axis: &Axis, free: Free) -> DVector<f64> {
+    let mut start = match free {
+        Free::Model | Free::Orders => axis.parameters(),
+        Free::Homing => vec![axis.homing],
+    };
+    if free == Free::Orders {
+        start.extend(axis.orders().iter().map(|_| 0.0));
+    }
+    DVector::from_vec(start)
+}
+
 /// The model that follows a record's force best over `rows`.
 pub(super) fn fitted(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -> Axis {
     let measured = butterworth_100(&record.force(), record.rate);
-    let start = match free {
-        Free::Model => DVector::from_vec(axis.parameters()),
-        Free::Homing => DVector::from_vec(vec![axis.homing]),
-    };
     let problem = Problem {
         axis: axis.clone(),
         record,
         measured: &measured,
         free,
         rows,
-        parameters: start,
+        parameters: start(axis, free),
     };
     let (problem, _) = LevenbergMarquardt::new()
         .with_ftol(3e-5)
@@ -133,38 +147,121 @@ pub(super) fn fitted(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -
     problem.axis_at(&problem.parameters)
 }
 
-/// Standard deviations of the parameters, in their units. What is left of a fit is no white noise: pieces of it are
-/// taken as one value each.
-pub(super) fn deviations(axis: &Axis, record: &Record, rows: &[usize]) -> Vec<f64> {
-    const PIECE: usize = 60;
+/// Covariance of the parameters at a fit, in their units: the base four, the terms', then the orders.
+pub(super) fn covariance(axis: &Axis, record: &Record, rows: &[usize]) -> DMatrix<f64> {
     let measured = butterworth_100(&record.force(), record.rate);
+    let parameters = start(axis, Free::Orders);
+    let count = parameters.len();
     let problem = Problem {
         axis: axis.clone(),
         record,
         measured: &measured,
-        free: Free::Model,
+        free: Free::Orders,
         rows,
-        parameters: DVector::from_vec(axis.parameters()),
+        parameters,
     };
-    let scales = axis.scales();
-    let (Some(left), Some(jacobian)) = (problem.residuals(), problem.jacobian()) else {
-        return vec![f64::NAN; scales.len()];
-    };
-    let n = jacobian.ncols();
-    let mut spread = DMatrix::zeros(n, n);
-    for first in (0..left.len()).step_by(PIECE) {
-        let count = PIECE.min(left.len() - first);
-        let pull = jacobian.rows(first, count).transpose() * left.rows(first, count);
-        spread += &pull * pull.transpose();
+    let mut scales = axis.scales();
+    scales.resize(count, 1.0);
+    let left = problem.errors(&problem.parameters);
+    let covariance = problem
+        .jacobian()
+        .and_then(|jacobian| Linear::new(jacobian, &left))
+        .map(|fit| fit.covariance());
+    match covariance {
+        Some(found) => DMatrix::from_fn(count, count, |k, j| scales[k] * scales[j] * found[(k, j)]),
+        None => DMatrix::from_element(count, count, f64::NAN),
     }
-    let curvature = jacobian.transpose() * &jacobian;
-    match curvature.pseudo_inverse(1e-12) {
-        Ok(inverse) => {
-            let covariance = &inverse * spread * &inverse;
-            (0..n)
-                .map(|k| scales[k] * covariance[(k, k)].max(0.0).sqrt())
-                .collect()
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::super::axis::Term;
+    use super::super::record::Law;
+    use super::*;
+    use crate::load::Account;
+    use crate::sandwich::{Wave, interval, tests::coloured};
+
+    /// Four strokes of a second each, turns a second.
+    pub(in super::super) fn record(axis: &Axis, strokes: [f64; 4]) -> Record {
+        const RATE: f64 = 1000.0;
+        let speed = |t: f64| axis.lead_m * strokes[t as usize % 4];
+        let mut at = 0.0;
+        let reference: Vec<f64> = (0..4000)
+            .map(|k| {
+                at += speed(f64::from(k) / RATE) / RATE;
+                at
+            })
+            .collect();
+        let mut record = Record {
+            rate: RATE,
+            position: vec![0.0; reference.len()],
+            output: vec![0.0; reference.len()],
+            pulses: vec![0.0; reference.len()],
+            reference,
+            force_per_volt: 35.0,
+            kp: 160.0,
+            kv: 240.0,
+            account: Account::default(),
+        };
+        let run = axis.simulate(&record);
+        record.position = run.position;
+        record.output = run
+            .force
+            .iter()
+            .map(|f| f / record.force_per_volt)
+            .collect();
+        record
+    }
+
+    impl Record {
+        /// With something more in its force, N, row by row.
+        pub(in super::super) fn with_force(&self, more: impl Fn(usize) -> f64) -> Self {
+            let mut changed = self.clone();
+            for (row, u) in changed.output.iter_mut().enumerate() {
+                *u += more(row) / self.force_per_volt;
+            }
+            changed
         }
-        Err(_) => vec![f64::NAN; n],
+    }
+
+    #[test]
+    fn the_truth_is_in_the_intervals_as_often_as_they_promise() {
+        const TRIALS: u64 = 40;
+        let real = Axis {
+            law: Law::Difference(2),
+            terms: vec![(Term::Periodic(4.3), vec![1.5, -0.8])],
+            ..Axis::published()
+        };
+        let clean = record(&real, [2.0, -3.0, 3.0, -2.0]);
+        let rows: Vec<usize> = (MARGIN..clean.len() - MARGIN).collect();
+        let start = real.moved(&[0.03]);
+        let truth = Wave::new([1.5, -0.8], [0.0; 2], 0.0);
+        let (mut inside, mut of) = (0, 0);
+        for seed in 0..TRIALS {
+            let noise = coloured(seed, clean.len(), 0.95);
+            let noisy = clean.with_force(|row| 0.7 * noise[row]);
+            let found = fitted(&start, &noisy, Free::Orders, &rows);
+            let covariance = covariance(&found, &noisy, &rows);
+            let (variance, values) = (|k: usize| covariance[(k, k)], &found.terms[0].1);
+            let wave = Wave::new(
+                [values[0], values[1]],
+                [variance(4), variance(5)],
+                covariance[(4, 5)],
+            );
+            let known = [
+                (found.orders()[0], variance(6), 4.3),
+                (wave.amplitude[0], wave.amplitude[1], truth.amplitude[0]),
+                (wave.phase[0], wave.phase[1], truth.phase[0]),
+            ];
+            let base = (0..4).map(|k| (found.base[k], variance(k), real.base[k]));
+            for (value, variance, truth) in base.chain(known) {
+                let [low, high] = interval(value, variance);
+                inside += u32::from(low <= truth && truth <= high);
+                of += 1;
+            }
+        }
+        let covered = f64::from(inside) / f64::from(of);
+        println!("{inside} of {of}");
+        assert!((0.89..=0.99).contains(&covered), "{covered}");
     }
 }

@@ -6,6 +6,7 @@ mod axis;
 mod file;
 mod filter;
 mod fit;
+mod left;
 mod record;
 mod select;
 mod simulate;

@@ -8,7 +8,7 @@
 
 use super::axis::{Axis, Term};
 use super::filter::butterworth_100;
-use super::fit::{Free, MARGIN, deviations, fitted};
+use super::fit::{Free, MARGIN, covariance, fitted};
 use super::record::Record;
 use std::f64::consts::TAU;
 
@@ -18,6 +18,10 @@ pub const LEAST: f64 = 0.01;
 const MOST: usize = 8;
 /// Length of record that a search uses, s: a lap or two of a programme; the fit that follows uses all of it.
 const LENGTH_S: f64 = 12.5;
+/// What the filter of the force leaves, Hz.
+const BAND_HZ: f64 = 100.0;
+/// Share of the rows that must show an order.
+const LEAST_SHOWN: f64 = 0.1;
 /// What may be there besides orders of the screw.
 const TERMS: [Term; 7] = [
     Term::Asymmetry,
@@ -159,13 +163,13 @@ pub fn search(axis: &Axis, record: &Record) -> Vec<Trial> {
 /// How many deviations a term's first parameter is from 0. A spring before sliding is none at infinity, not at 0: it is
 /// looked at first.
 fn certainty(axis: &Axis, record: &Record, rows: &[usize]) -> impl Fn(Term) -> f64 + use<> {
-    let deviations = deviations(axis, record, rows);
+    let covariance = covariance(axis, record, rows);
     let mut at = axis.base.len();
     let list: Vec<(Term, f64)> = axis
         .terms
         .iter()
         .map(|(term, values)| {
-            let sure = values[0].abs() / deviations[at].max(1e-300);
+            let sure = values[0].abs() / covariance[(at, at)].sqrt().max(1e-300);
             at += values.len();
             (*term, if *term == Term::Presliding { 0.0 } else { sure })
         })
@@ -182,7 +186,7 @@ fn certainty(axis: &Axis, record: &Record, rows: &[usize]) -> impl Fn(Term) -> f
 fn strongest_order(fits: &[Axis; 2], record: &Record, hands: &[Vec<usize>; 2]) -> Option<Term> {
     let axis = &fits[0];
     let measured = butterworth_100(&record.force(), record.rate);
-    let mut rows: Vec<(f64, f64)> = Vec::new();
+    let mut rows: Vec<(f64, f64, f64)> = Vec::new();
     for (fit, hand) in fits.iter().zip(hands) {
         let run = fit.simulate(record);
         let simulated = butterworth_100(&run.force, record.rate);
@@ -195,6 +199,7 @@ fn strongest_order(fits: &[Axis; 2], record: &Record, hands: &[Vec<usize>; 2]) -
             (
                 TAU * record.position[k] / axis.lead_m,
                 simulated[k] - measured[k],
+                BAND_HZ * axis.lead_m / run.velocity[k].abs(),
             )
         }));
     }
@@ -203,17 +208,23 @@ fn strongest_order(fits: &[Axis; 2], record: &Record, hands: &[Vec<usize>; 2]) -
             .iter()
             .any(|(term, _)| matches!(term, Term::Periodic(known) if (known - order).abs() < 0.3))
     };
+    // A row shows the orders that the filter leaves at its speed; faster ones it would show as lower ones.
     let strength = |order: f64| {
-        let (c, s) = rows.iter().fold((0.0, 0.0), |(c, s), (angle, error)| {
+        let shown = rows.iter().filter(|(_, _, highest)| order < *highest);
+        let (c, s, n) = shown.fold((0.0, 0.0, 0.0), |(c, s, n), (angle, error, _)| {
             let (sin, cos) = (order * angle).sin_cos();
-            (c + error * cos, s + error * sin)
+            (c + error * cos, s + error * sin, n + 1.0)
         });
-        f64::hypot(c, s)
+        if n < LEAST_SHOWN * rows.len() as f64 {
+            return 0.0;
+        }
+        (c * c + s * s) / n
     };
     (70..4500)
         .map(|k| 0.01 * f64::from(k))
         .filter(|order| !has(*order))
         .map(|order| (strength(order), order))
+        .filter(|(strength, _)| *strength > 0.0)
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .map(|(_, order)| {
             Term::Periodic(if (order - order.round()).abs() < 0.015 {
@@ -222,4 +233,34 @@ fn strongest_order(fits: &[Axis; 2], record: &Record, hands: &[Vec<usize>; 2]) -
                 order
             })
         })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::fit::tests::record;
+    use super::*;
+    use crate::feed_axis::Law;
+
+    /// At 50 turns a second and 1000 rows, 20.07 periods a turn look like 3.5 Hz.
+    #[test]
+    fn what_is_slow_at_high_speed_is_no_high_order() {
+        let axis = Axis {
+            law: Law::Difference(2),
+            ..Axis::published()
+        };
+        let clean = record(&axis, [50.0, -50.0, 10.0, -10.0]);
+        let slow = |row: usize| {
+            let t = row as f64 / clean.rate;
+            f64::from(t < 2.0) * (TAU * 3.5 * t).cos()
+        };
+        let record = clean.with_force(slow);
+        let rows: Vec<usize> = (MARGIN..record.len() - MARGIN).collect();
+        let fits = [axis.clone(), axis];
+        let found = strongest_order(&fits, &record, &[rows.clone(), rows]);
+        // 100 Hz at 10 turns a second.
+        assert!(
+            !matches!(found, Some(Term::Periodic(order)) if order > 10.5),
+            "{found:?}"
+        );
+    }
 }

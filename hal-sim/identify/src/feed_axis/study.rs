@@ -2,9 +2,12 @@
 
 use super::axis::{Axis, Term};
 use super::filter::{butterworth_100, decimated};
-use super::fit::{Free, MARGIN, deviations, fitted};
+use super::fit::{Free, MARGIN, covariance, fitted};
+use super::left::remnants;
 use super::record::{Law, Record};
 use super::select::{Trial, search};
+use crate::rest::Remnant;
+use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
 /// Errors of a closed-loop simulation.
@@ -26,6 +29,8 @@ pub struct Stage {
     pub added: String,
     /// The model.
     pub axis: Axis,
+    /// The same with the homing of the test record.
+    pub on_test: Axis,
     /// On the record that it was fitted to.
     pub estimate: Errors,
     /// On the test record, nothing fitted there.
@@ -50,8 +55,10 @@ pub struct Study {
     pub search: Vec<Trial>,
     /// All effects of the last stage, fitted with the derivative taken as it is.
     pub ideal: Stage,
-    /// Deviations of the last stage's parameters: the base four, then the terms'.
-    pub deviations: Vec<f64>,
+    /// Covariance of the last stage's parameters: the base four, the terms', then the orders.
+    pub covariance: DMatrix<f64>,
+    /// What the last stage leaves of both records above the noise from lap to lap.
+    pub remnants: Vec<Remnant>,
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -152,6 +159,7 @@ impl Study {
                 estimate: errors(&axis, estimate, 0),
                 test: errors(&unhomed, test, 0),
                 homed: errors(&homed, test, test.len() / 4),
+                on_test: homed,
                 axis,
             }
         };
@@ -172,23 +180,26 @@ impl Study {
         let search = search(&axis, estimate);
         for trial in search.iter().filter(|trial| trial.taken) {
             axis.terms.push((trial.term, trial.term.start()));
-            axis = fitted(&axis, estimate, Free::Model, &rows);
+            axis = fitted(&axis, estimate, Free::Orders, &rows);
             stages.push(stage(trial.term.name(), axis.clone()));
         }
         let ideal = Axis {
             law: Law::Ideal,
             ..axis.clone()
         };
-        let ideal = fitted(&ideal, estimate, Free::Model, &rows);
+        let ideal = fitted(&ideal, estimate, Free::Orders, &rows);
+        let lap_to_lap_n = lap_to_lap(estimate);
+        let on_test = stages.last().map_or(declared, |stage| &stage.on_test);
         Study {
+            remnants: remnants([&axis, on_test], [estimate, test], lap_to_lap_n),
             inverse_percent: [inverse(declared, estimate), inverse(declared, test)],
             law_left_v,
-            lap_to_lap_n: lap_to_lap(estimate),
+            lap_to_lap_n,
             stages,
             refitted,
             search,
             ideal: stage("all of it with dq/dt as it is".into(), ideal),
-            deviations: deviations(&axis, estimate, &rows),
+            covariance: covariance(&axis, estimate, &rows),
         }
     }
 

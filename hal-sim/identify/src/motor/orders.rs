@@ -1,7 +1,7 @@
 //! Orders of a motor's turn, and what they suggest.
 
 /// Highest order that is looked for.
-const HIGHEST: u32 = 220;
+pub(super) const HIGHEST: u32 = 220;
 /// An order stands out whose amplitude is so many times the median of all.
 const OUTSTANDING: f64 = 6.0;
 
@@ -32,7 +32,8 @@ impl Order {
         if !order.is_multiple_of(pole_pairs) {
             let share = f64::from(order) / f64::from(pole_pairs);
             return format!(
-                "{share} per electrical turn, so not the magnets alone: slots, or mechanics"
+                "{:.2} per electrical turn, so not the magnets alone: slots, or mechanics",
+                share
             );
         }
         let cause = match order / pole_pairs {
@@ -137,7 +138,7 @@ mod tests {
             .suggests(12)
         };
         assert!(suggests(12).contains("1 per electrical turn: offset"));
-        assert!(suggests(18).contains("1.5 per electrical turn"));
+        assert!(suggests(18).contains("1.50 per electrical turn"));
         assert!(suggests(72).contains("6 per electrical turn: flux"));
     }
 }

@@ -1,10 +1,14 @@
 //! The current of a motor by inertia, friction and the orders of its turn.
 
+use super::left::remnants;
 use super::orders::{Order, of_map, of_residual};
 use super::record::Record;
 use crate::feed_axis::butterworth_100;
 use crate::fourier::slope;
+use crate::rest::Remnant;
+use crate::sandwich::Linear;
 use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 
 /// What is left out at a record's start, s, in which the speed is not yet reached, and at its end.
 const MARGIN_S: [f64; 2] = [0.3, 0.1];
@@ -16,12 +20,10 @@ const STICKING: f64 = 0.3;
 pub struct Fit {
     /// Coefficients: the base columns, then cosine and sine of each order.
     pub values: Vec<f64>,
-    /// Their standard deviations.
-    pub deviations: Vec<f64>,
+    /// Their covariance.
+    pub covariance: DMatrix<f64>,
     /// What is left of the current of fit and check record, A.
     pub left: [Vec<f64>; 2],
-    /// Rms of what each column brings on the fit record, A.
-    pub parts: Vec<f64>,
 }
 
 /// What the orders explain of a motor's current.
@@ -30,6 +32,11 @@ pub struct Study {
     pub orders: Vec<Order>,
     /// Columns ahead of the orders' in [`Fit::values`]: acceleration, velocity, its square, friction, offset.
     pub base: usize,
+    /// The orders as the fit record has them where they are free, whole or not, and their variances.
+    pub freed: Vec<[f64; 2]>,
+    /// Share by which each order, with those ahead of it, lowers the square of what inertia and friction leave of the fit
+    /// record.
+    pub explained: Vec<f64>,
     /// Inertia and friction only.
     pub before: Fit,
     /// With the orders.
@@ -42,6 +49,8 @@ pub struct Study {
     pub rate: f64,
     /// What the current's sensor alone leaves after the filter, A.
     pub noise: f64,
+    /// What the orders leave of both records above it.
+    pub remnants: Vec<Remnant>,
 }
 
 /// Rms of a signal.
@@ -65,6 +74,12 @@ struct Prepared {
     columns: Vec<Vec<f64>>,
     current: Vec<f64>,
     position: Vec<f64>,
+}
+
+/// Rows between the margins.
+fn rows(record: &Record) -> Range<usize> {
+    let [from, to] = MARGIN_S.map(|s| (s * record.rate) as usize);
+    from..record.position.len().saturating_sub(to).max(from)
 }
 
 fn prepared(record: &Record, orders: &[u32], filtered: bool) -> Prepared {
@@ -95,9 +110,7 @@ fn prepared(record: &Record, orders: &[u32], filtered: bool) -> Prepared {
             columns.push(smooth(&wave));
         }
     }
-    let [from, to] = MARGIN_S.map(|s| (s * rate) as usize);
-    let rows = from..position.len().saturating_sub(to).max(from);
-    let cut = |values: &[f64]| values[rows.clone()].to_vec();
+    let cut = |values: &[f64]| values[rows(record)].to_vec();
     Prepared {
         columns: columns.iter().map(|column| cut(column)).collect(),
         current: cut(&smooth(&record.current)),
@@ -110,40 +123,86 @@ fn fit(records: [&Prepared; 2]) -> Fit {
     let matrix =
         |p: &Prepared| DMatrix::from_fn(p.current.len(), p.columns.len(), |r, c| p.columns[c][r]);
     let current = |p: &Prepared| DVector::from_column_slice(&p.current);
-    // Columns of very different size: their own norms make the equations even.
-    let mut design = matrix(records[0]);
-    let norms: Vec<f64> = design.column_iter().map(|c| c.norm().max(1e-12)).collect();
-    design
-        .column_iter_mut()
-        .zip(&norms)
-        .for_each(|(mut column, norm)| column /= *norm);
-    let measured = current(records[0]);
-    let n = design.ncols();
-    let curvature = design.tr_mul(&design);
-    let Ok(inverse) = curvature.pseudo_inverse(1e-12) else {
+    let n = records[0].columns.len();
+    let (design, measured) = (matrix(records[0]), current(records[0]));
+    // The regression is one step from nothing.
+    let Some(values) = Linear::new(design.clone(), &measured).map(|fit| fit.step()) else {
         return Fit {
             values: vec![f64::NAN; n],
-            deviations: vec![f64::NAN; n],
+            covariance: DMatrix::from_element(n, n, f64::NAN),
             left: [Vec::new(), Vec::new()],
-            parts: vec![f64::NAN; n],
         };
     };
-    let scaled = &inverse * design.tr_mul(&measured);
-    let left = &measured - &design * &scaled;
-    // A band of 100 Hz has 200 free values a second, fewer than rows.
-    let variance = left.norm_squared() / (measured.len() as f64 - n as f64).max(1.0) * 5.0;
-    let values = DVector::from_fn(n, |k, _| scaled[k] / norms[k]);
-    let other = current(records[1]) - matrix(records[1]) * &values;
+    let found = DVector::from_column_slice(&values);
+    let left = measured - &design * &found;
+    let other = current(records[1]) - matrix(records[1]) * &found;
+    let covariance = Linear::new(design.clone(), &left).map(|fit| fit.covariance());
     Fit {
-        deviations: (0..n)
-            .map(|k| (variance * inverse[(k, k)].max(0.0)).sqrt() / norms[k])
-            .collect(),
-        parts: (0..n)
-            .map(|k| (scaled[k] * scaled[k] / measured.len() as f64).sqrt())
-            .collect(),
-        values: values.as_slice().to_vec(),
+        covariance: covariance.unwrap_or_else(|| DMatrix::from_element(n, n, f64::NAN)),
+        values,
         left: [left.as_slice().to_vec(), other.as_slice().to_vec()],
     }
+}
+
+/// See [`Study::explained`].
+fn explained(prepared: &Prepared, base: usize) -> Vec<f64> {
+    let measured = DVector::from_column_slice(&prepared.current);
+    let left = |columns: usize| {
+        let of = &prepared.columns;
+        let design = DMatrix::from_fn(measured.len(), columns, |row, k| of[k][row]);
+        Linear::new(design.clone(), &measured).map_or(f64::NAN, |fit| {
+            (&measured - design * DVector::from_vec(fit.step())).norm_squared()
+        })
+    };
+    let squares: Vec<f64> = (base..=prepared.columns.len())
+        .step_by(2)
+        .map(left)
+        .collect();
+    let falls = squares
+        .windows(2)
+        .map(|pair| (pair[0] - pair[1]) / squares[0]);
+    falls.collect()
+}
+
+/// What the record alone says of the orders: each moves by a Gauss-Newton step, all of them and the other parameters
+/// together.
+fn freed(
+    orders: &[Order],
+    prepared: &Prepared,
+    record: &Record,
+    fit: &Fit,
+    base: usize,
+) -> Vec<[f64; 2]> {
+    let position = butterworth_100(&record.position, record.rate);
+    let middle = position.iter().sum::<f64>() / position.len().max(1) as f64;
+    // By the order, about the record's middle: what is linear in the angle is then not the phase once more.
+    let slope_of = |k: usize| {
+        let order = f64::from(orders[k].order);
+        let (c, s) = (fit.values[base + 2 * k], fit.values[base + 2 * k + 1]);
+        let slope: Vec<f64> = position
+            .iter()
+            .map(|p| {
+                let (sin, cos) = (order * p).sin_cos();
+                (p - middle) * (s * cos - c * sin)
+            })
+            .collect();
+        butterworth_100(&slope, record.rate)[rows(record)].to_vec()
+    };
+    let slopes = (0..orders.len()).map(slope_of);
+    let columns: Vec<Vec<f64>> = prepared.columns.iter().cloned().chain(slopes).collect();
+    let first = prepared.columns.len();
+    let jacobian = DMatrix::from_fn(prepared.current.len(), columns.len(), |row, k| {
+        columns[k][row]
+    });
+    let left = DVector::from_column_slice(&fit.left[0]);
+    let Some(free) = Linear::new(jacobian, &left) else {
+        return vec![[f64::NAN; 2]; orders.len()];
+    };
+    let (step, covariance) = (free.step(), free.covariance());
+    (first..)
+        .zip(orders)
+        .map(|(at, order)| [f64::from(order.order) + step[at], covariance[(at, at)]])
+        .collect()
 }
 
 impl Study {
@@ -156,25 +215,28 @@ impl Study {
             Some([position, current]) => of_map(position, current),
             None => of_residual(&bare[0].position, &before.left[0]),
         };
-        let after = Self::with_orders(estimate, check, &orders, true);
+        let numbers: Vec<u32> = orders.iter().map(|order| order.order).collect();
+        let both = [estimate, check].map(|record| prepared(record, &numbers, true));
+        let after = fit([&both[0], &both[1]]);
         let base = bare[0].columns.len();
+        let noise = noise(estimate);
+        let positions = [&both[0].position, &both[1].position];
+        let remnants = remnants(&after, positions, estimate.rate, noise);
+        let freed = freed(&orders, &both[0], estimate, &after, base);
         let [fit_part, check_part] = bare;
         Study {
             orders,
             base,
+            freed,
+            explained: explained(&both[0], base),
             before,
             after,
             rate: estimate.rate,
-            noise: noise(estimate),
+            remnants,
+            noise,
             current: [fit_part.current, check_part.current],
             position: [fit_part.position, check_part.position],
         }
-    }
-
-    fn with_orders(estimate: &Record, check: &Record, orders: &[Order], filtered: bool) -> Fit {
-        let numbers: Vec<u32> = orders.iter().map(|order| order.order).collect();
-        let both = [estimate, check].map(|record| prepared(record, &numbers, filtered));
-        fit([&both[0], &both[1]])
     }
 
     /// Current error of a fit on the check record, of its rms, %.
@@ -196,7 +258,9 @@ impl Study {
     pub fn unfiltered_percent(estimate: &Record, check: &Record, orders: &[Order]) -> [f64; 2] {
         let size = prepared(check, &[], false).current;
         [&[], orders].map(|orders| {
-            let fit = Self::with_orders(estimate, check, orders, false);
+            let numbers: Vec<u32> = orders.iter().map(|order| order.order).collect();
+            let both = [estimate, check].map(|record| prepared(record, &numbers, false));
+            let fit = fit([&both[0], &both[1]]);
             100.0 * rms(&fit.left[1]) / rms(&size)
         })
     }

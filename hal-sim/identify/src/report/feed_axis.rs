@@ -1,16 +1,16 @@
 //! The report of a feed axis.
 
 use super::{
-    Calibrated, Channel, Coordinate, Effect, Errors, Report, Residual, Selection, Stage, Tried,
+    Calibrated, Channel, Coordinate, Effect, Errors, Left, Report, Residual, Selection, Stage,
+    Tried, verdict,
 };
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::load::Account;
 use crate::remains::whiteness;
-use std::collections::BTreeMap;
+use crate::rest;
+use crate::sandwich::{Wave, interval};
+use nalgebra::DMatrix;
 use std::f64::consts::TAU;
-
-/// Half-width of a 95 % interval in standard deviations.
-const NORMAL_95: f64 = 1.96;
 
 /// Of what was found with an axis, from the records `accounts`.
 pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report {
@@ -58,12 +58,13 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report 
         ],
     };
     let refitted = &study.stages[study.refitted];
+    let unexplained: Vec<Left> = study
+        .remnants
+        .iter()
+        .map(|remnant| Left::of(remnant, "force", "N"))
+        .collect();
     Report {
-        verdict: if effects.is_empty() {
-            "nothing missing"
-        } else {
-            "explained"
-        },
+        verdict: verdict(&effects, &unexplained),
         residual: vec![Residual {
             channel: "force".into(),
             unit: "N".into(),
@@ -75,7 +76,7 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report 
             whiteness: whiteness(&every),
         }],
         effects,
-        unexplained: Vec::new(),
+        unexplained,
         calibration: calibration(study, &first.axis),
         derivatives: "Position and force pass the benchmark's 100 Hz zero-phase Butterworth filter; derivatives are central \
                       differences of the filtered position."
@@ -108,64 +109,93 @@ fn errors(errors: &feed_axis::Errors) -> Errors {
     }
 }
 
-fn around(value: f64, deviation: f64) -> [f64; 2] {
-    [value - NORMAL_95 * deviation, value + NORMAL_95 * deviation]
-}
-
 /// The effects in the order in which they were found.
 fn effects(study: &Study) -> Vec<Effect> {
     let axis = &study.last().axis;
     let declared = study.stages[study.refitted].estimate.force_n.powi(2);
     let mut at = axis.base.len();
+    let mut order_at = study.covariance.nrows() - axis.orders().len();
     let mut effects = Vec::new();
     for (k, (term, values)) in axis.terms.iter().enumerate() {
-        let deviations = &study.deviations[at..at + values.len()];
-        at += values.len();
         let stages = &study.stages[study.refitted + k..];
         let fall = stages[0].estimate.force_n.powi(2) - stages[1].estimate.force_n.powi(2);
-        effects.push(effect(*term, values, deviations, fall / declared));
+        let estimates = match term {
+            Term::Periodic(order) => {
+                order_at += 1;
+                wave(
+                    *order,
+                    [values[0], values[1]],
+                    &study.covariance,
+                    [at, order_at - 1],
+                )
+            }
+            _ => plain(*term, values, &study.covariance, at),
+        };
+        at += values.len();
+        effects.push(effect(*term, &estimates, fall / declared));
     }
     effects
 }
 
-fn effect(term: Term, values: &[f64], deviations: &[f64], explained: f64) -> Effect {
-    let (mut parameters, mut interval, mut unit) =
-        (BTreeMap::new(), BTreeMap::new(), BTreeMap::new());
-    let mut put = |name: &str, value: f64, deviation: f64, of: &str| {
-        parameters.insert(name.to_owned(), value);
-        interval.insert(name.to_owned(), around(value, deviation));
-        unit.insert(name.to_owned(), of.to_owned());
-    };
-    let mut order = None;
-    if let Term::Periodic(own) = term {
-        order = Some(own);
-        let (c, s) = (values[0], values[1]);
-        let amplitude = c.hypot(s);
-        let deviation = (c * deviations[0]).hypot(s * deviations[1]) / amplitude;
-        put("order", own, 0.005, "per turn");
-        put("amplitude", amplitude, deviation, "N");
-        put("phase", (-s).atan2(c), deviation / amplitude, "rad");
-    } else {
-        for ((name, of), (value, deviation)) in
-            term.names().iter().zip(values.iter().zip(deviations))
-        {
+/// A parameter: name, value, variance, unit.
+type Estimate = (&'static str, [f64; 2], &'static str);
+
+/// Of cosine and sine, and of the order that was free with them.
+fn wave(
+    order: f64,
+    pair: [f64; 2],
+    covariance: &DMatrix<f64>,
+    [at, order_at]: [usize; 2],
+) -> Vec<Estimate> {
+    let variance = |k: usize| covariance[(k, k)];
+    let wave = Wave::new(
+        pair,
+        [variance(at), variance(at + 1)],
+        covariance[(at, at + 1)],
+    );
+    vec![
+        ("order", [order, variance(order_at)], "per turn"),
+        ("amplitude", wave.amplitude, "N"),
+        ("phase", wave.phase, "rad"),
+    ]
+}
+
+fn plain(term: Term, values: &[f64], covariance: &DMatrix<f64>, at: usize) -> Vec<Estimate> {
+    let named = term.names().iter().zip(values).enumerate();
+    named
+        .map(|(k, ((name, of), value))| {
             // Of a decay's speed only the size counts.
             let value = if *name == "speed" {
                 value.abs()
             } else {
                 *value
             };
-            put(name, value, *deviation, of);
-        }
-    }
+            (*name, [value, covariance[(at + k, at + k)]], *of)
+        })
+        .collect()
+}
+
+fn effect(term: Term, estimates: &[Estimate], explained: f64) -> Effect {
+    let by_name = estimates.iter();
     Effect {
         kind: term.kind().into(),
         place: term.place().into(),
-        order,
+        order: match term {
+            Term::Periodic(order) => Some(order),
+            _ => None,
+        },
         hz: None,
-        parameters,
-        interval,
-        unit,
+        parameters: by_name
+            .clone()
+            .map(|(name, [value, _], _)| ((*name).into(), *value))
+            .collect(),
+        interval: by_name
+            .clone()
+            .map(|(name, [value, variance], _)| ((*name).into(), interval(*value, *variance)))
+            .collect(),
+        unit: by_name
+            .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
+            .collect(),
         explained,
         held_back: Vec::new(),
         not_separable: Vec::new(),
@@ -182,7 +212,7 @@ fn calibration(study: &Study, declared: &Axis) -> Vec<Calibrated> {
         .map(|(k, name)| Calibrated {
             parameter: (*name).into(),
             relative_change: new[k] / declared.base[k] - 1.0,
-            sigma: study.deviations[k] / declared.base[k].abs(),
+            sigma: study.covariance[(k, k)].sqrt() / declared.base[k].abs(),
         })
         .collect()
 }
@@ -212,11 +242,12 @@ fn selection(study: &Study) -> Selection {
              fitted on either and judged by the force error on the other. A term stays if it lowers that error by at least \
              {:.0} %. The controller's output follows its law to {:.1} mV rms with dq/dt as the difference over the \
              periods that the table names; with dq/dt as it is the declared model's error is the first row's. Force error of \
-             the declared inverse model: {:.2} % on the fit record, {:.2} % on the check record.",
+             the declared inverse model: {:.2} % on the fit record, {:.2} % on the check record. {}",
             100.0 * feed_axis::LEAST,
             1e3 * study.law_left_v,
             study.inverse_percent[0],
             study.inverse_percent[1],
+            rest::rule(),
         ),
         tried: study.search.len(),
         threshold: feed_axis::LEAST,

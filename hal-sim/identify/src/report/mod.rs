@@ -11,6 +11,7 @@ pub use motor::motor;
 pub use write::{WriteError, write};
 
 use crate::load::Account;
+use crate::rest::Remnant;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -270,6 +271,29 @@ pub struct Coordinate {
     pub folded: bool,
     /// Its values, rad where folded.
     pub values: Vec<f64>,
+}
+
+impl Left {
+    fn of(remnant: &Remnant, channel: &str, unit: &str) -> Self {
+        Left {
+            channel: channel.into(),
+            coordinate: remnant.coordinate.into(),
+            order: remnant.order,
+            hz: remnant.hz,
+            size: remnant.size,
+            unit: unit.into(),
+            reason: remnant.reason.clone(),
+        }
+    }
+}
+
+/// Of a machine with one channel.
+fn verdict(effects: &[Effect], unexplained: &[Left]) -> &'static str {
+    match (effects, unexplained) {
+        ([], []) => "nothing missing",
+        (_, []) => "explained",
+        _ => "unexplained",
+    }
 }
 
 impl Report {

@@ -1,13 +1,11 @@
 //! The report of a bare motor.
 
-use super::{Channel, Coordinate, Effect, Report, Residual, Selection, Tried};
+use super::{Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried, verdict};
 use crate::load::Account;
 use crate::motor::{Fit, MotorModel, Study, rms};
 use crate::remains::whiteness;
-use std::collections::BTreeMap;
-
-/// Half-width of a 95 % interval in standard deviations.
-const NORMAL_95: f64 = 1.96;
+use crate::rest;
+use crate::sandwich::{Wave, interval};
 
 /// Of what was found with a motor, from the records `accounts`.
 pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report {
@@ -47,12 +45,13 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
     let step = ((rate / 200.0) as usize).max(1);
     let every: Vec<f64> = study.after.left[0].iter().copied().step_by(step).collect();
     let left = |fit: &Fit, k: usize| rms(&fit.left[k]);
+    let unexplained: Vec<Left> = study
+        .remnants
+        .iter()
+        .map(|remnant| Left::of(remnant, "current", "A"))
+        .collect();
     Report {
-        verdict: if effects.is_empty() {
-            "nothing missing"
-        } else {
-            "explained"
-        },
+        verdict: verdict(&effects, &unexplained),
         residual: vec![Residual {
             channel: "current".into(),
             unit: "A".into(),
@@ -63,7 +62,7 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
             noise_floor: study.noise,
             whiteness: whiteness(&every),
         }],
-        unexplained: Vec::new(),
+        unexplained,
         // Nothing is declared of inertia and friction.
         calibration: Vec::new(),
         derivatives: "Position and current pass a 100 Hz zero-phase Butterworth filter; derivatives are central differences \
@@ -73,9 +72,10 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
             rule: format!(
                 "Orders of the slow turn whose amplitude is more than six times the median of all; the current after a \
                  100 Hz zero-phase filter. Its error on the part that was not fitted falls from {:.1} to {:.2} % of its rms. \
-                 One order can have several causes, which a record of the current alone cannot tell apart.",
+                 One order can have several causes, which a record of the current alone cannot tell apart. {}",
                 study.before_percent(),
-                study.after_percent()
+                study.after_percent(),
+                rest::rule()
             ),
             tried: 220,
             threshold: 6.0,
@@ -105,38 +105,37 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
 fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
     let order = study.orders[k];
     let at = study.base + 2 * k;
-    let (c, s) = (study.after.values[at], study.after.values[at + 1]);
-    let (dc, ds) = (study.after.deviations[at], study.after.deviations[at + 1]);
-    let amplitude = c.hypot(s);
-    let own = ((c * dc).hypot(s * ds)) / amplitude;
-    let around =
-        |value: f64, deviation: f64| [value - NORMAL_95 * deviation, value + NORMAL_95 * deviation];
-    // c cos x + s sin x = amplitude cos(x + phase)
-    let phase = (-s).atan2(c);
-    let whole = f64::from(order.order);
-    let part = |k: usize| study.after.parts[k];
-    let before = rms(&study.before.left[0]).powi(2);
+    let covariance = &study.after.covariance;
+    let wave = Wave::new(
+        [study.after.values[at], study.after.values[at + 1]],
+        [covariance[(at, at)], covariance[(at + 1, at + 1)]],
+        covariance[(at, at + 1)],
+    );
+    // What is fixed to the motor's angle repeats with its turn: the order is a whole number, amplitude and phase are those
+    // of it. What the record says of the order where that is not used shows whether it is so.
+    let estimates = [
+        ("order", study.freed[k], "per turn"),
+        ("amplitude", wave.amplitude, "A"),
+        ("phase", wave.phase, "rad"),
+    ];
+    let by_name = estimates.iter();
     Effect {
         kind: order.kind(model.pole_pairs).into(),
         place: "motor".into(),
-        order: Some(whole),
+        order: Some(f64::from(order.order)),
         hz: None,
-        parameters: BTreeMap::from([
-            ("order".into(), whole),
-            ("amplitude".into(), amplitude),
-            ("phase".into(), phase),
-        ]),
-        interval: BTreeMap::from([
-            ("order".into(), [whole, whole]),
-            ("amplitude".into(), around(amplitude, own)),
-            ("phase".into(), around(phase, own / amplitude)),
-        ]),
-        unit: BTreeMap::from([
-            ("order".into(), "per turn".into()),
-            ("amplitude".into(), "A".into()),
-            ("phase".into(), "rad".into()),
-        ]),
-        explained: ((part(at).powi(2) + part(at + 1).powi(2)) / before).min(1.0),
+        parameters: by_name
+            .clone()
+            .map(|(name, [value, _], _)| ((*name).into(), *value))
+            .collect(),
+        interval: by_name
+            .clone()
+            .map(|(name, [value, variance], _)| ((*name).into(), interval(*value, *variance)))
+            .collect(),
+        unit: by_name
+            .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
+            .collect(),
+        explained: study.explained[k],
         held_back: Vec::new(),
         not_separable: Vec::new(),
         suggests: Some(order.suggests(model.pole_pairs)),
@@ -150,7 +149,12 @@ fn model_toml(model: MotorModel, effects: &[Effect]) -> String {
             "\n[[effects]]\nkind = \"{}\"\nwhere = \"motor\"\n",
             effect.kind
         );
-        for (name, value) in &effect.parameters {
+        let fitted = effect
+            .parameters
+            .iter()
+            .filter(|(name, _)| *name != "order");
+        let order = effect.order.iter().map(|order| ("order", order));
+        for (name, value) in order.chain(fitted.map(|(name, value)| (name.as_str(), value))) {
             text += &format!("{name} = {value:?}\n");
         }
     }

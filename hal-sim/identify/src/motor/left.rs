@@ -1,0 +1,55 @@
+//! What is left of a motor's current when its orders are in, and what it looks like.
+
+use super::orders::HIGHEST;
+use super::study::Fit;
+use crate::fourier::slope;
+use crate::leftover::Form;
+use crate::rest::{Place, Remnant, Rest};
+use std::f64::consts::TAU;
+
+/// Lowest order per turn, whole or not.
+const LOWEST: f64 = 0.3;
+/// Frequencies, Hz: what is faster the filter takes away.
+const HZ: std::ops::Range<f64> = 0.5..100.0;
+
+/// What `fit` leaves of both records, whose angles are `positions`, above `noise`.
+pub(super) fn remnants(
+    fit: &Fit,
+    positions: [&Vec<f64>; 2],
+    rate: f64,
+    noise: f64,
+) -> Vec<Remnant> {
+    let clock = |position: &Vec<f64>| {
+        (0..position.len())
+            .map(|row| TAU * row as f64 / rate)
+            .collect()
+    };
+    let places = [
+        Place {
+            name: "angle of the motor",
+            values: positions.map(Vec::clone),
+            form: Form::Repeats(LOWEST..f64::from(HIGHEST)),
+            in_time: false,
+        },
+        Place {
+            name: "speed of the motor",
+            values: positions.map(|position| slope(position, rate)),
+            form: Form::Curve,
+            in_time: false,
+        },
+        Place {
+            name: "time",
+            values: positions.map(clock),
+            form: Form::Repeats(HZ),
+            in_time: true,
+        },
+    ];
+    let rest = Rest {
+        open: positions.map(|position| vec![true; position.len()]),
+        values: fit.left.clone(),
+        rate,
+        during: Vec::new(),
+        floor: noise.is_finite().then_some(noise),
+    };
+    rest.remnants(&places)
+}
