@@ -1,17 +1,17 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
-use crate::analysis::{Bandwidth, Case, ChannelFigures, Coordinates, Found, Outcome, Rival};
+use crate::analysis::{Bandwidth, Case, ChannelRest, Coordinates, Found, Outcome, Rival};
 use crate::channel::Channel;
-use crate::design::dot;
+use crate::figures::{figures, table_force};
 use crate::hypothesis::Hypothesis;
 use crate::noise::Noise;
 use crate::normal::Solution;
 use crate::progress::Progress;
 use crate::recalibrated::{calibration, new_model};
-use crate::remains::{Fixed, Side, rms, whiteness};
+use crate::remains::{Fixed, Side};
 use crate::select::Search;
 use crate::signals::SPEED_BANDWIDTH_HZ;
-use crate::unexplained::{Rest, unexplained};
+use crate::unexplained::unexplained;
 use plant::Axis;
 
 /// Draws the conclusion of a search.
@@ -25,11 +25,12 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
     let excess = plain.normal.cost(&plain_solution.values) - search.normal.cost(&solution.values);
 
     let check_noise = check.noise(None, found);
-    let mut effects = Vec::new();
+    let (mut effects, mut parts) = (Vec::new(), Vec::new());
     let mut at = case.base.parameters.len();
     for (k, hypothesis) in found.iter().enumerate() {
         let columns = hypothesis.columns();
         let values: Vec<f64> = solution.values.rows(at, columns).iter().copied().collect();
+        parts.push((*hypothesis, values.clone()));
         let covariance = solution
             .covariance
             .view((at, at), (columns, columns))
@@ -111,69 +112,42 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
         &solution,
     );
     let residual_whitened = search.normal.residual(&solution.values);
-    let channels = Channel::ALL
+    let channels: Vec<ChannelRest> = Channel::ALL
         .into_iter()
         .map(|channel| {
             let index = channel.index();
-            let part = residual_whitened.parts[index]
-                .as_deref()
-                .unwrap_or_default();
-            let open = whitener
-                .mask(channel)
-                .iter()
-                .filter(|open| **open)
-                .count()
-                .max(1) as f64;
-            ChannelFigures {
+            let open = whitener.mask(channel).to_vec();
+            ChannelRest {
                 channel,
-                fit_before: rms(&fit.before[index], whitener.mask(channel)),
-                fit_after: rms(&fit.after[index], whitener.mask(channel)),
-                check_before: rms(&fixed.before[index], &fixed.masks[index]),
-                check_after: rms(&fixed.after[index], &fixed.masks[index]),
-                noise_floor: noise.floor(channel, case.balance.fourier),
-                whitened: (dot(part, part) / open).sqrt(),
-                whiteness: whiteness(part),
+                figures: figures(
+                    [&fit.before[index], &fit.after[index]],
+                    &open,
+                    [&fixed.before[index], &fixed.after[index]],
+                    &fixed.masks[index],
+                    noise.floor(channel, case.balance.fourier),
+                    residual_whitened.parts[index]
+                        .as_deref()
+                        .unwrap_or_default(),
+                ),
+                residual: [fit.before[index].clone(), fit.after[index].clone()],
+                open,
             }
         })
         .collect();
     let coordinates = Coordinates::new(case.balance.signals, case.balance.fourier.step());
-    let unexplained = unexplained(
-        &Rest {
-            case: &case,
-            whitener: &whitener,
-            whitened: &residual_whitened,
-            coordinates: &coordinates,
-        },
-        &Rest {
-            case: &check,
-            whitener: &check.whitener(&check_noise),
-            whitened: &fixed.whitened,
-            coordinates: &Coordinates::new(check.balance.signals, check.balance.fourier.step()),
-        },
-        &fit.after,
-        &progress.unconfirmed,
-    );
+    let unexplained = unexplained(&case, &whitener, &parts, &progress.doubtful, &channels);
     Outcome {
         model: new_model(&case, &solution, &effects),
         calibration: calibration(&case, &solution),
         unexplained,
         bandwidth: bandwidth(&case, &noise),
         effects,
-        channels,
         last: progress.last,
         tried: progress.tried,
         threshold: progress.threshold,
-        open: Channel::ALL
-            .iter()
-            .map(|&channel| whitener.mask(channel).to_vec())
-            .collect(),
         coordinates,
-        residuals: Channel::ALL
-            .into_iter()
-            .zip(fit.before)
-            .zip(fit.after)
-            .map(|((c, b), a)| (c, b, a))
-            .collect(),
+        table_force: table_force(case.balance, &channels, &fixed, &residual_whitened),
+        channels,
     }
 }
 

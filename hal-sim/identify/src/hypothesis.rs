@@ -2,6 +2,7 @@
 
 use crate::balance::{Balance, Contribution};
 use crate::normal::Prior;
+use crate::unnamed::Unnamed;
 use plant::Axis;
 use plant::effects::*;
 use plant::model::Model;
@@ -45,6 +46,8 @@ pub enum Family {
     PositionLoad,
     /// `backlash`.
     Backlash,
+    /// What has no kind.
+    Unnamed(Unnamed),
 }
 
 /// A family at a place, with the one number in which it is not linear.
@@ -128,6 +131,7 @@ impl Hypothesis {
             Family::AxialCompliance => "axial_compliance",
             Family::PositionLoad => "position_load",
             Family::Backlash => "backlash",
+            Family::Unnamed(_) => "no kind",
         }
     }
 
@@ -142,6 +146,7 @@ impl Hypothesis {
             | Family::AxialCompliance
             | Family::PositionLoad
             | Family::Backlash => 1,
+            Family::Unnamed(unnamed) => unnamed.columns(),
             _ => 2,
         }
     }
@@ -156,6 +161,7 @@ impl Hypothesis {
             | Family::StribeckFriction
             | Family::AxialCompliance
             | Family::DeadTime => true,
+            Family::Unnamed(unnamed) => unnamed.along.repeats(),
             // Whole orders only.
             Family::FluxHarmonic | Family::EncoderEccentricity => false,
             _ => false,
@@ -230,7 +236,8 @@ impl Hypothesis {
         )
     }
 
-    /// The effect with given linear parameters over a run of `run_s` seconds; `None` if the place makes no sense.
+    /// The effect with given linear parameters over a run of `run_s` seconds; `None` if it has no kind or the place makes
+    /// no sense.
     pub fn effect(&self, model: &Model, run_s: f64, values: &[f64]) -> Option<EffectModel> {
         let first = values[0];
         let second = values.get(1).copied().unwrap_or(0.0);
@@ -299,6 +306,7 @@ impl Hypothesis {
             Family::AxialCompliance => AxialCompliance { hz: order }.into(),
             Family::PositionLoad => PositionLoad { value: first }.into(),
             Family::Backlash => Backlash { value: first }.into(),
+            Family::Unnamed(_) => return None,
         };
         EffectModel::new(self.place, effect)
     }
@@ -379,10 +387,14 @@ impl Hypothesis {
 
     /// Whether its shape is an order or a frequency that a scan of the residual suggests.
     pub fn has_scanned_shape(&self) -> bool {
-        matches!(
-            self.family,
-            Family::AngleTorque | Family::TimePeriodic | Family::LeadError | Family::BallPassage
-        )
+        match self.family {
+            Family::AngleTorque
+            | Family::TimePeriodic
+            | Family::LeadError
+            | Family::BallPassage => true,
+            Family::Unnamed(unnamed) => unnamed.along.repeats(),
+            _ => false,
+        }
     }
 
     fn computed(&self, balance: &Balance, run_s: f64) -> Vec<Contribution> {
@@ -395,6 +407,7 @@ impl Hypothesis {
                 }
                 vec![sum]
             }
+            Family::Unnamed(unnamed) => unnamed.contributions(balance, self.shape),
             // 0: a load holds the table on a flank. 1: it changes flanks as it turns.
             Family::Backlash if self.shape != 0.0 => vec![balance.play(1.0)],
             _ => self

@@ -1,6 +1,7 @@
 //! From a recording to the missing effect.
 #![forbid(unsafe_code)]
 
+mod along;
 pub mod analysis;
 pub mod balance;
 pub mod bench;
@@ -8,6 +9,7 @@ pub mod channel;
 mod conclusion;
 pub mod design;
 pub mod feed_axis;
+mod figures;
 pub mod fourier;
 pub mod gain;
 pub mod html;
@@ -37,3 +39,4 @@ pub mod select;
 pub mod signals;
 mod suggest;
 mod unexplained;
+mod unnamed;

@@ -10,7 +10,7 @@ use plant::effects::Place;
 use plant::model::Model;
 
 /// Share of what an effect explains that its lookalike must explain beside it.
-const SHARE: f64 = 0.05;
+const SHARE: f64 = 0.01;
 
 /// What `trial` must explain at least beside `found`, which explains `fall`.
 pub(crate) fn least(found: &Hypothesis, fall: f64, trial: &Hypothesis, model: &Model) -> f64 {
@@ -38,7 +38,9 @@ fn shadows(found: &Hypothesis, trial: &Hypothesis, model: &Model) -> bool {
         };
         let is = |wanted: f64| order.is_some_and(|order| (order - wanted).abs() < 0.02 * wanted);
         return match found.family {
-            Family::CurrentOffset => trial.family == Family::CurrentGain || is(pole_pairs),
+            Family::CurrentOffset => {
+                trial.family == Family::CurrentGain || is(pole_pairs) || is(2.0 * pole_pairs)
+            }
             Family::CurrentGain => {
                 trial.family == Family::CurrentOffset
                     || trial.family == Family::FluxDrift

@@ -8,7 +8,7 @@ use plant::model::Model;
 use std::f64::consts::TAU;
 
 /// Share of the decimated Nyquist frequency up to which a channel is used.
-const USED: f64 = 0.8;
+pub(crate) const USED: f64 = 0.8;
 /// Share of the table's resonance up to which its position is used: nearer to it the model amplifies the encoders'
 /// quantisation, and a wrong resonance would pay by amplifying it less.
 const BELOW_RESONANCE: f64 = 0.6;

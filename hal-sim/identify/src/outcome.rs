@@ -50,11 +50,9 @@ pub struct Rival {
     pub check_behind: f64,
 }
 
-/// Rms of one channel, in its unit.
+/// Rms of what is left, in its unit.
 #[derive(Debug, Clone, Copy)]
-pub struct ChannelFigures {
-    /// Which.
-    pub channel: Channel,
+pub struct Figures {
     /// Fit record, declared parameters recalibrated.
     pub fit_before: f64,
     /// Fit record with the effects.
@@ -71,13 +69,38 @@ pub struct ChannelFigures {
     pub whiteness: f64,
 }
 
+/// One channel.
+#[derive(Debug, Clone)]
+pub struct ChannelRest {
+    /// Which.
+    pub channel: Channel,
+    /// In figures.
+    pub figures: Figures,
+    /// The fit record's residual before and after, at the decimated rate.
+    pub residual: [Vec<f64>; 2],
+    /// Its rows that count.
+    pub open: Vec<bool>,
+}
+
+/// The force balance of the table, N: the force that the two torque balances give (half their difference through the
+/// lead) less what inertia, friction and load of the table need. It holds nothing that the torques do not.
+#[derive(Debug, Clone)]
+pub struct TableForce {
+    /// In figures.
+    pub figures: Figures,
+    /// The fit record's residual before and after, at the decimated rate.
+    pub residual: [Vec<f64>; 2],
+    /// Its rows that count.
+    pub open: Vec<bool>,
+}
+
 /// Something that no hypothesis explains.
 #[derive(Debug, Clone)]
 pub struct Unexplained {
     /// Where it shows.
     pub channel: Channel,
     /// What it is a shape over; `none` for what has no shape.
-    pub coordinate: String,
+    pub coordinate: &'static str,
     /// Order per turn of an angle.
     pub order: Option<f64>,
     /// Frequency over time, Hz.
@@ -92,8 +115,10 @@ pub struct Unexplained {
 pub struct Outcome {
     /// Effects, the greatest first.
     pub effects: Vec<Found>,
-    /// Channels.
-    pub channels: Vec<ChannelFigures>,
+    /// Channels, in the order of [`Channel::ALL`].
+    pub channels: Vec<ChannelRest>,
+    /// What follows from the torques.
+    pub table_force: TableForce,
     /// What is left.
     pub unexplained: Vec<Unexplained>,
     /// Trials of the last step, in which nothing more was found.
@@ -106,10 +131,6 @@ pub struct Outcome {
     pub model: Model,
     /// Recalibrated parameters: name, relative change, standard deviation.
     pub calibration: Vec<(String, f64, f64)>,
-    /// Residuals of the fit record before and after, by channel, at the decimated rate.
-    pub residuals: Vec<(Channel, Vec<f64>, Vec<f64>)>,
-    /// Rows of each channel that count, in the order of [`Channel::ALL`].
-    pub open: Vec<Vec<bool>>,
     /// Coordinates of the residuals' rows.
     pub coordinates: Coordinates,
     /// How derivatives were taken.

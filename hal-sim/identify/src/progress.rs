@@ -4,12 +4,12 @@
 use crate::analysis::Case;
 use crate::balance::Balance;
 use crate::channel::Channel;
-use crate::design::Whitener;
 use crate::hypothesis::{Family, Hypothesis};
 use crate::lookalike;
 use crate::noise::Noise;
 use crate::normal::Solution;
 use crate::select::{Search, Trial};
+use crate::unnamed;
 use plant::Axis;
 use plant::effects::Place;
 use std::f64::consts::TAU;
@@ -19,10 +19,17 @@ use std::f64::consts::TAU;
 pub const MATERIAL: f64 = 0.004;
 /// Share of that which the check record must confirm, with the parameters of the fit.
 pub(crate) const CONFIRMED: f64 = 0.25;
-/// Effects of one machine at most.
-const MOST_EFFECTS: usize = 4;
+/// Effects of one machine at most, those without a name included.
+const MOST_EFFECTS: usize = 5;
 /// Hypotheses that are looked at closely in each step.
 const MOST_CONTENDERS: usize = 5;
+/// How much more than any hypothesis a shape without a name must explain: a hypothesis says more with less.
+const PLAINER: f64 = 1.5;
+/// Share of what is explained in a channel that the simplifications of effects may leave there: a tenth of their
+/// amplitude.
+const SIMPLIFIED: f64 = 0.01;
+/// Share of what is left in a channel that an effect must explain there.
+const MODEST: f64 = 0.2;
 /// Share of the best fall within which the check record has a say in the choice.
 const CLOSE: f64 = 0.03;
 /// Smallest amplitude of an error of angle or travel in encoder counts (through the lead): what quantisation itself makes
@@ -48,6 +55,8 @@ pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
     }
     let signals = balance.signals;
     let resolution = match a.family {
+        // Its scan has one best order.
+        Family::Unnamed(_) => f64::INFINITY,
         Family::AngleTorque => 3.0 / turns(&signals.motors[a.axis().map_or(0, Axis::index)].travel),
         Family::LeadError | Family::BallPassage => 1.5 / turns(&signals.relative),
         Family::TimePeriodic => 3.0 / signals.run_s(),
@@ -105,6 +114,22 @@ fn inseparable(
         .collect()
 }
 
+/// Something significant that is not named, and why.
+#[derive(Clone)]
+pub(crate) struct Doubt {
+    pub(crate) trial: Trial,
+    pub(crate) reason: &'static str,
+}
+
+impl Doubt {
+    fn one_record(trial: Trial) -> Self {
+        Doubt {
+            trial,
+            reason: "the fit record has it, the check record does not bear it out",
+        }
+    }
+}
+
 /// How far a search has come.
 #[derive(Default)]
 pub(crate) struct Progress {
@@ -113,21 +138,22 @@ pub(crate) struct Progress {
     /// Of each effect: what the record does not tell from it.
     pub(crate) inseparable: Vec<Vec<Trial>>,
     pub(crate) last: Vec<Trial>,
-    pub(crate) unconfirmed: Vec<Trial>,
+    /// What is significant and is not named.
+    pub(crate) doubtful: Vec<Doubt>,
     pub(crate) tried: usize,
     pub(crate) threshold: f64,
     /// What each effect explained when it was found.
     falls: Vec<f64>,
     /// What the simplifications of the effects that were found may leave in each channel.
     remainder: ByChannel,
+    /// What was explained in each channel.
+    explained: ByChannel,
 }
 
 /// The check record beside the search, and what it must confirm.
 struct Witness<'a, 'b> {
     case: &'a Case<'b>,
     noise: Noise,
-    /// Least fall for each row.
-    least: f64,
 }
 
 impl Witness<'_, '_> {
@@ -139,8 +165,8 @@ impl Witness<'_, '_> {
     }
 
     /// Whether a fall bears a trial out: a share of what its rows make one expect.
-    fn confirms(&self, fall: f64, whitener: &Whitener) -> bool {
-        fall > CONFIRMED * self.least * whitener.used_rows() as f64
+    fn confirms(&self, fall: f64) -> bool {
+        fall > CONFIRMED * MATERIAL * self.case.whitener(&self.noise).used_rows() as f64
     }
 }
 
@@ -164,7 +190,6 @@ impl Progress {
         let mut witness = Witness {
             case: check,
             noise: check.noise(None, &self.found),
-            least: MATERIAL,
         };
         for _ in 0..3 {
             while self.step(case, &witness, &noise) {
@@ -180,7 +205,45 @@ impl Progress {
             noise = case.noise(Some(&noise), &self.found);
             witness.noise = check.noise(Some(&witness.noise), &self.found);
         }
+        self.drop_modest(case, &noise);
         Some(noise)
+    }
+
+    /// Drops named effects that explain less in the channel where they show than what is left there: where most is of no
+    /// kind, a part of it resembles some kind.
+    fn drop_modest(&mut self, case: &Case, noise: &Noise) {
+        let whitener = case.whitener(noise);
+        let bare = case.search(&whitener, &[]);
+        let mut k = 0;
+        while k < self.found.len() {
+            let mut others = self.found.clone();
+            let own = others.remove(k);
+            let mut search = bare.fork();
+            others.iter().for_each(|h| search.add(h));
+            let solution = search.normal.solve(None);
+            let left = search.normal.left_by_channel(&solution.values);
+            let falls = search.fall_by_channel(&own);
+            let channel = Channel::ALL
+                .into_iter()
+                .max_by(|a, b| falls[a.index()].total_cmp(&falls[b.index()]))
+                .unwrap_or(Channel::Table);
+            let open = whitener.mask(channel).iter().filter(|open| **open).count();
+            let fall = falls[channel.index()];
+            let remains = left[channel.index()] - fall - open as f64;
+            if matches!(own.family, Family::Unnamed(_)) || fall > MODEST * remains {
+                k += 1;
+                continue;
+            }
+            let trial = search.try_one(own, &solution);
+            self.doubtful.push(Doubt {
+                trial,
+                reason: "more is left in its channel than it explains",
+            });
+            self.found.remove(k);
+            self.falls.remove(k);
+            self.rivals.remove(k);
+            self.inseparable.remove(k);
+        }
     }
 
     /// What of a fall is more than what the effects that were found may have left.
@@ -279,7 +342,6 @@ impl Progress {
         witness: &Witness,
         others: &[Hypothesis],
     ) -> Option<(f64, Trial)> {
-        let whitener = witness.case.whitener(&witness.noise);
         let mut best: Option<(f64, &Contender)> = None;
         for contender in contenders {
             if let Some((_, leader)) = &best
@@ -288,9 +350,10 @@ impl Progress {
                 break;
             }
             let fall = witness.fall(&contender.trial, others);
-            if !witness.confirms(fall, &whitener) {
+            if !witness.confirms(fall) {
                 if best.is_none() {
-                    self.unconfirmed.push(contender.trial.clone());
+                    self.doubtful
+                        .push(Doubt::one_record(contender.trial.clone()));
                 }
                 continue;
             }
@@ -300,6 +363,13 @@ impl Progress {
             }
         }
         best.map(|(both, contender)| (both, contender.trial.clone()))
+    }
+
+    /// The shape without a name that explains most, if more than `beside`.
+    fn unnamed(&self, search: &mut Search, solution: &Solution, beside: f64) -> Option<Trial> {
+        let least = self.threshold.max(beside);
+        let enough = |channel: Channel| least.max(SIMPLIFIED * self.explained[channel.index()]);
+        unnamed::strongest(search, solution, enough)
     }
 
     /// Tries everything and adds what explains most; `false` when nothing is worth it.
@@ -316,21 +386,36 @@ impl Progress {
                 .any(|known| same(known, &trial.hypothesis, case.balance))
         });
         self.threshold = MATERIAL * whitener.used_rows() as f64;
-        self.unconfirmed.clear();
+        self.doubtful.clear();
         let contenders = self.contenders(&trials, &mut search, &self.known(), self.threshold);
         let others = self.found.clone();
-        let accepted = self.chosen(&contenders, witness, &others);
+        let mut accepted = self.chosen(&contenders, witness, &others);
         self.last = trials;
+        let named = accepted.as_ref().map_or(0.0, |(_, trial)| trial.gain.fall);
+        if let Some(trial) = self.unnamed(&mut search, &solution, PLAINER * named)
+            && trial.gain.fall > PLAINER * named
+        {
+            match witness.confirms(witness.fall(&trial, &others)) {
+                true => accepted = Some((trial.gain.fall, trial)),
+                false => self.doubtful.push(Doubt::one_record(trial)),
+            }
+        }
         let Some((_, trial)) = accepted else {
             return false;
         };
         if self.found.len() >= MOST_EFFECTS {
-            self.unconfirmed.push(trial);
+            self.doubtful.push(Doubt {
+                trial,
+                reason: "more was found than one machine has",
+            });
             return false;
         }
         let falls = search.fall_by_channel(&trial.hypothesis);
         for (left, fall) in self.remainder.iter_mut().zip(falls) {
             *left = left.max(trial.hypothesis.remainder() * fall);
+        }
+        for (sum, fall) in self.explained.iter_mut().zip(falls) {
+            *sum += fall.max(0.0);
         }
         for hypothesis in split(&trial, &mut search, &solution) {
             let lost = self
@@ -354,7 +439,6 @@ impl Progress {
     /// nothing be left for it to explain. `true` if an effect was replaced or dropped.
     fn reconsider(&mut self, case: &Case, witness: &Witness, noise: &Noise) -> bool {
         let whitener = case.whitener(noise);
-        let check_whitener = witness.case.whitener(&witness.noise);
         let bare = case.search(&whitener, &[]);
         let mut changed = false;
         let mut k = 0;
@@ -397,9 +481,7 @@ impl Progress {
                     self.found[k] = trial.hypothesis;
                     self.falls[k] = trial.gain.fall;
                 }
-                None if own.gain.fall < worth
-                    || !witness.confirms(own_on_check, &check_whitener) =>
-                {
+                None if own.gain.fall < worth || !witness.confirms(own_on_check) => {
                     self.found.remove(k);
                     self.falls.remove(k);
                     self.rivals.remove(k);

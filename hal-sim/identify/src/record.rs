@@ -1,6 +1,6 @@
 //! A record made ready: transforms, signals, balances and noise under a model.
 
-use crate::balance::{Balance, Contribution, Parameter, Rounding};
+use crate::balance::{Assumed, Balance, Contribution, Parameter};
 use crate::design::{Whitener, operating_points};
 use crate::fourier::Fourier;
 use crate::hypothesis::Hypothesis;
@@ -32,14 +32,14 @@ impl Record {
         Record { fourier, signals }
     }
 
-    /// The balances under a model with given effects, with the rounding of friction that explains the record best.
+    /// The balances under a model of a record with given effects.
     pub fn balance<'a>(&'a self, model: &'a Model, found: &[Hypothesis]) -> Balance<'a> {
-        self.balance_with(model, Roundings::new(self, model).best(found))
+        self.balance_with(model, Roundings::new(self, model).assumed(found))
     }
 
-    /// The balances under a model with a given rounding of friction.
-    pub(crate) fn balance_with<'a>(&'a self, model: &'a Model, rounding: Rounding) -> Balance<'a> {
-        Balance::new(model, &self.signals, &self.fourier, rounding)
+    /// The balances under a model and what is assumed beside it.
+    pub(crate) fn balance_with<'a>(&'a self, model: &'a Model, assumed: Assumed) -> Balance<'a> {
+        Balance::new(model, &self.signals, &self.fourier, assumed)
     }
 }
 

@@ -1,5 +1,6 @@
 //! A hypothesis at its best: the shape that explains most.
 
+use crate::along::Along;
 use crate::balance::declared_resonance_hz;
 use crate::hypothesis::{Family, Hypothesis};
 use crate::normal::Solution;
@@ -9,6 +10,9 @@ use std::f64::consts::TAU;
 /// Steps of a search over the logarithm of a shape: the first, and where it ends.
 const FIRST_STEP: f64 = 0.35;
 const LAST_STEP: f64 = 2e-3;
+/// Share of what a record resolves of an order or a frequency at which a search for it ends: a thirtieth of a turn of
+/// phase over the whole record.
+const RESOLVED: f64 = 0.03;
 
 impl Search<'_> {
     /// A trial at its best: its shape refined, all declared parameters free to give way to it within their bounds.
@@ -98,27 +102,25 @@ impl Search<'_> {
         best
     }
 
-    /// Turns that the coordinate of a hypothesis covers.
+    /// Turns that the coordinate of a hypothesis covers, or the seconds of what repeats in time.
     fn turns(&self, hypothesis: &Hypothesis) -> f64 {
-        let signals = self.balance.signals;
-        let travel = match hypothesis.axis() {
-            Some(axis) => &signals.motors[axis.index()].travel,
-            None => &signals.relative,
+        let along = match hypothesis.family {
+            Family::TimePeriodic => Along::Clock,
+            Family::Unnamed(unnamed) => unnamed.along,
+            _ => hypothesis.axis().map_or(Along::RelativeAngle, Along::Angle),
         };
-        let (low, high) = travel
-            .iter()
-            .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+        let signals = self.balance.signals;
+        let (low, high) = (0..signals.len())
+            .map(|row| along.value(signals, row))
+            .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
         ((high - low) / TAU).max(0.1)
     }
 
     /// Finds the order or frequency near the hypothesis' own that explains most.
     fn refined(&mut self, trial: Trial, solution: &Solution) -> Trial {
-        let mut step = match trial.hypothesis.family {
-            Family::TimePeriodic => 0.5 / self.run_s(),
-            _ => 0.5 / self.turns(&trial.hypothesis),
-        };
-        let mut best = trial;
-        while step > 1e-4 * best.hypothesis.shape.max(0.1) {
+        let first = 0.5 / self.turns(&trial.hypothesis);
+        let (mut step, mut best) = (first, trial);
+        while step > RESOLVED * first {
             let mut moved = false;
             for side in [-1.0, 1.0] {
                 let shape = best.hypothesis.shape + side * step;
@@ -148,7 +150,12 @@ impl Search<'_> {
     /// A whole order that explains as much is the simpler one.
     fn whole(&mut self, best: Trial, solution: &Solution) -> Trial {
         let shape = best.hypothesis.shape.round();
-        if best.hypothesis.family == Family::TimePeriodic || shape < 1.0 {
+        let in_time = match best.hypothesis.family {
+            Family::TimePeriodic => true,
+            Family::Unnamed(unnamed) => unnamed.along == Along::Clock,
+            _ => false,
+        };
+        if in_time || shape < 1.0 {
             return best;
         }
         let near = self.try_one(

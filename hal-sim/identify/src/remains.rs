@@ -3,7 +3,7 @@
 use crate::analysis::Case;
 use crate::balance::Contribution;
 use crate::channel::Channel;
-use crate::design::{Column, Whitener, dot};
+use crate::design::{Whitener, dot};
 use crate::hypothesis::Hypothesis;
 use crate::noise::Noise;
 use crate::normal::{Normal, Solution};
@@ -92,8 +92,6 @@ impl Side {
 pub(crate) struct Fixed {
     pub(crate) before: Vec<Vec<f64>>,
     pub(crate) after: Vec<Vec<f64>>,
-    /// After, made white.
-    pub(crate) whitened: Column,
     pub(crate) masks: Vec<Vec<bool>>,
 }
 
@@ -161,11 +159,9 @@ impl Fixed {
                 })
                 .collect()
         };
-        let after = left(full, found);
         Fixed {
             before: in_units(&left(plain, &[])),
-            after: in_units(&after),
-            whitened: whitener.column(&after),
+            after: in_units(&left(full, found)),
             masks: Channel::ALL
                 .iter()
                 .map(|&channel| whitener.mask(channel).to_vec())

@@ -1,6 +1,6 @@
 //! How the sign of friction turns round: chosen by the record's torque balances, again when effects were found.
 
-use crate::balance::{Balance, Contribution, Parameter, Rounding};
+use crate::balance::{Assumed, Balance, Contribution, Parameter, Rounding};
 use crate::channel::Channel;
 use crate::design::Whitener;
 use crate::hypothesis::{Family, Hypothesis};
@@ -48,7 +48,13 @@ impl<'a> Roundings<'a> {
         let candidates = ROUNDINGS
             .into_iter()
             .map(|rounding| {
-                let balance = record.balance_with(model, rounding);
+                let balance = record.balance_with(
+                    model,
+                    Assumed {
+                        rounding,
+                        resonance_hz: None,
+                    },
+                );
                 let target = whitener.column(&torque(&balance.torque_residual()));
                 let mut normal = Normal::new(target, &whitener);
                 for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
@@ -65,8 +71,25 @@ impl<'a> Roundings<'a> {
         }
     }
 
+    /// What balances must assume of a record with given effects.
+    pub(crate) fn assumed(&self, found: &[Hypothesis]) -> Assumed {
+        let soft = found
+            .iter()
+            .find(|hypothesis| hypothesis.family == Family::AxialCompliance);
+        Assumed {
+            rounding: self.best(found),
+            resonance_hz: soft.map(|soft| soft.shape),
+        }
+    }
+
+    /// The one that is not given.
+    pub(crate) fn other(given: Rounding) -> Rounding {
+        let [first, second] = ROUNDINGS;
+        if given == first { second } else { first }
+    }
+
     /// The one that explains the record best when it has given effects.
-    pub(crate) fn best(&self, found: &[Hypothesis]) -> Rounding {
+    fn best(&self, found: &[Hypothesis]) -> Rounding {
         let cost = |(balance, normal): &(Balance, Normal)| {
             let mut normal = normal.clone();
             push_torques(&mut normal, found, balance, &self.whitener);

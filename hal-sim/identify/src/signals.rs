@@ -100,14 +100,20 @@ impl MotorSignals {
             .map(|((&a, &b), &rotor)| park(clarke(a, b), rotor))
             .unzip();
         let i_q_smooth = fourier.low_pass(&i_q, CURRENT_BANDWIDTH_HZ);
-        // The d current is held at 0: the phases follow from the q current and the angle, without the sensors' noise.
+        // A d current that is held at 0 has ripple yet, which moves the phases' zero crossings.
+        let i_d_smooth = fourier.low_pass(&i_d, CURRENT_BANDWIDTH_HZ);
         let phases = [0.0, std::f64::consts::TAU / 3.0].map(|lag: f64| {
             let (sin_lag, cos_lag) = lag.sin_cos();
             let scale = (2.0_f64 / 3.0).sqrt();
-            i_q_smooth
+            i_d_smooth
                 .iter()
+                .zip(&i_q_smooth)
                 .zip(&rotor)
-                .map(|(q, (cos, sin))| -scale * q * (sin * cos_lag - cos * sin_lag))
+                .map(|((d, q), (cos, sin))| {
+                    let along = cos * cos_lag + sin * sin_lag;
+                    let across = sin * cos_lag - cos * sin_lag;
+                    scale * (d * along - q * across)
+                })
                 .collect()
         });
         MotorSignals {

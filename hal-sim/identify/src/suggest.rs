@@ -3,6 +3,7 @@
 use crate::balance::declared_resonance_hz;
 use crate::channel::Channel;
 use crate::hypothesis::{Family, Hypothesis, LEAST_ORDER, LEAST_RELATIVE_ORDER};
+use crate::noise::USED;
 use crate::normal::Solution;
 use crate::scan::{OrderSpectrum, Stretch};
 use crate::select::Search;
@@ -134,7 +135,7 @@ impl Search<'_> {
             &relative,
             &stretches,
             &|index, hz| self.weight(Channel::Table, &stretches[index], hz),
-            self.nyquist(),
+            self.highest_hz(),
             RELATIVE_ORDERS,
         );
         for order in table.peaks(4, 2.0 / table.turns) {
@@ -156,7 +157,7 @@ impl Search<'_> {
             &relative,
             &stretches,
             &weight,
-            self.nyquist(),
+            self.highest_hz(),
             RELATIVE_ORDERS,
         );
         for order in pair.peaks(4, 2.0 / pair.turns) {
@@ -165,9 +166,10 @@ impl Search<'_> {
         list
     }
 
-    /// Half the rate of the residuals, Hz.
-    fn nyquist(&self) -> f64 {
-        self.balance.fourier.hz(self.balance.fourier.bins())
+    /// Highest frequency that is used, Hz: above it whitening leaves next to nothing to weigh by.
+    fn highest_hz(&self) -> f64 {
+        let fourier = self.balance.fourier;
+        USED * fourier.hz(fourier.bins())
     }
 
     /// Squared whitening gain of a channel at a frequency, times the rows of a stretch that count.
@@ -196,7 +198,7 @@ impl Search<'_> {
             &angle,
             &stretches,
             &|index, hz| self.weight(channel, &stretches[index], hz),
-            self.nyquist(),
+            self.highest_hz(),
             ORDERS,
         )
     }
@@ -244,7 +246,7 @@ impl Search<'_> {
             &angle,
             &stretches,
             &weight,
-            self.nyquist(),
+            self.highest_hz(),
             0.7..30.0,
         );
         let mut whole: Vec<(f64, f64)> = (1..30)

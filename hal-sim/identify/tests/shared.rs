@@ -39,8 +39,8 @@ fn what_is_found_brings_the_residual_to_the_noise() {
             outcome.unexplained.is_empty(),
             "open-{k:02}: something is left"
         );
-        for figures in &outcome.channels {
-            let name = figures.channel.name();
+        for rest in &outcome.channels {
+            let (name, figures) = (rest.channel.name(), &rest.figures);
             assert!(
                 figures.whitened < 1.1,
                 "open-{k:02}, {name}: {} of noise is left",

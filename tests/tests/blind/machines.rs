@@ -219,35 +219,22 @@ pub fn effect(rng: &mut impl Rng, kind: &str, bold: bool) -> EffectModel {
     EffectModel::new(place, effect).expect("a place that the kind allows")
 }
 
+/// What acts on a machine from outside while a period passes.
+type Act<'a> = dyn Fn(&mut plant::machine::Machine) + 'a;
+
 /// Runs a machine under the drive that its plate gives, over a profile.
-fn run(
-    declared: &Model,
-    machine: &Model,
-    rubbing: Rubbing,
-    profile: &Profile,
-    seed: u64,
-) -> Recording {
+fn run(declared: &Model, machine: &Model, act: &Act, profile: &Profile, seed: u64) -> Recording {
     let mut setup = Setup::declared(declared.clone(), Coupling::Coupled);
     setup.board.seed = seed;
     // An offset that the drive measures before it starts would be none.
     setup.board.measure_zeros = false;
-    let (machine, rounded) = match rubbing {
-        Rubbing::Sticks => (machine.clone(), None),
-        Rubbing::Rounded => {
-            let (smooth, rounded) = Rounded::split(machine);
-            (smooth, Some(rounded))
-        }
-    };
     let mut drive =
-        Drive::new(&machine, setup.coupling, setup.board, &setup.plate()).expect("gains that fit");
+        Drive::new(machine, setup.coupling, setup.board, &setup.plate()).expect("gains that fit");
     let every = (declared.sensing.control_hz / declared.sensing.sample_hz).round() as u32;
     let mut recorder = Recorder::default();
     let mut recording = Recording::default();
     let seconds = |s: f64| (s * declared.sensing.sample_hz) as usize;
-    let period = |drive: &mut Drive| match &rounded {
-        Some(rounded) => drive.period_with(|machine, _| rounded.act(machine)),
-        None => drive.period(),
-    };
+    let period = |drive: &mut Drive| drive.period_with(|machine, _| act(machine));
     let mut record = |drive: &mut Drive, rows: usize, ask: &mut dyn FnMut(&mut Drive, usize)| {
         for row in 0..rows {
             ask(drive, row);
@@ -292,7 +279,13 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
             .iter()
             .map(|effect| over(effect, profile.seconds()))
             .collect();
-        run(&declared, &machine, rubbing, profile, seed)
+        match rubbing {
+            Rubbing::Sticks => run(&declared, &machine, &|_| (), profile, seed),
+            Rubbing::Rounded => {
+                let (smooth, rounded) = Rounded::split(&machine);
+                run(&declared, &smooth, &|m| rounded.act(m), profile, seed)
+            }
+        }
     };
     let fit = of_run(&profiles.fit, seed);
     let check = of_run(&profiles.check, seed ^ 0x5555);
@@ -302,6 +295,21 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
         style: format!("{} {rubbing:?}", profiles.style),
         fit,
         check,
+    }
+}
+
+/// A machine on which something acts that no kind of effect describes.
+pub fn strange(seed: u64, act: &Act) -> Machine {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let declared = plate(&mut rng);
+    let machine = real(&mut rng, &declared);
+    let [fit, check] = [profile::recorded(), profile::slow()];
+    Machine {
+        fit: run(&declared, &machine, act, &fit, seed),
+        check: run(&declared, &machine, act, &check, seed ^ 0x5555),
+        style: "strange".into(),
+        effects: Vec::new(),
+        declared,
     }
 }
 

@@ -12,6 +12,7 @@ mod matrix;
 mod oracle;
 mod profile;
 mod score;
+mod strange;
 mod table;
 
 use identify::analysis::analyse;

@@ -56,7 +56,7 @@ pub struct Profiles {
 }
 
 /// As most of the shared recordings are.
-fn recorded() -> Profile {
+pub fn recorded() -> Profile {
     Profile::of(
         0.75,
         &[
@@ -74,7 +74,7 @@ fn recorded() -> Profile {
 }
 
 /// The shared recordings' other profile, with more speeds at a resting nut.
-fn slow() -> Profile {
+pub fn slow() -> Profile {
     Profile::of(
         0.75,
         &[

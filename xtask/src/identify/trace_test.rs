@@ -22,7 +22,7 @@ struct Report {
     verdict: String,
     effects: Vec<Effect>,
     residual: Vec<Residual>,
-    unexplained: Vec<Left>,
+    unexplained: Vec<serde_json::Value>,
     simulation: Simulation,
     records: Vec<Account>,
 }
@@ -47,18 +47,6 @@ struct Residual {
     check_before: f64,
     check_after: f64,
     noise_floor: f64,
-}
-
-#[derive(Deserialize)]
-#[expect(
-    dead_code,
-    reason = "that it is there and has its type is what is tested"
-)]
-struct Left {
-    channel: String,
-    coordinate: String,
-    order: f64,
-    size: f64,
 }
 
 #[derive(Deserialize)]
@@ -138,18 +126,13 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
 
     let text = |name: &str| std::fs::read_to_string(at("out").join(name)).unwrap();
     let report: Report = serde_json::from_str(&text("report.json")).unwrap();
-    // Records this short may leave something over; the verdict must say so.
-    let verdict = match report.unexplained.is_empty() {
-        true => "explained",
-        false => "unexplained",
+    assert_eq!(report.verdict, "explained");
+    assert!(report.unexplained.is_empty());
+    // On so short a record, which turns one way only, friction that is rounded wrong looks like another effect.
+    let [effect] = &report.effects[..] else {
+        let kinds: Vec<&str> = report.effects.iter().map(|e| e.kind.as_str()).collect();
+        panic!("one effect is there, found: {kinds:?}")
     };
-    assert_eq!(report.verdict, verdict);
-    // On so short a record, which turns one way only, friction is not told from its law: what else is named must be next
-    // to nothing.
-    let [effect, others @ ..] = &report.effects[..] else {
-        panic!("no effect is there")
-    };
-    assert!(others.iter().all(|other| other.explained < 1e-2));
     assert_eq!(
         (effect.kind.as_str(), effect.r#where.as_str()),
         ("cogging", "screw")

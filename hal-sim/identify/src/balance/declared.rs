@@ -1,9 +1,8 @@
 //! The residuals of the declared model itself.
 
-use super::{Balance, Contribution, brake, rounded_sign, shaped};
+use super::{Balance, Contribution, Spring, brake, rounded_sign, shaped};
 use crate::channel::Channel;
 use plant::Axis;
-use realfft::num_complex::Complex64;
 
 /// What is measured has content up to the record's own rate.
 pub(super) const FULL: f64 = f64::INFINITY;
@@ -13,7 +12,7 @@ impl Balance<'_> {
     pub fn torque_residual(&self) -> Contribution {
         let mut residual = Contribution::default();
         let signals = self.signals;
-        let table = shaped(&self.relative_acceleration, &self.resonance);
+        let table = shaped(&self.relative_acceleration, &self.declared.compliance);
         let inertia = self.model.feed.table_mass_kg * self.lead * self.lead;
         for axis in Axis::ALL {
             let (motor, s) = (self.model.motor(axis), &signals.motors[axis.index()]);
@@ -69,25 +68,22 @@ impl Balance<'_> {
     pub fn residual(&self) -> Contribution {
         let mut residual = self.torque_residual();
         residual.add_all(1.0, &self.voltage_residual());
-        residual.add_all(
-            1.0,
-            &self.table(self.model.feed.axial_stiffness_n_per_m, &self.resonance),
-        );
+        residual.add_all(1.0, &self.table(&self.declared));
         for effect in &self.model.effects {
             residual.add_all(-1.0, &self.effect(effect));
         }
         residual
     }
 
-    /// Residual of the table on a screw of a given stiffness.
-    pub(super) fn table(&self, stiffness: f64, resonance: &[Complex64]) -> Contribution {
+    /// Residual of the table on a given screw.
+    pub(super) fn table(&self, screw: &Spring) -> Contribution {
         let mut residual = Contribution::default();
         residual.add(Channel::Table, 1.0, &self.rigid);
         let mass = self.model.feed.table_mass_kg;
-        let dynamic = shaped(&self.relative_acceleration, resonance);
-        residual.add(Channel::Table, self.lead * mass / stiffness, &dynamic);
-        let force = shaped(&self.table_force_spectrum, resonance);
-        residual.add(Channel::Table, 1.0 / stiffness, &force);
+        let dynamic = shaped(&self.relative_acceleration, &screw.compliance);
+        residual.add(Channel::Table, self.lead * mass / screw.stiffness, &dynamic);
+        let force = shaped(&self.table_force_spectrum, &screw.compliance);
+        residual.add(Channel::Table, 1.0 / screw.stiffness, &force);
         residual
     }
 }

@@ -1,6 +1,6 @@
 //! What the terms of an effect at the feed add.
 
-use super::{Balance, Contribution, brake, compliance, rounded_sign, shaped};
+use super::{Balance, Contribution, Spring, brake, compliance, rounded_sign, shaped};
 use crate::channel::Channel;
 use crate::fourier::Spectrum;
 use crate::signals::SMOOTH_HZ;
@@ -58,11 +58,10 @@ impl Balance<'_> {
         for axis in Axis::ALL {
             sum.add(Channel::Torque(axis), brake(axis) * self.lead, &spectrum);
         }
-        let stiffness = self.model.feed.axial_stiffness_n_per_m;
         sum.add(
             Channel::Table,
-            -1.0 / stiffness,
-            &shaped(&spectrum, &self.resonance),
+            -1.0 / self.screw.stiffness,
+            &shaped(&spectrum, &self.screw.compliance),
         );
         sum
     }
@@ -70,14 +69,14 @@ impl Balance<'_> {
     /// The declared screw's residual of the table less that of one with another resonance.
     fn softer(&self, hz: f64) -> Contribution {
         let feed = &self.model.feed;
-        let resonance = compliance(self.fourier, hz, feed.axial_damping_ratio);
-        let stiffness = feed.table_mass_kg * (TAU * hz).powi(2);
-        let mut difference = self.table(feed.axial_stiffness_n_per_m, &self.resonance);
-        difference.add_all(-1.0, &self.table(stiffness, &resonance));
+        let softer = Spring::swinging(self.model, self.fourier, hz);
+        let mut difference = self.table(&self.declared);
+        difference.add_all(-1.0, &self.table(&softer));
         let inertia = feed.table_mass_kg * self.lead * self.lead;
-        let change: Spectrum = resonance
+        let change: Spectrum = softer
+            .compliance
             .iter()
-            .zip(&self.resonance)
+            .zip(&self.declared.compliance)
             .map(|(new, old)| new - old)
             .collect();
         let table = shaped(&self.relative_acceleration, &change);

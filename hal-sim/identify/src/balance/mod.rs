@@ -58,6 +58,41 @@ pub struct Rounding {
     pub guideway: f64,
 }
 
+/// What the balances rest on that no parameter says and the record must tell.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Assumed {
+    /// How the signs of friction are rounded.
+    pub rounding: Rounding,
+    /// Resonance of the table that forces bend the screw with, if another than the declared one, Hz: what two effects
+    /// make together is a product, and this is its other factor.
+    pub resonance_hz: Option<f64>,
+}
+
+/// The screw as a spring under the table.
+struct Spring {
+    /// Static stiffness, N/m.
+    stiffness: f64,
+    /// Compliance over frequency, relative to its static value.
+    compliance: Spectrum,
+}
+
+impl Spring {
+    fn new(model: &Model, fourier: &Fourier, stiffness: f64) -> Self {
+        let feed = &model.feed;
+        let resonance_hz = (stiffness / feed.table_mass_kg).sqrt() / TAU;
+        Spring {
+            stiffness,
+            compliance: compliance(fourier, resonance_hz, feed.axial_damping_ratio),
+        }
+    }
+
+    /// Of a table that swings at `hz`.
+    fn swinging(model: &Model, fourier: &Fourier, hz: f64) -> Self {
+        let stiffness = model.feed.table_mass_kg * (TAU * hz).powi(2);
+        Self::new(model, fourier, stiffness)
+    }
+}
+
 /// `tanh(speed / rounding)`, or the sign.
 pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
     if rounding > 0.0 {
@@ -81,8 +116,10 @@ pub struct Balance<'a> {
     pub rounding: Rounding,
     /// Travel per radian, m.
     pub lead: f64,
-    /// Compliance of table on screw over frequency, relative to its static value.
-    resonance: Spectrum,
+    /// The declared screw.
+    declared: Spring,
+    /// The screw that forces bend which are not declared.
+    screw: Spring,
     /// Force on the table's guideway side in time (friction, viscous, load), N, and its spectrum.
     table_force: Vec<f64>,
     table_force_spectrum: Spectrum,
@@ -126,9 +163,11 @@ impl<'a> Balance<'a> {
         model: &'a Model,
         signals: &'a Signals,
         fourier: &'a Fourier,
-        rounding: Rounding,
+        assumed: Assumed,
     ) -> Self {
         let feed = &model.feed;
+        let rounding = assumed.rounding;
+        let declared = || Spring::new(model, fourier, feed.axial_stiffness_n_per_m);
         let lead = feed.travel_per_radian();
         let sign = |w: f64| rounded_sign(w, rounding.guideway);
         let table_force: Vec<f64> = signals
@@ -150,11 +189,11 @@ impl<'a> Balance<'a> {
             fourier,
             rounding,
             lead,
-            resonance: compliance(
-                fourier,
-                declared_resonance_hz(model),
-                feed.axial_damping_ratio,
-            ),
+            declared: declared(),
+            screw: match assumed.resonance_hz {
+                Some(hz) => Spring::swinging(model, fourier, hz),
+                None => declared(),
+            },
             table_force_spectrum: fourier.spectrum(&table_force),
             table_force,
             rigid: difference(&signals.table_spectrum, &signals.relative_spectrum, lead),
@@ -164,7 +203,7 @@ impl<'a> Balance<'a> {
     }
 
     /// Spectrum of what has the given value at a row, for a value without content above `hz`.
-    fn spectrum_of(&self, hz: f64, value: impl Fn(usize) -> f64) -> Spectrum {
+    pub(crate) fn spectrum_of(&self, hz: f64, value: impl Fn(usize) -> f64) -> Spectrum {
         let stride = self.fourier.stride(hz);
         let signal = self.sampled(stride, value);
         self.fourier.spectrum_at(stride, &signal)

@@ -200,8 +200,8 @@ impl Balance<'_> {
             &self.fourier.spectrum_at(stride, &travel),
         );
         let feed = &self.model.feed;
-        let dynamic = shaped(&curvature, &self.resonance);
-        let scale = self.lead * feed.table_mass_kg / feed.axial_stiffness_n_per_m;
+        let dynamic = shaped(&curvature, &self.screw.compliance);
+        let scale = self.lead * feed.table_mass_kg / self.screw.stiffness;
         sum.add(Channel::Table, side * scale, &dynamic);
     }
 }

@@ -3,7 +3,7 @@
 use super::{
     Alias, Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried,
 };
-use crate::analysis::{Bandwidth, Found, Outcome, Rival};
+use crate::analysis::{Bandwidth, ChannelRest, Figures, Found, Outcome, Rival};
 use crate::channel::Channel as Balance;
 use crate::hypothesis::Family;
 use crate::interval::estimates;
@@ -12,6 +12,10 @@ use crate::select::Trial;
 use plant::Axis;
 use plant::effects::Place;
 
+/// Name of the channel that follows from the torques.
+const TABLE_FORCE: &str = "table force";
+const RELATIVE: &str = "Angle of screw against nut, turns";
+const RELATIVE_SPEED: &str = "Speed of screw against nut, rad/s";
 /// Trials that lost, listed for each step.
 const LISTED: usize = 8;
 
@@ -23,23 +27,15 @@ pub fn double_drive(outcome: &Outcome, accounts: [Account; 2]) -> Report {
         residual: outcome
             .channels
             .iter()
-            .map(|figures| Residual {
-                channel: figures.channel.name().into(),
-                unit: figures.channel.unit().into(),
-                fit_before: figures.fit_before,
-                fit_after: figures.fit_after,
-                check_before: figures.check_before,
-                check_after: figures.check_after,
-                noise_floor: figures.noise_floor,
-                whiteness: figures.whiteness,
-            })
+            .map(|rest| residual(rest.channel.name(), rest.channel.unit(), &rest.figures))
+            .chain([residual(TABLE_FORCE, "N", &outcome.table_force.figures)])
             .collect(),
         unexplained: outcome
             .unexplained
             .iter()
             .map(|left| Left {
                 channel: left.channel.name().into(),
-                coordinate: left.coordinate.clone(),
+                coordinate: left.coordinate.into(),
                 order: left.order,
                 hz: left.hz,
                 size: left.size,
@@ -62,12 +58,26 @@ pub fn double_drive(outcome: &Outcome, accounts: [Account; 2]) -> Report {
         stages: Vec::new(),
         records: accounts.into(),
         channels: outcome
-            .residuals
+            .channels
             .iter()
-            .map(|(balance, before, after)| channel(*balance, before, after, outcome))
+            .map(|rest| channel(rest, outcome))
+            .chain([table_force(outcome)])
             .collect(),
         time: outcome.coordinates.time.clone(),
         model: outcome.model.to_toml(),
+    }
+}
+
+fn residual(name: &str, unit: &str, figures: &Figures) -> Residual {
+    Residual {
+        channel: name.into(),
+        unit: unit.into(),
+        fit_before: figures.fit_before,
+        fit_after: figures.fit_after,
+        check_before: figures.check_before,
+        check_after: figures.check_after,
+        noise_floor: figures.noise_floor,
+        whiteness: figures.whiteness,
     }
 }
 
@@ -198,10 +208,15 @@ fn selection(outcome: &Outcome) -> Selection {
         tried(trial, reason.into())
     }));
     Selection {
-        rule: "An effect must lower the sum of squares over all channels by the threshold on the fit record, and by a share \
-               of it on the check record with the same parameters. Besides the list, all orders from 0.3 to 126 per turn \
-               and all frequencies are scanned."
-            .into(),
+        rule: format!(
+            "Besides the list, all orders from 0.3 to 126 per turn and all frequencies are scanned. Each effect costs the \
+             threshold: by that it must lower the sum of squares over all channels of the fit record, which is {:.0} in \
+             log-likelihood, where the best of a million orders and hypotheses reaches about {:.0} in noise; and with the same parameters \
+             by a quarter of it, row for row, on the check record, at other operating points. Where a shape of no kind \
+             explains half as much again as any hypothesis, none is named.",
+            0.5 * outcome.threshold,
+            1e6_f64.ln()
+        ),
         tried: outcome.tried,
         threshold: outcome.threshold,
         measure: "fall of the sum of squares, in units of the noise",
@@ -209,23 +224,23 @@ fn selection(outcome: &Outcome) -> Selection {
     }
 }
 
-fn channel(balance: Balance, before: &[f64], after: &[f64], outcome: &Outcome) -> Channel {
-    let at = &outcome.coordinates;
-    let coordinate = |title: &str, folded: bool, values: &[f64]| Coordinate {
+fn coordinate(title: &str, folded: bool, values: &[f64]) -> Coordinate {
+    Coordinate {
         title: title.into(),
         folded,
         values: values.to_vec(),
-    };
-    let relative = coordinate("Angle of screw against nut, turns", true, &at.relative);
+    }
+}
+
+fn channel(rest: &ChannelRest, outcome: &Outcome) -> Channel {
+    let at = &outcome.coordinates;
+    let relative = coordinate(RELATIVE, true, &at.relative);
     let time = coordinate("Time, s", false, &at.time);
-    let (turn, mut over) = match balance {
+    let (turn, mut over) = match rest.channel {
         Balance::Table => {
-            let speed = coordinate(
-                "Speed of screw against nut, rad/s",
-                false,
-                &at.relative_speed,
-            );
-            (relative, vec![speed])
+            let speed = coordinate(RELATIVE_SPEED, false, &at.relative_speed);
+            let position = coordinate("Position of the table, m", false, &at.table);
+            (relative, vec![position, speed])
         }
         Balance::Torque(axis) | Balance::VoltageD(axis) | Balance::VoltageQ(axis) => {
             let name = match axis {
@@ -242,13 +257,31 @@ fn channel(balance: Balance, before: &[f64], after: &[f64], outcome: &Outcome) -
     };
     over.push(time);
     Channel {
-        name: balance.name().into(),
-        unit: balance.unit().into(),
-        residual: [before.to_vec(), after.to_vec()],
-        open: outcome.open[balance.index()].clone(),
+        name: rest.channel.name().into(),
+        unit: rest.channel.unit().into(),
+        residual: rest.residual.clone(),
+        open: rest.open.clone(),
         turn,
-        marks: marks(balance, outcome),
+        marks: marks(rest.channel, outcome),
         over,
+    }
+}
+
+fn table_force(outcome: &Outcome) -> Channel {
+    let at = &outcome.coordinates;
+    let force = &outcome.table_force;
+    Channel {
+        name: TABLE_FORCE.into(),
+        unit: "N".into(),
+        residual: force.residual.clone(),
+        open: force.open.clone(),
+        turn: coordinate(RELATIVE, true, &at.relative),
+        marks: Vec::new(),
+        over: vec![
+            coordinate("Position of the table, m", false, &at.table),
+            coordinate(RELATIVE_SPEED, false, &at.relative_speed),
+            coordinate("Time, s", false, &at.time),
+        ],
     }
 }
 

@@ -1,0 +1,141 @@
+//! What repeats with a coordinate, or differs along it, in one channel and is of no kind that has a name.
+//!
+//! A record may hold what no hypothesis describes. Left in the residual it would lend a part of itself to hypotheses that
+//! resemble it here and there, and each of them would be named. So it is put into the regression as what it looks like.
+
+use crate::along::Along;
+use crate::balance::{Balance, Contribution};
+use crate::channel::Channel;
+use crate::hypothesis::{Family, Hypothesis};
+use crate::leftover::{Over, Residual};
+use crate::normal::Solution;
+use crate::select::{Search, Trial};
+use crate::signals::SMOOTH_HZ;
+use plant::Axis;
+use plant::effects::Place;
+use std::f64::consts::TAU;
+
+/// Knots of a curve.
+const KNOTS: usize = 13;
+
+/// A shape over a coordinate in one channel.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
+pub struct Unnamed {
+    /// Where it shows.
+    pub channel: Channel,
+    /// What it is a shape over.
+    pub along: Along,
+    /// Ends of the fit record's range of the coordinate, as bits, so that it can be a key.
+    extent: [u64; 2],
+}
+
+impl Unnamed {
+    /// Linear parameters: cosine and sine of what repeats, the values at its knots of a curve.
+    pub fn columns(self) -> usize {
+        if self.along.repeats() { 2 } else { KNOTS }
+    }
+
+    /// What each parameter adds to the residual per unit; `order` is that of what repeats.
+    pub fn contributions(self, balance: &Balance, order: f64) -> Vec<Contribution> {
+        let at = |row: usize| self.along.value(balance.signals, row);
+        let fastest = match self.along {
+            Along::Angle(axis) => balance.signals.motors[axis.index()].top_speed,
+            Along::RelativeAngle => balance.signals.motors.iter().map(|s| s.top_speed).sum(),
+            _ => TAU,
+        };
+        let one = |value: &dyn Fn(f64) -> f64| {
+            let mut sum = Contribution::default();
+            let hz = SMOOTH_HZ.max(order * fastest / TAU);
+            let sign = |row: usize| self.along.sign(balance.signals, row);
+            let spectrum = balance.spectrum_of(hz, |row| sign(row) * value(at(row)));
+            sum.add(self.channel, 1.0, &spectrum);
+            sum
+        };
+        if self.along.repeats() {
+            return vec![
+                one(&|angle| (order * angle).cos()),
+                one(&|angle| (order * angle).sin()),
+            ];
+        }
+        let [low, high] = self.extent.map(f64::from_bits);
+        let spacing = (high - low) / (KNOTS - 1) as f64;
+        (0..KNOTS)
+            .map(|knot| {
+                let middle = low + spacing * knot as f64;
+                // Straight lines between knots; nothing beyond the range of the fit record.
+                one(&|value| (1.0 - ((value - middle) / spacing).abs()).max(0.0))
+            })
+            .collect()
+    }
+
+    fn place(self) -> Place {
+        match self.channel {
+            Channel::Torque(axis) | Channel::VoltageD(axis) | Channel::VoltageQ(axis) => match axis
+            {
+                Axis::Screw => Place::Screw,
+                Axis::Nut => Place::Nut,
+            },
+            Channel::Table => Place::Feed,
+        }
+    }
+}
+
+/// The shape that explains most of a regression's residual in one channel; of channels in which less than `enough` is left
+/// beyond noise none is looked for.
+pub(crate) fn strongest(
+    search: &mut Search,
+    solution: &Solution,
+    enough: impl Fn(Channel) -> f64,
+) -> Option<Trial> {
+    let balance = search.balance;
+    let (signals, fourier) = (balance.signals, balance.fourier);
+    let rate = signals.rate / fourier.step() as f64;
+    let left = search.normal.residual(&solution.values);
+    let mut best: Option<(f64, Hypothesis)> = None;
+    for channel in Channel::ALL {
+        let Some(values) = left.parts[channel.index()].as_deref() else {
+            continue;
+        };
+        let open = search.whitener.mask(channel);
+        let rows = open.iter().filter(|open| **open).count() as f64;
+        let enough = enough(channel);
+        if values.iter().map(|x| x * x).sum::<f64>() - rows < enough {
+            continue;
+        }
+        for along in Along::ALL {
+            let rows = || (0..values.len()).map(|row| row * fourier.step());
+            let coordinate: Vec<f64> = rows().map(|row| along.value(signals, row)).collect();
+            let over = Over {
+                name: along.name().into(),
+                values: &coordinate,
+                form: along.form(0.5 * rate),
+            };
+            let signs = rows().map(|row| along.sign(signals, row));
+            let values: Vec<f64> = values.iter().zip(signs).map(|(x, sign)| x * sign).collect();
+            let residual = Residual {
+                values: &values,
+                open,
+                rate,
+            };
+            let Some(shape) = residual.shape(&over) else {
+                continue;
+            };
+            if shape.fall > enough && best.as_ref().is_none_or(|(most, _)| shape.fall > *most) {
+                let (low, high) = coordinate
+                    .iter()
+                    .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+                let unnamed = Unnamed {
+                    channel,
+                    along,
+                    extent: [low, high].map(f64::to_bits),
+                };
+                let order = shape.order.unwrap_or(0.0);
+                let hypothesis = Hypothesis::new(Family::Unnamed(unnamed), unnamed.place(), order);
+                best = Some((shape.fall, hypothesis));
+            }
+        }
+    }
+    let (_, hypothesis) = best?;
+    let trial = search.try_one(hypothesis, solution);
+    Some(search.at_best(&trial))
+}
