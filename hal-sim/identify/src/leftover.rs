@@ -12,8 +12,6 @@ const LEAST_ROWS: usize = 8;
 
 /// What a shape is looked for over.
 pub struct Over<'a> {
-    /// Name for a reader.
-    pub name: String,
     /// Value at each row; an angle in rad.
     pub values: &'a [f64],
     /// What kind of shape.
@@ -289,7 +287,7 @@ mod tests {
         (angle, position)
     }
 
-    fn looked(values: &[f64], check: &[f64]) -> Vec<(String, Shape, f64, f64)> {
+    fn looked(values: &[f64], check: &[f64]) -> Vec<(Shape, f64, f64)> {
         let open = vec![true; ROWS];
         let of = |values| Residual {
             values,
@@ -299,12 +297,10 @@ mod tests {
         let (angle, position) = coordinates();
         let over = [
             Over {
-                name: "angle".into(),
                 values: &angle,
                 form: Form::Repeats(0.3..60.0),
             },
             Over {
-                name: "position".into(),
                 values: &position,
                 form: Form::Curve,
             },
@@ -314,7 +310,7 @@ mod tests {
                 let shape = of(values).shape(over).expect("it moves");
                 let check = of(check).bears_out(over, &shape);
                 let size = of(values).size(over, &shape);
-                (over.name.clone(), shape, check, size)
+                (shape, check, size)
             })
             .collect()
     }
@@ -327,13 +323,13 @@ mod tests {
             wave.zip(noise(seed)).map(|(w, n)| w + n).collect()
         };
         let looks = looked(&with(1), &with(2));
-        let (_, shape, check, size) = &looks[0];
+        let (shape, check, size) = &looks[0];
         assert!((shape.order.unwrap() - 17.3).abs() < 0.01, "{shape:?}");
         let expected = ROWS as f64 * 0.3 * 0.3 / 2.0;
         assert!((shape.fall / expected - 1.0).abs() < 0.3);
         assert!((check / expected - 1.0).abs() < 0.3);
         assert!((size / (0.3 / 2f64.sqrt()) - 1.0).abs() < 0.2);
-        assert!(looks[1].1.fall < 0.3 * shape.fall);
+        assert!(looks[1].0.fall < 0.3 * shape.fall);
     }
 
     #[test]
@@ -346,13 +342,13 @@ mod tests {
             bump.zip(noise(seed)).map(|(b, n)| b + n).collect()
         };
         let looks = looked(&with(3), &with(4));
-        assert!(looks[1].1.fall > 3.0 * looks[0].1.fall && looks[1].1.order.is_none());
-        assert!(looks[1].2 > 0.7 * looks[1].1.fall);
+        assert!(looks[1].0.fall > 3.0 * looks[0].0.fall && looks[1].0.order.is_none());
+        assert!(looks[1].1 > 0.7 * looks[1].0.fall);
     }
 
     #[test]
     fn noise_has_no_shape_that_another_record_bears_out() {
-        for (_, shape, check, _) in looked(&noise(5), &noise(6)) {
+        for (shape, check, _) in looked(&noise(5), &noise(6)) {
             // The greatest of thousands of exponentially distributed powers, and forty means.
             assert!(shape.fall < 70.0 && check < 20.0, "{shape:?} {check}");
         }

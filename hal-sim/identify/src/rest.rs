@@ -38,7 +38,6 @@ pub(crate) struct Place {
 impl Place {
     fn over(&self, record: usize) -> Over<'_> {
         Over {
-            name: self.name.into(),
             values: &self.values[record],
             form: self.form.clone(),
         }

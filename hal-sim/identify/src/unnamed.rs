@@ -106,7 +106,6 @@ pub(crate) fn strongest(
             let rows = || (0..values.len()).map(|row| row * fourier.step());
             let coordinate: Vec<f64> = rows().map(|row| along.value(signals, row)).collect();
             let over = Over {
-                name: along.name().into(),
                 values: &coordinate,
                 form: along.form(0.5 * rate),
             };
