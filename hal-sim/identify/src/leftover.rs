@@ -82,22 +82,20 @@ impl Residual<'_> {
         }
     }
 
-    fn harmonic(&self, over: &Over, orders: Range<f64>) -> Option<Shape> {
-        let stretches = stretches(over.values, self.rate);
+    /// What repeats with an angle, at every order at once.
+    pub fn orders(&self, angle: &[f64], orders: Range<f64>) -> OrderSpectrum {
+        let stretches = stretches(angle, self.rate);
         let open: Vec<f64> = stretches
             .iter()
             .map(|s| self.open[s.rows.clone()].iter().filter(|o| **o).count() as f64)
             .collect();
-        let nyquist = 0.5 * self.rate;
         let weight = |stretch: usize, _: f64| open[stretch];
-        let spectrum = OrderSpectrum::new(
-            self.values,
-            over.values,
-            &stretches,
-            &weight,
-            nyquist,
-            orders,
-        );
+        let nyquist = 0.5 * self.rate;
+        OrderSpectrum::new(self.values, angle, &stretches, &weight, nyquist, orders)
+    }
+
+    fn harmonic(&self, over: &Over, orders: Range<f64>) -> Option<Shape> {
+        let spectrum = self.orders(over.values, orders);
         let order = *spectrum.peaks(1, 0.0).first()?;
         Some(Shape {
             fall: self.power(over, order),

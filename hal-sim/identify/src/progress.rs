@@ -36,6 +36,10 @@ const CLOSE: f64 = 0.03;
 /// is below.
 const LEAST_COUNTS: f64 = 0.25;
 
+/// Smallest flux harmonic, of the flux: what currents and voltages that are no means of the same period make of a
+/// torque ripple is below.
+const LEAST_FLUX: f64 = 1e-3;
+
 /// Sums over the channels.
 type ByChannel = [f64; Channel::COUNT];
 
@@ -66,13 +70,14 @@ pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
     (a.shape - b.shape).abs() < resolution
 }
 
-/// Whether a trial's size is more than the encoders' resolution makes.
+/// Whether a trial's size is more than what the encoders' resolution and sampling make.
 fn resolved(trial: &Trial, balance: &Balance) -> bool {
     let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
     let count = TAU / f64::from(balance.model.sensing.encoder_counts_per_turn);
     match trial.hypothesis.family {
         Family::LeadError => size > LEAST_COUNTS * count * balance.lead,
         Family::EncoderEccentricity => size > LEAST_COUNTS * count,
+        Family::FluxHarmonic => size > LEAST_FLUX,
         _ => true,
     }
 }

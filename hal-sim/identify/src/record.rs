@@ -1,6 +1,6 @@
 //! A record made ready: transforms, signals, balances and noise under a model.
 
-use crate::balance::{Assumed, Balance, Contribution, Parameter};
+use crate::balance::{Assumed, Balance, Contribution, Parameter, declared_resonance_hz};
 use crate::design::{Whitener, operating_points};
 use crate::fourier::Fourier;
 use crate::hypothesis::Hypothesis;
@@ -9,6 +9,7 @@ use crate::roundings::Roundings;
 use crate::signals::Signals;
 use plant::model::Model;
 use plant::recording::Recording;
+use std::f64::consts::{PI, TAU};
 
 /// Rate at which balances are compared, Hz: twice what the sensors leave of an acceleration.
 const BALANCE_RATE_HZ: f64 = 1250.0;
@@ -58,7 +59,7 @@ impl Base {
             .into_iter()
             .map(|(from, to)| Parameter::RestOffset { from, to });
         let origin = Parameter::TableOrigin {
-            relaxed: starts_relaxed(balance),
+            within: origin_within(balance),
         };
         Base {
             residual: balance.residual(),
@@ -100,14 +101,23 @@ fn rests(signals: &Signals) -> Vec<(usize, usize)> {
         .collect()
 }
 
-/// Whether the table sinks onto its spring within the first 50 ms, as it does when a run starts with the load put on a
-/// relaxed screw.
-fn starts_relaxed(balance: &Balance) -> bool {
+/// How far the zero of the table's scale may be from where the first row has it, m. Where the table sinks onto its spring
+/// within the first 50 ms, as it does when a run starts with the load put on a relaxed screw, the first row is a sampling
+/// period at most after that.
+fn origin_within(balance: &Balance) -> f64 {
+    const ANYWHERE: f64 = 5e-2;
+    const ROUNDING: f64 = 2e-7;
     let signals = balance.signals;
     let rows = ((0.05 * signals.rate) as usize).clamp(2, signals.len() - 1);
     let error = |k: usize| signals.table[k] - balance.lead * signals.relative[k];
     let settled = (rows / 2..rows).map(error).sum::<f64>() / (rows - rows / 2) as f64;
     let feed = &balance.model.feed;
     let sag = feed.load_n.abs() / feed.axial_stiffness_n_per_m;
-    (settled - error(0)).abs() > 0.3 * sag && sag > 5.0 * balance.model.sensing.table_noise_m
+    let sinks =
+        (settled - error(0)).abs() > 0.3 * sag && sag > 5.0 * balance.model.sensing.table_noise_m;
+    if !sinks {
+        return ANYWHERE;
+    }
+    let swing = TAU * declared_resonance_hz(balance.model) / signals.rate;
+    ROUNDING + sag * (1.0 - swing.min(PI).cos())
 }

@@ -130,11 +130,10 @@ pub enum Parameter {
     GuidewayViscous,
     /// Load force.
     Load,
-    /// Where the table's scale has its zero, m. `relaxed` if the record starts with the axial spring relaxed, so that
-    /// the first row tells it.
+    /// Where the table's scale has its zero, m.
     TableOrigin {
-        /// See above.
-        relaxed: bool,
+        /// How far from where the first row has it: little if the record starts with the axial spring relaxed.
+        within: f64,
     },
     /// While a motor rests its encoder's rounding does not average out: an offset of the table over those rows, m.
     RestOffset {
@@ -232,13 +231,7 @@ impl Parameter {
             },
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
             Parameter::Load => 0.005,
-            Parameter::TableOrigin { relaxed } => {
-                if relaxed {
-                    2e-7
-                } else {
-                    1e-2
-                }
-            }
+            Parameter::TableOrigin { within } => within,
             Parameter::RestOffset { .. } => 1e-6,
         }
     }
@@ -251,8 +244,7 @@ impl Parameter {
     /// Standard deviation of the parameter before the record is seen: that of an even spread over its bounds.
     fn spread(self) -> f64 {
         match self {
-            Parameter::TableOrigin { relaxed: true } => 4e-8,
-            Parameter::TableOrigin { relaxed: false } => 1e-2,
+            Parameter::TableOrigin { within } => 0.2 * within,
             Parameter::RestOffset { .. } => 1.5e-8,
             _ => self.bound() / 3.0_f64.sqrt(),
         }

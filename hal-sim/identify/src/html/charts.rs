@@ -1,11 +1,11 @@
 //! Residuals over their coordinates, and their order spectra.
 
 use super::words::{capital, prefix};
+use crate::leftover::Residual;
 use crate::report::{Channel, Coordinate};
 use page::axis::{Axis, extent, widen};
 use page::chart::{COOL, Chart, Label, Mark, Series, THIRD, WARM, chart};
 use page::document::{escape, legend};
-use realfft::RealFftPlanner;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -239,43 +239,31 @@ fn binned(
 
 /// Amplitude of a residual over the orders of an angle; of neighbouring orders the greatest.
 fn spectrum(angle: &[f64], residual: &[f64], open: &[bool], top: f64) -> Vec<(f64, f64)> {
-    const PER_TURN: usize = 256;
     const POINTS: usize = 420;
-    let low = angle.iter().copied().fold(f64::MAX, f64::min);
-    let high = angle.iter().copied().fold(f64::MIN, f64::max);
-    let turns = (((high - low) / TAU).max(8.0) as usize + 1).next_power_of_two();
-    let transform = RealFftPlanner::<f64>::new().plan_fft_forward(turns * PER_TURN);
-    let mut bins = transform.make_input_vec();
-    let mut used = 0.0;
-    for ((x, r), _) in angle
+    let values: Vec<f64> = residual
         .iter()
-        .zip(residual)
         .zip(open)
-        .filter(|(_, open)| **open)
-    {
-        let bin = ((x - low) / TAU * PER_TURN as f64) as usize;
-        bins[bin.min(turns * PER_TURN - 1)] += r;
-        used += 1.0;
-    }
-    let mut lines = transform.make_output_vec();
-    if transform.process(&mut bins, &mut lines).is_err() || used == 0.0 {
-        return Vec::new();
-    }
-    let top = ((top * turns as f64) as usize).min(lines.len());
-    let group = (top / POINTS).max(1);
-    lines[1..top.max(1)]
+        .map(|(x, open)| if *open { *x } else { 0.0 })
+        .collect();
+    let residual = Residual {
+        values: &values,
+        open,
+        // Only what passes from row to row counts here.
+        rate: 1.0,
+    };
+    let spectrum = residual.orders(angle, 0.0..top);
+    let group = (spectrum.amplitude.len() / POINTS).max(1);
+    spectrum
+        .amplitude
         .chunks(group)
         .enumerate()
         .map(|(k, chunk)| {
-            let (at, most) = chunk
-                .iter()
-                .enumerate()
-                .map(|(j, c)| (j, c.norm()))
-                .fold((0, 0.0), |a, b| if b.1 > a.1 { b } else { a });
-            (
-                (1 + k * group + at) as f64 / turns as f64,
-                2.0 * most / used,
-            )
+            let (at, most) =
+                chunk.iter().enumerate().fold(
+                    (0, 0.0),
+                    |a, (j, &size)| if size > a.1 { (j, size) } else { a },
+                );
+            ((k * group + at) as f64 * spectrum.spacing, most)
         })
         .collect()
 }

@@ -21,9 +21,9 @@ pub(super) fn effects(report: &Report) -> String {
     for effect in &report.effects {
         for (k, (name, value)) in effect.parameters.iter().enumerate() {
             let first = |text: String| if k == 0 { text } else { String::new() };
-            let [low, high] = effect.interval.get(name).copied().unwrap_or([f64::NAN; 2]);
+            let ends = effect.interval.get(name).copied().unwrap_or([f64::NAN; 2]);
             rows += &format!(
-                "<tr><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td><td>{} to {}</td><td class=\"text\">{}</td>\
+                "<tr><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td><td>{}</td><td class=\"text\">{}</td>\
                  <td>{}</td></tr>\n",
                 first(format!(
                     "{} ({})",
@@ -32,8 +32,7 @@ pub(super) fn effects(report: &Report) -> String {
                 )),
                 escape(name),
                 number(*value),
-                number(low),
-                number(high),
+                words::interval(ends),
                 effect.unit.get(name).map_or("", String::as_str),
                 first(format!("{:.1} %", 100.0 * effect.explained)),
             );

@@ -24,6 +24,17 @@ pub(super) fn number(value: f64) -> String {
     text.replace('-', "\u{2212}")
 }
 
+/// The ends of an interval, to two digits of its width.
+pub(super) fn interval([low, high]: [f64; 2]) -> String {
+    let width = high - low;
+    let size = low.abs().max(high.abs());
+    if width.is_nan() || width <= 0.0 || width > 0.01 * size || !(1e-3..1e5).contains(&size) {
+        return format!("{} to {}", number(low), number(high));
+    }
+    let decimals = (1 - width.log10().floor() as i32).max(0) as usize;
+    format!("{low:.decimals$} to {high:.decimals$}").replace('-', "\u{2212}")
+}
+
 /// A unit's prefix so that `size` is read easily: factor and name.
 pub(super) fn prefix(size: f64, unit: &str) -> (f64, String) {
     let takes = matches!(unit, "N m" | "V" | "A" | "m" | "rad" | "N" | "s");
@@ -91,9 +102,10 @@ pub(super) fn sentence(effect: &Effect) -> String {
             percent("gain_b")
         ),
         "torque_harmonic" => format!(
-            "has a torque ripple of {}, {} per electrical turn",
+            "has a torque ripple of {}, {} {}",
             of("amplitude"),
-            often()
+            often(),
+            unit("order")
         ),
         "flux_harmonic" => format!(
             "has a flux harmonic of {}, {} per electrical turn",
@@ -114,9 +126,13 @@ pub(super) fn sentence(effect: &Effect) -> String {
             );
         }
         "angle_periodic" => format!(
-            "has a ripple of {}, {} a turn: no order of its poles, so a belt, a bearing or the like",
+            "has a ripple of {}, {} a turn{}",
             of("amplitude"),
-            often()
+            often(),
+            match effect.suggests {
+                Some(_) => "",
+                None => ": no order of its poles, so a belt, a bearing or the like",
+            }
         ),
         "time_periodic" => format!(
             "feels a torque of {} at {} Hz, whatever its speed",
@@ -172,7 +188,10 @@ pub(super) fn sentence(effect: &Effect) -> String {
         "position_friction" => "has a friction that grows with position".into(),
         other => format!("has {}", other.replace('_', " ")),
     };
-    format!("{} {what}.", owner(&effect.place))
+    match &effect.suggests {
+        Some(cause) => format!("{} {what} ({cause}).", owner(&effect.place)),
+        None => format!("{} {what}.", owner(&effect.place)),
+    }
 }
 
 /// Its kind and place.
