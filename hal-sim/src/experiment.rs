@@ -80,22 +80,23 @@ impl Setup {
             sensors: Sensors::ideal(),
             ..BoardConfig::default()
         };
-        Self {
-            model,
-            coupling,
-            board,
-            tuning: deadbeat(PAPER_TUNING, &board),
-        }
+        Self::on(model, coupling, board, deadbeat(PAPER_TUNING, &board))
     }
 
     /// `model` with a good drive's sensors and an observer of 1000 rad/s.
     #[must_use]
     pub fn real(model: Model, coupling: Coupling) -> Self {
+        Self::on(model, coupling, BoardConfig::default(), PAPER_TUNING)
+    }
+
+    /// With the board's sensors in the model's place: a recording is as good as they are.
+    fn on(mut model: Model, coupling: Coupling, board: BoardConfig, tuning: Tuning) -> Self {
+        model.sensing = board.sensors.described(model.sensing);
         Self {
             model,
             coupling,
-            board: BoardConfig::default(),
-            tuning: PAPER_TUNING,
+            board,
+            tuning,
         }
     }
 

@@ -102,6 +102,18 @@ impl Sensors {
         }
     }
 
+    /// What a model file says of them, beside rates.
+    #[must_use]
+    pub fn described(&self, rates: SensingModel) -> SensingModel {
+        SensingModel {
+            encoder_counts_per_turn: self.encoders[0].counts_per_turn,
+            current_lsb_a: self.current.per_count,
+            current_noise_a: self.current.noise * self.current.per_count,
+            table_noise_m: self.scale_noise_m,
+            ..rates
+        }
+    }
+
     /// What a model file declares. Its current count sets the range of a 12-bit converter.
     #[must_use]
     pub fn declared(sensing: &SensingModel) -> Self {

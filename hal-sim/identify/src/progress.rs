@@ -28,6 +28,8 @@ const PLAINER: f64 = 1.5;
 /// Share of what is explained in a channel that the simplifications of effects may leave there: a tenth of their
 /// amplitude.
 const SIMPLIFIED: f64 = 0.01;
+/// Least power of a shape without a name, of its channel's noise: half of the noise's rms.
+const AUDIBLE: f64 = 0.25;
 /// Share of what is left in a channel that an effect must explain there.
 const MODEST: f64 = 0.2;
 /// Share of the best fall within which the check record has a say in the choice.
@@ -39,6 +41,10 @@ const LEAST_COUNTS: f64 = 0.25;
 /// Smallest flux harmonic, of the flux: what currents and voltages that are no means of the same period make of a
 /// torque ripple is below.
 const LEAST_FLUX: f64 = 1e-3;
+
+/// Smallest dead time, V: 8 ns of a bridge at 310 V and 20 kHz, and no more than a current's ripple between two samples
+/// makes.
+const LEAST_DEAD_TIME_V: f64 = 0.05;
 
 /// Sums over the channels.
 type ByChannel = [f64; Channel::COUNT];
@@ -78,6 +84,7 @@ fn resolved(trial: &Trial, balance: &Balance) -> bool {
         Family::LeadError => size > LEAST_COUNTS * count * balance.lead,
         Family::EncoderEccentricity => size > LEAST_COUNTS * count,
         Family::FluxHarmonic => size > LEAST_FLUX,
+        Family::DeadTime => size > LEAST_DEAD_TIME_V,
         _ => true,
     }
 }
@@ -373,7 +380,13 @@ impl Progress {
     /// The shape without a name that explains most, if more than `beside`.
     fn unnamed(&self, search: &mut Search, solution: &Solution, beside: f64) -> Option<Trial> {
         let least = self.threshold.max(beside);
-        let enough = |channel: Channel| least.max(SIMPLIFIED * self.explained[channel.index()]);
+        let whitener = search.whitener;
+        let enough = |channel: Channel| {
+            let rows = whitener.mask(channel).iter().filter(|open| **open).count();
+            least
+                .max(SIMPLIFIED * self.explained[channel.index()])
+                .max(AUDIBLE * rows as f64)
+        };
         unnamed::strongest(search, solution, enough)
     }
 
