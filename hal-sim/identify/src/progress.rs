@@ -347,14 +347,14 @@ impl Progress {
     }
 
     /// Of contenders the one that explains most and that the check record bears out; among those that explain nearly as
-    /// much, the one that explains most on both records. Those that are not borne out are noted.
+    /// much, the one that explains most on both records. Beside it those ahead of it that are not borne out.
     fn chosen(
-        &mut self,
         contenders: &[Contender],
         witness: &Witness,
         others: &[Hypothesis],
-    ) -> Option<(f64, Trial)> {
+    ) -> (Option<(f64, Trial)>, Vec<Doubt>) {
         let mut best: Option<(f64, &Contender)> = None;
+        let mut doubtful = Vec::new();
         for contender in contenders {
             if let Some((_, leader)) = &best
                 && contender.credit < (1.0 - CLOSE) * leader.credit
@@ -364,8 +364,7 @@ impl Progress {
             let fall = witness.fall(&contender.trial, others);
             if !witness.confirms(fall) {
                 if best.is_none() {
-                    self.doubtful
-                        .push(Doubt::one_record(contender.trial.clone()));
+                    doubtful.push(Doubt::one_record(contender.trial.clone()));
                 }
                 continue;
             }
@@ -374,7 +373,8 @@ impl Progress {
                 best = Some((both, contender));
             }
         }
-        best.map(|(both, contender)| (both, contender.trial.clone()))
+        let best = best.map(|(both, contender)| (both, contender.trial.clone()));
+        (best, doubtful)
     }
 
     /// The shape without a name that explains most, if more than `beside`.
@@ -404,10 +404,10 @@ impl Progress {
                 .any(|known| same(known, &trial.hypothesis, case.balance))
         });
         self.threshold = MATERIAL * whitener.used_rows() as f64;
-        self.doubtful.clear();
         let contenders = self.contenders(&trials, &mut search, &self.known(), self.threshold);
         let others = self.found.clone();
-        let mut accepted = self.chosen(&contenders, witness, &others);
+        let (mut accepted, doubtful) = Self::chosen(&contenders, witness, &others);
+        self.doubtful = doubtful;
         self.last = trials;
         let named = accepted.as_ref().map_or(0.0, |(_, trial)| trial.gain.fall);
         if let Some(trial) = self.unnamed(&mut search, &solution, PLAINER * named)
@@ -480,8 +480,8 @@ impl Progress {
             let close = (0.9 * own.gain.fall).max(self.threshold);
             let contenders = self.contenders(&trials, &mut search, &known, close);
             let both = own.gain.fall + own_on_check;
-            let better = self
-                .chosen(&contenders, witness, &others)
+            let better = Self::chosen(&contenders, witness, &others)
+                .0
                 .filter(|(other, _)| *other > both + self.threshold)
                 .map(|(_, trial)| trial);
             self.inseparable[k] = inseparable(

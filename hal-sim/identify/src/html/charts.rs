@@ -252,9 +252,14 @@ fn spectrum(angle: &[f64], residual: &[f64], open: &[bool], top: f64) -> Vec<(f6
         rate: 1.0,
     };
     let spectrum = residual.orders(angle, 0.0..top);
-    let group = (spectrum.amplitude.len() / POINTS).max(1);
-    spectrum
-        .amplitude
+    // What the order has of the whole record's power, as an amplitude: where only a few slow rows can show an order, it is
+    // not to stand above one that all rows have.
+    let rows = open.iter().filter(|open| **open).count().max(1) as f64;
+    let amplitudes: Vec<f64> = (spectrum.fall.iter())
+        .map(|fall| (2.0 * fall / rows).sqrt())
+        .collect();
+    let group = (amplitudes.len() / POINTS).max(1);
+    amplitudes
         .chunks(group)
         .enumerate()
         .map(|(k, chunk)| {

@@ -17,7 +17,8 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
         .orders
         .iter()
         .zip(names)
-        .take(8)
+        // More labels cover each other.
+        .take(4)
         .map(|(order, name)| (f64::from(order.order), name))
         .collect();
     let rate = study.rate;
