@@ -1,24 +1,28 @@
 //! Which effects a record has: the best hypothesis is added, each is looked at again with the others in place, and so on
 //! until nothing changes.
 
+mod second_look;
+mod worth;
+
+pub(crate) use worth::same;
+
 use crate::analysis::Case;
 use crate::balance::Balance;
 use crate::channel::Channel;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::hypothesis::Hypothesis;
 use crate::lookalike;
 use crate::noise::Noise;
 use crate::normal::Solution;
 use crate::select::{Search, Trial};
 use crate::unnamed;
-use plant::Axis;
 use plant::effects::Place;
-use std::f64::consts::TAU;
+use worth::{inseparable, resolved};
 
 /// What an effect must explain at least, as a share of what noise leaves: smaller than a sixteenth of the noise's rms,
 /// simplifications of the balances explain as much.
 pub const MATERIAL: f64 = 0.004;
 /// Share of that which the check record must confirm, with the parameters of the fit.
-pub(crate) const CONFIRMED: f64 = 0.25;
+const CONFIRMED: f64 = 0.25;
 /// Effects of one machine at most, those without a name included.
 const MOST_EFFECTS: usize = 5;
 /// Hypotheses that are looked at closely in each step.
@@ -30,64 +34,11 @@ const PLAINER: f64 = 1.5;
 const SIMPLIFIED: f64 = 0.01;
 /// Least power of a shape without a name, of its channel's noise: half of the noise's rms.
 const AUDIBLE: f64 = 0.25;
-/// Share of what is left in a channel that an effect must explain there.
-const MODEST: f64 = 0.2;
 /// Share of the best fall within which the check record has a say in the choice.
 const CLOSE: f64 = 0.03;
-/// Smallest amplitude of an error of angle or travel in encoder counts (through the lead): what quantisation itself makes
-/// is below.
-const LEAST_COUNTS: f64 = 0.25;
-
-/// Smallest flux harmonic, of the flux: what currents and voltages that are no means of the same period make of a
-/// torque ripple is below.
-const LEAST_FLUX: f64 = 1e-3;
-
-/// Smallest dead time, V: 8 ns of a bridge at 310 V and 20 kHz, and no more than a current's ripple between two samples
-/// makes.
-const LEAST_DEAD_TIME_V: f64 = 0.05;
 
 /// Sums over the channels.
 type ByChannel = [f64; Channel::COUNT];
-
-/// Turns that an angle covers.
-fn turns(angle: &[f64]) -> f64 {
-    let (low, high) = angle
-        .iter()
-        .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
-    ((high - low) / TAU).max(0.05)
-}
-
-/// Whether two hypotheses say the same within what the record resolves.
-pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
-    let near = a.place == b.place || a.place == Place::Both || b.place == Place::Both;
-    if a.family != b.family || !near {
-        return false;
-    }
-    let signals = balance.signals;
-    let resolution = match a.family {
-        // Its scan has one best order.
-        Family::Unnamed(_) => f64::INFINITY,
-        Family::AngleTorque => 3.0 / turns(&signals.motors[a.axis().map_or(0, Axis::index)].travel),
-        Family::LeadError | Family::BallPassage => 1.5 / turns(&signals.relative),
-        Family::TimePeriodic => 3.0 / signals.run_s(),
-        Family::FluxHarmonic | Family::EncoderEccentricity => 1e-9,
-        _ => f64::INFINITY,
-    };
-    (a.shape - b.shape).abs() < resolution
-}
-
-/// Whether a trial's size is more than what the encoders' resolution and sampling make.
-fn resolved(trial: &Trial, balance: &Balance) -> bool {
-    let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let count = TAU / f64::from(balance.model.sensing.encoder_counts_per_turn);
-    match trial.hypothesis.family {
-        Family::LeadError => size > LEAST_COUNTS * count * balance.lead,
-        Family::EncoderEccentricity => size > LEAST_COUNTS * count,
-        Family::FluxHarmonic => size > LEAST_FLUX,
-        Family::DeadTime => size > LEAST_DEAD_TIME_V,
-        _ => true,
-    }
-}
 
 /// An effect of both motors alike is two effects where their sizes differ.
 fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothesis> {
@@ -105,25 +56,6 @@ fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothe
         }
     }
     vec![trial.hypothesis]
-}
-
-/// Of contenders those that the record does not tell from a trial: they explain less by no more than what an effect must
-/// explain at least to count.
-fn inseparable(
-    trial: &Trial,
-    contenders: &[Contender],
-    material: f64,
-    balance: &Balance,
-) -> Vec<Trial> {
-    let least = trial.gain.fall - material;
-    contenders
-        .iter()
-        .map(|contender| &contender.trial)
-        .filter(|other| {
-            other.gain.fall > least && !same(&other.hypothesis, &trial.hypothesis, balance)
-        })
-        .cloned()
-        .collect()
 }
 
 /// Something significant that is not named, and why.
@@ -219,43 +151,6 @@ impl Progress {
         }
         self.drop_modest(case, &noise);
         Some(noise)
-    }
-
-    /// Drops named effects that explain less in the channel where they show than what is left there: where most is of no
-    /// kind, a part of it resembles some kind.
-    fn drop_modest(&mut self, case: &Case, noise: &Noise) {
-        let whitener = case.whitener(noise);
-        let bare = case.search(&whitener, &[]);
-        let mut k = 0;
-        while k < self.found.len() {
-            let mut others = self.found.clone();
-            let own = others.remove(k);
-            let mut search = bare.fork();
-            others.iter().for_each(|h| search.add(h));
-            let solution = search.normal.solve(None);
-            let left = search.normal.left_by_channel(&solution.values);
-            let falls = search.fall_by_channel(&own);
-            let channel = Channel::ALL
-                .into_iter()
-                .max_by(|a, b| falls[a.index()].total_cmp(&falls[b.index()]))
-                .unwrap_or(Channel::Table);
-            let open = whitener.mask(channel).iter().filter(|open| **open).count();
-            let fall = falls[channel.index()];
-            let remains = left[channel.index()] - fall - open as f64;
-            if matches!(own.family, Family::Unnamed(_)) || fall > MODEST * remains {
-                k += 1;
-                continue;
-            }
-            let trial = search.try_one(own, &solution);
-            self.doubtful.push(Doubt {
-                trial,
-                reason: "more is left in its channel than it explains",
-            });
-            self.found.remove(k);
-            self.falls.remove(k);
-            self.rivals.remove(k);
-            self.inseparable.remove(k);
-        }
     }
 
     /// What of a fall is more than what the effects that were found may have left.
@@ -451,69 +346,5 @@ impl Progress {
             self.falls.push(trial.gain.fall);
         }
         true
-    }
-
-    /// Looks at each effect again with the others in place: another may explain its part better, or its shape move, or
-    /// nothing be left for it to explain. `true` if an effect was replaced or dropped.
-    fn reconsider(&mut self, case: &Case, witness: &Witness, noise: &Noise) -> bool {
-        let whitener = case.whitener(noise);
-        let bare = case.search(&whitener, &[]);
-        let mut changed = false;
-        let mut k = 0;
-        while k < self.found.len() {
-            let mut others = self.found.clone();
-            let own = others.remove(k);
-            let mut known = self.known();
-            known.remove(k);
-            let mut search = bare.fork();
-            others.iter().for_each(|h| search.add(h));
-            let solution = search.normal.solve(None);
-            let own = search.try_one(own, &solution);
-            let own = search.at_best(&own);
-            let own_on_check = witness.fall(&own, &others);
-            let mut trials = search.trials(&solution);
-            trials.retain(|trial| {
-                !others
-                    .iter()
-                    .any(|known| same(known, &trial.hypothesis, case.balance))
-            });
-            let close = (0.9 * own.gain.fall).max(self.threshold);
-            let contenders = self.contenders(&trials, &mut search, &known, close);
-            let both = own.gain.fall + own_on_check;
-            let better = Self::chosen(&contenders, witness, &others)
-                .0
-                .filter(|(other, _)| *other > both + self.threshold)
-                .map(|(_, trial)| trial);
-            self.inseparable[k] = inseparable(
-                better.as_ref().unwrap_or(&own),
-                &contenders,
-                self.threshold,
-                case.balance,
-            );
-            let worth =
-                self.threshold
-                    .max(self.least_beside(&own.hypothesis, &known, case.balance));
-            match better {
-                Some(trial) => {
-                    changed |= !same(&trial.hypothesis, &self.found[k], case.balance);
-                    self.found[k] = trial.hypothesis;
-                    self.falls[k] = trial.gain.fall;
-                }
-                None if own.gain.fall < worth || !witness.confirms(own_on_check) => {
-                    self.found.remove(k);
-                    self.falls.remove(k);
-                    self.rivals.remove(k);
-                    self.inseparable.remove(k);
-                    changed = true;
-                    continue;
-                }
-                None => {
-                    self.found[k] = own.hypothesis;
-                    self.falls[k] = own.gain.fall;
-                }
-            }
-            k += 1;
-        }
-        changed
     }
 }
