@@ -28,6 +28,8 @@ impl Search<'_> {
                 self.follow(&mut best, cost);
             }
             _ if best.hypothesis.has_free_shape() => {
+                let mut as_scanned = trial.clone();
+                self.settle(&mut as_scanned, cost);
                 for _ in 0..2 {
                     let held = self.with(&best.hypothesis).held;
                     let beside = self.normal.solve_beside(&held);
@@ -35,6 +37,10 @@ impl Search<'_> {
                     best = self.refined(best, &beside);
                 }
                 self.settle(&mut best, cost);
+                // Where another effect is in the way a refined shape can be the worse one.
+                if as_scanned.gain.fall > best.gain.fall {
+                    best = as_scanned;
+                }
             }
             _ => self.settle(&mut best, cost),
         }

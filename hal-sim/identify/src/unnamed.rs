@@ -80,6 +80,15 @@ impl Unnamed {
     }
 }
 
+/// Whether a kind of effect is just that shape: torque over the motor's angle or over time, an error of the lead.
+fn has_kind(channel: Channel, along: Along) -> bool {
+    match (channel, along) {
+        (Channel::Torque(axis), Along::Angle(of)) => axis == of,
+        (Channel::Torque(_), Along::Clock) | (Channel::Table, Along::RelativeAngle) => true,
+        _ => false,
+    }
+}
+
 /// The shape that explains most of a regression's residual in one channel; of channels in which less than `enough` is left
 /// beyond noise none is looked for.
 pub(crate) fn strongest(
@@ -102,7 +111,10 @@ pub(crate) fn strongest(
         if values.iter().map(|x| x * x).sum::<f64>() - rows < enough {
             continue;
         }
-        for along in Along::ALL {
+        for along in Along::ALL
+            .into_iter()
+            .filter(|along| !has_kind(channel, *along))
+        {
             let rows = || (0..values.len()).map(|row| row * fourier.step());
             let coordinate: Vec<f64> = rows().map(|row| along.value(signals, row)).collect();
             let over = Over {

@@ -28,7 +28,7 @@ const MOST_EFFECTS: usize = 5;
 /// Hypotheses that are looked at closely in each step.
 const MOST_CONTENDERS: usize = 5;
 /// How much more than any hypothesis a shape without a name must explain: a hypothesis says more with less.
-const PLAINER: f64 = 1.5;
+const PLAINER: f64 = 2.0;
 /// Share of what is explained in a channel that the simplifications of effects may leave there: a tenth of their
 /// amplitude.
 const SIMPLIFIED: f64 = 0.01;

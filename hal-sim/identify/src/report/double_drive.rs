@@ -213,7 +213,7 @@ fn selection(outcome: &Outcome) -> Selection {
              threshold: by that it must lower the sum of squares over all channels of the fit record, which is {:.0} in \
              log-likelihood, where the best of a million orders and hypotheses reaches about {:.0} in noise; and with the same parameters \
              by a quarter of it, row for row, on the check record, at other operating points. Where a shape of no kind \
-             explains half as much again as any hypothesis, none is named.",
+             explains twice as much as any hypothesis, none is named.",
             0.5 * outcome.threshold,
             1e6_f64.ln()
         ),
