@@ -7,8 +7,9 @@ use crate::channel::Channel;
 use crate::hypothesis::Family;
 use crate::noise::Noise;
 
-/// Share of what is left in a channel that an effect must explain there.
-const MODEST: f64 = 0.2;
+/// Share of what is left in a channel that an effect must explain there: less than a quarter of its amplitude is no more
+/// than a likeness.
+const MODEST: f64 = 0.05;
 
 impl Progress {
     /// Looks at each effect again with the others in place: another may explain its part better, or its shape move, or
@@ -75,7 +76,7 @@ impl Progress {
         changed
     }
 
-    /// Drops named effects that explain less in the channel where they show than what is left there: where most is of no
+    /// Drops named effects that explain little beside what is left in the channel where they show: where most is of no
     /// kind, a part of it resembles some kind.
     pub(super) fn drop_modest(&mut self, case: &Case, noise: &Noise) {
         let whitener = case.whitener(noise);
