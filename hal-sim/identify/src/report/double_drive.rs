@@ -84,30 +84,18 @@ fn residual(name: &str, unit: &str, figures: &Figures) -> Residual {
 fn effect(found: &Found) -> Effect {
     let estimates = estimates(found);
     let value = |name: &str| estimates.iter().find(|e| e.name == name).map(|e| e.value);
-    let kind = found.effect.effect().kind();
+    let (kind, place) = (found.effect.effect().kind(), found.effect.place());
+    let (order, hz) = (value("order"), value("hz"));
+    let with_units = estimates.into_iter().map(|estimate| {
+        let unit = unit(kind, place, &estimate.name);
+        (estimate, unit)
+    });
     Effect {
-        kind: kind.into(),
-        place: found.effect.place().name().into(),
-        order: value("order"),
-        hz: value("hz"),
-        unit: estimates
-            .iter()
-            .map(|e| {
-                (
-                    e.name.clone(),
-                    unit(kind, found.effect.place(), &e.name).into(),
-                )
-            })
-            .collect(),
-        interval: estimates
-            .iter()
-            .map(|e| (e.name.clone(), e.interval))
-            .collect(),
-        parameters: estimates.into_iter().map(|e| (e.name, e.value)).collect(),
-        explained: found.explained,
+        order,
+        hz,
         held_back: held_back(found),
         not_separable: found.inseparable.iter().filter_map(alias).collect(),
-        suggests: None,
+        ..Effect::new(kind, place.name(), found.explained, with_units)
     }
 }
 

@@ -5,6 +5,7 @@ use super::{
     Tried, verdict,
 };
 use crate::feed_axis::{self, Axis, Record, Study, Term};
+use crate::interval::Estimate;
 use crate::load::Account;
 use crate::remains::whiteness;
 use crate::rest;
@@ -138,7 +139,7 @@ fn effects(study: &Study) -> Vec<Effect> {
 }
 
 /// A parameter: name, value, variance, unit.
-type Estimate = (&'static str, [f64; 2], &'static str);
+type Parameter = (&'static str, [f64; 2], &'static str);
 
 /// Of cosine and sine, and of the order that was free with them.
 fn wave(
@@ -146,7 +147,7 @@ fn wave(
     pair: [f64; 2],
     covariance: &DMatrix<f64>,
     [at, order_at]: [usize; 2],
-) -> Vec<Estimate> {
+) -> Vec<Parameter> {
     let variance = |k: usize| covariance[(k, k)];
     let wave = Wave::new(
         pair,
@@ -160,7 +161,7 @@ fn wave(
     ]
 }
 
-fn plain(term: Term, values: &[f64], covariance: &DMatrix<f64>, at: usize) -> Vec<Estimate> {
+fn plain(term: Term, values: &[f64], covariance: &DMatrix<f64>, at: usize) -> Vec<Parameter> {
     let named = term.names().iter().zip(values).enumerate();
     named
         .map(|(k, ((name, of), value))| {
@@ -175,31 +176,21 @@ fn plain(term: Term, values: &[f64], covariance: &DMatrix<f64>, at: usize) -> Ve
         .collect()
 }
 
-fn effect(term: Term, estimates: &[Estimate], explained: f64) -> Effect {
-    let by_name = estimates.iter();
+fn effect(term: Term, estimates: &[Parameter], explained: f64) -> Effect {
+    let estimates = estimates.iter().map(|(name, [value, variance], unit)| {
+        let estimate = Estimate {
+            name: (*name).into(),
+            value: *value,
+            interval: interval(*value, *variance),
+        };
+        (estimate, *unit)
+    });
     Effect {
-        kind: term.kind().into(),
-        place: term.place().into(),
         order: match term {
             Term::Periodic(order) => Some(order),
             _ => None,
         },
-        hz: None,
-        parameters: by_name
-            .clone()
-            .map(|(name, [value, _], _)| ((*name).into(), *value))
-            .collect(),
-        interval: by_name
-            .clone()
-            .map(|(name, [value, variance], _)| ((*name).into(), interval(*value, *variance)))
-            .collect(),
-        unit: by_name
-            .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
-            .collect(),
-        explained,
-        held_back: Vec::new(),
-        not_separable: Vec::new(),
-        suggests: None,
+        ..Effect::new(term.kind(), term.place(), explained, estimates)
     }
 }
 

@@ -10,6 +10,7 @@ pub use feed_axis::feed_axis;
 pub use motor::motor;
 pub use write::{WriteError, write};
 
+use crate::interval::Estimate;
 use crate::load::Account;
 use crate::rest::Remnant;
 use serde::Serialize;
@@ -293,6 +294,41 @@ fn verdict(effects: &[Effect], unexplained: &[Left]) -> &'static str {
         ([], []) => "nothing missing",
         (_, []) => "explained",
         _ => "unexplained",
+    }
+}
+
+impl Effect {
+    /// Of its parameters with their units; what only some machines tell is empty.
+    fn new(
+        kind: &str,
+        place: &str,
+        explained: f64,
+        estimates: impl IntoIterator<Item = (Estimate, &'static str)>,
+    ) -> Self {
+        let mut effect = Effect {
+            kind: kind.into(),
+            place: place.into(),
+            order: None,
+            hz: None,
+            parameters: BTreeMap::new(),
+            interval: BTreeMap::new(),
+            unit: BTreeMap::new(),
+            explained,
+            held_back: Vec::new(),
+            not_separable: Vec::new(),
+            suggests: None,
+        };
+        for (estimate, unit) in estimates {
+            let Estimate {
+                name,
+                value,
+                interval,
+            } = estimate;
+            effect.parameters.insert(name.clone(), value);
+            effect.interval.insert(name.clone(), interval);
+            effect.unit.insert(name, unit.into());
+        }
+        effect
     }
 }
 

@@ -1,6 +1,7 @@
 //! The report of a bare motor.
 
 use super::{Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried, verdict};
+use crate::interval::Estimate;
 use crate::load::Account;
 use crate::motor::{Fit, MotorModel, Study, rms};
 use crate::remains::whiteness;
@@ -119,27 +120,19 @@ fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
         ("amplitude", wave.amplitude, "A"),
         ("phase", wave.phase, "rad"),
     ];
-    let by_name = estimates.iter();
+    let estimates = estimates.map(|(name, [value, variance], unit)| {
+        let estimate = Estimate {
+            name: name.into(),
+            value,
+            interval: interval(value, variance),
+        };
+        (estimate, unit)
+    });
+    let kind = order.kind(model.pole_pairs);
     Effect {
-        kind: order.kind(model.pole_pairs).into(),
-        place: "motor".into(),
         order: Some(f64::from(order.order)),
-        hz: None,
-        parameters: by_name
-            .clone()
-            .map(|(name, [value, _], _)| ((*name).into(), *value))
-            .collect(),
-        interval: by_name
-            .clone()
-            .map(|(name, [value, variance], _)| ((*name).into(), interval(*value, *variance)))
-            .collect(),
-        unit: by_name
-            .map(|(name, _, unit)| ((*name).into(), (*unit).into()))
-            .collect(),
-        explained: study.explained[k],
-        held_back: Vec::new(),
-        not_separable: Vec::new(),
         suggests: Some(order.suggests(model.pole_pairs)),
+        ..Effect::new(kind, "motor", study.explained[k], estimates)
     }
 }
 
