@@ -173,5 +173,5 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         header.starts_with("t_s,screw_torque_before_nm,screw_torque_after_nm"),
         "{header}"
     );
-    assert!(csv.lines().all(|line| line.split(',').count() == 15));
+    assert!(csv.lines().all(|line| line.split(',').count() == 17));
 }
