@@ -298,16 +298,15 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
     }
 }
 
-/// A machine on which something acts that no kind of effect describes.
-pub fn strange(seed: u64, act: &Act) -> Machine {
+/// A machine without effects on which something acts, over given profiles.
+pub fn acted_on(seed: u64, act: &Act, [fit, check]: [Profile; 2]) -> Machine {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let declared = plate(&mut rng);
     let machine = real(&mut rng, &declared);
-    let [fit, check] = [profile::recorded(), profile::slow()];
     Machine {
         fit: run(&declared, &machine, act, &fit, seed),
         check: run(&declared, &machine, act, &check, seed ^ 0x5555),
-        style: "strange".into(),
+        style: "acted on".into(),
         effects: Vec::new(),
         declared,
     }

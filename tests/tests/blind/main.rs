@@ -5,6 +5,7 @@
 //! in a hundred is not seen on thirty. It writes `blind.json` (what `cargo xtask bench identify` reads), `table.txt` (each
 //! machine that was not told right, and why) and `confusion.svg` into the target folder's `blind`.
 
+mod alias;
 mod friction;
 mod kinds;
 mod machines;

@@ -25,7 +25,7 @@ pub struct Profile {
 
 impl Profile {
     /// Of table velocities (mm/s), nut speeds (rpm) and times (s).
-    fn of(rest_s: f64, legs: &[(f64, f64, f64)]) -> Self {
+    pub fn of(rest_s: f64, legs: &[(f64, f64, f64)]) -> Self {
         Profile {
             rest_s,
             legs: legs

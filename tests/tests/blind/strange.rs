@@ -1,11 +1,16 @@
 //! What acts on a machine and is of no kind that the identification knows: it is described, and no cause is named.
 
 use crate::machines::{self, Machine};
+use crate::profile::{self, Profile};
 use identify::analysis::{Outcome, Unexplained, analyse};
 use identify::channel::Channel;
 use plant::Axis;
 use plant::machine::Machine as Plant;
 use plant::model::Model;
+
+fn profiles() -> [Profile; 2] {
+    [profile::recorded(), profile::slow()]
+}
 
 fn told(machine: &Machine) -> Outcome {
     let outcome = analyse(&machine.declared, &machine.fit, &machine.check);
@@ -27,7 +32,7 @@ fn a_torque_over_the_other_motors_angle_is_described() {
         let angle = machine.motor(Axis::Nut).theta;
         machine.set_disturbance_torque(Axis::Screw, AMPLITUDE * (ORDER * angle).cos());
     };
-    let outcome = told(&machines::strange(71, &shake));
+    let outcome = told(&machines::acted_on(71, &shake, profiles()));
     assert_eq!(outcome.verdict(), "unexplained");
     assert!(outcome.effects.is_empty());
     let left = &outcome.unexplained[0];
@@ -55,7 +60,7 @@ fn a_force_at_one_place_of_the_guideway_is_described() {
         let force = 30.0 * (std::f64::consts::PI * inside).sin().powi(2);
         machine.set_load_force(load + force * machine.table_velocity().signum());
     };
-    let outcome = told(&machines::strange(72, &squeeze));
+    let outcome = told(&machines::acted_on(72, &squeeze, profiles()));
     assert_eq!(outcome.verdict(), "unexplained");
     assert!(outcome.effects.is_empty());
     let tight = |left: &Unexplained| {
