@@ -186,6 +186,13 @@ mod tests {
     }
 
     #[test]
+    fn what_a_model_file_says_of_sensors_makes_the_same_sensors() {
+        let real = Sensors::real();
+        let again = Sensors::declared(&real.described(plant::model::Model::coupled().sensing));
+        assert_eq!(again, real);
+    }
+
+    #[test]
     fn noise_has_its_standard_deviation() {
         let mut random = Xoshiro256PlusPlus::seed_from_u64(2);
         let adc = Adc::bipolar(12, 5.0, 3.0);

@@ -39,6 +39,11 @@ pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     strands.iter().sum::<f64>() + tail
 }
 
+/// How many rows of a mask count.
+pub fn counted(mask: &[bool]) -> usize {
+    mask.iter().filter(|open| **open).count()
+}
+
 /// Turns contributions into columns: whitening, masking, operating points.
 pub struct Whitener<'a> {
     fourier: &'a Fourier,
@@ -128,6 +133,11 @@ impl<'a> Whitener<'a> {
         &self.masks[channel.index()]
     }
 
+    /// Decimated rows of a channel that count.
+    pub fn rows(&self, channel: Channel) -> usize {
+        counted(self.mask(channel))
+    }
+
     /// The whitening gain of a channel over the bins of a spectrum.
     pub fn gain(&self, channel: Channel) -> &[f64] {
         &self.gains[channel.index()]
@@ -151,10 +161,7 @@ impl<'a> Whitener<'a> {
 
     /// Rows of all channels that count.
     pub fn used_rows(&self) -> usize {
-        self.masks
-            .iter()
-            .map(|mask| mask.iter().filter(|open| **open).count())
-            .sum()
+        self.masks.iter().map(|mask| counted(mask)).sum()
     }
 
     /// Inner product of two columns for each operating point.

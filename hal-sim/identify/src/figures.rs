@@ -2,7 +2,7 @@
 
 use crate::balance::Balance;
 use crate::channel::Channel;
-use crate::design::{Column, dot};
+use crate::design::{Column, counted, dot};
 use crate::outcome::{ChannelRest, Figures, TableForce};
 use crate::remains::{Fixed, rms, whiteness};
 use plant::Axis;
@@ -16,7 +16,7 @@ pub(crate) fn figures(
     noise_floor: f64,
     white: &[f64],
 ) -> Figures {
-    let rows = open.iter().filter(|open| **open).count().max(1) as f64;
+    let rows = counted(open).max(1) as f64;
     Figures {
         fit_before: rms(fit[0], open),
         fit_after: rms(fit[1], open),

@@ -1,6 +1,7 @@
 //! What of a residual no hypothesis explains, and what it looks like: over which coordinate it has a shape, at which
 //! order, how large. It names no cause.
 
+use crate::design::counted;
 use crate::scan::{OrderSpectrum, Stretch};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -87,7 +88,7 @@ impl Residual<'_> {
         let stretches = stretches(angle, self.rate);
         let open: Vec<f64> = stretches
             .iter()
-            .map(|s| self.open[s.rows.clone()].iter().filter(|o| **o).count() as f64)
+            .map(|s| counted(&self.open[s.rows.clone()]) as f64)
             .collect();
         let weight = |stretch: usize, _: f64| open[stretch];
         let nyquist = 0.5 * self.rate;
@@ -223,7 +224,7 @@ impl Residual<'_> {
             Some(order) => self.power(over, order),
             None => self.curve(over).map_or(0.0, |own| own.fall),
         };
-        let rows = self.open.iter().filter(|open| **open).count();
+        let rows = counted(self.open);
         (fall / rows.max(1) as f64).sqrt()
     }
 }

@@ -127,12 +127,8 @@ fn in_the_way(model: &Model) -> Vec<Hypothesis> {
         places.map(|(place, unit)| Hypothesis::new(Family::StribeckFriction, place, speed * unit))
     });
     let waves = Axis::ALL.into_iter().flat_map(|axis| {
-        let place = match axis {
-            Axis::Screw => Place::Screw,
-            Axis::Nut => Place::Nut,
-        };
         let electrical = f64::from(model.motor(axis).pole_pairs);
-        [1.0, 2.0, electrical].map(|order| Hypothesis::new(Family::AngleTorque, place, order))
+        [1.0, 2.0, electrical].map(|order| Hypothesis::new(Family::AngleTorque, axis.into(), order))
     });
     levels.chain(waves).collect()
 }

@@ -2,6 +2,7 @@
 
 use crate::balance::declared_resonance_hz;
 use crate::channel::Channel;
+use crate::design::counted;
 use crate::hypothesis::{Family, Hypothesis, LEAST_ORDER, LEAST_RELATIVE_ORDER};
 use crate::noise::USED;
 use crate::normal::Solution;
@@ -177,10 +178,7 @@ impl Search<'_> {
         let fourier = self.balance.fourier;
         let bin = (hz / fourier.hz(1)) as usize;
         let gain = self.whitener.gain(channel).get(bin).copied().unwrap_or(0.0);
-        let open = self.whitener.mask(channel)[stretch.rows.clone()]
-            .iter()
-            .filter(|open| **open)
-            .count();
+        let open = counted(&self.whitener.mask(channel)[stretch.rows.clone()]);
         gain * gain * open as f64
     }
 
@@ -269,12 +267,7 @@ impl Search<'_> {
         let mut padded = scores[channel.index()].clone();
         padded.resize(2 * rows, 0.0);
         let power = crate::noise::power_spectrum(&padded);
-        let open = self
-            .whitener
-            .mask(channel)
-            .iter()
-            .filter(|open| **open)
-            .count() as f64;
+        let open = self.whitener.rows(channel) as f64;
         let mut fall: Vec<f64> = power
             .iter()
             .enumerate()

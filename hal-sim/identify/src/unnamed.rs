@@ -11,7 +11,6 @@ use crate::leftover::{Over, Residual};
 use crate::normal::Solution;
 use crate::select::{Search, Trial};
 use crate::signals::SMOOTH_HZ;
-use plant::Axis;
 use plant::effects::Place;
 use std::f64::consts::TAU;
 
@@ -70,11 +69,9 @@ impl Unnamed {
 
     fn place(self) -> Place {
         match self.channel {
-            Channel::Torque(axis) | Channel::VoltageD(axis) | Channel::VoltageQ(axis) => match axis
-            {
-                Axis::Screw => Place::Screw,
-                Axis::Nut => Place::Nut,
-            },
+            Channel::Torque(axis) | Channel::VoltageD(axis) | Channel::VoltageQ(axis) => {
+                axis.into()
+            }
             Channel::Table => Place::Feed,
         }
     }
@@ -106,9 +103,9 @@ pub(crate) fn strongest(
             continue;
         };
         let open = search.whitener.mask(channel);
-        let rows = open.iter().filter(|open| **open).count() as f64;
+        let counted = search.whitener.rows(channel) as f64;
         let enough = enough(channel);
-        if values.iter().map(|x| x * x).sum::<f64>() - rows < enough {
+        if values.iter().map(|x| x * x).sum::<f64>() - counted < enough {
             continue;
         }
         for along in Along::ALL

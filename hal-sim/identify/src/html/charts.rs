@@ -1,6 +1,7 @@
 //! Residuals over their coordinates, and their order spectra.
 
 use super::words::{capital, prefix};
+use crate::design::counted;
 use crate::leftover::Residual;
 use crate::report::{Channel, Coordinate};
 use page::axis::{Axis, extent, widen};
@@ -254,7 +255,7 @@ fn spectrum(angle: &[f64], residual: &[f64], open: &[bool], top: f64) -> Vec<(f6
     let spectrum = residual.orders(angle, 0.0..top);
     // What the order has of the whole record's power, as an amplitude: where only a few slow rows can show an order, it is
     // not to stand above one that all rows have.
-    let rows = open.iter().filter(|open| **open).count().max(1) as f64;
+    let rows = counted(open).max(1) as f64;
     let amplitudes: Vec<f64> = (spectrum.fall.iter())
         .map(|fall| (2.0 * fall / rows).sqrt())
         .collect();

@@ -98,6 +98,8 @@ pub(crate) struct Progress {
 struct Witness<'a, 'b> {
     case: &'a Case<'b>,
     noise: Noise,
+    /// Rows of all channels that count, whatever the noise.
+    rows: f64,
 }
 
 impl Witness<'_, '_> {
@@ -110,7 +112,7 @@ impl Witness<'_, '_> {
 
     /// Whether a fall bears a trial out: a share of what its rows make one expect.
     fn confirms(&self, fall: f64) -> bool {
-        fall > CONFIRMED * MATERIAL * self.case.whitener(&self.noise).used_rows() as f64
+        fall > CONFIRMED * MATERIAL * self.rows
     }
 }
 
@@ -133,6 +135,7 @@ impl Progress {
         let mut noise = case.noise(None, &self.found);
         let mut witness = Witness {
             case: check,
+            rows: check.whitener(&check.declared).used_rows() as f64,
             noise: check.noise(None, &self.found),
         };
         for _ in 0..3 {
@@ -277,10 +280,9 @@ impl Progress {
         let least = self.threshold.max(beside);
         let whitener = search.whitener;
         let enough = |channel: Channel| {
-            let rows = whitener.mask(channel).iter().filter(|open| **open).count();
             least
                 .max(SIMPLIFIED * self.explained[channel.index()])
-                .max(AUDIBLE * rows as f64)
+                .max(AUDIBLE * whitener.rows(channel) as f64)
         };
         unnamed::strongest(search, solution, enough)
     }

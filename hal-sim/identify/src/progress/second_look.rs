@@ -59,10 +59,7 @@ impl Progress {
                     self.falls[k] = trial.gain.fall;
                 }
                 None if own.gain.fall < worth || !witness.confirms(own_on_check) => {
-                    self.found.remove(k);
-                    self.falls.remove(k);
-                    self.rivals.remove(k);
-                    self.inseparable.remove(k);
+                    self.forget(k);
                     changed = true;
                     continue;
                 }
@@ -94,9 +91,8 @@ impl Progress {
                 .into_iter()
                 .max_by(|a, b| falls[a.index()].total_cmp(&falls[b.index()]))
                 .unwrap_or(Channel::Table);
-            let open = whitener.mask(channel).iter().filter(|open| **open).count();
             let fall = falls[channel.index()];
-            let remains = left[channel.index()] - fall - open as f64;
+            let remains = left[channel.index()] - fall - whitener.rows(channel) as f64;
             if matches!(own.family, Family::Unnamed(_)) || fall > MODEST * remains {
                 k += 1;
                 continue;
@@ -106,10 +102,15 @@ impl Progress {
                 trial,
                 reason: "more is left in its channel than it explains",
             });
-            self.found.remove(k);
-            self.falls.remove(k);
-            self.rivals.remove(k);
-            self.inseparable.remove(k);
+            self.forget(k);
         }
+    }
+
+    /// Takes an effect back with all that was noted of it.
+    fn forget(&mut self, k: usize) {
+        self.found.remove(k);
+        self.falls.remove(k);
+        self.rivals.remove(k);
+        self.inseparable.remove(k);
     }
 }
