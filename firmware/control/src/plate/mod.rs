@@ -1,0 +1,303 @@
+//! Plate data: the drive as its motors, its board and its feed are labelled.
+//!
+//! | part | module |
+//! | --- | --- |
+//! | motors, encoders, board, feed | here |
+//! | loop tuning, and the gains that follow from it (Eqs 9 to 12) | [`tuning`] |
+//! | physical units -> the loops' fixed-point formats | [`scaling`] |
+//!
+//! Everything here is `const fn`, so a board's gains are computed while it is compiled: a gain that does not fit
+//! its format is then a build error, and no float reaches the firmware. A host computes the same at run time.
+
+pub mod scaling;
+pub mod tuning;
+
+pub use scaling::DriveConfig;
+pub use tuning::{Gains, Tuning};
+
+use crate::encoder::Interface;
+use crate::sense::Shunts;
+use core::f64::consts::TAU;
+
+/// One motor as its plate and its encoder's plate give it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorPlate {
+    /// Stator resistance, ohm, of one phase.
+    pub resistance_ohm: f64,
+    /// Stator inductance `L_d = L_q`, H.
+    pub inductance_h: f64,
+    /// Electrical turns a mechanical turn.
+    pub pole_pairs: u32,
+    /// Magnet flux, Wb, power invariant: torque is `pole_pairs * flux_wb * i_q`.
+    pub flux_wb: f64,
+    /// Inertia that the motor moves, kg m^2: `J_M` of Eq 3.
+    pub inertia_kg_m2: f64,
+    /// Largest speed, mechanical rpm.
+    pub speed_max_rpm: f64,
+    /// Largest torque, N m: limits the `i_q` reference.
+    pub torque_max_nm: f64,
+    /// Gains of its current channels a, b, c relative to the board's: 1 where they are not calibrated.
+    pub current_gains: [f64; 3],
+    /// The encoder on its shaft.
+    pub encoder: EncoderPlate,
+}
+
+/// An encoder.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct EncoderPlate {
+    /// How it is read.
+    pub interface: Interface,
+    /// Counts a mechanical turn, 2 to 2^30.
+    pub counts_per_turn: u32,
+    /// How much earlier than the currents the angle is taken, s: less than two PWM periods.
+    pub age_s: f64,
+    /// Electrical angle at count zero, electrical turns.
+    pub theta_e_at_zero_turns: f64,
+}
+
+/// One bridge and its sensors, as the board has them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoardPlate {
+    /// Clock of the PWM timers, Hz.
+    pub timer_hz: f64,
+    /// PWM and current-loop frequency, Hz: 10 000 to 40 000.
+    pub pwm_hz: f64,
+    /// Current-loop periods per step of the speed task.
+    pub speed_divider: u32,
+    /// Which phases are measured.
+    pub shunts: Shunts,
+    /// A per ADC count.
+    pub amps_per_count: f64,
+    /// ADC counts at zero current.
+    pub zero_counts: f64,
+    /// V of the bus per ADC count.
+    pub bus_volts_per_count: f64,
+    /// Counts of the ADC's full scale.
+    pub adc_counts: u32,
+    /// Lowest bus voltage that the compensation divides by, V.
+    pub bus_min_v: f64,
+    /// Dead time of the timer, s; 0 switches its compensation off.
+    pub dead_time_s: f64,
+    /// Current at which the dead-time compensation is full, A.
+    pub dead_time_fade_a: f64,
+    /// Measure the current zeros before each start; otherwise the nominal ones are trusted.
+    pub measure_zeros: bool,
+    /// Shortest on-time of the low sides, s: what the shunts need to settle and be sampled.
+    pub min_on_time_s: f64,
+}
+
+/// The feed: what turns two speeds into a table velocity, and how it may be moved.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FeedPlate {
+    /// Lead of the screw, m a turn.
+    pub lead_m: f64,
+    /// Largest table velocity, m/s.
+    pub velocity_max: f64,
+    /// Largest table acceleration, m/s^2.
+    pub acceleration_max: f64,
+    /// Largest table jerk, m/s^3.
+    pub jerk_max: f64,
+    /// Largest acceleration of the base speed, mechanical rad/s^2.
+    pub base_acceleration_max: f64,
+    /// Largest jerk of the base speed, mechanical rad/s^3.
+    pub base_jerk_max: f64,
+}
+
+/// All that the drive needs to know: screw first, nut second.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DrivePlate {
+    /// Screw motor, nut motor.
+    pub motors: [MotorPlate; 2],
+    /// The bridges, which are alike.
+    pub board: BoardPlate,
+    /// Loop tuning.
+    pub tuning: Tuning,
+    /// The feed.
+    pub feed: FeedPlate,
+}
+
+impl BoardPlate {
+    /// Top of the centre-aligned counter, timer counts.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    pub const fn period(&self) -> u16 {
+        (self.timer_hz / (2.0 * self.pwm_hz) + 0.5) as u16
+    }
+
+    /// The PWM period that the counter really makes, s.
+    #[must_use]
+    pub const fn sample_time(&self) -> f64 {
+        2.0 * self.period() as f64 / self.timer_hz
+    }
+}
+
+impl MotorPlate {
+    /// Largest speed, mechanical rad/s.
+    #[must_use]
+    pub const fn speed_max(&self) -> f64 {
+        self.speed_max_rpm * TAU / 60.0
+    }
+}
+
+impl DrivePlate {
+    /// Time between two steps of the speed task, s.
+    #[must_use]
+    pub const fn speed_step(&self) -> f64 {
+        self.board.sample_time() * self.board.speed_divider as f64
+    }
+}
+
+#[cfg(test)]
+pub(crate) use tests::test_plate;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::format;
+
+    /// The paper's motors (Table 1) on a 310 V bus, 20-bit encoders, 12-bit ADC of ±5 A.
+    pub(crate) const fn test_plate() -> DrivePlate {
+        let motor = MotorPlate {
+            resistance_ohm: 1.7,
+            inductance_h: 5.9e-3,
+            pole_pairs: 5,
+            flux_wb: 0.11,
+            inertia_kg_m2: 7.2e-4,
+            speed_max_rpm: 3000.0,
+            torque_max_nm: 2.6,
+            current_gains: [1.0; 3],
+            encoder: EncoderPlate {
+                interface: Interface::Incremental,
+                age_s: 0.0,
+                counts_per_turn: 1 << 20,
+                theta_e_at_zero_turns: 0.0,
+            },
+        };
+        DrivePlate {
+            motors: [motor; 2],
+            board: BoardPlate {
+                timer_hz: 170e6,
+                pwm_hz: 20e3,
+                speed_divider: 4,
+                shunts: Shunts::Two,
+                amps_per_count: 10.0 / 4096.0,
+                zero_counts: 2048.0,
+                bus_volts_per_count: 0.11,
+                adc_counts: 4096,
+                bus_min_v: 30.0,
+                dead_time_s: 0.0,
+                dead_time_fade_a: 0.05,
+                measure_zeros: true,
+                min_on_time_s: 0.0,
+            },
+            tuning: Tuning {
+                damping: 0.7,
+                current_rad_s: 3000.0,
+                speed_rad_s: 200.0,
+                observer_rad_s: 1000.0,
+                observer_damping: 0.7,
+            },
+            feed: FeedPlate {
+                lead_m: 5e-3,
+                velocity_max: 0.1,
+                acceleration_max: 1.0,
+                jerk_max: 100.0,
+                base_acceleration_max: 500.0,
+                base_jerk_max: 50_000.0,
+            },
+        }
+    }
+
+    /// A plate of another kind in a constant: a misfit would fail the build, as it does for a board.
+    const _: DriveConfig = {
+        let mut plate = test_plate();
+        let [screw, nut] = &mut plate.motors;
+        screw.encoder = EncoderPlate {
+            interface: Interface::IncrementalWithIndex,
+            counts_per_turn: 10_000,
+            theta_e_at_zero_turns: 0.25,
+            ..screw.encoder
+        };
+        nut.encoder = EncoderPlate {
+            interface: Interface::Mt6835,
+            counts_per_turn: 1 << 21,
+            age_s: 5.5e-6,
+            ..screw.encoder
+        };
+        plate.board = BoardPlate {
+            pwm_hz: 40e3,
+            speed_divider: 8,
+            shunts: Shunts::Three,
+            amps_per_count: 0.02,
+            bus_volts_per_count: 0.02,
+            bus_min_v: 8.0,
+            dead_time_s: 500e-9,
+            dead_time_fade_a: 0.1,
+            min_on_time_s: 1e-6,
+            ..plate.board
+        };
+        match plate.config() {
+            Ok(config) => config,
+            Err(_) => panic!("a number of this plate does not fit its format"),
+        }
+    };
+
+    #[test]
+    fn gains_are_those_of_the_reference() {
+        let plate = test_plate();
+        let Gains {
+            k_pc,
+            k_ic,
+            k_pw,
+            k_iw,
+        } = plate.motors[0].gains(&plate.tuning);
+        assert!((k_pc - 23.08).abs() < 0.005);
+        assert!((k_ic - 53_100.0).abs() < 1.0);
+        assert!((k_pw - 0.07331).abs() < 5e-6);
+        assert!((k_iw - 10.473).abs() < 5e-4);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_said() {
+        let mut plate = test_plate();
+        plate.motors[1].inductance_h = 0.6;
+        plate.tuning.current_rad_s = 30_000.0;
+        let misfit = plate.config().unwrap_err();
+        assert_eq!(misfit.name, "Kpc (Eq 9)");
+        assert!(format!("{misfit}").contains("25198.3 V/A"), "{misfit}");
+
+        for (spoil, name) in [
+            (
+                (|p: &mut DrivePlate| p.motors[0].encoder.counts_per_turn = 1)
+                    as fn(&mut DrivePlate),
+                "encoder resolution",
+            ),
+            (
+                |p| p.motors[0].encoder.interface = Interface::Mt6835,
+                "resolution of an MT6835",
+            ),
+            (
+                |p| p.motors[1].encoder.age_s = 101e-6,
+                "age of an encoder reading",
+            ),
+            (|p| p.board.pwm_hz = 50e3, "PWM frequency"),
+            (|p| p.motors[0].flux_wb = f64::NAN, "flux"),
+            (
+                |p| p.motors[0].resistance_ohm = 30.0,
+                "current-loop gain Kpc (Eq 9)",
+            ),
+            (|p| p.feed.lead_m = -5e-3, "lead"),
+            (
+                |p| p.motors[1].current_gains[2] = -1.0,
+                "gain of a current channel",
+            ),
+            (|p| p.motors[0].inertia_kg_m2 = 0.0, "inertia"),
+            (|p| p.board.min_on_time_s = 40e-6, "minimum on-time"),
+            (|p| p.motors[0].speed_max_rpm = 60_000.0, "largest speed"),
+        ] {
+            let mut plate = test_plate();
+            spoil(&mut plate);
+            assert_eq!(plate.config().unwrap_err().name, name);
+        }
+    }
+}

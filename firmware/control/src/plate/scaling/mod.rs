@@ -1,0 +1,222 @@
+//! Physical units -> the loops' fixed-point formats, once: the whole drive's configuration.
+
+mod board;
+mod motor;
+
+use crate::coordinator::CoordinatorConfig;
+use crate::current_loop::CurrentLoopConfig;
+use crate::format::{
+    CurrentScale, Gain, MechanicalSpeed, Misfit, SpeedChange, TableVelocity, Voltage, quantise,
+};
+use crate::plate::DrivePlate;
+use crate::profile::ProfileConfig;
+use crate::speed_loop::SpeedLoopConfig;
+use core::f64::consts::TAU;
+use fixed::types::I20F12;
+
+/// `?` for `const fn`.
+macro_rules! attempt {
+    ($result:expr) => {
+        match $result {
+            Ok(value) => value,
+            Err(misfit) => return Err(misfit),
+        }
+    };
+}
+use attempt;
+
+/// Everything that the drive's steps are configured with.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DriveConfig {
+    /// Screw, nut.
+    pub current_loops: [CurrentLoopConfig; 2],
+    /// Screw, nut.
+    pub speed_loops: [SpeedLoopConfig; 2],
+    /// The pair.
+    pub coordinator: CoordinatorConfig,
+    /// Current-loop periods per step of the speed task.
+    pub speed_divider: u32,
+}
+
+impl DrivePlate {
+    /// The drive's configuration.
+    ///
+    /// # Errors
+    /// [`Misfit`] naming the first number that does not fit its format or its physical range.
+    pub const fn config(&self) -> Result<DriveConfig, Misfit> {
+        let [screw, nut] = &self.motors;
+        attempt!(within(
+            "speed divider",
+            "periods",
+            self.board.speed_divider as f64,
+            0.5,
+            64.5
+        ));
+        Ok(DriveConfig {
+            current_loops: [
+                attempt!(screw.current_loop(self)),
+                attempt!(nut.current_loop(self)),
+            ],
+            speed_loops: [
+                attempt!(screw.speed_loop(self)),
+                attempt!(nut.speed_loop(self)),
+            ],
+            coordinator: attempt!(self.coordinator()),
+            speed_divider: self.board.speed_divider,
+        })
+    }
+
+    const fn coordinator(&self) -> Result<CoordinatorConfig, Misfit> {
+        let (feed, step) = (&self.feed, self.speed_step());
+        let [screw, nut] = &self.motors;
+        attempt!(positive("lead", "m", feed.lead_m));
+        let per_metre = TAU / feed.lead_m;
+        let table = attempt!(profile(
+            ["table acceleration", "table jerk"],
+            feed.acceleration_max * per_metre * step,
+            feed.jerk_max * per_metre * step * step,
+        ));
+        let base = attempt!(profile(
+            ["base acceleration", "base jerk"],
+            feed.base_acceleration_max * step,
+            feed.base_jerk_max * step * step,
+        ));
+        Ok(CoordinatorConfig {
+            pole_pairs: [screw.pole_pairs.cast_signed(), nut.pole_pairs.cast_signed()],
+            radians_per_metre: I20F12::from_bits(attempt!(quantise(
+                "screw turns per metre",
+                "rad/m",
+                per_metre,
+                12
+            ))),
+            velocity_max: TableVelocity::from_bits(attempt!(quantise(
+                "table velocity limit",
+                "m/s",
+                feed.velocity_max,
+                28
+            ))),
+            speed_max: [
+                MechanicalSpeed::from_bits(attempt!(quantise(
+                    "screw speed limit",
+                    "rad/s",
+                    screw.speed_max(),
+                    18
+                ))),
+                MechanicalSpeed::from_bits(attempt!(quantise(
+                    "nut speed limit",
+                    "rad/s",
+                    nut.speed_max(),
+                    18
+                ))),
+            ],
+            table,
+            base,
+        })
+    }
+}
+
+/// Square root by Newton's method, for configuration; 0 of what has none.
+const fn square_root(x: f64) -> f64 {
+    if !(x > 0.0 && x < f64::MAX) {
+        return 0.0;
+    }
+    let mut root = if x > 1.0 { x } else { 1.0 };
+    let mut step = 0u32;
+    // Halves down to the root's size first: 600 steps are enough for any f64.
+    while step < 600 {
+        root = 0.5 * (root + x / root);
+        step = step.saturating_add(1);
+    }
+    root
+}
+
+const fn profile(
+    [acceleration_name, jerk_name]: [&'static str; 2],
+    acceleration: f64,
+    jerk: f64,
+) -> Result<ProfileConfig, Misfit> {
+    let acceleration = attempt!(quantise(
+        acceleration_name,
+        "rad/s a step",
+        acceleration,
+        28
+    ));
+    let jerk = attempt!(quantise(jerk_name, "rad/s a step^2", jerk, 28));
+    attempt!(within(
+        acceleration_name,
+        "2^-28 rad/s a step",
+        acceleration as f64,
+        -0.5,
+        2.2e9
+    ));
+    attempt!(within(
+        jerk_name,
+        "2^-28 rad/s a step^2",
+        jerk as f64,
+        -0.5,
+        2.2e9
+    ));
+    Ok(ProfileConfig::new(
+        SpeedChange::from_bits(acceleration),
+        SpeedChange::from_bits(jerk),
+    ))
+}
+
+const SQRT_3: f64 = 1.732_050_807_568_877_2;
+
+const fn power_of_two(n: u32) -> f64 {
+    1u64.wrapping_shl(n) as f64
+}
+
+#[allow(clippy::cast_possible_truncation)]
+const fn rounded([a, b, c]: [f64; 3]) -> [i32; 3] {
+    [
+        (a + half(a)) as i32,
+        (b + half(b)) as i32,
+        (c + half(c)) as i32,
+    ]
+}
+
+const fn half(x: f64) -> f64 {
+    if x < 0.0 { -0.5 } else { 0.5 }
+}
+
+/// A gain of the current loop, from V/A, for currents of `scale`: at most 2048 V/A.
+const fn gain(name: &'static str, gain: f64, scale: CurrentScale) -> Result<Gain, Misfit> {
+    attempt!(within(name, "V/A", gain, -2048.0, 2048.0));
+    // Times 2^32 it makes a voltage's last steps of a current's.
+    let fraction = Voltage::FRAC_NBITS
+        .saturating_add(32)
+        .saturating_sub(scale.fraction);
+    let mut shift = 0u32;
+    while gain.abs() * power_of_two(fraction.saturating_sub(shift)) >= 2_147_483_647.0 && shift < 16
+    {
+        shift = shift.saturating_add(1);
+    }
+    let multiplier = attempt!(quantise(name, "V/A", gain, fraction.saturating_sub(shift)));
+    Ok(Gain { multiplier, shift })
+}
+
+const fn within(
+    name: &'static str,
+    unit: &'static str,
+    value: f64,
+    above: f64,
+    below: f64,
+) -> Result<(), Misfit> {
+    if value > above && value < below {
+        Ok(())
+    } else {
+        Err(Misfit {
+            name,
+            unit,
+            value,
+            least: above,
+            below,
+        })
+    }
+}
+
+const fn positive(name: &'static str, unit: &'static str, value: f64) -> Result<(), Misfit> {
+    within(name, unit, value, 0.0, f64::MAX)
+}

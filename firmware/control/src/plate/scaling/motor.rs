@@ -1,0 +1,230 @@
+//! A motor's plate -> its current loop's and its speed loop's configuration.
+
+use super::{attempt, gain, positive, power_of_two, square_root, within};
+use crate::current_loop::CurrentLoopConfig;
+use crate::encoder::Interface;
+use crate::encoder_watch::EncoderWatchConfig;
+use crate::format::{Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
+use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX};
+use crate::plate::{DrivePlate, MotorPlate, Tuning};
+use crate::regulator::{Induced, RegulatorConfig};
+use crate::speed_loop::SpeedLoopConfig;
+use core::f64::consts::TAU;
+
+impl MotorPlate {
+    /// Configuration of this motor's current loop on `drive`'s board.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a number does not fit its format or is out of its physical range.
+    pub const fn current_loop(&self, drive: &DrivePlate) -> Result<CurrentLoopConfig, Misfit> {
+        let (board, sample_time) = (&drive.board, drive.board.sample_time());
+        let gains = self.gains(&drive.tuning);
+        attempt!(positive("current-loop gain Kpc (Eq 9)", "V/A", gains.k_pc));
+        attempt!(within("flux", "Wb", self.flux_wb, -64.0, 64.0));
+        let sense = attempt!(board.current_sense(self.current_gains));
+        let scale = sense.scale;
+        Ok(CurrentLoopConfig {
+            bus: attempt!(board.bus_sense()),
+            encoder: self.encoder.interface,
+            observer: attempt!(self.observer(&drive.tuning, sample_time)),
+            encoder_watch: self.encoder_watch(&drive.tuning),
+            regulator: RegulatorConfig {
+                k_pc: attempt!(gain("Kpc (Eq 9)", gains.k_pc, scale)),
+                k_ic_step: attempt!(gain(
+                    "Kic (Eq 10) per sample",
+                    gains.k_ic * sample_time,
+                    scale
+                )),
+                induced: attempt!(self.induced(sample_time, scale)),
+            },
+            modulation: attempt!(board.modulation(&sense)),
+            measure_zeros: board.measure_zeros,
+            sense,
+        })
+    }
+
+    #[allow(clippy::cast_possible_truncation)]
+    const fn induced(&self, sample_time: f64, scale: CurrentScale) -> Result<Induced, Misfit> {
+        attempt!(within("inductance", "H", self.inductance_h, 1e-7, 0.125));
+        // A step of 2^-32 turn a sample in rad/s, times a flux linkage in Wb, in a voltage's last steps; times 2^32.
+        let per_weber = TAU / sample_time * power_of_two(Voltage::FRAC_NBITS);
+        let per_unit =
+            self.inductance_h * per_weber * 4_294_967_296.0 / power_of_two(scale.fraction);
+        let (mut inductance, mut flux) = (per_unit, self.flux_wb * per_weber);
+        let mut shift = 0u32;
+        while (inductance > 1_073_741_823.0 || flux.abs() > 536_870_911.0) && shift < 16 {
+            inductance /= 2.0;
+            flux /= 2.0;
+            shift = shift.saturating_add(1);
+        }
+        attempt!(within(
+            "induced voltage of a current",
+            "2^-32",
+            inductance,
+            500.0,
+            1_073_741_824.0
+        ));
+        attempt!(within(
+            "induced voltage of the magnets",
+            "2^-32",
+            flux.abs(),
+            -1.0,
+            536_870_912.0
+        ));
+        Ok(Induced {
+            inductance: inductance as i32,
+            flux: flux as i32,
+            shift,
+        })
+    }
+
+    /// Travel: twice what a reversal at full torque lets the observer turn within one count (see
+    /// [`encoder_watch`](crate::encoder_watch)), and four counts. Jump: four times the observer's lag at full torque,
+    /// `a / omega_0^2`, and eight counts.
+    const fn encoder_watch(&self, tuning: &Tuning) -> EncoderWatchConfig {
+        let count = TAU / self.encoder.counts_per_turn as f64;
+        let acceleration = self.torque_max_nm / self.inertia_kg_m2;
+        let lag = 2.0 * tuning.observer_damping * acceleration / tuning.observer_rad_s;
+        let stands = 2.0 * square_root(2.0 * count / acceleration);
+        let turns = (2.0 * lag * stands + 4.0 * count) / TAU;
+        let lag_max = acceleration / (tuning.observer_rad_s * tuning.observer_rad_s);
+        let jump = (4.0 * lag_max + 8.0 * count) / TAU;
+        // The casts saturate; a turn or more never fires.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        EncoderWatchConfig {
+            travel_max: (turns * 4_294_967_296.0) as u32,
+            jump_max: (jump * 4_294_967_296.0) as u32,
+            checked: self.encoder.interface.is_checked(),
+        }
+    }
+
+    const fn observer(&self, tuning: &Tuning, sample_time: f64) -> Result<ObserverConfig, Misfit> {
+        let encoder = match EncoderScale::new(self.encoder.counts_per_turn) {
+            Some(scale) => scale,
+            None => {
+                let value = self.encoder.counts_per_turn as f64;
+                return Err(Misfit {
+                    name: "encoder resolution",
+                    unit: "counts/turn",
+                    value,
+                    least: 2.0,
+                    below: 1_073_741_825.0,
+                });
+            }
+        };
+        let x = tuning.observer_rad_s * sample_time;
+        attempt!(within(
+            "observer frequency times sample time",
+            "rad",
+            x,
+            1e-4,
+            1.001
+        ));
+        attempt!(within("pole pairs", "", self.pole_pairs as f64, 0.5, 129.0));
+        // The observer holds speeds below 1/16 turn a sample; electrically an eighth leaves the angle its advance.
+        let electrical = self.speed_max_rpm / 60.0 * self.pole_pairs as f64 * sample_time;
+        attempt!(within(
+            "largest speed",
+            "electrical turns a sample",
+            electrical,
+            0.0,
+            0.125
+        ));
+        // omega_e [2^-16 rad/s] = speed [2^-32 turn a sample] * m / 2^shift, m as large as 31 bits hold.
+        let mut multiplier =
+            TAU * self.pole_pairs as f64 / sample_time * 65_536.0 / 4_294_967_296.0;
+        let mut omega_shift = 0u32;
+        while multiplier < 1_073_741_824.0 && omega_shift < 31 {
+            multiplier *= 2.0;
+            omega_shift = omega_shift.saturating_add(1);
+        }
+        // What `Speed` holds; the cast saturates.
+        #[allow(clippy::arithmetic_side_effects)]
+        let format_end = 32_767.0 * 65_536.0 * (1u64 << omega_shift) as f64 / multiplier;
+        #[allow(clippy::cast_possible_truncation)]
+        let step_max = format_end as i32;
+        // A quarter electrical turn a sample is 2^30.
+        let mut speed_bits = SPEED_BITS_MAX;
+        while self.pole_pairs as f64 * power_of_two(speed_bits) > 1_073_741_824.0 {
+            speed_bits = speed_bits.saturating_sub(1);
+        }
+        if matches!(self.encoder.interface, Interface::Mt6835) {
+            let counts = crate::mt6835::COUNTS_PER_TURN as f64;
+            attempt!(within(
+                "resolution of an MT6835",
+                "counts/turn",
+                self.encoder.counts_per_turn as f64,
+                counts - 0.5,
+                counts + 0.5
+            ));
+        }
+        let age = self.encoder.age_s / sample_time;
+        attempt!(within(
+            "age of an encoder reading",
+            "PWM periods",
+            age,
+            -1e-9,
+            2.0
+        ));
+        Ok(ObserverConfig {
+            encoder,
+            age: Ratio::from_bits(attempt!(quantise(
+                "age of an encoder reading",
+                "PWM periods",
+                age,
+                30
+            ))),
+            alpha: Ratio::from_bits(attempt!(quantise(
+                "observer alpha",
+                "",
+                2.0 * tuning.observer_damping * x,
+                30
+            ))),
+            beta: Ratio::from_bits(attempt!(quantise("observer beta", "", x * x, 30))),
+            speed_bits,
+            pole_pairs: self.pole_pairs,
+            theta_e_offset: crate::format::Angle::from_turns(self.encoder.theta_e_at_zero_turns),
+            omega_multiplier: attempt!(quantise("electrical speed scale", "", multiplier, 0)),
+            omega_shift,
+            step_max,
+        })
+    }
+
+    /// Configuration of this motor's speed loop.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a number does not fit its format.
+    pub const fn speed_loop(&self, drive: &DrivePlate) -> Result<SpeedLoopConfig, Misfit> {
+        let gains = self.gains(&drive.tuning);
+        let step = drive.speed_step();
+        let pole_pairs = self.pole_pairs as f64;
+        let torque_constant = pole_pairs * self.flux_wb;
+        attempt!(positive("inertia", "kg m^2", self.inertia_kg_m2));
+        Ok(SpeedLoopConfig {
+            k_pw: SpeedGain::from_bits(attempt!(quantise(
+                "Kpw (Eq 11)",
+                "A s/rad",
+                gains.k_pw,
+                24
+            ))),
+            k_iw_step: SpeedGain::from_bits(attempt!(quantise(
+                "Kiw (Eq 12) per step",
+                "A s/rad",
+                gains.k_iw * step,
+                24
+            ))),
+            inertia: SpeedGain::from_bits(attempt!(quantise(
+                "inertia feed-forward",
+                "A per rad/s a step",
+                self.inertia_kg_m2 / (pole_pairs * torque_constant * step),
+                24
+            ))),
+            i_max: Current::from_bits(attempt!(quantise(
+                "torque limit",
+                "A",
+                self.torque_max_nm / torque_constant,
+                20
+            ))),
+        })
+    }
+}
