@@ -22,13 +22,13 @@ use std::process::Command;
 use std::rc::Rc;
 use std::sync::{Mutex, OnceLock};
 
-#[path = "../../firmware/src/board/custom_plate.rs"]
-#[allow(dead_code, reason = "the firmware uses the rest")]
-mod custom_plate;
 #[path = "../../firmware/src/board/machine.rs"]
 mod machine;
-#[path = "../../firmware/src/board/plate.rs"]
-mod plate;
+#[path = "../../firmware/src/board/mains_plate.rs"]
+#[allow(dead_code, reason = "the firmware uses the rest")]
+mod mains_plate;
+#[path = "../../firmware/src/board/nucleo_plate.rs"]
+mod nucleo_plate;
 
 /// Plate data of the drive that the firmware is built for by default, from the firmware's own source.
 #[must_use]
@@ -40,9 +40,9 @@ pub fn plate() -> DrivePlate {
 #[must_use]
 pub fn plate_of(board: Wiring) -> DrivePlate {
     match board {
-        Wiring::Nucleo => plate::PLATE,
-        Wiring::Nucleo40kHz => plate::PLATE_40_KHZ,
-        Wiring::Custom => custom_plate::PLATE,
+        Wiring::Nucleo => nucleo_plate::PLATE,
+        Wiring::Nucleo40kHz => nucleo_plate::PLATE_40_KHZ,
+        Wiring::Mains => mains_plate::PLATE,
     }
 }
 
@@ -59,8 +59,8 @@ pub fn counts_at(board: Wiring, celsius: f64) -> [u16; 2] {
 #[must_use]
 pub fn guards_of(board: Wiring) -> GuardPlate {
     match board {
-        Wiring::Nucleo | Wiring::Nucleo40kHz => plate::GUARDS,
-        Wiring::Custom => custom_plate::GUARDS,
+        Wiring::Nucleo | Wiring::Nucleo40kHz => nucleo_plate::GUARDS,
+        Wiring::Mains => mains_plate::GUARDS,
     }
 }
 
@@ -86,7 +86,7 @@ pub fn firmware_of(board: Wiring) -> Result<PathBuf, String> {
             let (name, features) = match board {
                 Wiring::Nucleo => return build(&[]),
                 Wiring::Nucleo40kHz => ("firmware-40khz", "pwm-40khz"),
-                Wiring::Custom => ("firmware-custom", "board-custom"),
+                Wiring::Mains => ("firmware-mains", "board-mains"),
             };
             let elf = build(&["--no-default-features", "--features", features])?;
             let kept = elf.with_file_name(name);
@@ -132,8 +132,8 @@ fn build(features: &[&str]) -> Result<PathBuf, String> {
 #[must_use]
 pub fn scale_count_m(board: Wiring) -> f64 {
     match board {
-        Wiring::Nucleo | Wiring::Nucleo40kHz => plate::SCALE_COUNT_M,
-        Wiring::Custom => custom_plate::SCALE_COUNT_M,
+        Wiring::Nucleo | Wiring::Nucleo40kHz => nucleo_plate::SCALE_COUNT_M,
+        Wiring::Mains => mains_plate::SCALE_COUNT_M,
     }
 }
 

@@ -27,7 +27,7 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
         (Wiring::Nucleo, Model::paper(), Coupling::Lumped),
         (Wiring::Nucleo, Model::coupled(), Coupling::Coupled),
         // The screw's encoder on SPI, the nut's with index, the current amplifiers inside the chip.
-        (Wiring::Custom, Model::coupled(), Coupling::Coupled),
+        (Wiring::Mains, Model::coupled(), Coupling::Coupled),
     ] {
         let mut bench = Bench::on(board, &model, coupling)?;
         bench.wait_for(READY, 0.2)?;

@@ -12,9 +12,9 @@ const PERIOD_S: f64 = 50e-6;
 /// A bit of the angle, and its neighbour.
 const ERROR: u32 = 3 << 20;
 
-/// The custom board's drive at 300 rpm with the table moving.
+/// The mains board's drive at 300 rpm with the table moving.
 fn running() -> Result<Bench, String> {
-    let mut bench = Bench::on(Wiring::Custom, &Model::paper(), Coupling::Lumped)?;
+    let mut bench = Bench::on(Wiring::Mains, &Model::paper(), Coupling::Lumped)?;
     bench.wait_for(READY, 0.2)?;
     bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
     bench.run(1)?;
@@ -132,7 +132,7 @@ fn past_the_limit_wrong_frames_open_the_bridges() -> Result<(), String> {
 
 #[test]
 fn a_sensor_that_is_not_there_keeps_the_drive_off() -> Result<(), String> {
-    let mut bench = Bench::on(Wiring::Custom, &Model::paper(), Coupling::Lumped)?;
+    let mut bench = Bench::on(Wiring::Mains, &Model::paper(), Coupling::Lumped)?;
     // The line is pulled up.
     bench.emulator.chip().provoked.stuck_encoder[0] = Some(u32::MAX);
     bench.wait_for(FAULT, 0.2)?;
@@ -143,7 +143,7 @@ fn a_sensor_that_is_not_there_keeps_the_drive_off() -> Result<(), String> {
 #[test]
 fn the_index_corrects_lost_counts() -> Result<(), String> {
     let mut bench = running()?;
-    let turn = plate_of(Wiring::Custom).motors[1].encoder.counts_per_turn;
+    let turn = plate_of(Wiring::Mains).motors[1].encoder.counts_per_turn;
     // Off by 1.8 degrees, 9 electrical.
     let lost = turn / 200;
     bench.emulator.chip().provoked.lost_counts[1] = lost;

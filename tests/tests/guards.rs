@@ -76,7 +76,7 @@ fn the_bus_above_or_below_its_limits_opens_the_bridges() -> Result<(), String> {
 
 #[test]
 fn a_hot_heat_sink_or_a_torn_sensor_opens_the_bridges() -> Result<(), String> {
-    for board in [Wiring::Nucleo, Wiring::Custom] {
+    for board in [Wiring::Nucleo, Wiring::Mains] {
         let mut bench = running_on(board)?;
         let cool = counts_at(board, 40.0);
         let warm = counts_at(board, 84.0);
@@ -147,7 +147,7 @@ fn late_periods_are_counted_and_past_the_limit_a_fault() -> Result<(), String> {
 
 #[test]
 fn a_missing_index_is_counted_and_past_a_limit_a_fault() -> Result<(), String> {
-    let mut bench = running_on(Wiring::Custom)?;
+    let mut bench = running_on(Wiring::Mains)?;
     let nut_errors = |bench: &mut Bench| bench.look().map(|view| view.words().encoder_errors[1]);
     // Faster, for each turn has one index: 25 turns/s.
     bench.ask(2.5e-3, 1500.0 * TAU / 60.0)?;

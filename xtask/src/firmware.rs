@@ -88,8 +88,8 @@ pub fn test() -> Result<()> {
         TARGET,
     ];
     // Both boards; the default one last, whose ELF is the one that is flashed.
-    let custom = ["--no-default-features", "--features", "board-custom"];
-    for board in [&custom[..], &[]] {
+    let mains = ["--no-default-features", "--features", "board-mains"];
+    for board in [&mains[..], &[]] {
         let lint = [&["clippy"], &firmware[..], board, &["--", "-D", "warnings"]].concat();
         cargo(&lint, &[])?;
     }

@@ -2,9 +2,9 @@
 //!
 //! To add a board, in this order:
 //!
-//! 1. A plate beside `custom_plate.rs`: motors, encoders, A and V per count, dead time. Numbers only; what does not fit
+//! 1. A plate beside `mains_plate.rs`: motors, encoders, A and V per count, dead time. Numbers only; what does not fit
 //!    its fixed-point format stops the build.
-//! 2. A module beside `custom_example.rs` with the same public names: `PLATE`, `OVER_CURRENT`, `SAMPLING`,
+//! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `OVER_CURRENT`, `SAMPLING`,
 //!    `AMPLIFIER_GAIN`, `GUARDS`, `ScrewEncoder`, `NutEncoder`, `start_encoders`, `claim`. In `claim` each pin goes once,
 //!    by value, through a function of [`pins`] whose bounds only the right pin in the right alternate function meets.
 //! 3. A feature in `Cargo.toml`, and two lines below.
@@ -21,14 +21,14 @@ mod nucleo_g474re;
 #[cfg(feature = "board-nucleo")]
 pub(crate) use nucleo_g474re::*;
 
-#[cfg(feature = "board-custom")]
-mod custom_example;
-#[cfg(feature = "board-custom")]
-pub(crate) use custom_example::*;
+#[cfg(feature = "board-mains")]
+mod mains_310v;
+#[cfg(feature = "board-mains")]
+pub(crate) use mains_310v::*;
 
-#[cfg(not(any(feature = "board-nucleo", feature = "board-custom")))]
+#[cfg(not(any(feature = "board-nucleo", feature = "board-mains")))]
 compile_error!(
     "pick a board: build with `--features board-nucleo`, or add a module beside nucleo_g474re.rs"
 );
-#[cfg(all(feature = "board-nucleo", feature = "board-custom"))]
+#[cfg(all(feature = "board-nucleo", feature = "board-mains"))]
 compile_error!("pick one board: `--no-default-features` leaves the default one out");

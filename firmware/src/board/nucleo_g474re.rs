@@ -25,7 +25,7 @@ use control::guard::GuardConfig;
 use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP3, COMP4, COMP5, COMP7};
 use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, TIM1, TIM2, TIM4, TIM5, TIM8};
 
-#[path = "plate.rs"]
+#[path = "nucleo_plate.rs"]
 mod plate;
 use plate::GUARDS;
 #[cfg(not(feature = "pwm-40khz"))]

@@ -9,8 +9,8 @@ pub enum Wiring {
     Nucleo,
     /// The same with its bridges at 40 kHz.
     Nucleo40kHz,
-    /// `custom_example`: on-chip amplifiers, the screw's encoder on SPI.
-    Custom,
+    /// `mains_310v`: on-chip amplifiers, the screw's encoder on SPI.
+    Mains,
 }
 
 /// What an ADC channel sees.
@@ -37,21 +37,16 @@ impl Wiring {
             (3, 5) => nut.current[2],
             (4, 3) => nut.bus,
             (2, 8) => nut.temperature,
-            _ => return self.custom_input(index, channel, [screw, nut]),
+            _ => return self.mains_input(index, channel, [screw, nut]),
         };
         match self {
             Self::Nucleo | Self::Nucleo40kHz => Some(Input::Pin(nucleo)),
-            Self::Custom => self.custom_input(index, channel, [screw, nut]),
+            Self::Mains => self.mains_input(index, channel, [screw, nut]),
         }
     }
 
-    fn custom_input(
-        self,
-        index: usize,
-        channel: u32,
-        [screw, nut]: [&Sensors; 2],
-    ) -> Option<Input> {
-        if self != Self::Custom {
+    fn mains_input(self, index: usize, channel: u32, [screw, nut]: [&Sensors; 2]) -> Option<Input> {
+        if self != Self::Mains {
             return None;
         }
         Some(match (index + 1, channel) {
@@ -75,8 +70,8 @@ impl Wiring {
             (Self::Nucleo | Self::Nucleo40kHz, 0) => &[(3, 0), (1, 1), (2, 2)],
             (Self::Nucleo | Self::Nucleo40kHz, _) => &[(7, 0), (4, 1), (5, 2)],
             // PA1 COMP1, PA7 COMP2; PB13 COMP5, PB0 COMP4.
-            (Self::Custom, 0) => &[(1, 0), (2, 1)],
-            (Self::Custom, _) => &[(5, 0), (4, 1)],
+            (Self::Mains, 0) => &[(1, 0), (2, 1)],
+            (Self::Mains, _) => &[(5, 0), (4, 1)],
         }
     }
 
@@ -86,7 +81,7 @@ impl Wiring {
         match self {
             Self::Nucleo | Self::Nucleo40kHz => counts,
             // Before the amplifiers, whose gain is 4.
-            Self::Custom => counts / 4,
+            Self::Mains => counts / 4,
         }
     }
 
@@ -96,7 +91,7 @@ impl Wiring {
         match self {
             Self::Nucleo | Self::Nucleo40kHz => &[],
             // PA1, PA7, PB0, PB13.
-            Self::Custom => &[(1, 0), (2, 0), (3, 0), (6, 2)],
+            Self::Mains => &[(1, 0), (2, 0), (3, 0), (6, 2)],
         }
     }
 }

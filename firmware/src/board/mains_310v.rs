@@ -1,5 +1,6 @@
-//! An example of another board: an STM32G474RE with its own power stages, current amplifiers inside the chip, an absolute
-//! encoder on the screw's motor and an incremental one with index on the nut's.
+//! A board for 310 V from the mains: an STM32G474RE with its own power stages, current amplifiers inside the chip, an
+//! absolute encoder on the screw's motor and an incremental one with index on the nut's. Its chip, and all that is wired
+//! to it, is at mains potential: see `mains_310v.md` before a cable is plugged in.
 //!
 //! | what | screw | nut |
 //! | --- | --- | --- |
@@ -30,7 +31,7 @@ use stm32g4xx_hal::gpio::Pull;
 use stm32g4xx_hal::opamp::{InternalOutput, Locked, Opamp1, Opamp2, Opamp3, Opamp6};
 use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, SPI1, TIM1, TIM2, TIM4, TIM5, TIM8};
 
-#[path = "custom_plate.rs"]
+#[path = "mains_plate.rs"]
 mod plate;
 use plate::GUARDS;
 pub(crate) use plate::{PLATE, SCALE_COUNT_M};

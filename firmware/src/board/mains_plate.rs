@@ -1,4 +1,4 @@
-//! Plate data of the custom board: the paper's motors on on-chip amplifiers and other encoders, screw first.
+//! Plate data of the mains board: the paper's motors on on-chip amplifiers and other encoders, screw first.
 //!
 //! Numbers only, no hardware: the emulator's tests build the same drive on the host from this very file.
 
