@@ -2,12 +2,14 @@
 #![forbid(unsafe_code)]
 
 mod bench;
+mod check;
 mod firmware;
 mod identify;
 #[cfg(feature = "probe")]
 mod probe;
 mod session;
 mod simulate;
+mod steps;
 mod test;
 mod tools;
 
@@ -43,6 +45,8 @@ enum Task {
     Sizes(firmware::SizesOptions),
     #[command(flatten)]
     Session(session::Session),
+    /// What can be told within a minute: format, lints, documentation, tests of control, plant and drive.
+    Check,
     /// Everything that must hold: format, lints, tests, the firmware's build.
     Test,
 }
@@ -56,6 +60,7 @@ fn main() -> ExitCode {
         Task::Cost(options) => firmware::cost(&options),
         Task::Sizes(options) => firmware::sizes(&options),
         Task::Session(session) => session::run(session),
+        Task::Check => check::run(),
         Task::Test => test::run(),
     };
     match result {

@@ -23,6 +23,12 @@ impl Effect for BallPassage {
     const PLACES: Places = Places::Feed;
 
     fn terms(&self) -> Vec<Term> {
-        vec![Term::periodic(Site::PairTorque, Coordinate::RelativeAngle, self.order, self.amplitude, self.phase)]
+        vec![Term::periodic(
+            Site::PairTorque,
+            Coordinate::RelativeAngle,
+            self.order,
+            self.amplitude,
+            self.phase,
+        )]
     }
 }

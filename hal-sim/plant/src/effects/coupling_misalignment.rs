@@ -22,6 +22,12 @@ impl Effect for CouplingMisalignment {
     const PLACES: Places = Places::Motor;
 
     fn terms(&self) -> Vec<Term> {
-        vec![Term::periodic(Site::ShaftTorque, Coordinate::MechanicalAngle, self.order, self.amplitude, self.phase)]
+        vec![Term::periodic(
+            Site::ShaftTorque,
+            Coordinate::MechanicalAngle,
+            self.order,
+            self.amplitude,
+            self.phase,
+        )]
     }
 }

@@ -20,8 +20,15 @@ impl Effect for CurrentGain {
     const PLACES: Places = Places::Motor;
 
     fn terms(&self) -> Vec<Term> {
-        [(Site::CurrentReadingA, self.gain_a), (Site::CurrentReadingB, self.gain_b)]
-            .map(|(site, slope)| Term { site, coordinate: Coordinate::PhaseCurrent, law: Law::Linear { slope } })
-            .to_vec()
+        [
+            (Site::CurrentReadingA, self.gain_a),
+            (Site::CurrentReadingB, self.gain_b),
+        ]
+        .map(|(site, slope)| Term {
+            site,
+            coordinate: Coordinate::PhaseCurrent,
+            law: Law::Linear { slope },
+        })
+        .to_vec()
     }
 }

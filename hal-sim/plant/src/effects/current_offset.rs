@@ -20,6 +20,9 @@ impl Effect for CurrentOffset {
     const PLACES: Places = Places::Motor;
 
     fn terms(&self) -> Vec<Term> {
-        vec![Term::constant(Site::CurrentReadingA, self.off_a), Term::constant(Site::CurrentReadingB, self.off_b)]
+        vec![
+            Term::constant(Site::CurrentReadingA, self.off_a),
+            Term::constant(Site::CurrentReadingB, self.off_b),
+        ]
     }
 }

@@ -18,6 +18,10 @@ impl Effect for DeadTime {
 
     fn terms(&self) -> Vec<Term> {
         let law = Law::Opposing { value: self.value };
-        vec![Term { site: Site::PhaseVoltage, coordinate: Coordinate::PhaseCurrent, law }]
+        vec![Term {
+            site: Site::PhaseVoltage,
+            coordinate: Coordinate::PhaseCurrent,
+            law,
+        }]
     }
 }

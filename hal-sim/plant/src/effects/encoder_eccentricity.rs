@@ -24,6 +24,12 @@ impl Effect for EncoderEccentricity {
 
     fn terms(&self) -> Vec<Term> {
         let phase = self.phase - FRAC_PI_2; // a sine as the cosine of the common law
-        vec![Term::periodic(Site::EncoderReading, Coordinate::MechanicalAngle, self.order, self.amplitude, phase)]
+        vec![Term::periodic(
+            Site::EncoderReading,
+            Coordinate::MechanicalAngle,
+            self.order,
+            self.amplitude,
+            phase,
+        )]
     }
 }

@@ -23,6 +23,12 @@ impl Effect for FluxHarmonic {
     const PLACES: Places = Places::Motor;
 
     fn terms(&self) -> Vec<Term> {
-        vec![Term::periodic(Site::Flux, Coordinate::ElectricalAngle, self.order, self.amplitude, self.phase)]
+        vec![Term::periodic(
+            Site::Flux,
+            Coordinate::ElectricalAngle,
+            self.order,
+            self.amplitude,
+            self.phase,
+        )]
     }
 }

@@ -23,6 +23,12 @@ impl Effect for LeadError {
     const PLACES: Places = Places::Feed;
 
     fn terms(&self) -> Vec<Term> {
-        vec![Term::periodic(Site::Travel, Coordinate::RelativeAngle, self.order, self.amplitude, self.phase)]
+        vec![Term::periodic(
+            Site::Travel,
+            Coordinate::RelativeAngle,
+            self.order,
+            self.amplitude,
+            self.phase,
+        )]
     }
 }

@@ -17,6 +17,10 @@ impl Effect for LeadScale {
 
     fn terms(&self) -> Vec<Term> {
         let law = Law::Linear { slope: self.value };
-        vec![Term { site: Site::Travel, coordinate: Coordinate::NominalTravel, law }]
+        vec![Term {
+            site: Site::Travel,
+            coordinate: Coordinate::NominalTravel,
+            law,
+        }]
     }
 }

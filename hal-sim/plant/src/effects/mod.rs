@@ -1,11 +1,30 @@
 //! What a machine may have beyond its declared parameters: one file for each kind, one line for each in the registry.
 //!
 //! In `model.toml` an effect is a table: `kind`, `where` (`screw`, `nut`, `both`, `feed`) and the parameters of its
-//! kind. To add a kind, write its file (a struct of its parameters that implements [`Effect`]) and its line in
-//! the registry below.
+//! kind. To add a kind, write its file (a struct of its parameters that implements [`Effect`]), its `mod` line (a macro
+//! would hide the file from `cargo fmt`) and its line in the registry below.
 
+mod angle_periodic;
+mod axial_compliance;
+mod backlash;
+mod ball_passage;
+mod cogging;
+mod coupling_misalignment;
+mod current_gain;
+mod current_offset;
+mod dead_time;
+mod encoder_eccentricity;
 mod entry;
+mod flux_drift;
+mod flux_harmonic;
+mod lead_error;
+mod lead_scale;
+mod position_load;
+mod resistance_drift;
+mod stribeck_friction;
 mod term;
+mod time_periodic;
+mod torque_harmonic;
 
 pub use entry::{EffectModel, Place, Places};
 pub use term::{Coordinate, Law, Site, Term};
@@ -26,7 +45,7 @@ pub trait Effect {
 
 macro_rules! registry {
     ($($module:ident::$name:ident,)*) => {
-        $(mod $module; pub use $module::$name;)*
+        $(pub use $module::$name;)*
 
         /// An effect of any kind.
         #[derive(Debug, Clone, PartialEq)]

@@ -17,6 +17,10 @@ impl Effect for PositionLoad {
 
     fn terms(&self) -> Vec<Term> {
         let law = Law::Linear { slope: self.value };
-        vec![Term { site: Site::TableForce, coordinate: Coordinate::TablePosition, law }]
+        vec![Term {
+            site: Site::TableForce,
+            coordinate: Coordinate::TablePosition,
+            law,
+        }]
     }
 }

@@ -10,7 +10,10 @@ pub struct ResistanceDrift {
     #[serde(deserialize_with = "limits::above_minus_one")]
     pub value: f64,
     /// Length of the run, s; above 0; 10 if not given.
-    #[serde(default = "super::default_run_s", deserialize_with = "limits::positive")]
+    #[serde(
+        default = "super::default_run_s",
+        deserialize_with = "limits::positive"
+    )]
     pub duration_s: f64,
 }
 
@@ -19,7 +22,14 @@ impl Effect for ResistanceDrift {
     const PLACES: Places = Places::Motor;
 
     fn terms(&self) -> Vec<Term> {
-        let law = Law::Ramp { value: self.value, duration: self.duration_s };
-        vec![Term { site: Site::Resistance, coordinate: Coordinate::Time, law }]
+        let law = Law::Ramp {
+            value: self.value,
+            duration: self.duration_s,
+        };
+        vec![Term {
+            site: Site::Resistance,
+            coordinate: Coordinate::Time,
+            law,
+        }]
     }
 }

@@ -20,7 +20,14 @@ impl Effect for StribeckFriction {
     const PLACES: Places = Places::MotorOrFeed;
 
     fn terms(&self) -> Vec<Term> {
-        let law = Law::Decay { amplitude: self.amplitude, width: self.speed };
-        vec![Term { site: Site::Friction, coordinate: Coordinate::Speed, law }]
+        let law = Law::Decay {
+            amplitude: self.amplitude,
+            width: self.speed,
+        };
+        vec![Term {
+            site: Site::Friction,
+            coordinate: Coordinate::Speed,
+            law,
+        }]
     }
 }

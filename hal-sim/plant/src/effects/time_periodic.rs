@@ -22,6 +22,11 @@ impl Effect for TimePeriodic {
     const PLACES: Places = Places::Motor;
 
     fn terms(&self) -> Vec<Term> {
-        vec![Term::oscillation(Site::ShaftTorque, self.hz, self.amplitude, self.phase)]
+        vec![Term::oscillation(
+            Site::ShaftTorque,
+            self.hz,
+            self.amplitude,
+            self.phase,
+        )]
     }
 }

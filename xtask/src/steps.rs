@@ -1,0 +1,78 @@
+//! Checks that are other programs' runs, one after the other.
+
+use crate::firmware::TARGET;
+use crate::tools::root;
+use anyhow::{Context, Result, ensure};
+use std::process::Command;
+use std::time::Instant;
+
+/// One program's run.
+pub struct Step {
+    program: &'static str,
+    arguments: String,
+    environment: Option<(&'static str, &'static str)>,
+}
+
+impl Step {
+    /// A run of cargo; the arguments are words between blanks.
+    pub fn cargo(arguments: impl Into<String>) -> Self {
+        Self {
+            program: "cargo",
+            arguments: arguments.into(),
+            environment: None,
+        }
+    }
+
+    /// The documentation, private items and their links too, without warnings.
+    pub fn documentation(arguments: &str) -> Self {
+        Self {
+            environment: Some(("RUSTDOCFLAGS", "-D warnings")),
+            ..Self::cargo(format!(
+                "doc --no-deps --document-private-items {arguments}"
+            ))
+        }
+    }
+
+    fn run(&self) -> Result<()> {
+        let line = format!("{} {}", self.program, self.arguments);
+        println!("> {line}");
+        let start = Instant::now();
+        let status = Command::new(self.program)
+            .args(self.arguments.split_whitespace())
+            .envs(self.environment)
+            .current_dir(root())
+            .status()
+            .with_context(|| {
+                format!(
+                    "`{line}` could not be started: is {} installed and on the PATH?",
+                    self.program
+                )
+            })?;
+        ensure!(status.success(), "`{line}` failed ({status})");
+        println!("> {:.1} s", start.elapsed().as_secs_f64());
+        Ok(())
+    }
+}
+
+/// What all checks need of the toolchain: `rust-toolchain.toml` names it, but automatic installation may be switched off.
+///
+/// # Errors
+/// It is not there and cannot be fetched.
+pub fn prepare() -> Result<()> {
+    let rustup = |arguments: &str| Step {
+        program: "rustup",
+        ..Step::cargo(arguments)
+    };
+    run_all(&[
+        rustup("component add clippy rustfmt"),
+        rustup(&format!("target add {TARGET}")),
+    ])
+}
+
+/// Runs them in order.
+///
+/// # Errors
+/// The first that fails.
+pub fn run_all(steps: &[Step]) -> Result<()> {
+    steps.iter().try_for_each(Step::run)
+}
