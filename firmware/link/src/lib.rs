@@ -5,6 +5,7 @@
 //! | [`codes`]: state, fault, reset reason | in the view | |
 //! | [`view::DriveView`], at the symbol [`VIEW_SYMBOL`] | the drive's RAM | the host reads, at any time, without halting |
 //! | [`view::DriveCommand`], at the symbol [`COMMAND_SYMBOL`] | the drive's RAM | the host writes |
+//! | [`bringup`]: a request that survives a reset, and a report of raw readings | the drive's RAM | both |
 //! | [`telemetry`]: a header, then samples | RTT up-channel [`TELEMETRY_CHANNEL`] | the drive writes |
 //! | the log, in defmt's frames | RTT up-channel [`LOG_CHANNEL`] | the drive writes |
 //!
@@ -13,6 +14,7 @@
 #![cfg_attr(not(feature = "host"), no_std)]
 #![forbid(unsafe_code)]
 
+pub mod bringup;
 pub mod codes;
 #[cfg(feature = "host")]
 pub mod host;

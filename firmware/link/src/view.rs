@@ -78,6 +78,7 @@ macro_rules! words {
         }
     };
 }
+pub(crate) use words;
 
 words! {
     /// One motor, as its current loop saw it in the last millisecond.

@@ -1,5 +1,6 @@
 //! The host's end: a drive read, told and recorded through its chip's memory, while it runs.
 
+pub mod bringup;
 mod drive;
 #[cfg(feature = "log")]
 pub mod log;
