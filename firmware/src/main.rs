@@ -5,6 +5,7 @@
 #![no_main]
 
 mod board;
+mod bringup;
 mod crash;
 mod debug_view;
 mod hw;
@@ -36,7 +37,7 @@ mod app {
     use crate::speed::Speed;
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
-    use crate::{CONFIG, crash, log, schedule};
+    use crate::{CONFIG, bringup, crash, log, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -62,6 +63,7 @@ mod app {
     #[init]
     fn init(cx: init::Context) -> (Shared, Local) {
         let (device, mut core) = (cx.device, cx.core);
+        let bringup = bringup::begin();
         let channels = rtt_target::rtt_init! {
             up: {
                 0: { size: 1024, name: "defmt" }
@@ -112,6 +114,17 @@ mod app {
             converters.prepare(pins.channels, board::SAMPLING, &board::WATCH_LIMITS),
             "an ADC did not calibrate: check the analog supply"
         );
+        let breaks = board::OVER_CURRENT.map(|motor| motor.break_sources());
+        if bringup {
+            bringup::run(bringup::Started {
+                plan: &plan,
+                breaks,
+                screw_encoder: &screw_encoder,
+                nut_encoder: &nut_encoder,
+                amplified: pins.amplifiers.iter().any(Option::is_some),
+                channel: channels.up.1,
+            });
+        }
 
         // The HAL's SysTick would come up above the current loops.
         // SAFETY: no critical section relies on SysTick's priority: they mask all interrupts.
@@ -125,7 +138,6 @@ mod app {
 
         let supervision = Supervision::new(Watchdog::start(device.IWDG));
         let timers = (&device.TIM1, &device.TIM8);
-        let breaks = board::OVER_CURRENT.map(|motor| motor.break_sources());
         assert!(
             pwm::start(timers.0, timers.1, &plan, breaks),
             "the PWM timers do not run: check the board's crystal"

@@ -21,7 +21,7 @@ fn each_byte_is_counted_once_and_there_is_room() -> Result<(), String> {
     );
     assert_eq!(
         (flash.limit, ram.limit, ccm.limit),
-        (512 << 10, 96 << 10, 32 << 10)
+        (508 << 10, 96 << 10, 32 << 10)
     );
     assert!(
         ram.limit.abs_diff(ram.used + sizes.stack_room) < 64,

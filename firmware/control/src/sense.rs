@@ -17,6 +17,9 @@ pub enum Shunts {
     Three,
 }
 
+/// How far from its place by design a healthy sensor's zero may be, counts: 1/16 of a 12-bit range.
+pub const ZERO_TOLERANCE_COUNTS: u32 = 256;
+
 /// Codes of the channels of phases a, b, c.
 pub type Codes = [i32; 3];
 
@@ -92,14 +95,14 @@ impl CurrentSense {
         [a, b, c]
     }
 
-    /// The zeros are as near to those by design as a healthy sensor's: within 256 counts, 1/16 of a 12-bit range.
+    /// The zeros are as near to those by design as a healthy sensor's: within [`ZERO_TOLERANCE_COUNTS`].
     #[must_use]
     pub fn healthy(&self, zeros: Codes) -> bool {
         let channels = match self.shunts {
             Shunts::Two => 2,
             Shunts::Three => 3,
         };
-        let tolerance = 256u32.wrapping_shl(self.code_shift);
+        let tolerance = ZERO_TOLERANCE_COUNTS.wrapping_shl(self.code_shift);
         let mut pairs = self.zeros.iter().zip(zeros).take(channels);
         pairs.all(|(nominal, zero)| nominal.abs_diff(zero) <= tolerance)
     }

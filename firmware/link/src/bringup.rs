@@ -52,8 +52,8 @@ codes! {
     Stage {
         Start = 1, "start", "The firmware has taken the request.";
         Clock = 2, "clock", "The clock is being started from the crystal.";
-        Pins = 3, "pins", "Each pin is pulled up and down.";
-        Converters = 4, "converters", "The ADCs convert each channel at each sampling time.";
+        Converters = 3, "converters", "The ADCs convert each channel at each sampling time.";
+        Pins = 4, "pins", "Each pin is pulled up and down.";
         Comparators = 5, "comparators", "The DACs sweep over the comparators' pins.";
         Breaks = 6, "breaks", "Each break source stops its timer.";
         Encoders = 7, "encoders", "The encoders are listened to.";

@@ -33,7 +33,7 @@ use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, SPI1, TIM1, TIM2, TIM4, TIM5,
 
 #[path = "mains_plate.rs"]
 mod plate;
-use plate::GUARDS;
+pub(crate) use plate::GUARDS;
 pub(crate) use plate::{PLATE, SCALE_COUNT_M};
 
 /// Comparators and threshold of each motor: +4.5 A, before the amplifier.
@@ -70,6 +70,9 @@ pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X4;
 // The numbers of the plate are those of the hardware.
 const _: () = assert!(AMPLIFIER_GAIN.times() == plate::AMPLIFIER_GAIN);
 const _: () = assert!(LEAD_S == plate::FRAME_LEAD_S);
+
+/// What holds each input of the gate drivers low while the chip starts, ohm: a resistor at the power stage.
+pub(crate) const GATE_PULL_DOWN_OHM: u32 = 10_000;
 
 pub(crate) type ScrewEncoder = Mt6835;
 pub(crate) type NutEncoder = Incremental<TIM5>;

@@ -5,15 +5,17 @@
 //! 1. A plate beside `mains_plate.rs`: motors, encoders, A and V per count, dead time. Numbers only; what does not fit
 //!    its fixed-point format stops the build.
 //! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `OVER_CURRENT`, `SAMPLING`,
-//!    `AMPLIFIER_GAIN`, `GUARDS`, `ScrewEncoder`, `NutEncoder`, `start_encoders`, `claim`. In `claim` each pin goes once,
+//!    `AMPLIFIER_GAIN`, `GUARDS`, `GATE_PULL_DOWN_OHM`, `ScrewEncoder`, `NutEncoder`, `start_encoders`, `claim`. In `claim` each pin goes once,
 //!    by value, through a function of [`pins`] whose bounds only the right pin in the right alternate function meets.
 //! 3. A feature in `Cargo.toml`, and two lines below.
 //! 4. `cargo check --package firmware --target thumbv7em-none-eabihf --no-default-features --features board-yours`: a pin
 //!    used twice is a use of a moved value, a wrong alternate function an unmet bound that names the pin.
 //! 5. What is wired to which ADC channel, for the emulator (`tests/src/chip/wiring.rs`): then the tests can run it.
 
+mod claimed;
 mod machine;
 mod pins;
+pub(crate) use claimed::{Claimed, claimed};
 pub(crate) use pins::{EncoderParts, Ports};
 
 #[cfg(feature = "board-nucleo")]

@@ -27,7 +27,7 @@ use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, TIM1, TIM2, TIM4, TIM5, TIM8}
 
 #[path = "nucleo_plate.rs"]
 mod plate;
-use plate::GUARDS;
+pub(crate) use plate::GUARDS;
 #[cfg(not(feature = "pwm-40khz"))]
 pub(crate) use plate::PLATE;
 #[cfg(feature = "pwm-40khz")]
@@ -64,6 +64,9 @@ pub(crate) const SAMPLING: u32 = 1;
 
 /// Gain of the on-chip amplifiers, of which this board uses none: its power stages have their own.
 pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X2;
+
+/// What holds each input of the gate drivers low while the chip starts, ohm: a resistor at the power stage.
+pub(crate) const GATE_PULL_DOWN_OHM: u32 = 10_000;
 
 pub(crate) type ScrewEncoder = Incremental<TIM2>;
 pub(crate) type NutEncoder = Incremental<TIM5>;

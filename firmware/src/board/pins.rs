@@ -1,12 +1,14 @@
 //! Bounds that a board's pins must meet: what does not fit its peripheral does not compile.
 
+use super::claimed::{Owned, claim};
 use crate::hw::amplifier::Amplifier;
 use crate::hw::analog::Channels;
 use core::marker::PhantomData;
 use embedded_hal_02::adc::Channel;
+use link::bringup::PinUse;
 use stm32g4xx_hal::adc::Ad;
 use stm32g4xx_hal::comparator::PositiveInput;
-use stm32g4xx_hal::gpio::{AF2, gpioa, gpiob, gpioc};
+use stm32g4xx_hal::gpio::{AF2, PinExt, gpioa, gpiob, gpioc};
 use stm32g4xx_hal::opamp::NonInverting;
 use stm32g4xx_hal::pwm::{
     C1, C2, C3, ComplementaryDisabled, ComplementaryImpossible, NPins, Pins as TimerPin,
@@ -43,26 +45,34 @@ pub(crate) struct EncoderParts<'a> {
 /// The six outputs of the bridge on timer `T`.
 pub(crate) struct Bridge<T>(PhantomData<T>);
 
-impl<T> Bridge<T> {
+impl<T: Owned> Bridge<T> {
     /// Takes the high sides and the low sides of phases a, b, c.
-    pub(crate) fn claim<A, B, C, AN, BN, CN>(_high: (A, B, C), _low: (AN, BN, CN))
+    pub(crate) fn claim<A, B, C, AN, BN, CN>(high: (A, B, C), low: (AN, BN, CN))
     where
-        A: TimerPin<T, C1, ComplementaryDisabled>,
-        B: TimerPin<T, C2, ComplementaryDisabled>,
-        C: TimerPin<T, C3, ComplementaryDisabled>,
-        AN: NPins<T, C1>,
-        BN: NPins<T, C2>,
-        CN: NPins<T, C3>,
+        A: TimerPin<T, C1, ComplementaryDisabled> + PinExt,
+        B: TimerPin<T, C2, ComplementaryDisabled> + PinExt,
+        C: TimerPin<T, C3, ComplementaryDisabled> + PinExt,
+        AN: NPins<T, C1> + PinExt,
+        BN: NPins<T, C2> + PinExt,
+        CN: NPins<T, C3> + PinExt,
     {
+        claim::<T>(&high.0, PinUse::HighA);
+        claim::<T>(&high.1, PinUse::HighB);
+        claim::<T>(&high.2, PinUse::HighC);
+        claim::<T>(&low.0, PinUse::LowA);
+        claim::<T>(&low.1, PinUse::LowB);
+        claim::<T>(&low.2, PinUse::LowC);
     }
 }
 
 /// Takes channels A and B of an encoder on timer `T`.
-pub(crate) fn encoder<T, A, B>(_a: A, _b: B)
+pub(crate) fn encoder<T: Owned, A, B>(a: A, b: B)
 where
-    A: TimerPin<T, C1, ComplementaryImpossible>,
-    B: TimerPin<T, C2, ComplementaryImpossible>,
+    A: TimerPin<T, C1, ComplementaryImpossible> + PinExt,
+    B: TimerPin<T, C2, ComplementaryImpossible> + PinExt,
 {
+    claim::<T>(&a, PinUse::EncoderA);
+    claim::<T>(&b, PinUse::EncoderB);
 }
 
 /// Checks that a shunt's pin is the non-inverting input of comparator `C`.
@@ -80,17 +90,23 @@ impl IndexPin<TIM5> for gpiob::PB12<AF2> {}
 
 /// Takes the index of an encoder on timer `T`.
 #[allow(dead_code, reason = "not every board has one")]
-pub(crate) fn index<T, I: IndexPin<T>>(_index: I) {}
+pub(crate) fn index<T: Owned, I: IndexPin<T> + PinExt>(index: I) {
+    claim::<T>(&index, PinUse::Index);
+}
 
 /// Takes the pins of a sensor on `S`, whose chip select channel 1 of timer `T` makes.
 #[allow(dead_code, reason = "not every board has one")]
-pub(crate) fn framed_spi<S, T, K, I, O, N>(_sck: K, _miso: I, _mosi: O, _select: N)
+pub(crate) fn framed_spi<S, T: Owned, K, I, O, N>(sck: K, miso: I, mosi: O, select: N)
 where
-    K: PinSck<S>,
-    I: PinMiso<S>,
-    O: PinMosi<S>,
-    N: TimerPin<T, C1, ComplementaryImpossible>,
+    K: PinSck<S> + PinExt,
+    I: PinMiso<S> + PinExt,
+    O: PinMosi<S> + PinExt,
+    N: TimerPin<T, C1, ComplementaryImpossible> + PinExt,
 {
+    claim::<T>(&sck, PinUse::Clock);
+    claim::<T>(&miso, PinUse::DataIn);
+    claim::<T>(&mosi, PinUse::DataOut);
+    claim::<T>(&select, PinUse::Select);
 }
 
 /// The amplifier `O`, number `number`, with this pin as its non-inverting input.

@@ -7,6 +7,8 @@ use stm32g4xx_hal::time::RateExtU32;
 
 /// Core and timer clock, Hz.
 pub(crate) const CORE_HZ: u32 = 170_000_000;
+/// The board's crystal, Hz.
+pub(crate) const CRYSTAL_HZ: u32 = 24_000_000;
 
 /// Runs the core and all buses at [`CORE_HZ`] from a 24 MHz crystal: 24 / 6 * 85 / 2.
 pub(crate) fn start(rcc: RCC, pwr: PWR, flash: &FLASH) -> Rcc {
@@ -15,7 +17,7 @@ pub(crate) fn start(rcc: RCC, pwr: PWR, flash: &FLASH) -> Rcc {
         .vos(VoltageScale::Range1 { enable_boost: true })
         .freeze();
     let pll = PllConfig {
-        mux: PllSrc::HSE(24u32.MHz()),
+        mux: PllSrc::HSE(CRYSTAL_HZ.Hz()),
         m: PllMDiv::DIV_6,
         n: PllNMul::MUL_85,
         r: Some(PllRDiv::DIV_2),

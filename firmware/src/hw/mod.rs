@@ -1,4 +1,5 @@
-//! What touches registers. One file a function of the board; nothing above this module names a register.
+//! What touches registers. One file a function of the board; nothing above this module names a register,
+//! but the bring-up, which asks them.
 
 pub(crate) mod amplifier;
 pub(crate) mod analog;
