@@ -3,6 +3,7 @@
 use crate::tools::{emulator_environment, root, target_folder};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
+use launch::Program;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::Command;
@@ -65,16 +66,17 @@ pub fn sizes(options: &SizesOptions) -> Result<()> {
 
 /// Runs one of the emulator's programs.
 fn report<const N: usize>(program: &str, flags: [(bool, &str); N]) -> Result<()> {
-    let mut arguments = vec!["run", "--quiet", "--profile", EMULATOR];
-    arguments.extend(["--package", "tests"]);
-    arguments.extend(["--bin", program, "--"]);
-    arguments.extend(
-        flags
-            .into_iter()
-            .filter(|(on, _)| *on)
-            .map(|(_, flag)| flag),
-    );
-    cargo(&arguments, &emulator_environment(&target_folder())?)
+    let emulator = Program {
+        package: "tests",
+        build: &["--profile", EMULATOR, "--bin", program],
+        environment: &emulator_environment(&target_folder())?,
+    };
+    let flags = flags.into_iter().filter(|(on, _)| *on);
+    let status = emulator
+        .run(flags.map(|(_, flag)| flag.into()))
+        .context("cargo could not be started")?;
+    ensure!(status.success(), "`{program}` failed ({status})");
+    Ok(())
 }
 
 /// The firmware's lints, its build, and its tests on the emulated chip.

@@ -12,7 +12,9 @@ mod simulate;
 mod steps;
 mod test;
 mod tools;
+mod with;
 
+#[cfg(feature = "simulate")]
 use xtask::output;
 
 use clap::{Parser, Subcommand};

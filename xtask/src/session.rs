@@ -1,12 +1,11 @@
 //! `cargo xtask flash | run | attach | command | record`: what needs a debug probe.
 //!
-//! probe-rs is large, and nothing else needs it, so it is behind the feature `probe`: without it these commands build
-//! xtask once more, with it, and hand over.
+//! probe-rs is large, and nothing else needs it, so it is behind the feature `probe`.
 
 use anyhow::{Result, ensure};
 use clap::{Args, Subcommand};
 use std::path::PathBuf;
-use xtask::record::Hold;
+use xtask::hold::Hold;
 
 /// A command that needs a probe.
 #[derive(Clone, Debug, PartialEq, Subcommand)]
@@ -126,23 +125,11 @@ pub fn run(session: Session) -> Result<()> {
     crate::probe::run(session)
 }
 
-/// Builds xtask with probe-rs and hands the same arguments over.
+/// Hands over to an xtask with probe-rs.
 #[cfg(not(feature = "probe"))]
 pub fn run(session: Session) -> Result<()> {
-    use anyhow::Context;
     session.check()?;
-    let manifest = crate::tools::root().join("Cargo.toml");
-    let status = std::process::Command::new("cargo")
-        // Not for release: probe-rs takes minutes to optimise as a whole, and waits for USB anyway.
-        .args(["run", "--quiet", "--package", "xtask"])
-        .args(["--features", "probe", "--manifest-path"])
-        .arg(manifest)
-        .arg("--")
-        .args(std::env::args_os().skip(1))
-        .status()
-        .context("cargo could not be started: is it on the PATH?")?;
-    // It has said why.
-    std::process::exit(status.code().unwrap_or(1));
+    crate::with::With::Probe.take_over()
 }
 
 #[cfg(test)]

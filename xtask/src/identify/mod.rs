@@ -1,7 +1,6 @@
 //! `cargo xtask identify` and `bench identify`.
 //!
-//! The identification's libraries are many, and nothing else needs them, so it is behind the feature `identify`: without
-//! it these commands build xtask once more, with it, and hand over.
+//! The identification's libraries are many, and nothing else needs them, so it is behind the feature `identify`.
 
 #[cfg(feature = "identify")]
 mod bench;
@@ -84,31 +83,14 @@ pub fn bench(options: &BenchOptions) -> Result<()> {
     bench::run(options)
 }
 
-/// Builds xtask with the identification and hands over.
+/// Hands over to an xtask with the identification.
 #[cfg(not(feature = "identify"))]
 pub fn run(_: &IdentifyOptions) -> Result<()> {
-    hand_over()
+    crate::with::With::Identify.take_over()
 }
 
-/// Builds xtask with the identification and hands over.
+/// Hands over to an xtask with the identification.
 #[cfg(not(feature = "identify"))]
 pub fn bench(_: &BenchOptions) -> Result<()> {
-    hand_over()
-}
-
-#[cfg(not(feature = "identify"))]
-fn hand_over() -> Result<()> {
-    use anyhow::Context;
-    let manifest = crate::tools::root().join("Cargo.toml");
-    // In the folder that the caller stands in: the paths that he gave are from there.
-    let status = std::process::Command::new("cargo")
-        .args(["run", "--quiet", "--release", "--package", "xtask"])
-        .args(["--features", "identify", "--manifest-path"])
-        .arg(manifest)
-        .arg("--")
-        .args(std::env::args_os().skip(1))
-        .status()
-        .context("cargo could not be started")?;
-    // It has said why.
-    std::process::exit(status.code().unwrap_or(1));
+    crate::with::With::Identify.take_over()
 }

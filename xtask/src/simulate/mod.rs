@@ -1,29 +1,28 @@
-//! `cargo xtask simulate`: the drive on a simulated machine.
+//! `cargo xtask simulate`: the drive on a simulated machine, behind the feature `simulate`.
 
-mod curves;
-mod heat;
-mod html;
 mod options;
-mod records;
-mod replay;
-mod report;
-mod run;
-mod sweep;
-mod sweep_html;
-mod sweep_report;
-mod table;
+#[cfg(feature = "simulate")]
+mod study;
 
 pub use options::Options;
-pub use run::{PAPER_MEASURED, analytic_percent};
+#[cfg(feature = "simulate")]
+pub use study::{PAPER_MEASURED, analytic_percent};
 
 use anyhow::Result;
-use options::Kind;
 
 /// Runs what the options ask.
+#[cfg(feature = "simulate")]
 pub fn run(options: &Options) -> Result<()> {
+    use options::Kind;
     match &options.kind {
-        None => run::run(options),
-        Some(Kind::Sweep(sweep)) => sweep::run(sweep),
-        Some(Kind::Replay(replay)) => replay::run(replay),
+        None => study::run(options),
+        Some(Kind::Sweep(sweep)) => study::sweep(sweep),
+        Some(Kind::Replay(replay)) => study::replay(replay),
     }
+}
+
+/// Hands over to an xtask with the simulator.
+#[cfg(not(feature = "simulate"))]
+pub fn run(_: &Options) -> Result<()> {
+    crate::with::With::Simulate.take_over()
 }

@@ -1,7 +1,8 @@
 //! Ripple over a grid of table and nut speeds.
 
-use super::options::{Preset, SweepOptions, duration, nut_speed, table_speed};
+use super::options::{Preset, SweepOptions};
 use super::run::{progress_bar, sensor_name};
+use super::setup::{duration, nut_speed, table_speed};
 use super::sweep_html;
 use super::sweep_report::SweepReport;
 use crate::output::Folder;

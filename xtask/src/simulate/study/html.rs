@@ -134,8 +134,8 @@ fn foot(setup: &SetupReport) -> String {
 
 #[cfg(test)]
 mod tests {
+    use super::super::report::{CurveReport, Mark as Harmonic, SensitivityReport};
     use super::*;
-    use crate::simulate::report::{CurveReport, Mark as Harmonic, SensitivityReport};
     use std::f64::consts::TAU;
 
     fn run(nut_rpm: f64, vrf_percent: f64, measured_percent: Option<f64>) -> RunReport {

@@ -1,7 +1,8 @@
 //! The experiment of the paper, or the same at other speeds, loads, machines and sensors.
 
-use super::options::{Options, Preset, Sensing, duration, nut_speed, table_speed};
+use super::options::{Options, Preset, Sensing};
 use super::report::{CurveReport, Mark, Report, RunReport, SensitivityReport, SetupReport};
+use super::setup::{duration, nut_speed, table_speed};
 use super::{curves, html, table};
 use crate::output::Folder;
 use anyhow::{Context, Result, ensure};

@@ -1,38 +1,13 @@
-//! `cargo xtask bench`: the project against its goals.
+//! `cargo xtask bench drive`: ripple of the simulated drive, and the simulator's speed.
 
+use super::DriveOptions;
 use crate::simulate::{PAPER_MEASURED, analytic_percent};
 use anyhow::Result;
-use clap::{Args, Subcommand};
 use hal_sim::experiment::{OperatingPoint, RPM, Setup, ripple_percent, settle_quietly};
 use plant::machine::Coupling;
 use plant::model::Model;
 use serde::Serialize;
 use std::time::Instant;
-
-/// What to measure.
-#[derive(Subcommand)]
-pub enum Bench {
-    /// Ripple of the simulated drive on the paper's machine, and the simulator's speed.
-    Drive(DriveOptions),
-    /// The identification on the recordings and measured data beside the project.
-    Identify(crate::identify::BenchOptions),
-}
-
-/// How to say it.
-#[derive(Args)]
-pub struct DriveOptions {
-    /// As JSON.
-    #[arg(long)]
-    json: bool,
-}
-
-/// Measures and prints.
-pub fn run(what: &Bench) -> Result<()> {
-    match what {
-        Bench::Drive(options) => drive(options),
-        Bench::Identify(options) => crate::identify::bench(options),
-    }
-}
 
 #[derive(Serialize)]
 struct DriveBench {
@@ -61,7 +36,8 @@ const SPEED_GOAL: f64 = 100.0;
 
 const PAPER_VELOCITY: f64 = 2.5e-3;
 
-fn drive(options: &DriveOptions) -> Result<()> {
+/// Measures and prints.
+pub(super) fn run(options: &DriveOptions) -> Result<()> {
     let mut vrf = Vec::new();
     for (sensors, _) in GOALS {
         let setup = setup(sensors);

@@ -1,0 +1,43 @@
+//! `cargo xtask bench`: the project against its goals.
+
+#[cfg(feature = "simulate")]
+mod drive;
+
+use anyhow::Result;
+use clap::{Args, Subcommand};
+
+/// What to measure.
+#[derive(Subcommand)]
+pub enum Bench {
+    /// Ripple of the simulated drive on the paper's machine, and the simulator's speed.
+    Drive(DriveOptions),
+    /// The identification on the recordings and measured data beside the project.
+    Identify(crate::identify::BenchOptions),
+}
+
+/// How to say it.
+#[derive(Args)]
+pub struct DriveOptions {
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Measures and prints.
+pub fn run(what: &Bench) -> Result<()> {
+    match what {
+        Bench::Drive(options) => drive(options),
+        Bench::Identify(options) => crate::identify::bench(options),
+    }
+}
+
+#[cfg(feature = "simulate")]
+fn drive(options: &DriveOptions) -> Result<()> {
+    drive::run(options)
+}
+
+/// Hands over to an xtask with the simulator.
+#[cfg(not(feature = "simulate"))]
+fn drive(_: &DriveOptions) -> Result<()> {
+    crate::with::With::Simulate.take_over()
+}

@@ -1,0 +1,20 @@
+//! The simulations and their reports.
+
+mod curves;
+mod heat;
+mod html;
+mod records;
+mod replay;
+mod report;
+mod run;
+mod setup;
+mod sweep;
+mod sweep_html;
+mod sweep_report;
+mod table;
+
+pub use replay::run as replay;
+pub use run::{PAPER_MEASURED, analytic_percent, run};
+pub use sweep::run as sweep;
+
+use super::options;
