@@ -16,6 +16,7 @@ mod with;
 
 #[cfg(feature = "simulate")]
 use xtask::output;
+use xtask::wiring;
 
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
@@ -45,6 +46,8 @@ enum Task {
     Cost(firmware::CostOptions),
     /// Print what the firmware takes of the chip's flash, RAM, CCM and stack, and its largest symbols.
     Sizes(firmware::SizesOptions),
+    /// Draw the default board's wiring from the table on its page.
+    Wiring,
     #[command(flatten)]
     Session(session::Session),
     /// What can be told within a minute: format, lints, documentation, tests of control, plant and drive.
@@ -61,6 +64,7 @@ fn main() -> ExitCode {
         Task::Build => firmware::build().map(|_| ()),
         Task::Cost(options) => firmware::cost(&options),
         Task::Sizes(options) => firmware::sizes(&options),
+        Task::Wiring => wiring::draw(&tools::root()).map(|path| println!("{}", path.display())),
         Task::Session(session) => session::run(session),
         Task::Check => check::run(),
         Task::Test => test::run(),
