@@ -1,6 +1,6 @@
 //! A board for 310 V from the mains: an STM32G474RE with its own power stages, current amplifiers inside the chip, an
 //! absolute encoder on the screw's motor and an incremental one with index on the nut's. Its chip, and all that is wired
-//! to it, is at mains potential: see `mains_310v.md` before a cable is plugged in.
+//! to it, is at mains potential: see `firmware/boards/mains_310v.md` before a cable is plugged in.
 //!
 //! | what | screw | nut |
 //! | --- | --- | --- |
