@@ -6,7 +6,6 @@ use crate::CONFIG;
 use crate::motor_loop::MOTORS;
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity, Voltage};
 use control::supervisor;
-use control::transform::Rotation;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::codes::{Fault, State};
 use link::scale;
@@ -86,7 +85,7 @@ pub(crate) const fn fault_code(fault: supervisor::Fault) -> Fault {
 /// Angles of the shafts, screw and nut, 2^-32 turn, as the current loops last saw them.
 pub(crate) fn angles() -> [u32; 2] {
     core::array::from_fn(|k| {
-        let count = MOTORS[k].encoder.load(Relaxed);
+        let count = MOTORS[k].exchange.encoder();
         CONFIG.current_loops[k].observer.encoder.angle(count).0
     })
 }
@@ -95,31 +94,24 @@ pub(crate) fn angles() -> [u32; 2] {
 pub(crate) fn refresh() {
     for (k, (view, motor)) in DRIVE_VIEW.motors.iter().zip(&MOTORS).enumerate() {
         let config = &CONFIG.current_loops[k];
-        let observer = &config.observer;
-        let count = motor.encoder.load(Relaxed);
-        let theta_e = observer
-            .encoder
-            .angle(count)
-            .times(observer.pole_pairs)
-            .plus(observer.theta_e_offset);
-        let current = Rotation::new(theta_e).park(config.sense.vector(motor.codes()));
+        let (observer, exchange) = (&config.observer, &motor.exchange);
+        let current = exchange.current();
         let current = [current.d, current.q].map(|i| config.sense.scale.current(i));
         for (word, current) in view.current.iter().zip(current) {
             word.store(current.to_bits(), Relaxed);
         }
-        let omega_e = observer
-            .omega_e(motor.exchange.status().theta_step)
-            .to_bits();
+        let omega_e = observer.omega_e(exchange.status().theta_step).to_bits();
         let omega = omega_e.checked_div(observer.pole_pairs.cast_signed());
         view.speed.store(omega.unwrap_or(0), Relaxed);
-        view.steps.store(motor.exchange.periods(), Relaxed);
-        for (word, from) in [
-            (&view.encoder, &motor.encoder),
-            (&view.missed, &motor.missed),
-            (&view.cycles, &motor.cycles),
-            (&view.cycles_max, &motor.cycles_max),
+        DRIVE_VIEW.encoder_wrong[k].store(exchange.wrong_readings(), Relaxed);
+        for (word, value) in [
+            (&view.steps, exchange.periods()),
+            (&view.encoder, exchange.encoder()),
+            (&view.missed, exchange.missed()),
+            (&view.cycles, motor.cycles.load(Relaxed)),
+            (&view.cycles_max, motor.cycles_max.load(Relaxed)),
         ] {
-            word.store(from.load(Relaxed), Relaxed);
+            word.store(value, Relaxed);
         }
     }
 }

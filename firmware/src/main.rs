@@ -30,7 +30,7 @@ const CONFIG: DriveConfig = match board::PLATE.config() {
 mod app {
     use crate::board::{self, EncoderParts, Ports};
     use crate::debug_view::DRIVE_VIEW;
-    use crate::hw::motor_io::MotorIo;
+    use crate::hw::motor_io::Registers;
     use crate::hw::watchdog::{Watchdog, reset_reason};
     use crate::hw::{amplifier, analog, clock, cycles, deadman, encoder, protection, pwm};
     use crate::motor_loop::{MOTORS, MotorLoop};
@@ -148,14 +148,14 @@ mod app {
         let bdtr = pwm::bdtr(&plan);
         deadman::start(device.TIM7, plan.period);
         let local = Local {
-            screw: MotorLoop::new(MotorIo::new(
+            screw: MotorLoop::new(Registers::new(
                 device.TIM1,
                 device.ADC1,
                 device.ADC2,
                 screw_encoder,
                 bdtr,
             )),
-            nut: MotorLoop::new(MotorIo::new(
+            nut: MotorLoop::new(Registers::new(
                 device.TIM8,
                 device.ADC4,
                 device.ADC3,

@@ -51,7 +51,7 @@ impl Speed {
             run: DRIVE_COMMAND.asks(Run::Run),
             reset: DRIVE_COMMAND.asks(Run::Reset),
         };
-        let [screw, nut] = MOTORS.each_ref().map(|motor| &motor.exchange);
+        let exchanges = MOTORS.each_ref().map(|motor| &motor.exchange);
         let found = match self.watches.take() {
             _ if deadman::has_run_out(request.reset) => Some(Fault::LoopHung),
             None => Fault::of_number(FOUND.load(Relaxed)),
@@ -59,11 +59,7 @@ impl Speed {
         };
         let output = self
             .control
-            .step(&CONFIG, request, [screw.status(), nut.status()], found);
-        let [to_screw, to_nut] = output.current;
-        let [screw_loop, nut_loop] = const { &CONFIG.current_loops };
-        screw.ask(to_screw, screw_loop);
-        nut.ask(to_nut, nut_loop);
+            .step(const { &CONFIG }, request, exchanges, found);
 
         // The table of the others is a jump, which the state that counts need not pay.
         let (state, fault) = if output.state == State::Running {

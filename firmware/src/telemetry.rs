@@ -7,9 +7,10 @@
 use crate::CONFIG;
 use crate::board;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
-use crate::motor_loop::{MOTORS, MotorShared};
+use crate::motor_loop::MOTORS;
 use crate::rows::{ROWS, Rows, WORDS};
 use control::current_loop::CurrentLoopConfig;
+use control::exchange::MotorExchange;
 use control::plate::MotorPlate as Plate;
 use control::speed_task::SpeedTaskOutput;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
@@ -51,18 +52,18 @@ impl Sampler {
         if asked == 0 {
             return;
         }
-        let [screw, nut] = &MOTORS;
+        let [screw, nut] = MOTORS.each_ref().map(|motor| &motor.exchange);
         if asked != self.serving {
             self.serving = asked;
             self.left = 0;
-            self.start = screw.exchange.periods();
+            self.start = screw.periods();
         }
         if let Some(left) = self.left.checked_sub(1) {
             self.left = left;
             return;
         }
         self.left = Request::of_word(asked).divider.saturating_sub(1);
-        let period = screw.exchange.periods().wrapping_sub(self.start);
+        let period = screw.periods().wrapping_sub(self.start);
         let (s, n) = (words(screw), words(nut));
         let [to_screw, to_nut] = output.current.map(|c| c.i_q.to_bits().cast_unsigned());
         let [screw_speed, nut_speed] = output.speed.map(|s| s.omega_e.to_bits().cast_unsigned());
@@ -93,18 +94,18 @@ impl Sampler {
 /// A motor's encoder, currents and voltages, of one step of its current loop: currents as codes, voltages as the loop has
 /// them.
 #[inline(always)]
-fn words(motor: &MotorShared) -> [u32; 5] {
+fn words(exchange: &MotorExchange) -> [u32; 5] {
     let take = || {
-        let periods = motor.exchange.periods();
+        let periods = exchange.periods();
         // The last step's voltage acts from the next period on; what acted in the period that ended with the sample is
         // the one of two steps before.
-        let [d, q] = motor.voltage(periods.wrapping_sub(2));
-        let [a, b, _] = motor.codes().map(i32::cast_unsigned);
-        let [d, q] = [d, q].map(|word| word.load(Relaxed).cast_unsigned());
-        (periods, [motor.encoder.load(Relaxed), a, b, d, q])
+        let voltage = exchange.voltage(periods.wrapping_sub(2));
+        let [a, b, _] = exchange.codes().map(i32::cast_unsigned);
+        let [d, q] = [voltage.d, voltage.q].map(|v| v.to_bits().cast_unsigned());
+        (periods, [exchange.encoder(), a, b, d, q])
     };
     let (periods, words) = take();
-    if motor.exchange.periods() == periods {
+    if exchange.periods() == periods {
         words
     } else {
         // Its next step is a period away.

@@ -1,8 +1,6 @@
 //! How fast the whole two-motor drive is simulated, and where the time goes: a period is two current loops, two board
 //! turns (eight conversions with noise, two encoders) and two integration steps; every fourth has a speed step.
 
-use control::current_loop::{CurrentLoop, CurrentReference, Mode};
-use control::format::Current;
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
 use hal_sim::experiment::{OperatingPoint, RPM, Setup, settle_quietly};
 use plant::Axis;
@@ -43,18 +41,6 @@ fn parts(c: &mut Criterion) {
     let mut board = drive.board.clone();
     group.bench_function("board turn: compares taken, sensors read", |b| {
         b.iter(|| board.turn(black_box(Axis::Screw)))
-    });
-    let config = setup.plate().motors[0]
-        .current_loop(&setup.plate())
-        .unwrap();
-    let (mut current_loop, sample) = (CurrentLoop::new(&config), *drive.sample(Axis::Screw));
-    let reference = CurrentReference {
-        mode: Mode::Drive,
-        i_q: Current::lit("0.6"),
-    };
-    group.bench_function("current loop", |b| {
-        let scale = config.modulation.bus_scale(sample.bus);
-        b.iter(|| current_loop.step(black_box(&config), black_box(&sample), reference, scale))
     });
     group.finish();
 }

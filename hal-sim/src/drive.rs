@@ -5,18 +5,79 @@
 
 use crate::board::{Board, BoardConfig};
 use control::coordinator::{Command, CommandError};
-use control::current_loop::{
-    CurrentLoop, CurrentReference, Mode, MotorEstimate, MotorSample, PwmCommand, Rested,
-};
-use control::exchange::MotorExchange;
-use control::format::{MechanicalSpeed, Misfit, TableVelocity, Voltage};
+use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
+use control::exchange::{MotorExchange, MotorStatus};
+use control::format::{Angle, Current, MechanicalSpeed, Misfit, TableVelocity, Voltage};
+use control::motor_io::MotorIo;
 use control::plate::{DriveConfig, DrivePlate};
+use control::sense::Shunts;
 use control::speed_task::{SpeedTask, SpeedTaskOutput};
 use control::supervisor::{Request, State};
 use control::transform::DirectQuadrature;
 use plant::Axis;
 use plant::machine::{Coupling, Machine};
 use plant::model::Model;
+
+/// What a current loop knew after a period.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorEstimate {
+    /// Mechanical angle of the shaft.
+    pub theta: Angle,
+    /// Measured phase currents, A.
+    pub phases: [Current; 3],
+    /// Measured current, A.
+    pub current: DirectQuadrature<Current>,
+    /// Commanded voltage, V.
+    pub voltage: DirectQuadrature<Voltage>,
+    /// What it tells the speed task.
+    pub status: MotorStatus,
+}
+
+/// The board's registers of one motor in one period.
+struct Registers<'a> {
+    board: &'a mut Board,
+    axis: Axis,
+    sample: MotorSample,
+    command: &'a mut PwmCommand,
+}
+
+impl MotorIo for Registers<'_> {
+    fn acknowledge(&mut self) -> bool {
+        self.sample.broken
+    }
+
+    fn encoder(&mut self) -> u32 {
+        self.sample.encoder
+    }
+
+    fn current(&mut self, _: Shunts) -> [u16; 3] {
+        self.sample.current
+    }
+
+    fn bus(&mut self) -> u32 {
+        self.sample.bus.into()
+    }
+
+    fn write(&mut self, compare: [u16; 3]) {
+        self.command.compare = compare;
+    }
+
+    fn close(&mut self) {
+        self.command.enable = true;
+    }
+
+    fn open(&mut self) {
+        self.command.enable = false;
+    }
+
+    fn clear_break(&mut self) {
+        self.board.clear_break(self.axis);
+    }
+
+    fn in_time(&mut self) -> bool {
+        true
+    }
+}
 
 /// The whole drive: control code, board, machine.
 #[derive(Debug)]
@@ -29,11 +90,8 @@ pub struct Drive {
     current_loops: [CurrentLoop; 2],
     speed_task: SpeedTask,
     exchanges: [MotorExchange; 2],
-    estimates: [MotorEstimate; 2],
     compares: [PwmCommand; 2],
     samples: [MotorSample; 2],
-    /// Voltages computed one and two periods ago: the second acted in the period that ends now.
-    voltages: [[DirectQuadrature<Voltage>; 2]; 2],
     speed: SpeedTaskOutput,
     pole_pairs: [u32; 2],
     periods: u64,
@@ -59,11 +117,12 @@ impl Drive {
             },
             current_loops: config.current_loops.each_ref().map(CurrentLoop::new),
             speed_task: SpeedTask::new(),
-            exchanges: [(); 2].map(|()| MotorExchange::new(config.speed_divider)),
-            estimates: [MotorEstimate::default(); 2],
+            exchanges: config
+                .current_loops
+                .each_ref()
+                .map(|motor| MotorExchange::new(motor, config.speed_divider)),
             compares: [PwmCommand::default(); 2],
             samples: [MotorSample::default(); 2],
-            voltages: [[DirectQuadrature::default(); 2]; 2],
             speed: SpeedTaskOutput::default(),
             config,
             pole_pairs: plate.motors.map(|motor| motor.pole_pairs),
@@ -131,8 +190,28 @@ impl Drive {
 
     /// What the current loop of `axis` knew after its last step.
     #[must_use]
-    pub fn estimate(&self, axis: Axis) -> &MotorEstimate {
-        &self.estimates[axis.index()]
+    pub fn estimate(&self, axis: Axis) -> MotorEstimate {
+        let (exchange, sense) = (
+            &self.exchanges[axis.index()],
+            &self.config.current_loops[axis.index()].sense,
+        );
+        let current = exchange.current();
+        MotorEstimate {
+            theta: self.current_loops[axis.index()].shaft().0,
+            phases: sense.phases(exchange.codes()),
+            current: DirectQuadrature {
+                d: sense.scale.current(current.d),
+                q: sense.scale.current(current.q),
+            },
+            voltage: exchange.voltage(exchange.periods()),
+            status: exchange.status(),
+        }
+    }
+
+    /// The words between the current loop of `axis` and the speed task.
+    #[must_use]
+    pub fn exchange(&self, axis: Axis) -> &MotorExchange {
+        &self.exchanges[axis.index()]
     }
 
     /// What the board last read for `axis`.
@@ -144,7 +223,8 @@ impl Drive {
     /// Voltage that was commanded for the control period of `axis` that ended with its last sample.
     #[must_use]
     pub fn ended_voltage(&self, axis: Axis) -> DirectQuadrature<Voltage> {
-        self.voltages[axis.index()][1]
+        let exchange = &self.exchanges[axis.index()];
+        exchange.voltage(exchange.periods().wrapping_sub(2))
     }
 
     /// What the current loop of `axis` last wrote to its timer.
@@ -162,42 +242,24 @@ impl Drive {
     fn current_interrupt(&mut self, axis: Axis) {
         let k = axis.index();
         let sample = self.board.turn(axis);
-        let (config, exchange) = (&self.config.current_loops[k], &self.exchanges[k]);
-        let drive = exchange.asked_to_drive();
-        let asked = exchange.asked_to_rest();
-        let reference = CurrentReference {
-            mode: if drive { Mode::Drive } else { asked.mode },
-            i_q: config.sense.scale.current(exchange.i_q()),
+        let mut registers = Registers {
+            board: &mut self.board,
+            axis,
+            sample,
+            command: &mut self.compares[k],
         };
-        let (command, estimate) =
-            self.current_loops[k].step(config, &sample, reference, exchange.bus_scale());
-        exchange.publish_speed(estimate.motion.theta_step);
-        exchange.publish_bus(sample.bus);
-        if estimate.voltage_limited {
-            exchange.publish_limited();
-        }
-        if !command.enable {
-            let rested = Rested {
-                calibration: estimate.calibration,
-                broken: estimate.broken,
-                encoder_stuck: estimate.encoder_stuck,
-            };
-            exchange.publish_rest(rested, asked.stale);
-        }
-        self.board.write(axis, command);
-        self.voltages[k] = [self.estimates[k].voltage, self.voltages[k][0]];
+        self.current_loops[k].period(
+            &self.config.current_loops[k],
+            &mut registers,
+            &self.exchanges[k],
+        );
+        self.board.write(axis, self.compares[k]);
         self.samples[k] = sample;
-        self.estimates[k] = estimate;
-        self.compares[k] = command;
     }
 
     fn speed_interrupt(&mut self) {
-        let status = [self.exchanges[0].status(), self.exchanges[1].status()];
-        self.speed = self
-            .speed_task
-            .step(&self.config, self.request, status, None);
-        for (k, exchange) in self.exchanges.iter().enumerate() {
-            exchange.ask(self.speed.current[k], &self.config.current_loops[k]);
-        }
+        self.speed =
+            self.speed_task
+                .step(&self.config, self.request, self.exchanges.each_ref(), None);
     }
 }

@@ -123,10 +123,10 @@ fn creeps_on_absolute_encoders() {
     // shaft by 170 urad at 300 rpm.
     let (mut off, mut periods) = (0.0, 0);
     run(&mut drive, 0.1, |drive| {
-        let estimate = drive.estimate(Axis::Nut).motion;
+        let estimate = drive.estimate(Axis::Nut);
         // The nut's sample is half a period old.
         let sampled = drive.board.machine.motor(Axis::Nut).theta
-            - 0.5 * estimate.theta_step as f64 / 2f64.powi(32) * TAU;
+            - 0.5 * f64::from(estimate.status.theta_step) / 2f64.powi(32) * TAU;
         let turns = f64::from(estimate.theta.0) / 2f64.powi(32) - sampled / TAU;
         off += (turns - turns.round()) * TAU;
         periods += 1;
@@ -204,7 +204,7 @@ fn a_limited_motor_slows_the_pair_and_the_table_keeps_its_direction() {
         run(&mut drive, 3.0, |drive| {
             let gives_way = Axis::ALL
                 .iter()
-                .any(|&axis| drive.estimate(axis).voltage_limited);
+                .any(|&axis| drive.estimate(axis).status.voltage_limited);
             limited += u32::from(gives_way);
             if drive.periods().is_multiple_of(100) {
                 let now = drive.board.machine.table_position();

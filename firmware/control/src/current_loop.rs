@@ -1,17 +1,23 @@
 //! One motor's current loop: raw sample in, compare values out, once a PWM period.
 //!
+//! [`CurrentLoop::period`] is the whole of it, on the registers of a [`MotorIo`] and the words of a [`MotorExchange`]. Board
+//! and host run this same code.
+//!
 //! Timing: the sample is taken at the counter's turn; the compare values of this step take effect at the next turn
 //! and act for one period, so on average one and a half periods after the sample. The voltage is turned forward by
 //! the angle that the rotor gains in that time.
 
 use crate::encoder::Interface;
 use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig, Seen};
-use crate::format::{Angle, Current, ScaledCurrent, Voltage};
-use crate::modulation::{BusScale, ModulationConfig};
-use crate::observer::{Motion, Observer, ObserverConfig};
-use crate::regulator::{Regulator, RegulatorConfig, RegulatorOutput};
+use crate::exchange::{Asked, MotorExchange};
+use crate::format::{Angle, Current, ScaledCurrent};
+use crate::modulation::ModulationConfig;
+use crate::motor_io::MotorIo;
+use crate::observer::{EncoderAlignment, Motion, Observer, ObserverConfig};
+use crate::regulator::{Regulator, RegulatorConfig};
 use crate::sense::{BusSense, Codes, CurrentSense, ZeroCalibration};
 use crate::transform::{DirectQuadrature, Rotation};
+use core::hint::cold_path;
 
 /// Configuration of a motor's current loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -22,6 +28,8 @@ pub struct CurrentLoopConfig {
     pub bus: BusSense,
     /// Raw word to encoder counts.
     pub encoder: Interface,
+    /// How the encoder lies to its rotor, if that is known when the drive starts.
+    pub alignment: Option<EncoderAlignment>,
     /// Encoder counts to angle and speed.
     pub observer: ObserverConfig,
     /// Whether the encoder is to be trusted.
@@ -34,7 +42,7 @@ pub struct CurrentLoopConfig {
     pub measure_zeros: bool,
 }
 
-/// What the board read at the counter's turn.
+/// What a board reads at the counter's turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct MotorSample {
     /// ADC counts of the shunts in phases a, b, c.
@@ -49,7 +57,6 @@ pub struct MotorSample {
 
 /// What a current loop does with its bridge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-#[repr(u8)]
 pub enum Mode {
     /// Outputs off.
     #[default]
@@ -58,6 +65,19 @@ pub enum Mode {
     Calibrate,
     /// Outputs on, currents controlled.
     Drive,
+    /// Outputs off, the break acknowledged.
+    Reset,
+}
+
+/// The frame in which currents are controlled.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Frame {
+    /// The rotor's own, which the encoder gives once it is aligned.
+    #[default]
+    Rotor,
+    /// One that stands at this electrical angle, whatever the encoder says: a current along its d axis pulls the magnets'
+    /// flux there.
+    Commanded(Angle),
 }
 
 /// What the speed task asks of a current loop.
@@ -65,7 +85,11 @@ pub enum Mode {
 pub struct CurrentReference {
     /// What to do with the bridge.
     pub mode: Mode,
-    /// Torque-making current, A; `i_d` is held at 0 (Eq 6).
+    /// The frame of the currents.
+    pub frame: Frame,
+    /// Current along the flux, A: 0 in the rotor's frame (Eq 6).
+    pub i_d: Current,
+    /// Torque-making current, A.
     pub i_q: Current,
 }
 
@@ -90,40 +114,19 @@ pub struct Measured {
     pub current: DirectQuadrature<ScaledCurrent>,
 }
 
-/// What a current loop knows after a period with its bridge off.
+/// What a current loop knows after a period that it did not drive in the rotor's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rested {
     /// How far the offset calibration is.
     pub calibration: Calibration,
     /// The break input has stopped the bridge.
     pub broken: bool,
+    /// A measured current was beyond its limit.
+    pub over_current: bool,
     /// The encoder's count stands while the shaft turns, or too many of its readings are wrong.
     pub encoder_stuck: bool,
-}
-
-/// What a current loop knows after a step.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct MotorEstimate {
-    /// Angle and speed.
-    pub motion: Motion,
-    /// Measured phase currents, A.
-    pub phases: [Current; 3],
-    /// Measured current, A.
-    pub current: DirectQuadrature<Current>,
-    /// Commanded voltage, V.
-    pub voltage: DirectQuadrature<Voltage>,
-    /// Measured bus voltage, V.
-    pub bus: Voltage,
-    /// The voltage circle cut the command.
-    pub voltage_limited: bool,
-    /// The break input has stopped the bridge.
-    pub broken: bool,
-    /// The encoder's count stands while the shaft turns, or too many of its readings are wrong: the bridge is off.
-    pub encoder_stuck: bool,
-    /// This reading of the encoder is wrong: the observer held what it predicted, or followed a jump.
-    pub encoder_wrong: bool,
-    /// How far the offset calibration is.
-    pub calibration: Calibration,
+    /// The rotor's angle is known.
+    pub angle_known: bool,
 }
 
 /// What the bridge shall do from the next turn of its counter on.
@@ -135,6 +138,30 @@ pub struct PwmCommand {
     pub enable: bool,
 }
 
+/// How the loop left its bridge. The break may have opened it since.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Bridge {
+    Open,
+    /// Closed for currents in a commanded frame.
+    ClosedCommanded,
+    /// Closed for currents in the rotor's frame: its angle is known.
+    Closed,
+}
+
+/// A period's readings.
+struct Sampled {
+    counts: Option<u32>,
+    motion: Motion,
+    measured: Measured,
+}
+
+/// Where the frame of the currents is, and how far it turns in a period, 2^-32 turn.
+#[derive(Clone, Copy)]
+struct FrameMotion {
+    theta_e: Angle,
+    step: i32,
+}
+
 /// State of one motor's current loop. The configuration comes with each step: where it is a constant, as in the
 /// firmware, the compiler puts its numbers into the instructions.
 #[derive(Clone, Copy, Debug)]
@@ -144,8 +171,11 @@ pub struct CurrentLoop {
     regulator: Regulator,
     /// Zeros of the current channels.
     zeros: Codes,
+    bridge: Bridge,
     zero_calibration: ZeroCalibration,
     calibration: Calibration,
+    /// How the encoder lies to its rotor, as far as it is known. The observer has it too.
+    alignment: Option<EncoderAlignment>,
     /// The observer knows where the shaft is.
     started: bool,
 }
@@ -154,170 +184,283 @@ impl CurrentLoop {
     /// A loop at rest with nominal current zeros.
     #[must_use]
     pub const fn new(config: &CurrentLoopConfig) -> Self {
+        let alignment = match config.alignment {
+            Some(alignment) => alignment,
+            None => EncoderAlignment::straight(),
+        };
         Self {
-            observer: Observer::new(),
+            observer: Observer::new(alignment),
             encoder_watch: EncoderWatch::new(),
             regulator: Regulator::new(),
             zeros: config.sense.zeros,
+            bridge: Bridge::Open,
             zero_calibration: ZeroCalibration::new(),
             calibration: if config.measure_zeros {
                 Calibration::Pending
             } else {
                 Calibration::Done
             },
+            alignment: config.alignment,
             started: false,
         }
     }
 
-    /// One PWM period: the steps below in their order, with all that is known after them. The firmware takes the steps one
-    /// by one, with its registers between them: each is read where it is needed.
+    /// One PWM period: sample, step, apply, publish. Each register is read where it is needed. `true` if the reference is
+    /// stale: the speed task, which says what the drive is doing, cannot.
     #[inline(always)]
-    pub fn step(
+    pub fn period(
         &mut self,
         config: &CurrentLoopConfig,
-        sample: &MotorSample,
-        reference: CurrentReference,
-        scale: BusScale,
-    ) -> (PwmCommand, MotorEstimate) {
-        let (counts, motion) = self.observe(config, sample.encoder);
-        let drive = reference.mode == Mode::Drive;
-        let seen = self.watch(config, counts, &motion, drive);
-        let measured = self.measure(config, sample.current, &motion);
-        let amperes = config.sense.scale;
-        let mut estimate = MotorEstimate {
-            motion,
-            phases: config.sense.phases(measured.codes),
-            current: DirectQuadrature {
-                d: amperes.current(measured.current.d),
-                q: amperes.current(measured.current.q),
-            },
-            bus: config.bus.voltage(sample.bus),
-            broken: sample.broken,
-            encoder_wrong: seen.wrong,
-            calibration: self.calibration,
-            ..MotorEstimate::default()
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+    ) -> bool {
+        let broken = io.acknowledge();
+        let asked_to_drive = exchange.begin_period();
+        let stale = if asked_to_drive && !broken {
+            self.drive_in_rotor_frame(config, io, exchange);
+            false
+        } else {
+            self.any_other_period(config, io, exchange, broken)
         };
-        let mut command = PwmCommand::default();
-        if drive && !sample.broken && self.may_drive() {
-            let i_q = amperes.scaled(reference.i_q);
-            let output = self.regulate(config, i_q, &measured, &motion, sample.bus.into());
-            command.compare = Self::modulate(
-                config,
-                output.voltage,
-                &measured,
-                &motion,
-                scale,
-                sample.bus.into(),
-            );
-            command.enable = true;
-            estimate.voltage = output.voltage;
-            estimate.voltage_limited = output.limited;
-            return (command, estimate);
+        if !io.in_time() {
+            exchange.publish_missed();
         }
-        let rested = self.rest(config, sample, counts, reference.mode);
-        estimate.calibration = rested.calibration;
-        estimate.encoder_stuck = rested.encoder_stuck;
-        (command, estimate)
+        stale
     }
 
-    /// The bridge may be closed: the shaft's place is known, and the encoder has not failed.
+    /// Where the shaft is, in the rotor's sense, and how far it turns in a period, 2^-32 turn.
     #[must_use]
-    #[inline(always)]
-    pub fn may_drive(&self) -> bool {
-        self.started && !self.encoder_watch.failed()
+    pub fn shaft(&self) -> (Angle, i32) {
+        self.observer.shaft()
     }
 
-    /// The encoder's raw word -> its counts, `None` of a reading that is wrong, where the shaft is and how fast it turns.
+    /// A period of a drive at work.
     #[inline(always)]
-    pub fn observe(&mut self, config: &CurrentLoopConfig, encoder: u32) -> (Option<u32>, Motion) {
-        let counts = config.encoder.counts(encoder);
-        (counts, self.observer.follow(&config.observer, counts))
-    }
-
-    /// ADC counts of the phases -> currents.
-    #[must_use]
-    #[inline(always)]
-    pub fn measure(
-        &self,
-        config: &CurrentLoopConfig,
-        counts: [u16; 3],
-        motion: &Motion,
-    ) -> Measured {
-        let codes = config.sense.codes(counts, self.zeros);
-        let rotation = Rotation::new(motion.theta_e);
-        let current = rotation.park(config.sense.vector(codes));
-        Measured { codes, current }
-    }
-
-    /// Whether the encoder is to be trusted, once in each period; `drive`: the bridge is asked to be on.
-    #[inline(always)]
-    pub fn watch(
+    fn drive_in_rotor_frame(
         &mut self,
         config: &CurrentLoopConfig,
-        counts: Option<u32>,
-        motion: &Motion,
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+    ) {
+        let sampled = self.sample(config, io, exchange, Frame::Rotor);
+        let seen = self.watch(config, &sampled, exchange, true);
+        if self.may_be_closed(Frame::Rotor, seen) {
+            let frame = FrameMotion {
+                theta_e: sampled.motion.theta_e,
+                step: sampled.motion.theta_e_step,
+            };
+            self.drive(config, io, exchange, frame, &sampled.measured);
+            self.close(io, Bridge::Closed);
+        } else {
+            let asked = Asked {
+                mode: Mode::Drive,
+                ..Asked::default()
+            };
+            self.rest(config, io, exchange, asked, sampled.counts, false);
+        }
+    }
+
+    /// A period with the bridge off, or with currents in a commanded frame; `true` if the reference is stale.
+    #[cold]
+    #[inline(never)]
+    fn any_other_period(
+        &mut self,
+        config: &CurrentLoopConfig,
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+        broken: bool,
+    ) -> bool {
+        let asked = exchange.asked();
+        self.take_alignment(exchange.alignment());
+        let sampled = self.sample(config, io, exchange, asked.frame);
+        let drive = asked.mode == Mode::Drive;
+        let seen = self.watch(config, &sampled, exchange, drive);
+        if drive && !broken && self.may_be_closed(asked.frame, seen) {
+            let (frame, bridge) = match asked.frame {
+                Frame::Commanded(theta_e) => {
+                    (FrameMotion { theta_e, step: 0 }, Bridge::ClosedCommanded)
+                }
+                Frame::Rotor => {
+                    let theta_e = sampled.motion.theta_e;
+                    let step = sampled.motion.theta_e_step;
+                    (FrameMotion { theta_e, step }, Bridge::Closed)
+                }
+            };
+            self.drive(config, io, exchange, frame, &sampled.measured);
+            self.close(io, bridge);
+            exchange.publish_rest(self.rested(false), asked.stale);
+        } else {
+            self.rest(config, io, exchange, asked, sampled.counts, broken);
+        }
+        asked.stale
+    }
+
+    /// Reads encoder and currents and passes on what they say, before the rest of the period needs the registers that it is
+    /// in.
+    #[inline(always)]
+    fn sample(
+        &mut self,
+        config: &CurrentLoopConfig,
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+        frame: Frame,
+    ) -> Sampled {
+        let counts = config.encoder.counts(io.encoder());
+        let motion = self.observer.follow(&config.observer, counts);
+        exchange.publish_shaft(counts, motion.theta_step);
+        let current = io.current(config.sense.shunts);
+        let codes = config.sense.codes(current, self.zeros);
+        let rotation = Rotation::new(match frame {
+            Frame::Rotor => motion.theta_e,
+            Frame::Commanded(theta_e) => theta_e,
+        });
+        let measured = Measured {
+            codes,
+            current: rotation.park(config.sense.vector(codes)),
+        };
+        exchange.publish_currents(&measured, config.sense.shunts);
+        Sampled {
+            counts,
+            motion,
+            measured,
+        }
+    }
+
+    /// Whether the encoder is to be trusted, once in each period; `drive`: the bridge is asked to be closed.
+    #[inline(always)]
+    fn watch(
+        &mut self,
+        config: &CurrentLoopConfig,
+        sampled: &Sampled,
+        exchange: &MotorExchange,
         drive: bool,
     ) -> Seen {
-        self.encoder_watch
-            .step(&config.encoder_watch, counts, motion, drive)
+        let Sampled { counts, motion, .. } = sampled;
+        let seen = self
+            .encoder_watch
+            .step(&config.encoder_watch, *counts, motion, drive);
+        if seen.wrong {
+            exchange.publish_wrong_reading();
+        }
+        seen
     }
 
-    /// Current error -> voltage, with the reference `i_q` in the loop's scale; `i_d` is held at 0.
+    /// Decides whether the bridge, which is asked to be closed and which the break has not opened, may be.
+    ///
+    /// All that keeps it open is here or in what calls this. What can only become so while it is open is looked at once, when
+    /// it is closed.
     #[inline(always)]
-    pub fn regulate(
+    fn may_be_closed(&self, frame: Frame, seen: Seen) -> bool {
+        if seen.failed {
+            cold_path();
+            return false;
+        }
+        if self.bridge == Bridge::Closed && frame == Frame::Rotor {
+            return true;
+        }
+        cold_path();
+        let placed = match frame {
+            Frame::Rotor => self.alignment.is_some(),
+            Frame::Commanded(_) => true,
+        };
+        self.started && placed && !self.encoder_watch.failed()
+    }
+
+    /// Current error -> voltage -> compare values, turned to where the frame will be in the middle of their period.
+    #[inline(always)]
+    fn drive(
         &mut self,
         config: &CurrentLoopConfig,
-        i_q: ScaledCurrent,
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+        frame: FrameMotion,
         measured: &Measured,
-        motion: &Motion,
-        bus: u32,
-    ) -> RegulatorOutput {
-        self.regulator.step(
+    ) {
+        let (reference, bus) = (exchange.reference(), io.bus());
+        #[allow(clippy::cast_possible_truncation)]
+        exchange.publish_bus(bus as u16);
+        let output = self.regulator.step(
             &config.regulator,
-            i_q,
+            reference,
             measured.current,
-            motion.theta_e_step,
+            frame.step,
             || config.modulation.circle(bus),
-        )
+        );
+        if output.limited {
+            exchange.publish_limited();
+        }
+        exchange.publish_voltage(output.voltage);
+        let realised_at = frame.theta_e.plus(three_halves(frame.step));
+        let v = Rotation::second(realised_at).inverse_park(output.voltage);
+        let scale = exchange.bus_scale();
+        io.write(config.modulation.compare(v, measured.codes, scale, bus));
     }
 
-    /// Voltage -> compare values, turned to where the rotor will be in the middle of their period.
-    #[must_use]
-    #[inline(always)]
-    pub fn modulate(
-        config: &CurrentLoopConfig,
-        voltage: DirectQuadrature<Voltage>,
-        measured: &Measured,
-        motion: &Motion,
-        scale: BusScale,
-        bus: u32,
-    ) -> [u16; 3] {
-        let realised_at = motion.theta_e.plus(three_halves(motion.theta_e_step));
-        let v = Rotation::second(realised_at).inverse_park(voltage);
-        config.modulation.compare(v, measured.codes, scale, bus)
-    }
-
-    /// The rest of a period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current
-    /// zeros are measured.
-    pub fn rest(
+    /// A period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current zeros are measured.
+    /// The sample is still in its registers.
+    #[cold]
+    #[inline(never)]
+    fn rest(
         &mut self,
         config: &CurrentLoopConfig,
-        sample: &MotorSample,
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+        asked: Asked,
         counts: Option<u32>,
-        mode: Mode,
-    ) -> Rested {
+        broken: bool,
+    ) {
         if let (false, Some(counts)) = (self.started, counts) {
-            self.observer = Observer::at(&config.observer, counts);
+            let alignment = self.alignment.unwrap_or_default();
+            self.observer = Observer::at(&config.observer, alignment, counts);
             self.started = true;
         }
         self.regulator = Regulator::new();
-        if mode == Mode::Calibrate && self.calibration == Calibration::Pending {
-            self.calibrate(&config.sense, sample.current);
+        match asked.mode {
+            Mode::Reset => io.clear_break(),
+            Mode::Calibrate if self.calibration == Calibration::Pending => {
+                self.calibrate(&config.sense, io.current(config.sense.shunts));
+            }
+            _ => {}
         }
+        #[allow(clippy::cast_possible_truncation)]
+        exchange.publish_bus(io.bus() as u16);
+        exchange.publish_voltage(DirectQuadrature::default());
+        exchange.publish_rest(self.rested(broken), asked.stale);
+        if self.bridge != Bridge::Open {
+            self.bridge = Bridge::Open;
+            io.open();
+        }
+        io.write([0; 3]);
+    }
+
+    /// Closes the bridge, if it is not closed yet.
+    #[inline(always)]
+    fn close(&mut self, io: &mut impl MotorIo, bridge: Bridge) {
+        if self.bridge == bridge {
+            return;
+        }
+        cold_path();
+        if self.bridge == Bridge::Open {
+            io.close();
+        }
+        self.bridge = bridge;
+    }
+
+    fn rested(&self, broken: bool) -> Rested {
         Rested {
             calibration: self.calibration,
-            broken: sample.broken,
+            broken,
+            over_current: false,
             encoder_stuck: self.encoder_watch.failed(),
+            angle_known: self.alignment.is_some(),
+        }
+    }
+
+    /// Takes over how the encoder lies to its rotor.
+    fn take_alignment(&mut self, alignment: Option<EncoderAlignment>) {
+        if alignment != self.alignment {
+            self.alignment = alignment;
+            self.observer.align(alignment.unwrap_or_default());
         }
     }
 
@@ -344,26 +487,96 @@ fn three_halves(step: i32) -> Angle {
 mod tests {
     use super::*;
     use crate::plate::test_plate;
+    use crate::sense::Shunts;
     use proptest::prelude::*;
 
-    /// A loop with its configuration.
-    struct Configured(CurrentLoopConfig, CurrentLoop);
+    /// What a loop reads and writes, in memory.
+    struct Registers {
+        sample: MotorSample,
+        command: PwmCommand,
+    }
 
-    impl Configured {
-        fn step(
-            &mut self,
-            sample: &MotorSample,
-            reference: CurrentReference,
-        ) -> (PwmCommand, MotorEstimate) {
-            let scale = self.0.modulation.bus_scale(sample.bus);
-            self.1.step(&self.0, sample, reference, scale)
+    impl MotorIo for Registers {
+        fn acknowledge(&mut self) -> bool {
+            self.sample.broken
+        }
+        fn encoder(&mut self) -> u32 {
+            self.sample.encoder
+        }
+        fn current(&mut self, _: Shunts) -> [u16; 3] {
+            self.sample.current
+        }
+        fn bus(&mut self) -> u32 {
+            self.sample.bus.into()
+        }
+        fn write(&mut self, compare: [u16; 3]) {
+            self.command.compare = compare;
+        }
+        fn close(&mut self) {
+            assert!(!self.command.enable, "closed twice");
+            self.command.enable = true;
+        }
+        fn open(&mut self) {
+            assert!(self.command.enable, "opened twice");
+            self.command.enable = false;
+        }
+        fn clear_break(&mut self) {}
+        fn in_time(&mut self) -> bool {
+            true
         }
     }
 
-    fn current_loop() -> Configured {
+    /// A loop with its configuration, its words and its registers.
+    struct Bench {
+        config: CurrentLoopConfig,
+        control: CurrentLoop,
+        exchange: MotorExchange,
+        registers: Registers,
+    }
+
+    impl Bench {
+        fn new(config: CurrentLoopConfig) -> Self {
+            Self {
+                config,
+                control: CurrentLoop::new(&config),
+                exchange: MotorExchange::new(&config, 4),
+                registers: Registers {
+                    sample: sample([2048; 3]),
+                    command: PwmCommand::default(),
+                },
+            }
+        }
+
+        fn step(&mut self, sample: &MotorSample, reference: CurrentReference) -> PwmCommand {
+            self.exchange.publish_bus(sample.bus);
+            self.exchange.ask(reference, &self.config);
+            self.registers.sample = *sample;
+            let Self {
+                config,
+                control,
+                exchange,
+                registers,
+            } = self;
+            assert!(!control.period(config, registers, exchange));
+            registers.command
+        }
+
+        fn voltage(&self) -> DirectQuadrature<f64> {
+            let voltage = self.exchange.voltage(self.exchange.periods());
+            DirectQuadrature {
+                d: voltage.d.to_num(),
+                q: voltage.q.to_num(),
+            }
+        }
+    }
+
+    fn config() -> CurrentLoopConfig {
         let plate = test_plate();
-        let config = plate.motors[0].current_loop(&plate).unwrap();
-        let mut started = Configured(config, CurrentLoop::new(&config));
+        plate.motors[0].current_loop(&plate).unwrap()
+    }
+
+    fn current_loop() -> Bench {
+        let mut started = Bench::new(config());
         // The first period of every drive: the observer learns where the shaft is.
         started.step(&sample([2048; 3]), CurrentReference::default());
         started
@@ -380,12 +593,15 @@ mod tests {
 
     const ONE_AMPERE: CurrentReference = CurrentReference {
         mode: Mode::Drive,
+        frame: Frame::Rotor,
+        i_d: Current::ZERO,
         i_q: Current::ONE,
     };
 
     #[test]
     fn torque_current_is_ninety_degrees_ahead_of_the_flux() {
-        let (command, estimate) = current_loop().step(&sample([2048; 3]), ONE_AMPERE);
+        let mut current_loop = current_loop();
+        let command = current_loop.step(&sample([2048; 3]), ONE_AMPERE);
         assert!(command.enable);
         let [a, b, c] = command.compare.map(i32::from);
         // At theta_e = 0 the q axis is beta: b above, c below, a between.
@@ -393,7 +609,7 @@ mod tests {
             b > a && a > c && (b - a - (a - c)).abs() <= 1,
             "{a} {b} {c}"
         );
-        assert!((estimate.voltage.q.to_num::<f64>() - 23.08).abs() < 0.01);
+        assert!((current_loop.voltage().q - 23.08).abs() < 0.01);
     }
 
     /// Without current, the voltage is the back-EMF: it must point along q as the rotor will stand in the middle of the
@@ -412,9 +628,9 @@ mod tests {
                 };
                 let reference = CurrentReference {
                     mode: Mode::Drive,
-                    i_q: Current::ZERO,
+                    ..CurrentReference::default()
                 };
-                command = current_loop.step(&sample, reference).0;
+                command = current_loop.step(&sample, reference);
             }
             let [a, b, c] = command.compare.map(f64::from);
             let angle = (3f64.sqrt() * (b - c)).atan2(2.0 * a - b - c);
@@ -438,10 +654,9 @@ mod tests {
                 broken,
                 ..sample([2048; 3])
             };
-            let (command, estimate) =
-                current_loop.step(&sample, CurrentReference { mode, ..ONE_AMPERE });
+            let command = current_loop.step(&sample, CurrentReference { mode, ..ONE_AMPERE });
             assert_eq!(command, PwmCommand::default());
-            assert_eq!(estimate.broken, broken);
+            assert_eq!(current_loop.exchange.status().broken, broken);
         }
     }
 
@@ -456,14 +671,13 @@ mod tests {
             let mut last = Calibration::Pending;
             for _ in 0..1024 {
                 assert_eq!(last, Calibration::Pending);
-                last = current_loop
-                    .step(&sample([zero, 2048, 0]), ask)
-                    .1
-                    .calibration;
+                current_loop.step(&sample([zero, 2048, 0]), ask);
+                last = current_loop.exchange.status().calibration;
             }
             assert_eq!(last, expected);
-            let (_, estimate) = current_loop.step(&sample([zero, 2048, 0]), ask);
-            assert_eq!(estimate.phases[0] == 0, expected == Calibration::Done);
+            current_loop.step(&sample([zero, 2048, 0]), ask);
+            let [a, ..] = current_loop.exchange.codes();
+            assert_eq!(a == 0, expected == Calibration::Done);
         }
     }
 
@@ -476,10 +690,83 @@ mod tests {
             for (current, bus, encoder, i_q) in samples {
                 let (current, bus) = (current.map(|n| n % 4096), bus % 4096);
                 let sample = MotorSample { current, bus, encoder, broken: false };
-                let reference = CurrentReference { mode: Mode::Drive, i_q: Current::from_bits(i_q) };
-                let (command, _) = current_loop.step(&sample, reference);
+                let reference = CurrentReference { mode: Mode::Drive, i_q: Current::from_bits(i_q), ..CurrentReference::default() };
+                let command = current_loop.step(&sample, reference);
                 prop_assert!(command.compare.iter().all(|&c| c <= 4250));
             }
         }
+    }
+
+    /// A current in a commanded frame points where it is commanded, wherever the encoder stands; in the rotor's frame nothing
+    /// is driven before the rotor's angle is known.
+    #[test]
+    fn only_a_commanded_frame_is_driven_before_the_angle_is_known() {
+        let mut bench = Bench::new(CurrentLoopConfig {
+            alignment: None,
+            ..config()
+        });
+        bench.step(&sample([2048; 3]), CurrentReference::default());
+        for _ in 0..3 {
+            let command = bench.step(&sample([2048; 3]), ONE_AMPERE);
+            assert_eq!(command, PwmCommand::default());
+            assert!(!bench.exchange.status().angle_known);
+        }
+        for turns in [0.0, 0.25, 0.7] {
+            let mut bench = Bench::new(bench.config);
+            let reference = CurrentReference {
+                mode: Mode::Drive,
+                frame: Frame::Commanded(Angle::from_turns(turns)),
+                i_d: Current::ONE,
+                i_q: Current::ZERO,
+            };
+            let stands = MotorSample {
+                encoder: 123_456,
+                ..sample([2048; 3])
+            };
+            bench.step(&stands, CurrentReference::default());
+            let command = bench.step(&stands, reference);
+            assert!(command.enable);
+            let [a, b, c] = command.compare.map(f64::from);
+            let angle = (3f64.sqrt() * (b - c)).atan2(2.0 * a - b - c);
+            let off = angle - turns * core::f64::consts::TAU;
+            assert!(off.sin().abs() < 0.01 && off.cos() > 0.0, "{off} rad off");
+            // The frame changes with the bridge closed only once the angle is known.
+            assert!(!bench.step(&stands, ONE_AMPERE).enable);
+            assert!(bench.step(&stands, reference).enable);
+            bench.exchange.align(Some(EncoderAlignment::default()));
+            assert!(bench.step(&stands, reference).enable);
+            assert!(bench.exchange.status().angle_known);
+            assert!(bench.step(&stands, ONE_AMPERE).enable);
+        }
+    }
+
+    /// An encoder that counts backwards and starts anywhere makes the same drive.
+    #[test]
+    fn the_alignment_is_undone() {
+        const ZERO: u32 = 77_000;
+        let alignment = EncoderAlignment {
+            reversed: true,
+            theta_e_at_zero: Angle::from_turns(5.0 * f64::from(ZERO) / f64::from(1 << 20)),
+        };
+        let (mut straight, mut reversed) = (current_loop(), Bench::new(config()));
+        reversed.exchange.align(Some(alignment));
+        let at = |counts: u32| MotorSample {
+            encoder: counts % (1 << 20),
+            ..sample([2100, 2000, 2048])
+        };
+        straight.step(&at(0), CurrentReference::default());
+        reversed.step(&at(ZERO), CurrentReference::default());
+        for k in 0..2000u32 {
+            let counts = 100 * k;
+            let commands = [
+                straight.step(&at(counts), ONE_AMPERE),
+                reversed.step(&at((1 << 20) + ZERO - counts % (1 << 20)), ONE_AMPERE),
+            ];
+            let [a, b] = commands.map(|command| command.compare);
+            let near = a.iter().zip(b).all(|(a, b)| a.abs_diff(b) <= 1);
+            assert!(near, "{commands:?} in period {k}");
+        }
+        let [a, b] = [&straight, &reversed].map(|bench| bench.exchange.status().theta_step);
+        assert!(a > 0 && a.abs_diff(b) < 10_000, "{a} and {b}");
     }
 }

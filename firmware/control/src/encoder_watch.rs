@@ -130,7 +130,7 @@ impl EncoderWatch {
 mod tests {
     use super::*;
     use crate::encoder::Interface;
-    use crate::observer::Observer;
+    use crate::observer::{EncoderAlignment, Observer};
     use crate::plate::test_plate;
 
     /// Runs observer and watch over a shaft whose angle (turns) is a function of time (s); the sample at which the
@@ -151,7 +151,7 @@ mod tests {
             (turns * f64::from(counts_per_turn)) as u32 % counts_per_turn
         };
         let mut watch = EncoderWatch::new();
-        let mut observer = Observer::at(&config.observer, count(0));
+        let mut observer = Observer::at(&config.observer, EncoderAlignment::default(), count(0));
         let mut wrong = 0;
         let fired = (0..samples).find(|&k| {
             let counts = arrives(k).then(|| count(k));

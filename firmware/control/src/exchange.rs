@@ -1,43 +1,71 @@
 //! The words that pass between the interrupts of different priority: one word each, so no lock.
 //!
-//! The speed task writes [`MotorExchange`]'s reference, the current loop reads it; the current loop writes its
-//! estimate, the speed task reads it. Each word is whole by itself, and none means anything only together with
-//! another, so relaxed ordering on a single core is enough.
+//! The speed task writes [`MotorExchange`]'s reference, the current loop reads it; the current loop writes what it
+//! measures, the tasks below read it. Each word is whole by itself, and none means anything only together with another
+//! but where it is said, so relaxed ordering on a single core is enough.
 
-use crate::current_loop::{Calibration, CurrentLoopConfig, CurrentReference, Mode, Rested};
-use crate::format::ScaledCurrent;
+use crate::current_loop::{
+    Calibration, CurrentLoopConfig, CurrentReference, Frame, Measured, Mode, Rested,
+};
+use crate::format::{Angle, ScaledCurrent, Voltage};
 use crate::modulation::BusScale;
+use crate::observer::EncoderAlignment;
+use crate::sense::{Codes, Shunts};
+use crate::transform::DirectQuadrature;
+use core::hint::cold_path;
 use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU16, AtomicU32, Ordering::Relaxed};
 
-/// Words between one motor's current loop and the speed task.
+/// Words between one motor's current loop and the tasks below it.
 #[derive(Debug)]
 pub struct MotorExchange {
     /// Periods of the current loop, modulo 2^32.
     periods: AtomicU32,
-    /// The period with which the reference to drive ends; over when there is none.
+    /// The period with which the reference to drive in the rotor's frame ends; over when there is none.
     drive_until: AtomicU32,
-    i_q: AtomicI32,
+    /// Current references d and q.
+    reference: [AtomicI32; 2],
     /// How voltages become compare values near the bus.
     bus_scale: [AtomicI32; 2],
     /// The bus, ADC counts.
     bus: AtomicU16,
+    /// What stands in the way of driving. Written while the rotor's frame is not driven; while it is, nothing does.
+    flags: AtomicU8,
+    /// One of the `ASKED_` codes.
+    mode: AtomicU8,
     /// Mechanical angle a sample, 2^-32 turn.
     theta_step: AtomicI32,
+    /// Measured currents d and q.
+    current: [AtomicI32; 2],
+    /// Codes of the phases.
+    codes: [AtomicI32; 3],
+    /// The encoder's count within the turn.
+    encoder: AtomicU32,
+    /// Voltages d and q of the last four periods: a period's are at its number modulo 4.
+    voltages: [[AtomicI32; 2]; 4],
     /// The last period in which the voltage circle cut the voltage.
     limited_period: AtomicU32,
-    /// What stands in the way of driving. Written while the bridge is off; while it is driven, nothing does.
-    flags: AtomicU8,
-    mode: AtomicU8,
     /// The period with which any reference ends.
     until: AtomicU32,
+    /// Electrical angle of a commanded frame.
+    commanded: AtomicU32,
+    /// Electrical angle at the encoder's count zero.
+    theta_e_at_zero: AtomicU32,
+    /// One of the `ALIGNED_` codes.
+    alignment: AtomicU8,
+    /// Periods whose compare values came too late.
+    missed: AtomicU32,
+    /// Readings of the encoder that were wrong.
+    wrong_readings: AtomicU32,
     valid_periods: u32,
 }
 
-/// What a current loop is asked that shall not drive its bridge.
+/// What a current loop is asked that shall not drive its bridge in the rotor's frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct AskedToRest {
+pub struct Asked {
     /// What it shall do.
     pub mode: Mode,
+    /// In which frame.
+    pub frame: Frame,
     /// What was asked is too old to follow: the speed task is late.
     pub stale: bool,
 }
@@ -45,78 +73,152 @@ pub struct AskedToRest {
 /// What the speed task sees of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct MotorStatus {
-    /// Mechanical angle a period of its current loop, 2^-32 turn.
+    /// Mechanical angle a period of its current loop, 2^-32 turn, in the rotor's sense.
     pub theta_step: i32,
     /// The voltage circle cut the last step.
     pub voltage_limited: bool,
     /// The bridge is stopped by its break input.
     pub broken: bool,
+    /// A measured current was beyond its limit: the current loop has stopped its bridge by itself.
+    pub over_current: bool,
     /// The encoder's count stands while the shaft turns, or too many of its readings are wrong.
     pub encoder_stuck: bool,
     /// The speed task was late with its reference: the current loop has stopped its bridge by itself.
     pub reference_stale: bool,
+    /// The current loop knows the rotor's angle.
+    pub angle_known: bool,
     /// How far the offset calibration is.
     pub calibration: Calibration,
 }
 
-const BROKEN: u8 = 2;
-const CALIBRATED: u8 = 4;
-const ZERO_OUT_OF_RANGE: u8 = 8;
-const ENCODER_STUCK: u8 = 16;
-const STALE: u8 = 32;
+const BROKEN: u8 = 1 << 1;
+const CALIBRATED: u8 = 1 << 2;
+const ZERO_OUT_OF_RANGE: u8 = 1 << 3;
+const ENCODER_STUCK: u8 = 1 << 4;
+const STALE: u8 = 1 << 5;
+const OVER_CURRENT: u8 = 1 << 6;
+const ANGLE_KNOWN: u8 = 1 << 7;
+
+const ASKED_OFF: u8 = 0;
+const ASKED_CALIBRATE: u8 = 1;
+const ASKED_DRIVE: u8 = 2;
+const ASKED_DRIVE_COMMANDED: u8 = 3;
+const ASKED_RESET: u8 = 4;
+
+const ALIGNED_NOT: u8 = 0;
+const ALIGNED: u8 = 1;
+const ALIGNED_REVERSED: u8 = 2;
 
 impl MotorExchange {
-    /// No mode, no current, no speed: how every drive starts. A reference holds for two steps of a speed task that
-    /// runs every `speed_divider` periods; past that the current loop switches its bridge off.
+    /// No mode, no current, no speed: how every drive starts, with what `config` knows of its encoder. A reference holds for
+    /// two steps of a speed task that runs every `speed_divider` periods; past that the current loop opens its bridge.
     #[must_use]
-    pub const fn new(speed_divider: u32) -> Self {
+    pub const fn new(config: &CurrentLoopConfig, speed_divider: u32) -> Self {
         let valid_periods = speed_divider.saturating_mul(2);
+        let (theta_e_at_zero, alignment) = alignment_words(config.alignment);
         Self {
             periods: AtomicU32::new(0),
             drive_until: AtomicU32::new(0),
-            i_q: AtomicI32::new(0),
-            bus_scale: [AtomicI32::new(0), AtomicI32::new(0)],
+            reference: [const { AtomicI32::new(0) }; 2],
+            bus_scale: [const { AtomicI32::new(0) }; 2],
             bus: AtomicU16::new(0),
-            theta_step: AtomicI32::new(0),
-            limited_period: AtomicU32::new(u32::MAX),
             flags: AtomicU8::new(0),
-            mode: AtomicU8::new(Mode::Off as u8),
+            mode: AtomicU8::new(ASKED_OFF),
+            theta_step: AtomicI32::new(0),
+            current: [const { AtomicI32::new(0) }; 2],
+            codes: [const { AtomicI32::new(0) }; 3],
+            encoder: AtomicU32::new(0),
+            voltages: [const { [const { AtomicI32::new(0) }; 2] }; 4],
+            limited_period: AtomicU32::new(u32::MAX),
             until: AtomicU32::new(valid_periods),
+            commanded: AtomicU32::new(0),
+            theta_e_at_zero: AtomicU32::new(theta_e_at_zero),
+            alignment: AtomicU8::new(alignment),
+            missed: AtomicU32::new(0),
+            wrong_readings: AtomicU32::new(0),
             valid_periods,
         }
     }
 
     /// Speed task: what the current loop of `config` shall do from its next period on.
-    ///
-    /// The current loop may come between any two of the stores. It drives only by `drive_until`, which comes last, and
-    /// calls a reference stale only by `until`.
     #[inline(always)]
     pub fn ask(&self, reference: CurrentReference, config: &CurrentLoopConfig) {
+        self.ask_between(reference, config, || ());
+    }
+
+    /// [`MotorExchange::ask`], with `between` called after each store but the last.
+    ///
+    /// The current loop may come between any two of them. It drives by `mode` or by `drive_until`, which come last, and calls
+    /// a reference stale only by `until`. Where the drive is ended, or the frame changes, the old frame may see the new
+    /// currents for a period.
+    #[inline(always)]
+    fn ask_between(
+        &self,
+        reference: CurrentReference,
+        config: &CurrentLoopConfig,
+        mut between: impl FnMut(),
+    ) {
         let periods = self.periods.load(Relaxed);
         let until = periods.wrapping_add(self.valid_periods);
-        let drive_until = if reference.mode == Mode::Drive {
-            until
-        } else {
-            periods
+        let (mode, drive_until) = match (reference.mode, reference.frame) {
+            (Mode::Drive, Frame::Rotor) => (ASKED_DRIVE, until),
+            (Mode::Drive, Frame::Commanded(angle)) => {
+                cold_path();
+                self.commanded.store(angle.0, Relaxed);
+                (ASKED_DRIVE_COMMANDED, periods)
+            }
+            (Mode::Off, _) => (ASKED_OFF, periods),
+            (Mode::Calibrate, _) => (ASKED_CALIBRATE, periods),
+            (Mode::Reset, _) => (ASKED_RESET, periods),
         };
         self.until.store(until, Relaxed);
+        between();
         let BusScale { at_zero, slope } = config.modulation.bus_scale(self.bus.load(Relaxed));
         for (word, value) in self.bus_scale.iter().zip([at_zero, slope]) {
             word.store(value, Relaxed);
+            between();
         }
-        self.i_q
-            .store(config.sense.scale.scaled(reference.i_q).0, Relaxed);
-        self.mode.store(reference.mode as u8, Relaxed);
+        for (word, current) in self.reference.iter().zip([reference.i_d, reference.i_q]) {
+            word.store(config.sense.scale.scaled(current).0, Relaxed);
+            between();
+        }
+        self.mode.store(mode, Relaxed);
+        between();
         self.drive_until.store(drive_until, Relaxed);
     }
 
-    /// Current loop, once a period: it shall drive its bridge, and was not asked to too long ago.
+    /// Speed task: how the encoder lies to its rotor; `None`: that is not known any more. The current loop takes it in its
+    /// next period that is not driven in the rotor's frame.
+    pub fn align(&self, alignment: Option<EncoderAlignment>) {
+        let (theta_e_at_zero, code) = alignment_words(alignment);
+        // The loop may come between the two: by the first alone nothing changes.
+        self.alignment.store(ALIGNED_NOT, Relaxed);
+        self.theta_e_at_zero.store(theta_e_at_zero, Relaxed);
+        self.alignment.store(code, Relaxed);
+    }
+
+    /// How the encoder lies to its rotor, as far as it is known.
+    #[must_use]
+    pub fn alignment(&self) -> Option<EncoderAlignment> {
+        let reversed = match self.alignment.load(Relaxed) {
+            ALIGNED => false,
+            ALIGNED_REVERSED => true,
+            _ => return None,
+        };
+        Some(EncoderAlignment {
+            reversed,
+            theta_e_at_zero: Angle(self.theta_e_at_zero.load(Relaxed)),
+        })
+    }
+
+    /// Current loop, once a period, first of all: `true` if it shall drive its bridge in the rotor's frame, and the reference
+    /// is fresh.
     ///
     /// A speed task that has not run for 2^31 periods, more than half a day, would be taken for one that has; the
     /// watchdog ends that within milliseconds.
     #[must_use]
     #[inline(always)]
-    pub fn asked_to_drive(&self) -> bool {
+    pub fn begin_period(&self) -> bool {
         let periods = self.periods.load(Relaxed).wrapping_add(1);
         self.periods.store(periods, Relaxed);
         !over(self.drive_until.load(Relaxed), periods)
@@ -131,11 +233,15 @@ impl MotorExchange {
         after(self.periods.load(Relaxed)) == after(1)
     }
 
-    /// Current loop, where it shall drive: the reference, within half of its word.
+    /// Current loop, where it shall drive: the current references, within half of their word.
     #[must_use]
     #[inline(always)]
-    pub fn i_q(&self) -> ScaledCurrent {
-        ScaledCurrent(self.i_q.load(Relaxed))
+    pub fn reference(&self) -> DirectQuadrature<ScaledCurrent> {
+        let [d, q] = &self.reference;
+        DirectQuadrature {
+            d: ScaledCurrent(d.load(Relaxed)),
+            q: ScaledCurrent(q.load(Relaxed)),
+        }
     }
 
     /// Current loop, where it shall drive: how voltages become compare values near the bus of the last speed step. Should the
@@ -150,23 +256,46 @@ impl MotorExchange {
         }
     }
 
-    /// Current loop, where it shall not or cannot drive: what else.
+    /// Current loop, where it shall not or cannot drive in the rotor's frame: what else.
     #[must_use]
-    pub fn asked_to_rest(&self) -> AskedToRest {
+    pub fn asked(&self) -> Asked {
         let stale = over(self.until.load(Relaxed), self.periods.load(Relaxed));
-        let mode = match self.mode.load(Relaxed) {
-            _ if stale => Mode::Off,
-            m if m == Mode::Drive as u8 => Mode::Drive,
-            m if m == Mode::Calibrate as u8 => Mode::Calibrate,
-            _ => Mode::Off,
+        let (mode, frame) = match self.mode.load(Relaxed) {
+            _ if stale => (Mode::Off, Frame::Rotor),
+            ASKED_DRIVE => (Mode::Drive, Frame::Rotor),
+            ASKED_DRIVE_COMMANDED => {
+                let angle = Angle(self.commanded.load(Relaxed));
+                (Mode::Drive, Frame::Commanded(angle))
+            }
+            ASKED_CALIBRATE => (Mode::Calibrate, Frame::Rotor),
+            ASKED_RESET => (Mode::Reset, Frame::Rotor),
+            _ => (Mode::Off, Frame::Rotor),
         };
-        AskedToRest { mode, stale }
+        Asked { mode, frame, stale }
     }
 
-    /// Current loop: how far the shaft turns in a period, 2^-32 turn.
+    /// Current loop: the encoder's count, if its reading arrived whole, and how far the shaft turns in a period, 2^-32 turn.
     #[inline(always)]
-    pub fn publish_speed(&self, theta_step: i32) {
+    pub fn publish_shaft(&self, counts: Option<u32>, theta_step: i32) {
+        if let Some(counts) = counts {
+            self.encoder.store(counts, Relaxed);
+        }
         self.theta_step.store(theta_step, Relaxed);
+    }
+
+    /// Current loop: the measured currents; of phase c only where it is measured.
+    #[inline(always)]
+    pub fn publish_currents(&self, measured: &Measured, shunts: Shunts) {
+        let [a, b, c] = measured.codes;
+        let [word_a, word_b, word_c] = &self.codes;
+        word_a.store(a, Relaxed);
+        word_b.store(b, Relaxed);
+        if shunts == Shunts::Three {
+            word_c.store(c, Relaxed);
+        }
+        let [d, q] = &self.current;
+        d.store(measured.current.d.0, Relaxed);
+        q.store(measured.current.q.0, Relaxed);
     }
 
     /// Current loop: the bus, ADC counts.
@@ -175,14 +304,23 @@ impl MotorExchange {
         self.bus.store(counts, Relaxed);
     }
 
+    /// Current loop: the voltage that it asks of the bridge.
+    #[inline(always)]
+    pub fn publish_voltage(&self, voltage: DirectQuadrature<Voltage>) {
+        let [d, q] = self.voltage_words(self.periods.load(Relaxed));
+        d.store(voltage.d.to_bits(), Relaxed);
+        q.store(voltage.q.to_bits(), Relaxed);
+    }
+
     /// Current loop, in a period in which the voltage circle cuts its voltage.
+    #[inline(always)]
     pub fn publish_limited(&self) {
         self.limited_period
             .store(self.periods.load(Relaxed), Relaxed);
     }
 
-    /// Current loop, after a period with the bridge off: how far the calibration is, what stops the bridge, and whether what
-    /// was asked was stale.
+    /// Current loop, in a period that is not driven in the rotor's frame: how far the calibration is, what stops the bridge,
+    /// and whether what was asked was stale.
     pub fn publish_rest(&self, rested: Rested, stale: bool) {
         let calibration = match rested.calibration {
             Calibration::Pending => 0,
@@ -191,16 +329,95 @@ impl MotorExchange {
         };
         let flag = |set: bool, bit: u8| if set { bit } else { 0 };
         let flags = flag(rested.broken, BROKEN)
+            | flag(rested.over_current, OVER_CURRENT)
             | flag(rested.encoder_stuck, ENCODER_STUCK)
+            | flag(rested.angle_known, ANGLE_KNOWN)
             | flag(stale, STALE)
             | calibration;
         self.flags.store(flags, Relaxed);
+    }
+
+    /// Current loop, in a period whose compare values came too late.
+    #[cold]
+    #[inline(never)]
+    pub fn publish_missed(&self) {
+        count(&self.missed);
+    }
+
+    /// Current loop, in a period in which the encoder's reading was wrong.
+    #[cold]
+    #[inline(never)]
+    pub fn publish_wrong_reading(&self) {
+        count(&self.wrong_readings);
     }
 
     /// Periods of the current loop, modulo 2^32.
     #[must_use]
     pub fn periods(&self) -> u32 {
         self.periods.load(Relaxed)
+    }
+
+    /// Periods whose compare values came too late, modulo 2^32.
+    #[must_use]
+    pub fn missed(&self) -> u32 {
+        self.missed.load(Relaxed)
+    }
+
+    /// Readings of the encoder that were wrong, modulo 2^32.
+    #[must_use]
+    pub fn wrong_readings(&self) -> u32 {
+        self.wrong_readings.load(Relaxed)
+    }
+
+    /// The encoder's count within the turn.
+    #[must_use]
+    #[inline(always)]
+    pub fn encoder(&self) -> u32 {
+        self.encoder.load(Relaxed)
+    }
+
+    /// The bus voltage, ADC counts.
+    #[must_use]
+    #[inline(always)]
+    pub fn bus(&self) -> u16 {
+        self.bus.load(Relaxed)
+    }
+
+    /// Codes of the phases.
+    #[must_use]
+    #[inline(always)]
+    pub fn codes(&self) -> Codes {
+        self.codes.each_ref().map(|word| word.load(Relaxed))
+    }
+
+    /// The measured current, in the frame that was controlled.
+    #[must_use]
+    #[inline(always)]
+    pub fn current(&self) -> DirectQuadrature<ScaledCurrent> {
+        let [d, q] = &self.current;
+        DirectQuadrature {
+            d: ScaledCurrent(d.load(Relaxed)),
+            q: ScaledCurrent(q.load(Relaxed)),
+        }
+    }
+
+    /// The voltage that was asked of the bridge in period `period`, one of the last four. It acts from the next period on:
+    /// what acted in the period that ended with the last sample is the one of two periods before it.
+    #[must_use]
+    #[inline(always)]
+    pub fn voltage(&self, period: u32) -> DirectQuadrature<Voltage> {
+        let [d, q] = self.voltage_words(period);
+        DirectQuadrature {
+            d: Voltage::from_bits(d.load(Relaxed)),
+            q: Voltage::from_bits(q.load(Relaxed)),
+        }
+    }
+
+    #[inline(always)]
+    #[allow(clippy::indexing_slicing)]
+    fn voltage_words(&self, period: u32) -> &[AtomicI32; 2] {
+        // Two bits are within the four.
+        &self.voltages[(period & 3) as usize]
     }
 
     /// Speed task: what the current loop found.
@@ -212,8 +429,10 @@ impl MotorExchange {
             theta_step: self.theta_step.load(Relaxed),
             voltage_limited: self.limited_period.load(Relaxed) == self.periods.load(Relaxed),
             broken: flags & BROKEN != 0,
+            over_current: flags & OVER_CURRENT != 0,
             encoder_stuck: flags & ENCODER_STUCK != 0,
             reference_stale: flags & STALE != 0,
+            angle_known: flags & ANGLE_KNOWN != 0,
             calibration: match flags & (CALIBRATED | ZERO_OUT_OF_RANGE) {
                 0 => Calibration::Pending,
                 CALIBRATED => Calibration::Done,
@@ -229,6 +448,25 @@ fn over(until: u32, periods: u32) -> bool {
     until.wrapping_sub(periods).cast_signed() < 0
 }
 
+/// Counts a word up. Only the word's one writer may call it.
+fn count(word: &AtomicU32) {
+    word.store(word.load(Relaxed).wrapping_add(1), Relaxed);
+}
+
+/// An alignment in its two words.
+const fn alignment_words(alignment: Option<EncoderAlignment>) -> (u32, u8) {
+    match alignment {
+        None => (0, ALIGNED_NOT),
+        Some(EncoderAlignment {
+            reversed,
+            theta_e_at_zero,
+        }) => {
+            let code = if reversed { ALIGNED_REVERSED } else { ALIGNED };
+            (theta_e_at_zero.0, code)
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -242,39 +480,53 @@ mod tests {
 
     const ONE_AMPERE: CurrentReference = CurrentReference {
         mode: Mode::Drive,
-        i_q: Current::ONE,
+        frame: Frame::Rotor,
+        i_d: Current::ONE,
+        i_q: Current::NEG_ONE,
     };
 
     #[test]
     fn what_one_side_writes_the_other_reads() {
-        let exchange = MotorExchange::new(4);
-        assert!(!exchange.asked_to_drive());
-        assert_eq!(exchange.asked_to_rest(), AskedToRest::default());
-        for mode in [Mode::Off, Mode::Calibrate, Mode::Drive] {
+        let exchange = MotorExchange::new(&config(), 4);
+        assert!(!exchange.begin_period());
+        assert_eq!(exchange.asked(), Asked::default());
+        for mode in [Mode::Off, Mode::Calibrate, Mode::Reset, Mode::Drive] {
             exchange.ask(CurrentReference { mode, ..ONE_AMPERE }, &config());
             let drive = mode == Mode::Drive;
-            assert_eq!(exchange.asked_to_drive(), drive);
-            assert_eq!(config().sense.scale.current(exchange.i_q()), Current::ONE);
-            assert_eq!(exchange.asked_to_rest(), AskedToRest { mode, stale: false });
+            assert_eq!(exchange.begin_period(), drive);
+            let current = |i| config().sense.scale.current(i);
+            let DirectQuadrature { d, q } = exchange.reference();
+            assert_eq!((current(d), current(q)), (Current::ONE, Current::NEG_ONE));
+            let asked = Asked {
+                mode,
+                ..Asked::default()
+            };
+            assert_eq!(exchange.asked(), asked);
         }
         for calibration in [
             Calibration::Pending,
             Calibration::Done,
             Calibration::OutOfRange,
         ] {
-            for (broken, encoder_stuck) in [(true, false), (false, true), (false, false)] {
+            for flag in 0..5 {
+                let [broken, encoder_stuck, over_current, angle_known] =
+                    [1, 2, 3, 4].map(|n| flag == n);
                 let rested = Rested {
                     calibration,
                     broken,
+                    over_current,
                     encoder_stuck,
+                    angle_known,
                 };
-                exchange.publish_speed(-471);
+                exchange.publish_shaft(None, -471);
                 exchange.publish_rest(rested, false);
                 let status = MotorStatus {
                     theta_step: -471,
                     voltage_limited: false,
                     broken,
+                    over_current,
                     encoder_stuck,
+                    angle_known,
                     reference_stale: false,
                     calibration,
                 };
@@ -285,7 +537,7 @@ mod tests {
                     ..status
                 };
                 assert_eq!(exchange.status(), limited);
-                let _ = exchange.asked_to_drive();
+                let _ = exchange.begin_period();
                 assert_eq!(exchange.status(), status, "only the last period counts");
             }
         }
@@ -293,38 +545,38 @@ mod tests {
 
     #[test]
     fn a_reference_that_is_not_renewed_switches_off_and_says_so() {
-        let exchange = MotorExchange::new(4);
+        let exchange = MotorExchange::new(&config(), 4);
         exchange.ask(ONE_AMPERE, &config());
         for _ in 0..8 {
-            assert!(exchange.asked_to_drive());
+            assert!(exchange.begin_period());
         }
         for _ in 0..20 {
-            assert!(!exchange.asked_to_drive());
-            let asked = exchange.asked_to_rest();
+            assert!(!exchange.begin_period());
+            let asked = exchange.asked();
             assert_eq!((asked.mode, asked.stale), (Mode::Off, true));
             exchange.publish_rest(Rested::default(), asked.stale);
             assert!(exchange.status().reference_stale);
         }
         // The speed task sees it when it is back, and asks for nothing until the fault is reset.
         exchange.ask(CurrentReference::default(), &config());
-        assert!(!exchange.asked_to_drive());
-        let asked = exchange.asked_to_rest();
+        assert!(!exchange.begin_period());
+        let asked = exchange.asked();
         assert!(!asked.stale);
         exchange.publish_rest(Rested::default(), asked.stale);
         assert!(!exchange.status().reference_stale);
         exchange.ask(ONE_AMPERE, &config());
-        assert!(exchange.asked_to_drive());
+        assert!(exchange.begin_period());
     }
 
     #[test]
     fn the_count_of_periods_may_wrap() {
-        let exchange = MotorExchange::new(4);
+        let exchange = MotorExchange::new(&config(), 4);
         exchange.periods.store(u32::MAX - 3, Relaxed);
         exchange.ask(ONE_AMPERE, &config());
         for _ in 0..8 {
-            assert!(exchange.asked_to_drive());
+            assert!(exchange.begin_period());
         }
-        assert!(!exchange.asked_to_drive());
-        assert!(exchange.asked_to_rest().stale);
+        assert!(!exchange.begin_period());
+        assert!(exchange.asked().stale);
     }
 }

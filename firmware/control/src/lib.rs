@@ -11,7 +11,8 @@
 //! | stator's frame -> d, q and back | [`transform`] | each PWM period |
 //! | PI in d and q, voltage limit, anti-windup | [`regulator`] | each PWM period |
 //! | voltage -> timer compare values | [`modulation`] | each PWM period |
-//! | the five above in one step | [`current_loop`] | each PWM period |
+//! | the registers of all that | [`motor_io`] | each PWM period |
+//! | the seven above in one step | [`current_loop`] | each PWM period |
 //! | speed error -> `i_q` reference | [`speed_loop`] | speed task |
 //! | jerk-limited reference | [`profile`] | speed task |
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
@@ -57,6 +58,7 @@ pub mod format;
 #[allow(clippy::float_arithmetic)]
 pub mod guard;
 pub mod modulation;
+pub mod motor_io;
 pub mod mt6835;
 pub mod observer;
 #[allow(clippy::float_arithmetic)]

@@ -70,8 +70,6 @@ pub struct ObserverConfig {
     pub age: Ratio,
     /// Electrical turns a mechanical turn.
     pub pole_pairs: u32,
-    /// Electrical angle at encoder count zero, negated: `theta_e = p * theta + theta_e_offset`.
-    pub theta_e_offset: Angle,
     /// Speeds are held below 2^this, 2^-32 turn a sample: at most [`SPEED_BITS_MAX`], and electrically at most a quarter turn.
     pub speed_bits: u32,
     /// `omega_e` in 2^-16 rad/s = speed in 2^-32 turn a sample times this, shifted right by `omega_shift`.
@@ -101,7 +99,46 @@ impl ObserverConfig {
     }
 }
 
-/// Angle and speed as the observer knows them.
+/// How an encoder lies to its rotor: `theta_e = pole_pairs * (theta, or -theta if it counts backwards) + theta_e_at_zero`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct EncoderAlignment {
+    /// It counts down while the rotor turns electrically forwards.
+    pub reversed: bool,
+    /// Electrical angle at count zero.
+    pub theta_e_at_zero: Angle,
+}
+
+impl EncoderAlignment {
+    /// An angle of the encoder, in the rotor's sense.
+    #[must_use]
+    pub const fn in_rotor_sense(self, theta: Angle) -> Angle {
+        theta.times(self.factor())
+    }
+
+    /// The electrical angle at the encoder's angle `theta`.
+    #[must_use]
+    pub const fn theta_e(self, theta: Angle, pole_pairs: u32) -> Angle {
+        self.in_rotor_sense(theta)
+            .times(pole_pairs)
+            .plus(self.theta_e_at_zero)
+    }
+
+    /// What an observer assumes where nothing is known: the default.
+    #[must_use]
+    pub const fn straight() -> Self {
+        Self {
+            reversed: false,
+            theta_e_at_zero: Angle(0),
+        }
+    }
+
+    /// 1, or -1 modulo 2^32.
+    const fn factor(self) -> u32 {
+        if self.reversed { u32::MAX } else { 1 }
+    }
+}
+
+/// Angle and speed as the observer knows them, in the rotor's sense.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Motion {
     /// Mechanical angle of the shaft.
@@ -116,9 +153,12 @@ pub struct Motion {
     pub innovation: i32,
 }
 
-/// State of a tracking observer.
-#[derive(Clone, Copy, Debug, Default)]
+/// State of a tracking observer, with the alignment of its encoder.
+#[derive(Clone, Copy, Debug)]
 pub struct Observer {
+    /// What an angle of the encoder is multiplied with: 1 or -1.
+    sense: u32,
+    theta_e_at_zero: Angle,
     /// Angle. What its sums lose below 2^-32 turn a sample, the next innovation brings back.
     angle: Angle,
     /// Speed, 2^-64 turn a sample.
@@ -128,8 +168,10 @@ pub struct Observer {
 impl Observer {
     /// An observer of a shaft that stands at angle 0.
     #[must_use]
-    pub const fn new() -> Self {
+    pub const fn new(alignment: EncoderAlignment) -> Self {
         Self {
+            sense: alignment.factor(),
+            theta_e_at_zero: alignment.theta_e_at_zero,
             angle: Angle(0),
             speed: 0,
         }
@@ -137,11 +179,28 @@ impl Observer {
 
     /// An observer of a shaft that stands where `counts` say: the first sample is no jump from somewhere else.
     #[must_use]
-    pub fn at(config: &ObserverConfig, counts: u32) -> Self {
+    pub fn at(config: &ObserverConfig, alignment: EncoderAlignment, counts: u32) -> Self {
+        let angle = config.encoder.angle(counts);
         Self {
-            angle: config.encoder.angle(counts),
-            speed: 0,
+            angle: alignment.in_rotor_sense(angle),
+            ..Self::new(alignment)
         }
+    }
+
+    /// From here on the encoder lies like this. The shaft goes on turning as it did.
+    pub fn align(&mut self, alignment: EncoderAlignment) {
+        if alignment.factor() != self.sense {
+            self.sense = alignment.factor();
+            self.angle = Angle(0).turned(Angle(0).minus(self.angle));
+            self.speed = self.speed.wrapping_neg();
+        }
+        self.theta_e_at_zero = alignment.theta_e_at_zero;
+    }
+
+    /// Where the shaft is, in the rotor's sense, and how far it turns in a sample, 2^-32 turn.
+    #[must_use]
+    pub const fn shaft(&self) -> (Angle, i32) {
+        (self.angle, upper(self.speed))
     }
 
     /// Takes one encoder count and says where the shaft is and how fast it turns.
@@ -153,12 +212,9 @@ impl Observer {
     /// As [`Observer::step`], and without a count holds what it predicts.
     #[inline(always)]
     pub fn follow(&mut self, config: &ObserverConfig, counts: Option<u32>) -> Motion {
-        // |speed| <= 2^60, so its upper word is 29 bits.
-        #[allow(clippy::cast_possible_truncation)]
-        let upper = |speed: i64| (speed >> 32) as i32;
         let predicted = self.angle.turned(upper(self.speed));
         let measured = counts.map(|counts| {
-            let angle = config.encoder.angle(counts);
+            let angle = config.encoder.angle(counts).times(self.sense);
             angle.turned(gained(config.age, upper(self.speed)))
         });
         // A difference of more than a sixteenth of a turn, the fastest speed, is no difference but a jump; cut, it fits
@@ -176,12 +232,19 @@ impl Observer {
         let (theta, theta_step) = (self.angle, upper(self.speed));
         Motion {
             theta,
-            theta_e: theta.times(config.pole_pairs).plus(config.theta_e_offset),
+            theta_e: theta.times(config.pole_pairs).plus(self.theta_e_at_zero),
             theta_step,
             theta_e_step: theta_step.wrapping_mul(config.pole_pairs.cast_signed()),
             innovation,
         }
     }
+}
+
+/// A speed in 2^-32 turn a sample: it is within 2^60, so its upper word is 29 bits.
+#[allow(clippy::cast_possible_truncation)]
+#[inline(always)]
+const fn upper(speed: i64) -> i32 {
+    (speed >> 32) as i32
 }
 
 /// What a shaft that turns by `theta_step` a sample turns in a reading's `age`.
@@ -223,7 +286,7 @@ mod tests {
                 let turns: f64 = start + rpm / 60.0 * f64::from(k) * 50e-6;
                 (turns.rem_euclid(1.0) * f64::from(1 << 20)) as u32 % (1 << 20)
             };
-            let mut observer = Observer::at(&config, counts(0));
+            let mut observer = Observer::at(&config, EncoderAlignment::default(), counts(0));
             let mut motion = Motion::default();
             for k in 0..1500 {
                 motion = observer.step(&config, counts(k));
@@ -243,7 +306,7 @@ mod tests {
             let (alpha, beta) = (Ratio::from_num(alpha), Ratio::from_num(part * alpha * alpha));
             let config = ObserverConfig { alpha, beta, ..config(1 << 20) };
             let (alpha, beta) = (alpha.to_num::<f64>(), beta.to_num::<f64>());
-            let mut observer = Observer::at(&config, counts[0]);
+            let mut observer = Observer::at(&config, EncoderAlignment::default(), counts[0]);
             for count in counts {
                 // Each step from the observer's own state: while jumps are cut nothing corrects, and two observers that
                 // differ by a rounding part.
@@ -275,7 +338,7 @@ mod tests {
                 beta: Ratio::from_bits(beta),
                 ..config(1 << 23)
             };
-            let mut observer = Observer::default();
+            let mut observer = Observer::new(EncoderAlignment::default());
             for count in counts {
                 let motion = observer.step(&config, count);
                 prop_assert!(observer.speed.abs() <= 1 << 60);
@@ -287,17 +350,25 @@ mod tests {
 
     #[test]
     fn the_electrical_angle_counts_from_the_encoder_s_zero() {
-        let mut plate = test_plate();
-        plate.motors[0].encoder.theta_e_at_zero_turns = 0.3;
-        let config = plate.motors[0].current_loop(&plate).unwrap().observer;
-        // A quarter turn of the shaft is one and a quarter electrical turns at five pole pairs.
-        let motion = Observer::at(&config, 1 << 18).step(&config, 1 << 18);
-        let expected = Angle::from_turns(0.25 * 5.0 + 0.3);
-        assert!(
-            motion.theta_e.minus(expected).abs() < 16,
-            "{:?}",
-            motion.theta_e
-        );
+        for (reversed, turns) in [(false, 0.25), (true, -0.25)] {
+            let mut plate = test_plate();
+            plate.motors[0].encoder.theta_e_at_zero_turns = 0.3;
+            plate.motors[0].encoder.reversed = reversed;
+            let config = plate.motors[0].current_loop(&plate).unwrap();
+            let (alignment, config) = (config.alignment.unwrap(), config.observer);
+            // A quarter turn of the shaft is one and a quarter electrical turns at five pole pairs.
+            let expected = Angle::from_turns(turns * 5.0 + 0.3);
+            let mut observer = Observer::at(&config, alignment, 1 << 18);
+            let motion = observer.step(&config, 1 << 18);
+            assert!(motion.theta_e.minus(expected).abs() < 16, "{motion:?}");
+            let theta = config.encoder.angle(1 << 18);
+            let off = alignment.theta_e(theta, config.pole_pairs).minus(expected);
+            assert!(off.abs() < 16, "{off}");
+            // Aligned later, it goes on where it was.
+            let mut late = Observer::at(&config, EncoderAlignment::default(), 1 << 18);
+            late.align(alignment);
+            assert_eq!(late.step(&config, 1 << 18), motion);
+        }
     }
 
     #[test]
@@ -307,7 +378,7 @@ mod tests {
         config.age = Ratio::from_num(age);
         let turns = |k: f64| 3000.0 / 60.0 * k * 50e-6;
         let at = |k: f64| (turns(k).rem_euclid(1.0) * f64::from(1 << 21)) as u32 % (1 << 21);
-        let mut observer = Observer::at(&config, at(0.0));
+        let mut observer = Observer::at(&config, EncoderAlignment::default(), at(0.0));
         let theta = |observer: &mut Observer, k: u32, counts| {
             let motion = observer.follow(&config, counts);
             let off = f64::from(motion.theta.0) / 2f64.powi(32) - turns(f64::from(k));
@@ -344,7 +415,7 @@ mod tests {
             beta: Ratio::ONE,
             ..config(1 << 20)
         };
-        let mut observer = Observer::at(&config, 100);
+        let mut observer = Observer::at(&config, EncoderAlignment::default(), 100);
         observer.step(&config, 150);
         let motion = observer.step(&config, 210);
         let exact = 60.0 / f64::from(1 << 20) * core::f64::consts::TAU * 5.0 / 50e-6;

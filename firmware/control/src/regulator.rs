@@ -89,13 +89,13 @@ impl Regulator {
         }
     }
 
-    /// One step: currents and the reference `i_q`, which are within half of their word, while the rotor turns by
-    /// `theta_e_step` a sample -> voltages in the circle. `i_d` is held at 0 (Eq 6).
+    /// One step: currents and their reference, which are within half of their word, while the frame turns by
+    /// `theta_e_step` a sample -> voltages in the circle. In the rotor's frame `i_d` is asked to be 0 (Eq 6).
     #[inline(always)]
     pub fn step(
         &mut self,
         config: &RegulatorConfig,
-        i_q: ScaledCurrent,
+        reference: DirectQuadrature<ScaledCurrent>,
         current: DirectQuadrature<ScaledCurrent>,
         theta_e_step: i32,
         circle: impl FnOnce() -> Circle,
@@ -106,14 +106,17 @@ impl Regulator {
         #[allow(clippy::arithmetic_side_effects)]
         let wanted = {
             let (d, q) = (self.integral.d.to_bits(), self.integral.q.to_bits());
-            let (over, error) = (current.d.0, i_q.0 - current.q.0);
+            let error = DirectQuadrature {
+                d: reference.d.0 - current.d.0,
+                q: reference.q.0 - current.q.0,
+            };
             self.integral = DirectQuadrature {
-                d: hold(d - config.k_ic_step.times(over)),
-                q: hold(q + config.k_ic_step.times(error)),
+                d: hold(d + config.k_ic_step.times(error.d)),
+                q: hold(q + config.k_ic_step.times(error.q)),
             };
             DirectQuadrature {
-                d: d - config.k_pc.times(over) - induced.d,
-                q: q + config.k_pc.times(error) + induced.q,
+                d: d + config.k_pc.times(error.d) - induced.d,
+                q: q + config.k_pc.times(error.q) + induced.q,
             }
         };
         let voltage = DirectQuadrature {
@@ -237,7 +240,7 @@ mod tests {
     /// saturation is no part of it.
     fn reference_step(
         state: &mut [f64; 2],
-        (r, i): (f64, [f64; 2]),
+        (r, i): ([f64; 2], [f64; 2]),
         omega: f64,
         v_max: f64,
     ) -> [f64; 2] {
@@ -245,7 +248,7 @@ mod tests {
         let gains = plate.motors[0].gains(&plate.tuning);
         let (kp, ki) = (gains.k_pc, gains.k_ic * plate.board.sample_time());
         let (l, psi) = (plate.motors[0].inductance_h, plate.motors[0].flux_wb);
-        let e = [-i[0], r - i[1]];
+        let e = [r[0] - i[0], r[1] - i[1]];
         let wanted = [
             kp * e[0] + state[0] - omega * l * i[1],
             kp * e[1] + state[1] + omega * l * i[0] + omega * psi,
@@ -263,7 +266,7 @@ mod tests {
         #[test]
         fn agrees_with_the_law_in_floats(
             samples in prop::collection::vec(
-                (-5.0..5.0f64, [-5.0..5.0f64, -5.0..5.0f64]), 1..60),
+                ([-5.0..5.0f64, -5.0..5.0f64], [-5.0..5.0f64, -5.0..5.0f64]), 1..60),
             omega in -3000.0..3000.0f64,
             v_max in 1.0..400.0f64,
         ) {
@@ -272,7 +275,7 @@ mod tests {
             let mut state = [0.0; 2];
             for (r, i) in samples {
                 let out = regulator.step(
-                    &config, amperes(0.0, r).q, amperes(i[0], i[1]), step(omega), || circle(Voltage::from_num(v_max)));
+                    &config, amperes(r[0], r[1]), amperes(i[0], i[1]), step(omega), || circle(Voltage::from_num(v_max)));
                 let exact = reference_step(&mut state, (r, i), omega, v_max);
                 prop_assert!((out.voltage.d.to_num::<f64>() - exact[0]).abs() < 0.02);
                 // Where d takes all of the circle, the leg left for q is the root of a difference of nearly
@@ -287,7 +290,7 @@ mod tests {
         /// Debug builds panic where a sum would leave its format.
         #[test]
         fn never_leaves_the_circle_nor_winds_up(
-            bits in prop::collection::vec(prop::array::uniform4(prop_oneof![any::<i32>(), Just(i32::MIN), Just(i32::MAX)]), 1..50),
+            bits in prop::collection::vec(prop::array::uniform5(prop_oneof![any::<i32>(), Just(i32::MIN), Just(i32::MAX)]), 1..50),
             v_max in 0..i32::MAX,
             gains in prop::array::uniform2((any::<i32>(), 0..=16u32)),
             induced in (-(1 << 30)..=1 << 30i32, -(1 << 29)..=1 << 29i32, 0..=16u32),
@@ -298,11 +301,11 @@ mod tests {
             let config = RegulatorConfig { k_pc, k_ic_step, induced: Induced { inductance, flux, shift } };
             let mut regulator = Regulator::default();
             let v_max = Voltage::from_bits(v_max);
-            for [rq, id, iq, theta_e_step] in bits {
-                let [rq, id, iq] = [rq, id, iq].map(|x| ScaledCurrent(x >> 1));
+            for [rd, rq, id, iq, theta_e_step] in bits {
+                let [rd, rq, id, iq] = [rd, rq, id, iq].map(|x| ScaledCurrent(x >> 1));
                 let out = regulator.step(
                     &config,
-                    rq,
+                    DirectQuadrature { d: rd, q: rq },
                     DirectQuadrature { d: id, q: iq },
                     theta_e_step >> 1,
                     || circle(v_max),
@@ -320,7 +323,7 @@ mod tests {
         fn recovers_at_once_from_saturation(push in 20.0..30.0f64) {
             let config = config();
             let mut regulator = Regulator::default();
-            let mut step = |q| regulator.step(&config, amperes(0.0, q).q, amperes(0.0, 0.0), 0, || circle(Voltage::from_num(50)));
+            let mut step = |q| regulator.step(&config, amperes(0.0, q), amperes(0.0, 0.0), 0, || circle(Voltage::from_num(50)));
             for _ in 0..1000 {
                 step(push);
             }

@@ -1,8 +1,8 @@
 //! The speed task: supervisor, coordinator and both speed loops in one step.
 
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
-use crate::current_loop::CurrentReference;
-use crate::exchange::MotorStatus;
+use crate::current_loop::{CurrentReference, Mode};
+use crate::exchange::MotorExchange;
 use crate::plate::DriveConfig;
 use crate::speed_loop::{SpeedLoop, SpeedReference};
 use crate::supervisor::{Fault, Request, State};
@@ -60,20 +60,39 @@ impl SpeedTask {
         self.coordinator.arrived()
     }
 
-    /// One step, with the fault that the board or its guard has found.
+    /// One step: what the current loops found, and the fault that the board or its guard has found -> what they are asked
+    /// next.
     #[inline(always)]
     pub fn step(
         &mut self,
         config: &DriveConfig,
         request: Request,
-        motors: [MotorStatus; 2],
+        exchanges: [&MotorExchange; 2],
         found: Option<Fault>,
     ) -> SpeedTaskOutput {
+        let output = self.decide(config, request, exchanges, found);
+        let [to_screw, to_nut] = output.current;
+        let ([screw, nut], [screw_loop, nut_loop]) = (exchanges, &config.current_loops);
+        screw.ask(to_screw, screw_loop);
+        nut.ask(to_nut, nut_loop);
+        output
+    }
+
+    #[inline(always)]
+    fn decide(
+        &mut self,
+        config: &DriveConfig,
+        request: Request,
+        exchanges: [&MotorExchange; 2],
+        found: Option<Fault>,
+    ) -> SpeedTaskOutput {
+        let [screw, nut] = exchanges;
+        let motors = [screw.status(), nut.status()];
         let coordinator = &self.coordinator;
         self.state = self
             .state
             .next(request, motors, found, || coordinator.at_rest());
-        let mode = self.state.mode();
+        let mode = self.state.mode(request);
         if !matches!(self.state, State::Running | State::Stopping) {
             self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
             self.coordinator = Coordinator::new();
@@ -133,8 +152,9 @@ impl SpeedTask {
         ];
         self.torque_limited = asked.map(|output| output.limited);
         let current = asked.map(|output| CurrentReference {
-            mode,
+            mode: Mode::Drive,
             i_q: output.i_q,
+            ..CurrentReference::default()
         });
         SpeedTaskOutput {
             current,

@@ -145,8 +145,9 @@ impl State {
 
     /// What the current loops do in this state.
     #[must_use]
-    pub const fn mode(self) -> Mode {
+    pub const fn mode(self, request: Request) -> Mode {
         match self {
+            Self::Fault(_) if request.reset && !request.run => Mode::Reset,
             Self::Calibrating => Mode::Calibrate,
             Self::Running | Self::Stopping => Mode::Drive,
             Self::Off | Self::Ready | Self::Fault(_) => Mode::Off,
@@ -264,7 +265,7 @@ mod tests {
             || false,
         );
         assert_eq!(state, FAULT);
-        assert_eq!(state.mode(), Mode::Off);
+        assert_eq!(state.mode(Request::default()), Mode::Off);
         let still_asked = Request {
             run: true,
             reset: true,

@@ -20,6 +20,7 @@ pub(crate) const MOTOR: MotorPlate = MotorPlate {
         counts_per_turn: 1 << 20,
         age_s: 0.0,
         theta_e_at_zero_turns: 0.0,
+        reversed: false,
     },
 };
 

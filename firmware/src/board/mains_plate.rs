@@ -48,6 +48,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
                 counts_per_turn: mt6835::COUNTS_PER_TURN,
                 age_s: FRAME_LEAD_S,
                 theta_e_at_zero_turns: 0.0,
+                reversed: false,
             },
             ..machine::MOTOR
         },

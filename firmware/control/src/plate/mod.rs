@@ -53,6 +53,8 @@ pub struct EncoderPlate {
     pub age_s: f64,
     /// Electrical angle at count zero, electrical turns.
     pub theta_e_at_zero_turns: f64,
+    /// It counts down while the rotor turns electrically forwards.
+    pub reversed: bool,
 }
 
 /// One bridge and its sensors, as the board has them.
@@ -171,6 +173,7 @@ mod tests {
                 age_s: 0.0,
                 counts_per_turn: 1 << 20,
                 theta_e_at_zero_turns: 0.0,
+                reversed: false,
             },
         };
         DrivePlate {

@@ -4,8 +4,8 @@ use super::{attempt, gain, positive, power_of_two, square_root, within};
 use crate::current_loop::CurrentLoopConfig;
 use crate::encoder::Interface;
 use crate::encoder_watch::EncoderWatchConfig;
-use crate::format::{Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
-use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX};
+use crate::format::{Angle, Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
+use crate::observer::{EncoderAlignment, EncoderScale, ObserverConfig, SPEED_BITS_MAX};
 use crate::plate::{DrivePlate, MotorPlate, Tuning};
 use crate::regulator::{Induced, RegulatorConfig};
 use crate::speed_loop::SpeedLoopConfig;
@@ -27,6 +27,10 @@ impl MotorPlate {
             bus: attempt!(board.bus_sense()),
             encoder: self.encoder.interface,
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
+            alignment: Some(EncoderAlignment {
+                reversed: self.encoder.reversed,
+                theta_e_at_zero: Angle::from_turns(self.encoder.theta_e_at_zero_turns),
+            }),
             encoder_watch: self.encoder_watch(&drive.tuning),
             regulator: RegulatorConfig {
                 k_pc: attempt!(gain("Kpc (Eq 9)", gains.k_pc, scale)),
@@ -183,7 +187,6 @@ impl MotorPlate {
             beta: Ratio::from_bits(attempt!(quantise("observer beta", "", x * x, 30))),
             speed_bits,
             pole_pairs: self.pole_pairs,
-            theta_e_offset: crate::format::Angle::from_turns(self.encoder.theta_e_at_zero_turns),
             omega_multiplier: attempt!(quantise("electrical speed scale", "", multiplier, 0)),
             omega_shift,
             step_max,
