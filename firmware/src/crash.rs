@@ -1,5 +1,6 @@
 //! What to do when nothing else can be done: bridges off, say where it happened, reset; and say so at the next boot.
 
+use crate::hw::{clock, outputs};
 use core::fmt::Write;
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
@@ -54,6 +55,7 @@ fn crash(cause: core::fmt::Arguments<'_>) -> ! {
         (*TIM1::ptr()).bdtr().modify(|_, w| w.moe().clear_bit());
         (*TIM8::ptr()).bdtr().modify(|_, w| w.moe().clear_bit());
     }
+    outputs::all_safe();
     let mut record = Record {
         magic: MAGIC,
         length: 0,
@@ -63,6 +65,11 @@ fn crash(cause: core::fmt::Arguments<'_>) -> ! {
     // SAFETY: nothing else runs from here on.
     unsafe { (&raw mut DRIVE_CRASH).write_volatile(MaybeUninit::new(record)) };
     SCB::sys_reset()
+}
+
+/// The chip or the board is not as it must be: the drive does not start. The reset tries again, and says why.
+pub(crate) fn refuse(why: &str) -> ! {
+    crash(format_args!("{why}"))
 }
 
 #[panic_handler]
@@ -77,6 +84,17 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 // SAFETY: the attribute makes this the fault's handler; it touches only what `crash` may.
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
     crash(format_args!("hard fault at {:#010x}", frame.pc()))
+}
+
+/// The crystal has stopped, or flash or RAM has a wrong bit: the chip has broken the bridges already (see
+/// [`crate::hw::clock`]), and what runs now runs at another clock or on wrong data.
+#[exception]
+// SAFETY: as above.
+unsafe fn NonMaskableInt() {
+    if clock::crystal_failed() {
+        crash(format_args!("the crystal stopped"));
+    }
+    crash(format_args!("flash or RAM has a wrong bit"))
 }
 
 #[exception]

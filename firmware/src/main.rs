@@ -73,21 +73,25 @@ mod app {
         log::start(channels.up.0);
         cycles::start(&mut core.DCB, &mut core.DWT);
         schedule::no_lazy_float_state(&core.FPU);
+        // Before anything that may end this run too.
+        crash::take(|text| defmt::error!("the last run ended: {=str}", text));
 
         let mut rcc = clock::start(device.RCC, device.PWR, &device.FLASH);
         let reason = reset_reason(&mut rcc);
         DRIVE_VIEW.reset_reason.store(reason.word(), Relaxed);
         defmt::info!("started after a reset by {=str}", reason.name());
-        crash::take(|text| defmt::error!("the last run ended: {=str}", text));
+        clock::report_option_bytes(&device.FLASH);
 
         clock::enable_peripherals(&rcc);
         let pins = board::claim(Ports {
             a: device.GPIOA.split(&mut rcc),
             b: device.GPIOB.split(&mut rcc),
             c: device.GPIOC.split(&mut rcc),
+            d: device.GPIOD.split(&mut rcc),
         });
+        pins.outputs.keep();
 
-        let plan = const { pwm::PwmPlan::new(&board::PLATE.board) };
+        let plan = const { pwm::PwmPlan::new(&board::PLATE.board, board::BREAK_FILTER_S) };
         let (screw_encoder, nut_encoder) = board::start_encoders(EncoderParts {
             tim2: device.TIM2,
             tim5: device.TIM5,
@@ -110,11 +114,20 @@ mod app {
             common: (&device.ADC12_COMMON, &device.ADC345_COMMON),
             dma: (&device.DMA1, &device.DMAMUX),
         };
-        assert!(
-            converters.prepare(pins.channels, board::SAMPLING, &board::WATCH_LIMITS),
-            "an ADC did not calibrate: check the analog supply"
-        );
-        let breaks = board::OVER_CURRENT.map(|motor| motor.break_sources());
+        if !converters.prepare(pins.channels, &board::WATCH_LIMITS) {
+            crash::refuse("an ADC did not calibrate: check the analog supply");
+        }
+        let breaks = const {
+            let [screw, nut] = &board::OVER_CURRENT;
+            let driver = board::DRIVER_FAULT;
+            [
+                protection::break_sources(screw, driver),
+                protection::break_sources(nut, driver),
+            ]
+        };
+        // Awake before the breaks are armed: a driver that wakes says that it has a fault.
+        pins.outputs.enable_drivers();
+        cortex_m::asm::delay(const { (board::DRIVER_WAKE_S * clock::CORE_HZ as f64) as u32 });
         if bringup {
             bringup::run(bringup::Started {
                 plan: &plan,
@@ -138,10 +151,9 @@ mod app {
 
         let supervision = Supervision::new(Watchdog::start(device.IWDG));
         let timers = (&device.TIM1, &device.TIM8);
-        assert!(
-            pwm::start(timers.0, timers.1, &plan, breaks),
-            "the PWM timers do not run: check the board's crystal"
-        );
+        if !pwm::start(timers.0, timers.1, &plan, breaks) {
+            crash::refuse("the PWM timers do not run: check the board's crystal");
+        }
         converters.arm();
         let watches = analog::Watches::of(&converters);
 

@@ -9,6 +9,8 @@
 //! | shunts a, b | PA1 (OPAMP1), PA7 (OPAMP2) | PB13 (OPAMP6), PB0 (OPAMP3) |
 //! | bus voltage | PC3 | PB14 |
 //! | heat sink's temperature | PA0 | PC4 |
+//! | gate driver: fault, low | PB10 (TIM1_BKIN) | PD2 (TIM8_BKIN) |
+//! | gate driver: enable, high; pull-downs | PA4 | PC5 |
 //! | encoder | PA5, PA6, PB5 (SPI1), PA15 (chip select by TIM2) | PB2, PC12, index PB12 (TIM5) |
 //!
 //! The table's scale is on PB6 and PB7 (TIM4). PA13 and PA14 are the debugger's, PF0 and PF1 the 24 MHz crystal's.
@@ -17,14 +19,15 @@
 
 use super::machine;
 use super::pins::{
-    Bridge, EncoderParts, Pins, Ports, amplified, comparator, converted, converted_output, encoder,
-    framed_spi, index,
+    Bridge, EncoderParts, Pins, Ports, amplified, comparator, converted, converted_output,
+    driver_fault, encoder, framed_spi, index,
 };
 use crate::hw::amplifier::Gain;
-use crate::hw::analog::{Channels, WatchLimits};
+use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
 use crate::hw::encoder::mt6835::{LEAD_S, Mt6835};
 use crate::hw::encoder::{Flags, Incremental, TopOf};
-use crate::hw::protection::OverCurrent;
+use crate::hw::outputs::{Level, Outputs, output};
+use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
 use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP4, COMP5};
 use stm32g4xx_hal::gpio::Pull;
@@ -36,17 +39,23 @@ mod plate;
 pub(crate) use plate::GUARDS;
 pub(crate) use plate::{PLATE, SCALE_COUNT_M};
 
-/// Comparators and threshold of each motor: +4.5 A, before the amplifier.
+/// Comparators of each motor: +4.5 A, before the amplifier. They see phases a and b: what c carries is for the driver's
+/// fault, which comes first.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
-    OverCurrent {
-        comparators: &[1, 2],
-        threshold: plate::pin_counts(4.5),
-    },
-    OverCurrent {
-        comparators: &[5, 4],
-        threshold: plate::pin_counts(4.5),
-    },
+    OverCurrent::past(&[1, 2], plate::pin_counts(4.5), plate::pin_counts(0.0)),
+    OverCurrent::past(&[5, 4], plate::pin_counts(4.5), plate::pin_counts(0.0)),
 ];
+
+/// The power stages' drivers pull their fault lines low.
+const FAULT_LINE: DriverFault = DriverFault { level: Level::Low };
+/// They are on the break pins.
+pub(crate) const DRIVER_FAULT: Option<DriverFault> = Some(FAULT_LINE);
+
+/// How long the drivers take to wake, s.
+pub(crate) const DRIVER_WAKE_S: f64 = 1e-3;
+
+/// How long a fault must last until the bridge opens, s.
+pub(crate) const BREAK_FILTER_S: f64 = 0.7e-6;
 
 /// The guard's limits in counts.
 pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
@@ -56,13 +65,20 @@ pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
 
 /// Limits of the analog watchdogs: ±4.75 A.
 pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
-    current: plate::AMPLIFIED_LIMITS,
+    current: watch_limits(
+        plate::amplified_counts(-4.75),
+        plate::amplified_counts(4.75),
+    ),
     bus: GUARD.bus_most,
     shunts: PLATE.board.shunts,
 };
 
-/// Sampling time code of all channels: 12.5 ADC clocks, 294 ns at 42.5 MHz: an amplifier's output needs 200 ns.
-pub(crate) const SAMPLING: u32 = 2;
+/// An amplifier's output needs 200 ns (RM0440 25.3; memory).
+const CURRENT_SAMPLING: Sampling = Sampling::of_at_least(200e-9);
+/// The bus divider has 100 nF at the pin.
+const BUS_SAMPLING: Sampling = Sampling::behind(100e-9);
+/// The heat sink's divider has 100 nF at the pin.
+const HEAT_SAMPLING: Sampling = Sampling::behind(100e-9);
 
 /// Gain of the on-chip amplifiers.
 pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X4;
@@ -100,7 +116,7 @@ pub(crate) fn take_encoder_flags() -> [Flags; 2] {
 
 /// Puts every pin in its function and says where the measurements are.
 pub(crate) fn claim(ports: Ports) -> Pins {
-    let Ports { a, b, c } = ports;
+    let Ports { a, b, c, d } = ports;
 
     Bridge::<TIM1>::claim(
         (
@@ -137,6 +153,9 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     index::<TIM5, _>(b.pb12.into_alternate::<2>());
     encoder::<TIM4, _, _>(b.pb6.into_alternate::<2>(), b.pb7.into_alternate::<2>());
 
+    driver_fault::<TIM1, _>(b.pb10.into_alternate::<12>(), FAULT_LINE);
+    driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE);
+
     let (screw_a, screw_b) = (a.pa1.into_analog(), a.pa7.into_analog());
     let (nut_a, nut_b) = (b.pb13.into_analog(), b.pb0.into_analog());
     comparator::<COMP1, _>(&screw_a);
@@ -152,20 +171,20 @@ pub(crate) fn claim(ports: Ports) -> Pins {
 
     let (screw_bus, nut_bus) = (c.pc3.into_analog(), b.pb14.into_analog());
     let (screw_heat, nut_heat) = (a.pa0.into_analog(), c.pc4.into_analog());
-    let screw_b = converted_output::<ADC2, Locked<Opamp2, InternalOutput>>();
-    let nut_b = converted_output::<ADC3, Locked<Opamp3, InternalOutput>>();
+    let screw_b = converted_output::<ADC2, Locked<Opamp2, InternalOutput>>(CURRENT_SAMPLING);
+    let nut_b = converted_output::<ADC3, Locked<Opamp3, InternalOutput>>(CURRENT_SAMPLING);
     let channels = [
         Channels {
             injected: [
-                converted_output::<ADC1, Locked<Opamp1, InternalOutput>>(),
-                converted::<ADC1, _>(&screw_bus),
+                converted_output::<ADC1, Locked<Opamp1, InternalOutput>>(CURRENT_SAMPLING),
+                converted::<ADC1, _>(&screw_bus, BUS_SAMPLING),
             ],
-            regular: Some(converted::<ADC1, _>(&screw_heat)),
+            regular: Some(converted::<ADC1, _>(&screw_heat, HEAT_SAMPLING)),
         },
         // Phase c has no sensor: phase b again, which the control code does not read.
         Channels {
             injected: [screw_b, screw_b],
-            regular: Some(converted::<ADC2, _>(&nut_heat)),
+            regular: Some(converted::<ADC2, _>(&nut_heat, HEAT_SAMPLING)),
         },
         Channels {
             injected: [nut_b, nut_b],
@@ -173,8 +192,8 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         },
         Channels {
             injected: [
-                converted_output::<ADC4, Locked<Opamp6, InternalOutput>>(),
-                converted::<ADC4, _>(&nut_bus),
+                converted_output::<ADC4, Locked<Opamp6, InternalOutput>>(CURRENT_SAMPLING),
+                converted::<ADC4, _>(&nut_bus, BUS_SAMPLING),
             ],
             regular: None,
         },
@@ -182,5 +201,12 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     Pins {
         channels,
         amplifiers: amplifiers.map(Some),
+        outputs: Outputs {
+            drivers: [
+                Some(output(a.pa4, Level::High)),
+                Some(output(c.pc5, Level::High)),
+            ],
+            ..Outputs::default()
+        },
     }
 }

@@ -24,20 +24,16 @@ const COUNTS: f64 = 4096.0;
 /// How long before the top the sensor latches its angle: see the firmware's `hw::encoder::mt6835`.
 pub(crate) const FRAME_LEAD_S: f64 = 5.5e-6;
 
-/// What the pin of a shunt is at with `amps` through it, in counts of a 12-bit converter.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-pub(crate) const fn pin_counts(amps: f64) -> u16 {
+/// What the pin of a shunt is at with `amps` in its phase, in counts of a 12-bit converter.
+pub(crate) const fn pin_counts(amps: f64) -> f64 {
     let volts = SUPPLY_V * (1.0 - PASSED) + amps * SHUNT_OHM * PASSED;
-    (volts / SUPPLY_V * COUNTS + 0.5) as u16
+    volts / SUPPLY_V * COUNTS
 }
 
-/// What the ADC reads behind the amplifier at -4.75 A and at +4.75 A.
-#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-pub(crate) const AMPLIFIED_LIMITS: [u16; 2] = {
-    let counts = 4.75 / PLATE.board.amps_per_count;
-    let zero = PLATE.board.zero_counts;
-    [(zero - counts) as u16, (zero + counts) as u16]
-};
+/// What the ADC reads behind the amplifier at `amps`.
+pub(crate) const fn amplified_counts(amps: f64) -> f64 {
+    PLATE.board.zero_counts + amps / PLATE.board.amps_per_count
+}
 
 /// The drive that the firmware is built for.
 pub(crate) const PLATE: DrivePlate = DrivePlate {

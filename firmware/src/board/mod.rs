@@ -4,8 +4,9 @@
 //!
 //! 1. A plate beside `mains_plate.rs`: motors, encoders, A and V per count, dead time. Numbers only; what does not fit
 //!    its fixed-point format stops the build.
-//! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `OVER_CURRENT`, `SAMPLING`,
-//!    `AMPLIFIER_GAIN`, `GUARDS`, `GATE_PULL_DOWN_OHM`, `ScrewEncoder`, `NutEncoder`, `start_encoders`, `claim`. In `claim` each pin goes once,
+//! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `OVER_CURRENT`, `DRIVER_FAULT`,
+//!    `DRIVER_WAKE_S`, `BREAK_FILTER_S`, `WATCH_LIMITS`, `AMPLIFIER_GAIN`, `GUARD`, `GATE_PULL_DOWN_OHM`,
+//!    `ScrewEncoder`, `NutEncoder`, `start_encoders`, `claim`. In `claim` each pin goes once,
 //!    by value, through a function of [`pins`] whose bounds only the right pin in the right alternate function meets.
 //! 3. A feature in `Cargo.toml`, and two lines below.
 //! 4. `cargo check --package firmware --target thumbv7em-none-eabihf --no-default-features --features board-yours`: a pin

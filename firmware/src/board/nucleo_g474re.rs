@@ -8,6 +8,8 @@
 //! | bus voltage | PC0 | PB12 |
 //! | heat sink's temperature | PC1 | PC2 |
 //! | encoder A, B | PA15, PB3 (TIM2) | PB2, PC12 (TIM5) |
+//! | gate driver: fault, low | PB10 (TIM1_BKIN) | PD2 (TIM8_BKIN) |
+//! | gate driver: enable, high; pull-downs | PA4 | PC5 |
 //!
 //! The table's scale is on PB6 and PB7 (TIM4). PA2 and PA3 (ST-LINK's serial port), PA5 (LED), PA13 and PA14 (SWD),
 //! PC13 (button), PF0 and PF1 (24 MHz crystal) are left to the board.
@@ -16,11 +18,14 @@
 //! meets: a pin used twice, or with a wrong function, does not compile.
 
 use super::machine;
-use super::pins::{Bridge, EncoderParts, Pins, Ports, comparator, converted, encoder};
+use super::pins::{
+    Bridge, EncoderParts, Pins, Ports, comparator, converted, driver_fault, encoder,
+};
 use crate::hw::amplifier::Gain;
-use crate::hw::analog::{Channels, WatchLimits};
+use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
 use crate::hw::encoder::{Flags, Incremental, TopOf};
-use crate::hw::protection::OverCurrent;
+use crate::hw::outputs::{Level, Outputs, output};
+use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
 use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP3, COMP4, COMP5, COMP7};
 use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, TIM1, TIM2, TIM4, TIM5, TIM8};
@@ -34,17 +39,27 @@ pub(crate) use plate::PLATE;
 pub(crate) use plate::PLATE_40_KHZ as PLATE;
 pub(crate) use plate::SCALE_COUNT_M;
 
-/// Comparators and threshold of each motor: +4.5 A of a ±5 A channel.
+/// What the comparators' pins, which are the ADCs', read at a phase current.
+const fn pin_counts(amps: f64) -> f64 {
+    PLATE.board.zero_counts + amps / PLATE.board.amps_per_count
+}
+
+/// Comparators of each motor: +4.5 A of a ±5 A channel.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
-    OverCurrent {
-        comparators: &[3, 1, 2],
-        threshold: 3891,
-    },
-    OverCurrent {
-        comparators: &[7, 4, 5],
-        threshold: 3891,
-    },
+    OverCurrent::past(&[3, 1, 2], pin_counts(4.5), pin_counts(0.0)),
+    OverCurrent::past(&[7, 4, 5], pin_counts(4.5), pin_counts(0.0)),
 ];
+
+/// The power stages' drivers pull their fault lines low.
+const FAULT_LINE: DriverFault = DriverFault { level: Level::Low };
+/// They are on the break pins.
+pub(crate) const DRIVER_FAULT: Option<DriverFault> = Some(FAULT_LINE);
+
+/// How long the drivers take to wake, s.
+pub(crate) const DRIVER_WAKE_S: f64 = 1e-3;
+
+/// How long a fault must last until the bridge opens, s: the edges of 310 V ring for some hundred nanoseconds.
+pub(crate) const BREAK_FILTER_S: f64 = 0.7e-6;
 
 /// The guard's limits in counts.
 pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
@@ -54,13 +69,18 @@ pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
 
 /// Limits of the analog watchdogs: ±4.75 A.
 pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
-    current: [102, 3994],
+    current: watch_limits(pin_counts(-4.75), pin_counts(4.75)),
     bus: GUARD.bus_most,
     shunts: PLATE.board.shunts,
 };
 
-/// Sampling time code of all channels: 6.5 ADC clocks, 153 ns at 42.5 MHz (RM0440, ADC_SMPRx).
-pub(crate) const SAMPLING: u32 = 1;
+/// The current amplifiers' outputs, 100 ohm.
+const CURRENT_SAMPLING: Sampling = Sampling::from(100.0);
+/// The bus divider has 100 nF at the pin, which also keeps the bus watchdog from tripping on the bridges' edges: with the
+/// divider's 20 kohm, 80 Hz.
+const BUS_SAMPLING: Sampling = Sampling::behind(100e-9);
+/// The heat sink's divider has 100 nF at the pin.
+const HEAT_SAMPLING: Sampling = Sampling::behind(100e-9);
 
 /// Gain of the on-chip amplifiers, of which this board uses none: its power stages have their own.
 pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X2;
@@ -88,7 +108,7 @@ pub(crate) fn take_encoder_flags() -> [Flags; 2] {
 
 /// Puts every pin in its function and says where the measurements are.
 pub(crate) fn claim(ports: Ports) -> Pins {
-    let Ports { a, b, c } = ports;
+    let Ports { a, b, c, d } = ports;
 
     Bridge::<TIM1>::claim(
         (
@@ -118,6 +138,9 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     encoder::<TIM5, _, _>(b.pb2.into_alternate::<2>(), c.pc12.into_alternate::<1>());
     encoder::<TIM4, _, _>(b.pb6.into_alternate::<2>(), b.pb7.into_alternate::<2>());
 
+    driver_fault::<TIM1, _>(b.pb10.into_alternate::<12>(), FAULT_LINE);
+    driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE);
+
     let (screw_a, screw_b, screw_c) = (
         a.pa0.into_analog(),
         a.pa1.into_analog(),
@@ -140,29 +163,42 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     let channels = [
         Channels {
             injected: [
-                converted::<ADC1, _>(&screw_a),
-                converted::<ADC1, _>(&screw_bus),
+                converted::<ADC1, _>(&screw_a, CURRENT_SAMPLING),
+                converted::<ADC1, _>(&screw_bus, BUS_SAMPLING),
             ],
-            regular: Some(converted::<ADC1, _>(&screw_heat)),
+            regular: Some(converted::<ADC1, _>(&screw_heat, HEAT_SAMPLING)),
         },
         Channels {
             injected: [
-                converted::<ADC2, _>(&screw_b),
-                converted::<ADC2, _>(&screw_c),
+                converted::<ADC2, _>(&screw_b, CURRENT_SAMPLING),
+                converted::<ADC2, _>(&screw_c, CURRENT_SAMPLING),
             ],
-            regular: Some(converted::<ADC2, _>(&nut_heat)),
+            regular: Some(converted::<ADC2, _>(&nut_heat, HEAT_SAMPLING)),
         },
         Channels {
-            injected: [converted::<ADC3, _>(&nut_b), converted::<ADC3, _>(&nut_c)],
+            injected: [
+                converted::<ADC3, _>(&nut_b, CURRENT_SAMPLING),
+                converted::<ADC3, _>(&nut_c, CURRENT_SAMPLING),
+            ],
             regular: None,
         },
         Channels {
-            injected: [converted::<ADC4, _>(&nut_a), converted::<ADC4, _>(&nut_bus)],
+            injected: [
+                converted::<ADC4, _>(&nut_a, CURRENT_SAMPLING),
+                converted::<ADC4, _>(&nut_bus, BUS_SAMPLING),
+            ],
             regular: None,
         },
     ];
     Pins {
         channels,
         amplifiers: [None; 4],
+        outputs: Outputs {
+            drivers: [
+                Some(output(a.pa4, Level::High)),
+                Some(output(c.pc5, Level::High)),
+            ],
+            ..Outputs::default()
+        },
     }
 }

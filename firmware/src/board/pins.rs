@@ -2,16 +2,20 @@
 
 use super::claimed::{Owned, claim};
 use crate::hw::amplifier::Amplifier;
-use crate::hw::analog::Channels;
+use crate::hw::analog::{Channels, Input, Sampling};
+use crate::hw::outputs::{Level, Outputs};
+use crate::hw::protection::DriverFault;
 use core::marker::PhantomData;
 use embedded_hal_02::adc::Channel;
 use link::bringup::PinUse;
 use stm32g4xx_hal::adc::Ad;
 use stm32g4xx_hal::comparator::PositiveInput;
-use stm32g4xx_hal::gpio::{AF2, PinExt, gpioa, gpiob, gpioc};
+use stm32g4xx_hal::gpio::{
+    AF2, PinExt, PinPull, PinSpeed, Pull, Speed, gpioa, gpiob, gpioc, gpiod,
+};
 use stm32g4xx_hal::opamp::NonInverting;
 use stm32g4xx_hal::pwm::{
-    C1, C2, C3, ComplementaryDisabled, ComplementaryImpossible, NPins, Pins as TimerPin,
+    C1, C2, C3, ComplementaryDisabled, ComplementaryImpossible, FaultPins, NPins, Pins as TimerPin,
 };
 use stm32g4xx_hal::spi::{PinMiso, PinMosi, PinSck};
 use stm32g4xx_hal::stm32::{DMA1, DMAMUX, SPI1, TIM2, TIM5};
@@ -21,6 +25,8 @@ pub(crate) struct Ports {
     pub(crate) a: gpioa::Parts,
     pub(crate) b: gpiob::Parts,
     pub(crate) c: gpioc::Parts,
+    /// Of which that package has PD2 alone.
+    pub(crate) d: gpiod::Parts,
 }
 
 /// What a board's pins carry.
@@ -29,6 +35,8 @@ pub(crate) struct Pins {
     pub(crate) channels: [Channels; 4],
     /// The on-chip amplifiers before them.
     pub(crate) amplifiers: [Option<Amplifier>; 4],
+    /// What it switches.
+    pub(crate) outputs: Outputs,
 }
 
 /// What a board's motor encoders may be made of.
@@ -46,22 +54,24 @@ pub(crate) struct EncoderParts<'a> {
 pub(crate) struct Bridge<T>(PhantomData<T>);
 
 impl<T: Owned> Bridge<T> {
-    /// Takes the high sides and the low sides of phases a, b, c.
-    pub(crate) fn claim<A, B, C, AN, BN, CN>(high: (A, B, C), low: (AN, BN, CN))
+    /// Takes the high sides and the low sides of phases a, b, c. Their edges are those of a pin of medium speed: a gate
+    /// driver's input threshold is passed in 10 ns instead of 25 and more (datasheet, I/O AC characteristics; memory), and
+    /// the dead time is what the timer makes it.
+    pub(crate) fn claim<A, B, C, AN, BN, CN>((a, b, c): (A, B, C), (an, bn, cn): (AN, BN, CN))
     where
-        A: TimerPin<T, C1, ComplementaryDisabled> + PinExt,
-        B: TimerPin<T, C2, ComplementaryDisabled> + PinExt,
-        C: TimerPin<T, C3, ComplementaryDisabled> + PinExt,
-        AN: NPins<T, C1> + PinExt,
-        BN: NPins<T, C2> + PinExt,
-        CN: NPins<T, C3> + PinExt,
+        A: TimerPin<T, C1, ComplementaryDisabled> + PinExt + PinSpeed,
+        B: TimerPin<T, C2, ComplementaryDisabled> + PinExt + PinSpeed,
+        C: TimerPin<T, C3, ComplementaryDisabled> + PinExt + PinSpeed,
+        AN: NPins<T, C1> + PinExt + PinSpeed,
+        BN: NPins<T, C2> + PinExt + PinSpeed,
+        CN: NPins<T, C3> + PinExt + PinSpeed,
     {
-        claim::<T>(&high.0, PinUse::HighA);
-        claim::<T>(&high.1, PinUse::HighB);
-        claim::<T>(&high.2, PinUse::HighC);
-        claim::<T>(&low.0, PinUse::LowA);
-        claim::<T>(&low.1, PinUse::LowB);
-        claim::<T>(&low.2, PinUse::LowC);
+        claim::<T>(&a.speed(Speed::Medium), PinUse::HighA);
+        claim::<T>(&b.speed(Speed::Medium), PinUse::HighB);
+        claim::<T>(&c.speed(Speed::Medium), PinUse::HighC);
+        claim::<T>(&an.speed(Speed::Medium), PinUse::LowA);
+        claim::<T>(&bn.speed(Speed::Medium), PinUse::LowB);
+        claim::<T>(&cn.speed(Speed::Medium), PinUse::LowC);
     }
 }
 
@@ -78,9 +88,25 @@ where
 /// Checks that a shunt's pin is the non-inverting input of comparator `C`.
 pub(crate) fn comparator<C, P: PositiveInput<C>>(_pin: &P) {}
 
-/// The channel that a pin is on `A`.
-pub(crate) fn converted<A, P: Channel<Ad<A>, ID = u8>>(_pin: &P) -> u8 {
-    P::channel()
+/// The channel that a pin is on `A`, sampled for as long as what stands before it needs.
+pub(crate) fn converted<A, P: Channel<Ad<A>, ID = u8>>(_pin: &P, sampling: Sampling) -> Input {
+    Input {
+        channel: P::channel(),
+        sampling,
+    }
+}
+
+/// Takes the pin of a gate driver's fault output, on the break input of timer `T`. The pull holds an open line at the level
+/// that is no fault; a driver's output is an open drain.
+pub(crate) fn driver_fault<T: Owned, P>(pin: P, fault: DriverFault)
+where
+    P: FaultPins<T> + PinExt + PinPull,
+{
+    let pull = match fault.level {
+        Level::Low => Pull::Up,
+        Level::High => Pull::Down,
+    };
+    claim::<T>(&pin.internal_resistor(pull), PinUse::Fault);
 }
 
 /// A pin that carries the index of the encoder on timer `T`.
@@ -98,15 +124,16 @@ pub(crate) fn index<T: Owned, I: IndexPin<T> + PinExt>(index: I) {
 #[allow(dead_code, reason = "not every board has one")]
 pub(crate) fn framed_spi<S, T: Owned, K, I, O, N>(sck: K, miso: I, mosi: O, select: N)
 where
-    K: PinSck<S> + PinExt,
+    K: PinSck<S> + PinExt + PinSpeed,
     I: PinMiso<S> + PinExt,
-    O: PinMosi<S> + PinExt,
-    N: TimerPin<T, C1, ComplementaryImpossible> + PinExt,
+    O: PinMosi<S> + PinExt + PinSpeed,
+    N: TimerPin<T, C1, ComplementaryImpossible> + PinExt + PinSpeed,
 {
-    claim::<T>(&sck, PinUse::Clock);
+    // A clock of 10.6 MHz is beyond the lowest speed's 5 MHz at 50 pF (datasheet, I/O AC characteristics; memory).
+    claim::<T>(&sck.speed(Speed::High), PinUse::Clock);
     claim::<T>(&miso, PinUse::DataIn);
-    claim::<T>(&mosi, PinUse::DataOut);
-    claim::<T>(&select, PinUse::Select);
+    claim::<T>(&mosi.speed(Speed::High), PinUse::DataOut);
+    claim::<T>(&select.speed(Speed::High), PinUse::Select);
 }
 
 /// The amplifier `O`, number `number`, with this pin as its non-inverting input.
@@ -124,6 +151,9 @@ where
 
 /// The channel that an amplifier's output is on `A`, inside the chip.
 #[allow(dead_code, reason = "not every board has one")]
-pub(crate) fn converted_output<A, O: Channel<Ad<A>, ID = u8>>() -> u8 {
-    O::channel()
+pub(crate) fn converted_output<A, O: Channel<Ad<A>, ID = u8>>(sampling: Sampling) -> Input {
+    Input {
+        channel: O::channel(),
+        sampling,
+    }
 }

@@ -19,11 +19,90 @@ use stm32g4xx_hal::stm32::{
     ADC1, ADC2, ADC3, ADC4, ADC12_COMMON, ADC345_COMMON, DMA1, DMAMUX, adc1,
 };
 
+/// How long a channel samples: the code of its field of `ADC_SMPRx`.
+#[derive(Clone, Copy, PartialEq, Eq)]
+#[repr(u32)]
+pub(crate) enum Sampling {
+    Cycles2 = 0,
+    Cycles6 = 1,
+    Cycles12 = 2,
+    Cycles24 = 3,
+    Cycles47 = 4,
+    Cycles92 = 5,
+    Cycles247 = 6,
+    Cycles640 = 7,
+}
+
+impl Sampling {
+    /// ADC clock cycles, doubled (RM0440 21.4.12).
+    const HALF_CYCLES: [u32; 8] = [5, 13, 25, 49, 95, 185, 495, 1281];
+    const ALL: [Self; 8] = [
+        Self::Cycles2,
+        Self::Cycles6,
+        Self::Cycles12,
+        Self::Cycles24,
+        Self::Cycles47,
+        Self::Cycles92,
+        Self::Cycles247,
+        Self::Cycles640,
+    ];
+    /// The ADCs' clock, Hz.
+    const ADC_HZ: f64 = CORE_HZ as f64 / 4.0;
+    /// The sampling capacitor, F, and the switch before it, ohm (DS12288, ADC characteristics: C_ADC, R_ADC; memory).
+    const CAPACITOR_F: f64 = 5e-12;
+    const SWITCH_OHM: f64 = 1000.0;
+    /// The pin with its trace, F.
+    #[allow(dead_code, reason = "not every board has a source without a capacitor")]
+    const PIN_F: f64 = 10e-12;
+    /// Time constants to half a count of 12 bits: ln(2^13).
+    const TIME_CONSTANTS: f64 = 9.01;
+
+    /// What a source of `ohms` without a capacitor of its own needs, so that it settles to half a count: AN2834 4.2.6,
+    /// `t = (R + R_ADC) C_ADC ln(2^(N+1))`, with the pin's own capacitance beside that of the ADC.
+    #[allow(dead_code, reason = "not every board has such a source")]
+    pub(crate) const fn from(ohms: f64) -> Self {
+        let seconds = ((ohms + Self::SWITCH_OHM) * Self::CAPACITOR_F + ohms * Self::PIN_F)
+            * Self::TIME_CONSTANTS;
+        Self::of_at_least(seconds)
+    }
+
+    /// The shortest that is at least so long, s: an amplifier's settling, for one.
+    pub(crate) const fn of_at_least(seconds: f64) -> Self {
+        let mut index = 0;
+        while index < 8 {
+            if Self::HALF_CYCLES[index] as f64 / 2.0 / Self::ADC_HZ >= seconds {
+                return Self::ALL[index];
+            }
+            index += 1;
+        }
+        panic!("no sampling time is so long: put a capacitor to the pin")
+    }
+
+    /// What a pin with a capacitor of `farads` to ground needs, whatever stands before it: the capacitor gives its charge,
+    /// and is so large that half a count is not missed. Fails to compile, in a constant, below 41 nF.
+    pub(crate) const fn behind(farads: f64) -> Self {
+        assert!(
+            farads >= Self::CAPACITOR_F * 8192.0,
+            "below 41 nF the sampling takes more than half a count of the capacitor's charge"
+        );
+        Self::of_at_least(Self::SWITCH_OHM * Self::CAPACITOR_F * Self::TIME_CONSTANTS)
+    }
+}
+
+/// A channel of an ADC.
+#[derive(Clone, Copy)]
+pub(crate) struct Input {
+    /// Its number.
+    pub(crate) channel: u8,
+    /// How long it samples.
+    pub(crate) sampling: Sampling,
+}
+
 /// Channels of one ADC: the injected sequence of two, and the regular channel if it has one.
 #[derive(Clone, Copy)]
 pub(crate) struct Channels {
-    pub(crate) injected: [u8; 2],
-    pub(crate) regular: Option<u8>,
+    pub(crate) injected: [Input; 2],
+    pub(crate) regular: Option<Input>,
 }
 
 /// What starts an ADC's injected sequence (`JEXTSEL`).
@@ -39,12 +118,28 @@ const REGULAR_TIM8_TRGO2: u32 = 8;
 /// What the analog watchdogs compare with, ADC counts.
 #[derive(Clone, Copy)]
 pub(crate) struct WatchLimits {
-    /// Least and most of a current channel; the watchdogs see steps of 16.
+    /// Least and most of a current channel, in counts whatever the sensor's sign; the watchdogs see steps of 16.
     pub(crate) current: [u16; 2],
     /// Most of the bus voltage.
     pub(crate) bus: u16,
     /// Which phases are measured.
     pub(crate) shunts: Shunts,
+}
+
+/// Least and most counts of a current channel from the counts at its two limits, whichever the sensor's sign makes the
+/// lower. Fails to compile, in a constant, if the ADC cannot see one of them.
+pub(crate) const fn watch_limits(one: f64, other: f64) -> [u16; 2] {
+    let (least, most) = if one < other {
+        (one, other)
+    } else {
+        (other, one)
+    };
+    assert!(
+        least >= 16.0 && most < 4080.0,
+        "a limit of the current watchdogs is beyond the ADC"
+    );
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    [least as u16, most as u16]
 }
 
 /// Temperatures of the heat sinks as ADC counts; the DMA writes them.
@@ -59,15 +154,9 @@ pub(crate) struct Converters<'a> {
 }
 
 impl Converters<'_> {
-    /// Sets up and calibrates all four, with the channels of ADC1 to ADC4 and
-    /// the code of their sampling time (`ADC_SMPRx`). Interrupts at the end of the injected
+    /// Sets up and calibrates all four, with the channels of ADC1 to ADC4. Interrupts at the end of the injected
     /// sequence of ADC1 and of ADC4. `false` if an ADC did not answer.
-    pub(crate) fn prepare(
-        &self,
-        channels: [Channels; 4],
-        sampling: u32,
-        limits: &WatchLimits,
-    ) -> bool {
+    pub(crate) fn prepare(&self, channels: [Channels; 4], limits: &WatchLimits) -> bool {
         // All from the bus clock divided by 4 (CKMODE 3): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs.
         // SAFETY: a value of the field (RM0440, ADCx_CCR).
         self.common.0.ccr().write(|w| unsafe { w.ckmode().bits(3) });
@@ -78,20 +167,23 @@ impl Converters<'_> {
         let (x2, y2) = self.nut;
         let [c1, c2, c3, c4] = channels;
         let ready = enable(x1) & enable(y1) & enable(x2) & enable(y2);
-        sequence(x1, c1, Trigger::Tim1Trgo2, sampling);
-        sequence(y1, c2, Trigger::Tim1Trgo2, sampling);
-        sequence(y2, c3, Trigger::Tim8Trgo2, sampling);
-        sequence(x2, c4, Trigger::Tim8Trgo2, sampling);
-        let [(bus1, a1), (bus2, a2)] = [c1, c4].map(|c| (c.injected[1], c.injected[0]));
+        sequence(x1, c1, Trigger::Tim1Trgo2);
+        sequence(y1, c2, Trigger::Tim1Trgo2);
+        sequence(y2, c3, Trigger::Tim8Trgo2);
+        sequence(x2, c4, Trigger::Tim8Trgo2);
+        let [(bus1, a1), (bus2, a2)] =
+            [c1, c4].map(|c| (c.injected[1].channel, c.injected[0].channel));
         watch(x1, &[a1], Some(bus1), limits);
         watch(x2, &[a2], Some(bus2), limits);
         // Without a sensor in phase c its channel means nothing.
-        let (b2, b3) = match limits.shunts {
-            Shunts::Two => (&c2.injected[..1], &c3.injected[..1]),
-            Shunts::Three => (&c2.injected[..], &c3.injected[..]),
+        let measured = match limits.shunts {
+            Shunts::Two => 1,
+            Shunts::Three => 2,
         };
-        watch(y1, b2, None, limits);
-        watch(y2, b3, None, limits);
+        for (adc, channels) in [(y1 as &adc1::RegisterBlock, c2), (y2, c3)] {
+            let currents = channels.injected.map(|input| input.channel);
+            watch(adc, &currents[..measured], None, limits);
+        }
         x1.ier().write(|w| w.jeosie().set_bit());
         x2.ier().write(|w| w.jeosie().set_bit());
         ready
@@ -161,17 +253,18 @@ fn enable(adc: &adc1::RegisterBlock) -> bool {
     calibrated && ready
 }
 
-fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger, sampling: u32) {
+fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {
     const RISING: u32 = 1;
     let all = channels.injected.into_iter().chain(channels.regular);
     let (mut low, mut high) = (0, 0);
-    for channel in all {
+    for Input { channel, sampling } in all {
+        let sampling = sampling as u32;
         match u32::from(channel) {
             n @ 0..=9 => low |= sampling << (3 * n),
             n => high |= sampling << (3 * (n - 10)),
         }
     }
-    let [first, second] = channels.injected.map(u32::from);
+    let [first, second] = channels.injected.map(|input| u32::from(input.channel));
     // JL = 1 (two conversions), JEXTSEL, JEXTEN, JSQ1, JSQ2.
     let jsqr = 1 | (trigger as u32) << 2 | RISING << 7 | first << 9 | second << 15;
     // SAFETY: values of the fields (RM0440, ADC_SMPRx, ADC_JSQR).
@@ -184,7 +277,8 @@ fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger, sam
         // SAFETY: values of the fields (RM0440, ADC_SQR1, ADC_CFGR): one conversion; DMA, circular, overwritten, started by
         // TIM8's TRGO2; queue off (JQDIS).
         unsafe {
-            adc.sqr1().write(|w| w.bits(u32::from(regular) << 6));
+            adc.sqr1()
+                .write(|w| w.bits(u32::from(regular.channel) << 6));
             adc.cfgr().write(|w| {
                 w.bits(1 << 31 | 1 << 12 | RISING << 10 | REGULAR_TIM8_TRGO2 << 5 | 0b11)
             });

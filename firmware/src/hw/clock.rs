@@ -1,5 +1,16 @@
-//! Clocks: 170 MHz from the board's crystal, flash accelerator on, and the clocks of the peripherals in use.
+//! Supply and clocks: 170 MHz from the board's crystal in boost mode, watched by the clock security system; flash
+//! accelerator on; and the clocks of the peripherals in use.
+//!
+//! What a clock or a supply that fails does, without an instruction of the drive:
+//!
+//! | what | by | what happens |
+//! | --- | --- | --- |
+//! | crystal stops | clock security system (RM0440 7.2.10) | breaks TIM1 and TIM8, runs on from the HSI, NMI |
+//! | supply below 2.9 V | PVD with its lock (RM0440 6.2.2, SYSCFG_CFGR2.PVDL) | breaks TIM1 and TIM8 |
+//! | supply below 2.8 V | brown-out reset level 4, an option byte (RM0440 6.2.3) | reset: all pins released |
+//! | flash or RAM with a wrong bit | ECC and parity locks (SYSCFG_CFGR2.ECCL, SPL) | breaks TIM1 and TIM8, NMI |
 
+use crate::crash;
 use stm32g4xx_hal::pwr::{PwrExt, VoltageScale};
 use stm32g4xx_hal::rcc::{Config, PllConfig, PllMDiv, PllNMul, PllRDiv, PllSrc, Rcc, RccExt};
 use stm32g4xx_hal::stm32::{FLASH, PWR, RCC};
@@ -10,8 +21,30 @@ pub(crate) const CORE_HZ: u32 = 170_000_000;
 /// The board's crystal, Hz.
 pub(crate) const CRYSTAL_HZ: u32 = 24_000_000;
 
-/// Runs the core and all buses at [`CORE_HZ`] from a 24 MHz crystal: 24 / 6 * 85 / 2.
+/// Runs the core and all buses at [`CORE_HZ`] from the crystal: 24 / 6 * 85 / 2.
+///
+/// Refuses to start if the crystal does not, or if the regulator is not in boost mode, without which 170 MHz are not
+/// allowed (RM0440 6.1.5: range 1 normal ends at 150 MHz).
 pub(crate) fn start(rcc: RCC, pwr: PWR, flash: &FLASH) -> Rcc {
+    // PWR's registers have a clock of their own, which reset leaves off (RM0440 7.4.19, APB1ENR1.PWREN); a write without
+    // it is lost. The read back takes the two cycles until it runs.
+    rcc.apb1enr1().modify(|_, w| w.pwren().set_bit());
+    let _ = rcc.apb1enr1().read();
+    // UCPD1's dead-battery pull-downs load PB4 and PB6 while PA10 and PA9 are high (RM0440 6.4.3, PWR_CR3.UCPD1_DBDIS).
+    pwr.cr3().modify(|_, w| w.ucpd1_dbdis().set_bit());
+    // PVD level 6, 2.9 V falling (datasheet, embedded reset characteristics; memory).
+    // SAFETY: a value of the field (RM0440 6.4.2, PWR_CR2.PVDLS).
+    pwr.cr2()
+        .modify(|_, w| unsafe { w.pvdls().bits(6).pvde().set_bit() });
+
+    rcc.cr().modify(|_, w| w.hseon().set_bit());
+    // A crystal takes 2 ms at most (datasheet, HSE characteristics; memory); this is 60 ms and more at the HSI's 16 MHz.
+    const LOOKS: u32 = 200_000;
+    let starts = (0..LOOKS).any(|_| rcc.cr().read().hserdy().bit_is_set());
+    if !starts {
+        crash::refuse("the crystal does not start: check the board's 24 MHz and its capacitors");
+    }
+
     let boost = pwr
         .constrain()
         .vos(VoltageScale::Range1 { enable_boost: true })
@@ -25,11 +58,53 @@ pub(crate) fn start(rcc: RCC, pwr: PWR, flash: &FLASH) -> Rcc {
         p: None,
     };
     let rcc = rcc.freeze(Config::pll().pll_cfg(pll), boost);
+    if !boosted() {
+        crash::refuse("the core's regulator is not in boost mode, which 170 MHz need: R1MODE is 1");
+    }
+    // From here on a crystal that stops opens both bridges in hardware and raises the NMI.
+    rcc.cr().modify(|_, w| w.csson().set_bit());
     // RM0440 5.3.4: prefetch helps where the caches miss; both caches are on after reset, the prefetch is not.
     flash
         .acr()
         .modify(|_, w| w.prften().set_bit().icen().set_bit().dcen().set_bit());
     rcc
+}
+
+/// The regulator is in range 1, boost mode (RM0440 6.4.15, PWR_CR5.R1MODE is 0).
+pub(crate) fn boosted() -> bool {
+    const RANGE_1: u8 = 1;
+    // SAFETY: registers are read, which changes nothing.
+    let pwr = unsafe { &*PWR::ptr() };
+    pwr.cr1().read().vos().bits() == RANGE_1 && pwr.cr5().read().r1mode().bit_is_clear()
+}
+
+/// Has the crystal failed? Cleared by this look.
+pub(crate) fn crystal_failed() -> bool {
+    // SAFETY: a flag is read, and cleared by writing one.
+    let rcc = unsafe { &*RCC::ptr() };
+    let failed = rcc.cifr().read().cssf().bit_is_set();
+    rcc.cicr().write(|w| w.cssc().set_bit());
+    failed
+}
+
+/// Says what the option bytes leave open (RM0440 3.7.8, FLASH_OPTR): they are the chip's, not the firmware's.
+pub(crate) fn report_option_bytes(flash: &FLASH) {
+    const BROWN_OUT_LEVEL_4: u8 = 4;
+    let options = flash.optr().read();
+    let level = options.bor_lev().bits();
+    if level != BROWN_OUT_LEVEL_4 {
+        defmt::warn!(
+            "brown-out level {=u8}, not 4: below 2.8 V the pins are undefined; set the option byte BOR_LEV",
+            level
+        );
+    }
+    // 0: the check is on.
+    if options.sram2_pe().bit_is_set() {
+        defmt::warn!("SRAM parity is not checked: clear the option byte SRAM2_PE");
+    }
+    if options.n_swboot0().bit_is_set() {
+        defmt::warn!("PB8 picks what boots: pull it down, or clear the option byte nSWBOOT0");
+    }
 }
 
 /// Clocks of what this firmware uses and the HAL does not switch on.

@@ -8,6 +8,7 @@ pub(crate) mod cycles;
 pub(crate) mod deadman;
 pub(crate) mod encoder;
 pub(crate) mod motor_io;
+pub(crate) mod outputs;
 pub(crate) mod protection;
 pub(crate) mod pwm;
 pub(crate) mod watchdog;

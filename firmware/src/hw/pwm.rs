@@ -7,6 +7,24 @@
 use control::plate::BoardPlate;
 use stm32g4xx_hal::stm32::{TIM1, TIM8, tim1};
 
+/// `BDTR.BKF` for a filter that waits `seconds` or a little longer. Fails to compile, in a constant, outside 0.3 to 1.5 us:
+/// what is shorter takes ringing for a fault, what is longer leaves a shorted switch alone for longer than it bears (10 us
+/// for IGBTs, 2 to 3 us for MOSFETs).
+const fn break_filter(seconds: f64, timer_hz: f64) -> u32 {
+    assert!(
+        seconds >= 0.3e-6 && seconds <= 1.5e-6,
+        "a break filter is 0.3 to 1.5 us long"
+    );
+    // Counts of the timer's clock by code (RM0440 29.6.20, BKF; the filter's clock is the timer's, CKD 0), from code 1: N
+    // samples at the clock or at a part of it.
+    const COUNTS: [u32; 15] = [2, 4, 8, 12, 16, 24, 32, 48, 64, 80, 96, 128, 160, 192, 256];
+    let mut index = 0;
+    while (COUNTS[index] as f64) < seconds * timer_hz {
+        index += 1;
+    }
+    index as u32 + 1
+}
+
 /// How both bridges are switched.
 #[derive(Clone, Copy)]
 pub(crate) struct PwmPlan {
@@ -14,11 +32,13 @@ pub(crate) struct PwmPlan {
     pub(crate) period: u16,
     /// Dead time, timer counts.
     pub(crate) dead_time_counts: u32,
+    /// Filter of the break input, `BDTR.BKF`. It needs the timer's clock (RM0440 29.3.16), which the clock security system keeps going.
+    pub(crate) break_filter: u32,
 }
 
 impl PwmPlan {
     /// The plan of a board. Fails to compile, in a constant, if the dead time is beyond the generator's reach.
-    pub(crate) const fn new(board: &BoardPlate) -> Self {
+    pub(crate) const fn new(board: &BoardPlate, break_filter_s: f64) -> Self {
         let counts = board.dead_time_s * board.timer_hz;
         assert!(
             counts >= 0.0 && counts <= 1008.0,
@@ -30,6 +50,7 @@ impl PwmPlan {
         Self {
             period: board.period(),
             dead_time_counts,
+            break_filter: break_filter(break_filter_s, board.timer_hz),
         }
     }
 }
@@ -42,15 +63,13 @@ pub(crate) const fn bdtr(plan: &PwmPlan) -> u32 {
     const OSSR: u32 = 1 << 11;
     const BREAK_ENABLE: u32 = 1 << 12;
     const BREAK_ACTIVE_HIGH: u32 = 1 << 13;
-    // BKF = 3: the comparator must hold for 8 counts (47 ns); shorter spikes are ringing.
-    const BREAK_FILTER: u32 = 3 << 16;
     dead_time_code(plan.dead_time_counts)
         | LOCK_LEVEL_3
         | OSSI
         | OSSR
         | BREAK_ENABLE
         | BREAK_ACTIVE_HIGH
-        | BREAK_FILTER
+        | plan.break_filter << 16
 }
 
 /// Main output enable.
