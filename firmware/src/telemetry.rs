@@ -210,7 +210,7 @@ const fn header(request: u32) -> Header {
                 request: 0,
                 speed_divider: PLATE.board.speed_divider,
                 period_s: Real::new(PLATE.board.sample_time()),
-                current_lsb_a: Real::new(PLATE.board.amps_per_count),
+                current_lsb_a: Real::new(PLATE.board.amps_per_count.abs()),
                 scale_count_m: Real::new(board::SCALE_COUNT_M),
                 lead_m: Real::new(PLATE.feed.lead_m),
                 motors: [motor(&PLATE.motors[0]), motor(&PLATE.motors[1])],

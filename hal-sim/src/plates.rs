@@ -87,6 +87,7 @@ pub fn plates(
             dead_time_fade_a: 0.02,
             measure_zeros: board.measure_zeros,
             min_on_time_s: 1e-6,
+            bootstrap_s: 0.0,
         },
         tuning,
         feed: FeedPlate {

@@ -12,7 +12,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 pub struct Adc {
     /// Counts of its range; readings are 0 to `counts - 1`.
     pub counts: u32,
-    /// Units (A or V) of one count.
+    /// Units (A or V) of one count; negative where the count falls with the value.
     pub per_count: f64,
     /// Counts at zero.
     pub zero: f64,
@@ -107,8 +107,8 @@ impl Sensors {
     pub fn described(&self, rates: SensingModel) -> SensingModel {
         SensingModel {
             encoder_counts_per_turn: self.encoders[0].counts_per_turn,
-            current_lsb_a: self.current.per_count,
-            current_noise_a: self.current.noise * self.current.per_count,
+            current_lsb_a: self.current.per_count.abs(),
+            current_noise_a: self.current.noise * self.current.per_count.abs(),
             table_noise_m: self.scale_noise_m,
             ..rates
         }

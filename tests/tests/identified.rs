@@ -46,7 +46,7 @@ fn header() -> Header {
         request: REQUEST.word(),
         speed_divider: plate.board.speed_divider,
         period_s: Real::new(plate.board.sample_time()),
-        current_lsb_a: Real::new(plate.board.amps_per_count),
+        current_lsb_a: Real::new(plate.board.amps_per_count.abs()),
         scale_count_m: Real::new(scale_count_m(Wiring::Nucleo)),
         lead_m: Real::new(plate.feed.lead_m),
         motors: plate.motors.map(|motor| MotorPlate {

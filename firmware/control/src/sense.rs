@@ -1,7 +1,7 @@
 //! ADC counts -> codes, currents and bus voltage.
 //!
 //! A code is a count above its zero, shifted up until the ADC's range fills a word: one subtraction. What a code is worth
-//! in amperes is part of the factors that the Clarke transform multiplies with.
+//! in amperes, and with which sign, is part of the factors that the Clarke transform multiplies with.
 
 use crate::format::{
     Current, CurrentScale, ScaledCurrent, TableVelocity, Voltage, multiply_upper, narrow_bits,
@@ -195,9 +195,10 @@ mod tests {
         #[test]
         fn counts_become_amperes_and_the_vector_is_their_clarke(
             adc_bits in 12u32..=16, range in 1.0..2000.0f64, at in prop::array::uniform3(0.0..1.0f64),
+            sign in prop_oneof![Just(1.0), Just(-1.0)],
         ) {
             for shunts in [Shunts::Two, Shunts::Three] {
-                let plate = plate(adc_bits, range, shunts);
+                let plate = plate(adc_bits, sign * range, shunts);
                 let sense = sense(&plate);
                 let counts = at.map(|at| (at * f64::from(1 << adc_bits)) as u16);
                 let codes = sense.codes(counts, sense.zeros);
@@ -227,14 +228,37 @@ mod tests {
             counts in prop::array::uniform3(prop_oneof![any::<u16>(), Just(0), Just(4095)]),
             gains in prop::array::uniform3(0.51..1.99f64),
         ) {
-            for shunts in [Shunts::Two, Shunts::Three] {
-                let mut plate = plate(12, 10.0, shunts);
+            for (shunts, range) in [(Shunts::Two, 10.0), (Shunts::Three, 10.0), (Shunts::Two, -10.0), (Shunts::Three, -10.0)] {
+                let mut plate = plate(12, range, shunts);
                 plate.motors[0].current_gains = gains;
                 let sense = sense(&plate);
                 for zeros in [[0; 3], sense.zeros, [i32::MAX; 3]] {
                     let vector = sense.vector(sense.codes(counts, zeros));
                     let length = f64::from(vector.alpha).hypot(f64::from(vector.beta));
                     prop_assert!(length < 1.74 * 2f64.powi(30));
+                }
+            }
+        }
+    }
+
+    /// A low-side shunt's counts fall with the current into the motor: mirrored at the zero they are the same current.
+    #[test]
+    fn either_orientation_of_the_sensor_reads_the_same_current() {
+        for shunts in [Shunts::Two, Shunts::Three] {
+            let [inline, low_side] = [10.0, -10.0].map(|range| sense(&plate(12, range, shunts)));
+            for counts in [[2048, 2048, 2048], [3000, 1500, 1644], [5, 4090, 2049]] {
+                let codes = inline.codes(counts, inline.zeros);
+                let mirrored = counts.map(|n| 4096 - n);
+                let other = low_side.codes(mirrored, low_side.zeros);
+                let (v, w) = (inline.vector(codes), low_side.vector(other));
+                // A product is rounded down: two of them, of either sign, are apart by two of 2^30.
+                assert!(
+                    v.alpha.abs_diff(w.alpha) <= 3 && v.beta.abs_diff(w.beta) <= 3,
+                    "{v:?} {w:?}"
+                );
+                let (i, k) = (inline.phases(codes), low_side.phases(other));
+                for (i, k) in i.into_iter().zip(k) {
+                    assert!(i.abs_diff(k) <= 4 * Current::DELTA, "{i} A and {k} A");
                 }
             }
         }

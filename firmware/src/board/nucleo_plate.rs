@@ -26,6 +26,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         dead_time_fade_a: 0.05,
         measure_zeros: true,
         min_on_time_s: 2e-6,
+        bootstrap_s: 1e-3,
     },
     tuning: machine::TUNING,
     feed: machine::FEED,

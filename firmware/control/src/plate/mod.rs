@@ -68,7 +68,8 @@ pub struct BoardPlate {
     pub speed_divider: u32,
     /// Which phases are measured.
     pub shunts: Shunts,
-    /// A per ADC count.
+    /// A into the motor per ADC count. Negative where such a current lowers the count, as a low-side shunt behind a
+    /// non-inverting amplifier has it: the current flows through it from minus into the motor.
     pub amps_per_count: f64,
     /// ADC counts at zero current.
     pub zero_counts: f64,
@@ -86,6 +87,8 @@ pub struct BoardPlate {
     pub measure_zeros: bool,
     /// Shortest on-time of the low sides, s: what the shunts need to settle and be sampled.
     pub min_on_time_s: f64,
+    /// How long the low sides are closed before a bridge is first driven, s: charges the high sides' bootstrap capacitors.
+    pub bootstrap_s: f64,
 }
 
 /// The feed: what turns two speeds into a table velocity, and how it may be moved.
@@ -192,6 +195,7 @@ mod tests {
                 dead_time_fade_a: 0.05,
                 measure_zeros: true,
                 min_on_time_s: 0.0,
+                bootstrap_s: 0.0,
             },
             tuning: Tuning {
                 damping: 0.7,

@@ -119,11 +119,7 @@ impl BoardPlate {
     const fn dead_time_slope(&self, amperes: i32, scale: CurrentScale) -> i32 {
         let ampere = power_of_two(scale.fraction);
         let slope = amperes as f64 / ampere * 65_536.0 / self.dead_time_fade_a;
-        if slope < 1_073_741_824.0 {
-            slope as i32
-        } else {
-            1 << 30
-        }
+        slope.clamp(-1_073_741_824.0, 1_073_741_824.0) as i32
     }
 
     #[allow(clippy::cast_possible_truncation)]
@@ -156,7 +152,7 @@ impl BoardPlate {
         attempt!(within(
             "ADC full scale",
             "A",
-            self.adc_counts as f64 * self.amps_per_count * largest,
+            self.adc_counts as f64 * self.amps_per_count.abs() * largest,
             0.0,
             2048.0
         ));
@@ -166,7 +162,7 @@ impl BoardPlate {
         let per_code = self.amps_per_count / power_of_two(code_shift);
         // As many fraction bits as the largest factor has room for: sqrt(2) of b in beta.
         let mut fraction = 30u32;
-        while per_code * largest * SQRT_2 * power_of_two(fraction) * 8_589_934_592.0
+        while per_code.abs() * largest * SQRT_2 * power_of_two(fraction) * 8_589_934_592.0
             >= 2_147_483_647.0
             && fraction > 0
         {
@@ -177,7 +173,7 @@ impl BoardPlate {
         attempt!(within(
             "current of a count",
             "A",
-            unit,
+            unit.abs(),
             1.0e6,
             2_147_483_648.0
         ));
