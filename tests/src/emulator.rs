@@ -363,6 +363,11 @@ impl Emulator {
             if chip.now >= time {
                 return Ok(());
             }
+            if chip.frozen {
+                let next = chip.next_event().min(time);
+                chip.advance(next);
+                continue;
+            }
             let (basepri, primask) = (
                 self.get(RegisterARM::BASEPRI)?,
                 self.get(RegisterARM::PRIMASK)?,

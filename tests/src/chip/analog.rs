@@ -81,8 +81,10 @@ impl Comparators {
             let current = wiring.at_comparator(currents[phase]);
             let control = self.control[number - 1];
             let from_dac = control >> 4 & 7 == 4 && control >> 8 & 1 == 0;
-            let high = thresholds[dacs[number - 1]].is_some_and(|threshold| current > threshold);
-            if control & 1 == 1 && from_dac && high {
+            const INVERTED: u32 = 1 << 15;
+            let above = thresholds[dacs[number - 1]].map(|threshold| current > threshold);
+            let high = above.map(|above| above != (control & INVERTED != 0));
+            if control & 1 == 1 && from_dac && high == Some(true) {
                 outputs |= 1 << number;
             }
         }

@@ -6,6 +6,7 @@
 pub mod adc;
 pub mod analog;
 pub mod basic_timer;
+pub mod clocks;
 pub mod dma;
 pub mod encoder;
 pub mod nvic;
@@ -30,7 +31,7 @@ use pwm::{PwmTimer, Turn};
 use spi::Spi;
 use std::cell::RefCell;
 use std::rc::Rc;
-use system::System;
+use system::{Supply, System};
 use watchdog::Watchdog;
 use wiring::{Input, Wiring};
 
@@ -97,6 +98,8 @@ pub struct Chip {
     pub error: Option<String>,
     /// Why the chip wants a reset.
     pub reset: Option<Reset>,
+    /// The clock stands, and with it all but the watchdog; the pins stay as they are.
+    pub frozen: bool,
     next_event: u64,
 }
 
@@ -115,6 +118,8 @@ pub struct Provoked {
     pub stuck_encoder: [Option<u32>; 2],
     /// The phase currents read this, at the ADCs and at the comparators, at once.
     pub over_current: [Option<u16>; 2],
+    /// The gate drivers say that they have a fault.
+    pub driver_fault: [bool; 2],
 }
 
 /// Why the chip was reset.
@@ -124,6 +129,8 @@ pub enum Reset {
     Software,
     /// The independent watchdog was not fed.
     Watchdog,
+    /// The supply fell below the brown-out level.
+    BrownOut,
 }
 
 impl Chip {
@@ -158,6 +165,7 @@ impl Chip {
             bus_wait: 0,
             error: None,
             reset: None,
+            frozen: false,
             next_event: u64::MAX,
         }
     }
@@ -172,6 +180,8 @@ impl Chip {
         );
         let old = std::mem::replace(self, fresh);
         self.tops = old.tops;
+        self.system.crystal = old.system.crystal;
+        self.system.no_boost = old.system.no_boost;
         self.system.set_reset_reason(reason);
         self.nvic.set_time_zero(old.now);
         self.now = old.now;
@@ -196,17 +206,20 @@ impl Chip {
             .iter()
             .filter_map(EncoderTimer::next_frame_event)
             .chain(self.spi.done_at());
-        let others = [
-            self.nvic.next_systick(),
-            self.watchdog.bites_at(),
-            self.deadman.out_at(),
-        ]
-        .into_iter()
-        .flatten();
-        self.next_event = pwm
+        let breaks = self.pwm.iter().filter_map(PwmTimer::break_due);
+        let others = [self.nvic.next_systick(), self.deadman.out_at()]
+            .into_iter()
+            .flatten();
+        let clocked = pwm
             .chain(adc)
             .chain(frames)
+            .chain(breaks)
             .chain(others)
+            .min()
+            .filter(|_| !self.frozen);
+        self.next_event = clocked
+            .into_iter()
+            .chain(self.watchdog.bites_at())
             .min()
             .unwrap_or(u64::MAX);
     }
@@ -222,6 +235,21 @@ impl Chip {
     }
 
     fn happen(&mut self) {
+        if !self.frozen {
+            self.happen_clocked();
+        }
+        if self.watchdog.bites_at() == Some(self.now) {
+            self.reset.get_or_insert(Reset::Watchdog);
+            self.watchdog.stop();
+        }
+    }
+
+    fn happen_clocked(&mut self) {
+        for index in 0..2 {
+            if self.pwm[index].break_due() == Some(self.now) && self.pwm[index].break_passed() {
+                self.machine.borrow_mut().stopped(Self::motor(index));
+            }
+        }
         for index in 0..2 {
             if self.pwm[index].next_turn() == Some(self.now) {
                 self.turn(index);
@@ -245,10 +273,6 @@ impl Chip {
             self.nvic.set_level(nvic::TIM7, self.deadman.interrupt());
         }
         self.nvic.tick(self.now);
-        if self.watchdog.bites_at() == Some(self.now) {
-            self.reset.get_or_insert(Reset::Watchdog);
-            self.watchdog.stop();
-        }
     }
 
     /// A PWM timer's counter turned.
@@ -286,7 +310,7 @@ impl Chip {
                     sensors,
                 });
             }
-            self.compare_currents();
+            self.look_at_breaks();
         }
         if update {
             if self.pwm[index].trigger_output() == pwm::Output::Update {
@@ -302,8 +326,9 @@ impl Chip {
         }
     }
 
-    /// The comparators hold the phase currents against the DACs and drive the break inputs.
-    fn compare_currents(&mut self) {
+    /// The comparators hold the phase currents against the DACs; they and the gate drivers' fault lines reach the break
+    /// inputs.
+    fn look_at_breaks(&mut self) {
         let thresholds = [
             self.dacs[0].output(1),
             self.dacs[0].output(2),
@@ -316,8 +341,56 @@ impl Chip {
                 self.sensors[index].current,
                 thresholds,
             );
-            if self.pwm[index].break_input(high) {
+            let pin = self.fault_line(index);
+            self.pwm[index].break_input(high, pin, self.now);
+        }
+    }
+
+    /// The level of a motor's break pin: the driver pulls its fault line low while it has a fault or sleeps. A pin that is
+    /// not the timer's reads low.
+    fn fault_line(&self, index: usize) -> bool {
+        let driver = self.wiring.driver(index);
+        let (port, pin, function) = driver.fault;
+        let awake = self.system.output(driver.enable.0, driver.enable.1) == Some(true);
+        self.system.pin_function(port, pin) == (2, function)
+            && awake
+            && !self.provoked.driver_fault[index]
+    }
+
+    /// The driver of a motor says that it has a fault, or has none again.
+    pub fn driver_fault(&mut self, motor: Motor, fault: bool) {
+        self.provoked.driver_fault[motor as usize] = fault;
+        self.look_at_breaks();
+        self.reschedule();
+    }
+
+    /// A fault of the chip breaks both timers; it lasts or is over at once.
+    fn system_break(&mut self, lasts: bool) {
+        for index in 0..2 {
+            if self.pwm[index].system_break(lasts) {
                 self.machine.borrow_mut().stopped(Self::motor(index));
+            }
+        }
+    }
+
+    /// The crystal stops. Unless the clock security system sees it, nothing but the watchdog goes on.
+    pub fn stop_crystal(&mut self) {
+        if self.system.stop_crystal() {
+            self.system_break(false);
+            self.nvic.raise_nmi();
+        } else {
+            self.frozen = true;
+        }
+        self.reschedule();
+    }
+
+    /// The supply is at `volts` from now on.
+    pub fn set_supply(&mut self, volts: f64) {
+        match self.system.supply(volts) {
+            Supply::Enough => self.pwm.iter_mut().for_each(PwmTimer::end_system_break),
+            Supply::Break => self.system_break(true),
+            Supply::Reset => {
+                self.reset.get_or_insert(Reset::BrownOut);
             }
         }
     }
@@ -402,7 +475,8 @@ impl Chip {
         let index = motor as usize;
         self.provoked.over_current[index] = Some(counts);
         self.sensors[index].current = [counts; 3];
-        self.compare_currents();
+        self.look_at_breaks();
+        self.reschedule();
     }
 
     /// The over-current is gone.
@@ -482,6 +556,7 @@ impl Chip {
     }
 
     fn read_word(&mut self, address: u32) -> Result<u32, String> {
+        self.needs_clock(address)?;
         let now = self.now;
         let (block, offset) = (address & !0x3FF, address & 0x3FF);
         self.bus_wait += bus_wait(address);
@@ -514,7 +589,16 @@ impl Chip {
         }
     }
 
+    /// An access to a peripheral whose clock is off is not supported (RM0440 7.2.17): it is lost.
+    fn needs_clock(&self, address: u32) -> Result<(), String> {
+        match self.system.without_clock(address) {
+            Some(name) => Err(format!("the clock of {name} is off, so it is lost")),
+            None => Ok(()),
+        }
+    }
+
     fn write_word(&mut self, address: u32, value: u32) -> Result<(), String> {
+        self.needs_clock(address)?;
         let now = self.now;
         let (block, offset) = (address & !0x3FF, address & 0x3FF);
         self.bus_wait += bus_wait(address);
@@ -545,6 +629,12 @@ impl Chip {
             }
             0x5000_1000 => self.dacs[0].write(offset, value),
             0x5000_1400 => self.dacs[1].write(offset, value),
+            // A driver's enable may be among them.
+            0x4800_0000..=0x4800_1400 => {
+                self.system.write(address, value)?;
+                self.look_at_breaks();
+                Ok(())
+            }
             0x4001_0000 if offset >= 0x300 => self.amplifiers.write(offset - 0x300, value),
             0x4001_0000 if offset >= 0x200 => self.comparators.write(offset - 0x200, value),
             0x4001_3000 => self.spi.write(offset, value),

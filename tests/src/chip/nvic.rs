@@ -15,6 +15,8 @@ const LINES: usize = 102;
 /// Exception number of interrupt 0.
 pub const EXTERNAL: usize = 16;
 const EXCEPTIONS: usize = EXTERNAL + LINES;
+/// The non-maskable interrupt, above all priorities.
+const NMI: usize = 2;
 const SYSTICK: usize = 15;
 const PENDSV: usize = 14;
 
@@ -133,6 +135,11 @@ impl Nvic {
         }
     }
 
+    /// The clock security system, the flash or the RAM raises the non-maskable interrupt.
+    pub fn raise_nmi(&mut self) {
+        self.set_pending(NMI);
+    }
+
     fn set_pending(&mut self, exception: usize) {
         self.pending[exception] = true;
         self.any_pending = true;
@@ -153,7 +160,10 @@ impl Nvic {
     /// The exception that the core takes next, if any.
     #[must_use]
     pub fn takeable(&self, basepri: u8, primask: bool) -> Option<usize> {
-        if !self.any_pending || primask {
+        if self.pending[NMI] && !self.active.contains(&NMI) {
+            return Some(NMI);
+        }
+        if !self.any_pending || primask || self.active.contains(&NMI) {
             return None;
         }
         let boost = if basepri == 0 {

@@ -22,6 +22,12 @@ const AF1: u32 = 0x60;
 const MOE: u32 = 1 << 15;
 const UIF: u32 = 1;
 const BIF: u32 = 1 << 7;
+const SBIF: u32 = 1 << 13;
+
+/// Counts of the timer's clock that the break filter waits, by `BDTR.BKF` (RM0440 29.6.20).
+const BREAK_FILTER: [u64; 16] = [
+    0, 2, 4, 8, 12, 16, 24, 32, 48, 64, 80, 96, 128, 160, 192, 256,
+];
 
 /// A trigger output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,6 +64,10 @@ pub struct PwmTimer {
     /// Main output enable.
     moe: bool,
     break_high: bool,
+    /// When a break that has risen will have passed the filter.
+    break_due: Option<u64>,
+    /// The chip's own fault: clock, supply, memory, lock-up.
+    system_break: bool,
     lock: u32,
 }
 
@@ -95,6 +105,8 @@ impl PwmTimer {
             flags: 0,
             moe: false,
             break_high: false,
+            break_due: None,
+            system_break: false,
             lock: 0,
         }
     }
@@ -208,16 +220,58 @@ impl PwmTimer {
         self.active = preloaded;
     }
 
-    /// Comparator outputs by number (bit n is COMPn) reach the break input. `true` if that stopped the bridge now.
-    pub fn break_input(&mut self, comparators: u32) -> bool {
-        // BKCMPxE are bits 1 to 7 of AF1, as the comparators' numbers.
-        self.break_high = comparators & self.registers.get("AF1") & 0xFE != 0;
+    /// Comparator outputs by number (bit n is COMPn) and the level of the break pin reach the break input now. What is there
+    /// must hold for as long as the filter asks before it acts: see [`PwmTimer::break_due`].
+    pub fn break_input(&mut self, comparators: u32, pin: bool, now: u64) {
+        let af1 = self.registers.get("AF1");
+        // BKINE, BKINP; BKCMPxE are bits 1 to 7 as the comparators' numbers (RM0440 29.6.26).
+        let pin = af1 & 1 == 1 && pin != (af1 >> 9 & 1 == 1);
+        let high = pin || comparators & af1 & 0xFE != 0;
+        if high && !self.break_high {
+            let filter = BREAK_FILTER[(self.registers.get("BDTR") >> 16 & 15) as usize];
+            self.break_due = Some(now + filter);
+        }
+        if !high {
+            self.break_due = None;
+        }
+        self.break_high = high;
+    }
+
+    /// When the break under way will have passed the filter.
+    #[must_use]
+    pub fn break_due(&self) -> Option<u64> {
+        self.break_due
+    }
+
+    /// The break has passed the filter. `true` if that stopped the bridge now.
+    pub fn break_passed(&mut self) -> bool {
+        self.break_due = None;
+        self.breaks(BIF)
+    }
+
+    /// A fault of the chip breaks the timer, unfiltered (RM0440 29.3.16). `true` if that stopped the bridge now.
+    pub fn system_break(&mut self, lasts: bool) -> bool {
+        self.system_break = lasts;
+        self.breaks(SBIF)
+    }
+
+    /// The fault of the chip is gone.
+    pub fn end_system_break(&mut self) {
+        self.system_break = false;
+    }
+
+    fn breaks(&mut self, flag: u32) -> bool {
         const BREAK_ENABLE: u32 = 1 << 12;
-        if !self.break_high || self.registers.get("BDTR") & BREAK_ENABLE == 0 {
+        if self.registers.get("BDTR") & BREAK_ENABLE == 0 {
             return false;
         }
-        self.flags |= BIF;
+        self.flags |= flag;
         std::mem::take(&mut self.moe)
+    }
+
+    /// A break holds the outputs.
+    fn broken(&self) -> bool {
+        self.system_break || self.break_high && self.break_due.is_none()
     }
 
     /// Reads a register.
@@ -263,7 +317,14 @@ impl PwmTimer {
                 }
             }
             // The break's flag cannot be cleared while its input is active.
-            SR => self.flags &= value | if self.break_high { BIF } else { 0 },
+            SR => {
+                let held = if self.break_high && self.break_due.is_none() {
+                    BIF
+                } else {
+                    0
+                };
+                self.flags &= value | held | if self.system_break { SBIF } else { 0 };
+            }
             EGR => {
                 if value != 1 {
                     return Err("of the events, this model generates the update only".into());
@@ -312,7 +373,7 @@ impl PwmTimer {
         self.registers.write(BDTR, kept)?;
         self.lock = kept >> 8 & 3;
         // The main output cannot be enabled while the break is active.
-        self.moe = value & MOE != 0 && !self.break_high;
+        self.moe = value & MOE != 0 && !self.broken();
         Ok(())
     }
 }

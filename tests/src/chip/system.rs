@@ -1,4 +1,5 @@
-//! RCC, PWR, FLASH, SYSCFG, DBGMCU, GPIO: registers that hold their values, and the ready flags that follow them.
+//! RCC, PWR, FLASH, SYSCFG, DBGMCU, GPIO: registers that hold their values, the ready flags that follow them, the crystal,
+//! and what a supply that sags does.
 
 use super::Reset;
 use super::registers::Registers;
@@ -13,7 +14,37 @@ const PORTS: usize = 6;
 
 const RCC_CR: u32 = 0x00;
 const RCC_CFGR: u32 = 0x08;
+const RCC_CIFR: u32 = 0x1C;
+const RCC_CICR: u32 = 0x20;
 const RCC_CSR: u32 = 0x94;
+const PWR_CR2: u32 = 0x04;
+const PWR_CR5: u32 = 0x80;
+const SYSCFG_CFGR2: u32 = 0x1C;
+const GPIO_ODR: u32 = 0x14;
+const GPIO_BSRR: u32 = 0x18;
+const GPIO_BRR: u32 = 0x28;
+
+const HSEON: u32 = 1 << 16;
+const HSERDY: u32 = 1 << 17;
+const CSSON: u32 = 1 << 19;
+const CSSF: u32 = 1 << 8;
+/// PWR_CR5: range 1 normal mode.
+const R1MODE: u32 = 1 << 8;
+
+/// Brown-out level 4, V falling, and the levels of the PVD (datasheet, embedded reset and power control block; memory).
+const BROWN_OUT_V: f64 = 2.8;
+const PVD_V: [f64; 7] = [2.0, 2.2, 2.4, 2.5, 2.6, 2.8, 2.9];
+
+/// What a supply does to the chip.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Supply {
+    /// Nothing.
+    Enough,
+    /// The PVD breaks the timers.
+    Break,
+    /// The brown-out reset.
+    Reset,
+}
 
 /// What only holds values.
 pub struct System {
@@ -24,6 +55,12 @@ pub struct System {
     debug: Registers,
     ports: Vec<Registers>,
     reset_flags: u32,
+    /// The crystal swings.
+    pub crystal: bool,
+    /// The core's regulator never reaches boost mode.
+    pub no_boost: bool,
+    /// The clock security system saw the crystal stop.
+    clock_failed: bool,
 }
 
 const PORT_NAMES: [&str; PORTS] = ["GPIOA", "GPIOB", "GPIOC", "GPIOD", "GPIOE", "GPIOF"];
@@ -37,6 +74,8 @@ impl System {
             &[
                 ("CR", RCC_CR, 0x0000_0063),
                 ("CFGR", RCC_CFGR, 0x0000_0005),
+                ("CIFR", RCC_CIFR, 0),
+                ("CICR", RCC_CICR, 0),
                 ("PLLCFGR", 0x0C, 0x0000_1000),
                 ("AHB1RSTR", 0x28, 0),
                 ("AHB2RSTR", 0x2C, 0),
@@ -64,8 +103,7 @@ impl System {
                     ("OTYPER", 0x04, 0),
                     ("OSPEEDR", 0x08, speed),
                     ("PUPDR", 0x0C, pull),
-                    ("ODR", 0x14, 0),
-                    ("BSRR", 0x18, 0),
+                    ("ODR", GPIO_ODR, 0),
                     ("AFRL", 0x20, 0),
                     ("AFRH", 0x24, 0),
                 ],
@@ -78,15 +116,24 @@ impl System {
                 "PWR",
                 &[
                     ("CR1", 0x00, 0x0000_0200),
+                    ("CR2", PWR_CR2, 0),
+                    ("CR3", 0x08, 0x0000_8000),
                     ("SR2", 0x14, 0),
-                    ("CR5", 0x80, 0x0000_0100),
+                    ("CR5", PWR_CR5, R1MODE),
                 ],
             ),
-            flash: Registers::new("FLASH", &[("ACR", 0x00, 0x0004_0600)]),
-            configuration: Registers::new("SYSCFG", &[("CFGR2", 0x1C, 0)]),
+            // OPTR as ST ships it (RM0440 3.4.1), with brown-out level 4 and SRAM parity as the wiring page asks.
+            flash: Registers::new(
+                "FLASH",
+                &[("ACR", 0x00, 0x0004_0600), ("OPTR", 0x20, 0xFAEF_FCAA)],
+            ),
+            configuration: Registers::new("SYSCFG", &[("CFGR2", SYSCFG_CFGR2, 0)]),
             debug: Registers::new("DBGMCU", &[("APB1FZR1", 0x08, 0), ("APB2FZR", 0x10, 0)]),
             ports: ports.collect(),
             reset_flags: POWER_ON,
+            crystal: true,
+            no_boost: false,
+            clock_failed: false,
         }
     }
 
@@ -96,6 +143,7 @@ impl System {
             | match reason {
                 Reset::Software => 1 << 28,
                 Reset::Watchdog => 1 << 29,
+                Reset::BrownOut => 1 << 27,
             };
     }
 
@@ -118,6 +166,75 @@ impl System {
         ["APB1FZR1", "APB2FZR"].map(|name| self.debug.get(name))
     }
 
+    /// A peripheral whose clock is off where it is accessed: its name.
+    #[must_use]
+    pub fn without_clock(&self, address: u32) -> Option<&'static str> {
+        let gated = super::clocks::at(address)?;
+        let enabled = self
+            .rcc
+            .read(gated.register)
+            .is_ok_and(|word| word >> gated.bit & 1 == 1);
+        (!enabled).then_some(gated.name)
+    }
+
+    /// The crystal stops now. `true` if the clock security system sees it (RM0440 7.2.10): it breaks the timers, raises the
+    /// NMI and lets the core run on from the HSI; otherwise everything but the watchdog stands.
+    pub fn stop_crystal(&mut self) -> bool {
+        self.crystal = false;
+        let control = self.rcc.get("CR");
+        let watched = control & (HSEON | CSSON) == HSEON | CSSON;
+        if watched {
+            self.rcc.set("CR", control & !HSEON);
+            self.rcc.set("CFGR", self.rcc.get("CFGR") & !3 | 1);
+            self.clock_failed = true;
+        }
+        watched
+    }
+
+    /// What a supply of `volts` does.
+    #[must_use]
+    pub fn supply(&self, volts: f64) -> Supply {
+        let cr2 = self.power.get("CR2");
+        let level = PVD_V.get((cr2 >> 1 & 7) as usize);
+        let locked = self.configuration.get("CFGR2") >> 2 & 1 == 1;
+        if volts < BROWN_OUT_V && self.brown_out_level() == 4 {
+            Supply::Reset
+        } else if cr2 & 1 == 1 && locked && level.is_some_and(|level| volts < *level) {
+            Supply::Break
+        } else {
+            Supply::Enough
+        }
+    }
+
+    fn brown_out_level(&self) -> u32 {
+        self.flash.get("OPTR") >> 8 & 7
+    }
+
+    /// The pull-downs that UCPD1 puts on PB4 and PB6 while PA10 and PA9 are high are off (RM0440 6.4.3).
+    #[must_use]
+    pub fn dead_battery_off(&self) -> bool {
+        self.power.get("CR3") >> 14 & 1 == 1
+    }
+
+    /// An output is driven high; `None` if the pin is no output.
+    #[must_use]
+    pub fn output(&self, port: usize, pin: u32) -> Option<bool> {
+        let (mode, _) = self.pin_function(port, pin);
+        (mode == 1).then(|| self.ports[port].get("ODR") >> pin & 1 == 1)
+    }
+
+    /// Speed of a pin, 0 to 3 (RM0440 9.4.3).
+    #[must_use]
+    pub fn pin_speed(&self, port: usize, pin: u32) -> u32 {
+        self.ports[port].get("OSPEEDR") >> (2 * pin) & 3
+    }
+
+    /// What breaks the timers beside their own break inputs: the bits of SYSCFG_CFGR2 (RM0440 10.2.8).
+    #[must_use]
+    pub fn system_breaks(&self) -> u32 {
+        self.configuration.get("CFGR2") & 0xF
+    }
+
     /// A core that has locked up breaks the timers.
     #[must_use]
     pub fn lockup_breaks(&self) -> bool {
@@ -134,9 +251,12 @@ impl System {
             RCC => Ok(match offset {
                 // Each oscillator and the PLL are ready as soon as they are on: bit n + 1 follows bit n.
                 RCC_CR => {
-                    let on = self.rcc.read(offset)? & (1 << 8 | 1 << 16 | 1 << 24);
-                    self.rcc.read(offset)? & !(on << 1) | on << 1 | (on & 1 << 8) << 2
+                    let word = self.rcc.read(offset)?;
+                    let swings = if self.crystal { u32::MAX } else { !HSERDY };
+                    let on = word & (1 << 8 | HSEON | 1 << 24);
+                    (word & !(on << 1) | on << 1 | (on & 1 << 8) << 2) & swings
                 }
+                RCC_CIFR => self.clock_failed.then_some(CSSF).unwrap_or_default(),
                 // The switch has been made: SWS follows SW.
                 RCC_CFGR => {
                     let cfgr = self.rcc.read(offset)?;
@@ -145,7 +265,14 @@ impl System {
                 RCC_CSR => self.rcc.read(offset)? | self.reset_flags,
                 _ => self.rcc.read(offset)?,
             }),
-            PWR => self.power.read(offset),
+            PWR => {
+                let stuck = if offset == PWR_CR5 && self.no_boost {
+                    R1MODE
+                } else {
+                    0
+                };
+                Ok(self.power.read(offset)? | stuck)
+            }
             FLASH => self.flash.read(offset),
             SYSCFG => self.configuration.read(offset),
             DBGMCU => self.debug.read(offset),
@@ -168,18 +295,29 @@ impl System {
                 if offset == RCC_CSR && value & REMOVE_FLAGS != 0 {
                     self.reset_flags = 0;
                 }
-                let value = if offset == RCC_CSR {
-                    value & 0x1
-                } else {
-                    value
+                if offset == RCC_CICR && value & CSSF != 0 {
+                    self.clock_failed = false;
+                }
+                let value = match offset {
+                    RCC_CSR => value & 0x1,
+                    // Set only, cleared by a reset.
+                    RCC_CR => value | self.rcc.read(offset)? & CSSON,
+                    _ => value,
                 };
                 self.rcc.write(offset, value)?;
             }
+            // The lock holds it (RM0440 6.4.2).
+            PWR if offset == PWR_CR2 && self.system_breaks() >> 2 & 1 == 1 => {}
             PWR => {
                 self.power.write(offset, value)?;
             }
             FLASH => {
                 self.flash.write(offset, value)?;
+            }
+            // The locks are set only, cleared by a reset.
+            SYSCFG if offset == SYSCFG_CFGR2 => {
+                let value = value & 0xF | self.system_breaks();
+                self.configuration.write(offset, value)?;
             }
             SYSCFG => {
                 self.configuration.write(offset, value)?;
@@ -189,6 +327,12 @@ impl System {
             }
             _ => match self.port(address) {
                 Some(port) => {
+                    let out = self.ports[port].get("ODR");
+                    let (offset, value) = match offset {
+                        GPIO_BSRR => (GPIO_ODR, out & !(value >> 16) | value & 0xFFFF),
+                        GPIO_BRR => (GPIO_ODR, out & !value),
+                        _ => (offset, value),
+                    };
                     self.ports[port].write(offset, value)?;
                 }
                 None => return Err("the model has no peripheral here".into()),

@@ -13,6 +13,15 @@ pub enum Wiring {
     Mains,
 }
 
+/// A gate driver's pins: port (0 is A), pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Driver {
+    /// Its enable, active high.
+    pub enable: (usize, u32),
+    /// Its fault output, active low, and the alternate function that is the timer's break input.
+    pub fault: (usize, u32, u32),
+}
+
 /// What an ADC channel sees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Input {
@@ -60,6 +69,22 @@ impl Wiring {
             (2, 5) => Input::Pin(nut.temperature),
             _ => return None,
         })
+    }
+
+    /// The gate driver of motor `index`.
+    #[must_use]
+    pub fn driver(self, index: usize) -> Driver {
+        match (self, index) {
+            // PA4, PB10 as TIM1_BKIN; PC5, PD2 as TIM8_BKIN.
+            (Self::Nucleo | Self::Nucleo40kHz | Self::Custom, 0) => Driver {
+                enable: (0, 4),
+                fault: (1, 10, 12),
+            },
+            (Self::Nucleo | Self::Nucleo40kHz | Self::Custom, _) => Driver {
+                enable: (2, 5),
+                fault: (3, 2, 4),
+            },
+        }
     }
 
     /// The comparators on the shunts of motor `index`: number, phase.
