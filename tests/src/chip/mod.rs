@@ -86,6 +86,8 @@ pub struct Chip {
     /// The machine at the pins.
     machine: Rc<RefCell<dyn Machine>>,
     sensors: [Sensors; 2],
+    /// Currents as the machine gave them last.
+    sampled: [[u16; 3]; 2],
     /// Every top so far, if it is kept.
     pub tops: Option<Vec<Top>>,
     /// Faults put in from outside.
@@ -159,6 +161,7 @@ impl Chip {
             image,
             machine,
             sensors: [Sensors::default(); 2],
+            sampled: [[0; 3]; 2],
             tops: None,
             provoked: Provoked::default(),
             memory_writes: Vec::new(),
@@ -287,6 +290,7 @@ impl Chip {
             if let Some(count) = self.provoked.stuck_encoder[index] {
                 sensors.encoder = count;
             }
+            self.sampled[index] = sensors.current;
             if let Some(counts) = self.provoked.over_current[index] {
                 sensors.current = [counts; 3];
             }
@@ -479,9 +483,14 @@ impl Chip {
         self.reschedule();
     }
 
-    /// The over-current is gone.
+    /// The over-current is gone: the comparators see what was sampled last.
     pub fn end_short_circuit(&mut self, motor: Motor) {
-        self.provoked.over_current[motor as usize] = None;
+        let index = motor as usize;
+        if self.provoked.over_current[index].take().is_some() {
+            self.sensors[index].current = self.sampled[index];
+            self.look_at_breaks();
+            self.reschedule();
+        }
     }
 
     /// An ADC finished a sequence.

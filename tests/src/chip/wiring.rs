@@ -71,20 +71,20 @@ impl Wiring {
         })
     }
 
-    /// The gate driver of motor `index`.
+    /// The gate driver of motor `index`; both boards have them on the same pins.
     #[must_use]
     pub fn driver(self, index: usize) -> Driver {
-        match (self, index) {
-            // PA4, PB10 as TIM1_BKIN; PC5, PD2 as TIM8_BKIN.
-            (Self::Nucleo | Self::Nucleo40kHz | Self::Custom, 0) => Driver {
+        // PA4, PB10 as TIM1_BKIN; PC5, PD2 as TIM8_BKIN.
+        [
+            Driver {
                 enable: (0, 4),
                 fault: (1, 10, 12),
             },
-            (Self::Nucleo | Self::Nucleo40kHz | Self::Custom, _) => Driver {
+            Driver {
                 enable: (2, 5),
                 fault: (3, 2, 4),
             },
-        }
+        ][index]
     }
 
     /// The comparators on the shunts of motor `index`: number, phase.
