@@ -1,4 +1,4 @@
-//! On the recordings and measured data beside the project; skipped by name where they are absent.
+//! On the recordings and measured data beside the project; ignored by name where they are absent.
 
 use identify::analysis::analyse;
 use identify::feed_axis::{Axis, Law, Record, Study};
@@ -6,29 +6,17 @@ use identify::load::Table;
 use identify::motor;
 use plant::model::Model;
 use plant::recording::Recording;
-use std::path::PathBuf;
+use std::path::Path;
 
-fn shared(what: &str) -> Option<PathBuf> {
-    let folder = std::env::var_os("DDFEED_SHARED")
-        .map_or_else(
-            || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
-            PathBuf::from,
-        )
-        .join(what);
-    if folder.exists() {
-        return Some(folder);
-    }
-    eprintln!("skipped: {what} is not there");
-    None
+given::shared_tests! {
+    "recordings" => what_is_found_brings_the_residual_to_the_noise;
+    "measured/emps" => emps_is_simulated_better_effect_by_effect;
+    "measured/laas" => laas_current_is_explained_by_the_orders_of_its_map, the_half_that_counts_is_the_rough_one;
 }
 
 /// Every machine's report holds what any report must: an explained machine's residual falls to the noise, on the check
 /// record too, and a machine without an effect is left as it is.
-#[test]
-fn what_is_found_brings_the_residual_to_the_noise() {
-    let Some(folder) = shared("recordings") else {
-        return;
-    };
+fn what_is_found_brings_the_residual_to_the_noise(folder: &Path) {
     for k in [4, 5, 9] {
         let at = folder.join(format!("open-{k:02}"));
         let model = Model::load(&at.join("model.toml")).expect("a model");
@@ -61,11 +49,7 @@ fn what_is_found_brings_the_residual_to_the_noise() {
 }
 
 /// One search: the study of the axis takes half a minute.
-#[test]
-fn emps_is_simulated_better_effect_by_effect() {
-    let Some(folder) = shared("measured/emps") else {
-        return;
-    };
+fn emps_is_simulated_better_effect_by_effect(folder: &Path) {
     let load = |name: &str| Record::emps(&folder.join(name)).expect("a file of the benchmark");
     let (fit, test) = (load("DATA_EMPS.mat"), load("DATA_EMPS_PULSES.mat"));
     let (law, left) = fit.law();
@@ -101,12 +85,8 @@ fn emps_is_simulated_better_effect_by_effect() {
     }
 }
 
-#[test]
-fn laas_current_is_explained_by_the_orders_of_its_map() {
-    let Some(folder) = shared("measured/laas") else {
-        return;
-    };
-    let (record, map) = motor::Record::laas(&folder).expect("the measured data");
+fn laas_current_is_explained_by_the_orders_of_its_map(folder: &Path) {
+    let (record, map) = motor::Record::laas(folder).expect("the measured data");
     let [first, second] = record.halves();
     for [fit, check] in [[&first, &second], [&second, &first]] {
         let study = motor::Study::new(fit, check, Some(&map));
@@ -118,11 +98,7 @@ fn laas_current_is_explained_by_the_orders_of_its_map() {
 }
 
 /// The mapping says which half has no compensation; the speed shows it.
-#[test]
-fn the_half_that_counts_is_the_rough_one() {
-    let Some(folder) = shared("measured/laas") else {
-        return;
-    };
+fn the_half_that_counts_is_the_rough_one(folder: &Path) {
     let table = Table::read(&folder.join("speed_test.txt"), b',', &mut |_| ()).expect("a table");
     let column = |name: &str| &table.columns[table.find(name).expect("a column")];
     let (flag, speed) = (column("Function Activated"), column("Velocity"));

@@ -1,65 +1,6 @@
-//! The given recordings load, and what is written reads back.
+//! What is written reads back, and a damaged file is named by row and column.
 
-use plant::Axis;
-use plant::model::Model;
 use plant::recording::{AxisSample, Recording, RecordingError, RecordingReader, Sample};
-use std::path::PathBuf;
-
-/// The folder of the given data, or nothing, said aloud.
-fn shared(test: &str) -> Option<PathBuf> {
-    let beside = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared");
-    let folder = std::env::var_os("DDFEED_SHARED").map_or(beside, PathBuf::from);
-    let recordings = folder.join("recordings");
-    if !recordings.is_dir() {
-        println!(
-            "skipped: {test} (no {}; set DDFEED_SHARED)",
-            recordings.display()
-        );
-        return None;
-    }
-    Some(recordings)
-}
-
-#[test]
-fn all_given_recordings_and_models_load() {
-    let Some(folder) = shared("all_given_recordings_and_models_load") else {
-        return;
-    };
-    for machine in 1..=10 {
-        let folder = folder.join(format!("open-{machine:02}"));
-        let model = Model::load(&folder.join("model.toml")).unwrap();
-        assert_eq!(Model::parse(&model.to_toml(), "copy").unwrap(), model);
-        for file in ["fit.csv.gz", "check.csv.gz"] {
-            let recording = Recording::load(&folder.join(file)).unwrap();
-            let duration = recording.time_s[recording.len() - 1];
-            let rows = (duration * model.sensing.sample_hz).round() as usize + 1;
-            assert_eq!(recording.len(), rows, "{machine} {file}");
-            assert_eq!(recording.axis(Axis::Nut).angle_rad.len(), rows);
-        }
-    }
-}
-
-#[test]
-fn a_given_recording_is_written_as_it_was_read() {
-    let Some(folder) = shared("a_given_recording_is_written_as_it_was_read") else {
-        return;
-    };
-    let source = folder.join("open-01/check.csv.gz");
-    let copy = tempfile::tempdir().unwrap();
-    let copy = copy.path().join("copy.csv.gz");
-    Recording::load(&source).unwrap().save(&copy).unwrap();
-    let text = |path| {
-        let mut text = String::new();
-        let mut file = flate2::read::GzDecoder::new(std::fs::File::open(path).unwrap());
-        std::io::Read::read_to_string(&mut file, &mut text).unwrap();
-        text.replace("\r\n", "\n")
-    };
-    let (source, copy) = (text(&source), text(&copy));
-    for (row, (given, ours)) in source.lines().zip(copy.lines()).enumerate() {
-        assert_eq!(given, ours, "row {row}");
-    }
-    assert_eq!(source.lines().count(), copy.lines().count());
-}
 
 fn sample(k: f64) -> Sample {
     let axis = AxisSample {
