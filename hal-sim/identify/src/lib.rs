@@ -17,7 +17,6 @@ pub mod hypothesis;
 pub mod interval;
 mod judge;
 mod leftover;
-pub mod load;
 mod lookalike;
 pub mod motor;
 pub mod noise;
@@ -27,6 +26,7 @@ pub mod paper;
 mod progress;
 mod recalibrated;
 pub mod record;
+pub mod records;
 mod refine;
 mod remains;
 pub mod report;
@@ -40,3 +40,6 @@ pub mod signals;
 mod suggest;
 mod unexplained;
 mod unnamed;
+
+// Until all that names it by its old name is rewritten.
+pub use records as load;

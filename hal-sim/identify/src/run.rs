@@ -57,6 +57,11 @@ pub enum RunError {
     /// An axis' model could not be read.
     #[error(transparent)]
     Axis(#[from] feed_axis::AxisModelError),
+    /// A machine whose records can be read, but not yet identified.
+    #[error(
+        "a pmsm can be read but not identified; map its q current and angle as a motor: machine = \"motor\""
+    )]
+    Machine,
     /// A motor's model could not be read.
     #[error(transparent)]
     Motor(#[from] motor::MotorModelError),
@@ -80,6 +85,7 @@ impl Task {
             Machine::DoubleDrive => self.double_drive(told),
             Machine::FeedAxis => self.feed_axis(told),
             Machine::Motor => self.motor(told),
+            Machine::Pmsm => Err(RunError::Machine),
         }
     }
 
@@ -88,7 +94,7 @@ impl Task {
         let how = self.how(Some(declared.sensing.sample_hz));
         let fit = load(&self.fit, how, &mut reading("fit record", told))?;
         let check = load(&self.check, how, &mut reading("check record", told))?;
-        let accounts = [fit.account.clone(), check.account.clone()];
+        let accounts = [fit.quality.clone(), check.quality.clone()];
         let (fit, check) = (load::double_drive(fit)?, load::double_drive(check)?);
         told("tracing the residual", None);
         let outcome = analyse(&declared, &fit, &check);

@@ -48,8 +48,16 @@ fn read(
         declared_hz: Some(RATE),
     };
     let loaded = load(path, how, &mut |_| ())?;
-    let account = loaded.account.clone();
+    let account = loaded.quality.clone();
     Ok((double_drive(loaded)?, account))
+}
+
+fn how(mapping: &Mapping) -> How<'_> {
+    How {
+        mapping,
+        on_fault: OnFault::Refuse,
+        declared_hz: Some(RATE),
+    }
 }
 
 fn of_text(text: &str, on_fault: OnFault) -> Result<(Recording, Account), LoadError> {
@@ -259,14 +267,24 @@ fn a_gap() {
             (column == 0 && row >= 100).then(|| cell(row + by, 0).to_string())
         }
     };
-    says(&refused(ROWS, late(3)), &["row 101", "a gap"]);
-    let (recording, account) = skipped(late(3));
+    let (recording, account) = of_text(&csv(ROWS, late(3)), OnFault::Refuse).expect("no fault");
     assert_eq!(
         (account.bridged, account.cut, recording.len()),
         (3, 0, ROWS + 3)
     );
-    let (recording, account) = skipped(late(900));
-    assert_eq!((account.cut, recording.len()), (100, ROWS - 100));
+    // A longer one divides the record; nothing of it is thrown away.
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let late = |row: usize, column: usize| {
+        (column == 0 && row >= 5000).then(|| cell(row + 900, 0).to_string())
+    };
+    let path = put(folder.path(), "record.csv", csv(ROWS, late).as_bytes());
+    let record = load(&path, how(&Mapping::default()), &mut |_| ()).expect("two segments");
+    assert_eq!(record.segments, [0..5000, 5000..ROWS]);
+    assert_eq!((record.quality.cut, record.len()), (0, ROWS));
+    assert!((record.time[5000] - cell(5900, 0)).abs() < 1e-9);
+    let pieces = record.pieces();
+    assert_eq!([pieces[0].len(), pieces[1].len()], [5000, ROWS - 5000]);
+    assert_eq!(pieces[1].channel("nut_uq_v")[7], cell(5007, 12));
 }
 
 /// A file with four digits of time cannot say 0.25 ms: that is no fault.

@@ -23,7 +23,7 @@ pub struct IdentifyOptions {
     /// The declared model (model.toml).
     #[arg(long)]
     pub model: PathBuf,
-    /// The record to identify from: .csv, .csv.gz, .parquet, MATLAB 5 .mat.
+    /// The record to identify from: text (.csv, .txt, also .gz), .npy, .npz, MATLAB 5 .mat, .parquet.
     #[arg(long)]
     pub fit: PathBuf,
     /// Another record of the same machine: it confirms, and errors are reported on it.

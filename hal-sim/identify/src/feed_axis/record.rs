@@ -1,6 +1,6 @@
 //! The record of an axis.
 
-use crate::load::{Account, How, LoadError, Loaded, Mapping, load};
+use crate::load::{Account, How, LoadError, Mapping, Record as Loaded, load};
 use std::path::Path;
 
 /// How a controller takes dq/dt.
@@ -51,17 +51,24 @@ impl Record {
     }
 
     /// Of columns that were loaded.
-    pub fn new(mut loaded: Loaded) -> Self {
+    pub fn new(loaded: Loaded) -> Self {
+        let mut loaded = loaded.longest();
+        let rows = loaded.len();
+        let or_zero = |values: Vec<f64>| match values.is_empty() {
+            true => vec![0.0; rows],
+            false => values,
+        };
+        let constant = |loaded: &Loaded, name| loaded.constant(name).unwrap_or(f64::NAN);
         Record {
             rate: loaded.rate,
             position: loaded.take("position_m"),
-            reference: loaded.take("reference_m"),
+            reference: or_zero(loaded.take("reference_m")),
             output: loaded.take("output_v"),
-            pulses: loaded.take("pulses_v"),
-            force_per_volt: loaded.constant("force_per_volt_n"),
-            kp: loaded.constant("kp_per_s"),
-            kv: loaded.constant("kv_v_s_per_m"),
-            account: loaded.account,
+            pulses: or_zero(loaded.take("pulses_v")),
+            force_per_volt: constant(&loaded, "force_per_volt_n"),
+            kp: constant(&loaded, "kp_per_s"),
+            kv: constant(&loaded, "kv_v_s_per_m"),
+            account: loaded.quality,
         }
     }
 

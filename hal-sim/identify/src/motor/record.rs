@@ -1,6 +1,6 @@
 //! The record of a motor, and what is known of the motor.
 
-use crate::load::{Account, How, LoadError, Loaded, Mapping, OnFault, load, load_map};
+use crate::load::{Account, How, LoadError, Mapping, OnFault, Record as Loaded, load, load_map};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -19,12 +19,13 @@ pub struct Record {
 
 impl Record {
     /// Of columns that were loaded.
-    pub fn new(mut loaded: Loaded) -> Self {
+    pub fn new(loaded: Loaded) -> Self {
+        let mut loaded = loaded.longest();
         Record {
             rate: loaded.rate,
             position: loaded.take("position_rad"),
             current: loaded.take("current_a"),
-            account: loaded.account,
+            account: loaded.quality,
         }
     }
 

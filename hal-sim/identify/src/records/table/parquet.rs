@@ -1,6 +1,6 @@
 //! Parquet: numeric columns; what is null is no number.
 
-use super::{LoadError, Progress, Table, Word};
+use super::{Column, LoadError, MOST_COLUMNS, Progress, Table, damaged};
 use parquet::errors::ParquetError;
 use parquet::file::reader::{FileReader, SerializedFileReader};
 use parquet::record::Field;
@@ -9,50 +9,42 @@ use std::fs::File;
 /// Rows between two words about progress.
 const STEP: usize = 4096;
 
-pub(super) fn read(
-    file: File,
-    origin: String,
-    progress: &mut Progress,
-) -> Result<Table, LoadError> {
-    let format = |error: ParquetError| LoadError::Format {
-        origin: origin.clone(),
-        format: "Parquet",
-        reason: error.to_string(),
-    };
+pub(super) fn read(file: File, origin: &str, progress: &mut Progress) -> Result<Table, LoadError> {
+    let format = |error: ParquetError| damaged(origin, "Parquet", error.to_string());
     let reader = SerializedFileReader::new(file).map_err(format)?;
     let metadata = reader.metadata().file_metadata();
     let rows = metadata.num_rows().max(1) as f64;
-    let names: Vec<String> = metadata
-        .schema_descr()
-        .columns()
-        .iter()
-        .map(|column| column.name().to_owned())
-        .collect();
-    let mut columns = vec![Vec::new(); names.len()];
-    let mut words = Vec::new();
+    let schema = metadata.schema_descr();
+    if schema.num_columns() > MOST_COLUMNS {
+        return Err(damaged(origin, "Parquet", "it has too many columns"));
+    }
+    let mut table = Table {
+        columns: schema
+            .columns()
+            .iter()
+            .map(|column| Column {
+                path: column.name().to_owned(),
+                ..Column::default()
+            })
+            .collect(),
+        ..Table::default()
+    };
     for (row, record) in reader.get_row_iter(None).map_err(format)?.enumerate() {
         if row.is_multiple_of(STEP) {
             progress(row as f64 / rows);
         }
         let record = record.map_err(format)?;
-        for (column, ((_, field), values)) in record.get_column_iter().zip(&mut columns).enumerate()
-        {
-            values.push(number(field).unwrap_or_else(|| {
-                words.push(Word {
-                    row: row + 1,
-                    column,
-                    text: field.to_string(),
-                });
-                f64::NAN
-            }));
+        for (column, (_, field)) in record.get_column_iter().enumerate() {
+            let value = number(field);
+            if value.is_none() {
+                table.push_word(row + 1, column, field.to_string().as_bytes());
+            }
+            if let Some(column) = table.columns.get_mut(column) {
+                column.values.push(value.unwrap_or(f64::NAN));
+            }
         }
     }
-    Ok(Table {
-        origin,
-        names,
-        columns,
-        words,
-    })
+    Ok(table)
 }
 
 fn number(field: &Field) -> Option<f64> {

@@ -1,4 +1,4 @@
-//! What became of a file's rows.
+//! What became of a file's rows, and what was guessed about it.
 
 use serde::Serialize;
 
@@ -15,9 +15,9 @@ pub struct Skipped {
     pub column: String,
 }
 
-/// What became of a file's rows.
+/// What became of a file's rows, and what was guessed about it.
 #[derive(Debug, Clone, Default, PartialEq, Serialize)]
-pub struct Account {
+pub struct DataQuality {
     /// The file.
     pub file: String,
     /// Rows read.
@@ -28,11 +28,16 @@ pub struct Account {
     pub skipped: Vec<Skipped>,
     /// Rows put in over short gaps.
     pub bridged: usize,
-    /// Rows before or after a long gap that were not used.
+    /// Rows in stretches too short to be used.
     pub cut: usize,
+    /// Stretches without a gap.
+    pub segments: usize,
+    /// What was guessed or derived, in sentences.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
 }
 
-impl Account {
+impl DataQuality {
     /// Counts a row that a rule left out.
     pub(super) fn skip(&mut self, rule: &'static str, row: usize, column: &str) {
         match self

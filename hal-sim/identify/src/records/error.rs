@@ -5,7 +5,7 @@
 pub enum LoadError {
     /// The file could not be opened.
     #[error(
-        "{origin}: cannot open: {reason}; give the path of an existing .csv, .csv.gz, .mat or .parquet"
+        "{origin}: cannot open: {reason}; give the path of an existing text (.csv, .txt, also .gz), .npy, .npz, .mat or .parquet"
     )]
     Open {
         /// The file.
@@ -30,6 +30,36 @@ pub enum LoadError {
         origin: String,
         /// The column.
         column: String,
+        /// The columns that are there.
+        present: Vec<String>,
+    },
+    /// Two columns have the name that is asked for.
+    #[error(
+        "{origin}: the column `{column}` is there twice, as number {first} and {second}; name it by its number in a mapping \
+         file"
+    )]
+    Twice {
+        /// The file.
+        origin: String,
+        /// The column.
+        column: String,
+        /// Number of the first.
+        first: usize,
+        /// Number of the second.
+        second: usize,
+    },
+    /// None of several alternatives is there.
+    #[error(
+        "{origin}: the {group} are missing: expected the columns {expected}; it has {}; name them in a mapping file",
+        present.join(", ")
+    )]
+    Group {
+        /// The file.
+        origin: String,
+        /// What the alternatives are of.
+        group: &'static str,
+        /// The alternatives.
+        expected: String,
         /// The columns that are there.
         present: Vec<String>,
     },
@@ -134,6 +164,21 @@ pub enum LoadError {
         /// Declared step, s.
         expected: f64,
     },
+    /// Time jumps so often that it is no time.
+    #[error(
+        "{origin}, column `t_s`: time jumps {gaps} times in {rows} rows by more than 6 intervals of {interval:.6} s; is it the \
+         time of the rows, and is its unit right?"
+    )]
+    Gaps {
+        /// The file.
+        origin: String,
+        /// How often.
+        gaps: usize,
+        /// All rows.
+        rows: usize,
+        /// Interval, s.
+        interval: f64,
+    },
     /// So many rows are bad that what is left says little.
     #[error(
         "{origin}: {skipped} of {rows} rows are bad, the first in row {row}; at most one in twenty may be skipped"
@@ -149,7 +194,9 @@ pub enum LoadError {
         row: usize,
     },
     /// There is too little of it.
-    #[error("{origin}: {seconds} s of record, expected at least {least} s")]
+    #[error(
+        "{origin}: {seconds} s of record in pieces of at least 0.1 s, expected at least {least} s"
+    )]
     Short {
         /// The file.
         origin: String,
