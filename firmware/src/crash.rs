@@ -1,12 +1,12 @@
 //! What to do when nothing else can be done: bridges off, say where it happened, reset; and say so at the next boot.
 
-use crate::hw::{clock, outputs};
+use crate::hw::{clock, outputs, stack_guard};
 use core::fmt::Write;
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use cortex_m::peripheral::SCB;
 use cortex_m_rt::{ExceptionFrame, exception};
-use stm32g4xx_hal::stm32::{TIM1, TIM8};
+use stm32g4xx_hal::stm32::{RCC, TIM1, TIM8};
 
 /// Says that a record was written; any other value is what RAM held at power up.
 const MAGIC: u32 = 0xC0DE_DEAD;
@@ -22,7 +22,7 @@ struct Record {
 
 /// At a symbol that a debugger knows.
 #[unsafe(no_mangle)]
-#[unsafe(link_section = ".keep")]
+#[unsafe(link_section = ".uninit.keep")]
 static mut DRIVE_CRASH: MaybeUninit<Record> = MaybeUninit::uninit();
 
 impl Write for Record {
@@ -50,8 +50,13 @@ pub(crate) fn take(report: impl FnOnce(&str)) {
 /// Bridges off, the cause written down, reset.
 fn crash(cause: core::fmt::Arguments<'_>) -> ! {
     cortex_m::interrupt::disable();
-    // SAFETY: nothing else runs from here on; clearing the main output enable opens both bridges.
+    // SAFETY: nothing else runs from here on; clearing the main output enable opens both bridges. Before the timers have
+    // their clocks nothing has closed them, but a write to a timer without one is lost.
     unsafe {
+        (*RCC::ptr())
+            .apb2enr()
+            .modify(|_, w| w.tim1en().set_bit().tim8en().set_bit());
+        let _ = (*RCC::ptr()).apb2enr().read();
         (*TIM1::ptr()).bdtr().modify(|_, w| w.moe().clear_bit());
         (*TIM8::ptr()).bdtr().modify(|_, w| w.moe().clear_bit());
     }
@@ -83,6 +88,9 @@ fn panic(info: &PanicInfo<'_>) -> ! {
 #[exception]
 // SAFETY: the attribute makes this the fault's handler; it touches only what `crash` may.
 unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
+    if stack_guard::overflowed() {
+        crash(format_args!("the stack overflowed"));
+    }
     crash(format_args!("hard fault at {:#010x}", frame.pc()))
 }
 

@@ -32,7 +32,9 @@ mod app {
     use crate::debug_view::DRIVE_VIEW;
     use crate::hw::motor_io::Registers;
     use crate::hw::watchdog::{Watchdog, reset_reason};
-    use crate::hw::{amplifier, analog, clock, cycles, deadman, encoder, protection, pwm};
+    use crate::hw::{
+        amplifier, analog, clock, cycles, deadman, encoder, protection, pwm, stack_guard,
+    };
     use crate::motor_loop::{MOTORS, MotorLoop};
     use crate::speed::Speed;
     use crate::supervision::Supervision;
@@ -70,6 +72,7 @@ mod app {
                 1: { size: CHANNEL_BYTES, name: "telemetry", section: ".uninit.telemetry" }
             }
         };
+        stack_guard::start(&core.MPU);
         log::start(channels.up.0);
         cycles::start(&mut core.DCB, &mut core.DWT);
         schedule::no_lazy_float_state(&core.FPU);

@@ -37,6 +37,8 @@ enum Stop {
     Look,
     /// An exception returns.
     ExceptionReturn,
+    /// The core has written to memory that the protection unit closes.
+    Fault,
 }
 
 /// A run of instructions that is entered at its top only.
@@ -333,10 +335,7 @@ impl Emulator {
     pub fn stack_used(&self) -> Result<u32, String> {
         #[allow(clippy::cast_possible_truncation)]
         let (start, size) = (RAM.0 as u32, RAM.1 as usize);
-        let bottom = self
-            .image
-            .symbol("__euninit")
-            .or_else(|_| self.image.symbol("__ebss"))?;
+        let bottom = self.image.symbol("__eguard")?;
         let stack = self.bytes(bottom, size - (bottom - start) as usize)?;
         let untouched = stack.iter().take_while(|&&byte| byte == PAINT).count();
         #[allow(clippy::cast_possible_truncation)]
@@ -392,6 +391,40 @@ impl Emulator {
         }
     }
 
+    /// From here on a write to memory that the protection unit closes is a fault. It costs a look at each write, so it is for
+    /// tests of just that.
+    ///
+    /// # Errors
+    /// The firmware closes nothing yet, or the engine fails.
+    pub fn enforce_protection(&mut self) -> Result<(), String> {
+        let (start, size) = self
+            .chip()
+            .nvic
+            .closed_memory()
+            .ok_or("the firmware closes no memory")?;
+        let (start, end) = (u64::from(start), u64::from(start + size) - 1);
+        self.unicorn
+            .add_mem_hook(HookType::MEM_WRITE, start, end, |uc, _, _, _, _| {
+                let inside = uc.get_data_mut();
+                if inside.chip.nvic.closed_memory().is_some() {
+                    inside.stop = Some(Stop::Fault);
+                    let _ = uc.emu_stop();
+                }
+                true
+            })
+            .map_err(engine)?;
+        // What was translated before does not look.
+        self.unicorn.ctl_flush_tb().map_err(engine)
+    }
+
+    /// Moves the stack of the code that runs, as one that has used it up.
+    ///
+    /// # Errors
+    /// The engine fails.
+    pub fn set_stack(&mut self, address: u32) -> Result<(), String> {
+        self.set(RegisterARM::MSP, address.into())
+    }
+
     fn flush_memory(&mut self) -> Result<(), String> {
         for (address, value) in std::mem::take(&mut self.unicorn.get_data_mut().chip.memory_writes)
         {
@@ -414,6 +447,7 @@ impl Emulator {
         let inside = self.unicorn.get_data_mut();
         match (inside.stop.take(), result) {
             (Some(Stop::ExceptionReturn), _) => self.leave(),
+            (Some(Stop::Fault), _) => self.fault(),
             (Some(Stop::Look), Ok(())) => Ok(()),
             // The core stopped by itself: it sleeps.
             (None, Ok(())) => {

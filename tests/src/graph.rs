@@ -103,6 +103,19 @@ impl<'a> Graph<'a> {
         Ok(named + CALLS_BY_REGISTER * by_register)
     }
 
+    /// The largest frame that a function takes at once, bytes, and the function's name.
+    ///
+    /// # Errors
+    /// A function cannot be read.
+    pub fn largest_frame(&mut self) -> Result<(u32, String), String> {
+        let all: Vec<u32> = self.image.functions.keys().copied().collect();
+        let mut largest = (0, 0);
+        for function in all {
+            largest = largest.max((self.body(function)?.stack, function));
+        }
+        Ok((largest.0, self.name(largest.1)))
+    }
+
     fn find_deepest_by_register(&mut self) -> Result<u32, String> {
         let all: Vec<u32> = self.image.functions.keys().copied().collect();
         let mut called = BTreeSet::new();

@@ -103,7 +103,7 @@ impl Image {
     /// The linker script's symbols are missing.
     pub fn ram(&self) -> Result<(u32, u32), String> {
         const START: u32 = 0x2000_0000;
-        let end = self.symbol("__euninit")?;
+        let end = self.symbol("__eguard")?;
         let fast_code = self.symbol("__eccm")? - self.symbol("__sccm")?;
         Ok((end - START + fast_code, self.symbol("_stack_start")? - end))
     }

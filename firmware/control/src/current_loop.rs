@@ -40,6 +40,9 @@ pub struct CurrentLoopConfig {
     pub modulation: ModulationConfig,
     /// The current zeros are to be measured; otherwise the nominal ones are trusted.
     pub measure_zeros: bool,
+    /// Periods with the low sides closed before the bridge is first driven: they charge the high sides' bootstrap
+    /// capacitors.
+    pub bootstrap_periods: u32,
 }
 
 /// What a board reads at the counter's turn.
@@ -142,6 +145,8 @@ pub struct PwmCommand {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bridge {
     Open,
+    /// The low sides closed, for so many periods more.
+    Charging(u32),
     /// Closed for currents in a commanded frame.
     ClosedCommanded,
     /// Closed for currents in the rotor's frame: its angle is known.
@@ -245,6 +250,12 @@ impl CurrentLoop {
         let sampled = self.sample(config, io, exchange, Frame::Rotor);
         let seen = self.watch(config, &sampled, exchange, true);
         if self.may_be_closed(Frame::Rotor, seen) {
+            if self.bridge != Bridge::Closed {
+                cold_path();
+                if self.charges(config, io, exchange) {
+                    return;
+                }
+            }
             let frame = FrameMotion {
                 theta_e: sampled.motion.theta_e,
                 step: sampled.motion.theta_e_step,
@@ -286,8 +297,10 @@ impl CurrentLoop {
                     (FrameMotion { theta_e, step }, Bridge::Closed)
                 }
             };
-            self.drive(config, io, exchange, frame, &sampled.measured);
-            self.close(io, bridge);
+            if !self.charges(config, io, exchange) {
+                self.drive(config, io, exchange, frame, &sampled.measured);
+                self.close(io, bridge);
+            }
             exchange.publish_rest(self.rested(false), asked.stale);
         } else {
             self.rest(config, io, exchange, asked, sampled.counts, broken);
@@ -431,6 +444,35 @@ impl CurrentLoop {
             io.open();
         }
         io.write([0; 3]);
+    }
+
+    /// Before the bridge is driven its low sides are closed, so that the high sides' drivers have their supply. `true` in
+    /// those periods.
+    #[cold]
+    #[inline(never)]
+    fn charges(
+        &mut self,
+        config: &CurrentLoopConfig,
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+    ) -> bool {
+        let left = match self.bridge {
+            Bridge::Open => config.bootstrap_periods,
+            Bridge::Charging(left) => left,
+            Bridge::ClosedCommanded | Bridge::Closed => 0,
+        };
+        if left == 0 {
+            return false;
+        }
+        io.write([0; 3]);
+        if self.bridge == Bridge::Open {
+            io.close();
+        }
+        self.bridge = Bridge::Charging(left.saturating_sub(1));
+        #[allow(clippy::cast_possible_truncation)]
+        exchange.publish_bus(io.bus() as u16);
+        exchange.publish_voltage(DirectQuadrature::default());
+        true
     }
 
     /// Closes the bridge, if it is not closed yet.
@@ -639,6 +681,41 @@ mod tests {
             let off = (angle - expected).sin().atan2((angle - expected).cos());
             // Half a period at 3000 rpm is 0.04 rad; an LSB of the PWM is 0.001.
             assert!(off.abs() < 0.005, "{off} rad off at {rpm} rpm");
+        }
+    }
+
+    #[test]
+    fn the_low_sides_are_closed_alone_before_the_bridge_is_driven() {
+        let mut bench = Bench::new(CurrentLoopConfig {
+            bootstrap_periods: 3,
+            ..config()
+        });
+        bench.step(&sample([2048; 3]), CurrentReference::default());
+        // Each time that it is closed, in either frame; a break in between begins anew.
+        let commanded = CurrentReference {
+            frame: Frame::Commanded(Angle::from_turns(0.0)),
+            ..ONE_AMPERE
+        };
+        let low_sides = PwmCommand {
+            compare: [0; 3],
+            enable: true,
+        };
+        for reference in [ONE_AMPERE, commanded] {
+            for charged in [1, 3] {
+                for _ in 0..charged {
+                    assert_eq!(bench.step(&sample([2048; 3]), reference), low_sides);
+                }
+                let command = bench.step(
+                    &MotorSample {
+                        broken: charged < 3,
+                        ..sample([2048; 3])
+                    },
+                    reference,
+                );
+                assert_eq!(command.enable, charged == 3);
+                assert_eq!(command.compare != [0; 3], charged == 3);
+            }
+            bench.step(&sample([2048; 3]), CurrentReference::default());
         }
     }
 

@@ -33,7 +33,7 @@ use rtt_target::UpChannel;
 /// At a symbol that the host knows; a reset keeps it.
 #[used]
 #[unsafe(no_mangle)]
-#[unsafe(link_section = ".keep")]
+#[unsafe(link_section = ".uninit.keep")]
 static BRINGUP_REQUEST: BringupRequest = BringupRequest::zero();
 
 /// At a symbol that the host knows.

@@ -6,9 +6,9 @@ use control::sense::Shunts;
 use core::ops::Deref;
 use stm32g4xx_hal::stm32::{adc1, tim1};
 
-/// The timer's flags: its update, and its two breaks.
+/// The timer's flags: its update; its two breaks, and the break by a fault of the chip itself (SBIF: clock, supply, memory).
 const UIF: u32 = 1;
-const BREAK_FLAGS: u32 = 1 << 7 | 1 << 8;
+const BREAK_FLAGS: u32 = 1 << 7 | 1 << 8 | 1 << 13;
 
 /// The registers of one motor: `T` its timer, `X` and `Y` its two ADCs, `E` its encoder.
 ///

@@ -17,6 +17,8 @@ pub const EXTERNAL: usize = 16;
 const EXCEPTIONS: usize = EXTERNAL + LINES;
 /// The non-maskable interrupt, above all priorities.
 const NMI: usize = 2;
+/// The hard fault, above all but the NMI.
+pub const HARD_FAULT: usize = 3;
 const SYSTICK: usize = 15;
 const PENDSV: usize = 14;
 
@@ -84,6 +86,10 @@ impl Nvic {
                 ("CFSR", 0xD28, 0),
                 ("HFSR", 0xD2C, 0),
                 ("CPACR", 0xD88, 0),
+                ("MPU_CTRL", 0xD94, 0),
+                ("MPU_RNR", 0xD98, 0),
+                ("MPU_RBAR", 0xD9C, 0),
+                ("MPU_RASR", 0xDA0, 0),
                 ("DHCSR", 0xDF0, 0),
                 ("DEMCR", 0xDFC, 0),
                 ("FPCCR", 0xF34, 0xC000_0000),
@@ -135,6 +141,34 @@ impl Nvic {
         }
     }
 
+    /// The memory that the protection unit closes now: start and size (PM0214 4.2). This model has one region, of no access,
+    /// on top of the default map; hard faults and the NMI go past it.
+    #[must_use]
+    pub fn closed_memory(&self) -> Option<(u32, u32)> {
+        const ENABLE_AND_BACKGROUND: u32 = 0b101;
+        const NO_ACCESS: u32 = 0;
+        let (base, attributes) = (self.control.get("MPU_RBAR"), self.control.get("MPU_RASR"));
+        let closes = self.control.get("MPU_CTRL") == ENABLE_AND_BACKGROUND
+            && attributes & 1 == 1
+            && attributes >> 24 & 7 == NO_ACCESS;
+        let above_all = self.active.iter().any(|&n| n <= HARD_FAULT);
+        (closes && !above_all).then(|| {
+            let size = 2 << (attributes >> 1 & 31);
+            (base & !(size - 1), size)
+        })
+    }
+
+    /// Says in the fault status why a hard fault comes: a memory protection fault, escalated.
+    pub fn memory_fault(&mut self, stacking: bool) {
+        const DATA: u32 = 1 << 1;
+        const STACKING: u32 = 1 << 4;
+        const FORCED: u32 = 1 << 30;
+        let status = self.control.get("CFSR");
+        self.control
+            .set("CFSR", status | if stacking { STACKING } else { DATA });
+        self.control.set("HFSR", FORCED);
+    }
+
     /// The clock security system, the flash or the RAM raises the non-maskable interrupt.
     pub fn raise_nmi(&mut self) {
         self.set_pending(NMI);
@@ -163,7 +197,8 @@ impl Nvic {
         if self.pending[NMI] && !self.active.contains(&NMI) {
             return Some(NMI);
         }
-        if !self.any_pending || primask || self.active.contains(&NMI) {
+        let above_all = self.active.iter().any(|&n| n <= HARD_FAULT);
+        if !self.any_pending || primask || above_all {
             return None;
         }
         let boost = if basepri == 0 {

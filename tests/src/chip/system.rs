@@ -57,6 +57,8 @@ pub struct System {
     reset_flags: u32,
     /// The crystal swings.
     pub crystal: bool,
+    /// The clock security system does nothing, whatever is asked of it.
+    pub security_off: bool,
     /// The core's regulator never reaches boost mode.
     pub no_boost: bool,
     /// The clock security system saw the crystal stop.
@@ -132,6 +134,7 @@ impl System {
             ports: ports.collect(),
             reset_flags: POWER_ON,
             crystal: true,
+            security_off: false,
             no_boost: false,
             clock_failed: false,
         }
@@ -182,7 +185,7 @@ impl System {
     pub fn stop_crystal(&mut self) -> bool {
         self.crystal = false;
         let control = self.rcc.get("CR");
-        let watched = control & (HSEON | CSSON) == HSEON | CSSON;
+        let watched = control & (HSEON | CSSON) == HSEON | CSSON && !self.security_off;
         if watched {
             self.rcc.set("CR", control & !HSEON);
             self.rcc.set("CFGR", self.rcc.get("CFGR") & !3 | 1);
@@ -204,6 +207,11 @@ impl System {
         } else {
             Supply::Enough
         }
+    }
+
+    /// Sets the option bytes, as a programmer does, before the chip starts.
+    pub fn set_option_bytes(&mut self, word: u32) {
+        self.flash.set("OPTR", word);
     }
 
     fn brown_out_level(&self) -> u32 {

@@ -1,6 +1,7 @@
 //! Exception entry and return, as ARMv7-M does them (B1.5.6 and B1.5.8), on the main stack without float state.
 
 use super::Emulator;
+use crate::chip::nvic::HARD_FAULT;
 use unicorn_engine::RegisterARM;
 
 const FRAME: [RegisterARM; 6] = [
@@ -30,6 +31,15 @@ impl Emulator {
         let stack = self.get(RegisterARM::MSP)?;
         let moved = stack & 4 != 0;
         let frame = (stack & !7) - 32;
+        // A frame in closed memory: the fault takes the exception's place, with the stack where it is (ARMv7-M B1.5.11).
+        let closed = self.chip().nvic.closed_memory();
+        let exception = match closed {
+            Some((start, size)) if frame < start + size && frame + 32 > start => {
+                self.chip().nvic.memory_fault(true);
+                HARD_FAULT
+            }
+            _ => exception,
+        };
         for (k, register) in FRAME.into_iter().enumerate() {
             let value = self.get(register)?;
             self.set_word(frame + 4 * k as u32, value)?;
@@ -61,6 +71,12 @@ impl Emulator {
         let now = inside.chip.now + crate::timing::ENTRY;
         inside.chip.advance(now);
         Ok(())
+    }
+
+    /// The core has written to closed memory.
+    pub(super) fn fault(&mut self) -> Result<(), String> {
+        self.chip().nvic.memory_fault(false);
+        self.enter(HARD_FAULT)
     }
 
     /// The core returns from its innermost exception.

@@ -206,6 +206,19 @@ impl BoardPlate {
         })
     }
 
+    /// Whole periods, rounded up; a low side that is closed for longer than a second is a mistake of units.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    pub(super) const fn bootstrap_periods(&self) -> Result<u32, Misfit> {
+        attempt!(within(
+            "time to charge the bootstrap capacitors",
+            "s",
+            self.bootstrap_s,
+            -1e-9,
+            1.0
+        ));
+        Ok((self.bootstrap_s / self.sample_time() + 0.999) as u32)
+    }
+
     pub(super) const fn bus_sense(&self) -> Result<BusSense, Misfit> {
         attempt!(within(
             "bus full scale",

@@ -43,6 +43,7 @@ impl MotorPlate {
             },
             modulation: attempt!(board.modulation(&sense)),
             measure_zeros: board.measure_zeros,
+            bootstrap_periods: attempt!(board.bootstrap_periods()),
             sense,
         })
     }

@@ -1,0 +1,134 @@
+//! Crystal, supply and core voltage that fail: the bridges open, whatever the code is doing.
+
+use link::codes::{Fault, ResetReason};
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::TAU;
+use tests::bench::{Bench, FAULT, READY, RUNNING};
+use tests::chip::Reset;
+
+fn running() -> Result<Bench, String> {
+    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    bench.wait_for(READY, 0.2)?;
+    bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
+    bench.run(1)?;
+    bench.pass(0.1)?;
+    assert_eq!(bench.status()?.state, RUNNING);
+    Ok(bench)
+}
+
+fn enabled(bench: &mut Bench) -> [bool; 2] {
+    let pwm = &bench.emulator.chip().pwm;
+    [pwm[0].bridge().enabled, pwm[1].bridge().enabled]
+}
+
+fn says(bench: &mut Bench, sentence: &str) -> Result<(), String> {
+    let log = bench.log()?;
+    assert!(
+        log.iter().any(|line| line.contains(sentence)),
+        "`{sentence}` is not in the log: {log:#?}"
+    );
+    Ok(())
+}
+
+#[test]
+fn a_crystal_that_stops_opens_the_bridges_and_keeps_them_open() -> Result<(), String> {
+    let mut bench = running()?;
+    bench.log()?;
+    bench.emulator.chip().stop_crystal();
+    // The clock security system breaks the timers, and the NMI resets.
+    assert_eq!(enabled(&mut bench), [false; 2], "with no instruction");
+    bench.pass(4e-3)?;
+    assert_eq!(bench.emulator.resets, [Reset::Software]);
+    says(&mut bench, "the crystal stopped")?;
+    // It does not start without a crystal, and says so at each try.
+    bench.pass(0.3)?;
+    assert_eq!(enabled(&mut bench), [false; 2]);
+    says(&mut bench, "the crystal does not start")?;
+    // The crystal is back.
+    bench.emulator.chip().system.crystal = true;
+    bench.wait_for(READY, 0.5)
+}
+
+/// What the clock security system is there for: without it the pins stay as they are until the watchdog, whose clock is
+/// its own, ends it.
+#[test]
+fn without_the_clock_security_system_the_bridges_would_stand() -> Result<(), String> {
+    let mut bench = running()?;
+    bench.emulator.chip().system.security_off = true;
+    bench.emulator.chip().stop_crystal();
+    bench.pass(10e-3)?;
+    assert_eq!(enabled(&mut bench), [true; 2], "10 ms later");
+    bench.pass(20e-3)?;
+    assert_eq!(bench.emulator.resets.first(), Some(&Reset::Watchdog));
+    Ok(())
+}
+
+#[test]
+fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() -> Result<(), String>
+{
+    let mut bench = running()?;
+    // The PVD's 2.9 V.
+    bench.emulator.chip().set_supply(2.95);
+    assert_eq!(enabled(&mut bench), [true; 2]);
+    bench.emulator.chip().set_supply(2.85);
+    assert_eq!(enabled(&mut bench), [false; 2], "with no instruction");
+    bench.pass(1e-3)?;
+    let status = bench.status()?;
+    assert_eq!(
+        (status.state, status.fault),
+        (FAULT, Fault::ScrewBreak.word())
+    );
+    // Nothing closes them while it lasts.
+    bench.run(2)?;
+    bench.pass(1e-3)?;
+    assert_eq!(bench.status()?.state, FAULT);
+    bench.emulator.chip().set_supply(3.3);
+    bench.wait_for(READY, 5e-3)?;
+    bench.run(1)?;
+    bench.pass(20e-3)?;
+    assert_eq!(enabled(&mut bench), [true; 2]);
+    // Brown-out level 4.
+    bench.emulator.chip().set_supply(2.7);
+    bench.pass(1e-3)?;
+    assert_eq!(bench.emulator.resets, [Reset::BrownOut]);
+    assert_eq!(enabled(&mut bench), [false; 2]);
+    bench.wait_for(READY, 0.2)?;
+    assert_eq!(bench.look()?.reset_reason(), Some(ResetReason::Power));
+    Ok(())
+}
+
+#[test]
+fn a_drive_without_boost_mode_does_not_start_and_says_why() -> Result<(), String> {
+    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    bench.emulator.chip().system.no_boost = true;
+    bench.pass(0.1)?;
+    assert!(
+        !bench.emulator.resets.is_empty(),
+        "it refuses, and tries again"
+    );
+    assert_eq!(enabled(&mut bench), [false; 2]);
+    says(&mut bench, "not in boost mode")?;
+    bench.emulator.chip().system.no_boost = false;
+    bench.wait_for(READY, 0.2)
+}
+
+#[test]
+fn option_bytes_that_leave_the_brown_out_low_are_told() -> Result<(), String> {
+    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    // As a chip comes from the factory (RM0440 3.4.1): brown-out level 0, PB8 picks what boots.
+    bench.emulator.chip().system.set_option_bytes(0xFFEF_F8AA);
+    bench.wait_for(READY, 0.2)?;
+    let log = bench.log()?.join("\n");
+    for sentence in [
+        "brown-out level 0, not 4",
+        "SRAM parity",
+        "PB8 picks what boots",
+    ] {
+        assert!(
+            log.contains(sentence),
+            "`{sentence}` is not in the log: {log}"
+        );
+    }
+    Ok(())
+}
