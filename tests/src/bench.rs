@@ -14,6 +14,7 @@ use hal_sim::sensors::{Adc, Sensors};
 use link::codes::{Run, State};
 use link::host::{Drive, View};
 use link::telemetry::Request;
+use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
@@ -22,13 +23,14 @@ use std::process::Command;
 use std::rc::Rc;
 use std::sync::{Mutex, OnceLock};
 
-#[path = "../../firmware/src/board/machine.rs"]
-mod machine;
 #[path = "../../firmware/src/board/mains_plate.rs"]
 #[allow(dead_code, reason = "the firmware uses the rest")]
 mod mains_plate;
 #[path = "../../firmware/src/board/nucleo_plate.rs"]
+#[allow(dead_code, reason = "the firmware uses the rest")]
 mod nucleo_plate;
+#[path = "../../firmware/src/board/paper_machine.rs"]
+mod paper_machine;
 
 /// Plate data of the drive that the firmware is built for by default, from the firmware's own source.
 #[must_use]
@@ -137,10 +139,56 @@ pub fn scale_count_m(board: Wiring) -> f64 {
     }
 }
 
+/// Bus voltage that a board's tests run at, and peak phase current that stops its bridges.
+const fn supply(board: Wiring) -> (f64, f64) {
+    match board {
+        Wiring::Nucleo | Wiring::Nucleo40kHz => (36.0, nucleo_plate::OVER_CURRENT_A),
+        Wiring::Mains => (310.0, mains_plate::OVER_CURRENT_A),
+    }
+}
+
+/// `template` with the motors that the plate of `board` declares. The mains board's are the paper's, as those of the
+/// models are; others get inertia and electrical data of the plate, and loads and frictions in proportion to the torque.
+#[must_use]
+pub fn machine_of(board: Wiring, template: &Model, coupling: Coupling) -> Model {
+    let (plate, paper) = (plate_of(board), plate_of(Wiring::Mains));
+    let mut model = template.clone();
+    let r = model.feed.travel_per_radian();
+    let table = match coupling {
+        Coupling::Lumped => 0.0,
+        Coupling::Coupled => model.feed.table_mass_kg * r * r,
+    };
+    for axis in Axis::ALL {
+        let (declared, known) = (plate.motors[axis.index()], paper.motors[axis.index()]);
+        if declared.flux_wb == known.flux_wb {
+            continue;
+        }
+        let share = declared.torque_max_nm / known.torque_max_nm;
+        let motor = model.motor_mut(axis);
+        motor.resistance_ohm = declared.resistance_ohm;
+        motor.inductance_h = declared.inductance_h;
+        motor.pole_pairs = declared.pole_pairs;
+        motor.flux_wb = declared.flux_wb;
+        motor.inertia_kg_m2 = declared.inertia_kg_m2 - table;
+        motor.viscous_nm_s *= share;
+        motor.coulomb_nm *= share;
+        for harmonic in &mut motor.torque_harmonics {
+            harmonic.amplitude_nm *= share;
+        }
+    }
+    let share = plate.motors[0].torque_max_nm / paper.motors[0].torque_max_nm;
+    model.feed.load_n *= share;
+    model.feed.guideway_coulomb_n *= share;
+    model.feed.guideway_viscous_n_s_per_m *= share;
+    model.feed.pair_coulomb_nm *= share;
+    model
+}
+
 /// The board of `hal-sim` that has what the firmware's plate says.
 #[must_use]
 pub fn board_config(wiring: Wiring) -> BoardConfig {
     let plate = plate_of(wiring);
+    let (bus_v, break_a) = supply(wiring);
     let board = &plate.board;
     let adc = |per_count, zero| Adc {
         counts: board.adc_counts,
@@ -151,6 +199,9 @@ pub fn board_config(wiring: Wiring) -> BoardConfig {
     BoardConfig {
         timer_hz: board.timer_hz,
         pwm_hz: board.pwm_hz,
+        bus_v,
+        break_a,
+        shunts: board.shunts,
         dead_time_s: board.dead_time_s,
         measure_zeros: board.measure_zeros,
         sensors: Sensors {
@@ -195,7 +246,7 @@ pub struct Bench {
 }
 
 impl Bench {
-    /// The firmware just flashed, on `model`.
+    /// The firmware just flashed, on `model` with the default board's motors.
     ///
     /// # Errors
     /// A sentence about what is missing.
@@ -203,7 +254,7 @@ impl Bench {
         Self::on(Wiring::Nucleo, model, coupling)
     }
 
-    /// The firmware of a board just flashed, on `model`.
+    /// The firmware of a board just flashed, on `model` with its motors: see [`machine_of`].
     ///
     /// # Errors
     /// A sentence about what is missing.
@@ -211,7 +262,7 @@ impl Bench {
         let image = Rc::new(Image::read(&firmware_of(board)?)?);
         let config = board_config(board);
         let joint = Rc::new(RefCell::new(Joint::new(
-            model,
+            &machine_of(board, model, coupling),
             coupling,
             config,
             counts_at(board, 40.0),

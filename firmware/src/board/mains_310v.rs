@@ -17,7 +17,7 @@
 //!
 //! Phase c is not measured. Each amplifier's output goes to its ADC inside the chip, so its pin is free.
 
-use super::machine;
+use super::paper_machine;
 use super::pins::{
     Bridge, EncoderParts, Pins, Ports, amplified, comparator, converted, converted_output,
     driver_fault, encoder, framed_spi, index,
@@ -39,11 +39,19 @@ mod plate;
 pub(crate) use plate::GUARDS;
 pub(crate) use plate::{PLATE, SCALE_COUNT_M};
 
-/// Comparators of each motor: +4.5 A, before the amplifier. They see phases a and b: what c carries is for the driver's
+/// Comparators of each motor: before the amplifiers. They see phases a and b: what c carries is for the driver's
 /// fault, which comes first.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
-    OverCurrent::past(&[1, 2], plate::pin_counts(4.5), plate::pin_counts(0.0)),
-    OverCurrent::past(&[5, 4], plate::pin_counts(4.5), plate::pin_counts(0.0)),
+    OverCurrent::past(
+        &[1, 2],
+        plate::pin_counts(plate::OVER_CURRENT_A),
+        plate::pin_counts(0.0),
+    ),
+    OverCurrent::past(
+        &[5, 4],
+        plate::pin_counts(plate::OVER_CURRENT_A),
+        plate::pin_counts(0.0),
+    ),
 ];
 
 /// The power stages' drivers pull their fault lines low.
@@ -63,11 +71,11 @@ pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
     Err(_) => panic!("a limit of the board is beyond its ADC"),
 };
 
-/// Limits of the analog watchdogs: ±4.75 A.
+/// Limits of the analog watchdogs.
 pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
     current: watch_limits(
-        plate::amplified_counts(-4.75),
-        plate::amplified_counts(4.75),
+        plate::amplified_counts(-plate::WATCH_CURRENT_A),
+        plate::amplified_counts(plate::WATCH_CURRENT_A),
     ),
     bus: GUARD.bus_most,
     shunts: PLATE.board.shunts,

@@ -2,7 +2,7 @@
 //!
 //! Numbers only, no hardware: the emulator's tests build the same drive on the host from this very file.
 
-use super::machine;
+use super::paper_machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::mt6835;
@@ -24,9 +24,15 @@ const COUNTS: f64 = 4096.0;
 /// How long before the top the sensor latches its angle: see the firmware's `hw::encoder::mt6835`.
 pub(crate) const FRAME_LEAD_S: f64 = 5.5e-6;
 
-/// What the pin of a shunt is at with `amps` in its phase, in counts of a 12-bit converter.
+/// Peak phase current that the comparators stop a bridge at, A, and that of the analog watchdogs.
+pub(crate) const OVER_CURRENT_A: f64 = 4.5;
+pub(crate) const WATCH_CURRENT_A: f64 = 4.75;
+
+/// What the pin of a shunt is at with `amps` into the motor, in counts of a 12-bit converter. Such a current comes up from
+/// minus through the shunt and lowers its upper end (SimpleFOC issue 386: all gains negative on a G431 with its own
+/// amplifiers; ST's kit computes `Ia = offset - ADC`).
 pub(crate) const fn pin_counts(amps: f64) -> f64 {
-    let volts = SUPPLY_V * (1.0 - PASSED) + amps * SHUNT_OHM * PASSED;
+    let volts = SUPPLY_V * (1.0 - PASSED) - amps * SHUNT_OHM * PASSED;
     volts / SUPPLY_V * COUNTS
 }
 
@@ -46,15 +52,15 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
                 theta_e_at_zero_turns: 0.0,
                 reversed: false,
             },
-            ..machine::MOTOR
+            ..paper_machine::MOTOR
         },
         MotorPlate {
             encoder: EncoderPlate {
                 interface: Interface::IncrementalWithIndex,
                 counts_per_turn: 40_000,
-                ..machine::MOTOR.encoder
+                ..paper_machine::MOTOR.encoder
             },
-            ..machine::MOTOR
+            ..paper_machine::MOTOR
         },
     ],
     board: BoardPlate {
@@ -62,7 +68,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         pwm_hz: 20e3,
         speed_divider: 4,
         shunts: Shunts::Two,
-        amps_per_count: SUPPLY_V / COUNTS / (SHUNT_OHM * PASSED * AMPLIFIER_GAIN),
+        amps_per_count: -SUPPLY_V / COUNTS / (SHUNT_OHM * PASSED * AMPLIFIER_GAIN),
         zero_counts: (1.0 - PASSED) * AMPLIFIER_GAIN * COUNTS,
         bus_volts_per_count: 0.11,
         adc_counts: 4096,
@@ -73,8 +79,8 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         min_on_time_s: 2e-6,
         bootstrap_s: 1e-3,
     },
-    tuning: machine::TUNING,
-    feed: machine::FEED,
+    tuning: paper_machine::TUNING,
+    feed: paper_machine::FEED,
 };
 
 /// A Pt1000 on each heat sink, to the reference over 2.2 kohm.

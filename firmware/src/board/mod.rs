@@ -14,7 +14,7 @@
 //! 5. What is wired to which ADC channel, for the emulator (`tests/src/chip/wiring.rs`): then the tests can run it.
 
 mod claimed;
-mod machine;
+mod paper_machine;
 mod pins;
 pub(crate) use claimed::{Claimed, claimed};
 pub(crate) use pins::{EncoderParts, Ports};

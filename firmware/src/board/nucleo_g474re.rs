@@ -1,23 +1,12 @@
-//! NUCLEO-G474RE (MB1367) with a three-phase power stage for each motor on its morpho connectors.
+//! NUCLEO-G474RE (MB1367) with a BOOSTXL-DRV8323RH for each motor, 24 to 48 V.
 //!
-//! | what | screw | nut |
-//! | --- | --- | --- |
-//! | high sides a, b, c | PA8, PA9, PA10 (TIM1) | PC6, PC7, PC8 (TIM8) |
-//! | low sides a, b, c | PA11, PA12, PB15 | PC10, PC11, PB5 |
-//! | shunts a, b, c | PA0, PA1, PA7 | PB14, PB0, PB13 |
-//! | bus voltage | PC0 | PB12 |
-//! | heat sink's temperature | PC1 | PC2 |
-//! | encoder A, B | PA15, PB3 (TIM2) | PB2, PC12 (TIM5) |
-//! | gate driver: fault, low | PB10 (TIM1_BKIN) | PD2 (TIM8_BKIN) |
-//! | gate driver: enable, high; pull-downs | PA4 | PC5 |
-//!
-//! The table's scale is on PB6 and PB7 (TIM4). PA2 and PA3 (ST-LINK's serial port), PA5 (LED), PA13 and PA14 (SWD),
-//! PC13 (button), PF0 and PF1 (24 MHz crystal) are left to the board.
+//! Which pin goes where, with what between, and how it is first switched on: `firmware/boards/nucleo_g474re.md`, whose
+//! table of pins a test holds to this file.
 //!
 //! Each pin goes into `Pins` once, by value, behind a bound that only the right pin in the right alternate function
 //! meets: a pin used twice, or with a wrong function, does not compile.
 
-use super::machine;
+use super::paper_machine;
 use super::pins::{
     Bridge, EncoderParts, Pins, Ports, comparator, converted, driver_fault, encoder,
 };
@@ -44,10 +33,18 @@ const fn pin_counts(amps: f64) -> f64 {
     PLATE.board.zero_counts + amps / PLATE.board.amps_per_count
 }
 
-/// Comparators of each motor: +4.5 A of a ±5 A channel.
+/// Comparators of each motor, one for each phase.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
-    OverCurrent::past(&[3, 1, 2], pin_counts(4.5), pin_counts(0.0)),
-    OverCurrent::past(&[7, 4, 5], pin_counts(4.5), pin_counts(0.0)),
+    OverCurrent::past(
+        &[3, 1, 2],
+        pin_counts(plate::OVER_CURRENT_A),
+        pin_counts(0.0),
+    ),
+    OverCurrent::past(
+        &[7, 4, 5],
+        pin_counts(plate::OVER_CURRENT_A),
+        pin_counts(0.0),
+    ),
 ];
 
 /// The power stages' drivers pull their fault lines low.
@@ -55,10 +52,10 @@ const FAULT_LINE: DriverFault = DriverFault { level: Level::Low };
 /// They are on the break pins.
 pub(crate) const DRIVER_FAULT: Option<DriverFault> = Some(FAULT_LINE);
 
-/// How long the drivers take to wake, s.
+/// How long the drivers take to wake, s: the wiring page's source 6.
 pub(crate) const DRIVER_WAKE_S: f64 = 1e-3;
 
-/// How long a fault must last until the bridge opens, s: the edges of 310 V ring for some hundred nanoseconds.
+/// How long a fault must last until the bridge opens, s: the edges ring for some hundred nanoseconds.
 pub(crate) const BREAK_FILTER_S: f64 = 0.7e-6;
 
 /// The guard's limits in counts.
@@ -67,19 +64,23 @@ pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
     Err(_) => panic!("a limit of the board is beyond its ADC"),
 };
 
-/// Limits of the analog watchdogs: ±4.75 A.
+/// Limits of the analog watchdogs.
 pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
-    current: watch_limits(pin_counts(-4.75), pin_counts(4.75)),
+    current: watch_limits(
+        pin_counts(-plate::WATCH_CURRENT_A),
+        pin_counts(plate::WATCH_CURRENT_A),
+    ),
     bus: GUARD.bus_most,
     shunts: PLATE.board.shunts,
 };
 
-/// The current amplifiers' outputs, 100 ohm.
-const CURRENT_SAMPLING: Sampling = Sampling::from(100.0);
-/// The bus divider has 100 nF at the pin, which also keeps the bus watchdog from tripping on the bridges' edges: with the
-/// divider's 20 kohm, 80 Hz.
-const BUS_SAMPLING: Sampling = Sampling::behind(100e-9);
-/// The heat sink's divider has 100 nF at the pin.
+/// The amplifiers' outputs have 2.2 nF behind a resistor: what the sampling takes of it is the same in each period, and in
+/// the measured zeros too, once most of it is given back.
+const CURRENT_SAMPLING: Sampling = Sampling::of_at_least(250e-9);
+/// The power stages have 47 nF behind their bus dividers, which also keeps the bus watchdog from tripping on the bridges'
+/// edges: 680 Hz.
+const BUS_SAMPLING: Sampling = Sampling::behind(47e-9);
+/// The thermistors' dividers have 100 nF at the pin.
 const HEAT_SAMPLING: Sampling = Sampling::behind(100e-9);
 
 /// Gain of the on-chip amplifiers, of which this board uses none: its power stages have their own.

@@ -1,4 +1,4 @@
-//! The machine that both boards here drive: the paper's motors and feed. Numbers only.
+//! The paper's machine: motors, tuning and feed, of which a board takes what is its own. Numbers only.
 
 use control::encoder::Interface;
 use control::plate::{EncoderPlate, FeedPlate, MotorPlate, Tuning};
@@ -11,7 +11,7 @@ pub(crate) const MOTOR: MotorPlate = MotorPlate {
     flux_wb: 0.11,
     inertia_kg_m2: 7.2e-4,
     speed_max_rpm: 3000.0,
-    // One and a half times the rated torque: 3 A of phase current, which leaves the comparators' 4.5 A room for a
+    // One and a half times the rated torque: 3 A of phase current, which leaves the mains board's comparators room for a
     // step's overshoot.
     torque_max_nm: 2.0,
     current_gains: [1.0; 3],
