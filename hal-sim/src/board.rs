@@ -6,6 +6,7 @@
 
 use crate::sensors::{Sensors, encoder_word};
 use control::current_loop::{MotorSample, PwmCommand};
+use control::encoder::Interface;
 use control::sense::Shunts;
 use plant::Axis;
 use plant::machine::{Bridge, Coupling, Machine};
@@ -93,6 +94,8 @@ pub struct Board {
     pub machine: Machine,
     config: BoardConfig,
     bridges: [BridgeState; 2],
+    /// Frames of absolute encoders, latched since the last turn of a counter.
+    frames: [Option<u32>; 2],
     random: Xoshiro256PlusPlus,
     step_s: f64,
     /// Duty of a compare count.
@@ -111,6 +114,7 @@ impl Board {
             machine,
             config,
             bridges: [BridgeState::default(); 2],
+            frames: [None; 2],
             random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
             step_s: config.pwm_period_s() / 2.0 / f64::from(config.substeps.max(1)),
             duty_per_count: f64::from(config.period()).recip(),
@@ -155,7 +159,7 @@ impl Board {
                 },
             ],
             bus: bus.convert(self.config.bus_v, &mut self.random),
-            encoder: self.encoder_word(axis, 0.0),
+            encoder: self.frames[axis.index()].unwrap_or_else(|| self.encoder_word(axis, 0.0)),
             broken,
         }
     }
@@ -185,8 +189,15 @@ impl Board {
         self.bridges[axis.index()].broken = false;
     }
 
-    /// Half a PWM period passes.
+    /// Half a PWM period passes. An absolute encoder latches the angle that its frame brings before the period's end.
     pub fn advance(&mut self) {
+        let half_period = self.config.pwm_period_s() / 2.0;
+        for axis in Axis::ALL {
+            let encoder = &self.config.sensors.encoders[axis.index()];
+            if encoder.interface == Interface::Mt6835 {
+                self.frames[axis.index()] = Some(self.encoder_word(axis, half_period));
+            }
+        }
         for _ in 0..self.config.substeps.max(1) {
             self.machine.advance(self.step_s);
         }

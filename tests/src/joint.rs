@@ -102,12 +102,20 @@ impl Machine for Joint {
     }
 
     fn frame(&mut self, motor: Motor, time: u64) -> u32 {
+        // The machine stands where it was at the last top, half a period before the one that the frame is for; its speed
+        // takes it from there.
         let axis = Self::axis(motor);
-        // The machine stands where it was at the last top; its speed takes it from there.
-        let since = self.last.map_or(0, |(_, last)| time - last);
         let age = self.board.config().sensors.encoders[axis.index()].age_s;
-        self.board
-            .encoder_word(axis, since as f64 / CORE_HZ as f64 + age)
+        if let Some((_, last)) = self.last {
+            let lead = self.half_period - (age * CORE_HZ as f64).round() as u64;
+            let since = time - last;
+            assert!(
+                self.restarted || since.abs_diff(lead) <= STAGGER,
+                "{motor:?}: a frame is latched {since} cycles after the other top, not {lead}"
+            );
+        }
+        let half_period_s = self.half_period as f64 / CORE_HZ as f64;
+        self.board.encoder_word(axis, half_period_s)
     }
 
     fn scale(&mut self) -> u32 {

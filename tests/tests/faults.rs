@@ -5,6 +5,7 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
 use tests::bench::{Bench, FAULT, READY, RUNNING};
+use tests::chip::wiring::Wiring;
 use tests::chip::{CORE_HZ, Reset};
 use tests::pins::Motor;
 
@@ -12,7 +13,11 @@ const PERIOD_S: f64 = 50e-6;
 
 /// A drive at 300 rpm with the table moving.
 fn running() -> Result<Bench, String> {
-    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    running_on(Wiring::Nucleo)
+}
+
+fn running_on(board: Wiring) -> Result<Bench, String> {
+    let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
     bench.wait_for(READY, 0.2)?;
     bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
     bench.run(1)?;
@@ -49,15 +54,36 @@ fn assert_cause(bench: &mut Bench, cause: Fault) -> Result<(), String> {
 
 #[test]
 fn an_over_current_opens_the_bridge_in_hardware() -> Result<(), String> {
-    for (motor, other, cause) in [
-        (Motor::Screw, Motor::Nut, Fault::ScrewBreak),
-        (Motor::Nut, Motor::Screw, Fault::NutBreak),
+    // A current into the motor raises the default board's counts and lowers the mains board's.
+    for (board, motor, other, cause, counts) in [
+        (
+            Wiring::Nucleo,
+            Motor::Screw,
+            Motor::Nut,
+            Fault::ScrewBreak,
+            4000,
+        ),
+        (
+            Wiring::Nucleo,
+            Motor::Nut,
+            Motor::Screw,
+            Fault::NutBreak,
+            4000,
+        ),
+        (
+            Wiring::Mains,
+            Motor::Screw,
+            Motor::Nut,
+            Fault::ScrewBreak,
+            90,
+        ),
+        (Wiring::Mains, Motor::Nut, Motor::Screw, Fault::NutBreak, 90),
     ] {
-        let mut bench = running()?;
+        let mut bench = running_on(board)?;
         // In the middle of a period, with no interrupt near.
         bench.settle_untold()?;
         bench.pass(PERIOD_S / 4.0)?;
-        bench.emulator.chip().short_circuit(motor, 4000);
+        bench.emulator.chip().short_circuit(motor, counts);
         // The break's filter waits for 0.75 us; no interrupt is near.
         let off = until_off(&mut bench, motor, 2e-6)?;
         assert!(

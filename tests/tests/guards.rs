@@ -4,7 +4,9 @@ use link::codes::Fault;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
-use tests::bench::{Bench, FAULT, READY, RUNNING, counts_at, plate, scale_count_m};
+use tests::bench::{
+    Bench, FAULT, READY, RUNNING, board_config, counts_at, guards_of, scale_count_m,
+};
 use tests::chip::wiring::Wiring;
 use tests::pins::Motor;
 
@@ -59,16 +61,17 @@ fn runs_again(bench: &mut Bench) -> Result<(), String> {
 #[test]
 fn the_bus_above_or_below_its_limits_opens_the_bridges() -> Result<(), String> {
     let mut bench = running()?;
+    let (guards, board) = (guards_of(Wiring::Nucleo), board_config(Wiring::Nucleo));
     for (volts, cause, at_most) in [
         // The analog watchdog's flag, taken by the speed task.
-        (405.0, Fault::OverVoltage, 500e-6),
+        (1.02 * guards.bus_max_v, Fault::OverVoltage, 500e-6),
         // Two looks of the supervision.
-        (50.0, Fault::UnderVoltage, 3.5e-3),
+        (0.9 * guards.bus_min_v, Fault::UnderVoltage, 3.5e-3),
     ] {
         bench.joint.borrow_mut().board.set_bus_voltage(volts);
         let took = stops(&mut bench, cause, at_most)?;
         println!("{volts} V: off after {:.0} us", 1e6 * took);
-        bench.joint.borrow_mut().board.set_bus_voltage(310.0);
+        bench.joint.borrow_mut().board.set_bus_voltage(board.bus_v);
         runs_again(&mut bench)?;
     }
     Ok(())
@@ -78,14 +81,19 @@ fn the_bus_above_or_below_its_limits_opens_the_bridges() -> Result<(), String> {
 fn a_hot_heat_sink_or_a_torn_sensor_opens_the_bridges() -> Result<(), String> {
     for board in [Wiring::Nucleo, Wiring::Mains] {
         let mut bench = running_on(board)?;
+        let limit = guards_of(board).temperatures[0].max_celsius;
         let cool = counts_at(board, 40.0);
-        let warm = counts_at(board, 84.0);
+        let warm = counts_at(board, limit - 1.0);
         bench.joint.borrow_mut().temperatures = warm;
         bench.pass(30e-3)?;
-        assert_eq!(bench.status()?.state, RUNNING, "{board:?} at 84 degrees");
+        assert_eq!(
+            bench.status()?.state,
+            RUNNING,
+            "{board:?} below its limit of {limit} degrees"
+        );
         for (temperatures, cause) in [
             (
-                [counts_at(board, 92.0)[0], cool[1]],
+                [counts_at(board, limit + 2.0)[0], cool[1]],
                 Fault::ScrewTemperature,
             ),
             ([cool[0], 4095], Fault::NutTemperature),
@@ -102,16 +110,18 @@ fn a_hot_heat_sink_or_a_torn_sensor_opens_the_bridges() -> Result<(), String> {
 
 #[test]
 fn an_over_current_of_either_sign_is_seen_by_the_analog_watchdogs() -> Result<(), String> {
-    // No comparator sees a negative current.
-    for (motor, cause) in [
-        (Motor::Screw, Fault::ScrewOverCurrent),
-        (Motor::Nut, Fault::NutOverCurrent),
+    // No comparator sees a current out of the motor, which lowers the default board's counts and raises the mains board's.
+    for (board, motor, cause, counts) in [
+        (Wiring::Nucleo, Motor::Screw, Fault::ScrewOverCurrent, 90),
+        (Wiring::Nucleo, Motor::Nut, Fault::NutOverCurrent, 90),
+        (Wiring::Mains, Motor::Screw, Fault::ScrewOverCurrent, 4000),
+        (Wiring::Mains, Motor::Nut, Fault::NutOverCurrent, 4000),
     ] {
-        let mut bench = running()?;
+        let mut bench = running_on(board)?;
         bench.settle_untold()?;
-        bench.emulator.chip().short_circuit(motor, 90);
+        bench.emulator.chip().short_circuit(motor, counts);
         let took = stops(&mut bench, cause, 500e-6)?;
-        println!("{motor:?}: off after {:.0} us", 1e6 * took);
+        println!("{board:?}, {motor:?}: off after {:.0} us", 1e6 * took);
         bench.emulator.chip().end_short_circuit(motor);
         runs_again(&mut bench)?;
     }
@@ -162,11 +172,11 @@ fn a_missing_index_is_counted_and_past_a_limit_a_fault() -> Result<(), String> {
     Ok(())
 }
 
-/// The scale counts 10 nm: 16 bits are over every 0.26 s at 2.5 mm/s.
+/// The mains board's scale counts 10 nm: 16 bits are over every 0.26 s at 2.5 mm/s.
 #[test]
 fn the_scale_is_followed_through_its_wraps() -> Result<(), String> {
-    let mut bench = running()?;
-    let count = scale_count_m(Wiring::Nucleo);
+    let mut bench = running_on(Wiring::Mains)?;
+    let count = scale_count_m(Wiring::Mains);
     let position = |bench: &mut Bench| -> Result<(f64, f64), String> {
         bench.settle_untold()?;
         let counts = bench.look()?.words().scale;
@@ -189,6 +199,5 @@ fn the_scale_is_followed_through_its_wraps() -> Result<(), String> {
         1e6 * off
     );
     assert!(off.abs() < 0.6e-6, "{off} m off after {moved} m");
-    assert_eq!(plate().board.speed_divider, 4);
     Ok(())
 }

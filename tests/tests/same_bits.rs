@@ -6,7 +6,7 @@ use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
-use tests::bench::{Bench, board_config, plate_of};
+use tests::bench::{Bench, board_config, machine_of, plate_of};
 use tests::chip::Top;
 use tests::chip::wiring::Wiring;
 use tests::pins::Motor;
@@ -54,6 +54,8 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
         (Wiring::Nucleo, Model::paper(), Coupling::Lumped),
         (Wiring::Nucleo, Model::coupled(), Coupling::Coupled),
         (Wiring::Nucleo40kHz, Model::paper(), Coupling::Lumped),
+        // The screw's encoder on SPI, the nut's with index, the current amplifiers inside the chip, the shunts' other sign.
+        (Wiring::Mains, Model::coupled(), Coupling::Coupled),
     ] {
         let (tops, before) = emulated(board, &model, coupling)?;
         let of = |motor: Motor| {
@@ -69,8 +71,13 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
         );
 
         let plate = plate_of(board);
-        let mut drive = Drive::new(&model, coupling, board_config(board), &plate)
-            .map_err(|misfit| misfit.to_string())?;
+        let mut drive = Drive::new(
+            &machine_of(board, &model, coupling),
+            coupling,
+            board_config(board),
+            &plate,
+        )
+        .map_err(|misfit| misfit.to_string())?;
         drive.request.run = false;
         let mut script = before.iter().zip(SCRIPT).peekable();
         let (mut driven, mut turned) = (0, [0.0; 2]);

@@ -11,7 +11,7 @@ use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::TAU;
 use std::path::Path;
-use tests::bench::{Bench, READY, board_config, plate};
+use tests::bench::{Bench, READY, board_config, machine_of, plate};
 use tests::chip::wiring::Wiring;
 use tests::cost::INTERRUPTS;
 use tests::emulator::Profile;
@@ -108,7 +108,8 @@ fn loaded(path: &Path, model: &Model) -> Result<Recording, String> {
 fn host(asked: u64, seconds: f64) -> Result<Vec<Row>, String> {
     let plate = plate();
     let board = board_config(Wiring::Nucleo);
-    let mut drive = Drive::new(&Model::paper(), Coupling::Lumped, board, &plate)
+    let machine = machine_of(Wiring::Nucleo, &Model::paper(), Coupling::Lumped);
+    let mut drive = Drive::new(&machine, Coupling::Lumped, board, &plate)
         .map_err(|misfit| misfit.to_string())?;
     drive.request.run = false;
     let known = |drive: &Drive, axis: Axis| {

@@ -2,16 +2,18 @@
 //!
 //! To add a board, in this order:
 //!
-//! 1. A plate beside `mains_plate.rs`: motors, encoders, A and V per count, dead time. Numbers only; what does not fit
-//!    its fixed-point format stops the build.
-//! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `OVER_CURRENT`, `DRIVER_FAULT`,
-//!    `DRIVER_WAKE_S`, `BREAK_FILTER_S`, `WATCH_LIMITS`, `AMPLIFIER_GAIN`, `GUARD`, `GATE_PULL_DOWN_OHM`,
-//!    `ScrewEncoder`, `NutEncoder`, `start_encoders`, `claim`. In `claim` each pin goes once,
-//!    by value, through a function of [`pins`] whose bounds only the right pin in the right alternate function meets.
+//! 1. A plate beside `mains_plate.rs`: motors, encoders, A and V per count with their signs, dead time, over-current, guards.
+//!    Numbers only, each with its source; what does not fit its fixed-point format stops the build.
+//! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `SCALE_COUNT_M`, `OVER_CURRENT`, `DRIVER_FAULT`,
+//!    `DRIVER_WAKE_S`, `BREAK_FILTER_S`, `GUARD`, `GUARDS`, `WATCH_LIMITS`, `AMPLIFIER_GAIN`, `GATE_PULL_DOWN_OHM`,
+//!    `ScrewEncoder`, `NutEncoder`, `start_encoders`, `take_encoder_flags`, `claim`. In `claim` each pin goes once, by value,
+//!    through a function of [`pins`] whose bounds only the right pin in the right alternate function meets.
 //! 3. A feature in `Cargo.toml`, and two lines below.
 //! 4. `cargo check --package firmware --target thumbv7em-none-eabihf --no-default-features --features board-yours`: a pin
 //!    used twice is a use of a moved value, a wrong alternate function an unmet bound that names the pin.
-//! 5. What is wired to which ADC channel, for the emulator (`tests/src/chip/wiring.rs`): then the tests can run it.
+//! 5. What is wired to which ADC channel, for the emulator (`tests/src/chip/wiring.rs`), and the plate in
+//!    `tests/src/bench.rs`: then the tests can run it.
+//! 6. A wiring page in `firmware/boards`, which a person can follow with a meter in hand.
 
 mod claimed;
 mod paper_machine;

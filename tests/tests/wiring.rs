@@ -1,0 +1,76 @@
+//! The pins that the firmware claims are those of the default board's wiring page, in the functions that it names. What the
+//! page says of connectors and chip is tested in `xtask/tests/wiring.rs`.
+
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::path::Path;
+use stm32_metapac::metadata::METADATA;
+use tests::bench::{Bench, READY};
+use xtask::wiring::{Row, rows};
+
+const INPUT: u32 = 0;
+const OUTPUT: u32 = 1;
+const ALTERNATE: u32 = 2;
+const ANALOG: u32 = 3;
+
+/// The debugger's, in their functions from reset on.
+const DEBUGGER: [&str; 2] = ["PA13", "PA14"];
+
+/// Mode and alternate function that a row of the page asks for, by ST's database.
+fn asked(row: &Row) -> (u32, u32) {
+    let Some((peripheral, signal)) = row.functions[0].split_once('_') else {
+        return (OUTPUT, 0);
+    };
+    let pin = METADATA
+        .peripherals
+        .iter()
+        .filter(|known| known.name == peripheral)
+        .flat_map(|known| known.pins)
+        .find(|known| known.pin == row.pin && known.signal == signal)
+        .unwrap_or_else(|| panic!("{} cannot be {}", row.pin, row.functions[0]));
+    match pin.af {
+        Some(function) => (ALTERNATE, u32::from(function)),
+        None => (ANALOG, 0),
+    }
+}
+
+#[test]
+fn the_firmware_claims_the_pins_of_the_wiring_page_and_no_others() -> Result<(), String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let rows = rows(&root).map_err(|error| format!("{error:#}"))?;
+    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    let system = |bench: &mut Bench, port: usize, pin: u32| {
+        bench.emulator.chip().system.pin_function(port, pin)
+    };
+    let all: Vec<(usize, u32)> = (0..4)
+        .flat_map(|port| (0..16).map(move |pin| (port, pin)))
+        .collect();
+    let before: Vec<_> = all
+        .iter()
+        .map(|&(port, pin)| system(&mut bench, port, pin))
+        .collect();
+    bench.wait_for(READY, 0.2)?;
+    for (&(port, pin), before) in all.iter().zip(before) {
+        let name = format!("P{}{pin}", ['A', 'B', 'C', 'D'][port]);
+        let (mode, function) = system(&mut bench, port, pin);
+        let row = rows.iter().find(|row| row.pin == name);
+        match row {
+            Some(row) => {
+                let now = (mode, if mode == ALTERNATE { function } else { 0 });
+                assert_eq!(
+                    now,
+                    asked(row),
+                    "{name} is {} on the wiring page",
+                    row.functions.join(", ")
+                );
+            }
+            // Analog is what the chip's pins are from reset on, but for the debugger's.
+            None => assert!(
+                (mode, function) == before && mode != INPUT && mode != OUTPUT
+                    || DEBUGGER.contains(&name.as_str()),
+                "{name} is claimed, in mode {mode} with function {function}, and not on the wiring page"
+            ),
+        }
+    }
+    Ok(())
+}
