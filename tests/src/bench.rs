@@ -148,7 +148,8 @@ const fn supply(board: Wiring) -> (f64, f64) {
 }
 
 /// `template` with the motors that the plate of `board` declares. The mains board's are the paper's, as those of the
-/// models are; others get inertia and electrical data of the plate, and loads and frictions in proportion to the torque.
+/// models are; others get electrical data and inertia of the plate, friction and torque harmonics in proportion to the
+/// torque, and the load in proportion to the inertia, so that it pulls the free-wheeling motors no faster.
 #[must_use]
 pub fn machine_of(board: Wiring, template: &Model, coupling: Coupling) -> Model {
     let (plate, paper) = (plate_of(board), plate_of(Wiring::Mains));
@@ -159,28 +160,29 @@ pub fn machine_of(board: Wiring, template: &Model, coupling: Coupling) -> Model 
         Coupling::Coupled => model.feed.table_mass_kg * r * r,
     };
     for axis in Axis::ALL {
-        let (declared, known) = (plate.motors[axis.index()], paper.motors[axis.index()]);
-        if declared.flux_wb == known.flux_wb {
-            continue;
+        let (declared, known) = (&plate.motors[axis.index()], &paper.motors[axis.index()]);
+        if declared.inertia_kg_m2 == known.inertia_kg_m2 {
+            // The paper's motor, of which a model knows more than the plate.
+            return model;
         }
-        let share = declared.torque_max_nm / known.torque_max_nm;
+        let torque = declared.torque_max_nm / known.torque_max_nm;
         let motor = model.motor_mut(axis);
         motor.resistance_ohm = declared.resistance_ohm;
         motor.inductance_h = declared.inductance_h;
         motor.pole_pairs = declared.pole_pairs;
         motor.flux_wb = declared.flux_wb;
         motor.inertia_kg_m2 = declared.inertia_kg_m2 - table;
-        motor.viscous_nm_s *= share;
-        motor.coulomb_nm *= share;
+        motor.viscous_nm_s *= declared.inertia_kg_m2 / known.inertia_kg_m2;
+        motor.coulomb_nm *= torque;
         for harmonic in &mut motor.torque_harmonics {
-            harmonic.amplitude_nm *= share;
+            harmonic.amplitude_nm *= torque;
         }
     }
-    let share = plate.motors[0].torque_max_nm / paper.motors[0].torque_max_nm;
-    model.feed.load_n *= share;
-    model.feed.guideway_coulomb_n *= share;
-    model.feed.guideway_viscous_n_s_per_m *= share;
-    model.feed.pair_coulomb_nm *= share;
+    let inertia = plate.motors[0].inertia_kg_m2 / paper.motors[0].inertia_kg_m2;
+    model.feed.load_n *= inertia;
+    model.feed.guideway_viscous_n_s_per_m *= inertia;
+    model.feed.guideway_coulomb_n *= inertia;
+    model.feed.pair_coulomb_nm *= plate.motors[0].torque_max_nm / paper.motors[0].torque_max_nm;
     model
 }
 

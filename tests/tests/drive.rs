@@ -4,7 +4,7 @@ use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
-use tests::bench::{Bench, READY, RUNNING};
+use tests::bench::{Bench, READY, RUNNING, plate_of};
 use tests::chip::wiring::Wiring;
 
 /// Mean speeds of screw and nut over `seconds`, rad/s.
@@ -41,8 +41,9 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
                 status.state, RUNNING,
                 "{board:?}, {coupling:?} at {base_rpm} rpm: {status:?}"
             );
-            // One beat of the motors' 6th harmonics at 30 rpm of difference is 66.7 ms.
-            let [screw, nut] = mean_speeds(&mut bench, 0.2)?;
+            // Three beats of the motors' 6th harmonics at 30 rpm of difference: 66.7 ms each with five pole pairs.
+            let beat = 1.0 / (6.0 * f64::from(plate_of(board).motors[0].pole_pairs) * 0.5);
+            let [screw, nut] = mean_speeds(&mut bench, 3.0 * beat)?;
             let table = (screw - nut) * model.feed.lead_m / TAU;
             assert!(
                 (table - 2.5e-3).abs() < 2.5e-5,

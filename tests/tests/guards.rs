@@ -54,7 +54,11 @@ fn runs_again(bench: &mut Bench) -> Result<(), String> {
     bench.wait_for(READY, 1.0)?;
     bench.run(1)?;
     bench.pass(20e-3)?;
-    assert_eq!(bench.status()?.state, RUNNING);
+    let status = bench.status()?;
+    assert_eq!(
+        status.state, RUNNING,
+        "after a reset and a start: {status:?}"
+    );
     Ok(())
 }
 
