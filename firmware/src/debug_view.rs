@@ -5,9 +5,8 @@
 use crate::CONFIG;
 use crate::motor_loop::MOTORS;
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity, Voltage};
-use control::supervisor;
+use control::supervisor::State;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
-use link::codes::{Fault, State};
 use link::scale;
 use link::view::{DriveCommand, DriveView};
 
@@ -46,40 +45,11 @@ pub(crate) fn keep_max(word: &AtomicU32, value: u32) {
     }
 }
 
-/// The state's and the fault's words in the view.
-pub(crate) const fn codes(state: supervisor::State) -> (u32, u32) {
-    let (state, fault) = match state {
-        supervisor::State::Off => (State::Off, Fault::None),
-        supervisor::State::Calibrating => (State::Calibrating, Fault::None),
-        supervisor::State::Ready => (State::Ready, Fault::None),
-        supervisor::State::Running => (State::Running, Fault::None),
-        supervisor::State::Stopping => (State::Stopping, Fault::None),
-        supervisor::State::Fault(fault) => (State::Fault, fault_code(fault)),
-    };
-    (state.word(), fault.word())
-}
-
-pub(crate) const fn fault_code(fault: supervisor::Fault) -> Fault {
-    use supervisor::Fault as F;
-    match fault {
-        F::ScrewBreak => Fault::ScrewBreak,
-        F::NutBreak => Fault::NutBreak,
-        F::ScrewCurrentZero => Fault::ScrewCurrentZero,
-        F::NutCurrentZero => Fault::NutCurrentZero,
-        F::ScrewEncoder => Fault::ScrewEncoder,
-        F::NutEncoder => Fault::NutEncoder,
-        F::SpeedTaskLate => Fault::SpeedTaskLate,
-        F::OverVoltage => Fault::OverVoltage,
-        F::UnderVoltage => Fault::UnderVoltage,
-        F::ScrewTemperature => Fault::ScrewTemperature,
-        F::NutTemperature => Fault::NutTemperature,
-        F::ScrewOverCurrent => Fault::ScrewOverCurrent,
-        F::NutOverCurrent => Fault::NutOverCurrent,
-        F::ScrewLoopLate => Fault::ScrewLoopLate,
-        F::NutLoopLate => Fault::NutLoopLate,
-        F::SupervisionLate => Fault::SupervisionLate,
-        F::LoopHung => Fault::LoopHung,
-    }
+/// Says what the drive is doing.
+#[inline(always)]
+pub(crate) fn show(state: State) {
+    DRIVE_VIEW.state.store(state.word(), Relaxed);
+    DRIVE_VIEW.fault.store(state.fault_word(), Relaxed);
 }
 
 /// Angles of the shafts, screw and nut, 2^-32 turn, as the current loops last saw them.

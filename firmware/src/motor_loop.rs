@@ -1,13 +1,14 @@
 //! What a current-loop interrupt does: [`CurrentLoop::period`] on the motor's registers, timed.
 
 use crate::CONFIG;
-use crate::debug_view::{DRIVE_VIEW, codes, keep_max};
+use crate::debug_view::{self, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::Registers;
 use control::current_loop::CurrentLoop;
 use control::exchange::MotorExchange;
-use control::supervisor::{Fault, State};
+use control::fault::Fault;
+use control::supervisor::State;
 use core::ops::Deref;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use stm32g4xx_hal::stm32::{adc1, tim1};
@@ -76,7 +77,5 @@ where
 #[cold]
 #[inline(never)]
 fn say_stale() {
-    let (state, fault) = const { codes(State::Fault(Fault::SpeedTaskLate)) };
-    DRIVE_VIEW.state.store(state, Relaxed);
-    DRIVE_VIEW.fault.store(fault, Relaxed);
+    debug_view::show(State::Fault(Fault::SpeedTaskLate));
 }

@@ -1,7 +1,7 @@
 //! What the speed task does: read what the current loops found, step, tell them.
 
 use crate::CONFIG;
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, codes, count, keep_max};
+use crate::debug_view::{self, DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
 use crate::hw::analog::Watches;
 use crate::hw::cycles;
 use crate::hw::deadman;
@@ -9,17 +9,18 @@ use crate::hw::encoder::Scale;
 use crate::motor_loop::MOTORS;
 use crate::telemetry::Sampler;
 use control::coordinator::Command;
+use control::fault::Fault;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::speed_task::SpeedTask;
-use control::supervisor::{Fault, Request, State};
-use core::sync::atomic::AtomicU8;
+use control::supervisor::Request;
+use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
 use cortex_m::peripheral::NVIC;
 use link::codes::Run;
 use stm32g4xx_hal::stm32::Interrupt;
 
-/// Number of the fault that the supervision has found, or 0.
-pub(crate) static FOUND: AtomicU8 = AtomicU8::new(0);
+/// Word of the fault that the supervision has found, or 0.
+pub(crate) static FOUND: AtomicU32 = AtomicU32::new(0);
 
 /// The speed task and what it owns.
 pub(crate) struct Speed {
@@ -54,21 +55,14 @@ impl Speed {
         let exchanges = MOTORS.each_ref().map(|motor| &motor.exchange);
         let found = match self.watches.take() {
             _ if deadman::has_run_out(request.reset) => Some(Fault::LoopHung),
-            None => Fault::of_number(FOUND.load(Relaxed)),
+            None => Fault::of_word(FOUND.load(Relaxed)),
             tripped => tripped,
         };
         let output = self
             .control
             .step(const { &CONFIG }, request, exchanges, found);
 
-        // The table of the others is a jump, which the state that counts need not pay.
-        let (state, fault) = if output.state == State::Running {
-            const { codes(State::Running) }
-        } else {
-            codes(output.state)
-        };
-        view.state.store(state, Relaxed);
-        view.fault.store(fault, Relaxed);
+        debug_view::show(output.state);
         let scale = self.scale.position();
         view.scale.store(scale, Relaxed);
         count(&view.speed_steps);

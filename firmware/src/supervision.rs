@@ -6,11 +6,11 @@ use crate::debug_view::{self, DRIVE_VIEW, count};
 use crate::hw::analog;
 use crate::hw::watchdog::Watchdog;
 use crate::speed::FOUND;
+use control::fault::{self, Fault};
 use control::guard::{Guard, Look};
-use control::supervisor::Fault;
+use control::supervisor::State;
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
-use link::codes::State;
 
 /// The tasks whose progress feeds the watchdog.
 const TASKS: [&str; 3] = ["screw current loop", "nut current loop", "speed task"];
@@ -70,11 +70,11 @@ impl Supervision {
             transition_error: flags.map(|flags| flags.transition_error),
         };
         let found = self.guard.step(&board::GUARD, &look);
-        FOUND.store(found.map_or(0, |fault| fault as u8), Relaxed);
+        FOUND.store(fault::word(found), Relaxed);
         if let Some(fault) = found
             && found != self.found
         {
-            defmt::error!("{=str}", debug_view::fault_code(fault).sentence());
+            defmt::error!("{=str}", fault.sentence());
         }
         self.found = found;
         store(&view.temperatures, look.temperatures.map(u32::from));

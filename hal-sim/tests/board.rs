@@ -2,9 +2,10 @@
 
 use control::coordinator::Command;
 use control::encoder::Interface;
+use control::fault::Fault;
 use control::mt6835;
 use control::sense::Shunts;
-use control::supervisor::{Fault, Request, State};
+use control::supervisor::{Request, State};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{
     OperatingPoint, RPM, Recorder, Setup, ripple_percent, settle_quietly, table_velocities,

@@ -222,7 +222,7 @@ pub const READY: u32 = State::Ready.word();
 /// The state: following the command.
 pub const RUNNING: u32 = State::Running.word();
 /// The state: stopped by a fault.
-pub const FAULT: u32 = State::Fault.word();
+pub const FAULT: u32 = State::FAULT_WORD;
 
 /// What the drive says it is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -8,8 +8,8 @@
 //! | a heat sink out of its range: too hot, or its sensor torn or shorted | eight looks | `...Temperature` |
 //! | an encoder that should have passed its index and did not, or whose channels changed together | five in a row, and one in 100 ms | `...Encoder` |
 
+use crate::fault::Fault;
 use crate::format::Misfit;
-use crate::supervisor::Fault;
 use crate::thermometer::{Range, TemperaturePlate};
 use crate::tolerance::{Tally, Tolerance};
 

@@ -17,6 +17,7 @@
 //! | jerk-limited reference | [`profile`] | speed task |
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
 //! | what the drive is doing and may do next | [`supervisor`] | speed task |
+//! | what can stop it | [`fault`] | |
 //! | the last four in one step | [`speed_task`] | speed task |
 //! | late tasks, bus, temperatures, index -> fault | [`guard`] | supervision |
 //! | words between the interrupts | [`exchange`] | |
@@ -49,11 +50,13 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod codes;
 pub mod coordinator;
 pub mod current_loop;
 pub mod encoder;
 pub mod encoder_watch;
 pub mod exchange;
+pub mod fault;
 pub mod format;
 #[allow(clippy::float_arithmetic)]
 pub mod guard;

@@ -3,9 +3,10 @@
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_loop::{CurrentReference, Mode};
 use crate::exchange::MotorExchange;
+use crate::fault::Fault;
 use crate::plate::DriveConfig;
 use crate::speed_loop::{SpeedLoop, SpeedReference};
-use crate::supervisor::{Fault, Request, State};
+use crate::supervisor::{Request, State};
 
 /// What the speed task decided in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

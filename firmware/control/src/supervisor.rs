@@ -15,77 +15,8 @@
 
 use crate::current_loop::{Calibration, Mode};
 use crate::exchange::MotorStatus;
+use crate::fault::{self, Fault};
 use core::hint::cold_path;
-
-/// What stopped the drive, with its number in the debug view.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[repr(u8)]
-pub enum Fault {
-    /// The break input of the screw's bridge: over-current in hardware.
-    ScrewBreak = 1,
-    /// The break input of the nut's bridge.
-    NutBreak = 2,
-    /// A current zero of the screw lies further out than a healthy sensor's.
-    ScrewCurrentZero = 3,
-    /// A current zero of the nut does.
-    NutCurrentZero = 4,
-    /// The screw's encoder stands while its shaft turns, too many of its readings are wrong, or its index is missing.
-    ScrewEncoder = 5,
-    /// The nut's encoder does.
-    NutEncoder = 6,
-    /// The speed task was late: the current loops stopped by themselves, or it is too often.
-    SpeedTaskLate = 7,
-    /// The bus voltage is above its limit.
-    OverVoltage = 8,
-    /// The bus voltage is below its limit while the bridges are on.
-    UnderVoltage = 9,
-    /// The heat sink of the screw's bridge is too hot, or its sensor is not there.
-    ScrewTemperature = 10,
-    /// The heat sink of the nut's bridge is, or its sensor.
-    NutTemperature = 11,
-    /// A converted current of the screw's motor is beyond its limit, of either sign.
-    ScrewOverCurrent = 12,
-    /// A converted current of the nut's motor is.
-    NutOverCurrent = 13,
-    /// The screw's current loop is late too often.
-    ScrewLoopLate = 14,
-    /// The nut's current loop is.
-    NutLoopLate = 15,
-    /// Supervision is late too often.
-    SupervisionLate = 16,
-    /// A current loop hung for two and a half periods, and the bridges were opened above its head.
-    LoopHung = 17,
-}
-
-impl Fault {
-    /// All of them, in the order of their numbers.
-    pub const ALL: [Self; 17] = [
-        Self::ScrewBreak,
-        Self::NutBreak,
-        Self::ScrewCurrentZero,
-        Self::NutCurrentZero,
-        Self::ScrewEncoder,
-        Self::NutEncoder,
-        Self::SpeedTaskLate,
-        Self::OverVoltage,
-        Self::UnderVoltage,
-        Self::ScrewTemperature,
-        Self::NutTemperature,
-        Self::ScrewOverCurrent,
-        Self::NutOverCurrent,
-        Self::ScrewLoopLate,
-        Self::NutLoopLate,
-        Self::SupervisionLate,
-        Self::LoopHung,
-    ];
-
-    /// The fault of a number; `None` of 0 and of what is no fault's.
-    #[must_use]
-    pub fn of_number(number: u8) -> Option<Self> {
-        let index = usize::from(number).checked_sub(1)?;
-        Self::ALL.get(index).copied()
-    }
-}
 
 /// What the drive is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -103,6 +34,63 @@ pub enum State {
     Stopping,
     /// Bridges off until the cause is gone and a reset is asked.
     Fault(Fault),
+}
+
+impl State {
+    /// Its code in the debug view, where a fault has a word of its own.
+    #[must_use]
+    pub const fn word(self) -> u32 {
+        match self {
+            Self::Off => 0,
+            Self::Calibrating => 1,
+            Self::Ready => 2,
+            Self::Running => 3,
+            Self::Stopping => 4,
+            Self::Fault(_) => Self::FAULT_WORD,
+        }
+    }
+
+    /// The code of every fault.
+    pub const FAULT_WORD: u32 = 5;
+
+    /// The fault's word in the debug view: 0 is none.
+    #[must_use]
+    pub const fn fault_word(self) -> u32 {
+        fault::word(match self {
+            Self::Fault(fault) => Some(fault),
+            _ => None,
+        })
+    }
+
+    /// The state of two words of the debug view; `None` if there is no such.
+    #[must_use]
+    pub const fn of_words(state: u32, fault: u32) -> Option<Self> {
+        Some(match state {
+            0 => Self::Off,
+            1 => Self::Calibrating,
+            2 => Self::Ready,
+            3 => Self::Running,
+            4 => Self::Stopping,
+            Self::FAULT_WORD => match Fault::of_word(fault) {
+                Some(fault) => Self::Fault(fault),
+                None => return None,
+            },
+            _ => return None,
+        })
+    }
+
+    /// Its name in a few words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Off => "off",
+            Self::Calibrating => "calibrating",
+            Self::Ready => "ready",
+            Self::Running => "running",
+            Self::Stopping => "stopping",
+            Self::Fault(_) => "fault",
+        }
+    }
 }
 
 /// What is asked of the drive.
@@ -302,11 +290,19 @@ mod tests {
     }
 
     #[test]
-    fn numbers_are_those_of_the_faults() {
-        for (index, fault) in Fault::ALL.into_iter().enumerate() {
-            assert_eq!(fault as usize, index + 1);
-            assert_eq!(Fault::of_number(fault as u8), Some(fault));
+    fn words_are_those_of_the_states() {
+        use State::{Calibrating, Off, Ready, Running, Stopping};
+        for (word, state) in [Off, Calibrating, Ready, Running, Stopping, FAULT]
+            .into_iter()
+            .enumerate()
+        {
+            assert_eq!(state.word() as usize, word);
+            assert_eq!(
+                State::of_words(state.word(), state.fault_word()),
+                Some(state)
+            );
         }
-        assert_eq!((Fault::of_number(0), Fault::of_number(18)), (None, None));
+        assert_eq!(State::of_words(State::FAULT_WORD, 0), None);
+        assert_eq!(State::of_words(6, 0), None);
     }
 }

@@ -7,8 +7,8 @@
 //!
 //! The report has raw readings and, in [`Expected`], what the firmware was built for. What they mean is the host's.
 
-use crate::codes::codes;
 use crate::view::{Words, words};
+use control::codes;
 
 /// Symbol of the firmware's [`BringupRequest`].
 pub const REQUEST_SYMBOL: &str = "BRINGUP_REQUEST";

@@ -12,8 +12,8 @@
 //! external trigger but no break input, and ADC1's and ADC2's interrupt is the current loop's.)
 
 use crate::hw::clock::CORE_HZ;
+use control::fault::Fault;
 use control::sense::Shunts;
-use control::supervisor::Fault;
 use core::sync::atomic::{AtomicU16, Ordering};
 use stm32g4xx_hal::stm32::{
     ADC1, ADC2, ADC3, ADC4, ADC12_COMMON, ADC345_COMMON, DMA1, DMAMUX, adc1,

@@ -4,9 +4,9 @@
 //! Both loops have one priority, so a hung one holds the other up too, and one timer sees either. It waits two and a half
 //! periods: a single late period is counted and tolerated.
 
-use crate::debug_view::DRIVE_VIEW;
-use crate::debug_view::codes;
-use control::supervisor::{Fault, State};
+use crate::debug_view;
+use control::fault::Fault;
+use control::supervisor::State;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use stm32g4xx_hal::stm32::{TIM1, TIM7, TIM8, tim7};
 
@@ -47,9 +47,7 @@ pub(crate) fn run_out(bdtr: u32) {
         (*TIM8::ptr()).bdtr().write(|w| w.bits(bdtr));
     }
     RAN_OUT.store(true, Relaxed);
-    let (state, fault) = const { codes(State::Fault(Fault::LoopHung)) };
-    DRIVE_VIEW.state.store(state, Relaxed);
-    DRIVE_VIEW.fault.store(fault, Relaxed);
+    debug_view::show(State::Fault(Fault::LoopHung));
 }
 
 /// Whether it has run out; a reset that is asked forgives that.

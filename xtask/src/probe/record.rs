@@ -6,7 +6,7 @@ use crate::session::RecordOptions;
 use anyhow::{Context, Error, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::TELEMETRY_CHANNEL;
-use link::codes::{Fault, Run, State};
+use link::codes::{Run, State};
 use link::host::rtt::Channel;
 use link::host::{Drive, Memory};
 use link::telemetry::Request;
@@ -150,9 +150,10 @@ impl Script {
             if looked.elapsed() > LOOK {
                 looked = Instant::now();
                 let view = self.drive.look(memory)?;
-                if view.state() == Some(State::Fault) && !self.holds.is_empty() {
-                    let fault = view.fault().map_or("an unknown fault.", Fault::sentence);
-                    bail!("the drive was stopped by a fault. {fault}");
+                if let Some(State::Fault(fault)) = view.state()
+                    && !self.holds.is_empty()
+                {
+                    bail!("the drive was stopped by a fault. {}", fault.sentence());
                 }
             }
             thread::sleep(PAUSE);
@@ -164,6 +165,7 @@ impl Script {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use link::codes::Fault;
     use link::view::{DriveCommand, DriveView, MAGIC};
     use std::cell::RefCell;
     use std::mem::offset_of;
@@ -284,7 +286,7 @@ mod tests {
         let mut chip = Fake::new(u32::MAX);
         chip.put(
             VIEW + offset_of!(DriveView, state) as u32,
-            &[State::Fault.word(), Fault::NutEncoder.word()],
+            &[State::FAULT_WORD, Fault::NutEncoder.word()],
         );
         let error = script(true)
             .run(&mut chip, &|_| ())

@@ -4,7 +4,7 @@ use super::LOOK;
 use super::memory::with_chip;
 use crate::session::CommandOptions;
 use anyhow::{Result, bail};
-use link::codes::{Fault, ResetReason, Run, State};
+use link::codes::{ResetReason, Run, State};
 use link::host::{Drive, Memory, View};
 use probe_rs::probe::DebugProbeInfo;
 use std::f64::consts::TAU;
@@ -43,8 +43,7 @@ fn news(before: Option<&View>, now: &View) -> Vec<String> {
     if restarted && let Some(reason) = now.reset_reason() {
         lines.push(format!("Last reset: {}", ResetReason::sentence(reason)));
     }
-    let fault = |view: &View| view.fault().filter(|fault| *fault != Fault::None);
-    if let Some(fault) = fault(now)
+    if let Some(fault) = now.fault()
         && before.is_none_or(|before| before.fault() != Some(fault))
     {
         lines.push(format!("Fault: {}", fault.sentence()));
@@ -85,13 +84,10 @@ pub fn start(memory: &mut impl Memory, drive: Drive, velocity: f64, base: f64) -
     let before = drive.look(memory)?;
     match before.state() {
         Some(State::Ready | State::Running | State::Stopping) => {}
-        Some(State::Fault) => {
-            let fault = before.fault().map_or("an unknown fault.", Fault::sentence);
-            bail!(
-                "the drive is stopped by a fault and will not run. {fault} Once that is gone, `cargo xtask command --reset` \
-                 leaves it"
-            );
-        }
+        Some(State::Fault(fault)) => bail!(
+            "the drive is stopped by a fault and will not run. {} Once that is gone, `cargo xtask command --reset` leaves it",
+            fault.sentence()
+        ),
         Some(state) => bail!(
             "the drive is {} and cannot run yet: try again in a moment",
             state.name()

@@ -122,10 +122,10 @@ impl View {
     /// What it is doing; `None` if that is no code of this layout.
     #[must_use]
     pub fn state(&self) -> Option<State> {
-        State::of_word(self.0.state)
+        State::of_words(self.0.state, self.0.fault)
     }
 
-    /// What stopped it; `None` if that is no code of this layout.
+    /// What stopped it; `None` if nothing has, or if that is no code of this layout.
     #[must_use]
     pub fn fault(&self) -> Option<Fault> {
         Fault::of_word(self.0.fault)

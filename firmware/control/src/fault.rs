@@ -1,0 +1,71 @@
+//! What can stop the drive.
+
+use crate::codes;
+
+codes! {
+    /// What stopped the drive. In the debug view 0 is none.
+    Fault {
+        ScrewBreak = 1, "over-current, screw",
+            "The comparators stopped the screw's bridge: look for a short circuit, or a current loop that is too fast.";
+        NutBreak = 2, "over-current, nut",
+            "The comparators stopped the nut's bridge: look for a short circuit, or a current loop that is too fast.";
+        ScrewCurrentZero = 3, "current zero, screw",
+            "A current zero of the screw is far from its nominal place: check the amplifier and its supply.";
+        NutCurrentZero = 4, "current zero, nut",
+            "A current zero of the nut is far from its nominal place: check the amplifier and its supply.";
+        ScrewEncoder = 5, "encoder, screw",
+            "The screw's encoder stands while its shaft turns, is read wrong too often, or misses its index: check its \
+             cable, shield and supply.";
+        NutEncoder = 6, "encoder, nut",
+            "The nut's encoder stands while its shaft turns, is read wrong too often, or misses its index: check its \
+             cable, shield and supply.";
+        SpeedTaskLate = 7, "speed task late",
+            "The speed task did not renew the references in time, or was late too often: see `speed_cycles_max`.";
+        OverVoltage = 8, "over-voltage",
+            "The bus voltage is above its limit: check the supply and the brake resistor.";
+        UnderVoltage = 9, "under-voltage",
+            "The bus voltage is below its limit while the bridges are on: check the supply.";
+        ScrewTemperature = 10, "temperature, screw",
+            "The heat sink of the screw's bridge is too hot, or its sensor is torn or shorted.";
+        NutTemperature = 11, "temperature, nut",
+            "The heat sink of the nut's bridge is too hot, or its sensor is torn or shorted.";
+        ScrewOverCurrent = 12, "over-current measured, screw",
+            "A measured current of the screw's motor is beyond its limit: look for a short circuit, or lower the torque limit.";
+        NutOverCurrent = 13, "over-current measured, nut",
+            "A measured current of the nut's motor is beyond its limit: look for a short circuit, or lower the torque limit.";
+        ScrewLoopLate = 14, "current loop late, screw",
+            "The screw's current loop ended after its period too often: see `cycles_max`, and lower the PWM frequency.";
+        NutLoopLate = 15, "current loop late, nut",
+            "The nut's current loop ended after its period too often: see `cycles_max`, and lower the PWM frequency.";
+        SupervisionLate = 16, "supervision late",
+            "The supervision was late too often: something below the control interrupts takes too long.";
+        LoopHung = 17, "current loop hung",
+            "A current loop hung for two and a half periods, and a timer above it opened the bridges.";
+    }
+}
+
+/// The word of a fault, or of none.
+#[must_use]
+pub const fn word(fault: Option<Fault>) -> u32 {
+    match fault {
+        Some(fault) => fault.word(),
+        None => 0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_code_has_its_own_word_and_name() {
+        for (k, code) in Fault::ALL.iter().enumerate() {
+            assert_eq!(Fault::of_word(code.word()), Some(*code));
+            let others = &Fault::ALL[k + 1..];
+            assert!(others.iter().all(|other| other.name() != code.name()));
+            assert!(code.sentence().ends_with('.'));
+        }
+        assert_eq!(Fault::of_word(word(None)), None);
+        assert_eq!(Fault::of_word(u32::MAX), None);
+    }
+}
