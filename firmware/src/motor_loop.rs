@@ -61,12 +61,8 @@ where
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
         let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
-        if self
-            .control
-            .period(config, &mut self.registers, &shared.exchange)
-        {
-            say_stale();
-        }
+        self.control
+            .period(config, &mut self.registers, &shared.exchange, say_stale);
         let spent = cycles::now().wrapping_sub(start);
         shared.cycles.store(spent, Relaxed);
         keep_max(&shared.cycles_max, spent);
@@ -74,8 +70,6 @@ where
 }
 
 /// The speed task, which says what the drive is doing, cannot.
-#[cold]
-#[inline(never)]
 fn say_stale() {
     debug_view::show(State::Fault(Fault::SpeedTaskLate));
 }

@@ -252,6 +252,7 @@ impl Drive {
             &self.config.current_loops[k],
             &mut registers,
             &self.exchanges[k],
+            || (),
         );
         self.board.write(axis, self.compares[k]);
         self.samples[k] = sample;

@@ -10,14 +10,13 @@
 use crate::encoder::Interface;
 use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig, Seen};
 use crate::exchange::{Asked, MotorExchange};
-use crate::format::{Angle, Current, ScaledCurrent};
+use crate::format::{Angle, Current, ScaledCurrent, multiply_upper};
 use crate::modulation::ModulationConfig;
 use crate::motor_io::MotorIo;
 use crate::observer::{EncoderAlignment, Motion, Observer, ObserverConfig};
 use crate::regulator::{Regulator, RegulatorConfig};
 use crate::sense::{BusSense, Codes, CurrentSense, ZeroCalibration};
 use crate::transform::{DirectQuadrature, Rotation};
-use core::hint::cold_path;
 
 /// Configuration of a motor's current loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -34,6 +33,8 @@ pub struct CurrentLoopConfig {
     pub observer: ObserverConfig,
     /// Whether the encoder is to be trusted.
     pub encoder_watch: EncoderWatchConfig,
+    /// Largest square of a measured current, upper word: past it the bridge is opened in the same period.
+    pub current_max_square: i32,
     /// Current error to voltage.
     pub regulator: RegulatorConfig,
     /// Voltage to compare values.
@@ -90,7 +91,7 @@ pub struct CurrentReference {
     pub mode: Mode,
     /// The frame of the currents.
     pub frame: Frame,
-    /// Current along the flux, A: 0 in the rotor's frame (Eq 6).
+    /// Current along d, A: 0 in the rotor's frame (Eq 6).
     pub i_d: Current,
     /// Torque-making current, A.
     pub i_q: Current,
@@ -130,6 +131,8 @@ pub struct Rested {
     pub encoder_stuck: bool,
     /// The rotor's angle is known.
     pub angle_known: bool,
+    /// The bridge is closed for currents in the rotor's frame.
+    pub closed: bool,
 }
 
 /// What the bridge shall do from the next turn of its counter on.
@@ -153,18 +156,22 @@ enum Bridge {
     Closed,
 }
 
-/// A period's readings.
-struct Sampled {
-    counts: Option<u32>,
-    motion: Motion,
-    measured: Measured,
-}
-
 /// Where the frame of the currents is, and how far it turns in a period, 2^-32 turn.
 #[derive(Clone, Copy)]
 struct FrameMotion {
     theta_e: Angle,
     step: i32,
+}
+
+impl FrameMotion {
+    /// The rotor's own.
+    #[inline(always)]
+    fn of_rotor(motion: &Motion) -> Self {
+        Self {
+            theta_e: motion.theta_e,
+            step: motion.theta_e_step,
+        }
+    }
 }
 
 /// State of one motor's current loop. The configuration comes with each step: where it is a constant, as in the
@@ -183,6 +190,8 @@ pub struct CurrentLoop {
     alignment: Option<EncoderAlignment>,
     /// The observer knows where the shaft is.
     started: bool,
+    /// A current was beyond its limit; it stays so while the drive is asked to be on.
+    over_current: bool,
 }
 
 impl CurrentLoop {
@@ -207,30 +216,30 @@ impl CurrentLoop {
             },
             alignment: config.alignment,
             started: false,
+            over_current: false,
         }
     }
 
-    /// One PWM period: sample, step, apply, publish. Each register is read where it is needed. `true` if the reference is
-    /// stale: the speed task, which says what the drive is doing, cannot.
+    /// One PWM period: sample, step, apply, publish. Each register is read where it is needed. `say_stale` is called when the
+    /// reference is stale: the speed task, which says what the drive is doing, cannot.
     #[inline(always)]
     pub fn period(
         &mut self,
         config: &CurrentLoopConfig,
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
-    ) -> bool {
+        say_stale: impl FnOnce(),
+    ) {
         let broken = io.acknowledge();
         let asked_to_drive = exchange.begin_period();
-        let stale = if asked_to_drive && !broken {
+        if asked_to_drive && !broken {
             self.drive_in_rotor_frame(config, io, exchange);
-            false
         } else {
-            self.any_other_period(config, io, exchange, broken)
-        };
+            self.any_other_period(config, io, exchange, broken, say_stale);
+        }
         if !io.in_time() {
             exchange.publish_missed();
         }
-        stale
     }
 
     /// Where the shaft is, in the rotor's sense, and how far it turns in a period, 2^-32 turn.
@@ -239,7 +248,8 @@ impl CurrentLoop {
         self.observer.shaft()
     }
 
-    /// A period of a drive at work.
+    /// A period of a drive at work: the bridge is closed, or something opened it since the reference was asked, and then it
+    /// stays open.
     #[inline(always)]
     fn drive_in_rotor_frame(
         &mut self,
@@ -247,31 +257,23 @@ impl CurrentLoop {
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
     ) {
-        let sampled = self.sample(config, io, exchange, Frame::Rotor);
-        let seen = self.watch(config, &sampled, exchange, true);
-        if self.may_be_closed(Frame::Rotor, seen) {
-            if self.bridge != Bridge::Closed {
-                cold_path();
-                if self.charges(config, io, exchange) {
-                    return;
-                }
+        let (motion, seen) = self.observe(config, io, exchange, true);
+        let rotor = FrameMotion::of_rotor(&motion);
+        if !seen.failed {
+            let measured = self.measure(config, io, exchange, rotor);
+            if !over_current(config, measured.current) {
+                self.drive(config, io, exchange, rotor, &measured);
+                return;
             }
-            let frame = FrameMotion {
-                theta_e: sampled.motion.theta_e,
-                step: sampled.motion.theta_e_step,
-            };
-            self.drive(config, io, exchange, frame, &sampled.measured);
-            self.close(io, Bridge::Closed);
-        } else {
-            let asked = Asked {
-                mode: Mode::Drive,
-                ..Asked::default()
-            };
-            self.rest(config, io, exchange, asked, sampled.counts, false);
         }
+        let asked = Asked {
+            mode: Mode::Drive,
+            ..Asked::default()
+        };
+        self.close_or_rest(config, io, exchange, asked, rotor, false);
     }
 
-    /// A period with the bridge off, or with currents in a commanded frame; `true` if the reference is stale.
+    /// A period with the bridge off, or with currents in a commanded frame.
     #[cold]
     #[inline(never)]
     fn any_other_period(
@@ -280,103 +282,116 @@ impl CurrentLoop {
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
         broken: bool,
-    ) -> bool {
+        say_stale: impl FnOnce(),
+    ) {
         let asked = exchange.asked();
-        self.take_alignment(exchange.alignment());
-        let sampled = self.sample(config, io, exchange, asked.frame);
-        let drive = asked.mode == Mode::Drive;
-        let seen = self.watch(config, &sampled, exchange, drive);
-        if drive && !broken && self.may_be_closed(asked.frame, seen) {
-            let (frame, bridge) = match asked.frame {
-                Frame::Commanded(theta_e) => {
-                    (FrameMotion { theta_e, step: 0 }, Bridge::ClosedCommanded)
-                }
-                Frame::Rotor => {
-                    let theta_e = sampled.motion.theta_e;
-                    let step = sampled.motion.theta_e_step;
-                    (FrameMotion { theta_e, step }, Bridge::Closed)
-                }
-            };
-            if !self.charges(config, io, exchange) {
-                self.drive(config, io, exchange, frame, &sampled.measured);
-                self.close(io, bridge);
-            }
-            exchange.publish_rest(self.rested(false), asked.stale);
-        } else {
-            self.rest(config, io, exchange, asked, sampled.counts, broken);
+        if asked.stale {
+            say_stale();
         }
-        asked.stale
+        self.take_alignment(exchange.alignment());
+        let drive = asked.mode == Mode::Drive;
+        let (motion, _) = self.observe(config, io, exchange, drive);
+        let rotor = FrameMotion::of_rotor(&motion);
+        self.close_or_rest(config, io, exchange, asked, rotor, broken);
     }
 
-    /// Reads encoder and currents and passes on what they say, before the rest of the period needs the registers that it is
-    /// in.
-    #[inline(always)]
-    fn sample(
+    /// The one place that closes and opens the bridge: it is closed while that is asked, the break has not opened it, nothing
+    /// that was measured forbids it, and the frame of the currents is known.
+    #[cold]
+    #[inline(never)]
+    fn close_or_rest(
         &mut self,
         config: &CurrentLoopConfig,
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
-        frame: Frame,
-    ) -> Sampled {
+        asked: Asked,
+        rotor: FrameMotion,
+        broken: bool,
+    ) {
+        let drive = asked.mode == Mode::Drive;
+        let (bridge, frame) = match asked.frame {
+            Frame::Rotor => (Bridge::Closed, rotor),
+            Frame::Commanded(theta_e) => {
+                (Bridge::ClosedCommanded, FrameMotion { theta_e, step: 0 })
+            }
+        };
+        // The sample is still in its registers.
+        let measured = self.measure(config, io, exchange, frame);
+        let over_current = over_current(config, measured.current);
+        self.over_current = drive && (self.over_current || over_current);
+        let placed = self.alignment.is_some() || bridge == Bridge::ClosedCommanded;
+        let forbidden =
+            broken || self.encoder_watch.failed() || self.over_current || !self.started || !placed;
+        if drive && !forbidden {
+            if !self.charges(config, io, exchange) {
+                self.drive(config, io, exchange, frame, &measured);
+                if self.bridge == Bridge::Open {
+                    io.close();
+                }
+                self.bridge = bridge;
+            }
+        } else {
+            self.rest(config, io, exchange, asked.mode);
+            if self.bridge != Bridge::Open {
+                self.bridge = Bridge::Open;
+                io.open();
+            }
+            io.write([0; 3]);
+        }
+        exchange.publish_rest(
+            Rested {
+                calibration: self.calibration,
+                broken,
+                over_current: self.over_current,
+                encoder_stuck: self.encoder_watch.failed(),
+                angle_known: self.alignment.is_some(),
+                closed: self.bridge == Bridge::Closed,
+            },
+            asked.stale,
+        );
+    }
+
+    /// The encoder's raw word -> where the shaft is, how fast it turns, and whether the encoder is to be trusted; `drive`: the
+    /// bridge is asked to be closed.
+    #[inline(always)]
+    fn observe(
+        &mut self,
+        config: &CurrentLoopConfig,
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+        drive: bool,
+    ) -> (Motion, Seen) {
         let counts = config.encoder.counts(io.encoder());
         let motion = self.observer.follow(&config.observer, counts);
         exchange.publish_shaft(counts, motion.theta_step);
-        let current = io.current(config.sense.shunts);
-        let codes = config.sense.codes(current, self.zeros);
-        let rotation = Rotation::new(match frame {
-            Frame::Rotor => motion.theta_e,
-            Frame::Commanded(theta_e) => theta_e,
-        });
+        let seen = self
+            .encoder_watch
+            .step(&config.encoder_watch, counts, &motion, drive);
+        if seen.wrong {
+            exchange.publish_wrong_reading();
+        }
+        (motion, seen)
+    }
+
+    /// ADC counts of the phases -> currents.
+    #[inline(always)]
+    fn measure(
+        &self,
+        config: &CurrentLoopConfig,
+        io: &mut impl MotorIo,
+        exchange: &MotorExchange,
+        frame: FrameMotion,
+    ) -> Measured {
+        let codes = config
+            .sense
+            .codes(io.current(config.sense.shunts), self.zeros);
+        let rotation = Rotation::new(frame.theta_e);
         let measured = Measured {
             codes,
             current: rotation.park(config.sense.vector(codes)),
         };
         exchange.publish_currents(&measured, config.sense.shunts);
-        Sampled {
-            counts,
-            motion,
-            measured,
-        }
-    }
-
-    /// Whether the encoder is to be trusted, once in each period; `drive`: the bridge is asked to be closed.
-    #[inline(always)]
-    fn watch(
-        &mut self,
-        config: &CurrentLoopConfig,
-        sampled: &Sampled,
-        exchange: &MotorExchange,
-        drive: bool,
-    ) -> Seen {
-        let Sampled { counts, motion, .. } = sampled;
-        let seen = self
-            .encoder_watch
-            .step(&config.encoder_watch, *counts, motion, drive);
-        if seen.wrong {
-            exchange.publish_wrong_reading();
-        }
-        seen
-    }
-
-    /// Decides whether the bridge, which is asked to be closed and which the break has not opened, may be.
-    ///
-    /// All that keeps it open is here or in what calls this. What can only become so while it is open is looked at once, when
-    /// it is closed.
-    #[inline(always)]
-    fn may_be_closed(&self, frame: Frame, seen: Seen) -> bool {
-        if seen.failed {
-            cold_path();
-            return false;
-        }
-        if self.bridge == Bridge::Closed && frame == Frame::Rotor {
-            return true;
-        }
-        cold_path();
-        let placed = match frame {
-            Frame::Rotor => self.alignment.is_some(),
-            Frame::Commanded(_) => true,
-        };
-        self.started && placed && !self.encoder_watch.failed()
+        measured
     }
 
     /// Current error -> voltage -> compare values, turned to where the frame will be in the middle of their period.
@@ -410,25 +425,21 @@ impl CurrentLoop {
     }
 
     /// A period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current zeros are measured.
-    /// The sample is still in its registers.
-    #[cold]
-    #[inline(never)]
     fn rest(
         &mut self,
         config: &CurrentLoopConfig,
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
-        asked: Asked,
-        counts: Option<u32>,
-        broken: bool,
+        mode: Mode,
     ) {
+        let counts = config.encoder.counts(io.encoder());
         if let (false, Some(counts)) = (self.started, counts) {
             let alignment = self.alignment.unwrap_or_default();
             self.observer = Observer::at(&config.observer, alignment, counts);
             self.started = true;
         }
         self.regulator = Regulator::new();
-        match asked.mode {
+        match mode {
             Mode::Reset => io.clear_break(),
             Mode::Calibrate if self.calibration == Calibration::Pending => {
                 self.calibrate(&config.sense, io.current(config.sense.shunts));
@@ -438,12 +449,6 @@ impl CurrentLoop {
         #[allow(clippy::cast_possible_truncation)]
         exchange.publish_bus(io.bus() as u16);
         exchange.publish_voltage(DirectQuadrature::default());
-        exchange.publish_rest(self.rested(broken), asked.stale);
-        if self.bridge != Bridge::Open {
-            self.bridge = Bridge::Open;
-            io.open();
-        }
-        io.write([0; 3]);
     }
 
     /// Before the bridge is driven its low sides are closed, so that the high sides' drivers have their supply. `true` in
@@ -475,29 +480,6 @@ impl CurrentLoop {
         true
     }
 
-    /// Closes the bridge, if it is not closed yet.
-    #[inline(always)]
-    fn close(&mut self, io: &mut impl MotorIo, bridge: Bridge) {
-        if self.bridge == bridge {
-            return;
-        }
-        cold_path();
-        if self.bridge == Bridge::Open {
-            io.close();
-        }
-        self.bridge = bridge;
-    }
-
-    fn rested(&self, broken: bool) -> Rested {
-        Rested {
-            calibration: self.calibration,
-            broken,
-            over_current: false,
-            encoder_stuck: self.encoder_watch.failed(),
-            angle_known: self.alignment.is_some(),
-        }
-    }
-
     /// Takes over how the encoder lies to its rotor.
     fn take_alignment(&mut self, alignment: Option<EncoderAlignment>) {
         if alignment != self.alignment {
@@ -517,6 +499,15 @@ impl CurrentLoop {
             self.calibration = Calibration::OutOfRange;
         }
     }
+}
+
+/// The current is beyond its limit, whatever its sign: a sum of squares, of which a phase's is two thirds at most.
+#[inline(always)]
+#[allow(clippy::arithmetic_side_effects)]
+fn over_current(config: &CurrentLoopConfig, current: DirectQuadrature<ScaledCurrent>) -> bool {
+    // A current is within 0.87 * 2^30: the upper words of the squares are within 2^28 together.
+    let square = |ScaledCurrent(x): ScaledCurrent| multiply_upper(x, x);
+    square(current.d) + square(current.q) > config.current_max_square
 }
 
 /// The angle gained in one and a half samples, of a quarter turn each at most.
@@ -599,7 +590,7 @@ mod tests {
                 exchange,
                 registers,
             } = self;
-            assert!(!control.period(config, registers, exchange));
+            control.period(config, registers, exchange, || panic!("stale"));
             registers.command
         }
 

@@ -20,10 +20,11 @@ use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU16, AtomicU32, Ordering::Re
 pub struct MotorExchange {
     /// Periods of the current loop, modulo 2^32.
     periods: AtomicU32,
-    /// The period with which the reference to drive in the rotor's frame ends; over when there is none.
+    /// The period with which the reference to go on driving in the rotor's frame ends; over when there is none.
     drive_until: AtomicU32,
-    /// Current references d and q.
-    reference: [AtomicI32; 2],
+    /// Current references.
+    i_q: AtomicI32,
+    i_d: AtomicI32,
     /// How voltages become compare values near the bus.
     bus_scale: [AtomicI32; 2],
     /// The bus, ADC counts.
@@ -91,6 +92,7 @@ pub struct MotorStatus {
     pub calibration: Calibration,
 }
 
+const CLOSED: u8 = 1;
 const BROKEN: u8 = 1 << 1;
 const CALIBRATED: u8 = 1 << 2;
 const ZERO_OUT_OF_RANGE: u8 = 1 << 3;
@@ -119,7 +121,8 @@ impl MotorExchange {
         Self {
             periods: AtomicU32::new(0),
             drive_until: AtomicU32::new(0),
-            reference: [const { AtomicI32::new(0) }; 2],
+            i_q: AtomicI32::new(0),
+            i_d: AtomicI32::new(0),
             bus_scale: [const { AtomicI32::new(0) }; 2],
             bus: AtomicU16::new(0),
             flags: AtomicU8::new(0),
@@ -161,7 +164,11 @@ impl MotorExchange {
         let periods = self.periods.load(Relaxed);
         let until = periods.wrapping_add(self.valid_periods);
         let (mode, drive_until) = match (reference.mode, reference.frame) {
-            (Mode::Drive, Frame::Rotor) => (ASKED_DRIVE, until),
+            (Mode::Drive, Frame::Rotor) if self.flags.load(Relaxed) & CLOSED != 0 => {
+                (ASKED_DRIVE, until)
+            }
+            // The loop closes the bridge first.
+            (Mode::Drive, Frame::Rotor) => (ASKED_DRIVE, periods),
             (Mode::Drive, Frame::Commanded(angle)) => {
                 cold_path();
                 self.commanded.store(angle.0, Relaxed);
@@ -178,7 +185,7 @@ impl MotorExchange {
             word.store(value, Relaxed);
             between();
         }
-        for (word, current) in self.reference.iter().zip([reference.i_d, reference.i_q]) {
+        for (word, current) in [(&self.i_d, reference.i_d), (&self.i_q, reference.i_q)] {
             word.store(config.sense.scale.scaled(current).0, Relaxed);
             between();
         }
@@ -211,8 +218,8 @@ impl MotorExchange {
         })
     }
 
-    /// Current loop, once a period, first of all: `true` if it shall drive its bridge in the rotor's frame, and the reference
-    /// is fresh.
+    /// Current loop, once a period, first of all: `true` if it has closed its bridge for currents in the rotor's frame and
+    /// shall go on, and the reference is fresh.
     ///
     /// A speed task that has not run for 2^31 periods, more than half a day, would be taken for one that has; the
     /// watchdog ends that within milliseconds.
@@ -237,10 +244,9 @@ impl MotorExchange {
     #[must_use]
     #[inline(always)]
     pub fn reference(&self) -> DirectQuadrature<ScaledCurrent> {
-        let [d, q] = &self.reference;
         DirectQuadrature {
-            d: ScaledCurrent(d.load(Relaxed)),
-            q: ScaledCurrent(q.load(Relaxed)),
+            d: ScaledCurrent(self.i_d.load(Relaxed)),
+            q: ScaledCurrent(self.i_q.load(Relaxed)),
         }
     }
 
@@ -329,6 +335,7 @@ impl MotorExchange {
         };
         let flag = |set: bool, bit: u8| if set { bit } else { 0 };
         let flags = flag(rested.broken, BROKEN)
+            | flag(rested.closed, CLOSED)
             | flag(rested.over_current, OVER_CURRENT)
             | flag(rested.encoder_stuck, ENCODER_STUCK)
             | flag(rested.angle_known, ANGLE_KNOWN)
@@ -485,9 +492,28 @@ mod tests {
         i_q: Current::NEG_ONE,
     };
 
+    /// Words of a motor whose bridge is closed.
+    fn closed() -> MotorExchange {
+        let exchange = MotorExchange::new(&config(), 4);
+        let rested = Rested {
+            closed: true,
+            ..Rested::default()
+        };
+        exchange.publish_rest(rested, false);
+        exchange
+    }
+
+    #[test]
+    fn a_bridge_is_closed_before_it_is_driven() {
+        let exchange = MotorExchange::new(&config(), 4);
+        exchange.ask(ONE_AMPERE, &config());
+        assert!(!exchange.begin_period());
+        assert_eq!(exchange.asked().mode, Mode::Drive);
+    }
+
     #[test]
     fn what_one_side_writes_the_other_reads() {
-        let exchange = MotorExchange::new(&config(), 4);
+        let exchange = closed();
         assert!(!exchange.begin_period());
         assert_eq!(exchange.asked(), Asked::default());
         for mode in [Mode::Off, Mode::Calibrate, Mode::Reset, Mode::Drive] {
@@ -517,6 +543,7 @@ mod tests {
                     over_current,
                     encoder_stuck,
                     angle_known,
+                    closed: false,
                 };
                 exchange.publish_shaft(None, -471);
                 exchange.publish_rest(rested, false);
@@ -545,7 +572,7 @@ mod tests {
 
     #[test]
     fn a_reference_that_is_not_renewed_switches_off_and_says_so() {
-        let exchange = MotorExchange::new(&config(), 4);
+        let exchange = closed();
         exchange.ask(ONE_AMPERE, &config());
         for _ in 0..8 {
             assert!(exchange.begin_period());
@@ -565,12 +592,13 @@ mod tests {
         exchange.publish_rest(Rested::default(), asked.stale);
         assert!(!exchange.status().reference_stale);
         exchange.ask(ONE_AMPERE, &config());
-        assert!(exchange.begin_period());
+        assert!(!exchange.begin_period(), "the bridge is open by now");
+        assert_eq!(exchange.asked().mode, Mode::Drive);
     }
 
     #[test]
     fn the_count_of_periods_may_wrap() {
-        let exchange = MotorExchange::new(&config(), 4);
+        let exchange = closed();
         exchange.periods.store(u32::MAX - 3, Relaxed);
         exchange.ask(ONE_AMPERE, &config());
         for _ in 0..8 {

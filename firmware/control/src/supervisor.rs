@@ -148,6 +148,7 @@ fn fault([screw, nut]: [MotorStatus; 2]) -> Option<Fault> {
     // All flags of both at once: they are bits of two words, and nearly always there is none.
     let any = |motor: MotorStatus| {
         motor.broken
+            | motor.over_current
             | (motor.calibration == Calibration::OutOfRange)
             | motor.encoder_stuck
             | motor.reference_stale
@@ -161,6 +162,10 @@ fn fault([screw, nut]: [MotorStatus; 2]) -> Option<Fault> {
         Some(Fault::ScrewBreak)
     } else if nut.broken {
         Some(Fault::NutBreak)
+    } else if screw.over_current {
+        Some(Fault::ScrewOverCurrent)
+    } else if nut.over_current {
+        Some(Fault::NutOverCurrent)
     } else if zero_is_off(screw) {
         Some(Fault::ScrewCurrentZero)
     } else if zero_is_off(nut) {

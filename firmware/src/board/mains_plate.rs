@@ -72,6 +72,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         zero_counts: (1.0 - PASSED) * AMPLIFIER_GAIN * COUNTS,
         bus_volts_per_count: 0.11,
         adc_counts: 4096,
+        over_current_a: WATCH_CURRENT_A,
         bus_min_v: 30.0,
         dead_time_s: 800e-9,
         dead_time_fade_a: 0.05,

@@ -72,6 +72,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         zero_counts: COUNTS / 2.0,
         bus_volts_per_count: SUPPLY_V / COUNTS * (DIVIDER_OHM[0] + DIVIDER_OHM[1]) / DIVIDER_OHM[1],
         adc_counts: 4096,
+        over_current_a: WATCH_CURRENT_A,
         bus_min_v: 8.0,
         // The driver's own 100 ns begin when a gate has fallen; these, when the timer says so.
         dead_time_s: 500e-9,

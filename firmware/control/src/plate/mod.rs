@@ -77,6 +77,9 @@ pub struct BoardPlate {
     pub bus_volts_per_count: f64,
     /// Counts of the ADC's full scale.
     pub adc_counts: u32,
+    /// Measured phase current, A, past which a current loop opens its bridge in the same period. No sensor that the ADC
+    /// cannot read further than this sees it.
+    pub over_current_a: f64,
     /// Lowest bus voltage that the compensation divides by, V.
     pub bus_min_v: f64,
     /// Dead time of the timer, s; 0 switches its compensation off.
@@ -190,6 +193,7 @@ mod tests {
                 zero_counts: 2048.0,
                 bus_volts_per_count: 0.11,
                 adc_counts: 4096,
+                over_current_a: 4.9,
                 bus_min_v: 30.0,
                 dead_time_s: 0.0,
                 dead_time_fade_a: 0.05,

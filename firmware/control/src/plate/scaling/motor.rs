@@ -32,6 +32,7 @@ impl MotorPlate {
                 theta_e_at_zero: Angle::from_turns(self.encoder.theta_e_at_zero_turns),
             }),
             encoder_watch: self.encoder_watch(&drive.tuning),
+            current_max_square: attempt!(current_max_square(board.over_current_a, scale)),
             regulator: RegulatorConfig {
                 k_pc: attempt!(gain("Kpc (Eq 9)", gains.k_pc, scale)),
                 k_ic_step: attempt!(gain(
@@ -231,4 +232,20 @@ impl MotorPlate {
             ))),
         })
     }
+}
+
+/// The square of the vector of a phase current of `amperes`, upper word, to seven bits: such a number is part of a compare
+/// instruction. A vector is as long as `sqrt(3/2)` times the largest phase current, or longer.
+#[allow(clippy::cast_possible_truncation)]
+const fn current_max_square(amperes: f64, scale: CurrentScale) -> Result<i32, Misfit> {
+    attempt!(positive("measured over-current", "A", amperes));
+    let vector = amperes * power_of_two(scale.fraction);
+    let mut square = 1.5 * vector * vector / 4_294_967_296.0;
+    let mut shift = 0u32;
+    while square >= 128.0 {
+        square /= 2.0;
+        shift = shift.saturating_add(1);
+    }
+    // No current of the ADC's range is beyond 2^28.
+    Ok((square as i32).wrapping_shl(if shift < 22 { shift } else { 22 }))
 }
