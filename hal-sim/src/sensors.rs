@@ -201,7 +201,13 @@ mod tests {
         let squares: f64 = (0..n)
             .map(|_| (f64::from(adc.convert(0.0, &mut random)) - 2048.0).powi(2))
             .sum();
-        assert!(((squares / f64::from(n)).sqrt() - 3.0).abs() < 0.1);
+        assert!(
+            ((squares / f64::from(n)).sqrt() - 3.0).abs() < 0.1,
+            "measured {}, expected {} within {:e}",
+            (squares / f64::from(n)).sqrt(),
+            3.0,
+            0.1
+        );
     }
 
     #[test]

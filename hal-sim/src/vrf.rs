@@ -57,7 +57,13 @@ mod tests {
 
     #[test]
     fn ripple_is_peak_to_peak_over_the_reference() {
-        assert!((vrf_percent(&[2.4, 2.5, 2.75], -2.5) - 14.0).abs() < 1e-9);
+        assert!(
+            (vrf_percent(&[2.4, 2.5, 2.75], -2.5) - 14.0).abs() < 1e-9,
+            "measured {}, expected {} within {:e}",
+            vrf_percent(&[2.4, 2.5, 2.75], -2.5),
+            14.0,
+            1e-9
+        );
     }
 
     #[test]
@@ -80,6 +86,9 @@ mod tests {
         let positions: Vec<f64> = (0..10).map(|k| 1e-3 * f64::from(k)).collect();
         let v = velocities(&positions, 1e-3, 3);
         assert_eq!(v.len(), 7);
-        assert!(v.iter().all(|v| (v - 1.0).abs() < 1e-12));
+        assert!(
+            v.iter().all(|v| (v - 1.0).abs() < 1e-12),
+            "expected 1 within 1e-12 everywhere: {v:?}"
+        );
     }
 }

@@ -168,7 +168,11 @@ fn a_base_ramp_does_not_move_the_table() {
         "ramp of 1400 rpm: table moved by at most {:.2} um",
         furthest * 1e6
     );
-    assert!(drive.arrived());
+    assert!(
+        drive.arrived(),
+        "the drive has not arrived: table at {} m/s",
+        table_velocity(&drive)
+    );
     assert!(furthest < 20e-6, "{furthest} m");
 }
 
@@ -237,7 +241,11 @@ fn a_break_opens_both_bridges_and_names_the_motor() {
     drive.board.trip_break(Axis::Nut);
     run(&mut drive, 0.001, |_| ());
     assert_eq!(drive.state(), State::Fault(Fault::NutBreak));
-    assert!(Axis::ALL.iter().all(|&axis| !drive.compare(axis).enable));
+    assert!(
+        Axis::ALL.iter().all(|&axis| !drive.compare(axis).enable),
+        "bridges enabled: {:?}, expected none",
+        Axis::ALL.map(|axis| drive.compare(axis).enable)
+    );
     // It stays so until the cause is gone and a reset is asked while run is not.
     drive.board.clear_break(Axis::Nut);
     run(&mut drive, 0.001, |_| ());
@@ -277,7 +285,12 @@ fn stops_when_asked_and_rests() {
     drive.request.run = false;
     run(&mut drive, 1.0, |_| ());
     assert_eq!(drive.state(), State::Ready);
-    assert!(table_velocity(&drive).abs() < 1e-6);
+    assert!(
+        table_velocity(&drive).abs() < 1e-6,
+        "measured {}, expected below {}",
+        table_velocity(&drive).abs(),
+        1e-6
+    );
     assert_eq!(Command::rest(), Command::default());
 }
 
@@ -306,8 +319,19 @@ fn measured_zeros_take_a_constant_current_offset_away() {
     println!(
         "VRF {clean:.2} %, with an offset {nominal:.2} %, with measured zeros {measured:.2} %"
     );
-    assert!(nominal > clean + 2.0);
-    assert!((measured / clean - 1.0).abs() < 0.05);
+    assert!(
+        nominal > clean + 2.0,
+        "measured {}, expected above {}",
+        nominal,
+        clean + 2.0
+    );
+    assert!(
+        (measured / clean - 1.0).abs() < 0.05,
+        "measured {}, expected {} within {:e}",
+        measured / clean,
+        1.0,
+        0.05
+    );
 }
 
 #[test]
@@ -342,8 +366,19 @@ fn a_calibrated_gain_takes_its_ripple_away() {
         println!(
             "{shunts:?}: VRF {clean:.2} %, with wrong gains {wrong:.2} %, calibrated {calibrated:.2} %"
         );
-        assert!(wrong > clean + 1.0);
-        assert!((calibrated / clean - 1.0).abs() < 0.03);
+        assert!(
+            wrong > clean + 1.0,
+            "measured {}, expected above {}",
+            wrong,
+            clean + 1.0
+        );
+        assert!(
+            (calibrated / clean - 1.0).abs() < 0.03,
+            "measured {}, expected {} within {:e}",
+            calibrated / clean,
+            1.0,
+            0.03
+        );
     }
 }
 

@@ -23,5 +23,8 @@ fn a_recording_whose_time_makes_no_sense_is_refused() {
             "{error}"
         );
     }
-    assert!(compare(&setup, &Recording::default()).is_err());
+    assert!(
+        compare(&setup, &Recording::default()).is_err(),
+        "an empty recording was driven again"
+    );
 }

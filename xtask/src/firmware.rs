@@ -1,6 +1,6 @@
 //! `cargo xtask build | cost | sizes`: the firmware, and what it takes.
 
-use crate::tools::{emulator_environment, root, target_folder};
+use crate::tools::{cross_compiler, emulator_environment, root, target_folder};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use launch::Program;
@@ -96,6 +96,7 @@ pub fn test() -> Result<()> {
         cargo(&lint, &[])?;
     }
     build()?;
+    cross_compiler();
     let environment = emulator_environment(&target_folder())?;
     cargo(
         &[

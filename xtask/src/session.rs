@@ -157,8 +157,20 @@ mod tests {
         };
         assert_eq!(options.seconds().unwrap(), 7.0);
         assert_eq!(options.divider().unwrap(), 5);
-        assert!((options.hold[1].velocity + 2.5e-3).abs() < 1e-12);
-        assert!((options.hold[1].base + 500.0 * std::f64::consts::TAU / 60.0).abs() < 1e-9);
+        assert!(
+            (options.hold[1].velocity + 2.5e-3).abs() < 1e-12,
+            "measured {}, expected -({}) within {:e}",
+            options.hold[1].velocity,
+            2.5e-3,
+            1e-12
+        );
+        assert!(
+            (options.hold[1].base + 500.0 * std::f64::consts::TAU / 60.0).abs() < 1e-9,
+            "measured {}, expected -({}) within {:e}",
+            options.hold[1].base,
+            500.0 * std::f64::consts::TAU / 60.0,
+            1e-9
+        );
     }
 
     #[test]

@@ -1,4 +1,5 @@
-//! What the emulator's engine needs to be built: cmake, ninja and libclang, from this machine or from PyPI.
+//! What the emulator's engine needs to be built: cmake, ninja and libclang, from this machine or from PyPI. And a C
+//! compiler for the chip, from this machine or from Debian's packages.
 
 use anyhow::{Context, Result, ensure};
 use std::env;
@@ -45,6 +46,23 @@ pub fn emulator_environment(target: &Path) -> Result<Vec<(&'static str, OsString
         ));
     }
     Ok(variables)
+}
+
+/// Installs a C compiler for the chip, if it is missing and this is root on a Debian. One test needs it, and is ignored by
+/// name without it: so nothing fails here.
+pub fn cross_compiler() {
+    const PACKAGES: [&str; 2] = ["gcc-arm-none-eabi", "libnewlib-arm-none-eabi"];
+    if runs("arm-none-eabi-gcc") {
+        return;
+    }
+    println!("> installing {}", PACKAGES.join(", "));
+    let apt = |arguments: &[&str]| output("apt-get", arguments);
+    let install = ["install", "--quiet", "--yes", "--no-install-recommends"];
+    let installed =
+        apt(&["update", "--quiet"]).and_then(|_| apt(&[&install[..], &PACKAGES].concat()));
+    if let Err(error) = installed {
+        println!("not installed, so the test of the cycle model is ignored: {error:#}");
+    }
 }
 
 /// The folder that cargo builds into.

@@ -69,7 +69,8 @@ fn the_paper_s_experiment_prints_its_table_and_writes_its_report() {
     assert!(
         std::fs::read_to_string(out.join("report.html"))
             .unwrap()
-            .contains("<svg")
+            .contains("<svg"),
+        "report.html has no picture"
     );
     // What was recorded can be driven again on the machine that was written beside it.
     let [recording, model] =
@@ -136,11 +137,12 @@ fn a_sweep_says_where_the_double_drive_wins() {
     let at = |row: usize, column: usize| sweep["vrf_percent"][row][column].as_f64().unwrap();
     // At 2.5 mm/s and 800 rpm the double drive wins; at 50 rpm, in the peak of S, it loses.
     assert!(at(1, 2) < at(1, 0) && at(1, 1) > at(1, 0), "{table}");
-    assert!(table.contains('*'));
+    assert!(table.contains('*'), "no {:?} in:\n{table}", '*');
     assert!(
         std::fs::read_to_string(folder.path().join("out/sweep/sweep.html"))
             .unwrap()
-            .contains("<svg")
+            .contains("<svg"),
+        "sweep.html has no picture"
     );
 }
 
@@ -240,7 +242,16 @@ fn the_bench_prints_its_json() {
         for figure in ["nut_rpm", "simulated", "analytic", "measured"] {
             assert!(row[figure].is_number(), "{row}");
         }
-        assert!(["ideal", "real"].contains(&row["sensors"].as_str().unwrap()));
+        assert!(
+            ["ideal", "real"].contains(&row["sensors"].as_str().unwrap()),
+            "sensors are {}, expected ideal or real",
+            row["sensors"]
+        );
     }
-    assert!(bench["simulated_seconds_per_second"].as_f64().unwrap() > 0.0);
+    assert!(
+        bench["simulated_seconds_per_second"].as_f64().unwrap() > 0.0,
+        "measured {}, expected above {}",
+        bench["simulated_seconds_per_second"].as_f64().unwrap(),
+        0.0
+    );
 }

@@ -59,7 +59,15 @@ mod tests {
     fn the_debugger_s_script_has_the_same_steps() {
         let script = include_str!("../../debug/drive.gdb");
         let steps = |bits: u32, unit: f64| std::format!("* {})", unit * (1u64 << bits) as f64);
-        assert!(script.contains(&steps(TABLE_VELOCITY, 1e-3)));
-        assert!(script.contains(&steps(BASE_SPEED, TAU / 60.0)));
+        assert!(
+            script.contains(&steps(TABLE_VELOCITY, 1e-3)),
+            "no {:?} in:\n{script}",
+            &steps(TABLE_VELOCITY, 1e-3)
+        );
+        assert!(
+            script.contains(&steps(BASE_SPEED, TAU / 60.0)),
+            "no {:?} in:\n{script}",
+            &steps(BASE_SPEED, TAU / 60.0)
+        );
     }
 }

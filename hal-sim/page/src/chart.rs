@@ -290,7 +290,14 @@ mod tests {
             .map(|t| &t[..24])
             .collect();
         assert_eq!(places.len(), 3);
-        assert!(places[0] != places[1] && places[1] != places[2] && places[0] != places[2]);
-        assert!(svg.contains("a &lt;b&gt;"));
+        assert!(
+            places[0] != places[1] && places[1] != places[2] && places[0] != places[2],
+            "labels at {places:?}: two in one place"
+        );
+        assert!(
+            svg.contains("a &lt;b&gt;"),
+            "no {:?} in:\n{svg}",
+            "a &lt;b&gt;"
+        );
     }
 }

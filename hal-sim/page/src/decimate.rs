@@ -47,8 +47,13 @@ mod tests {
             .collect();
         let kept = decimate(&points, 50);
         assert!(
-            kept.len() <= 102 && kept.contains(&(4_321.0, 9.0)) && kept.iter().any(|p| p.1 == 0.0)
+            kept.len() <= 102 && kept.contains(&(4_321.0, 9.0)) && kept.iter().any(|p| p.1 == 0.0),
+            "kept {} points, allowed 102; peak and floor must be among {kept:?}",
+            kept.len()
         );
-        assert!(kept.is_sorted_by(|a, b| a.0 < b.0));
+        assert!(
+            kept.is_sorted_by(|a, b| a.0 < b.0),
+            "not in order: {kept:?}"
+        );
     }
 }

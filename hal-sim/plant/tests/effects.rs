@@ -107,7 +107,13 @@ fn reading_errors_leave_the_machine_as_it_is() {
     ));
     let theta = plain.states[0].theta;
     let expected = theta + 1e-3 * (2.0 * theta + 0.7).sin();
-    assert!((eccentric.encoders[0] - expected).abs() < 1e-15);
+    assert!(
+        (eccentric.encoders[0] - expected).abs() < 1e-15,
+        "measured {}, expected {} within {:e}",
+        eccentric.encoders[0],
+        expected,
+        1e-15
+    );
     assert_eq!(
         Seen {
             encoders: plain.encoders,
@@ -267,14 +273,23 @@ fn flux_effects_act_in_emf_and_torque_alike() {
         duration_s: 1e-9,
     };
     let (got, expected) = (ratio(&with(Place::Nut, drift)), ratio(&scaled));
-    assert!((got.0 - expected.0).abs() < 1e-9 && (got.1 - expected.1).abs() < 1e-9);
+    assert!(
+        (got.0 - expected.0).abs() < 1e-9 && (got.1 - expected.1).abs() < 1e-9,
+        "speed, rad/s, and current, A: measured {got:?}, expected {expected:?}, each within 1e-9"
+    );
     let harmonic = effects::FluxHarmonic {
         order: 6.0,
         amplitude: 0.1,
         phase: 0.0,
     };
     let shaped = ratio(&with(Place::Nut, harmonic));
-    assert!((shaped.0 - ratio(&Model::coupled()).0).abs() > 1e-6);
+    assert!(
+        (shaped.0 - ratio(&Model::coupled()).0).abs() > 1e-6,
+        "measured {}, expected {} within {:e}",
+        shaped.0,
+        ratio(&Model::coupled()).0,
+        1e-6
+    );
 }
 
 #[test]
@@ -338,7 +353,8 @@ fn lead_effects_change_travel_and_force_together() {
     let (got, expected) = (run(&with(Place::Feed, scale)), run(&declared));
     assert!(
         (got.table - expected.table).abs() < 1e-15
-            && (got.states[0].omega - expected.states[0].omega).abs() < 1e-9
+            && (got.states[0].omega - expected.states[0].omega).abs() < 1e-9,
+        "measured {got:?}, expected {expected:?}: table within 1e-15 m, speed within 1e-9 rad/s"
     );
 
     let error = effects::LeadError {
@@ -354,9 +370,20 @@ fn lead_effects_change_travel_and_force_together() {
     for _ in 0..400 {
         machine.advance(DT);
         let relative = machine.motor(Axis::Screw).theta - machine.motor(Axis::Nut).theta;
-        assert!((machine.table_position() - (travel(relative) - travel(0.0))).abs() < 1e-15);
+        assert!(
+            (machine.table_position() - (travel(relative) - travel(0.0))).abs() < 1e-15,
+            "measured {}, expected {} within {:e}",
+            machine.table_position(),
+            (travel(relative) - travel(0.0)),
+            1e-15
+        );
     }
-    assert!(machine.motor(Axis::Screw).theta.abs() > 0.1);
+    assert!(
+        machine.motor(Axis::Screw).theta.abs() > 0.1,
+        "measured {}, expected above {}",
+        machine.motor(Axis::Screw).theta.abs(),
+        0.1
+    );
     assert_ne!(
         run(&with(Place::Feed, error)).states,
         run(&Model::coupled()).states
@@ -378,7 +405,10 @@ fn ball_passage_acts_on_both_shafts_with_opposite_signs() {
         phase: 0.0,
     };
     let (got, plain) = (step(&with(Place::Feed, effect)), step(&Model::coupled()));
-    assert!((got[0] - plain[0] + 0.1).abs() < 1e-4 && (got[1] - plain[1] - 0.1).abs() < 1e-4);
+    assert!(
+        (got[0] - plain[0] + 0.1).abs() < 1e-4 && (got[1] - plain[1] - 0.1).abs() < 1e-4,
+        "torques {got:?}, without the effect {plain:?}: expected 0.1 N m less and more, within 1e-4"
+    );
 }
 
 /// Model whose shafts do not turn, with a feed effect.
@@ -425,7 +455,13 @@ fn backlash_is_free_travel() {
     machine.set_load_force(1.0);
     (0..800).for_each(|_| machine.advance(DT));
     let fallen = 0.5 * (1.0 / 20.0) * 0.02f64.powi(2);
-    assert!((machine.table_position() + fallen).abs() < 1e-12 && machine.axial_force() == 0.0);
+    assert!(
+        (machine.table_position() + fallen).abs() < 1e-12 && machine.axial_force() == 0.0,
+        "table at {} m, expected {} within 1e-12; axial force {} N, expected 0",
+        machine.table_position(),
+        -fallen,
+        machine.axial_force()
+    );
 }
 
 #[test]

@@ -78,7 +78,10 @@ fn every_effect_survives_being_written_and_read() {
             (0..1000).for_each(|_| machine.advance(25e-6));
             assert!(
                 machine.motor(Axis::Screw).omega.is_finite()
-                    && machine.table_position().is_finite()
+                    && machine.table_position().is_finite(),
+                "speed {} rad/s and position {} m must be finite",
+                machine.motor(Axis::Screw).omega,
+                machine.table_position()
             );
         }
     }

@@ -146,8 +146,20 @@ fn the_table_sags_by_load_over_stiffness() {
     let mut machine = Machine::new(&model, Coupling::Coupled);
     advance_for(&mut machine, 0.2, DT);
     let expected = -400.0 / model.feed.axial_stiffness_n_per_m;
-    assert!((machine.table_position() - expected).abs() < 1e-6 * expected.abs());
-    assert!((machine.axial_force() - 400.0).abs() < 1e-3);
+    assert!(
+        (machine.table_position() - expected).abs() < 1e-6 * expected.abs(),
+        "measured {}, expected {} within {:e}",
+        machine.table_position(),
+        expected,
+        1e-6 * expected.abs()
+    );
+    assert!(
+        (machine.axial_force() - 400.0).abs() < 1e-3,
+        "measured {}, expected {} within {:e}",
+        machine.axial_force(),
+        400.0,
+        1e-3
+    );
     for axis in Axis::ALL {
         assert_eq!(machine.motor(axis).omega, 0.0);
     }
@@ -324,7 +336,13 @@ fn currents_follow_the_winding_at_rest() {
         .into_iter()
         .zip([7.0, -5.0, -2.0])
     {
-        assert!((current - volts / 1.7 * fraction).abs() < 1e-9);
+        assert!(
+            (current - volts / 1.7 * fraction).abs() < 1e-9,
+            "measured {}, expected {} within {:e}",
+            current,
+            volts / 1.7 * fraction,
+            1e-9
+        );
     }
 }
 
@@ -342,11 +360,17 @@ fn an_open_bridge_ends_the_current_and_keeps_it_at_zero() {
             .into_iter()
             .map(f64::abs)
             .sum();
-        assert!(size < last || size == 0.0);
+        assert!(
+            size < last || size == 0.0,
+            "current of {size} A after {last} A: expected to fall"
+        );
         last = size;
     }
     assert_eq!(machine.phase_currents(Axis::Screw), [0.0; 3]);
-    assert!(machine.motor(Axis::Screw).omega != 0.0);
+    assert!(
+        machine.motor(Axis::Screw).omega != 0.0,
+        "the screw stands, expected to turn"
+    );
 }
 
 #[test]
@@ -362,7 +386,13 @@ fn lumped_load_is_the_papers() {
         .map(|h| h.amplitude_nm)
         .sum();
     assert!((screw - (harmonics - 1.0)).abs() < 1e-6, "{screw}");
-    assert!((machine.axial_force() - TAU / 0.005).abs() < 1e-9);
+    assert!(
+        (machine.axial_force() - TAU / 0.005).abs() < 1e-9,
+        "measured {}, expected {} within {:e}",
+        machine.axial_force(),
+        TAU / 0.005,
+        1e-9
+    );
 }
 
 #[test]
@@ -379,6 +409,16 @@ fn a_start_angle_moves_neither_table_nor_spring() {
     machine.set_motor_angle(Axis::Screw, 0.9);
     machine.set_motor_angle(Axis::Nut, 0.2);
     advance_for(&mut machine, 0.01, DT);
-    assert!(machine.axial_force().abs() < 1e-6);
-    assert!(machine.table_position().abs() < 1e-15);
+    assert!(
+        machine.axial_force().abs() < 1e-6,
+        "measured {}, expected below {}",
+        machine.axial_force().abs(),
+        1e-6
+    );
+    assert!(
+        machine.table_position().abs() < 1e-15,
+        "measured {}, expected below {}",
+        machine.table_position().abs(),
+        1e-15
+    );
 }

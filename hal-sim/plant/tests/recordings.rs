@@ -73,20 +73,23 @@ fn a_cut_off_or_empty_or_missing_file_is_an_error() {
     recording().save(&path).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     std::fs::write(&path, &bytes[..bytes.len() / 2]).unwrap();
-    assert!(matches!(
-        Recording::load(&path),
-        Err(RecordingError::Damaged { .. })
-    ));
+    assert!(
+        matches!(Recording::load(&path), Err(RecordingError::Damaged { .. })),
+        "expected the error Damaged, read {:?}",
+        Recording::load(&path).map(|r| r.len())
+    );
     Recording::default().save(&path).unwrap();
-    assert!(matches!(
-        Recording::load(&path),
-        Err(RecordingError::Empty { .. })
-    ));
+    assert!(
+        matches!(Recording::load(&path), Err(RecordingError::Empty { .. })),
+        "expected the error Empty, read {:?}",
+        Recording::load(&path).map(|r| r.len())
+    );
     std::fs::remove_file(&path).unwrap();
-    assert!(matches!(
-        Recording::load(&path),
-        Err(RecordingError::Open { .. })
-    ));
+    assert!(
+        matches!(Recording::load(&path), Err(RecordingError::Open { .. })),
+        "expected the error Open, read {:?}",
+        Recording::load(&path).map(|r| r.len())
+    );
 }
 
 #[test]
@@ -98,5 +101,9 @@ fn columns_may_stand_in_any_order() {
     let rows =
         RecordingReader::new(Box::new(std::io::Cursor::new(moved.into_bytes())), "x.csv").unwrap();
     let rows: Vec<_> = rows.collect::<Result<_, _>>().unwrap();
-    assert!(rows == recording().samples().collect::<Vec<_>>());
+    assert!(
+        rows == recording().samples().collect::<Vec<_>>(),
+        "the rows of {} columns in another order are not those that were written",
+        text().lines().next().map_or(0, |l| l.split(',').count())
+    );
 }

@@ -127,7 +127,11 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
     let text = |name: &str| std::fs::read_to_string(at("out").join(name)).unwrap();
     let report: Report = serde_json::from_str(&text("report.json")).unwrap();
     assert_eq!(report.verdict, "explained");
-    assert!(report.unexplained.is_empty());
+    assert!(
+        report.unexplained.is_empty(),
+        "left unexplained: {:?}",
+        report.unexplained
+    );
     // On so short a record, which turns one way only, friction that is rounded wrong looks like another effect.
     let [effect] = &report.effects[..] else {
         let kinds: Vec<&str> = report.effects.iter().map(|e| e.kind.as_str()).collect();
@@ -138,10 +142,29 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         ("cogging", "screw")
     );
     assert_eq!((effect.order, effect.hz), (Some(36.0), None));
-    assert!((effect.parameters["amplitude"] / AMPLITUDE - 1.0).abs() < 0.05);
-    assert!(effect.interval.keys().eq(effect.parameters.keys()));
-    assert!(effect.interval.values().all(|[low, high]| low <= high));
-    assert!((0.5..=1.0).contains(&effect.explained));
+    assert!(
+        (effect.parameters["amplitude"] / AMPLITUDE - 1.0).abs() < 0.05,
+        "measured {}, expected {} within {:e}",
+        effect.parameters["amplitude"] / AMPLITUDE,
+        1.0,
+        0.05
+    );
+    assert!(
+        effect.interval.keys().eq(effect.parameters.keys()),
+        "intervals of {:?}, parameters {:?}",
+        effect.interval.keys(),
+        effect.parameters.keys()
+    );
+    assert!(
+        effect.interval.values().all(|[low, high]| low <= high),
+        "an interval whose low end is above its high one: {:?}",
+        effect.interval
+    );
+    assert!(
+        (0.5..=1.0).contains(&effect.explained),
+        "explains {}, expected 0.5 to 1",
+        effect.explained
+    );
     let torque = report
         .residual
         .iter()
@@ -150,18 +173,38 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
     assert_eq!(torque.unit, "N m");
     assert!(
         torque.fit_after < 0.9 * torque.fit_before
-            && torque.check_after < 0.9 * torque.check_before
+            && torque.check_after < 0.9 * torque.check_before,
+        "residual on fit {} to {}, on check {} to {}: expected below 0.9 of what it was",
+        torque.fit_before,
+        torque.fit_after,
+        torque.check_before,
+        torque.check_after
     );
-    assert!(torque.noise_floor > 0.0 && torque.check_after < 1.5 * torque.noise_floor);
+    assert!(
+        torque.noise_floor > 0.0 && torque.check_after < 1.5 * torque.noise_floor,
+        "residual on check {}, expected below 1.5 of the noise floor {}",
+        torque.check_after,
+        torque.noise_floor
+    );
     // The same effect, simulated, explains the ripple of the table.
-    assert!(report.simulation.new_rms_points < 0.4 * report.simulation.declared_rms_points);
+    assert!(
+        report.simulation.new_rms_points < 0.4 * report.simulation.declared_rms_points,
+        "measured {}, expected below {}",
+        report.simulation.new_rms_points,
+        0.4 * report.simulation.declared_rms_points
+    );
     assert_eq!(report.simulation.holds.len(), 3);
-    assert!(report.simulation.holds[0].contains_key("measured_vrf_percent"));
+    assert!(
+        report.simulation.holds[0].contains_key("measured_vrf_percent"),
+        "a hold has {:?}, expected measured_vrf_percent too",
+        report.simulation.holds[0].keys()
+    );
     assert!(
         report
             .records
             .iter()
-            .all(|r| r.rows == r.used && r.skipped.is_empty())
+            .all(|r| r.rows == r.used && r.skipped.is_empty()),
+        "rows were left out of a whole record"
     );
 
     page::check::sound(&text("report.html")).unwrap();
@@ -173,5 +216,9 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         header.starts_with("t_s,screw_torque_before_nm,screw_torque_after_nm"),
         "{header}"
     );
-    assert!(csv.lines().all(|line| line.split(',').count() == 17));
+    assert!(
+        csv.lines().all(|line| line.split(',').count() == 17),
+        "expected 17 cells in each line of residual.csv; its head: {:?}",
+        csv.lines().next()
+    );
 }

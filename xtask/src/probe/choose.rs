@@ -61,13 +61,25 @@ mod tests {
 
     #[test]
     fn none_several_and_a_wrong_name_are_said_in_a_sentence() {
-        assert!(refused(&[], None).starts_with("no debug probe found"));
-        assert!(refused(&[], Some("x")).starts_with("no debug probe found"));
+        assert!(
+            refused(&[], None).starts_with("no debug probe found"),
+            "{}",
+            refused(&[], None)
+        );
+        assert!(
+            refused(&[], Some("x")).starts_with("no debug probe found"),
+            "{}",
+            refused(&[], Some("x"))
+        );
         let two = refused(&TWO, None);
         assert!(two.starts_with("2 debug probes match"), "{two}");
         assert!(TWO.iter().all(|line| two.contains(line)), "{two}");
         // Part of both lines.
-        assert!(refused(&TWO, Some("0041")).contains("--probe"));
+        assert!(
+            refused(&TWO, Some("0041")).contains("--probe"),
+            "no --probe in: {}",
+            refused(&TWO, Some("0041"))
+        );
         let wrong = refused(&TWO, Some("J-Link"));
         assert!(
             wrong.contains("`J-Link`") && wrong.contains(TWO[1]),

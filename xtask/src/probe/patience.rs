@@ -93,7 +93,11 @@ mod tests {
             "{error}"
         );
         assert_eq!(heard, 1);
-        assert!(start.elapsed() + LIST < Duration::from_secs(5));
+        assert!(
+            start.elapsed() + LIST < Duration::from_secs(5),
+            "took {:?}, allowed 5 s less {LIST:?}",
+            start.elapsed()
+        );
     }
 
     #[test]
@@ -107,6 +111,9 @@ mod tests {
         };
         assert_eq!(watch_each("wait", work, |()| Ok(())).unwrap(), 7);
         let panics = |_: &dyn Fn(())| -> Result<()> { panic!("a driver's bug") };
-        assert!(watch_each("wait", panics, |()| Ok(())).is_err());
+        assert!(
+            watch_each("wait", panics, |()| Ok(())).is_err(),
+            "a wait that panicked was taken for done"
+        );
     }
 }

@@ -272,7 +272,12 @@ mod tests {
             })
             .unwrap();
         assert_eq!(*running.borrow(), [2]);
-        assert!(chip.command(offset_of!(DriveCommand, velocity)) > 0);
+        assert!(
+            chip.command(offset_of!(DriveCommand, velocity)) > 0,
+            "measured {}, expected above {}",
+            chip.command(offset_of!(DriveCommand, velocity)),
+            0
+        );
         assert_eq!(
             chip.command(offset_of!(DriveCommand, run)),
             Run::Rest.word()

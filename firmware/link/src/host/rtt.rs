@@ -135,6 +135,9 @@ mod tests {
         assert!(error.contains("no channel 2"), "{error}");
         let mut wild = ram(9, 0);
         let channel = Channel::find(&mut wild, 0, 1).unwrap().unwrap();
-        assert!(channel.drain(&mut wild, &mut Vec::new()).is_err());
+        assert!(
+            channel.drain(&mut wild, &mut Vec::new()).is_err(),
+            "a channel with wild pointers was read"
+        );
     }
 }

@@ -266,9 +266,27 @@ mod tests {
             assert_eq!(nut.phases_a, [1.0, -0.5]);
             assert_eq!(nut.voltage_v, [1.0, -0.5]);
             assert_eq!(nut.i_q_ref_a, 0.25);
-            assert!((nut.speed_ref_rad_s + 50.0 * TAU).abs() < 1e-4);
-            assert!((rows[1].time_s - 200e-6).abs() < 1e-15);
-            assert!((rows[1].table_m + 3e-8).abs() < 1e-20);
+            assert!(
+                (nut.speed_ref_rad_s + 50.0 * TAU).abs() < 1e-4,
+                "measured {}, expected -({}) within {:e}",
+                nut.speed_ref_rad_s,
+                50.0 * TAU,
+                1e-4
+            );
+            assert!(
+                (rows[1].time_s - 200e-6).abs() < 1e-15,
+                "measured {}, expected {} within {:e}",
+                rows[1].time_s,
+                200e-6,
+                1e-15
+            );
+            assert!(
+                (rows[1].table_m + 3e-8).abs() < 1e-20,
+                "measured {}, expected -({}) within {:e}",
+                rows[1].table_m,
+                3e-8,
+                1e-20
+            );
         }
     }
 

@@ -360,7 +360,11 @@ mod tests {
             let RGBColor(r, g, b) = color(f64::from(k) / 40.0);
             0.299 * f64::from(r) + 0.587 * f64::from(g) + 0.114 * f64::from(b)
         };
-        assert!((0..40).all(|k| light(k + 1) > light(k)));
+        assert!(
+            (0..40).all(|k| light(k + 1) > light(k)),
+            "lightness must rise: {:?}",
+            (0..=40).map(light).collect::<Vec<_>>()
+        );
     }
 
     #[test]

@@ -196,26 +196,46 @@ mod tests {
         assert!(
             page.contains(
                 "<th scope=\"row\">0 (CDFS)</th><td>21.20</td><td>21.45</td><td>20.1</td>"
-            )
+            ),
+            "no {:?} in:\n{page}",
+            "<th scope=\"row\">0 (CDFS)</th><td>21.20</td><td>21.45</td><td>20.1</td>"
         );
-        assert!(page.contains("<th scope=\"row\">800</th><td>6.30</td><td>6.55</td><td>8.2</td>"));
         assert!(
-            page.contains("<th scope=\"row\">500</th><td>9.80</td><td>10.05</td><td>\u{2013}</td>")
+            page.contains("<th scope=\"row\">800</th><td>6.30</td><td>6.55</td><td>8.2</td>"),
+            "no {:?} in:\n{page}",
+            "<th scope=\"row\">800</th><td>6.30</td><td>6.55</td><td>8.2</td>"
         );
-        assert!(page.contains(
-            "nut at 800 rpm lowers the velocity ripple (VRF) from 21.20 % with CDFS to 6.30 %: 70 %"
-        ));
+        assert!(
+            page.contains("<th scope=\"row\">500</th><td>9.80</td><td>10.05</td><td>\u{2013}</td>"),
+            "no {:?} in:\n{page}",
+            "<th scope=\"row\">500</th><td>9.80</td><td>10.05</td><td>\u{2013}</td>"
+        );
+        assert!(page.contains( "nut at 800 rpm lowers the velocity ripple (VRF) from 21.20 % with CDFS to 6.30 %: 70 %" ), "no {:?} in:\n{page}", "nut at 800 rpm lowers the velocity ripple (VRF) from 21.20 % with CDFS to 6.30 %: 70 %");
         assert_eq!(page.matches("<svg class=\"plot\"").count(), 2 * 2 + 2);
-        assert!(page.contains("Fig 8)") && page.contains("Fig 7)") && page.contains("A6"));
-        assert!(page.contains("Load: 1 N m.") && page.contains("Seed: 4711."));
+        assert!(
+            page.contains("Fig 8)") && page.contains("Fig 7)") && page.contains("A6"),
+            "figures 7 and 8 and A6 are not all named in:\n{page}"
+        );
+        assert!(
+            page.contains("Load: 1 N m.") && page.contains("Seed: 4711."),
+            "no load of 1 N m or no seed 4711 in:\n{page}"
+        );
     }
 
     #[test]
     fn names_from_outside_are_escaped() {
         let page = page(&report(vec![run(0.0, 21.2, None)]));
         page::check::sound(&page).unwrap();
-        assert!(page.contains("Machine: models/&lt;odd&gt; &amp; &quot;old&quot;.toml."));
-        assert!(!page.contains("<odd>"));
+        assert!(
+            page.contains("Machine: models/&lt;odd&gt; &amp; &quot;old&quot;.toml."),
+            "no {:?} in:\n{page}",
+            "Machine: models/&lt;odd&gt; &amp; &quot;old&quot;.toml."
+        );
+        assert!(
+            !page.contains("<odd>"),
+            "there is {:?} in:\n{page}",
+            "<odd>"
+        );
     }
 
     #[test]
@@ -232,8 +252,16 @@ mod tests {
         bare.curve.analytic = Vec::new();
         let page_ = page(&bare);
         page::check::sound(&page_).unwrap();
-        assert!(page_.contains("No run gave a velocity ripple."));
-        assert!(page_.contains("nothing was recorded"));
+        assert!(
+            page_.contains("No run gave a velocity ripple."),
+            "no {:?} in:\n{page_}",
+            "No run gave a velocity ripple."
+        );
+        assert!(
+            page_.contains("nothing was recorded"),
+            "no {:?} in:\n{page_}",
+            "nothing was recorded"
+        );
         let mut none = report(Vec::new());
         none.sensitivity.analytic.clear();
         none.curve.measured.clear();
@@ -249,16 +277,28 @@ mod tests {
         ]));
         assert!(
             worse.contains("does not lower")
-                && worse.contains("6.00 % at the best nut speed, 500 rpm")
+                && worse.contains("6.00 % at the best nut speed, 500 rpm"),
+            "{worse}"
         );
         let mixed = result(&report(vec![
             run(0.0, 5.0, None),
             run(300.0, 7.0, None),
             run(500.0, 4.0, None),
         ]));
-        assert!(mixed.contains("20 % less") && mixed.contains("Not so at 300 rpm"));
+        assert!(
+            mixed.contains("20 % less") && mixed.contains("Not so at 300 rpm"),
+            "{mixed}"
+        );
         let alone = result(&report(vec![run(300.0, 7.0, None)]));
-        assert!(alone.contains("no CDFS run"));
-        assert!(result(&report(vec![run(0.0, 7.0, None)])).contains("no DDFS run"));
+        assert!(
+            alone.contains("no CDFS run"),
+            "no {:?} in:\n{alone}",
+            "no CDFS run"
+        );
+        assert!(
+            result(&report(vec![run(0.0, 7.0, None)])).contains("no DDFS run"),
+            "{}",
+            result(&report(vec![run(0.0, 7.0, None)]))
+        );
     }
 }

@@ -164,7 +164,11 @@ mod tests {
         let page = page(&sweep(&[0.0, 300.0, 800.0], &[2.5, 50.0], rows));
         page::check::sound(&page).unwrap();
         let page = page.replace('\u{A0}', " ");
-        assert!(page.contains("&lt;m&gt;"));
+        assert!(
+            page.contains("&lt;m&gt;"),
+            "no {:?} in:\n{page}",
+            "&lt;m&gt;"
+        );
         for text in [
             "<td>21.20<",
             "<td class=\"better\">15.50 ",
@@ -174,14 +178,20 @@ mod tests {
         ] {
             assert!(page.contains(text), "{text}");
         }
-        assert!(page.contains("<td class=\"worse\">3.46 "));
+        assert!(
+            page.contains("<td class=\"worse\">3.46 "),
+            "no {:?} in:\n{page}",
+            "<td class=\"worse\">3.46 "
+        );
         assert!(
             page.contains("at 2 of 3 points")
-                && page.contains("70 % less at 2.5 mm/s with the nut at 800 rpm")
+                && page.contains("70 % less at 2.5 mm/s with the nut at 800 rpm"),
+            "not 2 of 3 points, or not 70 % less in:\n{page}"
         );
         assert!(
             page.contains("At 50 mm/s no nut speed beats CDFS.")
-                && page.contains("did not reach 1 of 6")
+                && page.contains("did not reach 1 of 6"),
+            "no word of 50 mm/s, or of 1 of 6 in:\n{page}"
         );
         // In the picture too: the cells' values, two triangles down, one up, and the line between.
         let picture = &page[page.find("<svg").unwrap()..page.find("</svg>").unwrap()];
