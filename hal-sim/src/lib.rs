@@ -5,6 +5,7 @@
 //! - [`mt6835`]: an absolute encoder's frames.
 //! - [`plates`]: the plate data that the control code gets for a model of a machine.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
+//! - [`draw`]: machines drawn at random, for tests of what looks at their records.
 //! - [`experiment`]: profiles, records, and what is measured on them.
 //! - [`replay`]: a recording driven again, beside what was recorded.
 //! - [`vrf`], [`response`], [`analytic`]: velocity ripple, measured sensitivity, and the paper's own formulas.
@@ -14,6 +15,7 @@
 
 pub mod analytic;
 pub mod board;
+pub mod draw;
 pub mod drive;
 pub mod experiment;
 pub mod mt6835;

@@ -3,6 +3,7 @@
 use crate::balance::rounded_sign;
 use crate::hypothesis::{LEAST_ORDER, LEAST_RELATIVE_ORDER};
 use crate::leftover::Form;
+use crate::machines::Machine;
 use crate::signals::Signals;
 use plant::Axis;
 use std::f64::consts::TAU;
@@ -42,6 +43,15 @@ impl Along {
         Along::TightPlace,
         Along::Time,
     ];
+
+    /// Whether a kind of machine has it.
+    pub(crate) fn is_on(self, machine: &dyn Machine) -> bool {
+        match self {
+            Along::Angle(axis) | Along::Speed(axis) => machine.axes().contains(&axis),
+            Along::Clock | Along::Time => true,
+            _ => machine.has_feed(),
+        }
+    }
 
     /// For a reader.
     pub fn name(self) -> &'static str {

@@ -4,6 +4,7 @@ use crate::balance::{Assumed, Balance};
 use crate::conclusion::conclude;
 use crate::design::Whitener;
 use crate::hypothesis::{Family, Hypothesis};
+use crate::machines::{DoubleDrive, Machine};
 use crate::noise::Noise;
 use crate::progress::Progress;
 use crate::record::{Base, Record};
@@ -170,9 +171,19 @@ impl<'a> Traced<'a> {
     }
 }
 
-/// Traces what `fit` has beyond the declared `model`, confirmed on `check`.
+/// Traces what `fit` has beyond the declared `model` of a double drive, confirmed on `check`.
 pub fn analyse(model: &Model, fit: &Recording, check: &Recording) -> Outcome {
-    let (fit, check) = (Record::new(fit, model), Record::new(check, model));
+    analyse_as(&DoubleDrive, model, fit, check)
+}
+
+/// Traces what `fit` has beyond the declared `model` of a machine of any kind, confirmed on `check`.
+pub fn analyse_as(
+    machine: &'static dyn Machine,
+    model: &Model,
+    fit: &Recording,
+    check: &Recording,
+) -> Outcome {
+    let [fit, check] = [fit, check].map(|recording| Record::of(recording, model, machine));
     let roundings = Roundings::new(&fit, model);
     let records = [&fit, &check];
     let mut traced = Traced::new(records, model, |found| roundings.assumed(found));

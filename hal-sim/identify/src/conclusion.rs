@@ -9,14 +9,49 @@ use crate::normal::Solution;
 use crate::progress::Progress;
 use crate::recalibrated::{calibration, new_model};
 use crate::remains::{Fixed, Side};
+use crate::sandwich::robust;
 use crate::select::Search;
 use crate::signals::SPEED_BANDWIDTH_HZ;
 use crate::unexplained::unexplained;
 use plant::Axis;
 
 /// Draws the conclusion of a search.
-pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress) -> Outcome {
-    let whitener = case.whitener(&noise);
+pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Progress) -> Outcome {
+    // A name that stands beside more than it explains is a likeness: without it what is left is told again.
+    loop {
+        let outcome = concluded(&case, &check, &noise, &progress);
+        match likeness(&outcome) {
+            Some(hypothesis) => progress.doubt(&hypothesis, LIKENESS),
+            None => return outcome,
+        }
+    }
+}
+
+/// Why such a name is taken back.
+const LIKENESS: &str = "more is left on the check record, where it shows, than it explains";
+/// Times what is left beyond noise that an effect must explain of its channel on the check record.
+const DOMINANT: f64 = 3.0;
+
+/// The weakest effect that does not explain enough beside what is left where it shows most.
+fn likeness(outcome: &Outcome) -> Option<Hypothesis> {
+    let left = |found: &Found| {
+        let excess = |rest: &ChannelRest| rest.levels[1].excess;
+        let own = outcome
+            .channels
+            .iter()
+            .find(|rest| rest.channel == found.shows);
+        own.map_or(0.0, excess)
+    };
+    let weak = outcome
+        .effects
+        .iter()
+        .filter(|found| found.check_fall < DOMINANT * left(found));
+    weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
+        .map(|found| found.hypothesis)
+}
+
+fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> Outcome {
+    let whitener = case.whitener(noise);
     let found = &progress.found;
     let search = case.search(&whitener, found);
     let solution = search.normal.solve(None);
@@ -31,9 +66,7 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
         let columns = hypothesis.columns();
         let values: Vec<f64> = solution.values.rows(at, columns).iter().copied().collect();
         parts.push((*hypothesis, values.clone()));
-        let covariance = solution
-            .covariance
-            .view((at, at), (columns, columns))
+        let covariance = robust(&search.normal, &solution, at..at + columns)
             .iter()
             .copied()
             .collect();
@@ -45,16 +78,22 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
             .collect();
         let mut without = case.search(&whitener, &others);
         let without_solution = without.normal.solve(None);
+        let falls = without.fall_by_channel(hypothesis);
+        let shows = Channel::ALL
+            .into_iter()
+            .max_by(|a, b| falls[a.index()].total_cmp(&falls[b.index()]))
+            .unwrap_or(Channel::Table);
         let fall =
             without.normal.cost(&without_solution.values) - search.normal.cost(&solution.values);
         let shape_sigma = shape_sigma(hypothesis, &mut without, &without_solution);
         let first = without.normal.len();
         without.add(hypothesis);
         let effect = hypothesis.effect(case.balance.model, search.run_s(), &values);
-        let on_check = check_fall(&check, &check_noise, &others, hypothesis, &values);
+        let on_check = check_fall(check, &check_noise, &others, hypothesis, &values);
         effects.extend(effect.map(|effect| {
             Found {
                 hypothesis: *hypothesis,
+                shows,
                 check_fall: on_check,
                 values,
                 covariance,
@@ -79,7 +118,7 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
                             behind: fall - trial.gain.fall,
                             check_behind: on_check
                                 - check_fall(
-                                    &check,
+                                    check,
                                     &check_noise,
                                     &others,
                                     &trial.hypothesis,
@@ -95,26 +134,21 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
     effects.sort_by(|a, b| b.fall.total_cmp(&a.fall));
 
     let fit = Side::new(
-        &case,
-        &noise,
+        case,
+        noise,
         &whitener,
         &plain.normal,
         &plain_solution,
         &search,
         &solution,
     );
-    let fixed = Fixed::new(
-        &case,
-        &check,
-        &check_noise,
-        found,
-        &plain_solution,
-        &solution,
-    );
+    let fixed = Fixed::new(case, check, &check_noise, found, &plain_solution, &solution);
     let residual_whitened = search.normal.residual(&solution.values);
-    let channels: Vec<ChannelRest> = Channel::ALL
-        .into_iter()
-        .map(|channel| {
+    let machine = case.balance.signals.machine;
+    let channels: Vec<ChannelRest> = machine
+        .channels()
+        .iter()
+        .map(|&channel| {
             let index = channel.index();
             let open = whitener.mask(channel).to_vec();
             ChannelRest {
@@ -130,24 +164,34 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, progress: Progress
                         .unwrap_or_default(),
                 ),
                 residual: [fit.before[index].clone(), fit.after[index].clone()],
+                levels: fixed.levels[index],
                 open,
             }
         })
         .collect();
     let coordinates = Coordinates::new(case.balance.signals, case.balance.fourier.step());
-    let unexplained = unexplained(&case, &whitener, &parts, &progress.doubtful, &channels);
+    let unexplained = unexplained(case, &whitener, &parts, &progress.doubtful, &channels);
     Outcome {
-        model: new_model(&case, &solution, &effects),
-        calibration: calibration(&case, &solution),
+        model: new_model(case, &solution, &effects),
+        calibration: calibration(case, &solution),
         unexplained,
-        bandwidth: bandwidth(&case, &noise),
+        bandwidth: bandwidth(case, noise),
         effects,
-        last: progress.last,
+        last: progress.last.clone(),
         tried: progress.tried,
         threshold: progress.threshold,
         coordinates,
-        table_force: table_force(case.balance, &channels, &fixed, &residual_whitened),
+        table_force: machine
+            .has_feed()
+            .then(|| table_force(case.balance, &channels, &fixed, &residual_whitened)),
         channels,
+        doubts: progress
+            .doubtful
+            .iter()
+            .map(|doubt| (doubt.trial.hypothesis, doubt.reason))
+            .collect(),
+        refused: case.balance.refusals.list(),
+        machine,
     }
 }
 

@@ -3,12 +3,13 @@
 use crate::balance::Contribution;
 use crate::channel::Channel;
 use crate::fourier::Fourier;
+use crate::machines::Machine;
 use crate::noise::Noise;
 use crate::signals::Signals;
 use std::ops::Range;
 
 /// Speeds below which friction may stick and the torque balance says nothing, rad/s.
-const STICKING_RAD_S: f64 = 0.5;
+pub(crate) const STICKING_RAD_S: f64 = 0.5;
 /// Time around sticking, and at the ends of a record, over which filters carry what is not modelled, s.
 const MARGIN_S: f64 = 0.03;
 /// Shortest constant reference that counts as an operating point, s.
@@ -46,6 +47,8 @@ pub fn counted(mask: &[bool]) -> usize {
 
 /// Turns contributions into columns: whitening, masking, operating points.
 pub struct Whitener<'a> {
+    /// What kind of machine the record is of.
+    pub machine: &'static dyn Machine,
     fourier: &'a Fourier,
     gains: [Vec<f64>; Channel::COUNT],
     masks: [Vec<bool>; Channel::COUNT],
@@ -109,18 +112,20 @@ impl<'a> Whitener<'a> {
             }
             open
         };
+        let machine = signals.machine;
+        let relative = &signals.relative_speed[..];
         let masks = Channel::ALL.map(|channel| match channel {
-            Channel::Torque(axis) => {
-                mask(&[&signals.motors[axis.index()].omega, &signals.relative_speed])
-            }
+            _ if !machine.channels().contains(&channel) => vec![false; rows],
+            Channel::Torque(axis) => mask(&[&signals.motors[axis.index()].omega, relative]),
             Channel::VoltageD(_) | Channel::VoltageQ(_) => mask(&[]),
-            Channel::Table => mask(&[&signals.relative_speed]),
+            Channel::Table => mask(&[relative]),
         });
         let folds = operating_points(signals)
             .into_iter()
             .map(|r| r.start.div_ceil(step)..r.end.div_ceil(step))
             .collect();
         Whitener {
+            machine,
             fourier,
             gains: Channel::ALL.map(|c| noise.whitening(c, fourier)),
             masks,
@@ -148,6 +153,9 @@ impl<'a> Whitener<'a> {
         let mut parts: [Option<Vec<f64>>; Channel::COUNT] = Default::default();
         for (channel, spectrum) in &contribution.0 {
             let index = channel.index();
+            if !self.machine.channels().contains(channel) {
+                continue;
+            }
             let mut signal = self.fourier.filtered(spectrum, &self.gains[index]);
             signal
                 .iter_mut()

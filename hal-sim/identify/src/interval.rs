@@ -57,10 +57,12 @@ fn sigma(found: &Found, name: &str, value: f64) -> f64 {
             size(own.max(0.0).sqrt())
         }
         "phase" => {
-            let square = found.values.iter().map(|v| v * v).sum::<f64>();
-            (0.5 * (variance(0) + variance(n - 1)) / square)
-                .sqrt()
-                .hypot(BALANCE_ERROR)
+            let [a, b] = [found.values[0], found.values[n - 1]];
+            let square = a * a + b * b;
+            let own = (b * b * variance(0) - 2.0 * a * b * found.covariance[1]
+                + a * a * variance(n - 1))
+                / (square * square);
+            own.max(0.0).sqrt().hypot(BALANCE_ERROR)
         }
         "off_b" | "gain_b" => size(variance(1).sqrt()),
         _ => size(variance(0).sqrt()),

@@ -5,6 +5,7 @@ mod along;
 pub mod analysis;
 pub mod balance;
 pub mod bench;
+mod bounded;
 pub mod channel;
 mod conclusion;
 pub mod design;
@@ -17,7 +18,9 @@ pub mod hypothesis;
 pub mod interval;
 mod judge;
 mod leftover;
+pub mod limits;
 mod lookalike;
+pub mod machines;
 pub mod motor;
 pub mod noise;
 pub mod normal;
@@ -40,6 +43,7 @@ pub mod signals;
 mod suggest;
 mod unexplained;
 mod unnamed;
+pub mod verdict;
 
 // Until all that names it by its old name is rewritten.
 pub use records as load;

@@ -15,7 +15,7 @@ const BELOW_RESONANCE: f64 = 0.6;
 /// How much more power than the sensors' may be taken for noise.
 const MOST_NOISE: f64 = 2.0;
 /// Upper edges of the bands over which the noise is estimated, Hz. Below the first, noise and slow misfit are one.
-const BANDS_HZ: [f64; 16] = [
+pub(crate) const BANDS_HZ: [f64; 16] = [
     6.0, 12.0, 20.0, 32.0, 48.0, 68.0, 92.0, 120.0, 155.0, 195.0, 240.0, 290.0, 345.0, 405.0,
     470.0, 560.0,
 ];
@@ -106,13 +106,13 @@ impl Noise {
 
     /// Noise floor of a channel within the band that is used, rms in the channel's unit.
     pub fn floor(&self, channel: Channel, fourier: &Fourier) -> f64 {
-        let top = self.top[channel.index()];
+        let band = self.band(channel, fourier);
         let width = fourier.hz(1) / (fourier.hz(fourier.bins()) * fourier.step() as f64);
         let sum: f64 = self
             .density(channel)
             .iter()
-            .enumerate()
-            .map(|(bin, density)| density * edge(fourier.hz(bin), top, 1.2 * top).powi(2))
+            .zip(&band)
+            .map(|(density, gain)| density * gain * gain)
             .sum();
         (sum * width).sqrt()
     }

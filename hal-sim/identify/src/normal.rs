@@ -1,9 +1,12 @@
 //! Weighted least squares over all channels at once, with sums kept for each operating point.
 
+use crate::bounded::{solve_holding, solve_within};
 use crate::channel::Channel;
 use crate::design::{Column, Whitener, dot};
 use nalgebra::{DMatrix, DVector};
 use std::rc::Rc;
+
+pub use crate::bounded::Solution;
 
 /// What is known of a column's parameter before the record is seen.
 #[derive(Debug, Clone, Copy)]
@@ -59,59 +62,6 @@ pub struct Normal {
     pub(crate) rhs: Vec<DVector<f64>>,
     pub(crate) energy: Vec<f64>,
     priors: Vec<Prior>,
-}
-
-/// Inverse of a Gram matrix; of one whose columns say the same, the least-norm one.
-fn inverse(gram: DMatrix<f64>) -> DMatrix<f64> {
-    let n = gram.nrows();
-    match gram.clone().cholesky() {
-        Some(factor) => factor.inverse(),
-        None => gram
-            .pseudo_inverse(1e-12)
-            .unwrap_or_else(|_| DMatrix::zeros(n, n)),
-    }
-}
-
-/// Parameters, and what the fit explains.
-#[derive(Clone)]
-pub struct Solution {
-    /// Value of each column's parameter.
-    pub values: DVector<f64>,
-    /// Their covariance under white noise of variance 1.
-    pub covariance: DMatrix<f64>,
-    /// Parameters that are held at a bound, and where.
-    pub held: Vec<(usize, f64)>,
-}
-
-/// Least squares with some parameters held.
-fn solve_holding(gram: &DMatrix<f64>, rhs: &DVector<f64>, held: &[(usize, f64)]) -> Solution {
-    let n = rhs.len();
-    let free: Vec<usize> = (0..n)
-        .filter(|k| held.iter().all(|(h, _)| h != k))
-        .collect();
-    let mut reduced = DVector::from_iterator(free.len(), free.iter().map(|&k| rhs[k]));
-    for (row, &k) in free.iter().enumerate() {
-        reduced[row] -= held
-            .iter()
-            .map(|&(h, value)| gram[(k, h)] * value)
-            .sum::<f64>();
-    }
-    let inverse = inverse(gram.select_rows(&free).select_columns(&free));
-    let found = &inverse * reduced;
-    let mut values = DVector::zeros(n);
-    let mut covariance = DMatrix::zeros(n, n);
-    held.iter().for_each(|&(k, value)| values[k] = value);
-    for (row, &k) in free.iter().enumerate() {
-        values[k] = found[row];
-        for (column, &j) in free.iter().enumerate() {
-            covariance[(k, j)] = inverse[(row, column)];
-        }
-    }
-    Solution {
-        values,
-        covariance,
-        held: Vec::new(),
-    }
 }
 
 /// A regression with further columns.
@@ -206,24 +156,14 @@ impl Normal {
         (gram, rhs)
     }
 
-    /// Least squares over all operating points, or all but one. A parameter that would leave its bounds stays at the
-    /// bound, the one that goes furthest first.
+    /// Least squares within the bounds over all operating points, or all but one.
     pub fn solve(&self, without: Option<usize>) -> Solution {
         let (gram, rhs) = self.sums(without);
-        let mut held: Vec<(usize, f64)> = (0..self.len())
+        let bounds: Vec<f64> = self.priors.iter().map(|prior| prior.bound).collect();
+        let fixed: Vec<(usize, f64)> = (0..self.len())
             .filter_map(|k| Some((k, self.priors[k].fixed?)))
             .collect();
-        loop {
-            let solution = solve_holding(&gram, &rhs, &held);
-            let excess = |k: usize| (k, solution.values[k].abs() / self.priors[k].bound);
-            let free = (0..self.len()).filter(|k| held.iter().all(|(h, _)| h != k));
-            match free.map(excess).max_by(|a, b| a.1.total_cmp(&b.1)) {
-                Some((k, ratio)) if ratio > 1.0 => {
-                    held.push((k, self.priors[k].bound.copysign(solution.values[k])))
-                }
-                _ => return Solution { held, ..solution },
-            }
-        }
+        solve_within(&gram, &rhs, &bounds, &fixed)
     }
 
     /// The regression with further columns.
@@ -253,11 +193,7 @@ impl Normal {
     /// their bounds for want of it.
     pub fn solve_beside(&self, held: &[(usize, f64)]) -> Solution {
         let (gram, rhs) = self.sums(None);
-        let solution = solve_holding(&gram, &rhs, held);
-        Solution {
-            held: held.to_vec(),
-            ..solution
-        }
+        solve_holding(&gram, &rhs, held)
     }
 
     /// Sum of squares that is left in each channel under given parameters.

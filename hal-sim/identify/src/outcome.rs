@@ -2,8 +2,11 @@
 
 use crate::channel::Channel;
 use crate::hypothesis::Hypothesis;
+use crate::limits::Refusal;
+use crate::machines::Machine;
 use crate::select::Trial;
 use crate::signals::Signals;
+use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};
 use plant::effects::EffectModel;
 use plant::model::Model;
 
@@ -12,6 +15,8 @@ use plant::model::Model;
 pub struct Found {
     /// What it was traced to.
     pub hypothesis: Hypothesis,
+    /// The channel in which it shows most.
+    pub shows: Channel,
     /// Linear parameters.
     pub values: Vec<f64>,
     /// Their covariance, row by row.
@@ -80,6 +85,8 @@ pub struct ChannelRest {
     pub residual: [Vec<f64>; 2],
     /// Its rows that count.
     pub open: Vec<bool>,
+    /// How loud the check record's residual is, before and after.
+    pub levels: [Level; 2],
 }
 
 /// The force balance of the table, N: the force that the two torque balances give (half their difference through the
@@ -113,16 +120,20 @@ pub struct Unexplained {
 
 /// All that was found.
 pub struct Outcome {
+    /// The kind of machine.
+    pub machine: &'static dyn Machine,
     /// Effects, the greatest first.
     pub effects: Vec<Found>,
-    /// Channels, in the order of [`Channel::ALL`].
+    /// The machine's channels.
     pub channels: Vec<ChannelRest>,
-    /// What follows from the torques.
-    pub table_force: TableForce,
+    /// What follows from the torques, where there is a table.
+    pub table_force: Option<TableForce>,
     /// What is left.
     pub unexplained: Vec<Unexplained>,
     /// Trials of the last step, in which nothing more was found.
     pub last: Vec<Trial>,
+    /// What was significant and is not named, and why.
+    pub doubts: Vec<(Hypothesis, &'static str)>,
     /// Hypotheses tried.
     pub tried: usize,
     /// Fall that an effect had to bring.
@@ -133,6 +144,8 @@ pub struct Outcome {
     pub calibration: Vec<(String, f64, f64)>,
     /// Coordinates of the residuals' rows.
     pub coordinates: Coordinates,
+    /// What was not tried for want of excitation, or not taken for being beyond physics.
+    pub refused: Vec<Refusal>,
     /// How derivatives were taken.
     pub bandwidth: Bandwidth,
 }
@@ -184,14 +197,25 @@ impl Coordinates {
 }
 
 impl Outcome {
-    /// `nothing missing`, `explained` or `unexplained`.
+    /// What may be said of the machine.
+    pub fn judged(&self) -> Judged {
+        let channels = self.channels.iter().map(|rest| CheckChannel {
+            name: self.machine.name(rest.channel),
+            unit: self.machine.unit(rest.channel),
+            levels: rest.levels,
+            rms: [rest.figures.check_before, rest.figures.check_after],
+            floor: rest.figures.noise_floor,
+        });
+        judge(
+            &channels.collect::<Vec<_>>(),
+            self.effects.len(),
+            self.unexplained.len(),
+            Floor::Sensors,
+        )
+    }
+
+    /// See [`Outcome::judged`].
     pub fn verdict(&self) -> &'static str {
-        if !self.unexplained.is_empty() {
-            "unexplained"
-        } else if self.effects.is_empty() {
-            "nothing missing"
-        } else {
-            "explained"
-        }
+        self.judged().verdict.name()
     }
 }

@@ -2,11 +2,12 @@
 
 use crate::analysis::{Case, Found};
 use crate::balance::{MotorParameter, Parameter};
+use crate::machines::{Machine, declared_or_unit};
 use crate::normal::Solution;
 use plant::model::Model;
 
 /// Name of a declared parameter in a model file; `None` for a nuisance.
-fn declared_name(parameter: Parameter) -> Option<String> {
+fn declared_name(parameter: Parameter, machine: &dyn Machine) -> Option<String> {
     Some(match parameter {
         Parameter::Motor(axis, which) => {
             let key = match which {
@@ -18,7 +19,10 @@ fn declared_name(parameter: Parameter) -> Option<String> {
                 MotorParameter::Inductance => "inductance_h",
                 _ => return None,
             };
-            format!("{}.{key}", axis.name())
+            match machine.has_feed() {
+                true => format!("{}.{key}", axis.name()),
+                false => format!("motor.{key}"),
+            }
         }
         Parameter::Pair => "feed.pair_coulomb_nm".into(),
         Parameter::GuidewayCoulomb => "feed.guideway_coulomb_n".into(),
@@ -35,7 +39,7 @@ pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64,
         .enumerate()
         .filter_map(|(k, (parameter, _))| {
             Some((
-                declared_name(*parameter)?,
+                declared_name(*parameter, case.balance.signals.machine)?,
                 solution.values[k],
                 solution.covariance[(k, k)].max(0.0).sqrt(),
             ))
@@ -43,17 +47,23 @@ pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64,
         .collect()
 }
 
+/// A relative change; of what is not declared, the value itself.
+fn add(declared: &mut f64, value: f64) {
+    *declared += declared_or_unit(*declared) * value;
+}
+
 pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
     let mut model = case.balance.model.clone();
     for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
-        let factor = 1.0 + solution.values[k];
+        let value = solution.values[k];
+        let factor = 1.0 + value;
         match *parameter {
             Parameter::Motor(axis, which) => {
                 let motor = model.motor_mut(axis);
                 match which {
-                    MotorParameter::Inertia => motor.inertia_kg_m2 *= factor,
-                    MotorParameter::Viscous => motor.viscous_nm_s *= factor,
-                    MotorParameter::Coulomb => motor.coulomb_nm *= factor,
+                    MotorParameter::Inertia => add(&mut motor.inertia_kg_m2, value),
+                    MotorParameter::Viscous => add(&mut motor.viscous_nm_s, value),
+                    MotorParameter::Coulomb => add(&mut motor.coulomb_nm, value),
                     MotorParameter::Flux => motor.flux_wb *= factor,
                     MotorParameter::Resistance => motor.resistance_ohm *= factor,
                     MotorParameter::Inductance => motor.inductance_h *= factor,

@@ -4,6 +4,7 @@ use crate::balance::{Assumed, Balance, Contribution, Parameter, declared_resonan
 use crate::design::{Whitener, operating_points};
 use crate::fourier::Fourier;
 use crate::hypothesis::Hypothesis;
+use crate::machines::{DoubleDrive, Machine};
 use crate::normal::Normal;
 use crate::roundings::Roundings;
 use crate::signals::Signals;
@@ -26,10 +27,15 @@ pub struct Record {
 impl Record {
     /// Of a recording of the machine `model`.
     pub fn new(recording: &Recording, model: &Model) -> Self {
+        Self::of(recording, model, &DoubleDrive)
+    }
+
+    /// Of a recording of a machine of any kind.
+    pub fn of(recording: &Recording, model: &Model, machine: &'static dyn Machine) -> Self {
         let rate = model.sensing.sample_hz;
         let step = ((rate / BALANCE_RATE_HZ) as usize).max(1);
         let fourier = Fourier::new(recording.len(), rate, step, (PAD_S * rate) as usize);
-        let signals = Signals::new(recording, model, &fourier);
+        let signals = Signals::new(recording, model, &fourier, machine);
         Record { fourier, signals }
     }
 
@@ -55,18 +61,21 @@ pub struct Base {
 impl Base {
     /// Of the balances.
     pub fn new(balance: &Balance) -> Self {
+        let machine = balance.signals.machine;
+        let feed = machine.has_feed();
         let offsets = rests(balance.signals)
             .into_iter()
             .map(|(from, to)| Parameter::RestOffset { from, to });
-        let origin = Parameter::TableOrigin {
+        let origin = feed.then(|| Parameter::TableOrigin {
             within: origin_within(balance),
-        };
+        });
         Base {
             residual: balance.residual(),
-            parameters: Parameter::all()
+            parameters: machine
+                .parameters()
                 .into_iter()
-                .chain([origin])
-                .chain(offsets)
+                .chain(origin)
+                .chain(offsets.filter(|_| feed))
                 .map(|p| (p, balance.parameter(p)))
                 .collect(),
         }

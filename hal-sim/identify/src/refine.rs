@@ -51,11 +51,8 @@ impl Search<'_> {
     fn settle(&mut self, trial: &mut Trial, cost: f64) {
         let with = self.with(&trial.hypothesis);
         trial.gain.values = with.values[..trial.hypothesis.columns()].to_vec();
-        trial.gain.fall = if trial.hypothesis.allows(&trial.gain.values) {
-            cost - with.cost
-        } else {
-            0.0
-        };
+        trial.gain.fall = cost - with.cost;
+        self.refuse(&trial.hypothesis, &mut trial.gain);
     }
 
     /// Follows a shape to where it explains most. What other parameters within their bounds can take over changes with

@@ -3,11 +3,15 @@
 use crate::analysis::Case;
 use crate::balance::Contribution;
 use crate::channel::Channel;
-use crate::design::{Whitener, dot};
+use crate::design::{Column, Whitener, dot};
 use crate::hypothesis::Hypothesis;
 use crate::noise::Noise;
 use crate::normal::{Normal, Solution};
 use crate::select::Search;
+use crate::verdict::Level;
+
+/// Below it the table's residual is not judged by frequency, Hz.
+const SLOW_TABLE_HZ: f64 = 12.0;
 
 pub(crate) fn rms(signal: &[f64], mask: &[bool]) -> f64 {
     let (sum, count) = signal
@@ -90,6 +94,8 @@ impl Side {
 /// The check record's residuals with all physical parameters as the fit record has them; only what belongs to a record
 /// (the scale's zero, an encoder's rounding at rest) is its own.
 pub(crate) struct Fixed {
+    /// Of each channel, whitened: how loud it is before and after.
+    pub(crate) levels: Vec<[Level; 2]>,
     pub(crate) before: Vec<Vec<f64>>,
     pub(crate) after: Vec<Vec<f64>>,
     pub(crate) masks: Vec<Vec<bool>>,
@@ -159,9 +165,31 @@ impl Fixed {
                 })
                 .collect()
         };
+        let levels = |white: &Column| -> Vec<Level> {
+            let rate = check.balance.signals.rate / check.balance.fourier.step() as f64;
+            Channel::ALL
+                .iter()
+                .map(|&channel| {
+                    let part = white.parts[channel.index()].as_deref().unwrap_or_default();
+                    // At rest and at slow travel the encoders' rounding does not average out of the table's residual.
+                    let from = match channel {
+                        Channel::Table => SLOW_TABLE_HZ,
+                        _ => 0.0,
+                    };
+                    let band = [from, noise.top(channel)];
+                    Level::new(part, whitener.rows(channel), rate, band)
+                })
+                .collect()
+        };
+        let (before, after) = (left(plain, &[]), left(full, found));
         Fixed {
-            before: in_units(&left(plain, &[])),
-            after: in_units(&left(full, found)),
+            levels: levels(&whitener.column(&before))
+                .into_iter()
+                .zip(levels(&whitener.column(&after)))
+                .map(|(before, after)| [before, after])
+                .collect(),
+            before: in_units(&before),
+            after: in_units(&after),
             masks: Channel::ALL
                 .iter()
                 .map(|&channel| whitener.mask(channel).to_vec())

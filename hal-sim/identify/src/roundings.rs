@@ -1,9 +1,10 @@
 //! How the sign of friction turns round: chosen by the record's torque balances, again when effects were found.
 
-use crate::balance::{Assumed, Balance, Contribution, Parameter, Rounding};
+use crate::balance::{Assumed, Balance, Contribution, Rounding};
 use crate::channel::Channel;
 use crate::design::Whitener;
 use crate::hypothesis::{Family, Hypothesis};
+use crate::machines::Machine;
 use crate::noise::Noise;
 use crate::normal::Normal;
 use crate::record::Record;
@@ -57,11 +58,18 @@ impl<'a> Roundings<'a> {
                 );
                 let target = whitener.column(&torque(&balance.torque_residual()));
                 let mut normal = Normal::new(target, &whitener);
-                for parameter in Parameter::all().into_iter().filter(|p| p.is_torque()) {
+                let machine = record.signals.machine;
+                let all = machine.parameters();
+                for parameter in all.into_iter().filter(|p| p.is_torque()) {
                     let column = whitener.column(&torque(&balance.parameter(parameter)));
                     normal.push(column, parameter.prior(), &whitener);
                 }
-                push_torques(&mut normal, &in_the_way(model), &balance, &whitener);
+                push_torques(
+                    &mut normal,
+                    &in_the_way(model, machine),
+                    &balance,
+                    &whitener,
+                );
                 (balance, normal)
             })
             .collect();
@@ -120,7 +128,7 @@ fn push_torques(
 
 /// What must not be taken for another rounding, in the rough: a friction level that changes with speed, and slow torque
 /// over an angle.
-fn in_the_way(model: &Model) -> Vec<Hypothesis> {
+fn in_the_way(model: &Model, machine: &dyn Machine) -> Vec<Hypothesis> {
     let lead = model.feed.travel_per_radian();
     let places = [(Place::Screw, 1.0), (Place::Nut, 1.0), (Place::Feed, lead)];
     let levels = [2.5, 8.0].into_iter().flat_map(|speed| {
@@ -130,5 +138,6 @@ fn in_the_way(model: &Model) -> Vec<Hypothesis> {
         let electrical = f64::from(model.motor(axis).pole_pairs);
         [1.0, 2.0, electrical].map(|order| Hypothesis::new(Family::AngleTorque, axis.into(), order))
     });
-    levels.chain(waves).collect()
+    let all = levels.chain(waves);
+    all.filter(|hypothesis| hypothesis.is_on(machine)).collect()
 }

@@ -99,7 +99,7 @@ impl Task {
         told("tracing the residual", None);
         let outcome = analyse(&declared, &fit, &check);
         Ok(Done {
-            report: report::double_drive(&outcome, accounts),
+            report: report::traced(&outcome, accounts),
             replay: Some(Replay {
                 declared,
                 new: outcome.model,

@@ -5,8 +5,14 @@
 //! asks the residual itself: how far the pulls on the parameters, summed over stretches longer than the correlation,
 //! scatter about 0.
 
+use crate::bounded::Solution;
+use crate::design::dot;
+use crate::normal::Normal;
 use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 
+/// Rows over which a correlation length is estimated.
+const CORRELATED_ROWS: usize = 3000;
 /// Half-width of a 95 % interval in standard deviations.
 const NORMAL_95: f64 = 1.96;
 /// Length of a stretch in correlation lengths: what reaches from one stretch into the next is then small.
@@ -15,14 +21,64 @@ const LENGTHS: f64 = 8.0;
 const LEAST_STRETCHES: usize = 3;
 
 /// Rows over which a signal is correlated: one and twice the sum of its squared autocorrelation, over a tenth of it.
-fn correlated(left: &DVector<f64>) -> f64 {
+fn correlated(left: &[f64]) -> f64 {
     let rows = left.len();
-    let energy = left.norm_squared().max(1e-300);
-    let square = |lag: usize| {
-        let early = left.rows(0, rows - lag);
-        (early.dot(&left.rows(lag, rows - lag)) / energy).powi(2)
-    };
+    let energy = dot(left, left).max(1e-300);
+    let square = |lag: usize| (dot(&left[..rows - lag], &left[lag..]) / energy).powi(2);
     1.0 + 2.0 * (1..rows / 10).map(square).sum::<f64>()
+}
+
+/// Covariance of some of a regression's parameters, robust to a residual that is no white noise over time and not the same
+/// in all channels: the scatter of their influence functions over stretches (Newey and West 1987), all channels of one
+/// instant together.
+pub(crate) fn robust(
+    normal: &Normal,
+    solution: &Solution,
+    parameters: Range<usize>,
+) -> DMatrix<f64> {
+    let left = normal.residual(&solution.values);
+    let parts = || left.parts.iter().flatten();
+    let rows = parts().map(Vec::len).max().unwrap_or(0);
+    let n = parameters.len();
+    // What is left of a channel is correlated over some rows; beyond a second's worth a model error is not noise.
+    let length = parts()
+        .filter(|part| part.iter().any(|x| *x != 0.0))
+        .map(|part| correlated(&part[..part.len().min(CORRELATED_ROWS)]))
+        .fold(1.0, f64::max);
+    let stretch = ((LENGTHS * length) as usize).clamp(1, (rows / 8).max(1));
+    let mut influence = vec![vec![0.0; rows]; n];
+    for (pull, parameter) in influence.iter_mut().zip(parameters) {
+        for (channel, residual) in left.parts.iter().enumerate() {
+            let Some(residual) = residual else { continue };
+            let mut regressor = vec![0.0; residual.len()];
+            for (k, column) in normal.columns.iter().enumerate() {
+                let weight = solution.covariance[(parameter, k)];
+                if let Some(part) = column.parts[channel].as_ref().filter(|_| weight != 0.0) {
+                    regressor
+                        .iter_mut()
+                        .zip(part)
+                        .for_each(|(sum, x)| *sum += weight * x);
+                }
+            }
+            for ((pull, x), e) in pull.iter_mut().zip(&regressor).zip(residual) {
+                *pull += x * e;
+            }
+        }
+    }
+    let sums: Vec<Vec<f64>> = influence
+        .iter()
+        .map(|pull| {
+            let mut sum = 0.0;
+            (0..rows + stretch - 1)
+                .map(|row| {
+                    sum += pull.get(row).copied().unwrap_or(0.0);
+                    sum -= row.checked_sub(stretch).map_or(0.0, |row| pull[row]);
+                    sum
+                })
+                .collect()
+        })
+        .collect();
+    DMatrix::from_fn(n, n, |k, j| dot(&sums[k], &sums[j]) / stretch as f64)
 }
 
 /// A fit's linearisation at its solution.
@@ -71,7 +127,7 @@ impl<'a> Linear<'a> {
     pub(crate) fn covariance(&self) -> DMatrix<f64> {
         let (rows, n) = self.unit.shape();
         let most = (rows / (LEAST_STRETCHES * n.max(1))).max(1);
-        let stretch = ((LENGTHS * correlated(self.left)) as usize).clamp(1, most);
+        let stretch = ((LENGTHS * correlated(self.left.as_slice())) as usize).clamp(1, most);
         // All stretches, those that overlap included; at the ends they reach beyond the record, so that each row counts
         // alike.
         let mut pulls = DMatrix::zeros(rows + stretch - 1, n);

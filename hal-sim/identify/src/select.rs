@@ -5,6 +5,7 @@ use crate::channel::Channel;
 use crate::design::{Column, Whitener};
 use crate::gain::Gain;
 use crate::hypothesis::{Family, Hypothesis, Key};
+use crate::limits::plausible;
 use crate::normal::{Normal, Prior, Solution, With};
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -96,10 +97,18 @@ impl<'a> Search<'a> {
             };
             gain.fall = weight * (2.0 * value - 1.0);
         }
-        if !hypothesis.allows(&gain.values) {
+        self.refuse(&hypothesis, &mut gain);
+        Trial { hypothesis, gain }
+    }
+
+    /// Parameters beyond physics bring nothing.
+    pub(crate) fn refuse(&self, hypothesis: &Hypothesis, gain: &mut Gain) {
+        if gain.fall > 0.0
+            && let Err(reason) = plausible(hypothesis, &gain.values, self.balance)
+        {
+            self.balance.refusals.count(hypothesis, reason);
             gain.fall = 0.0;
         }
-        Trial { hypothesis, gain }
     }
 
     /// Fall of the sum of squares that a hypothesis with given parameters brings.

@@ -1,6 +1,7 @@
 //! What a recording says, in the quantities of the balances: angles, speeds, dq currents.
 
 use crate::fourier::{Fourier, Spectrum, slope};
+use crate::machines::Machine;
 use plant::Axis;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -36,6 +37,8 @@ pub struct MotorSignals {
     pub u_d: Vec<f64>,
     /// Commanded voltages, V.
     pub u_q: Vec<f64>,
+    /// Size that the q current exceeds in a thousandth of the rows only, A.
+    pub peak_a: f64,
     /// Greatest size of the speed, rad/s.
     pub top_speed: f64,
     /// Second derivative of the angle, rad/s^2.
@@ -48,6 +51,8 @@ pub struct MotorSignals {
 
 /// A whole record.
 pub struct Signals {
+    /// What kind of machine it is of.
+    pub machine: &'static dyn Machine,
     /// Rows per second.
     pub rate: f64,
     /// Time from the first row on, s.
@@ -76,6 +81,16 @@ pub fn clarke(a: f64, b: f64) -> (f64, f64) {
 /// To the rotor's frame; `rotor` is (cos, sin) of the electrical angle.
 pub fn park((alpha, beta): (f64, f64), (cos, sin): (f64, f64)) -> (f64, f64) {
     (alpha * cos + beta * sin, beta * cos - alpha * sin)
+}
+
+/// See [`MotorSignals::peak_a`].
+fn peak(values: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let at = (sizes.len() - 1) * 999 / 1000;
+    *sizes.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 impl MotorSignals {
@@ -117,6 +132,7 @@ impl MotorSignals {
                 .collect()
         });
         MotorSignals {
+            peak_a: peak(&i_q),
             top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
             acceleration: fourier.curvature(&travel),
             i_d_rate: fourier.slope(&i_d),
@@ -137,7 +153,12 @@ impl MotorSignals {
 
 impl Signals {
     /// The signals of a recording of the machine `model`.
-    pub fn new(recording: &Recording, model: &Model, fourier: &Fourier) -> Self {
+    pub fn new(
+        recording: &Recording,
+        model: &Model,
+        fourier: &Fourier,
+        machine: &'static dyn Machine,
+    ) -> Self {
         let rate = model.sensing.sample_hz;
         let motors = Axis::ALL.map(|axis| MotorSignals::new(recording, axis, model, fourier, rate));
         let difference =
@@ -146,6 +167,7 @@ impl Signals {
         let table = &recording.table_position_m;
         let moved: Vec<f64> = table.iter().map(|x| x - table[0]).collect();
         Signals {
+            machine,
             rate,
             table_spectrum: fourier.spectrum(&moved),
             relative_spectrum: fourier.spectrum(&relative),

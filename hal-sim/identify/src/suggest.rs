@@ -4,6 +4,7 @@ use crate::balance::declared_resonance_hz;
 use crate::channel::Channel;
 use crate::design::counted;
 use crate::hypothesis::{Family, Hypothesis, LEAST_ORDER, LEAST_RELATIVE_ORDER};
+use crate::limits::excited;
 use crate::noise::USED;
 use crate::normal::Solution;
 use crate::scan::{OrderSpectrum, Stretch};
@@ -11,8 +12,6 @@ use crate::select::Search;
 use plant::Axis;
 use plant::effects::Place;
 
-/// Where to look for periodic torque: from below one period per turn to what the slowest operating point resolves.
-const ORDERS: std::ops::Range<f64> = LEAST_ORDER..126.0;
 /// Where to look for what repeats with screw against nut.
 const RELATIVE_ORDERS: std::ops::Range<f64> = LEAST_RELATIVE_ORDER..60.0;
 
@@ -63,6 +62,15 @@ impl Search<'_> {
             ));
         }
         list.extend(self.scanned(solution));
+        let machine = self.balance.signals.machine;
+        list.retain(|hypothesis| hypothesis.is_on(machine));
+        list.retain(|hypothesis| match excited(hypothesis, self.balance) {
+            Ok(()) => true,
+            Err(reason) => {
+                self.balance.refusals.count(hypothesis, reason);
+                false
+            }
+        });
         list
     }
 
@@ -110,7 +118,8 @@ impl Search<'_> {
         let step = self.balance.fourier.step();
         let signals = self.balance.signals;
         let mut list = Vec::new();
-        for (place, axis) in [(Place::Screw, Axis::Screw), (Place::Nut, Axis::Nut)] {
+        for &axis in signals.machine.axes() {
+            let place = Place::from(axis);
             let spectrum = self.torque_orders(&scores, axis);
             for order in spectrum.peaks(5, 2.0 / spectrum.turns) {
                 let near = order.round();
@@ -126,6 +135,9 @@ impl Search<'_> {
             for hz in self.frequencies(&scores, axis) {
                 list.push(Hypothesis::new(Family::TimePeriodic, place, hz));
             }
+        }
+        if !signals.machine.has_feed() {
+            return list;
         }
         let relative: Vec<f64> = (0..self.balance.fourier.decimated_rows())
             .map(|k| signals.relative[k * step])
@@ -197,7 +209,8 @@ impl Search<'_> {
             &stretches,
             &|index, hz| self.weight(channel, &stretches[index], hz),
             self.highest_hz(),
-            ORDERS,
+            // From below one period per turn to what the slowest operating point resolves.
+            LEAST_ORDER..126.0,
         )
     }
 

@@ -110,7 +110,7 @@ pub(crate) fn strongest(
         }
         for along in Along::ALL
             .into_iter()
-            .filter(|along| !has_kind(channel, *along))
+            .filter(|along| along.is_on(signals.machine) && !has_kind(channel, *along))
         {
             let rows = || (0..values.len()).map(|row| row * fourier.step());
             let coordinate: Vec<f64> = rows().map(|row| along.value(signals, row)).collect();

@@ -80,7 +80,7 @@ fn what_orders_explain_leaves_nothing_in_noise() {
 #[test]
 fn what_no_whole_order_has_is_told_by_what_it_looks_like() {
     let report = left(|_, theta| 0.03 * (17.4 * theta + 0.3).cos());
-    assert_eq!(report.verdict, "unexplained");
+    assert_eq!(report.verdict, "partly explained");
     let wave = &report.unexplained[0];
     assert_eq!(
         (wave.channel.as_str(), wave.unit.as_str()),

@@ -6,12 +6,9 @@
 //! machine that was not told right, and why) and `confusion.svg` into the target folder's `blind`.
 
 mod alias;
-mod friction;
 mod kinds;
-mod machines;
 mod matrix;
 mod oracle;
-mod profile;
 mod score;
 mod strange;
 mod table;
@@ -39,7 +36,7 @@ fn setting(name: &str, otherwise: u64) -> u64 {
 }
 
 fn told(seed: u64, kinds: &[&str]) -> Row {
-    let machine = machines::draw(seed, kinds);
+    let machine = hal_sim::draw::draw(seed, kinds);
     let outcome = analyse(&machine.declared, &machine.fit, &machine.check);
     Row::new(seed, &machine, &outcome)
 }

@@ -1,9 +1,9 @@
 //! What became of each machine, and the sums.
 
-use crate::machines::Machine;
 use crate::matrix::Matrix;
 use crate::oracle::{self, Oracle};
 use crate::score::{self, Score};
+use hal_sim::draw::Machine;
 use identify::analysis::{Outcome, Unexplained};
 use identify::record::Record;
 use plant::effects::EffectModel;

@@ -69,6 +69,9 @@ pub struct BenchOptions {
     /// machines is run if there is none.
     #[arg(long)]
     pub blind: Option<u32>,
+    /// The full numbers of drawn machines; without it a sample.
+    #[arg(long)]
+    pub long: bool,
 }
 
 /// Identifies.

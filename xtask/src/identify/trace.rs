@@ -38,7 +38,7 @@ pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
 }
 
 fn print(report: &Report) {
-    println!("verdict: {}", report.verdict);
+    println!("verdict: {}. {}", report.verdict, report.summary);
     for effect in &report.effects {
         let values: Vec<String> = effect
             .parameters
@@ -57,7 +57,7 @@ fn print(report: &Report) {
             })
             .collect();
         println!(
-            "{} at {}: {}; explains {:.1} %",
+            "{} at {}: {}; explains {:.1} % of the check record's excess",
             effect.kind,
             effect.place,
             values.join(", "),

@@ -14,6 +14,7 @@ pub use parameter::{MotorParameter, Parameter};
 use crate::channel::Channel;
 use crate::fourier::{Fourier, Spectrum};
 use crate::hypothesis::Memory;
+use crate::limits::Refusals;
 use crate::signals::Signals;
 use plant::Axis;
 use plant::effects::{EffectModel, Place};
@@ -128,6 +129,8 @@ pub struct Balance<'a> {
     /// Second derivative of the relative angle.
     relative_acceleration: Spectrum,
     pub(crate) memory: Memory,
+    /// What is not tried or not taken.
+    pub(crate) refusals: Refusals,
 }
 
 /// +1 for the screw, -1 for the nut: the sign with which the axial force brakes a motor.
@@ -198,6 +201,7 @@ impl<'a> Balance<'a> {
             table_force,
             rigid: difference(&signals.table_spectrum, &signals.relative_spectrum, lead),
             memory: Memory::default(),
+            refusals: Refusals::default(),
             relative_acceleration: difference(&screw.acceleration, &nut.acceleration, 1.0),
         }
     }

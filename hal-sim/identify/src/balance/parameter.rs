@@ -3,6 +3,7 @@
 use super::declared::FULL;
 use super::{Balance, Contribution, brake, rounded_sign};
 use crate::channel::Channel;
+use crate::machines::declared_or_unit;
 use crate::normal::Prior;
 use crate::signals::SMOOTH_HZ as SMOOTH;
 use plant::Axis;
@@ -25,18 +26,20 @@ impl Balance<'_> {
                 let omega_e = |k: usize| pole_pairs * s.omega[k];
                 match which {
                     MotorParameter::Inertia => {
-                        sum.add(torque, motor.inertia_kg_m2, &s.acceleration);
+                        let unit = declared_or_unit(motor.inertia_kg_m2);
+                        sum.add(torque, unit, &s.acceleration);
                     }
                     MotorParameter::Viscous => {
-                        sum.add(
-                            torque,
-                            motor.viscous_nm_s,
-                            &self.spectrum_of(SMOOTH, |k| s.omega[k]),
-                        );
+                        let unit = declared_or_unit(motor.viscous_nm_s);
+                        sum.add(torque, unit, &self.spectrum_of(SMOOTH, |k| s.omega[k]));
+                    }
+                    MotorParameter::Load => {
+                        sum.add(torque, 1.0, &self.spectrum_of(SMOOTH, |_| 1.0));
                     }
                     MotorParameter::Coulomb => {
+                        let unit = declared_or_unit(motor.coulomb_nm);
                         let sign = |k: usize| rounded_sign(s.omega[k], self.rounding.bearing);
-                        sum.add(torque, motor.coulomb_nm, &self.spectrum_of(SMOOTH, sign));
+                        sum.add(torque, unit, &self.spectrum_of(SMOOTH, sign));
                     }
                     MotorParameter::Flux => {
                         sum.add(
@@ -162,6 +165,8 @@ pub enum MotorParameter {
     /// The inductance's part in front of the current's derivative, relative. The sensors' noise, which the loop answers
     /// with voltage, biases it: a nuisance.
     CurrentSlope,
+    /// A constant load torque, N m: that of a motor of which nobody says what it drives.
+    Load,
     /// Time by which the angle is read before or after the table, s: a nuisance. Drives whose two current loops are
     /// half a period apart read the angles so.
     ReadingLag,
@@ -172,29 +177,29 @@ pub enum MotorParameter {
 }
 
 impl Parameter {
-    /// All that a model file declares, and the motors' nuisances.
-    pub fn all() -> Vec<Parameter> {
+    /// All that a model file declares of a motor and its winding, and their nuisances.
+    pub fn of_a_drive(axis: Axis) -> Vec<Parameter> {
         use MotorParameter::*;
-        let mut all = Vec::new();
-        for axis in Axis::ALL {
-            for which in [
-                Inertia,
-                Viscous,
-                Coulomb,
-                Flux,
-                Resistance,
-                Inductance,
-                CurrentSlope,
-                VoltageLag,
-                AngleLag,
-                ReadingLag,
-            ] {
-                all.push(Parameter::Motor(axis, which));
-            }
-        }
+        [
+            Inertia,
+            Viscous,
+            Coulomb,
+            Flux,
+            Resistance,
+            Inductance,
+            CurrentSlope,
+            VoltageLag,
+            AngleLag,
+            ReadingLag,
+        ]
+        .map(|which| Parameter::Motor(axis, which))
+        .to_vec()
+    }
+
+    /// All that it declares of the feed.
+    pub fn of_the_feed() -> [Parameter; 4] {
         use Parameter::*;
-        all.extend([Pair, GuidewayCoulomb, GuidewayViscous, Load]);
-        all
+        [Pair, GuidewayCoulomb, GuidewayViscous, Load]
     }
 
     /// Whether it is the machine's and not the record's.
@@ -209,7 +214,9 @@ impl Parameter {
     pub fn is_torque(self) -> bool {
         use MotorParameter::*;
         match self {
-            Parameter::Motor(_, which) => matches!(which, Inertia | Viscous | Coulomb | Flux),
+            Parameter::Motor(_, which) => {
+                matches!(which, Inertia | Viscous | Coulomb | Flux | Load)
+            }
             Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => false,
             _ => true,
         }
@@ -225,6 +232,7 @@ impl Parameter {
                 | MotorParameter::Inductance => 0.033,
                 MotorParameter::Flux => 0.011,
                 MotorParameter::Viscous | MotorParameter::Coulomb => 0.22,
+                MotorParameter::Load => return f64::INFINITY,
                 MotorParameter::CurrentSlope => 0.4,
                 MotorParameter::AngleLag => 2e-5,
                 MotorParameter::VoltageLag | MotorParameter::ReadingLag => 1e-4,

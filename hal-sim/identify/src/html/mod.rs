@@ -38,6 +38,8 @@ fn title(report: &Report) -> &'static str {
     match report.verdict {
         "nothing missing" => "Nothing is missing",
         "unexplained" => "Something is left that is not explained",
+        "wrong data" => "The data are not what they are said to be",
+        "partly explained" => "A part of what the model lacks",
         _ => "What the record has and the model lacks",
     }
 }
@@ -46,12 +48,6 @@ fn title(report: &Report) -> &'static str {
 const NAMED: usize = 3;
 
 fn result(report: &Report) -> String {
-    if report.effects.is_empty() {
-        return match report.unexplained.is_empty() {
-            true => "With its plate values refined, the declared model explains the record to the noise of its sensors.".into(),
-            false => "No effect was borne out by both records; what is left is described below, without a cause.".into(),
-        };
-    }
     let mut sentences: Vec<String> = report
         .effects
         .iter()
@@ -64,9 +60,7 @@ fn result(report: &Report) -> String {
             report.effects.len() - NAMED
         ));
     }
-    if !report.unexplained.is_empty() {
-        sentences.push("Something is left beside it, described below without a cause.".into());
-    }
+    sentences.push(report.summary.clone());
     sentences.join(" ")
 }
 
@@ -192,6 +186,8 @@ mod tests {
         };
         Report {
             verdict: "explained",
+            summary: "What is named takes 99 %.".into(),
+            refused: Vec::new(),
             effects: vec![Effect {
                 kind: "cogging".into(),
                 place: "screw".into(),

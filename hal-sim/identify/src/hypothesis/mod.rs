@@ -3,6 +3,7 @@
 mod effect;
 
 use crate::balance::{Balance, Contribution};
+use crate::machines::Machine;
 use crate::normal::Prior;
 use crate::unnamed::Unnamed;
 use plant::Axis;
@@ -49,6 +50,21 @@ pub enum Family {
     Backlash,
     /// What has no kind.
     Unnamed(Unnamed),
+}
+
+impl Family {
+    /// Whether it is of a motor and its drive, so that a motor alone can have it.
+    pub fn is_of_a_motor(self) -> bool {
+        use Family::*;
+        match self {
+            CurrentOffset | CurrentGain | DeadTime | ResistanceDrift | FluxDrift | AngleTorque
+            | TimePeriodic | FluxHarmonic | EncoderEccentricity | StribeckFriction => true,
+            LeadError | LeadScale | BallPassage | AxialCompliance | PositionLoad | Backlash => {
+                false
+            }
+            Unnamed(_) => true,
+        }
+    }
 }
 
 /// A family at a place, with the one number in which it is not linear.
@@ -101,6 +117,16 @@ impl Hypothesis {
             place,
             shape,
         }
+    }
+
+    /// Whether a kind of machine can have it there.
+    pub(crate) fn is_on(&self, machine: &dyn Machine) -> bool {
+        let there = match self.place {
+            Place::Feed => machine.has_feed(),
+            Place::Both => machine.axes().len() == 2,
+            place => machine.axes().iter().any(|axis| place.has(*axis)),
+        };
+        there && machine.can_have(self.family)
     }
 
     /// The family in words of a model file; torque over angle stands for the kinds that its order tells apart.
@@ -298,14 +324,6 @@ impl Hypothesis {
             Family::StribeckFriction => 1e-2,
             Family::Backlash => 1e-4,
             _ => 3e-5,
-        }
-    }
-
-    /// Whether an effect with these parameters can be.
-    pub fn allows(&self, values: &[f64]) -> bool {
-        match self.family {
-            Family::DeadTime | Family::StribeckFriction | Family::Backlash => values[0] > 0.0,
-            _ => true,
         }
     }
 }

@@ -23,8 +23,6 @@ use worth::{inseparable, resolved};
 pub const MATERIAL: f64 = 0.004;
 /// Share of that which the check record must confirm, with the parameters of the fit.
 const CONFIRMED: f64 = 0.25;
-/// Effects of one machine at most, those without a name included.
-const MOST_EFFECTS: usize = 5;
 /// Hypotheses that are looked at closely in each step.
 const MOST_CONTENDERS: usize = 5;
 /// How much more than any hypothesis a shape without a name must explain: a hypothesis says more with less.
@@ -56,6 +54,20 @@ fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothe
         }
     }
     vec![trial.hypothesis]
+}
+
+/// Effects of one machine at most, those without a name included.
+const MOST_EFFECTS: usize = 5;
+/// Parameters of a harmonic: cosine, sine and order.
+const PARAMETERS: f64 = 3.0;
+/// Orders, frequencies and other hypotheses of which the best is taken.
+const CANDIDATES: f64 = 1e4;
+
+/// What an effect must lower the sum of squares by over so many rows: what is material, and what the extended Bayesian
+/// information criterion asks of the best of many candidates (Chen and Chen, *Biometrika* 95, 2008, with gamma 1).
+fn threshold(rows: usize) -> f64 {
+    let rows = rows.max(2) as f64;
+    (MATERIAL * rows).max(PARAMETERS * rows.ln() + 2.0 * CANDIDATES.ln())
 }
 
 /// Something significant that is not named, and why.
@@ -112,7 +124,7 @@ impl Witness<'_, '_> {
 
     /// Whether a fall bears a trial out: a share of what its rows make one expect.
     fn confirms(&self, fall: f64) -> bool {
-        fall > CONFIRMED * MATERIAL * self.rows
+        fall > CONFIRMED * threshold(self.rows as usize)
     }
 }
 
@@ -300,7 +312,7 @@ impl Progress {
                 .iter()
                 .any(|known| same(known, &trial.hypothesis, case.balance))
         });
-        self.threshold = MATERIAL * whitener.used_rows() as f64;
+        self.threshold = threshold(whitener.used_rows());
         let contenders = self.contenders(&trials, &mut search, &self.known(), self.threshold);
         let others = self.found.clone();
         let (mut accepted, doubtful) = Self::chosen(&contenders, witness, &others);

@@ -4,8 +4,10 @@ use super::worth::{inseparable, same};
 use super::{Doubt, Progress, Witness};
 use crate::analysis::Case;
 use crate::channel::Channel;
-use crate::hypothesis::Family;
+use crate::gain::Gain;
+use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
+use crate::select::Trial;
 
 /// Share of what is left in a channel that an effect must explain there: less than a quarter of its amplitude is no more
 /// than a likeness.
@@ -104,6 +106,23 @@ impl Progress {
             });
             self.forget(k);
         }
+    }
+
+    /// Takes an effect back and notes why.
+    pub(crate) fn doubt(&mut self, hypothesis: &Hypothesis, reason: &'static str) {
+        let Some(k) = self.found.iter().position(|known| known == hypothesis) else {
+            return;
+        };
+        let gain = Gain {
+            fall: self.falls[k],
+            values: vec![0.0; hypothesis.columns()],
+        };
+        let trial = Trial {
+            hypothesis: *hypothesis,
+            gain,
+        };
+        self.doubtful.push(Doubt { trial, reason });
+        self.forget(k);
     }
 
     /// Takes an effect back with all that was noted of it.

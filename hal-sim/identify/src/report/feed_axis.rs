@@ -2,7 +2,7 @@
 
 use super::{
     Calibrated, Channel, Coordinate, Effect, Errors, Left, Report, Residual, Selection, Stage,
-    Tried, verdict,
+    Tried,
 };
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::interval::Estimate;
@@ -10,6 +10,7 @@ use crate::load::Account;
 use crate::remains::whiteness;
 use crate::rest;
 use crate::sandwich::{Wave, interval};
+use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
@@ -64,8 +65,11 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report 
         .iter()
         .map(|remnant| Left::of(remnant, "force", "N"))
         .collect();
+    let judged = judged(study, &unexplained);
     Report {
-        verdict: verdict(&effects, &unexplained),
+        verdict: judged.verdict.name(),
+        summary: judged.sentence,
+        refused: Vec::new(),
         residual: vec![Residual {
             channel: "force".into(),
             unit: "N".into(),
@@ -100,6 +104,34 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report 
         time,
         model: last.axis.to_toml(),
     }
+}
+
+/// By the check record's force error, homed, against the difference from lap to lap.
+fn judged(study: &Study, unexplained: &[Left]) -> Judged {
+    let (before, after) = (
+        study.stages[study.refitted].test.force_n,
+        study.last().homed.force_n,
+    );
+    let floor = study.lap_to_lap_n;
+    let known = match floor.is_finite() {
+        true => Floor::Laps,
+        false => Floor::Unknown,
+    };
+    // Without a floor only the fall counts.
+    let unit = if floor.is_finite() { floor } else { after };
+    let channel = CheckChannel {
+        name: "force",
+        unit: "N",
+        levels: [before, after].map(|rms| Level::of_rms(rms, unit, 1)),
+        rms: [before, after],
+        floor,
+    };
+    judge(
+        &[channel],
+        study.last().axis.terms.len(),
+        unexplained.len(),
+        known,
+    )
 }
 
 fn errors(errors: &feed_axis::Errors) -> Errors {

@@ -1,16 +1,17 @@
 //! What was found, whatever the machine: as `report.json`, and for the page.
 
-mod double_drive;
 mod feed_axis;
 mod motor;
+mod traced;
 mod write;
 
-pub use double_drive::double_drive;
 pub use feed_axis::feed_axis;
 pub use motor::motor;
+pub use traced::traced;
 pub use write::{WriteError, write};
 
 use crate::interval::Estimate;
+use crate::limits::Refusal;
 use crate::load::Account;
 use crate::rest::Remnant;
 use serde::Serialize;
@@ -19,14 +20,18 @@ use std::collections::BTreeMap;
 /// A report. What serde skips is for the page and the other files.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// `nothing missing`, `explained` or `unexplained`.
+    /// `nothing missing`, `explained`, `partly explained`, `unexplained` or `wrong data`.
     pub verdict: &'static str,
+    /// The verdict in a sentence: how much of what the check record has beyond its noise floor is gone.
+    pub summary: String,
     /// What the record has and the model lacks, the greatest first.
     pub effects: Vec<Effect>,
     /// Residual by channel.
     pub residual: Vec<Residual>,
     /// What no hypothesis explains.
     pub unexplained: Vec<Left>,
+    /// What was not tried for want of excitation, or not taken for being beyond physics.
+    pub refused: Vec<Refusal>,
     /// Plate values that were refined.
     pub calibration: Vec<Calibrated>,
     /// How derivatives were taken, and to which bandwidth.
@@ -72,7 +77,7 @@ pub struct Effect {
     pub interval: BTreeMap<String, [f64; 2]>,
     /// Units of the parameters.
     pub unit: BTreeMap<String, String>,
-    /// Share of what the fit record has beyond noise.
+    /// Share of what the check record has beyond its noise floor, with the parameters of the fit record.
     pub explained: f64,
     /// What it explains of each operating point of the fit record when fitted on the others, as a share of what it
     /// explains there when fitted on all.
@@ -285,15 +290,6 @@ impl Left {
             unit: unit.into(),
             reason: remnant.reason.clone(),
         }
-    }
-}
-
-/// Of a machine with one channel.
-fn verdict(effects: &[Effect], unexplained: &[Left]) -> &'static str {
-    match (effects, unexplained) {
-        ([], []) => "nothing missing",
-        (_, []) => "explained",
-        _ => "unexplained",
     }
 }
 

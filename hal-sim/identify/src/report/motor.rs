@@ -1,12 +1,13 @@
 //! The report of a bare motor.
 
-use super::{Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried, verdict};
+use super::{Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
 use crate::interval::Estimate;
 use crate::load::Account;
 use crate::motor::{Fit, MotorModel, Study, rms};
 use crate::remains::whiteness;
 use crate::rest;
 use crate::sandwich::{Wave, interval};
+use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};
 
 /// Of what was found with a motor, from the records `accounts`.
 pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report {
@@ -52,8 +53,11 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
         .iter()
         .map(|remnant| Left::of(remnant, "current", "A"))
         .collect();
+    let judged = judged(study, effects.len(), unexplained.len());
     Report {
-        verdict: verdict(&effects, &unexplained),
+        verdict: judged.verdict.name(),
+        summary: judged.sentence,
+        refused: Vec::new(),
         residual: vec![Residual {
             channel: "current".into(),
             unit: "A".into(),
@@ -102,6 +106,20 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report
         model: model_toml(model, &effects),
         effects,
     }
+}
+
+/// By the check record's current error against the current's own noise above the dynamics.
+fn judged(study: &Study, names: usize, left: usize) -> Judged {
+    let rms = [&study.before, &study.after].map(|fit| rms(&fit.left[1]));
+    let rows = study.after.left[1].len();
+    let channel = CheckChannel {
+        name: "current",
+        unit: "A",
+        levels: rms.map(|rms| Level::of_rms(rms, study.noise, rows)),
+        rms,
+        floor: study.noise,
+    };
+    judge(&[channel], names, left, Floor::Spectrum)
 }
 
 fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {

@@ -122,6 +122,12 @@ impl Machine {
         self.motors[axis.index()].disturbance_torque = newton_metres;
     }
 
+    /// Changes the winding of one motor from its model, relative, until the next call: its resistance, and its flux in
+    /// back-EMF and torque alike.
+    pub fn set_winding_change(&mut self, axis: Axis, resistance: f64, flux: f64) {
+        self.motors[axis.index()].change = [resistance, flux];
+    }
+
     /// One step of integration over `dt` seconds with the bridges held.
     ///
     /// # Panics

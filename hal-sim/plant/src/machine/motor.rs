@@ -33,6 +33,8 @@ pub(super) struct Motor {
     coulomb: f64,
     pub(super) load_torque: f64,
     pub(super) disturbance_torque: f64,
+    /// Relative changes of resistance and flux from outside.
+    pub(super) change: [f64; 2],
     pub(super) pole_pairs: f64,
     resistance: f64,
     inductance: f64,
@@ -127,6 +129,7 @@ impl Motor {
             coulomb: motor.coulomb_nm,
             load_torque: 0.0,
             disturbance_torque: 0.0,
+            change: [0.0; 2],
             pole_pairs: f64::from(motor.pole_pairs),
             resistance: motor.resistance_ohm,
             inductance: motor.inductance_h,
@@ -165,9 +168,13 @@ impl Motor {
         let omega = self.state.omega + 0.5 * dt * self.acceleration;
         let terms = &self.terms;
         let flux = self.flux
-            * (1.0 + terms.electrical_flux.value(electrical) + sum(&terms.timed_flux, time));
-        if !terms.timed_resistance.is_empty() {
-            let resistance = self.resistance * (1.0 + sum(&terms.timed_resistance, time));
+            * (1.0
+                + terms.electrical_flux.value(electrical)
+                + sum(&terms.timed_flux, time)
+                + self.change[1]);
+        if !terms.timed_resistance.is_empty() || self.change[0] != 0.0 {
+            let resistance =
+                self.resistance * (1.0 + sum(&terms.timed_resistance, time) + self.change[0]);
             self.response = Response::new(resistance, self.inductance, dt);
         }
         let torque_per_ampere = self.pole_pairs * flux;

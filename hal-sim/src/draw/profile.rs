@@ -1,7 +1,7 @@
 //! Profiles: those of the shared recordings, others built like them, and others.
 
-use crate::machines::{between, pick};
-use hal_sim::experiment::RPM;
+use super::{between, pick};
+use crate::experiment::RPM;
 use rand::{Rng, RngExt};
 
 /// One operating point.
@@ -91,7 +91,7 @@ pub fn slow() -> Profile {
 }
 
 /// The shared recordings' second run.
-fn recorded_check() -> Profile {
+pub fn recorded_check() -> Profile {
     Profile::of(
         0.75,
         &[
@@ -131,6 +131,21 @@ fn own(rng: &mut impl Rng, legs: usize) -> Profile {
         ));
     }
     Profile::of(0.4, &list)
+}
+
+/// Of a motor alone: slow and fast, both ways.
+pub fn alone(rng: &mut impl Rng, legs: usize) -> Profile {
+    let list: Vec<_> = (0..legs)
+        .map(|leg| {
+            let way = if leg % 3 == 2 { -1.0 } else { 1.0 };
+            let rpm = match leg % 4 {
+                0 => between(rng, 25.0, 80.0),
+                _ => between(rng, 100.0, 800.0),
+            };
+            (0.0, way * rpm, between(rng, 1.2, 1.8))
+        })
+        .collect();
+    Profile::of(0.3, &list)
 }
 
 /// The profiles of a machine: half of them as the shared recordings have them (`friction`: more speeds at a resting

@@ -1,14 +1,16 @@
-//! The report of a double drive.
+//! The report of what the engine traced, whatever the machine.
 
 use super::{
     Alias, Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried,
 };
-use crate::analysis::{Bandwidth, ChannelRest, Figures, Found, Outcome, Rival};
+use crate::analysis::{Bandwidth, ChannelRest, Figures, Found, Outcome, Rival, TableForce};
 use crate::channel::Channel as Balance;
 use crate::hypothesis::Family;
 use crate::interval::estimates;
 use crate::load::Account;
+use crate::machines::Machine;
 use crate::select::Trial;
+use crate::verdict::Judged;
 use plant::Axis;
 use plant::effects::Place;
 
@@ -20,26 +22,42 @@ const RELATIVE_SPEED: &str = "Speed of screw against nut, rad/s";
 const LISTED: usize = 8;
 
 /// Of what was traced, from the records `accounts`.
-pub fn double_drive(outcome: &Outcome, accounts: [Account; 2]) -> Report {
+pub fn traced(outcome: &Outcome, accounts: [Account; 2]) -> Report {
+    let machine = outcome.machine;
+    let judged = outcome.judged();
     Report {
-        verdict: outcome.verdict(),
-        effects: outcome.effects.iter().map(effect).collect(),
+        verdict: judged.verdict.name(),
+        summary: judged.sentence.clone(),
+        effects: outcome
+            .effects
+            .iter()
+            .map(|found| effect(found, outcome, &judged))
+            .collect(),
         residual: outcome
             .channels
             .iter()
-            .map(|rest| residual(rest.channel.name(), rest.channel.unit(), &rest.figures))
-            .chain([residual(TABLE_FORCE, "N", &outcome.table_force.figures)])
+            .map(|rest| {
+                let (name, unit) = (machine.name(rest.channel), machine.unit(rest.channel));
+                residual(name, unit, &rest.figures)
+            })
+            .chain(
+                outcome
+                    .table_force
+                    .iter()
+                    .map(|force| residual(TABLE_FORCE, "N", &force.figures)),
+            )
             .collect(),
+        refused: outcome.refused.clone(),
         unexplained: outcome
             .unexplained
             .iter()
             .map(|left| Left {
-                channel: left.channel.name().into(),
-                coordinate: left.coordinate.into(),
+                channel: machine.name(left.channel).into(),
+                coordinate: alone(machine, left.coordinate),
                 order: left.order,
                 hz: left.hz,
                 size: left.size,
-                unit: left.channel.unit().into(),
+                unit: machine.unit(left.channel).into(),
                 reason: left.reason.into(),
             })
             .collect(),
@@ -52,7 +70,7 @@ pub fn double_drive(outcome: &Outcome, accounts: [Account; 2]) -> Report {
                 sigma: *sigma,
             })
             .collect(),
-        derivatives: derivatives(&outcome.bandwidth),
+        derivatives: derivatives(outcome),
         selection: selection(outcome),
         simulation: None,
         stages: Vec::new(),
@@ -61,10 +79,15 @@ pub fn double_drive(outcome: &Outcome, accounts: [Account; 2]) -> Report {
             .channels
             .iter()
             .map(|rest| channel(rest, outcome))
-            .chain([table_force(outcome)])
+            .chain(
+                outcome
+                    .table_force
+                    .iter()
+                    .map(|force| table_force(force, outcome)),
+            )
             .collect(),
         time: outcome.coordinates.time.clone(),
-        model: outcome.model.to_toml(),
+        model: model_toml(outcome),
     }
 }
 
@@ -81,21 +104,65 @@ fn residual(name: &str, unit: &str, figures: &Figures) -> Residual {
     }
 }
 
-fn effect(found: &Found) -> Effect {
+/// A coordinate's name: of a motor alone, the motor's.
+fn alone(machine: &dyn Machine, coordinate: &str) -> String {
+    match machine.has_feed() {
+        true => coordinate.into(),
+        false => coordinate.replace("the screw", "the motor"),
+    }
+}
+
+/// The model file: of a motor alone its table and its effects.
+fn model_toml(outcome: &Outcome) -> String {
+    let whole = outcome.model.to_toml();
+    if outcome.machine.has_feed() {
+        return whole;
+    }
+    // Everything but nut and feed, which a motor alone does not have.
+    let mut text = String::new();
+    let mut kept = true;
+    for line in whole.lines() {
+        if line.starts_with('[') {
+            kept = !(line.contains("nut") || line.contains("feed"));
+        }
+        if kept {
+            text += &line
+                .replace("[screw]", "[motor]")
+                .replace("[[screw.", "[[motor.");
+            text.push('\n');
+        }
+    }
+    text.replace("where = \"screw\"", "where = \"motor\"")
+}
+
+fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
+    let machine = outcome.machine;
     let estimates = estimates(found);
     let value = |name: &str| estimates.iter().find(|e| e.name == name).map(|e| e.value);
     let (kind, place) = (found.effect.effect().kind(), found.effect.place());
     let (order, hz) = (value("order"), value("hz"));
     let with_units = estimates.into_iter().map(|estimate| {
-        let unit = unit(kind, place, &estimate.name);
+        let unit = match unit(kind, place, &estimate.name) {
+            "N m" => machine.unit(Balance::Torque(Axis::Screw)),
+            other => other,
+        };
         (estimate, unit)
     });
     Effect {
         order,
         hz,
         held_back: held_back(found),
-        not_separable: found.inseparable.iter().filter_map(alias).collect(),
-        ..Effect::new(kind, place.name(), found.explained, with_units)
+        not_separable: found
+            .inseparable
+            .iter()
+            .filter_map(|rival| alias(rival, machine))
+            .collect(),
+        ..Effect::new(
+            kind,
+            machine.place(place),
+            judged.share(found.check_fall),
+            with_units,
+        )
     }
 }
 
@@ -108,12 +175,12 @@ fn held_back(found: &Found) -> Vec<f64> {
         .collect()
 }
 
-fn alias(rival: &Rival) -> Option<Alias> {
+fn alias(rival: &Rival, machine: &dyn Machine) -> Option<Alias> {
     let effect = rival.effect.as_ref()?;
     let parameters = effect.effect().parameters();
     Some(Alias {
         kind: effect.effect().kind().into(),
-        place: effect.place().name().into(),
+        place: machine.place(effect.place()).into(),
         parameters: parameters
             .into_iter()
             .filter(|(name, _)| name != "duration_s")
@@ -124,13 +191,21 @@ fn alias(rival: &Rival) -> Option<Alias> {
     })
 }
 
-fn derivatives(bandwidth: &Bandwidth) -> String {
+fn derivatives(outcome: &Outcome) -> String {
     let Bandwidth {
         balance_hz,
         table_hz,
         speed_hz,
         even_hz,
-    } = bandwidth;
+    } = &outcome.bandwidth;
+    if !outcome.machine.has_feed() {
+        return format!(
+            "Derivatives are taken in the frequency domain over the whole record, without phase, and compared up to \
+             {balance_hz:.0} Hz. From {:.0} Hz on the encoder's noise, differentiated twice, outweighs the current \
+             sensor's: weights fall there with the fourth power.",
+            even_hz[0]
+        );
+    }
     format!(
         "Derivatives are taken in the frequency domain over the whole record, without phase. Torque and voltage balances are \
          compared up to {balance_hz:.0} Hz, the table up to {table_hz:.0} Hz. From {:.0} Hz (screw) and {:.0} Hz (nut) on the \
@@ -162,9 +237,10 @@ fn unit(kind: &str, place: Place, name: &str) -> &'static str {
 }
 
 fn selection(outcome: &Outcome) -> Selection {
+    let machine = outcome.machine;
     let tried = |trial: &Trial, outcome: String| Tried {
         hypothesis: trial.hypothesis.name().into(),
-        place: trial.hypothesis.place.name().into(),
+        place: machine.place(trial.hypothesis.place).into(),
         shape: (trial.hypothesis.shape != 0.0).then_some(trial.hypothesis.shape),
         fall: trial.gain.fall.max(0.0),
         outcome,
@@ -174,7 +250,7 @@ fn selection(outcome: &Outcome) -> Selection {
         let name = found.effect.effect().kind();
         trials.push(Tried {
             hypothesis: name.into(),
-            place: found.effect.place().name().into(),
+            place: outcome.machine.place(found.effect.place()).into(),
             shape: (found.hypothesis.shape != 0.0).then_some(found.hypothesis.shape),
             fall: found.fall,
             outcome: format!("found; {:.0} on the check record", found.check_fall),
@@ -188,13 +264,13 @@ fn selection(outcome: &Outcome) -> Selection {
                 .map(|rival| tried(rival, lost.clone())),
         );
     }
-    trials.extend(outcome.last.iter().take(LISTED).map(|trial| {
-        let reason = match trial.gain.fall > outcome.threshold {
-            true => "not borne out by the check record",
-            false => "below the threshold",
-        };
-        tried(trial, reason.into())
-    }));
+    trials.extend(
+        outcome
+            .last
+            .iter()
+            .take(LISTED)
+            .map(|trial| tried(trial, lost(trial, outcome))),
+    );
     Selection {
         rule: format!(
             "Besides the list, all orders from 0.3 to 126 per turn and all frequencies are scanned. Each effect costs the \
@@ -209,6 +285,21 @@ fn selection(outcome: &Outcome) -> Selection {
         threshold: outcome.threshold,
         measure: "fall of the sum of squares, in units of the noise",
         trials,
+    }
+}
+
+/// Why a hypothesis of the last step was not taken.
+fn lost(trial: &Trial, outcome: &Outcome) -> String {
+    let doubt = outcome
+        .doubts
+        .iter()
+        .find(|(hypothesis, _)| *hypothesis == trial.hypothesis);
+    match doubt {
+        Some((_, reason)) => (*reason).into(),
+        None if trial.gain.fall > outcome.threshold => {
+            "what it explains is what a better hypothesis explains, or what the simplifications of a named effect leave".into()
+        }
+        None => "below the threshold".into(),
     }
 }
 
@@ -232,6 +323,7 @@ fn channel(rest: &ChannelRest, outcome: &Outcome) -> Channel {
         }
         Balance::Torque(axis) | Balance::VoltageD(axis) | Balance::VoltageQ(axis) => {
             let name = match axis {
+                _ if !outcome.machine.has_feed() => "motor",
                 Axis::Screw => "screw",
                 Axis::Nut => "nut",
             };
@@ -239,14 +331,17 @@ fn channel(rest: &ChannelRest, outcome: &Outcome) -> Channel {
             let speed = coordinate(&format!("Speed of the {name}, rad/s"), false, &at.speed[k]);
             (
                 coordinate(&format!("Angle of the {name}, turns"), true, &at.angle[k]),
-                vec![relative, speed],
+                match outcome.machine.has_feed() {
+                    true => vec![relative, speed],
+                    false => vec![speed],
+                },
             )
         }
     };
     over.push(time);
     Channel {
-        name: rest.channel.name().into(),
-        unit: rest.channel.unit().into(),
+        name: outcome.machine.name(rest.channel).into(),
+        unit: outcome.machine.unit(rest.channel).into(),
         residual: rest.residual.clone(),
         open: rest.open.clone(),
         turn,
@@ -255,9 +350,8 @@ fn channel(rest: &ChannelRest, outcome: &Outcome) -> Channel {
     }
 }
 
-fn table_force(outcome: &Outcome) -> Channel {
+fn table_force(force: &TableForce, outcome: &Outcome) -> Channel {
     let at = &outcome.coordinates;
-    let force = &outcome.table_force;
     Channel {
         name: TABLE_FORCE.into(),
         unit: "N".into(),

@@ -1,5 +1,8 @@
 //! `cargo xtask bench identify`: the identification against its goals.
 
+mod alone;
+mod outside;
+
 use super::BenchOptions;
 use anyhow::{Context, Result};
 use identify::bench::Figures;
@@ -30,12 +33,46 @@ pub(super) fn run(options: &BenchOptions) -> Result<()> {
         .inspect_err(|error| eprintln!("the recordings are not judged: {error:#}"))
         .ok();
     let figures = Figures::measure(&shared, answers.as_ref(), blind);
+    let Sample { pmsm, outside } = Sample::of(options.long);
+    let more = json!({
+        "pmsm": alone::drawn(pmsm[0], pmsm[1]),
+        "outside": outside::measure(outside),
+    });
     if options.json {
-        println!("{}", serde_json::to_string(&figures.json())?);
+        let mut json = figures.json();
+        if let (Some(all), Value::Object(more)) = (json.as_object_mut(), more) {
+            all.extend(more);
+        }
+        println!("{}", serde_json::to_string(&json)?);
     } else {
         print(&figures);
+        println!("\n{}", serde_json::to_string_pretty(&more)?);
     }
     Ok(())
+}
+
+/// How many machines are drawn.
+struct Sample {
+    /// Motors alone: with effects, and clean.
+    pmsm: [u64; 2],
+    /// Machines with something that no family has.
+    outside: usize,
+}
+
+impl Sample {
+    /// The full numbers, or what a build server can afford.
+    fn of(long: bool) -> Self {
+        match long {
+            true => Sample {
+                pmsm: [200, 300],
+                outside: 306,
+            },
+            false => Sample {
+                pmsm: [6, 3],
+                outside: 6,
+            },
+        }
+    }
 }
 
 fn read(path: &Path) -> Result<Value> {

@@ -1,16 +1,20 @@
-//! Machines that the identification has not seen: plates that err, effects of every kind, profiles of their own, run as
-//! the full drive in closed loop with quantised sensors.
+//! Machines drawn at random, as an identification has not seen them: plates that err, effects of every kind, profiles of
+//! their own, run as the full drive in closed loop with quantised sensors.
 
-use crate::friction::Rounded;
-use crate::profile::{self, Profile};
-use hal_sim::drive::Drive;
-use hal_sim::experiment::{Recorder, Setup};
+mod friction;
+pub mod profile;
+
+use crate::drive::Drive;
+use crate::experiment::{Recorder, Setup};
+use friction::Rounded;
 use plant::effects::{AnyEffect, EffectModel, Place};
 use plant::machine::Coupling;
 use plant::model::{Model, TorqueHarmonic};
 use plant::recording::Recording;
-use rand::{Rng, RngExt, SeedableRng};
+use profile::Profile;
+use rand::{Rng, RngExt};
 use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
 
 /// A machine as drawn, with two records of it.
 pub struct Machine {
@@ -38,6 +42,7 @@ enum Rubbing {
     Rounded,
 }
 
+/// Even between two values.
 pub fn between(rng: &mut impl Rng, low: f64, high: f64) -> f64 {
     rng.random_range(low..high)
 }
@@ -47,6 +52,7 @@ fn spread(rng: &mut impl Rng, low: f64, high: f64) -> f64 {
     (low.ln() + (high / low).ln() * rng.random::<f64>()).exp()
 }
 
+/// One of a list.
 pub fn pick<'a, T>(rng: &mut impl Rng, list: &'a [T]) -> &'a T {
     &list[rng.random_range(0..list.len())]
 }
@@ -220,11 +226,17 @@ pub fn effect(rng: &mut impl Rng, kind: &str, bold: bool) -> EffectModel {
 }
 
 /// What acts on a machine from outside while a period passes.
-type Act<'a> = dyn Fn(&mut plant::machine::Machine) + 'a;
+pub type Act<'a> = dyn Fn(&mut plant::machine::Machine) + 'a;
 
 /// Runs a machine under the drive that its plate gives, over a profile.
-fn run(declared: &Model, machine: &Model, act: &Act, profile: &Profile, seed: u64) -> Recording {
-    let mut setup = Setup::declared(declared.clone(), Coupling::Coupled);
+fn run(
+    declared: &Model,
+    (machine, coupling): (&Model, Coupling),
+    act: &Act,
+    profile: &Profile,
+    seed: u64,
+) -> Recording {
+    let mut setup = Setup::declared(declared.clone(), coupling);
     setup.board.seed = seed;
     // An offset that the drive measures before it starts would be none.
     setup.board.measure_zeros = false;
@@ -280,10 +292,17 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
             .map(|effect| over(effect, profile.seconds()))
             .collect();
         match rubbing {
-            Rubbing::Sticks => run(&declared, &machine, &|_| (), profile, seed),
+            Rubbing::Sticks => run(
+                &declared,
+                (&machine, Coupling::Coupled),
+                &|_| (),
+                profile,
+                seed,
+            ),
             Rubbing::Rounded => {
                 let (smooth, rounded) = Rounded::split(&machine);
-                run(&declared, &smooth, &|m| rounded.act(m), profile, seed)
+                let smooth = (&smooth, Coupling::Coupled);
+                run(&declared, smooth, &|m| rounded.act(m), profile, seed)
             }
         }
     };
@@ -298,18 +317,67 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
     }
 }
 
-/// A machine without effects on which something acts, over given profiles.
-pub fn acted_on(seed: u64, act: &Act, [fit, check]: [Profile; 2]) -> Machine {
+/// A machine without effects on which something acts, over given profiles. Lumped, its motors are two that know nothing
+/// of each other, each with a constant load.
+pub fn acted_on_as(
+    seed: u64,
+    coupling: Coupling,
+    act: &Act,
+    [fit, check]: [Profile; 2],
+) -> Machine {
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let declared = plate(&mut rng);
     let machine = real(&mut rng, &declared);
+    let machine = (&machine, coupling);
     Machine {
-        fit: run(&declared, &machine, act, &fit, seed),
-        check: run(&declared, &machine, act, &check, seed ^ 0x5555),
+        fit: run(&declared, machine, act, &fit, seed),
+        check: run(&declared, machine, act, &check, seed ^ 0x5555),
         style: "acted on".into(),
         effects: Vec::new(),
         declared,
     }
+}
+
+/// Draws a motor alone: the nut's of a machine whose motors know nothing of each other. `act` acts on it.
+pub fn alone(seed: u64, kinds: &[&str], act: &Act) -> Machine {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let declared = plate(&mut rng);
+    let mut machine = real(&mut rng, &declared);
+    let bold = rng.random::<bool>();
+    let place = |effect: EffectModel| {
+        EffectModel::new(Place::Nut, effect.effect().clone()).expect("a kind that motors have")
+    };
+    let effects: Vec<EffectModel> = kinds
+        .iter()
+        .map(|kind| {
+            loop {
+                let drawn = effect(&mut rng, kind, bold);
+                if drawn.place() != Place::Feed {
+                    break place(drawn);
+                }
+            }
+        })
+        .collect();
+    let [fit, check] = [9, 6].map(|legs| profile::alone(&mut rng, legs));
+    let mut of_run = |profile: &Profile, seed: u64| {
+        machine.effects = effects
+            .iter()
+            .map(|effect| over(effect, profile.seconds()))
+            .collect();
+        run(&declared, (&machine, Coupling::Lumped), act, profile, seed)
+    };
+    Machine {
+        fit: of_run(&fit, seed),
+        check: of_run(&check, seed ^ 0x5555),
+        style: "alone".into(),
+        effects,
+        declared,
+    }
+}
+
+/// As [`acted_on_as`], of a double drive.
+pub fn acted_on(seed: u64, act: &Act, profiles: [Profile; 2]) -> Machine {
+    acted_on_as(seed, Coupling::Coupled, act, profiles)
 }
 
 /// A drift is given over the run, whatever its length.

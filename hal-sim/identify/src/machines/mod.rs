@@ -1,0 +1,60 @@
+//! The kinds of machine: what each can show, what is known of it before it runs, and what may be looked for.
+//!
+//! One engine identifies them all. A single motor is the screw's motor of a double drive without nut and feed; what it
+//! cannot show has no channel, and a family whose effects have no channel is not tried.
+
+mod double_drive;
+pub mod pmsm;
+
+pub use double_drive::DoubleDrive;
+pub use pmsm::Pmsm;
+
+use crate::balance::Parameter;
+use crate::channel::Channel;
+use crate::hypothesis::Family;
+use plant::Axis;
+use plant::effects::Place;
+use std::fmt::Debug;
+
+/// A kind of machine.
+pub trait Machine: Debug + Sync {
+    /// The balances that its record gives.
+    fn channels(&self) -> &'static [Channel];
+
+    /// Its motors.
+    fn axes(&self) -> &'static [Axis];
+
+    /// Declared parameters and nuisances, in the order of the regression.
+    fn parameters(&self) -> Vec<Parameter>;
+
+    /// Whether its effects can be of a family.
+    fn can_have(&self, family: Family) -> bool;
+
+    /// Whether it has screw, nut and table.
+    fn has_feed(&self) -> bool {
+        false
+    }
+
+    /// A channel's name in a report.
+    fn name(&self, channel: Channel) -> &'static str {
+        channel.name()
+    }
+
+    /// A channel's unit.
+    fn unit(&self, channel: Channel) -> &'static str {
+        channel.unit()
+    }
+
+    /// The `where` of an effect.
+    fn place(&self, place: Place) -> &'static str {
+        place.name()
+    }
+}
+
+/// What a motor's value counts in where a file declares it, and where it does not: then per unit, and from nothing.
+pub(crate) fn declared_or_unit(value: f64) -> f64 {
+    match value == 0.0 {
+        true => 1.0,
+        false => value,
+    }
+}
