@@ -10,7 +10,7 @@ use stm32g4xx_hal::stm32::{RCC, TIM1, TIM8};
 
 /// Says that a record was written; any other value is what RAM held at power up.
 const MAGIC: u32 = 0xC0DE_DEAD;
-const TEXT: usize = 120;
+const TEXT: usize = link::CRASH_TEXT;
 
 /// A crash, kept across the reset that it causes, and after it has been reported.
 #[repr(C)]

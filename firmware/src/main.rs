@@ -128,9 +128,6 @@ mod app {
                 protection::break_sources(nut, driver),
             ]
         };
-        // Awake before the breaks are armed: a driver that wakes says that it has a fault.
-        pins.outputs.enable_drivers();
-        cortex_m::asm::delay(const { (board::DRIVER_WAKE_S * clock::CORE_HZ as f64) as u32 });
         if bringup {
             bringup::run(bringup::Started {
                 plan: &plan,
@@ -141,6 +138,10 @@ mod app {
                 channel: channels.up.1,
             });
         }
+
+        // Awake before the breaks are armed: a driver that wakes says that it has a fault.
+        pins.outputs.enable_drivers();
+        cortex_m::asm::delay(const { (board::DRIVER_WAKE_S * clock::CORE_HZ as f64) as u32 });
 
         // The HAL's SysTick would come up above the current loops.
         // SAFETY: no critical section relies on SysTick's priority: they mask all interrupts.

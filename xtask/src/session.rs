@@ -1,4 +1,4 @@
-//! `cargo xtask flash | run | attach | command | record`: what needs a debug probe.
+//! `cargo xtask bringup | flash | run | attach | command | record`: what needs a debug probe.
 //!
 //! probe-rs is large, and nothing else needs it, so it is behind the feature `probe`.
 
@@ -10,6 +10,8 @@ use xtask::hold::Hold;
 /// A command that needs a probe.
 #[derive(Clone, Debug, PartialEq, Subcommand)]
 pub enum Session {
+    /// With no voltage on the bus: flash, let the firmware ask the board itself, and say what it found.
+    Bringup(BringupOptions),
     /// Build the firmware and write it to the chip's flash.
     Flash(Which),
     /// Flash, start, and print the firmware's log.
@@ -28,6 +30,23 @@ pub struct Which {
     /// The probe, if there are several: its serial number, or another part of its line in the list.
     #[arg(long, value_name = "SELECTOR")]
     pub probe: Option<String>,
+}
+
+/// What `bringup` can be asked.
+#[derive(Args, Clone, Debug, PartialEq)]
+pub struct BringupOptions {
+    /// The probe.
+    #[command(flatten)]
+    pub which: Which,
+    /// Listen to the encoders for so long, s, while a person turns both shafts by hand.
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(f64))]
+    pub turn: Option<f64>,
+    /// Where the page goes: `bringup.html`, and `bringup.json`.
+    #[arg(long, default_value = "out/bringup")]
+    pub out: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// What `command` can be asked.
@@ -105,6 +124,14 @@ impl RecordOptions {
 impl Session {
     /// What can be said against the arguments before a probe is looked for.
     fn check(&self) -> Result<()> {
+        if let Self::Bringup(options) = self
+            && let Some(seconds) = options.turn
+        {
+            ensure!(
+                (0.1..=600.0).contains(&seconds),
+                "--turn is {seconds} s, but 0.1 to 600 s are possible"
+            );
+        }
         if let Self::Record(options) = self {
             options.divider()?;
             options.seconds()?;
@@ -189,6 +216,8 @@ mod tests {
             ("xtask record --out out --hold 2.5,300", "give three"),
             ("xtask record --out out --hold 2.5,300,-1", "a time above 0"),
             ("xtask command", "required"),
+            ("xtask bringup --turn 0", "0.1 to 600"),
+            ("xtask bringup --turn nan", "0.1 to 600"),
             ("xtask command --stop --reset", "cannot be used with"),
             ("xtask command --velocity 1 --stop", "cannot be used with"),
         ] {

@@ -9,9 +9,9 @@ pub fn run() -> Result<()> {
     run_all(&[
         Step::cargo("fmt --all --check"),
         // Most of it is checked with the identification in.
-        Step::cargo("clippy --all-targets --features xtask/identify -- -D warnings"),
-        Step::documentation("--features xtask/identify"),
-        Step::cargo("test --features xtask/identify"),
+        Step::cargo("clippy --all-targets --features xtask/identify,xtask/bringup -- -D warnings"),
+        Step::documentation("--features xtask/identify,xtask/bringup"),
+        Step::cargo("test --features xtask/identify,xtask/bringup"),
     ])?;
     crate::firmware::test()?;
     // Last, since probe-rs is the longest to build.

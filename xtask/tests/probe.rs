@@ -12,6 +12,7 @@ fn without_the_probe_each_command_says_so_within_five_seconds() {
         vec!["flash"],
         vec!["run"],
         vec!["attach"],
+        vec!["bringup", "--out", &folder],
         vec!["command", "--stop"],
         vec!["record", "--seconds", "1", "--out", &folder],
     ] {

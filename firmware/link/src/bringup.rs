@@ -155,6 +155,8 @@ pub mod level {
     pub const DRIVEN: u32 = 1 << 2;
     /// Reads high while the timer drives it low.
     pub const DRIVEN_HIGH: u32 = 1 << 3;
+    /// A fault's line, which the drive pulls up: its fault level is low.
+    pub const IDLE_HIGH: u32 = 1 << 4;
 }
 
 /// Bits of [`FlashReading::done`].

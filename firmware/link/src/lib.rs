@@ -32,6 +32,10 @@ pub const VIEW_SYMBOL: &str = "DRIVE_VIEW";
 pub const COMMAND_SYMBOL: &str = "DRIVE_COMMAND";
 /// Symbol of RTT's control block, as every RTT host knows it.
 pub const RTT_SYMBOL: &str = "_SEGGER_RTT";
+/// Symbol of the firmware's record of its last crash: a magic word, the text's length, and the text.
+pub const CRASH_SYMBOL: &str = "DRIVE_CRASH";
+/// Most bytes of that text.
+pub const CRASH_TEXT: usize = 120;
 /// RTT up-channel of the log.
 pub const LOG_CHANNEL: usize = 0;
 /// RTT up-channel of the telemetry.

@@ -86,8 +86,9 @@ const HEAT_SAMPLING: Sampling = Sampling::behind(100e-9);
 /// Gain of the on-chip amplifiers, of which this board uses none: its power stages have their own.
 pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X2;
 
-/// What holds each input of the gate drivers low while the chip starts, ohm: a resistor at the power stage.
-pub(crate) const GATE_PULL_DOWN_OHM: u32 = 10_000;
+/// What the stages put to ground at each input of their gate drivers beside the driver's own 100 kohm, ohm: nothing (the
+/// wiring page, pull-downs).
+pub(crate) const GATE_PULL_DOWN_OHM: u32 = 0;
 
 pub(crate) type ScrewEncoder = Incremental<TIM2>;
 pub(crate) type NutEncoder = Incremental<TIM5>;

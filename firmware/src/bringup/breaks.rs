@@ -62,7 +62,9 @@ pub(super) fn read(words: &[BreakReading; BREAKS], started: &Started<'_>) {
 
     // SAFETY: as above.
     let owned = unsafe { (TIM1::steal(), TIM8::steal()) };
-    let running = pwm::start(&owned.0, &owned.1, started.plan, started.breaks);
+    // Without the pin, at which a driver that sleeps may say that it has a fault.
+    let comparators = started.breaks.map(|sources| sources & !PIN);
+    let running = pwm::start(&owned.0, &owned.1, started.plan, comparators);
     for index in 0..2 {
         let bench = Bench {
             timer: timers[index],
@@ -89,12 +91,14 @@ struct Bench {
 }
 
 impl Bench {
-    /// Lets these sources of `TIMx_AF1` break the timer, with the drive's filter.
+    /// Lets these sources of `TIMx_AF1` break the timer, with the drive's filter, and none the other.
     fn listen(&self, sources: u32) {
         // SAFETY: bits of TIMx_AF1 that the drive uses, and the drive's BDTR without its lock.
         unsafe {
             self.timer.af1().write(|w| w.bits(sources));
+            self.other.af1().write(|w| w.bits(0));
             self.timer.bdtr().write(|w| w.bits(self.bdtr));
+            self.other.bdtr().write(|w| w.bits(self.bdtr));
         }
         self.forget();
     }
@@ -132,7 +136,6 @@ impl Bench {
         if Self::enable(self.timer, self.bdtr) {
             seen |= seen::ENABLED;
         }
-        // The other has no source while this one is tried, or is far from its threshold.
         let other_enabled = Self::enable(self.other, self.bdtr);
         act();
         if wait_until(LOOKS, || !Self::enabled(self.timer)) {
@@ -178,6 +181,7 @@ impl Bench {
         if low & seen::CLEARED != 0 { low } else { high }
     }
 
+    /// By the pull resistor. If the line is at its fault level already, the output cannot be enabled, which shows the same.
     fn pin(&self, pin: &super::pins::Pulled) -> u32 {
         self.try_source(|| pin.pull_active(), || pin.pull_back(), true)
     }

@@ -5,8 +5,9 @@
 //! in RAM that a reset keeps and a power cycle does not; two words must match, and the first thing that it does is to take
 //! the request back. From then on interrupts stay masked, and nothing returns to the drive but a reset.
 //!
-//! The bridges' pins are inputs until the last item but two, so that what the timers do meanwhile does not reach the
-//! power stage; then the timers drive them to their idle level, both switches off. With a voltage on the bus it refuses.
+//! The gate drivers stay asleep, and the bridges' pins are inputs until the last item but two, so that what the timers do
+//! meanwhile does not reach the power stage; then the timers drive them to their idle level, both switches off. With a
+//! voltage on the bus it refuses.
 //! Everything waited for has a bound.
 
 mod breaks;

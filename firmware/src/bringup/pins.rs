@@ -1,8 +1,8 @@
 //! Each claimed digital pin by its pull resistors, as an input.
 //!
-//! All are pulled down but one, which is pulled up; then all up but one. What then reads the other way although it is not
-//! the one follows it. A pin that is held from outside reads the same both times. No pin is driven, until the timers drive
-//! the bridges' to their idle level.
+//! All are pulled down and let go but one, which is pulled up; then the other way round. What goes with that one is
+//! connected to it. A pin that is held from outside reads the same both times. No pin is driven, until the timers drive the
+//! bridges' to their idle level.
 
 use super::{pause, put};
 use crate::board::{Claimed, claimed};
@@ -12,6 +12,7 @@ use stm32g4xx_hal::stm32::{GPIOB, gpiob};
 
 const INPUT: u32 = 0;
 const ALTERNATE: u32 = 2;
+const NONE: u32 = 0;
 const UP: u32 = 1;
 const DOWN: u32 = 2;
 /// 50 kohm into 100 pF of cable take 25 us to settle to 1 %.
@@ -85,27 +86,32 @@ pub(super) fn read(words: &[PinReading; PINS]) {
         pin.set_mode(INPUT);
     }
     for pull in [UP, DOWN] {
-        // All but one the other way.
-        for (_, _, pin) in all() {
-            pin.set_pull(if pull == UP { DOWN } else { UP });
-        }
-        pause(SETTLE_US);
-        let others = levels();
-        for ((index, claimed, pin), entry) in all().zip(words) {
+        for (((index, claimed, pin), entry), [_, idle]) in all().zip(words).zip(kept) {
+            let opposite = if pull == UP { DOWN } else { UP };
+            for (_, _, other) in all() {
+                other.set_pull(opposite);
+            }
+            pause(SETTLE_US);
+            // An open pin keeps its charge; one that is connected to this one goes with it.
+            for (other, _, neighbour) in all() {
+                if other != index {
+                    neighbour.set_pull(NONE);
+                }
+            }
+            let before = levels();
             pin.set_pull(pull);
             pause(SETTLE_US);
             let with = levels();
-            pin.set_pull(if pull == UP { DOWN } else { UP });
-            pause(SETTLE_US);
             let high = with >> index & 1;
-            let followed = (with ^ others) & !(1 << index);
+            let followed = (with ^ before) & !(1 << index);
             if pull == UP {
+                let idle = u32::from(idle == UP) * level::IDLE_HIGH;
                 put(
                     &entry.pin,
                     u32::from(claimed.port) << 8 | u32::from(claimed.pin),
                 );
                 put(&entry.owner, claimed.owner.word());
-                put(&entry.levels, high * level::PULLED_UP);
+                put(&entry.levels, (high * level::PULLED_UP) | idle);
                 put(&entry.raised, followed);
                 put(&entry.function, claimed.function.word());
             } else {

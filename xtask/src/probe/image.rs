@@ -25,12 +25,15 @@ impl Image {
 
     /// Where the drive has what a host needs.
     pub fn drive(&self) -> Result<Drive> {
+        Drive::locate(|name| self.symbol(name))
+    }
+
+    /// The address of a symbol.
+    pub fn symbol(&self, name: &str) -> Result<u32> {
         let file = object::File::parse(&*self.bytes).context("the firmware is not an ELF")?;
-        Drive::locate(|name| {
-            let symbol = file
-                .symbol_by_name(name)
-                .ok_or_else(|| anyhow!("the firmware has no symbol {name}"))?;
-            u32::try_from(symbol.address()).context("a symbol beyond 32 bits")
-        })
+        let symbol = file
+            .symbol_by_name(name)
+            .ok_or_else(|| anyhow!("the firmware has no symbol {name}"))?;
+        u32::try_from(symbol.address()).context("a symbol beyond 32 bits")
     }
 }

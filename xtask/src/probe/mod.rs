@@ -1,5 +1,6 @@
 //! A session with the chip through a debug probe.
 
+mod bringup;
 mod chip;
 mod choose;
 mod image;
@@ -39,6 +40,7 @@ pub fn run(task: Task) -> Result<()> {
         Task::Flash(which) | Task::Run(which) | Task::Attach(which) => which,
         Task::Command(options) => &options.which,
         Task::Record(options) => &options.which,
+        Task::Bringup(options) => &options.which,
     };
     // First, so that a missing probe is said at once and not after a build.
     let probe = find(which)?;
@@ -53,6 +55,10 @@ pub fn run(task: Task) -> Result<()> {
         Task::Attach(_) => tell::attach(probe, image.drive()?),
         Task::Command(options) => tell::command(probe, image.drive()?, &options),
         Task::Record(options) => record::record(probe, image.drive()?, &options),
+        Task::Bringup(options) => {
+            flash(probe.clone(), &elf)?;
+            bringup::bringup(probe, &image, &options)
+        }
     }
 }
 

@@ -15,8 +15,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
+use xtask::hold::Hold;
 use xtask::output::Folder;
-use xtask::record::{Hold, Recorder, save};
+use xtask::record::{Recorder, save};
 
 /// How long the channel is left alone: at the full rate it takes 0.1 s to fill.
 const PAUSE: Duration = Duration::from_millis(2);

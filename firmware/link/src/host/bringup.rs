@@ -7,7 +7,7 @@ use crate::bringup::{
     ReportWords, Stage, stream_byte,
 };
 use crate::view::Words;
-use crate::{LAYOUT, TELEMETRY_CHANNEL};
+use crate::{CRASH_SYMBOL, CRASH_TEXT, LAYOUT, TELEMETRY_CHANNEL};
 use anyhow::{Context, Result, bail, ensure};
 use std::mem::{offset_of, size_of};
 
@@ -15,14 +15,15 @@ const REPORT_WORDS: usize = size_of::<BringupReport>() / 4;
 /// AIRCR (PM0214 4.4.5): a reset of the system, with the key that the register asks for.
 const AIRCR: (u32, u32) = (0xE000_ED0C, 0x05FA_0004);
 
+/// In the firmware's crash record: the text's length, and after it the text.
+const CRASH_LENGTH: u32 = 4;
+
 /// How long a chip has to start and take the request, s.
 const START_S: f64 = 1.0;
 /// How long an item may take beside listening to the encoders, s.
 const ITEM_S: f64 = 3.0;
 /// How often the report is looked at, s.
 const LOOK_S: f64 = 5e-3;
-/// How long the drive runs afterwards, with its bridges off, s: the zeros take 51 ms.
-const DRIVE_S: f64 = 0.5;
 
 /// A chip that a bring-up talks to: its memory, and its time.
 pub trait Bench: Memory {
@@ -43,6 +44,8 @@ pub struct Options {
     pub listen_s: f64,
     /// How long to read the stream, s.
     pub stream_s: f64,
+    /// How long the drive runs afterwards, with its bridges off, s: its zeros take 51 ms.
+    pub drive_s: f64,
 }
 
 impl Default for Options {
@@ -50,6 +53,7 @@ impl Default for Options {
         Self {
             listen_s: 0.1,
             stream_s: 1.0,
+            drive_s: 0.5,
         }
     }
 }
@@ -74,6 +78,8 @@ pub struct Readings {
     pub stream: Option<Stream>,
     /// The drive as it runs afterwards, with its bridges off; `None` if it did not come to that.
     pub drive: Option<View>,
+    /// What the firmware said when it gave up on the way.
+    pub crash: Option<String>,
 }
 
 impl Readings {
@@ -89,6 +95,7 @@ impl Readings {
 pub struct Bringup {
     request: u32,
     report: u32,
+    crash: u32,
     drive: Drive,
 }
 
@@ -101,6 +108,7 @@ impl Bringup {
         Ok(Self {
             request: symbol(REQUEST_SYMBOL)?,
             report: symbol(REPORT_SYMBOL)?,
+            crash: symbol(CRASH_SYMBOL)?,
             drive: Drive::locate(symbol)?,
         })
     }
@@ -124,12 +132,13 @@ impl Bringup {
             self.follow(bench, options, &mut progress)?;
         }
         let report = self.look(bench)?;
+        let crash = self.crashed(bench)?;
         let finished = Stage::of_word(report.stage) == Some(Stage::Done);
         // What did not end by itself hangs; either way the chip is left in its drive.
         reset(bench);
         let drive = match finished {
             true => {
-                bench.wait(DRIVE_S)?;
+                bench.wait(options.drive_s)?;
                 Some(self.drive.look(bench)?)
             }
             false => None,
@@ -138,7 +147,20 @@ impl Bringup {
             report,
             stream,
             drive,
+            crash,
         })
+    }
+
+    /// What the firmware said when it gave up since the request.
+    fn crashed(&self, bench: &mut impl Bench) -> Result<Option<String>> {
+        let [length] = bench.words(self.crash + CRASH_LENGTH)?;
+        let length = length as usize;
+        if length == 0 || length > CRASH_TEXT {
+            return Ok(None);
+        }
+        let mut text = vec![0; length];
+        bench.read(self.crash + CRASH_LENGTH + 4, &mut text)?;
+        Ok(Some(String::from_utf8_lossy(&text).into_owned()))
     }
 
     fn ask(&self, bench: &mut impl Bench, options: &Options) -> Result<()> {
@@ -149,7 +171,8 @@ impl Bringup {
         );
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let listen_ms = (options.listen_s * 1e3).round() as u32;
-        // The report that is looked for is the one to come.
+        // The report and the crash that are looked for are those to come.
+        bench.write(self.crash + CRASH_LENGTH, 0)?;
         bench.write(self.report + offset(offset_of!(BringupReport, magic)), 0)?;
         for (field, word) in [
             (offset_of!(BringupRequest, listen_ms), listen_ms),
@@ -193,6 +216,7 @@ impl Bringup {
                 {
                     return Ok(stage);
                 }
+                Some(stage) if self.crashed(bench)?.is_some() => return Ok(stage),
                 Some(stage) if now - since > ITEM_S + options.listen_s => return Ok(stage),
                 None if now - since > START_S => bail!(
                     "the chip does not take the request for a bring-up within {START_S} s of its reset: flash this firmware \
@@ -286,6 +310,7 @@ mod tests {
     const VIEW: u32 = 0x2000;
     const RTT: u32 = 0x3000;
     const BUFFER: u32 = 0x3800;
+    const CRASH: u32 = 0x2C00;
 
     /// A chip whose firmware is at the stages of `script`, one a look.
     struct Fake {
@@ -295,6 +320,7 @@ mod tests {
         resets: u32,
         sent: u32,
         wrong_at: Option<u32>,
+        gives_up: bool,
     }
 
     impl Fake {
@@ -306,6 +332,7 @@ mod tests {
                 resets: 0,
                 sent: 0,
                 wrong_at: None,
+                gives_up: false,
             }
         }
 
@@ -375,6 +402,8 @@ mod tests {
                     self.put(RTT + 48 + 12, &[(at + 1) % 512]);
                     self.sent += 1;
                 }
+            } else if self.gives_up {
+                self.put(CRASH + 4, &[10]);
             } else if let Some(stage) = self.script.pop() {
                 self.put(REPORT + 8, &[stage]);
             }
@@ -393,6 +422,7 @@ mod tests {
                 REPORT_SYMBOL => REPORT,
                 crate::VIEW_SYMBOL => VIEW,
                 crate::RTT_SYMBOL => RTT,
+                CRASH_SYMBOL => CRASH,
                 _ => 0x2800,
             })
         })
@@ -438,6 +468,19 @@ mod tests {
             assert!(readings.drive.is_none() && readings.stream.is_none());
             assert_eq!(chip.resets, 2);
         }
+    }
+
+    #[test]
+    fn what_a_firmware_says_when_it_gives_up_is_passed_on_at_once() {
+        let mut chip = Fake::new(&[Stage::Clock]);
+        chip.put(CRASH, &[7, 0]);
+        chip.ram[CRASH as usize + 8..][..10].copy_from_slice(b"no crystal");
+        chip.gives_up = true;
+        let readings = bringup()
+            .run(&mut chip, &Options::default(), |_| ())
+            .unwrap();
+        assert_eq!(readings.crash.as_deref(), Some("no crystal"));
+        assert!(chip.now < 1.0, "after {} s", chip.now);
     }
 
     #[test]
