@@ -102,7 +102,10 @@ mod app {
             dma: (&device.DMA1, &device.DMAMUX),
             period: 2 * u32::from(plan.period),
         });
-        let scale = encoder::Scale::start(device.TIM4);
+        let scale = encoder::Scale::start(
+            device.TIM4,
+            const { encoder::InputFilter::of_scale(&board::PLATE, board::SCALE_COUNT_M) },
+        );
         amplifier::start(&device.OPAMP, pins.amplifiers, board::AMPLIFIER_GAIN);
         protection::start(
             &device.COMP,

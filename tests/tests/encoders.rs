@@ -1,10 +1,12 @@
 //! Encoders that do not say the truth: an absolute one's frames, an incremental one's counts and index.
 
+use control::encoder::Interface;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
-use tests::bench::{Bench, FAULT, READY, RUNNING, plate_of};
+use tests::bench::{Bench, FAULT, READY, RUNNING, plate_of, scale_count_m};
+use tests::chip::CORE_HZ;
 use tests::chip::wiring::Wiring;
 use tests::pins::Motor;
 
@@ -168,5 +170,58 @@ fn the_index_corrects_lost_counts() -> Result<(), String> {
         "a jump there and one back"
     );
     assert_eq!(bench.status()?.state, RUNNING);
+    Ok(())
+}
+
+/// Lengths of the timers' input filters by code, from code 1: so many samples at the clock divided by so much (RM0440, IC1F).
+const FILTERS: [(u32, u32); 15] = [
+    (2, 1),
+    (4, 1),
+    (8, 1),
+    (6, 2),
+    (8, 2),
+    (6, 4),
+    (8, 4),
+    (6, 8),
+    (8, 8),
+    (5, 16),
+    (6, 16),
+    (8, 16),
+    (5, 32),
+    (6, 32),
+    (8, 32),
+];
+
+/// Two edges come within a third of a count's time at a quadrature error of 60 electrical degrees: a filter is as long as
+/// that allows, and no longer.
+#[test]
+fn encoder_inputs_are_filtered_up_to_their_closest_edges() -> Result<(), String> {
+    const CCMR1: u32 = 0x18;
+    for board in [Wiring::Nucleo, Wiring::Mains] {
+        let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
+        bench.wait_for(READY, 0.2)?;
+        let plate = plate_of(board);
+        let mut rates = Vec::new();
+        for (timer, motor) in plate.motors.iter().enumerate() {
+            if motor.encoder.interface != Interface::Mt6835 {
+                let turns = motor.speed_max_rpm / 60.0;
+                rates.push((timer, turns * f64::from(motor.encoder.counts_per_turn)));
+            }
+        }
+        rates.push((2, plate.feed.velocity_max / scale_count_m(board)));
+        for (timer, counts_per_s) in rates {
+            let gap = CORE_HZ as f64 / counts_per_s / 3.0;
+            let inputs = bench.emulator.chip().encoders[timer].read(CCMR1)?;
+            let codes = [inputs >> 4 & 15, inputs >> 12 & 15];
+            let [length, longer] = [0, 1].map(|more| {
+                let (samples, divider) = FILTERS[codes[0] as usize - 1 + more];
+                f64::from(samples * divider)
+            });
+            assert!(
+                codes[0] == codes[1] && length <= gap && longer > gap,
+                "{board:?}, encoder {timer}: filters {codes:?} of {length} cycles where edges are {gap} apart"
+            );
+        }
+    }
     Ok(())
 }

@@ -2,8 +2,8 @@
 //! goes through `identify`.
 
 use anyhow::Context;
+use control::encoder::Interface;
 use control::plate::DrivePlate;
-use hal_sim::board::BoardConfig;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM, settle_quietly};
 use identify::load::{Mapping, OnFault};
@@ -17,7 +17,7 @@ use plant::effects::{AnyEffect, Cogging, EffectModel, Place};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::path::Path;
-use tests::bench::{board_config, scale_count_m};
+use tests::bench::{board_config, plate_of, scale_count_m};
 use tests::chip::wiring::Wiring;
 use xtask::output::Folder;
 use xtask::record::save;
@@ -30,11 +30,16 @@ const REQUEST: Request = Request {
 /// Order and amplitude, N m, of the nut's cogging.
 const COGGING: (f64, f64) = (24.0, 0.03);
 
-/// The default board's drive with bridges that need no dead time: what is left of its compensation is no effect that is
-/// looked for here.
+/// The drive of the paper's motors with fine encoders, and with bridges that need no dead time: what is left of its
+/// compensation is no effect that is looked for here.
 fn plate() -> DrivePlate {
-    let mut plate = tests::bench::plate();
+    let mut plate = plate_of(Wiring::Mains);
     plate.board.dead_time_s = 0.0;
+    for motor in &mut plate.motors {
+        motor.encoder.interface = Interface::Incremental;
+        motor.encoder.counts_per_turn = 1 << 20;
+        motor.encoder.age_s = 0.0;
+    }
     plate
 }
 
@@ -47,7 +52,7 @@ fn header() -> Header {
         speed_divider: plate.board.speed_divider,
         period_s: Real::new(plate.board.sample_time()),
         current_lsb_a: Real::new(plate.board.amps_per_count.abs()),
-        scale_count_m: Real::new(scale_count_m(Wiring::Nucleo)),
+        scale_count_m: Real::new(scale_count_m(Wiring::Mains)),
         lead_m: Real::new(plate.feed.lead_m),
         motors: plate.motors.map(|motor| MotorPlate {
             resistance_ohm: Real::new(motor.resistance_ohm),
@@ -95,10 +100,9 @@ fn period(drive: &mut Drive) -> Option<Sample> {
 /// Telemetry of `machine` over holds (table mm/s, nut rpm), each with the way there, as `record` writes it.
 fn record(machine: &Model, holds: &[(f64, f64)], folder: &Path, name: &str) -> anyhow::Result<()> {
     const SECONDS: f64 = 1.6;
-    let board = BoardConfig {
-        dead_time_s: plate().board.dead_time_s,
-        ..board_config(Wiring::Nucleo)
-    };
+    let mut board = board_config(Wiring::Mains);
+    board.dead_time_s = plate().board.dead_time_s;
+    board.sensors.encoders = plate().motors.map(|motor| motor.encoder);
     let mut drive = Drive::new(machine, Coupling::Coupled, board, &plate())
         .map_err(|misfit| anyhow::anyhow!("{misfit}"))?;
     let start = OperatingPoint {

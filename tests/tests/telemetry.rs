@@ -11,7 +11,7 @@ use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::TAU;
 use std::path::Path;
-use tests::bench::{Bench, READY, board_config, machine_of, plate};
+use tests::bench::{Bench, READY, board_config, machine_of, plate, scale_count_m};
 use tests::chip::wiring::Wiring;
 use tests::cost::INTERRUPTS;
 use tests::emulator::Profile;
@@ -197,10 +197,12 @@ fn a_recording_is_what_the_control_code_knew() -> Result<(), String> {
     let first = (before as usize..before as usize + 20)
         .find(|&first| (0..50).all(|row| at(first, row).iter().all(|(got, host)| got == host)))
         .ok_or("no step of the control code has the first rows' angles")?;
+    // Half a count of the scale, and half of the file's last digit.
+    let metres = 0.5 * scale_count_m(Wiring::Nucleo) + 0.6e-9;
     for row in 0..rows.len() {
         let host = &expected[first + row];
         close("time", row, rows.time_s[row], row as f64 / 5000.0, 1e-9);
-        close("table", row, rows.table_position_m[row], host.table, 5.6e-9);
+        close("table", row, rows.table_position_m[row], host.table, metres);
         for (k, (got, encoder)) in at(first, row).into_iter().enumerate() {
             assert_eq!(got, encoder, "angle of row {row}");
             let (axis, motor) = (&rows.axes[k], &host.motors[k]);
@@ -232,7 +234,10 @@ fn a_recording_is_what_the_control_code_knew() -> Result<(), String> {
     assert_eq!(model.screw.resistance_ohm, plate.motors[0].resistance_ohm);
     assert_eq!(model.feed.lead_m, plate.feed.lead_m);
     assert_eq!(model.sensing.sample_hz, 5000.0);
-    assert_eq!(model.sensing.encoder_counts_per_turn, 1 << 20);
+    assert_eq!(
+        model.sensing.encoder_counts_per_turn,
+        plate.motors[0].encoder.counts_per_turn
+    );
     Ok(())
 }
 

@@ -25,7 +25,7 @@ use super::pins::{
 use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
 use crate::hw::encoder::mt6835::{LEAD_S, Mt6835};
-use crate::hw::encoder::{Flags, Incremental, TopOf};
+use crate::hw::encoder::{Flags, Incremental, InputFilter, TopOf};
 use crate::hw::outputs::{Level, Outputs, output};
 use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
@@ -112,7 +112,12 @@ pub(crate) fn start_encoders(parts: EncoderParts) -> (ScrewEncoder, NutEncoder) 
     } = parts;
     (
         Mt6835::start(spi1, tim2, dma, TopOf::Screw, period),
-        Incremental::start(tim5, &PLATE.motors[1].encoder, TopOf::Nut),
+        Incremental::start(
+            tim5,
+            &PLATE.motors[1].encoder,
+            const { InputFilter::of_motor(&PLATE.motors[1]) },
+            TopOf::Nut,
+        ),
     )
 }
 

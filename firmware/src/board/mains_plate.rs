@@ -57,7 +57,6 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         MotorPlate {
             encoder: EncoderPlate {
                 interface: Interface::IncrementalWithIndex,
-                counts_per_turn: 40_000,
                 ..paper_machine::MOTOR.encoder
             },
             ..paper_machine::MOTOR

@@ -12,7 +12,7 @@ use super::pins::{
 };
 use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
-use crate::hw::encoder::{Flags, Incremental, TopOf};
+use crate::hw::encoder::{Flags, Incremental, InputFilter, TopOf};
 use crate::hw::outputs::{Level, Outputs, output};
 use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
@@ -97,8 +97,18 @@ pub(crate) type NutEncoder = Incremental<TIM5>;
 pub(crate) fn start_encoders(parts: EncoderParts) -> (ScrewEncoder, NutEncoder) {
     let [screw, nut] = &PLATE.motors;
     (
-        Incremental::start(parts.tim2, &screw.encoder, TopOf::Screw),
-        Incremental::start(parts.tim5, &nut.encoder, TopOf::Nut),
+        Incremental::start(
+            parts.tim2,
+            &screw.encoder,
+            const { InputFilter::of_motor(&PLATE.motors[0]) },
+            TopOf::Screw,
+        ),
+        Incremental::start(
+            parts.tim5,
+            &nut.encoder,
+            const { InputFilter::of_motor(&PLATE.motors[1]) },
+            TopOf::Nut,
+        ),
     )
 }
 

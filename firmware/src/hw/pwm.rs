@@ -4,6 +4,7 @@
 //! sides are on: there the ADC samples (through TRGO2) and the compare values written since the last top take effect.
 //! The nut's timer starts half a period behind the screw's, so that the two interrupts interleave.
 
+use crate::hw::encoder::FILTER_LENGTHS;
 use control::plate::BoardPlate;
 use stm32g4xx_hal::stm32::{TIM1, TIM8, tim1};
 
@@ -15,11 +16,8 @@ const fn break_filter(seconds: f64, timer_hz: f64) -> u32 {
         seconds >= 0.3e-6 && seconds <= 1.5e-6,
         "a break filter is 0.3 to 1.5 us long"
     );
-    // Counts of the timer's clock by code (RM0440 29.6.20, BKF; the filter's clock is the timer's, CKD 0), from code 1: N
-    // samples at the clock or at a part of it.
-    const COUNTS: [u32; 15] = [2, 4, 8, 12, 16, 24, 32, 48, 64, 80, 96, 128, 160, 192, 256];
     let mut index = 0;
-    while (COUNTS[index] as f64) < seconds * timer_hz {
+    while (FILTER_LENGTHS[index] as f64) < seconds * timer_hz {
         index += 1;
     }
     index as u32 + 1

@@ -5,7 +5,7 @@
 //! motor's PWM the count is captured in hardware: angle and currents belong to the same instant, however late the
 //! interrupt reads them.
 
-use super::{Encoder, TopOf};
+use super::{Encoder, InputFilter, TopOf};
 use control::encoder::Interface;
 use control::plate::EncoderPlate;
 use core::ops::Deref;
@@ -16,12 +16,15 @@ pub(crate) struct Incremental<T>(T);
 
 impl<T: Deref<Target = tim2::RegisterBlock>> Incremental<T> {
     /// Counts both edges of both channels modulo the turn, and captures the count in channel 3.
-    pub(crate) fn start(timer: T, plate: &EncoderPlate, top: TopOf) -> Self {
+    pub(crate) fn start(timer: T, plate: &EncoderPlate, filter: InputFilter, top: TopOf) -> Self {
         // SAFETY: every value of this 32-bit register is valid.
         timer
             .arr()
             .write(|w| unsafe { w.bits(plate.counts_per_turn.saturating_sub(1)) });
-        timer.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().ti2());
+        // SAFETY: values of the fields (RM0440, TIMx_CCMR1).
+        timer
+            .ccmr1_input()
+            .write(|w| unsafe { w.bits(filter.both_channels()) });
         // Channel 3 captures (CC3E) on the internal trigger (CC3S 3).
         timer.ccmr2_input().write(|w| w.cc3s().trc());
         timer.ccer().write(|w| w.cc3e().set_bit());
@@ -29,8 +32,10 @@ impl<T: Deref<Target = tim2::RegisterBlock>> Incremental<T> {
             // IPOS 0: the index is at both channels low; it acts in both directions (IDIR 0), each time (FIDX 0).
             timer.ecr().write(|w| w.ie().set_bit());
         }
-        // SAFETY: 3 is encoder mode 3, the rest a value of TS (RM0440, TIMx_SMCR).
-        timer.smcr().write(|w| unsafe { w.bits(3 | top as u32) });
+        // SAFETY: 3 is encoder mode 3, the rest values of TS and, for the index, ETF (RM0440, TIMx_SMCR).
+        timer
+            .smcr()
+            .write(|w| unsafe { w.bits(3 | top as u32 | filter.0 << 8) });
         timer.cr1().write(|w| w.cen().set_bit());
         Self(timer)
     }

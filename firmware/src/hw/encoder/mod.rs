@@ -1,10 +1,12 @@
 //! The motors' encoders and the table's scale.
 
+mod filter;
 mod incremental;
 #[allow(dead_code, reason = "not every board has one")]
 pub(crate) mod mt6835;
 mod scale;
 
+pub(crate) use filter::{InputFilter, LENGTHS as FILTER_LENGTHS};
 pub(crate) use incremental::{Flags, Incremental};
 pub(crate) use scale::Scale;
 

@@ -1,5 +1,6 @@
 //! The table's linear scale on TIM4.
 
+use super::InputFilter;
 use stm32g4xx_hal::stm32::TIM4;
 
 /// The table's linear scale: a 16-bit counter that [`Scale::position`] extends.
@@ -11,10 +12,13 @@ pub(crate) struct Scale {
 
 impl Scale {
     /// Starts counting from zero.
-    pub(crate) fn start(timer: TIM4) -> Self {
+    pub(crate) fn start(timer: TIM4, filter: InputFilter) -> Self {
         // SAFETY: every 16-bit value is a valid reload.
         timer.arr().write(|w| unsafe { w.bits(0xFFFF) });
-        timer.ccmr1_input().write(|w| w.cc1s().ti1().cc2s().ti2());
+        // SAFETY: values of the fields (RM0440, TIMx_CCMR1).
+        timer
+            .ccmr1_input()
+            .write(|w| unsafe { w.bits(filter.both_channels()) });
         // SAFETY: 3 is encoder mode 3 (RM0440, TIMx_SMCR.SMS).
         timer.smcr().write(|w| unsafe { w.sms().bits(3) });
         timer.cr1().write(|w| w.cen().set_bit());
