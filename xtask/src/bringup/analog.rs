@@ -61,13 +61,13 @@ fn slug(signal: Signal) -> String {
 pub(super) fn items(words: &ReportWords) -> Vec<Item> {
     let expected = &words.expected;
     let mut items: Vec<Item> = channels(words)
-        .filter_map(|(channel, signal)| {
+        .map(|(channel, signal)| {
             let level = mean(&channel.samples[LONGEST]);
             match signal {
-                Signal::ScrewBus | Signal::NutBus => Some(bus(expected, signal, level)),
-                Signal::ScrewHeatSink => Some(temperature(expected, 0, signal, level)),
-                Signal::NutHeatSink => Some(temperature(expected, 1, signal, level)),
-                _ => Some(zero(expected, signal, level)),
+                Signal::ScrewBus | Signal::NutBus => bus(expected, signal, level),
+                Signal::ScrewHeatSink => temperature(expected, 0, signal, level),
+                Signal::NutHeatSink => temperature(expected, 1, signal, level),
+                _ => zero(expected, signal, level),
             }
         })
         .collect();

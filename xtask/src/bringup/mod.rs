@@ -12,7 +12,7 @@ mod protection;
 pub use page::page;
 
 use link::bringup::Stage;
-use link::codes::{Fault, State};
+use link::codes::State;
 use link::host::bringup::Readings;
 use serde::Serialize;
 
@@ -315,14 +315,14 @@ fn drive(view: &link::host::View) -> Vec<Item> {
     )
     .expected("no fault");
     items.push(match view.fault() {
-        Some(Fault::None) => item.read(state),
         Some(fault) => item
             .read(format!("{state}: {}", fault.name()))
             .finding(fault.sentence(), "`cargo xtask attach` shows the rest."),
-        None => item.read(state).finding(
+        None if words.fault != 0 => item.read(state).finding(
             "The drive is stopped by a fault that this host does not know.",
             "Flash this firmware: `cargo xtask flash`.",
         ),
+        None => item.read(state),
     });
     items
 }

@@ -283,10 +283,11 @@ fn each_fault_is_named_and_nothing_else_is() {
         (
             // 20 kohm into 5 pF: 105 ns; from 2050 towards 2.
             |r| {
-                for code in 0..7 {
-                    let ns = f64::from(SAMPLING_HALVES[code]) / 2.0 / 42.5e6 * 1e9;
+                let samples = &mut r.report.channels[1].samples;
+                for (samples, halves) in samples.iter_mut().zip(SAMPLING_HALVES).take(7) {
+                    let ns = f64::from(halves) / 2.0 / 42.5e6 * 1e9;
                     let off = 2048.0 * (-ns / 105.0).exp();
-                    r.report.channels[1].samples[code].first += off as u32;
+                    samples.first += off as u32;
                 }
             },
             &["settling.screwbus"],
