@@ -171,8 +171,8 @@ fn an_undeclared_effect_is_found_in_a_drive_s_telemetry() -> anyhow::Result<()> 
 
     let task = Task {
         model: at("model.toml"),
-        fit: at("fit.csv.gz"),
-        check: at("check.csv.gz"),
+        fit: vec![at("fit.csv.gz")],
+        check: vec![at("check.csv.gz")],
         mapping: Mapping::default(),
         on_fault: OnFault::Refuse,
     };

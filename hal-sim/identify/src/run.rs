@@ -2,11 +2,16 @@
 
 use crate::analysis::analyse;
 use crate::feed_axis::{self, Axis};
-use crate::load::{self, How, LoadError, Machine, Mapping, OnFault, load, load_map};
+use crate::machines::pmsm;
 use crate::motor::{self, MotorModel};
+use crate::pmsm_file::{PmsmModel, PmsmModelError};
+use crate::records::quality::{Finding, Plate, wrong_data};
+use crate::records::{
+    self, DataQuality, How, LoadError, Machine, Mapping, OnFault, Record, load, load_map,
+};
 use crate::report::{self, Report};
 use plant::model::Model;
-use plant::recording::Recording;
+use plant::recording::{AxisRecord, Recording};
 use std::path::PathBuf;
 
 /// What to identify from what.
@@ -14,10 +19,11 @@ use std::path::PathBuf;
 pub struct Task {
     /// The declared model.
     pub model: PathBuf,
-    /// The record to identify from.
-    pub fit: PathBuf,
-    /// Another one of the same machine: it confirms, and errors are reported on it.
-    pub check: PathBuf,
+    /// The records to identify from.
+    pub fit: Vec<PathBuf>,
+    /// Others of the same machine: they confirm, and errors are reported on them. Without any, operating points of the
+    /// fit record are held back.
+    pub check: Vec<PathBuf>,
     /// Layout of the records.
     pub mapping: Mapping,
     /// What is done with a record's faults.
@@ -31,6 +37,8 @@ pub type Told<'a> = dyn FnMut(&str, Option<f64>) + 'a;
 pub struct Done {
     /// The report.
     pub report: Report,
+    /// How one record became fit and check record.
+    pub split: Option<String>,
     /// Of a double drive: the declared model, the new one, and the check record.
     pub replay: Option<Replay>,
 }
@@ -45,9 +53,44 @@ pub struct Replay {
     pub check: Recording,
 }
 
+/// Data in which something is wrong: nothing is identified from it.
+#[derive(Debug, Clone, serde::Serialize)]
+pub struct WrongData {
+    /// `wrong data`.
+    pub verdict: &'static str,
+    /// None.
+    pub effects: [(); 0],
+    /// What is wrong.
+    pub wrong_data: Vec<Finding>,
+    /// The files.
+    pub records: Vec<DataQuality>,
+}
+
+impl std::fmt::Display for WrongData {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "wrong data")?;
+        for finding in &self.wrong_data {
+            write!(f, "\n  {}: {}", finding.file, finding.sentence)?;
+        }
+        Ok(())
+    }
+}
+
 /// Why nothing was identified.
 #[derive(Debug, thiserror::Error)]
 pub enum RunError {
+    /// Something is wrong with the data.
+    #[error("{0}")]
+    WrongData(Box<WrongData>),
+    /// A file is fit and check record.
+    #[error(
+        "{0} is fit and check record: what is fitted would confirm itself; give another record, or leave out --check, then \
+         operating points of it are held back"
+    )]
+    SameFile(String),
+    /// No record, or one that is too short to be divided.
+    #[error("{0}")]
+    Split(String),
     /// A record could not be loaded.
     #[error(transparent)]
     Load(#[from] LoadError),
@@ -57,20 +100,18 @@ pub enum RunError {
     /// An axis' model could not be read.
     #[error(transparent)]
     Axis(#[from] feed_axis::AxisModelError),
-    /// A machine whose records can be read, but not yet identified.
-    #[error(
-        "a pmsm can be read but not identified; map its q current and angle as a motor: machine = \"motor\""
-    )]
-    Machine,
+    /// A PMSM's model could not be read, or is another than its mapping's.
+    #[error(transparent)]
+    Pmsm(#[from] PmsmModelError),
     /// A motor's model could not be read.
     #[error(transparent)]
     Motor(#[from] motor::MotorModelError),
 }
 
 impl Task {
-    fn how(&self, declared_hz: Option<f64>) -> How<'_> {
+    fn how<'a>(&self, mapping: &'a Mapping, declared_hz: Option<f64>) -> How<'a> {
         How {
-            mapping: &self.mapping,
+            mapping,
             on_fault: self.on_fault,
             declared_hz,
         }
@@ -85,21 +126,93 @@ impl Task {
             Machine::DoubleDrive => self.double_drive(told),
             Machine::FeedAxis => self.feed_axis(told),
             Machine::Motor => self.motor(told),
-            Machine::Pmsm => Err(RunError::Machine),
+            Machine::Pmsm => self.pmsm(told),
         }
+    }
+
+    /// Fit and check record, in which nothing is wrong, and how they were divided.
+    fn records(
+        &self,
+        mapping: &Mapping,
+        declared_hz: Option<f64>,
+        plate: Plate,
+        told: &mut Told,
+    ) -> Result<Front, RunError> {
+        let own = |path: &PathBuf| path.canonicalize().unwrap_or_else(|_| path.clone());
+        if let Some(same) = self
+            .fit
+            .iter()
+            .find(|fit| self.check.iter().any(|check| own(check) == own(fit)))
+        {
+            return Err(RunError::SameFile(same.display().to_string()));
+        }
+        let how = self.how(mapping, declared_hz);
+        let mut all = |paths: &[PathBuf], name: &str| -> Result<Vec<Record>, LoadError> {
+            paths
+                .iter()
+                .map(|path| load(path, how, &mut reading(name, told)))
+                .collect()
+        };
+        let (fit, check) = (
+            all(&self.fit, "fit record")?,
+            all(&self.check, "check record")?,
+        );
+        told("looking for wrong data", None);
+        let wrong = wrong_data(&fit, &check, plate);
+        if !wrong.is_empty() {
+            return Err(RunError::WrongData(Box::new(WrongData {
+                verdict: "wrong data",
+                effects: [],
+                wrong_data: wrong,
+                records: fit
+                    .iter()
+                    .chain(&check)
+                    .map(|r| r.quality.clone())
+                    .collect(),
+            })));
+        }
+        let [fit, check] = [fit, check].map(longest);
+        let fit =
+            fit.ok_or_else(|| RunError::Split("no record to identify from: give --fit".into()))?;
+        if let Some(check) = check {
+            return Ok(Front {
+                fit,
+                check,
+                split: None,
+            });
+        }
+        let split = records::split(&fit).ok_or_else(|| {
+            RunError::Split(format!(
+                "{}: {:.2} s are too short to hold some of it back, expected 4 s; give another record with --check",
+                fit.quality.file,
+                fit.len() as f64 / fit.rate
+            ))
+        })?;
+        Ok(Front {
+            fit: split.fit,
+            check: split.check,
+            split: Some(split.sentence),
+        })
     }
 
     fn double_drive(&self, told: &mut Told) -> Result<Done, RunError> {
         let declared = Model::load(&self.model)?;
-        let how = self.how(Some(declared.sensing.sample_hz));
-        let fit = load(&self.fit, how, &mut reading("fit record", told))?;
-        let check = load(&self.check, how, &mut reading("check record", told))?;
-        let accounts = [fit.quality.clone(), check.quality.clone()];
-        let (fit, check) = (load::double_drive(fit)?, load::double_drive(check)?);
+        let front = self.records(
+            &self.mapping,
+            Some(declared.sensing.sample_hz),
+            Plate::DoubleDrive(&declared),
+            told,
+        )?;
+        let accounts = front.accounts();
+        let (fit, check) = (
+            records::double_drive(front.fit)?,
+            records::double_drive(front.check)?,
+        );
         told("tracing the residual", None);
         let outcome = analyse(&declared, &fit, &check);
         Ok(Done {
             report: report::traced(&outcome, accounts),
+            split: front.split,
             replay: Some(Replay {
                 declared,
                 new: outcome.model,
@@ -110,62 +223,125 @@ impl Task {
 
     fn feed_axis(&self, told: &mut Told) -> Result<Done, RunError> {
         let declared = Axis::load(&self.model)?;
-        let how = self.how(None);
-        let mut record = |path, name: &str| {
-            Ok::<_, LoadError>(feed_axis::Record::new(load(
-                path,
-                how,
-                &mut reading(name, told),
-            )?))
+        let plate = Plate::FeedAxis {
+            mass_kg: declared.base[0],
         };
-        let (fit, check) = (
-            record(&self.fit, "fit record")?,
-            record(&self.check, "check record")?,
-        );
+        let front = self.records(&self.mapping, None, plate, told)?;
+        let accounts = front.accounts();
+        let [fit, check] = [front.fit, front.check].map(feed_axis::Record::new);
         told("tracing the residual", None);
         let study = feed_axis::Study::new(&declared, &fit, &check);
-        let accounts = [fit.account.clone(), check.account.clone()];
         Ok(Done {
             report: report::feed_axis(&study, &fit, accounts),
+            split: front.split,
             replay: None,
         })
     }
 
-    /// A record that is both fit and check record is halved: its first half fits, its second checks.
-    fn motor(&self, told: &mut Told) -> Result<Done, RunError> {
-        let model = MotorModel::load(&self.model)?;
-        let how = self.how(None);
-        let mut record = |path, name: &str| {
-            Ok::<_, LoadError>(motor::Record::new(load(
-                path,
-                how,
-                &mut reading(name, told),
-            )?))
+    fn pmsm(&self, told: &mut Told) -> Result<Done, RunError> {
+        let model = PmsmModel::load(&self.model)?;
+        let mut mapping = self.mapping.clone();
+        let pole_pairs = f64::from(model.motor.pole_pairs);
+        if let Some(other) = mapping
+            .pole_pairs
+            .replace(pole_pairs)
+            .filter(|p| *p != pole_pairs)
+        {
+            return Err(model.other_pole_pairs(other).into());
+        }
+        let front = self.records(&mapping, None, Plate::Pmsm(&model.motor), told)?;
+        let accounts = front.accounts();
+        let sensing = model.sensing(front.fit.rate);
+        let own = |record: &Record| {
+            let voltages = ["ud_v", "uq_v"].map(|name| record.get(name).map(<[f64]>::to_vec));
+            let [Some(ud_v), Some(uq_v)] = voltages else {
+                return Err(model.no_voltages(&record.quality.file));
+            };
+            let angle_rad = record.channel("angle_rad").to_vec();
+            let (id, iq) = (record.channel("id_a"), record.channel("iq_a"));
+            let [ia_a, ib_a] = match (record.get("ia_a"), record.get("ib_a")) {
+                (Some(a), Some(b)) => [a.to_vec(), b.to_vec()],
+                _ => pmsm::phases(id, iq, |row| pole_pairs * angle_rad[row]),
+            };
+            Ok(AxisRecord {
+                ia_a,
+                ib_a,
+                ud_v,
+                uq_v,
+                iq_ref_a: record.get("iq_ref_a").unwrap_or(iq).to_vec(),
+                speed_ref_rad_s: match record.get("speed_ref_rad_s") {
+                    Some(reference) => reference.to_vec(),
+                    None => record.channel("speed_rad_s").to_vec(),
+                },
+                angle_rad,
+            })
         };
-        let fit = record(&self.fit, "fit record")?;
-        let [fit, check] = match self.fit == self.check {
-            true => fit.halves(),
-            false => [fit, record(&self.check, "check record")?],
-        };
-        let map = match &self.mapping.map {
-            Some(name) => {
-                let path = self.fit.with_file_name(name);
-                Some(load_map(
-                    &path,
-                    &self.mapping,
-                    &mut reading("slow turn", told),
-                )?)
-            }
-            None => None,
-        };
+        let (fit, check) = (own(&front.fit)?, own(&front.check)?);
         told("tracing the residual", None);
-        let study = motor::Study::new(&fit, &check, map.as_ref());
-        let accounts = [fit.account.clone(), check.account.clone()];
+        let outcome = pmsm::identify(&model.motor, &sensing, &fit, &check);
         Ok(Done {
-            report: report::motor(&study, model, accounts),
+            report: report::traced(&outcome, accounts),
+            split: front.split,
             replay: None,
         })
     }
+
+    fn motor(&self, told: &mut Told) -> Result<Done, RunError> {
+        let model = MotorModel::load(&self.model)?;
+        let front = self.records(&self.mapping, None, Plate::Motor, told)?;
+        let accounts = front.accounts();
+        let [fit, check] = [front.fit, front.check].map(motor::Record::new);
+        let map = match (&self.mapping.map, self.fit.first()) {
+            (Some(name), Some(fit)) => Some(load_map(
+                &fit.with_file_name(name),
+                &self.mapping,
+                &mut reading("slow turn", told),
+            )?),
+            _ => None,
+        };
+        told("tracing the residual", None);
+        let study = motor::Study::new(&fit, &check, map.as_ref());
+        Ok(Done {
+            report: report::motor(&study, model, accounts),
+            split: front.split,
+            replay: None,
+        })
+    }
+}
+
+/// Fit and check record, and how one record became both.
+struct Front {
+    fit: Record,
+    check: Record,
+    split: Option<String>,
+}
+
+impl Front {
+    /// What became of their files' rows; the split stands with them.
+    fn accounts(&self) -> [DataQuality; 2] {
+        let mut accounts = [self.fit.quality.clone(), self.check.quality.clone()];
+        accounts[0].notes.extend(self.split.clone());
+        accounts
+    }
+}
+
+/// The longest stretch of several records; what is not used is said.
+fn longest(records: Vec<Record>) -> Option<Record> {
+    let (files, rows) = (
+        records.len(),
+        records.iter().map(Record::len).sum::<usize>(),
+    );
+    let pieces = records.into_iter().flat_map(Record::pieces);
+    let mut longest = pieces.max_by_key(Record::len)?;
+    if longest.len() < rows {
+        let quality = &mut longest.quality;
+        quality.cut = rows - longest.time.len();
+        quality.notes.push(format!(
+            "of {files} files with {rows} rows in all the longest stretch without a gap is used, {} rows",
+            longest.time.len()
+        ));
+    }
+    Some(longest)
 }
 
 /// Progress of one file.

@@ -5,6 +5,8 @@
 #[cfg(feature = "identify")]
 mod bench;
 #[cfg(feature = "identify")]
+mod demo;
+#[cfg(feature = "identify")]
 mod simulation;
 #[cfg(feature = "identify")]
 mod told;
@@ -12,6 +14,8 @@ mod told;
 mod trace;
 #[cfg(all(test, feature = "identify"))]
 mod trace_test;
+#[cfg(feature = "identify")]
+mod wrong_data;
 
 use anyhow::Result;
 use clap::{Args, ValueEnum};
@@ -21,19 +25,21 @@ use std::path::PathBuf;
 #[derive(Args)]
 pub struct IdentifyOptions {
     /// The declared model (model.toml).
-    #[arg(long)]
-    pub model: PathBuf,
-    /// The record to identify from: text (.csv, .txt, also .gz), .npy, .npz, MATLAB 5 .mat, .parquet.
-    #[arg(long)]
-    pub fit: PathBuf,
-    /// Another record of the same machine: it confirms, and errors are reported on it.
-    #[arg(long)]
-    pub check: PathBuf,
+    #[arg(long, required_unless_present_any = ["demo", "reference"])]
+    pub model: Option<PathBuf>,
+    /// The record to identify from: text (.csv, .txt, also .gz), .npy, .npz, MATLAB 5 .mat, .parquet. More than one may be
+    /// given.
+    #[arg(long, num_args = 1.., required_unless_present_any = ["demo", "reference"])]
+    pub fit: Vec<PathBuf>,
+    /// Another record of the same machine: it confirms, and errors are reported on it. Without it some operating points of
+    /// the fit record are held back.
+    #[arg(long, num_args = 1..)]
+    pub check: Vec<PathBuf>,
     /// Folder for report.html, report.json, model.toml and residual.csv.
     #[arg(long, default_value = "out/identify")]
     pub out: PathBuf,
     /// What the records are of and which of their columns is which, where they are not the project's own
-    /// (hal-sim/identify/mappings has two).
+    /// (hal-sim/identify/mappings has some, --reference all keys).
     #[arg(long)]
     pub mapping: Option<PathBuf>,
     /// What is done with a fault that a rule can mend.
@@ -45,6 +51,15 @@ pub struct IdentifyOptions {
     /// Leave out the simulation of the check record's profile with the declared and the new model.
     #[arg(long)]
     pub no_simulation: bool,
+    /// Something to see: records a simulated machine with an effect drawn at random, and identifies it.
+    #[arg(long, conflicts_with_all = ["model", "fit", "check", "mapping", "reference"])]
+    pub demo: bool,
+    /// The machine of the demonstration; without it another one each time.
+    #[arg(long, requires = "demo")]
+    pub seed: Option<u64>,
+    /// Print all keys of mapping and model files.
+    #[arg(long, conflicts_with_all = ["model", "fit", "check", "mapping"])]
+    pub reference: bool,
 }
 
 /// What is done with a fault.
@@ -77,6 +92,13 @@ pub struct BenchOptions {
 /// Identifies.
 #[cfg(feature = "identify")]
 pub fn run(options: &IdentifyOptions) -> Result<()> {
+    if options.reference {
+        print!("{}", identify::reference::page());
+        return Ok(());
+    }
+    if options.demo {
+        return demo::run(options);
+    }
     trace::run(options)
 }
 

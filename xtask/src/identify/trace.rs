@@ -2,26 +2,69 @@
 
 use super::told::Told;
 use super::{Fault, IdentifyOptions, simulation};
-use anyhow::Result;
-use identify::load::{Mapping, OnFault};
+use crate::output::{Folder, refuse_inputs};
+use anyhow::{Context, Result};
+use identify::records::{Mapping, OnFault};
 use identify::report::{Report, write};
-use identify::run::Task;
+use identify::run::{RunError, Task, WrongData};
+use std::path::Path;
+
+/// The files of a report.
+pub(super) const WRITTEN: [&str; 5] = [
+    "report.html",
+    "report.json",
+    "model.toml",
+    "residual.csv",
+    "orders.svg",
+];
 
 /// Identifies, simulates and writes the report.
 pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
+    let model = options.model.clone().context("no model: give --model")?;
+    let inputs = options.fit.iter().chain(&options.check).chain([&model]);
+    let inputs: Vec<&Path> = inputs
+        .chain(&options.mapping)
+        .map(std::path::PathBuf::as_path)
+        .collect();
+    refuse_inputs(&options.out, &WRITTEN, &inputs)?;
     let mapping = options.mapping.as_deref().map(Mapping::load).transpose()?;
+    let mapping = mapping.unwrap_or_default();
+    if let (Some(map), Some(fit)) = (&mapping.map, options.fit.first()) {
+        refuse_inputs(&options.out, &WRITTEN, &[&fit.with_file_name(map)])?;
+    }
     let task = Task {
-        model: options.model.clone(),
+        model,
         fit: options.fit.clone(),
         check: options.check.clone(),
-        mapping: mapping.unwrap_or_default(),
+        mapping,
         on_fault: match options.on_fault {
             Fault::Refuse => OnFault::Refuse,
             Fault::Skip => OnFault::Skip,
         },
     };
+    carry_out(&task, options)
+}
+
+/// Identifies, and writes and prints what came of it.
+pub(super) fn carry_out(task: &Task, options: &IdentifyOptions) -> Result<()> {
     let mut told = Told::new(options.progress);
-    let mut done = task.run(&mut |what, share| told.say(what, share))?;
+    let done = task.run(&mut |what, share| told.say(what, share));
+    let mut done = match done {
+        Ok(done) => done,
+        Err(RunError::WrongData(wrong)) => {
+            told.end();
+            return wrong_data(&wrong, &options.out);
+        }
+        Err(error) => {
+            told.end();
+            return Err(error.into());
+        }
+    };
+    if let Some(split) = &done.split {
+        told.end();
+        println!("{split}");
+        told = Told::new(options.progress);
+    }
     if let Some(replay) = done.replay.filter(|_| !options.no_simulation) {
         told.say("simulating", None);
         match simulation::simulation(&replay) {
@@ -34,6 +77,33 @@ pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
     write(&done.report, &options.out)?;
     print(&done.report);
     println!("report: {}", options.out.join("report.html").display());
+    Ok(())
+}
+
+/// Says what is wrong with the data, in the terminal and as report.json and report.html.
+fn wrong_data(wrong: &WrongData, out: &Path) -> Result<()> {
+    let folder = Folder::open(out)?;
+    folder.put_text(
+        "report.json",
+        &(serde_json::to_string_pretty(wrong)? + "\n"),
+    )?;
+    let mut body =
+        String::from("<h1>Wrong data</h1>\n<p>Nothing is identified from it.</p>\n<ul>\n");
+    println!("verdict: {}", wrong.verdict);
+    for finding in &wrong.wrong_data {
+        println!("{}: {}", finding.file, finding.sentence);
+        body += &format!(
+            "<li>{}: {}</li>\n",
+            page::document::escape(&finding.file),
+            page::document::escape(&finding.sentence)
+        );
+    }
+    body += "</ul>\n";
+    folder.put_text(
+        "report.html",
+        &page::document::document("Wrong data", &body),
+    )?;
+    println!("report: {}", folder.path("report.html").display());
     Ok(())
 }
 

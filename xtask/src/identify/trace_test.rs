@@ -115,8 +115,8 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
     std::fs::write(at("model.toml"), declared.to_toml()).unwrap();
     let task = Task {
         model: at("model.toml"),
-        fit: at("fit.csv.gz"),
-        check: at("check.csv.gz"),
+        fit: vec![at("fit.csv.gz")],
+        check: vec![at("check.csv.gz")],
         mapping: Mapping::default(),
         on_fault: OnFault::Refuse,
     };

@@ -27,11 +27,17 @@ struct File {
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Plate {
+    /// Moving mass; above 0.
     mass_kg: f64,
+    /// Viscous friction.
     viscous_n_s_per_m: f64,
+    /// Coulomb friction.
     coulomb_n: f64,
+    /// Force that the motor needs at rest.
     offset_n: f64,
+    /// Travel per turn of the motor; above 0.
     lead_m: f64,
+    /// Limit of the controller's output; above 0.
     limit_v: f64,
     /// Periods over which the controller differentiates; without it dq/dt is taken as it is.
     #[serde(skip_serializing_if = "Option::is_none")]

@@ -6,8 +6,10 @@ mod derive;
 mod error;
 mod layout;
 mod mapping;
+pub mod quality;
 mod record;
 pub mod rules;
+mod split;
 mod table;
 mod units;
 
@@ -18,7 +20,9 @@ pub use layout::{Layout, Machine, Need};
 pub use mapping::{Clock, Constant, Differs, Mapping, Rows, Source};
 pub use record::{Channel, Origin, Record};
 pub use rules::OnFault;
+pub use split::{Split, split};
 pub use table::{Column, Progress, Table, TextLayout};
+pub use units::names as unit_names;
 
 use mapping::Found;
 use plant::Axis;

@@ -1,6 +1,7 @@
 //! One file's record.
 
 use super::{DataQuality, Machine};
+use plant::recording::Recording;
 use std::collections::BTreeMap;
 use std::ops::Range;
 
@@ -46,6 +47,46 @@ pub struct Record {
 }
 
 impl Record {
+    /// Of a double drive's recording that is even in time.
+    pub fn of_double_drive(recording: &Recording, rate: f64, file: &str) -> Self {
+        let rows = recording.len();
+        let motors = recording.axes.iter().flat_map(|axis| {
+            [
+                &axis.angle_rad,
+                &axis.ia_a,
+                &axis.ib_a,
+                &axis.ud_v,
+                &axis.uq_v,
+                &axis.iq_ref_a,
+                &axis.speed_ref_rad_s,
+            ]
+        });
+        Record {
+            machine: Machine::DoubleDrive,
+            rate,
+            time: recording.time_s.clone(),
+            channels: plant::recording::COLUMNS[1..]
+                .iter()
+                .zip(motors.chain([&recording.table_position_m]))
+                .map(|(name, values)| Channel {
+                    name,
+                    values: values.clone(),
+                    origin: Origin::Measured,
+                })
+                .collect(),
+            segments: std::iter::once(0..rows).collect(),
+            measured: vec![true; rows],
+            constants: BTreeMap::new(),
+            quality: DataQuality {
+                file: file.to_owned(),
+                rows,
+                used: rows,
+                segments: 1,
+                ..DataQuality::default()
+            },
+        }
+    }
+
     /// Rows.
     pub fn len(&self) -> usize {
         self.time.len()

@@ -127,7 +127,7 @@ pub(super) fn factor(unit: &str, si: &str, context: Context) -> Result<f64, Stri
 }
 
 /// The units of an SI unit, the first name of each.
-pub(super) fn names(si: &str) -> Vec<&'static str> {
+pub fn names(si: &str) -> Vec<&'static str> {
     let own = UNITS
         .iter()
         .filter(|(_, of, _)| *of == si)

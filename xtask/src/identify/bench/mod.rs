@@ -33,10 +33,15 @@ pub(super) fn run(options: &BenchOptions) -> Result<()> {
         .inspect_err(|error| eprintln!("the recordings are not judged: {error:#}"))
         .ok();
     let figures = Figures::measure(&shared, answers.as_ref(), blind);
-    let Sample { pmsm, outside } = Sample::of(options.long);
+    let Sample {
+        pmsm,
+        outside,
+        wrong,
+    } = Sample::of(options.long);
     let more = json!({
         "pmsm": alone::drawn(pmsm[0], pmsm[1]),
         "outside": outside::measure(outside),
+        "wrong_data": super::wrong_data::measure(wrong[0], wrong[1])?,
     });
     if options.json {
         let mut json = figures.json();
@@ -57,6 +62,8 @@ struct Sample {
     pmsm: [u64; 2],
     /// Machines with something that no family has.
     outside: usize,
+    /// Machines whose data is got wrong in each way, and machines with sound data.
+    wrong: [u64; 2],
 }
 
 impl Sample {
@@ -66,10 +73,12 @@ impl Sample {
             true => Sample {
                 pmsm: [200, 300],
                 outside: 306,
+                wrong: [5, 200],
             },
             false => Sample {
                 pmsm: [6, 3],
                 outside: 6,
+                wrong: [1, 4],
             },
         }
     }

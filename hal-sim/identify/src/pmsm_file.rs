@@ -1,0 +1,141 @@
+//! The model file of a single permanent-magnet motor.
+
+use plant::model::{MotorModel, SensingModel};
+use serde::Deserialize;
+use std::path::Path;
+
+/// Why a model file could not be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{origin}: {reason}")]
+pub struct PmsmModelError {
+    origin: String,
+    reason: String,
+}
+
+/// What is declared of a motor and of what measures it.
+#[derive(Debug, Clone, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PmsmModel {
+    /// The motor, with all that turns with it.
+    pub motor: MotorModel,
+    #[serde(default)]
+    sensing: Sensing,
+    #[serde(skip)]
+    origin: String,
+}
+
+/// Sensors. What is left out is that of a common drive: the noise floor rests on it, so give your own.
+#[derive(Debug, Clone, Copy, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct Sensing {
+    /// Counts per mechanical turn; 16384 if left out.
+    encoder_counts_per_turn: u32,
+    /// One count of the current measurement; 0.01 if left out.
+    current_lsb_a: f64,
+    /// Standard deviation of the current's noise; 0.02 if left out.
+    current_noise_a: f64,
+    /// Rate of the current loop; the rate of the rows if left out.
+    control_hz: Option<f64>,
+}
+
+impl Default for Sensing {
+    fn default() -> Self {
+        Sensing {
+            encoder_counts_per_turn: 16_384,
+            current_lsb_a: 0.01,
+            current_noise_a: 0.02,
+            control_hz: None,
+        }
+    }
+}
+
+impl PmsmModel {
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or has other keys or values out of their range.
+    pub fn load(path: &Path) -> Result<Self, PmsmModelError> {
+        let origin = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|error| PmsmModelError {
+            origin: origin.clone(),
+            reason: error.to_string(),
+        })?;
+        Self::parse(&text, &origin)
+    }
+
+    fn parse(text: &str, origin: &str) -> Result<Self, PmsmModelError> {
+        let fault = |reason: String| PmsmModelError {
+            origin: origin.to_owned(),
+            reason: format!("{reason}; expected the table [motor] and, if it is known, [sensing]"),
+        };
+        let mut model: PmsmModel =
+            toml::from_str(text).map_err(|error| fault(error.to_string()))?;
+        let sensing = model.sensing;
+        let sizes = [sensing.current_lsb_a, sensing.current_noise_a];
+        let rate = sensing.control_hz.unwrap_or(1.0);
+        let sound = sizes.iter().all(|v| v.is_finite() && *v >= 0.0)
+            && sensing.encoder_counts_per_turn > 0
+            && rate.is_finite()
+            && rate > 0.0;
+        if !sound {
+            return Err(fault("a value of [sensing] is out of its range".into()));
+        }
+        origin.clone_into(&mut model.origin);
+        Ok(model)
+    }
+
+    /// What measures it, at a rate of rows.
+    pub fn sensing(&self, rate: f64) -> SensingModel {
+        let own = &self.sensing;
+        SensingModel {
+            sample_hz: rate,
+            control_hz: own.control_hz.unwrap_or(rate),
+            encoder_counts_per_turn: own.encoder_counts_per_turn,
+            current_lsb_a: own.current_lsb_a,
+            current_noise_a: own.current_noise_a,
+            table_noise_m: 1e-6,
+        }
+    }
+
+    /// That the mapping has other pole pairs.
+    pub(crate) fn other_pole_pairs(&self, other: f64) -> PmsmModelError {
+        PmsmModelError {
+            origin: self.origin.clone(),
+            reason: format!(
+                "it declares {} pole pairs, but the mapping {other}; expected the same, correct one of them",
+                self.motor.pole_pairs
+            ),
+        }
+    }
+
+    /// That a record has no voltages.
+    pub(crate) fn no_voltages(&self, file: &str) -> PmsmModelError {
+        PmsmModelError {
+            origin: file.to_owned(),
+            reason: "it has no voltages, expected ud_v and uq_v, phase voltages or duties with the bus; without them map its q \
+                     current and angle as a motor: machine = \"motor\""
+                .into(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_motor_alone_is_declared_by_its_plate() {
+        let text = "[motor]\nresistance_ohm = 0.1\ninductance_h = 1e-4\npole_pairs = 7\nflux_wb = 0.005\n\
+                    inertia_kg_m2 = 1e-4\nviscous_nm_s = 0.0\ncoulomb_nm = 0.01\n";
+        let model = PmsmModel::parse(text, "model.toml").expect("a model");
+        assert_eq!(model.motor.pole_pairs, 7);
+        assert_eq!(model.sensing(500.0).control_hz, 500.0);
+        let wrong = PmsmModel::parse(&text.replace("flux_wb", "flux"), "model.toml");
+        assert!(wrong.unwrap_err().to_string().contains("flux"));
+        let zero = PmsmModel::parse(
+            &format!("{text}[sensing]\ncontrol_hz = 0.0\n"),
+            "model.toml",
+        );
+        assert!(zero.unwrap_err().to_string().contains("[sensing]"));
+    }
+}

@@ -1,0 +1,249 @@
+//! All keys of mapping and model files, as a page made from the code: the structs that the files are read into, with their
+//! documentation, and the channels of each machine. `cargo xtask identify --reference` prints it; `REFERENCE.md` holds it.
+
+use crate::records::{Machine, Need, unit_names};
+use std::fmt::Write;
+
+const MAPPING: &str = include_str!("records/mapping.rs");
+const MODEL: &str = include_str!("../../plant/src/model/mod.rs");
+const AXIS: &str = include_str!("feed_axis/file.rs");
+const PMSM: &str = include_str!("pmsm_file.rs");
+const MOTOR: &str = include_str!("motor/record.rs");
+
+macro_rules! effects {
+    ($($kind:literal,)*) => {
+        /// The kinds of effects with the source of each.
+        const EFFECTS: &[(&str, &str)] = &[$(
+            ($kind, include_str!(concat!("../../plant/src/effects/", $kind, ".rs"))),
+        )*];
+    };
+}
+
+effects! {
+    "angle_periodic",
+    "axial_compliance",
+    "backlash",
+    "ball_passage",
+    "cogging",
+    "coupling_misalignment",
+    "current_gain",
+    "current_offset",
+    "dead_time",
+    "encoder_eccentricity",
+    "flux_drift",
+    "flux_harmonic",
+    "lead_error",
+    "lead_scale",
+    "position_load",
+    "resistance_drift",
+    "stribeck_friction",
+    "time_periodic",
+    "torque_harmonic",
+}
+
+/// A key of a file: its name, its type, what it is.
+type Key = (String, String, String);
+
+/// The fields of a struct in a source, with their documentation.
+fn keys(source: &str, structure: &str) -> Vec<Key> {
+    let start = format!("struct {structure} {{");
+    let Some((_, body)) = source.split_once(&start) else {
+        return Vec::new();
+    };
+    let mut keys = Vec::new();
+    let mut about: Vec<&str> = Vec::new();
+    for line in body.lines().skip(1).map(str::trim) {
+        if line == "}" {
+            break;
+        }
+        if let Some(text) = line.strip_prefix("///") {
+            about.push(text.trim());
+        } else if line.starts_with("#[") || line.starts_with(")]") || line.is_empty() {
+        } else if let Some((name, kind)) = line.trim_start_matches("pub ").split_once(": ") {
+            let kind = kind.trim_end_matches(',');
+            keys.push((name.to_owned(), in_words(kind), about.join(" ")));
+            about.clear();
+        }
+    }
+    keys
+}
+
+/// A type as a file has it.
+fn in_words(kind: &str) -> String {
+    let (inner, optional) = match kind.strip_prefix("Option<") {
+        Some(inner) => (inner.trim_end_matches('>'), ", may be left out"),
+        None => (kind, ""),
+    };
+    let words = match inner {
+        "f64" => "number",
+        "u32" | "usize" => "whole number",
+        "bool" => "`true` or `false`, `false` if left out",
+        "String" | "char" => "text",
+        "Machine" | "Clock" => "one of its names",
+        "Rows" => "table",
+        inner if inner.starts_with("BTreeMap") => "tables by name",
+        inner if inner.starts_with("Vec") => "array of tables",
+        other => other,
+    };
+    format!("{words}{optional}")
+}
+
+fn table(page: &mut String, rows: &[Key]) {
+    page.push_str("| key | is | |\n| --- | --- | --- |\n");
+    for (name, kind, about) in rows {
+        let about = about.replace('|', "\\|");
+        // Writing to memory does not fail.
+        let _ = writeln!(page, "| `{name}` | {kind} | {about} |");
+    }
+    page.push('\n');
+}
+
+/// The first sentences of a source's documentation.
+fn headline(source: &str) -> String {
+    source
+        .lines()
+        .map_while(|line| line.strip_prefix("//!"))
+        .map(str::trim)
+        .take_while(|line| !line.is_empty())
+        .collect::<Vec<_>>()
+        .join(" ")
+}
+
+/// The name that a kind's struct has.
+fn pascal(kind: &str) -> String {
+    kind.split('_')
+        .map(|word| {
+            let (first, rest) = word.split_at(1);
+            first.to_uppercase() + rest
+        })
+        .collect()
+}
+
+/// The page.
+pub fn page() -> String {
+    let mut page = String::from(
+        "# Keys of mapping and model files\n\nMade from the code by `cargo xtask identify --reference`; a test holds this page \
+         equal to it.\n\n## Mapping file\n\nWhich column of a log is which channel, in which unit, and how it was \
+         sampled.\n\n",
+    );
+    table(&mut page, &keys(MAPPING, "Mapping"));
+    for (heading, structure) in [
+        ("`[columns.NAME]`: where a channel comes from", "Source"),
+        ("`[rows]`: which rows count", "Rows"),
+        (
+            "`[files.\"PATTERN\"]`: what differs in some files",
+            "Differs",
+        ),
+    ] {
+        let _ = writeln!(page, "### {heading}\n");
+        table(&mut page, &keys(MAPPING, structure));
+    }
+    page.push_str(
+        "### `[constants.NAME]`: numbers beside the columns\n\n`name`, the name of a variable of the file, of which the first \
+         value is taken; or `value`, the number.\n\n### Channels\n\nTime is `t_s`, s. A name's ending is its unit.\n\n",
+    );
+    for machine in Machine::ALL {
+        let _ = writeln!(
+            page,
+            "#### `machine = \"{}\"`: {}\n",
+            machine.name(),
+            machine.about()
+        );
+        page.push_str("| channel | needed | |\n| --- | --- | --- |\n");
+        for channel in machine.channels() {
+            let need = match channel.need {
+                Need::Required => "yes".to_owned(),
+                Need::Optional => "no".to_owned(),
+                Need::OneOf(group, alternative) => format!("{group}, way {}", alternative + 1),
+            };
+            let _ = writeln!(page, "| `{}` | {need} | {} |", channel.name, channel.about);
+        }
+        page.push('\n');
+        for (name, about) in machine.constants() {
+            let _ = writeln!(page, "- constant `{name}`: {about}");
+        }
+        if !machine.constants().is_empty() {
+            page.push('\n');
+        }
+    }
+    page.push_str("### Units\n\n");
+    for of in ["s", "rad", "rad/s", "m", "m/s", "A", "V", "N", "1"] {
+        let names: Vec<String> = unit_names(of)
+            .iter()
+            .map(|name| format!("`{name}`"))
+            .collect();
+        let _ = writeln!(page, "- of {of}: {}", names.join(", "));
+    }
+    page.push_str("\n## Model file of a double drive\n\n");
+    for (heading, structure) in [
+        ("`[screw]` and `[nut]`: the motors", "MotorModel"),
+        (
+            "`[[screw.torque_harmonics]]`, `[[nut.torque_harmonics]]`",
+            "TorqueHarmonic",
+        ),
+        ("`[feed]`: screw-nut pair, table and guideway", "FeedModel"),
+        ("`[sensing]`", "SensingModel"),
+    ] {
+        let _ = writeln!(page, "### {heading}\n");
+        table(&mut page, &keys(MODEL, structure));
+    }
+    page.push_str(
+        "### `[[effects]]`: what it has beyond that\n\n`kind`, `where` (`screw`, `nut`, `both` or `feed`), and the parameters of \
+         the kind:\n\n",
+    );
+    for (kind, source) in EFFECTS {
+        let _ = writeln!(page, "#### `{kind}`\n\n{}\n", headline(source));
+        table(&mut page, &keys(source, &pascal(kind)));
+    }
+    page.push_str("## Model file of a feed axis\n\n### `[axis]`\n\n");
+    table(&mut page, &keys(AXIS, "Plate"));
+    page.push_str("## Model file of a motor\n\n### `[motor]`\n\n");
+    table(&mut page, &keys(MOTOR, "MotorModel"));
+    page.push_str("## Model file of a pmsm\n\n### `[motor]`\n\nAs `[screw]` of a double drive.\n\n### `[sensing]`\n\n");
+    table(&mut page, &keys(PMSM, "Sensing"));
+    page.truncate(page.trim_end().len());
+    page.push('\n');
+    page
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use plant::effects::AnyEffect;
+
+    #[test]
+    fn the_committed_page_is_what_the_code_makes() {
+        let committed = include_str!("../REFERENCE.md");
+        assert!(
+            committed == page(),
+            "REFERENCE.md is not what the code makes: cargo xtask identify --reference > hal-sim/identify/REFERENCE.md"
+        );
+    }
+
+    #[test]
+    fn every_kind_of_effect_and_every_key_is_on_the_page() {
+        let kinds: Vec<&str> = EFFECTS.iter().map(|(kind, _)| *kind).collect();
+        assert_eq!(kinds, AnyEffect::KINDS);
+        for (kind, source) in EFFECTS {
+            let keys = keys(source, &pascal(kind));
+            assert!(!keys.is_empty(), "no key of {kind} was found");
+        }
+        for (source, structure) in [
+            (MAPPING, "Mapping"),
+            (MAPPING, "Source"),
+            (MAPPING, "Rows"),
+            (MAPPING, "Differs"),
+            (MODEL, "MotorModel"),
+            (MODEL, "FeedModel"),
+            (MODEL, "SensingModel"),
+            (AXIS, "Plate"),
+            (MOTOR, "MotorModel"),
+            (PMSM, "Sensing"),
+        ] {
+            assert!(
+                !keys(source, structure).is_empty(),
+                "{structure} has no keys"
+            );
+        }
+    }
+}
