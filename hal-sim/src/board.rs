@@ -4,7 +4,7 @@
 //! were written since the turn before, and the ADCs sample; so a compare value acts one period after the sample that
 //! it was computed from. The nut's counter is half a period behind the screw's.
 
-use crate::sensors::{Sensors, encoder_word};
+use crate::sensors::{CurrentSensing, Leg, Sensors, encoder_word};
 use control::current_loop::{MotorSample, PwmCommand};
 use control::encoder::Interface;
 use control::sense::Shunts;
@@ -32,6 +32,8 @@ pub struct BoardConfig {
     pub sensors: Sensors,
     /// Which phases have a current sensor.
     pub shunts: Shunts,
+    /// Where it is.
+    pub sensing: CurrentSensing,
     /// The drive measures its current zeros before it starts, which hides a constant offset from it.
     pub measure_zeros: bool,
     /// Integration steps per half PWM period.
@@ -51,6 +53,7 @@ impl Default for BoardConfig {
             break_a: 8.0,
             sensors: Sensors::real(),
             shunts: Shunts::Two,
+            sensing: CurrentSensing::InLine,
             measure_zeros: false,
             substeps: 1,
             seed: 1,
@@ -147,6 +150,14 @@ impl Board {
 
         let [a, b, c] = self.machine.current_readings(axis);
         let Sensors { current, bus, .. } = self.config.sensors;
+        // At the top, where the samples are taken.
+        let leg = |k: usize| match (active.enable && !broken, active.compare[k]) {
+            (false, _) => Leg::Open,
+            (true, compare) if compare >= self.config.period() => Leg::High,
+            (true, _) => Leg::Low,
+        };
+        let sensing = self.config.sensing;
+        let [a, b, c] = [(a, 0), (b, 1), (c, 2)].map(|(amps, k)| sensing.seen(amps, leg(k)));
         let mut convert = |i| current.convert(i, &mut self.random);
         MotorSample {
             // A phase without a sensor reads 0.

@@ -59,6 +59,39 @@ impl Adc {
     }
 }
 
+/// Where the phase currents are measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum CurrentSensing {
+    /// In the motor's lines: always.
+    #[default]
+    InLine,
+    /// Under the low sides: only what flows there.
+    LowSide,
+}
+
+/// What conducts in one phase of a bridge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Leg {
+    /// The low side is closed.
+    Low,
+    /// The high side is closed.
+    High,
+    /// Neither: the current goes on through a diode, into the motor through the lower one, out of it through the upper.
+    Open,
+}
+
+impl CurrentSensing {
+    /// What the sensor of a phase sees of a current into the motor, A.
+    #[must_use]
+    pub fn seen(self, amps: f64, leg: Leg) -> f64 {
+        match (self, leg) {
+            (Self::InLine, _) | (Self::LowSide, Leg::Low) => amps,
+            (Self::LowSide, Leg::High) => 0.0,
+            (Self::LowSide, Leg::Open) => amps.max(0.0),
+        }
+    }
+}
+
 /// The sensors of both motors and of the table.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sensors {
@@ -208,6 +241,17 @@ mod tests {
             3.0,
             0.1
         );
+    }
+
+    #[test]
+    fn a_low_side_shunt_sees_what_flows_under_its_low_side() {
+        let seen = |leg| [2.0, -2.0].map(|amps| CurrentSensing::LowSide.seen(amps, leg));
+        assert_eq!(seen(Leg::Low), [2.0, -2.0]);
+        assert_eq!(seen(Leg::High), [0.0, 0.0]);
+        assert_eq!(seen(Leg::Open), [2.0, 0.0]);
+        for leg in [Leg::Low, Leg::High, Leg::Open] {
+            assert_eq!(CurrentSensing::InLine.seen(-2.0, leg), -2.0);
+        }
     }
 
     #[test]

@@ -10,7 +10,7 @@ use hal_sim::drive::Drive;
 use hal_sim::experiment::{
     OperatingPoint, RPM, Recorder, Setup, ripple_percent, settle_quietly, table_velocities,
 };
-use hal_sim::sensors::incremental;
+use hal_sim::sensors::{CurrentSensing, incremental};
 use hal_sim::vrf::vrf_percent;
 use plant::Axis;
 use plant::effects::{CurrentGain, CurrentOffset, DeadTime, EffectModel, Place};
@@ -256,6 +256,45 @@ fn a_break_opens_both_bridges_and_names_the_motor() {
     };
     run(&mut drive, 0.2, |_| ());
     assert_eq!(drive.state(), State::Ready);
+}
+
+/// A low-side shunt behind a non-inverting amplifier reads a current into the motor downwards, and only under its low side;
+/// with its sign in the plate the drive is the same as with sensors in the motor's lines.
+#[test]
+fn a_low_side_shunt_with_its_sign_drives_as_an_in_line_sensor() {
+    let trace = |sensing: CurrentSensing, sign: f64, plate_sign: f64| {
+        let mut setup = coupled();
+        let mut sensors = setup.board.sensors;
+        sensors.current.noise = 0.0;
+        sensors.current.per_count *= sign;
+        setup.board.sensors = sensors;
+        setup.board.sensing = sensing;
+        let mut plate = setup.plate();
+        plate.board.amps_per_count = plate.board.amps_per_count.abs() * plate_sign;
+        let mut drive = Drive::new(&setup.model, setup.coupling, setup.board, &plate).unwrap();
+        drive.command(CREEP.velocity, CREEP.base).unwrap();
+        let mut speeds = Vec::new();
+        run(&mut drive, 0.5, |drive| {
+            speeds.push(drive.board.machine.motor(Axis::Nut).omega);
+        });
+        speeds
+    };
+    let inline = trace(CurrentSensing::InLine, 1.0, 1.0);
+    let low_side = trace(CurrentSensing::LowSide, -1.0, -1.0);
+    let apart = |a: &[f64], b: &[f64]| {
+        a.iter()
+            .zip(b)
+            .map(|(a, b)| (a - b).abs())
+            .fold(0.0, f64::max)
+    };
+    let same = apart(&inline, &low_side);
+    println!("{same} rad/s apart");
+    // Of 31 rad/s: what a rounding of half a count does.
+    assert!(same < 0.05, "the nut's speeds are {same} rad/s apart");
+    // The sign of the other sensor: it does not drive.
+    let wrong = trace(CurrentSensing::LowSide, -1.0, 1.0);
+    let off = apart(&inline, &wrong);
+    assert!(off > 5.0, "a wrong sign goes unnoticed: {off} rad/s apart");
 }
 
 #[test]

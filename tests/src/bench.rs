@@ -2,6 +2,7 @@
 //! a probe would.
 
 use crate::chip::CORE_HZ;
+use crate::chip::power::PowerStage;
 use crate::chip::wiring::Wiring;
 use crate::emulator::Emulator;
 use crate::image::Image;
@@ -10,7 +11,7 @@ use crate::pins::Motor;
 use control::guard::GuardPlate;
 use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
-use hal_sim::sensors::{Adc, Sensors};
+use hal_sim::sensors::{Adc, CurrentSensing, Sensors};
 use link::codes::{Run, State};
 use link::host::{Drive, View};
 use link::telemetry::Request;
@@ -186,6 +187,32 @@ pub fn machine_of(board: Wiring, template: &Model, coupling: Coupling) -> Model 
     model
 }
 
+/// Where a board measures its currents: the count of a shunt under a low side falls with a current into the motor.
+#[must_use]
+pub fn sensing_of(wiring: Wiring) -> CurrentSensing {
+    if plate_of(wiring).board.amps_per_count < 0.0 {
+        CurrentSensing::LowSide
+    } else {
+        CurrentSensing::InLine
+    }
+}
+
+/// A board's power stage with sensors of a kind, whose driver lets a switch carry twice what the comparators do.
+#[must_use]
+pub fn power_stage(wiring: Wiring, sensing: CurrentSensing, driver_a: f64) -> PowerStage {
+    let board = plate_of(wiring).board;
+    PowerStage {
+        sensing,
+        // In counts the comparators look upwards on both: the plate of the other kind has the other sign.
+        amps_per_count: match sensing {
+            CurrentSensing::InLine => board.amps_per_count.abs(),
+            CurrentSensing::LowSide => -board.amps_per_count.abs(),
+        },
+        zero: board.zero_counts,
+        driver_a,
+    }
+}
+
 /// The board of `hal-sim` that has what the firmware's plate says.
 #[must_use]
 pub fn board_config(wiring: Wiring) -> BoardConfig {
@@ -206,6 +233,7 @@ pub fn board_config(wiring: Wiring) -> BoardConfig {
         shunts: board.shunts,
         dead_time_s: board.dead_time_s,
         measure_zeros: board.measure_zeros,
+        sensing: sensing_of(wiring),
         sensors: Sensors {
             encoders: plate.motors.map(|motor| motor.encoder),
             scale_count_m: scale_count_m(wiring),

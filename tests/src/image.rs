@@ -108,6 +108,27 @@ impl Image {
         Ok((end - START + fast_code, self.symbol("_stack_start")? - end))
     }
 
+    /// What the vector table has: exception number and the handler's address, of all but the stack and the reset.
+    ///
+    /// # Errors
+    /// The table is not at the start of the flash.
+    pub fn vectors(&self) -> Result<Vec<(usize, u32)>, String> {
+        const TABLE: u32 = 0x0800_0000;
+        const EXCEPTIONS: usize = 16 + 102;
+        (2..EXCEPTIONS)
+            .map(|number| {
+                let at = TABLE + 4 * number as u32;
+                let word = self
+                    .bytes(at, 4)
+                    .and_then(|bytes| bytes.try_into().ok())
+                    .map(u32::from_le_bytes)
+                    .ok_or_else(|| format!("there is no vector table at {TABLE:#010x}"))?;
+                Ok((number, word & !1))
+            })
+            .filter(|vector| vector.as_ref().map_or(true, |(_, handler)| *handler != 0))
+            .collect()
+    }
+
     /// The function that holds `address`.
     #[must_use]
     pub fn function_at(&self, address: u32) -> Option<&Function> {

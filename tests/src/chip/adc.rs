@@ -138,6 +138,16 @@ impl Adc {
         }
     }
 
+    /// The channels that it converts: injected, and regular if it converts that too.
+    #[must_use]
+    pub fn channels(&self) -> Vec<u32> {
+        let mut channels = self.injected_channels();
+        if self.control & ADSTART != 0 && self.registers.get("CFGR") >> 10 & 3 != 0 {
+            channels.push(self.registers.get("SQR1") >> 6 & 31);
+        }
+        channels
+    }
+
     fn injected_channels(&self) -> Vec<u32> {
         let jsqr = self.registers.get("JSQR");
         let ranks = [jsqr >> 9, jsqr >> 15, jsqr >> 21, jsqr >> 27].map(|field| field & 31);
@@ -204,6 +214,12 @@ impl Adc {
             flags |= AWD2;
         }
         flags
+    }
+
+    /// Its plain registers.
+    #[must_use]
+    pub fn registers(&self) -> &Registers {
+        &self.registers
     }
 
     fn read(&self, offset: u32) -> Result<u32, String> {

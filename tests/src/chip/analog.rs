@@ -33,6 +33,12 @@ impl Dac {
         (enabled && internal).then_some((self.registers.get("DHR12RD") >> shift & 0xFFF) as u16)
     }
 
+    /// Its plain registers.
+    #[must_use]
+    pub fn registers(&self) -> &Registers {
+        &self.registers
+    }
+
     /// Reads a register.
     ///
     /// # Errors

@@ -49,6 +49,12 @@ impl BasicTimer {
         self.flag && self.registers.get("DIER") & 1 == 1
     }
 
+    /// Its plain registers.
+    #[must_use]
+    pub fn registers(&self) -> &Registers {
+        &self.registers
+    }
+
     /// Reads a register.
     ///
     /// # Errors

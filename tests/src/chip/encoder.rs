@@ -174,6 +174,12 @@ impl EncoderTimer {
         self.events().get(index).map(|(_, event)| *event)
     }
 
+    /// Its plain registers.
+    #[must_use]
+    pub fn registers(&self) -> &Registers {
+        &self.registers
+    }
+
     /// Reads a register.
     ///
     /// # Errors

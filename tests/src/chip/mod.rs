@@ -11,6 +11,7 @@ pub mod dma;
 pub mod encoder;
 pub mod nvic;
 pub mod opamp;
+pub mod power;
 pub mod pwm;
 pub mod registers;
 pub mod spi;
@@ -27,6 +28,7 @@ use dma::{Dma, Transfer};
 use encoder::{EncoderTimer, Frame};
 use nvic::Nvic;
 use opamp::Amplifiers;
+use power::{PowerFault, PowerStage};
 use pwm::{PwmTimer, Turn};
 use spi::Spi;
 use std::cell::RefCell;
@@ -37,6 +39,13 @@ use wiring::{Input, Wiring};
 
 /// Core clock, Hz.
 pub const CORE_HZ: u64 = 170_000_000;
+
+/// Requests to DMAMUX1 (RM0440 table 91): ADC1 to ADC4.
+pub const ADC_REQUESTS: [u32; 4] = [5, 36, 37, 38];
+/// Channel 1 of TIM2 and of TIM5; their other channels follow.
+pub const TIMER_REQUESTS: [u32; 2] = [56, 72];
+/// SPI1 has received.
+pub const SPI1_RECEIVED: u32 = 10;
 
 /// What happened at a bridge: for comparing streams.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -122,6 +131,8 @@ pub struct Provoked {
     pub over_current: [Option<u16>; 2],
     /// The gate drivers say that they have a fault.
     pub driver_fault: [bool; 2],
+    /// A fault of a power stage.
+    pub power_fault: [Option<(PowerStage, PowerFault)>; 2],
 }
 
 /// Why the chip was reset.
@@ -213,7 +224,9 @@ impl Chip {
         let others = [self.nvic.next_systick(), self.deadman.out_at()]
             .into_iter()
             .flatten();
+        let edges = (0..2).filter_map(|index| self.next_edge(index));
         let clocked = pwm
+            .chain(edges)
             .chain(adc)
             .chain(frames)
             .chain(breaks)
@@ -253,6 +266,9 @@ impl Chip {
                 self.machine.borrow_mut().stopped(Self::motor(index));
             }
         }
+        if self.provoked.power_fault.iter().any(Option::is_some) {
+            self.look_at_breaks();
+        }
         for index in 0..2 {
             if self.pwm[index].next_turn() == Some(self.now) {
                 self.turn(index);
@@ -291,6 +307,11 @@ impl Chip {
                 sensors.encoder = count;
             }
             self.sampled[index] = sensors.current;
+            if let Some((stage, fault)) = self.provoked.power_fault[index] {
+                for (phase, leg) in self.pwm[index].legs(self.now).into_iter().enumerate() {
+                    sensors.current[phase] = stage.counts(fault, phase, leg);
+                }
+            }
             if let Some(counts) = self.provoked.over_current[index] {
                 sensors.current = [counts; 3];
             }
@@ -339,13 +360,19 @@ impl Chip {
             self.dacs[1].output(1),
         ];
         for index in 0..2 {
-            let high = self.comparators.outputs(
-                self.wiring,
-                index,
-                self.sensors[index].current,
-                thresholds,
-            );
-            let pin = self.fault_line(index);
+            let legs = self.pwm[index].legs(self.now);
+            let mut current = self.sensors[index].current;
+            let mut driver_trips = false;
+            if let Some((stage, fault)) = self.provoked.power_fault[index] {
+                for (phase, leg) in legs.into_iter().enumerate() {
+                    current[phase] = stage.counts(fault, phase, leg);
+                    driver_trips |= stage.driver_trips(fault, phase, leg);
+                }
+            }
+            let high = self
+                .comparators
+                .outputs(self.wiring, index, current, thresholds);
+            let pin = self.fault_line(index) && !driver_trips;
             self.pwm[index].break_input(high, pin, self.now);
         }
     }
@@ -359,6 +386,19 @@ impl Chip {
         self.system.pin_function(port, pin) == (2, function)
             && awake
             && !self.provoked.driver_fault[index]
+    }
+
+    /// A power stage has a fault from now on, or has none again.
+    pub fn power_fault(&mut self, motor: Motor, fault: Option<(PowerStage, PowerFault)>) {
+        self.provoked.power_fault[motor as usize] = fault;
+        self.look_at_breaks();
+        self.reschedule();
+    }
+
+    /// When a switch next changes that a power stage's fault makes matter.
+    fn next_edge(&self, index: usize) -> Option<u64> {
+        self.provoked.power_fault[index]?;
+        self.pwm[index].next_edge(self.now)
     }
 
     /// The driver of a motor says that it has a fault, or has none again.
@@ -419,8 +459,8 @@ impl Chip {
                     .select(Some(frame ^ self.provoked.frame_errors[index]));
             }
             Some(Frame::Request(channel)) => {
-                // DMAMUX requests of TIM2's and TIM5's channels (RM0440 table 91); both send through SPI1.
-                let request = [56, 72][index] + channel - 1;
+                // Both send through SPI1.
+                let request = TIMER_REQUESTS[index] + channel - 1;
                 let result =
                     self.dma
                         .request(request, SPI1_DATA)
@@ -443,7 +483,6 @@ impl Chip {
 
     /// SPI1 has exchanged a word.
     fn exchanged(&mut self) {
-        const SPI1_RECEIVED: u32 = 10;
         let result = self.spi.finish(self.now).and_then(|asks| {
             if !asks {
                 return Ok(());
@@ -505,8 +544,7 @@ impl Chip {
             Ok(Conversion::Injected) => {}
             Ok(Conversion::Regular(counts)) => {
                 let from = 0x5000_0040 + 0x100 * u32::try_from(index).unwrap_or(0);
-                // DMAMUX requests of ADC1 to ADC4 (RM0440 table 91).
-                match self.dma.request([5, 36, 37, 38][index], from) {
+                match self.dma.request(ADC_REQUESTS[index], from) {
                     Ok(Some(Transfer::ToMemory(address))) => {
                         self.memory_writes.push((address, counts));
                     }

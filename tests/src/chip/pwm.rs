@@ -2,6 +2,7 @@
 
 use super::registers::Registers;
 use crate::pins::Bridge;
+use hal_sim::sensors::Leg;
 
 const CR1: u32 = 0x00;
 const CR2: u32 = 0x04;
@@ -145,6 +146,39 @@ impl PwmTimer {
         }
     }
 
+    /// What conducts in each phase: the high side while the counter is below the compare value.
+    #[must_use]
+    pub fn legs(&self, now: u64) -> [Leg; 3] {
+        let (top, position) = (self.top(), self.position(now));
+        let count = if position < top {
+            position
+        } else {
+            2 * top - position
+        };
+        self.active.map(|compare| match self.moe {
+            false => Leg::Open,
+            true if count < u64::from(compare) => Leg::High,
+            true => Leg::Low,
+        })
+    }
+
+    /// When a phase next changes from one side to the other.
+    #[must_use]
+    pub fn next_edge(&self, now: u64) -> Option<u64> {
+        self.started?;
+        let (top, position) = (self.top(), self.position(now));
+        let edges = self.active.iter().flat_map(|&compare| {
+            let compare = u64::from(compare).min(top);
+            // On the way up at the compare value; on the way down one count below it.
+            [compare, 2 * top - compare + 1]
+        });
+        let after = edges.map(|edge| (edge + 2 * top - position) % (2 * top));
+        after
+            .filter(|&after| after > 0)
+            .min()
+            .map(|after| now + after)
+    }
+
     /// What TRGO follows.
     #[must_use]
     pub fn trigger_output(&self) -> Output {
@@ -272,6 +306,12 @@ impl PwmTimer {
     /// A break holds the outputs.
     fn broken(&self) -> bool {
         self.system_break || self.break_high && self.break_due.is_none()
+    }
+
+    /// Its plain registers.
+    #[must_use]
+    pub fn registers(&self) -> &Registers {
+        &self.registers
     }
 
     /// Reads a register.

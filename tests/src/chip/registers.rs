@@ -30,6 +30,14 @@ impl Registers {
         Self { peripheral, table }
     }
 
+    /// The peripheral, and its registers: name, offset, value.
+    #[must_use]
+    pub fn layout(&self) -> (&'static str, Vec<(&'static str, u32, u32)>) {
+        let table = self.table.iter();
+        let registers = table.map(|register| (register.name, register.offset, register.value));
+        (self.peripheral, registers.collect())
+    }
+
     fn unknown(&self, offset: u32) -> String {
         format!(
             "{} has no register at offset {offset:#x} in this model",

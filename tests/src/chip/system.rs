@@ -169,6 +169,22 @@ impl System {
         ["APB1FZR1", "APB2FZR"].map(|name| self.debug.get(name))
     }
 
+    /// All that only hold values.
+    pub fn registers(&self) -> impl Iterator<Item = &Registers> {
+        let Self {
+            rcc,
+            power,
+            flash,
+            configuration,
+            debug,
+            ports,
+            ..
+        } = self;
+        [rcc, power, flash, configuration, debug]
+            .into_iter()
+            .chain(ports)
+    }
+
     /// A peripheral whose clock is off where it is accessed: its name.
     #[must_use]
     pub fn without_clock(&self, address: u32) -> Option<&'static str> {
