@@ -187,30 +187,26 @@ pub fn machine_of(board: Wiring, template: &Model, coupling: Coupling) -> Model 
     model
 }
 
-/// Where a board measures its currents: the count of a shunt under a low side falls with a current into the motor.
-#[must_use]
-pub fn sensing_of(wiring: Wiring) -> CurrentSensing {
-    if plate_of(wiring).board.amps_per_count < 0.0 {
-        CurrentSensing::LowSide
-    } else {
-        CurrentSensing::InLine
-    }
-}
+/// Both boards' shunts are under the low sides.
+const SENSING: CurrentSensing = CurrentSensing::LowSide;
 
-/// A board's power stage with sensors of a kind, whose driver lets a switch carry twice what the comparators do.
+/// A board's power stage with its own amplifiers on sensors of a kind, and a driver that says that there is a fault when a
+/// switch carries so much.
 #[must_use]
 pub fn power_stage(wiring: Wiring, sensing: CurrentSensing, driver_a: f64) -> PowerStage {
     let board = plate_of(wiring).board;
     PowerStage {
         sensing,
-        // In counts the comparators look upwards on both: the plate of the other kind has the other sign.
-        amps_per_count: match sensing {
-            CurrentSensing::InLine => board.amps_per_count.abs(),
-            CurrentSensing::LowSide => -board.amps_per_count.abs(),
-        },
+        amps_per_count: board.amps_per_count,
         zero: board.zero_counts,
         driver_a,
     }
+}
+
+/// Peak phase current that a board's comparators let pass, A.
+#[must_use]
+pub fn over_current_a(wiring: Wiring) -> f64 {
+    supply(wiring).1
 }
 
 /// The board of `hal-sim` that has what the firmware's plate says.
@@ -233,7 +229,7 @@ pub fn board_config(wiring: Wiring) -> BoardConfig {
         shunts: board.shunts,
         dead_time_s: board.dead_time_s,
         measure_zeros: board.measure_zeros,
-        sensing: sensing_of(wiring),
+        sensing: SENSING,
         sensors: Sensors {
             encoders: plate.motors.map(|motor| motor.encoder),
             scale_count_m: scale_count_m(wiring),

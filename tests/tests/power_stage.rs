@@ -5,7 +5,7 @@ use hal_sim::sensors::CurrentSensing::{self, InLine, LowSide};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
-use tests::bench::{Bench, READY, RUNNING, power_stage};
+use tests::bench::{Bench, READY, RUNNING, over_current_a, power_stage};
 use tests::chip::CORE_HZ;
 use tests::chip::power::PowerFault::{self, Motor as Overload, ShootThrough, ToMinus};
 use tests::chip::wiring::Wiring;
@@ -50,24 +50,26 @@ fn off_after(
 
 #[test]
 fn each_sensor_sees_what_it_can() -> Result<(), String> {
-    // The comparators' limit is 4.5 A, the analog watchdogs' 4.75.
-    let overload = Overload([6.0, -3.0, -3.0]);
-    let negative = Overload([-6.0, 3.0, 3.0]);
-    let phases = Overload([20.0, -20.0, 0.0]);
+    let limit = over_current_a(Wiring::Nucleo);
+    let phases = |factors: [f64; 3]| Overload(factors.map(|factor| factor * limit));
+    let overload = phases([1.3, -0.65, -0.65]);
+    let negative = phases([-1.3, 0.65, 0.65]);
+    let short = phases([1.3, -1.3, 0.0]);
     let earth = ToMinus {
         phase: 0,
-        amps: 20.0,
+        amps: 1.5 * limit,
     };
     let through = ShootThrough {
         phase: 0,
-        amps: 50.0,
+        amps: 3.0 * limit,
     };
-    const DRIVER_A: f64 = 9.0;
-    // us by the comparators and the watchdogs alone: the filter's 1 at the look's grain, a period, or the watchdogs' 300.
+    let driver = 1.2 * limit;
+    // us: the filter's 0.75 at the grain of this test's looks; until the switch closes that shows it; until the next sample
+    // has been looked at and its period is over.
     const AT_ONCE: f64 = 1.25;
-    const PERIOD: f64 = 51.0;
-    const WATCHED: f64 = 300.0;
-    let cases: [(&str, CurrentSensing, f64, PowerFault, Option<f64>); 14] = [
+    const PERIOD: f64 = 52.0;
+    const SAMPLED: f64 = 105.0;
+    let cases: [(&str, CurrentSensing, f64, PowerFault, Option<f64>); 15] = [
         (
             "over-current into the motor",
             InLine,
@@ -80,9 +82,9 @@ fn each_sensor_sees_what_it_can() -> Result<(), String> {
             InLine,
             SILENT,
             negative,
-            Some(WATCHED),
+            Some(SAMPLED),
         ),
-        ("phase to phase", InLine, SILENT, phases, Some(AT_ONCE)),
+        ("phase to phase", InLine, SILENT, short, Some(AT_ONCE)),
         ("phase to earth", InLine, SILENT, earth, Some(PERIOD)),
         ("shoot-through", InLine, SILENT, through, None),
         (
@@ -90,43 +92,50 @@ fn each_sensor_sees_what_it_can() -> Result<(), String> {
             LowSide,
             SILENT,
             overload,
-            Some(WATCHED),
+            Some(PERIOD),
         ),
         (
             "over-current out of the motor",
             LowSide,
             SILENT,
             negative,
-            Some(PERIOD),
+            Some(SAMPLED),
         ),
-        ("phase to phase", LowSide, SILENT, phases, Some(PERIOD)),
+        ("phase to phase", LowSide, SILENT, short, Some(PERIOD)),
         ("phase to earth", LowSide, SILENT, earth, None),
-        ("shoot-through", LowSide, SILENT, through, Some(AT_ONCE)),
+        ("shoot-through", LowSide, SILENT, through, Some(SAMPLED)),
+        (
+            "over-current out of the motor, driver",
+            LowSide,
+            driver,
+            negative,
+            Some(AT_ONCE),
+        ),
         (
             "phase to phase, driver",
             LowSide,
-            DRIVER_A,
-            phases,
+            driver,
+            short,
             Some(AT_ONCE),
         ),
         (
             "phase to earth, driver",
             LowSide,
-            DRIVER_A,
+            driver,
             earth,
             Some(PERIOD),
         ),
         (
             "shoot-through, driver",
             LowSide,
-            DRIVER_A,
+            driver,
             through,
             Some(AT_ONCE),
         ),
         (
             "shoot-through, driver",
             InLine,
-            DRIVER_A,
+            driver,
             through,
             Some(AT_ONCE),
         ),
