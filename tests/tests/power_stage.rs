@@ -69,6 +69,8 @@ fn each_sensor_sees_what_it_can() -> Result<(), String> {
     const AT_ONCE: f64 = 1.25;
     const PERIOD: f64 = 52.0;
     const SAMPLED: f64 = 105.0;
+    // Until the speed task has taken the analog watchdogs' flags.
+    const WATCHED: f64 = 300.0;
     let cases: [(&str, CurrentSensing, f64, PowerFault, Option<f64>); 15] = [
         (
             "over-current into the motor",
@@ -103,7 +105,7 @@ fn each_sensor_sees_what_it_can() -> Result<(), String> {
         ),
         ("phase to phase", LowSide, SILENT, short, Some(PERIOD)),
         ("phase to earth", LowSide, SILENT, earth, None),
-        ("shoot-through", LowSide, SILENT, through, Some(SAMPLED)),
+        ("shoot-through", LowSide, SILENT, through, Some(WATCHED)),
         (
             "over-current out of the motor, driver",
             LowSide,

@@ -130,7 +130,7 @@ impl System {
                 &[("ACR", 0x00, 0x0004_0600), ("OPTR", 0x20, 0xFAEF_FCAA)],
             ),
             configuration: Registers::new("SYSCFG", &[("CFGR2", SYSCFG_CFGR2, 0)]),
-            debug: Registers::new("DBGMCU", &[("APB1FZR1", 0x08, 0), ("APB2FZR", 0x10, 0)]),
+            debug: Registers::new("DBGMCU", &[("APB1LFZR", 0x08, 0), ("APB2FZR", 0x10, 0)]),
             ports: ports.collect(),
             reset_flags: POWER_ON,
             crystal: true,
@@ -166,7 +166,7 @@ impl System {
     /// What stops with a core that a debugger halts: the bits of DBGMCU_APB1FZR1 and DBGMCU_APB2FZR.
     #[must_use]
     pub fn stops_with_the_core(&self) -> [u32; 2] {
-        ["APB1FZR1", "APB2FZR"].map(|name| self.debug.get(name))
+        ["APB1LFZR", "APB2FZR"].map(|name| self.debug.get(name))
     }
 
     /// All that only hold values.
