@@ -263,7 +263,7 @@ fn matlab_matrices_structs_and_arrays_of_structs() {
     );
     let paths = ["log.t", "log.theta", "log.iq"];
     is_the_log(
-        &read("log.mat", &mat(&[one.clone()]), &mapping(paths)).expect("a struct"),
+        &read("log.mat", &mat(std::slice::from_ref(&one)), &mapping(paths)).expect("a struct"),
         1e-12,
     );
     // The same, compressed, as `save -v7` does.

@@ -232,7 +232,7 @@ impl Parameter {
                 | MotorParameter::Inductance => 0.033,
                 MotorParameter::Flux => 0.011,
                 MotorParameter::Viscous | MotorParameter::Coulomb => 0.22,
-                MotorParameter::Load => return f64::INFINITY,
+                MotorParameter::Load => f64::INFINITY,
                 MotorParameter::CurrentSlope => 0.4,
                 MotorParameter::AngleLag => 2e-5,
                 MotorParameter::VoltageLag | MotorParameter::ReadingLag => 1e-4,

@@ -120,7 +120,7 @@ pub(super) fn clipped(channels: &[Seen], limits: &Limits, found: &mut Vec<Findin
             .iter()
             .fold((f64::MAX, f64::MIN), |(l, h), v| (l.min(*v), h.max(*v)));
         let range = high - low;
-        if !(range > 0.0) || distinct(values, limits.distinct) < limits.distinct {
+        if range.is_nan() || range <= 0.0 || distinct(values, limits.distinct) < limits.distinct {
             continue;
         }
         let rail = |extreme: f64| {

@@ -26,7 +26,8 @@ pub(super) fn check(record: &Record, mass_kg: f64, limits: &Limits, found: &mut 
     let moved = centred(position);
     if let Some(reference) = record.get("reference_m") {
         let asked = centred(reference);
-        if let Some(own) = fit(&[asked.clone()], &moved).filter(|_| rms(&asked) > 1e-6) {
+        if let Some(own) = fit(std::slice::from_ref(&asked), &moved).filter(|_| rms(&asked) > 1e-6)
+        {
             let ratio = own.values[0];
             if own.explained < limits.speed_explained || !limits.follow_ratio.contains(&ratio) {
                 let how = match own.explained > limits.fixed {

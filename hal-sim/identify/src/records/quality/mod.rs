@@ -417,7 +417,7 @@ fn table(
         }
         return;
     }
-    let Some(own) = fit(&[expected.clone()], &moved) else {
+    let Some(own) = fit(std::slice::from_ref(&expected), &moved) else {
         return;
     };
     let ratio = own.values[0];

@@ -219,7 +219,7 @@ impl<'a> Motor<'a> {
         if rms(&asked) < 0.2 {
             return true;
         }
-        let Some(own) = fit(&[asked.clone()], &speed) else {
+        let Some(own) = fit(std::slice::from_ref(&asked), &speed) else {
             return true;
         };
         let ratio = own.values[0];
