@@ -403,7 +403,7 @@ impl<'a> Motor<'a> {
                 )
             } else {
                 format!(
-                    "the current turns {best} times a turn of `{angle}` ({:.0} % explained), but the plate has {} pole pairs \
+                    "the current turns {best} times a turn of `{angle}` ({:.0} % explained), expected the plate's {} pole pairs \
                      ({:.0} %); correct pole_pairs in the model, or the angle's unit",
                     100.0 * currents.explained,
                     self.plate.pole_pairs,
@@ -472,7 +472,7 @@ impl<'a> Motor<'a> {
         for (which, name) in [(0, &ia), (1, &ib)] {
             for factor in [-1.0, 1e-3, 1e3] {
                 let words = format!(
-                    "`{name}` fits the other phase and the reference only times {factor}: its sign or unit is wrong; give its \
+                    "`{name}` fits the other phase and the reference only times {factor}, expected as it is: its sign or unit is wrong; give its \
                      unit or scale in a mapping file"
                 );
                 tried.push((scaled(which, factor), words));
@@ -487,7 +487,7 @@ impl<'a> Motor<'a> {
                 let mut own = phases.clone();
                 own[which] = theirs[which].clone();
                 changed.phases = Some(own);
-                tried.push((changed, format!("`{name}` is the other motor's: with `{}{}` in its place the currents follow their reference; exchange them in the mapping", other.prefix, ["ia_a", "ib_a"][which])));
+                tried.push((changed, format!("`{name}` is the other motor's, expected this one's: with `{}{}` in its place the currents follow their reference; exchange them in the mapping", other.prefix, ["ia_a", "ib_a"][which])));
             }
             let both = Motor {
                 phases: Some(theirs.clone()),
@@ -762,7 +762,7 @@ impl<'a> Motor<'a> {
         let mut tried = vec![(
             with(q.clone(), d.clone()),
             format!(
-                "`{ud}` and `{uq}` are exchanged: so they follow currents and speed, as they are mapped they do not; exchange them in the mapping"
+                "`{ud}` and `{uq}` are exchanged: so they follow currents and speed, expected as they are mapped; exchange them in the mapping"
             ),
         )];
         for factor in [-1.0, 1e-3, 1e3, 0.816_496_581, 1.224_744_871] {
