@@ -52,7 +52,6 @@ pub fn plates(
     board: &BoardConfig,
     tuning: Tuning,
 ) -> DrivePlate {
-    let current = &board.sensors.current;
     let r = model.feed.travel_per_radian();
     let table = match coupling {
         Coupling::Lumped => 0.0,
@@ -83,7 +82,7 @@ pub fn plates(
             zero_counts: board.sensors.current.zero,
             bus_volts_per_count: board.sensors.bus.per_count,
             adc_counts: board.sensors.current.counts.max(board.sensors.bus.counts),
-            over_current_a: 0.97 * current.per_count.abs() * f64::from(current.counts / 2),
+            over_current_a: board.break_a,
             bus_min_v: 0.1 * board.bus_v,
             dead_time_s: board.dead_time_s,
             dead_time_fade_a: 0.02,

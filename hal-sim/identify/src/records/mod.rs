@@ -64,6 +64,13 @@ pub fn load(path: &Path, how: How, progress: &mut Progress) -> Result<Record, Lo
             constants.insert(*name, value);
         }
     }
+    for (name, _) in &mapping.columns {
+        if !found.iter().any(|(known, _)| known == name) {
+            quality.notes.push(format!(
+                "`{name}` is mapped to a column that this file does not have; it is optional and taken as absent"
+            ));
+        }
+    }
     let keep = rows_that_count(&table, mapping, timed)?;
     let all = timed
         .map(|t| ("t_s", t))
@@ -154,8 +161,10 @@ fn channels(mapping: &Mapping, table: &Table) -> Result<Vec<(&'static str, Found
         match mapping.find(table, channel.name) {
             Ok(place) => found.push((channel.name, place)),
             Err(LoadError::Column { .. })
-                if channel.need != Need::Required
-                    && !mapping.columns.contains_key(channel.name) => {}
+                // One mapping serves several files, of which some lack what is optional.
+                if channel.need == Need::Optional
+                    || channel.need != Need::Required
+                        && !mapping.columns.contains_key(channel.name) => {}
             Err(error) => return Err(error),
         }
     }

@@ -189,7 +189,12 @@ mod tests {
             pole_pairs: Some(7.0),
         };
         assert_eq!(factor("count", "rad", seven), Ok(TURN / 8192.0));
-        assert_eq!(factor("erpm", "rad/s", seven), Ok(TURN / 60.0 / 7.0));
+        let got = factor("erpm", "rad/s", seven).unwrap();
+        let expected = TURN / 60.0 / 7.0;
+        assert!(
+            (got / expected - 1.0).abs() < 1e-15,
+            "7 pole pairs at 1 erpm: {got} rad/s, expected {expected}"
+        );
     }
 
     #[test]

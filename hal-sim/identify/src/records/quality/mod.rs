@@ -427,7 +427,7 @@ fn table(
     let sentence = if rms(&moved) < 0.01 * rms(&expected) && own.explained < limits.travel_explained
     {
         format!(
-            "`table_position_m` moves by {:.6} m rms where lead and angles give {:.6} m; is it frozen, in another unit, or the wrong \
+            "`table_position_m` moves by {:.6} m rms, expected {:.6} m by lead and angles; is it frozen, in another unit, or the wrong \
              column?",
             rms(&moved),
             rms(&expected)
