@@ -82,7 +82,8 @@ pub fn plates(
             zero_counts: board.sensors.current.zero,
             bus_volts_per_count: board.sensors.bus.per_count,
             adc_counts: board.sensors.current.counts.max(board.sensors.bus.counts),
-            over_current_a: board.break_a,
+            // The second line, behind the break.
+            over_current_a: 1.2 * board.break_a,
             bus_min_v: 0.1 * board.bus_v,
             dead_time_s: board.dead_time_s,
             dead_time_fade_a: 0.02,

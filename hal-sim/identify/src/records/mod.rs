@@ -64,7 +64,7 @@ pub fn load(path: &Path, how: How, progress: &mut Progress) -> Result<Record, Lo
             constants.insert(*name, value);
         }
     }
-    for (name, _) in &mapping.columns {
+    for name in mapping.columns.keys() {
         if !found.iter().any(|(known, _)| known == name) {
             quality.notes.push(format!(
                 "`{name}` is mapped to a column that this file does not have; it is optional and taken as absent"
