@@ -280,7 +280,8 @@ impl System {
                     let on = word & (1 << 8 | HSEON | 1 << 24);
                     (word & !(on << 1) | on << 1 | (on & 1 << 8) << 2) & swings
                 }
-                RCC_CIFR => self.clock_failed.then_some(CSSF).unwrap_or_default(),
+                RCC_CIFR if self.clock_failed => CSSF,
+                RCC_CIFR => 0,
                 // The switch has been made: SWS follows SW.
                 RCC_CFGR => {
                     let cfgr = self.rcc.read(offset)?;
