@@ -21,19 +21,17 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
     loop {
         let outcome = concluded(&case, &check, &noise, &progress);
         match likeness(&outcome) {
-            Some(hypothesis) => progress.doubt(&hypothesis, LIKENESS),
+            Some(found) => progress.take_back(&found.hypothesis, found.values.clone()),
             None => return outcome,
         }
     }
 }
 
-/// Why such a name is taken back.
-const LIKENESS: &str = "more is left on the check record, where it shows, than it explains";
 /// Times what is left beyond noise that an effect must explain of its channel on the check record.
 const DOMINANT: f64 = 3.0;
 
 /// The weakest effect that does not explain enough beside what is left where it shows most.
-fn likeness(outcome: &Outcome) -> Option<Hypothesis> {
+fn likeness(outcome: &Outcome) -> Option<&Found> {
     let left = |found: &Found| {
         let excess = |rest: &ChannelRest| rest.levels[1].excess;
         let own = outcome
@@ -47,7 +45,6 @@ fn likeness(outcome: &Outcome) -> Option<Hypothesis> {
         .iter()
         .filter(|found| found.check_fall < DOMINANT * left(found));
     weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
-        .map(|found| found.hypothesis)
 }
 
 fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> Outcome {

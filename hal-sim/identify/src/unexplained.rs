@@ -8,6 +8,7 @@ use crate::design::Whitener;
 use crate::hypothesis::{Family, Hypothesis};
 use crate::outcome::{ChannelRest, Unexplained};
 use crate::progress::Doubt;
+use crate::select::Trial;
 use plant::effects::Place;
 
 /// A channel is too loud if what is left is beyond noise by this share of the noise's power, and more than this share of
@@ -39,10 +40,20 @@ pub(crate) fn unexplained(
                 "both records have it, and no hypothesis explains as much",
             )
         });
+    let at_floor = |channel: Channel| {
+        let mut levels = channels.iter().filter(|rest| rest.channel == channel);
+        levels.any(|rest| rest.levels[1].quiet())
+    };
     let doubtful = doubtful
         .iter()
-        .take(LISTED)
-        .map(|Doubt { trial, reason }| describe(&trial.hypothesis, &trial.gain.values, reason));
+        .map(|doubt| {
+            let Trial { hypothesis, gain } = &doubt.trial;
+            let left = describe(hypothesis, &gain.values, doubt.reason);
+            (doubt.likeness, left)
+        })
+        .filter(|(likeness, left)| !(*likeness && at_floor(left.channel)))
+        .map(|(_, left)| left)
+        .take(LISTED);
     let loud = channels.iter().filter_map(|rest| {
         let beyond = rest.figures.whitened.powi(2) - 1.0;
         let left = (rest.figures.fit_after / rest.figures.fit_before).powi(2);

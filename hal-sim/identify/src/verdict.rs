@@ -6,7 +6,7 @@ use serde::Serialize;
 /// Mean square of a residual in its noise floor's up to which it is at the floor: the excess is then less than half of the
 /// noise itself.
 const QUIET: f64 = 1.5;
-/// The same of its loudest frequency band, less what chance makes of its lines, where a clean machine's has up to 1.5.
+/// The same of its loudest frequency band, where a clean machine's has up to 1.5.
 const QUIET_BAND: f64 = 2.5;
 
 /// What may be said.
@@ -99,11 +99,11 @@ impl Level {
             if to >= from + 8 {
                 let lines = (to - from) as f64;
                 let mean = power[from..to].iter().sum::<f64>() / lines / count;
+                if mean > level.band {
+                    (level.band, level.band_hz) = (mean, high);
+                }
                 // Chance alone makes a mean of so many exponentially distributed powers vary by so much.
                 let chance = 2.0 / lines.sqrt();
-                if mean - chance > level.band {
-                    (level.band, level.band_hz) = (mean - chance, high);
-                }
                 level.excess += (mean - 1.0 - chance).max(0.0) * lines / power.len() as f64 * count;
                 from = to;
             }

@@ -127,12 +127,14 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
 
     let text = |name: &str| std::fs::read_to_string(at("out").join(name)).unwrap();
     let report: Report = serde_json::from_str(&text("report.json")).unwrap();
-    // The verdict looks at all that the check record has left: on so short a record it may list a ripple of 0.0 V beside.
+    assert_eq!(
+        report.verdict, "explained",
+        "{} Left: {:?}",
+        report.summary, report.unexplained
+    );
     assert!(
-        ["explained", "partly explained"].contains(&report.verdict.as_str()),
-        "verdict `{}`: {} Left: {:?}",
-        report.verdict,
-        report.summary,
+        report.unexplained.is_empty(),
+        "left unexplained: {:?}",
         report.unexplained
     );
     // On so short a record, which turns one way only, friction that is rounded wrong looks like another effect.

@@ -75,6 +75,8 @@ fn threshold(rows: usize) -> f64 {
 pub(crate) struct Doubt {
     pub(crate) trial: Trial,
     pub(crate) reason: &'static str,
+    /// It was taken back for what is left beside it: where its channel is at its noise floor without it, nothing is.
+    pub(crate) likeness: bool,
 }
 
 impl Doubt {
@@ -82,6 +84,7 @@ impl Doubt {
         Doubt {
             trial,
             reason: "the fit record has it, the check record does not bear it out",
+            likeness: false,
         }
     }
 }
@@ -334,6 +337,7 @@ impl Progress {
             self.doubtful.push(Doubt {
                 trial,
                 reason: "more was found than one machine has",
+                likeness: false,
             });
             return false;
         }

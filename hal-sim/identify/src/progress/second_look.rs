@@ -103,25 +103,30 @@ impl Progress {
             self.doubtful.push(Doubt {
                 trial,
                 reason: "more is left in its channel than it explains",
+                likeness: false,
             });
             self.forget(k);
         }
     }
 
-    /// Takes an effect back and notes why.
-    pub(crate) fn doubt(&mut self, hypothesis: &Hypothesis, reason: &'static str) {
+    /// Takes an effect back that the fit gave these linear parameters, for more is left beside it than it explains.
+    pub(crate) fn take_back(&mut self, hypothesis: &Hypothesis, values: Vec<f64>) {
         let Some(k) = self.found.iter().position(|known| known == hypothesis) else {
             return;
         };
         let gain = Gain {
             fall: self.falls[k],
-            values: vec![0.0; hypothesis.columns()],
+            values,
         };
         let trial = Trial {
             hypothesis: *hypothesis,
             gain,
         };
-        self.doubtful.push(Doubt { trial, reason });
+        self.doubtful.push(Doubt {
+            trial,
+            reason: "more is left on the check record, where it shows, than it explains",
+            likeness: true,
+        });
         self.forget(k);
     }
 
