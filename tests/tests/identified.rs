@@ -6,7 +6,7 @@ use control::encoder::Interface;
 use control::plate::DrivePlate;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM, settle_quietly};
-use identify::load::{Mapping, OnFault};
+use identify::records::{Mapping, OnFault};
 use identify::run::Task;
 use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
 use link::telemetry::{

@@ -1,7 +1,7 @@
 //! A recording taken from the emulated chip's memory, as a probe would take it, against the control code on the host.
 
 use hal_sim::drive::Drive;
-use identify::load::{How, Mapping, OnFault, double_drive, load};
+use identify::records::{How, Mapping, OnFault, double_drive, load};
 use link::TELEMETRY_CHANNEL;
 use link::host::rtt::Channel;
 use link::telemetry::Request;

@@ -46,6 +46,3 @@ mod suggest;
 mod unexplained;
 mod unnamed;
 pub mod verdict;
-
-// Until all that names it by its old name is rewritten.
-pub use records as load;

@@ -1,6 +1,6 @@
 //! Whatever bytes a file has, it is read or refused with a sentence: no panic, no memory beyond a multiple of the file.
 
-use identify::load::{How, Mapping, OnFault, load};
+use identify::records::{How, Mapping, OnFault, load};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use std::alloc::{GlobalAlloc, Layout, System};

@@ -1,6 +1,6 @@
 //! Logs as other tools write them, each through its mapping in `mappings/` or through none.
 
-use identify::load::{How, Machine, Mapping, OnFault, Record, load};
+use identify::records::{How, Machine, Mapping, OnFault, Record, load};
 use std::f64::consts::{PI, TAU};
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! The one way in: every format holds the same record, and every fault is told or mended by its rule.
 
-use identify::load::{Account, How, LoadError, Mapping, OnFault, double_drive, load};
+use identify::records::{DataQuality, How, LoadError, Mapping, OnFault, double_drive, load};
 use plant::recording::{COLUMNS, Recording};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -41,7 +41,7 @@ fn read(
     path: &Path,
     mapping: &Mapping,
     on_fault: OnFault,
-) -> Result<(Recording, Account), LoadError> {
+) -> Result<(Recording, DataQuality), LoadError> {
     let how = How {
         mapping,
         on_fault,
@@ -60,7 +60,7 @@ fn how(mapping: &Mapping) -> How<'_> {
     }
 }
 
-fn of_text(text: &str, on_fault: OnFault) -> Result<(Recording, Account), LoadError> {
+fn of_text(text: &str, on_fault: OnFault) -> Result<(Recording, DataQuality), LoadError> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = put(folder.path(), "record.csv", text.as_bytes());
     read(&path, &Mapping::default(), on_fault)
@@ -71,7 +71,7 @@ fn refused(rows: usize, change: impl Fn(usize, usize) -> Option<String>) -> Stri
     error.expect_err("the record has a fault").to_string()
 }
 
-fn skipped(change: impl Fn(usize, usize) -> Option<String>) -> (Recording, Account) {
+fn skipped(change: impl Fn(usize, usize) -> Option<String>) -> (Recording, DataQuality) {
     of_text(&csv(ROWS, change), OnFault::Skip).expect("a fault that a rule mends")
 }
 

@@ -1,7 +1,7 @@
 //! A bare motor whose orders are known, from its record to the report.
 
-use identify::load::Account;
 use identify::motor::{MotorModel, Record, Study};
+use identify::records::DataQuality;
 use identify::report::{Report, motor};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -33,7 +33,7 @@ fn record(seed: u64, kept: f64, more: impl Fn(f64, f64) -> f64) -> Record {
         rate: RATE,
         position,
         current,
-        account: Account::default(),
+        account: DataQuality::default(),
     }
 }
 

@@ -2,8 +2,8 @@
 
 use identify::analysis::analyse;
 use identify::feed_axis::{Axis, Law, Record, Study};
-use identify::load::{How, Mapping, OnFault, Table, load};
 use identify::motor;
+use identify::records::{How, Mapping, OnFault, Table, load};
 use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::TAU;

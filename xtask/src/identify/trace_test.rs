@@ -2,7 +2,7 @@
 
 use super::simulation::simulation;
 use hal_sim::experiment::{OperatingPoint, RPM, Recorder, Setup, settle_quietly};
-use identify::load::{Mapping, OnFault};
+use identify::records::{Mapping, OnFault};
 use identify::report::write;
 use identify::run::Task;
 use plant::effects::{AnyEffect, Cogging, EffectModel, Place};

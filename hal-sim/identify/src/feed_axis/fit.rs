@@ -178,7 +178,7 @@ pub(super) mod tests {
     use super::super::axis::Term;
     use super::super::record::Law;
     use super::*;
-    use crate::load::Account;
+    use crate::records::DataQuality;
     use crate::sandwich::{Wave, interval, tests::coloured};
 
     /// Four strokes of a second each, turns a second.
@@ -201,7 +201,7 @@ pub(super) mod tests {
             force_per_volt: 35.0,
             kp: 160.0,
             kv: 240.0,
-            account: Account::default(),
+            account: DataQuality::default(),
         };
         let run = axis.simulate(&record);
         record.position = run.position;

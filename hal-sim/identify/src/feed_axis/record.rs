@@ -1,6 +1,6 @@
 //! The record of an axis.
 
-use crate::load::{Account, How, LoadError, Mapping, Record as Loaded, load};
+use crate::records::{DataQuality, How, LoadError, Mapping, Record as Loaded, load};
 use std::path::Path;
 
 /// How a controller takes dq/dt.
@@ -32,7 +32,7 @@ pub struct Record {
     /// Gain of the velocity loop, V s/m.
     pub kv: f64,
     /// What became of the file's rows.
-    pub account: Account,
+    pub account: DataQuality,
 }
 
 impl Record {

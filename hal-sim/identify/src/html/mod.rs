@@ -154,7 +154,7 @@ fn more(report: &Report) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::load::Account;
+    use crate::records::DataQuality;
     use crate::report::*;
     use std::collections::BTreeMap;
 
@@ -248,11 +248,11 @@ mod tests {
                 }],
             }),
             stages: Vec::new(),
-            records: vec![Account {
+            records: vec![DataQuality {
                 file: "a&b.csv".into(),
                 rows: 10,
                 used: 9,
-                ..Account::default()
+                ..DataQuality::default()
             }],
             channels: ["nut torque", "screw torque"]
                 .map(|name| Channel {

@@ -1,7 +1,7 @@
 //! The tables: effects, residuals, hypotheses, what was refined, what became of the rows.
 
 use super::words::{self, number};
-use crate::load::Account;
+use crate::records::DataQuality;
 use crate::report::Report;
 use page::document::escape;
 
@@ -151,7 +151,7 @@ pub(super) fn foot(report: &Report) -> String {
     format!("<footer>\n{refined}<h2>Records</h2>\n{records}</footer>\n")
 }
 
-fn account(account: &Account) -> String {
+fn account(account: &DataQuality) -> String {
     let mut faults: Vec<String> = account
         .skipped
         .iter()

@@ -1,6 +1,8 @@
 //! The record of a motor, and what is known of the motor.
 
-use crate::load::{Account, How, LoadError, Mapping, OnFault, Record as Loaded, load, load_map};
+use crate::records::{
+    DataQuality, How, LoadError, Mapping, OnFault, Record as Loaded, load, load_map,
+};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -14,7 +16,7 @@ pub struct Record {
     /// Torque-making current, A.
     pub current: Vec<f64>,
     /// What became of the file's rows.
-    pub account: Account,
+    pub account: DataQuality,
 }
 
 impl Record {

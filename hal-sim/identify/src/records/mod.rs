@@ -13,7 +13,7 @@ mod split;
 mod table;
 mod units;
 
-pub use data_quality::{DataQuality, DataQuality as Account, Skipped};
+pub use data_quality::{DataQuality, Skipped};
 pub use derive::speed_band_hz;
 pub use error::LoadError;
 pub use layout::{Layout, Machine, Need};

@@ -6,7 +6,7 @@ use super::{
 };
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::interval::Estimate;
-use crate::load::Account;
+use crate::records::DataQuality;
 use crate::remains::whiteness;
 use crate::rest;
 use crate::sandwich::{Wave, interval};
@@ -15,7 +15,7 @@ use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
 /// Of what was found with an axis, from the records `accounts`.
-pub fn feed_axis(study: &Study, fit: &Record, accounts: [Account; 2]) -> Report {
+pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Report {
     let (first, last) = (study.first(), study.last());
     let effects = effects(study);
     let [before, after] =

@@ -12,7 +12,7 @@ pub use write::{WriteError, write};
 
 use crate::interval::Estimate;
 use crate::limits::Refusal;
-use crate::load::Account;
+use crate::records::DataQuality;
 use crate::rest::Remnant;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -45,7 +45,7 @@ pub struct Report {
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub stages: Vec<Stage>,
     /// Fit record and check record.
-    pub records: Vec<Account>,
+    pub records: Vec<DataQuality>,
     /// Residuals row by row.
     #[serde(skip)]
     pub channels: Vec<Channel>,

@@ -2,15 +2,15 @@
 
 use super::{Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
 use crate::interval::Estimate;
-use crate::load::Account;
 use crate::motor::{Fit, MotorModel, Study, rms};
+use crate::records::DataQuality;
 use crate::remains::whiteness;
 use crate::rest;
 use crate::sandwich::{Wave, interval};
 use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};
 
 /// Of what was found with a motor, from the records `accounts`.
-pub fn motor(study: &Study, model: MotorModel, accounts: [Account; 2]) -> Report {
+pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Report {
     let effects: Vec<Effect> = (0..study.orders.len())
         .map(|k| effect(study, model, k))
         .collect();

@@ -7,8 +7,8 @@ use crate::analysis::{Bandwidth, ChannelRest, Figures, Found, Outcome, Rival, Ta
 use crate::channel::Channel as Balance;
 use crate::hypothesis::Family;
 use crate::interval::estimates;
-use crate::load::Account;
 use crate::machines::Machine;
+use crate::records::DataQuality;
 use crate::select::Trial;
 use crate::verdict::Judged;
 use plant::Axis;
@@ -22,7 +22,7 @@ const RELATIVE_SPEED: &str = "Speed of screw against nut, rad/s";
 const LISTED: usize = 8;
 
 /// Of what was traced, from the records `accounts`.
-pub fn traced(outcome: &Outcome, accounts: [Account; 2]) -> Report {
+pub fn traced(outcome: &Outcome, accounts: [DataQuality; 2]) -> Report {
     let machine = outcome.machine;
     let judged = outcome.judged();
     Report {

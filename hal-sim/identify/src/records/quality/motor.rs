@@ -515,18 +515,20 @@ impl<'a> Motor<'a> {
             .map(|(_, words)| words)
     }
 
+    /// Mean electrical speed of each block, rad/s.
+    fn electrical_speed(&self, blocks: &Blocks) -> Vec<f64> {
+        let pole_pairs = f64::from(self.plate.pole_pairs);
+        let slopes = blocks.slope(&self.angle);
+        slopes.iter().map(|w| w * pole_pairs).collect()
+    }
+
     /// Lag of the currents behind the angle by how their angle grows with the speed. Whether there is none.
     pub(super) fn lag(&self, limits: &Limits, found: &mut Vec<Finding>) -> bool {
         let (Some(_), Some(r)) = (&self.phases, &self.iq_ref) else {
             return true;
         };
-        let pole_pairs = f64::from(self.plate.pole_pairs);
         let blocks = Blocks::new(self);
-        let speed: Vec<f64> = blocks
-            .slope(&self.angle)
-            .iter()
-            .map(|w| w * pole_pairs)
-            .collect();
+        let speed = self.electrical_speed(&blocks);
         let currents = self.rotated(&blocks);
         // For small angles the part across is the part along times speed and lag.
         let squares = blocks.mean(|k| r[k] * r[k]);
@@ -615,13 +617,8 @@ impl<'a> Motor<'a> {
         if !self.has_currents() {
             return None;
         }
-        let pole_pairs = f64::from(self.plate.pole_pairs);
         let blocks = Blocks::new(self);
-        let speed: Vec<f64> = blocks
-            .slope(&self.angle)
-            .iter()
-            .map(|w| w * pole_pairs)
-            .collect();
+        let speed = self.electrical_speed(&blocks);
         let rotated = self.rotated(&blocks);
         let mean = |value: fn(&Rotated) -> f64| -> Vec<f64> {
             let of = |rows: &Vec<Rotated>| rows.iter().map(value).sum::<f64>() / rows.len() as f64;
