@@ -1,6 +1,6 @@
 //! `cargo xtask build | cost | sizes`: the firmware, and what it takes.
 
-use crate::tools::{cross_compiler, emulator_environment, root, target_folder};
+use crate::tools::{emulator_environment, root, target_folder};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use launch::Program;
@@ -10,8 +10,6 @@ use std::process::Command;
 
 /// The target that the firmware is built for.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
-/// The profile that the emulator and its tests are built with.
-const EMULATOR: &str = "emulator";
 
 /// What `cost` can be asked.
 #[derive(Args)]
@@ -68,7 +66,7 @@ pub fn sizes(options: &SizesOptions) -> Result<()> {
 fn report<const N: usize>(program: &str, flags: [(bool, &str); N]) -> Result<()> {
     let emulator = Program {
         package: "tests",
-        build: &["--profile", EMULATOR, "--bin", program],
+        build: &["--bin", program],
         environment: &emulator_environment(&target_folder())?,
     };
     let flags = flags.into_iter().filter(|(on, _)| *on);
@@ -79,59 +77,12 @@ fn report<const N: usize>(program: &str, flags: [(bool, &str); N]) -> Result<()>
     Ok(())
 }
 
-/// The firmware's lints, its build, and its tests on the emulated chip.
-pub fn test() -> Result<()> {
-    let firmware = [
-        "--package",
-        "firmware",
-        "--profile",
-        "firmware",
-        "--target",
-        TARGET,
-    ];
-    // Both boards; the default one last, whose ELF is the one that is flashed.
-    let mains = ["--no-default-features", "--features", "board-mains"];
-    for board in [&mains[..], &[]] {
-        let lint = [&["clippy"], &firmware[..], board, &["--", "-D", "warnings"]].concat();
-        cargo(&lint, &[])?;
-    }
-    build()?;
-    cross_compiler();
-    let environment = emulator_environment(&target_folder())?;
-    cargo(
-        &[
-            "clippy",
-            "--profile",
-            EMULATOR,
-            "--package",
-            "tests",
-            "--all-targets",
-            "--",
-            "-D",
-            "warnings",
-        ],
-        &environment,
-    )?;
-    cargo(
-        &["test", "--profile", EMULATOR, "--package", "tests"],
-        &environment,
-    )
-}
-
 /// The identification's blind test on so many machines.
 #[cfg(feature = "identify")]
 pub fn blind(machines: u32) -> Result<()> {
     let mut environment = emulator_environment(&target_folder())?;
     environment.push(("DDFEED_BLIND", machines.to_string().into()));
-    let test = [
-        "test",
-        "--quiet",
-        "--release",
-        "--package",
-        "tests",
-        "--test",
-        "blind",
-    ];
+    let test = ["test", "--quiet", "--package", "tests", "--test", "blind"];
     // What it says belongs beside the figures, not among them.
     let status = Command::new("cargo")
         .args(test)

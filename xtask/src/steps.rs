@@ -3,6 +3,7 @@
 use crate::firmware::TARGET;
 use crate::tools::root;
 use anyhow::{Context, Result, ensure};
+use std::ffi::OsString;
 use std::process::Command;
 use std::time::Instant;
 
@@ -10,7 +11,7 @@ use std::time::Instant;
 pub struct Step {
     program: &'static str,
     arguments: String,
-    environment: Option<(&'static str, &'static str)>,
+    environment: Vec<(&'static str, OsString)>,
 }
 
 impl Step {
@@ -19,18 +20,23 @@ impl Step {
         Self {
             program: "cargo",
             arguments: arguments.into(),
-            environment: None,
+            environment: Vec::new(),
         }
     }
 
     /// The documentation, private items and their links too, without warnings.
     pub fn documentation(arguments: &str) -> Self {
-        Self {
-            environment: Some(("RUSTDOCFLAGS", "-D warnings")),
-            ..Self::cargo(format!(
-                "doc --no-deps --document-private-items {arguments}"
-            ))
-        }
+        let flags = [("RUSTDOCFLAGS", OsString::from("-D warnings"))];
+        Self::cargo(format!(
+            "doc --no-deps --document-private-items {arguments}"
+        ))
+        .with(&flags)
+    }
+
+    /// The same, with more variables.
+    pub fn with(mut self, variables: &[(&'static str, OsString)]) -> Self {
+        self.environment.extend_from_slice(variables);
+        self
     }
 
     fn run(&self) -> Result<()> {
@@ -39,7 +45,7 @@ impl Step {
         let start = Instant::now();
         let status = Command::new(self.program)
             .args(self.arguments.split_whitespace())
-            .envs(self.environment)
+            .envs(self.environment.iter().map(|(name, value)| (name, value)))
             .current_dir(root())
             .status()
             .with_context(|| {

@@ -1,6 +1,6 @@
 //! The identification on machines that it has not seen, told from records of the full drive in closed loop.
 //!
-//! Twenty machines as a test; `DDFEED_BLIND=240 cargo test --profile emulator -p tests --test blind` for a long run, of
+//! Twenty machines as a test; `DDFEED_BLIND=240 cargo test -p tests --test blind` for a long run, of
 //! seeds from `DDFEED_BLIND_SEED` on, and `DDFEED_BLIND_CLEAN=200` for as many clean machines after them: one false alarm
 //! in a hundred is not seen on thirty. It writes `blind.json` (what `cargo xtask bench identify` reads), `table.txt` (each
 //! machine that was not told right, and why) and `confusion.svg` into the target folder's `blind`.
