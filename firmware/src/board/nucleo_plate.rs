@@ -22,22 +22,22 @@ const AMPLIFIER_GAIN: f64 = 10.0;
 /// Their bus divider, ohm [4, 5].
 const DIVIDER_OHM: [f64; 2] = [82e3, 4.99e3];
 
-/// Peak phase current that the comparators stop a bridge at, A. The amplifiers are linear up to 20 A [2], the stage bears
-/// 15 A rms [5], and one and a half times the motors' torque takes 13.6 A.
+/// Peak phase current that the comparators stop a bridge at, A. The amplifiers are linear up to 20 A \[2\], the stage bears
+/// 15 A rms \[5\], and one and a half times the motors' torque takes 13.6 A.
 pub(crate) const OVER_CURRENT_A: f64 = 18.0;
 /// The same of the analog watchdogs, which see both signs.
 pub(crate) const WATCH_CURRENT_A: f64 = 19.0;
 
-/// Of two phases to each other, as the motor's manual gives them [7]: ohm, H, and peak V of the induced voltage for each
+/// Of two phases to each other, as the motor's manual gives them \[7\]: ohm, H, and peak V of the induced voltage for each
 /// rad/s.
 const LINE_OHM: f64 = 0.61;
 const LINE_H: f64 = 0.89e-3;
 const LINE_V_S: f64 = 13.65 / (1000.0 * TAU / 60.0);
 const POLE_PAIRS: u32 = 4;
-/// Continuous torque [7], N m: 145 oz in.
+/// Continuous torque \[7\], N m: 145 oz in.
 const RATED_NM: f64 = 145.0 * 7.061_551_8e-3;
 
-/// Hudson M-2331P-LN-16D with its own encoder [7].
+/// Hudson M-2331P-LN-16D with its own encoder \[7\].
 const MOTOR: MotorPlate = MotorPlate {
     resistance_ohm: LINE_OHM / 2.0,
     inductance_h: LINE_H / 2.0,
@@ -110,7 +110,7 @@ const HEAT_SINK: TemperaturePlate = TemperaturePlate {
     min_celsius: -30.0,
 };
 
-/// What the board bears. TI's own software stops these stages at 54.5 V [4], 54 V is their limit [5]; the switches end at
+/// What the board bears. TI's own software stops these stages at 54.5 V \[4\], 54 V is their limit \[5\]; the switches end at
 /// 60 V. Below 18 V a 24 V supply is in its current limit.
 pub(crate) const GUARDS: GuardPlate = GuardPlate {
     bus_max_v: 52.0,
@@ -121,5 +121,5 @@ pub(crate) const GUARDS: GuardPlate = GuardPlate {
     index: [false, false],
 };
 
-/// One count of the table's linear scale, m [10].
+/// One count of the table's linear scale, m \[10\].
 pub(crate) const SCALE_COUNT_M: f64 = 100e-9;
