@@ -376,6 +376,63 @@ mod tests {
         }
     }
 
+    /// What is fed forward to a motor is the change of its own reference: the nut's is the base speed's alone.
+    #[test]
+    fn each_motor_is_fed_its_own_acceleration() {
+        let config = config();
+        let mut coordinator = Coordinator::default();
+        coordinator.command(&config, command(50e-3, 800.0)).unwrap();
+        let mut before = [SpeedReference::default(); 2];
+        let mut fed = [0.0f64; 2];
+        for step in 0..20_000 {
+            let out = coordinator.step(&config, [Following::default(); 2]);
+            for (motor, (now, before)) in out.iter().zip(before).enumerate() {
+                let moved = (now.omega_e - before.omega_e).to_num::<f64>();
+                let change = now.change.to_num::<f64>();
+                // Speed and change are each rounded down to 2^-16 rad/s, the speed from 2^-18 mechanical.
+                assert!(
+                    (moved - change).abs() < 2e-4,
+                    "motor {motor} is fed {change} rad/s in step {step}, but its reference moved by {moved}"
+                );
+                fed[motor] += change;
+            }
+            before = out;
+        }
+        let [screw, nut] = fed;
+        assert!(screw > 1.5 * nut && nut > 400.0, "fed {fed:?} rad/s in all");
+    }
+
+    /// What was given is taken back at an eighth of the base's acceleration limit: 400 rad/s at 62.5 rad/s^2.
+    #[test]
+    fn what_was_given_is_taken_back_at_an_eighth_of_the_acceleration() {
+        let config = config();
+        let mut coordinator = Coordinator::default();
+        coordinator.command(&config, command(0.0, 1500.0)).unwrap();
+        let [screw, nut] = run(&mut coordinator, &config, 40_000);
+        let at = |omega_e: f64, limited| Following {
+            omega_e: Speed::from_num(omega_e),
+            limited,
+        };
+        for _ in 0..200 {
+            coordinator.step(&config, [at(screw, false), at(0.5 * nut, true)]);
+        }
+        let given = coordinator.given.to_num::<f64>();
+        assert!(given > 70.0, "only {given} rad/s were given");
+        let steps = (1..100_000)
+            .find(|_| {
+                coordinator.step(&config, [at(screw, false), at(nut, false)]);
+                coordinator.given == ProfileState::ZERO
+            })
+            .unwrap();
+        let rate = config.base.acceleration().to_num::<f64>() / 8.0;
+        let expected = given / rate;
+        let part = f64::from(steps) / expected;
+        assert!(
+            (0.99..1.01).contains(&part),
+            "{given:.1} rad/s were taken back in {steps} steps, not in {expected:.0}"
+        );
+    }
+
     #[test]
     fn too_much_is_refused_and_the_old_target_kept() {
         let config = config();

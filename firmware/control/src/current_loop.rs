@@ -765,6 +765,50 @@ mod tests {
         }
     }
 
+    /// A drive that is asked to run from its first period on, or whose encoder does not answer: nothing is driven before the
+    /// encoder was read once.
+    #[test]
+    fn nothing_is_driven_before_the_encoder_is_read() {
+        let mut bench = Bench::new(config());
+        let read = MotorSample {
+            encoder: 700_000,
+            ..sample([2048; 3])
+        };
+        assert_eq!(
+            bench.step(&read, ONE_AMPERE),
+            PwmCommand::default(),
+            "driven in the first period of all, when the observer stands at angle 0"
+        );
+        assert!(bench.step(&read, ONE_AMPERE).enable);
+
+        let absolute = CurrentLoopConfig {
+            encoder: Interface::Mt6835,
+            ..config()
+        };
+        let silent = MotorSample {
+            encoder: u32::MAX,
+            ..sample([2048; 3])
+        };
+        assert_eq!(absolute.encoder.counts(silent.encoder), None);
+        for frame in [Frame::Rotor, Frame::Commanded(Angle::from_turns(0.3))] {
+            let mut bench = Bench::new(absolute);
+            for period in 0..8 {
+                let command = bench.step(
+                    &silent,
+                    CurrentReference {
+                        frame,
+                        ..ONE_AMPERE
+                    },
+                );
+                assert_eq!(
+                    command,
+                    PwmCommand::default(),
+                    "period {period}, {frame:?}: driven without a word of the encoder"
+                );
+            }
+        }
+    }
+
     /// A current in a commanded frame points where it is commanded, wherever the encoder stands; in the rotor's frame nothing
     /// is driven before the rotor's angle is known.
     #[test]

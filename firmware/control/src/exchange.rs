@@ -596,6 +596,47 @@ mod tests {
         assert_eq!(exchange.asked().mode, Mode::Drive);
     }
 
+    /// A new deadline comes after all that it is the deadline of: wherever the current loop interrupts the speed task, it
+    /// goes on driving only by a reference that is whole, and within its own age.
+    #[test]
+    fn an_old_reference_is_not_driven_on_by_a_new_deadline() {
+        let new = CurrentReference {
+            i_d: Current::NEG_ONE,
+            i_q: Current::ONE,
+            ..ONE_AMPERE
+        };
+        let words = |exchange: &MotorExchange| (exchange.reference(), exchange.bus_scale());
+        let mut interrupted = 0;
+        for at in 0.. {
+            let exchange = closed();
+            exchange.publish_bus(2818);
+            exchange.ask(ONE_AMPERE, &config());
+            for _ in 0..8 {
+                assert!(exchange.begin_period());
+            }
+            // The old one is at its age, and the bus has changed.
+            exchange.publish_bus(2500);
+            let (mut store, mut seen) = (0, None);
+            exchange.ask_between(new, &config(), || {
+                if store == at {
+                    seen = Some((exchange.begin_period(), words(&exchange)));
+                }
+                store += 1;
+            });
+            let whole = words(&exchange);
+            let Some((drives, read)) = seen else {
+                assert_eq!(at, store, "one interruption after each store but the last");
+                break;
+            };
+            interrupted += 1;
+            assert!(
+                !drives || read == whole,
+                "after store {at} of {store} the loop drives on by {read:?}, which is past its age; asked is {whole:?}"
+            );
+        }
+        assert!(interrupted >= 6, "interrupted after {interrupted} stores");
+    }
+
     #[test]
     fn the_count_of_periods_may_wrap() {
         let exchange = closed();

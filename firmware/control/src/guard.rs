@@ -324,6 +324,31 @@ mod tests {
     }
 
     #[test]
+    fn a_bus_at_its_limit_is_within_it() {
+        let config = PLATE.config().unwrap();
+        let at = |bus: u16| {
+            found(100, |_| Look {
+                bus: [bus, 2818],
+                ..HEALTHY
+            })
+            .map(|(_, fault)| fault)
+        };
+        for (bus, expected) in [
+            (config.bus_most, None),
+            (config.bus_most + 1, Some(Fault::OverVoltage)),
+            (config.bus_least, None),
+            (config.bus_least - 1, Some(Fault::UnderVoltage)),
+        ] {
+            let limits = (config.bus_least, config.bus_most);
+            assert_eq!(
+                at(bus),
+                expected,
+                "{bus} counts, allowed are {limits:?} and between"
+            );
+        }
+    }
+
+    #[test]
     fn late_tasks_are_tolerated_up_to_their_limit() {
         let faults = [
             Fault::ScrewLoopLate,

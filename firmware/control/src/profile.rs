@@ -180,6 +180,25 @@ mod tests {
             }
         }
 
+        /// A reference that a motor cannot follow stands still within the jerk limit too, and soon.
+        #[test]
+        fn easing_keeps_the_jerk(target in 100.0..600.0f64, steps in 100usize..1000, back in any::<bool>()) {
+            let config = config(0.2, 0.004);
+            let mut profile = Profile::default();
+            let goal = ProfileState::from_num(if back { -target } else { target });
+            for _ in 0..steps {
+                profile.step(&config, goal);
+            }
+            let needed = profile.change.abs().to_num::<f64>() / 0.004;
+            for _ in 0..needed.ceil() as usize {
+                let before = profile.change;
+                profile.ease(&config);
+                let by = (profile.change - before).abs().to_num::<f64>();
+                prop_assert!(by <= 0.004_000_1, "eased by {by} rad/s a step in one step: the jerk is 0.004");
+            }
+            prop_assert_eq!(profile.change, SpeedChange::ZERO);
+        }
+
         /// Debug builds panic where a sum would leave its format.
         #[test]
         fn no_input_overflows(
