@@ -7,7 +7,7 @@ mod profile;
 pub use profile::{Cost, Profile};
 
 use crate::chip::wiring::Wiring;
-use crate::chip::{Chip, Reset};
+use crate::chip::{Chip, Reset, flash};
 use crate::image::Image;
 use crate::pins::Machine;
 use crate::timing::{Decoder, REFILL};
@@ -16,12 +16,14 @@ use std::collections::HashMap;
 use std::rc::Rc;
 use unicorn_engine::{Arch, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
 
-const FLASH: (u64, u64) = (0x0800_0000, 0x8_0000);
+/// What programs reach of the flash; the rest is the chip's: [`crate::chip::flash`].
+const FLASH: (u64, u64) = (0x0800_0000, 0x7_F000);
 const RAM: (u64, u64) = (0x2000_0000, 0x1_8000);
 const CCM: (u64, u64) = (0x1000_0000, 0x8000);
 const BIT_BAND: u64 = 0x4200_0000;
 /// Peripheral regions: start and size.
-const PERIPHERALS: [(u64, u64); 4] = [
+const PERIPHERALS: [(u64, u64); 5] = [
+    (flash::START as u64, flash::SIZE as u64),
     (0x4000_0000, 0x10_0000),
     (0x4800_0000, 0x2000),
     (0x5000_0000, 0x2000),
@@ -264,6 +266,12 @@ impl Emulator {
     /// The chip around the core.
     pub fn chip(&mut self) -> &mut Chip {
         &mut self.unicorn.get_data_mut().chip
+    }
+
+    /// Core cycles since the first reset.
+    #[must_use]
+    pub fn time(&self) -> u64 {
+        self.unicorn.get_data().chip.now
     }
 
     /// What the interrupts cost so far.

@@ -101,6 +101,23 @@ impl Machine for Joint {
         }
     }
 
+    fn still(&self, motor: Motor) -> Sensors {
+        let axis = Self::axis(motor);
+        let config = self.board.config();
+        let sensors = &config.sensors;
+        let counts = |value: f64, most: u32| {
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            let counts = value.round().clamp(0.0, f64::from(most - 1)) as u16;
+            counts
+        };
+        Sensors {
+            current: [counts(sensors.current.zero, sensors.current.counts); 3],
+            bus: counts(config.bus_v / sensors.bus.per_count, sensors.bus.counts),
+            encoder: self.board.encoder_word(axis, 0.0),
+            temperature: self.temperatures[axis.index()],
+        }
+    }
+
     fn frame(&mut self, motor: Motor, time: u64) -> u32 {
         // The machine stands where it was at the last top, half a period before the one that the frame is for; its speed
         // takes it from there.

@@ -37,6 +37,9 @@ pub trait Machine {
     /// sampled, and `bridge` holds from here to the next top.
     fn top(&mut self, motor: Motor, time: u64, bridge: Bridge) -> Sensors;
 
+    /// What is at the sensors of `motor` while its bridge is off and nothing has been sampled yet.
+    fn still(&self, motor: Motor) -> Sensors;
+
     /// The frame of the absolute encoder of `motor`, latched at `time`.
     fn frame(&mut self, motor: Motor, time: u64) -> u32;
 
@@ -55,7 +58,11 @@ pub trait Machine {
 pub struct AtRest;
 
 impl Machine for AtRest {
-    fn top(&mut self, _motor: Motor, _time: u64, _bridge: Bridge) -> Sensors {
+    fn top(&mut self, motor: Motor, _time: u64, _bridge: Bridge) -> Sensors {
+        self.still(motor)
+    }
+
+    fn still(&self, _motor: Motor) -> Sensors {
         Sensors {
             current: [2048; 3],
             bus: 2818,

@@ -12,6 +12,7 @@ const TR1: u32 = 0x20;
 const TR2: u32 = 0x24;
 const SQR1: u32 = 0x30;
 const JSQR: u32 = 0x4C;
+const DR: u32 = 0x40;
 const JDR1: u32 = 0x80;
 const JDR4: u32 = 0x8C;
 const AWD2CR: u32 = 0xA0;
@@ -20,6 +21,7 @@ const COMMON_CCR: u32 = 0x308;
 
 const ADRDY: u32 = 1;
 const EOC: u32 = 1 << 2;
+const EOS: u32 = 1 << 3;
 const JEOC: u32 = 1 << 5;
 const JEOS: u32 = 1 << 6;
 
@@ -48,6 +50,17 @@ pub enum Conversion {
     Regular(u16),
 }
 
+/// What a channel is connected to.
+#[derive(Clone, Copy, Debug)]
+pub struct Source {
+    /// Counts at rest.
+    pub counts: f64,
+    /// Its resistance, ohm.
+    pub ohm: f64,
+    /// Standard deviation of its noise, counts.
+    pub noise: f64,
+}
+
 /// An ADC.
 pub struct Adc {
     number: usize,
@@ -59,6 +72,12 @@ pub struct Adc {
     results: [u16; 4],
     injected_done: Option<u64>,
     regular_done: Option<u64>,
+    /// The regular sequence under way was started by software.
+    software: bool,
+    regular: u16,
+    /// What the sampling capacitor holds, counts.
+    held: f64,
+    random: u64,
 }
 
 impl Adc {
@@ -90,6 +109,10 @@ impl Adc {
             results: [0; 4],
             injected_done: None,
             regular_done: None,
+            software: false,
+            regular: 0,
+            held: 0.0,
+            random: number as u64,
         }
     }
 
@@ -148,6 +171,81 @@ impl Adc {
         channels
     }
 
+    /// Starts the regular sequence if software has asked for it (EXTEN 0).
+    pub fn start_by_software(&mut self, now: u64) {
+        let by_software = self.registers.get("CFGR") >> 10 & 3 == 0;
+        if self.control & ADSTART != 0 && by_software && self.regular_done.is_none() {
+            let halves: u64 = self
+                .regular_channels()
+                .into_iter()
+                .map(|channel| self.conversion_halves(channel))
+                .sum();
+            self.software = true;
+            self.regular_done = Some(now + halves * CLOCK / 2);
+        }
+    }
+
+    /// The regular sequence under way was started by software.
+    #[must_use]
+    pub fn by_software(&self) -> bool {
+        self.software
+    }
+
+    /// That sequence is done; `source` says what a channel is connected to.
+    ///
+    /// # Errors
+    /// A channel that nothing is wired to.
+    pub fn finish_by_software(
+        &mut self,
+        source: impl Fn(u32) -> Option<Source>,
+    ) -> Result<(), String> {
+        for channel in self.regular_channels() {
+            let source = source(channel).ok_or_else(|| {
+                format!(
+                    "nothing is wired to channel {channel} of ADC{}",
+                    self.number
+                )
+            })?;
+            self.regular = self.sampled(channel, source);
+        }
+        self.software = false;
+        self.regular_done = None;
+        self.control &= !ADSTART;
+        self.flags |= EOC | EOS;
+        Ok(())
+    }
+
+    /// The sampling capacitor comes from what it last held (DS12288: 5 pF behind 1 kohm; memory).
+    fn sampled(&mut self, channel: u32, source: Source) -> u16 {
+        const CAPACITOR_F: f64 = 5e-12;
+        const SWITCH_OHM: f64 = 1000.0;
+        let clocks = SAMPLING_HALVES[self.sampling(channel)] as f64 / 2.0;
+        let seconds = clocks * CLOCK as f64 / super::CORE_HZ as f64;
+        let tau = (source.ohm + SWITCH_OHM) * CAPACITOR_F;
+        self.held = source.counts + (self.held - source.counts) * (-seconds / tau).exp();
+        let noisy = self.held + source.noise * self.deviate();
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let counts = noisy.round().clamp(0.0, 4095.0) as u16;
+        counts
+    }
+
+    /// Nearly normal: twelve uniform numbers less their mean.
+    fn deviate(&mut self) -> f64 {
+        let uniform = |state: &mut u64| {
+            *state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (*state >> 33) as f64 / f64::from(1u32 << 31)
+        };
+        (0..12).map(|_| uniform(&mut self.random)).sum::<f64>() - 6.0
+    }
+
+    fn regular_channels(&self) -> Vec<u32> {
+        let sqr1 = self.registers.get("SQR1");
+        let ranks = [sqr1 >> 6, sqr1 >> 12, sqr1 >> 18, sqr1 >> 24].map(|field| field & 31);
+        ranks.into_iter().take((sqr1 & 3) as usize + 1).collect()
+    }
+
     fn injected_channels(&self) -> Vec<u32> {
         let jsqr = self.registers.get("JSQR");
         let ranks = [jsqr >> 9, jsqr >> 15, jsqr >> 21, jsqr >> 27].map(|field| field & 31);
@@ -155,12 +253,17 @@ impl Adc {
     }
 
     fn conversion_halves(&self, channel: u32) -> u64 {
+        APPROXIMATION_HALVES + SAMPLING_HALVES[self.sampling(channel)]
+    }
+
+    /// Code of a channel's sampling time.
+    fn sampling(&self, channel: u32) -> usize {
         let smpr = if channel < 10 {
             self.registers.get("SMPR1") >> (3 * channel)
         } else {
             self.registers.get("SMPR2") >> (3 * (channel - 10))
         };
-        APPROXIMATION_HALVES + SAMPLING_HALVES[(smpr & 7) as usize]
+        (smpr & 7) as usize
     }
 
     /// The conversion under way is done; `input` says what a channel reads.
@@ -226,6 +329,7 @@ impl Adc {
         Ok(match offset {
             ISR => self.flags,
             CR => self.control,
+            DR => u32::from(self.regular),
             JDR1..=JDR4 => u32::from(self.results[((offset - JDR1) / 4) as usize]),
             _ => self.registers.read(offset)?,
         })

@@ -59,6 +59,8 @@ impl Dac {
 /// COMP1 to COMP7.
 pub struct Comparators {
     control: [u32; 7],
+    /// Those (bit n is COMPn) whose output stays low.
+    pub dead: u32,
 }
 
 const LOCK: u32 = 1 << 31;
@@ -67,7 +69,10 @@ impl Comparators {
     /// All off.
     #[must_use]
     pub fn new() -> Self {
-        Self { control: [0; 7] }
+        Self {
+            control: [0; 7],
+            dead: 0,
+        }
     }
 
     /// Outputs (bit n is COMPn) of the comparators of motor `index` for its phase currents in ADC counts.
@@ -86,6 +91,9 @@ impl Comparators {
         for &(number, phase) in wiring.comparators(index) {
             let current = wiring.at_comparator(currents[phase]);
             let control = self.control[number - 1];
+            if self.dead >> number & 1 == 1 {
+                continue;
+            }
             let from_dac = control >> 4 & 7 == 4 && control >> 8 & 1 == 0;
             const INVERTED: u32 = 1 << 15;
             let above = thresholds[dacs[number - 1]].map(|threshold| current > threshold);

@@ -29,7 +29,7 @@ const APB1ENR1: u32 = 0x58;
 const APB2ENR: u32 = 0x60;
 
 /// All that the model has, by kilobytes of address.
-pub const GATED: [Gated; 24] = [
+pub const GATED: [Gated; 25] = [
     gated(0x4000_0000, "TIM2", APB1ENR1, 0),
     gated(0x4000_0800, "TIM4", APB1ENR1, 2),
     gated(0x4000_0C00, "TIM5", APB1ENR1, 3),
@@ -40,6 +40,7 @@ pub const GATED: [Gated; 24] = [
     gated(0x4001_2C00, "TIM1", APB2ENR, 11),
     gated(0x4001_3000, "SPI1", APB2ENR, 12),
     gated(0x4001_3400, "TIM8", APB2ENR, 13),
+    gated(0x4001_4400, "TIM16", APB2ENR, 17),
     gated(0x4002_0000, "DMA1", AHB1ENR, 0),
     gated(0x4002_0800, "DMAMUX1", AHB1ENR, 2),
     gated(0x4002_2000, "FLASH", AHB1ENR, 8),

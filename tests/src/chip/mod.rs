@@ -5,12 +5,17 @@
 
 pub mod adc;
 pub mod analog;
+mod asked;
 pub mod basic_timer;
+pub mod capture;
 pub mod clocks;
 pub mod dma;
 pub mod encoder;
+pub mod faults;
+pub mod flash;
 pub mod nvic;
 pub mod opamp;
+pub mod outside;
 pub mod power;
 pub mod pwm;
 pub mod registers;
@@ -24,10 +29,14 @@ use crate::pins::{Bridge, Machine, Motor, Sensors};
 use adc::{Adc, Conversion};
 use analog::{Comparators, Dac};
 use basic_timer::BasicTimer;
+use capture::CaptureTimer;
 use dma::{Dma, Transfer};
 use encoder::{EncoderTimer, Frame};
+use faults::Faults;
+use flash::Flash;
 use nvic::Nvic;
 use opamp::Amplifiers;
+use outside::Outside;
 use power::{PowerFault, PowerStage};
 use pwm::{PwmTimer, Turn};
 use spi::Spi;
@@ -86,6 +95,14 @@ pub struct Chip {
     pub dma: Dma,
     /// SPI1.
     pub spi: Spi,
+    /// TIM16.
+    pub capture: CaptureTimer,
+    /// The flash's controller and its last pages.
+    pub flash: Flash,
+    /// What is outside the digital pins.
+    pub outside: Outside,
+    /// Faults of chip and board.
+    pub faults: Faults,
     /// IWDG.
     pub watchdog: Watchdog,
     /// The board that it is on.
@@ -150,6 +167,7 @@ impl Chip {
     /// A chip after a power-on reset on a board, with `image` in its flash, joined to `machine`.
     #[must_use]
     pub fn new(machine: Rc<RefCell<dyn Machine>>, wiring: Wiring, image: Rc<Image>) -> Self {
+        let sensors = [Motor::Screw, Motor::Nut].map(|motor| machine.borrow().still(motor));
         Self {
             now: 0,
             system: System::new(),
@@ -167,11 +185,15 @@ impl Chip {
             amplifiers: Amplifiers::new(),
             dma: Dma::new(),
             spi: Spi::new(),
+            capture: CaptureTimer::new(),
+            flash: Flash::new(),
+            outside: Outside::of(wiring),
+            faults: Faults::default(),
             watchdog: Watchdog::new(),
             wiring,
             image,
             machine,
-            sensors: [Sensors::default(); 2],
+            sensors,
             sampled: [[0; 3]; 2],
             tops: None,
             provoked: Provoked::default(),
@@ -194,6 +216,10 @@ impl Chip {
         );
         let old = std::mem::replace(self, fresh);
         self.tops = old.tops;
+        self.outside = old.outside;
+        self.faults = old.faults;
+        self.flash = old.flash;
+        self.flash.reset();
         self.system.crystal = old.system.crystal;
         self.system.no_boost = old.system.no_boost;
         self.system.set_reset_reason(reason);
@@ -354,38 +380,24 @@ impl Chip {
     /// The comparators hold the phase currents against the DACs; they and the gate drivers' fault lines reach the break
     /// inputs.
     fn look_at_breaks(&mut self) {
-        let thresholds = [
-            self.dacs[0].output(1),
-            self.dacs[0].output(2),
-            self.dacs[1].output(1),
-        ];
+        let high = self.comparator_outputs() & !self.faults.unwired_breaks;
         for index in 0..2 {
-            let legs = self.pwm[index].legs(self.now);
-            let mut current = self.sensors[index].current;
             let mut driver_trips = false;
             if let Some((stage, fault)) = self.provoked.power_fault[index] {
+                let legs = self.pwm[index].legs(self.now);
                 for (phase, leg) in legs.into_iter().enumerate() {
-                    current[phase] = stage.counts(fault, phase, leg);
                     driver_trips |= stage.driver_trips(fault, phase, leg);
                 }
             }
-            let high = self
-                .comparators
-                .outputs(self.wiring, index, current, thresholds);
             let pin = self.fault_line(index) && !driver_trips;
             self.pwm[index].break_input(high, pin, self.now);
         }
     }
 
-    /// The level of a motor's break pin: the driver pulls its fault line low while it has a fault or sleeps. A pin that is
-    /// not the timer's reads low.
+    /// The level of a motor's break pin. A pin that is not the timer's reads low.
     fn fault_line(&self, index: usize) -> bool {
-        let driver = self.wiring.driver(index);
-        let (port, pin, function) = driver.fault;
-        let awake = self.system.output(driver.enable.0, driver.enable.1) == Some(true);
-        self.system.pin_function(port, pin) == (2, function)
-            && awake
-            && !self.provoked.driver_fault[index]
+        let (port, pin, function) = self.wiring.driver(index).fault;
+        self.system.pin_function(port, pin) == (2, function) && self.level((port, pin))
     }
 
     /// A power stage has a fault from now on, or has none again.
@@ -534,6 +546,9 @@ impl Chip {
 
     /// An ADC finished a sequence.
     fn converted(&mut self, index: usize) {
+        if self.adcs[index].by_software() {
+            return self.converted_by_software(index);
+        }
         let (adc, sensors) = (&mut self.adcs[index], &self.sensors);
         let (wiring, amplifiers) = (self.wiring, &self.amplifiers);
         let input = |channel| match wiring.input(index, channel, sensors)? {
@@ -626,7 +641,23 @@ impl Chip {
             0x5000_1000 => self.dacs[0].read(offset),
             0x5000_1400 => self.dacs[1].read(offset),
             0x4001_0000 if offset >= 0x300 => self.amplifiers.read(offset - 0x300),
-            0x4001_0000 if offset >= 0x200 => self.comparators.read(offset - 0x200),
+            0x4001_0000 if offset >= 0x200 => {
+                // VALUE (RM0440 24.6.1).
+                let number = (offset - 0x200) / 4 + 1;
+                let value = (self.comparator_outputs() >> number & 1) << 30;
+                Ok(self.comparators.read(offset - 0x200)? | value)
+            }
+            0x4001_4400 => {
+                let clocks = self.clocks();
+                self.capture.read(offset, now, clocks)
+            }
+            0x4002_2000 if self.flash.read(offset, now).is_some() => {
+                Ok(self.flash.read(offset, now).unwrap_or_default())
+            }
+            0x4800_0000..=0x4800_1400 if offset == 0x10 => {
+                Ok(self.levels(((block - 0x4800_0000) / 0x400) as usize))
+            }
+            flash::START..flash::END => Ok(self.flash.word(address)),
             0x4001_3000 => self.spi.read(offset),
             0x4002_0000 | 0x4002_0800 => self.dma.read(address),
             0x4000_1400 => self.deadman.read(offset),
@@ -650,6 +681,18 @@ impl Chip {
         let (block, offset) = (address & !0x3FF, address & 0x3FF);
         self.bus_wait += bus_wait(address);
         match block {
+            flash::START..flash::END => {
+                self.flash.worn = self.faults.worn;
+                self.flash.program(address, value, now)
+            }
+            0x4002_2000 => {
+                self.flash.worn = self.faults.worn;
+                match self.flash.write(offset, value, now)? {
+                    true => Ok(()),
+                    false => self.system.write(address, value),
+                }
+            }
+            0x4001_4400 => self.capture.write(offset, value, now),
             0x4001_2C00 => {
                 let ran = self.pwm[0].running();
                 self.pwm[0].write(offset, value, now)?;
@@ -660,26 +703,39 @@ impl Chip {
                         self.trigger_encoder(0, encoder::trigger_code(0));
                     }
                 }
+                self.breaks_written(offset);
                 Ok(())
             }
-            0x4001_3400 => self.pwm[1].write(offset, value, now),
+            0x4001_3400 => {
+                self.pwm[1].write(offset, value, now)?;
+                self.breaks_written(offset);
+                Ok(())
+            }
             0x4000_0000 => self.encoders[0].write(offset, value),
             0x4000_0C00 => self.encoders[1].write(offset, value),
             0x4000_0800 => self.encoders[2].write(offset, value),
             0x5000_0000 | 0x5000_0400 => {
                 adc::write(&mut self.adcs, address, value)?;
+                self.adcs
+                    .iter_mut()
+                    .for_each(|adc| adc.start_by_software(now));
                 let level = self.adcs[0].interrupt() || self.adcs[1].interrupt();
                 self.nvic.set_level(nvic::ADC1_2, level);
                 self.nvic.set_level(nvic::ADC3, self.adcs[2].interrupt());
                 self.nvic.set_level(nvic::ADC4, self.adcs[3].interrupt());
                 Ok(())
             }
-            0x5000_1000 => self.dacs[0].write(offset, value),
-            0x5000_1400 => self.dacs[1].write(offset, value),
+            0x5000_1000 | 0x5000_1400 => {
+                self.dacs[usize::from(block == 0x5000_1400)].write(offset, value)?;
+                self.look_at_breaks();
+                Ok(())
+            }
             // A driver's enable may be among them.
             0x4800_0000..=0x4800_1400 => {
                 self.system.write(address, value)?;
+                self.charge_pins();
                 self.look_at_breaks();
+                self.watch_gates();
                 Ok(())
             }
             0x4001_0000 if offset >= 0x300 => self.amplifiers.write(offset - 0x300, value),

@@ -21,6 +21,8 @@ const BDTR: u32 = 0x44;
 const AF1: u32 = 0x60;
 
 const MOE: u32 = 1 << 15;
+/// EGR.BG.
+const BREAK_EVENT: u32 = 1 << 7;
 const UIF: u32 = 1;
 const BIF: u32 = 1 << 7;
 const SBIF: u32 = 1 << 13;
@@ -177,6 +179,13 @@ impl PwmTimer {
             .filter(|&after| after > 0)
             .min()
             .map(|after| now + after)
+    }
+
+    /// With its outputs off it drives its pins to their idle level, low (OSSI; no OIS bit set).
+    #[must_use]
+    pub fn drives_idle(&self) -> bool {
+        const OSSI: u32 = 1 << 10;
+        self.registers.get("BDTR") & OSSI != 0 && self.registers.get("CCER") != 0
     }
 
     /// What TRGO follows.
@@ -365,9 +374,12 @@ impl PwmTimer {
                 };
                 self.flags &= value | held | if self.system_break { SBIF } else { 0 };
             }
+            EGR if value == BREAK_EVENT => {
+                self.breaks(BIF);
+            }
             EGR => {
                 if value != 1 {
-                    return Err("of the events, this model generates the update only".into());
+                    return Err("of the events, this model generates update and break only".into());
                 }
                 self.update();
                 self.flags |= UIF;

@@ -247,6 +247,28 @@ impl System {
         (mode == 1).then(|| self.ports[port].get("ODR") >> pin & 1 == 1)
     }
 
+    /// The pull resistor of a pin that is on, to its level.
+    #[must_use]
+    pub fn pull(&self, port: usize, pin: u32) -> Option<bool> {
+        match self.ports[port].get("PUPDR") >> (2 * pin) & 3 {
+            1 => Some(true),
+            2 => Some(false),
+            _ => None,
+        }
+    }
+
+    /// HSI16 / 16 is on MCO (RM0440 7.4.3, MCOSEL 3, MCOPRE 4).
+    #[must_use]
+    pub fn hsi_on_mco(&self) -> bool {
+        self.rcc.get("CFGR") >> 24 & 0x7F == 0x43 && self.rcc.get("CR") >> 8 & 1 == 1
+    }
+
+    /// LSI is on.
+    #[must_use]
+    pub fn lsi_on(&self) -> bool {
+        self.rcc.get("CSR") & 1 == 1
+    }
+
     /// Speed of a pin, 0 to 3 (RM0440 9.4.3).
     #[must_use]
     pub fn pin_speed(&self, port: usize, pin: u32) -> u32 {
@@ -287,7 +309,11 @@ impl System {
                     let cfgr = self.rcc.read(offset)?;
                     cfgr & !0xC | (cfgr & 3) << 2
                 }
-                RCC_CSR => self.rcc.read(offset)? | self.reset_flags,
+                // LSIRDY follows LSION.
+                RCC_CSR => {
+                    let csr = self.rcc.read(offset)?;
+                    csr | (csr & 1) << 1 | self.reset_flags
+                }
                 _ => self.rcc.read(offset)?,
             }),
             PWR => {

@@ -1,0 +1,169 @@
+//! What a bring-up asks of the chip that a running drive does not: levels of pins, outputs of comparators, clocks against
+//! each other, conversions by software.
+
+use super::adc::Source;
+use super::capture::{self, Clocks};
+use super::faults;
+use super::outside::{Circuit, Inside, Pin, gates};
+use super::wiring::Input;
+use super::{Chip, Motor};
+
+/// The pull-up resistor of a fault line on the power stage, ohm.
+const FAULT_PULL_UP_OHM: f64 = 10e3;
+
+impl Chip {
+    /// What the chip does to a pin.
+    fn inside(&self, (port, pin): Pin) -> Inside {
+        let (mode, function) = self.system.pin_function(port, pin);
+        let by_timer = || {
+            gates(self.wiring)
+                .iter()
+                .find(|(gate, needed, _)| *gate == (port, pin) && *needed == function)
+                .filter(|(_, _, timer)| self.pwm[*timer].drives_idle())
+                .map(|_| false)
+        };
+        Inside {
+            drives: match mode {
+                1 => self.system.output(port, pin),
+                2 => by_timer(),
+                _ => None,
+            },
+            pulls: self.system.pull(port, pin),
+        }
+    }
+
+    /// The level of a pin. A driver's fault line is an open output with a pull-up; it is low while the driver has a fault
+    /// or sleeps.
+    pub(super) fn level(&self, pin: Pin) -> bool {
+        let fault_line = |pin: Pin| {
+            let index = (0..2).find(|index| {
+                let (port, number, _) = self.wiring.driver(*index).fault;
+                pin == (port, number)
+            })?;
+            let enable = self.wiring.driver(index).enable;
+            let awake = self.system.output(enable.0, enable.1) == Some(true);
+            Some(match awake && !self.provoked.driver_fault[index] {
+                true => Circuit::PullUp(FAULT_PULL_UP_OHM),
+                false => Circuit::Driven(false),
+            })
+        };
+        self.outside.reads(pin, |pin| self.inside(pin), fault_line)
+    }
+
+    /// GPIOx_IDR (RM0440 9.4.5): an analog pin reads low.
+    pub(super) fn levels(&self, port: usize) -> u32 {
+        (0..16)
+            .filter(|pin| self.system.pin_function(port, *pin).0 != 3)
+            .filter(|pin| self.level((port, *pin)))
+            .fold(0, |levels, pin| levels | 1 << pin)
+    }
+
+    /// After a write to a port: what its pins are at, they stay at when they are let go.
+    pub(super) fn charge_pins(&mut self) {
+        // The port that is left out, F, has the crystal.
+        for pin in (0..5).flat_map(|port| (0..16).map(move |pin| (port, pin))) {
+            let level = self.level(pin);
+            self.outside.charge(pin, level);
+        }
+    }
+
+    /// The outputs of all comparators; bit n is COMPn.
+    pub(super) fn comparator_outputs(&self) -> u32 {
+        let dead = |dac: usize, counts: Option<u16>| match self.faults.dead_dacs[dac] {
+            true => Some(0),
+            false => counts,
+        };
+        let thresholds = [
+            dead(0, self.dacs[0].output(1)),
+            dead(0, self.dacs[0].output(2)),
+            dead(1, self.dacs[1].output(1)),
+        ];
+        (0..2).fold(0, |outputs, index| {
+            let mut current = self.sensors[index].current;
+            if let Some((stage, fault)) = self.provoked.power_fault[index] {
+                let legs = self.pwm[index].legs(self.now);
+                for (phase, leg) in legs.into_iter().enumerate() {
+                    current[phase] = stage.counts(fault, phase, leg);
+                }
+            }
+            outputs
+                | self
+                    .comparators
+                    .outputs(self.wiring, index, current, thresholds)
+        }) & !self.faults.dead_comparators
+    }
+
+    /// What TIM16 can be given.
+    pub(super) fn clocks(&self) -> Clocks {
+        Clocks {
+            mco: self.system.hsi_on_mco().then_some(1e6),
+            lsi: self.system.lsi_on().then_some(self.faults.lsi_hz),
+            core: capture::core_hz(self.faults.crystal_hz),
+        }
+    }
+
+    /// What a channel of ADC `index` + 1 is connected to, before anything was sampled.
+    pub(super) fn source(&self, index: usize, channel: u32) -> Option<Source> {
+        const OHM: f64 = 100.0;
+        const NOISE: f64 = 0.5;
+        let machine = self.machine.borrow();
+        let sensors = [Motor::Screw, Motor::Nut].map(|motor| machine.still(motor));
+        let counts = match self.wiring.input(index, channel, &sensors)? {
+            Input::Pin(counts) => counts,
+            Input::Amplifier(number, counts) => {
+                if !self.amplifiers.works(self.wiring, number) {
+                    return None;
+                }
+                counts
+            }
+        };
+        let name = (index + 1, channel);
+        let counts = faults::of(&self.faults.stuck_channel, name).unwrap_or(counts);
+        Some(Source {
+            counts: f64::from(counts),
+            ohm: faults::of(&self.faults.source_ohm, name).unwrap_or(OHM),
+            noise: faults::of(&self.faults.noise, name).unwrap_or(NOISE),
+        })
+    }
+
+    /// A regular sequence that software has started is done.
+    pub(super) fn converted_by_software(&mut self, index: usize) {
+        let mut adc = std::mem::replace(&mut self.adcs[index], super::adc::Adc::new(index + 1));
+        let done = adc.finish_by_software(|channel| self.source(index, channel));
+        self.adcs[index] = adc;
+        if let Err(error) = done {
+            self.fail(error);
+        }
+    }
+
+    /// A PWM timer's register was written: what its break and its outputs depend on may have changed.
+    pub(super) fn breaks_written(&mut self, offset: u32) {
+        const BDTR: u32 = 0x44;
+        const AF1: u32 = 0x60;
+        if [BDTR, AF1].contains(&offset) {
+            self.look_at_breaks();
+            self.watch_gates();
+        }
+    }
+
+    /// No output may be enabled on a pin of the power stage before the drive samples its currents.
+    pub(super) fn watch_gates(&mut self) {
+        for index in 0..2 {
+            let armed = [&self.adcs[0], &self.adcs[3]][index].armed();
+            if armed || !self.pwm[index].bridge().enabled {
+                continue;
+            }
+            let driven = gates(self.wiring)
+                .into_iter()
+                .find(|(pin, function, timer)| {
+                    *timer == index && self.system.pin_function(pin.0, pin.1) == (2, *function)
+                });
+            if let Some(((port, pin), ..)) = driven {
+                let port = char::from(b'A' + port as u8);
+                self.fail(format!(
+                    "an output is enabled on P{port}{pin} while no current is sampled"
+                ));
+            }
+        }
+    }
+}

@@ -1,0 +1,319 @@
+//! The bring-up on the emulated chip: a healthy board has no finding, and each fault that is put in is named, alone.
+
+use link::bringup::Stage;
+use link::host::bringup::{Bringup, Options, Readings};
+use plant::machine::Coupling;
+use plant::model::Model;
+use tests::bench::{Bench, READY};
+use tests::chip::outside::Circuit;
+use tests::chip::wiring::Wiring;
+use xtask::bringup::{Report, Verdict, judge};
+
+const OPTIONS: Options = Options {
+    listen_s: 20e-3,
+    stream_s: 20e-3,
+    drive_s: 0.12,
+};
+
+fn bench(board: Wiring) -> Result<Bench, String> {
+    let bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
+    bench.joint.borrow_mut().board.set_bus_voltage(0.0);
+    Ok(bench)
+}
+
+fn ask(bench: &mut Bench) -> Result<(Readings, Report), String> {
+    let said = |error: anyhow::Error| format!("{error:#}");
+    let place = Bringup::locate(|name| bench.image.symbol(name))?;
+    let readings = place
+        .run(&mut bench.emulator, &OPTIONS, |_| ())
+        .map_err(said)?;
+    let report = judge(&readings);
+    Ok((readings, report))
+}
+
+/// Puts `fault` in, and expects the findings `ids` and no other, and `says` among their words.
+fn finds(
+    board: Wiring,
+    fault: impl FnOnce(&mut Bench),
+    ids: &[&str],
+    says: &str,
+) -> Result<Report, String> {
+    let mut bench = bench(board)?;
+    fault(&mut bench);
+    let (_, report) = ask(&mut bench)?;
+    let mut found: Vec<_> = report
+        .of(Verdict::Finding)
+        .map(|item| item.id.as_str())
+        .collect();
+    found.sort_unstable();
+    assert_eq!(found, ids, "`{says}` was to be found:\n{}", report.text());
+    assert!(
+        report.text().contains(says),
+        "`{says}` is not said:\n{}",
+        report.text()
+    );
+    Ok(report)
+}
+
+#[test]
+fn a_healthy_board_has_no_finding_and_its_drive_starts() -> Result<(), String> {
+    for board in [Wiring::Nucleo, Wiring::Mains] {
+        let mut bench = bench(board)?;
+        let began = std::time::Instant::now();
+        let (readings, report) = ask(&mut bench)?;
+        println!("{board:?}: {:?}\n{}", began.elapsed(), report.text());
+        if let Ok(folder) = std::env::var("DDFEED_BRINGUP_PAGE") {
+            let page = xtask::bringup::page(&report);
+            std::fs::write(format!("{folder}/{board:?}.html"), page).unwrap();
+        }
+        assert_eq!(readings.stage(), Some(Stage::Done));
+        assert_eq!(report.findings, 0, "{}", report.text());
+        assert!(
+            report.items.len() > 60,
+            "{} readings of {board:?}",
+            report.items.len()
+        );
+        // The request held for one start.
+        bench.wait_for(READY, 0.2)?;
+        assert_eq!(bench.emulator.resets.len(), 2);
+    }
+    Ok(())
+}
+
+#[test]
+fn a_power_up_and_a_reset_without_a_request_start_the_drive() -> Result<(), String> {
+    let mut bench = bench(Wiring::Nucleo)?;
+    bench.wait_for(READY, 0.2)?;
+    Ok(())
+}
+
+#[test]
+fn with_a_voltage_on_the_bus_it_refuses_before_it_touches_a_pin() -> Result<(), String> {
+    let mut bench = bench(Wiring::Nucleo)?;
+    bench.joint.borrow_mut().board.set_bus_voltage(24.0);
+    let (readings, report) = ask(&mut bench)?;
+    assert_eq!(readings.stage(), Some(Stage::Refused));
+    let ids: Vec<_> = report.of(Verdict::Finding).map(|item| &item.id).collect();
+    assert_eq!(ids, ["bus.screwbus", "bus.nutbus"], "{}", report.text());
+    assert!(report.text().contains("There is 24 V on the bus"));
+    assert!(
+        readings.report.pins.iter().all(|pin| pin.function == 0),
+        "no pin was pulled"
+    );
+    Ok(())
+}
+
+#[test]
+fn clock_and_power() -> Result<(), String> {
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().faults.crystal_hz = 8e6,
+        &["clock.crystal"],
+        "It looks like one of 8 MHz",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().faults.lsi_hz = 26e3,
+        &["clock.lsi"],
+        "The watchdog's 20 ms are 25 ms",
+    )?;
+    // The firmware does not start on these two, and says why.
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().system.no_boost = true,
+        &["stage"],
+        "not in boost mode",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().system.crystal = false,
+        &["stage"],
+        "the crystal does not start",
+    )?;
+    Ok(())
+}
+
+#[test]
+fn analog_channels() -> Result<(), String> {
+    // The bus divider of the default board without its capacitor.
+    let report = finds(
+        Wiring::Nucleo,
+        |bench| {
+            let faults = &mut bench.emulator.chip().faults;
+            faults.source_ohm.push(((1, 6), 50e3));
+        },
+        &["settling.screwbus"],
+        "does not reach the pin's voltage",
+    )?;
+    let said = report.of(Verdict::Finding).next().map(|item| &item.means);
+    let ohms: f64 = said
+        .and_then(|means| means.split("about ").nth(1))
+        .and_then(|rest| rest.split(' ').next())
+        .and_then(|number| number.parse().ok())
+        .ok_or("the source's resistance is not said")?;
+    assert!(
+        (ohms / 50.0 - 1.0).abs() < 0.1,
+        "50 kohm were put in, {ohms} kohm are said"
+    );
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().faults.noise.push(((4, 4), 12.0)),
+        &["noise.nuta"],
+        "noisier",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        |bench| {
+            let faults = &mut bench.emulator.chip().faults;
+            faults.stuck_channel.push(((1, 7), 4095));
+        },
+        &["temperature.screwheatsink"],
+        "torn off",
+    )?;
+    Ok(())
+}
+
+#[test]
+fn comparators_and_breaks() -> Result<(), String> {
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().faults.dead_comparators = 1 << 1,
+        &["comparator.1"],
+        "always low",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().faults.dead_dacs[0] = true,
+        &["dac.dac3-channel-1", "dac.dac3-channel-2"],
+        "these comparators stop nothing",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().faults.unwired_breaks = 1 << 4,
+        &["break.nut.comparator4"],
+        "not wired to the timer's break",
+    )?;
+    Ok(())
+}
+
+#[test]
+fn pins() -> Result<(), String> {
+    let outside = |change: fn(&mut tests::chip::outside::Outside)| {
+        move |bench: &mut Bench| change(&mut bench.emulator.chip().outside)
+    };
+    // PA8 and PA9 are the screw's high sides a and b; of the second board PC0 is the screw's high side a, PA5 and PB5 the
+    // SPI's clock and data out.
+    finds(
+        Wiring::Nucleo,
+        outside(|outside| {
+            outside.shorts.insert((0, 8), true);
+        }),
+        &["pin.PA8"],
+        "shorted to the supply",
+    )?;
+    finds(
+        Wiring::Mains,
+        outside(|outside| {
+            outside.circuits.remove(&(2, 0));
+        }),
+        &["pin.PC0"],
+        "its pull-down is missing",
+    )?;
+    finds(
+        Wiring::Mains,
+        outside(|outside| {
+            outside.shorts.insert((0, 5), false);
+        }),
+        &["pin.PA5"],
+        "shorted to ground",
+    )?;
+    // Two gates, whose pull-downs are the drivers' own, weak ones; and two open pins.
+    finds(
+        Wiring::Nucleo,
+        outside(|outside| outside.bridges.push([(0, 8), (0, 9)])),
+        &["pin.PA8", "pin.PA9"],
+        "the two are connected",
+    )?;
+    finds(
+        Wiring::Mains,
+        outside(|outside| outside.bridges.push([(0, 5), (1, 5)])),
+        &["pin.PA5", "pin.PB5"],
+        "the two are connected",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        outside(|outside| {
+            outside.circuits.remove(&(0, 15));
+        }),
+        &["pin.PA15"],
+        "encoder is not connected",
+    )?;
+    // The fault line never comes to the timer: something holds it at the supply, whatever the driver does.
+    finds(
+        Wiring::Nucleo,
+        outside(|outside| {
+            outside.circuits.insert((1, 10), Circuit::Driven(true));
+        }),
+        &[],
+        "holds it",
+    )?;
+    Ok(())
+}
+
+#[test]
+fn encoders_flash_and_probe() -> Result<(), String> {
+    finds(
+        Wiring::Mains,
+        |bench| {
+            let chip = bench.emulator.chip();
+            chip.provoked.stuck_encoder[0] = Some(u32::MAX);
+        },
+        &["encoder.screw"],
+        "The sensor does not answer",
+    )?;
+    finds(
+        Wiring::Mains,
+        |bench| {
+            let chip = bench.emulator.chip();
+            chip.provoked.stuck_encoder[0] = Some(0);
+        },
+        &["encoder.screw"],
+        "All bits are zero, always",
+    )?;
+    finds(
+        Wiring::Mains,
+        |bench| bench.emulator.chip().provoked.frame_errors[0] = 1 << 20,
+        &["encoder.screw"],
+        "Frames arrive damaged",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().faults.worn.stuck = true,
+        &["flash.page"],
+        "do not read back as written",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        |bench| {
+            let chip = bench.emulator.chip();
+            chip.faults.worn.protected = true;
+            // What an earlier test has left.
+            let at = chip.flash.memory.len() / 2;
+            chip.flash.memory[at..at + 8]
+                .copy_from_slice(&[0xE0, 0xC3, 0x17, 0x5A, 0x1F, 0x3C, 0xE8, 0xA5]);
+        },
+        &["flash.page"],
+        "write-protected",
+    )?;
+    finds(
+        Wiring::Nucleo,
+        |bench| {
+            let memory = &mut bench.emulator.chip().flash.memory;
+            let last = memory.len() - 1;
+            memory[last] = 0x12;
+        },
+        &["flash.page"],
+        "something else keeps data there",
+    )?;
+    Ok(())
+}
