@@ -141,7 +141,8 @@ pub mod seen {
     pub const HELD: u32 = 1 << 3;
     /// After the source has gone and the flag is cleared, the output can be enabled again.
     pub const RECOVERED: u32 = 1 << 4;
-    /// The other timer's output stayed enabled.
+    /// The other timer's output stayed enabled. Not of [`Configured`](super::BreakSource::Configured): both motors'
+    /// comparators have one threshold.
     pub const OTHER_STAYED: u32 = 1 << 5;
 }
 

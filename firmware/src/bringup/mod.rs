@@ -37,9 +37,10 @@ use rtt_target::UpChannel;
 #[unsafe(link_section = ".uninit.keep")]
 static BRINGUP_REQUEST: BringupRequest = BringupRequest::zero();
 
-/// At a symbol that the host knows.
+/// At a symbol that the host knows. A reset keeps it: a start that gives up on the way says how far it came.
 #[used]
 #[unsafe(no_mangle)]
+#[unsafe(link_section = ".uninit.keep")]
 static BRINGUP_REPORT: BringupReport = BringupReport::zero();
 
 /// What the drive's start has set up, and the bring-up goes on with.
@@ -62,6 +63,8 @@ pub(crate) fn begin() -> bool {
     request.magic.store(0, Relaxed);
     request.complement.store(0, Relaxed);
     if asked {
+        // SAFETY: words of which all are atomic, and for which zero is valid; nobody else runs yet.
+        unsafe { core::ptr::write_bytes((&raw const BRINGUP_REPORT).cast_mut(), 0, 1) };
         expect();
         enter(Stage::Start);
         BRINGUP_REPORT.layout.store(link::LAYOUT, Relaxed);

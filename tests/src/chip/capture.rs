@@ -9,7 +9,7 @@ const CCMR1: u32 = 0x18;
 const CCER: u32 = 0x20;
 const ARR: u32 = 0x2C;
 const CCR1: u32 = 0x34;
-const TISEL: u32 = 0x68;
+const TISEL: u32 = 0x5C;
 
 /// The timer. It captures by arithmetic: a capture is there once its time has come.
 pub struct CaptureTimer {

@@ -218,6 +218,7 @@ impl Chip {
         self.tops = old.tops;
         self.outside = old.outside;
         self.faults = old.faults;
+        self.provoked = old.provoked;
         self.flash = old.flash;
         self.flash.reset();
         self.system.crystal = old.system.crystal;
