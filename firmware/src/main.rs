@@ -22,6 +22,7 @@ use control::plate::DriveConfig;
 
 /// The drive's configuration, computed while compiling: a number that does not fit its format stops the build.
 const CONFIG: DriveConfig = match board::PLATE.config() {
+    Ok(config) if cfg!(feature = "encoders-at-zero") => config.aligned(&board::PLATE),
     Ok(config) => config,
     Err(_) => panic!("a number of the board's plate does not fit its fixed-point format"),
 };

@@ -63,6 +63,9 @@ impl Speed {
             .step(const { &CONFIG }, request, exchanges, found);
 
         debug_view::show(output.state);
+        if let Some(misalignment) = self.control.misalignment() {
+            view.misalignment.store(misalignment.reason.word(), Relaxed);
+        }
         let scale = self.scale.position();
         view.scale.store(scale, Relaxed);
         count(&view.speed_steps);

@@ -5,6 +5,7 @@
 //! it was computed from. The nut's counter is half a period behind the screw's.
 
 use crate::sensors::{CurrentSensing, Leg, Sensors, encoder_word};
+use crate::wiring::{MotorWiring, Wiring};
 use control::current_loop::{MotorSample, PwmCommand};
 use control::encoder::Interface;
 use control::sense::Shunts;
@@ -14,6 +15,7 @@ use plant::model::Model;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
+use std::f64::consts::TAU;
 
 /// What the board is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,6 +38,8 @@ pub struct BoardConfig {
     pub sensing: CurrentSensing,
     /// The drive measures its current zeros before it starts, which hides a constant offset from it.
     pub measure_zeros: bool,
+    /// How motors and encoders are connected.
+    pub wiring: Wiring,
     /// Integration steps per half PWM period.
     pub substeps: u32,
     /// Seed of all noise.
@@ -55,6 +59,7 @@ impl Default for BoardConfig {
             shunts: Shunts::Two,
             sensing: CurrentSensing::InLine,
             measure_zeros: false,
+            wiring: Wiring::right(),
             substeps: 1,
             seed: 1,
         }
@@ -100,6 +105,11 @@ pub struct Board {
     /// Frames of absolute encoders, latched since the last turn of a counter.
     frames: [Option<u32>; 2],
     random: Xoshiro256PlusPlus,
+    /// Shaft angles at which the counts of the encoders' inputs are zero, rad.
+    encoder_zeros: [f64; 2],
+    /// Whole turns of the shafts, by which an index is passed.
+    turns: [f64; 2],
+    index_passed: [bool; 2],
     step_s: f64,
     /// Duty of a compare count.
     duty_per_count: f64,
@@ -113,12 +123,18 @@ impl Board {
     pub fn new(model: &Model, coupling: Coupling, config: BoardConfig) -> Self {
         let mut machine = Machine::new(model, coupling);
         machine.set_bus_voltage(config.bus_v);
+        for axis in Axis::ALL {
+            machine.set_open_phase(axis, config.wiring.motor(axis).open);
+        }
         Self {
             machine,
             config,
             bridges: [BridgeState::default(); 2],
             frames: [None; 2],
             random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
+            encoder_zeros: [0.0; 2],
+            turns: [0.0; 2],
+            index_passed: [false; 2],
             step_s: config.pwm_period_s() / 2.0 / f64::from(config.substeps.max(1)),
             duty_per_count: f64::from(config.period()).recip(),
             dead_part: config.dead_time_s / config.pwm_period_s(),
@@ -139,16 +155,18 @@ impl Board {
 
     /// The counter of `axis` turns: the written compare values become active, the ADCs and the encoder are read.
     pub fn turn(&mut self, axis: Axis) -> MotorSample {
-        let true_currents = self.machine.phase_currents(axis);
+        let wiring = *self.config.wiring.motor(axis);
+        let true_currents = wiring.legs(self.machine.phase_currents(axis));
         let bridge = &mut self.bridges[axis.index()];
         // The comparators look at the true current, and a break holds until it is cleared.
         bridge.broken |= true_currents.iter().any(|i| i.abs() > self.config.break_a);
         bridge.active = bridge.written;
         let (active, broken) = (bridge.active, bridge.broken);
         self.machine
-            .set_bridge(axis, self.voltages(active, broken, true_currents));
+            .set_bridge(axis, self.voltages(active, broken, true_currents, &wiring));
 
-        let [a, b, c] = self.machine.current_readings(axis);
+        let readings = wiring.legs(self.machine.current_readings(axis));
+        let [a, b, c] = wiring.channels(readings);
         let Sensors { current, bus, .. } = self.config.sensors;
         // At the top, where the samples are taken.
         let leg = |k: usize| match (active.enable && !broken, active.compare[k]) {
@@ -157,7 +175,8 @@ impl Board {
             (true, _) => Leg::Low,
         };
         let sensing = self.config.sensing;
-        let [a, b, c] = [(a, 0), (b, 1), (c, 2)].map(|(amps, k)| sensing.seen(amps, leg(k)));
+        let [a, b, c] = [(a, 0), (b, 1), (c, 2)]
+            .map(|(amps, k): (f64, usize)| sensing.seen(amps, leg(wiring.channels[k])));
         let mut convert = |i| current.convert(i, &mut self.random);
         MotorSample {
             // A phase without a sensor reads 0.
@@ -179,9 +198,28 @@ impl Board {
     #[must_use]
     pub fn encoder_word(&self, axis: Axis, later_s: f64) -> u32 {
         let encoder = &self.config.sensors.encoders[axis.index()];
-        let angle = self.machine.encoder_angle(axis);
-        let turned = self.machine.motor(axis).omega * (later_s - encoder.age_s);
-        encoder_word(encoder, angle + turned)
+        let there = self.config.wiring.encoder_at(axis);
+        let angle = self.machine.encoder_angle(there) - self.encoder_zeros[axis.index()];
+        let turned = self.machine.motor(there).omega * (later_s - encoder.age_s);
+        let sense = if self.config.wiring.motor(axis).encoder_reversed {
+            -1.0
+        } else {
+            1.0
+        };
+        encoder_word(encoder, sense * (angle + turned))
+    }
+
+    /// Power comes up: an incremental encoder's count begins at zero where its shaft stands now.
+    pub fn wake_encoders(&mut self) {
+        for axis in Axis::ALL {
+            let there = self.config.wiring.encoder_at(axis);
+            let encoder = &self.config.sensors.encoders[axis.index()];
+            if !encoder.interface.is_absolute() {
+                let angle = self.machine.encoder_angle(there);
+                self.encoder_zeros[axis.index()] = angle;
+                self.turns[axis.index()] = (angle / TAU).floor();
+            }
+        }
     }
 
     /// Writes compare values; they act from the counter's next turn on.
@@ -212,6 +250,30 @@ impl Board {
         for _ in 0..self.config.substeps.max(1) {
             self.machine.advance(self.step_s);
         }
+        self.pass_indices();
+    }
+
+    /// The encoder of `axis` has passed its index since this was last asked.
+    pub fn take_index_passed(&mut self, axis: Axis) -> bool {
+        std::mem::take(&mut self.index_passed[axis.index()])
+    }
+
+    /// A shaft that has passed the index of its encoder, at angle 0, has put its count to zero there.
+    fn pass_indices(&mut self) {
+        for axis in Axis::ALL {
+            let k = axis.index();
+            let angle = self
+                .machine
+                .encoder_angle(self.config.wiring.encoder_at(axis));
+            let turn = (angle / TAU).floor();
+            let passed = turn != std::mem::replace(&mut self.turns[k], turn);
+            if passed
+                && self.config.sensors.encoders[k].interface == Interface::IncrementalWithIndex
+            {
+                self.encoder_zeros[k] = 0.0;
+                self.index_passed[k] = true;
+            }
+        }
     }
 
     /// Counts of the table's scale.
@@ -222,7 +284,13 @@ impl Board {
     }
 
     /// Mean phase voltages over a period, to the middle of the bus.
-    fn voltages(&self, command: PwmCommand, broken: bool, currents: [f64; 3]) -> Bridge {
+    fn voltages(
+        &self,
+        command: PwmCommand,
+        broken: bool,
+        currents: [f64; 3],
+        wiring: &MotorWiring,
+    ) -> Bridge {
         if !command.enable || broken {
             return Bridge::Open;
         }
@@ -231,6 +299,6 @@ impl Board {
             let sign = (currents[k] * DEAD_TIME_SLOPE).clamp(-1.0, 1.0);
             self.config.bus_v * (duty - 0.5 - self.dead_part * sign)
         };
-        Bridge::Driven([phase(0), phase(1), phase(2)])
+        Bridge::Driven(wiring.windings([phase(0), phase(1), phase(2)]))
     }
 }

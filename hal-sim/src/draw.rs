@@ -240,8 +240,8 @@ fn run(
     setup.board.seed = seed;
     // An offset that the drive measures before it starts would be none.
     setup.board.measure_zeros = false;
-    let mut drive =
-        Drive::new(machine, setup.coupling, setup.board, &setup.plate()).expect("gains that fit");
+    let mut drive = Drive::aligned(machine, setup.coupling, setup.board, &setup.plate())
+        .expect("gains that fit");
     let every = (declared.sensing.control_hz / declared.sensing.sample_hz).round() as u32;
     let mut recorder = Recorder::default();
     let mut recording = Recording::default();

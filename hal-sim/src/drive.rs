@@ -4,6 +4,7 @@
 //! below it in priority; half a period later the nut's counter turns and its current loop runs.
 
 use crate::board::{Board, BoardConfig};
+use control::alignment::Misalignment;
 use control::coordinator::{Command, CommandError};
 use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
 use control::exchange::{MotorExchange, MotorStatus};
@@ -98,7 +99,21 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// A drive at rest, asked to run.
+    /// A drive at rest whose rotors are aligned, asked to run: as it is when it has started before.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a gain of `plate` does not fit its format.
+    pub fn aligned(
+        model: &Model,
+        coupling: Coupling,
+        board: BoardConfig,
+        plate: &DrivePlate,
+    ) -> Result<Self, Misfit> {
+        let config = plate.config()?.aligned(plate);
+        Ok(Self::with(model, coupling, board, plate, config))
+    }
+
+    /// A drive that has just been switched on, asked to run: it aligns its rotors first.
     ///
     /// # Errors
     /// [`Misfit`] if a gain of `plate` does not fit its format.
@@ -108,8 +123,17 @@ impl Drive {
         board: BoardConfig,
         plate: &DrivePlate,
     ) -> Result<Self, Misfit> {
-        let config: DriveConfig = plate.config()?;
-        Ok(Self {
+        Ok(Self::with(model, coupling, board, plate, plate.config()?))
+    }
+
+    fn with(
+        model: &Model,
+        coupling: Coupling,
+        board: BoardConfig,
+        plate: &DrivePlate,
+        config: DriveConfig,
+    ) -> Self {
+        Self {
             board: Board::new(model, coupling, board),
             request: Request {
                 run: true,
@@ -127,7 +151,7 @@ impl Drive {
             config,
             pole_pairs: plate.motors.map(|motor| motor.pole_pairs),
             periods: 0,
-        })
+        }
     }
 
     /// Asks for a table velocity, m/s, and a base speed, mechanical rad/s.
@@ -180,6 +204,12 @@ impl Drive {
     #[must_use]
     pub fn periods(&self) -> u64 {
         self.periods
+    }
+
+    /// Why the last alignment failed; `None` if it did not.
+    #[must_use]
+    pub fn misalignment(&self) -> Option<Misalignment> {
+        self.speed_task.misalignment()
     }
 
     /// What the drive is doing.

@@ -122,12 +122,12 @@ impl Setup {
         plates(&self.model, self.coupling, &self.board, self.tuning)
     }
 
-    /// The drive at rest.
+    /// The drive at rest, with its rotors aligned.
     ///
     /// # Errors
     /// [`ExperimentError::Misfit`] if a gain does not fit its format.
     pub fn drive(&self) -> Result<Drive, ExperimentError> {
-        Ok(Drive::new(
+        Ok(Drive::aligned(
             &self.model,
             self.coupling,
             self.board,

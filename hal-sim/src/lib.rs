@@ -2,8 +2,10 @@
 //!
 //! - [`sensors`]: what measures the machine: resolution, range, noise.
 //! - [`board`]: timers, bridges, ADCs, encoders, break inputs: the raw seam, stepped from one counter turn to the next.
+//! - [`wiring`]: how motors, current channels and encoders are connected.
 //! - [`mt6835`]: an absolute encoder's frames.
 //! - [`plates`]: the plate data that the control code gets for a model of a machine.
+//! - [`alignment`]: starts of a drive that does not know where its rotors stand.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`draw`]: machines drawn at random, for tests of what looks at their records.
 //! - [`experiment`]: profiles, records, and what is measured on them.
@@ -13,6 +15,7 @@
 //! One thread, one seed: the same call gives the same bits.
 #![forbid(unsafe_code)]
 
+pub mod alignment;
 pub mod analytic;
 pub mod board;
 pub mod draw;
@@ -24,3 +27,4 @@ pub mod replay;
 pub mod response;
 pub mod sensors;
 pub mod vrf;
+pub mod wiring;

@@ -1,7 +1,7 @@
 //! The plate data that the control code gets for a model of a machine.
 
 use crate::board::BoardConfig;
-use control::plate::{BoardPlate, DrivePlate, FeedPlate, MotorPlate, Tuning};
+use control::plate::{AlignmentPlate, BoardPlate, DrivePlate, FeedPlate, MotorPlate, Tuning};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -99,6 +99,11 @@ pub fn plates(
             jerk_max: 10.0,
             base_acceleration_max: 700.0,
             base_jerk_max: 20_000.0,
+        },
+        alignment: AlignmentPlate {
+            torque_nm: [0.3 * PAPER_TORQUE_NM / 2.0; 2],
+            travel_m: 50e-6,
+            speed_rpm: PAPER_SPEED_RPM / 15.0,
         },
     }
 }

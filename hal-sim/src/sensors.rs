@@ -176,7 +176,7 @@ pub fn incremental(counts_per_turn: u32) -> [EncoderPlate; 2] {
         counts_per_turn,
         age_s: 0.0,
         theta_e_at_zero_turns: 0.0,
-        reversed: false,
+        reversed: Some(false),
     }; 2]
 }
 

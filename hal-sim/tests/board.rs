@@ -186,7 +186,7 @@ fn a_limited_motor_slows_the_pair_and_the_table_keeps_its_direction() {
             .motors
             .iter_mut()
             .for_each(|motor| motor.torque_max_nm = nm);
-        Drive::new(&setup.model, setup.coupling, setup.board, &plate).unwrap()
+        Drive::aligned(&setup.model, setup.coupling, setup.board, &plate).unwrap()
     };
     let mut weak = coupled();
     // 0.32 N m of load and 0.05 of friction leave the screw little to accelerate with.
@@ -271,7 +271,7 @@ fn a_low_side_shunt_with_its_sign_drives_as_an_in_line_sensor() {
         setup.board.sensing = sensing;
         let mut plate = setup.plate();
         plate.board.amps_per_count = plate.board.amps_per_count.abs() * plate_sign;
-        let mut drive = Drive::new(&setup.model, setup.coupling, setup.board, &plate).unwrap();
+        let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate).unwrap();
         drive.command(CREEP.velocity, CREEP.base).unwrap();
         let mut speeds = Vec::new();
         run(&mut drive, 0.5, |drive| {
@@ -393,7 +393,7 @@ fn a_calibrated_gain_takes_its_ripple_away() {
             .motors
             .iter_mut()
             .for_each(|motor| motor.current_gains = gains);
-        let mut drive = Drive::new(&setup.model, setup.coupling, setup.board, &plate).unwrap();
+        let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate).unwrap();
         settle_quietly(&mut drive, CREEP).unwrap();
         let velocities = table_velocities(&mut drive, 1.0, 2, |_| Ok::<(), ()>(())).unwrap();
         vrf_percent(&velocities, CREEP.velocity)

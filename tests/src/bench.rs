@@ -75,23 +75,41 @@ pub fn firmware() -> Result<PathBuf, String> {
     firmware_of(Wiring::Nucleo)
 }
 
-/// Builds the firmware for a board, once, and says where its ELF is.
+/// Builds the firmware for a board, once, and says where its ELF is. It takes the rotors to stand where the plate says, as
+/// those of a machine do that begins at zero; but for that it is what is flashed.
 ///
 /// # Errors
 /// The build's own words.
 pub fn firmware_of(board: Wiring) -> Result<PathBuf, String> {
-    static BUILT: [OnceLock<Result<PathBuf, String>>; 3] = [const { OnceLock::new() }; 3];
+    firmware_that(board, false)
+}
+
+/// Builds the firmware for a board as it is flashed, which aligns the rotors first, once, and says where its ELF is.
+///
+/// # Errors
+/// The build's own words.
+pub fn aligning_firmware_of(board: Wiring) -> Result<PathBuf, String> {
+    firmware_that(board, true)
+}
+
+fn firmware_that(board: Wiring, aligns: bool) -> Result<PathBuf, String> {
+    static BUILT: [OnceLock<Result<PathBuf, String>>; 6] = [const { OnceLock::new() }; 6];
     // One build at a time, for all boards' ELFs leave cargo by the same name.
     static ONE: Mutex<()> = Mutex::new(());
-    BUILT[board as usize]
+    BUILT[board as usize + 3 * usize::from(aligns)]
         .get_or_init(|| {
             let _one = ONE.lock().map_err(|_| "another build failed")?;
             let (name, features) = match board {
-                Wiring::Nucleo => return build(&[]),
+                Wiring::Nucleo => ("firmware-nucleo", "board-nucleo"),
                 Wiring::Nucleo40kHz => ("firmware-40khz", "pwm-40khz"),
                 Wiring::Mains => ("firmware-mains", "board-mains"),
             };
-            let elf = build(&["--no-default-features", "--features", features])?;
+            let (name, features) = if aligns {
+                (format!("{name}-aligns"), features.to_owned())
+            } else {
+                (name.to_owned(), format!("{features},encoders-at-zero"))
+            };
+            let elf = build(&["--no-default-features", "--features", &features])?;
             let kept = elf.with_file_name(name);
             std::fs::copy(&elf, &kept)
                 .map_err(|error| format!("cannot copy {}: {error}", elf.display()))?;
@@ -285,7 +303,20 @@ impl Bench {
     /// # Errors
     /// A sentence about what is missing.
     pub fn on(board: Wiring, model: &Model, coupling: Coupling) -> Result<Self, String> {
-        let image = Rc::new(Image::read(&firmware_of(board)?)?);
+        Self::with(&firmware_of(board)?, board, model, coupling)
+    }
+
+    /// An ELF for a board just flashed, on `model`.
+    ///
+    /// # Errors
+    /// A sentence about what is missing.
+    pub fn with(
+        elf: &Path,
+        board: Wiring,
+        model: &Model,
+        coupling: Coupling,
+    ) -> Result<Self, String> {
+        let image = Rc::new(Image::read(elf)?);
         let config = board_config(board);
         let joint = Rc::new(RefCell::new(Joint::new(
             &machine_of(board, model, coupling),

@@ -97,6 +97,7 @@ impl Machine for Joint {
             current: sample.current,
             bus: sample.bus,
             encoder: sample.encoder,
+            index: self.board.take_index_passed(axis),
             temperature: self.temperatures[axis.index()],
         }
     }
@@ -114,6 +115,7 @@ impl Machine for Joint {
             current: [counts(sensors.current.zero, sensors.current.counts); 3],
             bus: counts(config.bus_v / sensors.bus.per_count, sensors.bus.counts),
             encoder: self.board.encoder_word(axis, 0.0),
+            index: false,
             temperature: self.temperatures[axis.index()],
         }
     }

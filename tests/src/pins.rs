@@ -18,6 +18,8 @@ pub struct Sensors {
     pub bus: u16,
     /// Encoder, its raw word: counts, or an absolute one's frame.
     pub encoder: u32,
+    /// The encoder has passed its index since the last sample.
+    pub index: bool,
     /// Heat sink, ADC counts.
     pub temperature: u16,
 }
@@ -67,6 +69,7 @@ impl Machine for AtRest {
             current: [2048; 3],
             bus: 2818,
             encoder: 0,
+            index: false,
             temperature: 1000,
         }
     }

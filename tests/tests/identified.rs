@@ -103,7 +103,7 @@ fn record(machine: &Model, holds: &[(f64, f64)], folder: &Path, name: &str) -> a
     let mut board = board_config(Wiring::Mains);
     board.dead_time_s = plate().board.dead_time_s;
     board.sensors.encoders = plate().motors.map(|motor| motor.encoder);
-    let mut drive = Drive::new(machine, Coupling::Coupled, board, &plate())
+    let mut drive = Drive::aligned(machine, Coupling::Coupled, board, &plate())
         .map_err(|misfit| anyhow::anyhow!("{misfit}"))?;
     let start = OperatingPoint {
         velocity: holds[0].0 * 1e-3,

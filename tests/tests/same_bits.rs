@@ -71,7 +71,7 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
         );
 
         let plate = plate_of(board);
-        let mut drive = Drive::new(
+        let mut drive = Drive::aligned(
             &machine_of(board, &model, coupling),
             coupling,
             board_config(board),

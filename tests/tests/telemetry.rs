@@ -109,7 +109,7 @@ fn host(asked: u64, seconds: f64) -> Result<Vec<Row>, String> {
     let plate = plate();
     let board = board_config(Wiring::Nucleo);
     let machine = machine_of(Wiring::Nucleo, &Model::paper(), Coupling::Lumped);
-    let mut drive = Drive::new(&machine, Coupling::Lumped, board, &plate)
+    let mut drive = Drive::aligned(&machine, Coupling::Lumped, board, &plate)
         .map_err(|misfit| misfit.to_string())?;
     drive.request.run = false;
     let known = |drive: &Drive, axis: Axis| {

@@ -362,15 +362,40 @@ impl CurrentLoop {
         drive: bool,
     ) -> (Motion, Seen) {
         let counts = config.encoder.counts(io.encoder());
-        let motion = self.observer.follow(&config.observer, counts);
+        let mut motion = self.observer.follow(&config.observer, counts);
         exchange.publish_shaft(counts, motion.theta_step);
         let seen = self
             .encoder_watch
             .step(&config.encoder_watch, counts, &motion, drive);
         if seen.wrong {
-            exchange.publish_wrong_reading();
+            self.wrong_reading(config, exchange, counts, &mut motion);
         }
         (motion, seen)
+    }
+
+    /// A reading that is wrong, or one that the first index has moved.
+    #[cold]
+    #[inline(never)]
+    fn wrong_reading(
+        &mut self,
+        config: &CurrentLoopConfig,
+        exchange: &MotorExchange,
+        counts: Option<u32>,
+        motion: &mut Motion,
+    ) {
+        let (Some(counts), Some(alignment)) = (counts, self.alignment) else {
+            return exchange.publish_wrong_reading();
+        };
+        if !alignment.index_awaited {
+            return exchange.publish_wrong_reading();
+        }
+        let jump = self.observer.jumped(&config.observer, motion, counts);
+        let alignment = alignment.past_index(jump, config.observer.pole_pairs);
+        self.alignment = Some(alignment);
+        self.observer.align(alignment);
+        *motion = self.observer.motion(&config.observer);
+        exchange.publish_index(alignment);
+        exchange.publish_shaft(Some(counts), motion.theta_step);
     }
 
     /// ADC counts of the phases -> currents.
@@ -605,7 +630,10 @@ mod tests {
 
     fn config() -> CurrentLoopConfig {
         let plate = test_plate();
-        plate.motors[0].current_loop(&plate).unwrap()
+        CurrentLoopConfig {
+            alignment: Some(plate.motors[0].encoder.alignment()),
+            ..plate.motors[0].current_loop(&plate).unwrap()
+        }
     }
 
     fn current_loop() -> Bench {
@@ -845,7 +873,9 @@ mod tests {
             // The frame changes with the bridge closed only once the angle is known.
             assert!(!bench.step(&stands, ONE_AMPERE).enable);
             assert!(bench.step(&stands, reference).enable);
-            bench.exchange.align(Some(EncoderAlignment::default()));
+            bench
+                .exchange
+                .align(None, Some(EncoderAlignment::default()));
             assert!(bench.step(&stands, reference).enable);
             assert!(bench.exchange.status().angle_known);
             assert!(bench.step(&stands, ONE_AMPERE).enable);
@@ -859,9 +889,10 @@ mod tests {
         let alignment = EncoderAlignment {
             reversed: true,
             theta_e_at_zero: Angle::from_turns(5.0 * f64::from(ZERO) / f64::from(1 << 20)),
+            index_awaited: false,
         };
         let (mut straight, mut reversed) = (current_loop(), Bench::new(config()));
-        reversed.exchange.align(Some(alignment));
+        reversed.exchange.align(None, Some(alignment));
         let at = |counts: u32| MotorSample {
             encoder: counts % (1 << 20),
             ..sample([2100, 2000, 2048])

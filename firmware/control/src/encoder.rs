@@ -25,6 +25,12 @@ impl Interface {
         }
     }
 
+    /// The count says where the rotor stands as soon as it is read, after any pause.
+    #[must_use]
+    pub const fn is_absolute(self) -> bool {
+        matches!(self, Self::Mt6835)
+    }
+
     /// A reading can be wrong without standing still.
     #[must_use]
     pub const fn is_checked(self) -> bool {

@@ -13,7 +13,9 @@ use crate::observer::EncoderAlignment;
 use crate::sense::{Codes, Shunts};
 use crate::transform::DirectQuadrature;
 use core::hint::cold_path;
-use core::sync::atomic::{AtomicI32, AtomicU8, AtomicU16, AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{
+    AtomicBool, AtomicI32, AtomicU8, AtomicU16, AtomicU32, Ordering::Relaxed,
+};
 
 /// Words between one motor's current loop and the tasks below it.
 #[derive(Debug)]
@@ -53,6 +55,8 @@ pub struct MotorExchange {
     theta_e_at_zero: AtomicU32,
     /// One of the `ALIGNED_` codes.
     alignment: AtomicU8,
+    /// The current loop has yet to take the alignment: the next reference is given so that it does.
+    aligned_anew: AtomicBool,
     /// Periods whose compare values came too late.
     missed: AtomicU32,
     /// Readings of the encoder that were wrong.
@@ -110,6 +114,8 @@ const ASKED_RESET: u8 = 4;
 const ALIGNED_NOT: u8 = 0;
 const ALIGNED: u8 = 1;
 const ALIGNED_REVERSED: u8 = 2;
+const ALIGNED_BEFORE_INDEX: u8 = 3;
+const ALIGNED_REVERSED_BEFORE_INDEX: u8 = 4;
 
 impl MotorExchange {
     /// No mode, no current, no speed: how every drive starts, with what `config` knows of its encoder. A reference holds for
@@ -137,6 +143,7 @@ impl MotorExchange {
             commanded: AtomicU32::new(0),
             theta_e_at_zero: AtomicU32::new(theta_e_at_zero),
             alignment: AtomicU8::new(alignment),
+            aligned_anew: AtomicBool::new(false),
             missed: AtomicU32::new(0),
             wrong_readings: AtomicU32::new(0),
             valid_periods,
@@ -164,6 +171,12 @@ impl MotorExchange {
         let periods = self.periods.load(Relaxed);
         let until = periods.wrapping_add(self.valid_periods);
         let (mode, drive_until) = match (reference.mode, reference.frame) {
+            (Mode::Drive, Frame::Rotor) if self.aligned_anew.load(Relaxed) => {
+                // The loop's long way, on which it looks at the alignment.
+                cold_path();
+                self.aligned_anew.store(false, Relaxed);
+                (ASKED_DRIVE, periods)
+            }
             (Mode::Drive, Frame::Rotor) if self.flags.load(Relaxed) & CLOSED != 0 => {
                 (ASKED_DRIVE, until)
             }
@@ -194,28 +207,54 @@ impl MotorExchange {
         self.drive_until.store(drive_until, Relaxed);
     }
 
-    /// Speed task: how the encoder lies to its rotor; `None`: that is not known any more. The current loop takes it in its
-    /// next period that is not driven in the rotor's frame.
-    pub fn align(&self, alignment: Option<EncoderAlignment>) {
+    /// Speed task: how the encoder lies to its rotor; `None`: that is not known any more. The current loop takes it
+    /// with the next reference.
+    ///
+    /// Where the encoder counts as it did, the loop may have passed the index since the task read `from`, and knows better:
+    /// then nothing changes.
+    pub fn align(&self, from: Option<EncoderAlignment>, alignment: Option<EncoderAlignment>) {
         let (theta_e_at_zero, code) = alignment_words(alignment);
+        if let (Some(from), Some(to)) = (from, alignment)
+            && from.reversed == to.reversed
+        {
+            let (known, angle) = (from.theta_e_at_zero.0, &self.theta_e_at_zero);
+            let moved = angle.compare_exchange(known, theta_e_at_zero, Relaxed, Relaxed);
+            if moved.is_ok() && !to.index_awaited {
+                self.alignment.store(code, Relaxed);
+            }
+            self.aligned_anew.store(true, Relaxed);
+            return;
+        }
         // The loop may come between the two: by the first alone nothing changes.
         self.alignment.store(ALIGNED_NOT, Relaxed);
         self.theta_e_at_zero.store(theta_e_at_zero, Relaxed);
         self.alignment.store(code, Relaxed);
+        self.aligned_anew.store(true, Relaxed);
     }
 
     /// How the encoder lies to its rotor, as far as it is known.
     #[must_use]
     pub fn alignment(&self) -> Option<EncoderAlignment> {
-        let reversed = match self.alignment.load(Relaxed) {
-            ALIGNED => false,
-            ALIGNED_REVERSED => true,
+        let (reversed, index_awaited) = match self.alignment.load(Relaxed) {
+            ALIGNED => (false, false),
+            ALIGNED_REVERSED => (true, false),
+            ALIGNED_BEFORE_INDEX => (false, true),
+            ALIGNED_REVERSED_BEFORE_INDEX => (true, true),
             _ => return None,
         };
         Some(EncoderAlignment {
             reversed,
             theta_e_at_zero: Angle(self.theta_e_at_zero.load(Relaxed)),
+            index_awaited,
         })
+    }
+
+    /// Current loop: the index was passed, and the encoder lies like this from now on.
+    #[cold]
+    pub(crate) fn publish_index(&self, alignment: EncoderAlignment) {
+        let (theta_e_at_zero, code) = alignment_words(Some(alignment));
+        self.theta_e_at_zero.store(theta_e_at_zero, Relaxed);
+        self.alignment.store(code, Relaxed);
     }
 
     /// Current loop, once a period, first of all: `true` if it has closed its bridge for currents in the rotor's frame and
@@ -467,8 +506,14 @@ const fn alignment_words(alignment: Option<EncoderAlignment>) -> (u32, u8) {
         Some(EncoderAlignment {
             reversed,
             theta_e_at_zero,
+            index_awaited,
         }) => {
-            let code = if reversed { ALIGNED_REVERSED } else { ALIGNED };
+            let code = match (reversed, index_awaited) {
+                (false, false) => ALIGNED,
+                (true, false) => ALIGNED_REVERSED,
+                (false, true) => ALIGNED_BEFORE_INDEX,
+                (true, true) => ALIGNED_REVERSED_BEFORE_INDEX,
+            };
             (theta_e_at_zero.0, code)
         }
     }

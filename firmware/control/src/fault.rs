@@ -1,5 +1,6 @@
 //! What can stop the drive.
 
+use crate::alignment::Part;
 use crate::codes;
 
 codes! {
@@ -41,6 +42,30 @@ codes! {
             "The supervision was late too often: something below the control interrupts takes too long.";
         LoopHung = 17, "current loop hung",
             "A current loop hung for two and a half periods, and a timer above it opened the bridges.";
+        ScrewAlignment = 18, "alignment, screw",
+            "The screw's rotor could not be found: `misalignment` says why.";
+        NutAlignment = 19, "alignment, nut",
+            "The nut's rotor could not be found: `misalignment` says why.";
+        PairAlignment = 20, "alignment, screw and nut",
+            "Screw and nut do not go together: `misalignment` says why.";
+    }
+}
+
+impl Fault {
+    /// The fault of a part that could not be aligned.
+    #[must_use]
+    pub const fn misaligned(part: Part) -> Self {
+        match part {
+            Part::Screw => Self::ScrewAlignment,
+            Part::Nut => Self::NutAlignment,
+            Part::Pair => Self::PairAlignment,
+        }
+    }
+
+    /// After it nobody knows where the rotors stand, as far as their encoders do not say so themselves: counts may be lost.
+    #[must_use]
+    pub const fn doubts_angle(self) -> bool {
+        matches!(self, Self::ScrewEncoder | Self::NutEncoder)
     }
 }
 

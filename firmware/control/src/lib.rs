@@ -16,6 +16,7 @@
 //! | speed error -> `i_q` reference | [`speed_loop`] | speed task |
 //! | jerk-limited reference | [`profile`] | speed task |
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
+//! | where both rotors stand | [`alignment`] | speed task, before the drive is ready |
 //! | what the drive is doing and may do next | [`supervisor`] | speed task |
 //! | what can stop it | [`fault`] | |
 //! | the last four in one step | [`speed_task`] | speed task |
@@ -50,6 +51,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod alignment;
 pub mod codes;
 pub mod coordinator;
 pub mod current_loop;

@@ -106,6 +106,9 @@ pub struct EncoderAlignment {
     pub reversed: bool,
     /// Electrical angle at count zero.
     pub theta_e_at_zero: Angle,
+    /// The count began where the shaft stood, and the index, which will put it to zero, was not yet passed: the first jump
+    /// of the count moves `theta_e_at_zero`, and not the rotor.
+    pub index_awaited: bool,
 }
 
 impl EncoderAlignment {
@@ -129,6 +132,18 @@ impl EncoderAlignment {
         Self {
             reversed: false,
             theta_e_at_zero: Angle(0),
+            index_awaited: false,
+        }
+    }
+
+    /// The same after the count has jumped by `jump` 2^-32 turn without the rotor, by its index.
+    #[must_use]
+    pub const fn past_index(self, jump: i32, pole_pairs: u32) -> Self {
+        let jumped = self.in_rotor_sense(Angle(0).turned(jump)).times(pole_pairs);
+        Self {
+            theta_e_at_zero: Angle(self.theta_e_at_zero.0.wrapping_sub(jumped.0)),
+            index_awaited: false,
+            ..self
         }
     }
 
@@ -197,6 +212,29 @@ impl Observer {
         self.theta_e_at_zero = alignment.theta_e_at_zero;
     }
 
+    /// Takes back what the step that made `motion` learned of a count that jumped without the shaft, and goes on from there:
+    /// the shaft is at `counts`, and turns as it did. By how much the count jumped, 2^-32 turn of the encoder.
+    #[cold]
+    pub fn jumped(&mut self, config: &ObserverConfig, motion: &Motion, counts: u32) -> i32 {
+        let fine = motion.innovation << 2;
+        // What was added to it before; a speed that was cut is at its end, which no alignment turns at.
+        self.speed = self
+            .speed
+            .wrapping_sub(i64::from(fine).wrapping_mul(config.beta.to_bits().into()));
+        let corrected = multiply_upper(fine, config.alpha.to_bits());
+        let predicted = self.angle.turned(corrected.wrapping_neg());
+        let turning = gained(config.age, upper(self.speed));
+        self.angle = config
+            .encoder
+            .angle(counts)
+            .times(self.sense)
+            .turned(turning);
+        Angle(0)
+            .turned(self.angle.minus(predicted))
+            .times(self.sense)
+            .minus(Angle(0))
+    }
+
     /// Where the shaft is, in the rotor's sense, and how far it turns in a sample, 2^-32 turn.
     #[must_use]
     pub const fn shaft(&self) -> (Angle, i32) {
@@ -229,13 +267,23 @@ impl Observer {
         let speed = self.speed + i64::from(fine) * i64::from(config.beta.to_bits());
         self.speed = cut_upper(speed, config.speed_bits);
 
+        Motion {
+            innovation,
+            ..self.motion(config)
+        }
+    }
+
+    /// Where the shaft is and how fast it turns, as it is known without another count.
+    #[inline(always)]
+    #[must_use]
+    pub fn motion(&self, config: &ObserverConfig) -> Motion {
         let (theta, theta_step) = (self.angle, upper(self.speed));
         Motion {
             theta,
             theta_e: theta.times(config.pole_pairs).plus(self.theta_e_at_zero),
             theta_step,
             theta_e_step: theta_step.wrapping_mul(config.pole_pairs.cast_signed()),
-            innovation,
+            innovation: 0,
         }
     }
 }
@@ -353,9 +401,9 @@ mod tests {
         for (reversed, turns) in [(false, 0.25), (true, -0.25)] {
             let mut plate = test_plate();
             plate.motors[0].encoder.theta_e_at_zero_turns = 0.3;
-            plate.motors[0].encoder.reversed = reversed;
+            plate.motors[0].encoder.reversed = Some(reversed);
             let config = plate.motors[0].current_loop(&plate).unwrap();
-            let (alignment, config) = (config.alignment.unwrap(), config.observer);
+            let (alignment, config) = (plate.motors[0].encoder.alignment(), config.observer);
             // A quarter turn of the shaft is one and a quarter electrical turns at five pole pairs.
             let expected = Angle::from_turns(turns * 5.0 + 0.3);
             let mut observer = Observer::at(&config, alignment, 1 << 18);

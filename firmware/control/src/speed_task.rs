@@ -1,9 +1,11 @@
 //! The speed task: supervisor, coordinator and both speed loops in one step.
 
+use crate::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen, Progress};
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_loop::{CurrentReference, Mode};
 use crate::exchange::MotorExchange;
 use crate::fault::Fault;
+use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
 use crate::speed_loop::{SpeedLoop, SpeedReference};
 use crate::supervisor::{Request, State};
@@ -29,6 +31,13 @@ pub struct SpeedTask {
     /// What the coordinator was last told.
     followed: Command,
     state: State,
+    alignment: Alignment,
+    /// What it shall see in its next step, and what it has asked in its last.
+    seen: Option<[MotorSeen; 2]>,
+    asked: AlignmentStep,
+    /// What the alignment last asked the current loops to take over.
+    alignments: [Option<EncoderAlignment>; 2],
+    aligned: Progress,
 }
 
 impl SpeedTask {
@@ -42,6 +51,11 @@ impl SpeedTask {
             command: Command::rest(),
             followed: Command::rest(),
             state: State::Off,
+            alignment: Alignment::new(),
+            seen: None,
+            asked: AlignmentStep::new(),
+            alignments: [None; 2],
+            aligned: Progress::Working,
         }
     }
 
@@ -61,6 +75,15 @@ impl SpeedTask {
         self.coordinator.arrived()
     }
 
+    /// Why the last alignment failed; `None` if it did not.
+    #[must_use]
+    pub const fn misalignment(&self) -> Option<Misalignment> {
+        match self.aligned {
+            Progress::Failed(failed) => Some(failed),
+            Progress::Working | Progress::Done => None,
+        }
+    }
+
     /// One step: what the current loops found, and the fault that the board or its guard has found -> what they are asked
     /// next.
     #[inline(always)]
@@ -76,6 +99,9 @@ impl SpeedTask {
         let ([screw, nut], [screw_loop, nut_loop]) = (exchanges, &config.current_loops);
         screw.ask(to_screw, screw_loop);
         nut.ask(to_nut, nut_loop);
+        if let Some(seen) = self.seen.take() {
+            self.asked = self.alignment.step(&config.alignment, seen);
+        }
         output
     }
 
@@ -90,15 +116,28 @@ impl SpeedTask {
         let [screw, nut] = exchanges;
         let motors = [screw.status(), nut.status()];
         let coordinator = &self.coordinator;
-        self.state = self
-            .state
-            .next(request, motors, found, || coordinator.at_rest());
+        self.state = self.state.next(request, motors, found, self.aligned, || {
+            coordinator.at_rest()
+        });
+        if self.state == State::Calibrating {
+            self.alignment = Alignment::begin(&config.alignment);
+            (self.asked, self.seen) = (AlignmentStep::default(), None);
+            self.aligned = Progress::Working;
+        }
+        if let State::Fault(fault) = self.state
+            && fault.doubts_angle()
+        {
+            self.forget_angles(config, exchanges);
+        }
         let mode = self.state.mode(request);
         if !matches!(self.state, State::Running | State::Stopping) {
             self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
             self.coordinator = Coordinator::new();
             self.followed = Command::rest();
             self.torque_limited = [false; 2];
+            if self.state == State::Aligning {
+                return self.align(config, exchanges);
+            }
             let current = [CurrentReference {
                 mode,
                 ..CurrentReference::default()
@@ -161,6 +200,46 @@ impl SpeedTask {
             current,
             speed,
             state: self.state,
+        }
+    }
+
+    /// What alignment has found is not true any more.
+    #[cold]
+    fn forget_angles(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
+        let last = self.alignments.iter_mut().zip(&config.current_loops);
+        for (exchange, (last, current_loop)) in exchanges.into_iter().zip(last) {
+            if current_loop.alignment.is_none() && exchange.alignment().is_some() {
+                *last = None;
+                exchange.align(exchange.alignment(), None);
+            }
+        }
+    }
+
+    /// What the alignment asks, and what it shall see: it takes its step after that, for the next one. It may take longer than
+    /// until the nut's next current loop, and would else be heard a period later now and then.
+    #[cold]
+    #[inline(never)]
+    fn align(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> SpeedTaskOutput {
+        let [screw, nut] = exchanges;
+        let [screw_loop, nut_loop] = &config.current_loops;
+        self.seen = Some([
+            MotorSeen::of(screw, screw_loop, config.speed_divider),
+            MotorSeen::of(nut, nut_loop, config.speed_divider),
+        ]);
+        let held = exchanges.map(MotorExchange::alignment);
+        let asked = self.asked;
+        let aligned = self.alignments.iter_mut().zip(held).zip(asked.alignment);
+        for (exchange, ((last, held), alignment)) in exchanges.into_iter().zip(aligned) {
+            if *last != alignment {
+                *last = alignment;
+                exchange.align(held, alignment);
+            }
+        }
+        self.aligned = asked.progress;
+        SpeedTaskOutput {
+            current: asked.current,
+            state: self.state,
+            ..SpeedTaskOutput::default()
         }
     }
 }

@@ -3,7 +3,9 @@
 //! | from | to | when |
 //! | --- | --- | --- |
 //! | `Off` | `Calibrating` | at once: the bridges are off, so no current flows |
-//! | `Calibrating` | `Ready` | both motors' current zeros are measured |
+//! | `Calibrating` | `Aligning` | both motors' current zeros are measured |
+//! | `Calibrating` | `Ready` | and both rotors' angles are known |
+//! | `Aligning` | `Ready` | both rotors are found: see [`alignment`](crate::alignment) |
 //! | `Ready` | `Running` | run is asked |
 //! | `Running` | `Stopping` | run is no longer asked |
 //! | `Stopping` | `Running` | run is asked again |
@@ -13,6 +15,7 @@
 //!
 //! No other transition exists.
 
+use crate::alignment::Progress;
 use crate::current_loop::{Calibration, Mode};
 use crate::exchange::MotorStatus;
 use crate::fault::{self, Fault};
@@ -26,6 +29,8 @@ pub enum State {
     Off,
     /// Bridges off, current zeros being measured.
     Calibrating,
+    /// Bridges on for small motion: both rotors being found.
+    Aligning,
     /// Bridges off, all is known that running needs.
     Ready,
     /// Bridges on, following the command.
@@ -46,6 +51,7 @@ impl State {
             Self::Ready => 2,
             Self::Running => 3,
             Self::Stopping => 4,
+            Self::Aligning => 6,
             Self::Fault(_) => Self::FAULT_WORD,
         }
     }
@@ -71,6 +77,7 @@ impl State {
             2 => Self::Ready,
             3 => Self::Running,
             4 => Self::Stopping,
+            6 => Self::Aligning,
             Self::FAULT_WORD => match Fault::of_word(fault) {
                 Some(fault) => Self::Fault(fault),
                 None => return None,
@@ -85,6 +92,7 @@ impl State {
         match self {
             Self::Off => "off",
             Self::Calibrating => "calibrating",
+            Self::Aligning => "aligning",
             Self::Ready => "ready",
             Self::Running => "running",
             Self::Stopping => "stopping",
@@ -111,6 +119,7 @@ impl State {
         request: Request,
         motors: [MotorStatus; 2],
         found: Option<Fault>,
+        alignment: Progress,
         at_rest: impl FnOnce() -> bool,
     ) -> Self {
         let fault = fault(motors).or(found);
@@ -122,8 +131,18 @@ impl State {
             (Self::Calibrating, None)
                 if motors.iter().all(|m| m.calibration == Calibration::Done) =>
             {
-                Self::Ready
+                if motors.iter().all(|m| m.angle_known) {
+                    Self::Ready
+                } else {
+                    Self::Aligning
+                }
             }
+            (Self::Aligning, None) => match alignment {
+                Progress::Working => Self::Aligning,
+                Progress::Failed(failed) => Self::Fault(Fault::misaligned(failed.part)),
+                Progress::Done if motors.iter().all(|m| m.angle_known) => Self::Ready,
+                Progress::Done => Self::Aligning,
+            },
             (Self::Ready | Self::Stopping, None) if request.run => Self::Running,
             (Self::Running, None) if !request.run => Self::Stopping,
             (Self::Stopping, None) if at_rest() => Self::Ready,
@@ -137,7 +156,7 @@ impl State {
         match self {
             Self::Fault(_) if request.reset && !request.run => Mode::Reset,
             Self::Calibrating => Mode::Calibrate,
-            Self::Running | Self::Stopping => Mode::Drive,
+            Self::Aligning | Self::Running | Self::Stopping => Mode::Drive,
             Self::Off | Self::Ready | Self::Fault(_) => Mode::Off,
         }
     }
@@ -184,17 +203,22 @@ fn fault([screw, nut]: [MotorStatus; 2]) -> Option<Fault> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::alignment::{Misalignment, Part, Reason};
     use std::collections::HashSet;
 
     const FAULT: State = State::Fault(Fault::NutBreak);
 
     #[test]
     fn only_the_transitions_of_the_table_exist() {
-        use State::{Calibrating, Off, Ready, Running, Stopping};
+        use State::{Aligning, Calibrating, Off, Ready, Running, Stopping};
         let table = HashSet::from(
             [
                 (Off, Calibrating),
                 (Calibrating, Ready),
+                (Calibrating, Aligning),
+                (Aligning, Ready),
+                (Aligning, FAULT),
+                (Aligning, State::Fault(Fault::ScrewAlignment)),
                 (Ready, Running),
                 (Running, Stopping),
                 (Stopping, Running),
@@ -209,16 +233,25 @@ mod tests {
             .map(|pair| std::format!("{pair:?}")),
         );
         let mut seen = HashSet::new();
-        for from in [Off, Calibrating, Ready, Running, Stopping, FAULT] {
-            for bits in 0..32u8 {
+        for from in [Off, Calibrating, Aligning, Ready, Running, Stopping, FAULT] {
+            for bits in 0..=u8::MAX {
                 let on = |n: u8| bits >> n & 1 == 1;
                 let calibration = if on(0) {
                     Calibration::Done
                 } else {
                     Calibration::Pending
                 };
+                let alignment = match (on(5), on(6)) {
+                    (false, _) => Progress::Working,
+                    (true, false) => Progress::Done,
+                    (true, true) => Progress::Failed(Misalignment {
+                        part: Part::Screw,
+                        reason: Reason::Held,
+                    }),
+                };
                 let healthy = MotorStatus {
                     calibration,
+                    angle_known: on(7),
                     ..MotorStatus::default()
                 };
                 let nut = MotorStatus {
@@ -232,6 +265,7 @@ mod tests {
                     },
                     [healthy, nut],
                     None,
+                    alignment,
                     || on(4),
                 );
                 if to != from {
@@ -255,6 +289,7 @@ mod tests {
             },
             [MotorStatus::default(), broken],
             Some(Fault::OverVoltage),
+            Progress::Working,
             || false,
         );
         assert_eq!(state, FAULT);
@@ -264,7 +299,13 @@ mod tests {
             reset: true,
         };
         assert_eq!(
-            state.next(still_asked, [MotorStatus::default(); 2], None, || false),
+            state.next(
+                still_asked,
+                [MotorStatus::default(); 2],
+                None,
+                Progress::Working,
+                || false
+            ),
             FAULT,
             "a reset while run is asked"
         );
@@ -273,9 +314,18 @@ mod tests {
             ..MotorStatus::default()
         };
         let asked = Request::default();
-        assert_eq!(state.next(asked, [zero, broken], None, || true), FAULT);
         assert_eq!(
-            State::Calibrating.next(asked, [zero, MotorStatus::default()], None, || true),
+            state.next(asked, [zero, broken], None, Progress::Working, || true),
+            FAULT
+        );
+        assert_eq!(
+            State::Calibrating.next(
+                asked,
+                [zero, MotorStatus::default()],
+                None,
+                Progress::Working,
+                || true
+            ),
             State::Fault(Fault::ScrewCurrentZero)
         );
     }
@@ -284,20 +334,29 @@ mod tests {
     fn what_the_guard_finds_is_a_fault_until_it_is_gone() {
         let healthy = [MotorStatus::default(); 2];
         let hot = Some(Fault::NutTemperature);
-        let state = State::Running.next(Request::default(), healthy, hot, || false);
+        let state =
+            State::Running.next(Request::default(), healthy, hot, Progress::Working, || {
+                false
+            });
         assert_eq!(state, State::Fault(Fault::NutTemperature));
         let reset = Request {
             run: false,
             reset: true,
         };
-        assert_eq!(state.next(reset, healthy, hot, || true), state);
-        assert_eq!(state.next(reset, healthy, None, || true), State::Off);
+        assert_eq!(
+            state.next(reset, healthy, hot, Progress::Working, || true),
+            state
+        );
+        assert_eq!(
+            state.next(reset, healthy, None, Progress::Working, || true),
+            State::Off
+        );
     }
 
     #[test]
     fn words_are_those_of_the_states() {
-        use State::{Calibrating, Off, Ready, Running, Stopping};
-        for (word, state) in [Off, Calibrating, Ready, Running, Stopping, FAULT]
+        use State::{Aligning, Calibrating, Off, Ready, Running, Stopping};
+        for (word, state) in [Off, Calibrating, Ready, Running, Stopping, FAULT, Aligning]
             .into_iter()
             .enumerate()
         {
@@ -308,6 +367,6 @@ mod tests {
             );
         }
         assert_eq!(State::of_words(State::FAULT_WORD, 0), None);
-        assert_eq!(State::of_words(6, 0), None);
+        assert_eq!(State::of_words(7, 0), None);
     }
 }

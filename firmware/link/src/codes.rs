@@ -1,5 +1,6 @@
 //! Codes in the debug view, each with its name and a sentence for a person.
 
+pub use control::alignment::Reason as Misalignment;
 use control::codes;
 pub use control::fault::Fault;
 pub use control::supervisor::State;

@@ -141,6 +141,8 @@ words! {
         encoder_errors: [u32; 2],
         /// Bus voltage at the bridges, ADC counts: screw, nut.
         bus: [u32; 2],
+        /// Why the last alignment failed: a [`Misalignment`](crate::codes::Misalignment).
+        misalignment: u32,
         /// Screw, nut.
         motors: [MotorWords; 2],
     }

@@ -50,7 +50,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
                 counts_per_turn: mt6835::COUNTS_PER_TURN,
                 age_s: FRAME_LEAD_S,
                 theta_e_at_zero_turns: 0.0,
-                reversed: false,
+                reversed: Some(false),
             },
             ..paper_machine::MOTOR
         },
@@ -81,6 +81,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     },
     tuning: paper_machine::TUNING,
     feed: paper_machine::FEED,
+    alignment: paper_machine::ALIGNMENT,
 };
 
 /// A Pt1000 on each heat sink, to the reference over 2.2 kohm.

@@ -6,7 +6,7 @@
 use super::paper_machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
-use control::plate::{BoardPlate, DrivePlate, EncoderPlate, MotorPlate};
+use control::plate::{AlignmentPlate, BoardPlate, DrivePlate, EncoderPlate, MotorPlate};
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
 use core::f64::consts::{SQRT_2, TAU};
@@ -85,6 +85,11 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     },
     tuning: paper_machine::TUNING,
     feed: paper_machine::FEED,
+    alignment: AlignmentPlate {
+        torque_nm: [0.3 * RATED_NM; 2],
+        travel_m: 50e-6,
+        speed_rpm: MOTOR.speed_max_rpm / 15.0,
+    },
 };
 
 /// The same with its bridges at 40 kHz: the feature `pwm-40khz`. The speed task keeps its 5 kHz.

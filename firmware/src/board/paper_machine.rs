@@ -1,7 +1,7 @@
 //! The paper's machine: motors, tuning and feed, of which a board takes what is its own. Numbers only.
 
 use control::encoder::Interface;
-use control::plate::{EncoderPlate, FeedPlate, MotorPlate, Tuning};
+use control::plate::{AlignmentPlate, EncoderPlate, FeedPlate, MotorPlate, Tuning};
 
 /// The motors of Table 1 (Wang et al. 2020) with encoders of 10,000 lines: 2 MHz of counts at 3000 rpm, which RS-422 and a
 /// timer's filter carry, as the 52 MHz of 20 bits they do not.
@@ -21,7 +21,7 @@ pub(crate) const MOTOR: MotorPlate = MotorPlate {
         counts_per_turn: 40_000,
         age_s: 0.0,
         theta_e_at_zero_turns: 0.0,
-        reversed: false,
+        reversed: Some(false),
     },
 };
 
@@ -42,4 +42,12 @@ pub(crate) const FEED: FeedPlate = FeedPlate {
     jerk_max: 10.0,
     base_acceleration_max: 700.0,
     base_jerk_max: 20_000.0,
+};
+
+/// Three tenths of the rated torque of 1.3 N m, and a table that moves by less than 50 um.
+#[allow(dead_code, reason = "one build of the firmware has one of the boards")]
+pub(crate) const ALIGNMENT: AlignmentPlate = AlignmentPlate {
+    torque_nm: [0.39; 2],
+    travel_m: 50e-6,
+    speed_rpm: 200.0,
 };

@@ -89,15 +89,15 @@ impl EncoderTimer {
         self.registers.get("ARR").saturating_add(1)
     }
 
-    /// The encoder, of `counts_per_turn`, stands at `count`, `lost` of its edges were not seen on the way, and its index
-    /// at zero is there or not.
+    /// The encoder, of `counts_per_turn`, stands at `count` from its index or, before that, from where it stood when the timer
+    /// began to count; `lost` of its edges were not seen on the way, and it passed its index or not.
     pub fn set_count(&mut self, count: u32, counts_per_turn: u32, lost: u32, index: bool) {
         if !self.counts() {
             return;
         }
         // What it moved since the last look, the short way round.
         let turn = i64::from(counts_per_turn);
-        let from = i64::from(self.stood.replace(count).unwrap_or(0));
+        let from = i64::from(self.stood.replace(count).unwrap_or(count));
         let forward = (i64::from(count) - from).rem_euclid(turn);
         let moved = if forward > turn / 2 {
             forward - turn
@@ -110,8 +110,7 @@ impl EncoderTimer {
         {
             self.count = now.rem_euclid(reload) as u32;
         }
-        let passed_zero = (from + moved).div_euclid(turn) != 0;
-        if passed_zero && index && self.registers.get("ECR") & 1 == 1 {
+        if index && self.registers.get("ECR") & 1 == 1 {
             self.count = count;
             self.flags |= IDXF;
         }

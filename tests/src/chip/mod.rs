@@ -352,7 +352,7 @@ impl Chip {
                 sensors.encoder,
                 counts,
                 lost,
-                !self.provoked.no_index[index],
+                sensors.index && !self.provoked.no_index[index],
             );
             if let Some(tops) = &mut self.tops {
                 tops.push(Top {

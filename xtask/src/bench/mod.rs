@@ -1,6 +1,8 @@
 //! `cargo xtask bench`: the project against its goals.
 
 #[cfg(feature = "simulate")]
+mod align;
+#[cfg(feature = "simulate")]
 mod drive;
 
 use anyhow::Result;
@@ -11,8 +13,21 @@ use clap::{Args, Subcommand};
 pub enum Bench {
     /// Ripple of the simulated drive on the paper's machine, and the simulator's speed.
     Drive(DriveOptions),
+    /// Starts of a drive that does not know where its rotors stand, and what it says of wrong wiring.
+    Align(AlignOptions),
     /// The identification on the recordings and measured data beside the project.
     Identify(crate::identify::BenchOptions),
+}
+
+/// How many, and how to say it.
+#[derive(Args)]
+pub struct AlignOptions {
+    /// Starts.
+    #[arg(long, default_value_t = 500)]
+    pub starts: u64,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// How to say it.
@@ -27,6 +42,7 @@ pub struct DriveOptions {
 pub fn run(what: &Bench) -> Result<()> {
     match what {
         Bench::Drive(options) => drive(options),
+        Bench::Align(options) => align(options),
         Bench::Identify(options) => crate::identify::bench(options),
     }
 }
@@ -34,6 +50,17 @@ pub fn run(what: &Bench) -> Result<()> {
 #[cfg(feature = "simulate")]
 fn drive(options: &DriveOptions) -> Result<()> {
     drive::run(options)
+}
+
+#[cfg(feature = "simulate")]
+fn align(options: &AlignOptions) -> Result<()> {
+    align::run(options)
+}
+
+/// Hands over to an xtask with the simulator.
+#[cfg(not(feature = "simulate"))]
+fn align(_: &AlignOptions) -> Result<()> {
+    crate::with::With::Simulate.take_over()
 }
 
 /// Hands over to an xtask with the simulator.

@@ -151,7 +151,8 @@ pub(super) fn record(
     setup.board.seed = seed;
     // An offset that the drive measures before it starts would be none.
     setup.board.measure_zeros = false;
-    let mut drive = hal_sim::drive::Drive::new(real, setup.coupling, setup.board, &setup.plate())?;
+    let mut drive =
+        hal_sim::drive::Drive::aligned(real, setup.coupling, setup.board, &setup.plate())?;
     let every = (declared.sensing.control_hz / declared.sensing.sample_hz).round() as u32;
     let mut recorder = Recorder::default();
     let mut recording = Recording::default();

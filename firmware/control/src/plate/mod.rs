@@ -16,6 +16,8 @@ pub use scaling::DriveConfig;
 pub use tuning::{Gains, Tuning};
 
 use crate::encoder::Interface;
+use crate::format::Angle;
+use crate::observer::EncoderAlignment;
 use crate::sense::Shunts;
 use core::f64::consts::TAU;
 
@@ -53,8 +55,20 @@ pub struct EncoderPlate {
     pub age_s: f64,
     /// Electrical angle at count zero, electrical turns.
     pub theta_e_at_zero_turns: f64,
-    /// It counts down while the rotor turns electrically forwards.
-    pub reversed: bool,
+    /// It counts down while the rotor turns electrically forwards. `None`: not known, and alignment learns it.
+    pub reversed: Option<bool>,
+}
+
+impl EncoderPlate {
+    /// How it lies to its rotor, as this plate says.
+    #[must_use]
+    pub const fn alignment(&self) -> EncoderAlignment {
+        EncoderAlignment {
+            reversed: matches!(self.reversed, Some(true)),
+            theta_e_at_zero: Angle::from_turns(self.theta_e_at_zero_turns),
+            index_awaited: false,
+        }
+    }
 }
 
 /// One bridge and its sensors, as the board has them.
@@ -111,6 +125,18 @@ pub struct FeedPlate {
     pub base_jerk_max: f64,
 }
 
+/// How both rotors may be moved to find where they stand.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignmentPlate {
+    /// Largest torque of screw and nut, N m: three tenths of the rated one unless the axis is stiffer.
+    pub torque_nm: [f64; 2],
+    /// Furthest that the table may move, m.
+    pub travel_m: f64,
+    /// Speed at which both turn together, mechanical rpm: a fifteenth of the largest gives a back-EMF of a fifteenth of the
+    /// bus's, which is three times what a dead time of 2 % takes.
+    pub speed_rpm: f64,
+}
+
 /// All that the drive needs to know: screw first, nut second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DrivePlate {
@@ -122,6 +148,8 @@ pub struct DrivePlate {
     pub tuning: Tuning,
     /// The feed.
     pub feed: FeedPlate,
+    /// The alignment.
+    pub alignment: AlignmentPlate,
 }
 
 impl BoardPlate {
@@ -179,7 +207,7 @@ mod tests {
                 age_s: 0.0,
                 counts_per_turn: 1 << 20,
                 theta_e_at_zero_turns: 0.0,
-                reversed: false,
+                reversed: Some(false),
             },
         };
         DrivePlate {
@@ -215,6 +243,11 @@ mod tests {
                 jerk_max: 100.0,
                 base_acceleration_max: 500.0,
                 base_jerk_max: 50_000.0,
+            },
+            alignment: AlignmentPlate {
+                torque_nm: [0.39; 2],
+                travel_m: 50e-6,
+                speed_rpm: 200.0,
             },
         }
     }

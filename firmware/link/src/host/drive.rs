@@ -1,7 +1,7 @@
 //! The drive's debug structures, read and written.
 
 use super::Memory;
-use crate::codes::{Fault, ResetReason, Run, State};
+use crate::codes::{Fault, Misalignment, ResetReason, Run, State};
 use crate::telemetry::Request;
 use crate::view::{DriveCommand, DriveView, DriveWords, MAGIC, Words};
 use crate::{COMMAND_SYMBOL, LAYOUT, RTT_SYMBOL, VIEW_SYMBOL, scale};
@@ -152,13 +152,30 @@ impl View {
     }
 }
 
+impl View {
+    /// Why the rotors could not be aligned, if that is what stopped the drive.
+    #[must_use]
+    pub fn misalignment(&self) -> Option<Misalignment> {
+        let alignment = matches!(
+            self.fault(),
+            Some(Fault::ScrewAlignment | Fault::NutAlignment | Fault::PairAlignment)
+        );
+        let reason = Misalignment::of_word(self.0.misalignment)?;
+        alignment.then_some(reason)
+    }
+}
+
 impl fmt::Display for View {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let words = &self.0;
         let state = self.state().map_or("unknown", State::name);
         write!(f, "{:9.3} s  {state}", f64::from(words.uptime_ms) / 1e3)?;
         if words.fault != 0 {
-            write!(f, " ({})", self.fault().map_or("unknown", Fault::name))?;
+            write!(f, " ({}", self.fault().map_or("unknown", Fault::name))?;
+            if let Some(reason) = self.misalignment() {
+                write!(f, ": {}", reason.name())?;
+            }
+            write!(f, ")")?;
         }
         for (motor, name) in ["screw", "nut"].into_iter().enumerate() {
             let ([i_d, i_q], rpm) = (self.current(motor), self.rpm(motor));

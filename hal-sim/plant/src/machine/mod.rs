@@ -90,6 +90,11 @@ impl Machine {
         self.motors[axis.index()].set_bridge(bridge);
     }
 
+    /// Opens the lead of one phase (0 to 2 for a to c) of one motor, or closes all.
+    pub fn set_open_phase(&mut self, axis: Axis, phase: Option<usize>) {
+        self.motors[axis.index()].set_open_phase(phase);
+    }
+
     /// Sets the bus voltage against which the diodes of an open bridge work, V.
     pub fn set_bus_voltage(&mut self, volts: f64) {
         self.half_bus = 0.5 * volts;

@@ -40,6 +40,8 @@ pub(super) struct Motor {
     inductance: f64,
     flux: f64,
     bridge: Bridge,
+    /// The direction in which current can flow where a phase is open, alpha and beta.
+    open_phase: Option<[f64; 2]>,
     /// Voltage of a driven bridge, alpha and beta.
     voltage: [f64; 2],
     response: Response,
@@ -135,6 +137,7 @@ impl Motor {
             inductance: motor.inductance_h,
             flux: motor.flux_wb,
             bridge: Bridge::Open,
+            open_phase: None,
             voltage: [0.0; 2],
             response: Response::default(),
             terms: MotorTerms::new(terms),
@@ -146,6 +149,17 @@ impl Motor {
         if let Bridge::Driven(phases) = bridge {
             self.voltage = clarke(phases);
         }
+    }
+
+    /// Opens the lead of one phase, or closes all. Current then flows through the other two only.
+    pub(super) fn set_open_phase(&mut self, phase: Option<usize>) {
+        self.open_phase = phase.map(|phase| {
+            let mut other_two = [1.0, -1.0, 0.0];
+            other_two.rotate_right((phase + 1) % 3);
+            let [alpha, beta] = clarke(other_two);
+            let length = alpha.hypot(beta);
+            [alpha / length, beta / length]
+        });
     }
 
     /// Computes what depends on the length of the step.
@@ -184,6 +198,7 @@ impl Motor {
         ];
         let current = [self.state.i_alpha, self.state.i_beta];
         let net = [self.voltage[0] - emf[0], self.voltage[1] - emf[1]];
+        let (current, net) = (self.flowing(current), self.flowing(net));
         let Stepped { current, mean } = match self.bridge {
             Bridge::Open => winding::open(current, emf, half_bus, &self.response),
             Bridge::Driven(_) if terms.lost_voltage > 0.0 => {
@@ -191,6 +206,7 @@ impl Motor {
             }
             Bridge::Driven(_) => winding::driven(current, net, &self.response),
         };
+        let (current, mean) = (self.flowing(current), self.flowing(mean));
         [self.state.i_alpha, self.state.i_beta] = current;
         let mut torque = torque_per_ampere * (electrical.cos * mean[1] - electrical.sin * mean[0]);
         torque +=
@@ -199,6 +215,16 @@ impl Motor {
             torque += terms.mechanical_torque.value(Phasor::new(theta));
         }
         torque + sum(&terms.timed_torque, time)
+    }
+
+    /// The part of a vector in which current can flow.
+    #[inline]
+    fn flowing(&self, vector: [f64; 2]) -> [f64; 2] {
+        let Some([alpha, beta]) = self.open_phase else {
+            return vector;
+        };
+        let along = alpha * vector[0] + beta * vector[1];
+        [along * alpha, along * beta]
     }
 
     /// Level of the bearing's friction at the middle of the step, N m.

@@ -1,8 +1,10 @@
 //! Physical units -> the loops' fixed-point formats, once: the whole drive's configuration.
 
+mod alignment;
 mod board;
 mod motor;
 
+use crate::alignment::AlignmentConfig;
 use crate::coordinator::CoordinatorConfig;
 use crate::current_loop::CurrentLoopConfig;
 use crate::format::{
@@ -34,6 +36,8 @@ pub struct DriveConfig {
     pub speed_loops: [SpeedLoopConfig; 2],
     /// The pair.
     pub coordinator: CoordinatorConfig,
+    /// The alignment of both rotors.
+    pub alignment: AlignmentConfig,
     /// Current-loop periods per step of the speed task.
     pub speed_divider: u32,
 }
@@ -52,16 +56,20 @@ impl DrivePlate {
             0.5,
             64.5
         ));
+        let current_loops = [
+            attempt!(screw.current_loop(self)),
+            attempt!(nut.current_loop(self)),
+        ];
+        let speed_loops = [
+            attempt!(screw.speed_loop(self)),
+            attempt!(nut.speed_loop(self)),
+        ];
+        let coordinator = attempt!(self.coordinator());
         Ok(DriveConfig {
-            current_loops: [
-                attempt!(screw.current_loop(self)),
-                attempt!(nut.current_loop(self)),
-            ],
-            speed_loops: [
-                attempt!(screw.speed_loop(self)),
-                attempt!(nut.speed_loop(self)),
-            ],
-            coordinator: attempt!(self.coordinator()),
+            current_loops,
+            speed_loops,
+            coordinator,
+            alignment: attempt!(self.alignment(speed_loops, coordinator)),
             speed_divider: self.board.speed_divider,
         })
     }
@@ -128,6 +136,18 @@ const fn square_root(x: f64) -> f64 {
         step = step.saturating_add(1);
     }
     root
+}
+
+impl DriveConfig {
+    /// The same of a drive that takes its encoders to lie as `plate` says, and so is ready without an alignment.
+    #[must_use]
+    pub const fn aligned(mut self, plate: &DrivePlate) -> Self {
+        let [screw, nut] = &mut self.current_loops;
+        let [screw_plate, nut_plate] = &plate.motors;
+        screw.alignment = Some(screw_plate.encoder.alignment());
+        nut.alignment = Some(nut_plate.encoder.alignment());
+        self
+    }
 }
 
 const fn profile(

@@ -4,8 +4,8 @@ use super::{attempt, gain, positive, power_of_two, square_root, within};
 use crate::current_loop::CurrentLoopConfig;
 use crate::encoder::Interface;
 use crate::encoder_watch::EncoderWatchConfig;
-use crate::format::{Angle, Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
-use crate::observer::{EncoderAlignment, EncoderScale, ObserverConfig, SPEED_BITS_MAX};
+use crate::format::{Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
+use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX};
 use crate::plate::{DrivePlate, MotorPlate, Tuning};
 use crate::regulator::{Induced, RegulatorConfig};
 use crate::speed_loop::SpeedLoopConfig;
@@ -27,10 +27,7 @@ impl MotorPlate {
             bus: attempt!(board.bus_sense()),
             encoder: self.encoder.interface,
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
-            alignment: Some(EncoderAlignment {
-                reversed: self.encoder.reversed,
-                theta_e_at_zero: Angle::from_turns(self.encoder.theta_e_at_zero_turns),
-            }),
+            alignment: None,
             encoder_watch: self.encoder_watch(&drive.tuning),
             current_max_square: attempt!(current_max_square(board.over_current_a, scale)),
             regulator: RegulatorConfig {
@@ -87,7 +84,7 @@ impl MotorPlate {
     /// Travel: twice what a reversal at full torque lets the observer turn within one count (see
     /// [`encoder_watch`](crate::encoder_watch)), and four counts. Jump: four times the observer's lag at full torque,
     /// `a / omega_0^2`, and eight counts.
-    const fn encoder_watch(&self, tuning: &Tuning) -> EncoderWatchConfig {
+    pub(super) const fn encoder_watch(&self, tuning: &Tuning) -> EncoderWatchConfig {
         let count = TAU / self.encoder.counts_per_turn as f64;
         let acceleration = self.torque_max_nm / self.inertia_kg_m2;
         let lag = 2.0 * tuning.observer_damping * acceleration / tuning.observer_rad_s;

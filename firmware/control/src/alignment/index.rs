@@ -1,0 +1,72 @@
+//! The index of an encoder, as an alignment meets it.
+//!
+//! An index puts the count to zero in hardware. The first time it does so after switching on, the count jumps from where it
+//! happened to begin, and all that an alignment had found of the encoder with it. So the jump is seen here and taken out of
+//! the angle that the alignment works in, and the turning goes on until the index was passed: after that the count means
+//! the same for as long as the drive is on.
+
+use super::MotorSeen;
+use crate::format::Angle;
+use crate::observer::EncoderAlignment;
+
+/// In so much of a turn the index was passed, 2^-32 turn: one and an eighth. If the count did not jump then, it had begun
+/// right, or there is no index, which the [`guard`](crate::guard) finds.
+const PASSED: i64 = (1 << 32) + (1 << 29);
+
+/// The count of an encoder from its index on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Index {
+    /// What is more than motion, 2^-32 turn; `None`: the index was passed, or there is none.
+    jump_max: Option<u32>,
+    last: Option<Angle>,
+    /// By how much the count jumped.
+    jumped: Angle,
+    /// Turned in all.
+    turned: i64,
+}
+
+impl Index {
+    /// An encoder whose first jump of more than `jump_max` is its index; `None`: it has none.
+    pub(super) const fn new(jump_max: Option<u32>) -> Self {
+        Self {
+            jump_max,
+            last: None,
+            jumped: Angle(0),
+            turned: 0,
+        }
+    }
+
+    /// The index was not yet passed.
+    pub(super) const fn awaited(&self) -> bool {
+        self.jump_max.is_some()
+    }
+
+    /// A step: the encoder's angle as if its count had not jumped.
+    pub(super) fn step(&mut self, seen: &MotorSeen) -> Angle {
+        let last = self.last.replace(seen.theta).unwrap_or(seen.theta);
+        let Some(jump_max) = self.jump_max else {
+            return Angle(seen.theta.0.wrapping_sub(self.jumped.0));
+        };
+        let jump = seen.theta.minus(last.turned(seen.theta_step));
+        let motion = if jump.unsigned_abs() > jump_max {
+            self.jumped = self.jumped.turned(jump);
+            self.jump_max = None;
+            seen.theta_step
+        } else {
+            seen.theta.minus(last)
+        };
+        self.turned = self.turned.saturating_add(motion.into());
+        if self.turned.unsigned_abs() > PASSED.unsigned_abs() {
+            self.jump_max = None;
+        }
+        Angle(seen.theta.0.wrapping_sub(self.jumped.0))
+    }
+
+    /// What was found of the angle of [`Index::step`], of the encoder's own.
+    pub(super) fn of_encoder(&self, found: EncoderAlignment, pole_pairs: u32) -> EncoderAlignment {
+        EncoderAlignment {
+            index_awaited: self.awaited(),
+            ..found.past_index(self.jumped.minus(Angle(0)), pole_pairs)
+        }
+    }
+}

@@ -1,0 +1,502 @@
+//! Alignment: where both rotors stand, before any torque is asked of them by the encoder.
+//!
+//! An incremental encoder starts at zero wherever its rotor stands, so each start and each reset begins here, between the
+//! calibration of the currents and being ready. In this order, for the screw and then for the nut:
+//!
+//! | stage | what is done | what it finds |
+//! | --- | --- | --- |
+//! | still | the bridges stay open until all stands, for three seconds at most | a load that nothing holds |
+//! | [`wiring`] | small currents at rest | shunts, current channels, open phases |
+//! | [`locate`] | the rotor breaks away here and there, a degree or two | where it stands, which way its encoder counts |
+//!
+//! and for both:
+//!
+//! | stage | what is done | what it finds |
+//! | --- | --- | --- |
+//! | [`pair`] | equal torques against each other and together | exchanged encoders, motors that mean opposite directions |
+//! | [`turn`] | both turn together, once each way, past an [`index`] | pole pairs, the offset within a degree, a stored angle that is not true |
+//!
+//! No current makes more torque than the plate's alignment torque, and the rotors move against each other by no more than
+//! the plate's travel: past that, alignment stops. Screw and nut together may turn as they like, since the table moves with their difference.
+
+mod index;
+mod locate;
+mod pair;
+mod probe;
+mod reason;
+mod turn;
+mod vector;
+mod wiring;
+
+pub use probe::ProbeConfig;
+pub use reason::{Misalignment, Part, Reason};
+pub use wiring::WiringConfig;
+
+use crate::coordinator::CoordinatorConfig;
+use crate::current_loop::{CurrentLoopConfig, CurrentReference, Frame, Mode};
+use crate::exchange::MotorExchange;
+use crate::format::{Angle, Current, MechanicalSpeed, Speed, Voltage};
+use crate::observer::EncoderAlignment;
+use crate::speed_loop::SpeedLoopConfig;
+use crate::transform::DirectQuadrature;
+use fixed::types::I4F28;
+use index::Index;
+use locate::{Locate, LocateStep};
+use pair::{Pair, PairStep};
+use turn::{Turn, TurnStep};
+use wiring::{Wiring, WiringStep};
+
+/// What the alignment of a motor needs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct MotorAlignment {
+    /// Largest current, A: the plate's alignment torque.
+    pub limit: Current,
+    /// Its wiring test.
+    pub wiring: WiringConfig,
+    /// The encoder counts backwards, as the plate says; `None` if that is to be learned.
+    pub reversed: Option<bool>,
+    /// It has an index; a jump of the count by more than this, 2^-32 turn, is no motion.
+    pub index: Option<u32>,
+    /// Where an absolute encoder was aligned before.
+    pub stored: Option<EncoderAlignment>,
+    /// Electrical turns a mechanical turn.
+    pub pole_pairs: u32,
+    /// Its speed loop, within the limit.
+    pub speed_loop: SpeedLoopConfig,
+    /// How far location moves the rotor, 2^-32 turn; and how fast, electrical rad/s; and for how many steps at most.
+    pub reach: u32,
+    /// See `reach`.
+    pub reach_speed: Speed,
+    /// See `reach`.
+    pub reach_steps: u16,
+    /// Stator resistance, ohm.
+    pub resistance: Current,
+    /// Stator inductance, H.
+    pub inductance: I4F28,
+    /// Speed above which the back-EMF says something, electrical rad/s.
+    pub least_speed: Speed,
+    /// Least back-EMF at the speed of the turning.
+    pub least_emf: Voltage,
+}
+
+/// What an alignment needs.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignmentConfig {
+    /// Screw, nut.
+    pub motors: [MotorAlignment; 2],
+    /// Probes of break-away.
+    pub probes: ProbeConfig,
+    /// Steps for which the load must be seen to be still, and by which it must be: it may coast down after a reset.
+    pub still_steps: u16,
+    /// See `still_steps`.
+    pub coast_steps: u16,
+    /// Furthest that screw and nut may move against each other, 2^-32 turn.
+    pub travel: u32,
+    /// Speed of both motors together, and its limits of acceleration.
+    pub turn_speed: MechanicalSpeed,
+    /// See `turn_speed`.
+    pub turn: CoordinatorConfig,
+    /// Steps of a measurement at that speed: two electrical turns or more.
+    pub measure_steps: u16,
+    /// Longest that one part of the turning may take, steps.
+    pub turn_steps: u16,
+    /// Below this a motor is at rest, electrical rad/s.
+    pub still_speed: Speed,
+}
+
+/// What the alignment sees of a motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorSeen {
+    /// The encoder's angle, as it counts.
+    pub theta: Angle,
+    /// By how much it turns in a step, 2^-32 turn of the encoder.
+    pub theta_step: i32,
+    /// Its electrical speed, in the direction of the alignment that the current loop has.
+    pub omega_e: Speed,
+    /// The voltage circle cut the last voltage.
+    pub voltage_limited: bool,
+    /// Currents of the phases.
+    pub phases: [Current; 3],
+    /// Current and voltage in the frame that was asked for.
+    pub current: DirectQuadrature<Current>,
+    /// See `current`.
+    pub voltage: DirectQuadrature<Voltage>,
+}
+
+impl MotorSeen {
+    /// What a current loop of `config` has said.
+    #[must_use]
+    pub fn of(exchange: &MotorExchange, config: &CurrentLoopConfig, periods: u32) -> Self {
+        let (status, current) = (exchange.status(), exchange.current());
+        let turned = status.theta_step.wrapping_mul(periods.cast_signed());
+        let reversed = exchange.alignment().is_some_and(|held| held.reversed);
+        let amperes = config.sense.scale;
+        Self {
+            theta: config.observer.encoder.angle(exchange.encoder()),
+            theta_step: if reversed {
+                turned.wrapping_neg()
+            } else {
+                turned
+            },
+            omega_e: config.observer.omega_e(status.theta_step),
+            voltage_limited: status.voltage_limited,
+            phases: config.sense.phases(exchange.codes()),
+            current: DirectQuadrature {
+                d: amperes.current(current.d),
+                q: amperes.current(current.q),
+            },
+            voltage: exchange.voltage(exchange.periods()),
+        }
+    }
+}
+
+/// How far an alignment is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Progress {
+    /// On its way.
+    #[default]
+    Working,
+    /// Both rotors are found, and stand.
+    Done,
+    /// It cannot be done.
+    Failed(Misalignment),
+}
+
+/// What an alignment asks in a step.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AlignmentStep {
+    /// Of the current loops: screw, nut.
+    pub current: [CurrentReference; 2],
+    /// What the current loops shall take their encoders to say; `None`: nothing yet.
+    pub alignment: [Option<EncoderAlignment>; 2],
+    /// How far it is.
+    pub progress: Progress,
+}
+
+impl AlignmentStep {
+    /// Nothing asked, nothing known.
+    #[must_use]
+    pub const fn new() -> Self {
+        const REST: CurrentReference = CurrentReference {
+            mode: Mode::Off,
+            frame: Frame::Rotor,
+            i_d: Current::ZERO,
+            i_q: Current::ZERO,
+        };
+        Self {
+            current: [REST; 2],
+            alignment: [None; 2],
+            progress: Progress::Working,
+        }
+    }
+}
+
+impl Default for AlignmentStep {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[derive(Clone, Copy, Debug)]
+enum Stage {
+    /// With the steps since the last motion.
+    Still(u16),
+    Wiring(usize, Wiring),
+    Locate(usize, Locate),
+    Pair(Pair),
+    Turn(Turn),
+    Done,
+    Failed(Misalignment),
+}
+
+/// State of an alignment.
+#[derive(Clone, Copy, Debug)]
+pub struct Alignment {
+    stage: Stage,
+    step: u16,
+    /// Where the encoders stood at the start.
+    from: Option<[Angle; 2]>,
+    found: [Option<EncoderAlignment>; 2],
+    /// How they were found.
+    located: [Option<Locate>; 2],
+    /// How much more often both encoders counted the same way than opposite ways, while one motor took the other along.
+    same: i8,
+    /// Where the encoders have an index.
+    index: [Index; 2],
+}
+
+impl Alignment {
+    /// Nothing known yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            stage: Stage::Still(0),
+            step: 0,
+            from: None,
+            found: [None; 2],
+            located: [None; 2],
+            same: 0,
+            index: [const { Index::new(None) }; 2],
+        }
+    }
+
+    /// The same, of a drive whose encoders may have an index.
+    #[must_use]
+    pub fn begin(config: &AlignmentConfig) -> Self {
+        let [screw, nut] = &config.motors;
+        Self {
+            index: [Index::new(screw.index), Index::new(nut.index)],
+            ..Self::new()
+        }
+    }
+
+    /// One step of the speed task.
+    #[inline(never)]
+    pub fn step(&mut self, config: &AlignmentConfig, mut seen: [MotorSeen; 2]) -> AlignmentStep {
+        for (index, seen) in self.index.iter_mut().zip(&mut seen) {
+            seen.theta = index.step(seen);
+        }
+        let theta = seen.map(|motor| motor.theta);
+        let from = *self.from.get_or_insert(theta);
+        let mut current = [CurrentReference::default(); 2];
+        if !matches!(self.stage, Stage::Still(_) | Stage::Failed(_))
+            && self.travelled(theta, from) > config.travel
+        {
+            self.fail(Part::Pair, Reason::Travel);
+        }
+        let moved = probe::moved(theta, from);
+        // Both encoders count the same way where one motor takes the other along, or as the plate says.
+        let [screw, nut] = &config.motors;
+        let declared = match (screw.reversed, nut.reversed) {
+            (Some(screw), Some(nut)) if screw == nut => 1,
+            (Some(_), Some(_)) => -1,
+            _ => 0,
+        };
+        let away = |motor: usize, same: i8| {
+            let [own, other] = [motor, motor ^ 1].map(|k| moved.get(k).copied().unwrap_or(0));
+            let same = if same == 0 { declared } else { same.signum() };
+            own.saturating_sub(other.saturating_mul(same.into()))
+        };
+        let (directed, same_direction) = (self.directed(theta), self.same_direction());
+        match &mut self.stage {
+            Stage::Still(steps) => {
+                self.step = self.step.saturating_add(1);
+                *steps = steps.saturating_add(1);
+                if probe::moves(&config.probes, probe::moved(theta, from)) {
+                    self.from = Some(theta);
+                    *steps = 0;
+                }
+                if *steps >= config.still_steps {
+                    self.from = Some(theta);
+                    self.stage = Stage::Wiring(0, Wiring::default());
+                } else if self.step >= config.coast_steps {
+                    self.fail(Part::Pair, Reason::LoadMoves);
+                }
+            }
+            Stage::Wiring(motor, wiring) => {
+                let index = *motor;
+                if let (Some(limits), Some(seen)) = (config.motors.get(index), seen.get(index)) {
+                    match wiring.step(&limits.wiring, seen.phases) {
+                        WiringStep::Rest => {}
+                        WiringStep::Kick(at, i) => vector(&mut current, index, at, i),
+                        WiringStep::Right => {
+                            self.stage = Stage::Locate(index, Locate::default());
+                        }
+                        WiringStep::Wrong(reason) => self.fail(Part::motor(index), reason),
+                    }
+                }
+            }
+            Stage::Locate(motor, locate) => {
+                let index = *motor;
+                if let (Some(limits), Some(seen)) = (config.motors.get(index), seen.get(index)) {
+                    let asked = locate.step(
+                        limits,
+                        &config.probes,
+                        index,
+                        theta,
+                        seen.omega_e,
+                        away(index, self.same),
+                    );
+                    self.same = self.same.saturating_add(locate.take_same());
+                    match asked {
+                        LocateStep::Rest => {}
+                        LocateStep::Vector(at, i) => vector(&mut current, index, at, i),
+                        LocateStep::Found(found) => {
+                            if let Some(place) = self.found.get_mut(index) {
+                                *place = Some(found);
+                            }
+                            if let Some(place) = self.located.get_mut(index) {
+                                *place = Some(*locate);
+                            }
+                            self.stage = if self.found.iter().all(Option::is_some) {
+                                Stage::Pair(Pair::default())
+                            } else {
+                                Stage::Wiring(1, Wiring::default())
+                            };
+                            if self.found.iter().all(Option::is_some)
+                                && self.same_direction() == Some(false)
+                            {
+                                self.doubt(config);
+                            }
+                        }
+                        LocateStep::Failed(Reason::Exchanged) => {
+                            self.fail(Part::Pair, Reason::Exchanged);
+                        }
+                        LocateStep::Failed(reason) => self.fail(Part::motor(index), reason),
+                    }
+                }
+            }
+            Stage::Pair(pair) => match pair.step(&config.probes, directed, same_direction) {
+                PairStep::Rest => {}
+                PairStep::Ramp(level, signs) => {
+                    let asked = current.iter_mut().zip(&config.motors).zip(signs);
+                    for ((current, motor), sign) in asked {
+                        let i = probe::current(motor.limit, level);
+                        *current = torque(if sign < 0 { i.saturating_neg() } else { i });
+                    }
+                }
+                PairStep::Right => {
+                    let [screw, nut] = self.found;
+                    self.stage = Stage::Turn(Turn::new([
+                        screw.unwrap_or_default(),
+                        nut.unwrap_or_default(),
+                    ]));
+                }
+                PairStep::Wrong(Reason::Opposed) => self.doubt(config),
+                PairStep::Wrong(reason) => self.fail(Part::Pair, reason),
+            },
+            Stage::Turn(turn) => {
+                let index_awaited = self.index.iter().any(Index::awaited);
+                match turn.step(config, &config.turn, seen, index_awaited) {
+                    TurnStep::Turn(turning) => {
+                        self.found = turning.map(|turning| Some(turning.alignment));
+                        current = turning.map(|turning| torque(turning.i_q));
+                    }
+                    TurnStep::Found(found) => self.finish(config, found),
+                    TurnStep::Failed(motor, reason) => self.fail(Part::motor(motor), reason),
+                }
+            }
+            Stage::Done | Stage::Failed(_) => {}
+        }
+        let mut alignment = self.found;
+        let indices = self.index.iter().zip(&config.motors);
+        for (alignment, (index, motor)) in alignment.iter_mut().zip(indices) {
+            *alignment = alignment.map(|found| index.of_encoder(found, motor.pole_pairs));
+        }
+        AlignmentStep {
+            current,
+            alignment,
+            progress: match self.stage {
+                Stage::Done => Progress::Done,
+                Stage::Failed(failed) => Progress::Failed(failed),
+                _ => Progress::Working,
+            },
+        }
+    }
+
+    /// What was found; a stored alignment in its place, where that is true.
+    fn finish(&mut self, config: &AlignmentConfig, found: [EncoderAlignment; 2]) {
+        /// A stored angle may be off by a thirty-second of a turn, 11 degrees, of which a rotor keeps 98 % of its torque.
+        const TRUE: u32 = 1 << 27;
+        self.stage = Stage::Done;
+        let mut kept = found;
+        for (index, (kept, motor)) in kept.iter_mut().zip(&config.motors).enumerate() {
+            let Some(stored) = motor.stored else { continue };
+            let off = stored.theta_e_at_zero.minus(kept.theta_e_at_zero);
+            if stored.reversed != kept.reversed || off.unsigned_abs() > TRUE {
+                return self.fail(Part::motor(index), Reason::StoredAngle);
+            }
+            *kept = stored;
+        }
+        self.found = kept.map(Some);
+    }
+
+    /// The motors look opposed: they are, or an encoder counts the other way than was found. Where the plate does not say
+    /// how it counts, that is looked at again, the least certain first.
+    fn doubt(&mut self, config: &AlignmentConfig) {
+        let undeclared = |index: usize| {
+            let motor = config.motors.get(index)?;
+            let locate = self.located.get(index)?.as_ref()?;
+            let votes = locate.doubtful()?;
+            motor.reversed.is_none().then_some((votes, index, *locate))
+        };
+        let least = [undeclared(0), undeclared(1)].into_iter().flatten();
+        match least.min_by_key(|(votes, ..)| *votes) {
+            Some((_, index, locate)) => {
+                if let Some(found) = self.found.get_mut(index) {
+                    *found = None;
+                }
+                self.stage = Stage::Locate(index, locate.doubted());
+            }
+            None => self.fail(Part::Pair, Reason::Opposed),
+        }
+    }
+
+    fn fail(&mut self, part: Part, reason: Reason) {
+        self.stage = Stage::Failed(Misalignment { part, reason });
+        self.found = [None; 2];
+    }
+
+    /// Both encoders' angles, each in its motor's direction as far as that is known.
+    fn directed(&self, theta: [Angle; 2]) -> [Angle; 2] {
+        let [screw, nut] = theta;
+        let [screw_found, nut_found] = self.found;
+        let directed = |theta: Angle, found: Option<EncoderAlignment>| match found {
+            Some(found) if found.reversed => Angle(theta.0.wrapping_neg()),
+            _ => theta,
+        };
+        [directed(screw, screw_found), directed(nut, nut_found)]
+    }
+
+    /// Positive torques turn both motors the same way, by how one took the other along; `None` where none did.
+    fn same_direction(&self) -> Option<bool> {
+        /// So many more are no chance.
+        const SURE: i8 = 3;
+        let [screw, nut] = self
+            .found
+            .map(|found| found.is_some_and(|found| found.reversed));
+        (self.same.unsigned_abs() >= SURE.unsigned_abs())
+            .then_some((self.same > 0) == (screw == nut))
+    }
+
+    /// How far screw and nut moved against each other; as long as the directions of counting are not both known: then only
+    /// one motor is driven, and where the other moves too, it is taken along.
+    fn travelled(&self, theta: [Angle; 2], from: [Angle; 2]) -> u32 {
+        if self.found.iter().all(Option::is_some) {
+            let apart = |[screw, nut]: [Angle; 2]| Angle(screw.0.wrapping_sub(nut.0));
+            let now = apart(self.directed(theta));
+            return now.minus(apart(self.directed(from))).unsigned_abs();
+        }
+        let [screw, nut] = probe::moved(theta, from);
+        let same_way = screw.wrapping_sub(nut).unsigned_abs();
+        same_way.min(screw.wrapping_add(nut).unsigned_abs())
+    }
+}
+
+impl Default for Alignment {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+/// Asks one motor for a current along an electrical angle.
+fn vector(current: &mut [CurrentReference; 2], motor: usize, at: Angle, i: Current) {
+    if let Some(reference) = current.get_mut(motor) {
+        *reference = CurrentReference {
+            mode: Mode::Drive,
+            frame: Frame::Commanded(at),
+            i_d: i,
+            i_q: Current::ZERO,
+        };
+    }
+}
+
+/// A torque-making current in the rotor's frame.
+fn torque(i_q: Current) -> CurrentReference {
+    CurrentReference {
+        mode: Mode::Drive,
+        frame: Frame::Rotor,
+        i_d: Current::ZERO,
+        i_q,
+    }
+}

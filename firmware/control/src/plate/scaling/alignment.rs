@@ -1,0 +1,227 @@
+//! The alignment's plate -> its limits, times and thresholds in the formats of its steps.
+
+use super::{attempt, positive, profile, within};
+use crate::alignment::{AlignmentConfig, MotorAlignment, ProbeConfig, WiringConfig};
+use crate::coordinator::CoordinatorConfig;
+use crate::encoder::Interface;
+use crate::format::{Current, MechanicalSpeed, Misfit, Speed, Voltage, quantise};
+use crate::plate::{DrivePlate, MotorPlate};
+use crate::speed_loop::SpeedLoopConfig;
+use core::f64::consts::TAU;
+use fixed::types::I4F28;
+
+/// Seconds in which a probe's torque grows by e, of its rest, and rests at most.
+const GROWTH_S: f64 = 24e-3;
+const REST_S: f64 = 4e-3;
+const RESTS_MAX: u8 = 25;
+/// Seconds for which the load must be still.
+const STILL_S: f64 = 20e-3;
+/// And by which it must be, s: the paper's motors coast down from 3000 rpm on their friction alone in less.
+const COAST_S: f64 = 3.0;
+/// Longest that a kick waits for its current, s.
+const KICK_S: f64 = 5e-3;
+/// Part of the torque limit that a kick asks for: a current loop that a wrong sign makes unstable then ends below the limit.
+const KICK: f64 = 0.2;
+/// Part of the travel that one rotor is moved on purpose; the other may move as far the same way.
+const REACH: f64 = 0.39;
+/// In so many seconds, and at most.
+const REACH_S: f64 = 40e-3;
+const REACH_MAX_S: f64 = 0.3;
+/// What is motion: counts of the encoder, and a part of the travel.
+const MOTION_COUNTS: f64 = 2.0;
+const MOTION: f64 = 1.0 / 128.0;
+/// Part of the torque limit that accelerates the inertia while both turn.
+const ACCELERATION: f64 = 0.25;
+/// Seconds in which that acceleration is reached.
+const EASE_S: f64 = 20e-3;
+/// Electrical turns that a measurement lasts at least.
+const MEASURED_TURNS: f64 = 2.0;
+/// Turns in which an index is passed, and a little more.
+const INDEX_TURNS: f64 = 1.25;
+/// Part of the turning's speed above which the back-EMF is listened to.
+const LEAST_SPEED: f64 = 0.125;
+/// Part of it below which a motor is at rest.
+const STILL_SPEED: f64 = 1.0 / 64.0;
+
+impl DrivePlate {
+    /// Configuration of the alignment.
+    ///
+    /// # Errors
+    /// [`Misfit`] naming the first number that does not fit its format or its physical range.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    pub(super) const fn alignment(
+        &self,
+        speed_loops: [SpeedLoopConfig; 2],
+        coordinator: CoordinatorConfig,
+    ) -> Result<AlignmentConfig, Misfit> {
+        let (plate, step) = (&self.alignment, self.speed_step());
+        let [screw, nut] = &self.motors;
+        let [screw_nm, nut_nm] = plate.torque_nm;
+        let [screw_loop, nut_loop] = speed_loops;
+        let travel = plate.travel_m / self.feed.lead_m;
+        attempt!(within("alignment's travel", "turns", travel, 1e-4, 0.1));
+        let speed = plate.speed_rpm * TAU / 60.0;
+        let slower = if screw.speed_max() < nut.speed_max() {
+            screw.speed_max()
+        } else {
+            nut.speed_max()
+        };
+        attempt!(within("alignment's speed", "rad/s", speed, 0.0, slower));
+        let (of_screw, of_nut) = (screw_nm / screw.inertia_kg_m2, nut_nm / nut.inertia_kg_m2);
+        let acceleration = ACCELERATION * if of_screw < of_nut { of_screw } else { of_nut };
+        let slowest = if screw.pole_pairs < nut.pole_pairs {
+            screw.pole_pairs
+        } else {
+            nut.pole_pairs
+        };
+        let measured_s = MEASURED_TURNS * TAU / (slowest as f64 * speed);
+        Ok(AlignmentConfig {
+            motors: [
+                attempt!(self.motor_alignment(screw, screw_nm, screw_loop, travel, speed)),
+                attempt!(self.motor_alignment(nut, nut_nm, nut_loop, travel, speed)),
+            ],
+            probes: ProbeConfig {
+                growth: (65_536.0 * step / GROWTH_S) as u16,
+                rest_steps: steps(REST_S, step),
+                rests_max: RESTS_MAX,
+                motion: motion([screw, nut], travel),
+            },
+            still_steps: steps(STILL_S, step),
+            coast_steps: steps(COAST_S, step),
+            travel: turns(travel),
+            turn_speed: MechanicalSpeed::from_bits(attempt!(quantise(
+                "alignment's speed",
+                "rad/s",
+                speed,
+                18
+            ))),
+            turn: CoordinatorConfig {
+                base: attempt!(profile(
+                    ["alignment's acceleration", "alignment's jerk"],
+                    acceleration * step,
+                    acceleration / EASE_S * step * step,
+                )),
+                ..coordinator
+            },
+            measure_steps: steps(measured_s, step),
+            turn_steps: steps(
+                1.0 + 8.0 * speed / acceleration + 2.0 * measured_s + INDEX_TURNS * TAU / speed,
+                step,
+            ),
+            still_speed: Speed::from_bits(attempt!(quantise(
+                "alignment's speed of rest",
+                "electrical rad/s",
+                STILL_SPEED * speed * slowest as f64,
+                16
+            ))),
+        })
+    }
+
+    const fn motor_alignment(
+        &self,
+        motor: &MotorPlate,
+        torque_nm: f64,
+        speed_loop: SpeedLoopConfig,
+        travel: f64,
+        speed: f64,
+    ) -> Result<MotorAlignment, Misfit> {
+        attempt!(positive("alignment's torque", "N m", torque_nm));
+        attempt!(within(
+            "alignment's torque",
+            "N m",
+            torque_nm,
+            0.0,
+            motor.torque_max_nm
+        ));
+        let pole_pairs = motor.pole_pairs as f64;
+        let limit = torque_nm / (pole_pairs * motor.flux_wb);
+        let reach = REACH * travel;
+        let step = self.speed_step();
+        let limit_current = attempt!(current("alignment's torque limit", limit));
+        Ok(MotorAlignment {
+            limit: limit_current,
+            wiring: WiringConfig {
+                kick: attempt!(current("alignment's kick", KICK * limit)),
+                clear: attempt!(current("alignment's clear current", KICK * limit / 4.0)),
+                steps: steps(KICK_S, step),
+                shunts: self.board.shunts,
+            },
+            reversed: motor.encoder.reversed,
+            stored: if motor.encoder.interface.is_absolute() && motor.encoder.reversed.is_some() {
+                Some(motor.encoder.alignment())
+            } else {
+                None
+            },
+            index: match motor.encoder.interface {
+                Interface::IncrementalWithIndex => Some(motor.encoder_watch(&self.tuning).jump_max),
+                Interface::Incremental | Interface::Mt6835 => None,
+            },
+            pole_pairs: motor.pole_pairs,
+            speed_loop: SpeedLoopConfig {
+                i_max: limit_current,
+                ..speed_loop
+            },
+            reach: turns(reach),
+            reach_speed: Speed::from_bits(attempt!(quantise(
+                "alignment's speed of location",
+                "electrical rad/s",
+                reach * TAU * pole_pairs / REACH_S,
+                16
+            ))),
+            reach_steps: steps(REACH_MAX_S, step),
+            resistance: Current::from_bits(attempt!(quantise(
+                "resistance",
+                "ohm",
+                motor.resistance_ohm,
+                20
+            ))),
+            inductance: I4F28::from_bits(attempt!(quantise(
+                "inductance",
+                "H",
+                motor.inductance_h,
+                28
+            ))),
+            least_speed: Speed::from_bits(attempt!(quantise(
+                "alignment's least speed",
+                "electrical rad/s",
+                LEAST_SPEED * speed * pole_pairs,
+                16
+            ))),
+            least_emf: Voltage::from_bits(attempt!(quantise(
+                "alignment's back-EMF",
+                "V",
+                0.5 * speed * pole_pairs * motor.flux_wb.abs(),
+                18
+            ))),
+        })
+    }
+}
+
+/// The angle that is motion, by the coarser encoder: by another angle of each, what one motor takes along would be seen
+/// before its own motion.
+const fn motion([screw, nut]: [&MotorPlate; 2], travel: f64) -> u32 {
+    let (screw, nut) = (screw.encoder.counts_per_turn, nut.encoder.counts_per_turn);
+    let coarser = if screw < nut { screw } else { nut };
+    let counts = MOTION_COUNTS / coarser as f64;
+    let part = MOTION * travel;
+    turns(if counts > part { counts } else { part })
+}
+
+/// Turns in 2^-32; fewer than one.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+const fn turns(turns: f64) -> u32 {
+    (turns * 4_294_967_296.0) as u32
+}
+
+/// Steps of the speed task in a time: one at least, and as many as the word holds at most.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+const fn steps(seconds: f64, step: f64) -> u16 {
+    let steps = (seconds / step + 0.5) as u16;
+    if steps == 0 { 1 } else { steps }
+}
+
+const fn current(name: &'static str, amperes: f64) -> Result<Current, Misfit> {
+    Ok(Current::from_bits(attempt!(quantise(
+        name, "A", amperes, 20
+    ))))
+}

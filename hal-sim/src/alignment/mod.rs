@@ -1,0 +1,305 @@
+//! Starts of a drive that does not know where its rotors stand: drawn machines, and how well they are aligned.
+
+mod miswirings;
+
+pub use miswirings::{Miswiring, miswirings};
+
+use crate::board::{Board, BoardConfig};
+use crate::drive::Drive;
+use crate::experiment::Setup;
+use crate::plates::plates;
+use crate::sensors::incremental;
+use control::alignment::Misalignment;
+use control::encoder::Interface;
+use control::fault::Fault;
+use control::format::Misfit;
+use control::plate::DrivePlate;
+use control::supervisor::State;
+use plant::Axis;
+use plant::effects::{Cogging, DeadTime, EffectModel, LeadError, Place, StribeckFriction};
+use plant::machine::{Coupling, Machine};
+use plant::model::Model;
+use rand_distr::{Distribution, Uniform};
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
+use std::f64::consts::TAU;
+
+/// A machine and a drive before they are switched on.
+#[derive(Clone, Debug)]
+pub struct Start {
+    /// The machine.
+    pub model: Model,
+    /// The board and how it is wired.
+    pub board: BoardConfig,
+    /// What the drive is told.
+    pub plate: DrivePlate,
+    /// Where the rotors stand, mechanical rad: screw, nut.
+    pub angles: [f64; 2],
+}
+
+/// What came of a start.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Outcome {
+    /// What the drive was doing at the end.
+    pub state: State,
+    /// Why it could not be aligned.
+    pub misalignment: Option<Misalignment>,
+    /// How far the electrical angles are off, degrees: screw, nut.
+    pub error_deg: [f64; 2],
+    /// Furthest that the table was from where it started, m.
+    pub travel_m: f64,
+    /// Largest torque that a current made, N m.
+    pub torque_nm: f64,
+    /// How long it took, s.
+    pub seconds: f64,
+}
+
+impl Outcome {
+    /// Both rotors were found.
+    #[must_use]
+    pub fn is_ready(&self) -> bool {
+        self.state == State::Ready
+    }
+
+    /// The larger error of the electrical angle, degrees.
+    #[must_use]
+    pub fn error_deg_worst(&self) -> f64 {
+        self.error_deg
+            .iter()
+            .fold(0.0, |worst, error| worst.max(error.abs()))
+    }
+}
+
+/// Longest that an alignment may take, s.
+const LONGEST_S: f64 = 12.0;
+
+/// Time for which the machine is left alone before the drive is switched on, s: it stands where friction holds it.
+const ALONE_S: f64 = 0.5;
+
+impl Start {
+    /// The coupled machine on the default board, everything in its place, standing at zero.
+    #[must_use]
+    pub fn plain() -> Self {
+        let model = Model {
+            feed: plant::model::FeedModel {
+                load_n: 0.0,
+                ..Model::coupled().feed
+            },
+            ..Model::coupled()
+        };
+        let Setup { board, tuning, .. } = Setup::real(model.clone(), Coupling::Coupled);
+        let board = BoardConfig {
+            dead_time_s: 500e-9,
+            measure_zeros: true,
+            ..board
+        };
+        Self {
+            plate: plates(&model, Coupling::Coupled, &board, tuning),
+            model,
+            board,
+            angles: [0.0; 2],
+        }
+    }
+
+    /// A machine drawn from `seed`: where the rotors stand, friction of bearings, pair and guideway with its break-away, a
+    /// load that this holds, cogging, torque harmonics, lead error, encoders of 2^20 or 10,000 counts that count either way,
+    /// with an index or without, dead time with an error, and a plate whose resistance, inductance and flux are a little wrong.
+    #[must_use]
+    pub fn drawn(seed: u64) -> Self {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut draw = |low: f64, high: f64| {
+            Uniform::new(low, high)
+                .map(|range| range.sample(&mut random))
+                .unwrap_or(low)
+        };
+        let mut start = Self::plain();
+        start.angles = [draw(0.0, TAU), draw(0.0, TAU)];
+        start.board.seed = seed;
+        let model = &mut start.model;
+        for axis in Axis::ALL {
+            let motor = model.motor_mut(axis);
+            motor.coulomb_nm = draw(0.03, 0.06);
+            for harmonic in &mut motor.torque_harmonics {
+                harmonic.phase_rad = draw(0.0, TAU);
+                harmonic.amplitude_nm *= draw(0.0, 0.5);
+            }
+            let place = match axis {
+                Axis::Screw => Place::Screw,
+                Axis::Nut => Place::Nut,
+            };
+            model.effects.extend(EffectModel::new(
+                place,
+                StribeckFriction {
+                    amplitude: draw(0.0, 0.03),
+                    speed: 0.5,
+                },
+            ));
+            model.effects.extend(EffectModel::new(
+                place,
+                Cogging {
+                    order: 36.0,
+                    amplitude: draw(0.0, 0.0065),
+                    phase: draw(0.0, TAU),
+                },
+            ));
+            // What the drive does not know of its dead time.
+            model.effects.extend(EffectModel::new(
+                place,
+                DeadTime {
+                    value: draw(0.0, 0.4),
+                },
+            ));
+        }
+        let feed = &mut model.feed;
+        feed.pair_coulomb_nm = draw(0.03, 0.10);
+        feed.guideway_coulomb_n = draw(10.0, 60.0);
+        model.effects.extend(EffectModel::new(
+            Place::Feed,
+            LeadError {
+                order: 1.0,
+                amplitude: draw(0.0, 6e-6),
+                phase: draw(0.0, TAU),
+            },
+        ));
+        let part = draw(-0.8, 0.8);
+        model.feed.load_n = part * held_load_n(model);
+
+        let counts = if draw(0.0, 1.0) < 0.5 {
+            1 << 20
+        } else {
+            10_000
+        };
+        start.board.sensors.encoders = incremental(counts);
+        let tuning = Setup::real(start.model.clone(), Coupling::Coupled).tuning;
+        start.plate = plates(&start.model, Coupling::Coupled, &start.board, tuning);
+        for k in 0..2 {
+            let reversed = draw(0.0, 1.0) < 0.5;
+            start.board.wiring.motors[k].encoder_reversed = reversed;
+            let plate = &mut start.plate.motors[k];
+            plate.encoder.reversed = (draw(0.0, 1.0) < 0.5).then_some(reversed);
+            plate.resistance_ohm *= draw(0.9, 1.1);
+            plate.inductance_h *= draw(0.9, 1.1);
+            plate.flux_wb *= draw(0.95, 1.05);
+        }
+        for k in 0..2 {
+            if draw(0.0, 1.0) < 0.5 {
+                let interface = Interface::IncrementalWithIndex;
+                start.board.sensors.encoders[k].interface = interface;
+                start.plate.motors[k].encoder.interface = interface;
+            }
+        }
+        start
+    }
+
+    /// The same machine with a load of one and a half to three times what friction holds.
+    #[must_use]
+    pub fn loose(seed: u64) -> Self {
+        let mut start = Self::drawn(seed);
+        let part = 1.5 + 1.5 * (seed % 8) as f64 / 7.0;
+        let held = held_load_n(&start.model);
+        start.model.feed.load_n = if seed.is_multiple_of(2) { part } else { -part } * held;
+        start
+    }
+
+    /// Switches the drive on and lets it align, or find why it cannot.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a gain does not fit its format.
+    pub fn run(&self) -> Result<Outcome, Misfit> {
+        self.run_with(|_| ())
+    }
+
+    /// The same, with `each` called after each PWM period.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a gain does not fit its format.
+    pub fn run_with(&self, mut each: impl FnMut(&Drive)) -> Result<Outcome, Misfit> {
+        let mut drive = Drive::new(&self.model, Coupling::Coupled, self.board, &self.plate)?;
+        drive.request.run = false;
+        settle(&mut drive.board, self.angles);
+        let start = drive.board.machine.table_position();
+        let (mut travel_m, mut torque_nm) = (0.0f64, 0.0f64);
+        let period_s = self.board.pwm_period_s();
+        let longest = (LONGEST_S / period_s) as u64;
+        while drive.periods() < longest && !matches!(drive.state(), State::Ready | State::Fault(_))
+        {
+            drive.period();
+            each(&drive);
+            let machine = &drive.board.machine;
+            travel_m = travel_m.max((machine.table_position() - start).abs());
+            for axis in Axis::ALL {
+                torque_nm = torque_nm.max(self.torque(machine, axis).abs());
+            }
+        }
+        // What still moves when the bridges are open belongs to it.
+        for _ in 0..(0.1 / period_s) as u64 {
+            drive.period();
+            each(&drive);
+            let moved = drive.board.machine.table_position() - start;
+            travel_m = travel_m.max(moved.abs());
+        }
+        Ok(Outcome {
+            state: drive.state(),
+            misalignment: match drive.state() {
+                State::Fault(
+                    Fault::ScrewAlignment | Fault::NutAlignment | Fault::PairAlignment,
+                ) => drive.misalignment(),
+                _ => None,
+            },
+            error_deg: Axis::ALL.map(|axis| self.error_deg(&drive, axis)),
+            travel_m,
+            torque_nm,
+            seconds: drive.periods() as f64 * period_s,
+        })
+    }
+
+    /// Torque of the currents of `axis`, N m.
+    fn torque(&self, machine: &Machine, axis: Axis) -> f64 {
+        let (motor, state) = (self.model.motor(axis), machine.motor(axis));
+        let p = f64::from(motor.pole_pairs);
+        let (sin, cos) = (p * state.theta).sin_cos();
+        p * motor.flux_wb * (state.i_beta * cos - state.i_alpha * sin)
+    }
+
+    /// How far the electrical angle that the drive has of `axis` is from that of the magnets, seen from the bridge's legs,
+    /// degrees; 180 if it has none.
+    fn error_deg(&self, drive: &Drive, axis: Axis) -> f64 {
+        let k = axis.index();
+        let Some(alignment) = drive.exchange(axis).alignment() else {
+            return 180.0;
+        };
+        let theta_e =
+            f64::from(self.model.motor(axis).pole_pairs) * drive.board.machine.motor(axis).theta;
+        let windings = [0.0, 1.0, 2.0].map(|phase: f64| (theta_e - phase * TAU / 3.0).cos());
+        let [a, b, c] = self.board.wiring.motors[k].legs(windings);
+        let truth = (3f64.sqrt() * (b - c)).atan2(2.0 * a - b - c);
+        let encoder = &self.board.sensors.encoders[k];
+        let word = drive.board.encoder_word(axis, encoder.age_s);
+        let counts = f64::from(encoder.interface.counts(word).unwrap_or_default());
+        let turns = counts / f64::from(encoder.counts_per_turn);
+        let sense = if alignment.reversed { -1.0 } else { 1.0 };
+        let zero = f64::from(alignment.theta_e_at_zero.0) / 2f64.powi(32);
+        let known = (sense * turns * f64::from(drive.pole_pairs(axis)) + zero) * TAU;
+        let off = known - truth;
+        off.sin().atan2(off.cos()).to_degrees()
+    }
+}
+
+/// The machine at `angles`, left alone until friction holds it; then power comes up.
+pub fn settle(board: &mut Board, angles: [f64; 2]) {
+    for (axis, angle) in Axis::ALL.into_iter().zip(angles) {
+        board.machine.set_motor_angle(axis, angle);
+    }
+    for _ in 0..(2.0 * ALONE_S / board.config().pwm_period_s()) as u32 {
+        board.advance();
+    }
+    board.wake_encoders();
+}
+
+/// The load that friction just holds, N: what the guideway takes, and through the lead the pair and the weaker bearing.
+#[must_use]
+pub fn held_load_n(model: &Model) -> f64 {
+    let feed = &model.feed;
+    let weaker = model.screw.coulomb_nm.min(model.nut.coulomb_nm);
+    feed.guideway_coulomb_n + (feed.pair_coulomb_nm + weaker) / feed.travel_per_radian()
+}

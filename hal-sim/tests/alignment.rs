@@ -1,0 +1,98 @@
+//! A drive that does not know where its rotors stand finds them, or says why it cannot.
+
+use control::alignment::{Part, Reason};
+use control::encoder::Interface;
+use hal_sim::alignment::{Start, miswirings};
+use plant::Axis;
+
+/// Largest error of the electrical angle, degrees; furthest that the table may move, m; largest torque, N m.
+const ERROR_DEG: f64 = 2.0;
+const TRAVEL_M: f64 = 50e-6;
+const TORQUE_NM: f64 = 0.45;
+
+#[test]
+fn drawn_machines_are_aligned() {
+    for seed in [2, 4, 8, 13, 17, 19] {
+        let outcome = Start::drawn(seed).run().unwrap();
+        assert!(outcome.is_ready(), "seed {seed}: {outcome:?}");
+        let error = outcome.error_deg_worst();
+        assert!(
+            error < ERROR_DEG,
+            "seed {seed}: {error} degrees of {ERROR_DEG}"
+        );
+        let travel = outcome.travel_m;
+        assert!(travel < TRAVEL_M, "seed {seed}: {travel} m of {TRAVEL_M}");
+    }
+}
+
+/// The count of an encoder with index begins anywhere, and jumps where the index is passed; after that it is the index's.
+#[test]
+fn an_index_is_passed_while_aligning() {
+    for (seed, angles) in [(2, [1.0, 2.0]), (4, [6.2, 0.1]), (8, [3.0, 6.2])] {
+        let mut start = Start::drawn(seed);
+        start.angles = angles;
+        for k in 0..2 {
+            let interface = Interface::IncrementalWithIndex;
+            start.board.sensors.encoders[k].interface = interface;
+            start.plate.motors[k].encoder.interface = interface;
+        }
+        let mut passed = [false; 2];
+        let outcome = start
+            .run_with(|drive| {
+                for axis in Axis::ALL {
+                    let alignment = drive.exchange(axis).alignment();
+                    passed[axis.index()] |= alignment.is_some_and(|found| !found.index_awaited);
+                }
+            })
+            .unwrap();
+        assert!(outcome.is_ready(), "{angles:?}: {outcome:?}");
+        assert_eq!(passed, [true; 2], "{angles:?}: the index was awaited");
+        let error = outcome.error_deg_worst();
+        assert!(
+            error < ERROR_DEG,
+            "{angles:?}: {error} degrees of {ERROR_DEG}"
+        );
+    }
+}
+
+#[test]
+fn what_is_wired_wrongly_is_named() {
+    let mut wrong = Vec::new();
+    for miswiring in miswirings(1000) {
+        let outcome = miswiring.start.run().unwrap();
+        let right = match miswiring.expected {
+            Some(expected) => outcome.misalignment == Some(expected),
+            None => outcome.is_ready() && outcome.error_deg_worst() < ERROR_DEG,
+        };
+        if !right || outcome.travel_m > TRAVEL_M || outcome.torque_nm > TORQUE_NM {
+            wrong.push(format!("{}: {outcome:?}", miswiring.name));
+        }
+    }
+    assert!(wrong.is_empty(), "{wrong:#?}");
+}
+
+#[test]
+fn a_load_that_nothing_holds_is_refused() {
+    for seed in 0..10 {
+        let outcome = Start::loose(seed).run().unwrap();
+        let found = outcome.misalignment.map(|found| (found.part, found.reason));
+        assert_eq!(
+            found,
+            Some((Part::Pair, Reason::LoadMoves)),
+            "seed {seed}: {outcome:?}"
+        );
+    }
+}
+
+/// Two phases and the encoder's channels swapped: of one motor alone nothing is wrong.
+#[test]
+fn a_motor_that_is_turned_round_is_refused() {
+    for (seed, motor) in [(1, 0), (2, 1), (3, 0), (4, 1), (5, 0), (6, 1)] {
+        let outcome = Start::turned_round(seed, motor).run().unwrap();
+        let found = outcome.misalignment.map(|found| (found.part, found.reason));
+        assert!(
+            matches!(found, Some((Part::Pair, Reason::Opposed | Reason::Travel))),
+            "seed {seed}: {outcome:?}"
+        );
+    }
+}

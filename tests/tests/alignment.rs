@@ -1,0 +1,122 @@
+//! The firmware as it is flashed finds its rotors on the emulated chip, wherever they stand, as the host does, bit for bit;
+//! and a reset takes it back to where it must find them again.
+
+use control::current_loop::PwmCommand;
+use control::supervisor::State;
+use hal_sim::alignment::settle;
+use hal_sim::drive::Drive;
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+use tests::bench::{
+    Bench, READY, RUNNING, aligning_firmware_of, board_config, machine_of, plate_of,
+};
+use tests::chip::wiring::Wiring;
+use tests::pins::Motor;
+
+/// Longest that an alignment may take, s.
+const LONGEST_S: f64 = 8.0;
+/// Where the rotors stand, rad: screw, nut.
+const ANGLES: [f64; 2] = [1.1, 4.0];
+
+/// A load that guideway and ball pair hold also while a rotor turns.
+fn model() -> Model {
+    let mut model = Model::coupled();
+    model.feed.load_n = 20.0;
+    model
+}
+
+fn bench(board: Wiring) -> Result<Bench, String> {
+    let elf = aligning_firmware_of(board)?;
+    let bench = Bench::with(&elf, board, &model(), Coupling::Coupled)?;
+    settle(&mut bench.joint.borrow_mut().board, ANGLES);
+    Ok(bench)
+}
+
+#[test]
+fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
+    // Two incremental encoders; an absolute one, and one with an index, which is passed on the way.
+    for board in [Wiring::Nucleo, Wiring::Mains] {
+        let mut bench = bench(board)?;
+        bench.emulator.chip().tops = Some(Vec::new());
+        bench.wait_for(READY, LONGEST_S).map_err(|error| {
+            let w = bench.look().unwrap();
+            let w = w.words();
+            format!("{board:?}: {error} {w:?}")
+        })?;
+        let tops = bench.emulator.chip().tops.take().unwrap_or_default();
+        let streams = [Motor::Screw, Motor::Nut].map(|motor| {
+            tops.iter()
+                .filter(|top| top.motor == motor)
+                .collect::<Vec<_>>()
+        });
+
+        let (machine, plate) = (
+            machine_of(board, &model(), Coupling::Coupled),
+            plate_of(board),
+        );
+        let mut drive = Drive::new(&machine, Coupling::Coupled, board_config(board), &plate)
+            .map_err(|misfit| misfit.to_string())?;
+        settle(&mut drive.board, ANGLES);
+        drive.request.run = false;
+        let (mut closed, mut aligning) = (0, 0);
+        for period in 0..streams[1].len() - 1 {
+            drive.period();
+            aligning += usize::from(drive.state() == State::Aligning);
+            for (axis, stream) in Axis::ALL.into_iter().zip(&streams) {
+                let (sampled, next) = (stream[period].sensors, stream[period + 1].bridge);
+                let host = drive.sample(axis);
+                assert_eq!(
+                    (sampled.current, sampled.bus, sampled.encoder),
+                    (host.current, host.bus, host.encoder),
+                    "{board:?}: sample {period} of the {axis:?}"
+                );
+                let emulated = PwmCommand {
+                    compare: next.compare,
+                    enable: next.enabled,
+                };
+                assert_eq!(
+                    emulated,
+                    drive.compare(axis),
+                    "{board:?}: compare values {period} of the {axis:?}"
+                );
+                closed += usize::from(next.enabled);
+            }
+        }
+        assert_eq!(drive.state(), State::Ready, "{board:?}: the host's drive");
+        assert!(
+            aligning > 2000 && closed > 2000,
+            "{board:?}: aligned in {aligning} periods, of which bridges were closed in {closed}"
+        );
+    }
+    Ok(())
+}
+
+#[test]
+fn a_watchdog_reset_ends_in_a_drive_that_aligns_again() -> Result<(), String> {
+    let mut bench = bench(Wiring::Nucleo)?;
+    bench.wait_for(READY, LONGEST_S)?;
+    bench.ask(2.5e-3, 30.0)?;
+    bench.run(1)?;
+    bench.wait_for(RUNNING, 0.1)?;
+    bench.pass(0.5)?;
+    bench.hang("FMAC")?;
+    bench.pass(50e-3)?;
+    bench.run(0)?;
+    // The counters begin at zero anew, wherever the rotors have come to rest.
+    bench.wait_for(State::Aligning.word(), 1.0)?;
+    bench.wait_for(READY, LONGEST_S)?;
+    bench.ask(2.5e-3, 30.0)?;
+    bench.run(1)?;
+    bench.pass(1.0)?;
+    assert_eq!(bench.status()?.state, RUNNING);
+    let before = bench.joint.borrow().board.machine.table_position();
+    bench.pass(1.0)?;
+    let moved = bench.joint.borrow().board.machine.table_position() - before;
+    assert!(
+        (moved - 2.5e-3).abs() < 0.05e-3,
+        "the table moved by {:.3} mm in a second, not by 2.5 mm",
+        1e3 * moved
+    );
+    Ok(())
+}
