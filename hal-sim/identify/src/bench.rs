@@ -3,16 +3,33 @@
 use crate::analysis::{Outcome, analyse};
 use crate::feed_axis::{self, Axis};
 use crate::judge::right;
+use crate::load::{How, LoadError, Mapping, OnFault, load};
 use crate::motor::{self, MotorModel};
 use crate::paper;
 use cpu_time::ThreadTime;
 use plant::model::Model;
 use plant::recording::Recording;
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::path::Path;
 
 /// Machines of the shared recordings.
 const MACHINES: u32 = 10;
+
+/// A motor's records under a plain least-squares fit's errors: what was reached on the check record.
+#[derive(Debug, Serialize)]
+pub struct MeasuredPair {
+    /// File that was fitted.
+    pub fit: String,
+    /// File that was not.
+    pub check: String,
+    /// Error of inertia and friction alone, % of the check record's rms.
+    pub before_percent: f64,
+    /// With what is named.
+    pub after_percent: f64,
+    /// Effects that are named.
+    pub names: usize,
+}
 
 /// Everything that is measured. What is not there is skipped and named on standard error.
 pub struct Figures {
@@ -26,6 +43,8 @@ pub struct Figures {
     pub axis: Option<feed_axis::Study>,
     /// The motor: records and study.
     pub motor: Option<MotorFigures>,
+    /// Motors that other people measured: an ODrive's, and LAAS's driven by current steps.
+    pub odrive: Vec<MeasuredPair>,
     /// The paper.
     pub paper: paper::Study,
     /// Mean CPU time of one recording with its check, both loaded, on the one thread that it runs on, s: other load on
@@ -39,8 +58,6 @@ pub struct MotorFigures {
     pub study: motor::Study,
     /// The halves swapped: before and after, %.
     pub swapped_percent: [f64; 2],
-    /// Without the 100 Hz filter of the current: before and after, %.
-    pub unfiltered_percent: [f64; 2],
     /// What is known of the motor.
     pub model: MotorModel,
 }
@@ -55,6 +72,7 @@ impl Figures {
             blind,
             axis: axis(&folder.join("measured/emps")),
             motor: motor_figures(&folder.join("measured/laas")),
+            odrive: odrive(&folder.join("measured")),
             paper: paper::Study::new(&Model::paper()),
             seconds_per_recording: (recordings.of > 0)
                 .then(|| recordings.seconds / f64::from(recordings.of)),
@@ -85,6 +103,7 @@ impl Figures {
                 "before_percent": motor.study.before_percent(),
                 "after_percent": motor.study.after_percent(),
             })),
+            "odrive": self.odrive,
             "seconds_per_recording": self.seconds_per_recording,
         })
     }
@@ -172,8 +191,67 @@ fn motor_figures(folder: &Path) -> Option<MotorFigures> {
     let swapped = motor::Study::new(&second, &first, Some(&map));
     Some(MotorFigures {
         swapped_percent: [swapped.before_percent(), swapped.after_percent()],
-        unfiltered_percent: motor::Study::unfiltered_percent(&first, &second, &study.orders),
         study,
         model: MotorModel::laas(),
     })
+}
+
+/// Fits and checks on the records in `folder`; what is not there is skipped and named.
+fn odrive(folder: &Path) -> Vec<MeasuredPair> {
+    let (drive, map, laas) = (
+        include_str!("../mappings/odrive.toml"),
+        include_str!("../mappings/odrive-map.toml"),
+        include_str!("../mappings/laas-acc.toml"),
+    );
+    let pairs = [
+        (
+            drive,
+            "odrive/slow_nocomp_1.npy",
+            "odrive/slow_nocomp_2.npy",
+        ),
+        (
+            drive,
+            "odrive/slower_nocomp_0.npy",
+            "odrive/slow_nocomp_2.npy",
+        ),
+        (
+            map,
+            "odrive/cogging_map_a_16.npy",
+            "odrive/cogging_map_b_16.npy",
+        ),
+        (laas, "laas/acc_current.txt", "laas/acc_current.txt"),
+    ];
+    let of = |(mapping, fit, check): (&str, &str, &str)| -> Result<MeasuredPair, LoadError> {
+        let mapping = Mapping::parse(mapping, "the project's own mapping")?;
+        let how = How {
+            mapping: &mapping,
+            on_fault: OnFault::Skip,
+            declared_hz: None,
+        };
+        let read = |name: &str| -> Result<motor::Record, LoadError> {
+            Ok(motor::Record::new(load(
+                &folder.join(name),
+                how,
+                &mut |_| (),
+            )?))
+        };
+        let [first, second] = match fit == check {
+            true => read(fit)?.halves(),
+            false => [read(fit)?, read(check)?],
+        };
+        let study = motor::Study::new(&first, &second, None);
+        Ok(MeasuredPair {
+            fit: fit.into(),
+            check: check.into(),
+            before_percent: study.before_percent(),
+            after_percent: study.after_percent(),
+            names: study.orders.len() + usize::from(study.lag.is_some()),
+        })
+    };
+    let told = |pair| {
+        of(pair)
+            .inspect_err(|error| eprintln!("skipped: {error}"))
+            .ok()
+    };
+    pairs.into_iter().filter_map(told).collect()
 }

@@ -81,6 +81,20 @@ pub(crate) fn robust(
     DMatrix::from_fn(n, n, |k, j| dot(&sums[k], &sums[j]) / stretch as f64)
 }
 
+/// Variance of the sum of `pulls` on a parameter, of a fit that leaves `left`, whatever the colour of either.
+pub(crate) fn long_run_variance(pulls: &[f64], left: &[f64]) -> f64 {
+    let rows = pulls.len();
+    let length = correlated(&left[..left.len().min(CORRELATED_ROWS)]);
+    let stretch = ((LENGTHS * length) as usize).clamp(1, (rows / 6).max(1));
+    let (mut sum, mut square) = (0.0, 0.0);
+    for row in 0..rows + stretch - 1 {
+        sum += pulls.get(row).copied().unwrap_or(0.0);
+        sum -= row.checked_sub(stretch).map_or(0.0, |row| pulls[row]);
+        square += sum * sum;
+    }
+    square / stretch as f64
+}
+
 /// A fit's linearisation at its solution.
 pub(crate) struct Linear<'a> {
     /// Columns of length 1: parameters of very different size make even equations.

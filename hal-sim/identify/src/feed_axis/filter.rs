@@ -47,7 +47,12 @@ fn zero_phase(signal: &[f64], rate: f64, gain: impl Fn(f64) -> f64) -> Vec<f64> 
 
 /// Butterworth low-pass of order 4 at 100 Hz, forth and back.
 pub(crate) fn butterworth_100(signal: &[f64], rate: f64) -> Vec<f64> {
-    let corner = warped(100.0, rate);
+    butterworth(signal, rate, 100.0)
+}
+
+/// Butterworth low-pass of order 4 at `hz`, forth and back.
+pub(crate) fn butterworth(signal: &[f64], rate: f64, hz: f64) -> Vec<f64> {
+    let corner = warped(hz, rate);
     zero_phase(signal, rate, |hz| {
         if hz >= 0.5 * rate {
             0.0

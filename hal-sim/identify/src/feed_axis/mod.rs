@@ -14,7 +14,7 @@ mod study;
 
 pub use axis::{Axis, Term};
 pub use file::AxisModelError;
-pub(crate) use filter::butterworth_100;
+pub(crate) use filter::butterworth;
 pub use record::{Law, Record};
 pub use select::{LEAST, Trial};
 pub use simulate::Run;

@@ -127,11 +127,19 @@ pub(super) fn foot(report: &Report) -> String {
         .calibration
         .iter()
         .map(|c| {
+            let [value, sigma] = match c.value {
+                Some(value) => {
+                    let unit = c.unit.unwrap_or_default();
+                    [value, c.sigma].map(|x| format!("{} {unit}", number(x)))
+                }
+                None => [
+                    format!("{:+.2} %", 100.0 * c.relative_change),
+                    format!("{:.2} %", 100.0 * c.sigma),
+                ],
+            };
             format!(
-                "<tr><th scope=\"row\">{}</th><td>{:+.2} %</td><td>{:.2} %</td></tr>\n",
-                escape(&c.parameter),
-                100.0 * c.relative_change,
-                100.0 * c.sigma
+                "<tr><th scope=\"row\">{}</th><td>{value}</td><td>{sigma}</td></tr>\n",
+                escape(&c.parameter)
             )
             .replace("<td>-", "<td>\u{2212}")
         })

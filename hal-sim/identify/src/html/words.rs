@@ -181,6 +181,10 @@ pub(super) fn sentence(effect: &Effect) -> String {
             of("value")
         ),
         "backlash" => format!("has a backlash of {}", of("value")),
+        "reported_current_lag" => format!(
+            "has a current that is reported through a filter with a time constant of {}: an effect of the measurement",
+            of("value")
+        ),
         "force_lag" => format!("has a force that follows {} late", of("value")),
         "viscous_saturation" => "has a viscous friction that grows less than the speed".into(),
         "viscous_asymmetry" => "has a viscous friction that differs by direction".into(),

@@ -1,12 +1,14 @@
-//! A bare motor in a speed loop: which orders of its turn its current has, and how much of the current they explain on
-//! a stretch that they were not fitted to. LAAS's motor that cogs is one.
+//! A bare motor of which angle and current are known: inertia, friction, the orders of its turn, and how late its current
+//! is reported; and how much of the current they explain on a record that they were not fitted to.
 
+mod columns;
 mod left;
 mod orders;
 mod record;
 mod study;
 
+pub use columns::Base;
 pub use orders::Order;
 pub use record::{MotorModel, MotorModelError, Record};
 pub(crate) use study::rms;
-pub use study::{Fit, Study};
+pub use study::{Fit, Lag, Lost, Study};

@@ -80,14 +80,6 @@ pub(super) fn of_map(position: &[f64], current: &[f64]) -> Vec<Order> {
     })
 }
 
-/// The same of a residual over position, where there is no slow turn.
-pub(super) fn of_residual(position: &[f64], residual: &[f64]) -> Vec<Order> {
-    outstanding(|order| {
-        let (c, s) = line(position, residual, order);
-        2.0 * f64::hypot(c, s)
-    })
-}
-
 fn outstanding(amplitude: impl Fn(u32) -> f64) -> Vec<Order> {
     let mut orders: Vec<Order> = (1..=HIGHEST)
         .map(|order| Order {

@@ -236,6 +236,8 @@ fn calibration(study: &Study, declared: &Axis) -> Vec<Calibrated> {
             parameter: (*name).into(),
             relative_change: new[k] / declared.base[k] - 1.0,
             sigma: study.covariance[(k, k)].sqrt() / declared.base[k].abs(),
+            value: None,
+            unit: None,
         })
         .collect()
 }

@@ -156,8 +156,14 @@ pub struct Calibrated {
     pub parameter: String,
     /// Change of the declared value, relative.
     pub relative_change: f64,
-    /// Its standard deviation.
+    /// Its standard deviation; of a value that is not declared, in its unit.
     pub sigma: f64,
+    /// The value itself, of what is not declared.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub value: Option<f64>,
+    /// Its unit.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub unit: Option<&'static str>,
 }
 
 /// How effects were chosen.

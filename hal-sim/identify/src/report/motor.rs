@@ -1,8 +1,9 @@
 //! The report of a bare motor.
 
-use super::{Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
+use super::{Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
 use crate::interval::Estimate;
-use crate::motor::{Fit, MotorModel, Study, rms};
+use crate::limits::Refusal;
+use crate::motor::{Fit, Lag, MotorModel, Study, rms};
 use crate::records::DataQuality;
 use crate::remains::whiteness;
 use crate::rest;
@@ -11,9 +12,10 @@ use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};
 
 /// Of what was found with a motor, from the records `accounts`.
 pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Report {
-    let effects: Vec<Effect> = (0..study.orders.len())
+    let mut effects: Vec<Effect> = (0..study.orders.len())
         .map(|k| effect(study, model, k))
         .collect();
+    effects.extend(study.lag.as_ref().map(late));
     let names: Vec<String> = effects.iter().map(|e| e.kind.replace('_', " ")).collect();
     let marks = study
         .orders
@@ -57,7 +59,16 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
     Report {
         verdict: judged.verdict.name(),
         summary: judged.sentence,
-        refused: Vec::new(),
+        refused: study
+            .not_told_apart
+            .iter()
+            .map(|(base, reason)| Refusal {
+                hypothesis: base.name().0.into(),
+                place: "motor".into(),
+                reason,
+                trials: 1,
+            })
+            .collect(),
         residual: vec![Residual {
             channel: "current".into(),
             unit: "A".into(),
@@ -69,23 +80,25 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
             whiteness: whiteness(&every),
         }],
         unexplained,
-        // Nothing is declared of inertia and friction.
-        calibration: Vec::new(),
+        calibration: calibration(study),
         derivatives: "Position and current pass a 100 Hz zero-phase Butterworth filter; derivatives are central differences \
                       of the filtered position."
             .into(),
         selection: Selection {
             rule: format!(
-                "Orders of the slow turn whose amplitude is more than six times the median of all; the current after a \
-                 100 Hz zero-phase filter. Its error on the part that was not fitted falls from {:.1} to {:.2} % of its rms. \
-                 One order can have several causes, which a record of the current alone cannot tell apart. {}",
+                "An order is taken that explains most of the fit record, more than chance makes of a residual of that colour \
+                 (Newey and West), and that the check record bears out: regressed there on the order as the fit record has it, \
+                 the coefficient is near 1 and more than three standard deviations from 0. The current passes a 100 Hz \
+                 zero-phase filter; its error on the record that was not fitted falls from {:.1} to {:.2} % of its rms. At one \
+                 speed an order and a frequency are one; a record at another speed tells them apart. One order can have \
+                 several causes, which a record of the current alone cannot tell apart. {}",
                 study.before_percent(),
                 study.after_percent(),
                 rest::rule()
             ),
-            tried: 220,
-            threshold: 6.0,
-            measure: "amplitude in the slow turn, A",
+            tried: study.tried,
+            threshold: 0.0,
+            measure: "amplitude, A; of what was not taken its share of the fit record's square",
             trials: study
                 .orders
                 .iter()
@@ -96,6 +109,13 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
                     fall: order.amplitude_a,
                     outcome: format!("found; {}", order.suggests(model.pole_pairs)),
                 })
+                .chain(study.lost.iter().map(|lost| Tried {
+                    hypothesis: "order of the turn".into(),
+                    place: "motor".into(),
+                    shape: Some(f64::from(lost.order)),
+                    fall: lost.share,
+                    outcome: lost.reason.into(),
+                }))
                 .collect(),
         },
         simulation: None,
@@ -122,9 +142,42 @@ fn judged(study: &Study, names: usize, left: usize) -> Judged {
     judge(&[channel], names, left, Floor::Spectrum)
 }
 
+/// Inertia and friction as the record has them: nothing is declared of them.
+fn calibration(study: &Study) -> Vec<Calibrated> {
+    let named = study.base.iter().enumerate();
+    named
+        .map(|(k, base)| {
+            let (name, unit) = base.name();
+            Calibrated {
+                parameter: name.into(),
+                relative_change: f64::NAN,
+                sigma: study.after.covariance[(k, k)].max(0.0).sqrt(),
+                value: Some(study.after.values[k]),
+                unit: Some(unit),
+            }
+        })
+        .collect()
+}
+
+/// A current that is reported late: an effect of the measurement and not of the motor.
+fn late(lag: &Lag) -> Effect {
+    let [value, sigma] = lag.value_s;
+    let estimate = Estimate {
+        name: "value".into(),
+        value,
+        interval: interval(value, sigma * sigma),
+    };
+    Effect::new(
+        "reported_current_lag",
+        "motor",
+        lag.explained,
+        [(estimate, "s")],
+    )
+}
+
 fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
     let order = study.orders[k];
-    let at = study.base + 2 * k;
+    let at = study.base.len() + 2 * k;
     let covariance = &study.after.covariance;
     let wave = Wave::new(
         [study.after.values[at], study.after.values[at + 1]],

@@ -68,6 +68,8 @@ pub fn traced(outcome: &Outcome, accounts: [DataQuality; 2]) -> Report {
                 parameter: parameter.clone(),
                 relative_change: *relative_change,
                 sigma: *sigma,
+                value: None,
+                unit: None,
             })
             .collect(),
         derivatives: derivatives(outcome),

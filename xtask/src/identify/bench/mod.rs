@@ -145,16 +145,6 @@ fn print(figures: &Figures) {
             "5",
         );
         row("   halves swapped", Some(motor.swapped_percent[1]), "");
-        row(
-            "   current not filtered: before",
-            Some(motor.unfiltered_percent[0]),
-            "",
-        );
-        row(
-            "   current not filtered: after",
-            Some(motor.unfiltered_percent[1]),
-            "",
-        );
         for order in motor.study.orders.iter().take(5) {
             println!(
                 "  {:>4} per turn: {}",
@@ -162,6 +152,12 @@ fn print(figures: &Figures) {
                 order.suggests(motor.model.pole_pairs)
             );
         }
+    }
+    for pair in &figures.odrive {
+        println!(
+            "{} -> {}: {:.1} -> {:.1} % of the current, {} names",
+            pair.fit, pair.check, pair.before_percent, pair.after_percent, pair.names
+        );
     }
     let paper = &figures.paper;
     println!(
