@@ -14,7 +14,7 @@ use plant::model::Model;
 use plant::recording::Recording;
 
 pub use crate::outcome::*;
-pub use crate::progress::MATERIAL;
+pub use crate::selection::MATERIAL;
 
 /// A record under a model: what is looked through, or what must confirm.
 pub(crate) struct Case<'a> {

@@ -3,9 +3,9 @@
 use crate::analysis::{Outcome, analyse};
 use crate::feed_axis::{self, Axis};
 use crate::judge::right;
-use crate::load::{How, LoadError, Mapping, OnFault, load};
 use crate::motor::{self, MotorModel};
 use crate::paper;
+use crate::records::{How, LoadError, Mapping, OnFault, load};
 use cpu_time::ThreadTime;
 use plant::model::Model;
 use plant::recording::Recording;

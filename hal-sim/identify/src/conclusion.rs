@@ -11,6 +11,7 @@ use crate::recalibrated::{calibration, new_model};
 use crate::remains::{Fixed, Side};
 use crate::sandwich::robust;
 use crate::select::Search;
+use crate::selection::DOMINANT;
 use crate::signals::SPEED_BANDWIDTH_HZ;
 use crate::unexplained::unexplained;
 use plant::Axis;
@@ -26,9 +27,6 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
         }
     }
 }
-
-/// Times what is left beyond noise that an effect must explain of its channel on the check record.
-const DOMINANT: f64 = 3.0;
 
 /// The weakest effect that does not explain enough beside what is left where it shows most.
 fn likeness(outcome: &Outcome) -> Option<&Found> {

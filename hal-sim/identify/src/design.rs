@@ -7,6 +7,7 @@ use crate::machines::Machine;
 use crate::noise::Noise;
 use crate::signals::Signals;
 use std::ops::Range;
+use std::rc::Rc;
 
 /// Speeds below which friction may stick and the torque balance says nothing, rad/s.
 pub(crate) const STICKING_RAD_S: f64 = 0.5;
@@ -16,10 +17,56 @@ const MARGIN_S: f64 = 0.03;
 const PLATEAU_S: f64 = 0.3;
 
 /// A whitened quantity: its samples in each channel that it reaches.
-#[derive(Clone)]
+#[derive(Clone, Default)]
 pub struct Column {
     /// By [`Channel::index`].
     pub parts: [Option<Vec<f64>>; Channel::COUNT],
+}
+
+impl Column {
+    /// Of a machine with one channel.
+    pub(crate) fn alone(values: Vec<f64>) -> Self {
+        let mut alone = Column::default();
+        alone.parts[0] = Some(values);
+        alone
+    }
+
+    /// Of a machine with one channel, its samples.
+    pub(crate) fn only(&self) -> &[f64] {
+        self.parts[0].as_deref().unwrap_or_default()
+    }
+
+    /// With `values` times `columns` added.
+    pub(crate) fn plus<'a>(
+        mut self,
+        columns: impl IntoIterator<Item = &'a Column>,
+        values: &[f64],
+    ) -> Column {
+        for (column, value) in columns.into_iter().zip(values) {
+            for (sum, part) in self.parts.iter_mut().zip(&column.parts) {
+                match (sum, part) {
+                    (Some(sum), Some(part)) => {
+                        sum.iter_mut().zip(part).for_each(|(s, p)| *s += value * p);
+                    }
+                    (sum @ None, Some(part)) => {
+                        *sum = Some(part.iter().map(|p| value * p).collect());
+                    }
+                    (_, None) => {}
+                }
+            }
+        }
+        self
+    }
+
+    /// What of it `values` times `columns` leave.
+    pub(crate) fn less<'a>(
+        &self,
+        columns: impl IntoIterator<Item = &'a Column>,
+        values: impl IntoIterator<Item = f64>,
+    ) -> Column {
+        let values: Vec<f64> = values.into_iter().map(|value| -value).collect();
+        self.clone().plus(columns, &values)
+    }
 }
 
 /// Sum of products, in eight strands that a compiler can put side by side.
@@ -53,7 +100,7 @@ pub struct Whitener<'a> {
     gains: [Vec<f64>; Channel::COUNT],
     masks: [Vec<bool>; Channel::COUNT],
     /// Decimated rows of each operating point.
-    pub folds: Vec<Range<usize>>,
+    pub folds: Rc<[Range<usize>]>,
 }
 
 /// Rows of each operating point: a stretch of constant references and the ramp that follows it.
@@ -170,18 +217,5 @@ impl<'a> Whitener<'a> {
     /// Rows of all channels that count.
     pub fn used_rows(&self) -> usize {
         self.masks.iter().map(|mask| counted(mask)).sum()
-    }
-
-    /// Inner product of two columns for each operating point.
-    pub fn inner(&self, a: &Column, b: &Column) -> Vec<f64> {
-        let mut sums = vec![0.0; self.folds.len()];
-        for (x, y) in a.parts.iter().zip(&b.parts) {
-            if let (Some(x), Some(y)) = (x, y) {
-                for (sum, fold) in sums.iter_mut().zip(&self.folds) {
-                    *sum += dot(&x[fold.clone()], &y[fold.clone()]);
-                }
-            }
-        }
-        sums
     }
 }

@@ -1,7 +1,7 @@
 //! What candidates would bring to a regression without being added to it, and what columns bring where they were not
 //! fitted.
 
-use crate::design::{Column, Whitener};
+use crate::design::Column;
 use crate::normal::{Normal, Solution};
 use nalgebra::{DMatrix, DVector};
 
@@ -21,7 +21,6 @@ impl Normal {
         &self,
         candidates: &[Column],
         solution: &Solution,
-        whitener: &Whitener,
     ) -> (DMatrix<f64>, DVector<f64>, Vec<f64>) {
         let (n, m) = (self.len(), candidates.len());
         let mut cross = DMatrix::zeros(n, m);
@@ -29,14 +28,14 @@ impl Normal {
         let mut rhs = DVector::zeros(m);
         for (j, candidate) in candidates.iter().enumerate() {
             for (k, column) in self.columns.iter().enumerate() {
-                cross[(k, j)] = whitener.inner(column, candidate).iter().sum();
+                cross[(k, j)] = self.inner(column, candidate).iter().sum();
             }
             for (i, other) in candidates.iter().enumerate().take(j + 1) {
-                let product: f64 = whitener.inner(other, candidate).iter().sum();
+                let product: f64 = self.inner(other, candidate).iter().sum();
                 own[(i, j)] = product;
                 own[(j, i)] = product;
             }
-            rhs[j] = whitener.inner(&self.target, candidate).iter().sum();
+            rhs[j] = self.inner(&self.target, candidate).iter().sum();
         }
         let before = own.diagonal().iter().copied().collect();
         own -= cross.transpose() * &solution.covariance * &cross;
@@ -45,9 +44,9 @@ impl Normal {
     }
 
     /// What candidate columns would gain, without adding them.
-    pub fn gain(&self, candidates: &[Column], solution: &Solution, whitener: &Whitener) -> Gain {
+    pub fn gain(&self, candidates: &[Column], solution: &Solution) -> Gain {
         let m = candidates.len();
-        let (own, rhs, before) = self.reduced(candidates, solution, whitener);
+        let (own, rhs, before) = self.reduced(candidates, solution);
         let nothing = Gain {
             fall: 0.0,
             values: vec![0.0; m],
@@ -66,23 +65,21 @@ impl Normal {
     }
 
     /// What candidate columns with given parameters would gain, all other parameters solved again within their bounds.
-    pub fn gain_at(&self, candidates: &[Column], values: &[f64], whitener: &Whitener) -> f64 {
+    pub fn gain_at(&self, candidates: &[Column], values: &[f64]) -> f64 {
         let before = self.cost(&self.solve(None).values);
         let mut less = self.clone();
         for (candidate, value) in candidates.iter().zip(values) {
-            let with_target = whitener.inner(candidate, &self.target);
+            let with_target = self.inner(candidate, &self.target);
             for (energy, product) in less.energy.iter_mut().zip(with_target) {
                 *energy -= 2.0 * value * product;
             }
             for (other, other_value) in candidates.iter().zip(values) {
-                for (energy, product) in
-                    less.energy.iter_mut().zip(whitener.inner(candidate, other))
-                {
+                for (energy, product) in less.energy.iter_mut().zip(self.inner(candidate, other)) {
                     *energy += value * other_value * product;
                 }
             }
             for (k, column) in self.columns.iter().enumerate() {
-                for (rhs, product) in less.rhs.iter_mut().zip(whitener.inner(column, candidate)) {
+                for (rhs, product) in less.rhs.iter_mut().zip(self.inner(column, candidate)) {
                     rhs[k] -= value * product;
                 }
             }

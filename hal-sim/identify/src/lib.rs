@@ -41,6 +41,7 @@ pub mod run;
 mod sandwich;
 pub mod scan;
 pub mod select;
+pub mod selection;
 pub mod signals;
 mod suggest;
 mod unexplained;

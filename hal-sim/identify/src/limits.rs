@@ -3,6 +3,7 @@
 
 use crate::balance::Balance;
 use crate::design::STICKING_RAD_S;
+use crate::feed_axis::Term;
 use crate::hypothesis::{Family, Hypothesis};
 use plant::Axis;
 use plant::effects::Place;
@@ -13,7 +14,7 @@ use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// Share of the rows that must show an order below the band's upper edge.
-const SHOWN: f64 = 0.05;
+pub(crate) const SHOWN: f64 = 0.05;
 /// Least turns, or periods if those are less, that an angle must cover for what repeats with it.
 const LEAST_TURNS: f64 = 1.0;
 /// By how much a friction that decays with speed must differ between the record's speeds, of its size at rest.
@@ -40,6 +41,12 @@ const MOST_ANGLE_ERROR: f64 = 0.5;
 /// Errors of the travel in a lead: per turn, of its scale, and play.
 const MOST_LEAD_ERROR: f64 = 0.02;
 const MOST_LEAD_SCALE: f64 = 0.01;
+
+/// Reasons that several machines have.
+pub(crate) const ABOVE_BAND: &str =
+    "the order is above the band that was sampled and filtered, or the shaft stood still";
+pub(crate) const NOT_TURNED: &str = "the angle that it repeats with does not turn far enough";
+pub(crate) const FEEDS_IN: &str = "its sign would feed energy in";
 
 /// A hypothesis that was not tried or not taken, how often, and why.
 #[derive(Debug, Clone, PartialEq, Serialize)]
@@ -91,7 +98,7 @@ pub(crate) fn excited(hypothesis: &Hypothesis, balance: &Balance) -> Result<(), 
     let relative = || range(signals.relative.iter().copied()) / TAU;
     let enough = |turns: f64, order: f64| match turns * order.max(1.0) >= LEAST_TURNS {
         true => Ok(()),
-        false => Err("the angle that it repeats with does not turn far enough"),
+        false => Err(NOT_TURNED),
     };
     let axes = || {
         Axis::ALL
@@ -145,6 +152,31 @@ pub(crate) fn excited(hypothesis: &Hypothesis, balance: &Balance) -> Result<(), 
     }
 }
 
+/// Whether a term of a feed axis with given parameters can be, beside its Coulomb friction, under a force of at most
+/// `force_n` and over a travel.
+pub(crate) fn plausible_on_axis(
+    term: Term,
+    values: &[f64],
+    coulomb_n: f64,
+    force_n: f64,
+    travel_m: f64,
+) -> Result<(), &'static str> {
+    let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let (positive, below) = match term {
+        // Friction may be lower at rest, where a spring before sliding takes its place.
+        Term::Stribeck => (coulomb_n + values[0] >= 0.0, values[0] <= force_n),
+        Term::Lag | Term::Presliding => (values[0] > 0.0, true),
+        Term::Periodic(_) => (true, size <= force_n),
+        Term::PositionFriction | Term::PositionLoad => (true, size * travel_m <= force_n),
+        Term::Saturation | Term::Asymmetry => (true, true),
+    };
+    match (positive, below) {
+        (true, true) => Ok(()),
+        (false, _) => Err(FEEDS_IN),
+        (_, false) => Err("more force than the motor makes"),
+    }
+}
+
 /// Whether an order is below the band's upper edge on enough rows.
 fn shown(hypothesis: &Hypothesis, order: f64, balance: &Balance) -> Result<(), &'static str> {
     let signals = balance.signals;
@@ -162,9 +194,7 @@ fn shown(hypothesis: &Hypothesis, order: f64, balance: &Balance) -> Result<(), &
     });
     match slow.count() as f64 >= SHOWN * rows().count() as f64 {
         true => Ok(()),
-        false => Err(
-            "the order is above the band that was sampled and filtered, or the shaft stood still",
-        ),
+        false => Err(ABOVE_BAND),
     }
 }
 
@@ -186,7 +216,7 @@ pub(crate) fn plausible(
     };
     let positive = |value: f64| match value > 0.0 {
         true => Ok(()),
-        false => Err("its sign would feed energy in"),
+        false => Err(FEEDS_IN),
     };
     let peak_current = balance.signals.motors[axis.index()].peak_a;
     let peak_torque = pole_pairs * motor.flux_wb * peak_current;

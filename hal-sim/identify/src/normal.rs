@@ -2,8 +2,9 @@
 
 use crate::bounded::{solve_holding, solve_within};
 use crate::channel::Channel;
-use crate::design::{Column, Whitener, dot};
+use crate::design::{Column, dot};
 use nalgebra::{DMatrix, DVector};
+use std::ops::Range;
 use std::rc::Rc;
 
 pub use crate::bounded::Solution;
@@ -62,6 +63,8 @@ pub struct Normal {
     pub(crate) rhs: Vec<DVector<f64>>,
     pub(crate) energy: Vec<f64>,
     priors: Vec<Prior>,
+    /// Rows of each operating point.
+    folds: Rc<[Range<usize>]>,
 }
 
 /// A regression with further columns.
@@ -77,29 +80,44 @@ pub struct With {
 }
 
 impl Normal {
-    /// No columns yet.
-    pub fn new(target: Column, whitener: &Whitener) -> Self {
-        let folds = whitener.folds.len();
-        Normal {
-            energy: whitener.inner(&target, &target),
-            target,
+    /// No columns yet; `folds` are the rows of each operating point.
+    pub fn new(target: Column, folds: &Rc<[Range<usize>]>) -> Self {
+        let mut normal = Normal {
+            energy: Vec::new(),
             columns: Vec::new(),
-            gram: vec![DMatrix::zeros(0, 0); folds],
-            rhs: vec![DVector::zeros(0); folds],
+            gram: vec![DMatrix::zeros(0, 0); folds.len()],
+            rhs: vec![DVector::zeros(0); folds.len()],
             priors: Vec::new(),
+            folds: folds.clone(),
+            target,
+        };
+        normal.energy = normal.inner(&normal.target, &normal.target);
+        normal
+    }
+
+    /// Inner product of two columns for each operating point.
+    pub(crate) fn inner(&self, a: &Column, b: &Column) -> Vec<f64> {
+        let mut sums = vec![0.0; self.folds.len()];
+        for (x, y) in a.parts.iter().zip(&b.parts) {
+            if let (Some(x), Some(y)) = (x, y) {
+                for (sum, fold) in sums.iter_mut().zip(self.folds.iter()) {
+                    *sum += dot(&x[fold.clone()], &y[fold.clone()]);
+                }
+            }
         }
+        sums
     }
 
     /// Adds a column.
-    pub fn push(&mut self, column: Column, prior: Prior, whitener: &Whitener) {
+    pub fn push(&mut self, column: Column, prior: Prior) {
         let n = self.columns.len();
         let products: Vec<Vec<f64>> = self
             .columns
             .iter()
-            .map(|c| whitener.inner(c, &column))
+            .map(|c| self.inner(c, &column))
             .collect();
-        let own = whitener.inner(&column, &column);
-        let with_target = whitener.inner(&column, &self.target);
+        let own = self.inner(&column, &column);
+        let with_target = self.inner(&column, &self.target);
         for fold in 0..self.gram.len() {
             let mut gram = std::mem::replace(&mut self.gram[fold], DMatrix::zeros(0, 0)).resize(
                 n + 1,
@@ -167,10 +185,10 @@ impl Normal {
     }
 
     /// The regression with further columns.
-    pub fn with(&mut self, candidates: &[(Column, Prior)], whitener: &Whitener) -> With {
+    pub fn with(&mut self, candidates: &[(Column, Prior)]) -> With {
         let n = self.len();
         for (column, prior) in candidates {
-            self.push(column.clone(), *prior, whitener);
+            self.push(column.clone(), *prior);
         }
         let full = self.solve(None);
         let with = With {
@@ -223,14 +241,7 @@ impl Normal {
 
     /// What is left of the target under given parameters.
     pub fn residual(&self, values: &DVector<f64>) -> Column {
-        let mut left = self.target.clone();
-        for (column, value) in self.columns.iter().zip(values.iter()) {
-            for (sum, part) in left.parts.iter_mut().zip(&column.parts) {
-                if let (Some(sum), Some(part)) = (sum, part) {
-                    sum.iter_mut().zip(part).for_each(|(s, p)| *s -= value * p);
-                }
-            }
-        }
-        left
+        let columns = self.columns.iter().map(Rc::as_ref);
+        self.target.less(columns, values.iter().copied())
     }
 }

@@ -83,9 +83,9 @@ impl Base {
 
     /// The regression of the declared parameters under a noise.
     pub fn normal(&self, whitener: &Whitener) -> Normal {
-        let mut normal = Normal::new(whitener.column(&self.residual), whitener);
+        let mut normal = Normal::new(whitener.column(&self.residual), &whitener.folds);
         for (parameter, contribution) in &self.parameters {
-            normal.push(whitener.column(contribution), parameter.prior(), whitener);
+            normal.push(whitener.column(contribution), parameter.prior());
         }
         normal
     }

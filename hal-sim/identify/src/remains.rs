@@ -134,7 +134,7 @@ impl Fixed {
                     at += 1;
                 }
             }
-            let mut own = Normal::new(whitener.column(&residual), &whitener);
+            let mut own = Normal::new(whitener.column(&residual), &whitener.folds);
             let of_record: Vec<_> = check
                 .base
                 .parameters
@@ -142,7 +142,7 @@ impl Fixed {
                 .filter(|(p, _)| !p.is_of_the_machine())
                 .collect();
             for (parameter, contribution) in &of_record {
-                own.push(whitener.column(contribution), parameter.prior(), &whitener);
+                own.push(whitener.column(contribution), parameter.prior());
             }
             let offsets = own.solve(None);
             for ((_, contribution), value) in of_record.iter().zip(offsets.values.iter()) {

@@ -57,12 +57,12 @@ impl<'a> Roundings<'a> {
                     },
                 );
                 let target = whitener.column(&torque(&balance.torque_residual()));
-                let mut normal = Normal::new(target, &whitener);
+                let mut normal = Normal::new(target, &whitener.folds);
                 let machine = record.signals.machine;
                 let all = machine.parameters();
                 for parameter in all.into_iter().filter(|p| p.is_torque()) {
                     let column = whitener.column(&torque(&balance.parameter(parameter)));
-                    normal.push(column, parameter.prior(), &whitener);
+                    normal.push(column, parameter.prior());
                 }
                 push_torques(
                     &mut normal,
@@ -121,7 +121,7 @@ fn push_torques(
     let run_s = balance.signals.run_s();
     for hypothesis in hypotheses {
         for part in hypothesis.contributions(balance, run_s).iter() {
-            normal.push(whitener.column(&torque(part)), hypothesis.prior(), whitener);
+            normal.push(whitener.column(&torque(part)), hypothesis.prior());
         }
     }
 }

@@ -65,11 +65,18 @@ pub(crate) fn robust(
             }
         }
     }
+    long_run(&influence, stretch)
+}
+
+/// Covariance of the sums of influences that are correlated over less than `stretch` rows (Newey and West 1987): the
+/// scatter of their sums over all stretches, those that overlap included; at the ends these reach beyond the record, so
+/// that each row counts alike.
+fn long_run(influence: &[Vec<f64>], stretch: usize) -> DMatrix<f64> {
     let sums: Vec<Vec<f64>> = influence
         .iter()
         .map(|pull| {
             let mut sum = 0.0;
-            (0..rows + stretch - 1)
+            (0..pull.len() + stretch - 1)
                 .map(|row| {
                     sum += pull.get(row).copied().unwrap_or(0.0);
                     sum -= row.checked_sub(stretch).map_or(0.0, |row| pull[row]);
@@ -78,21 +85,8 @@ pub(crate) fn robust(
                 .collect()
         })
         .collect();
+    let n = influence.len();
     DMatrix::from_fn(n, n, |k, j| dot(&sums[k], &sums[j]) / stretch as f64)
-}
-
-/// Variance of the sum of `pulls` on a parameter, of a fit that leaves `left`, whatever the colour of either.
-pub(crate) fn long_run_variance(pulls: &[f64], left: &[f64]) -> f64 {
-    let rows = pulls.len();
-    let length = correlated(&left[..left.len().min(CORRELATED_ROWS)]);
-    let stretch = ((LENGTHS * length) as usize).clamp(1, (rows / 6).max(1));
-    let (mut sum, mut square) = (0.0, 0.0);
-    for row in 0..rows + stretch - 1 {
-        sum += pulls.get(row).copied().unwrap_or(0.0);
-        sum -= row.checked_sub(stretch).map_or(0.0, |row| pulls[row]);
-        square += sum * sum;
-    }
-    square / stretch as f64
 }
 
 /// A fit's linearisation at its solution.
@@ -129,7 +123,8 @@ impl<'a> Linear<'a> {
     }
 
     /// How far the parameters are from where what is left would be least.
-    pub(crate) fn step(&self) -> Vec<f64> {
+    #[cfg(test)]
+    fn step(&self) -> Vec<f64> {
         let step = &self.inverse * self.unit.tr_mul(self.left);
         step.iter()
             .zip(&self.norms)
@@ -142,19 +137,12 @@ impl<'a> Linear<'a> {
         let (rows, n) = self.unit.shape();
         let most = (rows / (LEAST_STRETCHES * n.max(1))).max(1);
         let stretch = ((LENGTHS * correlated(self.left.as_slice())) as usize).clamp(1, most);
-        // All stretches, those that overlap included; at the ends they reach beyond the record, so that each row counts
-        // alike.
-        let mut pulls = DMatrix::zeros(rows + stretch - 1, n);
-        for (k, column) in self.unit.column_iter().enumerate() {
-            let pull = |row: usize| column[row] * self.left[row];
-            let mut sum = 0.0;
-            for row in 0..rows + stretch - 1 {
-                sum += if row < rows { pull(row) } else { 0.0 };
-                sum -= row.checked_sub(stretch).map_or(0.0, pull);
-                pulls[(row, k)] = sum;
-            }
-        }
-        let spread = pulls.tr_mul(&pulls) / stretch as f64;
+        let pulls: Vec<Vec<f64>> = self
+            .unit
+            .column_iter()
+            .map(|column| column.iter().zip(self.left).map(|(x, e)| x * e).collect())
+            .collect();
+        let spread = long_run(&pulls, stretch);
         // A fit takes of the scatter what its parameters can: their share of the independent stretches.
         let taken = (n * stretch) as f64 / rows as f64;
         let covariance = &self.inverse * spread * &self.inverse / (1.0 - taken);

@@ -7,6 +7,7 @@ use crate::gain::Gain;
 use crate::hypothesis::{Family, Hypothesis, Key};
 use crate::limits::plausible;
 use crate::normal::{Normal, Prior, Solution, With};
+use crate::selection::Evidence;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -86,7 +87,7 @@ impl<'a> Search<'a> {
     /// What a hypothesis would bring.
     pub fn try_one(&mut self, hypothesis: Hypothesis, solution: &Solution) -> Trial {
         let columns = self.columns(&hypothesis);
-        let mut gain = self.normal.gain(&columns, solution, self.whitener);
+        let mut gain = self.normal.gain(&columns, solution);
         if hypothesis.family == Family::AxialCompliance {
             // Its column is the whole difference to the softer screw: the parameter is 1 or the shape is wrong.
             let value = gain.values[0];
@@ -114,7 +115,14 @@ impl<'a> Search<'a> {
     /// Fall of the sum of squares that a hypothesis with given parameters brings.
     pub fn fall_at(&mut self, hypothesis: &Hypothesis, values: &[f64]) -> f64 {
         let columns = self.columns(hypothesis);
-        self.normal.gain_at(&columns, values, self.whitener)
+        self.normal.gain_at(&columns, values)
+    }
+
+    /// What this record says of a trial that another one was fitted to.
+    pub(crate) fn evidence(&mut self, trial: &Trial) -> Evidence {
+        let columns = self.columns(&trial.hypothesis);
+        let effect = Column::default().plus(columns.iter(), &trial.gain.values);
+        Evidence::new(&self.normal, effect)
     }
 
     /// All trials under the present regression, the best first.
@@ -145,14 +153,14 @@ impl<'a> Search<'a> {
     /// Adds a hypothesis to the regression.
     pub fn add(&mut self, hypothesis: &Hypothesis) {
         for (column, prior) in self.entries(hypothesis) {
-            self.normal.push(column, prior, self.whitener);
+            self.normal.push(column, prior);
         }
     }
 
     /// The regression with a hypothesis, all parameters solved again within their bounds.
     pub(crate) fn with(&mut self, hypothesis: &Hypothesis) -> With {
         let entries = self.entries(hypothesis);
-        self.normal.with(&entries, self.whitener)
+        self.normal.with(&entries)
     }
 
     /// Fall of the sum of squares in each channel that a hypothesis brings, all parameters solved again.

@@ -11,7 +11,7 @@ use nalgebra::{DMatrix, DVector, Dyn};
 /// Rows that are left out at either end.
 pub(super) const MARGIN: usize = 100;
 /// Evaluations of a fit, as a multiple of its parameters.
-const PATIENCE: usize = 3;
+const PATIENCE: usize = 10;
 /// Every how many rows of the filtered error one is used.
 const STEP: usize = 3;
 
@@ -130,6 +130,11 @@ fn start(axis: &Axis, free: Free) -> DVector<f64> {
 
 /// The model that follows a record's force best over `rows`.
 pub(super) fn fitted(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -> Axis {
+    converged(axis, record, free, rows).0
+}
+
+/// The same, and whether the optimiser says that it came to a minimum.
+pub(super) fn converged(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -> (Axis, bool) {
     let measured = butterworth_100(&record.force(), record.rate);
     let problem = Problem {
         axis: axis.clone(),
@@ -139,12 +144,13 @@ pub(super) fn fitted(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -
         rows,
         parameters: start(axis, free),
     };
-    let (problem, _) = LevenbergMarquardt::new()
+    let (problem, report) = LevenbergMarquardt::new()
         .with_ftol(3e-5)
         .with_xtol(3e-5)
         .with_patience(PATIENCE)
         .minimize(problem);
-    problem.axis_at(&problem.parameters)
+    let axis = problem.axis_at(&problem.parameters);
+    (axis, report.termination.was_successful())
 }
 
 /// Covariance of the parameters at a fit, in their units: the base four, the terms', then the orders.

@@ -16,6 +16,6 @@ pub use axis::{Axis, Term};
 pub use file::AxisModelError;
 pub(crate) use filter::butterworth;
 pub use record::{Law, Record};
-pub use select::{LEAST, Trial};
+pub use select::Trial;
 pub use simulate::Run;
 pub use study::{Errors, Stage, Study};

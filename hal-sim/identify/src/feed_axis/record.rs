@@ -77,6 +77,13 @@ impl Record {
         self.position.len()
     }
 
+    /// Way between the ends of the travel, m.
+    pub(super) fn travel(&self) -> f64 {
+        let ends = |(low, high): (f64, f64), x: &f64| (low.min(*x), high.max(*x));
+        let (low, high) = self.position.iter().fold((f64::MAX, f64::MIN), ends);
+        (high - low).max(0.0)
+    }
+
     /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()

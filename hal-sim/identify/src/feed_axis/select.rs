@@ -1,19 +1,21 @@
 //! Which effects an axis has, from one record alone.
 //!
-//! The record's operating points (stretches of one speed and direction) are dealt into two hands. A model is fitted on
-//! either hand and judged by the force error on the other. All terms of friction and amplifier are put in together, since
-//! some hide each other; then orders of the screw, the strongest first, as long as each lowers the error by at least
-//! [`LEAST`]; then each term is taken out in turn, the least certain first, and stays out if that costs less than
-//! [`LEAST`]. No other record is looked at.
+//! Two-fold cross-validation over the record's operating points (stretches of one speed and direction): a model is fitted
+//! on either fold and judged by the force error on the other, by the criterion of all machines
+//! ([`selection`](crate::selection)). All terms of friction and amplifier are put in together, since some hide each
+//! other; then orders of the screw, the strongest first, as long as each is worth it; then each term is taken out in
+//! turn, the least certain first, and stays out if it was not worth it. No other record is looked at.
 
 use super::axis::{Axis, Term};
 use super::filter::butterworth_100;
 use super::fit::{Free, MARGIN, covariance, fitted};
 use super::record::Record;
+use crate::design::{Column, dot};
+use crate::limits::plausible_on_axis;
+use crate::normal::Normal;
+use crate::selection::{Evidence, MATERIAL_OF_ERROR, TOO_LITTLE};
 use std::f64::consts::TAU;
 
-/// Share by which a term must lower the force error on what it was not fitted to.
-pub const LEAST: f64 = 0.01;
 /// Orders at most.
 const MOST: usize = 8;
 /// Length of record that a search uses, s: a lap or two of a programme; the fit that follows uses all of it.
@@ -40,20 +42,20 @@ pub struct Trial {
     pub term: Term,
     /// Share by which the force error on what was not fitted is less with it.
     pub fall: f64,
-    /// Whether it was taken.
-    pub taken: bool,
+    /// Why it was not taken.
+    pub lost: Option<&'static str>,
 }
 
-/// The two hands of a record's rows.
-pub(super) fn hands(record: &Record) -> [Vec<usize>; 2] {
+/// The two folds of a record's rows.
+pub(super) fn folds(record: &Record) -> [Vec<usize>; 2] {
     let speed = crate::fourier::slope(
         &butterworth_100(&record.reference, record.rate),
         record.rate,
     );
     let top = speed.iter().fold(0.0_f64, |most, v| most.max(v.abs()));
-    let mut hands = [Vec::new(), Vec::new()];
+    let mut folds = [Vec::new(), Vec::new()];
     // Segments end where the reference all but stands still. Each second stroke is dealt the other way round, so that
-    // both hands have all speeds, though not in the same direction.
+    // both folds have all speeds, though not in the same direction.
     let (mut segment, mut stroke, mut moving, mut way) = (0_usize, 0_usize, false, 0.0);
     for (row, v) in speed.iter().enumerate() {
         let now = v.abs() > 0.05 * top;
@@ -68,45 +70,62 @@ pub(super) fn hands(record: &Record) -> [Vec<usize>; 2] {
         }
         moving = now;
         if (MARGIN..record.len() - MARGIN).contains(&row) {
-            hands[(segment + stroke) % 2].push(row);
+            folds[(segment + stroke) % 2].push(row);
         }
     }
-    hands
+    folds
 }
 
-fn error(axis: &Axis, record: &Record, rows: &[usize]) -> f64 {
+/// Force that a model leaves of some rows of a record, N.
+fn left(axis: &Axis, record: &Record, rows: &[usize]) -> Vec<f64> {
     let simulated = butterworth_100(&axis.simulate(record).force, record.rate);
     let measured = butterworth_100(&record.force(), record.rate);
-    let square: f64 = rows
-        .iter()
-        .map(|&k| (simulated[k] - measured[k]).powi(2))
-        .sum();
-    (square / rows.len().max(1) as f64).sqrt()
+    rows.iter().map(|&k| measured[k] - simulated[k]).collect()
 }
 
-/// Models fitted on either hand, and the force error on the other, N.
+/// Models fitted on either fold, and what they leave of the other, N.
 struct Pair<'a> {
     record: &'a Record,
-    hands: &'a [Vec<usize>; 2],
+    folds: &'a [Vec<usize>; 2],
     fits: [Axis; 2],
-    error: f64,
+    left: Vec<f64>,
 }
 
 impl<'a> Pair<'a> {
-    fn new(start: [Axis; 2], record: &'a Record, hands: &'a [Vec<usize>; 2]) -> Self {
-        let mut hand = 0;
-        let fits = start.map(|axis| {
-            hand += 1;
-            fitted(&axis, record, Free::Model, &hands[hand - 1])
-        });
-        let square =
-            error(&fits[0], record, &hands[1]).powi(2) + error(&fits[1], record, &hands[0]).powi(2);
+    fn new(start: [Axis; 2], record: &'a Record, folds: &'a [Vec<usize>; 2]) -> Self {
+        let [first, second] = start;
+        let fits = [(first, 0), (second, 1)]
+            .map(|(axis, fold)| fitted(&axis, record, Free::Model, &folds[fold]));
         Pair {
+            left: [0, 1]
+                .map(|k: usize| left(&fits[k], record, &folds[1 - k]))
+                .concat(),
             record,
-            hands,
+            folds,
             fits,
-            error: (0.5 * square).sqrt(),
         }
+    }
+
+    /// Share by which the force error on what was not fitted is less than without a term, and why that is not enough.
+    fn worth(&self, without: &Pair, term: Term) -> (f64, Option<&'static str>) {
+        let rms = |left: &[f64]| (dot(left, left) / left.len().max(1) as f64).sqrt();
+        let fall = 1.0 - rms(&self.left) / rms(&without.left);
+        if fall < MATERIAL_OF_ERROR {
+            return (fall, Some(TOO_LITTLE));
+        }
+        for fit in &self.fits {
+            let force = fit.limit_v * self.record.force_per_volt.abs();
+            let values = fit.find(term).unwrap_or_default();
+            let travel = self.record.travel();
+            if let Err(reason) = plausible_on_axis(term, values, fit.base[2], force, travel) {
+                return (fall, Some(reason));
+            }
+        }
+        let whole = std::iter::once(0..self.left.len()).collect();
+        let normal = Normal::new(Column::alone(without.left.clone()), &whole);
+        let part =
+            Column::alone(without.left.clone()).plus([&Column::alone(self.left.clone())], &[-1.0]);
+        (fall, Evidence::new(&normal, part).borne_out().err())
     }
 
     /// With other terms, fitted again from where it is.
@@ -115,42 +134,40 @@ impl<'a> Pair<'a> {
             change(&mut axis);
             axis
         });
-        Self::new(start, self.record, self.hands)
+        Self::new(start, self.record, self.folds)
     }
 }
 
 /// Everything that was tried on a record, in the order in which the terms that were taken belong into the model.
 pub fn search(axis: &Axis, record: &Record) -> Vec<Trial> {
     let record = &record.first((LENGTH_S * record.rate) as usize);
-    let hands = hands(record);
+    let folds = folds(record);
     let start = [axis.clone(), axis.clone()];
-    let mut pair = Pair::new(start, record, &hands).changed(|axis| {
+    let mut pair = Pair::new(start, record, &folds).changed(|axis| {
         axis.terms.extend(TERMS.map(|term| (term, term.start())));
     });
     let mut orders = Vec::new();
     while orders.len() < MOST {
-        let Some(term) = strongest_order(&pair.fits, record, &hands) else {
+        let Some(term) = strongest_order(&pair.fits, record, &folds) else {
             break;
         };
         let with = pair.changed(|axis| axis.terms.push((term, term.start())));
-        let fall = 1.0 - with.error / pair.error;
-        let taken = fall >= LEAST;
-        orders.push(Trial { term, fall, taken });
-        if !taken {
+        let (fall, lost) = with.worth(&pair, term);
+        orders.push(Trial { term, fall, lost });
+        if lost.is_some() {
             break;
         }
         pair = with;
     }
-    let certainty = certainty(&pair.fits[0], record, &hands[0]);
+    let certainty = certainty(&pair.fits[0], record, &folds[0]);
     let mut terms: Vec<(f64, Term)> = TERMS.map(|term| (certainty(term), term)).to_vec();
     terms.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut trials = Vec::new();
     for (_, term) in terms {
         let without = pair.changed(|axis| axis.terms.retain(|(known, _)| *known != term));
-        let fall = 1.0 - pair.error / without.error;
-        let taken = fall >= LEAST;
-        trials.push(Trial { term, fall, taken });
-        if !taken {
+        let (fall, lost) = pair.worth(&without, term);
+        trials.push(Trial { term, fall, lost });
+        if lost.is_some() {
             pair = without;
         }
     }
@@ -181,17 +198,17 @@ fn certainty(axis: &Axis, record: &Record, rows: &[usize]) -> impl Fn(Term) -> f
     }
 }
 
-/// The order per turn of the screw at which the error of the fits is strongest, on the hand that each was fitted to,
+/// The order per turn of the screw at which the error of the fits is strongest, on the fold that each was fitted to,
 /// and that they do not have yet.
-fn strongest_order(fits: &[Axis; 2], record: &Record, hands: &[Vec<usize>; 2]) -> Option<Term> {
+fn strongest_order(fits: &[Axis; 2], record: &Record, folds: &[Vec<usize>; 2]) -> Option<Term> {
     let axis = &fits[0];
     let measured = butterworth_100(&record.force(), record.rate);
     let mut rows: Vec<(f64, f64, f64)> = Vec::new();
-    for (fit, hand) in fits.iter().zip(hands) {
+    for (fit, fold) in fits.iter().zip(folds) {
         let run = fit.simulate(record);
         let simulated = butterworth_100(&run.force, record.rate);
         // At speed only: at rest an angle says nothing.
-        let moving = hand
+        let moving = fold
             .iter()
             .step_by(4)
             .filter(|k| run.velocity[**k].abs() > 5e-3);

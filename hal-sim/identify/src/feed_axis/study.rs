@@ -2,7 +2,7 @@
 
 use super::axis::{Axis, Term};
 use super::filter::{butterworth_100, decimated};
-use super::fit::{Free, MARGIN, covariance, fitted};
+use super::fit::{Free, MARGIN, converged, covariance, fitted};
 use super::left::remnants;
 use super::record::{Law, Record};
 use super::select::{Trial, search};
@@ -47,6 +47,8 @@ pub struct Study {
     pub law_left_v: f64,
     /// From lap to lap of a programme that repeats: what no model of the axis explains, N rms; NaN if none repeats.
     pub lap_to_lap_n: f64,
+    /// Effects with which the optimiser stopped by its limit of evaluations and not at a minimum.
+    pub stopped_early: Vec<String>,
     /// The declared model first, then with the controller's own derivative, then effect by effect.
     pub stages: Vec<Stage>,
     /// The stage in which nothing is added yet but mass and friction are fitted.
@@ -178,9 +180,14 @@ impl Study {
         stages.push(stage("mass and friction fitted".into(), axis.clone()));
         let refitted = stages.len() - 1;
         let search = search(&axis, estimate);
-        for trial in search.iter().filter(|trial| trial.taken) {
+        let mut stopped_early = Vec::new();
+        for trial in search.iter().filter(|trial| trial.lost.is_none()) {
             axis.terms.push((trial.term, trial.term.start()));
-            axis = fitted(&axis, estimate, Free::Orders, &rows);
+            let at_minimum;
+            (axis, at_minimum) = converged(&axis, estimate, Free::Orders, &rows);
+            if !at_minimum {
+                stopped_early.push(trial.term.name());
+            }
             stages.push(stage(trial.term.name(), axis.clone()));
         }
         let ideal = Axis {
@@ -195,6 +202,7 @@ impl Study {
             inverse_percent: [inverse(declared, estimate), inverse(declared, test)],
             law_left_v,
             lap_to_lap_n,
+            stopped_early,
             stages,
             refitted,
             search,

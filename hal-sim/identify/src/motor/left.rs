@@ -16,6 +16,7 @@ const HZ: std::ops::Range<f64> = 0.5..100.0;
 pub(super) fn remnants(
     fit: &Fit,
     positions: [&Vec<f64>; 2],
+    open: [Vec<bool>; 2],
     rate: f64,
     noise: f64,
 ) -> Vec<Remnant> {
@@ -45,7 +46,7 @@ pub(super) fn remnants(
         },
     ];
     let rest = Rest {
-        open: positions.map(|position| vec![true; position.len()]),
+        open,
         values: fit.left.clone(),
         rate,
         during: Vec::new(),

@@ -10,5 +10,5 @@ mod study;
 pub use columns::Base;
 pub use orders::Order;
 pub use record::{MotorModel, MotorModelError, Record};
-pub(crate) use study::rms;
+
 pub use study::{Fit, Lag, Lost, Study};

@@ -14,26 +14,13 @@ use crate::lookalike;
 use crate::noise::Noise;
 use crate::normal::Solution;
 use crate::select::{Search, Trial};
+use crate::selection::{
+    AUDIBLE, CLOSE, CONFIRMED, MOST_CONTENDERS, MOST_EFFECTS, NOT_BORNE_OUT, PLAINER, SIMPLIFIED,
+    threshold,
+};
 use crate::unnamed;
 use plant::effects::Place;
 use worth::{inseparable, resolved};
-
-/// What an effect must explain at least, as a share of what noise leaves: smaller than a sixteenth of the noise's rms,
-/// simplifications of the balances explain as much.
-pub const MATERIAL: f64 = 0.004;
-/// Share of that which the check record must confirm, with the parameters of the fit.
-const CONFIRMED: f64 = 0.25;
-/// Hypotheses that are looked at closely in each step.
-const MOST_CONTENDERS: usize = 5;
-/// How much more than any hypothesis a shape without a name must explain: a hypothesis says more with less.
-const PLAINER: f64 = 2.0;
-/// Share of what is explained in a channel that the simplifications of effects may leave there: a tenth of their
-/// amplitude.
-const SIMPLIFIED: f64 = 0.01;
-/// Least power of a shape without a name, of its channel's noise: half of the noise's rms.
-const AUDIBLE: f64 = 0.25;
-/// Share of the best fall within which the check record has a say in the choice.
-const CLOSE: f64 = 0.03;
 
 /// Sums over the channels.
 type ByChannel = [f64; Channel::COUNT];
@@ -56,20 +43,6 @@ fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothe
     vec![trial.hypothesis]
 }
 
-/// Effects of one machine at most, those without a name included.
-const MOST_EFFECTS: usize = 5;
-/// Parameters of a harmonic: cosine, sine and order.
-const PARAMETERS: f64 = 3.0;
-/// Orders, frequencies and other hypotheses of which the best is taken.
-const CANDIDATES: f64 = 1e4;
-
-/// What an effect must lower the sum of squares by over so many rows: what is material, and what the extended Bayesian
-/// information criterion asks of the best of many candidates (Chen and Chen, *Biometrika* 95, 2008, with gamma 1).
-fn threshold(rows: usize) -> f64 {
-    let rows = rows.max(2) as f64;
-    (MATERIAL * rows).max(PARAMETERS * rows.ln() + 2.0 * CANDIDATES.ln())
-}
-
 /// Something significant that is not named, and why.
 #[derive(Clone)]
 pub(crate) struct Doubt {
@@ -80,10 +53,10 @@ pub(crate) struct Doubt {
 }
 
 impl Doubt {
-    fn one_record(trial: Trial) -> Self {
+    fn new(trial: Trial, reason: &'static str) -> Self {
         Doubt {
             trial,
-            reason: "the fit record has it, the check record does not bear it out",
+            reason,
             likeness: false,
         }
     }
@@ -118,16 +91,17 @@ struct Witness<'a, 'b> {
 }
 
 impl Witness<'_, '_> {
-    /// Fall of the check record's sum of squares with the fit's parameters.
-    fn fall(&self, trial: &Trial, others: &[Hypothesis]) -> f64 {
+    /// Fall of the check record's sum of squares with the fit's parameters, and whether it bears the trial out: it must
+    /// fall by a share of what its rows make one expect, and the record have the trial in its size.
+    fn weighed(&self, trial: &Trial, others: &[Hypothesis]) -> (f64, Result<(), &'static str>) {
         let whitener = self.case.whitener(&self.noise);
         let mut search = self.case.search(&whitener, others);
-        search.fall_at(&trial.hypothesis, &trial.gain.values)
-    }
-
-    /// Whether a fall bears a trial out: a share of what its rows make one expect.
-    fn confirms(&self, fall: f64) -> bool {
-        fall > CONFIRMED * threshold(self.rows as usize)
+        let fall = search.fall_at(&trial.hypothesis, &trial.gain.values);
+        let borne_out = match fall > CONFIRMED * threshold(self.rows as usize) {
+            true => search.evidence(trial).borne_out(),
+            false => Err(NOT_BORNE_OUT),
+        };
+        (fall, borne_out)
     }
 }
 
@@ -274,10 +248,10 @@ impl Progress {
             {
                 break;
             }
-            let fall = witness.fall(&contender.trial, others);
-            if !witness.confirms(fall) {
+            let (fall, borne_out) = witness.weighed(&contender.trial, others);
+            if let Err(reason) = borne_out {
                 if best.is_none() {
-                    doubtful.push(Doubt::one_record(contender.trial.clone()));
+                    doubtful.push(Doubt::new(contender.trial.clone(), reason));
                 }
                 continue;
             }
@@ -325,20 +299,17 @@ impl Progress {
         if let Some(trial) = self.unnamed(&mut search, &solution, PLAINER * named)
             && trial.gain.fall > PLAINER * named
         {
-            match witness.confirms(witness.fall(&trial, &others)) {
-                true => accepted = Some((trial.gain.fall, trial)),
-                false => self.doubtful.push(Doubt::one_record(trial)),
+            match witness.weighed(&trial, &others).1 {
+                Ok(()) => accepted = Some((trial.gain.fall, trial)),
+                Err(reason) => self.doubtful.push(Doubt::new(trial, reason)),
             }
         }
         let Some((_, trial)) = accepted else {
             return false;
         };
         if self.found.len() >= MOST_EFFECTS {
-            self.doubtful.push(Doubt {
-                trial,
-                reason: "more was found than one machine has",
-                likeness: false,
-            });
+            let reason = "more was found than one machine has";
+            self.doubtful.push(Doubt::new(trial, reason));
             return false;
         }
         let falls = search.fall_by_channel(&trial.hypothesis);

@@ -8,10 +8,7 @@ use crate::gain::Gain;
 use crate::hypothesis::{Family, Hypothesis};
 use crate::noise::Noise;
 use crate::select::Trial;
-
-/// Share of what is left in a channel that an effect must explain there: less than a quarter of its amplitude is no more
-/// than a likeness.
-const MODEST: f64 = 0.05;
+use crate::selection::MODEST;
 
 impl Progress {
     /// Looks at each effect again with the others in place: another may explain its part better, or its shape move, or
@@ -31,7 +28,7 @@ impl Progress {
             let solution = search.normal.solve(None);
             let own = search.try_one(own, &solution);
             let own = search.at_best(&own);
-            let own_on_check = witness.fall(&own, &others);
+            let (own_on_check, borne_out) = witness.weighed(&own, &others);
             let mut trials = search.trials(&solution);
             trials.retain(|trial| {
                 !others
@@ -60,7 +57,7 @@ impl Progress {
                     self.found[k] = trial.hypothesis;
                     self.falls[k] = trial.gain.fall;
                 }
-                None if own.gain.fall < worth || !witness.confirms(own_on_check) => {
+                None if own.gain.fall < worth || borne_out.is_err() => {
                     self.forget(k);
                     changed = true;
                     continue;

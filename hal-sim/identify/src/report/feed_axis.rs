@@ -6,10 +6,12 @@ use super::{
 };
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::interval::Estimate;
+use crate::limits::Refusal;
 use crate::records::DataQuality;
 use crate::remains::whiteness;
 use crate::rest;
 use crate::sandwich::{Wave, interval};
+use crate::selection::{MATERIAL_OF_ERROR, TOO_LITTLE};
 use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -69,7 +71,18 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
     Report {
         verdict: judged.verdict.name(),
         summary: judged.sentence,
-        refused: Vec::new(),
+        refused: study
+            .search
+            .iter()
+            .filter_map(|trial| {
+                Some(Refusal {
+                    hypothesis: trial.term.kind().into(),
+                    place: trial.term.place().into(),
+                    reason: trial.lost.filter(|reason| *reason != TOO_LITTLE)?,
+                    trials: 1,
+                })
+            })
+            .collect(),
         residual: vec![Residual {
             channel: "force".into(),
             unit: "N".into(),
@@ -254,28 +267,32 @@ fn selection(study: &Study) -> Selection {
                 _ => None,
             },
             fall: trial.fall,
-            outcome: match trial.taken {
-                true => "taken",
-                false => "below the threshold on what it was not fitted to",
-            }
-            .into(),
+            outcome: trial.lost.unwrap_or("taken").into(),
         })
         .collect();
     Selection {
         rule: format!(
-            "Chosen on the fit record alone: each stretch of one speed and direction is dealt into one of two hands, a model is \
-             fitted on either and judged by the force error on the other. A term stays if it lowers that error by at least \
-             {:.0} %. The controller's output follows its law to {:.1} mV rms with dq/dt as the difference over the \
+            "Chosen on the fit record alone by two-fold cross-validation: each stretch of one speed and direction belongs to one of \
+             two folds, a model is fitted on either and judged by the force error on the other. A term stays if it lowers \
+             that error by at least {:.0} % and is there in its size, more than three standard deviations from 0 (Newey and \
+             West). The controller's output follows its law to {:.1} mV rms with dq/dt as the difference over the \
              periods that the table names; with dq/dt as it is the declared model's error is the first row's. Force error of \
-             the declared inverse model: {:.2} % on the fit record, {:.2} % on the check record. {}",
-            100.0 * feed_axis::LEAST,
+             the declared inverse model: {:.2} % on the fit record, {:.2} % on the check record. {}{}",
+            100.0 * MATERIAL_OF_ERROR,
             1e3 * study.law_left_v,
             study.inverse_percent[0],
             study.inverse_percent[1],
+            match study.stopped_early.is_empty() {
+                true => String::new(),
+                false => format!(
+                    "The fit stopped by its limit of evaluations, not at a minimum, with: {}. ",
+                    study.stopped_early.join(", ")
+                ),
+            },
             rest::rule(),
         ),
         tried: study.search.len(),
-        threshold: feed_axis::LEAST,
+        threshold: MATERIAL_OF_ERROR,
         measure: "share by which the force error falls on what was not fitted",
         trials,
     }

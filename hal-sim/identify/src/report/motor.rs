@@ -1,9 +1,10 @@
 //! The report of a bare motor.
 
 use super::{Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
+use crate::design::counted;
 use crate::interval::Estimate;
 use crate::limits::Refusal;
-use crate::motor::{Fit, Lag, MotorModel, Study, rms};
+use crate::motor::{Fit, Lag, MotorModel, Study};
 use crate::records::DataQuality;
 use crate::remains::whiteness;
 use crate::rest;
@@ -38,7 +39,7 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
         name: "current".into(),
         unit: "A".into(),
         residual: [study.before.left[0].clone(), study.after.left[0].clone()],
-        open: vec![true; rows],
+        open: study.open[0].clone(),
         turn: coordinate("Angle of the motor, turns", true, study.position[0].clone()),
         marks,
         over: vec![
@@ -49,7 +50,7 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
     // A band of 100 Hz is white at 200 values a second only.
     let step = ((rate / 200.0) as usize).max(1);
     let every: Vec<f64> = study.after.left[0].iter().copied().step_by(step).collect();
-    let left = |fit: &Fit, k: usize| rms(&fit.left[k]);
+    let left = |fit: &Fit, k: usize| study.left_rms(fit, k);
     let unexplained: Vec<Left> = study
         .remnants
         .iter()
@@ -59,16 +60,7 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
     Report {
         verdict: judged.verdict.name(),
         summary: judged.sentence,
-        refused: study
-            .not_told_apart
-            .iter()
-            .map(|(base, reason)| Refusal {
-                hypothesis: base.name().0.into(),
-                place: "motor".into(),
-                reason,
-                trials: 1,
-            })
-            .collect(),
+        refused: refused(study),
         residual: vec![Residual {
             channel: "current".into(),
             unit: "A".into(),
@@ -89,11 +81,12 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
                 "An order is taken that explains most of the fit record, more than chance makes of a residual of that colour \
                  (Newey and West), and that the check record bears out: regressed there on the order as the fit record has it, \
                  the coefficient is near 1 and more than three standard deviations from 0. The current passes a 100 Hz \
-                 zero-phase filter; its error on the record that was not fitted falls from {:.1} to {:.2} % of its rms. At one \
-                 speed an order and a frequency are one; a record at another speed tells them apart. One order can have \
+                 zero-phase filter; its error on the record that was not fitted falls from {:.1} to {:.2} % of its rms; {:.0} % of \
+                 its rows, whose speed and acceleration are outside of what the fit record has, do not count. At one speed an order and a frequency are one; a record at another speed tells them apart. One order can have \
                  several causes, which a record of the current alone cannot tell apart. {}",
                 study.before_percent(),
                 study.after_percent(),
+                100.0 * (1.0 - counted(&study.open[1]) as f64 / study.open[1].len().max(1) as f64),
                 rest::rule()
             ),
             tried: study.tried,
@@ -128,10 +121,25 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
     }
 }
 
+/// What was not fitted or not tried.
+fn refused(study: &Study) -> Vec<Refusal> {
+    let of = |name: &str, reason, trials| Refusal {
+        hypothesis: name.into(),
+        place: "motor".into(),
+        reason,
+        trials,
+    };
+    let base = study.not_told_apart.iter();
+    let (orders, reason) = study.not_tried;
+    base.map(|(base, reason)| of(base.name().0, reason, 1))
+        .chain((orders > 0).then(|| of("order of the turn", reason, orders)))
+        .collect()
+}
+
 /// By the check record's current error against the current's own noise above the dynamics.
 fn judged(study: &Study, names: usize, left: usize) -> Judged {
-    let rms = [&study.before, &study.after].map(|fit| rms(&fit.left[1]));
-    let rows = study.after.left[1].len();
+    let rms = [&study.before, &study.after].map(|fit| study.left_rms(fit, 1));
+    let rows = counted(&study.open[1]);
     let channel = CheckChannel {
         name: "current",
         unit: "A",

@@ -1,6 +1,7 @@
 //! `cargo xtask bench identify`: the identification against its goals.
 
 mod alone;
+mod clean;
 mod outside;
 
 use super::BenchOptions;
@@ -37,9 +38,14 @@ pub(super) fn run(options: &BenchOptions) -> Result<()> {
         pmsm,
         outside,
         wrong,
+        clean,
     } = Sample::of(options.long);
+    let pmsm = alone::drawn(pmsm[0], pmsm[1]);
+    let mut clean = clean::measure(clean);
+    clean["pmsm"] = json!({ "runs": pmsm["clean"], "false_alarms": pmsm["false_alarms"] });
     let more = json!({
-        "pmsm": alone::drawn(pmsm[0], pmsm[1]),
+        "pmsm": pmsm,
+        "clean": clean,
         "outside": outside::measure(outside),
         "wrong_data": super::wrong_data::measure(wrong[0], wrong[1])?,
     });
@@ -64,6 +70,8 @@ struct Sample {
     outside: usize,
     /// Machines whose data is got wrong in each way, and machines with sound data.
     wrong: [u64; 2],
+    /// Clean motors and feed axes.
+    clean: [u64; 2],
 }
 
 impl Sample {
@@ -74,11 +82,13 @@ impl Sample {
                 pmsm: [200, 300],
                 outside: 306,
                 wrong: [5, 200],
+                clean: [300, 300],
             },
             false => Sample {
-                pmsm: [6, 3],
-                outside: 6,
+                pmsm: [11, 8],
+                outside: 34,
                 wrong: [1, 4],
+                clean: [24, 2],
             },
         }
     }

@@ -1,0 +1,159 @@
+//! Clean motors and feed axes, made from their own laws: whatever is named on them is a false alarm.
+
+use identify::feed_axis::{self, Axis, Study};
+use identify::motor;
+use identify::records::DataQuality;
+use serde_json::{Value, json};
+use std::f64::consts::TAU;
+
+const RATE: f64 = 1000.0;
+
+/// Noise of variance 1 of which a share is kept from row to row.
+struct Noise {
+    state: u64,
+    kept: f64,
+    last: f64,
+}
+
+impl Noise {
+    fn new(seed: u64, kept: f64) -> Self {
+        Noise {
+            state: seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1,
+            kept,
+            last: 0.0,
+        }
+    }
+
+    fn next(&mut self) -> f64 {
+        // Twelve even numbers make nearly a normal one.
+        let even = (0..12).map(|_| {
+            self.state = self
+                .state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1_442_695_040_888_963_407);
+            (self.state >> 11) as f64 / (1_u64 << 53) as f64
+        });
+        let new = even.sum::<f64>() - 6.0;
+        self.last = self.kept * self.last + (1.0 - self.kept * self.kept).sqrt() * new;
+        self.last
+    }
+}
+
+/// Speed of a motor over time, rad/s, by kind: slow, fast, varying, reversing.
+fn speed(kind: u64, t: f64) -> f64 {
+    match kind {
+        0 => 0.8,
+        1 => 55.0,
+        2 => 12.0 + 9.0 * (1.3 * t).sin() + 2.0 * (4.1 * t).cos(),
+        _ => 15.0 * (1.1 * t).sin(),
+    }
+}
+
+/// A motor with inertia and friction only: white and coloured noise, slow, fast, varying and reversing, encoders fine and
+/// coarse.
+fn motor_record(seed: u64, kind: u64, kept: f64, counts: f64) -> motor::Record {
+    let mut noise = Noise::new(seed, kept);
+    let (mut angle, mut position, mut current) = (0.0, Vec::new(), Vec::new());
+    for k in 0..(10.0 * RATE) as usize {
+        let t = k as f64 / RATE;
+        let [before, w, after] = [t - 1.0 / RATE, t, t + 1.0 / RATE].map(|t| speed(kind, t));
+        let acceleration = 0.5 * RATE * (after - before);
+        angle += w / RATE;
+        let count = TAU / counts;
+        position.push((angle / count).round() * count);
+        let friction = 0.15 * (w / 0.05).tanh() + 1e-3 * w;
+        current.push(0.02 + friction + 2e-3 * acceleration + 0.03 * noise.next());
+    }
+    motor::Record {
+        rate: RATE,
+        position,
+        current,
+        account: DataQuality::default(),
+    }
+}
+
+/// Clean motors, and those on which something is named.
+fn motors(runs: u64) -> Value {
+    let alarms = (0..runs).filter(|run| {
+        let kind = run % 4;
+        let kept = [0.0, 0.9][(run / 4 % 2) as usize];
+        let counts = [2048.0, 20_000.0, 1e6][(run / 8 % 3) as usize];
+        let [fit, check] = [2, 3].map(|k| motor_record(60_000 + 2 * run + k, kind, kept, counts));
+        let study = motor::Study::new(&fit, &check, None);
+        let names: Vec<u32> = study.orders.iter().map(|order| order.order).collect();
+        let alarm = !names.is_empty() || study.lag.is_some();
+        if alarm {
+            eprintln!(
+                "clean motor {run}, kind {kind}, kept {kept}, {counts} counts: {names:?}, {:?}",
+                study.lag
+            );
+        }
+        alarm
+    });
+    json!({ "runs": runs, "false_alarms": alarms.count() })
+}
+
+/// A position loop that runs strokes of about a second each.
+fn axis_record(axis: &Axis, seed: u64, kept: f64) -> feed_axis::Record {
+    let strokes = [2.0, -3.0, 3.0, -2.0, 0.7, -1.2, 1.2, -0.7];
+    let mut at = 0.0;
+    let reference: Vec<f64> = (0..8 * RATE as usize)
+        .map(|k| {
+            at += axis.lead_m * strokes[k / RATE as usize % 8] / RATE;
+            at
+        })
+        .collect();
+    let nothing = vec![0.0; reference.len()];
+    let mut record = feed_axis::Record {
+        rate: RATE,
+        position: nothing.clone(),
+        output: nothing.clone(),
+        pulses: nothing,
+        reference,
+        force_per_volt: 35.0,
+        kp: 160.0,
+        kv: 240.0,
+        account: DataQuality::default(),
+    };
+    let run = axis.simulate(&record);
+    let mut noise = Noise::new(seed, kept);
+    let volts = |force: &f64| force / record.force_per_volt;
+    record.output = run
+        .force
+        .iter()
+        .map(volts)
+        .map(|u| u + 0.02 * noise.next())
+        .collect();
+    record.position = run.position;
+    record
+}
+
+/// Clean feed axes, and those on which something is named.
+fn axes(runs: u64) -> Value {
+    let declared = Axis {
+        law: feed_axis::Law::Difference(2),
+        ..Axis::published()
+    };
+    let alarms = (0..runs).filter(|run| {
+        let kept = [0.0, 0.9][(run % 2) as usize];
+        let [fit, check] = [0, 1].map(|k| axis_record(&declared, 70_000 + 2 * run + k, kept));
+        let study = Study::new(&declared, &fit, &check);
+        let names: Vec<&str> = study
+            .last()
+            .axis
+            .terms
+            .iter()
+            .map(|(term, _)| term.kind())
+            .collect();
+        if !names.is_empty() {
+            eprintln!("clean feed axis {run}, kept {kept}: {names:?}");
+        }
+        !names.is_empty()
+    });
+    json!({ "runs": runs, "false_alarms": alarms.count() })
+}
+
+/// Clean machines of so many of each kind.
+pub(super) fn measure([of_motors, of_axes]: [u64; 2]) -> Value {
+    json!({ "motor": motors(of_motors), "feed_axis": axes(of_axes) })
+}
