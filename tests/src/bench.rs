@@ -429,20 +429,38 @@ impl Bench {
     /// # Errors
     /// The state did not come.
     pub fn wait_for(&mut self, state: u32, seconds: f64) -> Result<(), String> {
-        const LOOK: f64 = 200e-6;
-        let mut left = seconds;
-        while left > 0.0 {
-            // Until it has started there is no view.
-            if self.status().is_ok_and(|status| status.state == state) {
-                return Ok(());
+        let what = format!("the drive's state {state}");
+        // Until it has started there is no view.
+        let there = |bench: &mut Self| Ok(bench.status().is_ok_and(|status| status.state == state));
+        self.until(&what, seconds, 200e-6, there).map(|_| ())
+    }
+
+    /// Lets time pass, `look` s at a time, until `there`, for at most `seconds` of the chip's time: how long it took, s.
+    /// Every wait of a test goes through here, so that none is without end.
+    ///
+    /// # Errors
+    /// It did not come: what was waited for, how long, and what the drive is doing instead. Or as [`Bench::pass`].
+    pub fn until(
+        &mut self,
+        what: &str,
+        seconds: f64,
+        look: f64,
+        mut there: impl FnMut(&mut Self) -> Result<bool, String>,
+    ) -> Result<f64, String> {
+        let mut passed = 0.0;
+        while !there(self)? {
+            if passed > seconds {
+                return Err(format!(
+                    "{what}: not there after {:.1} us, expected within {:.1} us; the drive is at {:?}",
+                    1e6 * passed,
+                    1e6 * seconds,
+                    self.status()
+                ));
             }
-            self.pass(LOOK)?;
-            left -= LOOK;
+            self.pass(look)?;
+            passed += look;
         }
-        Err(format!(
-            "the drive is not in state {state} after {seconds} s: {:?}",
-            self.status()?
-        ))
+        Ok(passed)
     }
 
     /// Asks for a table velocity, m/s, and a base speed, rad/s.

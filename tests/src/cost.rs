@@ -1,6 +1,6 @@
 //! What the interrupts cost: measured on the emulated drive, and bounded from the code.
 
-use crate::bench::{Bench, READY};
+use crate::bench::{Bench, READY, firmware};
 use crate::chip::CORE_HZ;
 use crate::emulator::Cost;
 use crate::graph::{Graph, LoopBound};
@@ -195,6 +195,18 @@ pub fn measure() -> Result<Report, String> {
         stack_seen: bench.emulator.stack_used()?,
         stack_room,
     })
+}
+
+/// Cycles of the longest way through the handler that opens the bridges when a current loop hangs.
+///
+/// # Errors
+/// The firmware does not build, or why the code has no bound.
+pub fn hung_loop_cycles() -> Result<u64, String> {
+    // Six accesses to timers, of two cycles each on their bus.
+    const BUS: u64 = 12;
+    let image = Image::read(&firmware()?)?;
+    let start = image.symbol("TIM7")? & !1;
+    Ok(Graph::new(&image).longest(start, &LOOPS)? + ENTRY + EXIT + BUS)
 }
 
 /// Bytes of stack that all nested tasks can take at most.

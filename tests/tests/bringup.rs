@@ -35,6 +35,16 @@ fn ask(bench: &mut Bench) -> Result<(Readings, Report), String> {
     Ok((readings, report))
 }
 
+/// Writes the page where `DDFEED_BRINGUP_PAGE` says, for a look at it.
+fn keep_page(report: &Report, name: &str) -> Result<(), String> {
+    let Ok(folder) = std::env::var("DDFEED_BRINGUP_PAGE") else {
+        return Ok(());
+    };
+    let path = std::path::Path::new(&folder).join(format!("{name}.html"));
+    std::fs::write(&path, xtask::bringup::page(report))
+        .map_err(|error| format!("cannot write {}: {error}", path.display()))
+}
+
 /// Puts `fault` in, and expects the findings `ids` and no other, and `says` among their words.
 fn finds(
     board: Wiring,
@@ -45,6 +55,7 @@ fn finds(
     let mut bench = bench(board)?;
     fault(&mut bench);
     let (_, report) = ask(&mut bench)?;
+    keep_page(&report, ids.last().unwrap_or(&"open"))?;
     let mut found: Vec<_> = report
         .of(Verdict::Finding)
         .map(|item| item.id.as_str())
@@ -66,10 +77,7 @@ fn a_healthy_board_has_no_finding_and_its_drive_starts() -> Result<(), String> {
         let began = std::time::Instant::now();
         let (readings, report) = ask(&mut bench)?;
         println!("{board:?}: {:?}\n{}", began.elapsed(), report.text());
-        if let Ok(folder) = std::env::var("DDFEED_BRINGUP_PAGE") {
-            let page = xtask::bringup::page(&report);
-            std::fs::write(format!("{folder}/{board:?}.html"), page).unwrap();
-        }
+        keep_page(&report, &format!("{board:?}"))?;
         assert_eq!(readings.stage(), Some(Stage::Done));
         assert_eq!(report.findings, 0, "{}", report.text());
         assert!(

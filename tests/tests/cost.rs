@@ -2,7 +2,8 @@
 
 use serde_json::Value;
 use std::path::Path;
-use tests::cost::{BASELINE, measure};
+use tests::cost::{BASELINE, hung_loop_cycles, measure};
+use tests::timing::MODEL_ERROR_PERCENT;
 
 /// How far a figure may rise above the baseline, and fall below it before the baseline has to be renewed.
 const RISE: f64 = 1.02;
@@ -53,6 +54,26 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
     let [screw, nut, speed] = &report.rows[..] else {
         return Err("three interrupts".into());
     };
+    // The two current loops are half a period apart and have one priority: each ends before the other begins.
+    for (row, rate_hz) in [(screw, 40e3), (nut, 40e3)] {
+        let half = 170e6 / rate_hz / 2.0;
+        let longest = row.bound as f64 * (1.0 + MODEL_ERROR_PERCENT / 100.0);
+        assert!(
+            longest < half,
+            "the {}'s longest path takes {longest:.0} cycles with the model's error, expected less than {half:.0}, half a \
+             period at 40 kHz",
+            row.interrupt.name
+        );
+    }
+    // It ends before it is due again, with both current loops in between, eight times each at 40 kHz.
+    let period = 170e6 / speed.interrupt.rate_hz;
+    let loops = 8.0 * (screw.bound + nut.bound) as f64;
+    assert!(
+        speed.bound as f64 + loops < period,
+        "the speed task's longest path takes {} cycles and {loops} of current loops in between at 40 kHz, expected less than \
+         {period} together",
+        speed.bound
+    );
     let both = screw.typical.cycles + nut.typical.cycles;
     // The goal is 740, and was met with two shunts a motor before the boards' third and the bootstrap charge came.
     assert!(
@@ -77,5 +98,18 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
         "half as much stack again is there"
     );
     assert!(report.stack_seen <= report.stack_bytes);
+    Ok(())
+}
+
+/// After a debugger's halt the outputs may follow old compare values until this handler has opened the bridges
+/// (`firmware/src/hw/protection.rs` says under 1 us).
+#[test]
+fn the_bridges_are_open_within_a_microsecond_of_a_hung_loop() -> Result<(), String> {
+    let cycles = hung_loop_cycles()?;
+    println!("TIM7's handler: at most {cycles} cycles");
+    assert!(
+        cycles <= 170,
+        "TIM7's handler takes up to {cycles} cycles to its end, expected at most 170, 1 us"
+    );
     Ok(())
 }

@@ -34,15 +34,8 @@ fn enabled(bench: &mut Bench, motor: Motor) -> bool {
 /// Time from now until the bridge of `motor` is off, s, to a microsecond.
 fn until_off(bench: &mut Bench, motor: Motor, at_most: f64) -> Result<f64, String> {
     let start = bench.emulator.chip().now;
-    while enabled(bench, motor) {
-        let passed = (bench.emulator.chip().now - start) as f64 / CORE_HZ as f64;
-        if passed > at_most {
-            return Err(format!(
-                "the bridge of the {motor:?} is still on after {passed} s"
-            ));
-        }
-        bench.pass(1e-6)?;
-    }
+    let what = format!("the {motor:?}'s bridge off");
+    bench.until(&what, at_most, 1e-6, |bench| Ok(!enabled(bench, motor)))?;
     Ok((bench.emulator.chip().now - start) as f64 / CORE_HZ as f64)
 }
 

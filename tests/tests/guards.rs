@@ -31,18 +31,7 @@ fn on(bench: &mut Bench) -> bool {
 
 /// Time until both bridges are off, s, and the cause is this.
 fn stops(bench: &mut Bench, cause: Fault, at_most: f64) -> Result<f64, String> {
-    const LOOK: f64 = 20e-6;
-    let mut passed = 0.0;
-    while on(bench) {
-        if passed > at_most {
-            return Err(format!(
-                "a bridge is on after {passed} s: {:?}",
-                bench.status()?
-            ));
-        }
-        bench.pass(LOOK)?;
-        passed += LOOK;
-    }
+    let passed = bench.until("both bridges off", at_most, 20e-6, |bench| Ok(!on(bench)))?;
     let status = bench.status()?;
     assert_eq!((status.state, status.fault), (FAULT, cause.word()));
     Ok(passed)

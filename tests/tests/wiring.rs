@@ -6,6 +6,7 @@ use plant::model::Model;
 use std::path::Path;
 use stm32_metapac::metadata::METADATA;
 use tests::bench::{Bench, READY};
+use tests::chip::outside::Circuit;
 use xtask::wiring::{Row, rows};
 
 const INPUT: u32 = 0;
@@ -72,5 +73,35 @@ fn the_firmware_claims_the_pins_of_the_wiring_page_and_no_others() -> Result<(),
             ),
         }
     }
+    Ok(())
+}
+
+/// The chip pulls PB6 down with 5.1 kohm while PA9 is high (RM0440 6.4.3, UCPD1_DBDIS): a scale whose output has a pull-up
+/// of 10 kohm instead of a driver would read low with each pulse of the screw's phase b.
+#[test]
+fn the_scale_is_not_loaded_by_the_bridges_pulses() -> Result<(), String> {
+    const PB6: (usize, u32) = (1, 6);
+    const PA9: (usize, u32) = (0, 9);
+    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    let outside = &mut bench.emulator.chip().outside;
+    outside.circuits.insert(PB6, Circuit::PullUp(10e3));
+    bench.wait_for(READY, 0.2)?;
+    bench.run(1)?;
+    bench.pass(10e-3)?;
+    let mut pulses = 0;
+    for _ in 0..200 {
+        bench.pass(0.7e-6)?;
+        let chip = bench.emulator.chip();
+        pulses += u32::from(chip.level(PA9));
+        assert!(
+            chip.level(PB6),
+            "PB6, which a scale holds high through 10 kohm, reads low while PA9 is {}",
+            if chip.level(PA9) { "high" } else { "low" }
+        );
+    }
+    assert!(
+        (20..180).contains(&pulses),
+        "PA9 was high in {pulses} of 200 looks, expected about half"
+    );
     Ok(())
 }

@@ -48,23 +48,8 @@ impl Sampling {
     ];
     /// The ADCs' clock, Hz.
     const ADC_HZ: f64 = CORE_HZ as f64 / 4.0;
-    /// The sampling capacitor, F, and the switch before it, ohm (DS12288, ADC characteristics: C_ADC, R_ADC; memory).
+    /// The sampling capacitor, F (DS12288, ADC characteristics: C_ADC; memory).
     const CAPACITOR_F: f64 = 5e-12;
-    const SWITCH_OHM: f64 = 1000.0;
-    /// The pin with its trace, F.
-    #[allow(dead_code, reason = "not every board has a source without a capacitor")]
-    const PIN_F: f64 = 10e-12;
-    /// Time constants to half a count of 12 bits: ln(2^13).
-    const TIME_CONSTANTS: f64 = 9.01;
-
-    /// What a source of `ohms` without a capacitor of its own needs, so that it settles to half a count: AN2834 4.2.6,
-    /// `t = (R + R_ADC) C_ADC ln(2^(N+1))`, with the pin's own capacitance beside that of the ADC.
-    #[allow(dead_code, reason = "not every board has such a source")]
-    pub(crate) const fn from(ohms: f64) -> Self {
-        let seconds = ((ohms + Self::SWITCH_OHM) * Self::CAPACITOR_F + ohms * Self::PIN_F)
-            * Self::TIME_CONSTANTS;
-        Self::of_at_least(seconds)
-    }
 
     /// The shortest that is at least so long, s: an amplifier's settling, for one.
     pub(crate) const fn of_at_least(seconds: f64) -> Self {
@@ -79,13 +64,15 @@ impl Sampling {
     }
 
     /// What a pin with a capacitor of `farads` to ground needs, whatever stands before it: the capacitor gives its charge,
-    /// and is so large that half a count is not missed. Fails to compile, in a constant, below 41 nF.
+    /// and is so large that half a count is not missed. It is 6.5 clocks, the least that the datasheet allows for a slow
+    /// channel (6 and above; DS12288, maximum R_AIN, see `link::bringup::time_constant_s`). Fails to compile, in a constant,
+    /// below 41 nF.
     pub(crate) const fn behind(farads: f64) -> Self {
         assert!(
             farads >= Self::CAPACITOR_F * 8192.0,
             "below 41 nF the sampling takes more than half a count of the capacitor's charge"
         );
-        Self::of_at_least(Self::SWITCH_OHM * Self::CAPACITOR_F * Self::TIME_CONSTANTS)
+        Self::Cycles6
     }
 }
 
@@ -190,9 +177,15 @@ impl Converters<'_> {
     }
 
     /// From here on each top of a motor's timer starts its ADCs.
+    ///
+    /// Each converts once before, for nothing: what comes more than a millisecond after the calibration may be wrong
+    /// (ES0430 2.7.7), and the analog watchdogs would take it for a fault.
     pub(crate) fn arm(&self) {
         let (x1, y1) = self.screw;
         let (x2, y2) = self.nut;
+        for adc in [x1 as &adc1::RegisterBlock, y1, x2, y2] {
+            convert_for_nothing(adc);
+        }
         for adc in [x1 as &adc1::RegisterBlock, y1, x2, y2] {
             adc.cr().modify(|_, w| w.jadstart().set_bit());
         }
@@ -251,6 +244,25 @@ fn enable(adc: &adc1::RegisterBlock) -> bool {
     adc.cr().modify(|_, w| w.aden().set_bit());
     let ready = (0..LOOKS).any(|_| adc.isr().read().adrdy().bit_is_set());
     calibrated && ready
+}
+
+/// A regular conversion by software of what is converted first (RM0440 21.4.16), and all flags cleared.
+fn convert_for_nothing(adc: &adc1::RegisterBlock) {
+    // A conversion takes 660 ADC clocks at most.
+    const LOOKS: u32 = 10_000;
+    let (cfgr, sqr1) = (adc.cfgr().read().bits(), adc.sqr1().read().bits());
+    let first = adc.jsqr().read().bits() >> 9 & 31;
+    // SAFETY: values of the fields (RM0440, ADC_CFGR: the queue is off; ADC_SQR1: one conversion), and what they held;
+    // flags are cleared by writing ones.
+    unsafe {
+        adc.cfgr().write(|w| w.bits(1 << 31));
+        adc.sqr1().write(|w| w.bits(first << 6));
+        adc.cr().modify(|_, w| w.adstart().set_bit());
+        let _ = (0..LOOKS).any(|_| adc.isr().read().eos().bit_is_set());
+        adc.cfgr().write(|w| w.bits(cfgr));
+        adc.sqr1().write(|w| w.bits(sqr1));
+        adc.isr().write(|w| w.bits(0x7FF));
+    }
 }
 
 fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {

@@ -78,6 +78,9 @@ pub struct Adc {
     /// What the sampling capacitor holds, counts.
     held: f64,
     random: u64,
+    /// When it last converted or calibrated, and the next conversion comes too long after that.
+    last: u64,
+    stale: bool,
 }
 
 impl Adc {
@@ -113,6 +116,8 @@ impl Adc {
             regular: 0,
             held: 0.0,
             random: number as u64,
+            last: 0,
+            stale: false,
         }
     }
 
@@ -149,6 +154,7 @@ impl Adc {
                 .map(|channel| self.conversion_halves(channel))
                 .sum();
             self.injected_done = Some(now + halves * CLOCK / 2);
+            self.starts(now);
         }
         let cfgr = self.registers.get("CFGR");
         // EXTSEL (table 166): TIM1_TRGO2, TIM8_TRGO2.
@@ -158,15 +164,16 @@ impl Adc {
         {
             let channel = self.registers.get("SQR1") >> 6 & 31;
             self.regular_done = Some(now + self.conversion_halves(channel) * CLOCK / 2);
+            self.starts(now);
         }
     }
 
-    /// The channels that it converts: injected, and regular if it converts that too.
+    /// The channels that it converts: injected, and regular if it converts those too.
     #[must_use]
     pub fn channels(&self) -> Vec<u32> {
         let mut channels = self.injected_channels();
-        if self.control & ADSTART != 0 && self.registers.get("CFGR") >> 10 & 3 != 0 {
-            channels.push(self.registers.get("SQR1") >> 6 & 31);
+        if self.control & ADSTART != 0 {
+            channels.extend(self.regular_channels());
         }
         channels
     }
@@ -182,6 +189,7 @@ impl Adc {
                 .sum();
             self.software = true;
             self.regular_done = Some(now + halves * CLOCK / 2);
+            self.starts(now);
         }
     }
 
@@ -191,42 +199,30 @@ impl Adc {
         self.software
     }
 
-    /// That sequence is done; `source` says what a channel is connected to.
-    ///
-    /// # Errors
-    /// A channel that nothing is wired to.
-    pub fn finish_by_software(
-        &mut self,
-        source: impl Fn(u32) -> Option<Source>,
-    ) -> Result<(), String> {
-        for channel in self.regular_channels() {
-            let source = source(channel).ok_or_else(|| {
-                format!(
-                    "nothing is wired to channel {channel} of ADC{}",
-                    self.number
-                )
-            })?;
-            self.regular = self.sampled(channel, source);
-        }
-        self.software = false;
-        self.regular_done = None;
-        self.control &= !ADSTART;
-        self.flags |= EOC | EOS;
-        Ok(())
-    }
-
-    /// The sampling capacitor comes from what it last held (DS12288: 5 pF behind 1 kohm; memory).
+    /// The sampling capacitor comes from what it last held. What comes more than a millisecond after the last conversion or
+    /// the calibration may be wrong (ES0430 2.7.7): it is as wrong as can be.
     fn sampled(&mut self, channel: u32, source: Source) -> u16 {
-        const CAPACITOR_F: f64 = 5e-12;
-        const SWITCH_OHM: f64 = 1000.0;
+        if std::mem::take(&mut self.stale) {
+            return 4095;
+        }
         let clocks = SAMPLING_HALVES[self.sampling(channel)] as f64 / 2.0;
         let seconds = clocks * CLOCK as f64 / super::CORE_HZ as f64;
-        let tau = (source.ohm + SWITCH_OHM) * CAPACITOR_F;
+        let tau = link::bringup::time_constant_s(channel, source.ohm);
         self.held = source.counts + (self.held - source.counts) * (-seconds / tau).exp();
-        let noisy = self.held + source.noise * self.deviate();
+        let noise = match source.noise {
+            0.0 => 0.0,
+            noise => noise * self.deviate(),
+        };
+        let noisy = self.held + noise;
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let counts = noisy.round().clamp(0.0, 4095.0) as u16;
         counts
+    }
+
+    /// A sequence starts.
+    fn starts(&mut self, now: u64) {
+        self.stale |= now - self.last > super::CORE_HZ / 1000;
+        self.last = now;
     }
 
     /// Nearly normal: twelve uniform numbers less their mean.
@@ -266,40 +262,46 @@ impl Adc {
         (smpr & 7) as usize
     }
 
-    /// The conversion under way is done; `input` says what a channel reads.
+    /// The conversion under way is done; `source` says what a channel is connected to.
     ///
     /// # Errors
     /// A channel that nothing is wired to.
-    pub fn finish(&mut self, input: impl Fn(u32) -> Option<u16>) -> Result<Conversion, String> {
-        let read = |channel: u32| {
-            input(channel).ok_or_else(|| {
-                format!(
-                    "nothing is wired to channel {channel} of ADC{}",
-                    self.number
-                )
-            })
+    pub fn finish(&mut self, source: impl Fn(u32) -> Option<Source>) -> Result<Conversion, String> {
+        let number = self.number;
+        let source = |channel: u32| {
+            source(channel)
+                .ok_or_else(|| format!("nothing is wired to channel {channel} of ADC{number}"))
         };
         if self.injected_done.is_some()
             && self.injected_done <= self.regular_done.or(Some(u64::MAX))
         {
             let (mut results, mut watched) = (self.results, 0);
             for (result, channel) in results.iter_mut().zip(self.injected_channels()) {
-                *result = read(channel)?;
+                *result = self.sampled(channel, source(channel)?);
                 watched |= self.watch(channel, *result, true);
             }
             self.flags |= watched;
             self.results = results;
             self.injected_done = None;
             self.flags |= JEOC | JEOS;
-            Ok(Conversion::Injected)
+            return Ok(Conversion::Injected);
+        }
+        if self.software {
+            for channel in self.regular_channels() {
+                self.regular = self.sampled(channel, source(channel)?);
+                self.flags |= self.watch(channel, self.regular, false);
+            }
+            self.software = false;
+            self.control &= !ADSTART;
+            self.flags |= EOS;
         } else {
             let channel = self.registers.get("SQR1") >> 6 & 31;
-            let counts = read(channel)?;
-            self.flags |= self.watch(channel, counts, false);
-            self.regular_done = None;
-            self.flags |= EOC;
-            Ok(Conversion::Regular(counts))
+            self.regular = self.sampled(channel, source(channel)?);
+            self.flags |= self.watch(channel, self.regular, false);
         }
+        self.regular_done = None;
+        self.flags |= EOC;
+        Ok(Conversion::Regular(self.regular))
     }
 
     /// The analog watchdogs' flags for a conversion (RM0440 21.4.28).
@@ -335,10 +337,10 @@ impl Adc {
         })
     }
 
-    fn write(&mut self, offset: u32, value: u32) -> Result<(), String> {
+    fn write(&mut self, offset: u32, value: u32, now: u64) -> Result<(), String> {
         match offset {
             ISR => self.flags &= !value,
-            CR => self.write_control(value)?,
+            CR => self.write_control(value, now)?,
             JSQR | CFGR | SMPR1 | SMPR2 | SQR1 | AWD2CR
                 if self.control & (ADSTART | JADSTART) != 0 =>
             {
@@ -351,7 +353,7 @@ impl Adc {
         Ok(())
     }
 
-    fn write_control(&mut self, value: u32) -> Result<(), String> {
+    fn write_control(&mut self, value: u32, now: u64) -> Result<(), String> {
         let powered = value & ADVREGEN != 0 && value & DEEPPWD == 0;
         let risen = value & !self.control;
         if risen & (ADCAL | ADEN) != 0 && !(powered && self.control & ADVREGEN != 0) {
@@ -362,6 +364,7 @@ impl Adc {
         }
         if risen & ADCAL != 0 {
             self.calibrated = true;
+            self.last = now;
         }
         if risen & ADEN != 0 {
             if !self.calibrated {
@@ -414,7 +417,7 @@ pub fn read(adcs: &mut [Adc; 4], address: u32) -> Result<u32, String> {
 ///
 /// # Errors
 /// The model does not have it, or the ADC is not used as the manual says.
-pub fn write(adcs: &mut [Adc; 4], address: u32, value: u32) -> Result<(), String> {
+pub fn write(adcs: &mut [Adc; 4], address: u32, value: u32, now: u64) -> Result<(), String> {
     let (index, offset) = split(address);
     if offset == COMMON_CCR {
         for adc in &mut adcs[index..index + 2] {
@@ -422,5 +425,5 @@ pub fn write(adcs: &mut [Adc; 4], address: u32, value: u32) -> Result<(), String
         }
         return Ok(());
     }
-    adcs[index].write(offset, value)
+    adcs[index].write(offset, value, now)
 }

@@ -7,20 +7,34 @@ use super::faults;
 use super::outside::{Circuit, Inside, Pin, gates};
 use super::wiring::Input;
 use super::{Chip, Motor};
+use hal_sim::sensors::Leg;
 
 /// The pull-up resistor of a fault line on the power stage, ohm.
 const FAULT_PULL_UP_OHM: f64 = 10e3;
+
+/// What an amplifier inside the chip settles as, ohm: in 200 ns of sampling (DS12288, OPAMP characteristics; memory).
+const AMPLIFIER_OHM: f64 = 385.0;
+/// The pull-downs of a USB-C device without a battery (RM0440 6.4.3, PWR_CR3.UCPD1_DBDIS), ohm: PB6 has one while PA9 is
+/// high, PB4 while PA10 is.
+const DEAD_BATTERY_OHM: f64 = 5100.0;
+const DEAD_BATTERY: [(Pin, Pin); 2] = [((1, 6), (0, 9)), ((1, 4), (0, 10))];
 
 impl Chip {
     /// What the chip does to a pin.
     fn inside(&self, (port, pin): Pin) -> Inside {
         let (mode, function) = self.system.pin_function(port, pin);
+        // High sides a to c of a timer, then its low sides.
         let by_timer = || {
-            gates(self.wiring)
+            let all = gates(self.wiring);
+            let k = all
                 .iter()
-                .find(|(gate, needed, _)| *gate == (port, pin) && *needed == function)
-                .filter(|(_, _, timer)| self.pwm[*timer].drives_idle())
-                .map(|_| false)
+                .position(|(gate, needed, _)| *gate == (port, pin) && *needed == function)?;
+            let timer = &self.pwm[all[k].2];
+            let side = if k / 3 % 2 == 0 { Leg::High } else { Leg::Low };
+            match timer.legs(self.now)[k % 3] {
+                Leg::Open => timer.drives_idle().then_some(false),
+                leg => Some(leg == side),
+            }
         };
         Inside {
             drives: match mode {
@@ -29,12 +43,23 @@ impl Chip {
                 _ => None,
             },
             pulls: self.system.pull(port, pin),
+            grounds: self.dead_battery((port, pin)),
         }
+    }
+
+    /// The pull-down of a pin that a dead battery's detection has put there, ohm.
+    fn dead_battery(&self, pin: Pin) -> Option<f64> {
+        let (_, enable) = DEAD_BATTERY
+            .into_iter()
+            .find(|(loaded, _)| *loaded == pin)?;
+        let on = !self.system.dead_battery_off() && self.level(enable);
+        on.then_some(DEAD_BATTERY_OHM)
     }
 
     /// The level of a pin. A driver's fault line is an open output with a pull-up; it is low while the driver has a fault
     /// or sleeps.
-    pub(super) fn level(&self, pin: Pin) -> bool {
+    #[must_use]
+    pub fn level(&self, pin: Pin) -> bool {
         let fault_line = |pin: Pin| {
             let index = (0..2).find(|index| {
                 let (port, number, _) = self.wiring.driver(*index).fault;
@@ -102,38 +127,34 @@ impl Chip {
         }
     }
 
-    /// What a channel of ADC `index` + 1 is connected to, before anything was sampled.
+    /// What a channel of ADC `index` + 1 is connected to. What the board samples at the timers' tops has its noise in it.
     pub(super) fn source(&self, index: usize, channel: u32) -> Option<Source> {
-        const OHM: f64 = 100.0;
         const NOISE: f64 = 0.5;
-        let machine = self.machine.borrow();
-        let sensors = [Motor::Screw, Motor::Nut].map(|motor| machine.still(motor));
-        let counts = match self.wiring.input(index, channel, &sensors)? {
-            Input::Pin(counts) => counts,
+        let by_software = self.adcs[index].by_software();
+        let input = if by_software {
+            let machine = self.machine.borrow();
+            let still = [Motor::Screw, Motor::Nut].map(|motor| machine.still(motor));
+            self.wiring.input(index, channel, &still)?
+        } else {
+            self.wiring.input(index, channel, &self.sensors)?
+        };
+        let (counts, ohm) = match input {
+            // Amplifiers and capacitors outside the chip.
+            Input::Pin(counts) => (counts, 0.0),
             Input::Amplifier(number, counts) => {
                 if !self.amplifiers.works(self.wiring, number) {
                     return None;
                 }
-                counts
+                (counts, AMPLIFIER_OHM)
             }
         };
         let name = (index + 1, channel);
-        let counts = faults::of(&self.faults.stuck_channel, name).unwrap_or(counts);
+        let noise = faults::of(&self.faults.noise, name);
         Some(Source {
-            counts: f64::from(counts),
-            ohm: faults::of(&self.faults.source_ohm, name).unwrap_or(OHM),
-            noise: faults::of(&self.faults.noise, name).unwrap_or(NOISE),
+            counts: f64::from(faults::of(&self.faults.stuck_channel, name).unwrap_or(counts)),
+            ohm: faults::of(&self.faults.source_ohm, name).unwrap_or(ohm),
+            noise: noise.unwrap_or(if by_software { NOISE } else { 0.0 }),
         })
-    }
-
-    /// A regular sequence that software has started is done.
-    pub(super) fn converted_by_software(&mut self, index: usize) {
-        let mut adc = std::mem::replace(&mut self.adcs[index], super::adc::Adc::new(index + 1));
-        let done = adc.finish_by_software(|channel| self.source(index, channel));
-        self.adcs[index] = adc;
-        if let Err(error) = done {
-            self.fail(error);
-        }
     }
 
     /// A PWM timer's register was written: what its break and its outputs depend on may have changed.

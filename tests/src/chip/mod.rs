@@ -44,7 +44,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use system::{Supply, System};
 use watchdog::Watchdog;
-use wiring::{Input, Wiring};
+use wiring::Wiring;
 
 /// Core clock, Hz.
 pub const CORE_HZ: u64 = 170_000_000;
@@ -269,7 +269,22 @@ impl Chip {
 
     /// Lets time run to `to`; what falls due on the way happens in its order.
     pub fn advance(&mut self, to: u64) {
+        // So many events at one instant do not exist: the model would go on for ever.
+        const MOST_AT_ONCE: u32 = 1000;
+        let mut at_once = 0;
         while self.next_event <= to {
+            at_once = if self.next_event > self.now {
+                0
+            } else {
+                at_once + 1
+            };
+            if at_once > MOST_AT_ONCE {
+                self.fail(format!(
+                    "the chip has {at_once} events at {} cycles, and time does not pass",
+                    self.now
+                ));
+                break;
+            }
             self.now = self.now.max(self.next_event);
             self.happen();
             self.reschedule();
@@ -547,16 +562,20 @@ impl Chip {
 
     /// An ADC finished a sequence.
     fn converted(&mut self, index: usize) {
-        if self.adcs[index].by_software() {
-            return self.converted_by_software(index);
-        }
-        let (adc, sensors) = (&mut self.adcs[index], &self.sensors);
-        let (wiring, amplifiers) = (self.wiring, &self.amplifiers);
-        let input = |channel| match wiring.input(index, channel, sensors)? {
-            Input::Pin(counts) => Some(counts),
-            Input::Amplifier(number, counts) => amplifiers.works(wiring, number).then_some(counts),
+        let by_software = self.adcs[index].by_software();
+        let sources: Vec<_> = self.adcs[index]
+            .channels()
+            .into_iter()
+            .map(|channel| (channel, self.source(index, channel)))
+            .collect();
+        let source = |channel| {
+            sources
+                .iter()
+                .find(|(other, _)| *other == channel)
+                .and_then(|(_, source)| *source)
         };
-        match adc.finish(input) {
+        match self.adcs[index].finish(source) {
+            Ok(Conversion::Regular(_)) if by_software => {}
             Ok(Conversion::Injected) => {}
             Ok(Conversion::Regular(counts)) => {
                 let from = 0x5000_0040 + 0x100 * u32::try_from(index).unwrap_or(0);
@@ -716,7 +735,7 @@ impl Chip {
             0x4000_0C00 => self.encoders[1].write(offset, value),
             0x4000_0800 => self.encoders[2].write(offset, value),
             0x5000_0000 | 0x5000_0400 => {
-                adc::write(&mut self.adcs, address, value)?;
+                adc::write(&mut self.adcs, address, value, now)?;
                 self.adcs
                     .iter_mut()
                     .for_each(|adc| adc.start_by_software(now));

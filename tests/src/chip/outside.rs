@@ -14,12 +14,14 @@ const DRIVEN_OHM: f64 = 50.0;
 const SHORT_OHM: f64 = 1.0;
 
 /// What the chip does to a pin.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Inside {
     /// It drives it to this level.
     pub drives: Option<bool>,
     /// Its pull resistor is on, to this level.
     pub pulls: Option<bool>,
+    /// Another resistor of the chip's to ground, ohm.
+    pub grounds: Option<f64>,
 }
 
 /// What is outside a pin.
@@ -137,7 +139,14 @@ impl Outside {
             }
         };
         for pin in net {
-            let Inside { drives, pulls } = inside(pin);
+            let Inside {
+                drives,
+                pulls,
+                grounds,
+            } = inside(pin);
+            if let Some(ohm) = grounds {
+                connect(false, ohm);
+            }
             if let Some(level) = drives {
                 connect(level, DRIVEN_OHM);
             }
@@ -176,8 +185,8 @@ mod tests {
 
     fn pulled(one: Pin, level: bool) -> impl Fn(Pin) -> Inside {
         move |pin| Inside {
-            drives: None,
             pulls: Some(if pin == one { level } else { !level }),
+            ..Inside::default()
         }
     }
 

@@ -4,7 +4,7 @@ use super::Item;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
 use link::bringup::{
     BUS_LIMIT_V, CONVERSIONS, ChannelWords, ExpectedWords, ReportWords, SAMPLING_HALVES,
-    SampleWords, SensorWords, Signal,
+    SampleWords, SensorWords, Signal, time_constant_s,
 };
 
 /// The longest sampling time's code: what the others are held against.
@@ -15,9 +15,6 @@ const SETTLED: f64 = 2.0;
 const APART: f64 = 100.0;
 /// Most noise, standard deviation in counts. Our limit: twice what the simulated boards are tested with, and more.
 const NOISE: f64 = 4.0;
-/// The sampling capacitor, F, and the switch's resistance, ohm (DS12288, ADC characteristics; memory).
-const CAPACITOR_F: f64 = 5e-12;
-const SWITCH_OHM: f64 = 1000.0;
 
 /// The entries that are there.
 pub(super) fn channels(
@@ -287,9 +284,10 @@ fn settles(words: &ReportWords, channel: &ChannelWords, signal: Signal) -> Item 
             ),
             None => "Put a capacitor of some nF at the pin: no sampling time is enough.".into(),
         };
-        let ohms = source_ohms(expected, &errors, before - last).map_or(String::new(), |ohms| {
-            format!(" Its source has about {:.1} kohm.", ohms / 1e3)
-        });
+        let ohms = source_ohms(expected, channel.channel, &errors, before - last)
+            .map_or(String::new(), |ohms| {
+                format!(" Its source has about {:.1} kohm.", ohms / 1e3)
+            });
         return item.finding(
             format!(
                 "The sampling capacitor does not reach the pin's voltage within its sampling time: what is read depends on \
@@ -309,7 +307,7 @@ fn settles(words: &ReportWords, channel: &ChannelWords, signal: Signal) -> Item 
 
 /// The resistance that the sampling capacitor was charged through: of the two sampling times between which the error falls
 /// most clearly.
-fn source_ohms(expected: &ExpectedWords, errors: &[f64], start: f64) -> Option<f64> {
+fn source_ohms(expected: &ExpectedWords, channel: u32, errors: &[f64], start: f64) -> Option<f64> {
     let pairs = errors[..LONGEST].windows(2).enumerate();
     pairs
         .filter(|(_, pair)| {
@@ -321,7 +319,8 @@ fn source_ohms(expected: &ExpectedWords, errors: &[f64], start: f64) -> Option<f
         .map(|(code, pair)| {
             let passed = sampling_ns(expected, code + 1) - sampling_ns(expected, code);
             let tau = passed * 1e-9 / (pair[0] / pair[1]).ln();
-            tau / CAPACITOR_F - SWITCH_OHM
+            let [none, one] = [0.0, 1.0].map(|ohm| time_constant_s(channel, ohm));
+            (tau - none) / (one - none)
         })
         .find(|ohms| *ohms > 0.0)
 }

@@ -201,19 +201,27 @@ pub fn judge(readings: &Readings) -> Report {
         .iter()
         .filter(|item| item.verdict == Verdict::Open)
         .count();
-    let open = match open {
-        0 => String::new(),
-        1 => " One thing could not be told.".into(),
-        n => format!(" {n} things could not be told."),
+    let good = items.len() - findings - open;
+    let counted = |count: usize, one: &str, more: &str| match count {
+        0 => None,
+        1 => Some(format!("1 {one}")),
+        n => Some(format!("{n} {more}")),
     };
-    let result = match findings {
-        0 => format!(
-            "No finding: {} readings are as expected.{open}",
-            items.len()
-        ),
-        1 => format!("One finding in {} readings.{open}", items.len()),
-        n => format!("{n} findings in {} readings.{open}", items.len()),
-    };
+    let parts = [
+        counted(findings, "is a finding", "are findings"),
+        counted(open, "could not be told", "could not be told"),
+        Some(format!("{good} are as expected")),
+    ];
+    let result = format!(
+        "{} Of {} readings {}.",
+        if findings == 0 {
+            "No finding."
+        } else {
+            "Do not switch the bus on yet."
+        },
+        items.len(),
+        parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
+    );
     Report {
         result,
         findings,

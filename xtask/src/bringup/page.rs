@@ -32,9 +32,10 @@ fn told(report: &Report, verdict: Verdict, title: &str) -> String {
         .of(verdict)
         .map(|item| {
             format!(
-                "<tr><th scope=\"row\" class=\"text\">{}</th><td class=\"long\">{}</td><td class=\"long\">{}</td>\
-                 <td class=\"long\">{} {}</td></tr>\n",
+                "<tr><th scope=\"row\" class=\"text\">{}<br><small>{}</small></th><td class=\"long\">expected: {}<br>read: {}</td>\
+                 <td class=\"means\">{} {}</td></tr>\n",
                 escape(&item.what),
+                escape(item.group),
                 escape(&item.expected),
                 escape(&item.read),
                 escape(&item.means),
@@ -47,16 +48,16 @@ fn told(report: &Report, verdict: Verdict, title: &str) -> String {
     }
     format!(
         "<h2>{title}</h2>\n<div class=\"scroll\" role=\"region\" aria-label=\"{title}\" tabindex=\"0\">\n<table>\n\
-         <thead><tr><th scope=\"col\">What</th><th scope=\"col\" class=\"text\">Expected</th>\
-         <th scope=\"col\" class=\"text\">Read</th><th scope=\"col\" class=\"text\">What it means, and what to do</th>\
-         </tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n</div>\n"
+         <thead><tr><th scope=\"col\">What</th><th scope=\"col\" class=\"text\">Expected, and read</th>\
+         <th scope=\"col\" class=\"text\">What it means, and what to do</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n</div>\n"
     )
 }
 
 /// Error over sampling time.
 fn settling(report: &Report) -> String {
-    // What a logarithmic axis can show.
-    const LEAST: f64 = 0.05;
+    // Half a count is what rounding leaves; a board on which all settle shows a line at the bottom.
+    const LEAST: f64 = 0.5;
+    const MOST: f64 = 10.0;
     let inks = [WARM, COOL, THIRD, INK, MUTED];
     let worst = |points: &[(f64, f64)]| points.iter().map(|p| p.1).fold(0.0, f64::max);
     let mut sorted: Vec<_> = report.settling.iter().collect();
@@ -79,7 +80,12 @@ fn settling(report: &Report) -> String {
         },
         y: Axis {
             title: "error, counts",
-            range: None,
+            range: Some(
+                LEAST
+                    ..sorted
+                        .first()
+                        .map_or(MOST, |(_, points)| worst(points).max(MOST)),
+            ),
             log: true,
         },
         series: series.collect(),
@@ -93,7 +99,7 @@ fn settling(report: &Report) -> String {
     format!(
         "<figure>\n<figcaption>How the sampled channels settle</figcaption>\n<p class=\"note\">Mean of {} conversions less \
          that at the longest sampling time, each after a conversion of the ADC's channel that stands farthest away; the {} \
-         that are farthest off.</p>\n<div class=\"pair\">\n{drawn}</div>\n{}</figure>\n",
+         that are farthest off. Errors below half a count are drawn at half a count.</p>\n<div class=\"pair\">\n{drawn}</div>\n{}</figure>\n",
         link::bringup::CONVERSIONS,
         shown.len(),
         legend(&names)
