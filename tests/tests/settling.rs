@@ -56,7 +56,7 @@ fn each_channel_settles_within_its_sampling_time() -> Result<(), String> {
                 .set_bus_voltage(volts * range);
             bench.joint.borrow_mut().temperatures = counts_at(board, celsius);
             bench.emulator.chip().tops = Some(Vec::new());
-            bench.pass(30e-3)?;
+            bench.pass(60e-3)?;
             for _ in 0..20 {
                 for (name, read, pin) in read_and_true(&mut bench, board)? {
                     assert_eq!(
