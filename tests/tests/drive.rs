@@ -86,31 +86,3 @@ fn no_bridge_is_closed_before_it_is_asked_to_run() -> Result<(), String> {
     }
     Ok(())
 }
-
-/// The other motor's timer is half a period away, at its bottom, while a motor's currents are sampled: its edges are as far
-/// from there as half of its shortest pulse is long.
-#[test]
-fn no_edge_of_one_bridge_falls_into_the_others_samples() -> Result<(), String> {
-    // Two conversions of 12.5 + 12.5 ADC clocks: the second's sampling ends before this, core cycles.
-    const SAMPLED: u16 = 4 * 38;
-    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
-    bench.wait_for(READY, 0.2)?;
-    bench.emulator.chip().tops = Some(Vec::new());
-    bench.run(1)?;
-    for rpm in [0.0, 300.0, -800.0] {
-        bench.ask(2.5e-3, rpm * TAU / 60.0)?;
-        bench.pass(0.3)?;
-    }
-    let tops = bench.emulator.chip().tops.take().unwrap_or_default();
-    let pulses = tops.iter().filter(|top| top.bridge.enabled);
-    let nearest = pulses.flat_map(|top| top.bridge.compare).min().unwrap_or(0);
-    println!(
-        "nearest edge {:.1} us from a sample",
-        f64::from(nearest) / 170.0
-    );
-    assert!(
-        nearest > SAMPLED,
-        "an edge comes {nearest} cycles from the other motor's top, within the {SAMPLED} in which it is sampled"
-    );
-    Ok(())
-}
