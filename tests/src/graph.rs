@@ -172,6 +172,10 @@ impl<'a> Graph<'a> {
             return Ok(cycles);
         }
         let name = self.name(address);
+        let bound = loops.iter().find(|bound| name.contains(bound.function));
+        if bound.is_some_and(|bound| bound.rounds == 0) {
+            return Ok(0);
+        }
         let body = self.body(address)?.clone();
         if let Some((at, text)) = body.indirect.first() {
             return Err(format!(
@@ -182,7 +186,6 @@ impl<'a> Graph<'a> {
         for call in body.calls() {
             calls.insert(call, self.longest_of(call, loops, done)?);
         }
-        let bound = loops.iter().find(|bound| name.contains(bound.function));
         let cycles = body
             .longest(&calls, bound)
             .map_err(|error| format!("{name}: {error}"))?;

@@ -16,6 +16,8 @@ use tests::pins::Motor;
 
 /// Longest that an alignment may take, s.
 const LONGEST_S: f64 = 8.0;
+/// Longest step of the speed task, core cycles: half of the time until the next.
+const LONGEST_STEP: u32 = 17_000;
 /// Where the rotors stand, rad: screw, nut.
 const ANGLES: [f64; 2] = [1.1, 4.0];
 
@@ -39,11 +41,18 @@ fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
     for board in [Wiring::Nucleo, Wiring::Mains] {
         let mut bench = bench(board)?;
         bench.emulator.chip().tops = Some(Vec::new());
-        bench.wait_for(READY, LONGEST_S).map_err(|error| {
-            let w = bench.look().unwrap();
-            let w = w.words();
-            format!("{board:?}: {error} {w:?}")
-        })?;
+        bench
+            .wait_for(READY, LONGEST_S)
+            .map_err(|error| format!("{board:?}: {error}"))?;
+        let view = bench.look()?;
+        let words = view.words();
+        let longest = words.speed_cycles_max;
+        println!("{board:?}: the longest step of the speed task took {longest} cycles");
+        assert!(
+            longest < LONGEST_STEP && words.speed_missed == 0,
+            "{board:?}: {longest} cycles, expected less than {LONGEST_STEP}; late {} times",
+            words.speed_missed
+        );
         let tops = bench.emulator.chip().tops.take().unwrap_or_default();
         let streams = [Motor::Screw, Motor::Nut].map(|motor| {
             tops.iter()

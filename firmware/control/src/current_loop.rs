@@ -368,7 +368,8 @@ impl CurrentLoop {
             .encoder_watch
             .step(&config.encoder_watch, counts, &motion, drive);
         if seen.wrong {
-            self.wrong_reading(config, exchange, counts, &mut motion);
+            self.wrong_reading(config, exchange, counts, motion.innovation);
+            motion = self.observer.motion(&config.observer);
         }
         (motion, seen)
     }
@@ -381,7 +382,7 @@ impl CurrentLoop {
         config: &CurrentLoopConfig,
         exchange: &MotorExchange,
         counts: Option<u32>,
-        motion: &mut Motion,
+        innovation: i32,
     ) {
         let (Some(counts), Some(alignment)) = (counts, self.alignment) else {
             return exchange.publish_wrong_reading();
@@ -389,13 +390,13 @@ impl CurrentLoop {
         if !alignment.index_awaited {
             return exchange.publish_wrong_reading();
         }
-        let jump = self.observer.jumped(&config.observer, motion, counts);
+        let jump = self.observer.jumped(&config.observer, innovation, counts);
         let alignment = alignment.past_index(jump, config.observer.pole_pairs);
         self.alignment = Some(alignment);
         self.observer.align(alignment);
-        *motion = self.observer.motion(&config.observer);
         exchange.publish_index(alignment);
-        exchange.publish_shaft(Some(counts), motion.theta_step);
+        let (_, theta_step) = self.observer.shaft();
+        exchange.publish_shaft(Some(counts), theta_step);
     }
 
     /// ADC counts of the phases -> currents.

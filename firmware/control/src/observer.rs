@@ -212,11 +212,11 @@ impl Observer {
         self.theta_e_at_zero = alignment.theta_e_at_zero;
     }
 
-    /// Takes back what the step that made `motion` learned of a count that jumped without the shaft, and goes on from there:
+    /// Takes back what the last step learned by `innovation` of a count that jumped without the shaft, and goes on from there:
     /// the shaft is at `counts`, and turns as it did. By how much the count jumped, 2^-32 turn of the encoder.
     #[cold]
-    pub fn jumped(&mut self, config: &ObserverConfig, motion: &Motion, counts: u32) -> i32 {
-        let fine = motion.innovation << 2;
+    pub fn jumped(&mut self, config: &ObserverConfig, innovation: i32, counts: u32) -> i32 {
+        let fine = innovation << 2;
         // What was added to it before; a speed that was cut is at its end, which no alignment turns at.
         self.speed = self
             .speed

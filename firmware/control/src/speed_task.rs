@@ -99,8 +99,8 @@ impl SpeedTask {
         let ([screw, nut], [screw_loop, nut_loop]) = (exchanges, &config.current_loops);
         screw.ask(to_screw, screw_loop);
         nut.ask(to_nut, nut_loop);
-        if let Some(seen) = self.seen.take() {
-            self.asked = self.alignment.step(&config.alignment, seen);
+        if self.seen.is_some() {
+            self.look(config);
         }
         output
     }
@@ -212,6 +212,15 @@ impl SpeedTask {
                 *last = None;
                 exchange.align(exchange.alignment(), None);
             }
+        }
+    }
+
+    /// A step of the alignment.
+    #[cold]
+    #[inline(never)]
+    fn look(&mut self, config: &DriveConfig) {
+        if let Some(seen) = self.seen.take() {
+            self.asked = self.alignment.step(&config.alignment, seen);
         }
     }
 

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 pub struct LoopBound {
     /// Part of the function's name.
     pub function: &'static str,
-    /// Rounds of each of its loops.
+    /// Rounds of each of its loops; 0: the function is left out of the longest way.
     pub rounds: u64,
     /// Why no more.
     pub because: &'static str,

@@ -32,7 +32,7 @@ fn told(report: &Report, verdict: Verdict, title: &str) -> String {
         .of(verdict)
         .map(|item| {
             format!(
-                "<tr><th scope=\"row\" class=\"text\">{}<br><small>{}</small></th><td class=\"long\">expected: {}<br>read: {}</td>\
+                "<tr><th scope=\"row\" class=\"text\">{}<br/><small>{}</small></th><td class=\"long\">expected: {}<br/>read: {}</td>\
                  <td class=\"means\">{} {}</td></tr>\n",
                 escape(&item.what),
                 escape(item.group),
