@@ -16,5 +16,6 @@ pub mod joint;
 pub mod log;
 mod memory;
 pub mod pins;
+pub mod same;
 pub mod sizes;
 pub mod timing;

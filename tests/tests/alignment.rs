@@ -1,7 +1,6 @@
 //! The firmware as it is flashed finds its rotors on the emulated chip, wherever they stand, as the host does, bit for bit;
 //! and a reset takes it back to where it must find them again.
 
-use control::current_loop::PwmCommand;
 use control::supervisor::State;
 use hal_sim::alignment::settle;
 use hal_sim::drive::Drive;
@@ -12,7 +11,7 @@ use tests::bench::{
     Bench, READY, RUNNING, aligning_firmware_of, board_config, machine_of, plate_of,
 };
 use tests::chip::wiring::Wiring;
-use tests::pins::Motor;
+use tests::same::{assert_period, by_motor};
 
 /// Longest that an alignment may take, s.
 const LONGEST_S: f64 = 8.0;
@@ -54,11 +53,7 @@ fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
             words.speed_missed
         );
         let tops = bench.emulator.chip().tops.take().unwrap_or_default();
-        let streams = [Motor::Screw, Motor::Nut].map(|motor| {
-            tops.iter()
-                .filter(|top| top.motor == motor)
-                .collect::<Vec<_>>()
-        });
+        let streams = by_motor(&tops);
 
         let (machine, plate) = (
             machine_of(board, &model(), Coupling::Coupled),
@@ -72,25 +67,9 @@ fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
         for period in 0..streams[1].len() - 1 {
             drive.period();
             aligning += usize::from(drive.state() == State::Aligning);
-            for (axis, stream) in Axis::ALL.into_iter().zip(&streams) {
-                let (sampled, next) = (stream[period].sensors, stream[period + 1].bridge);
-                let host = drive.sample(axis);
-                assert_eq!(
-                    (sampled.current, sampled.bus, sampled.encoder),
-                    (host.current, host.bus, host.encoder),
-                    "{board:?}: sample {period} of the {axis:?}"
-                );
-                let emulated = PwmCommand {
-                    compare: next.compare,
-                    enable: next.enabled,
-                };
-                assert_eq!(
-                    emulated,
-                    drive.compare(axis),
-                    "{board:?}: compare values {period} of the {axis:?}"
-                );
-                closed += usize::from(next.enabled);
-            }
+            assert_period(&format!("{board:?}"), period, &streams, &drive);
+            let next = Axis::ALL.map(|axis| drive.compare(axis).enable);
+            closed += next.into_iter().filter(|enable| *enable).count();
         }
         assert_eq!(drive.state(), State::Ready, "{board:?}: the host's drive");
         assert!(

@@ -1,6 +1,5 @@
 //! The emulated firmware and the control code on the host are the same drive, bit for bit.
 
-use control::current_loop::PwmCommand;
 use hal_sim::drive::Drive;
 use plant::Axis;
 use plant::machine::Coupling;
@@ -9,7 +8,7 @@ use std::f64::consts::TAU;
 use tests::bench::{Bench, board_config, machine_of, plate_of};
 use tests::chip::Top;
 use tests::chip::wiring::Wiring;
-use tests::pins::Motor;
+use tests::same::{assert_period, by_motor};
 
 /// What the drive is asked, and when, s.
 const SCRIPT: [(f64, u32, f64, f64); 4] = [
@@ -58,12 +57,7 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
         (Wiring::Mains, Model::coupled(), Coupling::Coupled),
     ] {
         let (tops, before) = emulated(board, &model, coupling)?;
-        let of = |motor: Motor| {
-            tops.iter()
-                .filter(move |top| top.motor == motor)
-                .collect::<Vec<_>>()
-        };
-        let streams = [of(Motor::Screw), of(Motor::Nut)];
+        let streams = by_motor(&tops);
         let periods = streams[1].len() - 1;
         assert!(
             periods > 30_000,
@@ -91,24 +85,8 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
                 drive.request.run = run == 1;
             }
             drive.period();
-            for (axis, stream) in [Axis::Screw, Axis::Nut].into_iter().zip(&streams) {
-                let (sampled, next) = (stream[period].sensors, stream[period + 1].bridge);
-                let host = drive.sample(axis);
-                assert_eq!(
-                    (sampled.current, sampled.bus, sampled.encoder),
-                    (host.current, host.bus, host.encoder),
-                    "{board:?}, {coupling:?}: sample {period} of the {axis:?}"
-                );
-                let emulated = PwmCommand {
-                    compare: next.compare,
-                    enable: next.enabled,
-                };
-                assert_eq!(
-                    emulated,
-                    drive.compare(axis),
-                    "{board:?}, {coupling:?}: compare values {period} of the {axis:?}"
-                );
-            }
+            let what = format!("{board:?}, {coupling:?}");
+            assert_period(&what, period, &streams, &drive);
             driven +=
                 usize::from(drive.compare(Axis::Screw).enable && drive.compare(Axis::Nut).enable);
             for (most, axis) in turned.iter_mut().zip([Axis::Screw, Axis::Nut]) {

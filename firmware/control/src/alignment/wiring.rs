@@ -187,6 +187,20 @@ fn scaled(column: [i32; 3], channels: usize) -> [i32; 3] {
     })
 }
 
+/// It is of the third channel.
+const fn is_of_third(reason: Option<Reason>) -> bool {
+    matches!(
+        reason,
+        Some(
+            Reason::SignC
+                | Reason::ChannelsBc
+                | Reason::ChannelsCa
+                | Reason::ChannelsRotated
+                | Reason::DeadChannelC
+        )
+    )
+}
+
 /// The pattern that is nearest to the response, if one is near: what is wrong.
 fn name(response: &Response, shunts: Shunts) -> Option<Reason> {
     let channels = match shunts {
@@ -211,19 +225,7 @@ fn name(response: &Response, shunts: Shunts) -> Option<Reason> {
             })
     };
     // A channel that is not measured cannot be wrong.
-    let possible = |reason: &Option<Reason>| {
-        channels == 3
-            || !matches!(
-                reason,
-                Some(
-                    Reason::SignC
-                        | Reason::ChannelsBc
-                        | Reason::ChannelsCa
-                        | Reason::ChannelsRotated
-                        | Reason::DeadChannelC
-                )
-            )
-    };
+    let possible = |reason: &Option<Reason>| channels == 3 || !is_of_third(*reason);
     let nearest = PATTERNS
         .iter()
         .filter(|(reason, _)| possible(reason))
@@ -245,17 +247,7 @@ mod tests {
     fn each_pattern_is_named_and_no_two_are_near() {
         for shunts in [Shunts::Two, Shunts::Three] {
             for (reason, pattern) in &PATTERNS {
-                let known = shunts == Shunts::Three
-                    || !matches!(
-                        reason,
-                        Some(
-                            Reason::SignC
-                                | Reason::ChannelsBc
-                                | Reason::ChannelsCa
-                                | Reason::ChannelsRotated
-                                | Reason::DeadChannelC
-                        )
-                    );
+                let known = shunts == Shunts::Three || !is_of_third(*reason);
                 if !known {
                     continue;
                 }
