@@ -182,7 +182,7 @@ mod app {
                 nut_encoder,
                 bdtr,
             )),
-            speed: Speed::new(scale, watches, Sampler::new()),
+            speed: Speed::new(scale, watches, Sampler::new(), pins.inputs),
             supervision,
             sender: Sender::new(channels.up.1),
             off: bdtr,

@@ -6,6 +6,7 @@ use crate::hw::analog::Watches;
 use crate::hw::cycles;
 use crate::hw::deadman;
 use crate::hw::encoder::Scale;
+use crate::hw::inputs::Inputs;
 use crate::motor_loop::MOTORS;
 use crate::telemetry::Sampler;
 use control::coordinator::Command;
@@ -28,16 +29,18 @@ pub(crate) struct Speed {
     scale: Scale,
     watches: Watches,
     sampler: Sampler,
+    inputs: Inputs,
     taken: u32,
 }
 
 impl Speed {
-    pub(crate) fn new(scale: Scale, watches: Watches, sampler: Sampler) -> Self {
+    pub(crate) fn new(scale: Scale, watches: Watches, sampler: Sampler, inputs: Inputs) -> Self {
         Self {
-            control: SpeedTask::new(),
+            control: SpeedTask::new(&CONFIG),
             scale,
             watches,
             sampler,
+            inputs,
             taken: 0,
         }
     }
@@ -51,6 +54,8 @@ impl Speed {
         let request = Request {
             run: DRIVE_COMMAND.asks(Run::Run),
             reset: DRIVE_COMMAND.asks(Run::Reset),
+            heartbeat: DRIVE_COMMAND.heartbeat.load(Relaxed),
+            inputs: self.inputs.read(),
         };
         let exchanges = MOTORS.each_ref().map(|motor| &motor.exchange);
         let found = match self.watches.take() {

@@ -24,8 +24,10 @@ pub struct BoardConfig {
     pub timer_hz: f64,
     /// PWM frequency, Hz.
     pub pwm_hz: f64,
-    /// Bus voltage, V.
+    /// Bus voltage, V: what the supply holds.
     pub bus_v: f64,
+    /// Capacity of the bus, F, behind a supply that takes no current back; 0: a supply that holds its voltage both ways.
+    pub bus_f: f64,
     /// Dead time of the bridges, s.
     pub dead_time_s: f64,
     /// Phase current that trips the break input, A.
@@ -53,6 +55,7 @@ impl Default for BoardConfig {
             timer_hz: 170e6,
             pwm_hz: 20e3,
             bus_v: 310.0,
+            bus_f: 0.0,
             dead_time_s: 0.0,
             break_a: 8.0,
             sensors: Sensors::real(),
@@ -102,9 +105,13 @@ pub struct Board {
     pub machine: Machine,
     config: BoardConfig,
     bridges: [BridgeState; 2],
+    /// What the bridges put on the windings.
+    driven: [Bridge; 2],
     /// Frames of absolute encoders, latched since the last turn of a counter.
     frames: [Option<u32>; 2],
     random: Xoshiro256PlusPlus,
+    /// Bus voltage now, V.
+    bus_v: f64,
     /// Shaft angles at which the counts of the encoders' inputs are zero, rad.
     encoder_zeros: [f64; 2],
     /// Whole turns of the shafts, by which an index is passed.
@@ -130,8 +137,10 @@ impl Board {
             machine,
             config,
             bridges: [BridgeState::default(); 2],
+            driven: [Bridge::Open; 2],
             frames: [None; 2],
             random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
+            bus_v: config.bus_v,
             encoder_zeros: [0.0; 2],
             turns: [0.0; 2],
             index_passed: [false; 2],
@@ -150,7 +159,32 @@ impl Board {
     /// Changes the bus voltage from now on, V.
     pub fn set_bus_voltage(&mut self, volts: f64) {
         self.config.bus_v = volts;
+        self.bus_v = volts;
         self.machine.set_bus_voltage(volts);
+    }
+
+    /// The bus voltage now, V.
+    #[must_use]
+    pub fn bus_voltage(&self) -> f64 {
+        self.bus_v
+    }
+
+    /// Power that the bridge of `axis` puts into its motor now, W; negative while it brakes.
+    #[must_use]
+    pub fn power_w(&self, axis: Axis) -> f64 {
+        let Bridge::Driven(volts) = self.driven[axis.index()] else {
+            return 0.0;
+        };
+        let currents = self.machine.phase_currents(axis);
+        volts.iter().zip(currents).map(|(v, i)| v * i).sum()
+    }
+
+    /// What the bridges take from the bus's capacity and put back in `seconds`.
+    fn charge_bus(&mut self, seconds: f64) {
+        let power: f64 = Axis::ALL.map(|axis| self.power_w(axis)).iter().sum();
+        let energy = self.bus_v * self.bus_v - 2.0 * power * seconds / self.config.bus_f;
+        self.bus_v = energy.max(0.0).sqrt().max(self.config.bus_v);
+        self.machine.set_bus_voltage(self.bus_v);
     }
 
     /// The counter of `axis` turns: the written compare values become active, the ADCs and the encoder are read.
@@ -162,8 +196,9 @@ impl Board {
         bridge.broken |= true_currents.iter().any(|i| i.abs() > self.config.break_a);
         bridge.active = bridge.written;
         let (active, broken) = (bridge.active, bridge.broken);
-        self.machine
-            .set_bridge(axis, self.voltages(active, broken, true_currents, &wiring));
+        let driven = self.voltages(active, broken, true_currents, &wiring);
+        self.driven[axis.index()] = driven;
+        self.machine.set_bridge(axis, driven);
 
         let readings = wiring.legs(self.machine.current_readings(axis));
         let [a, b, c] = wiring.channels(readings);
@@ -188,7 +223,7 @@ impl Board {
                     Shunts::Three => convert(c),
                 },
             ],
-            bus: bus.convert(self.config.bus_v, &mut self.random),
+            bus: bus.convert(self.bus_v, &mut self.random),
             encoder: self.frames[axis.index()].unwrap_or_else(|| self.encoder_word(axis, 0.0)),
             broken,
         }
@@ -230,6 +265,7 @@ impl Board {
     /// Trips the break input of `axis`, as its comparator would: the bridge opens now.
     pub fn trip_break(&mut self, axis: Axis) {
         self.bridges[axis.index()].broken = true;
+        self.driven[axis.index()] = Bridge::Open;
         self.machine.set_bridge(axis, Bridge::Open);
     }
 
@@ -246,6 +282,9 @@ impl Board {
             if encoder.interface == Interface::Mt6835 {
                 self.frames[axis.index()] = Some(self.encoder_word(axis, half_period));
             }
+        }
+        if self.config.bus_f > 0.0 {
+            self.charge_bus(half_period);
         }
         for _ in 0..self.config.substeps.max(1) {
             self.machine.advance(self.step_s);
@@ -297,7 +336,7 @@ impl Board {
         let phase = |k: usize| {
             let duty = (f64::from(command.compare[k]) * self.duty_per_count).min(1.0);
             let sign = (currents[k] * DEAD_TIME_SLOPE).clamp(-1.0, 1.0);
-            self.config.bus_v * (duty - 0.5 - self.dead_part * sign)
+            self.bus_v * (duty - 0.5 - self.dead_part * sign)
         };
         Bridge::Driven(wiring.windings([phase(0), phase(1), phase(2)]))
     }

@@ -10,6 +10,7 @@ use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
 use control::exchange::{MotorExchange, MotorStatus};
 use control::format::{Angle, Current, MechanicalSpeed, Misfit, TableVelocity, Voltage};
 use control::motor_io::MotorIo;
+use control::observer::EncoderAlignment;
 use control::plate::{DriveConfig, DrivePlate};
 use control::sense::Shunts;
 use control::speed_task::{SpeedTask, SpeedTaskOutput};
@@ -87,6 +88,8 @@ pub struct Drive {
     pub board: Board,
     /// What the drive is asked.
     pub request: Request,
+    /// Someone commands, and says so at each step of the speed task.
+    pub attended: bool,
     config: DriveConfig,
     current_loops: [CurrentLoop; 2],
     speed_task: SpeedTask,
@@ -137,10 +140,11 @@ impl Drive {
             board: Board::new(model, coupling, board),
             request: Request {
                 run: true,
-                reset: false,
+                ..Request::default()
             },
+            attended: true,
             current_loops: config.current_loops.each_ref().map(CurrentLoop::new),
-            speed_task: SpeedTask::new(),
+            speed_task: SpeedTask::new(&config),
             exchanges: config
                 .current_loops
                 .each_ref()
@@ -238,6 +242,17 @@ impl Drive {
         }
     }
 
+    /// Puts the electrical angle of `axis` wrong by `turns` from now on, as a slipped rotor or encoder does.
+    pub fn misalign(&mut self, axis: Axis, turns: f64) {
+        let exchange = &self.exchanges[axis.index()];
+        let alignment = exchange.alignment().map(|alignment| EncoderAlignment {
+            theta_e_at_zero: alignment.theta_e_at_zero.plus(Angle::from_turns(turns)),
+            ..alignment
+        });
+        exchange.align(exchange.alignment(), alignment);
+        self.current_loops[axis.index()].take_alignment(alignment);
+    }
+
     /// The words between the current loop of `axis` and the speed task.
     #[must_use]
     pub fn exchange(&self, axis: Axis) -> &MotorExchange {
@@ -289,6 +304,9 @@ impl Drive {
     }
 
     fn speed_interrupt(&mut self) {
+        if self.attended {
+            self.request.heartbeat = self.request.heartbeat.wrapping_add(1);
+        }
         self.speed =
             self.speed_task
                 .step(&self.config, self.request, self.exchanges.each_ref(), None);

@@ -6,6 +6,7 @@
 //! - [`mt6835`]: an absolute encoder's frames.
 //! - [`plates`]: the plate data that the control code gets for a model of a machine.
 //! - [`alignment`]: starts of a drive that does not know where its rotors stand.
+//! - [`runaway`]: wrong electrical angles, and what they do until the bridges are off.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`draw`]: machines drawn at random, for tests of what looks at their records.
 //! - [`experiment`]: profiles, records, and what is measured on them.
@@ -25,6 +26,7 @@ pub mod mt6835;
 pub mod plates;
 pub mod replay;
 pub mod response;
+pub mod runaway;
 pub mod sensors;
 pub mod vrf;
 pub mod wiring;

@@ -1,7 +1,10 @@
 //! The plate data that the control code gets for a model of a machine.
 
 use crate::board::BoardConfig;
-use control::plate::{AlignmentPlate, BoardPlate, DrivePlate, FeedPlate, MotorPlate, Tuning};
+use control::plate::{
+    AlignmentPlate, BoardPlate, DrivePlate, FeedPlate, MotorPlate, RunawayPlate, ThermalPlate,
+    Tuning,
+};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -67,6 +70,12 @@ pub fn plates(
             inertia_kg_m2: motor.inertia_kg_m2 + table,
             speed_max_rpm: PAPER_SPEED_RPM,
             torque_max_nm: PAPER_TORQUE_NM,
+            // The rated torque; a small servo's winding.
+            thermal: ThermalPlate {
+                rated_rms_a: PAPER_TORQUE_NM
+                    / (2.0 * f64::from(motor.pole_pairs) * motor.flux_wb.abs() * 3f64.sqrt()),
+                seconds: 60.0,
+            },
             current_gains: [1.0; 3],
             encoder: board.sensors.encoders[axis.index()],
         }
@@ -90,6 +99,11 @@ pub fn plates(
             measure_zeros: board.measure_zeros,
             min_on_time_s: 1e-6,
             bootstrap_s: 0.0,
+            thermal: ThermalPlate {
+                rated_rms_a: 0.5 * board.break_a,
+                seconds: 20.0,
+            },
+            regeneration_v: REGENERATION.map(|part| part * board.bus_v),
         },
         tuning,
         feed: FeedPlate {
@@ -105,8 +119,13 @@ pub fn plates(
             travel_m: 50e-6,
             speed_rpm: PAPER_SPEED_RPM / 15.0,
         },
+        runaway: RunawayPlate::USUAL,
+        heartbeat_s: 0.5,
     }
 }
+
+/// Bus voltages between which braking fades out, of the supply's: a chopper's, were there one, is below.
+pub const REGENERATION: [f64; 2] = [1.2, 1.24];
 
 /// Current-loop periods per speed step: 5 kHz, or the nearest that divides the PWM frequency.
 fn speed_divider(pwm_hz: f64) -> u32 {

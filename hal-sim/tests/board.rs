@@ -253,6 +253,7 @@ fn a_break_opens_both_bridges_and_names_the_motor() {
     drive.request = Request {
         run: false,
         reset: true,
+        ..drive.request
     };
     run(&mut drive, 0.2, |_| ());
     assert_eq!(drive.state(), State::Ready);

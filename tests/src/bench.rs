@@ -287,6 +287,8 @@ pub struct Bench {
     pub image: Rc<Image>,
     /// Where its debug structures are.
     pub drive: Drive,
+    /// Someone commands, and says so: see [`Drive::keep_alive`].
+    pub attended: bool,
 }
 
 impl Bench {
@@ -331,6 +333,7 @@ impl Bench {
             joint,
             image,
             drive,
+            attended: true,
         })
     }
 
@@ -342,6 +345,14 @@ impl Bench {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let cycles = (seconds * CORE_HZ as f64).round() as u64;
         let until = self.emulator.chip().now + cycles;
+        while self.attended {
+            self.drive.keep_alive(&mut self.emulator).map_err(said)?;
+            let renewed = self.emulator.chip().now + CORE_HZ / 4;
+            if renewed >= until {
+                break;
+            }
+            self.emulator.run_until(renewed)?;
+        }
         self.emulator.run_until(until)
     }
 

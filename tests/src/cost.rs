@@ -59,7 +59,7 @@ pub const LOOPS: [LoopBound; 6] = [
         because: "while it aligns the drive does nothing else; what its steps take is measured in tests/alignment.rs",
     },
     LoopBound {
-        function: "SpeedTask::look",
+        function: "SpeedTask::compute_alignment",
         rounds: 0,
         because: "the same",
     },

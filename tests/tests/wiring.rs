@@ -20,7 +20,10 @@ const DEBUGGER: [&str; 2] = ["PA13", "PA14"];
 /// Mode and alternate function that a row of the page asks for, by ST's database.
 fn asked(row: &Row) -> (u32, u32) {
     let Some((peripheral, signal)) = row.functions[0].split_once('_') else {
-        return (OUTPUT, 0);
+        return match row.functions[0].as_str() {
+            "GPIO input" => (INPUT, 0),
+            _ => (OUTPUT, 0),
+        };
     };
     let pin = METADATA
         .peripherals

@@ -18,7 +18,7 @@ pub enum Session {
     Run(Which),
     /// Show the debug structure of a running drive, without halting it.
     Attach(Which),
-    /// Tell a running drive what to do, without halting it.
+    /// Tell a running drive what to do, without halting it: it runs until Ctrl-C, and comes to rest when the probe is pulled.
     Command(CommandOptions),
     /// Record a running drive into a folder that `cargo xtask identify` reads, without halting it.
     Record(RecordOptions),

@@ -65,7 +65,7 @@ pub enum Mode {
     /// Outputs off.
     #[default]
     Off,
-    /// Outputs off, zero currents being measured.
+    /// Outputs off, zero currents being measured, for as long as it is asked.
     Calibrate,
     /// Outputs on, currents controlled.
     Drive,
@@ -323,6 +323,8 @@ impl CurrentLoop {
         let forbidden =
             broken || self.encoder_watch.failed() || self.over_current || !self.started || !placed;
         if drive && !forbidden {
+            // Samples of a current that flows are no zeros: what was begun is begun anew when it rests.
+            self.zero_calibration = ZeroCalibration::new();
             if !self.charges(config, io, exchange) {
                 self.drive(config, io, exchange, frame, &measured);
                 if self.bridge == Bridge::Open {
@@ -450,7 +452,8 @@ impl CurrentLoop {
         io.write(config.modulation.compare(v, measured.codes, scale, bus));
     }
 
-    /// A period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current zeros are measured.
+    /// A period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current zeros are measured,
+    /// again and again, so that those in use are never older than two averages when the bridge is closed.
     fn rest(
         &mut self,
         config: &CurrentLoopConfig,
@@ -466,8 +469,15 @@ impl CurrentLoop {
         }
         self.regulator = Regulator::new();
         match mode {
-            Mode::Reset => io.clear_break(),
-            Mode::Calibrate if self.calibration == Calibration::Pending => {
+            Mode::Reset => {
+                io.clear_break();
+                if config.measure_zeros {
+                    // A zero that was wrong may be right by now: it is measured anew.
+                    self.zero_calibration = ZeroCalibration::new();
+                    self.calibration = Calibration::Pending;
+                }
+            }
+            Mode::Calibrate if config.measure_zeros => {
                 self.calibrate(&config.sense, io.current(config.sense.shunts));
             }
             _ => {}
@@ -507,7 +517,7 @@ impl CurrentLoop {
     }
 
     /// Takes over how the encoder lies to its rotor.
-    fn take_alignment(&mut self, alignment: Option<EncoderAlignment>) {
+    pub fn take_alignment(&mut self, alignment: Option<EncoderAlignment>) {
         if alignment != self.alignment {
             self.alignment = alignment;
             self.observer.align(alignment.unwrap_or_default());
@@ -776,6 +786,52 @@ mod tests {
             let [a, ..] = current_loop.exchange.codes();
             assert_eq!(a == 0, expected == Calibration::Done);
         }
+    }
+
+    /// A zero that was out of its place is measured anew after a reset, and zeros that drift are followed while the bridge
+    /// rests, also where a start cut an average short.
+    #[test]
+    fn zeros_are_measured_anew_after_a_reset_and_before_each_start() {
+        let mut current_loop = current_loop();
+        let ask = |mode| CurrentReference { mode, ..ONE_AMPERE };
+        let zeros = |bench: &mut Bench, counts: u16, periods: u32| {
+            for _ in 0..periods {
+                bench.step(&sample([counts, 2048, 0]), ask(Mode::Calibrate));
+            }
+            let status = bench.exchange.status();
+            // What a sample at 2060 counts is taken for.
+            bench.step(&sample([2060, 2048, 0]), ask(Mode::Off));
+            (status.calibration, bench.exchange.codes()[0] >> 16)
+        };
+        let count = |counts: i32| counts << (config().sense.code_shift - 16);
+        assert_eq!(
+            zeros(&mut current_loop, 3000, 1024),
+            (Calibration::OutOfRange, count(2060 - 2048))
+        );
+        current_loop.step(&sample([2060, 2048, 0]), ask(Mode::Reset));
+        let status = current_loop.exchange.status();
+        assert_eq!(status.calibration, Calibration::Pending, "after a reset");
+        let found = zeros(&mut current_loop, 2060, 1024);
+        assert_eq!(found, (Calibration::Done, 0));
+        assert_eq!(
+            zeros(&mut current_loop, 2052, 1024),
+            (Calibration::Done, count(2060 - 2052)),
+            "drifted at rest"
+        );
+        // Half an average, a start whose samples are of a current, and a whole one.
+        zeros(&mut current_loop, 2052, 512);
+        for _ in 0..10 {
+            let command = current_loop.step(&sample([2400, 2048, 0]), ONE_AMPERE);
+            assert!(command.enable);
+        }
+        assert_eq!(
+            zeros(&mut current_loop, 2060, 1024),
+            (Calibration::Done, 0),
+            "samples of before the start are in the zeros of after it"
+        );
+        // A sensor that breaks at rest is found before the next start.
+        let (broken, _) = zeros(&mut current_loop, 4095, 1024);
+        assert_eq!(broken, Calibration::OutOfRange);
     }
 
     proptest! {

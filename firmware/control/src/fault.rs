@@ -48,6 +48,44 @@ codes! {
             "The nut's rotor could not be found: `misalignment` says why.";
         PairAlignment = 20, "alignment, screw and nut",
             "Screw and nut do not go together: `misalignment` says why.";
+        ScrewAngle = 21, "angle, screw",
+            "The screw's voltage is not the one of its encoder's angle: check the encoder's coupling and alignment, the motor's \
+             phases and its plate data.";
+        ScrewCurrentError = 22, "current error, screw",
+            "The screw's currents stay away from their references: look for an open phase, a current sensor that is wrong, or \
+             wrong plate data.";
+        ScrewOverSpeed = 23, "over-speed, screw",
+            "The screw's motor turned faster than it may: check its encoder and the command.";
+        ScrewFollowing = 24, "following error, screw",
+            "The screw's speed stays away from its reference: check its encoder and its load.";
+        NutAngle = 25, "angle, nut",
+            "The nut's voltage is not the one of its encoder's angle: check the encoder's coupling and alignment, the motor's \
+             phases and its plate data.";
+        NutCurrentError = 26, "current error, nut",
+            "The nut's currents stay away from their references: look for an open phase, a current sensor that is wrong, or \
+             wrong plate data.";
+        NutOverSpeed = 27, "over-speed, nut",
+            "The nut's motor turned faster than it may: check its encoder and the command.";
+        NutFollowing = 28, "following error, nut",
+            "The nut's speed stays away from its reference: check its encoder and its load.";
+        ScrewStalled = 29, "stalled, screw",
+            "The screw's motor stands at its torque limit: look for what blocks it, a brake that is on, or a wrong angle.";
+        NutStalled = 30, "stalled, nut",
+            "The nut's motor stands at its torque limit: look for what blocks it, a brake that is on, or a wrong angle.";
+        ScrewHeat = 31, "I2t, screw",
+            "The screw's motor or bridge is too warm by its current, although that was folded back: look for currents that are \
+             not what is asked.";
+        NutHeat = 32, "I2t, nut",
+            "The nut's motor or bridge is too warm by its current, although that was folded back: look for currents that are \
+             not what is asked.";
+        CommandLost = 33, "nobody commands",
+            "The command was not renewed in time, and the drive came to rest: look for a host that hangs or a probe that was pulled.";
+        Disabled = 34, "not enabled",
+            "The enable contact is open: close it, or look for a broken wire.";
+        EndForward = 35, "end switch, forwards",
+            "The end switch ahead of positive velocity is open: command the table the other way, or look for a broken wire.";
+        EndBackward = 36, "end switch, backwards",
+            "The end switch ahead of negative velocity is open: command the table the other way, or look for a broken wire.";
     }
 }
 
@@ -65,7 +103,15 @@ impl Fault {
     /// After it nobody knows where the rotors stand, as far as their encoders do not say so themselves: counts may be lost.
     #[must_use]
     pub const fn doubts_angle(self) -> bool {
-        matches!(self, Self::ScrewEncoder | Self::NutEncoder)
+        matches!(
+            self,
+            Self::ScrewEncoder
+                | Self::NutEncoder
+                | Self::ScrewAngle
+                | Self::NutAngle
+                | Self::ScrewStalled
+                | Self::NutStalled
+        )
     }
 }
 

@@ -17,6 +17,9 @@
 //! | jerk-limited reference | [`profile`] | speed task |
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
 //! | where both rotors stand | [`alignment`] | speed task, before the drive is ready |
+//! | heat of windings and bridges, a bus that fills -> current limits | [`thermal`], [`current_limit`] | speed task |
+//! | is the motion in hand? | [`runaway`] | speed task |
+//! | may the machine go on moving? | [`interlock`] | speed task |
 //! | what the drive is doing and may do next | [`supervisor`] | speed task |
 //! | what can stop it | [`fault`] | |
 //! | the last four in one step | [`speed_task`] | speed task |
@@ -54,6 +57,7 @@ extern crate std;
 pub mod alignment;
 pub mod codes;
 pub mod coordinator;
+pub mod current_limit;
 pub mod current_loop;
 pub mod encoder;
 pub mod encoder_watch;
@@ -62,6 +66,7 @@ pub mod fault;
 pub mod format;
 #[allow(clippy::float_arithmetic)]
 pub mod guard;
+pub mod interlock;
 pub mod modulation;
 pub mod motor_io;
 pub mod mt6835;
@@ -70,11 +75,13 @@ pub mod observer;
 pub mod plate;
 pub mod profile;
 pub mod regulator;
+pub mod runaway;
 pub mod sense;
 mod sine;
 pub mod speed_loop;
 pub mod speed_task;
 pub mod supervisor;
+pub mod thermal;
 #[allow(clippy::float_arithmetic)]
 pub mod thermometer;
 pub mod tolerance;

@@ -33,7 +33,7 @@ impl Induced {
     /// What the q current induces in d, and the d current and the magnets in q, each cut to ±2048 V, while the rotor turns
     /// by `theta_e_step` a sample, a quarter turn at most.
     #[inline(always)]
-    fn voltage(
+    pub(crate) fn voltage(
         &self,
         current: DirectQuadrature<ScaledCurrent>,
         theta_e_step: i32,
@@ -50,6 +50,14 @@ impl Induced {
             d: volts(linkage.q),
             q: volts(linkage.d),
         }
+    }
+}
+
+impl Induced {
+    /// What the magnets alone induce in q, cut to ±2048 V.
+    #[inline(always)]
+    pub(crate) fn back_emf(&self, theta_e_step: i32) -> i32 {
+        shift_up(multiply_upper(theta_e_step, self.flux), self.shift, 29)
     }
 }
 

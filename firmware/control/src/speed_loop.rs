@@ -1,6 +1,7 @@
 //! Speed error -> `i_q` reference: PI with the gains of Eqs 11 and 12, inertia feed-forward, torque limit.
 
-use crate::format::{Current, CurrentState, Speed, SpeedGain, cut, narrow};
+use crate::current_limit::CurrentRange;
+use crate::format::{Current, CurrentState, Speed, SpeedGain, narrow};
 
 /// Configuration of a speed loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -65,7 +66,8 @@ impl SpeedLoop {
         voltage_limited: bool,
     ) -> SpeedLoopOutput {
         let wanted = self.wanted(config, reference, omega_e);
-        self.limit(config, wanted, voltage_limited)
+        let range = CurrentRange::both_ways(config.i_max);
+        self.limit(config, wanted, voltage_limited, range)
     }
 
     /// The first half: error, integral and feed-forward -> current. Two loops take it one after the other before either
@@ -91,7 +93,7 @@ impl SpeedLoop {
         }
     }
 
-    /// The second half: the torque limit, and the integral. `voltage_limited`: the current loop could not follow the last
+    /// The second half: the torque limit, which is `range` within the configured one, and the integral. `voltage_limited`: the current loop could not follow the last
     /// reference, so the integrator must not push further that way.
     #[inline(always)]
     pub fn limit(
@@ -99,9 +101,10 @@ impl SpeedLoop {
         config: &SpeedLoopConfig,
         wanted: Wanted,
         voltage_limited: bool,
+        range: CurrentRange,
     ) -> SpeedLoopOutput {
         let Wanted { error, current } = wanted;
-        let i_q = cut(current, config.i_max);
+        let i_q = range.cut(current);
 
         // Anti-windup by conditional integration: no error is integrated that pushes further into a limit. What the
         // limit cut is not taken from the integrator: a short peak of the other parts would leave it without the

@@ -2,13 +2,19 @@
 
 use crate::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen, Progress};
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
+use crate::current_limit::CurrentRange;
 use crate::current_loop::{CurrentReference, Mode};
-use crate::exchange::MotorExchange;
+use crate::exchange::{MotorExchange, MotorStatus};
 use crate::fault::Fault;
+use crate::format::Current;
+use crate::interlock::Interlock;
 use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
+use crate::runaway::{Motion, Runaway, Sign};
 use crate::speed_loop::{SpeedLoop, SpeedReference};
 use crate::supervisor::{Request, State};
+use crate::thermal::Heat;
+use core::hint::cold_path;
 
 /// What the speed task decided in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -38,12 +44,27 @@ pub struct SpeedTask {
     /// What the alignment last asked the current loops to take over.
     alignments: [Option<EncoderAlignment>; 2],
     aligned: Progress,
+    runaway: [Runaway; 2],
+    /// What the watch found in the last step.
+    found: Option<Fault>,
+    /// Heat of windings and bridges, running or not.
+    heat: [Heat; 2],
+    interlock: Interlock,
+    /// What the drive comes to rest for.
+    rests_for: Option<Fault>,
+    /// What it leaves of the torque currents.
+    current_max: [Current; 2],
+    too_hot: [bool; 2],
+    /// Which of the [`Look`]s is due.
+    look: u8,
 }
 
 impl SpeedTask {
     /// A task at rest.
     #[must_use]
-    pub const fn new() -> Self {
+    pub const fn new(config: &DriveConfig) -> Self {
+        let [screw_heat, nut_heat] = &config.heat;
+        let [screw_loop, nut_loop] = &config.speed_loops;
         Self {
             speed_loops: [SpeedLoop::new(), SpeedLoop::new()],
             coordinator: Coordinator::new(),
@@ -56,6 +77,14 @@ impl SpeedTask {
             asked: AlignmentStep::new(),
             alignments: [None; 2],
             aligned: Progress::Working,
+            runaway: [Runaway::new(); 2],
+            found: None,
+            heat: [Heat::starting(screw_heat), Heat::starting(nut_heat)],
+            interlock: Interlock::new(),
+            rests_for: None,
+            current_max: [screw_loop.i_max, nut_loop.i_max],
+            too_hot: [false; 2],
+            look: 0,
         }
     }
 
@@ -100,7 +129,7 @@ impl SpeedTask {
         screw.ask(to_screw, screw_loop);
         nut.ask(to_nut, nut_loop);
         if self.seen.is_some() {
-            self.look(config);
+            self.compute_alignment(config);
         }
         output
     }
@@ -115,10 +144,27 @@ impl SpeedTask {
     ) -> SpeedTaskOutput {
         let [screw, nut] = exchanges;
         let motors = [screw.status(), nut.status()];
+        let look = Look::of(self.look);
+        self.look = self.look.wrapping_add(1);
+        if let Look::ScrewHeat | Look::NutHeat = look {
+            self.warm(config, look, exchanges, &motors);
+        }
+        let found = found.or(self.found).or_else(|| self.heat_fault());
+        let request = self.interlocked(config, request);
         let coordinator = &self.coordinator;
         self.state = self.state.next(request, motors, found, self.aligned, || {
             coordinator.at_rest()
         });
+        if let Some(fault) = self.rests_for {
+            cold_path();
+            self.state = match self.state {
+                State::Ready => State::Fault(fault),
+                state => state,
+            };
+            if matches!(self.state, State::Fault(_)) {
+                self.rests_for = None;
+            }
+        }
         if self.state == State::Calibrating {
             self.alignment = Alignment::begin(&config.alignment);
             (self.asked, self.seen) = (AlignmentStep::default(), None);
@@ -135,6 +181,8 @@ impl SpeedTask {
             self.coordinator = Coordinator::new();
             self.followed = Command::rest();
             self.torque_limited = [false; 2];
+            self.runaway = [Runaway::new(); 2];
+            self.found = None;
             if self.state == State::Aligning {
                 return self.align(config, exchanges);
             }
@@ -186,16 +234,53 @@ impl SpeedTask {
             nut_loop.wanted(nut_config, nut_reference, nut_omega_e),
         ];
         let [screw_wanted, nut_wanted] = wanted;
+        let [screw_exchange, nut_exchange] = exchanges;
+        let [screw_regeneration, nut_regeneration] = &config.regeneration;
+        let [screw_max, nut_max] = self.current_max;
+        let screw_range = CurrentRange::new(
+            screw_max,
+            screw_regeneration.braking_max(screw_max, screw_exchange.bus()),
+            screw.theta_step,
+        );
+        let nut_range = CurrentRange::new(
+            nut_max,
+            nut_regeneration.braking_max(nut_max, nut_exchange.bus()),
+            nut.theta_step,
+        );
         let asked = [
-            screw_loop.limit(screw_config, screw_wanted, screw.voltage_limited),
-            nut_loop.limit(nut_config, nut_wanted, nut.voltage_limited),
+            screw_loop.limit(
+                screw_config,
+                screw_wanted,
+                screw.voltage_limited,
+                screw_range,
+            ),
+            nut_loop.limit(nut_config, nut_wanted, nut.voltage_limited, nut_range),
         ];
-        self.torque_limited = asked.map(|output| output.limited);
+        let [screw_limited, nut_limited] = asked.map(|output| output.limited);
+        self.torque_limited = [screw_limited, nut_limited];
         let current = asked.map(|output| CurrentReference {
             mode: Mode::Drive,
             i_q: output.i_q,
             ..CurrentReference::default()
         });
+        self.found = self.watch(
+            config,
+            look,
+            exchanges,
+            &motors,
+            [
+                Motion {
+                    reference: screw_reference.omega_e,
+                    omega_e: screw_omega_e,
+                    torque_limited: screw_limited,
+                },
+                Motion {
+                    reference: nut_reference.omega_e,
+                    omega_e: nut_omega_e,
+                    torque_limited: nut_limited,
+                },
+            ],
+        );
         SpeedTaskOutput {
             current,
             speed,
@@ -218,9 +303,104 @@ impl SpeedTask {
     /// A step of the alignment.
     #[cold]
     #[inline(never)]
-    fn look(&mut self, config: &DriveConfig) {
+    fn compute_alignment(&mut self, config: &DriveConfig) {
         if let Some(seen) = self.seen.take() {
             self.asked = self.alignment.step(&config.alignment, seen);
+        }
+    }
+
+    /// The request, without run where something forbids to go on.
+    #[inline(always)]
+    fn interlocked(&mut self, config: &DriveConfig, request: Request) -> Request {
+        let against = self.interlock.step(
+            config.heartbeat_steps,
+            request.heartbeat,
+            request.inputs,
+            request.run,
+            self.command.velocity,
+        );
+        let moves = matches!(self.state, State::Ready | State::Running | State::Stopping);
+        if moves && self.rests_for.is_none() {
+            self.rests_for = against;
+        }
+        Request {
+            run: request.run && self.rests_for.is_none(),
+            ..request
+        }
+    }
+
+    /// Looks at one motor's motion, if that is due.
+    #[inline(always)]
+    fn watch(
+        &mut self,
+        config: &DriveConfig,
+        look: Look,
+        exchanges: [&MotorExchange; 2],
+        motors: &[MotorStatus; 2],
+        motion: [Motion; 2],
+    ) -> Option<Fault> {
+        let [screw, nut] = motors;
+        let [screw_exchange, nut_exchange] = exchanges;
+        let [screw_watch, nut_watch] = &mut self.runaway;
+        let [screw_limits, nut_limits] = &config.runaway;
+        let [screw_loop, nut_loop] = &config.current_loops;
+        let [screw_motion, nut_motion] = motion;
+        match look {
+            Look::ScrewMotion => screw_watch
+                .step(
+                    screw_limits,
+                    &screw_loop.regulator.induced,
+                    screw_exchange,
+                    screw,
+                    screw_motion,
+                )
+                .map(Sign::of_screw),
+            Look::NutMotion => nut_watch
+                .step(
+                    nut_limits,
+                    &nut_loop.regulator.induced,
+                    nut_exchange,
+                    nut,
+                    nut_motion,
+                )
+                .map(Sign::of_nut),
+            Look::ScrewHeat | Look::NutHeat => None,
+        }
+    }
+
+    /// One motor's current warms its winding and its bridge for a look.
+    #[inline(always)]
+    fn warm(
+        &mut self,
+        config: &DriveConfig,
+        look: Look,
+        exchanges: [&MotorExchange; 2],
+        motors: &[MotorStatus; 2],
+    ) {
+        let [screw, nut] = motors;
+        let [screw_exchange, nut_exchange] = exchanges;
+        let [screw_heat, nut_heat] = &mut self.heat;
+        let [screw_config, nut_config] = &config.heat;
+        let [screw_loop, nut_loop] = &config.speed_loops;
+        let [screw_max, nut_max] = &mut self.current_max;
+        let [screw_hot, nut_hot] = &mut self.too_hot;
+        if look == Look::ScrewHeat {
+            screw_heat.step(screw_config, screw_exchange.current(), screw.theta_step);
+            *screw_max = screw_loop.i_max.min(screw_heat.current_max(screw_config));
+            *screw_hot = screw_heat.trips(screw_config);
+        } else {
+            nut_heat.step(nut_config, nut_exchange.current(), nut.theta_step);
+            *nut_max = nut_loop.i_max.min(nut_heat.current_max(nut_config));
+            *nut_hot = nut_heat.trips(nut_config);
+        }
+    }
+
+    #[inline(always)]
+    fn heat_fault(&self) -> Option<Fault> {
+        match self.too_hot {
+            [false, false] => None,
+            [true, _] => Some(Fault::ScrewHeat),
+            [false, true] => Some(Fault::NutHeat),
         }
     }
 
@@ -253,8 +433,23 @@ impl SpeedTask {
     }
 }
 
-impl Default for SpeedTask {
-    fn default() -> Self {
-        Self::new()
+/// What a step looks at beside its control: one thing of one motor, so that no step takes longer for it.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Look {
+    ScrewMotion,
+    NutMotion,
+    ScrewHeat,
+    NutHeat,
+}
+
+impl Look {
+    #[inline(always)]
+    const fn of(step: u8) -> Self {
+        match step & 3 {
+            0 => Self::ScrewMotion,
+            1 => Self::NutMotion,
+            2 => Self::ScrewHeat,
+            _ => Self::NutHeat,
+        }
     }
 }

@@ -10,6 +10,7 @@
 //! | `Running` | `Stopping` | run is no longer asked |
 //! | `Stopping` | `Running` | run is asked again |
 //! | `Stopping` | `Ready` | both references have come to rest |
+//! | `Ready`, `Stopping` | `Fault` | both references have come to rest for what [`interlock`](crate::interlock) found |
 //! | any but `Fault` | `Fault` | a fault |
 //! | `Fault` | `Off` | the fault's cause is gone and a reset is asked while run is not |
 //!
@@ -19,6 +20,7 @@ use crate::alignment::Progress;
 use crate::current_loop::{Calibration, Mode};
 use crate::exchange::MotorStatus;
 use crate::fault::{self, Fault};
+use crate::interlock::Inputs;
 use core::hint::cold_path;
 
 /// What the drive is doing.
@@ -31,7 +33,7 @@ pub enum State {
     Calibrating,
     /// Bridges on for small motion: both rotors being found.
     Aligning,
-    /// Bridges off, all is known that running needs.
+    /// Bridges off, all is known that running needs; the current zeros are measured again and again.
     Ready,
     /// Bridges on, following the command.
     Running,
@@ -108,6 +110,10 @@ pub struct Request {
     pub run: bool,
     /// Leave a fault.
     pub reset: bool,
+    /// Changes while someone commands.
+    pub heartbeat: u32,
+    /// What the board's inputs say.
+    pub inputs: Inputs,
 }
 
 impl State {
@@ -155,9 +161,10 @@ impl State {
     pub const fn mode(self, request: Request) -> Mode {
         match self {
             Self::Fault(_) if request.reset && !request.run => Mode::Reset,
-            Self::Calibrating => Mode::Calibrate,
+            // So each start has zeros that were just measured.
+            Self::Calibrating | Self::Ready => Mode::Calibrate,
             Self::Aligning | Self::Running | Self::Stopping => Mode::Drive,
-            Self::Off | Self::Ready | Self::Fault(_) => Mode::Off,
+            Self::Off | Self::Fault(_) => Mode::Off,
         }
     }
 }
@@ -262,6 +269,7 @@ mod tests {
                     Request {
                         run: on(2),
                         reset: on(3),
+                        ..Request::default()
                     },
                     [healthy, nut],
                     None,
@@ -286,6 +294,7 @@ mod tests {
             Request {
                 run: true,
                 reset: true,
+                ..Request::default()
             },
             [MotorStatus::default(), broken],
             Some(Fault::OverVoltage),
@@ -297,6 +306,7 @@ mod tests {
         let still_asked = Request {
             run: true,
             reset: true,
+            ..Request::default()
         };
         assert_eq!(
             state.next(
@@ -342,6 +352,7 @@ mod tests {
         let reset = Request {
             run: false,
             reset: true,
+            ..Request::default()
         };
         assert_eq!(
             state.next(reset, healthy, hot, Progress::Working, || true),

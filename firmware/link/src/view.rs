@@ -162,6 +162,9 @@ words! {
         run: u32,
         /// What telemetry to send: see [`telemetry::Request`](crate::telemetry::Request).
         record: u32,
+        /// A new value says that whoever commands is still there: without one for the plate's time (half a second) a drive
+        /// that runs comes to rest.
+        heartbeat: u32,
     }
 }
 

@@ -26,6 +26,7 @@ use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
 use crate::hw::encoder::mt6835::{LEAD_S, Mt6835};
 use crate::hw::encoder::{Flags, Incremental, InputFilter, TopOf};
+use crate::hw::inputs::{Inputs, contact};
 use crate::hw::outputs::{Level, Outputs, output};
 use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
@@ -214,6 +215,11 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     Pins {
         channels,
         amplifiers: amplifiers.map(Some),
+        inputs: Inputs {
+            enable: Some(contact(c.pc9)),
+            end_forward: Some(contact(b.pb9)),
+            end_backward: Some(contact(b.pb11)),
+        },
         outputs: Outputs {
             drivers: [
                 Some(output(a.pa4, Level::High)),

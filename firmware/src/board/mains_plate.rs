@@ -6,7 +6,9 @@ use super::paper_machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::mt6835;
-use control::plate::{BoardPlate, DrivePlate, EncoderPlate, MotorPlate};
+use control::plate::{
+    BoardPlate, DrivePlate, EncoderPlate, MotorPlate, RunawayPlate, ThermalPlate,
+};
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
 
@@ -78,10 +80,19 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         measure_zeros: true,
         min_on_time_s: 2e-6,
         bootstrap_s: 1e-3,
+        // Assumed, as there is no such board: two thirds of what the comparators let pass, heat sink of a module. Put yours in.
+        thermal: ThermalPlate {
+            rated_rms_a: 3.0,
+            seconds: 20.0,
+        },
+        // Above the chopper's 370 V, below the guard's 390 V.
+        regeneration_v: [374.0, 386.0],
     },
     tuning: paper_machine::TUNING,
     feed: paper_machine::FEED,
     alignment: paper_machine::ALIGNMENT,
+    runaway: RunawayPlate::USUAL,
+    heartbeat_s: 0.5,
 };
 
 /// A Pt1000 on each heat sink, to the reference over 2.2 kohm.

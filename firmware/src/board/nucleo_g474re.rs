@@ -13,6 +13,7 @@ use super::pins::{
 use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
 use crate::hw::encoder::{Flags, Incremental, InputFilter, TopOf};
+use crate::hw::inputs::{Inputs, contact};
 use crate::hw::outputs::{Level, Outputs, output};
 use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
@@ -205,6 +206,11 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     Pins {
         channels,
         amplifiers: [None; 4],
+        inputs: Inputs {
+            enable: Some(contact(c.pc9)),
+            end_forward: Some(contact(b.pb9)),
+            end_backward: Some(contact(b.pb11)),
+        },
         outputs: Outputs {
             drivers: [
                 Some(output(a.pa4, Level::High)),

@@ -6,7 +6,9 @@
 use super::paper_machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
-use control::plate::{AlignmentPlate, BoardPlate, DrivePlate, EncoderPlate, MotorPlate};
+use control::plate::{
+    AlignmentPlate, BoardPlate, DrivePlate, EncoderPlate, MotorPlate, RunawayPlate, ThermalPlate,
+};
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
 use core::f64::consts::{SQRT_2, TAU};
@@ -49,6 +51,11 @@ const MOTOR: MotorPlate = MotorPlate {
     // What 48 V reach with full torque; 24 V reach about half of it.
     speed_max_rpm: 2500.0,
     torque_max_nm: 1.5 * RATED_NM,
+    // The manual rates the case, not the winding [7]: a time constant of a minute is assumed, a small servo's winding.
+    thermal: ThermalPlate {
+        rated_rms_a: RATED_NM * SQRT_2 / (LINE_V_S * paper_machine::SQRT_3),
+        seconds: 60.0,
+    },
     current_gains: [1.0; 3],
     encoder: EncoderPlate {
         interface: Interface::Incremental,
@@ -82,6 +89,13 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         min_on_time_s: 4e-6,
         // A charge pump feeds the high sides.
         bootstrap_s: 0.0,
+        // 15 A rms [5]; the board's time constant is assumed.
+        thermal: ThermalPlate {
+            rated_rms_a: 15.0,
+            seconds: 20.0,
+        },
+        // Above a shunt regulator's 50 V, below the guard's 52 V.
+        regeneration_v: [50.4, 51.6],
     },
     tuning: paper_machine::TUNING,
     feed: paper_machine::FEED,
@@ -90,6 +104,8 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         travel_m: 50e-6,
         speed_rpm: MOTOR.speed_max_rpm / 15.0,
     },
+    runaway: RunawayPlate::USUAL,
+    heartbeat_s: 0.5,
 };
 
 /// The same with its bridges at 40 kHz: the feature `pwm-40khz`. The speed task keeps its 5 kHz.

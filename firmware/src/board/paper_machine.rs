@@ -1,7 +1,10 @@
 //! The paper's machine: motors, tuning and feed, of which a board takes what is its own. Numbers only.
 
 use control::encoder::Interface;
-use control::plate::{AlignmentPlate, EncoderPlate, FeedPlate, MotorPlate, Tuning};
+use control::plate::{AlignmentPlate, EncoderPlate, FeedPlate, MotorPlate, ThermalPlate, Tuning};
+
+/// A phase's rms current to the vector's length.
+pub(crate) const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
 /// The motors of Table 1 (Wang et al. 2020) with encoders of 10,000 lines: 2 MHz of counts at 3000 rpm, which RS-422 and a
 /// timer's filter carry, as the 52 MHz of 20 bits they do not.
@@ -15,6 +18,11 @@ pub(crate) const MOTOR: MotorPlate = MotorPlate {
     // One and a half times the rated torque: 3 A of phase current, which leaves the mains board's comparators room for a
     // step's overshoot.
     torque_max_nm: 2.0,
+    // The rated torque of 1.3 N m. The time constant is assumed, a small servo motor's winding: put yours in.
+    thermal: ThermalPlate {
+        rated_rms_a: 1.3 / (5.0 * 0.11 * SQRT_3),
+        seconds: 60.0,
+    },
     current_gains: [1.0; 3],
     encoder: EncoderPlate {
         interface: Interface::Incremental,

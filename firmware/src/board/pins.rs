@@ -3,6 +3,7 @@
 use super::claimed::{Owned, claim};
 use crate::hw::amplifier::Amplifier;
 use crate::hw::analog::{Channels, Input, Sampling};
+use crate::hw::inputs::Inputs;
 use crate::hw::outputs::{Level, Outputs};
 use crate::hw::protection::DriverFault;
 use core::marker::PhantomData;
@@ -37,6 +38,8 @@ pub(crate) struct Pins {
     pub(crate) amplifiers: [Option<Amplifier>; 4],
     /// What it switches.
     pub(crate) outputs: Outputs,
+    /// Its contacts.
+    pub(crate) inputs: Inputs,
 }
 
 /// What a board's motor encoders may be made of.

@@ -48,6 +48,9 @@ pub struct Outside {
     charges: HashMap<Pin, bool>,
 }
 
+/// The contacts of both boards, closed to ground while all is well: enable, forward and backward end switch.
+pub const CONTACTS: [Pin; 3] = [(2, 9), (1, 9), (1, 11)];
+
 /// A gate driver's input: its pin, the alternate function that is its timer's output, and the timer, 0 for TIM1.
 pub type Gate = (Pin, u32, usize);
 
@@ -103,8 +106,9 @@ impl Outside {
         let encoders = encoders
             .iter()
             .map(|(pin, level)| (*pin, Circuit::Driven(*level)));
+        let contacts = CONTACTS.map(|pin| (pin, Circuit::Driven(false)));
         Self {
-            circuits: gates.chain(encoders).collect(),
+            circuits: gates.chain(encoders).chain(contacts).collect(),
             ..Self::default()
         }
     }

@@ -4,6 +4,8 @@
 mod align;
 #[cfg(feature = "simulate")]
 mod drive;
+#[cfg(feature = "simulate")]
+mod runaway;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -15,6 +17,8 @@ pub enum Bench {
     Drive(DriveOptions),
     /// Starts of a drive that does not know where its rotors stand, and what it says of wrong wiring.
     Align(AlignOptions),
+    /// Wrong electrical angles, and what they do until the bridges are off.
+    Runaway(RunawayOptions),
     /// The identification on the recordings and measured data beside the project.
     Identify(crate::identify::BenchOptions),
 }
@@ -25,6 +29,14 @@ pub struct AlignOptions {
     /// Starts.
     #[arg(long, default_value_t = 500)]
     pub starts: u64,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How to say it.
+#[derive(Args)]
+pub struct RunawayOptions {
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -43,6 +55,7 @@ pub fn run(what: &Bench) -> Result<()> {
     match what {
         Bench::Drive(options) => drive(options),
         Bench::Align(options) => align(options),
+        Bench::Runaway(options) => runaway(options),
         Bench::Identify(options) => crate::identify::bench(options),
     }
 }
@@ -66,5 +79,16 @@ fn align(_: &AlignOptions) -> Result<()> {
 /// Hands over to an xtask with the simulator.
 #[cfg(not(feature = "simulate"))]
 fn drive(_: &DriveOptions) -> Result<()> {
+    crate::with::With::Simulate.take_over()
+}
+
+#[cfg(feature = "simulate")]
+fn runaway(options: &RunawayOptions) -> Result<()> {
+    runaway::run(options)
+}
+
+/// Hands over to an xtask with the simulator.
+#[cfg(not(feature = "simulate"))]
+fn runaway(_: &RunawayOptions) -> Result<()> {
     crate::with::With::Simulate.take_over()
 }

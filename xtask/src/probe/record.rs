@@ -150,6 +150,9 @@ impl Script {
             say(Said::Bytes(bytes));
             if looked.elapsed() > LOOK {
                 looked = Instant::now();
+                if !self.holds.is_empty() {
+                    self.drive.keep_alive(memory)?;
+                }
                 let view = self.drive.look(memory)?;
                 if let Some(State::Fault(fault)) = view.state()
                     && !self.holds.is_empty()
@@ -273,6 +276,9 @@ mod tests {
             })
             .unwrap();
         assert_eq!(*running.borrow(), [2]);
+        // Once when it was asked to run, and again while it ran.
+        let beats = chip.command(offset_of!(DriveCommand, heartbeat));
+        assert!(beats >= 2, "the command was renewed {beats} times");
         assert!(
             chip.command(offset_of!(DriveCommand, velocity)) > 0,
             "measured {}, expected above {}",

@@ -3,11 +3,13 @@
 use super::LOOK;
 use super::memory::with_chip;
 use crate::session::CommandOptions;
-use anyhow::{Result, bail};
+use anyhow::{Context, Result, bail};
 use link::codes::{ResetReason, Run, State};
 use link::host::{Drive, Memory, View};
 use probe_rs::probe::DebugProbeInfo;
 use std::f64::consts::TAU;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
 use std::time::Duration;
 
@@ -51,29 +53,64 @@ fn news(before: Option<&View>, now: &View) -> Vec<String> {
     lines
 }
 
-/// Tells the drive, and says what it made of that.
+/// Tells the drive, and says what it made of that. A drive that runs is commanded until Ctrl-C, and then comes to rest.
 pub fn command(probe: DebugProbeInfo, drive: Drive, options: &CommandOptions) -> Result<()> {
     let options = options.clone();
-    let view = with_chip(
+    let stop = Arc::new(AtomicBool::new(false));
+    let asked = Arc::clone(&stop);
+    ctrlc::set_handler(move || asked.store(true, Relaxed))
+        .context("Ctrl-C cannot be caught, and is what ends a command")?;
+    with_chip(
         probe,
-        move |mut memory, _: &dyn Fn(())| tell(&mut memory, drive, &options),
-        |()| Ok(()),
-    )?;
-    println!("{view}");
-    Ok(())
+        move |mut memory, say: &dyn Fn(View)| tell(&mut memory, drive, &options, &stop, say),
+        |view| {
+            println!("{view}");
+            Ok(())
+        },
+    )
 }
 
-fn tell(memory: &mut impl Memory, drive: Drive, options: &CommandOptions) -> Result<View> {
+fn tell(
+    memory: &mut impl Memory,
+    drive: Drive,
+    options: &CommandOptions,
+    stop: &AtomicBool,
+    say: &dyn Fn(View),
+) -> Result<()> {
     if options.velocity.is_some() || options.base.is_some() {
         let velocity = options.velocity.unwrap_or(0.0) * 1e-3;
         let base = options.base.unwrap_or(0.0) * TAU / 60.0;
         start(memory, drive, velocity, base)?;
-    } else {
-        let run = if options.reset { Run::Reset } else { Run::Rest };
-        drive.run(memory, run)?;
+        let followed = follow(memory, drive, stop, say);
+        // Also when the drive was stopped, so that it does not run again by itself.
+        drive.run(memory, Run::Rest)?;
+        return followed;
     }
+    let run = if options.reset { Run::Reset } else { Run::Rest };
+    drive.run(memory, run)?;
     thread::sleep(TAKE);
-    drive.look(memory)
+    say(drive.look(memory)?);
+    Ok(())
+}
+
+/// Goes on commanding a drive that runs, and says what it does, until that is to end.
+fn follow(
+    memory: &mut impl Memory,
+    drive: Drive,
+    stop: &AtomicBool,
+    say: &dyn Fn(View),
+) -> Result<()> {
+    while !stop.load(Relaxed) {
+        drive.keep_alive(memory)?;
+        let view = drive.look(memory)?;
+        let state = view.state();
+        say(view);
+        if let Some(State::Fault(fault)) = state {
+            bail!("the drive was stopped. {}", fault.sentence());
+        }
+        thread::sleep(LOOK);
+    }
+    Ok(())
 }
 
 /// Gives the drive a velocity, m/s, and a base speed, rad/s, and lets it run.

@@ -38,10 +38,21 @@ pub struct MotorPlate {
     pub speed_max_rpm: f64,
     /// Largest torque, N m: limits the `i_q` reference.
     pub torque_max_nm: f64,
+    /// What its winding bears for long.
+    pub thermal: ThermalPlate,
     /// Gains of its current channels a, b, c relative to the board's: 1 where they are not calibrated.
     pub current_gains: [f64; 3],
     /// The encoder on its shaft.
     pub encoder: EncoderPlate,
+}
+
+/// What a winding or a bridge bears for long: see [`thermal`](crate::thermal).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThermalPlate {
+    /// Current that it bears for ever while the rotor turns, A rms in each phase.
+    pub rated_rms_a: f64,
+    /// Its thermal time constant, s.
+    pub seconds: f64,
 }
 
 /// An encoder.
@@ -106,6 +117,11 @@ pub struct BoardPlate {
     pub min_on_time_s: f64,
     /// How long the low sides are closed before a bridge is first driven, s: charges the high sides' bootstrap capacitors.
     pub bootstrap_s: f64,
+    /// What a bridge bears for long.
+    pub thermal: ThermalPlate,
+    /// Bus voltages between which braking fades out, V: the first above what the supply or a chopper holds, the second below
+    /// the guard's limit.
+    pub regeneration_v: [f64; 2],
 }
 
 /// The feed: what turns two speeds into a table velocity, and how it may be moved.
@@ -137,6 +153,53 @@ pub struct AlignmentPlate {
     pub speed_rpm: f64,
 }
 
+/// When motion is not in hand: limits as parts of what each motor may do, and how long each is tolerated, s.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RunawayPlate {
+    /// Fastest, of the motor's largest speed.
+    pub over_speed: f64,
+    /// Patience with it.
+    pub over_speed_s: f64,
+    /// Furthest of the speed from its reference, of the motor's largest speed.
+    pub following: f64,
+    /// Patience with it.
+    pub following_s: f64,
+    /// Furthest of a current from its reference, of the current of the largest torque.
+    pub current_error: f64,
+    /// Patience with it.
+    pub current_error_s: f64,
+    /// Angle error that must not be, electrical degrees: below 60, and as much above the plate's errors as is to be seen.
+    pub angle_deg: f64,
+    /// Voltage that the model may be off by at any speed, of the back-EMF at the largest speed.
+    pub angle_floor: f64,
+    /// By how much the resistance may be off: a hot winding's is 40 % above a cold one's.
+    pub resistance_error: f64,
+    /// Patience with it.
+    pub angle_s: f64,
+    /// Slowest that a motor at its torque limit must turn, of its largest speed.
+    pub stall: f64,
+    /// Patience with one that does not.
+    pub stall_s: f64,
+}
+
+impl RunawayPlate {
+    /// What fits motors whose plate is right to a tenth.
+    pub const USUAL: Self = Self {
+        over_speed: 1.2,
+        over_speed_s: 1.6e-3,
+        following: 0.1,
+        following_s: 20e-3,
+        current_error: 0.35,
+        current_error_s: 8e-3,
+        angle_deg: 25.0,
+        angle_floor: 0.06,
+        resistance_error: 0.4,
+        angle_s: 3.2e-3,
+        stall: 0.01,
+        stall_s: 0.5,
+    };
+}
+
 /// All that the drive needs to know: screw first, nut second.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DrivePlate {
@@ -150,6 +213,10 @@ pub struct DrivePlate {
     pub feed: FeedPlate,
     /// The alignment.
     pub alignment: AlignmentPlate,
+    /// When motion is not in hand.
+    pub runaway: RunawayPlate,
+    /// How long the machine goes on moving by a command that nobody renews, s.
+    pub heartbeat_s: f64,
 }
 
 impl BoardPlate {
@@ -201,6 +268,10 @@ mod tests {
             inertia_kg_m2: 7.2e-4,
             speed_max_rpm: 3000.0,
             torque_max_nm: 2.6,
+            thermal: ThermalPlate {
+                rated_rms_a: 1.36,
+                seconds: 60.0,
+            },
             current_gains: [1.0; 3],
             encoder: EncoderPlate {
                 interface: Interface::Incremental,
@@ -228,6 +299,11 @@ mod tests {
                 measure_zeros: true,
                 min_on_time_s: 0.0,
                 bootstrap_s: 0.0,
+                thermal: ThermalPlate {
+                    rated_rms_a: 3.0,
+                    seconds: 20.0,
+                },
+                regeneration_v: [360.0, 384.0],
             },
             tuning: Tuning {
                 damping: 0.7,
@@ -249,6 +325,8 @@ mod tests {
                 travel_m: 50e-6,
                 speed_rpm: 200.0,
             },
+            runaway: RunawayPlate::USUAL,
+            heartbeat_s: 0.5,
         }
     }
 
@@ -278,6 +356,7 @@ mod tests {
             dead_time_s: 500e-9,
             dead_time_fade_a: 0.1,
             min_on_time_s: 1e-6,
+            regeneration_v: [60.0, 75.0],
             ..plate.board
         };
         match plate.config() {

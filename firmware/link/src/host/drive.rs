@@ -79,11 +79,24 @@ impl Drive {
         )
     }
 
+    /// Says that who commands is still there: a drive that runs comes to rest when this is not said every half second.
+    ///
+    /// # Errors
+    /// The memory cannot be reached.
+    pub fn keep_alive(&self, memory: &mut impl Memory) -> Result<()> {
+        let at = self.field(offset_of!(DriveCommand, heartbeat));
+        let [beat] = memory.words(at)?;
+        memory.write(at, beat.wrapping_add(1))
+    }
+
     /// Asks to run, to rest, or to leave a fault.
     ///
     /// # Errors
-    /// The memory cannot be written.
+    /// The memory cannot be reached.
     pub fn run(&self, memory: &mut impl Memory, run: Run) -> Result<()> {
+        if run == Run::Run {
+            self.keep_alive(memory)?;
+        }
         memory.write(self.field(offset_of!(DriveCommand, run)), run.word())
     }
 

@@ -2,17 +2,22 @@
 
 mod alignment;
 mod board;
+mod limits;
 mod motor;
+mod runaway;
 
 use crate::alignment::AlignmentConfig;
 use crate::coordinator::CoordinatorConfig;
+use crate::current_limit::RegenerationConfig;
 use crate::current_loop::CurrentLoopConfig;
 use crate::format::{
     CurrentScale, Gain, MechanicalSpeed, Misfit, SpeedChange, TableVelocity, Voltage, quantise,
 };
 use crate::plate::DrivePlate;
 use crate::profile::ProfileConfig;
+use crate::runaway::RunawayConfig;
 use crate::speed_loop::SpeedLoopConfig;
+use crate::thermal::HeatConfig;
 use core::f64::consts::TAU;
 use fixed::types::I20F12;
 
@@ -38,6 +43,14 @@ pub struct DriveConfig {
     pub coordinator: CoordinatorConfig,
     /// The alignment of both rotors.
     pub alignment: AlignmentConfig,
+    /// When a motor's motion is not in hand: screw, nut.
+    pub runaway: [RunawayConfig; 2],
+    /// How windings and bridges warm up: screw, nut.
+    pub heat: [HeatConfig; 2],
+    /// Where braking fades out: screw, nut.
+    pub regeneration: [RegenerationConfig; 2],
+    /// Steps of the speed task in which a command must be renewed.
+    pub heartbeat_steps: u32,
     /// Current-loop periods per step of the speed task.
     pub speed_divider: u32,
 }
@@ -70,8 +83,28 @@ impl DrivePlate {
             speed_loops,
             coordinator,
             alignment: attempt!(self.alignment(speed_loops, coordinator)),
+            runaway: [attempt!(screw.runaway(self)), attempt!(nut.runaway(self))],
+            heat: [attempt!(screw.heat(self)), attempt!(nut.heat(self))],
+            regeneration: [
+                attempt!(screw.regeneration(self)),
+                attempt!(nut.regeneration(self)),
+            ],
+            heartbeat_steps: attempt!(self.heartbeat_steps()),
             speed_divider: self.board.speed_divider,
         })
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    const fn heartbeat_steps(&self) -> Result<u32, Misfit> {
+        let steps = self.heartbeat_s / self.speed_step();
+        attempt!(within(
+            "time of the heartbeat",
+            "steps of the speed task",
+            steps,
+            1.0,
+            1_000_000.0
+        ));
+        Ok(steps as u32)
     }
 
     const fn coordinator(&self) -> Result<CoordinatorConfig, Misfit> {

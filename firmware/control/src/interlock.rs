@@ -1,0 +1,210 @@
+//! What must hold for the machine to go on moving: someone who commands it, its enable input, no end switch ahead.
+//!
+//! | what | when it is one | fault |
+//! | --- | --- | --- |
+//! | nobody commands | run is asked, and the heartbeat's word has not changed for the plate's time: a probe that was pulled, a host that hangs | `CommandLost` |
+//! | enable | run is asked, and the input does not allow it | `Disabled` |
+//! | end switch | run is asked with the table's velocity towards a switch that is open; away from it the drive runs | `EndForward`, `EndBackward` |
+//!
+//! Each is a stop category 1 (IEC 60204-1, 9.2.2): both references go to rest within their limits, then the bridges open and
+//! the fault is named. It takes a reset to run again, so nothing restarts by itself. An end switch must stand as far before
+//! the mechanical end as the stop takes: `v^2 / (2 a)` and `v a / (2 j)` with the feed's largest velocity, acceleration and
+//! jerk.
+//!
+//! The switches and the enable contact are closed while all is well, so that a broken wire stops too (normally closed, as
+//! IEC 60204-1, 9.4.3 and ISO 13850 ask of stops). A level counts once it was seen in [`SETTLED`] steps in a row.
+
+use crate::fault::Fault;
+use crate::format::TableVelocity;
+
+/// Steps of the speed task in which an input must be seen, 1 ms at 5 kHz: relays bounce that long, and bridges disturb.
+pub const SETTLED: u8 = 5;
+
+/// What the inputs say now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Inputs {
+    /// The enable contact is closed.
+    pub enabled: bool,
+    /// The end switch ahead of positive table velocity is open.
+    pub end_forward: bool,
+    /// The end switch ahead of negative table velocity is open.
+    pub end_backward: bool,
+}
+
+impl Inputs {
+    /// All is well: a board without inputs.
+    pub const CLEAR: Self = Self {
+        enabled: true,
+        end_forward: false,
+        end_backward: false,
+    };
+}
+
+impl Default for Inputs {
+    fn default() -> Self {
+        Self::CLEAR
+    }
+}
+
+/// State of the interlock.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Interlock {
+    heartbeat: u32,
+    /// Steps since it changed.
+    silent: u32,
+    /// Steps in a row in which each input was against moving: enable, forward end, backward end.
+    against: [u8; 3],
+}
+
+impl Interlock {
+    /// Nothing seen yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            heartbeat: 0,
+            silent: 0,
+            against: [0; 3],
+        }
+    }
+
+    /// One step: `heartbeat` changes while someone commands, at least once in `heartbeat_steps`, while run is asked with the
+    /// table at `velocity`; what forbids to go on.
+    #[inline(always)]
+    pub fn step(
+        &mut self,
+        heartbeat_steps: u32,
+        heartbeat: u32,
+        inputs: Inputs,
+        run: bool,
+        velocity: TableVelocity,
+    ) -> Option<Fault> {
+        self.silent = if heartbeat == self.heartbeat {
+            self.silent.saturating_add(1)
+        } else {
+            self.heartbeat = heartbeat;
+            0
+        };
+        let levels = [!inputs.enabled, inputs.end_forward, inputs.end_backward];
+        for (steps, against) in self.against.iter_mut().zip(levels) {
+            *steps = if against {
+                steps.saturating_add(1).min(SETTLED)
+            } else {
+                0
+            };
+        }
+        if !run {
+            return None;
+        }
+        let [disabled, forward, backward] = self.against.map(|steps| steps >= SETTLED);
+        if disabled {
+            Some(Fault::Disabled)
+        } else if self.silent > heartbeat_steps {
+            Some(Fault::CommandLost)
+        } else if forward && velocity > TableVelocity::ZERO {
+            Some(Fault::EndForward)
+        } else if backward && velocity < TableVelocity::ZERO {
+            Some(Fault::EndBackward)
+        } else {
+            None
+        }
+    }
+}
+
+impl Default for Interlock {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const STEPS: u32 = 2500;
+    const FORWARDS: TableVelocity = TableVelocity::from_bits(1 << 20);
+    const BACKWARDS: TableVelocity = TableVelocity::from_bits(-(1 << 20));
+
+    #[test]
+    fn a_heartbeat_must_come_while_run_is_asked() {
+        let mut interlock = Interlock::new();
+        let mut step = |beat: u32, run: bool| {
+            interlock.step(STEPS, beat, Inputs::CLEAR, run, TableVelocity::ZERO)
+        };
+        // Renewed at the last moment, over the word's wrap.
+        for beat in (0..6u32).map(|k| k.wrapping_sub(3)) {
+            for _ in 0..=STEPS {
+                assert_eq!(step(beat, true), None);
+            }
+        }
+        assert_eq!(step(2, true), Some(Fault::CommandLost));
+        assert_eq!(step(2, false), None, "run is not asked");
+        assert_eq!(step(3, true), None, "someone is there again");
+    }
+
+    #[test]
+    fn an_input_counts_once_it_has_settled_and_a_switch_in_its_direction() {
+        let well = Inputs::CLEAR;
+        let torn = Inputs {
+            enabled: false,
+            end_forward: true,
+            end_backward: true,
+        };
+        for (inputs, velocity, expected) in [
+            (torn, TableVelocity::ZERO, Some(Fault::Disabled)),
+            (
+                Inputs {
+                    end_forward: true,
+                    ..well
+                },
+                FORWARDS,
+                Some(Fault::EndForward),
+            ),
+            (
+                Inputs {
+                    end_forward: true,
+                    ..well
+                },
+                BACKWARDS,
+                None,
+            ),
+            (
+                Inputs {
+                    end_backward: true,
+                    ..well
+                },
+                BACKWARDS,
+                Some(Fault::EndBackward),
+            ),
+            (
+                Inputs {
+                    end_backward: true,
+                    ..well
+                },
+                FORWARDS,
+                None,
+            ),
+            (
+                Inputs {
+                    end_backward: true,
+                    ..well
+                },
+                TableVelocity::ZERO,
+                None,
+            ),
+        ] {
+            let mut interlock = Interlock::new();
+            let mut step = |inputs| interlock.step(STEPS, 0, inputs, true, velocity);
+            for _ in 0..10 {
+                // It bounces.
+                for _ in 1..SETTLED {
+                    assert_eq!(step(inputs), None);
+                }
+                assert_eq!(step(well), None);
+            }
+            for _ in 1..SETTLED {
+                assert_eq!(step(inputs), None);
+            }
+            assert_eq!(step(inputs), expected, "{inputs:?} at {velocity}");
+        }
+    }
+}

@@ -1,0 +1,146 @@
+//! What a motor and its bridge bear for long, and where braking fades out -> squares, counts, parts of a look.
+
+use super::{attempt, positive, power_of_two, within};
+use crate::current_limit::RegenerationConfig;
+use crate::format::{Current, CurrentScale, Gain, Misfit, quantise};
+use crate::plate::{DrivePlate, MotorPlate, ThermalPlate};
+use crate::thermal::{HeatConfig, ThermalConfig};
+
+/// Steps of the speed task from one look at a motor's heat to the next, and as many from one look at its motion.
+pub(super) const STEPS_PER_LOOK: f64 = 4.0;
+/// Part of the rated heat at which folding back begins.
+const FOLDS_FROM: f64 = 0.9;
+/// Past the heat of 1.05 times the rated current it is a fault: the factor `k` that IEC 60255-149's curves usually have.
+const TRIPS: f64 = 1.05 * 1.05;
+
+impl MotorPlate {
+    /// Largest torque current, A.
+    pub(super) const fn current_max(&self) -> f64 {
+        self.torque_max_nm / (self.pole_pairs as f64 * self.flux_wb.abs())
+    }
+
+    pub(super) const fn heat(&self, drive: &DrivePlate) -> Result<HeatConfig, Misfit> {
+        let scale = attempt!(drive.board.current_sense(self.current_gains)).scale;
+        let look = drive.speed_step() * STEPS_PER_LOOK;
+        let bridge = &drive.board.thermal;
+        let winding = &self.thermal;
+        let shortest = if bridge.seconds < winding.seconds {
+            bridge.seconds
+        } else {
+            winding.seconds
+        };
+        // An electrical turn in a tenth of the shorter time constant.
+        let turns = drive.board.sample_time() / (0.1 * shortest * self.pole_pairs as f64);
+        #[allow(clippy::cast_possible_truncation)]
+        Ok(HeatConfig {
+            winding: attempt!(winding.config(self.current_max(), look, scale)),
+            bridge: attempt!(bridge.config(self.current_max(), look, scale)),
+            turning: (turns * 4_294_967_296.0) as i32,
+        })
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    pub(super) const fn regeneration(
+        &self,
+        drive: &DrivePlate,
+    ) -> Result<RegenerationConfig, Misfit> {
+        let board = &drive.board;
+        let [from, full] = board.regeneration_v;
+        attempt!(within(
+            "bus at which braking begins to fade",
+            "V",
+            from,
+            board.bus_min_v,
+            full
+        ));
+        let (from, full) = (
+            from / board.bus_volts_per_count,
+            full / board.bus_volts_per_count,
+        );
+        attempt!(within(
+            "bus at which braking ends",
+            "counts",
+            full,
+            from + 8.0,
+            board.adc_counts as f64
+        ));
+        let (from, full) = (from as u16, full as u16);
+        let fades = full.saturating_sub(from);
+        let per_count = self.current_max() / fades as f64;
+        Ok(RegenerationConfig {
+            full,
+            fades,
+            per_count: attempt!(quantise(
+                "braking current for a count of the bus",
+                "A",
+                per_count,
+                Current::FRAC_NBITS.saturating_add(8)
+            )),
+        })
+    }
+}
+
+impl ThermalPlate {
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    const fn config(
+        &self,
+        current_max: f64,
+        look: f64,
+        scale: CurrentScale,
+    ) -> Result<ThermalConfig, Misfit> {
+        attempt!(positive("rated current", "A", self.rated_rms_a));
+        // The vector's square is the sum of the phases'.
+        let square = 3.0 * self.rated_rms_a * self.rated_rms_a;
+        let rated_current = super::square_root(square);
+        let ampere = power_of_two(scale.fraction);
+        let rated = square * ampere * ampere / 4_294_967_296.0;
+        attempt!(within(
+            "square of the rated current",
+            "2^-32 of a current's steps squared",
+            rated,
+            4096.0,
+            1_073_741_823.0 / TRIPS
+        ));
+        let part = look / self.seconds * 4_294_967_296.0;
+        attempt!(within(
+            "look, part of the thermal time constant",
+            "2^-32",
+            part,
+            500.0,
+            429_496_729.0
+        ));
+        // From the largest current at the beginning to the rated one at the rated heat; at least as steep as from one and a
+        // half times the rated current, so that what is left at a standstill settles below the trip.
+        let more = current_max - rated_current;
+        let half = rated_current / 2.0;
+        let fold = if more > half { more } else { half } * power_of_two(Current::FRAC_NBITS)
+            / ((1.0 - FOLDS_FROM) * rated);
+        let (mut multiplier, mut shift) = (fold * 4_294_967_296.0, 0u32);
+        while multiplier >= 2_147_483_647.0 && shift < 16 {
+            multiplier /= 2.0;
+            shift = shift.saturating_add(1);
+        }
+        attempt!(within(
+            "fold-back",
+            "A per heat",
+            multiplier,
+            500.0,
+            2_147_483_648.0
+        ));
+        Ok(ThermalConfig {
+            part: part as u32,
+            rated: rated as i32,
+            rated_current: Current::from_bits(attempt!(quantise(
+                "rated current",
+                "A",
+                rated_current,
+                Current::FRAC_NBITS
+            ))),
+            fold: Gain {
+                multiplier: multiplier as i32,
+                shift,
+            },
+            trip: (rated * TRIPS) as i32,
+        })
+    }
+}

@@ -1,0 +1,72 @@
+//! A command that nobody renews, an open enable, an end switch ahead: the emulated drive comes to rest with both motors, and
+//! then opens its bridges and says why, as the host's does (`hal-sim/tests/interlock.rs`).
+
+use link::codes::{Fault, Run};
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::TAU;
+use tests::bench::{Bench, FAULT, READY, RUNNING, plate_of};
+use tests::chip::outside::CONTACTS;
+use tests::chip::wiring::Wiring;
+
+fn running(board: Wiring, velocity: f64) -> Result<Bench, String> {
+    let mut bench = Bench::on(board, &Model::coupled(), Coupling::Coupled)?;
+    bench.wait_for(READY, 0.3)?;
+    bench.ask(velocity, 300.0 * TAU / 60.0)?;
+    bench.run(Run::Run.word())?;
+    bench.wait_for(RUNNING, 0.01)?;
+    bench.pass(0.25)?;
+    Ok(bench)
+}
+
+fn speeds(bench: &Bench) -> [f64; 2] {
+    let joint = bench.joint.borrow();
+    Axis::ALL.map(|axis| joint.board.machine.motor(axis).omega)
+}
+
+/// Each pin by its board, with its own fault, and nothing by an end switch that lies behind.
+#[test]
+fn each_input_and_a_lost_command_stop_the_machine() -> Result<(), String> {
+    let [enable, forward, backward] = CONTACTS;
+    for board in [Wiring::Nucleo, Wiring::Mains] {
+        for (pin, velocity, fault) in [
+            (Some(enable), 2.5e-3, Some(Fault::Disabled)),
+            (Some(forward), 2.5e-3, Some(Fault::EndForward)),
+            (Some(backward), 2.5e-3, None),
+            (None, 2.5e-3, Some(Fault::CommandLost)),
+            (Some(backward), -2.5e-3, Some(Fault::EndBackward)),
+        ] {
+            let said = format!("{board:?}, {pin:?} at {velocity} m/s");
+            let mut bench = running(board, velocity)?;
+            let heartbeat_s = plate_of(board).heartbeat_s;
+            match pin {
+                // A broken wire.
+                Some(pin) => drop(bench.emulator.chip().outside.circuits.remove(&pin)),
+                None => bench.attended = false,
+            }
+            let before = speeds(&bench);
+            let Some(fault) = fault else {
+                bench.pass(0.1)?;
+                assert_eq!(bench.status()?.state, RUNNING, "{said}");
+                continue;
+            };
+            if pin.is_none() {
+                bench.pass(heartbeat_s - 0.26)?;
+                assert_eq!(bench.status()?.state, RUNNING, "{said}: before its time");
+            }
+            bench.wait_for(FAULT, 0.6)?;
+            assert_eq!(bench.status()?.fault, fault.word(), "{said}");
+            let after = speeds(&bench);
+            let rests = after
+                .iter()
+                .zip(before)
+                .all(|(after, before)| after.abs() < 0.05 * before.abs());
+            assert!(
+                rests,
+                "{said}: the bridges opened at {after:?} rad/s, of {before:?} rad/s, expected at rest"
+            );
+        }
+    }
+    Ok(())
+}
