@@ -85,6 +85,10 @@ impl Machine for Joint {
         self.restarted = false;
         self.last = Some((motor, time));
         let axis = Self::axis(motor);
+        if !bridge.enabled {
+            // The latch is the chip's: what the board's own opened is closed when the chip closes it.
+            self.board.clear_break(axis);
+        }
         self.board.write(
             axis,
             PwmCommand {

@@ -16,7 +16,7 @@ const ERROR: u32 = 3 << 20;
 
 /// The mains board's drive at 300 rpm with the table moving.
 fn running() -> Result<Bench, String> {
-    let mut bench = Bench::on(Wiring::Mains, &Model::paper(), Coupling::Lumped)?;
+    let mut bench = Bench::on(Wiring::Mains, &Model::coupled(), Coupling::Coupled)?;
     bench.wait_for(READY, 0.2)?;
     bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
     bench.run(1)?;
@@ -134,7 +134,7 @@ fn past_the_limit_wrong_frames_open_the_bridges() -> Result<(), String> {
 
 #[test]
 fn a_sensor_that_is_not_there_keeps_the_drive_off() -> Result<(), String> {
-    let mut bench = Bench::on(Wiring::Mains, &Model::paper(), Coupling::Lumped)?;
+    let mut bench = Bench::on(Wiring::Mains, &Model::coupled(), Coupling::Coupled)?;
     // The line is pulled up.
     bench.emulator.chip().provoked.stuck_encoder[0] = Some(u32::MAX);
     bench.wait_for(FAULT, 0.2)?;
@@ -198,7 +198,7 @@ const FILTERS: [(u32, u32); 15] = [
 fn encoder_inputs_are_filtered_up_to_their_closest_edges() -> Result<(), String> {
     const CCMR1: u32 = 0x18;
     for board in [Wiring::Nucleo, Wiring::Mains] {
-        let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
+        let mut bench = Bench::on(board, &Model::coupled(), Coupling::Coupled)?;
         bench.wait_for(READY, 0.2)?;
         let plate = plate_of(board);
         let mut rates = Vec::new();

@@ -17,7 +17,7 @@ fn running() -> Result<Bench, String> {
 }
 
 fn running_on(board: Wiring) -> Result<Bench, String> {
-    let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
+    let mut bench = Bench::on(board, &Model::coupled(), Coupling::Coupled)?;
     bench.wait_for(READY, 0.2)?;
     bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
     bench.run(1)?;
@@ -93,7 +93,7 @@ fn an_over_current_opens_the_bridge_in_hardware() -> Result<(), String> {
         assert!(!enabled(&mut bench, motor));
         // Once it is gone a reset leaves the fault, and the drive runs again.
         bench.emulator.chip().end_short_circuit(motor);
-        bench.wait_for(READY, 1e-3)?;
+        bench.wait_for(READY, 0.2)?;
         bench.run(1)?;
         bench.pass(10e-3)?;
         assert_eq!(bench.status()?.state, RUNNING);
@@ -137,7 +137,7 @@ fn a_drivers_fault_opens_its_bridge_in_hardware() -> Result<(), String> {
         assert_cause(&mut bench, cause)?;
         bench.emulator.chip().driver_fault(motor, false);
         bench.run(2)?;
-        bench.wait_for(READY, 1e-3)?;
+        bench.wait_for(READY, 0.2)?;
     }
     Ok(())
 }

@@ -8,7 +8,7 @@ use tests::bench::{Bench, FAULT, READY, RUNNING};
 use tests::chip::Reset;
 
 fn running() -> Result<Bench, String> {
-    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    let mut bench = Bench::new(&Model::coupled(), Coupling::Coupled)?;
     bench.wait_for(READY, 0.2)?;
     bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
     bench.run(1)?;
@@ -84,7 +84,7 @@ fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() ->
     bench.pass(1e-3)?;
     assert_eq!(bench.status()?.state, FAULT);
     bench.emulator.chip().set_supply(3.3);
-    bench.wait_for(READY, 5e-3)?;
+    bench.wait_for(READY, 0.2)?;
     bench.run(1)?;
     bench.pass(20e-3)?;
     assert_eq!(enabled(&mut bench), [true; 2]);
@@ -100,7 +100,7 @@ fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() ->
 
 #[test]
 fn a_drive_without_boost_mode_does_not_start_and_says_why() -> Result<(), String> {
-    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    let mut bench = Bench::new(&Model::coupled(), Coupling::Coupled)?;
     bench.emulator.chip().system.no_boost = true;
     bench.pass(0.1)?;
     assert!(
@@ -121,7 +121,7 @@ fn a_drive_without_boost_mode_does_not_start_and_says_why() -> Result<(), String
 
 #[test]
 fn option_bytes_that_leave_the_brown_out_low_are_told() -> Result<(), String> {
-    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    let mut bench = Bench::new(&Model::coupled(), Coupling::Coupled)?;
     // As a chip comes from the factory (RM0440 3.4.1): brown-out level 0, PB8 picks what boots.
     bench.emulator.chip().system.set_option_bytes(0xFFEF_F8AA);
     bench.wait_for(READY, 0.2)?;
