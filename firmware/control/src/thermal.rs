@@ -44,7 +44,7 @@ impl Thermal {
     pub const fn starting(config: &ThermalConfig) -> Self {
         // Below 2^31 times 2^32.
         Self {
-            heat: ((config.rated / 5 * 4) as i64).wrapping_shl(32),
+            heat: ((config.rated / 5) as i64).saturating_mul(4 << 32),
         }
     }
 
