@@ -4,6 +4,7 @@
 //! were written since the turn before, and the ADCs sample; so a compare value acts one period after the sample that
 //! it was computed from. The nut's counter is half a period behind the screw's.
 
+use crate::seam::{Seam, Straight};
 use crate::sensors::{CurrentSensing, Leg, Sensors, encoder_word};
 use crate::wiring::{MotorWiring, Wiring};
 use control::current_loop::{MotorSample, PwmCommand};
@@ -16,6 +17,15 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use std::f64::consts::TAU;
+
+/// What the comparators on a break input see.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Comparators {
+    /// The true current of each phase, either sign.
+    Ideal,
+    /// What the current amplifiers of the phases that have a sensor show, into the motor only, as on both boards.
+    Amplifiers,
+}
 
 /// What the board is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -32,6 +42,8 @@ pub struct BoardConfig {
     pub dead_time_s: f64,
     /// Phase current that trips the break input, A.
     pub break_a: f64,
+    /// What the comparators on the break input see.
+    pub comparators: Comparators,
     /// What measures the machine.
     pub sensors: Sensors,
     /// Which phases have a current sensor.
@@ -58,6 +70,7 @@ impl Default for BoardConfig {
             bus_f: 0.0,
             dead_time_s: 0.0,
             break_a: 8.0,
+            comparators: Comparators::Ideal,
             sensors: Sensors::real(),
             shunts: Shunts::Two,
             sensing: CurrentSensing::InLine,
@@ -189,29 +202,46 @@ impl Board {
 
     /// The counter of `axis` turns: the written compare values become active, the ADCs and the encoder are read.
     pub fn turn(&mut self, axis: Axis) -> MotorSample {
+        self.turn_through(axis, &mut Straight)
+    }
+
+    /// The same with `seam` behind the current amplifiers.
+    pub fn turn_through(&mut self, axis: Axis, seam: &mut impl Seam) -> MotorSample {
         let wiring = *self.config.wiring.motor(axis);
         let true_currents = wiring.legs(self.machine.phase_currents(axis));
+        let break_a = self.config.break_a;
         let bridge = &mut self.bridges[axis.index()];
-        // The comparators look at the true current, and a break holds until it is cleared.
-        bridge.broken |= true_currents.iter().any(|i| i.abs() > self.config.break_a);
+        // A break holds until it is cleared.
+        bridge.broken |= self.config.comparators == Comparators::Ideal
+            && true_currents.iter().any(|i| i.abs() > break_a);
         bridge.active = bridge.written;
-        let (active, broken) = (bridge.active, bridge.broken);
-        let driven = self.voltages(active, broken, true_currents, &wiring);
-        self.driven[axis.index()] = driven;
-        self.machine.set_bridge(axis, driven);
+        let active = bridge.active;
 
         let readings = wiring.legs(self.machine.current_readings(axis));
         let [a, b, c] = wiring.channels(readings);
         let Sensors { current, bus, .. } = self.config.sensors;
         // At the top, where the samples are taken.
-        let leg = |k: usize| match (active.enable && !broken, active.compare[k]) {
+        let leg = |k: usize| match (active.enable && !bridge.broken, active.compare[k]) {
             (false, _) => Leg::Open,
             (true, compare) if compare >= self.config.period() => Leg::High,
             (true, _) => Leg::Low,
         };
         let sensing = self.config.sensing;
-        let [a, b, c] = [(a, 0), (b, 1), (c, 2)]
+        let mut amps = [(a, 0), (b, 1), (c, 2)]
             .map(|(amps, k): (f64, usize)| sensing.seen(amps, leg(wiring.channels[k])));
+        seam.currents(axis, &mut amps);
+        let sensed = match self.config.shunts {
+            Shunts::Two => &amps[..2],
+            Shunts::Three => &amps[..],
+        };
+        bridge.broken |= self.config.comparators == Comparators::Amplifiers
+            && sensed.iter().any(|i| *i > break_a);
+        let broken = bridge.broken;
+        let driven = self.voltages(active, broken, true_currents, &wiring);
+        self.driven[axis.index()] = driven;
+        self.machine.set_bridge(axis, driven);
+
+        let [a, b, c] = amps;
         let mut convert = |i| current.convert(i, &mut self.random);
         MotorSample {
             // A phase without a sensor reads 0.

@@ -4,6 +4,7 @@
 //! below it in priority; half a period later the nut's counter turns and its current loop runs.
 
 use crate::board::{Board, BoardConfig};
+use crate::seam::{Disturbed, Seam, Straight};
 use control::alignment::Misalignment;
 use control::coordinator::{Command, CommandError};
 use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
@@ -172,22 +173,27 @@ impl Drive {
 
     /// One PWM period.
     pub fn period(&mut self) {
-        self.period_with(|_, _| ());
+        self.period_through(&mut Straight);
     }
 
     /// One PWM period with `disturb` called before each half of it (0, 1) passes on the machine.
-    pub fn period_with(&mut self, mut disturb: impl FnMut(&mut Machine, u32)) {
-        self.current_interrupt(Axis::Screw);
+    pub fn period_with(&mut self, disturb: impl FnMut(&mut Machine, u32)) {
+        self.period_through(&mut Disturbed(disturb));
+    }
+
+    /// One PWM period with `seam` between board and control.
+    pub fn period_through(&mut self, seam: &mut impl Seam) {
+        self.current_interrupt(Axis::Screw, seam);
         if self
             .periods
             .is_multiple_of(u64::from(self.config.speed_divider))
         {
-            self.speed_interrupt();
+            self.speed_interrupt(seam);
         }
-        disturb(&mut self.board.machine, 0);
+        seam.machine(&mut self.board.machine, 0);
         self.board.advance();
-        self.current_interrupt(Axis::Nut);
-        disturb(&mut self.board.machine, 1);
+        self.current_interrupt(Axis::Nut, seam);
+        seam.machine(&mut self.board.machine, 1);
         self.board.advance();
         self.periods += 1;
     }
@@ -284,9 +290,10 @@ impl Drive {
         &self.speed
     }
 
-    fn current_interrupt(&mut self, axis: Axis) {
+    fn current_interrupt(&mut self, axis: Axis, seam: &mut impl Seam) {
         let k = axis.index();
-        let sample = self.board.turn(axis);
+        let mut sample = self.board.turn_through(axis, seam);
+        seam.sample(axis, &mut sample);
         let mut registers = Registers {
             board: &mut self.board,
             axis,
@@ -303,12 +310,17 @@ impl Drive {
         self.samples[k] = sample;
     }
 
-    fn speed_interrupt(&mut self) {
+    fn speed_interrupt(&mut self, seam: &mut impl Seam) {
         if self.attended {
             self.request.heartbeat = self.request.heartbeat.wrapping_add(1);
         }
-        self.speed =
-            self.speed_task
-                .step(&self.config, self.request, self.exchanges.each_ref(), None);
+        let mut request = self.request;
+        seam.request(&mut request);
+        self.speed = self.speed_task.step(
+            &self.config,
+            request,
+            self.exchanges.each_ref(),
+            seam.found(),
+        );
     }
 }

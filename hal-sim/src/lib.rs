@@ -2,10 +2,14 @@
 //!
 //! - [`sensors`]: what measures the machine: resolution, range, noise.
 //! - [`board`]: timers, bridges, ADCs, encoders, break inputs: the raw seam, stepped from one counter turn to the next.
+//! - [`boards`]: the boards that the firmware is built for, from its own plates.
+//! - [`seam`]: what may stand between board and control, and act on the machine: the place of a sensor's fault.
+//! - [`supervision`]: what the firmware's supervision and analog watchdogs look at.
 //! - [`wiring`]: how motors, current channels and encoders are connected.
 //! - [`mt6835`]: an absolute encoder's frames.
 //! - [`plates`]: the plate data that the control code gets for a model of a machine.
 //! - [`alignment`]: starts of a drive that does not know where its rotors stand.
+//! - [`faults`]: the fault matrix: each input, wrong in each way, in each situation, and what comes of it.
 //! - [`runaway`]: wrong electrical angles, and what they do until the bridges are off.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`draw`]: machines drawn at random, for tests of what looks at their records.
@@ -19,14 +23,18 @@
 pub mod alignment;
 pub mod analytic;
 pub mod board;
+pub mod boards;
 pub mod draw;
 pub mod drive;
 pub mod experiment;
+pub mod faults;
 pub mod mt6835;
 pub mod plates;
 pub mod replay;
 pub mod response;
 pub mod runaway;
+pub mod seam;
 pub mod sensors;
+pub mod supervision;
 pub mod vrf;
 pub mod wiring;

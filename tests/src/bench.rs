@@ -11,11 +11,10 @@ use crate::pins::Motor;
 use control::guard::GuardPlate;
 use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
-use hal_sim::sensors::{Adc, CurrentSensing, Sensors};
+use hal_sim::sensors::CurrentSensing;
 use link::codes::{Run, State};
 use link::host::{Drive, View};
 use link::telemetry::Request;
-use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
@@ -23,15 +22,6 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::rc::Rc;
 use std::sync::{Mutex, OnceLock};
-
-#[path = "../../firmware/src/board/mains_plate.rs"]
-#[allow(dead_code, reason = "the firmware uses the rest")]
-mod mains_plate;
-#[path = "../../firmware/src/board/nucleo_plate.rs"]
-#[allow(dead_code, reason = "the firmware uses the rest")]
-mod nucleo_plate;
-#[path = "../../firmware/src/board/paper_machine.rs"]
-mod paper_machine;
 
 /// Plate data of the drive that the firmware is built for by default, from the firmware's own source.
 #[must_use]
@@ -42,29 +32,19 @@ pub fn plate() -> DrivePlate {
 /// Plate data of the drive on a board, from the firmware's own source.
 #[must_use]
 pub fn plate_of(board: Wiring) -> DrivePlate {
-    match board {
-        Wiring::Nucleo => nucleo_plate::PLATE,
-        Wiring::Nucleo40kHz => nucleo_plate::PLATE_40_KHZ,
-        Wiring::Mains => mains_plate::PLATE,
-    }
+    board.kind().plate()
 }
 
 /// What the ADCs read of a board's heat sinks at a temperature, degrees Celsius.
 #[must_use]
 pub fn counts_at(board: Wiring, celsius: f64) -> [u16; 2] {
-    let guards = guards_of(board);
-    guards
-        .temperatures
-        .map(|plate| plate.counts(celsius, guards.adc_counts) as u16)
+    board.kind().counts_at(celsius)
 }
 
 /// Limits of a board, from the firmware's own source.
 #[must_use]
 pub fn guards_of(board: Wiring) -> GuardPlate {
-    match board {
-        Wiring::Nucleo | Wiring::Nucleo40kHz => nucleo_plate::GUARDS,
-        Wiring::Mains => mains_plate::GUARDS,
-    }
+    board.kind().guards()
 }
 
 /// Builds the firmware as it is flashed, once, and says where its ELF is.
@@ -152,61 +132,14 @@ fn build(features: &[&str]) -> Result<PathBuf, String> {
 /// One count of a board's linear scale, m, from the firmware's own source.
 #[must_use]
 pub fn scale_count_m(board: Wiring) -> f64 {
-    match board {
-        Wiring::Nucleo | Wiring::Nucleo40kHz => nucleo_plate::SCALE_COUNT_M,
-        Wiring::Mains => mains_plate::SCALE_COUNT_M,
-    }
+    board.kind().scale_count_m()
 }
 
-/// Bus voltage that a board's tests run at, and peak phase current that stops its bridges.
-const fn supply(board: Wiring) -> (f64, f64) {
-    match board {
-        Wiring::Nucleo | Wiring::Nucleo40kHz => (36.0, nucleo_plate::OVER_CURRENT_A),
-        Wiring::Mains => (310.0, mains_plate::OVER_CURRENT_A),
-    }
-}
-
-/// `template` with the motors that the plate of `board` declares. The mains board's are the paper's, as those of the
-/// models are; others get electrical data and inertia of the plate, friction and torque harmonics in proportion to the
-/// torque, and the load in proportion to the inertia, so that it pulls the free-wheeling motors no faster.
+/// `template` with the motors that the plate of `board` declares: see [`hal_sim::boards::BoardKind::machine`].
 #[must_use]
 pub fn machine_of(board: Wiring, template: &Model, coupling: Coupling) -> Model {
-    let (plate, paper) = (plate_of(board), plate_of(Wiring::Mains));
-    let mut model = template.clone();
-    let r = model.feed.travel_per_radian();
-    let table = match coupling {
-        Coupling::Lumped => 0.0,
-        Coupling::Coupled => model.feed.table_mass_kg * r * r,
-    };
-    for axis in Axis::ALL {
-        let (declared, known) = (&plate.motors[axis.index()], &paper.motors[axis.index()]);
-        if declared.inertia_kg_m2 == known.inertia_kg_m2 {
-            // The paper's motor, of which a model knows more than the plate.
-            return model;
-        }
-        let torque = declared.torque_max_nm / known.torque_max_nm;
-        let motor = model.motor_mut(axis);
-        motor.resistance_ohm = declared.resistance_ohm;
-        motor.inductance_h = declared.inductance_h;
-        motor.pole_pairs = declared.pole_pairs;
-        motor.flux_wb = declared.flux_wb;
-        motor.inertia_kg_m2 = declared.inertia_kg_m2 - table;
-        motor.viscous_nm_s *= declared.inertia_kg_m2 / known.inertia_kg_m2;
-        motor.coulomb_nm *= torque;
-        for harmonic in &mut motor.torque_harmonics {
-            harmonic.amplitude_nm *= torque;
-        }
-    }
-    let inertia = plate.motors[0].inertia_kg_m2 / paper.motors[0].inertia_kg_m2;
-    model.feed.load_n *= inertia;
-    model.feed.guideway_viscous_n_s_per_m *= inertia;
-    model.feed.guideway_coulomb_n *= inertia;
-    model.feed.pair_coulomb_nm *= plate.motors[0].torque_max_nm / paper.motors[0].torque_max_nm;
-    model
+    board.kind().machine(template, coupling)
 }
-
-/// Both boards' shunts are under the low sides.
-const SENSING: CurrentSensing = CurrentSensing::LowSide;
 
 /// A board's power stage with its own amplifiers on sensors of a kind, and a driver that says that there is a fault when a
 /// switch carries so much.
@@ -224,39 +157,13 @@ pub fn power_stage(wiring: Wiring, sensing: CurrentSensing, driver_a: f64) -> Po
 /// Peak phase current that a board's comparators let pass, A.
 #[must_use]
 pub fn over_current_a(wiring: Wiring) -> f64 {
-    supply(wiring).1
+    wiring.kind().over_current_a()
 }
 
 /// The board of `hal-sim` that has what the firmware's plate says.
 #[must_use]
 pub fn board_config(wiring: Wiring) -> BoardConfig {
-    let plate = plate_of(wiring);
-    let (bus_v, break_a) = supply(wiring);
-    let board = &plate.board;
-    let adc = |per_count, zero| Adc {
-        counts: board.adc_counts,
-        per_count,
-        zero,
-        noise: 0.5,
-    };
-    BoardConfig {
-        timer_hz: board.timer_hz,
-        pwm_hz: board.pwm_hz,
-        bus_v,
-        break_a,
-        shunts: board.shunts,
-        dead_time_s: board.dead_time_s,
-        measure_zeros: board.measure_zeros,
-        sensing: SENSING,
-        sensors: Sensors {
-            encoders: plate.motors.map(|motor| motor.encoder),
-            scale_count_m: scale_count_m(wiring),
-            current: adc(board.amps_per_count, board.zero_counts),
-            bus: adc(board.bus_volts_per_count, 0.0),
-            ..Sensors::real()
-        },
-        ..BoardConfig::default()
-    }
+    wiring.kind().config()
 }
 
 /// The state: bridges off, ready to run.

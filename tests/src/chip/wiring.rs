@@ -1,6 +1,7 @@
 //! The boards that the chip can stand on: what is wired to its analog pins.
 
 use crate::pins::Sensors;
+use hal_sim::boards::BoardKind;
 
 /// A board, as the firmware's board module of that name has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,6 +33,16 @@ pub enum Input {
 }
 
 impl Wiring {
+    /// The board of `hal-sim` that it is.
+    #[must_use]
+    pub const fn kind(self) -> BoardKind {
+        match self {
+            Self::Nucleo => BoardKind::Nucleo,
+            Self::Nucleo40kHz => BoardKind::Nucleo40kHz,
+            Self::Mains => BoardKind::Mains,
+        }
+    }
+
     /// What channel `channel` of ADC `index` + 1 is wired to.
     #[must_use]
     pub fn input(self, index: usize, channel: u32, [screw, nut]: &[Sensors; 2]) -> Option<Input> {

@@ -5,6 +5,8 @@ mod align;
 #[cfg(feature = "simulate")]
 mod drive;
 #[cfg(feature = "simulate")]
+mod faults;
+#[cfg(feature = "simulate")]
 mod runaway;
 
 use anyhow::Result;
@@ -19,6 +21,8 @@ pub enum Bench {
     Align(AlignOptions),
     /// Wrong electrical angles, and what they do until the bridges are off.
     Runaway(RunawayOptions),
+    /// Each input wrong in each way in each situation on both boards, and what comes of it.
+    Faults(FaultsOptions),
     /// The identification on the recordings and measured data beside the project.
     Identify(crate::identify::BenchOptions),
 }
@@ -42,6 +46,20 @@ pub struct RunawayOptions {
     pub json: bool,
 }
 
+/// Which cells, and how to say it.
+#[derive(Args)]
+pub struct FaultsOptions {
+    /// Runs each so-many-th cell only.
+    #[arg(long, default_value_t = 1)]
+    pub every: usize,
+    /// Writes the matrix as a page into this folder.
+    #[arg(long)]
+    pub out: Option<std::path::PathBuf>,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// How to say it.
 #[derive(Args)]
 pub struct DriveOptions {
@@ -56,6 +74,7 @@ pub fn run(what: &Bench) -> Result<()> {
         Bench::Drive(options) => drive(options),
         Bench::Align(options) => align(options),
         Bench::Runaway(options) => runaway(options),
+        Bench::Faults(options) => faults(options),
         Bench::Identify(options) => crate::identify::bench(options),
     }
 }
@@ -90,5 +109,16 @@ fn runaway(options: &RunawayOptions) -> Result<()> {
 /// Hands over to an xtask with the simulator.
 #[cfg(not(feature = "simulate"))]
 fn runaway(_: &RunawayOptions) -> Result<()> {
+    crate::with::With::Simulate.take_over()
+}
+
+#[cfg(feature = "simulate")]
+fn faults(options: &FaultsOptions) -> Result<()> {
+    faults::run(options)
+}
+
+/// Hands over to an xtask with the simulator.
+#[cfg(not(feature = "simulate"))]
+fn faults(_: &FaultsOptions) -> Result<()> {
     crate::with::With::Simulate.take_over()
 }

@@ -1,0 +1,91 @@
+//! Which faults name the cause of a cell rightly: those whose sentence sends a person to this input.
+
+use super::cell::Input;
+use control::alignment::{Misalignment, Part, Reason};
+use control::fault::Fault;
+use plant::Axis;
+
+/// The one of screw and nut.
+fn of<T>(axis: Axis, screw: T, nut: T) -> T {
+    match axis {
+        Axis::Screw => screw,
+        Axis::Nut => nut,
+    }
+}
+
+/// `fault` sends a person to `input`.
+#[must_use]
+pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> bool {
+    use Fault as F;
+    match input {
+        Input::Current(axis, _) => {
+            let sensor = of(
+                axis,
+                [
+                    F::ScrewBreak,
+                    F::ScrewCurrentZero,
+                    F::ScrewOverCurrent,
+                    F::ScrewCurrentError,
+                ],
+                [
+                    F::NutBreak,
+                    F::NutCurrentZero,
+                    F::NutOverCurrent,
+                    F::NutCurrentError,
+                ],
+            );
+            let reason = |reason: Reason| reason.word() <= Reason::Wiring.word();
+            sensor.contains(&fault)
+                || misaligned(axis, misalignment).is_some_and(reason)
+                    && fault == of(axis, F::ScrewAlignment, F::NutAlignment)
+        }
+        Input::Bus(_) => matches!(fault, F::OverVoltage | F::UnderVoltage),
+        Input::Temperature(axis) => fault == of(axis, F::ScrewTemperature, F::NutTemperature),
+        Input::Encoder(axis) => {
+            let motion = of(
+                axis,
+                [
+                    F::ScrewEncoder,
+                    F::ScrewAngle,
+                    F::ScrewFollowing,
+                    F::ScrewOverSpeed,
+                ],
+                [F::NutEncoder, F::NutAngle, F::NutFollowing, F::NutOverSpeed],
+            );
+            // Encoders, pole pairs, load, mechanics: the sentences of all of them name the encoder or its coupling.
+            let reason = |reason: Reason| {
+                matches!(
+                    reason,
+                    Reason::Held
+                        | Reason::Unsteady
+                        | Reason::Reversed
+                        | Reason::StoredAngle
+                        | Reason::Exchanged
+                        | Reason::Travel
+                )
+            };
+            motion.contains(&fault)
+                || misaligned(axis, misalignment).is_some_and(reason)
+                    && matches!(
+                        fault,
+                        F::ScrewAlignment | F::NutAlignment | F::PairAlignment
+                    )
+        }
+        Input::Index(axis) => {
+            fault == of(axis, F::ScrewEncoder, F::NutEncoder)
+                || fault == of(axis, F::ScrewAngle, F::NutAngle)
+        }
+        Input::Scale => false,
+        Input::EndForward => fault == F::EndForward,
+        Input::EndBackward => fault == F::EndBackward,
+        Input::Enable => fault == F::Disabled,
+        Input::DriverFault(axis) => fault == of(axis, F::ScrewBreak, F::NutBreak),
+        Input::Command | Input::Heartbeat => fault == F::CommandLost,
+    }
+}
+
+/// Why this motor or the pair could not be aligned.
+fn misaligned(axis: Axis, misalignment: Option<Misalignment>) -> Option<Reason> {
+    let Misalignment { part, reason } = misalignment?;
+    (part == of(axis, Part::Screw, Part::Nut) || part == Part::Pair).then_some(reason)
+}

@@ -1,0 +1,276 @@
+//! The cells: an input, what is wrong with it, and what the drive is doing then.
+
+use crate::boards::BoardKind;
+use control::encoder::Interface;
+use control::sense::Shunts;
+use plant::Axis;
+
+/// An input of the drive that the simulated board has. Supply, clock, a task that hangs and what a pin does between two
+/// samples are the emulated chip's: `tests/tests/supply.rs`, `faults.rs`, `power_stage.rs`, `settling.rs`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Input {
+    /// A current channel: motor, phase (0 to 2 for a to c).
+    Current(Axis, usize),
+    /// The bus voltage at a motor's bridge.
+    Bus(Axis),
+    /// A heat sink's temperature.
+    Temperature(Axis),
+    /// A motor's encoder.
+    Encoder(Axis),
+    /// The index of a motor's encoder.
+    Index(Axis),
+    /// The table's scale.
+    Scale,
+    /// The end switch ahead of positive velocity.
+    EndForward,
+    /// The end switch ahead of negative velocity.
+    EndBackward,
+    /// The enable contact, which somebody opens 0.1 s after its fault.
+    Enable,
+    /// A gate driver's fault line.
+    DriverFault(Axis),
+    /// What velocity is asked.
+    Command,
+    /// The word that changes while somebody commands.
+    Heartbeat,
+}
+
+/// What is wrong with an input, for good.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Defect {
+    /// Its wire is off.
+    Missing,
+    /// It keeps its last value.
+    Frozen,
+    /// At the low end of its range.
+    StuckLow,
+    /// At the high end.
+    StuckHigh,
+    /// Off by a constant.
+    Offset,
+    /// With noise.
+    Noisy,
+    /// Old.
+    Late,
+    /// Of the wrong sign, or polarity.
+    WrongSign,
+    /// It shows its neighbour.
+    Swapped,
+}
+
+impl Defect {
+    /// All of them.
+    pub const ALL: [Self; 9] = [
+        Self::Missing,
+        Self::Frozen,
+        Self::StuckLow,
+        Self::StuckHigh,
+        Self::Offset,
+        Self::Noisy,
+        Self::Late,
+        Self::WrongSign,
+        Self::Swapped,
+    ];
+
+    /// Its name in a few words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Missing => "missing",
+            Self::Frozen => "frozen",
+            Self::StuckLow => "stuck low",
+            Self::StuckHigh => "stuck high",
+            Self::Offset => "offset",
+            Self::Noisy => "noisy",
+            Self::Late => "late",
+            Self::WrongSign => "wrong sign",
+            Self::Swapped => "swapped",
+        }
+    }
+}
+
+/// What the drive is doing when the fault comes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum Situation {
+    /// The fault is there before power comes up.
+    Boot,
+    /// One second into the alignment.
+    Aligning,
+    /// Bridges off, aligned.
+    Ready,
+    /// The nut held, the table at 2.5 mm/s.
+    Cdfs,
+    /// The nut at 800 rpm, the table at 20 mm/s.
+    Ddfs,
+    /// 40 ms into a reversal of table and base from there.
+    Reversing,
+    /// 50 ms into a stop from there.
+    Stopping,
+}
+
+impl Situation {
+    /// All of them.
+    pub const ALL: [Self; 7] = [
+        Self::Boot,
+        Self::Aligning,
+        Self::Ready,
+        Self::Cdfs,
+        Self::Ddfs,
+        Self::Reversing,
+        Self::Stopping,
+    ];
+
+    /// Its name in a few words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Boot => "boot",
+            Self::Aligning => "aligning",
+            Self::Ready => "ready",
+            Self::Cdfs => "CDFS 2.5 mm/s",
+            Self::Ddfs => "DDFS 800 rpm",
+            Self::Reversing => "reversing",
+            Self::Stopping => "stopping",
+        }
+    }
+}
+
+/// One cell of the matrix.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Cell {
+    /// The board.
+    pub board: BoardKind,
+    /// Which input.
+    pub input: Input,
+    /// What is wrong with it.
+    pub defect: Defect,
+    /// When.
+    pub situation: Situation,
+}
+
+impl Input {
+    /// Those of a board.
+    #[must_use]
+    pub fn of(board: BoardKind) -> Vec<Self> {
+        let plate = board.plate();
+        let phases = match plate.board.shunts {
+            Shunts::Two => 2,
+            Shunts::Three => 3,
+        };
+        let mut inputs = Vec::new();
+        for axis in Axis::ALL {
+            inputs.extend((0..phases).map(|phase| Self::Current(axis, phase)));
+            inputs.extend([
+                Self::Bus(axis),
+                Self::Temperature(axis),
+                Self::Encoder(axis),
+            ]);
+            if plate.motors[axis.index()].encoder.interface == Interface::IncrementalWithIndex {
+                inputs.push(Self::Index(axis));
+            }
+            inputs.push(Self::DriverFault(axis));
+        }
+        inputs.extend([
+            Self::Scale,
+            Self::EndForward,
+            Self::EndBackward,
+            Self::Enable,
+            Self::Command,
+            Self::Heartbeat,
+        ]);
+        inputs
+    }
+
+    /// Whether `defect` is one of this input, and not the same as another of it.
+    #[must_use]
+    pub fn can_be(self, defect: Defect, board: BoardKind) -> bool {
+        use Defect::{
+            Frozen, Late, Missing, Noisy, Offset, StuckHigh, StuckLow, Swapped, WrongSign,
+        };
+        match self {
+            // Of two channels, each is the other's neighbour.
+            Self::Current(_, phase) => {
+                defect != Swapped || phase == 0 || board.plate().board.shunts == Shunts::Three
+            }
+            // A divider that is torn reads one end of the range; a voltage has no sign.
+            Self::Bus(_) | Self::Temperature(_) => !matches!(defect, Missing | WrongSign),
+            Self::Encoder(_) => true,
+            // A line that stands at either end has no edge.
+            Self::Index(_) => matches!(defect, Missing | Offset | Noisy),
+            // A count that is torn stands; there is one scale.
+            Self::Scale => !matches!(defect, Missing | Swapped),
+            // Torn it is open; frozen it is as before, closed.
+            Self::EndForward | Self::EndBackward => {
+                matches!(
+                    defect,
+                    Missing | StuckLow | Noisy | Late | WrongSign | Swapped
+                )
+            }
+            Self::Enable => matches!(defect, Missing | StuckLow | Noisy | Late | WrongSign),
+            Self::DriverFault(_) => matches!(defect, Missing | StuckLow | Noisy | Swapped),
+            Self::Command => matches!(
+                defect,
+                Frozen | StuckLow | StuckHigh | Offset | Noisy | Late | WrongSign
+            ),
+            Self::Heartbeat => matches!(defect, Missing | Noisy | Late),
+        }
+    }
+
+    /// Its name in a few words.
+    #[must_use]
+    pub fn name(self) -> String {
+        match self {
+            Self::Current(axis, phase) => {
+                format!("current {}, {}", ["a", "b", "c"][phase], axis.name())
+            }
+            Self::Bus(axis) => format!("bus, {}", axis.name()),
+            Self::Temperature(axis) => format!("temperature, {}", axis.name()),
+            Self::Encoder(axis) => format!("encoder, {}", axis.name()),
+            Self::Index(axis) => format!("index, {}", axis.name()),
+            Self::Scale => "scale".into(),
+            Self::EndForward => "end switch, forwards".into(),
+            Self::EndBackward => "end switch, backwards".into(),
+            Self::Enable => "enable".into(),
+            Self::DriverFault(axis) => format!("driver fault, {}", axis.name()),
+            Self::Command => "command".into(),
+            Self::Heartbeat => "heartbeat".into(),
+        }
+    }
+}
+
+impl Cell {
+    /// All of them, of both boards at 20 kHz.
+    #[must_use]
+    pub fn all() -> Vec<Self> {
+        let mut cells = Vec::new();
+        for board in [BoardKind::Nucleo, BoardKind::Mains] {
+            for input in Input::of(board) {
+                for defect in Defect::ALL.into_iter().filter(|d| input.can_be(*d, board)) {
+                    cells.extend(Situation::ALL.map(|situation| Self {
+                        board,
+                        input,
+                        defect,
+                        situation,
+                    }));
+                }
+            }
+        }
+        cells
+    }
+
+    /// Its name in a few words.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let board = match self.board {
+            BoardKind::Nucleo => "nucleo",
+            BoardKind::Nucleo40kHz => "nucleo at 40 kHz",
+            BoardKind::Mains => "mains",
+        };
+        format!(
+            "{board}: {} {}, {}",
+            self.input.name(),
+            self.defect.name(),
+            self.situation.name()
+        )
+    }
+}

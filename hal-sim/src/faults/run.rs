@@ -1,0 +1,407 @@
+//! A cell, run: the drive brought into the situation, the fault put in, and what comes of it.
+
+use super::bench::{Bench, Ends};
+use super::cause::names;
+use super::cell::{Cell, Defect, Input, Situation};
+use super::spoiled::Spoiled;
+use super::{Hazard, Limits, Outcome};
+use crate::alignment::{held_load_n, settle};
+use crate::board::{BoardConfig, Comparators};
+use crate::boards::BoardKind;
+use crate::drive::Drive;
+use crate::experiment::{ExperimentError, OperatingPoint, RPM};
+use control::guard::Look;
+use control::supervisor::State;
+use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+
+/// CDFS: the nut held, the table slow.
+const CDFS: OperatingPoint = OperatingPoint {
+    velocity: 2.5e-3,
+    base: 0.0,
+};
+/// DDFS at the paper's fastest nut.
+const DDFS: OperatingPoint = OperatingPoint {
+    velocity: 20e-3,
+    base: 800.0 * RPM,
+};
+
+/// Part of the load that friction holds.
+const LOAD: f64 = 0.5;
+/// Longest that a start may take, s.
+const START_S: f64 = 12.0;
+/// How long a drive with a fault is watched in its situation, s.
+const WATCHED_S: f64 = 1.2;
+/// Longest that a machine may take to rest after the reaction, s.
+const REST_S: f64 = 4.0;
+/// A machine is at rest below that for 50 ms: table m/s, shafts rad/s.
+const AT_REST: (f64, f64) = (1e-4, 0.2);
+/// Furthest that the middle of the ends is from the table where no end is to be reached, m.
+const FAR_M: f64 = 30e-3;
+/// How far ahead the switch is where it is to be reached, m.
+const NEAR_M: f64 = 1e-3;
+/// The enable contact is opened so long after the drive was asked, s.
+const OPENED_S: f64 = 0.1;
+
+/// What happens beside the fault: a healthy drive has it too.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Event {
+    None,
+    /// The table comes to the end of its way.
+    End,
+    /// Somebody opens the enable contact.
+    Opened,
+}
+
+impl Event {
+    pub(super) fn of(faults: &[(Input, Defect)]) -> Self {
+        let any = |which: fn(&Input) -> bool| faults.iter().any(|(input, _)| which(input));
+        if any(|input| matches!(input, Input::EndForward | Input::EndBackward)) {
+            Self::End
+        } else if any(|input| *input == Input::Enable) {
+            Self::Opened
+        } else {
+            Self::None
+        }
+    }
+}
+
+/// What a healthy drive does in the same situation with the same event.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Healthy {
+    /// Where its table goes, m, period by period, from when it was last asked something.
+    path: Vec<f64>,
+    /// When it comes to rest for the event, s after the fault of the others.
+    reacted_s: Option<f64>,
+}
+
+/// A drive in a situation.
+struct Run {
+    drive: Drive,
+    bench: Bench,
+    period_s: f64,
+    /// An index was seen since the supervision's last look.
+    index: [bool; 2],
+    /// Energy that has gone into the bus, J.
+    returned_j: f64,
+}
+
+/// The machine on a board.
+fn model(board: BoardKind) -> Model {
+    let mut template = Model::coupled();
+    template.feed.load_n = LOAD * held_load_n(&template);
+    board.machine(&template, Coupling::Coupled)
+}
+
+impl Run {
+    /// The drive in its situation, the faults not there yet.
+    fn new(
+        board: BoardKind,
+        situation: Situation,
+        faults: &[(Input, Defect)],
+        seed: u64,
+    ) -> Result<Self, ExperimentError> {
+        let model = model(board);
+        let config = BoardConfig {
+            comparators: Comparators::Amplifiers,
+            ..board.config()
+        };
+        let plate = board.plate();
+        let starts = matches!(situation, Situation::Boot | Situation::Aligning);
+        let mut drive = if starts {
+            Drive::new(&model, Coupling::Coupled, config, &plate)?
+        } else {
+            Drive::aligned(&model, Coupling::Coupled, config, &plate)?
+        };
+        drive.request.run = false;
+        if starts {
+            settle(&mut drive.board, [1.0, 4.0]);
+        }
+        let spoiled = faults.iter().zip(0..);
+        let spoiled = spoiled.map(|((input, defect), k)| Spoiled::new(*input, *defect, seed + k));
+        let feed = &model.feed;
+        let mut bench = Bench::new(board, feed.load_n, feed.table_mass_kg, spoiled.collect())?;
+        bench.position = drive.board.machine.table_position();
+        let mut run = Self {
+            period_s: config.pwm_period_s(),
+            drive,
+            bench,
+            index: [false; 2],
+            returned_j: 0.0,
+        };
+        run.prepare(situation)?;
+        Ok(run)
+    }
+
+    fn prepare(&mut self, situation: Situation) -> Result<(), ExperimentError> {
+        const RAMPED_S: f64 = 0.6;
+        match situation {
+            Situation::Boot => Ok(()),
+            Situation::Aligning => {
+                self.until(State::Aligning)?;
+                self.pass(1.0);
+                Ok(())
+            }
+            Situation::Ready => {
+                self.until(State::Ready)?;
+                self.pass(0.1);
+                Ok(())
+            }
+            Situation::Cdfs => {
+                self.until(State::Ready)?;
+                self.ask(CDFS)?;
+                self.pass(RAMPED_S);
+                Ok(())
+            }
+            Situation::Ddfs | Situation::Reversing | Situation::Stopping => {
+                self.until(State::Ready)?;
+                self.ask(DDFS)?;
+                self.pass(RAMPED_S);
+                self.until(State::Running)?;
+                if situation == Situation::Reversing {
+                    self.ask(OperatingPoint {
+                        velocity: -DDFS.velocity,
+                        base: -DDFS.base,
+                    })?;
+                    self.pass(0.04);
+                } else if situation == Situation::Stopping {
+                    self.drive.request.run = false;
+                    self.pass(0.05);
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn ask(&mut self, point: OperatingPoint) -> Result<(), ExperimentError> {
+        self.drive.command(point.velocity, point.base)?;
+        self.drive.request.run = true;
+        Ok(())
+    }
+
+    fn pass(&mut self, seconds: f64) {
+        for _ in 0..(seconds / self.period_s) as u64 {
+            self.period();
+        }
+    }
+
+    fn until(&mut self, state: State) -> Result<(), ExperimentError> {
+        let longest = (START_S / self.period_s) as u64;
+        for _ in 0..longest {
+            if self.drive.state() == state {
+                return Ok(());
+            }
+            self.period();
+        }
+        Err(ExperimentError::NotSteady {
+            seconds: START_S,
+            velocity_mm_s: 0.0,
+            base_rpm: 0.0,
+            state: self.drive.state(),
+        })
+    }
+
+    fn period(&mut self) {
+        self.drive.period_through(&mut self.bench);
+        for axis in Axis::ALL {
+            let passed = self.drive.board.take_index_passed(axis);
+            if passed {
+                self.bench.pass_index(axis);
+            }
+            self.index[axis.index()] |= self.bench.index_seen(axis, passed);
+        }
+        let power: f64 = Axis::ALL
+            .map(|axis| self.drive.board.power_w(axis))
+            .iter()
+            .sum();
+        self.returned_j += (-power).max(0.0) * self.period_s;
+        let running = matches!(self.drive.state(), State::Running | State::Stopping);
+        let temperatures = self.bench.temperatures();
+        let (drive, index) = (&self.drive, &mut self.index);
+        self.bench.supervision.period(|| Look {
+            running,
+            temperatures,
+            theta: Axis::ALL.map(|axis| drive.estimate(axis).theta.0),
+            index: std::mem::take(index),
+            ..Look::default()
+        });
+    }
+
+    fn at_rest(&self) -> bool {
+        let machine = &self.drive.board.machine;
+        let still = |axis| machine.motor(axis).omega.abs() < AT_REST.1;
+        machine.table_velocity().abs() < AT_REST.0 && Axis::ALL.into_iter().all(still)
+    }
+
+    /// The drive comes to rest although run is asked.
+    fn reacts(&self) -> bool {
+        match self.drive.state() {
+            State::Fault(_) => true,
+            State::Stopping => self.drive.request.run,
+            _ => false,
+        }
+    }
+
+    /// What a host asks whose command is wrong in this way.
+    fn spoil_command(&mut self, periods: usize) {
+        let most = self.bench.plate.feed.velocity_max * 0.999;
+        for one in &mut self.bench.spoiled {
+            if one.input != Input::Command || !one.on {
+                continue;
+            }
+            let base = if self.drive.speed().speed[1].omega_e >= 0 {
+                1.0
+            } else {
+                -1.0
+            };
+            let velocity = match one.defect {
+                Defect::StuckLow => -most,
+                Defect::StuckHigh => most,
+                Defect::Offset => DDFS.velocity + 10e-3,
+                Defect::WrongSign => -DDFS.velocity,
+                Defect::Noisy if periods.is_multiple_of(400) => most * one.random(),
+                _ => continue,
+            };
+            // What is refused leaves the command as it was.
+            let _ = self.drive.command(velocity, base * DDFS.base);
+        }
+    }
+}
+
+/// Runs a situation with faults in it; `healthy` is what a healthy drive does, `None` for that drive itself.
+pub(super) fn run(
+    board: BoardKind,
+    situation: Situation,
+    faults: &[(Input, Defect)],
+    event: Event,
+    seed: u64,
+    healthy: Option<&Healthy>,
+) -> Result<(Outcome, Healthy), ExperimentError> {
+    let mut run = Run::new(board, situation, faults, seed)?;
+    let plate = run.bench.plate;
+    let position = run.bench.position;
+    let feed = &plate.feed;
+    let (v, a, j) = (feed.velocity_max, feed.acceleration_max, feed.jerk_max);
+    let switch = if event == Event::End { NEAR_M } else { FAR_M };
+    run.bench.ends = Ends {
+        middle: position,
+        switch,
+        // A tenth more than the stop takes: see the interlock.
+        stop: switch + 1.1 * (0.5 * v * v / a + 0.5 * v * a / j),
+    };
+    run.bench.break_down();
+    run.returned_j = 0.0;
+    let judged = !faults.iter().any(|(input, _)| *input == Input::Command);
+    // Since it was last asked: periods, and where it was.
+    let moves = !matches!(
+        situation,
+        Situation::Boot | Situation::Aligning | Situation::Ready
+    );
+    let mut asked = moves.then_some((0usize, position));
+    let (mut ready, mut still, mut now) = (0.0, 0.0, 0.0);
+    let (mut off, mut since, mut reacted) = (0.0f64, 0.0f64, None::<(f64, f64)>);
+    let mut path = Vec::new();
+    loop {
+        run.spoil_command(path.len());
+        run.period();
+        now += run.period_s;
+        let x = run.bench.position;
+        if run.drive.state() == State::Ready && asked.is_none() {
+            ready += run.period_s;
+            if ready > 0.2 {
+                run.ask(CDFS)?;
+                asked = Some((0, x));
+            }
+        }
+        let since_asked = asked.as_ref().map_or(0.0, |(periods, _)| *periods as f64) * run.period_s;
+        run.bench.enable_opened = event == Event::Opened && since_asked > OPENED_S;
+        if let Some((periods, origin)) = &mut asked {
+            let moved = x - *origin;
+            path.push(moved);
+            let expected = healthy.map_or(moved, |healthy| {
+                let last = healthy.path.last().copied().unwrap_or_default();
+                healthy.path.get(*periods).copied().unwrap_or(last)
+            });
+            *periods += 1;
+            if reacted.is_none() {
+                off = off.max((moved - expected).abs());
+            }
+        } else if reacted.is_none() {
+            off = off.max((x - position).abs());
+        }
+        if reacted.is_none() && run.reacts() {
+            reacted = Some((now, x));
+        }
+        still = if run.at_rest() {
+            still + run.period_s
+        } else {
+            0.0
+        };
+        let over = match reacted {
+            Some((at, from)) => {
+                since = since.max((x - from).abs());
+                let faulty = matches!(run.drive.state(), State::Fault(_));
+                faulty && still > 0.05 || now - at > REST_S
+            }
+            None => since_asked > WATCHED_S || asked.is_none() && now > START_S,
+        };
+        if over {
+            break;
+        }
+    }
+    let state = run.drive.state();
+    let misalignment = run.drive.misalignment();
+    let seen = run.bench.seen;
+    let by_event = healthy
+        .and_then(|healthy| healthy.reacted_s)
+        .zip(reacted)
+        .is_some_and(|(healthy, (at, _))| at >= healthy - 2e-3);
+    let mut outcome = Outcome {
+        detected_s: reacted.filter(|_| !by_event).map(|(at, _)| at),
+        peak_a: seen.peak_a,
+        // A sensor sees it a period later at the latest.
+        over_current_periods: (f64::from(seen.over_most) / 2.0 - 1.0).max(0.0),
+        returned_j: run.returned_j,
+        travel_m: if judged { off + since } else { since },
+        end_force_n: seen.end_force_n,
+        state,
+        misalignment,
+        wrong_cause: match state {
+            State::Fault(fault) => !faults
+                .iter()
+                .any(|(input, _)| names(*input, fault, misalignment)),
+            _ => false,
+        },
+        seconds: now,
+        hazards: Vec::new(),
+    };
+    let limits = Limits::OF_THE_MATRIX;
+    for (hazard, there) in [
+        (
+            Hazard::OverCurrent,
+            outcome.over_current_periods > limits.over_current_periods,
+        ),
+        (Hazard::Travel, outcome.travel_m > limits.travel_m),
+        (
+            Hazard::WrongCause,
+            outcome.wrong_cause && !faults.is_empty(),
+        ),
+    ] {
+        if there {
+            outcome.hazards.push(hazard);
+        }
+    }
+    let reacted_s = reacted.map(|(at, _)| at);
+    Ok((outcome, Healthy { path, reacted_s }))
+}
+
+/// The seed of a cell's noise.
+pub(super) fn seed(cell: &Cell) -> u64 {
+    // FNV-1a, 64 bits.
+    cell.name()
+        .bytes()
+        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+        })
+}

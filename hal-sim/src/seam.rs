@@ -1,0 +1,39 @@
+//! What may stand between the board and the control code, and act on the machine: the place of a sensor's fault.
+
+use control::current_loop::MotorSample;
+use control::fault::Fault;
+use control::supervisor::Request;
+use plant::Axis;
+use plant::machine::Machine;
+
+/// Called by [`Drive::period_through`](crate::drive::Drive::period_through) in the order of time. Each does nothing unless it
+/// is told to.
+pub trait Seam {
+    /// Before each half (0, 1) of a period passes on the machine.
+    fn machine(&mut self, _machine: &mut Machine, _half: u32) {}
+    /// What the current amplifiers of `axis` show, A into the motor, before comparators and ADC see it.
+    fn currents(&mut self, _axis: Axis, _amps: &mut [f64; 3]) {}
+    /// What the board has read for `axis`, before its current loop sees it.
+    fn sample(&mut self, _axis: Axis, _sample: &mut MotorSample) {}
+    /// What is asked of the speed task.
+    fn request(&mut self, _request: &mut Request) {}
+    /// What the supervision and the analog watchdogs have found, as the speed task begins.
+    fn found(&mut self) -> Option<Fault> {
+        None
+    }
+}
+
+/// Nothing between them.
+#[derive(Clone, Copy, Debug)]
+pub struct Straight;
+
+impl Seam for Straight {}
+
+/// A disturbance of the machine alone.
+pub struct Disturbed<F>(pub F);
+
+impl<F: FnMut(&mut Machine, u32)> Seam for Disturbed<F> {
+    fn machine(&mut self, machine: &mut Machine, half: u32) {
+        (self.0)(machine, half);
+    }
+}
