@@ -37,8 +37,6 @@ pub struct Figures {
     pub open: Option<(u32, u32)>,
     /// What was found on each of them, in words.
     pub found: Vec<String>,
-    /// What the blind test wrote.
-    pub blind: Value,
     /// The feed axis.
     pub axis: Option<feed_axis::Study>,
     /// The motor: records and study.
@@ -64,12 +62,11 @@ pub struct MotorFigures {
 
 impl Figures {
     /// Measures everything in `folder`. `answers` judges the shared recordings.
-    pub fn measure(folder: &Path, answers: Option<&Value>, blind: Value) -> Self {
+    pub fn measure(folder: &Path, answers: Option<&Value>) -> Self {
         let recordings = Recordings::measure(folder, answers);
         Figures {
             open: answers.map(|_| (recordings.right, recordings.of)),
             found: recordings.found,
-            blind,
             axis: axis(&folder.join("measured/emps")),
             motor: motor_figures(&folder.join("measured/laas")),
             odrive: odrive(&folder.join("measured")),
@@ -93,7 +90,6 @@ impl Figures {
                 "right": self.open.map(|(right, _)| right),
                 "of": self.open.map(|(_, of)| of),
             },
-            "blind": self.blind,
             "emps": self.axis.as_ref().map(|study| json!({
                 "published": errors(&study.first().test),
                 "ours": errors(&study.last().test),

@@ -8,24 +8,53 @@ use crate::noise::Noise;
 use crate::normal::Solution;
 use crate::progress::Progress;
 use crate::recalibrated::{calibration, new_model};
-use crate::remains::{Fixed, Side};
+use crate::remains::{Fixed, Side, judged_hz};
 use crate::sandwich::robust;
 use crate::select::Search;
-use crate::selection::DOMINANT;
+use crate::selection::{
+    ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, threshold,
+};
 use crate::signals::SPEED_BANDWIDTH_HZ;
-use crate::unexplained::unexplained;
+use crate::unexplained::{Left, along, unexplained};
 use plant::Axis;
 
 /// Draws the conclusion of a search.
 pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Progress) -> Outcome {
+    let rows = check.whitener(&check.declared).used_rows();
     // A name that stands beside more than it explains is a likeness: without it what is left is told again.
     loop {
         let outcome = concluded(&case, &check, &noise, &progress);
-        match likeness(&outcome) {
-            Some(found) => progress.take_back(&found.hypothesis, found.values.clone()),
+        let unsound = faint(&outcome, CONFIRMED * threshold(rows))
+            .map(|found| (found, NOT_BORNE_OUT))
+            .or_else(|| Some((likeness(&outcome)?, MORE_IS_LEFT)))
+            .or_else(|| Some((misfit(&outcome)?, ANOTHER_LAW)));
+        match unsound {
+            Some((found, reason)) => {
+                progress.take_back(&found.hypothesis, found.values.clone(), reason);
+            }
             None => return outcome,
         }
     }
+}
+
+/// The weakest effect that with all others in place explains less of either record than it must.
+fn faint(outcome: &Outcome, on_check: f64) -> Option<&Found> {
+    let weak = outcome
+        .effects
+        .iter()
+        .filter(|found| found.check_fall < on_check || found.fall < outcome.threshold);
+    weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
+}
+
+/// An effect beside which a shape over its own coordinate is left: a lack of fit, its law is another.
+fn misfit(outcome: &Outcome) -> Option<&Found> {
+    outcome.effects.iter().find(|found| {
+        let own = along(&found.hypothesis).filter(|along| !along.repeats());
+        outcome.unexplained.iter().any(|left| {
+            let same = own.is_some_and(|own| own.name() == left.coordinate) && left.hz.is_none();
+            same && left.channel == found.shows && left.fall > LACK_OF_FIT * found.fall
+        })
+    })
 }
 
 /// The weakest effect that does not explain enough beside what is left where it shows most.
@@ -160,12 +189,19 @@ fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> O
                 ),
                 residual: [fit.before[index].clone(), fit.after[index].clone()],
                 levels: fixed.levels[index],
+                band_hz: judged_hz(channel, noise),
                 open,
             }
         })
         .collect();
     let coordinates = Coordinates::new(case.balance.signals, case.balance.fourier.step());
-    let unexplained = unexplained(case, &whitener, &parts, &progress.doubtful, &channels);
+    let of_check = check.whitener(&check_noise);
+    let left = Left {
+        cases: [case, check],
+        whiteners: [&whitener, &of_check],
+        white: [&residual_whitened, &fixed.white],
+    };
+    let unexplained = unexplained(&left, &parts, &progress.doubtful, &channels);
     Outcome {
         model: new_model(case, &solution, &effects),
         calibration: calibration(case, &solution),

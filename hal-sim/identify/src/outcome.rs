@@ -87,6 +87,8 @@ pub struct ChannelRest {
     pub open: Vec<bool>,
     /// How loud the check record's residual is, before and after.
     pub levels: [Level; 2],
+    /// Frequencies by which it is judged, Hz.
+    pub band_hz: [f64; 2],
 }
 
 /// The force balance of the table, N: the force that the two torque balances give (half their difference through the
@@ -114,8 +116,10 @@ pub struct Unexplained {
     pub hz: Option<f64>,
     /// Rms in the channel's unit, on the fit record.
     pub size: f64,
+    /// Its sum of squares there, whitened.
+    pub fall: f64,
     /// Why it was not named.
-    pub reason: &'static str,
+    pub reason: String,
 }
 
 /// All that was found.

@@ -3,7 +3,7 @@
 use crate::along::Along;
 use crate::balance::declared_resonance_hz;
 use crate::hypothesis::{Family, Hypothesis};
-use crate::normal::Solution;
+use crate::normal::{Prior, Solution};
 use crate::select::{Search, Trial};
 use std::f64::consts::TAU;
 
@@ -52,6 +52,16 @@ impl Search<'_> {
         let with = self.with(&trial.hypothesis);
         trial.gain.values = with.values[..trial.hypothesis.columns()].to_vec();
         trial.gain.fall = cost - with.cost;
+        if trial.hypothesis.family == Family::LeadError {
+            // What comes with it may not explain more than it does.
+            let own: Vec<_> = self.columns(&trial.hypothesis).iter().cloned().collect();
+            let own: Vec<_> = own
+                .into_iter()
+                .map(|column| (column, Prior::FREE))
+                .collect();
+            let alone = cost - self.normal.with(&own).cost;
+            trial.gain.fall = trial.gain.fall.min(2.0 * alone);
+        }
         self.refuse(&trial.hypothesis, &mut trial.gain);
     }
 

@@ -13,6 +13,16 @@ use crate::verdict::Level;
 /// Below it the table's residual is not judged by frequency, Hz.
 const SLOW_TABLE_HZ: f64 = 12.0;
 
+/// Frequencies by which a channel is judged, Hz: at rest and at slow travel the encoders' rounding does not average out of
+/// the table's residual.
+pub(crate) fn judged_hz(channel: Channel, noise: &Noise) -> [f64; 2] {
+    let from = match channel {
+        Channel::Table => SLOW_TABLE_HZ,
+        _ => 0.0,
+    };
+    [from, noise.top(channel)]
+}
+
 pub(crate) fn rms(signal: &[f64], mask: &[bool]) -> f64 {
     let (sum, count) = signal
         .iter()
@@ -96,6 +106,8 @@ impl Side {
 pub(crate) struct Fixed {
     /// Of each channel, whitened: how loud it is before and after.
     pub(crate) levels: Vec<[Level; 2]>,
+    /// What is left after, whitened.
+    pub(crate) white: Column,
     pub(crate) before: Vec<Vec<f64>>,
     pub(crate) after: Vec<Vec<f64>>,
     pub(crate) masks: Vec<Vec<bool>>,
@@ -171,23 +183,20 @@ impl Fixed {
                 .iter()
                 .map(|&channel| {
                     let part = white.parts[channel.index()].as_deref().unwrap_or_default();
-                    // At rest and at slow travel the encoders' rounding does not average out of the table's residual.
-                    let from = match channel {
-                        Channel::Table => SLOW_TABLE_HZ,
-                        _ => 0.0,
-                    };
-                    let band = [from, noise.top(channel)];
+                    let band = judged_hz(channel, noise);
                     Level::new(part, whitener.rows(channel), rate, band)
                 })
                 .collect()
         };
         let (before, after) = (left(plain, &[]), left(full, found));
+        let white = whitener.column(&after);
         Fixed {
             levels: levels(&whitener.column(&before))
                 .into_iter()
-                .zip(levels(&whitener.column(&after)))
+                .zip(levels(&white))
                 .map(|(before, after)| [before, after])
                 .collect(),
+            white,
             before: in_units(&before),
             after: in_units(&after),
             masks: Channel::ALL

@@ -33,7 +33,19 @@ pub(crate) struct Place {
     pub(crate) form: Form,
     /// Whether what repeats there is counted by frequency: the values are time as an angle of one turn a second.
     pub(crate) in_time: bool,
+    /// What a shape is multiplied with in each row of either record, 1 or -1 (the direction, of what brakes).
+    pub(crate) signs: Option<[Vec<f64>; 2]>,
 }
+
+/// Whether a shape over a coordinate is each record's own: what drifts does so anew in each run.
+fn is_own(place: &Place) -> bool {
+    place.name == TIME && place.form == Form::Curve
+}
+
+/// The coordinate over which each record has a shape of its own.
+pub(crate) const TIME: &str = "time";
+/// How much more such a shape must explain than one that the records share, which predicts the check record.
+const OWN: f64 = 2.0;
 
 impl Place {
     fn over(&self, record: usize) -> Over<'_> {
@@ -67,8 +79,11 @@ pub(crate) struct Rest {
     pub(crate) open: [Vec<bool>; 2],
     /// Rows a second.
     pub(crate) rate: f64,
-    /// Rms that noise alone leaves; `None` where the record does not tell: then only shapes that both records have count.
-    pub(crate) floor: Option<f64>,
+    /// Rms that noise alone leaves of either record; `None` where it does not tell: then only shapes that both records
+    /// have count.
+    pub(crate) floor: Option<[f64; 2]>,
+    /// Rms over the noise floor from which on something is left.
+    pub(crate) above: f64,
     /// States of the machine, and in which rows of the fit record it is in them.
     pub(crate) during: Vec<(&'static str, Vec<bool>)>,
 }
@@ -94,12 +109,27 @@ fn half_of_power(values: &[f64], rate: f64) -> [f64; 2] {
 }
 
 impl Rest {
-    fn residual(&self, record: usize) -> Residual<'_> {
+    fn residual<'a>(&'a self, record: usize, values: &'a [f64]) -> Residual<'a> {
         Residual {
-            values: &self.values[record],
+            values,
             open: &self.open[record],
             rate: self.rate,
         }
+    }
+
+    /// Both records' rows, of what brakes in the direction of the motion.
+    fn signed(&self, place: &Place) -> [Vec<f64>; 2] {
+        [0, 1].map(|record| match &place.signs {
+            Some(signs) => {
+                let signs = &signs[record];
+                self.values[record]
+                    .iter()
+                    .zip(signs)
+                    .map(|(x, sign)| x * sign)
+                    .collect()
+            }
+            None => self.values[record].clone(),
+        })
     }
 
     /// Mean square of a record, and its rows.
@@ -113,25 +143,29 @@ impl Rest {
 
     /// Power beyond noise on both records; `None` where one of them is at its noise.
     fn beyond(&self) -> Option<[f64; 2]> {
-        let floor = self.floor.unwrap_or(0.0);
+        let floor = self.floor.unwrap_or_default();
         let powers = [0, 1].map(|record| self.power(record).0);
-        let loud = |power: &f64| *power > (ABOVE * floor).powi(2);
-        powers
-            .iter()
-            .all(loud)
-            .then(|| powers.map(|power| power - floor * floor))
+        let loud = [0, 1].map(|k| powers[k] > (self.above * floor[k]).powi(2));
+        let beyond = [0, 1].map(|k| powers[k] - floor[k] * floor[k]);
+        (loud == [true; 2]).then_some(beyond)
     }
 
     /// The shape that explains most of both records.
     fn best<'a>(&self, places: &'a [Place], beyond: [f64; 2]) -> Option<(&'a Place, Shape)> {
         let all = [0, 1].map(|record| beyond[record] * self.power(record).1);
         let found = places.iter().filter_map(|place| {
-            let shape = self.residual(0).shape(&place.over(0))?;
-            let shape = self.residual(0).sharpened(&place.over(0), shape);
+            let values = self.signed(place);
+            let residual = |record: usize| self.residual(record, &values[record]);
+            let shape = residual(0).shape(&place.over(0))?;
+            let shape = residual(0).sharpened(&place.over(0), shape);
             let share = shape.fall / all[0];
-            let borne_out = self.residual(1).bears_out(&place.over(1), &shape) / all[1];
+            let (fall, weight) = match is_own(place) {
+                true => (residual(1).shape(&place.over(1))?.fall, OWN.recip()),
+                false => (residual(1).bears_out(&place.over(1), &shape), 1.0),
+            };
+            let borne_out = fall / all[1];
             (share > SHARE && borne_out > CONFIRMED * SHARE).then_some((
-                share + borne_out,
+                weight * share.min(borne_out),
                 place,
                 shape,
             ))
@@ -191,16 +225,35 @@ impl Rest {
                 true => (None, shape.order),
                 false => (shape.order, None),
             };
+            let values = self.signed(place);
+            let residual = |record: usize| self.residual(record, &values[record]);
+            let size = residual(0).size(&place.over(0), &shape);
+            let reason = match is_own(place) {
+                true => "either record has it over its own time, and no hypothesis does",
+                false => "both records have it, and no hypothesis does",
+            };
             list.push(Remnant {
                 coordinate: place.name,
                 order,
                 hz,
-                size: self.residual(0).size(&place.over(0), &shape),
-                reason: "both records have it, and no hypothesis does".into(),
+                size,
+                reason: reason.into(),
             });
-            self.values =
-                [0, 1].map(|record| self.residual(record).without(&place.over(record), &shape));
+            let own = is_own(place)
+                .then(|| residual(1).shape(&place.over(1)))
+                .flatten();
+            let mut left = [
+                residual(0).without(&place.over(0), &shape),
+                residual(1).without(&place.over(1), own.as_ref().unwrap_or(&shape)),
+            ];
+            if let Some(signs) = &place.signs {
+                for (left, signs) in left.iter_mut().zip(signs) {
+                    left.iter_mut().zip(signs).for_each(|(x, sign)| *x *= sign);
+                }
+            }
+            self.values = left;
         }
+        list.sort_by(|a, b| b.size.total_cmp(&a.size));
         list
     }
 }
@@ -212,11 +265,12 @@ mod tests {
 
     #[test]
     fn what_has_no_shape_is_told_by_its_size_where_the_noise_is_known() {
-        let rest = |floor| Rest {
+        let rest = |floor: Option<f64>| Rest {
             values: [1, 2].map(|seed| coloured(seed, 6000, 0.8)),
             open: [vec![true; 6000], vec![true; 6000]],
             rate: 1000.0,
-            floor,
+            floor: floor.map(|floor| [floor; 2]),
+            above: ABOVE,
             during: vec![("it turns", (0..6000).map(|row| row < 1500).collect())],
         };
         assert!(rest(None).remnants(&[]).is_empty());
@@ -231,5 +285,51 @@ mod tests {
             only.reason.ends_with("while it turns, 25 % of the time"),
             "{only:?}"
         );
+    }
+
+    /// A drift goes its own way in each record; what goes with the speed goes the same way in both.
+    #[test]
+    fn what_drifts_is_told_from_what_goes_with_the_speed() {
+        const ROWS: usize = 6000;
+        let speed = |record: u64| -> Vec<f64> {
+            let plateaus = [[1.0, 4.0, 2.0, 5.0], [3.0, 5.0, 1.0, 2.0]][record as usize];
+            (0..ROWS).map(|row| plateaus[row * 4 / ROWS]).collect()
+        };
+        let time: Vec<f64> = (0..ROWS).map(|row| row as f64 * 1e-3).collect();
+        let drift = |record: u64| -> Vec<f64> {
+            let rate = [0.9, -0.6][record as usize];
+            time.iter().map(|t| (rate * t).sin() + 0.2 * t).collect()
+        };
+        let of_speed =
+            |record: u64| -> Vec<f64> { speed(record).iter().map(|v| 0.2 * v * v).collect() };
+        let coordinate = |values: [Vec<f64>; 2]| {
+            let noisy = |record: u64| -> Vec<f64> {
+                let noise = coloured(record + 7, ROWS, 0.3);
+                let values = &values[record as usize];
+                values.iter().zip(noise).map(|(x, e)| x + 0.1 * e).collect()
+            };
+            let place = |name, values| Place {
+                name,
+                values,
+                form: Form::Curve,
+                in_time: false,
+                signs: None,
+            };
+            let places = [
+                place("speed", [speed(0), speed(1)]),
+                place(TIME, [time.clone(), time.clone()]),
+            ];
+            let rest = Rest {
+                values: [noisy(0), noisy(1)],
+                open: [vec![true; ROWS], vec![true; ROWS]],
+                rate: 1000.0,
+                floor: Some([0.1; 2]),
+                above: 1.0,
+                during: Vec::new(),
+            };
+            rest.remnants(&places)[0].coordinate
+        };
+        assert_eq!(coordinate([drift(0), drift(1)]), TIME);
+        assert_eq!(coordinate([of_speed(0), of_speed(1)]), "speed");
     }
 }

@@ -55,6 +55,18 @@ const COEFFICIENT: std::ops::Range<f64> = 0.5..1.5;
 pub(crate) const NOT_BORNE_OUT: &str =
     "the fit record has it, the check record does not bear it out";
 
+/// Share of what an effect explains that a shape over its own coordinate may have beside it: a third of its amplitude is a
+/// law of its own.
+pub(crate) const LACK_OF_FIT: f64 = 0.1;
+
+/// Why an effect is not named beside which a shape over its own coordinate is left.
+pub(crate) const ANOTHER_LAW: &str =
+    "what is left beside it is a shape over the same coordinate: its law is another";
+
+/// Why an effect is not named beside which more is left.
+pub(crate) const MORE_IS_LEFT: &str =
+    "more is left on the check record, where it shows, than it explains";
+
 /// Why an effect is not named that is there and hardly matters.
 pub(crate) const TOO_LITTLE: &str = "takes too little of the error on what it was not fitted to";
 

@@ -4,11 +4,13 @@ use crate::along::Along;
 use crate::analysis::Case;
 use crate::balance::Contribution;
 use crate::channel::Channel;
-use crate::design::Whitener;
+use crate::design::{Column, Whitener};
 use crate::hypothesis::{Family, Hypothesis};
 use crate::outcome::{ChannelRest, Unexplained};
 use crate::progress::Doubt;
+use crate::rest::{self, Rest};
 use crate::select::Trial;
+use crate::verdict::Level;
 use plant::effects::Place;
 
 /// A channel is too loud if what is left is beyond noise by this share of the noise's power, and more than this share of
@@ -18,15 +20,116 @@ const MOST_LEFT: f64 = 0.25;
 /// Doubtful hypotheses listed.
 const LISTED: usize = 3;
 
-/// What nothing explains: shapes without a name that the regression has (`found`), hypotheses and shapes that are
-/// doubtful, and channels that are too loud for their sensors.
+/// Fit and check record with what is left of them, whitened.
+pub(crate) struct Left<'a> {
+    pub(crate) cases: [&'a Case<'a>; 2],
+    pub(crate) whiteners: [&'a Whitener<'a>; 2],
+    pub(crate) white: [&'a Column; 2],
+}
+
+impl Left<'_> {
+    /// The coordinates of both records.
+    fn places(&self) -> Vec<rest::Place> {
+        let [fit, check] = self.cases.map(|case| case.balance);
+        let both = |of: &dyn Fn(&crate::balance::Balance, usize) -> f64| {
+            [fit, check].map(|balance| {
+                let step = balance.fourier.step();
+                let rows = 0..balance.fourier.decimated_rows();
+                rows.map(|row| of(balance, row * step)).collect::<Vec<_>>()
+            })
+        };
+        let nyquist = 0.5 * fit.signals.rate / fit.fourier.step() as f64;
+        let on = |along: &Along| along.is_on(fit.signals.machine);
+        let place = |along: Along| {
+            let brakes = |balance: &crate::balance::Balance, row| match along
+                .sign(balance.signals, row)
+                < 0.0
+            {
+                true => -1.0,
+                false => 1.0,
+            };
+            rest::Place {
+                name: along.name(),
+                values: both(&|balance, row| along.value(balance.signals, row)),
+                form: along.form(nyquist),
+                in_time: along == Along::Clock,
+                signs: (along == Along::TightPlace).then(|| both(&brakes)),
+            }
+        };
+        Along::ALL.into_iter().filter(on).map(place).collect()
+    }
+
+    /// What is left of a channel, the greatest first, each with its sum of squares.
+    fn of(&self, loud: &ChannelRest, places: &[rest::Place]) -> Vec<(f64, Unexplained)> {
+        let index = loud.channel.index();
+        let values = self
+            .white
+            .map(|white| white.parts[index].clone().unwrap_or_default());
+        let open = self
+            .whiteners
+            .map(|whitener| whitener.mask(loud.channel).to_vec());
+        let balance = self.cases[0].balance;
+        let rate = balance.signals.rate / balance.fourier.step() as f64;
+        let rows = self
+            .whiteners
+            .map(|whitener| whitener.rows(loud.channel).max(1) as f64);
+        let power = |k: usize| values[k].iter().map(|x| x * x).sum::<f64>() / rows[k];
+        let of_fit = Level::new(&values[0], rows[0] as usize, rate, loud.band_hz);
+        let excess = [of_fit.excess, loud.levels[1].excess];
+        // What is no excess in any band is the floor.
+        let floor = [0, 1].map(|k| (power(k) - excess[k] / rows[k]).max(0.0).sqrt());
+        let size = loud.figures.fit_after / power(0).sqrt().max(1e-300);
+        let rest = Rest {
+            values: values.clone(),
+            open,
+            rate,
+            floor: Some(floor),
+            above: 1.0,
+            during: Vec::new(),
+        };
+        let left = rest.remnants(places);
+        let told = left.into_iter().map(|remnant| {
+            let fall = remnant.size.powi(2) * rows[0];
+            let told = Unexplained {
+                channel: loud.channel,
+                coordinate: remnant.coordinate,
+                order: remnant.order,
+                hz: remnant.hz,
+                size: size * remnant.size,
+                fall,
+                reason: remnant.reason,
+            };
+            (fall, told)
+        });
+        let told: Vec<_> = told.collect();
+        match told.is_empty() {
+            true => vec![(
+                excess[1],
+                Unexplained {
+                    channel: loud.channel,
+                    coordinate: "none",
+                    order: None,
+                    hz: None,
+                    size: size * (excess[1] / rows[1]).sqrt(),
+                    fall: excess[1],
+                    reason: "the check record is louder than its sensors, the fit record is not"
+                        .into(),
+                },
+            )],
+            false => told,
+        }
+    }
+}
+
+/// What nothing explains: shapes without a name that the regression has (`found`), what is left in channels that are too
+/// loud for their sensors, the greatest first, and in other channels hypotheses and shapes that are doubtful.
 pub(crate) fn unexplained(
-    case: &Case,
-    whitener: &Whitener,
+    left: &Left,
     found: &[(Hypothesis, Vec<f64>)],
     doubtful: &[Doubt],
     channels: &[ChannelRest],
 ) -> Vec<Unexplained> {
+    let ([case, _], [whitener, _]) = (left.cases, left.whiteners);
     let describe = |hypothesis: &Hypothesis, values: &[f64], reason| {
         described(case, whitener, hypothesis, values, reason)
     };
@@ -34,11 +137,12 @@ pub(crate) fn unexplained(
         .iter()
         .filter(|(hypothesis, _)| matches!(hypothesis.family, Family::Unnamed(_)))
         .map(|(hypothesis, values)| {
-            describe(
+            let told = describe(
                 hypothesis,
                 values,
                 "both records have it, and no hypothesis explains as much",
-            )
+            );
+            (told.fall, told)
         });
     let at_floor = |channel: Channel| {
         let mut levels = channels.iter().filter(|rest| rest.channel == channel);
@@ -54,24 +158,25 @@ pub(crate) fn unexplained(
         .filter(|(likeness, left)| !(*likeness && at_floor(left.channel)))
         .map(|(_, left)| left)
         .take(LISTED);
-    let loud = channels.iter().filter_map(|rest| {
+    let is_loud = |rest: &&ChannelRest| {
         let beyond = rest.figures.whitened.powi(2) - 1.0;
-        let left = (rest.figures.fit_after / rest.figures.fit_before).powi(2);
-        (beyond > TOO_LOUD && left > MOST_LEFT).then(|| Unexplained {
-            channel: rest.channel,
-            coordinate: "none",
-            order: None,
-            hz: None,
-            size: rest.figures.fit_after * (beyond / (1.0 + beyond)).sqrt(),
-            reason: "louder than its sensors, with no shape over any coordinate",
-        })
-    });
-    let mut list: Vec<Unexplained> = unnamed.chain(doubtful).collect();
-    // Where a shape is listed already, the channel is said to be loud.
-    let silent: Vec<Unexplained> = loud
-        .filter(|loud| list.iter().all(|known| known.channel != loud.channel))
+        let share = (rest.figures.fit_after / rest.figures.fit_before).powi(2);
+        !rest.levels[1].quiet() || beyond > TOO_LOUD && share > MOST_LEFT
+    };
+    let loud: Vec<&ChannelRest> = channels.iter().filter(is_loud).collect();
+    let places = match loud.is_empty() {
+        true => Vec::new(),
+        false => left.places(),
+    };
+    let of_loud = loud.into_iter().flat_map(|rest| left.of(rest, &places));
+    let mut list: Vec<(f64, Unexplained)> = unnamed.chain(of_loud).collect();
+    list.sort_by(|a, b| b.0.total_cmp(&a.0));
+    let mut list: Vec<Unexplained> = list.into_iter().map(|(_, told)| told).collect();
+    // Where what is left is told already, a doubt adds nothing.
+    let doubts: Vec<Unexplained> = doubtful
+        .filter(|doubt| list.iter().all(|known| known.channel != doubt.channel))
         .collect();
-    list.extend(silent);
+    list.extend(doubts);
     list
 }
 
@@ -114,12 +219,13 @@ fn described(
         order: order.filter(|_| !in_time),
         hz: order.filter(|_| in_time),
         size,
-        reason,
+        fall: power(channel),
+        reason: reason.into(),
     }
 }
 
 /// What a hypothesis is a shape over.
-fn along(hypothesis: &Hypothesis) -> Option<Along> {
+pub(crate) fn along(hypothesis: &Hypothesis) -> Option<Along> {
     let axis = hypothesis
         .axis()
         .filter(|_| hypothesis.place != Place::Both);

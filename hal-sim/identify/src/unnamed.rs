@@ -8,6 +8,7 @@ use crate::balance::{Balance, Contribution};
 use crate::channel::Channel;
 use crate::hypothesis::{Family, Hypothesis};
 use crate::leftover::{Over, Residual};
+use crate::machines::Machine;
 use crate::normal::Solution;
 use crate::select::{Search, Trial};
 use crate::signals::SMOOTH_HZ;
@@ -17,6 +18,10 @@ use std::f64::consts::TAU;
 /// Knots of a curve.
 const KNOTS: usize = 13;
 
+/// Coordinates of which the check record decides: where a record goes from speed to speed, every law of the speed is a curve
+/// over time.
+const MOST_COORDINATES: usize = 3;
+
 /// A shape over a coordinate in one channel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub struct Unnamed {
@@ -24,6 +29,8 @@ pub struct Unnamed {
     pub channel: Channel,
     /// What it is a shape over.
     pub along: Along,
+    /// Whether it is a force on the table, which shows in both torques and bends the screw.
+    pub is_force: bool,
     /// Ends of the fit record's range of the coordinate, as bits, so that it can be a key.
     extent: [u64; 2],
 }
@@ -46,8 +53,11 @@ impl Unnamed {
             let mut sum = Contribution::default();
             let hz = SMOOTH_HZ.max(order * fastest / TAU);
             let sign = |row: usize| self.along.sign(balance.signals, row);
-            let spectrum = balance.spectrum_of(hz, |row| sign(row) * value(at(row)));
-            sum.add(self.channel, 1.0, &spectrum);
+            let shape = |row: usize| sign(row) * value(at(row));
+            if self.is_force {
+                return balance.guideway(shape);
+            }
+            sum.add(self.channel, 1.0, &balance.spectrum_of(hz, shape));
             sum
         };
         if self.along.repeats() {
@@ -86,18 +96,18 @@ fn has_kind(channel: Channel, along: Along) -> bool {
     }
 }
 
-/// The shape that explains most of a regression's residual in one channel; of channels in which less than `enough` is left
+/// The shapes that explain most of a regression's residual in one channel, one for each coordinate; of channels in which less than `enough` is left
 /// beyond noise none is looked for.
 pub(crate) fn strongest(
     search: &mut Search,
     solution: &Solution,
     enough: impl Fn(Channel) -> f64,
-) -> Option<Trial> {
+) -> Vec<Trial> {
     let balance = search.balance;
     let (signals, fourier) = (balance.signals, balance.fourier);
     let rate = signals.rate / fourier.step() as f64;
     let left = search.normal.residual(&solution.values);
-    let mut best: Option<(f64, Hypothesis)> = None;
+    let mut best: Vec<(f64, Hypothesis, Along)> = Vec::new();
     for channel in Channel::ALL {
         let Some(values) = left.parts[channel.index()].as_deref() else {
             continue;
@@ -128,22 +138,58 @@ pub(crate) fn strongest(
             let Some(shape) = residual.shape(&over) else {
                 continue;
             };
-            if shape.fall > enough && best.as_ref().is_none_or(|(most, _)| shape.fall > *most) {
+            let known = best.iter().position(|(_, _, other)| *other == along);
+            if shape.fall > enough && known.is_none_or(|at| shape.fall > best[at].0) {
                 let (low, high) = coordinate
                     .iter()
                     .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
                 let unnamed = Unnamed {
                     channel,
                     along,
+                    is_force: false,
                     extent: [low, high].map(f64::to_bits),
                 };
                 let order = shape.order.unwrap_or(0.0);
                 let hypothesis = Hypothesis::new(Family::Unnamed(unnamed), unnamed.place(), order);
-                best = Some((shape.fall, hypothesis));
+                if let Some(at) = known {
+                    best.swap_remove(at);
+                }
+                best.push((shape.fall, hypothesis, along));
             }
         }
     }
-    let (_, hypothesis) = best?;
-    let trial = search.try_one(hypothesis, solution);
-    Some(search.at_best(&trial))
+    best.sort_by(|a, b| b.0.total_cmp(&a.0));
+    best.truncate(MOST_COORDINATES);
+    let trials = best.into_iter().map(|(_, hypothesis, _)| {
+        let trial = search.try_one(hypothesis, solution);
+        search.at_best(&trial)
+    });
+    trials.collect()
+}
+
+/// The force on the table that shows as what a hypothesis shows at one place of the machine, with the same shape: what
+/// reaches both motors and the screw's length at once has one cause.
+pub(crate) fn as_force(hypothesis: &Hypothesis, machine: &dyn Machine) -> Option<Hypothesis> {
+    let along = match hypothesis.family {
+        Family::TimePeriodic => Along::Clock,
+        Family::BallPassage | Family::LeadError => Along::RelativeAngle,
+        Family::Unnamed(own) if !own.is_force => own.along,
+        _ => return None,
+    };
+    let on_the_feed = !matches!(along, Along::Angle(_) | Along::Speed(_));
+    let extent = match hypothesis.family {
+        Family::Unnamed(own) => own.extent,
+        _ => [0; 2],
+    };
+    let force = Unnamed {
+        channel: Channel::Table,
+        along,
+        is_force: true,
+        extent,
+    };
+    (machine.has_feed() && on_the_feed).then_some(Hypothesis::new(
+        Family::Unnamed(force),
+        Place::Feed,
+        hypothesis.shape,
+    ))
 }

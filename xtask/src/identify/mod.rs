@@ -87,6 +87,29 @@ pub struct BenchOptions {
     /// The full numbers of drawn machines; without it a sample.
     #[arg(long)]
     pub long: bool,
+    /// Only these parts.
+    #[arg(long, value_enum, num_args = 1..)]
+    pub only: Vec<Part>,
+    /// So many machines of each part that draws them, in place of the sample's or the full numbers.
+    #[arg(long)]
+    pub runs: Option<u64>,
+}
+
+/// A part of the bench.
+#[derive(Clone, Copy, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// Shared recordings, EMPS, LAAS, an ODrive's records, the paper.
+    Measured,
+    /// The blind test.
+    Blind,
+    /// Motors alone.
+    Pmsm,
+    /// Clean motors and feed axes.
+    Clean,
+    /// Effects that no family has.
+    Outside,
+    /// Wrong data.
+    Wrong,
 }
 
 /// Identifies.

@@ -52,7 +52,7 @@ impl Balance<'_> {
     }
 
     /// What a force (N at a row) on the guideway's side of the table adds.
-    pub(super) fn guideway(&self, force: impl Fn(usize) -> f64) -> Contribution {
+    pub(crate) fn guideway(&self, force: impl Fn(usize) -> f64) -> Contribution {
         let mut sum = Contribution::default();
         let spectrum = self.spectrum_of(SMOOTH_HZ, force);
         for axis in Axis::ALL {

@@ -6,7 +6,7 @@ use super::fit::MARGIN;
 use super::record::Record;
 use crate::fourier::slope;
 use crate::leftover::Form;
-use crate::rest::{Place, Remnant, Rest};
+use crate::rest::{ABOVE, Place, Remnant, Rest};
 use std::f64::consts::TAU;
 
 /// Orders of the screw that are looked for: from those that a travel of a few turns has to what 100 Hz show of a slow
@@ -39,6 +39,7 @@ pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> V
         values: both(of),
         form,
         in_time,
+        signs: None,
     };
     let lead = axes[0].lead_m;
     let position = |record: &Record| record.position.clone();
@@ -60,7 +61,8 @@ pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> V
         open: records.map(inside),
         rate: records[0].rate,
         during: vec![("the reference's speed changes", changes(records[0]))],
-        floor: floor.is_finite().then_some(floor),
+        floor: floor.is_finite().then_some([floor; 2]),
+        above: ABOVE,
     };
     rest.remnants(&places)
 }

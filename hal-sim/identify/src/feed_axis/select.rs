@@ -1,19 +1,20 @@
 //! Which effects an axis has, from one record alone.
 //!
-//! Two-fold cross-validation over the record's operating points (stretches of one speed and direction): a model is fitted
-//! on either fold and judged by the force error on the other, by the criterion of all machines
-//! ([`selection`](crate::selection)). All terms of friction and amplifier are put in together, since some hide each
-//! other; then orders of the screw, the strongest first, as long as each is worth it; then each term is taken out in
-//! turn, the least certain first, and stays out if it was not worth it. No other record is looked at.
+//! Forward selection by two-fold cross-validation over the record's operating points (stretches of one speed and
+//! direction). The closed loop's simulation is linearised at the model as it is: each parameter and each further term is
+//! then a regressor, fitted on either fold and judged on the other by the criterion of all machines
+//! ([`selection`](crate::selection)). The term that lowers the error there most is taken, and all parameters are fitted
+//! again by simulation. No other record is looked at.
 
 use super::axis::{Axis, Term};
 use super::filter::butterworth_100;
-use super::fit::{Free, MARGIN, covariance, fitted};
+use super::fit::{Free, MARGIN, fitted};
 use super::record::Record;
 use crate::design::{Column, dot};
 use crate::limits::plausible_on_axis;
-use crate::normal::Normal;
+use crate::normal::{Normal, Prior};
 use crate::selection::{Evidence, MATERIAL_OF_ERROR, TOO_LITTLE};
+use nalgebra::DVector;
 use std::f64::consts::TAU;
 
 /// Orders at most.
@@ -34,6 +35,11 @@ const TERMS: [Term; 7] = [
     Term::PositionFriction,
     Term::PositionLoad,
 ];
+
+/// Speeds over which Stribeck friction may decay, m/s, and stiffnesses of friction's spring before sliding, N/m, from which
+/// a fit begins.
+const STRIBECK_M_PER_S: [f64; 3] = [5e-3, 2e-2, 8e-2];
+const PRESLIDING_N_PER_M: [f64; 3] = [1e6, 4e6, 1.6e7];
 
 /// A term that was tried.
 #[derive(Debug, Clone)]
@@ -76,137 +82,259 @@ pub(super) fn folds(record: &Record) -> [Vec<usize>; 2] {
     folds
 }
 
-/// Force that a model leaves of some rows of a record, N.
-fn left(axis: &Axis, record: &Record, rows: &[usize]) -> Vec<f64> {
-    let simulated = butterworth_100(&axis.simulate(record).force, record.rate);
-    let measured = butterworth_100(&record.force(), record.rate);
-    rows.iter().map(|&k| measured[k] - simulated[k]).collect()
-}
-
-/// Models fitted on either fold, and what they leave of the other, N.
-struct Pair<'a> {
+/// What a model leaves of a record's force and what its parameters add to it, N and N per scale, filtered.
+struct Linearised<'a> {
+    axis: Axis,
     record: &'a Record,
-    folds: &'a [Vec<usize>; 2],
-    fits: [Axis; 2],
+    force: Vec<f64>,
     left: Vec<f64>,
+    parameters: Vec<Vec<f64>>,
 }
 
-impl<'a> Pair<'a> {
-    fn new(start: [Axis; 2], record: &'a Record, folds: &'a [Vec<usize>; 2]) -> Self {
-        let [first, second] = start;
-        let fits = [(first, 0), (second, 1)]
-            .map(|(axis, fold)| fitted(&axis, record, Free::Model, &folds[fold]));
-        Pair {
-            left: [0, 1]
-                .map(|k: usize| left(&fits[k], record, &folds[1 - k]))
-                .concat(),
+impl<'a> Linearised<'a> {
+    fn new(axis: Axis, record: &'a Record) -> Self {
+        let measured = butterworth_100(&record.force(), record.rate);
+        let force = simulated(&axis, record);
+        let own = axis.parameters();
+        let beside = |k: usize| {
+            let mut beside = own.clone();
+            let step = 1e-4 * own[k].abs().max(0.05);
+            beside[k] += step;
+            difference(&simulated(&axis.with(&beside), record), &force, step)
+        };
+        Linearised {
+            parameters: (0..own.len()).map(beside).collect(),
+            left: difference(&measured, &force, 1.0),
+            axis,
             record,
-            folds,
-            fits,
+            force,
         }
     }
 
-    /// Share by which the force error on what was not fitted is less than without a term, and why that is not enough.
-    fn worth(&self, without: &Pair, term: Term) -> (f64, Option<&'static str>) {
-        let rms = |left: &[f64]| (dot(left, left) / left.len().max(1) as f64).sqrt();
-        let fall = 1.0 - rms(&self.left) / rms(&without.left);
-        if fall < MATERIAL_OF_ERROR {
-            return (fall, Some(TOO_LITTLE));
-        }
-        for fit in &self.fits {
-            let force = fit.limit_v * self.record.force_per_volt.abs();
-            let values = fit.find(term).unwrap_or_default();
-            let travel = self.record.travel();
-            if let Err(reason) = plausible_on_axis(term, values, fit.base[2], force, travel) {
-                return (fall, Some(reason));
+    /// What a further term adds per unit of its linear parameters. One that is not linear is its whole difference.
+    fn further(&self, start: &Start) -> Vec<Vec<f64>> {
+        let with = |values: Vec<f64>, by: f64| {
+            let mut axis = self.axis.clone();
+            axis.terms.push((start.term, values));
+            difference(&simulated(&axis, self.record), &self.force, by)
+        };
+        match start.term {
+            Term::Stribeck => vec![with(vec![1.0, start.shape], 1.0)],
+            Term::Presliding => vec![with(vec![start.shape], 1.0)],
+            Term::Periodic(_) => vec![with(vec![1.0, 0.0], 1.0), with(vec![0.0, 1.0], 1.0)],
+            Term::Lag => vec![with(vec![start.shape], start.shape)],
+            term => {
+                let unit = 0.1 * term.scale()[0];
+                vec![with(vec![unit], unit)]
             }
         }
-        let whole = std::iter::once(0..self.left.len()).collect();
-        let normal = Normal::new(Column::alone(without.left.clone()), &whole);
-        let part =
-            Column::alone(without.left.clone()).plus([&Column::alone(self.left.clone())], &[-1.0]);
-        (fall, Evidence::new(&normal, part).borne_out().err())
+    }
+}
+
+/// The force of a simulation as it is compared, N.
+fn simulated(axis: &Axis, record: &Record) -> Vec<f64> {
+    butterworth_100(&axis.simulate(record).force, record.rate)
+}
+
+fn difference(a: &[f64], b: &[f64], by: f64) -> Vec<f64> {
+    a.iter().zip(b).map(|(a, b)| (a - b) / by).collect()
+}
+
+/// A term, and the number in which it is not linear.
+#[derive(Debug, Clone, Copy)]
+struct Start {
+    term: Term,
+    shape: f64,
+}
+
+impl Start {
+    /// A term over the shapes that it may have.
+    fn all(term: Term) -> Vec<Start> {
+        let shapes: &[f64] = match term {
+            Term::Stribeck => &STRIBECK_M_PER_S,
+            Term::Presliding => &PRESLIDING_N_PER_M,
+            Term::Lag => &[1e-3],
+            _ => &[0.0],
+        };
+        shapes.iter().map(|&shape| Start { term, shape }).collect()
     }
 
-    /// With other terms, fitted again from where it is.
-    fn changed(&self, change: impl Fn(&mut Axis)) -> Self {
-        let start = self.fits.clone().map(|mut axis| {
-            change(&mut axis);
-            axis
-        });
-        Self::new(start, self.record, self.folds)
+    /// Where its fit begins, from its linear parameters.
+    fn values(self, linear: &[f64]) -> Vec<f64> {
+        match self.term {
+            Term::Stribeck => vec![linear[0], self.shape],
+            Term::Presliding => vec![self.shape],
+            Term::Periodic(_) => linear.to_vec(),
+            _ => vec![linear[0]],
+        }
     }
+}
+
+/// A term that was tried on either fold and held against the other one.
+struct Judged {
+    start: Start,
+    /// Linear parameters, the mean of both folds.
+    linear: Vec<f64>,
+    /// Share by which the force error on what was not fitted is less with it.
+    fall: f64,
+    lost: Option<&'static str>,
+}
+
+/// The regressions of a model's parameters on either fold.
+struct Search<'a> {
+    of: Linearised<'a>,
+    /// What is left and the parameters' columns on the rows of either fold.
+    left: [Column; 2],
+    own: [Vec<Column>; 2],
+    normals: [Normal; 2],
+}
+
+impl<'a> Search<'a> {
+    fn new(of: Linearised<'a>, folds: &[Vec<usize>; 2]) -> Self {
+        let left = [0, 1].map(|fold: usize| cut(&of.left, &folds[fold]));
+        let own = [0, 1].map(|fold: usize| {
+            let columns = of.parameters.iter();
+            columns
+                .map(|column| cut(column, &folds[fold]))
+                .collect::<Vec<_>>()
+        });
+        let normals = [0, 1].map(|fold: usize| {
+            let mut normal = alone(left[fold].clone());
+            for column in &own[fold] {
+                normal.push(column.clone(), Prior::FREE);
+            }
+            normal
+        });
+        Search {
+            of,
+            left,
+            own,
+            normals,
+        }
+    }
+
+    /// A term fitted on either fold and judged on the other by the criterion of all machines.
+    fn judged(&self, start: Start, folds: &[Vec<usize>; 2]) -> Judged {
+        let further = self.of.further(&start);
+        let columns = [0, 1].map(|fold: usize| {
+            let columns = further.iter();
+            columns
+                .map(|column| cut(column, &folds[fold]))
+                .collect::<Vec<_>>()
+        });
+        let mut linear = vec![0.0; further.len()];
+        let (mut without, mut rest, mut effect) = (Vec::new(), Vec::new(), Vec::new());
+        for fold in [0, 1] {
+            let other = 1 - fold;
+            let normal = &self.normals[fold];
+            let before = normal.solve(None).values;
+            let mut with = normal.clone();
+            for column in &columns[fold] {
+                let prior = match start.term {
+                    // Its column is the whole difference to a jump: it is there or it is not.
+                    Term::Presliding => Prior::fixed(1.0),
+                    _ => Prior::FREE,
+                };
+                with.push(column.clone(), prior);
+            }
+            let values = with.solve(None).values;
+            let own: Vec<f64> = values
+                .rows(normal.len(), further.len())
+                .iter()
+                .copied()
+                .collect();
+            let left = &self.left[other];
+            let less = |values: &DVector<f64>| left.less(&self.own[other], values.iter().copied());
+            without.extend_from_slice(less(&before).only());
+            rest.extend_from_slice(less(&values).only());
+            effect.extend_from_slice(Column::default().plus(&columns[other], &own).only());
+            linear
+                .iter_mut()
+                .zip(&own)
+                .for_each(|(mean, value)| *mean += 0.5 * value);
+        }
+        let effect = Column::alone(effect);
+        let rest = Column::alone(rest);
+        let rms = |values: &[f64]| (dot(values, values) / values.len().max(1) as f64).sqrt();
+        let fall = 1.0 - rms(rest.less([&effect], [1.0]).only()) / rms(&without);
+        let axis = &self.of.axis;
+        let force = axis.limit_v * self.of.record.force_per_volt.abs();
+        let (coulomb, travel) = (axis.base[2], self.of.record.travel());
+        let values = start.values(&linear);
+        let lost = plausible_on_axis(start.term, &values, coulomb, force, travel)
+            .err()
+            .or((fall < MATERIAL_OF_ERROR).then_some(TOO_LITTLE))
+            .or_else(|| Evidence::new(&alone(rest), effect).borne_out().err());
+        Judged {
+            start,
+            linear,
+            fall,
+            lost,
+        }
+    }
+}
+
+/// Some rows of a signal.
+fn cut(values: &[f64], rows: &[usize]) -> Column {
+    Column::alone(rows.iter().map(|&row| values[row]).collect())
+}
+
+/// A regression without columns, of one operating point.
+fn alone(target: Column) -> Normal {
+    let whole = std::iter::once(0..target.only().len()).collect();
+    Normal::new(target, &whole)
 }
 
 /// Everything that was tried on a record, in the order in which the terms that were taken belong into the model.
 pub fn search(axis: &Axis, record: &Record) -> Vec<Trial> {
     let record = &record.first((LENGTH_S * record.rate) as usize);
     let folds = folds(record);
-    let start = [axis.clone(), axis.clone()];
-    let mut pair = Pair::new(start, record, &folds).changed(|axis| {
-        axis.terms.extend(TERMS.map(|term| (term, term.start())));
-    });
-    let mut orders = Vec::new();
-    while orders.len() < MOST {
-        let Some(term) = strongest_order(&pair.fits, record, &folds) else {
+    let all: Vec<usize> = (MARGIN..record.len() - MARGIN).collect();
+    let mut axis = fitted(axis, record, Free::Model, &all);
+    let mut taken: Vec<Trial> = Vec::new();
+    let mut lost: Vec<Trial>;
+    loop {
+        let search = Search::new(Linearised::new(axis.clone(), record), &folds);
+        let has = |term: &Term| axis.find(*term).is_none();
+        let order = strongest_order(&axis, record, &folds).filter(|_| axis.orders().len() < MOST);
+        let candidates = TERMS.into_iter().filter(has).chain(order);
+        let best = |term: Term| {
+            let judged = Start::all(term).into_iter();
+            let judged = judged.map(|start| search.judged(start, &folds));
+            judged.max_by(|a, b| {
+                let key = |j: &Judged| (j.lost.is_none(), j.fall);
+                key(a).0.cmp(&key(b).0).then(a.fall.total_cmp(&b.fall))
+            })
+        };
+        let mut judged: Vec<Judged> = candidates.filter_map(best).collect();
+        judged.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+        let of = |judged: &Judged| Trial {
+            term: judged.start.term,
+            fall: judged.fall,
+            lost: judged.lost,
+        };
+        lost = judged.iter().filter(|j| j.lost.is_some()).map(of).collect();
+        let Some(best) = judged.iter().find(|judged| judged.lost.is_none()) else {
             break;
         };
-        let with = pair.changed(|axis| axis.terms.push((term, term.start())));
-        let (fall, lost) = with.worth(&pair, term);
-        orders.push(Trial { term, fall, lost });
-        if lost.is_some() {
-            break;
-        }
-        pair = with;
+        taken.push(of(best));
+        let Start { term, .. } = best.start;
+        axis.terms.push((term, best.start.values(&best.linear)));
+        axis = fitted(&axis, record, Free::Model, &all);
     }
-    let certainty = certainty(&pair.fits[0], record, &folds[0]);
-    let mut terms: Vec<(f64, Term)> = TERMS.map(|term| (certainty(term), term)).to_vec();
-    terms.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let mut trials = Vec::new();
-    for (_, term) in terms {
-        let without = pair.changed(|axis| axis.terms.retain(|(known, _)| *known != term));
-        let (fall, lost) = pair.worth(&without, term);
-        trials.push(Trial { term, fall, lost });
-        if lost.is_some() {
-            pair = without;
-        }
-    }
-    // What matters most first.
-    trials.sort_by(|a, b| b.fall.total_cmp(&a.fall));
-    trials.extend(orders);
-    trials
+    // Orders last: their phase belongs to a record.
+    taken.sort_by_key(|trial| matches!(trial.term, Term::Periodic(_)));
+    taken.extend(lost);
+    taken
 }
 
-/// How many deviations a term's first parameter is from 0. A spring before sliding is none at infinity, not at 0: it is
-/// looked at first.
-fn certainty(axis: &Axis, record: &Record, rows: &[usize]) -> impl Fn(Term) -> f64 + use<> {
-    let covariance = covariance(axis, record, rows);
-    let mut at = axis.base.len();
-    let list: Vec<(Term, f64)> = axis
-        .terms
-        .iter()
-        .map(|(term, values)| {
-            let sure = values[0].abs() / covariance[(at, at)].sqrt().max(1e-300);
-            at += values.len();
-            (*term, if *term == Term::Presliding { 0.0 } else { sure })
-        })
-        .collect();
-    move |term| {
-        list.iter()
-            .find(|(known, _)| *known == term)
-            .map_or(0.0, |(_, sure)| *sure)
-    }
-}
-
-/// The order per turn of the screw at which the error of the fits is strongest, on the fold that each was fitted to,
-/// and that they do not have yet.
-fn strongest_order(fits: &[Axis; 2], record: &Record, folds: &[Vec<usize>; 2]) -> Option<Term> {
-    let axis = &fits[0];
+/// The order per turn of the screw at which the error is strongest and that the model does not have yet.
+fn strongest_order(axis: &Axis, record: &Record, folds: &[Vec<usize>; 2]) -> Option<Term> {
     let measured = butterworth_100(&record.force(), record.rate);
     let mut rows: Vec<(f64, f64, f64)> = Vec::new();
-    for (fit, fold) in fits.iter().zip(folds) {
-        let run = fit.simulate(record);
-        let simulated = butterworth_100(&run.force, record.rate);
+    let run = axis.simulate(record);
+    let simulated = butterworth_100(&run.force, record.rate);
+    for fold in folds {
         // At speed only: at rest an angle says nothing.
         let moving = fold
             .iter()
@@ -272,8 +400,7 @@ mod tests {
         };
         let record = clean.with_force(slow);
         let rows: Vec<usize> = (MARGIN..record.len() - MARGIN).collect();
-        let fits = [axis.clone(), axis];
-        let found = strongest_order(&fits, &record, &[rows.clone(), rows]);
+        let found = strongest_order(&axis, &record, &[rows.clone(), rows]);
         // 100 Hz at 10 turns a second.
         assert!(
             !matches!(found, Some(Term::Periodic(order)) if order > 10.5),

@@ -4,7 +4,7 @@ use super::orders::HIGHEST;
 use super::study::Fit;
 use crate::fourier::slope;
 use crate::leftover::Form;
-use crate::rest::{Place, Remnant, Rest};
+use crate::rest::{ABOVE, Place, Remnant, Rest};
 use std::f64::consts::TAU;
 
 /// Lowest order per turn, whole or not.
@@ -31,18 +31,21 @@ pub(super) fn remnants(
             values: positions.map(Vec::clone),
             form: Form::Repeats(LOWEST..f64::from(HIGHEST)),
             in_time: false,
+            signs: None,
         },
         Place {
             name: "speed of the motor",
             values: positions.map(|position| slope(position, rate)),
             form: Form::Curve,
             in_time: false,
+            signs: None,
         },
         Place {
             name: "time",
             values: positions.map(clock),
             form: Form::Repeats(HZ),
             in_time: true,
+            signs: None,
         },
     ];
     let rest = Rest {
@@ -50,7 +53,8 @@ pub(super) fn remnants(
         values: fit.left.clone(),
         rate,
         during: Vec::new(),
-        floor: noise.is_finite().then_some(noise),
+        floor: noise.is_finite().then_some([noise; 2]),
+        above: ABOVE,
     };
     rest.remnants(&places)
 }

@@ -199,6 +199,7 @@ impl Progress {
                     true => self.credit(&search.fall_by_channel(&trial.hypothesis)),
                     false => trial.gain.fall,
                 };
+                let credit = credit.min(trial.gain.fall);
                 Contender { trial, credit }
             })
             .collect();
@@ -264,8 +265,8 @@ impl Progress {
         (best, doubtful)
     }
 
-    /// The shape without a name that explains most, if more than `beside`.
-    fn unnamed(&self, search: &mut Search, solution: &Solution, beside: f64) -> Option<Trial> {
+    /// The shapes without a name that explain more than `beside`.
+    fn unnamed(&self, search: &mut Search, solution: &Solution, beside: f64) -> Vec<Trial> {
         let least = self.threshold.max(beside);
         let whitener = search.whitener;
         let enough = |channel: Channel| {
@@ -273,7 +274,9 @@ impl Progress {
                 .max(SIMPLIFIED * self.explained[channel.index()])
                 .max(AUDIBLE * whitener.rows(channel) as f64)
         };
-        unnamed::strongest(search, solution, enough)
+        let mut shapes = unnamed::strongest(search, solution, enough);
+        shapes.retain(|trial| trial.gain.fall > beside);
+        shapes
     }
 
     /// Tries everything and adds what explains most; `false` when nothing is worth it.
@@ -296,17 +299,29 @@ impl Progress {
         self.doubtful = doubtful;
         self.last = trials;
         let named = accepted.as_ref().map_or(0.0, |(_, trial)| trial.gain.fall);
-        if let Some(trial) = self.unnamed(&mut search, &solution, PLAINER * named)
-            && trial.gain.fall > PLAINER * named
-        {
-            match witness.weighed(&trial, &others).1 {
-                Ok(()) => accepted = Some((trial.gain.fall, trial)),
-                Err(reason) => self.doubtful.push(Doubt::new(trial, reason)),
-            }
+        let shapes = self.unnamed(&mut search, &solution, PLAINER * named);
+        let weighed = shapes.iter().map(|trial| {
+            let (fall, borne_out) = witness.weighed(trial, &others);
+            borne_out.map(|()| (fall + trial.gain.fall, trial))
+        });
+        let weighed: Vec<_> = weighed.collect();
+        let best = weighed.iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0));
+        match (best, weighed.first()) {
+            (Some((_, trial)), _) => accepted = Some((trial.gain.fall, (*trial).clone())),
+            (None, Some(Err(reason))) => self.doubtful.push(Doubt::new(shapes[0].clone(), reason)),
+            _ => {}
         }
-        let Some((_, trial)) = accepted else {
+        let Some((_, mut trial)) = accepted else {
             return false;
         };
+        if let Some(force) = unnamed::as_force(&trial.hypothesis, search.whitener.machine) {
+            let force = search.try_one(force, &solution);
+            let force = search.at_best(&force);
+            let better = force.gain.fall > trial.gain.fall + self.threshold;
+            if better && witness.weighed(&force, &others).1.is_ok() {
+                trial = force;
+            }
+        }
         if self.found.len() >= MOST_EFFECTS {
             let reason = "more was found than one machine has";
             self.doubtful.push(Doubt::new(trial, reason));

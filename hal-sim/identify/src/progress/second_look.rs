@@ -106,8 +106,13 @@ impl Progress {
         }
     }
 
-    /// Takes an effect back that the fit gave these linear parameters, for more is left beside it than it explains.
-    pub(crate) fn take_back(&mut self, hypothesis: &Hypothesis, values: Vec<f64>) {
+    /// Takes an effect back that the fit gave these linear parameters.
+    pub(crate) fn take_back(
+        &mut self,
+        hypothesis: &Hypothesis,
+        values: Vec<f64>,
+        reason: &'static str,
+    ) {
         let Some(k) = self.found.iter().position(|known| known == hypothesis) else {
             return;
         };
@@ -121,7 +126,7 @@ impl Progress {
         };
         self.doubtful.push(Doubt {
             trial,
-            reason: "more is left on the check record, where it shows, than it explains",
+            reason,
             likeness: true,
         });
         self.forget(k);

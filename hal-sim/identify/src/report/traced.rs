@@ -58,7 +58,7 @@ pub fn traced(outcome: &Outcome, accounts: [DataQuality; 2]) -> Report {
                 hz: left.hz,
                 size: left.size,
                 unit: machine.unit(left.channel).into(),
-                reason: left.reason.into(),
+                reason: left.reason.clone(),
             })
             .collect(),
         calibration: outcome

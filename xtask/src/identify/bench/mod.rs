@@ -4,7 +4,7 @@ mod alone;
 mod clean;
 mod outside;
 
-use super::BenchOptions;
+use super::{BenchOptions, Part};
 use anyhow::{Context, Result};
 use identify::bench::Figures;
 use serde_json::{Value, json};
@@ -17,49 +17,70 @@ const SHORT: u32 = 20;
 pub(super) fn run(options: &BenchOptions) -> Result<()> {
     let shared = std::env::var_os("DDFEED_SHARED")
         .map_or_else(|| crate::tools::root().join("../shared"), Into::into);
-    let result = crate::tools::target_folder().join("blind/blind.json");
-    let machines = options.blind.or((!result.exists()).then_some(SHORT));
-    let failed = machines.and_then(|machines| crate::firmware::blind(machines).err());
-    // A test that misses its goal has written its result all the same.
-    let blind = read(&result).unwrap_or_else(|error| {
-        let why = failed.as_ref().unwrap_or(&error);
-        eprintln!("the blind test has no result: {why:#}");
-        json!({ "right": null, "of": null, "false_alarms": null, "clean": null })
+    let is_asked = |part: Part| options.only.is_empty() || options.only.contains(&part);
+    let blind = match is_asked(Part::Blind) {
+        true => blind(options),
+        false => Value::Null,
+    };
+    let figures = is_asked(Part::Measured).then(|| {
+        let answers = options
+            .answers
+            .clone()
+            .unwrap_or_else(|| shared.join("recordings/answers.json"));
+        let answers = read(&answers)
+            .inspect_err(|error| eprintln!("the recordings are not judged: {error:#}"))
+            .ok();
+        Figures::measure(&shared, answers.as_ref())
     });
-    let answers = options
-        .answers
-        .clone()
-        .unwrap_or_else(|| shared.join("recordings/answers.json"));
-    let answers = read(&answers)
-        .inspect_err(|error| eprintln!("the recordings are not judged: {error:#}"))
-        .ok();
-    let figures = Figures::measure(&shared, answers.as_ref(), blind);
     let Sample {
         pmsm,
         outside,
         wrong,
         clean,
-    } = Sample::of(options.long);
-    let pmsm = alone::drawn(pmsm[0], pmsm[1]);
-    let mut clean = clean::measure(clean);
-    clean["pmsm"] = json!({ "runs": pmsm["clean"], "false_alarms": pmsm["false_alarms"] });
-    let more = json!({
-        "pmsm": pmsm,
-        "clean": clean,
-        "outside": outside::measure(outside),
-        "wrong_data": super::wrong_data::measure(wrong[0], wrong[1])?,
-    });
+    } = Sample::of(options);
+    let mut more = json!({ "blind": blind });
+    if is_asked(Part::Clean) {
+        more["clean"] = clean::measure(clean);
+    }
+    if is_asked(Part::Pmsm) {
+        let drawn = alone::drawn(pmsm[0], pmsm[1]);
+        more["clean"]["pmsm"] =
+            json!({ "runs": drawn["clean"], "false_alarms": drawn["false_alarms"] });
+        more["pmsm"] = drawn;
+    }
+    if is_asked(Part::Outside) {
+        more["outside"] = outside::measure(outside);
+    }
+    if is_asked(Part::Wrong) {
+        more["wrong_data"] = json!(super::wrong_data::measure(wrong[0], wrong[1])?);
+    }
+    let json = figures.as_ref().map_or_else(|| json!({}), Figures::json);
     if options.json {
-        let mut json = figures.json();
+        let mut json = json;
         if let (Some(all), Value::Object(more)) = (json.as_object_mut(), more) {
             all.extend(more);
         }
         println!("{}", serde_json::to_string(&json)?);
     } else {
-        print(&figures);
+        if let Some(figures) = &figures {
+            print(figures, &more["blind"]);
+        }
         println!("\n{}", serde_json::to_string_pretty(&more)?);
     }
     Ok(())
+}
+
+/// Runs the blind test where it is asked for or has not run yet; what its last run wrote.
+fn blind(options: &BenchOptions) -> Value {
+    let result = crate::tools::target_folder().join("blind/blind.json");
+    let machines = options.blind.or((!result.exists()).then_some(SHORT));
+    let failed = machines.and_then(|machines| crate::firmware::blind(machines).err());
+    // A test that misses its goal has written its result all the same.
+    read(&result).unwrap_or_else(|error| {
+        let why = failed.as_ref().unwrap_or(&error);
+        eprintln!("the blind test has no result: {why:#}");
+        json!({ "right": null, "of": null, "false_alarms": null, "clean": null })
+    })
 }
 
 /// How many machines are drawn.
@@ -76,8 +97,16 @@ struct Sample {
 
 impl Sample {
     /// The full numbers, or what a build server can afford.
-    fn of(long: bool) -> Self {
-        match long {
+    fn of(options: &BenchOptions) -> Self {
+        if let Some(runs) = options.runs {
+            return Sample {
+                pmsm: [runs; 2],
+                outside: runs as usize,
+                wrong: [runs; 2],
+                clean: [runs; 2],
+            };
+        }
+        match options.long {
             true => Sample {
                 pmsm: [200, 300],
                 outside: 306,
@@ -100,7 +129,7 @@ fn read(path: &Path) -> Result<Value> {
     serde_json::from_str(&text).with_context(|| format!("{} is no JSON", path.display()))
 }
 
-fn print(figures: &Figures) {
+fn print(figures: &Figures, blind: &Value) {
     let row = |name: &str, value: Option<f64>, goal: &str| {
         let value = value.map_or_else(|| "-".to_owned(), |v| format!("{v:.2}"));
         println!("{name:52}{value:>10}{goal:>10}");
@@ -111,7 +140,7 @@ fn print(figures: &Figures) {
         figures.open.map(|o| o.0.into()),
         "10",
     );
-    let blind = |name: &str| figures.blind.get(name).and_then(Value::as_f64);
+    let blind = |name: &str| blind.get(name).and_then(Value::as_f64);
     row("blind machines right", blind("right"), "95 %");
     row("   of", blind("of"), "");
     row("false alarms", blind("false_alarms"), "1 %");
