@@ -46,8 +46,8 @@ const PARAMETERS: f64 = 3.0;
 const CANDIDATES: f64 = 1e4;
 /// Standard deviations of a coefficient on a record that it was not fitted to: chance exceeds them once in 700 times.
 const SURE: f64 = 3.0;
-/// The same on the fit record, of the best of a hundred orders: chance's best has 3.2.
-const SURE_OF_BEST: f64 = 3.5;
+/// The same on the fit record, beyond what chance's best of so many has, the root of twice the logarithm of their number.
+const SURE_OF_BEST: f64 = 0.45;
 /// Coefficients of an effect that is there: at less than a half its parameters raise the error instead of lowering it.
 const COEFFICIENT: std::ops::Range<f64> = 0.5..1.5;
 
@@ -101,9 +101,18 @@ impl Evidence {
         }
     }
 
-    /// Whether the record that it was fitted to has more of it than chance makes.
-    pub(crate) fn on_fit(&self) -> Result<(), &'static str> {
-        match self.deviations >= SURE_OF_BEST {
+    /// Of two records that are independent of each other (Stouffer's sum of deviations).
+    pub(crate) fn of_both([a, b]: [Evidence; 2]) -> Self {
+        Evidence {
+            coefficient: 0.5 * (a.coefficient + b.coefficient),
+            deviations: (a.deviations + b.deviations) / 2f64.sqrt(),
+        }
+    }
+
+    /// Whether the record that it was fitted to has more of it than chance makes of the best of so many candidates.
+    pub(crate) fn on_fit(&self, best_of: usize) -> Result<(), &'static str> {
+        let of_chance = (2.0 * (best_of.max(2) as f64).ln()).sqrt();
+        match self.deviations >= of_chance + SURE_OF_BEST {
             true => Ok(()),
             false => Err("no more than chance makes of the fit record"),
         }

@@ -2,6 +2,7 @@
 
 use identify::analysis::Outcome;
 use identify::channel::Channel;
+use identify::interval::estimates;
 use identify::noise::Noise;
 use identify::record::Record;
 use plant::effects::EffectModel;
@@ -71,6 +72,27 @@ pub fn score(truth: &[EffectModel], outcome: &Outcome) -> Score {
         wrong: found.iter().any(|f| !truth.iter().any(|t| same_name(t, f))),
         found: found.iter().map(|f| label(f)).collect(),
     }
+}
+
+/// Of the values that are named right: how many 95 % intervals hold the truth, and how many there are. Phases and what is
+/// not estimated have none.
+pub fn coverage(truth: &[EffectModel], outcome: &Outcome) -> [u32; 2] {
+    let mut counted = [0; 2];
+    for effect in truth {
+        let named = outcome
+            .effects
+            .iter()
+            .filter(|f| same_name(effect, &f.effect));
+        for estimate in named.flat_map(estimates) {
+            let [low, high] = estimate.interval;
+            let known = parameter(effect, &estimate.name);
+            if let Some(value) = known.filter(|_| estimate.name != "phase" && high > low) {
+                counted[0] += u32::from((low..=high).contains(&value));
+                counted[1] += 1;
+            }
+        }
+    }
+    counted
 }
 
 /// The greatest share of a channel's noise floor that an effect makes up, both as rms in the band that is used.

@@ -20,6 +20,8 @@ pub struct Row {
     left: Vec<String>,
     /// Of each effect: its greatest share of a channel's noise floor.
     floors: Vec<f64>,
+    /// Intervals that hold the truth, and all.
+    covered: [u32; 2],
     /// Asked only where the machine was not told right.
     oracle: Option<Oracle>,
 }
@@ -50,6 +52,7 @@ impl Row {
                 .iter()
                 .map(|effect| score::above_floor(&machine.declared, &record, effect))
                 .collect(),
+            covered: score::coverage(&machine.effects, outcome),
             oracle: (!score.right)
                 .then(|| oracle::ask(&machine.declared, &record, &machine.effects, &found)),
             score,
@@ -210,7 +213,13 @@ impl Table {
     pub fn json(&self) -> String {
         let (visible, clean) = (self.visible(), self.clean());
         let all = self.count(|row| !row.is_clean());
+        let all_of = |k: usize| self.0.iter().map(|row| row.covered[k]).sum::<u32>();
+        let percent = |right: u32, of: u32| 100.0 * f64::from(right) / f64::from(of.max(1));
         let figures = serde_json::json!({
+            "machines": all.of,
+            "right_percent": percent(visible.right, visible.of),
+            "coverage_percent": percent(all_of(0), all_of(1)),
+            "intervals": all_of(1),
             "right": visible.right,
             "of": visible.of,
             "false_alarms": clean.of - clean.right,

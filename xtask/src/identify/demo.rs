@@ -57,7 +57,12 @@ pub(super) const EFFECTS: [Drawn; 8] = [
         Place::Nut,
         &[("off_a", 0.05), ("off_b", -0.04)],
     ),
-    ("flux_drift", Place::Screw, &[("value", -0.06)]),
+    // No drift: its time begins anew with each stretch that is recorded.
+    (
+        "flux_harmonic",
+        Place::Screw,
+        &[("order", 6.0), ("amplitude", 0.03), ("phase", 0.7)],
+    ),
     (
         "encoder_eccentricity",
         Place::Screw,
@@ -128,7 +133,7 @@ pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
     trace::carry_out(&task, options)?;
     let values: Vec<String> = parameters
         .iter()
-        .map(|(name, value)| format!("{name} {value:.4}"))
+        .map(|(name, value)| format!("{name} {value}"))
         .collect();
     println!(
         "what was put in: {kind} at {}: {}. Another machine: --seed {}",

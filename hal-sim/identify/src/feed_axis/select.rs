@@ -25,6 +25,10 @@ const LENGTH_S: f64 = 12.5;
 const BAND_HZ: f64 = 100.0;
 /// Share of the rows that must show an order.
 const LEAST_SHOWN: f64 = 0.1;
+/// Hundredths of the orders per turn that are looked for.
+const ORDERS: std::ops::Range<i32> = 70..4500;
+/// How near to a whole order one is tried as whole, too.
+const NEAR_WHOLE: f64 = 0.1;
 /// What may be there besides orders of the screw.
 const TERMS: [Term; 7] = [
     Term::Asymmetry,
@@ -159,6 +163,14 @@ impl Start {
         shapes.iter().map(|&shape| Start { term, shape }).collect()
     }
 
+    /// Candidates of which it is the best.
+    fn best_of(self) -> usize {
+        match self.term {
+            Term::Periodic(_) => ORDERS.len(),
+            _ => TERMS.len() * STRIBECK_M_PER_S.len(),
+        }
+    }
+
     /// Where its fit begins, from its linear parameters.
     fn values(self, linear: &[f64]) -> Vec<f64> {
         match self.term {
@@ -213,6 +225,18 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// The best of the shapes that a term may have.
+    fn best(&self, term: Term, folds: &[Vec<usize>; 2]) -> Option<Judged> {
+        let judged = Start::all(term).into_iter();
+        let judged = judged.map(|start| self.judged(start, folds));
+        judged.max_by(|a, b| {
+            let is_taken = |judged: &Judged| judged.lost.is_none();
+            is_taken(a)
+                .cmp(&is_taken(b))
+                .then(a.fall.total_cmp(&b.fall))
+        })
+    }
+
     /// A term fitted on either fold and judged on the other by the criterion of all machines.
     fn judged(&self, start: Start, folds: &[Vec<usize>; 2]) -> Judged {
         let further = self.of.further(&start);
@@ -224,6 +248,7 @@ impl<'a> Search<'a> {
         });
         let mut linear = vec![0.0; further.len()];
         let (mut without, mut rest, mut effect) = (Vec::new(), Vec::new(), Vec::new());
+        let mut on_fit = Vec::new();
         for fold in [0, 1] {
             let other = 1 - fold;
             let normal = &self.normals[fold];
@@ -243,6 +268,8 @@ impl<'a> Search<'a> {
                 .iter()
                 .copied()
                 .collect();
+            let part = Column::default().plus(&columns[fold], &own);
+            on_fit.push(Evidence::new(normal, part));
             let left = &self.left[other];
             let less = |values: &DVector<f64>| left.less(&self.own[other], values.iter().copied());
             without.extend_from_slice(less(&before).only());
@@ -264,6 +291,10 @@ impl<'a> Search<'a> {
         let lost = plausible_on_axis(start.term, &values, coulomb, force, travel)
             .err()
             .or((fall < MATERIAL_OF_ERROR).then_some(TOO_LITTLE))
+            .or_else(|| {
+                let of_both = Evidence::of_both([on_fit[0], on_fit[1]]);
+                of_both.on_fit(start.best_of()).err()
+            })
             .or_else(|| Evidence::new(&alone(rest), effect).borne_out().err());
         Judged {
             start,
@@ -293,34 +324,49 @@ pub fn search(axis: &Axis, record: &Record) -> Vec<Trial> {
     let mut axis = fitted(axis, record, Free::Model, &all);
     let mut taken: Vec<Trial> = Vec::new();
     let mut lost: Vec<Trial>;
+    let of = |judged: &Judged| Trial {
+        term: judged.start.term,
+        fall: judged.fall,
+        lost: judged.lost,
+    };
     loop {
         let search = Search::new(Linearised::new(axis.clone(), record), &folds);
         let has = |term: &Term| axis.find(*term).is_none();
         let order = strongest_order(&axis, record, &folds).filter(|_| axis.orders().len() < MOST);
-        let candidates = TERMS.into_iter().filter(has).chain(order);
-        let best = |term: Term| {
-            let judged = Start::all(term).into_iter();
-            let judged = judged.map(|start| search.judged(start, &folds));
-            judged.max_by(|a, b| {
-                let key = |j: &Judged| (j.lost.is_none(), j.fall);
-                key(a).0.cmp(&key(b).0).then(a.fall.total_cmp(&b.fall))
-            })
-        };
-        let mut judged: Vec<Judged> = candidates.filter_map(best).collect();
+        // A whole order is the simpler one; a few turns hardly tell it from one beside it.
+        let whole = order.and_then(|term| match term {
+            Term::Periodic(order) if order.fract() != 0.0 => (order.round() >= 1.0
+                && (order - order.round()).abs() < NEAR_WHOLE)
+                .then_some(Term::Periodic(order.round())),
+            _ => None,
+        });
+        let candidates = TERMS.into_iter().filter(has).chain(order).chain(whole);
+        let judged = candidates.filter_map(|term| search.best(term, &folds));
+        let mut judged: Vec<Judged> = judged.collect();
         judged.sort_by(|a, b| b.fall.total_cmp(&a.fall));
-        let of = |judged: &Judged| Trial {
-            term: judged.start.term,
-            fall: judged.fall,
-            lost: judged.lost,
-        };
         lost = judged.iter().filter(|j| j.lost.is_some()).map(of).collect();
         let Some(best) = judged.iter().find(|judged| judged.lost.is_none()) else {
             break;
         };
         taken.push(of(best));
-        let Start { term, .. } = best.start;
-        axis.terms.push((term, best.start.values(&best.linear)));
+        let values = best.start.values(&best.linear);
+        axis.terms.push((best.start.term, values));
         axis = fitted(&axis, record, Free::Model, &all);
+    }
+    // What was taken early may be what later ones are.
+    for k in (0..taken.len().saturating_sub(1)).rev() {
+        let mut without = axis.clone();
+        without.terms.retain(|(known, _)| *known != taken[k].term);
+        let without = fitted(&without, record, Free::Model, &all);
+        let search = Search::new(Linearised::new(without.clone(), record), &folds);
+        let Some(judged) = search.best(taken[k].term, &folds) else {
+            continue;
+        };
+        if judged.lost.is_some() {
+            lost.push(of(&judged));
+            taken.remove(k);
+            axis = without;
+        }
     }
     // Orders last: their phase belongs to a record.
     taken.sort_by_key(|trial| matches!(trial.term, Term::Periodic(_)));
@@ -365,7 +411,7 @@ fn strongest_order(axis: &Axis, record: &Record, folds: &[Vec<usize>; 2]) -> Opt
         }
         (c * c + s * s) / n
     };
-    (70..4500)
+    ORDERS
         .map(|k| 0.01 * f64::from(k))
         .filter(|order| !has(*order))
         .map(|order| (strength(order), order))
@@ -385,6 +431,27 @@ mod tests {
     use super::super::fit::tests::record;
     use super::*;
     use crate::feed_axis::Law;
+    use crate::sandwich::tests::coloured;
+
+    /// The record of an axis without further terms, under white and coloured noise of the force.
+    #[test]
+    fn a_clean_axis_has_no_further_terms() {
+        let axis = Axis {
+            law: Law::Difference(2),
+            ..Axis::published()
+        };
+        let clean = record(&axis, [2.0, -3.0, 1.2, -0.7]);
+        for (seed, kept) in [(1, 0.0), (2, 0.9), (3, 0.0), (4, 0.9), (5, 0.9)] {
+            let noise = coloured(seed, clean.len(), kept);
+            let noisy = clean.with_force(|row| 0.7 * noise[row]);
+            let trials = search(&axis, &noisy);
+            let taken: Vec<&Trial> = trials.iter().filter(|trial| trial.lost.is_none()).collect();
+            assert!(
+                taken.is_empty(),
+                "seed {seed}, {kept} kept: expected none, {taken:?}"
+            );
+        }
+    }
 
     /// At 50 turns a second and 1000 rows, 20.07 periods a turn look like 3.5 Hz.
     #[test]

@@ -196,16 +196,145 @@ pub(super) fn over(channel: &Channel, coordinate: &Coordinate) -> String {
     figure(&caption, &svg)
 }
 
+/// Speeds of a waterfall at most, and the share of the rows that one needs.
+const SPEEDS: usize = 10;
+const LEAST_OF_ROWS: f64 = 0.02;
+/// Rows on either side by which a speed is taken.
+const BESIDE: usize = 16;
+/// Ratio of two speeds that are told apart: four steps an octave.
+const STEPS_OF_OCTAVE: f64 = 4.0;
+/// Orders whose frequencies are written beside their rings.
+const WRITTEN: usize = 2;
+
+/// The speeds that a record dwells at, rad/s, and which rows are at each, slow to fast.
+fn speeds(channel: &Channel, time: &[f64]) -> Vec<(f64, Vec<bool>)> {
+    let angle = &channel.turn.values;
+    let rows = angle.len().min(time.len());
+    let speed = |row: usize| {
+        let (from, to) = (row.saturating_sub(BESIDE), (row + BESIDE).min(rows - 1));
+        (angle[to] - angle[from]).abs() / (time[to] - time[from]).max(1e-9)
+    };
+    let mut steps: std::collections::BTreeMap<i32, (f64, Vec<usize>)> = Default::default();
+    for row in (0..rows).filter(|row| channel.open[*row]) {
+        let speed = speed(row);
+        // What all but rests has no orders.
+        if speed > 0.1 {
+            let step = (STEPS_OF_OCTAVE * speed.log2()).round() as i32;
+            let entry = steps.entry(step).or_default();
+            entry.0 += speed;
+            entry.1.push(row);
+        }
+    }
+    let least = LEAST_OF_ROWS * rows as f64;
+    let mut dwelt: Vec<(f64, Vec<usize>)> = steps
+        .into_values()
+        .filter(|(_, at)| at.len() as f64 > least)
+        .map(|(sum, at)| (sum / at.len() as f64, at))
+        .collect();
+    dwelt.sort_by_key(|(_, at)| std::cmp::Reverse(at.len()));
+    dwelt.truncate(SPEEDS);
+    dwelt.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mask = |at: Vec<usize>| {
+        let mut mask = vec![false; angle.len()];
+        at.into_iter().for_each(|row| mask[row] = true);
+        mask
+    };
+    dwelt
+        .into_iter()
+        .map(|(speed, at)| (speed, mask(at)))
+        .collect()
+}
+
+/// Orders over speed: a spectrum for each speed that the record dwells at, found orders ringed, with their frequency.
+pub(super) fn waterfall(channel: &Channel, time: &[f64]) -> String {
+    const RPM: f64 = 60.0 / TAU;
+    let speeds = speeds(channel, time);
+    let highest = channel.marks.iter().map(|mark| mark.0).fold(0.0, f64::max);
+    let top = ORDERS.max(1.15 * highest);
+    let lines: Vec<(f64, Vec<(f64, f64)>)> = speeds
+        .into_iter()
+        .map(|(speed, open)| {
+            let line = spectrum(&channel.turn.values, &channel.residual[0], &open, top);
+            (speed, line)
+        })
+        .collect();
+    let most = lines
+        .iter()
+        .flat_map(|(_, line)| line)
+        .map(|p| p.1)
+        .fold(0.0, f64::max);
+    let (Some((slowest, _)), Some((fastest, _))) = (lines.first(), lines.last()) else {
+        return String::new();
+    };
+    // The tallest line reaches over three others.
+    let tall = 3.0 * RPM * (fastest - slowest).max(0.2 * fastest) / lines.len() as f64;
+    let raised = |speed: f64, amplitude: f64| RPM * speed + tall * amplitude / most.max(1e-300);
+    let mut orders: Vec<f64> = channel.marks.iter().map(|(order, _)| *order).collect();
+    orders.sort_by(f64::total_cmp);
+    orders.dedup();
+    let (mut rings, mut labels, mut series) = (Vec::new(), Vec::new(), Vec::new());
+    for (speed, line) in &lines {
+        for (k, order) in orders.iter().enumerate() {
+            let near = line.iter().filter(|p| (p.0 - order).abs() < 0.35);
+            let Some(peak) = near.max_by(|a, b| a.1.total_cmp(&b.1)) else {
+                continue;
+            };
+            let at = (peak.0, raised(*speed, peak.1));
+            rings.push(at);
+            if k < WRITTEN {
+                labels.push(Label {
+                    at,
+                    text: format!("{:.0} Hz", order * speed / TAU),
+                    color: THIRD,
+                });
+            }
+        }
+        series.push(Series {
+            points: line.iter().map(|p| (p.0, raised(*speed, p.1))).collect(),
+            color: WARM,
+            mark: AFTER,
+        });
+    }
+    series.push(Series {
+        points: rings,
+        color: THIRD,
+        mark: Mark::Ring,
+    });
+    let (factor, unit) = prefix(most, &channel.unit);
+    let title = format!("Speed, rpm; tallest line {:.3} {unit}", factor * most);
+    let about = format!("Orders of the {} residual at each speed", channel.name);
+    let svg = chart(&Chart {
+        about: &about,
+        x: Axis {
+            title: "Order, per turn",
+            range: Some(0.0..top),
+            log: false,
+        },
+        y: Axis {
+            title: &title,
+            range: None,
+            log: false,
+        },
+        series,
+        labels,
+    });
+    figure(
+        "Orders at each speed (waterfall), before; found orders with the frequency that is heard",
+        &svg,
+    )
+}
+
 /// All charts of a channel.
-pub(super) fn section(channel: &Channel) -> String {
+pub(super) fn section(channel: &Channel, time: &[f64]) -> String {
     let over: String = std::iter::once(&channel.turn)
         .chain(&channel.over)
         .map(|coordinate| over(channel, coordinate))
         .collect();
     format!(
-        "<h3>{}</h3>\n<div class=\"pair\">\n{}{over}</div>\n",
+        "<h3>{}</h3>\n<div class=\"pair\">\n{}{}{over}</div>\n",
         escape(&capital(&channel.name)),
-        orders(channel)
+        orders(channel),
+        waterfall(channel, time)
     )
 }
 

@@ -14,6 +14,7 @@ pub fn page(report: &Report) -> String {
     let body = [
         first(report),
         tables::effects(report),
+        tables::remedies(report),
         report
             .simulation
             .as_ref()
@@ -23,6 +24,7 @@ pub fn page(report: &Report) -> String {
         left(report),
         more(report),
         tables::hypotheses(report),
+        tables::refused(report),
         tables::foot(report),
     ];
     document(title(report), &body.concat())
@@ -144,7 +146,10 @@ fn more(report: &Report) -> String {
             .collect();
     }
     let marked = list.iter().any(|channel| !channel.marks.is_empty());
-    let sections: String = list.into_iter().map(charts::section).collect();
+    let sections: String = list
+        .into_iter()
+        .map(|channel| charts::section(channel, &report.time))
+        .collect();
     format!(
         "<section>\n<h2>Residual over its coordinates</h2>\n{}{sections}</section>\n",
         charts::key(marked)
@@ -187,7 +192,12 @@ mod tests {
         Report {
             verdict: "explained",
             summary: "What is named takes 99 %.".into(),
-            refused: Vec::new(),
+            refused: vec![crate::limits::Refusal {
+                hypothesis: "lead_error".into(),
+                place: "feed".into(),
+                reason: "the table does not move far enough",
+                trials: 12,
+            }],
             effects: vec![Effect {
                 kind: "cogging".into(),
                 place: "screw".into(),
@@ -303,6 +313,11 @@ mod tests {
             "93\u{A0}% to 99\u{A0}%",
             "not separable from Flux harmonic (screw), 7.2 times a turn: behind by 4.0",
             "without phase",
+            // 36 periods a turn at 20 rad/s.
+            "115 Hz",
+            "<td>ripple 18.5 \u{2192} 14.75 %</td>",
+            "Feed the opposite current forward over the mechanical angle",
+            "<td>12</td><td class=\"long\">the table does not move far enough</td>",
         ] {
             assert!(page.contains(part), "`{part}` is not on the page");
         }

@@ -56,6 +56,42 @@ pub(super) fn effects(report: &Report) -> String {
     )
 }
 
+/// What to do about each effect, and what of the ripple goes with it.
+pub(super) fn remedies(report: &Report) -> String {
+    if report.effects.is_empty() {
+        return String::new();
+    }
+    let rows: String = report
+        .effects
+        .iter()
+        .map(|effect| {
+            let gain = match report.ripple_without(effect) {
+                Some([with, without]) => {
+                    format!("ripple {} \u{2192} {} %", number(with), number(without))
+                }
+                None => format!("{:.0} % of the residual", 100.0 * effect.explained),
+            };
+            let (what, how) = words::remedy(&effect.kind);
+            format!(
+                "<tr><th scope=\"row\">{} ({})</th><td class=\"text\">{what}</td><td class=\"long\">{how}</td><td>{gain}</td></tr>\n",
+                effect.kind.replace('_', " "),
+                effect.place,
+            )
+        })
+        .collect();
+    format!(
+        "<section>\n<h2>What to do</h2>\n<p class=\"note\">The gain is by simulation of the check record\u{2019}s speeds, with \
+         and without the effects, shared out by what each explains; without a simulation it is the share of the residual.</p>\n{}\
+         </section>\n",
+        table(
+            "What to do about each effect",
+            "<th scope=\"col\">Effect</th><th scope=\"col\" class=\"text\">Do</th><th scope=\"col\" class=\"text\">How</th>\
+             <th scope=\"col\">Expected gain</th>",
+            &rows
+        )
+    )
+}
+
 pub(super) fn residuals(report: &Report) -> String {
     let rows: String = report
         .residual
@@ -85,6 +121,37 @@ pub(super) fn residuals(report: &Report) -> String {
             "<th scope=\"col\">Channel</th><th scope=\"col\" class=\"text\">Unit</th><th scope=\"col\">Fit before</th>\
              <th scope=\"col\">Fit after</th><th scope=\"col\">Check before</th><th scope=\"col\">Check after</th>\
              <th scope=\"col\">Noise floor</th><th scope=\"col\">White</th>",
+            &rows
+        )
+    )
+}
+
+/// What was refused, how often, and why.
+pub(super) fn refused(report: &Report) -> String {
+    if report.refused.is_empty() {
+        return String::new();
+    }
+    let rows: String = report
+        .refused
+        .iter()
+        .map(|refusal| {
+            format!(
+                "<tr><th scope=\"row\">{}</th><td class=\"text\">{}</td><td>{}</td><td class=\"long\">{}</td></tr>\n",
+                escape(&refusal.hypothesis.replace('_', " ")),
+                escape(&refusal.place),
+                refusal.trials,
+                escape(refusal.reason),
+            )
+        })
+        .collect();
+    let trials: usize = report.refused.iter().map(|refusal| refusal.trials).sum();
+    format!(
+        "<section>\n<h2>What was refused</h2>\n<p class=\"note\">{trials} trials were refused: the record does not excite \
+         them, or their size is beyond physics.</p>\n{}</section>\n",
+        table(
+            "What was refused",
+            "<th scope=\"col\">Hypothesis</th><th scope=\"col\" class=\"text\">Where</th><th scope=\"col\">Trials</th>\
+             <th scope=\"col\" class=\"text\">Why</th>",
             &rows
         )
     )

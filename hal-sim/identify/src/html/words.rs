@@ -198,6 +198,85 @@ pub(super) fn sentence(effect: &Effect) -> String {
     }
 }
 
+/// What is done about a kind of effect, in a word and in a sentence.
+pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
+    match kind {
+        "current_offset" => (
+            "compensate",
+            "Take the zero of both sensors again at rest, bridge off, and subtract it.",
+        ),
+        "current_gain" => (
+            "calibrate",
+            "Match the gains of both phases against one meter, and put the ratio into the scaling.",
+        ),
+        "torque_harmonic" | "flux_harmonic" => (
+            "compensate",
+            "Feed the opposite current forward at that order of the electrical angle.",
+        ),
+        "cogging" => (
+            "compensate",
+            "Feed the opposite current forward over the mechanical angle, from a map of a slow turn both ways.",
+        ),
+        "angle_periodic" => (
+            "replace",
+            "Find the part with that order (bearing, belt, gear) and replace it; a feed-forward over the angle helps till then.",
+        ),
+        "coupling_misalignment" => (
+            "re-align",
+            "Align the coupling, or fit one that takes more misalignment.",
+        ),
+        "encoder_eccentricity" => (
+            "re-align",
+            "Centre the encoder\u{2019}s disc, or correct the angle by a table of that order.",
+        ),
+        "time_periodic" => (
+            "remove",
+            "Find the source with that frequency (pump, fan, mains) and decouple it.",
+        ),
+        "dead_time" => (
+            "compensate",
+            "Add the lost voltage in the direction of each phase\u{2019}s current.",
+        ),
+        "stribeck_friction" => (
+            "replace",
+            "Lubricate, or lower the preload; drive the nut so that no surface is slow (the point of two motors).",
+        ),
+        "resistance_drift" | "flux_drift" => (
+            "compensate",
+            "Track the winding\u{2019}s temperature in the model that feeds forward, or let the record begin warm.",
+        ),
+        "lead_error" | "lead_scale" => (
+            "compensate",
+            "Correct the travel by a table over the screw against the nut.",
+        ),
+        "ball_passage" => (
+            "replace",
+            "Look at preload and ball return; replace the nut where it grows.",
+        ),
+        "axial_compliance" => (
+            "replace",
+            "Stiffen the bearing or lower the mass; a notch at that frequency keeps the loop from exciting it.",
+        ),
+        "position_load" => ("compensate", "Feed the force forward over the position."),
+        "backlash" => (
+            "replace",
+            "Preload the nut; a load that never changes its sign hides it.",
+        ),
+        "reported_current_lag" => (
+            "calibrate",
+            "Read the current before its filter: nothing is wrong with the motor.",
+        ),
+        "force_lag" => (
+            "calibrate",
+            "Shorten the delay of the amplifier, or allow for it in the loop.",
+        ),
+        _ => (
+            "compensate",
+            "Put the term into the model that feeds forward.",
+        ),
+    }
+}
+
 /// Its kind and place.
 fn named(kind: &str, place: &str) -> String {
     format!("{} ({place})", capital(&kind.replace('_', " ")))

@@ -234,8 +234,8 @@ fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -
 }
 
 impl Study {
-    /// Fits on `estimate`, checks on `check`. The candidates are the orders of the slow turn `map` (position, current) or,
-    /// without one, all that the filter leaves at the records' speeds.
+    /// Fits on `estimate`, checks on `check`. The candidates are all orders that the filter leaves at the
+    /// records' speeds; those of the slow turn `map` (position, current) need less proof.
     pub fn new(estimate: &Record, check: &Record, map: Option<&[Vec<f64>; 2]>) -> Self {
         let lags = std::iter::successors(Some(1.0 / estimate.rate), |lag| Some(NEXT_LAG * lag));
         let lags_s: Vec<f64> = std::iter::once(0.0)
@@ -269,13 +269,12 @@ impl Study {
             .unwrap_or(0);
         let turned = records.iter().all(|record| record.turns() >= LEAST_TURNS);
         let highest = if turned { shown.min(HIGHEST) } else { 0 };
-        let mut candidates: Vec<u32> = match map {
-            Some([position, current]) => {
-                let orders = of_map(position, current);
-                orders.iter().map(|order| order.order).collect()
-            }
-            None => (1..=HIGHEST).collect(),
-        };
+        let vouched: Vec<u32> = map.map_or_else(Vec::new, |[position, current]| {
+            let orders = of_map(position, current);
+            orders.iter().map(|order| order.order).collect()
+        });
+        let others = (1..=HIGHEST).filter(|order| !vouched.contains(order));
+        let mut candidates: Vec<u32> = vouched.iter().copied().chain(others).collect();
         let all = candidates.len();
         candidates.retain(|order| turned && *order <= shown);
         let reason = if turned { ABOVE_BAND } else { NOT_TURNED };
@@ -286,7 +285,7 @@ impl Study {
                 fit: both.regression(base.len()),
                 both: &both,
                 candidates: &candidates,
-                vouched: map.is_some(),
+                vouched: &vouched,
                 // The lag is a name too.
                 most: MOST_NAMES - usize::from(late > 0.0),
                 taken: Vec::new(),
@@ -408,7 +407,8 @@ struct Search<'a> {
     /// The fit record's regression on the base and on the orders that were taken.
     fit: Normal,
     candidates: &'a [u32],
-    vouched: bool,
+    /// Those that a slow turn of the same motor has.
+    vouched: &'a [u32],
     /// Orders at most, where nothing vouches for more.
     most: usize,
     /// Orders, and by how much each lowered the check record's mean square.
@@ -436,15 +436,13 @@ impl Search<'_> {
 
     /// Takes the candidate that explains most and that the check record bears out; `false` when there is none.
     fn step(&mut self) -> bool {
-        if self.taken.len() >= self.most && !self.vouched {
-            return false;
-        }
         let solution = self.fit.solve(None);
         let all = self.fit.cost(&solution.values).max(1e-300);
         let before = rms(self.check(solution.values.iter().copied()).only()).powi(2);
         let known = |order: &u32| {
             self.taken.iter().any(|(taken, _)| taken == order)
                 || self.lost.iter().any(|lost| lost.order == *order)
+                || self.taken.len() >= self.most && !self.vouched.contains(order)
         };
         let mut gains: Vec<(f64, u32)> = self
             .candidates
@@ -485,12 +483,12 @@ impl Search<'_> {
         let own = [values[self.fit.len()], values[self.fit.len() + 1]];
         let [on_fit, on_check] =
             [0, 1].map(|record| Column::default().plus(self.pair(record, order), &own));
-        Evidence::new(&self.fit, on_fit).on_fit()?;
+        Evidence::new(&self.fit, on_fit).on_fit(self.candidates.len())?;
         let rest = self.check(values.iter().copied());
         let after = rms(rest.less([&on_check], [1.0]).only()).powi(2);
         let folds = whole(rest.only().len());
         Evidence::new(&Normal::new(rest, &folds), on_check).borne_out()?;
-        let least = match self.vouched {
+        let least = match self.vouched.contains(&order) {
             true => VOUCHED_OF_REST,
             false => MATERIAL_OF_REST,
         };

@@ -57,6 +57,26 @@ pub struct Report {
     pub model: String,
 }
 
+impl Report {
+    /// Ripple of the table in simulation, mean square over the holds as an rms, %: with the effects, and without one of
+    /// them, by its share of what they explain together.
+    pub(crate) fn ripple_without(&self, effect: &Effect) -> Option<[f64; 2]> {
+        let holds = &self.simulation.as_ref()?.holds;
+        let square = |of: fn(&Hold) -> f64| {
+            let sum: f64 = holds.iter().map(|hold| of(hold).powi(2)).sum();
+            sum / holds.len().max(1) as f64
+        };
+        let [declared, new] = [
+            square(|hold| hold.declared_vrf_percent),
+            square(|hold| hold.new_vrf_percent),
+        ];
+        let all: f64 = self.effects.iter().map(|effect| effect.explained).sum();
+        let share = effect.explained / all.max(1e-300);
+        let without = (new - share * (new - declared)).max(0.0);
+        (!holds.is_empty()).then(|| [new.sqrt(), without.sqrt()])
+    }
+}
+
 /// An effect.
 #[derive(Debug, Clone, Serialize)]
 pub struct Effect {
