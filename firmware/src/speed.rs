@@ -12,12 +12,12 @@ use crate::telemetry::Sampler;
 use control::coordinator::Command;
 use control::fault::Fault;
 use control::format::{MechanicalSpeed, TableVelocity};
+use control::interlock;
 use control::speed_task::SpeedTask;
-use control::supervisor::Request;
+use control::supervisor::{Request, State};
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
 use cortex_m::peripheral::NVIC;
-use link::codes::Run;
 use stm32g4xx_hal::stm32::Interrupt;
 
 /// Word of the fault that the supervision has found, or 0.
@@ -31,6 +31,8 @@ pub(crate) struct Speed {
     sampler: Sampler,
     inputs: Inputs,
     taken: u32,
+    /// What the view last was told.
+    shown: State,
 }
 
 impl Speed {
@@ -42,6 +44,7 @@ impl Speed {
             sampler,
             inputs,
             taken: 0,
+            shown: State::Off,
         }
     }
 
@@ -51,11 +54,16 @@ impl Speed {
         let start = cycles::now();
         let view = &DRIVE_VIEW;
         self.take_command();
+        let [run, reset] = DRIVE_COMMAND.run_or_reset();
         let request = Request {
-            run: DRIVE_COMMAND.asks(Run::Run),
-            reset: DRIVE_COMMAND.asks(Run::Reset),
+            run,
+            reset,
             heartbeat: DRIVE_COMMAND.heartbeat.load(Relaxed),
-            inputs: self.inputs.read(),
+            inputs: if self.control.looks_at_inputs() {
+                self.inputs.read()
+            } else {
+                interlock::Inputs::default()
+            },
         };
         let exchanges = MOTORS.each_ref().map(|motor| &motor.exchange);
         let found = match self.watches.take() {
@@ -67,9 +75,12 @@ impl Speed {
             .control
             .step(const { &CONFIG }, request, exchanges, found);
 
-        debug_view::show(output.state);
-        if let Some(misalignment) = self.control.misalignment() {
-            view.misalignment.store(misalignment.reason.word(), Relaxed);
+        if output.state != self.shown {
+            self.shown = output.state;
+            debug_view::show(output.state);
+            if let Some(misalignment) = self.control.misalignment() {
+                view.misalignment.store(misalignment.reason.word(), Relaxed);
+            }
         }
         let scale = self.scale.position();
         view.scale.store(scale, Relaxed);

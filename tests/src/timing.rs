@@ -237,6 +237,10 @@ fn flow(base: &str, text: &str, operands: &[arch::arm::ArmOperand]) -> Flow {
     });
     let operand_text = text.split_once(' ').map_or("", |(_, rest)| rest);
     let writes_pc = operand_text.contains("pc}") || operand_text.starts_with("pc,");
+    // A `UDF` is where the compiler knows that no way leads: a fault if one does.
+    if base == "udf" || base == "trap" {
+        return Flow::Return { conditional: false };
+    }
     let names = [
         "cbz", "cbnz", "blx", "bl", "bx", "b", "tbb", "tbh", "pop", "ldmdb", "ldm", "ldr", "mov",
     ];

@@ -75,15 +75,13 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
         speed.bound
     );
     let both = screw.typical.cycles + nut.typical.cycles;
-    // The goal is 740, and was met with two shunts a motor before the boards' third and the bootstrap charge came.
     assert!(
-        both <= 780,
-        "both current loops take {both} cycles together, expected at most 780 (goal 740)"
+        both <= 740,
+        "both current loops take {both} cycles together, expected at most 740"
     );
-    // The goal is 11 %, and was met before the drive aligned its rotors.
     assert!(
-        report.load_percent() <= 12.3,
-        "the control takes {} % of the core, expected at most 12.3 (goal 11)",
+        report.load_percent() <= 11.0,
+        "the control takes {} % of the core, expected at most 11",
         report.load_percent()
     );
     // 40 kHz: both current loops' longest ways within a period, and the speed task's beside them.

@@ -62,7 +62,8 @@ impl CurrentRange {
             [braking, driving]
         };
         Self {
-            least: least.saturating_neg(),
+            // Neither is below 0.
+            least: least.wrapping_neg(),
             most,
         }
     }

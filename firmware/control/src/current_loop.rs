@@ -618,6 +618,7 @@ mod tests {
 
         fn step(&mut self, sample: &MotorSample, reference: CurrentReference) -> PwmCommand {
             self.exchange.publish_bus(sample.bus);
+            self.exchange.expect_bus(&self.config);
             self.exchange.ask(reference, &self.config);
             self.registers.sample = *sample;
             let Self {

@@ -12,13 +12,13 @@
 //! jerk.
 //!
 //! The switches and the enable contact are closed while all is well, so that a broken wire stops too (normally closed, as
-//! IEC 60204-1, 9.4.3 and ISO 13850 ask of stops). A level counts once it was seen in [`SETTLED`] steps in a row.
+//! IEC 60204-1, 9.4.3 and ISO 13850 ask of stops). A level counts once it was seen in [`SETTLED`] looks in a row.
 
 use crate::fault::Fault;
 use crate::format::TableVelocity;
 
-/// Steps of the speed task in which an input must be seen, 1 ms at 5 kHz: relays bounce that long, and bridges disturb.
-pub const SETTLED: u8 = 5;
+/// Looks in which an input must be seen, 0.8 ms from first to last at 5 kHz: relays bounce that long, and bridges disturb.
+pub const SETTLED: u8 = 2;
 
 /// What the inputs say now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -50,9 +50,9 @@ impl Default for Inputs {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interlock {
     heartbeat: u32,
-    /// Steps since it changed.
+    /// Looks since it changed.
     silent: u32,
-    /// Steps in a row in which each input was against moving: enable, forward end, backward end.
+    /// Looks in a row in which each input was against moving: enable, forward end, backward end.
     against: [u8; 3],
 }
 
@@ -67,12 +67,12 @@ impl Interlock {
         }
     }
 
-    /// One step: `heartbeat` changes while someone commands, at least once in `heartbeat_steps`, while run is asked with the
+    /// One look, in every fourth step of the speed task: `heartbeat` changes while someone commands, at least once in `heartbeat_looks`, while run is asked with the
     /// table at `velocity`; what forbids to go on.
     #[inline(always)]
     pub fn step(
         &mut self,
-        heartbeat_steps: u32,
+        heartbeat_looks: u32,
         heartbeat: u32,
         inputs: Inputs,
         run: bool,
@@ -85,20 +85,32 @@ impl Interlock {
             0
         };
         let levels = [!inputs.enabled, inputs.end_forward, inputs.end_backward];
-        for (steps, against) in self.against.iter_mut().zip(levels) {
-            *steps = if against {
-                steps.saturating_add(1).min(SETTLED)
+        for (looks, against) in self.against.iter_mut().zip(levels) {
+            *looks = if against {
+                looks.saturating_add(1).min(SETTLED)
             } else {
                 0
             };
         }
+        self.forbids(heartbeat_looks, run, velocity)
+    }
+
+    /// What forbids to go on, or to start, by the last look.
+    #[inline(always)]
+    #[must_use]
+    pub fn forbids(
+        &self,
+        heartbeat_looks: u32,
+        run: bool,
+        velocity: TableVelocity,
+    ) -> Option<Fault> {
         if !run {
             return None;
         }
-        let [disabled, forward, backward] = self.against.map(|steps| steps >= SETTLED);
+        let [disabled, forward, backward] = self.against.map(|looks| looks >= SETTLED);
         if disabled {
             Some(Fault::Disabled)
-        } else if self.silent > heartbeat_steps {
+        } else if self.silent > heartbeat_looks {
             Some(Fault::CommandLost)
         } else if forward && velocity > TableVelocity::ZERO {
             Some(Fault::EndForward)

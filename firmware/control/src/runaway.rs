@@ -12,7 +12,7 @@
 //!
 //! Each is tolerated for a time: a [`Tally`] counts up in a look that shows it and down in one that does not.
 
-use crate::exchange::{MotorExchange, MotorStatus};
+use crate::exchange::MotorExchange;
 use crate::fault::Fault;
 use crate::format::{Gain, Speed, Voltage, multiply_upper};
 use crate::regulator::Induced;
@@ -50,6 +50,10 @@ pub struct Motion {
     pub omega_e: Speed,
     /// It is at its torque limit.
     pub torque_limited: bool,
+    /// How far the shaft turns in a period, 2^-32 turn.
+    pub theta_step: i32,
+    /// The voltage circle cut the last period's voltage.
+    pub voltage_limited: bool,
 }
 
 /// A sign of a runaway, the likelier cause of others first.
@@ -126,10 +130,9 @@ impl Runaway {
         config: &RunawayConfig,
         induced: &Induced,
         exchange: &MotorExchange,
-        status: &MotorStatus,
         motion: Motion,
     ) -> Option<Sign> {
-        let past = past(config, induced, exchange, status, motion);
+        let past = past(config, induced, exchange, motion);
         let [angle, current, speed, following, stalled] = past;
         if !(angle | current | speed | following | stalled | self.counting) {
             return None;
@@ -159,10 +162,9 @@ fn past(
     config: &RunawayConfig,
     induced: &Induced,
     exchange: &MotorExchange,
-    status: &MotorStatus,
     motion: Motion,
 ) -> [bool; 5] {
-    let theta_step = status.theta_step;
+    let theta_step = motion.theta_step;
     let (asked, current) = (exchange.reference(), exchange.current());
     // All are within half of their words, or nearly so: their differences fit.
     let error_d = asked.d.0.wrapping_sub(current.d.0).unsigned_abs();
@@ -190,7 +192,7 @@ fn past(
 
     [
         off_d.unsigned_abs().max(off_q.unsigned_abs()) > emf_max,
-        error_d > most || error_q > most && !status.voltage_limited,
+        error_d > most || error_q > most && !motion.voltage_limited,
         theta_step.unsigned_abs() > config.theta_step_max.unsigned_abs(),
         motion
             .reference

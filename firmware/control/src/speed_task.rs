@@ -4,7 +4,7 @@ use crate::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen, Progre
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_limit::CurrentRange;
 use crate::current_loop::{CurrentReference, Mode};
-use crate::exchange::{MotorExchange, MotorStatus};
+use crate::exchange::MotorExchange;
 use crate::fault::Fault;
 use crate::format::Current;
 use crate::interlock::Interlock;
@@ -14,7 +14,6 @@ use crate::runaway::{Motion, Runaway, Sign};
 use crate::speed_loop::{SpeedLoop, SpeedReference};
 use crate::supervisor::{Request, State};
 use crate::thermal::Heat;
-use core::hint::cold_path;
 
 /// What the speed task decided in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -113,6 +112,13 @@ impl SpeedTask {
         }
     }
 
+    /// The next step looks at the request's inputs and heartbeat; the others do not.
+    #[must_use]
+    #[inline(always)]
+    pub const fn looks_at_inputs(&self) -> bool {
+        matches!(Look::of(self.look), Look::Interlock)
+    }
+
     /// One step: what the current loops found, and the fault that the board or its guard has found -> what they are asked
     /// next.
     #[inline(always)]
@@ -123,40 +129,70 @@ impl SpeedTask {
         exchanges: [&MotorExchange; 2],
         found: Option<Fault>,
     ) -> SpeedTaskOutput {
-        let output = self.decide(config, request, exchanges, found);
-        let [to_screw, to_nut] = output.current;
-        let ([screw, nut], [screw_loop, nut_loop]) = (exchanges, &config.current_loops);
-        screw.ask(to_screw, screw_loop);
-        nut.ask(to_nut, nut_loop);
-        if self.seen.is_some() {
-            self.compute_alignment(config);
+        let look = Look::of(self.look);
+        self.look = self.look.wrapping_add(1);
+        match look {
+            Look::ScrewHeat | Look::NutHeat => self.warm(config, look, exchanges),
+            Look::Interlock => self.interlock(config, request),
+            Look::ScrewMotion | Look::NutMotion => (),
+        }
+        let [screw, nut] = exchanges;
+        // What `decide` would leave as it is.
+        let goes_on = self.state == State::Running
+            && request.run
+            && self.command == self.followed
+            && self.rests_for.is_none()
+            && found.is_none()
+            && self.found.is_none()
+            && self.too_hot == [false; 2]
+            && !screw.says_fault()
+            && !nut.says_fault();
+        if !goes_on
+            && let Some(output) = self.decide(config, request.run, request.reset, exchanges, found)
+        {
+            return output;
+        }
+        let output = self.drive(config, exchanges, look);
+        let ([to_screw, to_nut], [screw_loop, nut_loop]) = (output.current, &config.current_loops);
+        screw.ask_on(to_screw.i_q, screw_loop);
+        nut.ask_on(to_nut.i_q, nut_loop);
+        // A division each: one a step.
+        if self.look & 1 == 0 {
+            screw.expect_bus(screw_loop);
+        } else {
+            nut.expect_bus(nut_loop);
         }
         output
     }
 
-    #[inline(always)]
+    /// The next state, and what is asked where it does not drive; `None` where it does.
+    #[cold]
+    #[inline(never)]
     fn decide(
         &mut self,
         config: &DriveConfig,
-        request: Request,
+        run: bool,
+        reset: bool,
         exchanges: [&MotorExchange; 2],
         found: Option<Fault>,
-    ) -> SpeedTaskOutput {
+    ) -> Option<SpeedTaskOutput> {
         let [screw, nut] = exchanges;
         let motors = [screw.status(), nut.status()];
-        let look = Look::of(self.look);
-        self.look = self.look.wrapping_add(1);
-        if let Look::ScrewHeat | Look::NutHeat = look {
-            self.warm(config, look, exchanges, &motors);
-        }
         let found = found.or(self.found).or_else(|| self.heat_fault());
-        let request = self.interlocked(config, request);
+        // What the last look saw forbids a start too, which need not wait for the next.
+        let (silence, velocity) = (config.heartbeat_looks, self.command.velocity);
+        self.rest_for(self.interlock.forbids(silence, run, velocity));
+        // By themselves: a `Request` would be written to memory in each step, for this call alone.
+        let request = Request {
+            run: run && self.rests_for.is_none(),
+            reset,
+            ..Request::default()
+        };
         let coordinator = &self.coordinator;
         self.state = self.state.next(request, motors, found, self.aligned, || {
             coordinator.at_rest()
         });
         if let Some(fault) = self.rests_for {
-            cold_path();
             self.state = match self.state {
                 State::Ready => State::Fault(fault),
                 state => state,
@@ -175,53 +211,84 @@ impl SpeedTask {
         {
             self.forget_angles(config, exchanges);
         }
-        let mode = self.state.mode(request);
-        if !matches!(self.state, State::Running | State::Stopping) {
-            self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
-            self.coordinator = Coordinator::new();
-            self.followed = Command::rest();
-            self.torque_limited = [false; 2];
-            self.runaway = [Runaway::new(); 2];
-            self.found = None;
-            if self.state == State::Aligning {
-                return self.align(config, exchanges);
-            }
-            let current = [CurrentReference {
-                mode,
-                ..CurrentReference::default()
-            }; 2];
-            return SpeedTaskOutput {
-                current,
-                state: self.state,
-                ..SpeedTaskOutput::default()
-            };
-        }
-
-        let target = if self.state == State::Running {
-            self.command
-        } else {
-            Command::rest()
+        let target = match self.state {
+            State::Running => self.command,
+            State::Stopping => Command::rest(),
+            _ => return Some(self.rest(config, request, exchanges)),
         };
         if target != self.followed {
             // Checked when it was given, and rest is always allowed; a refusal would leave the old target.
             let _ = self.coordinator.command(&config.coordinator, target);
             self.followed = target;
         }
-        let [screw, nut] = motors;
+        None
+    }
+
+    /// A step in which nothing is driven, or only by the alignment.
+    fn rest(
+        &mut self,
+        config: &DriveConfig,
+        request: Request,
+        exchanges: [&MotorExchange; 2],
+    ) -> SpeedTaskOutput {
+        self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
+        self.coordinator = Coordinator::new();
+        self.followed = Command::rest();
+        self.torque_limited = [false; 2];
+        self.runaway = [Runaway::new(); 2];
+        self.found = None;
+        let current = if self.state == State::Aligning {
+            self.align(config, exchanges)
+        } else {
+            [CurrentReference {
+                mode: self.state.mode(request),
+                ..CurrentReference::default()
+            }; 2]
+        };
+        for ((exchange, reference), current_loop) in exchanges
+            .into_iter()
+            .zip(current)
+            .zip(&config.current_loops)
+        {
+            exchange.ask(reference, current_loop);
+            exchange.expect_bus(current_loop);
+        }
+        if self.seen.is_some() {
+            self.compute_alignment(config);
+        }
+        SpeedTaskOutput {
+            current,
+            state: self.state,
+            ..SpeedTaskOutput::default()
+        }
+    }
+
+    /// A step of the coordinator and both speed loops.
+    #[inline(always)]
+    fn drive(
+        &mut self,
+        config: &DriveConfig,
+        exchanges: [&MotorExchange; 2],
+        look: Look,
+    ) -> SpeedTaskOutput {
+        let [screw_exchange, nut_exchange] = exchanges;
+        let (screw_step, nut_step) = (screw_exchange.theta_step(), nut_exchange.theta_step());
+        let screw_voltage = screw_exchange.voltage_limited();
+        let nut_voltage = nut_exchange.voltage_limited();
         let [screw_loop, nut_loop] = &config.current_loops;
-        let screw_omega_e = screw_loop.observer.omega_e(screw.theta_step);
-        let nut_omega_e = nut_loop.observer.omega_e(nut.theta_step);
+        let screw_omega_e = screw_loop.observer.omega_e(screw_step);
+        let nut_omega_e = nut_loop.observer.omega_e(nut_step);
         let [screw_torque, nut_torque] = self.torque_limited;
         let speed = self.coordinator.step(
             &config.coordinator,
             [
                 Following {
                     omega_e: screw_omega_e,
-                    limited: screw.voltage_limited || screw_torque,
+                    limited: screw_voltage || screw_torque,
                 },
                 Following {
                     omega_e: nut_omega_e,
-                    limited: nut.voltage_limited || nut_torque,
+                    limited: nut_voltage || nut_torque,
                 },
             ],
         );
@@ -234,27 +301,21 @@ impl SpeedTask {
             nut_loop.wanted(nut_config, nut_reference, nut_omega_e),
         ];
         let [screw_wanted, nut_wanted] = wanted;
-        let [screw_exchange, nut_exchange] = exchanges;
         let [screw_regeneration, nut_regeneration] = &config.regeneration;
         let [screw_max, nut_max] = self.current_max;
         let screw_range = CurrentRange::new(
             screw_max,
             screw_regeneration.braking_max(screw_max, screw_exchange.bus()),
-            screw.theta_step,
+            screw_step,
         );
         let nut_range = CurrentRange::new(
             nut_max,
             nut_regeneration.braking_max(nut_max, nut_exchange.bus()),
-            nut.theta_step,
+            nut_step,
         );
         let asked = [
-            screw_loop.limit(
-                screw_config,
-                screw_wanted,
-                screw.voltage_limited,
-                screw_range,
-            ),
-            nut_loop.limit(nut_config, nut_wanted, nut.voltage_limited, nut_range),
+            screw_loop.limit(screw_config, screw_wanted, screw_voltage, screw_range),
+            nut_loop.limit(nut_config, nut_wanted, nut_voltage, nut_range),
         ];
         let [screw_limited, nut_limited] = asked.map(|output| output.limited);
         self.torque_limited = [screw_limited, nut_limited];
@@ -267,17 +328,20 @@ impl SpeedTask {
             config,
             look,
             exchanges,
-            &motors,
             [
                 Motion {
                     reference: screw_reference.omega_e,
                     omega_e: screw_omega_e,
                     torque_limited: screw_limited,
+                    theta_step: screw_step,
+                    voltage_limited: screw_voltage,
                 },
                 Motion {
                     reference: nut_reference.omega_e,
                     omega_e: nut_omega_e,
                     torque_limited: nut_limited,
+                    theta_step: nut_step,
+                    voltage_limited: nut_voltage,
                 },
             ],
         );
@@ -309,23 +373,25 @@ impl SpeedTask {
         }
     }
 
-    /// The request, without run where something forbids to go on.
+    /// What forbids to go on is what the drive comes to rest for.
     #[inline(always)]
-    fn interlocked(&mut self, config: &DriveConfig, request: Request) -> Request {
+    fn interlock(&mut self, config: &DriveConfig, request: Request) {
         let against = self.interlock.step(
-            config.heartbeat_steps,
+            config.heartbeat_looks,
             request.heartbeat,
             request.inputs,
             request.run,
             self.command.velocity,
         );
+        self.rest_for(against);
+    }
+
+    /// The drive comes to rest for this, if it moves or may start to.
+    #[inline(always)]
+    fn rest_for(&mut self, against: Option<Fault>) {
         let moves = matches!(self.state, State::Ready | State::Running | State::Stopping);
         if moves && self.rests_for.is_none() {
             self.rests_for = against;
-        }
-        Request {
-            run: request.run && self.rests_for.is_none(),
-            ..request
         }
     }
 
@@ -336,10 +402,8 @@ impl SpeedTask {
         config: &DriveConfig,
         look: Look,
         exchanges: [&MotorExchange; 2],
-        motors: &[MotorStatus; 2],
         motion: [Motion; 2],
     ) -> Option<Fault> {
-        let [screw, nut] = motors;
         let [screw_exchange, nut_exchange] = exchanges;
         let [screw_watch, nut_watch] = &mut self.runaway;
         let [screw_limits, nut_limits] = &config.runaway;
@@ -351,7 +415,6 @@ impl SpeedTask {
                     screw_limits,
                     &screw_loop.regulator.induced,
                     screw_exchange,
-                    screw,
                     screw_motion,
                 )
                 .map(Sign::of_screw),
@@ -360,24 +423,16 @@ impl SpeedTask {
                     nut_limits,
                     &nut_loop.regulator.induced,
                     nut_exchange,
-                    nut,
                     nut_motion,
                 )
                 .map(Sign::of_nut),
-            Look::ScrewHeat | Look::NutHeat => None,
+            Look::ScrewHeat | Look::NutHeat | Look::Interlock => None,
         }
     }
 
     /// One motor's current warms its winding and its bridge for a look.
     #[inline(always)]
-    fn warm(
-        &mut self,
-        config: &DriveConfig,
-        look: Look,
-        exchanges: [&MotorExchange; 2],
-        motors: &[MotorStatus; 2],
-    ) {
-        let [screw, nut] = motors;
+    fn warm(&mut self, config: &DriveConfig, look: Look, exchanges: [&MotorExchange; 2]) {
         let [screw_exchange, nut_exchange] = exchanges;
         let [screw_heat, nut_heat] = &mut self.heat;
         let [screw_config, nut_config] = &config.heat;
@@ -385,11 +440,19 @@ impl SpeedTask {
         let [screw_max, nut_max] = &mut self.current_max;
         let [screw_hot, nut_hot] = &mut self.too_hot;
         if look == Look::ScrewHeat {
-            screw_heat.step(screw_config, screw_exchange.current(), screw.theta_step);
+            screw_heat.step(
+                screw_config,
+                screw_exchange.current(),
+                screw_exchange.theta_step(),
+            );
             *screw_max = screw_loop.i_max.min(screw_heat.current_max(screw_config));
             *screw_hot = screw_heat.trips(screw_config);
         } else {
-            nut_heat.step(nut_config, nut_exchange.current(), nut.theta_step);
+            nut_heat.step(
+                nut_config,
+                nut_exchange.current(),
+                nut_exchange.theta_step(),
+            );
             *nut_max = nut_loop.i_max.min(nut_heat.current_max(nut_config));
             *nut_hot = nut_heat.trips(nut_config);
         }
@@ -408,7 +471,11 @@ impl SpeedTask {
     /// until the nut's next current loop, and would else be heard a period later now and then.
     #[cold]
     #[inline(never)]
-    fn align(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> SpeedTaskOutput {
+    fn align(
+        &mut self,
+        config: &DriveConfig,
+        exchanges: [&MotorExchange; 2],
+    ) -> [CurrentReference; 2] {
         let [screw, nut] = exchanges;
         let [screw_loop, nut_loop] = &config.current_loops;
         self.seen = Some([
@@ -425,11 +492,7 @@ impl SpeedTask {
             }
         }
         self.aligned = asked.progress;
-        SpeedTaskOutput {
-            current: asked.current,
-            state: self.state,
-            ..SpeedTaskOutput::default()
-        }
+        asked.current
     }
 }
 
@@ -440,16 +503,19 @@ enum Look {
     NutMotion,
     ScrewHeat,
     NutHeat,
+    /// Inputs and heartbeat.
+    Interlock,
 }
 
 impl Look {
     #[inline(always)]
     const fn of(step: u8) -> Self {
-        match step & 3 {
-            0 => Self::ScrewMotion,
-            1 => Self::NutMotion,
+        match step & 7 {
+            0 | 4 => Self::ScrewMotion,
+            1 | 5 => Self::NutMotion,
             2 => Self::ScrewHeat,
-            _ => Self::NutHeat,
+            6 => Self::NutHeat,
+            _ => Self::Interlock,
         }
     }
 }

@@ -4,6 +4,7 @@
 //! live one of atomics, which the firmware has, and the plain one that a host makes of the words that it read. The order
 //! of the words is the order of the fields.
 
+use crate::codes::Run;
 use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
 
 /// First word of the view: `DDFV`, little-endian.
@@ -187,10 +188,11 @@ impl Default for DriveView {
 }
 
 impl DriveCommand {
-    /// The drive is asked this.
+    /// The drive is asked to run, and to leave a fault; a word that is neither asks nothing.
     #[inline(always)]
-    pub fn asks(&self, run: crate::codes::Run) -> bool {
-        self.run.load(Relaxed) == run.word()
+    pub fn run_or_reset(&self) -> [bool; 2] {
+        let asked = self.run.load(Relaxed);
+        [Run::Run, Run::Reset].map(|run| asked == run.word())
     }
 }
 

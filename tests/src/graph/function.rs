@@ -207,9 +207,12 @@ fn table(image: &Image, instruction: &Instruction) -> Option<Vec<u32>> {
         targets.push(base + 2 * offset);
         at += width;
     }
-    // A byte of padding may stand between the table and the code.
+    // Padding may stand between the table and the code: a byte, or a `NOP`.
+    const NOP: u32 = 0xBF00;
     if width == 1 && at > base + 1 {
         targets.retain(|&to| to > base);
+    } else {
+        targets.retain(|&to| to != base + 2 * NOP);
     }
     Some(targets)
 }

@@ -6,8 +6,8 @@ use crate::format::{Current, CurrentScale, Gain, Misfit, quantise};
 use crate::plate::{DrivePlate, MotorPlate, ThermalPlate};
 use crate::thermal::{HeatConfig, ThermalConfig};
 
-/// Steps of the speed task from one look at a motor's heat to the next, and as many from one look at its motion.
-pub(super) const STEPS_PER_LOOK: f64 = 4.0;
+/// Steps of the speed task from one look at a motor's heat to the next.
+const STEPS_PER_HEAT: f64 = 8.0;
 /// Part of the rated heat at which folding back begins.
 const FOLDS_FROM: f64 = 0.9;
 /// Past the heat of 1.05 times the rated current it is a fault: the factor `k` that IEC 60255-149's curves usually have.
@@ -21,7 +21,7 @@ impl MotorPlate {
 
     pub(super) const fn heat(&self, drive: &DrivePlate) -> Result<HeatConfig, Misfit> {
         let scale = attempt!(drive.board.current_sense(self.current_gains)).scale;
-        let look = drive.speed_step() * STEPS_PER_LOOK;
+        let look = drive.speed_step() * STEPS_PER_HEAT;
         let bridge = &drive.board.thermal;
         let winding = &self.thermal;
         let shortest = if bridge.seconds < winding.seconds {

@@ -50,7 +50,7 @@ pub struct DriveConfig {
     /// Where braking fades out: screw, nut.
     pub regeneration: [RegenerationConfig; 2],
     /// Steps of the speed task in which a command must be renewed.
-    pub heartbeat_steps: u32,
+    pub heartbeat_looks: u32,
     /// Current-loop periods per step of the speed task.
     pub speed_divider: u32,
 }
@@ -89,22 +89,22 @@ impl DrivePlate {
                 attempt!(screw.regeneration(self)),
                 attempt!(nut.regeneration(self)),
             ],
-            heartbeat_steps: attempt!(self.heartbeat_steps()),
+            heartbeat_looks: attempt!(self.heartbeat_looks()),
             speed_divider: self.board.speed_divider,
         })
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    const fn heartbeat_steps(&self) -> Result<u32, Misfit> {
-        let steps = self.heartbeat_s / self.speed_step();
+    const fn heartbeat_looks(&self) -> Result<u32, Misfit> {
+        let looks = self.heartbeat_s / (self.speed_step() * STEPS_PER_LOOK);
         attempt!(within(
             "time of the heartbeat",
-            "steps of the speed task",
-            steps,
+            "looks of the speed task",
+            looks,
             1.0,
             1_000_000.0
         ));
-        Ok(steps as u32)
+        Ok(looks as u32)
     }
 
     const fn coordinator(&self) -> Result<CoordinatorConfig, Misfit> {
@@ -214,6 +214,9 @@ const fn profile(
         SpeedChange::from_bits(jerk),
     ))
 }
+
+/// Steps of the speed task from one look at a motor's motion, or at what the machine moves by, to the next.
+const STEPS_PER_LOOK: f64 = 4.0;
 
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 

@@ -1,7 +1,6 @@
 //! Limits of a runaway: parts of what a motor may do -> counts, steps, looks.
 
-use super::limits::STEPS_PER_LOOK;
-use super::{attempt, gain, power_of_two, within};
+use super::{STEPS_PER_LOOK, attempt, gain, power_of_two, within};
 use crate::format::{Misfit, Speed, Voltage, quantise};
 use crate::plate::{DrivePlate, MotorPlate};
 use crate::runaway::RunawayConfig;
