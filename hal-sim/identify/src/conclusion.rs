@@ -52,7 +52,9 @@ fn misfit(outcome: &Outcome) -> Option<&Found> {
         let own = along(&found.hypothesis).filter(|along| !along.repeats());
         outcome.unexplained.iter().any(|left| {
             let same = own.is_some_and(|own| own.name() == left.coordinate) && left.hz.is_none();
-            same && left.channel == found.shows && left.fall > LACK_OF_FIT * found.fall
+            // As much as an effect must explain: less is chance's.
+            let least = outcome.threshold.max(LACK_OF_FIT * found.fall);
+            same && left.channel == found.shows && left.fall > least
         })
     })
 }
