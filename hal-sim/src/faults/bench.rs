@@ -76,7 +76,7 @@ impl Bench {
     ) -> Result<Self, Misfit> {
         let plate = board.plate();
         Ok(Self {
-            supervision: Supervision::new(&board.guards(), plate.board.sample_time())?,
+            supervision: Supervision::new(&board.guards(), &plate.board)?,
             adc_counts: f64::from(plate.board.adc_counts),
             plate,
             spoiled,

@@ -72,15 +72,19 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                     )
         }
         Input::Index(axis) => {
+            // Counts that an index has moved are a wrong angle.
             fault == of(axis, F::ScrewEncoder, F::NutEncoder)
                 || fault == of(axis, F::ScrewAngle, F::NutAngle)
+                || fault == of(axis, F::ScrewOverSpeed, F::NutOverSpeed)
         }
         Input::Scale => false,
         Input::EndForward => fault == F::EndForward,
         Input::EndBackward => fault == F::EndBackward,
         Input::Enable => fault == F::Disabled,
         Input::DriverFault(axis) => fault == of(axis, F::ScrewBreak, F::NutBreak),
-        Input::Command | Input::Heartbeat => fault == F::CommandLost,
+        // A wrong command ends at the end of the way.
+        Input::Command => matches!(fault, F::CommandLost | F::EndForward | F::EndBackward),
+        Input::Heartbeat => fault == F::CommandLost,
     }
 }
 

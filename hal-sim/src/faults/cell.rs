@@ -4,6 +4,8 @@ use crate::boards::BoardKind;
 use control::encoder::Interface;
 use control::sense::Shunts;
 use plant::Axis;
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 /// An input of the drive that the simulated board has. Supply, clock, a task that hangs and what a pin does between two
 /// samples are the emulated chip's: `tests/tests/supply.rs`, `faults.rs`, `power_stage.rs`, `settling.rs`.
@@ -261,15 +263,65 @@ impl Cell {
     /// Its name in a few words.
     #[must_use]
     pub fn name(&self) -> String {
-        let board = match self.board {
-            BoardKind::Nucleo => "nucleo",
-            BoardKind::Nucleo40kHz => "nucleo at 40 kHz",
-            BoardKind::Mains => "mains",
-        };
         format!(
-            "{board}: {} {}, {}",
+            "{}: {} {}, {}",
+            short_name(self.board),
             self.input.name(),
             self.defect.name(),
+            self.situation.name()
+        )
+    }
+}
+
+const fn short_name(board: BoardKind) -> &'static str {
+    match board {
+        BoardKind::Nucleo => "nucleo",
+        BoardKind::Nucleo40kHz => "nucleo at 40 kHz",
+        BoardKind::Mains => "mains",
+    }
+}
+
+/// Two faults that come at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Pair {
+    /// The board.
+    pub board: BoardKind,
+    /// Two inputs and what is wrong with each.
+    pub faults: [(Input, Defect); 2],
+    /// When.
+    pub situation: Situation,
+}
+
+impl Pair {
+    /// So many, drawn from the matrix's cells: two of one board, of two inputs, in the situation of the first.
+    #[must_use]
+    pub fn drawn(count: usize, seed: u64) -> Vec<Self> {
+        let cells = Cell::all();
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut draw = || cells[(random.next_u64() % cells.len() as u64) as usize];
+        let mut pairs = Vec::with_capacity(count);
+        while pairs.len() < count {
+            let (one, other) = (draw(), draw());
+            if one.board == other.board && one.input != other.input {
+                pairs.push(Self {
+                    board: one.board,
+                    faults: [(one.input, one.defect), (other.input, other.defect)],
+                    situation: one.situation,
+                });
+            }
+        }
+        pairs
+    }
+
+    /// Its name in a few words.
+    #[must_use]
+    pub fn name(&self) -> String {
+        let [one, other] = self
+            .faults
+            .map(|(input, defect)| format!("{} {}", input.name(), defect.name()));
+        format!(
+            "{}: {one} and {other}, {}",
+            short_name(self.board),
             self.situation.name()
         )
     }

@@ -2,7 +2,7 @@
 
 use super::bench::{Bench, Ends};
 use super::cause::names;
-use super::cell::{Cell, Defect, Input, Situation};
+use super::cell::{Defect, Input, Situation};
 use super::spoiled::Spoiled;
 use super::{Hazard, Limits, Outcome};
 use crate::alignment::{held_load_n, settle};
@@ -11,6 +11,7 @@ use crate::boards::BoardKind;
 use crate::drive::Drive;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM};
 use control::guard::Look;
+use control::plate::DrivePlate;
 use control::supervisor::State;
 use plant::Axis;
 use plant::machine::Coupling;
@@ -74,6 +75,22 @@ pub(super) struct Healthy {
     path: Vec<f64>,
     /// When it comes to rest for the event, s after the fault of the others.
     reacted_s: Option<f64>,
+    state: State,
+}
+
+/// The way of a regular stop from a velocity, m.
+fn stop_m(plate: &DrivePlate, velocity: f64) -> f64 {
+    let (v, a, j) = (
+        velocity.abs(),
+        plate.feed.acceleration_max,
+        plate.feed.jerk_max,
+    );
+    if v * j > a * a {
+        0.5 * v * v / a + 0.5 * v * a / j
+    } else {
+        // The acceleration does not reach its limit.
+        v * (v / j).sqrt()
+    }
 }
 
 /// A drive in a situation.
@@ -281,14 +298,12 @@ pub(super) fn run(
     let mut run = Run::new(board, situation, faults, seed)?;
     let plate = run.bench.plate;
     let position = run.bench.position;
-    let feed = &plate.feed;
-    let (v, a, j) = (feed.velocity_max, feed.acceleration_max, feed.jerk_max);
     let switch = if event == Event::End { NEAR_M } else { FAR_M };
     run.bench.ends = Ends {
         middle: position,
         switch,
         // A tenth more than the stop takes: see the interlock.
-        stop: switch + 1.1 * (0.5 * v * v / a + 0.5 * v * a / j),
+        stop: switch + 1.1 * stop_m(&plate, plate.feed.velocity_max),
     };
     run.bench.break_down();
     run.returned_j = 0.0;
@@ -301,6 +316,7 @@ pub(super) fn run(
     let mut asked = moves.then_some((0usize, position));
     let (mut ready, mut still, mut now) = (0.0, 0.0, 0.0);
     let (mut off, mut since, mut reacted) = (0.0f64, 0.0f64, None::<(f64, f64)>);
+    let mut regular = 0.0;
     let mut path = Vec::new();
     loop {
         run.spoil_command(path.len());
@@ -332,6 +348,9 @@ pub(super) fn run(
         }
         if reacted.is_none() && run.reacts() {
             reacted = Some((now, x));
+            if run.drive.state() == State::Stopping {
+                regular = stop_m(&plate, run.drive.board.machine.table_velocity());
+            }
         }
         still = if run.at_rest() {
             still + run.period_s
@@ -363,14 +382,16 @@ pub(super) fn run(
         // A sensor sees it a period later at the latest.
         over_current_periods: (f64::from(seen.over_most) / 2.0 - 1.0).max(0.0),
         returned_j: run.returned_j,
-        travel_m: if judged { off + since } else { since },
+        travel_m: (since - regular).max(0.0) + if judged { off } else { 0.0 },
         end_force_n: seen.end_force_n,
         state,
         misalignment,
         wrong_cause: match state {
-            State::Fault(fault) => !faults
-                .iter()
-                .any(|(input, _)| names(*input, fault, misalignment)),
+            State::Fault(fault) => {
+                let named = |input| names(input, fault, misalignment);
+                let event = by_event && healthy.is_some_and(|healthy| healthy.state == state);
+                !event && !faults.iter().any(|(input, _)| named(*input))
+            }
             _ => false,
         },
         seconds: now,
@@ -393,15 +414,20 @@ pub(super) fn run(
         }
     }
     let reacted_s = reacted.map(|(at, _)| at);
-    Ok((outcome, Healthy { path, reacted_s }))
+    Ok((
+        outcome,
+        Healthy {
+            path,
+            reacted_s,
+            state,
+        },
+    ))
 }
 
-/// The seed of a cell's noise.
-pub(super) fn seed(cell: &Cell) -> u64 {
+/// The seed of the noise of a cell of that name.
+pub(super) fn seed(name: &str) -> u64 {
     // FNV-1a, 64 bits.
-    cell.name()
-        .bytes()
-        .fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
-            (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
-        })
+    name.bytes().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
+        (hash ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3)
+    })
 }

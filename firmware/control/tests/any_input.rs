@@ -1,0 +1,344 @@
+//! Any raw input in any order in any state, through the whole of the control: both current loops, the speed task, the guard.
+//! A debug build panics where a sum would leave its word; beside that the duty must be legal and the voltage in its circle.
+#![allow(
+    clippy::arithmetic_side_effects,
+    clippy::indexing_slicing,
+    clippy::unwrap_used
+)]
+
+use control::coordinator::Command;
+use control::current_loop::{CurrentLoop, PwmCommand};
+use control::exchange::MotorExchange;
+use control::fault::Fault;
+use control::format::{MechanicalSpeed, TableVelocity};
+use control::guard::{Guard, GuardPlate, Look};
+use control::interlock::Inputs;
+use control::motor_io::MotorIo;
+use control::plate::DrivePlate;
+use control::sense::Shunts;
+use control::speed_task::SpeedTask;
+use control::supervisor::{Request, State};
+use proptest::prelude::*;
+
+#[path = "../../src/board/mains_plate.rs"]
+#[allow(dead_code, reason = "the firmware uses the rest")]
+mod mains_plate;
+#[path = "../../src/board/nucleo_plate.rs"]
+#[allow(dead_code, reason = "the firmware uses the rest")]
+mod nucleo_plate;
+#[path = "../../src/board/paper_machine.rs"]
+mod paper_machine;
+
+/// The registers of one motor.
+#[derive(Clone, Copy, Debug, Default)]
+struct Registers {
+    current: [u16; 3],
+    bus: u16,
+    encoder: u32,
+    broken: bool,
+    in_time: bool,
+    command: PwmCommand,
+}
+
+impl MotorIo for Registers {
+    fn acknowledge(&mut self) -> bool {
+        self.broken
+    }
+    fn encoder(&mut self) -> u32 {
+        self.encoder
+    }
+    fn current(&mut self, _: Shunts) -> [u16; 3] {
+        self.current
+    }
+    fn bus(&mut self) -> u32 {
+        self.bus.into()
+    }
+    fn write(&mut self, compare: [u16; 3]) {
+        self.command.compare = compare;
+    }
+    fn close(&mut self) {
+        self.command.enable = true;
+    }
+    fn open(&mut self) {
+        self.command.enable = false;
+    }
+    fn clear_break(&mut self) {}
+    fn in_time(&mut self) -> bool {
+        self.in_time
+    }
+}
+
+/// What a motor's registers hold for a while: a value, and by how much it changes each period.
+#[derive(Clone, Copy, Debug)]
+struct MotorWords {
+    current: [u16; 3],
+    bus: u16,
+    encoder: u32,
+    turns: u32,
+    broken: bool,
+    in_time: bool,
+}
+
+/// A stretch of periods.
+#[derive(Clone, Debug)]
+struct Stretch {
+    periods: u16,
+    motors: [MotorWords; 2],
+    noise: u16,
+    request: Request,
+    velocity: i32,
+    base: i32,
+    found: u32,
+    temperatures: [u16; 2],
+    missed: [u32; 4],
+}
+
+fn counts() -> impl Strategy<Value = u16> {
+    // What the zeros are like, the ends, anything.
+    prop_oneof![2000..2100u16, Just(0), Just(4095), 0..4096u16]
+}
+
+fn motor() -> impl Strategy<Value = MotorWords> {
+    let turns = prop_oneof![Just(0), 0..200u32, any::<u32>()];
+    (
+        prop::array::uniform3(counts()),
+        counts(),
+        any::<u32>(),
+        turns,
+        prop::bool::weighted(0.1),
+        prop::bool::weighted(0.95),
+    )
+        .prop_map(
+            |(current, bus, encoder, turns, broken, in_time)| MotorWords {
+                current,
+                bus,
+                encoder,
+                turns,
+                broken,
+                in_time,
+            },
+        )
+}
+
+fn stretch() -> impl Strategy<Value = Stretch> {
+    let request = (
+        prop::bool::weighted(0.7),
+        prop::bool::weighted(0.3),
+        any::<u32>(),
+        prop::array::uniform3(prop::bool::weighted(0.1)),
+    )
+        .prop_map(
+            |(run, reset, heartbeat, [off, forward, backward])| Request {
+                run,
+                reset,
+                heartbeat,
+                inputs: Inputs {
+                    enabled: !off,
+                    end_forward: forward,
+                    end_backward: backward,
+                },
+            },
+        );
+    (
+        1..1500u16,
+        prop::array::uniform2(motor()),
+        prop_oneof![Just(0), Just(3), Just(u16::MAX)],
+        request,
+        any::<[i32; 2]>(),
+        prop_oneof![9 => Just(0), 1 => 0..48u32],
+        prop::array::uniform2(counts()),
+        prop::array::uniform4(prop_oneof![9 => Just(0), 1 => any::<u32>()]),
+    )
+        .prop_map(
+            |(periods, motors, noise, request, [velocity, base], found, temperatures, missed)| {
+                Stretch {
+                    periods,
+                    motors,
+                    noise,
+                    request,
+                    velocity,
+                    base,
+                    found,
+                    temperatures,
+                    missed,
+                }
+            },
+        )
+}
+
+/// The counter's top, and what the drive was seen to be.
+fn through(
+    plate: &DrivePlate,
+    guards: &GuardPlate,
+    aligned: bool,
+    stretches: &[Stretch],
+) -> Result<Vec<State>, TestCaseError> {
+    let config = plate.config().unwrap();
+    let config = if aligned {
+        config.aligned(plate)
+    } else {
+        config
+    };
+    let limits = guards.config().unwrap();
+    let mut guard = Guard::new();
+    let mut loops = config.current_loops.each_ref().map(CurrentLoop::new);
+    let mut task = SpeedTask::new(&config);
+    let exchanges = config
+        .current_loops
+        .each_ref()
+        .map(|motor| MotorExchange::new(motor, config.speed_divider));
+    let mut registers = [Registers::default(); 2];
+    let mut states = Vec::new();
+    let (mut random, mut found) = (1u32, None);
+    for stretch in stretches {
+        // What may be asked is asked; a refusal is one.
+        let _ = task.command(
+            &config,
+            Command {
+                velocity: TableVelocity::from_bits(stretch.velocity),
+                base: MechanicalSpeed::from_bits(stretch.base),
+            },
+        );
+        for period in 0..u32::from(stretch.periods) {
+            for k in 0..2 {
+                let (words, per_turn) =
+                    (&stretch.motors[k], plate.motors[k].encoder.counts_per_turn);
+                random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                let noisy = |n: u16, shift: u32| {
+                    (u32::from(n) + (random >> shift) % (u32::from(stretch.noise) + 1)) as u16
+                        % 4096
+                };
+                registers[k] = Registers {
+                    current: [
+                        noisy(words.current[0], 0),
+                        noisy(words.current[1], 8),
+                        noisy(words.current[2], 16),
+                    ],
+                    bus: noisy(words.bus, 4),
+                    // A timer counts within a turn; a frame may be anything.
+                    encoder: if config.current_loops[k].encoder.is_absolute() {
+                        words.encoder.wrapping_add(period.wrapping_mul(words.turns))
+                    } else {
+                        words.encoder.wrapping_add(period.wrapping_mul(words.turns)) % per_turn
+                    },
+                    broken: words.broken,
+                    in_time: words.in_time,
+                    ..registers[k]
+                };
+                loops[k].period(
+                    &config.current_loops[k],
+                    &mut registers[k],
+                    &exchanges[k],
+                    || (),
+                );
+                let command = registers[k].command;
+                let top = plate.board.period();
+                prop_assert!(
+                    command.compare.iter().all(|compare| *compare <= top),
+                    "{command:?} past {top}"
+                );
+                let circle = config.current_loops[k]
+                    .modulation
+                    .circle(registers[k].bus.into());
+                let voltage = exchanges[k].voltage(exchanges[k].periods());
+                let length = voltage.d.to_num::<f64>().hypot(voltage.q.to_num());
+                let radius = circle.radius.to_num::<f64>();
+                prop_assert!(
+                    length <= radius * 1.001 + 0.01,
+                    "{length} V in a circle of {radius} V"
+                );
+                if k == 0 && period.is_multiple_of(config.speed_divider) {
+                    let request = Request {
+                        heartbeat: stretch.request.heartbeat.wrapping_mul(period),
+                        ..stretch.request
+                    };
+                    let told = Fault::of_word(stretch.found).or(found);
+                    let output = task.step(&config, request, exchanges.each_ref(), told);
+                    if states.last() != Some(&output.state) {
+                        states.push(output.state);
+                    }
+                }
+            }
+            if period.is_multiple_of(20) {
+                found = guard.step(
+                    &limits,
+                    &Look {
+                        running: matches!(states.last(), Some(State::Running)),
+                        missed: stretch.missed,
+                        bus: registers.map(|motor| motor.bus),
+                        temperatures: stretch.temperatures,
+                        theta: loops.each_ref().map(|one| one.shaft().0.0),
+                        index: [period.is_multiple_of(60), false],
+                        transition_error: [false, period.is_multiple_of(1000)],
+                    },
+                );
+            }
+        }
+    }
+    Ok(states)
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(1000))]
+    #[test]
+    fn nothing_overflows_and_every_duty_is_legal(
+        stretches in prop::collection::vec(stretch(), 1..8),
+        aligned in any::<bool>(),
+    ) {
+        for (plate, guards) in [
+            (&nucleo_plate::PLATE, &nucleo_plate::GUARDS),
+            (&mains_plate::PLATE, &mains_plate::GUARDS),
+        ] {
+            through(plate, guards, aligned, &stretches)?;
+        }
+    }
+}
+
+/// What the property goes through: a drive that is healthy for a while runs, one that is not stops.
+#[test]
+fn the_property_sees_a_drive_that_runs_and_one_that_stops() {
+    let plate = &nucleo_plate::PLATE;
+    let zero = plate.board.zero_counts as u16;
+    let motor = MotorWords {
+        current: [zero; 3],
+        bus: (36.0 / plate.board.bus_volts_per_count) as u16,
+        encoder: 0,
+        turns: 0,
+        broken: false,
+        in_time: true,
+    };
+    let healthy = Stretch {
+        periods: 1500,
+        motors: [motor; 2],
+        noise: 0,
+        request: Request {
+            run: true,
+            heartbeat: 1,
+            ..Request::default()
+        },
+        velocity: 0,
+        base: 0,
+        found: 0,
+        temperatures: nucleo_plate::GUARDS
+            .temperatures
+            .map(|sink| sink.counts(40.0, plate.board.adc_counts) as u16),
+        missed: [0; 4],
+    };
+    let broken = Stretch {
+        motors: [
+            MotorWords {
+                broken: true,
+                ..motor
+            },
+            motor,
+        ],
+        ..healthy.clone()
+    };
+    let states = through(plate, &nucleo_plate::GUARDS, true, &[healthy, broken]).unwrap();
+    let (last, before) = (states.len() - 1, states.len() - 2);
+    assert_eq!(
+        [states[before], states[last]],
+        [State::Running, State::Fault(Fault::ScrewBreak)],
+        "{states:?}"
+    );
+}
