@@ -150,8 +150,8 @@ mod tests {
     use crate::plate::{DrivePlate, ThermalPlate, test_plate};
     use proptest::prelude::*;
 
-    /// Looks a second at 20 kHz and a step in four periods: each motor in every fourth step.
-    const LOOKS_HZ: f64 = 1250.0;
+    /// Looks a second: every eighth step of the test plate's speed task, which takes 5000 a second.
+    const LOOKS_HZ: f64 = 625.0;
 
     fn with(thermal: ThermalPlate) -> DrivePlate {
         let mut plate = test_plate();

@@ -159,7 +159,7 @@ words! {
         base: i32,
         /// A new value makes the drive take the two words above.
         sequence: u32,
-        /// A [`Run`](crate::codes::Run).
+        /// A [`Run`].
         run: u32,
         /// What telemetry to send: see [`telemetry::Request`](crate::telemetry::Request).
         record: u32,

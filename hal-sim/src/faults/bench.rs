@@ -184,9 +184,8 @@ impl Bench {
                 }
                 Input::Index(at) if at == axis && one.on && one.defect == Defect::Noisy => {
                     // A spike puts the count to zero, some every hundred milliseconds.
-                    if one.random().abs() < 1.0 / 2000.0 {
-                        self.index_off[k] = -truth;
-                    }
+                    let spike = one.random().abs() < 1.0 / 2000.0;
+                    self.index_off[k] = if spike { -truth } else { self.index_off[k] };
                 }
                 _ => {}
             }
