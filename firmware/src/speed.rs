@@ -75,7 +75,8 @@ impl Speed {
             .control
             .step(const { &CONFIG }, request, exchanges, found);
 
-        if output.state != self.shown {
+        // In a fault each time: a current loop and the dead-man's interrupt write their own there.
+        if output.state != self.shown || matches!(output.state, State::Fault(_)) {
             self.shown = output.state;
             debug_view::show(output.state);
             if let Some(misalignment) = self.control.misalignment() {

@@ -12,12 +12,13 @@
 //! - [`faults`]: the fault matrix: each input, wrong in each way, in each situation, and what comes of it.
 //! - [`runaway`]: wrong electrical angles, and what they do until the bridges are off.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
+//! - [`parallel`]: independent runs on all cores.
 //! - [`draw`]: machines drawn at random, for tests of what looks at their records.
 //! - [`experiment`]: profiles, records, and what is measured on them.
 //! - [`replay`]: a recording driven again, beside what was recorded.
 //! - [`vrf`], [`response`], [`analytic`]: velocity ripple, measured sensitivity, and the paper's own formulas.
 //!
-//! One thread, one seed: the same call gives the same bits.
+//! A run has one thread and one seed: the same call gives the same bits.
 #![forbid(unsafe_code)]
 
 pub mod alignment;
@@ -29,6 +30,7 @@ pub mod drive;
 pub mod experiment;
 pub mod faults;
 pub mod mt6835;
+pub mod parallel;
 pub mod plates;
 pub mod replay;
 pub mod response;

@@ -4,6 +4,7 @@ use crate::drive::Drive;
 use crate::experiment::{ExperimentError, RPM, Setup};
 use control::fault::Fault;
 use control::plate::{DrivePlate, MotorPlate};
+use control::speed_task::STEPS_PER_LOOK;
 use control::supervisor::State;
 use plant::Axis;
 use plant::machine::Coupling;
@@ -164,8 +165,8 @@ impl WrongAngle {
     pub fn limits(&self, plate: &DrivePlate) -> Limits {
         let watch = &plate.runaway;
         let motor = &plate.motors[self.axis.index()];
-        let i_max = current_max(motor);
-        let look = 4.0 * plate.speed_step();
+        let i_max = motor.current_max();
+        let look = f64::from(STEPS_PER_LOOK) * plate.speed_step();
         let seen_after = watch.angle_s + 2.0 * look + 3.0 / plate.tuning.current_rad_s;
         let (sine, cosine) = self.degrees.to_radians().sin_cos();
         // Of a unit vector that is turned, the larger component of what is left over.
@@ -221,14 +222,9 @@ impl WrongAngle {
     }
 }
 
-/// The current of the largest torque, A, as a vector.
-fn current_max(motor: &MotorPlate) -> f64 {
-    motor.torque_max_nm / (f64::from(motor.pole_pairs) * motor.flux_wb)
-}
-
-/// What the copper takes at that current, W.
+/// What the copper takes at the largest torque's current, W.
 fn copper_w(motor: &MotorPlate) -> f64 {
-    motor.resistance_ohm * current_max(motor).powi(2)
+    motor.resistance_ohm * motor.current_max().powi(2)
 }
 
 /// Lets the drive run until a fault, for at most `seconds`.

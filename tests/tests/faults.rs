@@ -1,9 +1,12 @@
 //! Faults, provoked: the bridge's output enable falls in time, and the state says why.
 
 use link::codes::{Fault, ResetReason};
+use link::host::Memory;
+use link::view::DriveView;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
+use std::mem::offset_of;
 use tests::bench::{Bench, FAULT, READY, RUNNING, plate_of};
 use tests::chip::wiring::Wiring;
 use tests::chip::{CORE_HZ, Reset};
@@ -140,6 +143,24 @@ fn a_drivers_fault_opens_its_bridge_in_hardware() -> Result<(), String> {
         bench.wait_for(READY, 0.2)?;
     }
     Ok(())
+}
+
+/// A current loop and the dead-man's interrupt write a fault of their own into the view: the first cause stands there again
+/// with the next step.
+#[test]
+fn the_view_goes_back_to_the_first_cause() -> Result<(), String> {
+    let mut bench = running()?;
+    bench.emulator.chip().driver_fault(Motor::Nut, true);
+    bench.wait_for(FAULT, 1e-3)?;
+    let at = bench.image.symbol("DRIVE_VIEW")? + offset_of!(DriveView, fault) as u32;
+    let other = Fault::LoopHung.word();
+    bench
+        .emulator
+        .write(at, other)
+        .map_err(|error| error.to_string())?;
+    assert_eq!(bench.status()?.fault, other);
+    bench.pass(1e-3)?;
+    assert_cause(&mut bench, Fault::NutBreak)
 }
 
 /// A count of a 20-bit encoder comes several times a period, so that one that stands is seen at once; 16,000 counts a turn

@@ -67,17 +67,9 @@ impl Interlock {
         }
     }
 
-    /// One look, in every fourth step of the speed task: `heartbeat` changes while someone commands, at least once in `heartbeat_looks`, while run is asked with the
-    /// table at `velocity`; what forbids to go on.
+    /// One look: `heartbeat` changes while someone commands.
     #[inline(always)]
-    pub fn step(
-        &mut self,
-        heartbeat_looks: u32,
-        heartbeat: u32,
-        inputs: Inputs,
-        run: bool,
-        velocity: TableVelocity,
-    ) -> Option<Fault> {
+    pub fn look(&mut self, heartbeat: u32, inputs: Inputs) {
         self.silent = if heartbeat == self.heartbeat {
             self.silent.saturating_add(1)
         } else {
@@ -92,10 +84,10 @@ impl Interlock {
                 0
             };
         }
-        self.forbids(heartbeat_looks, run, velocity)
     }
 
-    /// What forbids to go on, or to start, by the last look.
+    /// What forbids to go on, or to start, by the last look, while run is asked with the table at `velocity` and a command
+    /// must be renewed in `heartbeat_looks`.
     #[inline(always)]
     #[must_use]
     pub fn forbids(
@@ -132,7 +124,7 @@ impl Default for Interlock {
 mod tests {
     use super::*;
 
-    const STEPS: u32 = 2500;
+    const LOOKS: u32 = 2500;
     const FORWARDS: TableVelocity = TableVelocity::from_bits(1 << 20);
     const BACKWARDS: TableVelocity = TableVelocity::from_bits(-(1 << 20));
 
@@ -140,11 +132,12 @@ mod tests {
     fn a_heartbeat_must_come_while_run_is_asked() {
         let mut interlock = Interlock::new();
         let mut step = |beat: u32, run: bool| {
-            interlock.step(STEPS, beat, Inputs::CLEAR, run, TableVelocity::ZERO)
+            interlock.look(beat, Inputs::CLEAR);
+            interlock.forbids(LOOKS, run, TableVelocity::ZERO)
         };
         // Renewed at the last moment, over the word's wrap.
         for beat in (0..6u32).map(|k| k.wrapping_sub(3)) {
-            for _ in 0..=STEPS {
+            for _ in 0..=LOOKS {
                 assert_eq!(step(beat, true), None);
             }
         }
@@ -205,7 +198,10 @@ mod tests {
             ),
         ] {
             let mut interlock = Interlock::new();
-            let mut step = |inputs| interlock.step(STEPS, 0, inputs, true, velocity);
+            let mut step = |inputs| {
+                interlock.look(0, inputs);
+                interlock.forbids(LOOKS, true, velocity)
+            };
             for _ in 0..10 {
                 // It bounces.
                 for _ in 1..SETTLED {

@@ -51,9 +51,7 @@ impl Induced {
             q: volts(linkage.d),
         }
     }
-}
 
-impl Induced {
     /// What the magnets alone induce in q, cut to ±2048 V.
     #[inline(always)]
     pub(crate) fn back_emf(&self, theta_e_step: i32) -> i32 {

@@ -165,7 +165,8 @@ impl SpeedTask {
         output
     }
 
-    /// The next state, and what is asked where it does not drive; `None` where it does.
+    /// The next state, and what is asked where it does not drive; `None` where it does. It takes run and reset by themselves:
+    /// the compiler would write a whole request to memory in each step, for this call alone.
     #[cold]
     #[inline(never)]
     fn decide(
@@ -180,9 +181,7 @@ impl SpeedTask {
         let motors = [screw.status(), nut.status()];
         let found = found.or(self.found).or_else(|| self.heat_fault());
         // What the last look saw forbids a start too, which need not wait for the next.
-        let (silence, velocity) = (config.heartbeat_looks, self.command.velocity);
-        self.rest_for(self.interlock.forbids(silence, run, velocity));
-        // By themselves: a `Request` would be written to memory in each step, for this call alone.
+        self.ask_interlock(config, run);
         let request = Request {
             run: run && self.rests_for.is_none(),
             reset,
@@ -373,25 +372,22 @@ impl SpeedTask {
         }
     }
 
-    /// What forbids to go on is what the drive comes to rest for.
+    /// Looks at inputs and heartbeat.
     #[inline(always)]
     fn interlock(&mut self, config: &DriveConfig, request: Request) {
-        let against = self.interlock.step(
-            config.heartbeat_looks,
-            request.heartbeat,
-            request.inputs,
-            request.run,
-            self.command.velocity,
-        );
-        self.rest_for(against);
+        self.interlock.look(request.heartbeat, request.inputs);
+        self.ask_interlock(config, request.run);
     }
 
-    /// The drive comes to rest for this, if it moves or may start to.
+    /// What the interlock forbids is what the drive comes to rest for, if it moves or may start to.
     #[inline(always)]
-    fn rest_for(&mut self, against: Option<Fault>) {
+    fn ask_interlock(&mut self, config: &DriveConfig, run: bool) {
         let moves = matches!(self.state, State::Ready | State::Running | State::Stopping);
         if moves && self.rests_for.is_none() {
-            self.rests_for = against;
+            let velocity = self.command.velocity;
+            self.rests_for = self
+                .interlock
+                .forbids(config.heartbeat_looks, run, velocity);
         }
     }
 
@@ -496,8 +492,13 @@ impl SpeedTask {
     }
 }
 
+/// Steps from one look at a motor's motion to the next, and from one at the interlock.
+pub const STEPS_PER_LOOK: u32 = 4;
+/// Steps from one look at a motor's heat to the next.
+pub const STEPS_PER_HEAT: u32 = 8;
+
 /// What a step looks at beside its control: one thing of one motor, so that no step takes longer for it.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Look {
     ScrewMotion,
     NutMotion,
@@ -516,6 +517,31 @@ impl Look {
             2 => Self::ScrewHeat,
             6 => Self::NutHeat,
             _ => Self::Interlock,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_look_comes_as_often_as_it_says() {
+        for (look, steps) in [
+            (Look::ScrewMotion, STEPS_PER_LOOK),
+            (Look::NutMotion, STEPS_PER_LOOK),
+            (Look::Interlock, STEPS_PER_LOOK),
+            (Look::ScrewHeat, STEPS_PER_HEAT),
+            (Look::NutHeat, STEPS_PER_HEAT),
+        ] {
+            // Over the counter's wrap.
+            let mut at = (0..512u32).filter(|step| Look::of(*step as u8) == look);
+            let mut last = at.next().unwrap();
+            for now in at {
+                assert_eq!(now - last, steps, "{look:?} in steps {last} and {now}");
+                last = now;
+            }
+            assert!(last > 0, "{look:?} comes once");
         }
     }
 }

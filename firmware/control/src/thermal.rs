@@ -148,10 +148,11 @@ impl Heat {
 mod tests {
     use super::*;
     use crate::plate::{DrivePlate, ThermalPlate, test_plate};
+    use crate::speed_task::STEPS_PER_HEAT;
     use proptest::prelude::*;
 
-    /// Looks a second: every eighth step of the test plate's speed task, which takes 5000 a second.
-    const LOOKS_HZ: f64 = 625.0;
+    /// Looks a second: the test plate's speed task takes 5000 steps in it.
+    const LOOKS_HZ: f64 = 5000.0 / STEPS_PER_HEAT as f64;
 
     fn with(thermal: ThermalPlate) -> DrivePlate {
         let mut plate = test_plate();

@@ -216,9 +216,9 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         channels,
         amplifiers: amplifiers.map(Some),
         inputs: Inputs {
-            enable: Some(contact(c.pc9)),
-            end_forward: Some(contact(b.pb9)),
-            end_backward: Some(contact(b.pb11)),
+            enable: contact(c.pc9),
+            end_forward: contact(b.pb9),
+            end_backward: contact(b.pb11),
         },
         outputs: Outputs {
             drivers: [

@@ -16,15 +16,15 @@ pub(crate) struct Contact {
     bit: u32,
 }
 
-/// The contacts of a board; what it does not have is `None`, and taken for closed.
-#[derive(Clone, Copy, Default)]
+/// The contacts of a board. Where a machine has none, a wire to ground stands for it (wiring page).
+#[derive(Clone, Copy)]
 pub(crate) struct Inputs {
     /// Closed: the drive may run.
-    pub(crate) enable: Option<Contact>,
+    pub(crate) enable: Contact,
     /// Open: the table is at its end, ahead of positive velocity.
-    pub(crate) end_forward: Option<Contact>,
+    pub(crate) end_forward: Contact,
     /// Open: the table is at its other end.
-    pub(crate) end_backward: Option<Contact>,
+    pub(crate) end_backward: Contact,
 }
 
 /// A pin as a contact to ground.
@@ -51,11 +51,10 @@ impl Inputs {
     /// What they say now.
     #[inline(always)]
     pub(crate) fn read(&self) -> interlock::Inputs {
-        let open = |contact: Option<Contact>| contact.is_some_and(Contact::is_open);
         interlock::Inputs {
-            enabled: !open(self.enable),
-            end_forward: open(self.end_forward),
-            end_backward: open(self.end_backward),
+            enabled: !self.enable.is_open(),
+            end_forward: self.end_forward.is_open(),
+            end_backward: self.end_backward.is_open(),
         }
     }
 }

@@ -13,7 +13,7 @@ const MOTOR: &str = include_str!("motor/record.rs");
 macro_rules! effects {
     ($($kind:literal,)*) => {
         /// The kinds of effects with the source of each.
-        const EFFECTS: &[(&str, &str)] = &[$(
+        pub(crate) const EFFECTS: &[(&str, &str)] = &[$(
             ($kind, include_str!(concat!("../../plant/src/effects/", $kind, ".rs"))),
         )*];
     };

@@ -185,7 +185,9 @@ impl Bench {
                 Input::Index(at) if at == axis && one.on && one.defect == Defect::Noisy => {
                     // A spike puts the count to zero, some every hundred milliseconds.
                     let spike = one.random().abs() < 1.0 / 2000.0;
-                    self.index_off[k] = if spike { -truth } else { self.index_off[k] };
+                    if spike {
+                        self.index_off[k] = -truth;
+                    }
                 }
                 _ => {}
             }

@@ -14,15 +14,14 @@
 mod bench;
 mod cause;
 mod cell;
-mod parallel;
 mod run;
 mod spoiled;
 
 pub use cell::{Cell, Defect, Input, Pair, Situation};
-pub use parallel::on_all_cores;
 
 use crate::boards::BoardKind;
 use crate::experiment::ExperimentError;
+use crate::parallel::on_all_cores;
 use control::alignment::Misalignment;
 use control::supervisor::State;
 use run::{Event, Healthy};

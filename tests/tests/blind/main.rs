@@ -13,10 +13,9 @@ mod score;
 mod strange;
 mod table;
 
+use hal_sim::parallel::on_all_cores;
 use identify::analysis::analyse;
 use std::path::PathBuf;
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 use table::{Row, Table};
 
 /// Machines of the short run.
@@ -46,28 +45,16 @@ fn unseen_machines_are_told_apart() {
     let machines = setting("DDFEED_BLIND", SHORT);
     let clean = setting("DDFEED_BLIND_CLEAN", 0);
     let first = setting("DDFEED_BLIND_SEED", FIRST_SEED);
-    let (next, rows) = (AtomicU64::new(first), Mutex::new(Vec::new()));
-    let threads = std::thread::available_parallelism().map_or(1, |n| n.get());
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                loop {
-                    let seed = next.fetch_add(1, Ordering::Relaxed);
-                    let row = match seed - first {
-                        n if n < machines => told(seed, &kinds::kinds(seed)),
-                        n if n < machines + clean => told(seed, &[]),
-                        _ => break,
-                    };
-                    // A long run is watched.
-                    eprintln!("{}", row.line());
-                    rows.lock().expect("no test thread panicked").push(row);
-                }
-            });
-        }
-    });
-    let mut rows = rows.into_inner().expect("no test thread panicked");
-    rows.sort_by_key(|row| row.seed);
-    let table = Table(rows);
+    let seeds: Vec<u64> = (first..first + machines + clean).collect();
+    let table = Table(on_all_cores(&seeds, |&seed| {
+        let row = match seed - first {
+            n if n < machines => told(seed, &kinds::kinds(seed)),
+            _ => told(seed, &[]),
+        };
+        // A long run is watched.
+        eprintln!("{}", row.line());
+        row
+    }));
     println!("{table}");
 
     let folder = PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join("../blind");

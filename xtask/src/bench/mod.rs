@@ -50,8 +50,8 @@ pub struct RunawayOptions {
 #[derive(Args)]
 pub struct FaultsOptions {
     /// Runs each so-many-th cell only.
-    #[arg(long, default_value_t = 1)]
-    pub every: usize,
+    #[arg(long, default_value = "1")]
+    pub every: std::num::NonZeroUsize,
     /// Writes the matrix as a page into this folder.
     #[arg(long)]
     pub out: Option<std::path::PathBuf>,

@@ -1,5 +1,6 @@
 //! `record`: the drive's telemetry into a recording.
 
+use super::ctrl_c;
 use super::memory::with_chip;
 use super::tell::start;
 use crate::session::RecordOptions;
@@ -39,12 +40,9 @@ pub fn record(probe: DebugProbeInfo, drive: Drive, options: &RecordOptions) -> R
         divider: options.divider()?,
         seconds,
         holds: options.hold.clone(),
-        stop: Arc::new(AtomicBool::new(false)),
+        stop: ctrl_c().context("Ctrl-C cannot be caught, and would lose the recording")?,
     };
     let stop = Arc::clone(&script.stop);
-    let asked = Arc::clone(&script.stop);
-    ctrlc::set_handler(move || asked.store(true, Relaxed))
-        .context("Ctrl-C cannot be caught, and would lose the recording")?;
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     let bar = ProgressBar::new((seconds * 1e3) as u64)
         .with_style(ProgressStyle::with_template("{bar:40} {msg}")?);

@@ -1,14 +1,13 @@
 //! `attach` and `command`: a running drive looked at and told what to do.
 
-use super::LOOK;
 use super::memory::with_chip;
+use super::{LOOK, ctrl_c};
 use crate::session::CommandOptions;
 use anyhow::{Context, Result, bail};
 use link::codes::{ResetReason, Run, State};
 use link::host::{Drive, Memory, View};
 use probe_rs::probe::DebugProbeInfo;
 use std::f64::consts::TAU;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
 use std::time::Duration;
@@ -56,10 +55,7 @@ fn news(before: Option<&View>, now: &View) -> Vec<String> {
 /// Tells the drive, and says what it made of that. A drive that runs is commanded until Ctrl-C, and then comes to rest.
 pub fn command(probe: DebugProbeInfo, drive: Drive, options: &CommandOptions) -> Result<()> {
     let options = options.clone();
-    let stop = Arc::new(AtomicBool::new(false));
-    let asked = Arc::clone(&stop);
-    ctrlc::set_handler(move || asked.store(true, Relaxed))
-        .context("Ctrl-C cannot be caught, and is what ends a command")?;
+    let stop = ctrl_c().context("Ctrl-C cannot be caught, and is what ends a command")?;
     with_chip(
         probe,
         move |mut memory, say: &dyn Fn(View)| tell(&mut memory, drive, &options, &stop, say),

@@ -240,6 +240,12 @@ impl MotorPlate {
     pub const fn speed_max(&self) -> f64 {
         self.speed_max_rpm * TAU / 60.0
     }
+
+    /// Current of the largest torque, A, as a vector.
+    #[must_use]
+    pub const fn current_max(&self) -> f64 {
+        self.torque_max_nm / (self.pole_pairs as f64 * self.flux_wb.abs())
+    }
 }
 
 impl DrivePlate {

@@ -88,10 +88,8 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
     fn jacobian(&self) -> Option<DMatrix<f64>> {
         let here = &self.errors(&self.parameters);
         let column = &|k: usize| {
-            let mut beside = self.parameters.clone();
-            let step = 1e-4 * beside[k].abs().max(0.05);
-            beside[k] += step;
-            (self.errors(&beside) - here) / step
+            let (beside, step) = beside(self.parameters.as_slice(), k);
+            (self.errors(&DVector::from_vec(beside)) - here) / step
         };
         let count = self.parameters.len();
         let threads = std::thread::available_parallelism().map_or(1, |n| n.get().min(count));
@@ -114,6 +112,14 @@ impl LeastSquaresProblem<f64, Dyn, Dyn> for Problem<'_> {
         }
         Some(jacobian)
     }
+}
+
+/// The parameters with the `k`th a little further, and by how much: a difference quotient's step.
+pub(super) fn beside(parameters: &[f64], k: usize) -> (Vec<f64>, f64) {
+    let mut beside = parameters.to_vec();
+    let step = 1e-4 * beside[k].abs().max(0.05);
+    beside[k] += step;
+    (beside, step)
 }
 
 /// Where a fit starts: the model's parameters, then, if they are free, how far its orders are from where they were.

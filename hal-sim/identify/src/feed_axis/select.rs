@@ -8,7 +8,7 @@
 
 use super::axis::{Axis, Term};
 use super::filter::butterworth_100;
-use super::fit::{Free, MARGIN, fitted};
+use super::fit::{Free, MARGIN, beside, fitted};
 use super::record::Record;
 use crate::design::{Column, dot};
 use crate::limits::plausible_on_axis;
@@ -100,14 +100,12 @@ impl<'a> Linearised<'a> {
         let measured = butterworth_100(&record.force(), record.rate);
         let force = simulated(&axis, record);
         let own = axis.parameters();
-        let beside = |k: usize| {
-            let mut beside = own.clone();
-            let step = 1e-4 * own[k].abs().max(0.05);
-            beside[k] += step;
+        let column = |k: usize| {
+            let (beside, step) = beside(&own, k);
             difference(&simulated(&axis.with(&beside), record), &force, step)
         };
         Linearised {
-            parameters: (0..own.len()).map(beside).collect(),
+            parameters: (0..own.len()).map(column).collect(),
             left: difference(&measured, &force, 1.0),
             axis,
             record,

@@ -98,7 +98,7 @@ pub(super) fn spectrum_chart(channel: &Channel) -> String {
             marks.push((*order, format!("{} \u{D7} {name}", short(*order))));
         }
     }
-    let rings = marks.iter().map(|(order, _)| at(*order)).collect();
+    let ringed = marks.iter().map(|(order, _)| at(*order)).collect();
     let labels = marks
         .iter()
         .map(|(order, text)| Label {
@@ -108,11 +108,7 @@ pub(super) fn spectrum_chart(channel: &Channel) -> String {
         })
         .collect();
     let mut series = series([before.clone(), after]);
-    series.push(Series {
-        points: rings,
-        color: THIRD,
-        mark: Mark::Ring,
-    });
+    series.push(rings(ringed));
     let title = format!("Amplitude, {unit}");
     let about = format!(
         "Amplitude of the {} residual over orders per turn",
@@ -120,11 +116,7 @@ pub(super) fn spectrum_chart(channel: &Channel) -> String {
     );
     chart(&Chart {
         about: &about,
-        x: Axis {
-            title: "Order, per turn",
-            range: Some(0.0..top),
-            log: false,
-        },
+        x: over_orders(top),
         y: Axis {
             title: &title,
             range: Some(0.0..1.18 * factor * most.max(1e-300)),
@@ -133,6 +125,24 @@ pub(super) fn spectrum_chart(channel: &Channel) -> String {
         series,
         labels,
     })
+}
+
+/// Rings around found orders.
+fn rings(points: Vec<(f64, f64)>) -> Series {
+    Series {
+        points,
+        color: THIRD,
+        mark: Mark::Ring,
+    }
+}
+
+/// The axis of orders up to `top`.
+fn over_orders(top: f64) -> Axis<'static> {
+    Axis {
+        title: "Order, per turn",
+        range: Some(0.0..top),
+        log: false,
+    }
 }
 
 fn short(order: f64) -> String {
@@ -272,7 +282,7 @@ pub(super) fn waterfall(channel: &Channel, time: &[f64]) -> String {
     let mut orders: Vec<f64> = channel.marks.iter().map(|(order, _)| *order).collect();
     orders.sort_by(f64::total_cmp);
     orders.dedup();
-    let (mut rings, mut labels, mut series) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut ringed, mut labels, mut series) = (Vec::new(), Vec::new(), Vec::new());
     for (speed, line) in &lines {
         for (k, order) in orders.iter().enumerate() {
             let near = line.iter().filter(|p| (p.0 - order).abs() < 0.35);
@@ -280,7 +290,7 @@ pub(super) fn waterfall(channel: &Channel, time: &[f64]) -> String {
                 continue;
             };
             let at = (peak.0, raised(*speed, peak.1));
-            rings.push(at);
+            ringed.push(at);
             if k < WRITTEN {
                 labels.push(Label {
                     at,
@@ -295,21 +305,13 @@ pub(super) fn waterfall(channel: &Channel, time: &[f64]) -> String {
             mark: AFTER,
         });
     }
-    series.push(Series {
-        points: rings,
-        color: THIRD,
-        mark: Mark::Ring,
-    });
+    series.push(rings(ringed));
     let (factor, unit) = prefix(most, &channel.unit);
     let title = format!("Speed, rpm; tallest line {:.3} {unit}", factor * most);
     let about = format!("Orders of the {} residual at each speed", channel.name);
     let svg = chart(&Chart {
         about: &about,
-        x: Axis {
-            title: "Order, per turn",
-            range: Some(0.0..top),
-            log: false,
-        },
+        x: over_orders(top),
         y: Axis {
             title: &title,
             range: None,

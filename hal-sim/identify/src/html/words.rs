@@ -378,3 +378,20 @@ pub(super) fn capital(text: &str) -> String {
         first.to_uppercase().collect::<String>() + letters.as_str()
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::reference::EFFECTS;
+
+    #[test]
+    fn each_effect_has_a_remedy_of_its_own() {
+        for (kind, _) in EFFECTS {
+            assert_ne!(
+                remedy(kind),
+                remedy("no kind"),
+                "{kind}: what is to be done about it is not said"
+            );
+        }
+    }
+}

@@ -123,8 +123,8 @@ impl Report {
 
 /// Runs and prints.
 pub(super) fn run(options: &FaultsOptions) -> Result<()> {
-    let every = options.every.max(1);
-    let cells: Vec<Cell> = Cell::all().into_iter().step_by(every).collect();
+    let cells = Cell::all().into_iter().step_by(options.every.get());
+    let cells: Vec<Cell> = cells.collect();
     let outcomes = Matrix::of(&cells)?.run_all(&cells)?;
     let report = Report::of(&cells, &outcomes);
     if options.json {

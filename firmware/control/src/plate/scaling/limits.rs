@@ -4,24 +4,18 @@ use super::{attempt, positive, power_of_two, within};
 use crate::current_limit::RegenerationConfig;
 use crate::format::{Current, CurrentScale, Gain, Misfit, quantise};
 use crate::plate::{DrivePlate, MotorPlate, ThermalPlate};
+use crate::speed_task::STEPS_PER_HEAT;
 use crate::thermal::{HeatConfig, ThermalConfig};
 
-/// Steps of the speed task from one look at a motor's heat to the next.
-const STEPS_PER_HEAT: f64 = 8.0;
 /// Part of the rated heat at which folding back begins.
 const FOLDS_FROM: f64 = 0.9;
 /// Past the heat of 1.05 times the rated current it is a fault: the factor `k` that IEC 60255-149's curves usually have.
 const TRIPS: f64 = 1.05 * 1.05;
 
 impl MotorPlate {
-    /// Largest torque current, A.
-    pub(super) const fn current_max(&self) -> f64 {
-        self.torque_max_nm / (self.pole_pairs as f64 * self.flux_wb.abs())
-    }
-
     pub(super) const fn heat(&self, drive: &DrivePlate) -> Result<HeatConfig, Misfit> {
         let scale = attempt!(drive.board.current_sense(self.current_gains)).scale;
-        let look = drive.speed_step() * STEPS_PER_HEAT;
+        let look = drive.speed_step() * STEPS_PER_HEAT as f64;
         let bridge = &drive.board.thermal;
         let winding = &self.thermal;
         let shortest = if bridge.seconds < winding.seconds {
@@ -115,11 +109,8 @@ impl ThermalPlate {
         let half = rated_current / 2.0;
         let fold = if more > half { more } else { half } * power_of_two(Current::FRAC_NBITS)
             / ((1.0 - FOLDS_FROM) * rated);
-        let (mut multiplier, mut shift) = (fold * 4_294_967_296.0, 0u32);
-        while multiplier >= 2_147_483_647.0 && shift < 16 {
-            multiplier /= 2.0;
-            shift = shift.saturating_add(1);
-        }
+        let shift = super::shift_of(fold * 4_294_967_296.0);
+        let multiplier = fold * 4_294_967_296.0 / power_of_two(shift);
         attempt!(within(
             "fold-back",
             "A per heat",

@@ -17,6 +17,7 @@ use crate::plate::DrivePlate;
 use crate::profile::ProfileConfig;
 use crate::runaway::RunawayConfig;
 use crate::speed_loop::SpeedLoopConfig;
+use crate::speed_task::STEPS_PER_LOOK;
 use crate::thermal::HeatConfig;
 use core::f64::consts::TAU;
 use fixed::types::I20F12;
@@ -49,7 +50,7 @@ pub struct DriveConfig {
     pub heat: [HeatConfig; 2],
     /// Where braking fades out: screw, nut.
     pub regeneration: [RegenerationConfig; 2],
-    /// Steps of the speed task in which a command must be renewed.
+    /// Looks at the interlock in which a command must be renewed.
     pub heartbeat_looks: u32,
     /// Current-loop periods per step of the speed task.
     pub speed_divider: u32,
@@ -96,7 +97,7 @@ impl DrivePlate {
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     const fn heartbeat_looks(&self) -> Result<u32, Misfit> {
-        let looks = self.heartbeat_s / (self.speed_step() * STEPS_PER_LOOK);
+        let looks = self.heartbeat_s / (self.speed_step() * STEPS_PER_LOOK as f64);
         attempt!(within(
             "time of the heartbeat",
             "looks of the speed task",
@@ -215,9 +216,6 @@ const fn profile(
     ))
 }
 
-/// Steps of the speed task from one look at a motor's motion, or at what the machine moves by, to the next.
-const STEPS_PER_LOOK: f64 = 4.0;
-
 const SQRT_3: f64 = 1.732_050_807_568_877_2;
 
 const fn power_of_two(n: u32) -> f64 {
@@ -238,17 +236,22 @@ const fn half(x: f64) -> f64 {
 }
 
 /// A gain of the current loop, from V/A, for currents of `scale`: at most 2048 V/A.
+/// Halvings, 16 at most, that bring a [`Gain`]'s multiplier within its word.
+const fn shift_of(multiplier: f64) -> u32 {
+    let mut shift = 0u32;
+    while multiplier / power_of_two(shift) >= 2_147_483_647.0 && shift < 16 {
+        shift = shift.saturating_add(1);
+    }
+    shift
+}
+
 const fn gain(name: &'static str, gain: f64, scale: CurrentScale) -> Result<Gain, Misfit> {
     attempt!(within(name, "V/A", gain, -2048.0, 2048.0));
     // Times 2^32 it makes a voltage's last steps of a current's.
     let fraction = Voltage::FRAC_NBITS
         .saturating_add(32)
         .saturating_sub(scale.fraction);
-    let mut shift = 0u32;
-    while gain.abs() * power_of_two(fraction.saturating_sub(shift)) >= 2_147_483_647.0 && shift < 16
-    {
-        shift = shift.saturating_add(1);
-    }
+    let shift = shift_of(gain.abs() * power_of_two(fraction));
     let multiplier = attempt!(quantise(name, "V/A", gain, fraction.saturating_sub(shift)));
     Ok(Gain { multiplier, shift })
 }

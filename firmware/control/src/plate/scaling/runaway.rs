@@ -1,9 +1,10 @@
 //! Limits of a runaway: parts of what a motor may do -> counts, steps, looks.
 
-use super::{STEPS_PER_LOOK, attempt, gain, power_of_two, within};
+use super::{attempt, gain, power_of_two, within};
 use crate::format::{Misfit, Speed, Voltage, quantise};
 use crate::plate::{DrivePlate, MotorPlate};
 use crate::runaway::RunawayConfig;
+use crate::speed_task::STEPS_PER_LOOK;
 use crate::tolerance::Tolerance;
 use core::f64::consts::TAU;
 
@@ -42,7 +43,7 @@ impl MotorPlate {
         attempt!(within("over-speed", "turns a sample", step, 0.0, 0.25));
         let resistive = limits.resistance_error * self.resistance_ohm * current_max;
         let floor = limits.angle_floor * emf_max + resistive;
-        let look = drive.speed_step() * STEPS_PER_LOOK;
+        let look = drive.speed_step() * STEPS_PER_LOOK as f64;
         Ok(RunawayConfig {
             theta_step_max: (step * 4_294_967_296.0) as i32,
             following: Speed::from_bits(attempt!(quantise(
