@@ -284,6 +284,8 @@ pub fn forbidden(image: &Image) -> Result<Vec<String>, String> {
         if of(&DISPATCHERS) {
             continue;
         }
+        let traps = reach.traps.iter();
+        found.extend(traps.map(|at| format!("{name} traps at {at:#x}")));
         for function in reach.functions.iter().map(|&address| graph.name(address)) {
             if function.contains("panic") || function.contains("crash") {
                 found.push(format!("{name} reaches {function}"));

@@ -20,6 +20,8 @@ pub struct Reach {
     pub indirect: Vec<(u32, String)>,
     /// Instructions of the float unit: where, and as text.
     pub float: Vec<(u32, String)>,
+    /// Traps that a way leads to.
+    pub traps: Vec<u32>,
 }
 
 /// The graph of an image.
@@ -82,6 +84,7 @@ impl<'a> Graph<'a> {
             open.extend(body.calls());
             reach.indirect.extend(body.indirect.iter().cloned());
             reach.float.extend(body.float.iter().cloned());
+            reach.traps.extend(body.traps());
         }
         Ok(reach)
     }

@@ -63,6 +63,9 @@ pub enum Flow {
     Indirect,
 }
 
+/// `UDF`, as it is disassembled.
+const TRAPS: [&str; 2] = ["udf", "trap"];
+
 /// One instruction.
 #[derive(Clone, Debug)]
 pub struct Instruction {
@@ -78,6 +81,15 @@ pub struct Instruction {
     pub float: bool,
     /// As text.
     pub text: String,
+}
+
+impl Instruction {
+    /// It is a fault where it is executed.
+    #[must_use]
+    pub fn traps(&self) -> bool {
+        let name = self.text.split(['.', ' ']).next().unwrap_or_default();
+        TRAPS.contains(&name)
+    }
 }
 
 /// The disassembler.
@@ -238,7 +250,7 @@ fn flow(base: &str, text: &str, operands: &[arch::arm::ArmOperand]) -> Flow {
     let operand_text = text.split_once(' ').map_or("", |(_, rest)| rest);
     let writes_pc = operand_text.contains("pc}") || operand_text.starts_with("pc,");
     // A `UDF` is where the compiler knows that no way leads: a fault if one does.
-    if base == "udf" || base == "trap" {
+    if TRAPS.contains(&base) {
         return Flow::Return { conditional: false };
     }
     let names = [

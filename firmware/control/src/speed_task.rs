@@ -188,7 +188,8 @@ impl SpeedTask {
             ..Request::default()
         };
         let coordinator = &self.coordinator;
-        self.state = self.state.next(request, motors, found, self.aligned, || {
+        let before = self.state;
+        self.state = before.next(request, motors, found, self.aligned, || {
             coordinator.at_rest()
         });
         if let Some(fault) = self.rests_for {
@@ -200,7 +201,7 @@ impl SpeedTask {
                 self.rests_for = None;
             }
         }
-        if self.state == State::Calibrating {
+        if self.state == State::Calibrating && before != State::Calibrating {
             self.alignment = Alignment::begin(&config.alignment);
             (self.asked, self.seen) = (AlignmentStep::default(), None);
             self.aligned = Progress::Working;
@@ -524,6 +525,10 @@ impl Look {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::current_loop::Measured;
+    use crate::plate::{ThermalPlate, test_plate};
+    use crate::sense::Shunts;
+    use crate::transform::DirectQuadrature;
 
     #[test]
     fn each_look_comes_as_often_as_it_says() {
@@ -542,6 +547,59 @@ mod tests {
                 last = now;
             }
             assert!(last > 0, "{look:?} comes once");
+        }
+    }
+
+    /// A current that nobody asked, too small for the watch of its error, in a motor that stands.
+    #[test]
+    fn a_motor_that_gets_too_warm_stops_a_drive_that_runs() {
+        let mut plate = test_plate();
+        for motor in &mut plate.motors {
+            motor.thermal = ThermalPlate {
+                rated_rms_a: 0.8,
+                seconds: 2.0,
+            };
+        }
+        let config = plate.config().unwrap();
+        for (hot, fault) in [(0, Fault::ScrewHeat), (1, Fault::NutHeat)] {
+            let exchanges = config
+                .current_loops
+                .each_ref()
+                .map(|config_of| MotorExchange::new(config_of, config.speed_divider));
+            let scale = config.current_loops[hot].sense.scale;
+            let measured = Measured {
+                codes: [0; 3],
+                current: DirectQuadrature {
+                    d: scale.scaled(Current::ZERO),
+                    q: scale.scaled(Current::from_num(1.2)),
+                },
+            };
+            exchanges[hot].publish_currents(&measured, Shunts::Two);
+            let mut task = SpeedTask::new(&config);
+            task.state = State::Running;
+            let mut beat = 0;
+            let steps = (0..100_000).find(|_| {
+                beat += 1;
+                let request = Request {
+                    run: true,
+                    heartbeat: beat,
+                    ..Request::default()
+                };
+                let [screw, nut] = &exchanges;
+                let output = task.step(&config, request, [screw, nut], None);
+                if let State::Fault(found) = output.state {
+                    assert_eq!(found, fault);
+                }
+                output.state == State::Fault(fault)
+            });
+            // Twice the square stands against the rated one, from 0.8 of it to 1.1025.
+            let square = 2.0 * 1.2 * 1.2 / (3.0 * 0.8 * 0.8);
+            let expected = 2.0 * f64::ln((square - 0.8) / (square - 1.1025));
+            let seconds = f64::from(steps.expect("it stops")) * plate.speed_step();
+            assert!(
+                (seconds / expected - 1.0).abs() < 0.02,
+                "stopped after {seconds} s, expected {expected} s"
+            );
         }
     }
 }

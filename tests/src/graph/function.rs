@@ -153,6 +153,23 @@ impl Body {
         }
     }
 
+    /// Where it traps (`UDF`) by a branch or by going on. A table's entry for what cannot be is not counted: the compiler
+    /// knows that no way leads there.
+    pub(super) fn traps(&self) -> impl Iterator<Item = u32> {
+        let goes_to = |trap: u32| {
+            self.instructions.values().any(|i| {
+                let next = i.address + i.size == trap;
+                match i.flow {
+                    Flow::Branch { to, conditional } => to == trap || conditional && next,
+                    Flow::Return { conditional: true } | Flow::Next | Flow::Call(_) => next,
+                    Flow::Return { conditional: false } | Flow::Table(_) | Flow::Indirect => false,
+                }
+            })
+        };
+        let traps = self.instructions.values().filter(|i| i.traps());
+        traps.map(|i| i.address).filter(move |&at| goes_to(at))
+    }
+
     /// The functions that it calls, or ends in.
     #[must_use]
     pub fn calls(&self) -> BTreeSet<u32> {
