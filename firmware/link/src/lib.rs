@@ -7,6 +7,7 @@
 //! | [`view::DriveCommand`], at the symbol [`COMMAND_SYMBOL`] | the drive's RAM | the host writes |
 //! | [`bringup`]: a request that survives a reset, and a report of raw readings | the drive's RAM | both |
 //! | [`telemetry`]: a header, then samples | RTT up-channel [`TELEMETRY_CHANNEL`] | the drive writes |
+//! | [`settings`]: what a person may set, by number | | both |
 //! | the log, in defmt's frames | RTT up-channel [`LOG_CHANNEL`] | the drive writes |
 //!
 //! With the feature `host`, [`host`] is the other end: it reads and decodes all of this through a chip's memory, be it
@@ -19,6 +20,7 @@ pub mod codes;
 #[cfg(feature = "host")]
 pub mod host;
 pub mod scale;
+pub mod settings;
 pub mod telemetry;
 pub mod view;
 

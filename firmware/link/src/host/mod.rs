@@ -5,6 +5,7 @@ mod drive;
 #[cfg(feature = "log")]
 pub mod log;
 pub mod rtt;
+pub mod settings;
 mod stream;
 
 pub use drive::{Drive, View};

@@ -1,0 +1,399 @@
+//! What a person may set of a drive without building its firmware: each setting with its name, unit, range, default and
+//! meaning, defined here and nowhere else.
+//!
+//! | part | module |
+//! | --- | --- |
+//! | the settings, by group | here |
+//! | settings <-> the control code's plate | [`plate`] |
+//! | other ways in which datasheets print the same | [`datasheet`] |
+//! | how a setting is declared | [`table`] |
+//!
+//! Pins, timers, shunts and dividers are the board's, which stays Rust: see `firmware/src/board`. The drive computes its
+//! fixed-point configuration from the settings by the code that the host runs too, so both refuse the same.
+
+pub mod datasheet;
+pub mod plate;
+pub mod table;
+
+pub use table::{Entry, Kind, Setting, Value};
+
+use crate::telemetry::Real;
+use core::f64::consts::TAU;
+use table::{Typed, choice, constant, group};
+
+/// V per 1000 rpm of 1 V s/rad.
+pub const PER_KRPM: f64 = 1000.0 * TAU / 60.0;
+
+choice! {
+    /// How a motor's encoder is read.
+    EncoderInterface {
+        /// Channels A and B.
+        Incremental "incremental",
+        /// Channels A, B and an index.
+        IncrementalWithIndex "incremental with index",
+        /// Frames by SPI.
+        Mt6835 "MT6835",
+    }
+}
+
+choice! {
+    /// Which way an encoder counts while its motor turns forwards.
+    EncoderDirection {
+        /// Not known: the alignment finds it.
+        Unknown "unknown",
+        /// Up.
+        Forwards "forwards",
+        /// Down.
+        Backwards "backwards",
+    }
+}
+
+choice! {
+    /// Yes or no.
+    Switch {
+        /// No.
+        Off "off",
+        /// Yes.
+        On "on",
+    }
+}
+
+group! {
+    /// A motor, its encoder and its current channels, as their datasheets print them.
+    MotorSettings {
+        1 Real resistance_line_to_line_ohm: f64 = 3.4, [0.002, 200.0], "ohm", "Resistance between two leads at 20 to 25 degrees Celsius.";
+        2 Real inductance_line_to_line_mh: f64 = 11.8, [0.001, 250.0], "mH", "Inductance between two leads.";
+        3 Whole pole_pairs: u32 = 5, [1, 128], "", "Electrical turns a mechanical turn: half the number of poles.";
+        4 Real voltage_constant_v_rms_per_krpm: f64 = 0.55 * PER_KRPM, [0.01, 10_000.0], "V/krpm", "Induced voltage between two leads, rms, at 1000 rpm (Ke).";
+        5 Real inertia_kg_cm2: f64 = 7.2, [1e-3, 1e6], "kg cm^2", "All that the motor moves: its rotor, the coupling, screw or nut, and the table's mass through the lead.";
+        6 Real speed_max_rpm: f64 = 3000.0, [1.0, 60_000.0], "rpm", "Largest speed.";
+        7 Real torque_max_nm: f64 = 2.0, [1e-3, 1e4], "N m", "Largest torque.";
+        8 Real rated_current_a_rms: f64 = 1.3, [0.01, 1000.0], "A rms", "Current of each lead that the winding bears for ever.";
+        9 Real thermal_time_s: f64 = 60.0, [1.0, 1e5], "s", "Thermal time constant of the winding.";
+        10 Real alignment_torque_nm: f64 = 0.39, [1e-4, 1e4], "N m", "Largest torque while the rotor is looked for: three tenths of the rated one.";
+        11 Choice encoder_interface: EncoderInterface = EncoderInterface::Incremental, EncoderInterface::WORDS, "", "How the encoder is read. What the board's pins can read, its firmware says.";
+        12 Whole encoder_counts_per_turn: u32 = 40_000, [2, 1 << 30], "counts", "Counts a turn: four times the lines of an incremental encoder.";
+        13 Choice encoder_direction: EncoderDirection = EncoderDirection::Forwards, EncoderDirection::WORDS, "", "Which way it counts while the motor turns electrically forwards.";
+        14 Real encoder_zero_deg: f64 = 0.0, [-360.0, 360.0], "electrical degrees", "Electrical angle where the encoder counts zero.";
+        15 Real encoder_age_us: f64 = 0.0, [0.0, 200.0], "us", "How much earlier than the currents the angle is taken.";
+        16 Real current_gain_a: f64 = 1.0, [0.5, 2.0], "", "Gain of current channel a relative to the board's: 1 where it is not calibrated.";
+        17 Real current_gain_b: f64 = 1.0, [0.5, 2.0], "", "The same of channel b.";
+        18 Real current_gain_c: f64 = 1.0, [0.5, 2.0], "", "The same of channel c.";
+    }
+}
+
+group! {
+    /// Both bridges, which are alike: what of a board may differ from one to the next.
+    BridgeSettings {
+        1 Real over_current_a: f64 = 4.9, [0.01, 2000.0], "A", "Measured phase current, peak, past which a bridge opens in the same period.";
+        2 Choice measure_zeros: Switch = Switch::On, Switch::WORDS, "", "Measure the current zeros before each start.";
+        3 Real dead_time_ns: f64 = 0.0, [0.0, 10_000.0], "ns", "Dead time of the timer; 0 switches its compensation off.";
+        4 Real dead_time_fade_a: f64 = 0.05, [1e-3, 100.0], "A", "Current at which the compensation of the dead time is full.";
+        5 Real min_on_time_us: f64 = 1.0, [0.0, 50.0], "us", "Shortest on-time of the low sides: what the shunts need to settle and be sampled.";
+        6 Real bootstrap_ms: f64 = 0.0, [0.0, 1000.0], "ms", "How long the low sides are closed before a bridge is first driven.";
+        7 Real rated_current_a_rms: f64 = 3.0, [0.01, 1000.0], "A rms", "Current of each phase that a bridge bears for ever.";
+        8 Real thermal_time_s: f64 = 20.0, [1.0, 1e5], "s", "Thermal time constant of a bridge.";
+        9 Real bus_min_v: f64 = 30.0, [1.0, 1000.0], "V", "Lowest bus voltage that the voltage is computed for.";
+        10 Real brake_fade_from_v: f64 = 372.0, [1.0, 1000.0], "V", "Bus voltage at which braking begins to fade: above what the supply or a chopper holds.";
+        11 Real brake_fade_to_v: f64 = 384.0, [1.0, 1000.0], "V", "Bus voltage at which braking has ended: below the board's limit.";
+    }
+}
+
+group! {
+    /// The feed, and how it may be moved.
+    FeedSettings {
+        1 Real lead_mm: f64 = 5.0, [0.01, 1000.0], "mm", "Travel of the table a turn of screw against nut.";
+        2 Real scale_count_nm: f64 = 10.0, [1e-3, 1e6], "nm", "One count of the table's scale.";
+        3 Real velocity_max_mm_s: f64 = 100.0, [1e-3, 8000.0], "mm/s", "Largest table velocity.";
+        4 Real acceleration_max_mm_s2: f64 = 250.0, [1e-2, 1e6], "mm/s^2", "Largest table acceleration.";
+        5 Real jerk_max_mm_s3: f64 = 10_000.0, [1e-1, 1e9], "mm/s^3", "Largest table jerk.";
+        6 Real base_acceleration_max_rpm_s: f64 = 700.0 * 60.0 / TAU, [1.0, 1e7], "rpm/s", "Largest acceleration of the base speed, which both motors share.";
+        7 Real base_jerk_max_rpm_s2: f64 = 20_000.0 * 60.0 / TAU, [1.0, 1e10], "rpm/s^2", "Largest jerk of the base speed.";
+    }
+}
+
+group! {
+    /// How the rotors may be moved to find where they stand.
+    AlignmentSettings {
+        1 Real travel_um: f64 = 50.0, [1.0, 1e5], "um", "Furthest that the table may move.";
+        2 Real speed_rpm: f64 = 200.0, [1.0, 10_000.0], "rpm", "Speed at which both motors turn together: a fifteenth of the largest.";
+    }
+}
+
+group! {
+    /// The loops' tuning (Eqs 9 to 12).
+    TuningSettings {
+        1 Real damping: f64 = 0.7, [0.1, 2.0], "", "Damping of the current and speed loops.";
+        2 Real current_rad_s: f64 = 3000.0, [10.0, 50_000.0], "rad/s", "Cutoff of the current loops.";
+        3 Real speed_rad_s: f64 = 200.0, [1.0, 10_000.0], "rad/s", "Cutoff of the speed loops.";
+        4 Real observer_rad_s: f64 = 1000.0, [10.0, 50_000.0], "rad/s", "Natural frequency of the observers: five times the speed loops' cutoff or more.";
+        5 Real observer_damping: f64 = 0.9, [0.1, 2.0], "", "Damping of the observers.";
+    }
+}
+
+group! {
+    /// When a motor's motion is not in hand: limits, and how long each is tolerated.
+    WatchSettings {
+        1 Real over_speed_percent: f64 = 120.0, [100.0, 200.0], "%", "Fastest, of the motor's largest speed.";
+        2 Real over_speed_ms: f64 = 1.6, [0.1, 1000.0], "ms", "Patience with it.";
+        3 Real following_percent: f64 = 10.0, [0.1, 100.0], "%", "Furthest of a speed from its reference, of the motor's largest speed.";
+        4 Real following_ms: f64 = 20.0, [0.1, 1000.0], "ms", "Patience with it.";
+        5 Real current_error_percent: f64 = 35.0, [1.0, 100.0], "%", "Furthest of a current from its reference, of the largest torque's.";
+        6 Real current_error_ms: f64 = 8.0, [0.1, 1000.0], "ms", "Patience with it.";
+        7 Real angle_deg: f64 = 25.0, [1.0, 60.0], "electrical degrees", "Angle error that must not be.";
+        8 Real angle_floor_percent: f64 = 6.0, [0.1, 100.0], "%", "Voltage that the motor's model may be off by at any speed, of the back-EMF at the largest speed.";
+        9 Real resistance_error_percent: f64 = 40.0, [0.0, 200.0], "%", "By how much the resistance may be off: a hot winding's is 40 % above a cold one's.";
+        10 Real angle_ms: f64 = 3.2, [0.1, 1000.0], "ms", "Patience with an angle error.";
+        11 Real stall_percent: f64 = 1.0, [0.01, 100.0], "%", "Slowest that a motor at its torque limit must turn, of its largest speed.";
+        12 Real stall_ms: f64 = 500.0, [1.0, 10_000.0], "ms", "Patience with one that does not.";
+    }
+}
+
+group! {
+    /// How the drive is commanded.
+    CommandSettings {
+        1 Real heartbeat_ms: f64 = 500.0, [10.0, 10_000.0], "ms", "How long the machine goes on moving by a command that nobody renews.";
+    }
+}
+
+/// Declares the groups, each with its number.
+macro_rules! settings {
+    ($($number:literal $name:ident: $group:ident,)*) => {
+        /// All settings of a drive.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub struct Settings {
+            $(#[doc = concat!("Group `", stringify!($name), "`.")] pub $name: $group,)*
+        }
+
+        impl Settings {
+            /// What holds until somebody sets it: the paper's motors (Wang et al. 2020, Table 1) on 310 V.
+            pub const DEFAULT: Self = Self { $($name: $group::DEFAULT,)* };
+
+            /// All of them, in the order of their numbers.
+            pub fn all() -> impl Iterator<Item = Setting> {
+                const GROUPS: &[(u8, &str, &[Entry])] =
+                    &[$(($number, stringify!($name), $group::ENTRIES),)*];
+                GROUPS.iter().flat_map(|&(number, group, entries)| {
+                    entries.iter().map(move |entry| Setting {
+                        id: u16::from_be_bytes([number, entry.number]),
+                        group,
+                        entry,
+                    })
+                })
+            }
+
+            /// The value of a setting; `None` if there is none of that number.
+            #[must_use]
+            pub fn get(&self, id: u16) -> Option<Value> {
+                let [group, number] = id.to_be_bytes();
+                match group {
+                    $($number => self.$name.get(number),)*
+                    _ => None,
+                }
+            }
+
+            fn put(&mut self, id: u16, value: Value) -> Option<()> {
+                let [group, number] = id.to_be_bytes();
+                match group {
+                    $($number => self.$name.put(number, value),)*
+                    _ => None,
+                }
+            }
+        }
+    };
+}
+
+settings! {
+    1 screw: MotorSettings,
+    2 nut: MotorSettings,
+    3 bridge: BridgeSettings,
+    4 feed: FeedSettings,
+    5 alignment: AlignmentSettings,
+    6 tuning: TuningSettings,
+    7 watch: WatchSettings,
+    8 command: CommandSettings,
+}
+
+/// Why a value is refused.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum SettingError {
+    /// There is no setting of that number.
+    Unknown {
+        /// The number.
+        id: u16,
+    },
+    /// It is of another kind: a word where a number is wanted.
+    Kind {
+        /// The setting.
+        id: u16,
+    },
+    /// It is beyond the setting's range.
+    Range {
+        /// The setting.
+        id: u16,
+        /// What was asked, in the setting's unit.
+        value: f64,
+    },
+}
+
+impl core::fmt::Display for SettingError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let id = match *self {
+            Self::Unknown { id } => return write!(f, "there is no setting of number {id:#06x}"),
+            Self::Kind { id } | Self::Range { id, .. } => id,
+        };
+        let Some(setting) = Settings::all().find(|setting| setting.id == id) else {
+            return write!(f, "there is no setting of number {id:#06x}");
+        };
+        if let Self::Range { value, .. } = self {
+            write!(f, "{setting} is {value}, but ")?;
+        } else {
+            write!(f, "{setting} has a value of another kind: ")?;
+        }
+        write!(f, "{} possible", setting.possible())
+    }
+}
+
+impl core::error::Error for SettingError {}
+
+impl core::fmt::Display for Setting {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        write!(f, "{}.{}", self.group, self.entry.name)
+    }
+}
+
+/// What a setting may be, in words that end before "possible".
+struct Possible(Setting);
+
+impl Setting {
+    /// What it may be, in words: `0.5 to 2 mm are`.
+    pub fn possible(&self) -> impl core::fmt::Display {
+        Possible(*self)
+    }
+
+    /// The setting of a name: `feed.lead_mm`.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let (group, name) = name.split_once('.')?;
+        Settings::all().find(|setting| setting.group == group && setting.entry.name == name)
+    }
+}
+
+impl core::fmt::Display for Possible {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Entry { kind, unit, .. } = self.0.entry;
+        let space = if unit.is_empty() { "" } else { " " };
+        match kind {
+            Kind::Real([least, most]) => write!(f, "{least} to {most}{space}{unit} are"),
+            Kind::Whole([least, most]) => {
+                write!(f, "whole numbers from {least} to {most}{space}{unit} are")
+            }
+            Kind::Choice(words) => {
+                for (k, word) in words.iter().enumerate() {
+                    write!(f, "{}\"{word}\"", if k == 0 { "" } else { ", " })?;
+                }
+                write!(f, " are")
+            }
+        }
+    }
+}
+
+impl Settings {
+    /// Sets one; what it means together with the others is checked when a plate is made of them.
+    ///
+    /// # Errors
+    /// [`SettingError`]; nothing is changed then.
+    pub fn set(&mut self, id: u16, value: Value) -> Result<(), SettingError> {
+        let setting = Self::all()
+            .find(|setting| setting.id == id)
+            .ok_or(SettingError::Unknown { id })?;
+        setting.check(value)?;
+        self.put(id, value).ok_or(SettingError::Kind { id })
+    }
+
+    /// The settings in which `other` differs, in the order of their numbers.
+    pub fn differences(&self, other: &Self) -> impl Iterator<Item = (Setting, Value, Value)> {
+        Self::all().filter_map(|setting| {
+            let (ours, theirs) = (self.get(setting.id)?, other.get(setting.id)?);
+            (ours != theirs).then_some((setting, ours, theirs))
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use std::string::ToString;
+
+    #[test]
+    fn each_has_its_own_number_and_name_and_a_default_within_its_range() {
+        let all: std::vec::Vec<_> = Settings::all().collect();
+        for (k, setting) in all.iter().enumerate() {
+            for other in &all[k + 1..] {
+                assert_ne!(setting.id, other.id, "{setting} and {other}");
+                assert_ne!(setting.to_string(), other.to_string());
+            }
+            let entry = setting.entry;
+            assert_eq!(setting.check(entry.default), Ok(()), "{setting}");
+            assert_eq!(Settings::DEFAULT.get(setting.id), Some(entry.default));
+            assert!(entry.doc.ends_with('.'), "{setting}: {}", entry.doc);
+            assert_eq!(Setting::named(&setting.to_string()).unwrap().id, setting.id);
+        }
+    }
+
+    /// What is stored and sent by number must not change its meaning: new settings get new numbers.
+    #[test]
+    fn numbers_stay() {
+        for (name, id) in [
+            ("screw.resistance_line_to_line_ohm", 0x0101),
+            ("nut.encoder_zero_deg", 0x020e),
+            ("bridge.over_current_a", 0x0301),
+            ("feed.lead_mm", 0x0401),
+            ("tuning.observer_damping", 0x0605),
+            ("watch.stall_ms", 0x070c),
+            ("command.heartbeat_ms", 0x0801),
+        ] {
+            assert_eq!(Setting::named(name).map(|setting| setting.id), Some(id));
+        }
+    }
+
+    #[test]
+    fn what_is_refused_changes_nothing_and_is_named_with_what_is_possible() {
+        let mut settings = Settings::DEFAULT;
+        for (name, value, said) in [
+            (
+                "feed.lead_mm",
+                Value::Real(Real::new(0.0)),
+                "feed.lead_mm is 0, but 0.01 to 1000 mm are possible",
+            ),
+            (
+                "feed.lead_mm",
+                Value::Real(Real::new(f64::NAN)),
+                "feed.lead_mm is NaN, but 0.01 to 1000 mm are possible",
+            ),
+            (
+                "nut.pole_pairs",
+                Value::Whole(129),
+                "nut.pole_pairs is 129, but whole numbers from 1 to 128 are possible",
+            ),
+            (
+                "bridge.measure_zeros",
+                Value::Whole(1),
+                "bridge.measure_zeros has a value of another kind: \"off\", \"on\" are possible",
+            ),
+        ] {
+            let id = Setting::named(name).unwrap().id;
+            assert_eq!(settings.set(id, value).unwrap_err().to_string(), said);
+        }
+        assert_eq!(
+            settings.set(0x0999, Value::Whole(1)),
+            Err(SettingError::Unknown { id: 0x0999 })
+        );
+        assert_eq!(settings, Settings::DEFAULT);
+        let id = Setting::named("nut.pole_pairs").unwrap().id;
+        settings.set(id, Value::Whole(7)).unwrap();
+        assert_eq!(settings.nut.pole_pairs, 7);
+        assert_eq!(settings.differences(&Settings::DEFAULT).count(), 1);
+    }
+}

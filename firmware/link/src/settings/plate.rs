@@ -1,0 +1,399 @@
+//! Settings -> the plate that the control code is configured from, and back.
+
+use super::{
+    AlignmentSettings, BridgeSettings, CommandSettings, EncoderDirection, EncoderInterface,
+    FeedSettings, MotorSettings, PER_KRPM, Setting, Settings, Switch, TuningSettings, Value,
+    WatchSettings,
+};
+use control::encoder::Interface;
+use control::format::Misfit;
+use control::plate::{
+    AlignmentPlate, BoardPlate, DriveConfig, DrivePlate, EncoderPlate, FeedPlate, MotorPlate,
+    RunawayPlate, ThermalPlate, Tuning,
+};
+use core::f64::consts::TAU;
+
+/// Rad/s of one rpm.
+const RPM: f64 = TAU / 60.0;
+
+impl MotorSettings {
+    fn plate(&self) -> MotorPlate {
+        let pole_pairs = self.pole_pairs;
+        MotorPlate {
+            // Two phases in series, or what is equivalent to that in a delta.
+            resistance_ohm: self.resistance_line_to_line_ohm / 2.0,
+            inductance_h: self.inductance_line_to_line_mh * 1e-3 / 2.0,
+            pole_pairs,
+            // See `datasheet`.
+            flux_wb: self.voltage_constant_v_rms_per_krpm / PER_KRPM / f64::from(pole_pairs),
+            inertia_kg_m2: self.inertia_kg_cm2 * 1e-4,
+            speed_max_rpm: self.speed_max_rpm,
+            torque_max_nm: self.torque_max_nm,
+            thermal: ThermalPlate {
+                rated_rms_a: self.rated_current_a_rms,
+                seconds: self.thermal_time_s,
+            },
+            current_gains: [
+                self.current_gain_a,
+                self.current_gain_b,
+                self.current_gain_c,
+            ],
+            encoder: EncoderPlate {
+                interface: match self.encoder_interface {
+                    EncoderInterface::Incremental => Interface::Incremental,
+                    EncoderInterface::IncrementalWithIndex => Interface::IncrementalWithIndex,
+                    EncoderInterface::Mt6835 => Interface::Mt6835,
+                },
+                counts_per_turn: self.encoder_counts_per_turn,
+                age_s: self.encoder_age_us * 1e-6,
+                theta_e_at_zero_turns: self.encoder_zero_deg / 360.0,
+                reversed: match self.encoder_direction {
+                    EncoderDirection::Unknown => None,
+                    EncoderDirection::Forwards => Some(false),
+                    EncoderDirection::Backwards => Some(true),
+                },
+            },
+        }
+    }
+
+    fn of_plate(plate: &MotorPlate, alignment_torque_nm: f64) -> Self {
+        let [current_gain_a, current_gain_b, current_gain_c] = plate.current_gains;
+        let encoder = &plate.encoder;
+        Self {
+            resistance_line_to_line_ohm: plate.resistance_ohm * 2.0,
+            inductance_line_to_line_mh: plate.inductance_h * 2.0 * 1e3,
+            pole_pairs: plate.pole_pairs,
+            voltage_constant_v_rms_per_krpm: plate.flux_wb * f64::from(plate.pole_pairs) * PER_KRPM,
+            inertia_kg_cm2: plate.inertia_kg_m2 * 1e4,
+            speed_max_rpm: plate.speed_max_rpm,
+            torque_max_nm: plate.torque_max_nm,
+            rated_current_a_rms: plate.thermal.rated_rms_a,
+            thermal_time_s: plate.thermal.seconds,
+            alignment_torque_nm,
+            encoder_interface: match encoder.interface {
+                Interface::Incremental => EncoderInterface::Incremental,
+                Interface::IncrementalWithIndex => EncoderInterface::IncrementalWithIndex,
+                Interface::Mt6835 => EncoderInterface::Mt6835,
+            },
+            encoder_counts_per_turn: encoder.counts_per_turn,
+            encoder_direction: match encoder.reversed {
+                None => EncoderDirection::Unknown,
+                Some(false) => EncoderDirection::Forwards,
+                Some(true) => EncoderDirection::Backwards,
+            },
+            encoder_zero_deg: encoder.theta_e_at_zero_turns * 360.0,
+            encoder_age_us: encoder.age_s * 1e6,
+            current_gain_a,
+            current_gain_b,
+            current_gain_c,
+        }
+    }
+}
+
+impl Settings {
+    /// The plate of a drive with these settings on `board`, of which the rest is the board's own.
+    #[must_use]
+    pub fn plate(&self, board: &BoardPlate) -> DrivePlate {
+        let Self {
+            screw,
+            nut,
+            bridge,
+            feed,
+            alignment,
+            tuning,
+            watch,
+            command,
+        } = self;
+        DrivePlate {
+            motors: [screw.plate(), nut.plate()],
+            board: BoardPlate {
+                over_current_a: bridge.over_current_a,
+                measure_zeros: bridge.measure_zeros == Switch::On,
+                dead_time_s: bridge.dead_time_ns * 1e-9,
+                dead_time_fade_a: bridge.dead_time_fade_a,
+                min_on_time_s: bridge.min_on_time_us * 1e-6,
+                bootstrap_s: bridge.bootstrap_ms * 1e-3,
+                thermal: ThermalPlate {
+                    rated_rms_a: bridge.rated_current_a_rms,
+                    seconds: bridge.thermal_time_s,
+                },
+                bus_min_v: bridge.bus_min_v,
+                regeneration_v: [bridge.brake_fade_from_v, bridge.brake_fade_to_v],
+                ..*board
+            },
+            tuning: Tuning {
+                damping: tuning.damping,
+                current_rad_s: tuning.current_rad_s,
+                speed_rad_s: tuning.speed_rad_s,
+                observer_rad_s: tuning.observer_rad_s,
+                observer_damping: tuning.observer_damping,
+            },
+            feed: FeedPlate {
+                lead_m: feed.lead_mm * 1e-3,
+                velocity_max: feed.velocity_max_mm_s * 1e-3,
+                acceleration_max: feed.acceleration_max_mm_s2 * 1e-3,
+                jerk_max: feed.jerk_max_mm_s3 * 1e-3,
+                base_acceleration_max: feed.base_acceleration_max_rpm_s * RPM,
+                base_jerk_max: feed.base_jerk_max_rpm_s2 * RPM,
+            },
+            alignment: AlignmentPlate {
+                torque_nm: [screw.alignment_torque_nm, nut.alignment_torque_nm],
+                travel_m: alignment.travel_um * 1e-6,
+                speed_rpm: alignment.speed_rpm,
+            },
+            runaway: RunawayPlate {
+                over_speed: watch.over_speed_percent / 100.0,
+                over_speed_s: watch.over_speed_ms * 1e-3,
+                following: watch.following_percent / 100.0,
+                following_s: watch.following_ms * 1e-3,
+                current_error: watch.current_error_percent / 100.0,
+                current_error_s: watch.current_error_ms * 1e-3,
+                angle_deg: watch.angle_deg,
+                angle_floor: watch.angle_floor_percent / 100.0,
+                resistance_error: watch.resistance_error_percent / 100.0,
+                angle_s: watch.angle_ms * 1e-3,
+                stall: watch.stall_percent / 100.0,
+                stall_s: watch.stall_ms * 1e-3,
+            },
+            heartbeat_s: command.heartbeat_ms * 1e-3,
+        }
+    }
+
+    /// The settings that make `plate`, of a drive whose table's scale has counts of `scale_count_m`.
+    #[must_use]
+    pub fn of_plate(plate: &DrivePlate, scale_count_m: f64) -> Self {
+        let DrivePlate {
+            motors: [screw, nut],
+            board,
+            tuning,
+            feed,
+            alignment,
+            runaway,
+            heartbeat_s,
+        } = plate;
+        let [screw_nm, nut_nm] = alignment.torque_nm;
+        let [brake_fade_from_v, brake_fade_to_v] = board.regeneration_v;
+        Self {
+            screw: MotorSettings::of_plate(screw, screw_nm),
+            nut: MotorSettings::of_plate(nut, nut_nm),
+            bridge: BridgeSettings {
+                over_current_a: board.over_current_a,
+                measure_zeros: if board.measure_zeros {
+                    Switch::On
+                } else {
+                    Switch::Off
+                },
+                dead_time_ns: board.dead_time_s * 1e9,
+                dead_time_fade_a: board.dead_time_fade_a,
+                min_on_time_us: board.min_on_time_s * 1e6,
+                bootstrap_ms: board.bootstrap_s * 1e3,
+                rated_current_a_rms: board.thermal.rated_rms_a,
+                thermal_time_s: board.thermal.seconds,
+                bus_min_v: board.bus_min_v,
+                brake_fade_from_v,
+                brake_fade_to_v,
+            },
+            feed: FeedSettings {
+                lead_mm: feed.lead_m * 1e3,
+                scale_count_nm: scale_count_m * 1e9,
+                velocity_max_mm_s: feed.velocity_max * 1e3,
+                acceleration_max_mm_s2: feed.acceleration_max * 1e3,
+                jerk_max_mm_s3: feed.jerk_max * 1e3,
+                base_acceleration_max_rpm_s: feed.base_acceleration_max / RPM,
+                base_jerk_max_rpm_s2: feed.base_jerk_max / RPM,
+            },
+            alignment: AlignmentSettings {
+                travel_um: alignment.travel_m * 1e6,
+                speed_rpm: alignment.speed_rpm,
+            },
+            tuning: TuningSettings {
+                damping: tuning.damping,
+                current_rad_s: tuning.current_rad_s,
+                speed_rad_s: tuning.speed_rad_s,
+                observer_rad_s: tuning.observer_rad_s,
+                observer_damping: tuning.observer_damping,
+            },
+            watch: WatchSettings {
+                over_speed_percent: runaway.over_speed * 100.0,
+                over_speed_ms: runaway.over_speed_s * 1e3,
+                following_percent: runaway.following * 100.0,
+                following_ms: runaway.following_s * 1e3,
+                current_error_percent: runaway.current_error * 100.0,
+                current_error_ms: runaway.current_error_s * 1e3,
+                angle_deg: runaway.angle_deg,
+                angle_floor_percent: runaway.angle_floor * 100.0,
+                resistance_error_percent: runaway.resistance_error * 100.0,
+                angle_ms: runaway.angle_s * 1e3,
+                stall_percent: runaway.stall * 100.0,
+                stall_ms: runaway.stall_s * 1e3,
+            },
+            command: CommandSettings {
+                heartbeat_ms: heartbeat_s * 1e3,
+            },
+        }
+    }
+
+    /// One count of the table's scale, m.
+    #[must_use]
+    pub fn scale_count_m(&self) -> f64 {
+        self.feed.scale_count_nm * 1e-9
+    }
+
+    /// The drive's configuration, if `self` may take the place of `before`, which has one.
+    ///
+    /// # Errors
+    /// [`Unfit`] with the setting without whose change it would fit, and the number that does not.
+    pub fn config(&self, before: &Self, board: &BoardPlate) -> Result<DriveConfig, Unfit> {
+        let misfit = match self.plate(board).config() {
+            Ok(config) => return Ok(config),
+            Err(misfit) => misfit,
+        };
+        // One after the other: the last change with which a configuration that was there is gone.
+        let mut now = *before;
+        let mut unfit = None;
+        for (setting, _, value) in before.differences(self) {
+            now.put(setting.id, value);
+            match (now.plate(board).config(), unfit) {
+                (Ok(_), _) => unfit = None,
+                (Err(misfit), None) => {
+                    unfit = Some(Unfit {
+                        setting: Some((setting, value)),
+                        misfit,
+                    });
+                }
+                (Err(_), Some(_)) => {}
+            }
+        }
+        Err(unfit.unwrap_or(Unfit {
+            setting: None,
+            misfit,
+        }))
+    }
+}
+
+/// A setting that the drive's fixed-point formats, or physics, do not allow.
+#[derive(Clone, Copy, Debug)]
+pub struct Unfit {
+    /// The setting, and its value; `None` if the settings did not fit before either.
+    pub setting: Option<(Setting, Value)>,
+    /// What of the configuration does not fit with it.
+    pub misfit: Misfit,
+}
+
+impl core::fmt::Display for Unfit {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        if let Some((setting, value)) = self.setting {
+            write!(f, "{setting} = {} does not fit: ", value.shown(setting))?;
+        }
+        write!(f, "{}", self.misfit)
+    }
+}
+
+impl core::error::Error for Unfit {}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use crate::telemetry::Real;
+    use std::string::ToString;
+
+    /// The board of a plate with the paper's motors: 170 MHz, 20 kHz, ±5 A, 450 V.
+    fn board() -> BoardPlate {
+        BoardPlate {
+            timer_hz: 170e6,
+            pwm_hz: 20e3,
+            speed_divider: 4,
+            shunts: control::sense::Shunts::Two,
+            amps_per_count: 10.0 / 4096.0,
+            zero_counts: 2048.0,
+            bus_volts_per_count: 0.11,
+            adc_counts: 4096,
+            over_current_a: 0.0,
+            bus_min_v: 0.0,
+            dead_time_s: 0.0,
+            dead_time_fade_a: 0.0,
+            measure_zeros: false,
+            min_on_time_s: 0.0,
+            bootstrap_s: 0.0,
+            thermal: ThermalPlate {
+                rated_rms_a: 0.0,
+                seconds: 0.0,
+            },
+            regeneration_v: [0.0; 2],
+        }
+    }
+
+    /// The gains of the defaults are those that others computed for the paper's motors (Eqs 9 to 12), and its figures.
+    #[test]
+    fn the_defaults_are_the_paper_s_machine() {
+        let plate = Settings::DEFAULT.plate(&board());
+        let motor = &plate.motors[0];
+        for (measured, expected) in [
+            (motor.resistance_ohm, 1.7),
+            (motor.inductance_h, 5.9e-3),
+            (motor.flux_wb, 0.11),
+            (motor.inertia_kg_m2, 7.2e-4),
+            (plate.feed.lead_m, 5e-3),
+        ] {
+            assert!(
+                (measured / expected - 1.0).abs() < 1e-12,
+                "measured {measured}, expected {expected}"
+            );
+        }
+        let gains = motor.gains(&plate.tuning);
+        assert!((gains.k_pc - 23.08).abs() < 0.005, "{gains:?}");
+        assert!((gains.k_pw - 0.07331).abs() < 5e-6, "{gains:?}");
+        assert!(plate.config().is_ok());
+    }
+
+    #[test]
+    fn a_plate_s_settings_make_the_plate() {
+        let mut settings = Settings::DEFAULT;
+        settings.nut.encoder_direction = EncoderDirection::Unknown;
+        settings.screw.encoder_interface = EncoderInterface::IncrementalWithIndex;
+        settings.screw.encoder_zero_deg = -90.0;
+        settings.bridge.dead_time_ns = 500.0;
+        let plate = settings.plate(&board());
+        let again = Settings::of_plate(&plate, settings.scale_count_m());
+        for setting in Settings::all() {
+            let values = [&settings, &again].map(|settings| settings.get(setting.id).unwrap());
+            if let [Value::Real(a), Value::Real(b)] = values {
+                let (a, b) = (a.get(), b.get());
+                assert!((a - b).abs() <= 1e-13 * a.abs(), "{setting}: {a}, {b}");
+            } else {
+                assert_eq!(values[0], values[1], "{setting}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_does_not_fit_is_named_by_its_setting_whatever_was_changed_beside_it() {
+        let before = Settings::DEFAULT;
+        for (name, value, misfit) in [
+            (
+                "nut.resistance_line_to_line_ohm",
+                60.0,
+                "current-loop gain Kpc (Eq 9)",
+            ),
+            ("screw.speed_max_rpm", 60_000.0, "largest speed"),
+            ("bridge.brake_fade_from_v", 390.0, "begins to fade"),
+            ("tuning.observer_rad_s", 30_000.0, "observer frequency"),
+        ] {
+            let setting = Setting::named(name).unwrap();
+            let mut after = before;
+            // Changes that fit, before and after it.
+            after.screw.inertia_kg_cm2 = 8.0;
+            after.command.heartbeat_ms = 400.0;
+            after
+                .set(setting.id, Value::Real(Real::new(value)))
+                .unwrap();
+            let unfit = after.config(&before, &board()).unwrap_err().to_string();
+            let begin = std::format!("{name} = {value} ");
+            assert!(
+                unfit.starts_with(&begin) && unfit.contains(misfit),
+                "{unfit:?} should begin with {begin:?} and name {misfit:?}"
+            );
+        }
+    }
+}
