@@ -18,11 +18,22 @@ mod speed;
 mod supervision;
 mod telemetry;
 
-use control::plate::DriveConfig;
+use control::plate::{CompensationPlate, DriveConfig, DrivePlate};
+
+/// The board's plate; with the feature `smooth` it learns the ripple that motors, encoders and lead usually have.
+const PLATE: DrivePlate = {
+    let mut plate = board::PLATE;
+    if cfg!(feature = "smooth") {
+        let [screw, nut] = &plate.motors;
+        let pole_pairs = [screw.pole_pairs, nut.pole_pairs];
+        plate.compensation = CompensationPlate::usual(pole_pairs, 0.5, board::SCALE_COUNT_M);
+    }
+    plate
+};
 
 /// The drive's configuration, computed while compiling: a number that does not fit its format stops the build.
-const CONFIG: DriveConfig = match board::PLATE.config() {
-    Ok(config) if cfg!(feature = "encoders-at-zero") => config.aligned(&board::PLATE),
+const CONFIG: DriveConfig = match PLATE.config() {
+    Ok(config) if cfg!(feature = "encoders-at-zero") => config.aligned(&PLATE),
     Ok(config) => config,
     Err(_) => panic!("a number of the board's plate does not fit its fixed-point format"),
 };

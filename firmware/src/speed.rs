@@ -55,6 +55,7 @@ impl Speed {
         let view = &DRIVE_VIEW;
         self.take_command();
         let [run, reset] = DRIVE_COMMAND.run_or_reset();
+        let scale = self.scale.position();
         let request = Request {
             run,
             reset,
@@ -64,6 +65,11 @@ impl Speed {
             } else {
                 interlock::Inputs::default()
             },
+            scale: CONFIG
+                .compensation
+                .scale
+                .is_some()
+                .then_some(scale.cast_unsigned()),
         };
         let exchanges = MOTORS.each_ref().map(|motor| &motor.exchange);
         let found = match self.watches.take() {
@@ -83,7 +89,6 @@ impl Speed {
                 view.misalignment.store(misalignment.reason.word(), Relaxed);
             }
         }
-        let scale = self.scale.position();
         view.scale.store(scale, Relaxed);
         count(&view.speed_steps);
         self.sampler.step(&output, scale);

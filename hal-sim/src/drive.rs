@@ -6,6 +6,7 @@
 use crate::board::{Board, BoardConfig};
 use crate::seam::{Disturbed, Seam, Straight};
 use control::alignment::Misalignment;
+use control::compensation::Compensation;
 use control::coordinator::{Command, CommandError};
 use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
 use control::exchange::{MotorExchange, MotorStatus};
@@ -222,6 +223,12 @@ impl Drive {
         self.speed_task.misalignment()
     }
 
+    /// What it compensates, with what it has learned.
+    #[must_use]
+    pub fn compensation(&self) -> &Compensation {
+        self.speed_task.compensation()
+    }
+
     /// What the drive is doing.
     #[must_use]
     pub fn state(&self) -> State {
@@ -315,6 +322,10 @@ impl Drive {
             self.request.heartbeat = self.request.heartbeat.wrapping_add(1);
         }
         let mut request = self.request;
+        if self.config.compensation.scale.is_some() {
+            // The counter's own width, which the control knows to wrap.
+            request.scale = Some(self.board.scale_counts() as u32);
+        }
         seam.request(&mut request);
         self.speed = self.speed_task.step(
             &self.config,

@@ -11,6 +11,7 @@
 //! - [`alignment`]: starts of a drive that does not know where its rotors stand.
 //! - [`faults`]: the fault matrix: each input, wrong in each way, in each situation, and what comes of it.
 //! - [`runaway`]: wrong electrical angles, and what they do until the bridges are off.
+//! - [`smooth`]: how smooth the table moves, with what the drive compensates and without.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`parallel`]: independent runs on all cores.
 //! - [`draw`]: machines drawn at random, for tests of what looks at their records.
@@ -37,6 +38,7 @@ pub mod response;
 pub mod runaway;
 pub mod seam;
 pub mod sensors;
+pub mod smooth;
 pub mod supervision;
 pub mod vrf;
 pub mod wiring;

@@ -2,8 +2,8 @@
 
 use crate::board::BoardConfig;
 use control::plate::{
-    AlignmentPlate, BoardPlate, DrivePlate, FeedPlate, MotorPlate, RunawayPlate, ThermalPlate,
-    Tuning,
+    AlignmentPlate, BoardPlate, CompensationPlate, DrivePlate, FeedPlate, MotorPlate, RunawayPlate,
+    ThermalPlate, Tuning,
 };
 use plant::Axis;
 use plant::machine::Coupling;
@@ -120,6 +120,7 @@ pub fn plates(
             speed_rpm: PAPER_SPEED_RPM / 15.0,
         },
         runaway: RunawayPlate::USUAL,
+        compensation: CompensationPlate::NONE,
         heartbeat_s: 0.5,
     }
 }

@@ -52,7 +52,12 @@ pub const INTERRUPTS: [Interrupt; 3] = [
 ];
 
 /// Loops in the interrupts' code.
-pub const LOOPS: [LoopBound; 6] = [
+pub const LOOPS: [LoopBound; 7] = [
+    LoopBound {
+        function: "control::compensation",
+        rounds: 8,
+        because: "the orders of a motor: `control::compensation::TORQUES`",
+    },
     LoopBound {
         function: "control::alignment",
         rounds: 0,

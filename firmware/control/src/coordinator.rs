@@ -206,6 +206,13 @@ impl Coordinator {
         ]
     }
 
+    /// What the table's share turns the screw by against the nut, mechanical rad/s.
+    #[must_use]
+    #[inline(always)]
+    pub fn relative(&self) -> Speed {
+        narrow(self.table.value)
+    }
+
     /// Both references have arrived at rest.
     #[must_use]
     pub fn at_rest(&self) -> bool {

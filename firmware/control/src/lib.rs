@@ -17,6 +17,7 @@
 //! | jerk-limited reference | [`profile`] | speed task |
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
 //! | where both rotors stand | [`alignment`] | speed task, before the drive is ready |
+//! | ripple that repeats with an angle | [`compensation`] | speed task |
 //! | heat of windings and bridges, a bus that fills -> current limits | [`thermal`], [`current_limit`] | speed task |
 //! | is the motion in hand? | [`runaway`] | speed task |
 //! | may the machine go on moving? | [`interlock`] | speed task |
@@ -56,6 +57,7 @@ extern crate std;
 
 pub mod alignment;
 pub mod codes;
+pub mod compensation;
 pub mod coordinator;
 pub mod current_limit;
 pub mod current_loop;

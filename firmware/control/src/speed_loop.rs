@@ -32,6 +32,25 @@ pub struct Wanted {
     current: Current,
 }
 
+impl Wanted {
+    /// Reference less speed, electrical rad/s.
+    #[must_use]
+    #[inline(always)]
+    pub fn error(self) -> Speed {
+        self.error
+    }
+
+    /// The same with a current more.
+    #[must_use]
+    #[inline(always)]
+    pub fn plus(self, current: Current) -> Self {
+        Self {
+            current: self.current.saturating_add(current),
+            ..self
+        }
+    }
+}
+
 /// What a speed loop asks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpeedLoopOutput {

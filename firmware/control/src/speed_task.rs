@@ -1,17 +1,18 @@
 //! The speed task: supervisor, coordinator and both speed loops in one step.
 
 use crate::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen, Progress};
+use crate::compensation::{Compensation, Turning};
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_limit::CurrentRange;
-use crate::current_loop::{CurrentReference, Mode};
+use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::exchange::MotorExchange;
 use crate::fault::Fault;
-use crate::format::Current;
+use crate::format::{Angle, Current, Speed};
 use crate::interlock::Interlock;
 use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
 use crate::runaway::{Motion, Runaway, Sign};
-use crate::speed_loop::{SpeedLoop, SpeedReference};
+use crate::speed_loop::{SpeedLoop, SpeedReference, Wanted};
 use crate::supervisor::{Request, State};
 use crate::thermal::Heat;
 
@@ -54,6 +55,9 @@ pub struct SpeedTask {
     /// What it leaves of the torque currents.
     current_max: [Current; 2],
     too_hot: [bool; 2],
+    compensation: Compensation,
+    /// The encoders count backwards: screw, nut.
+    reversed: [bool; 2],
     /// Which of the [`Look`]s is due.
     look: u8,
 }
@@ -83,8 +87,16 @@ impl SpeedTask {
             rests_for: None,
             current_max: [screw_loop.i_max, nut_loop.i_max],
             too_hot: [false; 2],
+            compensation: Compensation::new(&config.compensation),
+            reversed: [false; 2],
             look: 0,
         }
+    }
+
+    /// What is compensated, with what was learned.
+    #[must_use]
+    pub const fn compensation(&self) -> &Compensation {
+        &self.compensation
     }
 
     /// Takes a new command, to be followed while running.
@@ -152,7 +164,7 @@ impl SpeedTask {
         {
             return output;
         }
-        let output = self.drive(config, exchanges, look);
+        let output = self.drive(config, request.scale, exchanges, look);
         let ([to_screw, to_nut], [screw_loop, nut_loop]) = (output.current, &config.current_loops);
         screw.ask_on(to_screw.i_q, screw_loop);
         nut.ask_on(to_nut.i_q, nut_loop);
@@ -216,6 +228,11 @@ impl SpeedTask {
             State::Stopping => Command::rest(),
             _ => return Some(self.rest(config, request, exchanges)),
         };
+        self.reversed = exchanges.map(|exchange| {
+            exchange
+                .alignment()
+                .is_some_and(|alignment| alignment.reversed)
+        });
         if target != self.followed {
             // Checked when it was given, and rest is always allowed; a refusal would leave the old target.
             let _ = self.coordinator.command(&config.coordinator, target);
@@ -268,6 +285,7 @@ impl SpeedTask {
     fn drive(
         &mut self,
         config: &DriveConfig,
+        scale: Option<u32>,
         exchanges: [&MotorExchange; 2],
         look: Look,
     ) -> SpeedTaskOutput {
@@ -294,12 +312,49 @@ impl SpeedTask {
         );
 
         let [screw_config, nut_config] = &config.speed_loops;
-        let [screw_reference, nut_reference] = speed;
+        let [mut screw_reference, mut nut_reference] = speed;
+        if config.compensation.active {
+            let [screw_reversed, nut_reversed] = self.reversed;
+            let given = self.compensation.references(
+                &config.compensation,
+                [
+                    Turning {
+                        theta: shaft_angle(screw_exchange, screw_loop, screw_reversed),
+                        theta_step: screw_step,
+                        omega_e: screw_omega_e,
+                        steady: !screw_voltage
+                            && !screw_torque
+                            && screw_reference.change == Speed::ZERO,
+                    },
+                    Turning {
+                        theta: shaft_angle(nut_exchange, nut_loop, nut_reversed),
+                        theta_step: nut_step,
+                        omega_e: nut_omega_e,
+                        steady: !nut_voltage && !nut_torque && nut_reference.change == Speed::ZERO,
+                    },
+                ],
+                scale,
+                self.coordinator.relative(),
+            );
+            for (reference, given) in [&mut screw_reference, &mut nut_reference]
+                .into_iter()
+                .zip(given)
+            {
+                reference.omega_e = reference.omega_e.saturating_add(given);
+            }
+        }
         let [screw_loop, nut_loop] = &mut self.speed_loops;
-        let wanted = [
+        let mut wanted = [
             screw_loop.wanted(screw_config, screw_reference, screw_omega_e),
             nut_loop.wanted(nut_config, nut_reference, nut_omega_e),
         ];
+        if config.compensation.active {
+            let errors = wanted.map(Wanted::error);
+            let given = self.compensation.currents(errors);
+            for (wanted, given) in wanted.iter_mut().zip(given) {
+                *wanted = wanted.plus(given);
+            }
+        }
         let [screw_wanted, nut_wanted] = wanted;
         let [screw_regeneration, nut_regeneration] = &config.regeneration;
         let [screw_max, nut_max] = self.current_max;
@@ -493,6 +548,17 @@ impl SpeedTask {
     }
 }
 
+/// Where a shaft is by its encoder's last count, in the rotor's sense.
+#[inline(always)]
+fn shaft_angle(exchange: &MotorExchange, config: &CurrentLoopConfig, reversed: bool) -> Angle {
+    let angle = config.observer.encoder.angle(exchange.encoder());
+    if reversed {
+        Angle(0).turned(Angle(0).minus(angle))
+    } else {
+        angle
+    }
+}
+
 /// Steps from one look at a motor's motion to the next, and from one at the interlock.
 pub const STEPS_PER_LOOK: u32 = 4;
 /// Steps from one look at a motor's heat to the next.
@@ -595,7 +661,7 @@ mod tests {
             // Twice the square stands against the rated one, from 0.8 of it to 1.1025.
             let square = 2.0 * 1.2 * 1.2 / (3.0 * 0.8 * 0.8);
             let expected = 2.0 * f64::ln((square - 0.8) / (square - 1.1025));
-            let seconds = f64::from(steps.expect("it stops")) * plate.speed_step();
+            let seconds = f64::from(steps.unwrap()) * plate.speed_step();
             assert!(
                 (seconds / expected - 1.0).abs() < 0.02,
                 "stopped after {seconds} s, expected {expected} s"

@@ -114,6 +114,8 @@ pub struct Request {
     pub heartbeat: u32,
     /// What the board's inputs say.
     pub inputs: Inputs,
+    /// Count of the table's scale, which wraps; `None` where there is none.
+    pub scale: Option<u32>,
 }
 
 impl State {

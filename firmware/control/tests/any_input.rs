@@ -14,7 +14,7 @@ use control::format::{MechanicalSpeed, TableVelocity};
 use control::guard::{Guard, GuardPlate, Look};
 use control::interlock::Inputs;
 use control::motor_io::MotorIo;
-use control::plate::DrivePlate;
+use control::plate::{CompensationPlate, DrivePlate};
 use control::sense::Shunts;
 use control::speed_task::SpeedTask;
 use control::supervisor::{Request, State};
@@ -137,6 +137,7 @@ fn stretch() -> impl Strategy<Value = Stretch> {
                     end_forward: forward,
                     end_backward: backward,
                 },
+                scale: heartbeat.is_multiple_of(3).then_some(heartbeat),
             },
         );
     (
@@ -285,9 +286,12 @@ proptest! {
         stretches in prop::collection::vec(stretch(), 1..8),
         aligned in any::<bool>(),
     ) {
+        let mut smooth = nucleo_plate::PLATE;
+        smooth.compensation = CompensationPlate::usual([1, 7], 0.05, 1e-7);
         for (plate, guards) in [
             (&nucleo_plate::PLATE, &nucleo_plate::GUARDS),
             (&mains_plate::PLATE, &mains_plate::GUARDS),
+            (&smooth, &nucleo_plate::GUARDS),
         ] {
             through(plate, guards, aligned, &stretches)?;
         }

@@ -7,7 +7,7 @@ use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::mt6835;
 use control::plate::{
-    BoardPlate, DrivePlate, EncoderPlate, MotorPlate, RunawayPlate, ThermalPlate,
+    BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, MotorPlate, RunawayPlate, ThermalPlate,
 };
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
@@ -92,6 +92,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     feed: paper_machine::FEED,
     alignment: paper_machine::ALIGNMENT,
     runaway: RunawayPlate::USUAL,
+    compensation: CompensationPlate::NONE,
     heartbeat_s: 0.5,
 };
 

@@ -7,7 +7,8 @@ use super::paper_machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::plate::{
-    AlignmentPlate, BoardPlate, DrivePlate, EncoderPlate, MotorPlate, RunawayPlate, ThermalPlate,
+    AlignmentPlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, MotorPlate,
+    RunawayPlate, ThermalPlate,
 };
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
@@ -105,6 +106,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         speed_rpm: MOTOR.speed_max_rpm / 15.0,
     },
     runaway: RunawayPlate::USUAL,
+    compensation: CompensationPlate::NONE,
     heartbeat_s: 0.5,
 };
 

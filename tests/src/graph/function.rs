@@ -198,7 +198,7 @@ impl Body {
             calls,
             bound,
             done: BTreeMap::new(),
-            path: BTreeSet::new(),
+            path: Vec::new(),
         };
         search.from(self.start)
     }
@@ -239,7 +239,8 @@ struct Search<'a> {
     calls: &'a BTreeMap<u32, u64>,
     bound: Option<&'a LoopBound>,
     done: BTreeMap<u32, u64>,
-    path: BTreeSet<u32>,
+    /// In the order of the way.
+    path: Vec<u32>,
 }
 
 impl Search<'_> {
@@ -251,7 +252,7 @@ impl Search<'_> {
         let Some(instruction) = self.body.instructions.get(&at) else {
             return Err(format!("the way leaves the function's code at {at:#010x}"));
         };
-        self.path.insert(at);
+        self.path.push(at);
         let next = instruction.address + instruction.size;
         let called = self
             .body
@@ -284,24 +285,28 @@ impl Search<'_> {
             }
             Flow::Indirect => return Err(format!("an indirect jump at {at:#010x}")),
         };
-        self.path.remove(&at);
+        self.path.pop();
         self.done.insert(at, cycles);
         Ok(cycles)
     }
 
-    /// On from `from` to `to`. A way back into the path is a loop: all of the function's code between its ends is then
-    /// taken `rounds` times, which is more than it can be.
+    /// On from `from` to `to`. A way back into the path is a loop: all of the function's code between its ends, wherever it is
+    /// entered, is then taken `rounds` times, which is more than it can be.
     fn go(&mut self, from: u32, to: u32) -> Result<u64, String> {
-        if !self.path.contains(&to) {
+        let Some(entered) = self.path.iter().position(|&at| at == to) else {
             return self.from(to);
-        }
+        };
+        let round = self.path.iter().skip(entered);
+        let (first, last) = round.fold((from, from), |(first, last), &at| {
+            (first.min(at), last.max(at))
+        });
         let bound = self.bound.ok_or_else(|| {
             format!("a loop from {from:#010x} back to {to:#010x} without a bound")
         })?;
         let round: u64 = self
             .body
             .instructions
-            .range(to..=from)
+            .range(first..=last)
             .map(|(_, i)| {
                 let called = self
                     .body

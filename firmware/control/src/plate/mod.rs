@@ -15,6 +15,7 @@ pub mod tuning;
 pub use scaling::DriveConfig;
 pub use tuning::{Gains, Tuning};
 
+use crate::compensation::{ANGLES, TORQUES, TRAVELS};
 use crate::encoder::Interface;
 use crate::format::Angle;
 use crate::observer::EncoderAlignment;
@@ -153,6 +154,88 @@ pub struct AlignmentPlate {
     pub speed_rpm: f64,
 }
 
+/// What repeats with an angle and is compensated: see [`compensation`](crate::compensation).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CompensationPlate {
+    /// Torque of screw and nut, as currents, A. At most two thirds of the largest current each.
+    pub torque: [[OrderPlate; TORQUES]; 2],
+    /// Errors of the encoders of screw and nut: relative change of their speed.
+    pub angle: [[OrderPlate; ANGLES]; 2],
+    /// Error of the lead, of the relative angle of screw and nut: relative change of the table's velocity.
+    pub travel: [OrderPlate; TRAVELS],
+    /// Time constant with which each is learned, s; 0: nothing is.
+    pub learning_s: f64,
+    /// One count of the table's scale, m, negative where it falls with positive travel; 0: there is none.
+    pub scale_count_m: f64,
+}
+
+impl CompensationPlate {
+    /// Nothing is compensated.
+    pub const NONE: Self = Self {
+        torque: [[OrderPlate::NONE; TORQUES]; 2],
+        angle: [[OrderPlate::NONE; ANGLES]; 2],
+        travel: [OrderPlate::NONE; TRAVELS],
+        learning_s: 0.0,
+        scale_count_m: 0.0,
+    };
+
+    /// What motors of so many pole pairs usually have, of which nothing is known yet: once and twice an electrical turn are the
+    /// offset and the gain of a current sensor (Eqs 13 and 14), multiples of six are flux, current and dead time (Eq 15), three
+    /// and four an unequal winding. With a scale, once a turn of each encoder and of the lead. A motor's slots are its own.
+    #[must_use]
+    pub const fn usual([screw, nut]: [u32; 2], learning_s: f64, scale_count_m: f64) -> Self {
+        let once = OrderPlate::unknown(if scale_count_m == 0.0 { 0.0 } else { 1.0 });
+        let first = [once, OrderPlate::NONE];
+        Self {
+            torque: [electrical(screw), electrical(nut)],
+            angle: [first; 2],
+            travel: first,
+            learning_s,
+            scale_count_m,
+        }
+    }
+}
+
+const fn electrical(pole_pairs: u32) -> [OrderPlate; TORQUES] {
+    let p = pole_pairs as f64;
+    [
+        OrderPlate::unknown(p),
+        OrderPlate::unknown(2.0 * p),
+        OrderPlate::unknown(3.0 * p),
+        OrderPlate::unknown(4.0 * p),
+        OrderPlate::unknown(6.0 * p),
+        OrderPlate::unknown(12.0 * p),
+        OrderPlate::unknown(18.0 * p),
+        OrderPlate::unknown(24.0 * p),
+    ]
+}
+
+/// `Re((re + j im) e^(j order angle))`, added to what it compensates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct OrderPlate {
+    /// Repetitions in a turn, 1/65536 to 1000; 0: none.
+    pub order: f64,
+    /// Cosine's part.
+    pub re: f64,
+    /// Minus the sine's part.
+    pub im: f64,
+}
+
+impl OrderPlate {
+    /// No order.
+    pub const NONE: Self = Self::unknown(0.0);
+
+    /// An order of which nothing is known yet.
+    #[must_use]
+    pub const fn unknown(order: f64) -> Self {
+        Self {
+            order,
+            re: 0.0,
+            im: 0.0,
+        }
+    }
+}
+
 /// When motion is not in hand: limits as parts of what each motor may do, and how long each is tolerated, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunawayPlate {
@@ -215,6 +298,8 @@ pub struct DrivePlate {
     pub alignment: AlignmentPlate,
     /// When motion is not in hand.
     pub runaway: RunawayPlate,
+    /// What repeats with an angle and is compensated.
+    pub compensation: CompensationPlate,
     /// How long the machine goes on moving by a command that nobody renews, s.
     pub heartbeat_s: f64,
 }
@@ -332,6 +417,7 @@ mod tests {
                 speed_rpm: 200.0,
             },
             runaway: RunawayPlate::USUAL,
+            compensation: CompensationPlate::NONE,
             heartbeat_s: 0.5,
         }
     }

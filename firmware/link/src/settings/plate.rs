@@ -8,8 +8,8 @@ use super::{
 use control::encoder::Interface;
 use control::format::Misfit;
 use control::plate::{
-    AlignmentPlate, BoardPlate, DriveConfig, DrivePlate, EncoderPlate, FeedPlate, MotorPlate,
-    RunawayPlate, ThermalPlate, Tuning,
+    AlignmentPlate, BoardPlate, CompensationPlate, DriveConfig, DrivePlate, EncoderPlate,
+    FeedPlate, MotorPlate, RunawayPlate, ThermalPlate, Tuning,
 };
 use core::f64::consts::TAU;
 
@@ -155,6 +155,8 @@ impl Settings {
                 stall: watch.stall_percent / 100.0,
                 stall_s: watch.stall_ms * 1e-3,
             },
+            // Orders are no settings yet.
+            compensation: CompensationPlate::NONE,
             heartbeat_s: command.heartbeat_ms * 1e-3,
         }
     }
@@ -169,6 +171,7 @@ impl Settings {
             feed,
             alignment,
             runaway,
+            compensation: _,
             heartbeat_s,
         } = plate;
         let [screw_nm, nut_nm] = alignment.torque_nm;

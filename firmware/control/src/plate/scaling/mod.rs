@@ -2,11 +2,13 @@
 
 mod alignment;
 mod board;
+mod compensation;
 mod limits;
 mod motor;
 mod runaway;
 
 use crate::alignment::AlignmentConfig;
+use crate::compensation::CompensationConfig;
 use crate::coordinator::CoordinatorConfig;
 use crate::current_limit::RegenerationConfig;
 use crate::current_loop::CurrentLoopConfig;
@@ -50,6 +52,8 @@ pub struct DriveConfig {
     pub heat: [HeatConfig; 2],
     /// Where braking fades out: screw, nut.
     pub regeneration: [RegenerationConfig; 2],
+    /// What repeats with an angle and is compensated.
+    pub compensation: CompensationConfig,
     /// Looks at the interlock in which a command must be renewed.
     pub heartbeat_looks: u32,
     /// Current-loop periods per step of the speed task.
@@ -90,6 +94,7 @@ impl DrivePlate {
                 attempt!(screw.regeneration(self)),
                 attempt!(nut.regeneration(self)),
             ],
+            compensation: attempt!(self.compensation()),
             heartbeat_looks: attempt!(self.heartbeat_looks()),
             speed_divider: self.board.speed_divider,
         })

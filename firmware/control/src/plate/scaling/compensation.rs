@@ -1,0 +1,595 @@
+//! The plate's orders and the model of the loops -> the compensation's configuration.
+//!
+//! The loops are taken as the samples see them: the current regulator with its delay of a period, the winding and the inertia
+//! held over a period, the observer's difference equations, the speed regulator and the hold of its step. What a faster step
+//! would alias into a slower one is left out. The magnets' voltage is taken as fed forward, viscous friction as none.
+
+use super::{attempt, half, positive, power_of_two, within};
+use crate::compensation::line::{Order, Phasor};
+use crate::compensation::response::{POINTS, Response, ResponsePoint};
+use crate::compensation::{
+    CompensationConfig, FAST_DROPS, LineConfig, RateConfig, SPEED_BITS, SPEED_STEPS, ScaleConfig,
+    TORQUE_BITS, TORQUE_STEPS,
+};
+use crate::format::Misfit;
+use crate::plate::{DrivePlate, MotorPlate, OrderPlate};
+use core::f64::consts::TAU;
+
+/// The fastest ripple that is compensated, of the speed task's rate: a hold of three tenths of a turn leaves 86 % of it, and
+/// the image that it makes lies at seven tenths, which the current loop and the inertia take.
+const FREQUENCY_MAX: f64 = 0.3;
+
+/// Time constants of learning a slow shaft's torque, a turn.
+const TORQUE_PER_TURN: f64 = 2.0;
+/// Of an encoder's and the lead's error, of which the first orders are next to the mean speed.
+const SPEED_PER_TURN: f64 = 0.5;
+/// What is seen less of than that, squared and of the most, is learned slower: the fast learning of what hardly shows would
+/// reach down to what the loops see best.
+const SEEN_LEAST: f64 = 0.003 * 0.003;
+/// How much slower those are learned at least: they are below the torque's learning, as a cascade's outer loop.
+const SPEED_SLOWER: f64 = 3.0;
+
+/// A complex number.
+#[derive(Clone, Copy)]
+struct Complex {
+    re: f64,
+    im: f64,
+}
+
+impl Complex {
+    const ONE: Self = Self { re: 1.0, im: 0.0 };
+
+    const fn plus(self, other: Self) -> Self {
+        Self {
+            re: self.re + other.re,
+            im: self.im + other.im,
+        }
+    }
+
+    const fn minus(self, other: Self) -> Self {
+        self.plus(other.scaled(-1.0))
+    }
+
+    const fn scaled(self, by: f64) -> Self {
+        Self {
+            re: self.re * by,
+            im: self.im * by,
+        }
+    }
+
+    const fn times(self, other: Self) -> Self {
+        Self {
+            re: self.re * other.re - self.im * other.im,
+            im: self.re * other.im + self.im * other.re,
+        }
+    }
+
+    const fn over(self, other: Self) -> Self {
+        self.times(inverse(other, 0.0))
+    }
+
+    const fn square(self) -> f64 {
+        self.re * self.re + self.im * self.im
+    }
+
+    /// `e^(-j angle)` for an angle below one, by its series.
+    const fn delay(angle: f64) -> Self {
+        let (mut term, mut sum, mut n) = (Self::ONE, Self::ONE, 1u32);
+        let step = Self {
+            re: 0.0,
+            im: -angle,
+        };
+        while n < 24 {
+            term = term.times(step).scaled(1.0 / n as f64);
+            sum = sum.plus(term);
+            n = n.saturating_add(1);
+        }
+        sum
+    }
+
+    /// In words of `fraction` bits, shortened to its words if it is too long.
+    #[allow(clippy::cast_possible_truncation)]
+    const fn words(self, fraction: u32) -> Phasor {
+        const END: f64 = 2_147_483_000.0;
+        let scaled = self.scaled(power_of_two(fraction));
+        let longest = if scaled.re.abs() > scaled.im.abs() {
+            scaled.re.abs()
+        } else {
+            scaled.im.abs()
+        };
+        let fits = if longest > END {
+            scaled.scaled(END / longest)
+        } else {
+            scaled
+        };
+        Phasor {
+            re: (fits.re + half(fits.re)) as i32,
+            im: (fits.im + half(fits.im)) as i32,
+        }
+    }
+}
+
+/// The inverse, less of it where the square of the length is not far above `least`.
+const fn inverse(x: Complex, least: f64) -> Complex {
+    let conjugate = Complex {
+        re: x.re,
+        im: -x.im,
+    };
+    conjugate.scaled(1.0 / (x.square() + least))
+}
+
+/// `e^-x`, x small, by its series.
+const fn decay(x: f64) -> f64 {
+    let (mut term, mut sum, mut n) = (1.0, 1.0, 1u32);
+    while n < 30 {
+        term *= -x / n as f64;
+        sum += term;
+        n = n.saturating_add(1);
+    }
+    sum
+}
+
+/// A motor's loops at one frequency.
+struct Loops {
+    /// Torque current per added current reference.
+    realised: Complex,
+    /// Measured electrical speed per torque current, the loop closed.
+    seen: Complex,
+    /// True electrical speed per speed reference, without feed-forward.
+    followed: Complex,
+}
+
+impl MotorPlate {
+    /// The loops at `angle` rad a PWM period.
+    const fn loops(&self, drive: &DrivePlate, angle: f64) -> Loops {
+        let (tuning, period) = (&drive.tuning, drive.board.sample_time());
+        let gains = self.gains(tuning);
+        let pole_pairs = self.pole_pairs as f64;
+        let late = Complex::delay(angle);
+        let difference = Complex::ONE.minus(late);
+
+        let kept = decay(self.resistance_ohm * period / self.inductance_h);
+        let winding = (1.0 - kept) / self.resistance_ohm;
+        let regulator = Complex::ONE
+            .scaled(gains.k_pc)
+            .plus(late.scaled(gains.k_ic * period).over(difference));
+        let open = regulator
+            .times(late)
+            .times(late)
+            .scaled(winding)
+            .over(Complex::ONE.minus(late.scaled(kept)));
+        let current = open.over(Complex::ONE.plus(open));
+
+        let mut step_late = Complex::ONE;
+        let mut hold = Complex { re: 0.0, im: 0.0 };
+        let mut k = 0u32;
+        while k < drive.board.speed_divider {
+            hold = hold.plus(step_late);
+            step_late = step_late.times(late);
+            k = k.saturating_add(1);
+        }
+        let hold = hold.scaled(1.0 / drive.board.speed_divider as f64);
+        let realised = late.times(hold).times(current);
+
+        let mean = Complex::ONE
+            .plus(late)
+            .scaled(0.5 * period)
+            .over(difference);
+        let torque = pole_pairs * self.flux_wb;
+        let speed = mean.scaled(pole_pairs * torque / self.inertia_kg_m2);
+        let x = tuning.observer_rad_s * period;
+        let (alpha, beta) = (2.0 * tuning.observer_damping * x, x * x);
+        let corrected = Complex::ONE.scaled(beta).plus(difference.scaled(alpha));
+        let observed = mean
+            .times(difference)
+            .scaled(beta / period)
+            .over(difference.times(difference).plus(late.times(corrected)));
+
+        let integral = step_late
+            .scaled(gains.k_iw * drive.speed_step())
+            .over(Complex::ONE.minus(step_late));
+        let controller = Complex::ONE.scaled(gains.k_pw).plus(integral);
+        let forward = controller.times(realised).times(speed);
+        let closed = Complex::ONE.plus(forward.times(observed));
+        Loops {
+            realised,
+            seen: speed.times(observed).over(closed),
+            followed: forward.over(closed),
+        }
+    }
+
+    const fn response(&self, drive: &DrivePlate) -> Response {
+        let part = drive.speed_step() * TORQUE_STEPS as f64 / drive.compensation.learning_s;
+        let part = if part < 1.0 { part } else { 0.0 };
+        let mut points = [ResponsePoint {
+            realise: Phasor::ZERO,
+            learn: Phasor::ZERO,
+            follow: Phasor::ZERO,
+        }; POINTS];
+        // The loops see most where the speed loop crosses over.
+        let most = self
+            .loops(drive, drive.tuning.speed_rad_s * drive.board.sample_time())
+            .seen
+            .square();
+        let mut left: &mut [ResponsePoint] = &mut points;
+        let mut k = 0usize;
+        while let [point, rest @ ..] = left {
+            let angle = Response::frequency(k) as f64 / 4_294_967_296.0 * TAU;
+            let Loops {
+                realised,
+                seen,
+                followed,
+            } = self.loops(drive, angle);
+            *point = ResponsePoint {
+                realise: Complex::ONE.over(realised).words(27),
+                // Twice: the mean of a cosine's square is a half.
+                learn: inverse(seen, SEEN_LEAST * most)
+                    .scaled(2.0 * part)
+                    .words(34),
+                follow: Complex::ONE.over(followed).words(29),
+            };
+            left = rest;
+            k = k.saturating_add(1);
+        }
+        let highest = 4_294_967_296.0 * FREQUENCY_MAX / drive.board.speed_divider as f64;
+        let last = Response::frequency(POINTS.wrapping_sub(1)) as f64 - 1.0;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        Response {
+            points,
+            frequency_max: (if highest < last { highest } else { last }) as u32,
+        }
+    }
+}
+
+impl DrivePlate {
+    /// Time between two steps in which an encoder's or the lead's error learns, s.
+    const fn learning_step(&self) -> f64 {
+        self.speed_step() * SPEED_STEPS as f64
+    }
+
+    /// # Errors
+    /// [`Misfit`] if an order or a coefficient does not fit its format, or a time is no time.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    pub(super) const fn compensation(&self) -> Result<CompensationConfig, Misfit> {
+        let plate = &self.compensation;
+        let [screw, nut] = &self.motors;
+        let learns = plate.learning_s != 0.0;
+        if learns {
+            attempt!(within(
+                "time constant of learning",
+                "s",
+                plate.learning_s,
+                100.0 * self.speed_step(),
+                1e5
+            ));
+        }
+        let amps = {
+            let (screw, nut) = (screw.current_max(), nut.current_max());
+            if screw < nut { screw } else { nut }
+        };
+        let torque_max = amps / 3.0;
+        let [screw_torque, nut_torque] = &plate.torque;
+        let [screw_angle, nut_angle] = &plate.angle;
+        let torque = [
+            attempt!(lines(screw_torque, TORQUE_BITS, torque_max)),
+            attempt!(lines(nut_torque, TORQUE_BITS, torque_max)),
+        ];
+        let angle = [
+            attempt!(lines(screw_angle, SPEED_BITS, 1.0 / 16.0)),
+            attempt!(lines(nut_angle, SPEED_BITS, 1.0 / 16.0)),
+        ];
+        let travel = attempt!(lines(&plate.travel, SPEED_BITS, 1.0 / 16.0));
+        // Turns a step of a shaft that turns by 2^-32 turn a period, times what it learns in a turn, over the full rate.
+        let turns = self.board.speed_divider as f64 / 4_294_967_296.0;
+        let slow = TORQUE_PER_TURN * turns * plate.learning_s / self.speed_step();
+        Ok(CompensationConfig {
+            active: any(&torque) || any(&angle) || any(&[travel]),
+            learns,
+            torque,
+            angle,
+            travel,
+            response: [screw.response(self), nut.response(self)],
+            slow: (slow * power_of_two(47)) as i32,
+            torque_max: (torque_max * power_of_two(TORQUE_BITS)) as i32,
+            scale: attempt!(self.scale()),
+            pole_pairs: [screw.pole_pairs.cast_signed(), nut.pole_pairs.cast_signed()],
+        })
+    }
+
+    #[allow(clippy::cast_possible_truncation)]
+    const fn scale(&self) -> Result<Option<ScaleConfig>, Misfit> {
+        let count = self.compensation.scale_count_m;
+        if count == 0.0 {
+            return Ok(None);
+        }
+        attempt!(positive("lead", "m", self.feed.lead_m));
+        let speed = count * TAU / self.feed.lead_m / self.learning_step();
+        attempt!(within(
+            "relative speed of a count of the table's scale a step",
+            "rad/s",
+            speed.abs(),
+            1e-5,
+            127.0
+        ));
+        let rate = self.rate(SPEED_PER_TURN, SPEED_SLOWER);
+        Ok(Some(ScaleConfig {
+            per_count: (speed * power_of_two(24) + half(speed)) as i32,
+            angle_rate: rate,
+            travel_rate: rate,
+        }))
+    }
+
+    /// Twice the part that is learned in a step, over the speed, 2^-44 per rad/s.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    const fn rate(&self, per_turn: f64, slower: f64) -> RateConfig {
+        let unit = power_of_two(44);
+        // A turn's part is over its speed the same for any speed.
+        let slow = 2.0 * per_turn * self.learning_step() / TAU * unit;
+        let part = self.learning_step() / (slower * self.compensation.learning_s);
+        let speed = TAU / 4_294_967_296.0 / self.board.sample_time();
+        let mut fast = 2.0 * part / speed * unit / power_of_two(FAST_DROPS);
+        let mut fast_shift = 0u32;
+        while fast > 4_294_967_295.0 && fast_shift < 31 {
+            fast /= 2.0;
+            fast_shift = fast_shift.saturating_add(1);
+        }
+        RateConfig {
+            slow: slow as i32,
+            fast: fast as u32,
+            fast_shift,
+        }
+    }
+}
+
+const fn any<const N: usize, const M: usize>(lists: &[[LineConfig; N]; M]) -> bool {
+    let mut lists: &[[LineConfig; N]] = lists;
+    while let [list, more @ ..] = lists {
+        let mut list: &[LineConfig] = list;
+        while let [line, more @ ..] = list {
+            if line.order.0 != 0 {
+                return true;
+            }
+            list = more;
+        }
+        lists = more;
+    }
+    false
+}
+
+const fn lines<const N: usize>(
+    plates: &[OrderPlate; N],
+    fraction: u32,
+    most: f64,
+) -> Result<[LineConfig; N], Misfit> {
+    let mut configs = [LineConfig {
+        order: Order(0),
+        start: Phasor::ZERO,
+    }; N];
+    let mut left: (&mut [LineConfig], &[OrderPlate]) = (&mut configs, plates);
+    while let ([config, configs @ ..], [plate, plates @ ..]) = left {
+        attempt!(within("order of a ripple", "", plate.order, -1e-9, 1000.0));
+        attempt!(within("cosine of a ripple", "", plate.re, -most, most));
+        attempt!(within("sine of a ripple", "", plate.im, -most, most));
+        let start = Complex {
+            re: plate.re,
+            im: plate.im,
+        };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let order = Order((plate.order * 65_536.0 + 0.5) as u32);
+        *config = LineConfig {
+            order,
+            start: start.words(fraction),
+        };
+        left = (configs, plates);
+    }
+    Ok(configs)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plate::{CompensationPlate, test_plate};
+    use std::vec::Vec;
+
+    impl Complex {
+        fn length(self) -> f64 {
+            self.re.hypot(self.im)
+        }
+
+        fn conjugate(self) -> Self {
+            Self {
+                re: self.re,
+                im: -self.im,
+            }
+        }
+
+        fn turn(angle: f64) -> Self {
+            Self {
+                re: angle.cos(),
+                im: angle.sin(),
+            }
+        }
+    }
+
+    fn plate(orders: &[f64]) -> DrivePlate {
+        let mut plate = test_plate();
+        plate.compensation.learning_s = 0.5;
+        for torque in &mut plate.compensation.torque {
+            for (plate, order) in torque.iter_mut().zip(orders) {
+                *plate = OrderPlate::unknown(*order);
+            }
+        }
+        plate
+    }
+
+    /// Appendix A's `S` is electrical speed per torque, with continuous loops and without an observer: at the frequencies of
+    /// the speed loop the model of the samples is the same.
+    #[test]
+    fn what_is_seen_of_a_torque_is_the_papers_sensitivity() {
+        let plate = plate(&[]);
+        let motor = &plate.motors[0];
+        let gains = motor.gains(&plate.tuning);
+        let (l, r, j) = (
+            motor.inductance_h,
+            motor.resistance_ohm,
+            motor.inertia_kg_m2,
+        );
+        let (p, flux) = (5.0, 0.11 * 25.0);
+        for omega in [3.0, 20.0, 100.0] {
+            let s = Complex { re: 0.0, im: omega };
+            let polynomial = |c: &[f64]| {
+                c.iter()
+                    .rev()
+                    .fold(Complex { re: 0.0, im: 0.0 }, |sum, &c| {
+                        sum.times(s).plus(Complex::ONE.scaled(c))
+                    })
+            };
+            let numerator = polynomial(&[gains.k_ic * p, (gains.k_pc + r) * p, l * p]).times(s);
+            let denominator = polynomial(&[
+                gains.k_ic * gains.k_iw * flux,
+                (gains.k_ic * gains.k_pw + gains.k_iw * gains.k_pc) * flux,
+                gains.k_pc * gains.k_pw * flux + j * gains.k_ic,
+                j * (gains.k_pc + r),
+                j * l,
+            ]);
+            let expected = numerator.over(denominator).scaled(p * 0.11);
+            let seen = motor.loops(&plate, omega * plate.board.sample_time()).seen;
+            let off = seen.minus(expected).length() / expected.length();
+            // The observer's lag: 2 * damping / omega_0 in phase.
+            let lag = omega * 2.0 * plate.tuning.observer_damping / plate.tuning.observer_rad_s;
+            assert!(
+                off < 0.02 + 1.5 * lag,
+                "at {omega} rad/s measured {:?}, expected {:?}",
+                (seen.re, seen.im),
+                (expected.re, expected.im)
+            );
+        }
+    }
+
+    /// The learning of all orders together, as the linear feedback that it is: `u_k = Re(sum over m < k of g e_m turn^(k-m))`
+    /// for each, around the loops that it acts on. The distance of its Nyquist curve from -1 is the margin; that the curve
+    /// goes round -1 never is counted.
+    fn margin(plate: &DrivePlate, config: &CompensationConfig, rpm: f64) -> (f64, f64) {
+        let steps = f64::from(u32::from(TORQUE_STEPS)) * plate.speed_step();
+        let motor = &plate.motors[0];
+        let response = &config.response[0];
+        let theta_step = rpm / 60.0 * plate.board.sample_time() * 4_294_967_296.0;
+        let part = (theta_step * f64::from(config.slow) / 2f64.powi(47)).min(1.0);
+        let lines: Vec<(f64, Complex)> = config.torque[0]
+            .iter()
+            .filter_map(|line| {
+                let frequency = line.order.frequency(theta_step as i32);
+                let learn = response.at(frequency)?.learn;
+                (line.order.0 != 0).then_some((
+                    f64::from(frequency) / 4_294_967_296.0 * TAU / plate.board.sample_time()
+                        * steps,
+                    Complex {
+                        re: f64::from(learn.re),
+                        im: f64::from(learn.im),
+                    }
+                    .scaled(part / 2f64.powi(34)),
+                ))
+            })
+            .collect();
+        let nyquist = core::f64::consts::PI;
+        let mut grid: Vec<f64> = (1..4000).map(|k| f64::from(k) / 4000.0 * nyquist).collect();
+        for (at, _) in &lines {
+            for k in 0..120 {
+                let near = 1e-7 * 1.2f64.powi(k);
+                grid.extend(
+                    [at - near, at + near]
+                        .iter()
+                        .filter(|&&x| x > 0.0 && x < nyquist),
+                );
+            }
+        }
+        grid.sort_by(f64::total_cmp);
+        let (mut least, mut turned, mut before) = (f64::INFINITY, 0.0, None);
+        for angle in grid {
+            let sum = lines
+                .iter()
+                .fold(Complex { re: 0.0, im: 0.0 }, |sum, (at, g)| {
+                    let one = |at: f64, g: Complex| {
+                        g.scaled(0.5)
+                            .over(Complex::turn(angle - at).minus(Complex::ONE))
+                    };
+                    sum.plus(one(*at, *g)).plus(one(-at, g.conjugate()))
+                });
+            // What is learned is realised through the inverse of the loops at each order, which is taken as right.
+            let seen = motor
+                .loops(plate, angle / steps * plate.board.sample_time())
+                .seen;
+            let distance = Complex::ONE.plus(sum.times(seen));
+            least = f64::min(least, distance.length());
+            let phase = distance.im.atan2(distance.re);
+            if let Some(before) = before {
+                let step: f64 = phase - before;
+                turned += step - TAU * (step / TAU).round();
+            }
+            before = Some(phase);
+        }
+        (least, turned)
+    }
+
+    #[test]
+    fn learning_is_stable_for_each_order_and_for_many_together() {
+        let all: Vec<[f64; 8]> = (1..=60)
+            .map(|order| [f64::from(order), 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+            .chain([
+                [5.0, 10.0, 15.0, 20.0, 30.0, 60.0, 36.0, 1.0],
+                [1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0],
+                [53.0, 54.0, 55.0, 56.0, 57.0, 58.0, 59.0, 60.0],
+            ])
+            .collect();
+        let mut worst = f64::INFINITY;
+        for orders in all {
+            let plate = plate(&orders);
+            let config = plate.config().unwrap().compensation;
+            for rpm in [10.0, 30.0, 100.0, 300.0, 800.0, 1500.0, 3000.0] {
+                let (least, turned) = margin(&plate, &config, rpm);
+                worst = worst.min(least);
+                assert!(
+                    least > 0.5 && turned.abs() < TAU / 2.0,
+                    "orders {orders:?} at {rpm} rpm: the curve comes within {least:.2} of -1 and turns by {turned:.2} rad, \
+                     expected 0.5 and less than half a turn"
+                );
+            }
+        }
+        std::println!("least distance from -1: {worst:.2}");
+    }
+
+    #[test]
+    fn what_the_loops_cannot_do_is_left_alone() {
+        let plate = plate(&[60.0]);
+        let response = plate.config().unwrap().compensation.response[0];
+        let per_hz = plate.board.sample_time() * 4_294_967_296.0;
+        assert!(response.at((1499.0 * per_hz) as u32).is_some());
+        assert_eq!(response.at((1501.0 * per_hz) as u32), None);
+        let still = response.at(0).unwrap();
+        assert_eq!(still.learn, Phasor::ZERO);
+        // A torque that stands is realised as it is.
+        assert!((f64::from(still.realise.re) / 2f64.powi(27) - 1.0).abs() < 1e-3);
+    }
+
+    #[test]
+    fn what_does_not_fit_is_refused() {
+        for (spoil, name) in [
+            (
+                (|c: &mut CompensationPlate| c.torque[0][0].order = 2000.0)
+                    as fn(&mut CompensationPlate),
+                "order of a ripple",
+            ),
+            (|c| c.torque[1][7].re = 3.0, "cosine of a ripple"),
+            (|c| c.angle[0][0].im = f64::NAN, "sine of a ripple"),
+            (|c| c.learning_s = 1e-3, "time constant of learning"),
+            (
+                |c| c.scale_count_m = 1e-3,
+                "relative speed of a count of the table's scale a step",
+            ),
+        ] {
+            let mut plate = plate(&[5.0]);
+            spoil(&mut plate.compensation);
+            assert_eq!(plate.config().unwrap_err().name, name);
+        }
+    }
+}
