@@ -7,19 +7,24 @@
 //! | [`view::DriveCommand`], at the symbol [`COMMAND_SYMBOL`] | the drive's RAM | the host writes |
 //! | [`bringup`]: a request that survives a reset, and a report of raw readings | the drive's RAM | both |
 //! | [`telemetry`]: a header, then samples | RTT up-channel [`TELEMETRY_CHANNEL`] | the drive writes |
-//! | [`settings`]: what a person may set, by number | | both |
+//! | [`message`]s in [`frame`]s: commands, answers, settings, telemetry | any line of bytes | both |
+//! | [`settings`]: what a person may set, by number | in the messages | |
 //! | the log, in defmt's frames | RTT up-channel [`LOG_CHANNEL`] | the drive writes |
 //!
 //! With the feature `host`, [`host`] is the other end: it reads and decodes all of this through a chip's memory, be it
 //! behind a debug probe or emulated. [`scale`] says in which steps the fixed-point words count.
+//! [`server`] is the drive's end of the messages.
 #![cfg_attr(not(feature = "host"), no_std)]
 #![forbid(unsafe_code)]
 
 pub mod bringup;
 pub mod codes;
+pub mod frame;
 #[cfg(feature = "host")]
 pub mod host;
+pub mod message;
 pub mod scale;
+pub mod server;
 pub mod settings;
 pub mod telemetry;
 pub mod view;

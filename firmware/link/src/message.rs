@@ -1,0 +1,278 @@
+//! What host and drive say to each other in [`frame`](crate::frame)s.
+//!
+//! A host opens a session with [`Command::Hello`]; the drive answers with the session's number, which is in each frame that
+//! follows. Sequence numbers rise with each frame, so that one that comes again does nothing. What moves the machine takes
+//! an armed drive and a [`Command::Heartbeat`] within the drive's `command.heartbeat_ms`.
+
+use crate::frame::FrameCount;
+use crate::settings::Value;
+use crate::telemetry::{Frame, Real};
+use control::codes;
+use heapless::{String, Vec};
+use serde::{Deserialize, Serialize};
+
+/// A frame from the host.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct HostFrame {
+    /// The session's number; 0 before there is one.
+    pub session: u32,
+    /// Rises from frame to frame.
+    pub sequence: u32,
+    /// What is asked.
+    pub command: Command,
+}
+
+/// What a host asks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Command {
+    /// Opens a session: answered by [`Reply::Hello`].
+    Hello,
+    /// The host is still there: answered by [`Reply::Done`].
+    Heartbeat,
+    /// What the drive is doing: answered by [`Reply::Status`].
+    Status,
+    /// The last faults: answered by [`Reply::Faults`].
+    Faults,
+    /// Lets the drive be moved, until it stops, has a fault, or is not moved for [`ARMED_MS`](crate::server::ARMED_MS).
+    Arm,
+    /// Follow these speeds.
+    Run {
+        /// Table velocity, 2^-28 m/s.
+        velocity: i32,
+        /// Base speed, mechanical, 2^-18 rad/s.
+        base: i32,
+    },
+    /// Move the table by a distance and hold it there.
+    Move {
+        /// How far, nm.
+        distance_nm: i64,
+        /// Fastest on the way, 2^-28 m/s, above 0.
+        velocity: i32,
+        /// Base speed, mechanical, 2^-18 rad/s.
+        base: i32,
+    },
+    /// Come to rest, switch the bridges off, and be armed no longer.
+    Stop,
+    /// Leave a fault whose cause is gone.
+    Reset,
+    /// Start or end the telemetry: a [`Request`](crate::telemetry::Request)'s word.
+    Record(u32),
+    /// The settings from this number on: answered by [`Reply::Settings`], as many as go into a frame.
+    Settings {
+        /// The first number.
+        from: u16,
+    },
+    /// Sets one in the session's draft, which begins as what holds.
+    Draft {
+        /// The setting's number.
+        id: u16,
+        /// Its value.
+        value: Value,
+    },
+    /// Forgets the draft.
+    Discard,
+    /// The draft holds from now on, all of it or nothing: a drive at rest starts anew with it.
+    Commit,
+    /// Puts a fault into a simulated drive.
+    Inject(Injection),
+}
+
+/// What is done to a simulated drive.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Injection {
+    /// An [`Injected`].
+    pub fault: u32,
+    /// 0 is the screw, 1 the nut; of no meaning where a fault is no motor's.
+    pub motor: u8,
+    /// How much, in the fault's unit.
+    pub amount: Real,
+}
+
+codes! {
+    /// A fault of a simulated drive, with the unit of its amount.
+    Injected {
+        Clear = 0, "clear", "All that was put in is taken out.";
+        EncoderFrozen = 1, "encoder-frozen", "The motor's encoder keeps its count.";
+        EncoderSlip = 2, "encoder-slip", "The motor's encoder slips on its shaft by so many electrical degrees.";
+        DriverFault = 3, "driver-fault", "The gate driver of the motor's bridge stops it.";
+        OpenPhase = 4, "open-phase", "The lead of the motor's phase a (1), b (2) or c (3) is off.";
+        Bus = 5, "bus", "The supply holds so many volts.";
+        Load = 6, "load", "So many newtons push against positive travel.";
+        EnableOpen = 7, "enable-open", "The enable contact is open.";
+        EndForward = 8, "end-forward", "The end switch ahead of positive velocity is open.";
+        EndBackward = 9, "end-backward", "The end switch ahead of negative velocity is open.";
+        CurrentOffset = 10, "current-offset", "The motor's current channel a reads so many amperes too much.";
+    }
+}
+
+impl Injected {
+    /// Whether it is one motor's.
+    #[must_use]
+    pub const fn has_motor(self) -> bool {
+        matches!(
+            self,
+            Self::EncoderFrozen
+                | Self::EncoderSlip
+                | Self::DriverFault
+                | Self::OpenPhase
+                | Self::CurrentOffset
+        )
+    }
+
+    /// The unit of its amount; `None` where it has none.
+    #[must_use]
+    pub const fn unit(self) -> Option<&'static str> {
+        match self {
+            Self::EncoderSlip => Some("electrical degrees"),
+            Self::OpenPhase => Some("phase"),
+            Self::Bus => Some("V"),
+            Self::Load => Some("N"),
+            Self::CurrentOffset => Some("A"),
+            _ => None,
+        }
+    }
+}
+
+codes! {
+    /// Why a command is refused.
+    Refusal {
+        Session = 1, "no session", "The session is over: the drive has started anew, or another host has spoken to it on this line.";
+        NotArmed = 2, "not armed", "The drive is not armed: `arm` lets it be moved.";
+        Fault = 3, "fault", "A fault has stopped the drive: `faults` says which, and `reset` leaves it once its cause is gone.";
+        NotReady = 4, "not ready", "The drive is starting: try again when `status` says ready.";
+        Commanded = 5, "commanded", "Another session moves the drive: wait until it has ended, or `stop` it.";
+        Velocity = 6, "velocity", "The feed may not move that fast: see the setting feed.velocity_max_mm_s.";
+        MotorSpeed = 7, "motor speed", "A motor may not turn that fast: see the settings screw.speed_max_rpm and nut.speed_max_rpm.";
+        Moving = 8, "moving", "The drive is moving: `stop` it first.";
+        Distance = 9, "distance", "So far the drive cannot move at once: give a shorter distance, but not none, at a speed above 0.";
+        Setting = 10, "setting", "There is no such setting, or it may not have that value.";
+        Real = 11, "not simulated", "The drive is no simulated one, and gets its faults from the world.";
+        Injection = 12, "injection", "There is no such fault to put in, or not by that amount.";
+    }
+}
+
+codes! {
+    /// How a move is going.
+    Travel {
+        None = 0, "none", "Nothing was asked to move by a distance.";
+        Moving = 1, "moving", "The table is on its way.";
+        Settling = 2, "settling", "The table is led to its place by its scale.";
+        Done = 3, "done", "The table is in its place and held there.";
+        NotSettled = 4, "not settled", "The table did not come to its place in time.";
+        Ended = 5, "ended", "A stop or a fault ended the move on its way.";
+    }
+}
+
+/// A frame from the drive.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum DriveFrame {
+    /// The answer to the frame of that sequence number.
+    Reply(u32, Reply),
+    /// The drive's state has changed.
+    Event(Event),
+    /// Telemetry.
+    Telemetry(Frame),
+}
+
+/// A change of state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Event {
+    /// Time since the drive's start, ms.
+    pub uptime_ms: u32,
+    /// The [`State`](crate::codes::State)'s word.
+    pub state: u32,
+    /// The [`Fault`](crate::codes::Fault)'s word; 0 is none.
+    pub fault: u32,
+}
+
+/// Text of a fixed length.
+pub type Text = String<48>;
+/// Settings that go into a frame.
+pub const SETTINGS_A_FRAME: usize = 12;
+/// Faults that the drive remembers.
+pub const FAULTS: usize = 8;
+
+/// An answer.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub enum Reply {
+    /// It is done, or has begun.
+    Done,
+    /// It is not done: a [`Refusal`]'s word.
+    Refused(u32),
+    /// A session.
+    Hello {
+        /// Its number.
+        session: u32,
+        /// The drive is a simulated one.
+        simulated: bool,
+        /// PWM periods a second.
+        pwm_hz: u32,
+        /// PWM periods a step of the speed task.
+        speed_divider: u32,
+    },
+    /// What the drive is doing.
+    Status(Status),
+    /// The last faults, the latest first.
+    Faults(Vec<Event, FAULTS>),
+    /// Settings in the order of their numbers; none if there are none from there on.
+    Settings(Vec<(u16, Value), SETTINGS_A_FRAME>),
+    /// The draft does not fit the drive's formats.
+    Unfit {
+        /// The setting without whose change it would fit; 0: none by itself.
+        id: u16,
+        /// Its value.
+        value: Option<Value>,
+        /// What of the configuration does not fit.
+        name: Text,
+        /// Its unit.
+        unit: Text,
+        /// Its value.
+        is: Real,
+        /// What it must exceed.
+        least: Real,
+        /// What it must stay below.
+        below: Real,
+    },
+}
+
+/// One motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MotorStatus {
+    /// Currents d and q, 2^-20 A.
+    pub current: [i32; 2],
+    /// Speed, mechanical, 2^-18 rad/s.
+    pub speed: i32,
+    /// The encoder's count within the turn.
+    pub encoder: u32,
+    /// Bus voltage at its bridge, mV.
+    pub bus_mv: u32,
+}
+
+/// What the drive is doing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Status {
+    /// Time since the drive's start, ms.
+    pub uptime_ms: u32,
+    /// The [`State`](crate::codes::State)'s word.
+    pub state: u32,
+    /// The [`Fault`](crate::codes::Fault)'s word; 0 is none.
+    pub fault: u32,
+    /// Why the last alignment failed: a [`Misalignment`](crate::codes::Misalignment)'s word; 0 is none.
+    pub misalignment: u32,
+    /// The drive may be moved.
+    pub armed: bool,
+    /// A [`Travel`]'s word.
+    pub travel: u32,
+    /// Screw, nut.
+    pub motors: [MotorStatus; 2],
+    /// The table's scale, counts.
+    pub scale: i32,
+    /// Telemetry samples that found no room.
+    pub dropped: u32,
+    /// Frames from this host.
+    pub frames: FrameCount,
+    /// Frames of this line that came again or late, and did nothing.
+    pub repeated: u32,
+    /// Commands that were refused.
+    pub refused: u32,
+}

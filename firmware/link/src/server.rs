@@ -1,0 +1,743 @@
+//! The drive's end of the link: who may say what, and what comes of it.
+//!
+//! A [`Server`] stands at each line (RTT, a serial port, a TCP connection); the [`Commander`] is one for all, so that only
+//! one session moves the drive. What is asked is done by a [`Served`] drive, simulated or not.
+
+use crate::codes::{Run, State};
+use crate::frame::{Decoder, FRAME_MAX, count, encode};
+use crate::message::{
+    Command, DriveFrame, Event, FAULTS, HostFrame, Injection, Refusal, Reply, SETTINGS_A_FRAME,
+    Status, Text,
+};
+use crate::settings::plate::Unfit;
+use crate::settings::{Settings, Value};
+use crate::telemetry::Real;
+use heapless::Vec;
+
+/// How long a drive stays armed while it does not move, ms.
+pub const ARMED_MS: u32 = 600_000;
+
+/// A drive that a host may command.
+pub trait Served {
+    /// What it is doing; what the link knows is filled in by the server.
+    fn status(&self) -> Status;
+    /// What it is doing, in a word.
+    fn state(&self) -> State;
+    /// PWM periods a second, and a step of the speed task.
+    fn rates(&self) -> (u32, u32);
+    /// It is a simulated one.
+    fn simulated(&self) -> bool;
+    /// Takes speeds, as in [`Command::Run`].
+    ///
+    /// # Errors
+    /// [`Refusal::Velocity`] or [`Refusal::MotorSpeed`]; the old ones stay.
+    fn command(&mut self, velocity: i32, base: i32) -> Result<(), Refusal>;
+    /// Takes a move, as in [`Command::Move`].
+    ///
+    /// # Errors
+    /// The same, and [`Refusal::Distance`].
+    fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal>;
+    /// Runs, comes to rest, or leaves a fault.
+    fn run(&mut self, run: Run);
+    /// Who commands is still there.
+    fn renew(&mut self);
+    /// The settings that hold.
+    fn settings(&self) -> &Settings;
+    /// Starts anew with these settings.
+    ///
+    /// # Errors
+    /// [`Unfit`]; nothing is changed then.
+    fn configure(&mut self, settings: &Settings) -> Result<(), Unfit>;
+    /// Starts or ends the telemetry.
+    fn record(&mut self, request: u32);
+    /// Puts a fault in.
+    ///
+    /// # Errors
+    /// [`Refusal::Real`] or [`Refusal::Injection`].
+    fn inject(&mut self, injection: Injection) -> Result<(), Refusal>;
+}
+
+/// Who moves the drive.
+#[derive(Clone, Debug)]
+pub struct Commander {
+    /// The next session's number.
+    next: u32,
+    /// Since when it is armed and rests, ms.
+    armed: Option<u32>,
+    /// The session that moves it.
+    owner: Option<u32>,
+    before: State,
+    faults: Vec<Event, FAULTS>,
+}
+
+impl Commander {
+    /// Of a drive that has just started; `sessions` is any number that is another with each start, so that frames from before
+    /// are known.
+    #[must_use]
+    pub const fn new(sessions: u32) -> Self {
+        Self {
+            next: sessions,
+            armed: None,
+            owner: None,
+            before: State::Off,
+            faults: Vec::new(),
+        }
+    }
+
+    /// The drive may be moved.
+    #[must_use]
+    pub const fn is_armed(&self) -> bool {
+        self.armed.is_some()
+    }
+
+    /// Once a millisecond: what the drive is doing. A change of state, if there is one.
+    pub fn look(&mut self, state: State, now_ms: u32) -> Option<Event> {
+        if at_rest(state) {
+            // Not one that has just been asked to run.
+            if state != self.before {
+                self.owner = None;
+            }
+        } else if self.armed.is_some() {
+            self.armed = Some(now_ms);
+        }
+        let expired = |since: u32| now_ms.wrapping_sub(since) > ARMED_MS;
+        if matches!(state, State::Fault(_)) || self.armed.is_some_and(expired) {
+            self.armed = None;
+        }
+        if state == self.before {
+            return None;
+        }
+        self.before = state;
+        let event = Event {
+            uptime_ms: now_ms,
+            state: state.word(),
+            fault: state.fault_word(),
+        };
+        if event.fault != 0 {
+            if self.faults.is_full() {
+                self.faults.pop();
+            }
+            // There is room.
+            let _ = self.faults.insert(0, event);
+        }
+        Some(event)
+    }
+}
+
+fn at_rest(state: State) -> bool {
+    !matches!(state, State::Running | State::Stopping | State::Aligning)
+}
+
+/// The drive's end of one line.
+#[derive(Clone, Debug)]
+pub struct Server {
+    decoder: Decoder,
+    session: Option<u32>,
+    sequence: u32,
+    draft: Settings,
+    repeated: u32,
+    refused: u32,
+}
+
+impl Default for Server {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Server {
+    /// Of a line on which nobody has spoken yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            decoder: Decoder::new(),
+            session: None,
+            sequence: 0,
+            draft: Settings::DEFAULT,
+            repeated: 0,
+            refused: 0,
+        }
+    }
+
+    /// The next byte of the line. `send` gets the answer's bytes, if the byte ended a frame that has one.
+    pub fn take(
+        &mut self,
+        byte: u8,
+        now_ms: u32,
+        commander: &mut Commander,
+        drive: &mut impl Served,
+        send: impl FnOnce(&[u8]),
+    ) {
+        let Some(frame) = self.decoder.take::<HostFrame>(byte) else {
+            return;
+        };
+        let reply = match self.admit(&frame, commander, drive) {
+            Some(reply) => reply,
+            None if self.session == Some(frame.session) => {
+                if frame.sequence <= self.sequence {
+                    count(&mut self.repeated);
+                    return;
+                }
+                self.sequence = frame.sequence;
+                self.answer(frame.command, now_ms, commander, drive)
+            }
+            None => {
+                count(&mut self.repeated);
+                Reply::Refused(Refusal::Session.word())
+            }
+        };
+        if let Reply::Refused(_) | Reply::Unfit { .. } = reply {
+            count(&mut self.refused);
+        }
+        let mut buffer = [0; FRAME_MAX];
+        if let Some(bytes) = encode(&DriveFrame::Reply(frame.sequence, reply), &mut buffer) {
+            send(bytes);
+        }
+    }
+
+    /// A new session, if that is what is asked.
+    fn admit(
+        &mut self,
+        frame: &HostFrame,
+        commander: &mut Commander,
+        drive: &impl Served,
+    ) -> Option<Reply> {
+        if frame.command != Command::Hello {
+            return None;
+        }
+        // 0 is no session.
+        commander.next = commander.next.wrapping_add(1).max(1);
+        self.session = Some(commander.next);
+        self.sequence = 0;
+        self.draft = *drive.settings();
+        let (pwm_hz, speed_divider) = drive.rates();
+        Some(Reply::Hello {
+            session: commander.next,
+            simulated: drive.simulated(),
+            pwm_hz,
+            speed_divider,
+        })
+    }
+
+    fn answer(
+        &mut self,
+        command: Command,
+        now_ms: u32,
+        commander: &mut Commander,
+        drive: &mut impl Served,
+    ) -> Reply {
+        let done = match command {
+            Command::Hello => Ok(()),
+            Command::Heartbeat => {
+                if commander.owner == self.session {
+                    drive.renew();
+                }
+                Ok(())
+            }
+            Command::Status => {
+                return Reply::Status(Status {
+                    armed: commander.is_armed(),
+                    frames: self.decoder.count(),
+                    repeated: self.repeated,
+                    refused: self.refused,
+                    ..drive.status()
+                });
+            }
+            Command::Faults => return Reply::Faults(commander.faults.clone()),
+            Command::Arm => runnable(drive.state()).map(|()| commander.armed = Some(now_ms)),
+            Command::Run { velocity, base } => self
+                .may_move(commander, drive)
+                .and_then(|()| drive.command(velocity, base))
+                .map(|()| self.start(commander, drive)),
+            Command::Move {
+                distance_nm,
+                velocity,
+                base,
+            } => self
+                .may_move(commander, drive)
+                .and_then(|()| drive.travel(distance_nm, velocity, base))
+                .map(|()| self.start(commander, drive)),
+            Command::Stop => {
+                (commander.armed, commander.owner) = (None, None);
+                drive.run(Run::Rest);
+                Ok(())
+            }
+            Command::Reset => {
+                drive.run(Run::Reset);
+                Ok(())
+            }
+            Command::Record(request) => {
+                drive.record(request);
+                Ok(())
+            }
+            Command::Settings { from } => return settings(drive.settings(), from),
+            Command::Draft { id, value } => self.draft.set(id, value).map_err(|_| Refusal::Setting),
+            Command::Discard => {
+                self.draft = *drive.settings();
+                Ok(())
+            }
+            Command::Commit if !at_rest(drive.state()) => Err(Refusal::Moving),
+            Command::Commit => match drive.configure(&self.draft) {
+                Ok(()) => {
+                    commander.armed = None;
+                    Ok(())
+                }
+                Err(unfit) => return said(&unfit),
+            },
+            Command::Inject(injection) => drive.inject(injection),
+        };
+        match done {
+            Ok(()) => Reply::Done,
+            Err(refusal) => Reply::Refused(refusal.word()),
+        }
+    }
+
+    fn may_move(&self, commander: &Commander, drive: &impl Served) -> Result<(), Refusal> {
+        runnable(drive.state())?;
+        if commander.owner.is_some() && commander.owner != self.session {
+            return Err(Refusal::Commanded);
+        }
+        if commander.armed.is_none() {
+            return Err(Refusal::NotArmed);
+        }
+        Ok(())
+    }
+
+    fn start(&self, commander: &mut Commander, drive: &mut impl Served) {
+        commander.owner = self.session;
+        drive.renew();
+        drive.run(Run::Run);
+    }
+}
+
+fn runnable(state: State) -> Result<(), Refusal> {
+    match state {
+        State::Ready | State::Running | State::Stopping => Ok(()),
+        State::Fault(_) => Err(Refusal::Fault),
+        State::Off | State::Calibrating | State::Aligning => Err(Refusal::NotReady),
+    }
+}
+
+fn settings(settings: &Settings, from: u16) -> Reply {
+    let mut some: Vec<(u16, Value), SETTINGS_A_FRAME> = Vec::new();
+    for setting in Settings::all().filter(|setting| setting.id >= from) {
+        let Some(value) = settings.get(setting.id) else {
+            continue;
+        };
+        if some.push((setting.id, value)).is_err() {
+            break;
+        }
+    }
+    Reply::Settings(some)
+}
+
+fn said(unfit: &Unfit) -> Reply {
+    let text = |words: &str| {
+        let mut text = Text::new();
+        for letter in words.chars() {
+            if text.push(letter).is_err() {
+                break;
+            }
+        }
+        text
+    };
+    let misfit = &unfit.misfit;
+    Reply::Unfit {
+        id: unfit.setting.map_or(0, |(setting, _)| setting.id),
+        value: unfit.setting.map(|(_, value)| value),
+        name: text(misfit.name),
+        unit: text(misfit.unit),
+        is: Real::new(misfit.value),
+        least: Real::new(misfit.least),
+        below: Real::new(misfit.below),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    extern crate std;
+    use super::*;
+    use crate::codes::Fault;
+    use crate::message::Injected;
+    use proptest::prelude::*;
+    use std::vec::Vec as Bytes;
+
+    struct Fake {
+        state: State,
+        settings: Settings,
+        runs: u32,
+        renewed: u32,
+    }
+
+    impl Fake {
+        fn new() -> Self {
+            Self {
+                state: State::Ready,
+                settings: Settings::DEFAULT,
+                runs: 0,
+                renewed: 0,
+            }
+        }
+    }
+
+    impl Served for Fake {
+        fn status(&self) -> Status {
+            Status::default()
+        }
+        fn state(&self) -> State {
+            self.state
+        }
+        fn rates(&self) -> (u32, u32) {
+            (20_000, 4)
+        }
+        fn simulated(&self) -> bool {
+            true
+        }
+        fn command(&mut self, velocity: i32, _: i32) -> Result<(), Refusal> {
+            if velocity > 100 {
+                return Err(Refusal::Velocity);
+            }
+            Ok(())
+        }
+        fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn run(&mut self, run: Run) {
+            match run {
+                Run::Run => {
+                    self.runs += 1;
+                    self.state = State::Running;
+                }
+                Run::Rest => self.state = State::Ready,
+                Run::Reset => {}
+            }
+        }
+        fn renew(&mut self) {
+            self.renewed += 1;
+        }
+        fn settings(&self) -> &Settings {
+            &self.settings
+        }
+        fn configure(&mut self, settings: &Settings) -> Result<(), Unfit> {
+            self.settings = *settings;
+            Ok(())
+        }
+        fn record(&mut self, _: u32) {}
+        fn inject(&mut self, injection: Injection) -> Result<(), Refusal> {
+            Injected::of_word(injection.fault)
+                .map(drop)
+                .ok_or(Refusal::Injection)
+        }
+    }
+
+    struct Line {
+        server: Server,
+        session: u32,
+        sequence: u32,
+    }
+
+    impl Line {
+        fn new() -> Self {
+            Self {
+                server: Server::new(),
+                session: 0,
+                sequence: 0,
+            }
+        }
+
+        fn frame(&mut self, command: Command) -> Bytes<u8> {
+            self.sequence += 1;
+            let frame = HostFrame {
+                session: self.session,
+                sequence: self.sequence,
+                command,
+            };
+            encode(&frame, &mut [0; FRAME_MAX]).unwrap().to_vec()
+        }
+
+        fn send(
+            &mut self,
+            bytes: &[u8],
+            commander: &mut Commander,
+            drive: &mut Fake,
+        ) -> Bytes<Reply> {
+            let mut replies = Bytes::new();
+            let mut decoder = Decoder::new();
+            for &byte in bytes {
+                self.server.take(byte, 0, commander, drive, |answer| {
+                    replies.extend(answer.iter().filter_map(|&byte| decoder.take(byte)).map(
+                        |frame| match frame {
+                            DriveFrame::Reply(_, reply) => reply,
+                            other => panic!("{other:?}"),
+                        },
+                    ));
+                });
+            }
+            replies
+        }
+
+        fn ask(&mut self, command: Command, commander: &mut Commander, drive: &mut Fake) -> Reply {
+            let frame = self.frame(command);
+            let mut replies = self.send(&frame, commander, drive);
+            assert_eq!(replies.len(), 1, "{command:?}: {replies:?}");
+            let reply = replies.pop().unwrap();
+            if let Reply::Hello { session, .. } = reply {
+                self.session = session;
+                self.sequence = 0;
+            }
+            reply
+        }
+    }
+
+    const RUN: Command = Command::Run {
+        velocity: 5,
+        base: 0,
+    };
+
+    fn refused(refusal: Refusal) -> Reply {
+        Reply::Refused(refusal.word())
+    }
+
+    #[test]
+    fn nothing_moves_that_is_not_armed() {
+        let (mut commander, mut drive, mut line) = (Commander::new(7), Fake::new(), Line::new());
+        assert_eq!(
+            line.ask(RUN, &mut commander, &mut drive),
+            refused(Refusal::Session)
+        );
+        line.ask(Command::Hello, &mut commander, &mut drive);
+        assert_eq!(
+            line.ask(RUN, &mut commander, &mut drive),
+            refused(Refusal::NotArmed)
+        );
+        assert_eq!(drive.runs, 0);
+        assert_eq!(
+            line.ask(Command::Arm, &mut commander, &mut drive),
+            Reply::Done
+        );
+        assert_eq!(line.ask(RUN, &mut commander, &mut drive), Reply::Done);
+        assert_eq!((drive.runs, drive.renewed), (1, 1));
+        line.ask(Command::Heartbeat, &mut commander, &mut drive);
+        assert_eq!(drive.renewed, 2);
+        line.ask(Command::Stop, &mut commander, &mut drive);
+        assert_eq!(
+            line.ask(RUN, &mut commander, &mut drive),
+            refused(Refusal::NotArmed)
+        );
+    }
+
+    #[test]
+    fn a_fault_and_ten_minutes_of_rest_disarm() {
+        let (mut commander, mut drive, mut line) = (Commander::new(0), Fake::new(), Line::new());
+        line.ask(Command::Hello, &mut commander, &mut drive);
+        line.ask(Command::Arm, &mut commander, &mut drive);
+        assert!(commander.look(State::Ready, ARMED_MS).is_some());
+        assert!(commander.is_armed());
+        commander.look(State::Ready, ARMED_MS + 1);
+        assert!(!commander.is_armed());
+        line.ask(Command::Arm, &mut commander, &mut drive);
+        let fault = State::Fault(Fault::NutEncoder);
+        let event = commander.look(fault, 1234).unwrap();
+        assert!(!commander.is_armed());
+        assert_eq!(
+            (event.uptime_ms, event.fault),
+            (1234, Fault::NutEncoder.word())
+        );
+        drive.state = fault;
+        assert_eq!(
+            line.ask(Command::Arm, &mut commander, &mut drive),
+            refused(Refusal::Fault)
+        );
+        let Reply::Faults(faults) = line.ask(Command::Faults, &mut commander, &mut drive) else {
+            panic!("faults");
+        };
+        assert_eq!(faults[..], [event]);
+    }
+
+    #[test]
+    fn what_comes_again_does_nothing() {
+        let (mut commander, mut drive, mut line) = (Commander::new(0), Fake::new(), Line::new());
+        line.ask(Command::Hello, &mut commander, &mut drive);
+        line.ask(Command::Arm, &mut commander, &mut drive);
+        let run = line.frame(RUN);
+        assert_eq!(line.send(&run, &mut commander, &mut drive), [Reply::Done]);
+        assert_eq!(line.send(&run, &mut commander, &mut drive), []);
+        // All of it again, the session's opening too: it opens another, in which the old frames are none.
+        line.ask(Command::Stop, &mut commander, &mut drive);
+        let mut again = Line::new();
+        let hello = again.frame(Command::Hello);
+        let replies = line.send(&[&hello[..], &run].concat(), &mut commander, &mut drive);
+        assert_eq!(replies.last(), Some(&refused(Refusal::Session)));
+        assert_eq!(drive.runs, 1);
+    }
+
+    #[test]
+    fn one_session_moves_the_drive_and_any_stops_it() {
+        let (mut commander, mut drive) = (Commander::new(0), Fake::new());
+        let (mut one, mut other) = (Line::new(), Line::new());
+        for line in [&mut one, &mut other] {
+            line.ask(Command::Hello, &mut commander, &mut drive);
+        }
+        one.ask(Command::Arm, &mut commander, &mut drive);
+        one.ask(RUN, &mut commander, &mut drive);
+        commander.look(drive.state, 1);
+        assert_eq!(
+            other.ask(RUN, &mut commander, &mut drive),
+            refused(Refusal::Commanded)
+        );
+        // Its heartbeat does not keep another's command alive.
+        other.ask(Command::Heartbeat, &mut commander, &mut drive);
+        assert_eq!(drive.renewed, 1);
+        other.ask(Command::Stop, &mut commander, &mut drive);
+        assert_eq!(drive.state, State::Ready);
+    }
+
+    #[test]
+    fn settings_are_taken_all_or_none_and_not_while_it_moves() {
+        let (mut commander, mut drive, mut line) = (Commander::new(0), Fake::new(), Line::new());
+        line.ask(Command::Hello, &mut commander, &mut drive);
+        let draft = |number, value| Command::Draft {
+            id: number,
+            value: Value::Real(Real::new(value)),
+        };
+        assert_eq!(
+            line.ask(draft(0x0401, 10.0), &mut commander, &mut drive),
+            Reply::Done
+        );
+        assert_eq!(
+            line.ask(draft(0x0401, -1.0), &mut commander, &mut drive),
+            refused(Refusal::Setting)
+        );
+        assert_eq!(drive.settings, Settings::DEFAULT);
+        drive.state = State::Running;
+        assert_eq!(
+            line.ask(Command::Commit, &mut commander, &mut drive),
+            refused(Refusal::Moving)
+        );
+        drive.state = State::Ready;
+        assert_eq!(
+            line.ask(Command::Commit, &mut commander, &mut drive),
+            Reply::Done
+        );
+        assert_eq!(drive.settings.feed.lead_mm, 10.0);
+
+        let (mut all, mut from) = (0, 0);
+        while let Reply::Settings(some) =
+            line.ask(Command::Settings { from }, &mut commander, &mut drive)
+            && let Some((last, _)) = some.last()
+        {
+            (all, from) = (all + some.len(), last + 1);
+        }
+        assert_eq!(all, Settings::all().count());
+    }
+
+    /// The longest of each kind: a frame that did not fit would be no answer.
+    #[test]
+    fn each_answer_fits_into_a_frame() {
+        let most = u32::MAX;
+        let motor = crate::message::MotorStatus {
+            current: [i32::MIN; 2],
+            speed: i32::MIN,
+            encoder: most,
+            bus_mv: most,
+        };
+        let event = Event {
+            uptime_ms: most,
+            state: most,
+            fault: most,
+        };
+        let value = Value::Real(Real::new(1.0));
+        let mut text = Text::new();
+        while text.push('x').is_ok() {}
+        let real = Real::new(0.1);
+        let replies = [
+            Reply::Status(Status {
+                uptime_ms: most,
+                motors: [motor; 2],
+                scale: i32::MIN,
+                dropped: most,
+                repeated: most,
+                refused: most,
+                frames: crate::frame::FrameCount {
+                    frames: most,
+                    damaged: most,
+                    too_long: most,
+                    versions: most,
+                },
+                ..Status::default()
+            }),
+            Reply::Faults((0..FAULTS).map(|_| event).collect()),
+            Reply::Settings((0..SETTINGS_A_FRAME).map(|_| (u16::MAX, value)).collect()),
+            Reply::Unfit {
+                id: u16::MAX,
+                value: Some(value),
+                name: text.clone(),
+                unit: text,
+                is: real,
+                least: real,
+                below: real,
+            },
+        ];
+        for reply in replies {
+            let frame = DriveFrame::Reply(most, reply);
+            let mut buffer = [0; FRAME_MAX];
+            assert!(encode(&frame, &mut buffer).is_some(), "{frame:?}");
+        }
+    }
+
+    fn commands() -> impl Strategy<Value = Command> {
+        prop_oneof![
+            Just(Command::Hello),
+            Just(Command::Heartbeat),
+            Just(Command::Status),
+            Just(Command::Faults),
+            Just(Command::Arm),
+            Just(Command::Stop),
+            Just(Command::Reset),
+            Just(Command::Commit),
+            Just(Command::Discard),
+            any::<(i32, i32)>().prop_map(|(velocity, base)| Command::Run { velocity, base }),
+            any::<(i64, i32, i32)>().prop_map(|(distance_nm, velocity, base)| Command::Move {
+                distance_nm,
+                velocity,
+                base
+            }),
+            any::<u32>().prop_map(Command::Record),
+            any::<u16>().prop_map(|from| Command::Settings { from }),
+            (0u16..0x0900, any::<f64>()).prop_map(|(id, x)| Command::Draft {
+                id,
+                value: Value::Real(Real::new(x))
+            }),
+            any::<(u32, u8)>().prop_map(|(fault, motor)| Command::Inject(Injection {
+                fault,
+                motor,
+                amount: Real::new(1.0)
+            })),
+        ]
+    }
+
+    proptest! {
+        /// Frames of any session in any order, with anything between them: no panic, one answer at most to each, and nothing
+        /// that runs unarmed.
+        #[test]
+        fn any_traffic_is_answered_or_dropped(
+            frames in prop::collection::vec(
+                (commands(), 0u32..4, 0u32..12, prop::collection::vec(any::<u8>(), 0..20)),
+                0..40,
+            ),
+        ) {
+            let (mut commander, mut drive, mut line) = (Commander::new(0), Fake::new(), Line::new());
+            for (now, (command, session, sequence, garbage)) in (0..).zip(frames) {
+                let frame = HostFrame { session, sequence, command };
+                let mut bytes = garbage;
+                bytes.push(0);
+                bytes.extend(encode(&frame, &mut [0; FRAME_MAX]).unwrap());
+                let (runs, armed) = (drive.runs, commander.is_armed());
+                let replies = line.send(&bytes, &mut commander, &mut drive);
+                prop_assert!(replies.len() <= 1, "{replies:?}");
+                prop_assert!(armed || drive.runs == runs, "{command:?} ran a drive that is not armed");
+                commander.look(drive.state, now);
+            }
+        }
+    }
+}
