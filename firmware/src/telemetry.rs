@@ -11,13 +11,10 @@ use crate::motor_loop::MOTORS;
 use crate::rows::{ROWS, Rows, WORDS};
 use control::current_loop::CurrentLoopConfig;
 use control::exchange::MotorExchange;
-use control::plate::MotorPlate as Plate;
 use control::speed_task::SpeedTaskOutput;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
-use link::telemetry::{
-    FRAME_MAX, Frame, Header, MotorPlate, MotorSample, Real, Request, Sample, rounded,
-};
+use link::telemetry::{FRAME_MAX, Frame, Header, MotorSample, Request, Sample, rounded};
 use rtt_target::{ChannelMode, UpChannel};
 
 /// Bytes of the channel: a host that looks away for 0.1 s loses nothing at 5 kHz.
@@ -191,30 +188,8 @@ impl Sender {
 
 /// What the host must know to read the rows.
 const fn header(request: u32) -> Header {
-    const PLATE: control::plate::DrivePlate = board::PLATE;
-    const fn motor(plate: &Plate) -> MotorPlate {
-        MotorPlate {
-            resistance_ohm: Real::new(plate.resistance_ohm),
-            inductance_h: Real::new(plate.inductance_h),
-            pole_pairs: plate.pole_pairs,
-            flux_wb: Real::new(plate.flux_wb),
-            inertia_kg_m2: Real::new(plate.inertia_kg_m2),
-            encoder_counts: plate.encoder.counts_per_turn,
-        }
-    }
     Header {
         request,
-        ..const {
-            Header {
-                layout: link::LAYOUT,
-                request: 0,
-                speed_divider: PLATE.board.speed_divider,
-                period_s: Real::new(PLATE.board.sample_time()),
-                current_lsb_a: Real::new(PLATE.board.amps_per_count.abs()),
-                scale_count_m: Real::new(board::SCALE_COUNT_M),
-                lead_m: Real::new(PLATE.feed.lead_m),
-                motors: [motor(&PLATE.motors[0]), motor(&PLATE.motors[1])],
-            }
-        }
+        ..const { Header::of_plate(&board::PLATE, board::SCALE_COUNT_M) }
     }
 }

@@ -11,6 +11,7 @@
 //! - [`alignment`]: starts of a drive that does not know where its rotors stand.
 //! - [`faults`]: the fault matrix: each input, wrong in each way, in each situation, and what comes of it.
 //! - [`runaway`]: wrong electrical angles, and what they do until the bridges are off.
+//! - [`served`]: the drive behind the link, for hosts that command it.
 //! - [`smooth`]: how smooth the table moves, with what the drive compensates and without.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`parallel`]: independent runs on all cores.
@@ -38,6 +39,7 @@ pub mod response;
 pub mod runaway;
 pub mod seam;
 pub mod sensors;
+pub mod served;
 pub mod smooth;
 pub mod supervision;
 pub mod vrf;

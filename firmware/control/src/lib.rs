@@ -25,6 +25,7 @@
 //! | what can stop it | [`fault`] | |
 //! | the last four in one step | [`speed_task`] | speed task |
 //! | late tasks, bus, temperatures, index -> fault | [`guard`] | supervision |
+//! | a distance -> table velocities | [`table_move`] | below the speed task |
 //! | words between the interrupts | [`exchange`] | |
 //!
 //! [`plate`] turns plate data into gains (Eqs 9 to 12 of Wang et al. 2020) once, [`format`](mod@format) says
@@ -83,6 +84,7 @@ mod sine;
 pub mod speed_loop;
 pub mod speed_task;
 pub mod supervisor;
+pub mod table_move;
 pub mod thermal;
 #[allow(clippy::float_arithmetic)]
 pub mod thermometer;

@@ -91,6 +91,34 @@ pub struct Header {
     pub motors: [MotorPlate; 2],
 }
 
+impl Header {
+    /// Of a drive of `plate` whose table's scale has counts of `scale_count_m`; the request is to be filled in.
+    #[must_use]
+    pub const fn of_plate(plate: &control::plate::DrivePlate, scale_count_m: f64) -> Self {
+        const fn motor(plate: &control::plate::MotorPlate) -> MotorPlate {
+            MotorPlate {
+                resistance_ohm: Real::new(plate.resistance_ohm),
+                inductance_h: Real::new(plate.inductance_h),
+                pole_pairs: plate.pole_pairs,
+                flux_wb: Real::new(plate.flux_wb),
+                inertia_kg_m2: Real::new(plate.inertia_kg_m2),
+                encoder_counts: plate.encoder.counts_per_turn,
+            }
+        }
+        let [screw, nut] = &plate.motors;
+        Self {
+            layout: crate::LAYOUT,
+            request: 0,
+            speed_divider: plate.board.speed_divider,
+            period_s: Real::new(plate.board.sample_time()),
+            current_lsb_a: Real::new(plate.board.amps_per_count.abs()),
+            scale_count_m: Real::new(scale_count_m),
+            lead_m: Real::new(plate.feed.lead_m),
+            motors: [motor(screw), motor(nut)],
+        }
+    }
+}
+
 /// One motor at one instant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MotorSample {

@@ -1,0 +1,325 @@
+//! A host's session with a drive over a line of bytes.
+
+use crate::frame::{Decoder, FRAME_MAX, encode};
+use crate::message::{Command, DriveFrame, Event, HostFrame, Refusal, Reply, Status};
+use crate::settings::{Setting, Settings};
+use crate::telemetry::Frame;
+use anyhow::{Context, Result, bail};
+use std::collections::VecDeque;
+use std::fmt;
+use std::io;
+use std::time::{Duration, Instant};
+
+/// How long an answer may take.
+pub const PATIENCE: Duration = Duration::from_secs(1);
+/// How often what may be asked again is asked.
+const TRIES: u32 = 3;
+
+/// A line of bytes to a drive.
+pub trait Line {
+    /// Sends all of them.
+    ///
+    /// # Errors
+    /// The line is gone.
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()>;
+
+    /// What has come; waits for it no longer than `patience`, and gives 0 then.
+    ///
+    /// # Errors
+    /// The line is gone.
+    fn receive(&mut self, bytes: &mut [u8], patience: Duration) -> io::Result<usize>;
+}
+
+/// The drive does not do what was asked.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Refused {
+    /// For this reason.
+    For(Refusal),
+    /// The settings do not fit its formats, in a sentence.
+    Unfit(String),
+}
+
+impl fmt::Display for Refused {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::For(refusal) => f.write_str(refusal.sentence()),
+            Self::Unfit(sentence) => f.write_str(sentence),
+        }
+    }
+}
+
+impl std::error::Error for Refused {}
+
+/// The drive does not answer any more.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Lost(pub String);
+
+impl fmt::Display for Lost {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for Lost {}
+
+/// A session.
+#[derive(Debug)]
+pub struct Client<L> {
+    line: L,
+    decoder: Decoder,
+    session: u32,
+    sequence: u32,
+    simulated: bool,
+    speed_hz: f64,
+    replies: VecDeque<(u32, Reply)>,
+    events: VecDeque<Event>,
+    telemetry: VecDeque<Frame>,
+}
+
+impl<L: Line> Client<L> {
+    /// Opens a session.
+    ///
+    /// # Errors
+    /// Nobody answers on the line, or in another version.
+    pub fn open(line: L) -> Result<Self> {
+        let mut client = Self {
+            line,
+            decoder: Decoder::new(),
+            session: 0,
+            sequence: 0,
+            simulated: false,
+            speed_hz: 0.0,
+            replies: VecDeque::new(),
+            events: VecDeque::new(),
+            telemetry: VecDeque::new(),
+        };
+        // Ends what stood in the line.
+        client.put(&[0])?;
+        let reply = client.ask(Command::Hello);
+        if client.decoder.count().versions > 0 {
+            bail!(Lost(format!(
+                "the drive speaks another version of the link than this program ({}): flash the firmware that it was \
+                 built with",
+                crate::LAYOUT
+            )));
+        }
+        match reply? {
+            Reply::Hello {
+                session,
+                simulated,
+                pwm_hz,
+                speed_divider,
+            } => {
+                (client.session, client.simulated) = (session, simulated);
+                client.speed_hz = f64::from(pwm_hz) / f64::from(speed_divider.max(1));
+                Ok(client)
+            }
+            other => bail!(unexpected(&other)),
+        }
+    }
+
+    /// The drive is a simulated one.
+    #[must_use]
+    pub fn simulated(&self) -> bool {
+        self.simulated
+    }
+
+    /// Steps of its speed task a second.
+    #[must_use]
+    pub fn speed_hz(&self) -> f64 {
+        self.speed_hz
+    }
+
+    /// Asks, and waits for the answer. What may be asked twice is asked again where no answer comes.
+    ///
+    /// # Errors
+    /// [`Lost`] if none comes.
+    pub fn ask(&mut self, command: Command) -> Result<Reply> {
+        // A second move would move twice.
+        let tries = if matches!(command, Command::Move { .. } | Command::Inject(_)) {
+            1
+        } else {
+            TRIES
+        };
+        for _ in 0..tries {
+            self.sequence = self.sequence.wrapping_add(1);
+            let frame = HostFrame {
+                session: self.session,
+                sequence: self.sequence,
+                command,
+            };
+            let mut buffer = [0; FRAME_MAX];
+            let bytes = encode(&frame, &mut buffer).context("a command that fits no frame")?;
+            self.put(bytes)?;
+            let until = Instant::now() + PATIENCE;
+            loop {
+                while let Some((sequence, reply)) = self.replies.pop_front() {
+                    if sequence == self.sequence {
+                        return Ok(reply);
+                    }
+                }
+                let Some(left) = until.checked_duration_since(Instant::now()) else {
+                    break;
+                };
+                self.listen(left)?;
+            }
+        }
+        bail!(Lost(
+            "the drive does not answer: is it there, has it power, and is nothing else on the line?".to_owned()
+        ))
+    }
+
+    /// Asks for what is answered by its being done.
+    ///
+    /// # Errors
+    /// [`Refused`] or [`Lost`].
+    pub fn tell(&mut self, command: Command) -> Result<()> {
+        match self.ask(command)? {
+            Reply::Done => Ok(()),
+            other => bail!(unexpected(&other)),
+        }
+    }
+
+    /// What the drive is doing.
+    ///
+    /// # Errors
+    /// [`Lost`].
+    pub fn status(&mut self) -> Result<Status> {
+        match self.ask(Command::Status)? {
+            Reply::Status(status) => Ok(status),
+            other => bail!(unexpected(&other)),
+        }
+    }
+
+    /// The last faults, the latest first.
+    ///
+    /// # Errors
+    /// [`Lost`].
+    pub fn faults(&mut self) -> Result<Vec<Event>> {
+        match self.ask(Command::Faults)? {
+            Reply::Faults(faults) => Ok(faults.into_iter().collect()),
+            other => bail!(unexpected(&other)),
+        }
+    }
+
+    /// The settings that hold.
+    ///
+    /// # Errors
+    /// [`Lost`], or the drive has other settings than this program.
+    pub fn settings(&mut self) -> Result<Settings> {
+        let mut settings = Settings::DEFAULT;
+        let (mut from, mut count) = (0, 0);
+        loop {
+            let some = match self.ask(Command::Settings { from })? {
+                Reply::Settings(some) => some,
+                other => bail!(unexpected(&other)),
+            };
+            let Some((last, _)) = some.last() else { break };
+            (from, count) = (last.saturating_add(1), count + some.len());
+            for (id, value) in &some {
+                settings
+                    .set(*id, *value)
+                    .context("the drive has a setting that this program does not allow")?;
+            }
+        }
+        let known = Settings::all().count();
+        if count != known {
+            bail!(
+                "the drive has {count} settings, and this program {known}: they are of different versions"
+            );
+        }
+        Ok(settings)
+    }
+
+    /// Makes `settings` hold, all of them or none.
+    ///
+    /// # Errors
+    /// [`Refused`] with the setting that does not fit, or [`Lost`].
+    pub fn configure(&mut self, settings: &Settings) -> Result<()> {
+        self.tell(Command::Discard)?;
+        let held = self.settings()?;
+        for (setting, _, value) in held.differences(settings) {
+            self.tell(Command::Draft {
+                id: setting.id,
+                value,
+            })
+            .with_context(|| format!("{setting} was not taken"))?;
+        }
+        self.tell(Command::Commit)
+    }
+
+    /// Takes what has come, waiting for it no longer than `patience`.
+    ///
+    /// # Errors
+    /// [`Lost`].
+    pub fn listen(&mut self, patience: Duration) -> Result<()> {
+        let mut bytes = [0; 4096];
+        let count = self
+            .line
+            .receive(&mut bytes, patience)
+            .map_err(|error| Lost(format!("the line to the drive is gone: {error}")))?;
+        for &byte in &bytes[..count] {
+            match self.decoder.take(byte) {
+                Some(DriveFrame::Reply(sequence, reply)) => {
+                    self.replies.push_back((sequence, reply))
+                }
+                Some(DriveFrame::Event(event)) => self.events.push_back(event),
+                Some(DriveFrame::Telemetry(frame)) => self.telemetry.push_back(frame),
+                None => {}
+            }
+        }
+        Ok(())
+    }
+
+    /// The next change of state that has come.
+    pub fn take_event(&mut self) -> Option<Event> {
+        self.events.pop_front()
+    }
+
+    /// The next telemetry that has come.
+    pub fn take_telemetry(&mut self) -> Option<Frame> {
+        self.telemetry.pop_front()
+    }
+
+    fn put(&mut self, bytes: &[u8]) -> Result<()> {
+        self.line
+            .send(bytes)
+            .map_err(|error| Lost(format!("the line to the drive is gone: {error}")).into())
+    }
+}
+
+fn unexpected(reply: &Reply) -> anyhow::Error {
+    match reply {
+        Reply::Refused(word) => match Refusal::of_word(*word) {
+            Some(refusal) => Refused::For(refusal).into(),
+            None => {
+                anyhow::anyhow!("the drive refuses, for a reason that this program does not know")
+            }
+        },
+        Reply::Unfit {
+            id,
+            value,
+            name,
+            unit,
+            is,
+            least,
+            below,
+        } => {
+            let setting = Settings::all().find(|setting: &Setting| setting.id == *id);
+            let begin = match (setting, value) {
+                (Some(setting), Some(value)) => {
+                    format!("{setting} = {} does not fit: ", value.shown(setting))
+                }
+                _ => "the settings do not fit: ".to_owned(),
+            };
+            Refused::Unfit(format!(
+                "{begin}{name} would be {} {unit}, but the drive holds values from {:.3e} to {:.3e}",
+                is.get(),
+                least.get(),
+                below.get()
+            ))
+            .into()
+        }
+        _ => anyhow::anyhow!("the drive answers something else than was asked"),
+    }
+}

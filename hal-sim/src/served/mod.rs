@@ -1,0 +1,442 @@
+//! The drive behind the link: what a host sees of it is what it would see of a board.
+//!
+//! [`SimulatedDrive`] does what is asked ([`Served`]); [`Serving`] joins it to lines of bytes, millisecond by millisecond, in
+//! one thread: the same bytes in the same milliseconds give the same bytes back.
+//!
+//! The machine has a brake that carries the load while a bridge is off, as an axis needs whose load can drive the screw
+//! back.
+
+mod lines;
+mod world;
+
+pub use lines::{LineId, Serving};
+
+use crate::drive::Drive;
+use crate::experiment::Setup;
+use control::coordinator::CommandError;
+use control::format::Misfit;
+use control::guard::Look;
+use control::plate::{BoardPlate, DrivePlate};
+use control::supervisor::State;
+use control::table_move::{MoveError, MovePlan, MoveProgress, TableMove};
+use link::codes::Run;
+use link::message::{Injected, Injection, MotorStatus, Refusal, Status, Travel};
+use link::scale;
+use link::server::Served;
+use link::settings::Settings;
+use link::settings::plate::Unfit;
+use link::telemetry::{self, Frame, Header, MotorSample, Request, Sample};
+use plant::Axis;
+use std::collections::VecDeque;
+use std::f64::consts::TAU;
+use world::World;
+
+/// Telemetry that waits for its line, frames: a second at the full rate.
+const WAITING: usize = 5000;
+
+/// A move under way.
+#[derive(Clone, Copy, Debug)]
+struct Underway {
+    plan: MovePlan,
+    motion: TableMove,
+    /// Base speed, 2^-18 rad/s.
+    base: i32,
+    /// What the coordinator was last told, 2^-28 m/s.
+    velocity: i32,
+    /// A stop or a fault has ended it.
+    ended: bool,
+}
+
+/// A stream of telemetry.
+#[derive(Clone, Copy, Debug)]
+struct Stream {
+    request: Request,
+    /// The period of its first sample.
+    start: u64,
+    /// Steps of the speed task to the next sample.
+    left: u8,
+}
+
+/// A simulated drive that a host may command.
+#[derive(Debug)]
+pub struct SimulatedDrive {
+    drive: Drive,
+    world: World,
+    board: BoardPlate,
+    settings: Settings,
+    plate: DrivePlate,
+    setup: Setup,
+    underway: Option<Underway>,
+    stream: Option<Stream>,
+    waiting: VecDeque<Frame>,
+    dropped: u32,
+    /// Streams that were asked.
+    records: u32,
+    /// The scale as last read, counts.
+    scale: i32,
+}
+
+impl SimulatedDrive {
+    /// The machine and board of `setup`, at rest, with its rotors aligned.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a gain does not fit its format.
+    pub fn new(setup: &Setup) -> Result<Self, Misfit> {
+        let made = setup.plate();
+        let settings = Settings::of_plate(&made, setup.board.sensors.scale_count_m);
+        // As it will be after a restart with the same settings.
+        let plate = settings.plate(&made.board);
+        let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate)?;
+        drive.request.run = false;
+        drive.attended = false;
+        Ok(Self {
+            world: World::new(&plate.board, setup.board.bus_v, setup.model.feed.load_n)?,
+            drive,
+            board: made.board,
+            settings,
+            plate,
+            setup: setup.clone(),
+            underway: None,
+            stream: None,
+            waiting: VecDeque::new(),
+            dropped: 0,
+            records: 0,
+            scale: 0,
+        })
+    }
+
+    /// One PWM period.
+    pub fn period(&mut self) {
+        let divider = u64::from(self.plate.board.speed_divider);
+        let speed_ran = self.drive.periods().is_multiple_of(divider);
+        self.world.braked = Axis::ALL
+            .iter()
+            .any(|axis| !self.drive.compare(*axis).enable);
+        self.drive.period_through(&mut self.world);
+        let running = matches!(self.drive.state(), State::Running | State::Stopping);
+        let (drive, temperatures) = (&self.drive, self.world.temperatures);
+        self.world.supervision.period(|| Look {
+            running,
+            temperatures,
+            theta: Axis::ALL.map(|axis| drive.estimate(axis).theta.0),
+            ..Look::default()
+        });
+        if speed_ran {
+            // Counts wrap, as those of the chip's timer do.
+            self.scale = self.drive.board.scale_counts() as i32;
+            self.travel_on();
+            self.sample();
+        }
+    }
+
+    /// Time since the start, ms.
+    #[must_use]
+    pub fn uptime_ms(&self) -> u32 {
+        (self.drive.periods() as f64 * self.setup.board.pwm_period_s() * 1e3) as u32
+    }
+
+    /// PWM periods from the start to that millisecond.
+    fn periods_until(&self, ms: u64) -> u64 {
+        (ms as f64 * 1e-3 / self.setup.board.pwm_period_s()).round() as u64
+    }
+
+    /// The drive itself, for what no host sees.
+    #[must_use]
+    pub fn drive(&self) -> &Drive {
+        &self.drive
+    }
+
+    /// The next frame of telemetry that waits.
+    pub(crate) fn take_telemetry(&mut self) -> Option<Frame> {
+        self.waiting.pop_front()
+    }
+
+    /// How many streams were asked.
+    pub(crate) fn records(&self) -> u32 {
+        self.records
+    }
+
+    /// After a step of the speed task: the move goes on.
+    fn travel_on(&mut self) {
+        let Some(underway) = &mut self.underway else {
+            return;
+        };
+        match self.drive.state() {
+            State::Running => {}
+            // It has not begun.
+            State::Ready if underway.motion.progress() == MoveProgress::Starting => return,
+            _ => {
+                underway.ended |= underway.motion.progress() != MoveProgress::Done;
+                return;
+            }
+        }
+        if underway.ended {
+            return;
+        }
+        let arrived = self.drive.arrived();
+        let velocity = underway.motion.step(&underway.plan, self.scale, arrived);
+        if velocity.to_bits() != underway.velocity {
+            underway.velocity = velocity.to_bits();
+            let asked = (underway.velocity, underway.base);
+            // The plan's velocity was tried when it was made.
+            if ask(&mut self.drive, asked.0, asked.1).is_err() {
+                underway.ended = true;
+            }
+        }
+    }
+
+    /// After a step of the speed task: a sample, if one is due.
+    fn sample(&mut self) {
+        let Some(stream) = &mut self.stream else {
+            return;
+        };
+        if let Some(left) = stream.left.checked_sub(1) {
+            stream.left = left;
+            return;
+        }
+        stream.left = stream.request.divider.saturating_sub(1);
+        if self.waiting.len() >= WAITING {
+            self.dropped = self.dropped.saturating_add(1);
+            return;
+        }
+        let period = (self.drive.periods() - 1).saturating_sub(stream.start) as u32;
+        let motors = Axis::ALL.map(|axis| self.motor_sample(axis));
+        self.waiting.push_back(Frame::Sample(Sample {
+            period,
+            motors,
+            scale: self.scale,
+        }));
+    }
+
+    /// As the firmware's telemetry makes it of a current loop's words.
+    fn motor_sample(&self, axis: Axis) -> MotorSample {
+        let (drive, k) = (&self.drive, axis.index());
+        let estimate = drive.estimate(axis);
+        let voltage = drive.ended_voltage(axis);
+        let encoder = &self.plate.motors[k].encoder;
+        let current = |word: i32| telemetry::rounded(word, scale::SAMPLE_CURRENT_DROPS);
+        let volts = |word: i32| telemetry::rounded(word, scale::SAMPLE_VOLTAGE_DROPS);
+        let [a, b, _] = estimate.phases;
+        MotorSample {
+            encoder: encoder
+                .interface
+                .counts(drive.sample(axis).encoder)
+                .unwrap_or_default(),
+            phases: [a, b].map(|amps| current(amps.to_bits())),
+            voltage: [voltage.d, voltage.q].map(|volt| volts(volt.to_bits())),
+            i_q_ref: current(drive.speed().current[k].i_q.to_bits()),
+            speed_ref: drive.speed().speed[k].omega_e.to_bits(),
+        }
+    }
+}
+
+/// Asks the drive for speeds in the link's words.
+fn ask(drive: &mut Drive, velocity: i32, base: i32) -> Result<(), Refusal> {
+    let velocity = scale::value(velocity, scale::TABLE_VELOCITY);
+    let base = scale::value(base, scale::BASE_SPEED);
+    drive
+        .command(velocity, base)
+        .map_err(|refused| match refused {
+            CommandError::Velocity { .. } => Refusal::Velocity,
+            CommandError::Speed { .. } => Refusal::MotorSpeed,
+        })
+}
+
+impl Served for SimulatedDrive {
+    fn status(&self) -> Status {
+        let state = self.drive.state();
+        let board = &self.setup.board;
+        let motors = Axis::ALL.map(|axis| {
+            let (estimate, sample) = (self.drive.estimate(axis), self.drive.sample(axis));
+            let turns = f64::from(estimate.status.theta_step) / 2f64.powi(32);
+            let speed = turns * TAU / board.pwm_period_s();
+            let volts =
+                (f64::from(sample.bus) - board.sensors.bus.zero) * board.sensors.bus.per_count;
+            MotorStatus {
+                current: [estimate.current.d, estimate.current.q].map(|amps| amps.to_bits()),
+                speed: scale::word(speed, scale::BASE_SPEED).unwrap_or_default(),
+                encoder: self.plate.motors[axis.index()]
+                    .encoder
+                    .interface
+                    .counts(sample.encoder)
+                    .unwrap_or_default(),
+                bus_mv: (volts * 1e3).max(0.0) as u32,
+            }
+        });
+        let travel = match &self.underway {
+            None => Travel::None,
+            Some(underway) if underway.ended => Travel::Ended,
+            Some(underway) => match underway.motion.progress() {
+                MoveProgress::Starting | MoveProgress::Moving => Travel::Moving,
+                MoveProgress::Settling => Travel::Settling,
+                MoveProgress::Done => Travel::Done,
+                MoveProgress::NotSettled => Travel::NotSettled,
+            },
+        };
+        Status {
+            uptime_ms: self.uptime_ms(),
+            state: state.word(),
+            fault: state.fault_word(),
+            misalignment: self
+                .drive
+                .misalignment()
+                .map_or(0, |failed| failed.reason.word()),
+            travel: travel.word(),
+            motors,
+            scale: self.scale,
+            dropped: self.dropped,
+            ..Status::default()
+        }
+    }
+
+    fn state(&self) -> State {
+        self.drive.state()
+    }
+
+    fn rates(&self) -> (u32, u32) {
+        let board = &self.plate.board;
+        (board.pwm_hz.round() as u32, board.speed_divider)
+    }
+
+    fn simulated(&self) -> bool {
+        true
+    }
+
+    fn command(&mut self, velocity: i32, base: i32) -> Result<(), Refusal> {
+        ask(&mut self.drive, velocity, base)?;
+        if let Some(underway) = &mut self.underway {
+            underway.ended |= underway.motion.progress() != MoveProgress::Done;
+        }
+        Ok(())
+    }
+
+    fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal> {
+        let plan = MovePlan::new(
+            &self.plate.feed,
+            self.settings.scale_count_m(),
+            self.plate.tuning.speed_rad_s,
+            self.plate.speed_step(),
+            distance_nm as f64 * 1e-9,
+            scale::value(velocity, scale::TABLE_VELOCITY),
+        )
+        .map_err(|error| match error {
+            MoveError::Distance => Refusal::Distance,
+            MoveError::Velocity => Refusal::Velocity,
+        })?;
+        // Whether the screw may turn as fast as the way takes, and then the base speed alone.
+        let forwards = if distance_nm < 0 { -velocity } else { velocity };
+        ask(&mut self.drive, forwards, base)?;
+        ask(&mut self.drive, 0, base)?;
+        self.underway = Some(Underway {
+            plan,
+            motion: TableMove::new(),
+            base,
+            velocity: 0,
+            ended: false,
+        });
+        Ok(())
+    }
+
+    fn run(&mut self, run: Run) {
+        self.drive.request.run = run == Run::Run;
+        self.drive.request.reset = run == Run::Reset;
+    }
+
+    fn renew(&mut self) {
+        let heartbeat = &mut self.drive.request.heartbeat;
+        *heartbeat = heartbeat.wrapping_add(1);
+    }
+
+    fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    fn configure(&mut self, settings: &Settings) -> Result<(), Unfit> {
+        settings.config(&self.settings, &self.board)?;
+        let plate = settings.plate(&self.board);
+        self.drive.restart(&plate).map_err(|misfit| Unfit {
+            setting: None,
+            misfit,
+        })?;
+        self.drive.request.run = false;
+        self.drive.attended = false;
+        (self.settings, self.plate) = (*settings, plate);
+        (self.underway, self.stream) = (None, None);
+        Ok(())
+    }
+
+    fn record(&mut self, request: u32) {
+        self.records = self.records.wrapping_add(1);
+        self.waiting.clear();
+        let header = Header {
+            request,
+            ..Header::of_plate(&self.plate, self.settings.scale_count_m())
+        };
+        self.waiting.push_back(Frame::Header(header));
+        let request = Request::of_word(request);
+        let divider = u64::from(self.plate.board.speed_divider);
+        self.stream = (request.divider != 0).then_some(Stream {
+            request,
+            start: self.drive.periods().next_multiple_of(divider),
+            left: 0,
+        });
+    }
+
+    fn inject(&mut self, injection: Injection) -> Result<(), Refusal> {
+        let fault = Injected::of_word(injection.fault).ok_or(Refusal::Injection)?;
+        let axis = *Axis::ALL
+            .get(usize::from(injection.motor))
+            .ok_or(Refusal::Injection)?;
+        let (k, amount) = (axis.index(), injection.amount.get());
+        let within = |least: f64, most: f64| {
+            (least..=most)
+                .contains(&amount)
+                .then_some(())
+                .ok_or(Refusal::Injection)
+        };
+        let Self {
+            drive,
+            world,
+            setup,
+            ..
+        } = self;
+        match fault {
+            Injected::Clear => {
+                world.inputs = control::interlock::Inputs::CLEAR;
+                (world.frozen, world.offset_a) = ([None; 2], [0.0; 2]);
+                world.load_n = setup.model.feed.load_n;
+                drive.board.set_bus_voltage(setup.board.bus_v);
+                for axis in Axis::ALL {
+                    drive.board.machine.set_open_phase(axis, None);
+                }
+            }
+            Injected::EncoderFrozen => world.frozen[k] = Some(drive.sample(axis).encoder),
+            Injected::EncoderSlip => {
+                within(-360.0, 360.0)?;
+                drive.misalign(axis, amount / 360.0);
+            }
+            Injected::DriverFault => drive.board.trip_break(axis),
+            Injected::OpenPhase => {
+                within(1.0, 3.0)?;
+                let phase = amount as usize - 1;
+                drive.board.machine.set_open_phase(axis, Some(phase));
+            }
+            Injected::Bus => {
+                within(0.0, 1000.0)?;
+                drive.board.set_bus_voltage(amount);
+            }
+            Injected::Load => {
+                within(-1e5, 1e5)?;
+                world.load_n = amount;
+            }
+            Injected::EnableOpen => world.inputs.enabled = false,
+            Injected::EndForward => world.inputs.end_forward = true,
+            Injected::EndBackward => world.inputs.end_backward = true,
+            Injected::CurrentOffset => {
+                within(-100.0, 100.0)?;
+                world.offset_a[k] = amount;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,87 @@
+//! What is around a simulated drive: its inputs and supervision, a brake, and the faults that are put in.
+
+use crate::boards::BoardKind;
+use crate::seam::Seam;
+use crate::supervision::Supervision;
+use control::current_loop::MotorSample;
+use control::fault::Fault;
+use control::format::Misfit;
+use control::guard::GuardPlate;
+use control::interlock::Inputs;
+use control::plate::BoardPlate;
+use control::supervisor::Request;
+use plant::Axis;
+use plant::machine::Machine;
+
+/// Heat sinks are at so many degrees Celsius.
+const WARM: f64 = 40.0;
+/// Bus voltages between which the drive runs, of the supply's.
+const BUS: [f64; 2] = [0.2, 1.26];
+
+/// The seam of a served drive.
+#[derive(Clone, Debug)]
+pub(super) struct World {
+    pub(super) supervision: Supervision,
+    pub(super) inputs: Inputs,
+    /// A bridge is off, and the brake carries the load.
+    pub(super) braked: bool,
+    /// Against positive travel, N.
+    pub(super) load_n: f64,
+    /// The words that frozen encoders go on reading.
+    pub(super) frozen: [Option<u32>; 2],
+    /// What the current channels a read too much, A.
+    pub(super) offset_a: [f64; 2],
+    pub(super) temperatures: [u16; 2],
+}
+
+impl World {
+    /// Around a drive of `board` with a supply of `bus_v` and a load of `load_n`.
+    pub(super) fn new(board: &BoardPlate, bus_v: f64, load_n: f64) -> Result<Self, Misfit> {
+        let mains = BoardKind::Mains.guards();
+        let [least, most] = BUS.map(|part| part * bus_v);
+        let guards = GuardPlate {
+            bus_min_v: least,
+            bus_max_v: most,
+            bus_volts_per_count: board.bus_volts_per_count,
+            adc_counts: board.adc_counts,
+            index: [false; 2],
+            ..mains
+        };
+        Ok(Self {
+            supervision: Supervision::new(&guards, board)?,
+            inputs: Inputs::CLEAR,
+            braked: true,
+            load_n,
+            frozen: [None; 2],
+            offset_a: [0.0; 2],
+            temperatures: guards
+                .temperatures
+                .map(|plate| plate.counts(WARM, board.adc_counts) as u16),
+        })
+    }
+}
+
+impl Seam for World {
+    fn machine(&mut self, machine: &mut Machine, _: u32) {
+        machine.set_load_force(if self.braked { 0.0 } else { self.load_n });
+    }
+
+    fn currents(&mut self, axis: Axis, amps: &mut [f64; 3]) {
+        amps[0] += self.offset_a[axis.index()];
+    }
+
+    fn sample(&mut self, axis: Axis, sample: &mut MotorSample) {
+        if let Some(word) = self.frozen[axis.index()] {
+            sample.encoder = word;
+        }
+        self.supervision.converted(axis, sample);
+    }
+
+    fn request(&mut self, request: &mut Request) {
+        request.inputs = self.inputs;
+    }
+
+    fn found(&mut self) -> Option<Fault> {
+        self.supervision.take()
+    }
+}
