@@ -3,10 +3,14 @@
 
 mod bench;
 mod check;
+mod drive;
 mod firmware;
 mod identify;
+#[cfg(any(feature = "drive", feature = "probe"))]
+mod interrupt;
 #[cfg(feature = "probe")]
 mod probe;
+mod serve;
 mod session;
 mod simulate;
 mod steps;
@@ -14,7 +18,7 @@ mod test;
 mod tools;
 mod with;
 
-#[cfg(feature = "simulate")]
+#[cfg(any(feature = "drive", feature = "simulate"))]
 use xtask::output;
 use xtask::wiring;
 
@@ -50,6 +54,10 @@ enum Task {
     Wiring,
     #[command(flatten)]
     Session(session::Session),
+    /// A simulated drive behind its link, in real time: what `drive --sim` commands.
+    Serve(serve::ServeOptions),
+    /// Command a drive over its link: one that `serve` simulates, or one at a serial port.
+    Drive(drive::DriveOptions),
     /// What can be told within a minute: format, lints, documentation, tests of control, plant and drive.
     Check,
     /// Everything that must hold: format, lints, tests, the firmware's build.
@@ -65,6 +73,8 @@ fn main() -> ExitCode {
         Task::Cost(options) => firmware::cost(&options),
         Task::Sizes(options) => firmware::sizes(&options),
         Task::Wiring => wiring::draw(&tools::root()).map(|path| println!("{}", path.display())),
+        Task::Serve(options) => serve::run(&options),
+        Task::Drive(options) => drive::run(&options),
         Task::Session(session) => session::run(session),
         Task::Check => check::run(),
         Task::Test => test::run(),
@@ -73,7 +83,7 @@ fn main() -> ExitCode {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            ExitCode::FAILURE
+            drive::exit_code(&error)
         }
     }
 }

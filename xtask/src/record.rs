@@ -143,8 +143,7 @@ pub fn save(
         Ok(())
     })?;
     let (summary, outcome, header) = ended.context("the recording did not end")?;
-    let text = format!("{ABOUT}{}", model(&header, summary.interval_s).to_toml());
-    folder.put_text("model.toml", &text)?;
+    folder.put_text("model.toml", &model_file(&header, summary.interval_s))?;
     Ok((summary, outcome))
 }
 
@@ -182,6 +181,12 @@ const ABOUT: &str = "\
 # feed axes: friction, the table's mass, stiffness and guideway, the load, and the sensors' noise. Put your machine's
 # own figures in before you trust what an identification makes of them.
 ";
+
+/// The text of the `model.toml` of a drive, whose recordings have a row each `interval_s`.
+#[must_use]
+pub fn model_file(header: &Header, interval_s: f64) -> String {
+    format!("{ABOUT}{}", model(header, interval_s).to_toml())
+}
 
 /// The model that the drive's plate declares; what the plate does not have is of the size of common feed axes.
 #[must_use]

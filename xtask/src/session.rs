@@ -96,17 +96,21 @@ pub struct RecordOptions {
 /// Steps of the speed task a second, of which a sample takes each, each second, or each `n`th.
 pub const FULL_RATE: u32 = 5000;
 
+/// Which step of the speed task makes a sample, of so many samples a second.
+pub fn divider(rate: u32) -> Result<u8> {
+    let divider = FULL_RATE.checked_div(rate).unwrap_or(0);
+    ensure!(
+        divider >= 1 && divider * rate == FULL_RATE && divider <= u32::from(u8::MAX),
+        "--rate is {rate}, but {FULL_RATE} samples a second divided by a whole number up to 255 is possible: 5000, 2500, \
+         1000, 500"
+    );
+    Ok(u8::try_from(divider)?)
+}
+
 impl RecordOptions {
     /// Which step of the speed task makes a sample.
     pub fn divider(&self) -> Result<u8> {
-        let divider = FULL_RATE.checked_div(self.rate).unwrap_or(0);
-        ensure!(
-            divider >= 1 && divider * self.rate == FULL_RATE && divider <= u32::from(u8::MAX),
-            "--rate is {}, but {FULL_RATE} samples a second divided by a whole number up to 255 is possible: 5000, 2500, \
-             1000, 500",
-            self.rate
-        );
-        Ok(u8::try_from(divider)?)
+        divider(self.rate)
     }
 
     /// How long to record, s.

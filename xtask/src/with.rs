@@ -9,6 +9,10 @@ use launch::Program;
 #[allow(dead_code, reason = "with all features on nothing is handed over")]
 #[derive(Clone, Copy)]
 pub enum With {
+    /// The link.
+    Drive,
+    /// A simulated drive.
+    Serve,
     /// The simulator.
     Simulate,
     /// The identification, and the simulator.
@@ -20,6 +24,8 @@ pub enum With {
 impl With {
     fn build(self) -> &'static [&'static str] {
         match self {
+            With::Drive => &["--features", "drive"],
+            With::Serve => &["--features", "serve"],
             With::Simulate => &["--release", "--features", "simulate"],
             With::Identify => &["--release", "--features", "identify"],
             // Not for release: probe-rs takes minutes to optimise as a whole, and waits for USB anyway.

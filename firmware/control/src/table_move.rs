@@ -158,7 +158,7 @@ pub enum MoveProgress {
 }
 
 /// A move under way.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TableMove {
     progress: MoveProgress,
     /// The scale at the start.
@@ -169,12 +169,12 @@ pub struct TableMove {
 }
 
 impl TableMove {
-    /// A move that begins.
+    /// A move from where the scale counts `start`: what the table moves while the motors take over its load is in the way.
     #[must_use]
-    pub const fn new() -> Self {
+    pub const fn new(start: i32) -> Self {
         Self {
             progress: MoveProgress::Starting,
-            start: 0,
+            start,
             steps: 0,
             held: 0,
         }
@@ -192,7 +192,6 @@ impl TableMove {
         self.steps = self.steps.saturating_add(1);
         match self.progress {
             MoveProgress::Starting if arrived && self.steps > TAKEN => {
-                self.start = scale;
                 self.enter(MoveProgress::Moving);
                 plan.velocity
             }
@@ -265,7 +264,7 @@ mod tests {
     fn run(plan: &MovePlan, lag_m: f64) -> (MoveProgress, f64, f64) {
         let plate = test_plate();
         let config = plate.config().unwrap().coordinator;
-        let (mut table, mut motion) = (Profile::default(), TableMove::new());
+        let (mut table, mut motion) = (Profile::default(), TableMove::new(0));
         let per_metre = core::f64::consts::TAU / plate.feed.lead_m;
         let (mut position, mut fastest, mut asked) = (0.0, 0.0f64, TableVelocity::ZERO);
         for _ in 0..2_000_000 {
@@ -274,13 +273,8 @@ mod tests {
             let velocity = table.value.to_num::<f64>() / per_metre;
             position += velocity * STEP_S;
             fastest = fastest.max(velocity.abs());
-            let lag = if motion.progress() == MoveProgress::Starting {
-                0.0
-            } else {
-                lag_m
-            };
             let arrived = table.value == crate::format::ProfileState::from_num(target);
-            let scale = ((position - lag) / COUNT_M) as i64 as i32;
+            let scale = ((position - lag_m) / COUNT_M) as i64 as i32;
             asked = motion.step(plan, scale, arrived);
             if matches!(
                 motion.progress(),
@@ -320,7 +314,7 @@ mod tests {
         #[test]
         fn any_move_is_planned_or_refused(distance: f64, velocity: f64, scale: i32, arrived: bool) {
             if let Ok(plan) = plan(distance, velocity) {
-                let mut motion = TableMove::new();
+                let mut motion = TableMove::new(0);
                 for _ in 0..100 {
                     let asked = motion.step(&plan, scale, arrived);
                     prop_assert!(asked.to_num::<f64>().abs() <= test_plate().feed.velocity_max);
@@ -332,7 +326,7 @@ mod tests {
     #[test]
     fn a_table_that_stays_away_is_told() {
         let plan = plan(1e-3, 10e-3).unwrap();
-        let mut motion = TableMove::new();
+        let mut motion = TableMove::new(0);
         for _ in 0..plan.steps() + 20_000 {
             let _ = motion.step(&plan, 0, true);
         }

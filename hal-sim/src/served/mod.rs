@@ -17,15 +17,16 @@ use control::coordinator::CommandError;
 use control::format::Misfit;
 use control::guard::Look;
 use control::plate::{BoardPlate, DrivePlate};
+use control::speed_task::STEPS_PER_LOOK;
 use control::supervisor::State;
 use control::table_move::{MoveError, MovePlan, MoveProgress, TableMove};
 use link::codes::Run;
 use link::message::{Injected, Injection, MotorStatus, Refusal, Status, Travel};
 use link::scale;
 use link::server::Served;
-use link::settings::Settings;
 use link::settings::plate::Unfit;
-use link::telemetry::{self, Frame, Header, MotorSample, Request, Sample};
+use link::settings::{Settings, Value};
+use link::telemetry::{self, Frame, Header, MotorSample, Real, Request, Sample};
 use plant::Axis;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
@@ -66,6 +67,8 @@ pub struct SimulatedDrive {
     settings: Settings,
     plate: DrivePlate,
     setup: Setup,
+    /// The period from which on it is asked to run.
+    run_at: Option<u64>,
     underway: Option<Underway>,
     stream: Option<Stream>,
     waiting: VecDeque<Frame>,
@@ -83,7 +86,7 @@ impl SimulatedDrive {
     /// [`Misfit`] if a gain does not fit its format.
     pub fn new(setup: &Setup) -> Result<Self, Misfit> {
         let made = setup.plate();
-        let settings = Settings::of_plate(&made, setup.board.sensors.scale_count_m);
+        let settings = tidy(Settings::of_plate(&made, setup.board.sensors.scale_count_m));
         // As it will be after a restart with the same settings.
         let plate = settings.plate(&made.board);
         let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate)?;
@@ -96,6 +99,7 @@ impl SimulatedDrive {
             settings,
             plate,
             setup: setup.clone(),
+            run_at: None,
             underway: None,
             stream: None,
             waiting: VecDeque::new(),
@@ -107,6 +111,10 @@ impl SimulatedDrive {
 
     /// One PWM period.
     pub fn period(&mut self) {
+        if self.run_at.is_some_and(|at| self.drive.periods() >= at) {
+            self.run_at = None;
+            self.drive.request.run = true;
+        }
         let divider = u64::from(self.plate.board.speed_divider);
         let speed_ran = self.drive.periods().is_multiple_of(divider);
         self.world.braked = Axis::ALL
@@ -230,6 +238,19 @@ impl SimulatedDrive {
     }
 }
 
+/// To 15 digits, so that a conversion's last bit is not shown to a person: 11.8 and not 11.799999999999999.
+fn tidy(mut settings: Settings) -> Settings {
+    for setting in Settings::all() {
+        if let Some(Value::Real(x)) = settings.get(setting.id)
+            && let Ok(tidy) = format!("{:.14e}", x.get()).parse()
+        {
+            // A value at an end of its range stays as it is.
+            let _ = settings.set(setting.id, Value::Real(Real::new(tidy)));
+        }
+    }
+    settings
+}
+
 /// Asks the drive for speeds in the link's words.
 fn ask(drive: &mut Drive, velocity: i32, base: i32) -> Result<(), Refusal> {
     let velocity = scale::value(velocity, scale::TABLE_VELOCITY);
@@ -329,7 +350,7 @@ impl Served for SimulatedDrive {
         ask(&mut self.drive, 0, base)?;
         self.underway = Some(Underway {
             plan,
-            motion: TableMove::new(),
+            motion: TableMove::new(self.scale),
             base,
             velocity: 0,
             ended: false,
@@ -338,7 +359,11 @@ impl Served for SimulatedDrive {
     }
 
     fn run(&mut self, run: Run) {
-        self.drive.request.run = run == Run::Run;
+        // The interlock forbids a start by its last look: it must have seen the heartbeat that came with the command.
+        let looks = u64::from(2 * STEPS_PER_LOOK * self.plate.board.speed_divider);
+        let running = self.drive.request.run && run == Run::Run;
+        self.run_at = (run == Run::Run).then(|| self.drive.periods() + looks);
+        self.drive.request.run = running;
         self.drive.request.reset = run == Run::Reset;
     }
 
@@ -361,7 +386,7 @@ impl Served for SimulatedDrive {
         self.drive.request.run = false;
         self.drive.attended = false;
         (self.settings, self.plate) = (*settings, plate);
-        (self.underway, self.stream) = (None, None);
+        (self.underway, self.stream, self.run_at) = (None, None, None);
         Ok(())
     }
 

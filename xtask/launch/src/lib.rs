@@ -29,7 +29,7 @@ impl Program<'_> {
             return Ok(built);
         }
         let mut run = self.cargo("run");
-        run.arg("--quiet").arg("--").args(arguments).status()
+        hand_over(run.arg("--quiet").arg("--").args(arguments))
     }
 
     /// Builds it.
@@ -59,6 +59,20 @@ impl Program<'_> {
         cargo.envs(self.environment.iter().map(|(name, value)| (name, value)));
         cargo
     }
+}
+
+/// Becomes the program, so that Ctrl-C is the program's alone, and who called waits until that has ended.
+#[cfg(unix)]
+fn hand_over(program: &mut Command) -> io::Result<ExitStatus> {
+    use std::os::unix::process::CommandExt;
+    // It comes back only if it could not be started.
+    Err(program.exec())
+}
+
+/// Runs the program and waits for it.
+#[cfg(not(unix))]
+fn hand_over(program: &mut Command) -> io::Result<ExitStatus> {
+    program.status()
 }
 
 /// Whether it is the line that cargo ends every build with.

@@ -9,6 +9,7 @@ mod patience;
 mod record;
 mod tell;
 
+use crate::interrupt::ctrl_c;
 use crate::session::{Session as Task, Which};
 use anyhow::{Context, Result};
 use choose::choose;
@@ -22,8 +23,6 @@ use probe_rs::probe::DebugProbeInfo;
 use probe_rs::probe::list::Lister;
 use probe_rs::{Permissions, flashing};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -35,14 +34,6 @@ const LOOK: Duration = Duration::from_millis(200);
 const LISTEN: Duration = Duration::from_millis(20);
 /// How long the firmware has to start.
 const START: Duration = Duration::from_secs(2);
-
-/// Set by Ctrl-C, from now on.
-fn ctrl_c() -> Result<Arc<AtomicBool>, ctrlc::Error> {
-    let stop = Arc::new(AtomicBool::new(false));
-    let asked = Arc::clone(&stop);
-    ctrlc::set_handler(move || asked.store(true, Relaxed))?;
-    Ok(stop)
-}
 
 /// Does `task` with the probe that is there.
 pub fn run(task: Task) -> Result<()> {

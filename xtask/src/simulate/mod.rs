@@ -1,10 +1,13 @@
 //! `cargo xtask simulate`: the drive on a simulated machine, behind the feature `simulate`.
 
 mod options;
+#[cfg(feature = "serve")]
+mod setup;
 #[cfg(feature = "simulate")]
 mod study;
 
-pub use options::Options;
+#[allow(unused_imports, reason = "what serves a simulated drive names them")]
+pub use options::{MachineOptions, Options, Preset};
 #[cfg(feature = "simulate")]
 pub use study::{PAPER_MEASURED, analytic_percent};
 

@@ -30,6 +30,16 @@ pub trait Line {
     fn receive(&mut self, bytes: &mut [u8], patience: Duration) -> io::Result<usize>;
 }
 
+impl<L: Line + ?Sized> Line for Box<L> {
+    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
+        (**self).send(bytes)
+    }
+
+    fn receive(&mut self, bytes: &mut [u8], patience: Duration) -> io::Result<usize> {
+        (**self).receive(bytes, patience)
+    }
+}
+
 /// The drive does not do what was asked.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Refused {

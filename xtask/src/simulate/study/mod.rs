@@ -7,7 +7,6 @@ mod records;
 mod replay;
 mod report;
 mod run;
-mod setup;
 mod sweep;
 mod sweep_html;
 mod sweep_report;

@@ -2,9 +2,9 @@
 
 use super::options::{Options, Preset, Sensing};
 use super::report::{CurveReport, Mark, Report, RunReport, SensitivityReport, SetupReport};
-use super::setup::{duration, nut_speed, table_speed};
 use super::{curves, html, table};
 use crate::output::Folder;
+use crate::simulate::setup::{duration, nut_speed, table_speed};
 use anyhow::{Context, Result, ensure};
 use hal_sim::analytic::{Sensitivity, ripple_percent};
 use hal_sim::drive::Drive;

@@ -2,10 +2,10 @@
 
 use super::options::{Preset, SweepOptions};
 use super::run::{progress_bar, sensor_name};
-use super::setup::{duration, nut_speed, table_speed};
 use super::sweep_html;
 use super::sweep_report::SweepReport;
 use crate::output::Folder;
+use crate::simulate::setup::{duration, nut_speed, table_speed};
 use anyhow::{Result, ensure};
 use hal_sim::experiment::{
     ExperimentError, OperatingPoint, record_periods, settle_quietly, table_velocities,

@@ -1,8 +1,8 @@
 //! From what was asked to a drive's set-up; what cannot be is refused before anything is run.
 
 use super::options::{MachineOptions, Preset, RECORD_S, Sensing};
-use anyhow::{Context, Result, ensure};
-use hal_sim::experiment::{RPM, Setup};
+use anyhow::{Context, Result};
+use hal_sim::experiment::Setup;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
@@ -36,10 +36,11 @@ impl MachineOptions {
 }
 
 /// Checks a table velocity in mm/s against what the feed allows, before anything is run.
+#[cfg(feature = "simulate")]
 pub fn table_speed(value: f64, setup: &Setup) -> Result<f64> {
     let limit = setup.plate().feed.velocity_max * 1e3;
     finite("--table-speed", "mm/s", value, -limit, limit)?;
-    ensure!(
+    anyhow::ensure!(
         value.abs() >= 1e-3,
         "--table-speed is {value} mm/s, but ripple is measured against the table's velocity: give at least 0.001 mm/s"
     );
@@ -47,11 +48,13 @@ pub fn table_speed(value: f64, setup: &Setup) -> Result<f64> {
 }
 
 /// Checks a nut speed in rpm against the motor, before anything is run; mechanical rad/s.
+#[cfg(feature = "simulate")]
 pub fn nut_speed(value: f64, velocity: f64, setup: &Setup) -> Result<f64> {
     let plate = setup.plate();
     let [screw, nut] = plate.motors.map(|motor| motor.speed_max_rpm);
     finite("--nut-rpm", "rpm", value, -nut, nut)?;
-    let screw_rpm = value + velocity / setup.model.feed.travel_per_radian() / RPM;
+    let screw_rpm =
+        value + velocity / setup.model.feed.travel_per_radian() / hal_sim::experiment::RPM;
     finite(
         "the screw's speed, --nut-rpm plus the table's share,",
         "rpm",
@@ -59,10 +62,11 @@ pub fn nut_speed(value: f64, velocity: f64, setup: &Setup) -> Result<f64> {
         -screw,
         screw,
     )?;
-    Ok(value * RPM)
+    Ok(value * hal_sim::experiment::RPM)
 }
 
 /// Checks a record's length.
+#[cfg(feature = "simulate")]
 pub fn duration(value: f64) -> Result<f64> {
     finite("--duration", "s", value, 0.01, 1000.0)?;
     Ok(value)

@@ -1,0 +1,64 @@
+//! `cargo xtask drive`: a drive commanded over its link, behind the feature `drive`.
+
+#[cfg(feature = "drive")]
+mod connect;
+#[cfg(feature = "drive")]
+mod motion;
+mod options;
+#[cfg(feature = "drive")]
+mod record;
+#[cfg(feature = "drive")]
+mod settings;
+#[cfg(feature = "drive")]
+mod status;
+
+pub use options::DriveOptions;
+
+use anyhow::Result;
+use std::process::ExitCode;
+
+/// Does what is asked.
+#[cfg(feature = "drive")]
+pub fn run(options: &DriveOptions) -> Result<()> {
+    use options::Task;
+    options.check()?;
+    let mut client = connect::open(&options.line, options.baud)?;
+    match &options.task {
+        Task::Status { json } => status::status(&mut client, *json),
+        Task::Faults { json } => status::faults(&mut client, *json),
+        Task::Arm => motion::arm(&mut client),
+        Task::Jog(jog) => motion::jog(&mut client, jog),
+        Task::Move(travel) => motion::travel(&mut client, travel),
+        Task::Stop => motion::stop(&mut client),
+        Task::Reset => motion::reset(&mut client),
+        Task::Inject(injection) => motion::inject(&mut client, injection),
+        Task::Settings { what } => settings::run(&mut client, what),
+        Task::Record(record) => record::record(&mut client, record),
+    }
+}
+
+/// Hands over to an xtask with the link.
+#[cfg(not(feature = "drive"))]
+pub fn run(options: &DriveOptions) -> Result<()> {
+    options.check()?;
+    crate::with::With::Drive.take_over()
+}
+
+/// 3: the drive refuses. 4: a fault has stopped it. 5: it does not answer. 1: anything else.
+pub fn exit_code(error: &anyhow::Error) -> ExitCode {
+    #[cfg(feature = "drive")]
+    {
+        use link::host::client::{Lost, Refused};
+        if error.is::<Refused>() {
+            return ExitCode::from(3);
+        }
+        if error.is::<motion::Stopped>() {
+            return ExitCode::from(4);
+        }
+        if error.is::<Lost>() {
+            return ExitCode::from(5);
+        }
+    }
+    let _ = error;
+    ExitCode::FAILURE
+}

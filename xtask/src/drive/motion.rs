@@ -1,0 +1,250 @@
+//! What moves a drive. It is commanded as long as the command runs, and comes to rest with it.
+
+use super::connect::Drive;
+use super::options::{InjectOptions, JogOptions, Motor, MoveOptions};
+use super::status::{Seen, look};
+use crate::interrupt::ctrl_c;
+use anyhow::{Context, Result, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use link::codes::{Fault, State};
+use link::message::{Command, Injected, Injection, Travel};
+use link::scale;
+use link::settings::Settings;
+use link::telemetry::Real;
+use serde_json::json;
+use std::f64::consts::TAU;
+use std::fmt;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// How often a drive that moves is told that the host is there: a tenth of the usual half second.
+pub const BEAT: Duration = Duration::from_millis(50);
+/// How often it is looked at.
+const LOOK: Duration = Duration::from_millis(200);
+/// How long it may take to come to rest.
+const REST: Duration = Duration::from_secs(30);
+
+/// A fault has stopped the drive.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Stopped(pub Fault);
+
+impl fmt::Display for Stopped {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "the drive was stopped by a fault: {}. {}",
+            self.0.name(),
+            self.0.sentence()
+        )
+    }
+}
+
+impl std::error::Error for Stopped {}
+
+/// Arms the drive.
+pub fn arm(drive: &mut Drive) -> Result<()> {
+    drive.tell(Command::Arm)?;
+    println!("armed");
+    Ok(())
+}
+
+/// Brings it to rest.
+pub fn stop(drive: &mut Drive) -> Result<()> {
+    rest(drive)?;
+    println!("at rest");
+    Ok(())
+}
+
+/// Leaves a fault.
+pub fn reset(drive: &mut Drive) -> Result<()> {
+    drive.tell(Command::Reset)?;
+    let until = Instant::now() + REST;
+    // It measures its current zeros, and aligns its rotors where it has to.
+    let begun = Instant::now();
+    loop {
+        match look(drive)?.state {
+            Some(State::Ready) => break,
+            Some(State::Fault(fault)) if begun.elapsed() > LOOK => bail!(Stopped(fault)),
+            _ if Instant::now() > until => bail!("the drive does not become ready again"),
+            _ => drive.listen(BEAT)?,
+        }
+    }
+    println!("ready");
+    Ok(())
+}
+
+/// Runs until Ctrl-C or as long as asked.
+pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
+    let settings = drive.settings()?;
+    let command = speeds(options.table_speed * 1e-3, options.nut_rpm * TAU / 60.0)?;
+    let stop = caught()?;
+    if options.arm {
+        drive.tell(Command::Arm)?;
+    }
+    drive.tell(command)?;
+    let longest = options.duration.map(Duration::from_secs_f64);
+    led(drive, &settings, &stop, |_, elapsed| {
+        Ok(longest.is_some_and(|longest| elapsed >= longest))
+    })?;
+    println!("at rest");
+    Ok(())
+}
+
+/// Moves the table by a distance.
+pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
+    let settings = drive.settings()?;
+    let Command::Run { velocity, base } =
+        speeds(options.table_speed * 1e-3, options.nut_rpm * TAU / 60.0)?
+    else {
+        bail!("speeds are no command");
+    };
+    #[allow(clippy::cast_possible_truncation)]
+    let distance_nm = (options.distance * 1e6).round() as i64;
+    let stop = caught()?;
+    let before = look(drive)?.position_mm(&settings);
+    if options.arm {
+        drive.tell(Command::Arm)?;
+    }
+    drive.tell(Command::Move {
+        distance_nm,
+        velocity,
+        base,
+    })?;
+    let mut ended = None;
+    led(drive, &settings, &stop, |seen, _| {
+        let travel = seen.travel();
+        let over = matches!(
+            travel,
+            Some(Travel::Done | Travel::NotSettled | Travel::Ended)
+        );
+        if over {
+            ended = travel.map(|travel| (travel, seen.position_mm(&settings) - before));
+        }
+        Ok(over)
+    })?;
+    let moved = look(drive)?.position_mm(&settings) - before;
+    match ended {
+        Some((Travel::Done, in_place)) => {
+            if options.json {
+                let result = json!({ "moved_mm": in_place, "asked_mm": options.distance, "at_rest_mm": moved });
+                println!("{result:#}");
+            } else {
+                println!(
+                    "moved {in_place:.4} mm, {:+.1} um from where it was asked; at rest",
+                    (in_place - options.distance) * 1e3
+                );
+            }
+            Ok(())
+        }
+        Some((travel, _)) => bail!(
+            "the table moved by {moved:.4} mm of {} mm: {}",
+            options.distance,
+            travel.sentence()
+        ),
+        None => bail!(
+            "ended on its way: the table moved by {moved:.4} mm of {} mm, and is at rest",
+            options.distance
+        ),
+    }
+}
+
+/// Puts a fault into a simulated drive.
+pub fn inject(drive: &mut Drive, options: &InjectOptions) -> Result<()> {
+    let known = |fault: &&Injected| fault.name() == options.fault;
+    let Some(fault) = Injected::ALL.iter().find(known) else {
+        let list: Vec<String> = Injected::ALL
+            .iter()
+            .map(|fault| format!("  {}: {}", fault.name(), fault.sentence()))
+            .collect();
+        bail!(
+            "there is no fault `{}`:\n{}",
+            options.fault,
+            list.join("\n")
+        );
+    };
+    let amount = match (fault.unit(), options.amount) {
+        (Some(unit), None) => bail!("{} needs an --amount in {unit}", fault.name()),
+        (None, Some(_)) => bail!("{} has no amount", fault.name()),
+        (_, amount) => amount.unwrap_or(0.0),
+    };
+    drive.tell(Command::Inject(Injection {
+        fault: fault.word(),
+        motor: u8::from(options.motor == Motor::Nut),
+        amount: Real::new(amount),
+    }))?;
+    println!("{}", fault.sentence());
+    Ok(())
+}
+
+/// Ctrl-C, which brings the drive to rest.
+pub fn caught() -> Result<Arc<AtomicBool>> {
+    ctrl_c().context("Ctrl-C cannot be caught, and is what stops the drive")
+}
+
+/// The command for a table velocity, m/s, and a base speed, rad/s.
+pub fn speeds(velocity: f64, base: f64) -> Result<Command> {
+    Ok(Command::Run {
+        velocity: scale::word(velocity, scale::TABLE_VELOCITY).with_context(|| {
+            format!("a table velocity of {velocity} m/s cannot be said: 8 m/s are the end")
+        })?,
+        base: scale::word(base, scale::BASE_SPEED).with_context(|| {
+            format!("a base speed of {base} rad/s cannot be said: 8192 rad/s are the end")
+        })?,
+    })
+}
+
+/// Goes on commanding a drive that runs until `over` says so or Ctrl-C; then it comes to rest, whatever has happened.
+fn led(
+    drive: &mut Drive,
+    settings: &Settings,
+    stop: &AtomicBool,
+    mut over: impl FnMut(&Seen, Duration) -> Result<bool>,
+) -> Result<()> {
+    let bar =
+        ProgressBar::new_spinner().with_style(ProgressStyle::with_template("{spinner} {msg}")?);
+    let begun = Instant::now();
+    let mut looked = None;
+    let led = (|| {
+        while !stop.load(Relaxed) {
+            drive.tell(Command::Heartbeat)?;
+            if looked.is_none_or(|at: Instant| at.elapsed() >= LOOK) {
+                looked = Some(Instant::now());
+                let seen = look(drive)?;
+                bar.set_message(seen.line(settings));
+                bar.tick();
+                if let Some(State::Fault(fault)) = seen.state {
+                    bail!(Stopped(fault));
+                }
+                if over(&seen, begun.elapsed())? {
+                    break;
+                }
+            }
+            drive.listen(BEAT)?;
+        }
+        Ok(())
+    })();
+    bar.set_message("coming to rest");
+    let rested = rest(drive);
+    bar.finish_and_clear();
+    // The first that failed is the cause.
+    led.and(rested)
+}
+
+/// Asks it to rest, and waits for that.
+pub fn rest(drive: &mut Drive) -> Result<()> {
+    drive.tell(Command::Stop)?;
+    let until = Instant::now() + REST;
+    loop {
+        match look(drive)?.state {
+            Some(State::Running | State::Stopping) if Instant::now() < until => {
+                drive.listen(BEAT)?
+            }
+            Some(State::Running | State::Stopping) => {
+                bail!("the drive does not come to rest: open its enable contact")
+            }
+            Some(State::Fault(fault)) => bail!(Stopped(fault)),
+            _ => return Ok(()),
+        }
+    }
+}

@@ -1,0 +1,258 @@
+//! What a person may ask of a drive. Quantities have the flags that they have in `simulate` and `record`.
+
+use crate::session::{FULL_RATE, divider};
+use anyhow::{Result, ensure};
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+use xtask::hold::Hold;
+
+/// Where the drive is, and what it is asked.
+#[derive(Args, Debug)]
+pub struct DriveOptions {
+    #[command(flatten)]
+    pub line: LineOptions,
+    /// Bits a second of the serial port.
+    #[arg(long, default_value_t = 115_200, conflicts_with = "sim")]
+    pub baud: u32,
+    #[command(subcommand)]
+    pub task: Task,
+}
+
+/// Where the drive is.
+#[derive(Args, Debug)]
+#[group(required = true, multiple = false)]
+pub struct LineOptions {
+    /// A drive that `cargo xtask serve` simulates, at this address: 127.0.0.1:7474.
+    #[arg(long, value_name = "ADDRESS")]
+    pub sim: Option<String>,
+    /// A drive at this serial port: /dev/ttyACM0.
+    #[arg(long, value_name = "PORT")]
+    pub serial: Option<String>,
+}
+
+/// What it is asked.
+#[derive(Subcommand, Debug)]
+pub enum Task {
+    /// Its state, faults and limits: of the drive, both motors and the table.
+    Status {
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// The fault that has stopped it, and the last ones.
+    Faults {
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Let it be moved, until it stops, has a fault, or has not been moved for ten minutes.
+    Arm,
+    /// Run at a table velocity and a nut speed until Ctrl-C, which brings it to rest.
+    Jog(JogOptions),
+    /// Move the table by a distance, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its way.
+    Move(MoveOptions),
+    /// Come to rest, switch the bridges off, and be armed no longer.
+    Stop,
+    /// Leave a fault whose cause is gone.
+    Reset,
+    /// Put a fault into a simulated drive.
+    Inject(InjectOptions),
+    /// What it is set to.
+    Settings {
+        #[command(subcommand)]
+        what: SettingsTask,
+    },
+    /// Record it into a folder that `cargo xtask identify` reads.
+    Record(RecordOptions),
+}
+
+/// Speeds.
+#[derive(Args, Debug)]
+pub struct JogOptions {
+    /// Table velocity, mm/s.
+    #[arg(
+        long,
+        value_name = "MM_S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    pub table_speed: f64,
+    /// Nut speed, rpm; 0 is the single drive (CDFS).
+    #[arg(
+        long,
+        value_name = "RPM",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    pub nut_rpm: f64,
+    /// For so long, s, instead of until Ctrl-C.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Arm it first.
+    #[arg(long)]
+    pub arm: bool,
+}
+
+/// A distance.
+#[derive(Args, Debug)]
+pub struct MoveOptions {
+    /// How far, mm.
+    #[arg(value_name = "MM", allow_negative_numbers = true)]
+    pub distance: f64,
+    /// Largest table velocity on the way, mm/s.
+    #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
+    pub table_speed: f64,
+    /// Nut speed, rpm; 0 is the single drive (CDFS).
+    #[arg(
+        long,
+        value_name = "RPM",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    pub nut_rpm: f64,
+    /// Arm it first.
+    #[arg(long)]
+    pub arm: bool,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A fault.
+#[derive(Args, Debug)]
+pub struct InjectOptions {
+    /// Which; `clear` takes all of them out. `help` lists them.
+    pub fault: String,
+    /// Whose it is.
+    #[arg(long, value_enum, default_value_t = Motor::Screw)]
+    pub motor: Motor,
+    /// How much, in the fault's unit.
+    #[arg(long, allow_negative_numbers = true)]
+    pub amount: Option<f64>,
+}
+
+/// A motor.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motor {
+    /// The motor that turns the screw.
+    Screw,
+    /// The motor that turns the nut.
+    Nut,
+}
+
+/// What to do with settings.
+#[derive(Subcommand, Debug)]
+pub enum SettingsTask {
+    /// Print settings with unit and meaning: all, or those whose names begin with one of these.
+    Get {
+        /// Names or their beginnings: nut.pole_pairs, feed.
+        names: Vec<String>,
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Set some, all or none: feed.lead_mm=10 screw.torque_constant_nm_per_a_rms=1.2.
+    Set {
+        /// Names and values.
+        #[arg(required = true, value_name = "NAME=VALUE")]
+        settings: Vec<String>,
+    },
+    /// Write all into a TOML file.
+    Export {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Set what stands in a TOML file, all or nothing.
+    Import {
+        /// The file.
+        file: PathBuf,
+    },
+    /// What a TOML file would change.
+    Diff {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Write the model.toml that `identify` and `simulate` take of a machine with these settings.
+    Model {
+        /// The file.
+        file: PathBuf,
+    },
+}
+
+/// A recording.
+#[derive(Args, Debug)]
+pub struct RecordOptions {
+    /// The folder.
+    pub dir: PathBuf,
+    /// The recording's name in it: `fit` and `check` are what `identify` is usually given.
+    #[arg(long, default_value = "record")]
+    pub name: String,
+    /// Samples a second: 5000, or that divided by a whole number.
+    #[arg(long, default_value_t = FULL_RATE)]
+    pub rate: u32,
+    /// How long, s; by default as long as the holds.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Run at table mm/s, nut rpm for seconds, and then the next; and come to rest at the end. For example 2.5,300,3.
+    #[arg(long, value_name = "MM_S,RPM,S", allow_hyphen_values = true)]
+    pub hold: Vec<Hold>,
+    /// Arm it first.
+    #[arg(long)]
+    pub arm: bool,
+}
+
+impl RecordOptions {
+    /// How long to record, s.
+    pub fn seconds(&self) -> f64 {
+        let holds: f64 = self.hold.iter().map(|hold| hold.seconds).sum();
+        self.duration.unwrap_or(holds)
+    }
+}
+
+impl DriveOptions {
+    /// What can be said against it before the drive is looked for.
+    pub fn check(&self) -> Result<()> {
+        let finite = |name: &str, value: f64| {
+            ensure!(
+                value.is_finite(),
+                "{name} is {value}, but a number is needed"
+            );
+            Ok(())
+        };
+        match &self.task {
+            Task::Jog(jog) => {
+                finite("--table-speed", jog.table_speed)?;
+                finite("--nut-rpm", jog.nut_rpm)?;
+                let seconds = jog.duration.unwrap_or(1.0);
+                ensure!(
+                    seconds > 0.0 && seconds.is_finite(),
+                    "--duration is {seconds} s, but a time above 0 is needed"
+                );
+            }
+            Task::Move(travel) => {
+                finite("the distance", travel.distance)?;
+                finite("--nut-rpm", travel.nut_rpm)?;
+                ensure!(
+                    travel.table_speed > 0.0 && travel.table_speed.is_finite(),
+                    "--table-speed is {} mm/s, but one above 0 is needed: the distance says which way",
+                    travel.table_speed
+                );
+            }
+            Task::Record(record) => {
+                divider(record.rate)?;
+                let seconds = record.seconds();
+                ensure!(
+                    seconds.is_finite() && seconds > 0.0,
+                    "nothing to record for {seconds} s: give --duration, or --hold MM_S,RPM,S for each operating point"
+                );
+                ensure!(
+                    !record.name.is_empty() && !record.name.contains(['/', '\\']),
+                    "--name is `{}`, but a name within the folder is needed",
+                    record.name
+                );
+            }
+            _ => {}
+        }
+        Ok(())
+    }
+}

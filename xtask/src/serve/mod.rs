@@ -1,0 +1,40 @@
+//! `cargo xtask serve`: a simulated drive behind its link, behind the feature `serve`.
+
+#[cfg(feature = "serve")]
+mod lines;
+
+use crate::simulate::MachineOptions;
+use anyhow::Result;
+use clap::Args;
+use std::path::PathBuf;
+
+/// Which drive, and where it is to be found.
+#[derive(Args, Debug)]
+pub struct ServeOptions {
+    #[command(flatten)]
+    pub machine: MachineOptions,
+    /// Where it listens.
+    #[arg(long, value_name = "ADDRESS", default_value = "127.0.0.1:7474")]
+    pub listen: String,
+    /// A pseudo-terminal too, as a serial port has it: its name is printed.
+    #[arg(long)]
+    pub pty: bool,
+    /// How many times faster than real time; what this computer does not reach, it does not.
+    #[arg(long, default_value_t = 1.0)]
+    pub speed: f64,
+    /// Settings that hold from the start (TOML), instead of those that fit the machine.
+    #[arg(long)]
+    pub settings: Option<PathBuf>,
+}
+
+/// Serves until Ctrl-C.
+#[cfg(feature = "serve")]
+pub fn run(options: &ServeOptions) -> Result<()> {
+    lines::run(options)
+}
+
+/// Hands over to an xtask with the simulated drive.
+#[cfg(not(feature = "serve"))]
+pub fn run(_: &ServeOptions) -> Result<()> {
+    crate::with::With::Serve.take_over()
+}

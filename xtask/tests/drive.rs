@@ -1,0 +1,360 @@
+//! `drive` against `serve`, each as a person runs it, over TCP and over a pseudo-terminal.
+
+use serde_json::Value;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::Path;
+use std::process::{Child, Command, Output, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+fn xtask() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_xtask"))
+}
+
+/// A served drive; it ends with the test.
+struct Served {
+    child: Child,
+    address: String,
+    terminal: Option<String>,
+}
+
+impl Served {
+    fn new(arguments: &[&str]) -> Self {
+        let mut child = xtask()
+            .args(["serve", "--listen", "127.0.0.1:0"])
+            .args(arguments)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+        let mut word_after = |mark: &str| {
+            let line = lines.next().unwrap().unwrap();
+            let (_, rest) = line.split_once(mark).unwrap_or_else(|| panic!("{line}"));
+            rest.split_whitespace().next().unwrap().to_owned()
+        };
+        let address = word_after("--sim ");
+        let terminal = arguments
+            .contains(&"--pty")
+            .then(|| word_after("--serial "));
+        let served = Self {
+            child,
+            address,
+            terminal,
+        };
+        served.until("ready");
+        served
+    }
+
+    fn line(&self) -> [&str; 2] {
+        match &self.terminal {
+            Some(terminal) => ["--serial", terminal],
+            None => ["--sim", &self.address],
+        }
+    }
+
+    fn command(&self, arguments: &[&str]) -> Command {
+        let mut command = xtask();
+        command.arg("drive").args(self.line()).args(arguments);
+        command
+    }
+
+    fn drive(&self, arguments: &[&str]) -> Output {
+        self.command(arguments).output().unwrap()
+    }
+
+    /// Expects success, and gives what was printed.
+    #[track_caller]
+    fn printed(&self, arguments: &[&str]) -> String {
+        let output = self.drive(arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert!(output.status.success(), "{arguments:?}: {said}");
+        String::from_utf8(output.stdout).unwrap()
+    }
+
+    /// Expects this code, and gives the sentence.
+    #[track_caller]
+    fn fails(&self, code: i32, arguments: &[&str]) -> String {
+        let output = self.drive(arguments);
+        let said = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(code), "{arguments:?}: {said}");
+        assert!(!said.contains("panicked"), "{said}");
+        said
+    }
+
+    #[track_caller]
+    fn status(&self) -> Value {
+        serde_json::from_str(&self.printed(&["status", "--json"])).unwrap()
+    }
+
+    #[track_caller]
+    fn until(&self, state: &str) {
+        let until = Instant::now() + Duration::from_secs(20);
+        loop {
+            let now = self.status();
+            if now["state"] == state {
+                return;
+            }
+            assert!(Instant::now() < until, "expected {state}: {now}");
+            sleep(Duration::from_millis(50));
+        }
+    }
+}
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn number(value: &Value) -> f64 {
+    value
+        .as_f64()
+        .unwrap_or_else(|| panic!("{value} is no number"))
+}
+
+/// The whole of it, on either line.
+fn session(served: &Served) {
+    let status = served.status();
+    for (part, limit) in [
+        ("screw", "speed_rpm"),
+        ("nut", "torque_nm"),
+        ("table", "velocity_mm_s"),
+    ] {
+        assert!(status[part]["fault"].is_null(), "{status}");
+        assert!(number(&status[part]["limits"][limit]) > 0.0, "{status}");
+    }
+    assert_eq!(status["armed"], false);
+
+    let said = served.fails(3, &["jog", "--table-speed", "2"]);
+    assert!(said.contains("not armed"), "{said}");
+    served.printed(&["arm"]);
+    served.printed(&[
+        "jog",
+        "--table-speed",
+        "2",
+        "--nut-rpm",
+        "200",
+        "--duration",
+        "0.3",
+    ]);
+    let said = served.fails(3, &["jog", "--arm", "--table-speed", "200"]);
+    assert!(said.contains("feed.velocity_max_mm_s"), "{said}");
+    served.printed(&["stop"]);
+
+    let moved = served.printed(&["move", "-1.5", "--arm", "--nut-rpm", "300", "--json"]);
+    let moved: Value = serde_json::from_str(&moved).unwrap();
+    let off = number(&moved["moved_mm"]) + 1.5;
+    assert!(off.abs() < 0.005, "{off} mm off: {moved}");
+    assert_eq!(served.status()["state"], "ready");
+}
+
+#[test]
+fn a_session_over_tcp() {
+    session(&Served::new(&[]));
+}
+
+#[test]
+#[cfg(unix)]
+fn a_session_over_a_pseudo_terminal() {
+    session(&Served::new(&["--pty"]));
+}
+
+#[test]
+fn faults_are_named_with_their_code_and_left() {
+    let served = Served::new(&[]);
+    let jog = served
+        .command(&["jog", "--arm", "--table-speed", "3", "--nut-rpm", "400"])
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    served.until("running");
+    sleep(Duration::from_millis(600));
+    served.printed(&["inject", "encoder-frozen", "--motor", "nut"]);
+    let output = jog.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(4));
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(said.contains("encoder, nut"), "{said}");
+    let status = served.status();
+    assert_eq!(status["nut"]["fault"]["name"], "encoder, nut");
+    assert!(status["screw"]["fault"].is_null());
+    let faults: Value = serde_json::from_str(&served.printed(&["faults", "--json"])).unwrap();
+    assert_eq!(faults["last"][0]["fault"]["name"], "encoder, nut");
+    served.fails(3, &["arm"]);
+    let said = served.fails(1, &["inject", "bus"]);
+    assert!(said.contains("--amount in V"), "{said}");
+    let said = served.fails(1, &["inject", "gremlins"]);
+    assert!(said.contains("encoder-slip"), "{said}");
+}
+
+#[test]
+fn settings_go_out_and_in_all_or_none() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let file = path("drive.toml");
+    served.printed(&["settings", "export", &file]);
+    let said = served.fails(1, &["settings", "export", &file]);
+    assert!(said.contains("is there already"), "{said}");
+    assert!(
+        served
+            .printed(&["settings", "diff", &file])
+            .contains("nothing differs")
+    );
+
+    let wrong = path("wrong.toml");
+    std::fs::write(&wrong, "[feed]\nlead_mm = 10\n[nut]\npole_pairs = 1.5\n").unwrap();
+    let said = served.fails(1, &["settings", "import", &wrong]);
+    assert!(said.contains("nut.pole_pairs is 1.5, but whole"), "{said}");
+    let unfit = [
+        "settings",
+        "set",
+        "feed.lead_mm=10",
+        "nut.resistance_phase_ohm=80",
+    ];
+    let said = served.fails(3, &unfit);
+    assert!(
+        said.contains("nut.resistance_line_to_line_ohm = 160 does not fit"),
+        "{said}"
+    );
+    assert!(
+        served
+            .printed(&["settings", "diff", &file])
+            .contains("nothing differs")
+    );
+
+    served.printed(&[
+        "settings",
+        "set",
+        "feed.lead_mm=10",
+        "nut.torque_constant_nm_per_a_rms=0.9",
+    ]);
+    let now: Value =
+        serde_json::from_str(&served.printed(&["settings", "get", "--json", "feed.lead"])).unwrap();
+    assert_eq!(now["feed.lead_mm"], 10.0);
+    let diff = served.printed(&["settings", "diff", &file]);
+    assert!(diff.contains("feed.lead_mm: 10 -> 5"), "{diff}");
+    served.printed(&["settings", "import", &file]);
+    assert!(
+        served
+            .printed(&["settings", "diff", &file])
+            .contains("nothing differs")
+    );
+
+    let model = path("model.toml");
+    served.printed(&["settings", "model", &model]);
+    let model = plant::model::Model::load(Path::new(&model)).unwrap();
+    assert!((model.screw.resistance_ohm - 1.7).abs() < 1e-9, "{model:?}");
+}
+
+#[test]
+fn a_recording_is_a_folder_that_a_model_reads() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("rec").display().to_string();
+    let said = served.printed(&[
+        "record",
+        &out,
+        "--name",
+        "fit",
+        "--arm",
+        "--hold",
+        "2.5,0,1",
+        "--hold",
+        "2.5,300,1.5",
+    ]);
+    assert!(said.contains("none lost"), "{said}");
+    let recording =
+        plant::recording::Recording::load(&folder.path().join("rec/fit.csv.gz")).unwrap();
+    let seconds = recording.samples().count() as f64 / 5000.0;
+    assert!((seconds - 2.5).abs() < 0.1, "{seconds} s");
+    plant::model::Model::load(&folder.path().join("rec/model.toml")).unwrap();
+    assert_eq!(served.status()["state"], "ready");
+}
+
+#[test]
+#[cfg(unix)]
+fn ctrl_c_brings_the_table_to_rest_and_leaves_whole_files() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let hold = ["record", &out, "--arm", "--hold", "5,300,60"];
+    let jog = ["jog", "--arm", "--table-speed", "5", "--nut-rpm", "300"];
+    for arguments in [&hold[..], &jog[..]] {
+        let child = served
+            .command(arguments)
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        served.until("running");
+        sleep(Duration::from_millis(700));
+        let pid = child.id().to_string();
+        let killed = Command::new("kill").args(["-INT", &pid]).status().unwrap();
+        assert!(killed.success());
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{arguments:?}");
+        let status = served.status();
+        assert_eq!(status["state"], "ready", "{arguments:?}");
+        assert!(status["fault"].is_null(), "{status}");
+    }
+    let mut names: Vec<String> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(names, ["model.toml", "record.csv.gz"]);
+    let recording =
+        plant::recording::Recording::load(&folder.path().join("record.csv.gz")).unwrap();
+    assert!(recording.samples().count() > 1000);
+}
+
+#[test]
+fn a_host_that_dies_stops_the_drive() {
+    let served = Served::new(&[]);
+    let mut jog = served
+        .command(&["jog", "--arm", "--table-speed", "5"])
+        .spawn()
+        .unwrap();
+    served.until("running");
+    jog.kill().unwrap();
+    jog.wait().unwrap();
+    served.until("fault");
+    assert_eq!(served.status()["fault"]["name"], "nobody commands");
+    served.printed(&["reset"]);
+    served.until("ready");
+}
+
+#[test]
+fn a_flood_of_garbage_does_not_keep_others_from_the_drive() {
+    let served = Served::new(&[]);
+    let mut stream = TcpStream::connect(&served.address).unwrap();
+    stream.set_nonblocking(true).unwrap();
+    // More than a second of the drive takes, from a simple generator of bytes.
+    let mut state = 1u32;
+    let flood: Vec<u8> = (0..1 << 20)
+        .map(|_| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 24) as u8
+        })
+        .collect();
+    let _ = stream.write(&flood);
+    served.printed(&["move", "0.5", "--arm"]);
+    let mut rest = Vec::new();
+    let _ = stream.read_to_end(&mut rest);
+    assert_eq!(served.status()["state"], "ready");
+}
+
+#[test]
+fn a_drive_that_is_not_there_is_said_with_its_code() {
+    let nobody = ["drive", "--sim", "127.0.0.1:9", "status"];
+    let output = xtask().args(nobody).output().unwrap();
+    assert_eq!(output.status.code(), Some(5));
+    let output = xtask()
+        .args(["drive", "--serial", "/dev/none", "status"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(5));
+    let output = xtask().args(["drive", "status"]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+}
