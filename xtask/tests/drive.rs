@@ -273,6 +273,65 @@ fn a_recording_is_a_folder_that_a_model_reads() {
     assert_eq!(served.status()["state"], "ready");
 }
 
+/// By commands alone: what a drive has that its model lacks is recorded over the link, and named.
+#[test]
+#[cfg(feature = "identify")]
+fn what_the_link_records_is_traced_to_its_effect() {
+    const AMPLITUDE_NM: f64 = 0.03;
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let declared = path("declared.toml");
+    Served::new(&[]).printed(&["settings", "model", &declared]);
+    let real = path("real.toml");
+    let text = std::fs::read_to_string(&declared).unwrap();
+    let effect = format!(
+        "\n[[effects]]\nkind = \"cogging\"\nwhere = \"screw\"\norder = 36\namplitude = {AMPLITUDE_NM}\nphase = 0.4\n"
+    );
+    std::fs::write(&real, text + &effect).unwrap();
+
+    let served = Served::new(&["--model", &real, "--speed", "4"]);
+    let out = path("rec");
+    for (name, holds) in [
+        ("fit", ["2.5,0,3", "2.5,300,3", "-5,300,3"]),
+        ("check", ["3.5,0,3", "-2,200,3", "6,450,3"]),
+    ] {
+        let mut record = vec!["record", &out, "--name", name, "--arm"];
+        record.extend(holds.iter().flat_map(|hold| ["--hold", hold]));
+        served.printed(&record);
+    }
+    let [model, fit, check, found] = [
+        "rec/model.toml",
+        "rec/fit.csv.gz",
+        "rec/check.csv.gz",
+        "found",
+    ]
+    .map(path);
+    let output = xtask()
+        .args([
+            "identify", "--model", &model, "--fit", &fit, "--check", &check,
+        ])
+        .args(["--no-simulation", "--out", &found])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{output:?}");
+    let found = plant::model::Model::load(&folder.path().join("found/model.toml")).unwrap();
+    let [effect] = &found.effects[..] else {
+        panic!("{:?}", found.effects);
+    };
+    let said = format!("{effect:?}");
+    assert!(said.to_lowercase().contains("cogging"), "{said}");
+    let text = std::fs::read_to_string(folder.path().join("found/model.toml")).unwrap();
+    let amplitude: f64 = text
+        .lines()
+        .find_map(|line| line.strip_prefix("amplitude = "))
+        .and_then(|value| value.parse().ok())
+        .unwrap_or_else(|| panic!("{text}"));
+    assert!(
+        (amplitude / AMPLITUDE_NM - 1.0).abs() < 0.05,
+        "measured {amplitude} N m, expected {AMPLITUDE_NM} within 5 %"
+    );
+}
+
 #[test]
 #[cfg(unix)]
 fn ctrl_c_brings_the_table_to_rest_and_leaves_whole_files() {

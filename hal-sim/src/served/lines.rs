@@ -92,6 +92,14 @@ impl Serving {
         }
     }
 
+    /// A host takes its bytes slower than they come.
+    #[must_use]
+    pub fn is_full(&self) -> bool {
+        self.lines
+            .values()
+            .any(|line| line.goes.len() >= WAITING_OUT)
+    }
+
     /// The drive.
     #[must_use]
     pub fn drive(&self) -> &SimulatedDrive {

@@ -18,8 +18,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// How often a drive that moves is told that the host is there: a tenth of the usual half second.
-pub const BEAT: Duration = Duration::from_millis(50);
+/// How often a drive that moves is told that the host is there: often enough for the usual half second of a simulated one
+/// that is ten times as fast as real time.
+pub const BEAT: Duration = Duration::from_millis(20);
 /// How often it is looked at.
 const LOOK: Duration = Duration::from_millis(200);
 /// How long it may take to come to rest.
@@ -207,7 +208,7 @@ fn led(
     let mut looked = None;
     let led = (|| {
         while !stop.load(Relaxed) {
-            drive.tell(Command::Heartbeat)?;
+            drive.beat()?;
             if looked.is_none_or(|at: Instant| at.elapsed() >= LOOK) {
                 looked = Some(Instant::now());
                 let seen = look(drive)?;

@@ -90,7 +90,7 @@ fn stream(
         }
         if !options.hold.is_empty() && beaten.elapsed() > BEAT {
             beaten = Instant::now();
-            drive.tell(Command::Heartbeat)?;
+            drive.beat()?;
         }
         drive.listen(Duration::from_millis(5))?;
         let mut buffer = [0; FRAME_MAX];

@@ -19,7 +19,7 @@ pub struct ServeOptions {
     /// A pseudo-terminal too, as a serial port has it: its name is printed.
     #[arg(long)]
     pub pty: bool,
-    /// How many times faster than real time; what this computer does not reach, it does not.
+    /// How many times as fast as real time, up to 10; what this computer does not reach, it does not.
     #[arg(long, default_value_t = 1.0)]
     pub speed: f64,
     /// Settings that hold from the start (TOML), instead of those that fit the machine.

@@ -81,7 +81,7 @@ pub struct Client<L> {
     sequence: u32,
     simulated: bool,
     speed_hz: f64,
-    replies: VecDeque<(u32, Reply)>,
+    reply: Option<Reply>,
     events: VecDeque<Event>,
     telemetry: VecDeque<Frame>,
 }
@@ -99,7 +99,7 @@ impl<L: Line> Client<L> {
             sequence: 0,
             simulated: false,
             speed_hz: 0.0,
-            replies: VecDeque::new(),
+            reply: None,
             events: VecDeque::new(),
             telemetry: VecDeque::new(),
         };
@@ -152,21 +152,12 @@ impl<L: Line> Client<L> {
             TRIES
         };
         for _ in 0..tries {
-            self.sequence = self.sequence.wrapping_add(1);
-            let frame = HostFrame {
-                session: self.session,
-                sequence: self.sequence,
-                command,
-            };
-            let mut buffer = [0; FRAME_MAX];
-            let bytes = encode(&frame, &mut buffer).context("a command that fits no frame")?;
-            self.put(bytes)?;
+            self.reply = None;
+            self.say(command)?;
             let until = Instant::now() + PATIENCE;
             loop {
-                while let Some((sequence, reply)) = self.replies.pop_front() {
-                    if sequence == self.sequence {
-                        return Ok(reply);
-                    }
+                if let Some(reply) = self.reply.take() {
+                    return Ok(reply);
                 }
                 let Some(left) = until.checked_duration_since(Instant::now()) else {
                     break;
@@ -177,6 +168,26 @@ impl<L: Line> Client<L> {
         bail!(Lost(
             "the drive does not answer: is it there, has it power, and is nothing else on the line?".to_owned()
         ))
+    }
+
+    /// Says that the host is still there, and waits for no answer: telemetry may stand before it.
+    ///
+    /// # Errors
+    /// [`Lost`] if the line is gone.
+    pub fn beat(&mut self) -> Result<()> {
+        self.say(Command::Heartbeat)
+    }
+
+    fn say(&mut self, command: Command) -> Result<()> {
+        self.sequence = self.sequence.wrapping_add(1);
+        let frame = HostFrame {
+            session: self.session,
+            sequence: self.sequence,
+            command,
+        };
+        let mut buffer = [0; FRAME_MAX];
+        let bytes = encode(&frame, &mut buffer).context("a command that fits no frame")?;
+        self.put(bytes)
     }
 
     /// Asks for what is answered by its being done.
@@ -270,9 +281,11 @@ impl<L: Line> Client<L> {
             .map_err(|error| Lost(format!("the line to the drive is gone: {error}")))?;
         for &byte in &bytes[..count] {
             match self.decoder.take(byte) {
-                Some(DriveFrame::Reply(sequence, reply)) => {
-                    self.replies.push_back((sequence, reply))
+                // Nobody waits for an earlier one's any more.
+                Some(DriveFrame::Reply(sequence, reply)) if sequence == self.sequence => {
+                    self.reply = Some(reply);
                 }
+                Some(DriveFrame::Reply(..)) => {}
                 Some(DriveFrame::Event(event)) => self.events.push_back(event),
                 Some(DriveFrame::Telemetry(frame)) => self.telemetry.push_back(frame),
                 None => {}
