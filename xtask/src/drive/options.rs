@@ -121,7 +121,7 @@ pub struct MoveOptions {
 /// A fault.
 #[derive(Args, Debug)]
 pub struct InjectOptions {
-    /// Which; `clear` takes all of them out. `help` lists them.
+    /// Which; `clear` takes all of them out. A name that there is none of lists them.
     pub fault: String,
     /// Whose it is.
     #[arg(long, value_enum, default_value_t = Motor::Screw)]
