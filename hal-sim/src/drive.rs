@@ -115,11 +115,7 @@ impl Drive {
         plate: &DrivePlate,
     ) -> Result<Self, Misfit> {
         let config = plate.config()?.aligned(plate);
-        Ok(Self::with(
-            Board::new(model, coupling, board),
-            plate,
-            config,
-        ))
+        Ok(Self::with(model, coupling, board, plate, config))
     }
 
     /// A drive that has just been switched on, asked to run: it aligns its rotors first.
@@ -132,30 +128,18 @@ impl Drive {
         board: BoardConfig,
         plate: &DrivePlate,
     ) -> Result<Self, Misfit> {
-        let config = plate.config()?;
-        Ok(Self::with(
-            Board::new(model, coupling, board),
-            plate,
-            config,
-        ))
+        Ok(Self::with(model, coupling, board, plate, plate.config()?))
     }
 
-    /// The control code starts anew with `plate`, its rotors aligned as that says; board and machine go on as they are.
-    ///
-    /// # Errors
-    /// [`Misfit`] if a gain of `plate` does not fit its format; nothing is changed then.
-    pub fn restart(&mut self, plate: &DrivePlate) -> Result<(), Misfit> {
-        let config = plate.config()?.aligned(plate);
-        *self = Self {
-            periods: self.periods,
-            ..Self::with(self.board.clone(), plate, config)
-        };
-        Ok(())
-    }
-
-    fn with(board: Board, plate: &DrivePlate, config: DriveConfig) -> Self {
+    fn with(
+        model: &Model,
+        coupling: Coupling,
+        board: BoardConfig,
+        plate: &DrivePlate,
+        config: DriveConfig,
+    ) -> Self {
         Self {
-            board,
+            board: Board::new(model, coupling, board),
             request: Request {
                 run: true,
                 ..Request::default()

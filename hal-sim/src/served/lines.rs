@@ -131,7 +131,7 @@ impl Serving {
         }
         self.ms += 1;
         let until = self.drive.periods_until(self.ms);
-        while self.drive.drive().periods() < until {
+        while self.drive.periods() < until {
             self.drive.period();
         }
         let event = self

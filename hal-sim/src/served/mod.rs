@@ -62,6 +62,8 @@ struct Stream {
 #[derive(Debug)]
 pub struct SimulatedDrive {
     drive: Drive,
+    /// Periods before it last started anew.
+    before: u64,
     world: World,
     board: BoardPlate,
     settings: Settings,
@@ -95,6 +97,7 @@ impl SimulatedDrive {
         Ok(Self {
             world: World::new(&plate.board, setup.board.bus_v, setup.model.feed.load_n)?,
             drive,
+            before: 0,
             board: made.board,
             settings,
             plate,
@@ -137,10 +140,15 @@ impl SimulatedDrive {
         }
     }
 
+    /// PWM periods since the start.
+    pub(crate) fn periods(&self) -> u64 {
+        self.before + self.drive.periods()
+    }
+
     /// Time since the start, ms.
     #[must_use]
     pub fn uptime_ms(&self) -> u32 {
-        (self.drive.periods() as f64 * self.setup.board.pwm_period_s() * 1e3) as u32
+        (self.periods() as f64 * self.setup.board.pwm_period_s() * 1e3) as u32
     }
 
     /// PWM periods from the start to that millisecond.
@@ -379,12 +387,19 @@ impl Served for SimulatedDrive {
     fn configure(&mut self, settings: &Settings) -> Result<(), Unfit> {
         settings.config(&self.settings, &self.board)?;
         let plate = settings.plate(&self.board);
-        self.drive.restart(&plate).map_err(|misfit| Unfit {
-            setting: None,
-            misfit,
-        })?;
-        self.drive.request.run = false;
-        self.drive.attended = false;
+        let setup = &self.setup;
+        let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate).map_err(
+            |misfit| Unfit {
+                setting: None,
+                misfit,
+            },
+        )?;
+        // Board and machine go on as they are.
+        std::mem::swap(&mut drive.board, &mut self.drive.board);
+        drive.request.run = false;
+        drive.attended = false;
+        self.before += self.drive.periods();
+        self.drive = drive;
         (self.settings, self.plate) = (*settings, plate);
         (self.underway, self.stream, self.run_at) = (None, None, None);
         Ok(())
