@@ -363,6 +363,13 @@ impl Board {
         if !command.enable || broken {
             return Bridge::Open;
         }
+        // At 0 and from the period on a leg does not switch (RM0440, PWM mode: OCxREF is held).
+        let [a, b, c] = command
+            .compare
+            .map(|compare| compare >= self.config.period());
+        if command.compare == [0; 3] || a && b && c {
+            return Bridge::Shorted;
+        }
         let phase = |k: usize| {
             let duty = (f64::from(command.compare[k]) * self.duty_per_count).min(1.0);
             let sign = (currents[k] * DEAD_TIME_SLOPE).clamp(-1.0, 1.0);

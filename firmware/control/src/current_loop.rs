@@ -69,6 +69,8 @@ pub enum Mode {
     Calibrate,
     /// Outputs on, currents controlled.
     Drive,
+    /// Outputs on, all low sides closed: the shorted winding brakes its motor, whose angle need not be known.
+    Short,
     /// Outputs off, the break acknowledged.
     Reset,
 }
@@ -148,7 +150,7 @@ pub struct PwmCommand {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Bridge {
     Open,
-    /// The low sides closed, for so many periods more.
+    /// The low sides closed, which charges the high sides' drivers for so many periods more.
     Charging(u32),
     /// Closed for currents in a commanded frame.
     ClosedCommanded,
@@ -308,7 +310,8 @@ impl CurrentLoop {
         rotor: FrameMotion,
         broken: bool,
     ) {
-        let drive = asked.mode == Mode::Drive;
+        let short = asked.mode == Mode::Short;
+        let close = asked.mode == Mode::Drive || short;
         let (bridge, frame) = match asked.frame {
             Frame::Rotor => (Bridge::Closed, rotor),
             Frame::Commanded(theta_e) => {
@@ -318,14 +321,14 @@ impl CurrentLoop {
         // The sample is still in its registers.
         let measured = self.measure(config, io, exchange, frame);
         let over_current = over_current(config, measured.current);
-        self.over_current = drive && (self.over_current || over_current);
-        let placed = self.alignment.is_some() || bridge == Bridge::ClosedCommanded;
+        self.over_current = close && (self.over_current || over_current);
+        let placed = self.alignment.is_some() || bridge == Bridge::ClosedCommanded || short;
         let forbidden =
             broken || self.encoder_watch.failed() || self.over_current || !self.started || !placed;
-        if drive && !forbidden {
+        if close && !forbidden {
             // Samples of a current that flows are no zeros: what was begun is begun anew when it rests.
             self.zero_calibration = ZeroCalibration::new();
-            if !self.charges(config, io, exchange) {
+            if !self.shorts(config, io, exchange, short) {
                 self.drive(config, io, exchange, frame, &measured);
                 if self.bridge == Bridge::Open {
                     io.close();
@@ -487,24 +490,26 @@ impl CurrentLoop {
         exchange.publish_voltage(DirectQuadrature::default());
     }
 
-    /// Before the bridge is driven its low sides are closed, so that the high sides' drivers have their supply. `true` in
-    /// those periods.
+    /// The low sides are closed where that is asked, and before the bridge is driven, so that the high sides' drivers have
+    /// their supply. `true` in those periods.
     #[cold]
     #[inline(never)]
-    fn charges(
+    fn shorts(
         &mut self,
         config: &CurrentLoopConfig,
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
+        asked: bool,
     ) -> bool {
         let left = match self.bridge {
             Bridge::Open => config.bootstrap_periods,
             Bridge::Charging(left) => left,
             Bridge::ClosedCommanded | Bridge::Closed => 0,
         };
-        if left == 0 {
+        if left == 0 && !asked {
             return false;
         }
+        self.regulator = Regulator::new();
         io.write([0; 3]);
         if self.bridge == Bridge::Open {
             io.close();
@@ -766,6 +771,33 @@ mod tests {
             assert_eq!(command, PwmCommand::default());
             assert_eq!(current_loop.exchange.status().broken, broken);
         }
+    }
+
+    /// Wherever the rotor is, and though its angle is not known; a current beyond its limit opens the bridge all the same.
+    #[test]
+    fn a_shorted_winding_has_its_low_sides_closed_until_a_current_is_too_large() {
+        let mut bench = Bench::new(CurrentLoopConfig {
+            alignment: None,
+            ..config()
+        });
+        let short = CurrentReference {
+            mode: Mode::Short,
+            ..CurrentReference::default()
+        };
+        bench.step(&sample([2048; 3]), CurrentReference::default());
+        let closed = PwmCommand {
+            compare: [0; 3],
+            enable: true,
+        };
+        for _ in 0..10 {
+            assert_eq!(bench.step(&sample([2100, 2000, 2048]), short), closed);
+        }
+        assert!(!bench.exchange.status().over_current);
+        let command = bench.step(&sample([4095, 2048, 2048]), short);
+        assert_eq!(command, PwmCommand::default(), "a current past its limit");
+        assert!(bench.exchange.status().over_current);
+        let command = bench.step(&sample([2048; 3]), short);
+        assert_eq!(command, PwmCommand::default(), "closed again while asked");
     }
 
     #[test]

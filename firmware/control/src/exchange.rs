@@ -110,6 +110,7 @@ const ASKED_CALIBRATE: u8 = 1;
 const ASKED_DRIVE: u8 = 2;
 const ASKED_DRIVE_COMMANDED: u8 = 3;
 const ASKED_RESET: u8 = 4;
+const ASKED_SHORT: u8 = 5;
 
 const ALIGNED_NOT: u8 = 0;
 const ALIGNED: u8 = 1;
@@ -214,6 +215,7 @@ impl MotorExchange {
             (Mode::Off, _) => (ASKED_OFF, periods),
             (Mode::Calibrate, _) => (ASKED_CALIBRATE, periods),
             (Mode::Reset, _) => (ASKED_RESET, periods),
+            (Mode::Short, _) => (ASKED_SHORT, periods),
         };
         let current = DirectQuadrature {
             d: reference.i_d,
@@ -358,6 +360,7 @@ impl MotorExchange {
             }
             ASKED_CALIBRATE => (Mode::Calibrate, Frame::Rotor),
             ASKED_RESET => (Mode::Reset, Frame::Rotor),
+            ASKED_SHORT => (Mode::Short, Frame::Rotor),
             _ => (Mode::Off, Frame::Rotor),
         };
         Asked { mode, frame, stale }
@@ -627,7 +630,13 @@ mod tests {
         let exchange = closed();
         assert!(!exchange.begin_period());
         assert_eq!(exchange.asked(), Asked::default());
-        for mode in [Mode::Off, Mode::Calibrate, Mode::Reset, Mode::Drive] {
+        for mode in [
+            Mode::Off,
+            Mode::Calibrate,
+            Mode::Reset,
+            Mode::Short,
+            Mode::Drive,
+        ] {
             exchange.ask(CurrentReference { mode, ..ONE_AMPERE }, &config());
             let drive = mode == Mode::Drive;
             assert_eq!(exchange.begin_period(), drive);

@@ -1,8 +1,9 @@
 //! The machine against closed-form solutions, balances and its own step length.
 
 use plant::Axis;
+use plant::effects::{DeadTime, EffectModel, Place};
 use plant::machine::{Bridge, Coupling, Machine};
-use plant::model::Model;
+use plant::model::{Model, MotorModel};
 use std::f64::consts::TAU;
 
 const DT: f64 = 25e-6;
@@ -342,6 +343,37 @@ fn currents_follow_the_winding_at_rest() {
             current,
             volts / 1.7 * fraction,
             1e-9
+        );
+    }
+}
+
+/// Turned by a torque, it settles where the shorted winding takes that torque:
+/// `(p*flux)^2 * R * omega / (R^2 + (p*omega*L)^2)`, the steady state of the dq equations at zero voltage. A dead time takes nothing, for no leg switches.
+#[test]
+fn a_shorted_winding_brakes() {
+    for omega in [0.5, 10.0, 30.0] {
+        let mut model = ideal();
+        let MotorModel {
+            resistance_ohm,
+            inductance_h,
+            flux_wb,
+            ..
+        } = model.screw;
+        let p = f64::from(model.screw.pole_pairs);
+        let reactance = p * omega * inductance_h;
+        let braking = (p * flux_wb).powi(2) * resistance_ohm * omega
+            / (resistance_ohm.powi(2) + reactance.powi(2));
+        model
+            .effects
+            .extend(EffectModel::new(Place::Screw, DeadTime { value: 2.0 }));
+        let mut machine = Machine::new(&model, Coupling::Lumped);
+        machine.set_bridge(Axis::Screw, Bridge::Shorted);
+        machine.set_disturbance_torque(Axis::Screw, braking);
+        advance_for(&mut machine, 2.0, DT);
+        let settled = machine.motor(Axis::Screw).omega;
+        assert!(
+            (settled / omega - 1.0).abs() < 0.01,
+            "{braking} N m: settled at {settled} rad/s, expected {omega} rad/s within 1 %"
         );
     }
 }

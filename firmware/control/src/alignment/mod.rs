@@ -17,7 +17,8 @@
 //! | [`turn`] | both turn together, once each way, past an [`index`] | pole pairs, the offset within a degree, a stored angle that is not true |
 //!
 //! No current makes more torque than the plate's alignment torque, and the rotors move against each other by no more than
-//! the plate's travel: past that, alignment stops. Screw and nut together may turn as they like, since the table moves with their difference.
+//! the plate's travel: where what moves would stand past that, alignment stops. Between two torques both windings are shorted,
+//! which brakes rotors of any angle. What a load pushes on before it is held, and what an encoder's counts do not show, comes on top. Screw and nut together may turn as they like, since the table moves with their difference.
 
 mod index;
 mod locate;
@@ -43,6 +44,7 @@ use fixed::types::I4F28;
 use index::Index;
 use locate::{Locate, LocateStep};
 use pair::{Pair, PairStep};
+use probe::{Probe, ProbeStep};
 use turn::{Turn, TurnStep};
 use wiring::{Wiring, WiringStep};
 
@@ -92,6 +94,8 @@ pub struct AlignmentConfig {
     pub coast_steps: u16,
     /// Furthest that screw and nut may move against each other, 2^-32 turn.
     pub travel: u32,
+    /// In so many steps the shorted windings stop what moves.
+    pub braking_steps: u16,
     /// Speed of both motors together, and its limits of acceleration.
     pub turn_speed: MechanicalSpeed,
     /// See `turn_speed`.
@@ -206,6 +210,8 @@ enum Stage {
     Pair(Pair),
     Turn(Turn),
     Done,
+    /// Both windings shorted, until what moves stands.
+    Braking(Misalignment, Probe),
     Failed(Misalignment),
 }
 
@@ -259,10 +265,20 @@ impl Alignment {
         let theta = seen.map(|motor| motor.theta);
         let from = *self.from.get_or_insert(theta);
         let mut current = [CurrentReference::default(); 2];
-        if !matches!(self.stage, Stage::Still(_) | Stage::Failed(_))
-            && self.travelled(theta, from) > config.travel
-        {
-            self.fail(Part::Pair, Reason::Travel);
+        let drives = matches!(
+            self.stage,
+            Stage::Wiring(..) | Stage::Locate(..) | Stage::Pair(_) | Stage::Turn(_)
+        );
+        let stands_at = braked(seen, config.braking_steps);
+        let far = self.travelled(theta, from) > config.travel.saturating_mul(2);
+        if drives && self.travelled(stands_at, from) > config.travel {
+            match &mut self.stage {
+                // A stop of both together moves the table less than one of each by itself.
+                Stage::Turn(turn) if !far => {
+                    turn.stop(Reason::Travel);
+                }
+                _ => self.fail(theta, Part::Pair, Reason::Travel),
+            }
         }
         let moved = probe::moved(theta, from);
         // Both encoders count the same way where one motor takes the other along, or as the plate says.
@@ -278,6 +294,7 @@ impl Alignment {
             own.saturating_sub(other.saturating_mul(same.into()))
         };
         let (directed, same_direction) = (self.directed(theta), self.same_direction());
+        let apart = apart(directed).minus(apart(self.directed(from)));
         match &mut self.stage {
             Stage::Still(steps) => {
                 self.step = self.step.saturating_add(1);
@@ -290,7 +307,7 @@ impl Alignment {
                     self.from = Some(theta);
                     self.stage = Stage::Wiring(0, Wiring::default());
                 } else if self.step >= config.coast_steps {
-                    self.fail(Part::Pair, Reason::LoadMoves);
+                    self.fail(theta, Part::Pair, Reason::LoadMoves);
                 }
             }
             Stage::Wiring(motor, wiring) => {
@@ -302,7 +319,7 @@ impl Alignment {
                         WiringStep::Right => {
                             self.stage = Stage::Locate(index, Locate::default());
                         }
-                        WiringStep::Wrong(reason) => self.fail(Part::motor(index), reason),
+                        WiringStep::Wrong(reason) => self.fail(theta, Part::motor(index), reason),
                     }
                 }
             }
@@ -319,7 +336,7 @@ impl Alignment {
                     );
                     self.same = self.same.saturating_add(locate.take_same());
                     match asked {
-                        LocateStep::Rest => {}
+                        LocateStep::Rest => current = [SHORT; 2],
                         LocateStep::Vector(at, i) => vector(&mut current, index, at, i),
                         LocateStep::Found(found) => {
                             if let Some(place) = self.found.get_mut(index) {
@@ -336,18 +353,24 @@ impl Alignment {
                             if self.found.iter().all(Option::is_some)
                                 && self.same_direction() == Some(false)
                             {
-                                self.doubt(config);
+                                self.doubt(config, theta);
                             }
                         }
                         LocateStep::Failed(Reason::Exchanged) => {
-                            self.fail(Part::Pair, Reason::Exchanged);
+                            self.fail(theta, Part::Pair, Reason::Exchanged);
                         }
-                        LocateStep::Failed(reason) => self.fail(Part::motor(index), reason),
+                        LocateStep::Failed(reason) => self.fail(theta, Part::motor(index), reason),
                     }
                 }
             }
-            Stage::Pair(pair) => match pair.step(&config.probes, directed, same_direction) {
-                PairStep::Rest => {}
+            Stage::Pair(pair) => match pair.step(
+                &config.probes,
+                directed,
+                same_direction,
+                apart,
+                config.travel >> RETURNED,
+            ) {
+                PairStep::Rest => current = [SHORT; 2],
                 PairStep::Ramp(level, signs) => {
                     let asked = current.iter_mut().zip(&config.motors).zip(signs);
                     for ((current, motor), sign) in asked {
@@ -362,8 +385,8 @@ impl Alignment {
                         nut.unwrap_or_default(),
                     ]));
                 }
-                PairStep::Wrong(Reason::Opposed) => self.doubt(config),
-                PairStep::Wrong(reason) => self.fail(Part::Pair, reason),
+                PairStep::Wrong(Reason::Opposed) => self.doubt(config, theta),
+                PairStep::Wrong(reason) => self.fail(theta, Part::Pair, reason),
             },
             Stage::Turn(turn) => {
                 let index_awaited = self.index.iter().any(Index::awaited);
@@ -372,10 +395,17 @@ impl Alignment {
                         self.found = turning.map(|turning| Some(turning.alignment));
                         current = turning.map(|turning| torque(turning.i_q));
                     }
-                    TurnStep::Found(found) => self.finish(config, found),
-                    TurnStep::Failed(motor, reason) => self.fail(Part::motor(motor), reason),
+                    TurnStep::Found(found) => self.finish(config, theta, found),
+                    TurnStep::Failed(_, Reason::Travel) => {
+                        self.fail(theta, Part::Pair, Reason::Travel)
+                    }
+                    TurnStep::Failed(motor, reason) => self.fail(theta, Part::motor(motor), reason),
                 }
             }
+            Stage::Braking(failed, rest) => match rest.step(&config.probes, theta) {
+                ProbeStep::Rest | ProbeStep::Ramp(_) => current = [SHORT; 2],
+                ProbeStep::Found(_) | ProbeStep::Moves => self.stage = Stage::Failed(*failed),
+            },
             Stage::Done | Stage::Failed(_) => {}
         }
         let mut alignment = self.found;
@@ -395,7 +425,12 @@ impl Alignment {
     }
 
     /// What was found; a stored alignment in its place, where that is true.
-    fn finish(&mut self, config: &AlignmentConfig, found: [EncoderAlignment; 2]) {
+    fn finish(
+        &mut self,
+        config: &AlignmentConfig,
+        theta: [Angle; 2],
+        found: [EncoderAlignment; 2],
+    ) {
         /// A stored angle may be off by a thirty-second of a turn, 11 degrees, of which a rotor keeps 98 % of its torque.
         const TRUE: u32 = 1 << 27;
         self.stage = Stage::Done;
@@ -404,7 +439,7 @@ impl Alignment {
             let Some(stored) = motor.stored else { continue };
             let off = stored.theta_e_at_zero.minus(kept.theta_e_at_zero);
             if stored.reversed != kept.reversed || off.unsigned_abs() > TRUE {
-                return self.fail(Part::motor(index), Reason::StoredAngle);
+                return self.fail(theta, Part::motor(index), Reason::StoredAngle);
             }
             *kept = stored;
         }
@@ -413,7 +448,7 @@ impl Alignment {
 
     /// The motors look opposed: they are, or an encoder counts the other way than was found. Where the plate does not say
     /// how it counts, that is looked at again, the least certain first.
-    fn doubt(&mut self, config: &AlignmentConfig) {
+    fn doubt(&mut self, config: &AlignmentConfig, theta: [Angle; 2]) {
         let undeclared = |index: usize| {
             let motor = config.motors.get(index)?;
             let locate = self.located.get(index)?.as_ref()?;
@@ -428,12 +463,16 @@ impl Alignment {
                 }
                 self.stage = Stage::Locate(index, locate.doubted());
             }
-            None => self.fail(Part::Pair, Reason::Opposed),
+            None => self.fail(theta, Part::Pair, Reason::Opposed),
         }
     }
 
-    fn fail(&mut self, part: Part, reason: Reason) {
-        self.stage = Stage::Failed(Misalignment { part, reason });
+    fn fail(&mut self, theta: [Angle; 2], part: Part, reason: Reason) {
+        let failed = Misalignment { part, reason };
+        self.stage = match self.stage {
+            Stage::Locate(..) | Stage::Pair(_) => Stage::Braking(failed, Probe::resting(theta)),
+            _ => Stage::Failed(failed),
+        };
         self.found = [None; 2];
     }
 
@@ -463,7 +502,6 @@ impl Alignment {
     /// one motor is driven, and where the other moves too, it is taken along.
     fn travelled(&self, theta: [Angle; 2], from: [Angle; 2]) -> u32 {
         if self.found.iter().all(Option::is_some) {
-            let apart = |[screw, nut]: [Angle; 2]| Angle(screw.0.wrapping_sub(nut.0));
             let now = apart(self.directed(theta));
             return now.minus(apart(self.directed(from))).unsigned_abs();
         }
@@ -471,6 +509,22 @@ impl Alignment {
         let same_way = screw.wrapping_sub(nut).unsigned_abs();
         same_way.min(screw.wrapping_add(nut).unsigned_abs())
     }
+}
+
+/// The table is back within this part of its travel, a power of two: an eighth.
+const RETURNED: u32 = 3;
+
+/// How far the screw is ahead of the nut: the table's travel.
+const fn apart([screw, nut]: [Angle; 2]) -> Angle {
+    Angle(screw.0.wrapping_sub(nut.0))
+}
+
+/// Where both stand once their windings are shorted.
+fn braked(seen: [MotorSeen; 2], steps: u16) -> [Angle; 2] {
+    seen.map(|motor| {
+        let ahead = motor.theta_step.saturating_mul(i32::from(steps));
+        motor.theta.turned(ahead)
+    })
 }
 
 impl Default for Alignment {
@@ -490,6 +544,14 @@ fn vector(current: &mut [CurrentReference; 2], motor: usize, at: Angle, i: Curre
         };
     }
 }
+
+/// The winding shorted: what moves is braked, wherever its rotor stands.
+const SHORT: CurrentReference = CurrentReference {
+    mode: Mode::Short,
+    frame: Frame::Rotor,
+    i_d: Current::ZERO,
+    i_q: Current::ZERO,
+};
 
 /// A torque-making current in the rotor's frame.
 fn torque(i_q: Current) -> CurrentReference {

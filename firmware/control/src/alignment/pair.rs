@@ -15,11 +15,39 @@ use crate::format::Angle;
 /// Signs of the torques: screw, nut.
 const WAYS: [[i32; 2]; 4] = [[1, -1], [-1, 1], [1, 1], [-1, -1]];
 
+/// Location moves the table where its load helps: it is brought back first, by as many probes as it takes.
+#[derive(Clone, Copy, Debug, Default)]
+enum Return {
+    #[default]
+    Asked,
+    /// How far it is away, 2^-32 turn.
+    From(i32),
+    /// It is near, or does not come nearer.
+    Done,
+}
+
+impl Return {
+    /// On from here, `apart` from the start, if that is not `near` it and nearer than before.
+    const fn on(self, apart: i32, near: u32) -> Self {
+        let last = match self {
+            Self::Asked => u32::MAX,
+            Self::From(last) => last.unsigned_abs(),
+            Self::Done => 0,
+        };
+        if apart.unsigned_abs() > near && apart.unsigned_abs() < last {
+            Self::From(apart)
+        } else {
+            Self::Done
+        }
+    }
+}
+
 /// State of a test of the pair.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pair {
     way: u8,
     probe: Probe,
+    return_to_start: Return,
     /// Ways in which screw against nut went as asked, and the other way.
     right: u8,
     wrong: u8,
@@ -43,24 +71,36 @@ pub(super) enum PairStep {
 
 impl Pair {
     /// One step, with both encoders' angles, each in its motor's direction, and whether positive torques turn both motors the
-    /// same way, if one took the other along before.
+    /// same way, if one took the other along before; `apart`: how far the table is from its start, which is `near` enough, 2^-32 turn.
     pub(super) fn step(
         &mut self,
         probes: &ProbeConfig,
         theta: [Angle; 2],
         same_direction: Option<bool>,
+        apart: i32,
+        near: u32,
     ) -> PairStep {
-        let Some(&signs) = WAYS.get(usize::from(self.way)) else {
-            return self.conclude(same_direction);
+        if matches!(self.return_to_start, Return::Asked) {
+            self.return_to_start = self.return_to_start.on(apart, near);
+        }
+        let signs = match (self.return_to_start, WAYS.get(usize::from(self.way))) {
+            (Return::From(away), _) if away > 0 => [-1, 1],
+            (Return::From(_), _) => [1, -1],
+            (_, Some(&signs)) => signs,
+            (_, None) => return self.conclude(same_direction),
         };
         match self.probe.step(probes, theta) {
             ProbeStep::Rest => PairStep::Rest,
             ProbeStep::Ramp(level) => PairStep::Ramp(level, signs),
             ProbeStep::Moves => PairStep::Wrong(Reason::LoadMoves),
             ProbeStep::Found(broken) => {
-                self.take(probes, &broken, signs);
                 self.probe = Probe::default();
-                self.way = self.way.saturating_add(1);
+                if matches!(self.return_to_start, Return::From(_)) {
+                    self.return_to_start = self.return_to_start.on(apart, near);
+                } else {
+                    self.take(probes, &broken, signs);
+                    self.way = self.way.saturating_add(1);
+                }
                 PairStep::Rest
             }
         }

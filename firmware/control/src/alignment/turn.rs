@@ -107,6 +107,11 @@ impl Turn {
         }
     }
 
+    /// Both come to rest together, and have failed then.
+    pub(super) fn stop(&mut self, reason: Reason) {
+        self.failed = self.failed.or(Some((0, reason)));
+    }
+
     /// One step.
     pub(super) fn step(
         &mut self,

@@ -146,8 +146,10 @@ impl Motor {
 
     pub(super) fn set_bridge(&mut self, bridge: Bridge) {
         self.bridge = bridge;
-        if let Bridge::Driven(phases) = bridge {
-            self.voltage = clarke(phases);
+        match bridge {
+            Bridge::Driven(phases) => self.voltage = clarke(phases),
+            Bridge::Shorted => self.voltage = [0.0; 2],
+            Bridge::Open => {}
         }
     }
 
@@ -204,7 +206,7 @@ impl Motor {
             Bridge::Driven(_) if terms.lost_voltage > 0.0 => {
                 winding::driven_with_loss(current, net, terms.lost_voltage, &self.response)
             }
-            Bridge::Driven(_) => winding::driven(current, net, &self.response),
+            Bridge::Driven(_) | Bridge::Shorted => winding::driven(current, net, &self.response),
         };
         let (current, mean) = (self.flowing(current), self.flowing(mean));
         [self.state.i_alpha, self.state.i_beta] = current;

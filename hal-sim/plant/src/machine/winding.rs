@@ -7,6 +7,8 @@ use super::clarke::{clarke, inverse_clarke};
 pub enum Bridge {
     /// Voltages of the phases a, b, c to the midpoint of the bus, V.
     Driven([f64; 3]),
+    /// Each phase stays on the same rail: no leg switches, so no dead time takes a voltage.
+    Shorted,
     /// All six switches off: the diodes drive each phase's current to zero against half the bus voltage.
     ///
     /// A current at zero stays there: the line back-EMF is taken to be below the bus voltage.

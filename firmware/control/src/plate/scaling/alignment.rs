@@ -12,8 +12,8 @@ use fixed::types::I4F28;
 
 /// Seconds in which a probe's torque grows by e, of its rest, and rests at most.
 const GROWTH_S: f64 = 24e-3;
-const REST_S: f64 = 4e-3;
-const RESTS_MAX: u8 = 25;
+const REST_S: f64 = 10e-3;
+const RESTS_MAX: u8 = 100;
 /// Seconds for which the load must be still.
 const STILL_S: f64 = 20e-3;
 /// And by which it must be, s: the paper's motors coast down from 3000 rpm on their friction alone in less.
@@ -42,6 +42,20 @@ const INDEX_TURNS: f64 = 1.25;
 const LEAST_SPEED: f64 = 0.125;
 /// Part of it below which a motor is at rest.
 const STILL_SPEED: f64 = 1.0 / 64.0;
+
+impl MotorPlate {
+    /// In about what time a shorted winding stops its rotor, s: `J*R / (p*flux)^2` for the rotor (torque `(p*flux)^2 / R` per speed at low
+    /// speed), `L / R` until the current flows.
+    const fn braking_s(&self) -> f64 {
+        let torque_per_ampere = self.pole_pairs as f64 * self.flux_wb;
+        self.inertia_kg_m2 * self.resistance_ohm / (torque_per_ampere * torque_per_ampere)
+            + self.inductance_h / self.resistance_ohm
+    }
+}
+
+const fn longer(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
 
 impl DrivePlate {
     /// Configuration of the alignment.
@@ -89,6 +103,7 @@ impl DrivePlate {
             still_steps: steps(STILL_S, step),
             coast_steps: steps(COAST_S, step),
             travel: turns(travel),
+            braking_steps: steps(longer(screw.braking_s(), nut.braking_s()), step),
             turn_speed: MechanicalSpeed::from_bits(attempt!(quantise(
                 "alignment's speed",
                 "rad/s",
