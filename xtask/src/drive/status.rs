@@ -203,7 +203,7 @@ pub fn faults(drive: &mut Drive, as_json: bool) -> Result<()> {
     let now = Seen::of(drive.status()?).fault();
     let last = drive.faults()?;
     if as_json {
-        let last: Vec<Value> = last.iter().map(|event| entry(event)).collect();
+        let last: Vec<Value> = last.iter().map(entry).collect();
         println!("{:#}", json!({ "fault": now.map(told), "last": last }));
         return Ok(());
     }
