@@ -10,6 +10,7 @@
 //! - [`plates`]: the plate data that the control code gets for a model of a machine.
 //! - [`alignment`]: starts of a drive that does not know where its rotors stand.
 //! - [`faults`]: the fault matrix: each input, wrong in each way, in each situation, and what comes of it.
+//! - [`flash`]: the chip's flash as a store of settings sees it, with power that may be cut.
 //! - [`runaway`]: wrong electrical angles, and what they do until the bridges are off.
 //! - [`served`]: the drive behind the link, for hosts that command it.
 //! - [`smooth`]: how smooth the table moves, with what the drive compensates and without.
@@ -31,6 +32,7 @@ pub mod draw;
 pub mod drive;
 pub mod experiment;
 pub mod faults;
+pub mod flash;
 pub mod mt6835;
 pub mod parallel;
 pub mod plates;

@@ -6,6 +6,7 @@
 //! | the settings, by group | here |
 //! | settings <-> the control code's plate | [`plate`] |
 //! | other ways in which datasheets print the same | [`datasheet`] |
+//! | settings in flash | [`store`] |
 //! | how a setting is declared | [`table`] |
 //!
 //! Pins, timers, shunts and dividers are the board's, which stays Rust: see `firmware/src/board`. The drive computes its
@@ -13,6 +14,7 @@
 
 pub mod datasheet;
 pub mod plate;
+pub mod store;
 pub mod table;
 
 pub use table::{Entry, Kind, Setting, Value};
