@@ -4,7 +4,7 @@
 //! below it in priority; half a period later the nut's counter turns and its current loop runs.
 
 use crate::board::{Board, BoardConfig};
-use crate::seam::{Disturbed, Seam, Straight};
+use crate::seam::{Disturbed, Seam, SpeedSeen, Straight};
 use control::alignment::Misalignment;
 use control::compensation::Compensation;
 use control::coordinator::{Command, CommandError};
@@ -317,6 +317,34 @@ impl Drive {
         self.samples[k] = sample;
     }
 
+    /// What another controller adds to the references of a drive that runs.
+    fn add_currents(&mut self, seam: &mut impl Seam) {
+        for axis in Axis::ALL {
+            let k = axis.index();
+            let (config, exchange) = (&self.config.current_loops[k], &self.exchanges[k]);
+            let i_q = self.speed.current[k].i_q;
+            let omega_e = config
+                .observer
+                .omega_e(exchange.theta_step())
+                .to_num::<f64>();
+            let seen = SpeedSeen {
+                turn: f64::from(exchange.encoder())
+                    / f64::from(config.observer.encoder.counts_per_turn),
+                omega_e,
+                error: self.speed.speed[k].omega_e.to_num::<f64>() - omega_e,
+                i_q: i_q.to_num(),
+            };
+            if let Some(more) = seam.current(axis, &seen) {
+                let i_max = self.config.speed_loops[k].i_max;
+                let asked = i_q
+                    .saturating_add(Current::saturating_from_num(more))
+                    .clamp(-i_max, i_max);
+                exchange.ask_on(asked, config);
+                self.speed.current[k].i_q = asked;
+            }
+        }
+    }
+
     fn speed_interrupt(&mut self, seam: &mut impl Seam) {
         if self.attended {
             self.request.heartbeat = self.request.heartbeat.wrapping_add(1);
@@ -333,5 +361,8 @@ impl Drive {
             self.exchanges.each_ref(),
             seam.found(),
         );
+        if matches!(self.speed.state, State::Running | State::Stopping) {
+            self.add_currents(seam);
+        }
     }
 }

@@ -2,8 +2,8 @@
 
 use crate::board::BoardConfig;
 use control::plate::{
-    AlignmentPlate, BoardPlate, CompensationPlate, DrivePlate, FeedPlate, MotorPlate, RunawayPlate,
-    ThermalPlate, Tuning,
+    AlignmentPlate, BoardPlate, CompensationPlate, DrivePlate, FeedPlate, FrictionPlate,
+    MotorPlate, RunawayPlate, ThermalPlate, Tuning,
 };
 use plant::Axis;
 use plant::machine::Coupling;
@@ -121,6 +121,7 @@ pub fn plates(
         },
         runaway: RunawayPlate::USUAL,
         compensation: CompensationPlate::NONE,
+        friction: FrictionPlate::NONE,
         heartbeat_s: 0.5,
     }
 }

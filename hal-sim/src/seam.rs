@@ -17,10 +17,27 @@ pub trait Seam {
     fn sample(&mut self, _axis: Axis, _sample: &mut MotorSample) {}
     /// What is asked of the speed task.
     fn request(&mut self, _request: &mut Request) {}
+    /// A current, A, that is added to the reference of `axis` after the speed task has asked it: another controller's.
+    fn current(&mut self, _axis: Axis, _seen: &SpeedSeen) -> Option<f64> {
+        None
+    }
     /// What the supervision and the analog watchdogs have found, as the speed task begins.
     fn found(&mut self) -> Option<Fault> {
         None
     }
+}
+
+/// What a speed loop has seen in a step.
+#[derive(Clone, Copy, Debug)]
+pub struct SpeedSeen {
+    /// The shaft's angle by its encoder, turns, 0 to 1.
+    pub turn: f64,
+    /// Its electrical speed, rad/s.
+    pub omega_e: f64,
+    /// Reference less that.
+    pub error: f64,
+    /// The reference that was asked, A.
+    pub i_q: f64,
 }
 
 /// Nothing between them.

@@ -25,7 +25,7 @@ fn ripple_that_repeats_with_an_angle_is_learned_and_removed() {
         };
         let run = |compensation, seconds| {
             let mut drive = drive(&setup, compensation)?;
-            smoothness(&mut drive, &setup, point, seconds)
+            smoothness(&mut drive, point, seconds)
         };
         let before = run(CompensationPlate::NONE, 0.0);
         let after = run(orders(&setup, 0.5, true), 12.0);

@@ -61,7 +61,7 @@ pub fn firmware() -> Result<PathBuf, String> {
 /// # Errors
 /// The build's own words.
 pub fn firmware_of(board: Wiring) -> Result<PathBuf, String> {
-    firmware_that(board, false)
+    firmware_that(board, Variant::AtZero)
 }
 
 /// Builds the firmware for a board as it is flashed, which aligns the rotors first, once, and says where its ELF is.
@@ -69,14 +69,34 @@ pub fn firmware_of(board: Wiring) -> Result<PathBuf, String> {
 /// # Errors
 /// The build's own words.
 pub fn aligning_firmware_of(board: Wiring) -> Result<PathBuf, String> {
-    firmware_that(board, true)
+    firmware_that(board, Variant::Aligns)
 }
 
-fn firmware_that(board: Wiring, aligns: bool) -> Result<PathBuf, String> {
-    static BUILT: [OnceLock<Result<PathBuf, String>>; 6] = [const { OnceLock::new() }; 6];
+/// Builds the firmware for the default board that compensates ripple, once, and says where its ELF is. It takes the rotors to
+/// stand where the plate says.
+///
+/// # Errors
+/// The build's own words.
+pub fn smooth_firmware() -> Result<PathBuf, String> {
+    firmware_that(Wiring::Nucleo, Variant::Smooth)
+}
+
+/// What an ELF has beside its board.
+#[derive(Clone, Copy)]
+enum Variant {
+    /// Its rotors stand where the plate says.
+    AtZero,
+    /// It aligns them first, as what is flashed.
+    Aligns,
+    /// The first, and it compensates ripple.
+    Smooth,
+}
+
+fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
+    static BUILT: [OnceLock<Result<PathBuf, String>>; 9] = [const { OnceLock::new() }; 9];
     // One build at a time, for all boards' ELFs leave cargo by the same name.
     static ONE: Mutex<()> = Mutex::new(());
-    BUILT[board as usize + 3 * usize::from(aligns)]
+    BUILT[board as usize + 3 * variant as usize]
         .get_or_init(|| {
             let _one = ONE.lock().map_err(|_| "another build failed")?;
             let (name, features) = match board {
@@ -84,10 +104,13 @@ fn firmware_that(board: Wiring, aligns: bool) -> Result<PathBuf, String> {
                 Wiring::Nucleo40kHz => ("firmware-40khz", "pwm-40khz"),
                 Wiring::Mains => ("firmware-mains", "board-mains"),
             };
-            let (name, features) = if aligns {
-                (format!("{name}-aligns"), features.to_owned())
-            } else {
-                (name.to_owned(), format!("{features},encoders-at-zero"))
+            let (name, features) = match variant {
+                Variant::Aligns => (format!("{name}-aligns"), features.to_owned()),
+                Variant::AtZero => (name.to_owned(), format!("{features},encoders-at-zero")),
+                Variant::Smooth => (
+                    format!("{name}-smooth"),
+                    format!("{features},encoders-at-zero,smooth"),
+                ),
             };
             let elf = build(&["--no-default-features", "--features", &features])?;
             let kept = elf.with_file_name(name);

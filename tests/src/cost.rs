@@ -1,7 +1,8 @@
 //! What the interrupts cost: measured on the emulated drive, and bounded from the code.
 
-use crate::bench::{Bench, READY, firmware};
+use crate::bench::{Bench, READY, firmware, smooth_firmware};
 use crate::chip::CORE_HZ;
+use crate::chip::wiring::Wiring;
 use crate::emulator::Cost;
 use crate::graph::{Graph, LoopBound};
 use crate::image::Image;
@@ -178,7 +179,20 @@ impl Report {
 /// # Errors
 /// What the firmware did that the chip does not have, or why the code has no bound.
 pub fn measure() -> Result<Report, String> {
-    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
+    measure_on(Bench::new(&Model::paper(), Coupling::Lumped)?)
+}
+
+/// [`measure`] of the firmware that compensates ripple: eight orders a motor, both encoders and the lead, all learning.
+///
+/// # Errors
+/// As [`measure`].
+pub fn measure_smooth() -> Result<Report, String> {
+    let elf = smooth_firmware()?;
+    let board = Wiring::Nucleo;
+    measure_on(Bench::with(&elf, board, &Model::paper(), Coupling::Lumped)?)
+}
+
+fn measure_on(mut bench: Bench) -> Result<Report, String> {
     bench.emulator.profile().keep = true;
     bench.wait_for(READY, 0.2)?;
     bench.ask(2.5e-3, 0.0)?;

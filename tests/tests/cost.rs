@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use std::path::Path;
-use tests::cost::{BASELINE, hung_loop_cycles, measure};
+use tests::cost::{BASELINE, hung_loop_cycles, measure, measure_smooth};
 use tests::timing::MODEL_ERROR_PERCENT;
 
 /// How far a figure may rise above the baseline, and fall below it before the baseline has to be renewed.
@@ -97,6 +97,38 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
         "half as much stack again is there"
     );
     assert!(report.stack_seen <= report.stack_bytes);
+    Ok(())
+}
+
+/// With everything that makes the table smooth: eight orders a motor, both encoders, the lead, all learning.
+#[test]
+fn the_compensation_leaves_the_core_its_time() -> Result<(), String> {
+    let report = measure_smooth()?;
+    let [screw, nut, speed] = &report.rows[..] else {
+        return Err("three interrupts".into());
+    };
+    let both = screw.typical.cycles + nut.typical.cycles;
+    println!(
+        "both current loops {both} cycles, the speed task {}, {:.1} % of the core",
+        speed.typical.cycles,
+        report.load_percent()
+    );
+    assert!(
+        both <= 1000,
+        "both current loops take {both} cycles together, expected at most 1000"
+    );
+    assert!(
+        report.load_percent() <= 15.0,
+        "the control takes {} % of the core, expected at most 15",
+        report.load_percent()
+    );
+    let period = 170e6 / 40e3;
+    let load = (screw.bound + nut.bound) as f64 / period
+        + speed.bound as f64 / 170e6 * speed.interrupt.rate_hz;
+    assert!(
+        load < 0.9,
+        "at 40 kHz the longest ways take {load} of the core"
+    );
     Ok(())
 }
 

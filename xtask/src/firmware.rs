@@ -20,6 +20,9 @@ pub struct CostOptions {
     /// Keep the figures as the baseline that the tests hold the firmware to.
     #[arg(long)]
     keep: bool,
+    /// Measure the firmware that compensates ripple: eight orders a motor, all learning.
+    #[arg(long, conflicts_with = "keep")]
+    smooth: bool,
 }
 
 /// What `sizes` can be asked.
@@ -54,7 +57,9 @@ pub fn build() -> Result<PathBuf> {
 
 /// Runs the firmware on the emulated chip and prints what its interrupts cost.
 pub fn cost(options: &CostOptions) -> Result<()> {
-    report("cost", [(options.json, "--json"), (options.keep, "--keep")])
+    let CostOptions { json, keep, smooth } = *options;
+    let flags = [(json, "--json"), (keep, "--keep"), (smooth, "--smooth")];
+    report("cost", flags)
 }
 
 /// Prints what the firmware takes of the chip's memories.

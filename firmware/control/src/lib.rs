@@ -18,6 +18,7 @@
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
 //! | where both rotors stand | [`alignment`] | speed task, before the drive is ready |
 //! | ripple that repeats with an angle | [`compensation`] | speed task |
+//! | friction where a reference reverses | [`friction`] | speed task |
 //! | heat of windings and bridges, a bus that fills -> current limits | [`thermal`], [`current_limit`] | speed task |
 //! | is the motion in hand? | [`runaway`] | speed task |
 //! | may the machine go on moving? | [`interlock`] | speed task |
@@ -67,6 +68,7 @@ pub mod encoder_watch;
 pub mod exchange;
 pub mod fault;
 pub mod format;
+pub mod friction;
 #[allow(clippy::float_arithmetic)]
 pub mod guard;
 pub mod interlock;

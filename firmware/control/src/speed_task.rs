@@ -355,6 +355,13 @@ impl SpeedTask {
                 *wanted = wanted.plus(given);
             }
         }
+        let references = [screw_reference.omega_e, nut_reference.omega_e];
+        let rubbed = config
+            .friction
+            .currents(references, self.coordinator.relative());
+        for (wanted, given) in wanted.iter_mut().zip(rubbed) {
+            *wanted = wanted.plus(given);
+        }
         let [screw_wanted, nut_wanted] = wanted;
         let [screw_regeneration, nut_regeneration] = &config.regeneration;
         let [screw_max, nut_max] = self.current_max;

@@ -7,7 +7,8 @@ use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::mt6835;
 use control::plate::{
-    BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, MotorPlate, RunawayPlate, ThermalPlate,
+    BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate, MotorPlate,
+    RunawayPlate, ThermalPlate,
 };
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
@@ -93,6 +94,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     alignment: paper_machine::ALIGNMENT,
     runaway: RunawayPlate::USUAL,
     compensation: CompensationPlate::NONE,
+    friction: FrictionPlate::NONE,
     heartbeat_s: 0.5,
 };
 

@@ -7,8 +7,8 @@ use super::paper_machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::plate::{
-    AlignmentPlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, MotorPlate,
-    RunawayPlate, ThermalPlate,
+    AlignmentPlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate,
+    MotorPlate, RunawayPlate, ThermalPlate,
 };
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
@@ -107,6 +107,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     },
     runaway: RunawayPlate::USUAL,
     compensation: CompensationPlate::NONE,
+    friction: FrictionPlate::NONE,
     heartbeat_s: 0.5,
 };
 

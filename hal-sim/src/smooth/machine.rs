@@ -4,6 +4,7 @@ use crate::board::BoardConfig;
 use crate::experiment::Setup;
 use crate::plates::PAPER_TUNING;
 use crate::sensors::Sensors;
+use control::compensation::TORQUES;
 use control::plate::{CompensationPlate, OrderPlate};
 use plant::effects::{
     AnyEffect, Cogging, CurrentGain, CurrentOffset, DeadTime, EffectModel, EncoderEccentricity,
@@ -128,14 +129,24 @@ pub fn setup(machine: Machine, seed: u64) -> Setup {
     }
 }
 
+/// Orders of a motor's torque, a mechanical turn.
+#[must_use]
+pub fn torque_orders(pole_pairs: u32) -> [f64; 5] {
+    let p = f64::from(pole_pairs);
+    [p, 2.0 * p, 6.0 * p, 12.0 * p, SLOTS]
+}
+
 /// The orders of such a machine, of which nothing is known yet: once and twice an electrical turn (offset and gain of current
 /// sensors), six and twelve times (current and flux harmonics, dead time), its slots; once a turn of each encoder and of the
 /// lead, if there is a scale.
 #[must_use]
 pub fn orders(setup: &Setup, learning_s: f64, scale: bool) -> CompensationPlate {
     let torque = |pole_pairs: u32| {
-        let p = f64::from(pole_pairs);
-        [p, 2.0 * p, 6.0 * p, 12.0 * p, SLOTS, 0.0, 0.0, 0.0].map(OrderPlate::unknown)
+        let mut plates = [OrderPlate::NONE; TORQUES];
+        for (plate, order) in plates.iter_mut().zip(torque_orders(pole_pairs)) {
+            *plate = OrderPlate::unknown(order);
+        }
+        plates
     };
     let once = if scale { [1.0, 0.0] } else { [0.0; 2] }.map(OrderPlate::unknown);
     CompensationPlate {

@@ -1,9 +1,9 @@
 //! Measures what the firmware's interrupts cost and prints it, as a table or with `--json` as JSON. `--keep` makes the
-//! figures the baseline that the tests hold the firmware to.
+//! figures the baseline that the tests hold the firmware to; `--smooth` measures the firmware that compensates ripple.
 
 use std::path::Path;
 use std::process::ExitCode;
-use tests::cost::{BASELINE, Report, measure};
+use tests::cost::{BASELINE, Report, measure, measure_smooth};
 use tests::timing::MODEL_ERROR_PERCENT;
 
 fn main() -> ExitCode {
@@ -11,14 +11,26 @@ fn main() -> ExitCode {
     let has = |name: &str| arguments.iter().any(|argument| argument == name);
     if let Some(unknown) = arguments
         .iter()
-        .find(|a| !["--json", "--keep"].contains(&a.as_str()))
+        .find(|a| !["--json", "--keep", "--smooth"].contains(&a.as_str()))
     {
         eprintln!(
-            "error: `{unknown}` is not known; `--json` prints JSON, `--keep` keeps the figures as the baseline"
+            "error: `{unknown}` is not known; `--json` prints JSON, `--keep` keeps the figures as the baseline, \
+             `--smooth` measures the firmware that compensates ripple"
         );
         return ExitCode::FAILURE;
     }
-    let report = match measure() {
+    if has("--keep") && has("--smooth") {
+        eprintln!(
+            "error: the baseline is the default firmware's: leave `--smooth` or `--keep` out"
+        );
+        return ExitCode::FAILURE;
+    }
+    let measured = if has("--smooth") {
+        measure_smooth()
+    } else {
+        measure()
+    };
+    let report = match measured {
         Ok(report) => report,
         Err(error) => {
             eprintln!("error: {error}");

@@ -8,6 +8,8 @@ mod drive;
 mod faults;
 #[cfg(feature = "simulate")]
 mod runaway;
+#[cfg(feature = "simulate")]
+mod smooth;
 
 use anyhow::Result;
 use clap::{Args, Subcommand};
@@ -23,6 +25,8 @@ pub enum Bench {
     Runaway(RunawayOptions),
     /// Each input wrong in each way in each situation on both boards, and what comes of it.
     Faults(FaultsOptions),
+    /// How smooth the table moves with the drive's compensation, with others' and without.
+    Smooth(SmoothOptions),
     /// The identification on the recordings and measured data beside the project.
     Identify(crate::identify::BenchOptions),
 }
@@ -60,6 +64,17 @@ pub struct FaultsOptions {
     pub json: bool,
 }
 
+/// How many, and how to say it.
+#[derive(Args)]
+pub struct SmoothOptions {
+    /// Seeds of each row.
+    #[arg(long, default_value = "5")]
+    pub seeds: std::num::NonZeroU64,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// How to say it.
 #[derive(Args)]
 pub struct DriveOptions {
@@ -75,6 +90,7 @@ pub fn run(what: &Bench) -> Result<()> {
         Bench::Align(options) => align(options),
         Bench::Runaway(options) => runaway(options),
         Bench::Faults(options) => faults(options),
+        Bench::Smooth(options) => smooth(options),
         Bench::Identify(options) => crate::identify::bench(options),
     }
 }
@@ -120,5 +136,16 @@ fn faults(options: &FaultsOptions) -> Result<()> {
 /// Hands over to an xtask with the simulator.
 #[cfg(not(feature = "simulate"))]
 fn faults(_: &FaultsOptions) -> Result<()> {
+    crate::with::With::Simulate.take_over()
+}
+
+#[cfg(feature = "simulate")]
+fn smooth(options: &SmoothOptions) -> Result<()> {
+    smooth::run(options)
+}
+
+/// Hands over to an xtask with the simulator.
+#[cfg(not(feature = "simulate"))]
+fn smooth(_: &SmoothOptions) -> Result<()> {
     crate::with::With::Simulate.take_over()
 }

@@ -236,6 +236,26 @@ impl OrderPlate {
     }
 }
 
+/// Coulomb friction that is known and fed forward: see [`friction`](crate::friction).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FrictionPlate {
+    /// Of the bearings of screw and nut, N m.
+    pub bearings_nm: [f64; 2],
+    /// Of ball pair and guideway, N m at the screw.
+    pub feed_nm: f64,
+    /// Speed at which a sign is whole, mechanical rad/s, above 0 where there is friction.
+    pub band_rad_s: f64,
+}
+
+impl FrictionPlate {
+    /// Nothing is fed forward.
+    pub const NONE: Self = Self {
+        bearings_nm: [0.0; 2],
+        feed_nm: 0.0,
+        band_rad_s: 0.0,
+    };
+}
+
 /// When motion is not in hand: limits as parts of what each motor may do, and how long each is tolerated, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunawayPlate {
@@ -300,6 +320,8 @@ pub struct DrivePlate {
     pub runaway: RunawayPlate,
     /// What repeats with an angle and is compensated.
     pub compensation: CompensationPlate,
+    /// What is fed forward against friction.
+    pub friction: FrictionPlate,
     /// How long the machine goes on moving by a command that nobody renews, s.
     pub heartbeat_s: f64,
 }
@@ -418,6 +440,7 @@ mod tests {
             },
             runaway: RunawayPlate::USUAL,
             compensation: CompensationPlate::NONE,
+            friction: FrictionPlate::NONE,
             heartbeat_s: 0.5,
         }
     }

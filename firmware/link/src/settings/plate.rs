@@ -9,7 +9,7 @@ use control::encoder::Interface;
 use control::format::Misfit;
 use control::plate::{
     AlignmentPlate, BoardPlate, CompensationPlate, DriveConfig, DrivePlate, EncoderPlate,
-    FeedPlate, MotorPlate, RunawayPlate, ThermalPlate, Tuning,
+    FeedPlate, FrictionPlate, MotorPlate, RunawayPlate, ThermalPlate, Tuning,
 };
 use core::f64::consts::TAU;
 
@@ -155,8 +155,9 @@ impl Settings {
                 stall: watch.stall_percent / 100.0,
                 stall_s: watch.stall_ms * 1e-3,
             },
-            // Orders are no settings yet.
+            // Orders and friction are no settings yet.
             compensation: CompensationPlate::NONE,
+            friction: FrictionPlate::NONE,
             heartbeat_s: command.heartbeat_ms * 1e-3,
         }
     }
@@ -172,6 +173,7 @@ impl Settings {
             alignment,
             runaway,
             compensation: _,
+            friction: _,
             heartbeat_s,
         } = plate;
         let [screw_nm, nut_nm] = alignment.torque_nm;

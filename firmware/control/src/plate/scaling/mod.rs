@@ -3,6 +3,7 @@
 mod alignment;
 mod board;
 mod compensation;
+mod friction;
 mod limits;
 mod motor;
 mod runaway;
@@ -15,6 +16,7 @@ use crate::current_loop::CurrentLoopConfig;
 use crate::format::{
     CurrentScale, Gain, MechanicalSpeed, Misfit, SpeedChange, TableVelocity, Voltage, quantise,
 };
+use crate::friction::FrictionConfig;
 use crate::plate::DrivePlate;
 use crate::profile::ProfileConfig;
 use crate::runaway::RunawayConfig;
@@ -54,6 +56,8 @@ pub struct DriveConfig {
     pub regeneration: [RegenerationConfig; 2],
     /// What repeats with an angle and is compensated.
     pub compensation: CompensationConfig,
+    /// What is fed forward against friction.
+    pub friction: FrictionConfig,
     /// Looks at the interlock in which a command must be renewed.
     pub heartbeat_looks: u32,
     /// Current-loop periods per step of the speed task.
@@ -95,6 +99,7 @@ impl DrivePlate {
                 attempt!(nut.regeneration(self)),
             ],
             compensation: attempt!(self.compensation()),
+            friction: attempt!(self.friction()),
             heartbeat_looks: attempt!(self.heartbeat_looks()),
             speed_divider: self.board.speed_divider,
         })
