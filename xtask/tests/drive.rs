@@ -249,6 +249,27 @@ fn settings_go_out_and_in_all_or_none() {
 }
 
 #[test]
+fn what_is_set_holds_when_the_drive_is_served_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("flash.bin").display().to_string();
+    let served = Served::new(&["--flash", &file]);
+    served.printed(&["settings", "set", "feed.velocity_max_mm_s=42"]);
+    // Written before the answer to what is asked next.
+    served.printed(&["status"]);
+    drop(served);
+    let served = Served::new(&["--flash", &file]);
+    let limit = served.status()["table"]["limits"]["velocity_mm_s"].clone();
+    assert_eq!(limit, 42.0);
+    std::fs::write(&file, "no flash").unwrap();
+    let output = xtask().args(["serve", "--flash", &file]).output().unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        !output.status.success() && said.contains("has 8 bytes"),
+        "{said}"
+    );
+}
+
+#[test]
 fn a_recording_is_a_folder_that_a_model_reads() {
     let served = Served::new(&[]);
     let folder = tempfile::tempdir().unwrap();

@@ -1,6 +1,7 @@
 //! The simulated drive's time and lines: one thread, a millisecond after the other.
 
 use super::ServeOptions;
+use super::flash::Flash;
 use crate::interrupt::ctrl_c;
 use crate::simulate::Preset;
 use anyhow::{Context, Result, ensure};
@@ -88,6 +89,10 @@ pub fn run(options: &ServeOptions) -> Result<()> {
             .with_context(|| format!("{} is not taken", path.display()))?;
         drive.configure(&settings)?;
     }
+    let mut flash = match &options.flash {
+        Some(path) => Some(Flash::open(path, &mut drive)?),
+        None => None,
+    };
     let listener = TcpListener::bind(&options.listen).with_context(|| {
         format!(
             "{} cannot be listened at: is another drive served there? Give another with --listen",
@@ -130,6 +135,9 @@ pub fn run(options: &ServeOptions) -> Result<()> {
             }
             there
         });
+        if let Some(flash) = &mut flash {
+            flash.keep(serving.drive())?;
+        }
         let due = begun.elapsed().mul_f64(speed);
         for _ in 0..AT_ONCE {
             // Time that is not real may wait for a host that is slow; in real time it loses samples, as with a board.

@@ -1,6 +1,8 @@
 //! `cargo xtask serve`: a simulated drive behind its link, behind the feature `serve`.
 
 #[cfg(feature = "serve")]
+mod flash;
+#[cfg(feature = "serve")]
 mod lines;
 
 use crate::simulate::MachineOptions;
@@ -25,6 +27,10 @@ pub struct ServeOptions {
     /// Settings that hold from the start (TOML), instead of those that fit the machine.
     #[arg(long)]
     pub settings: Option<PathBuf>,
+    /// The file that is the drive's flash: settings that were set hold when the drive is served again. It is made if it is
+    /// not there.
+    #[arg(long, conflicts_with = "settings")]
+    pub flash: Option<PathBuf>,
 }
 
 /// Serves until Ctrl-C.
