@@ -285,6 +285,42 @@ fn settings_hold_after_a_restart_and_what_does_not_fit_changes_nothing() {
     );
 }
 
+/// Peak to peak of the table's velocity over a second at 2.5 mm/s, m/s.
+fn ripple(bench: &mut Bench) -> f64 {
+    let mut ends = [f64::INFINITY, f64::NEG_INFINITY];
+    for _ in 0..1000 {
+        bench.pass(1);
+        let serving = bench.serving.borrow();
+        let velocity = serving.drive().drive().board.machine.table_velocity();
+        ends = [ends[0].min(velocity), ends[1].max(velocity)];
+    }
+    ends[1] - ends[0]
+}
+
+#[test]
+fn a_setting_switches_the_compensation_on() {
+    let mut bench = Bench::new();
+    let mut settings = bench.client.settings().unwrap();
+    let mut ripples = [0.0; 2];
+    for (learning_s, ripple_m_s) in [0.0, 1.0].into_iter().zip(&mut ripples) {
+        settings.compensation.learning_s = learning_s;
+        bench.client.configure(&settings).unwrap();
+        bench.until(State::Ready, 1000);
+        bench.client.tell(Command::Arm).unwrap();
+        bench.run(2.5, 0.0).unwrap();
+        bench.pass(8000);
+        *ripple_m_s = ripple(&mut bench);
+        bench.client.tell(Command::Stop).unwrap();
+        bench.until(State::Ready, 500);
+    }
+    assert!(
+        ripples[1] < 0.2 * ripples[0],
+        "with it {} m/s, without {}, expected less than a fifth",
+        ripples[1],
+        ripples[0]
+    );
+}
+
 /// Rows of a second, and the bytes of all that came.
 fn recorded(seed: u64) -> (Vec<Row>, Vec<u8>) {
     let mut setup = Setup::real(Model::coupled(), Coupling::Coupled);

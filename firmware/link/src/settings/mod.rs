@@ -158,6 +158,13 @@ group! {
     }
 }
 
+group! {
+    /// What repeats with an angle and is compensated.
+    CompensationSettings {
+        1 Real learning_s: f64 = 0.0, [0.0, 1000.0], "s", "Time constant with which the usual orders of both motors, encoders and the lead are learned; 0 switches it off.";
+    }
+}
+
 /// Declares the groups, each with its number.
 macro_rules! settings {
     ($($number:literal $name:ident: $group:ident,)*) => {
@@ -214,6 +221,7 @@ settings! {
     6 tuning: TuningSettings,
     7 watch: WatchSettings,
     8 command: CommandSettings,
+    9 compensation: CompensationSettings,
 }
 
 /// Why a value is refused.

@@ -1,9 +1,9 @@
 //! Settings -> the plate that the control code is configured from, and back.
 
 use super::{
-    AlignmentSettings, BridgeSettings, CommandSettings, EncoderDirection, EncoderInterface,
-    FeedSettings, MotorSettings, PER_KRPM, Setting, Settings, Switch, TuningSettings, Value,
-    WatchSettings,
+    AlignmentSettings, BridgeSettings, CommandSettings, CompensationSettings, EncoderDirection,
+    EncoderInterface, FeedSettings, MotorSettings, PER_KRPM, Setting, Settings, Switch,
+    TuningSettings, Value, WatchSettings,
 };
 use control::encoder::Interface;
 use control::format::Misfit;
@@ -103,6 +103,7 @@ impl Settings {
             tuning,
             watch,
             command,
+            compensation,
         } = self;
         DrivePlate {
             motors: [screw.plate(), nut.plate()],
@@ -155,8 +156,16 @@ impl Settings {
                 stall: watch.stall_percent / 100.0,
                 stall_s: watch.stall_ms * 1e-3,
             },
-            // Orders and friction are no settings yet.
-            compensation: CompensationPlate::NONE,
+            // Orders of one's own, what was learned, and friction are no settings yet.
+            compensation: if compensation.learning_s == 0.0 {
+                CompensationPlate::NONE
+            } else {
+                CompensationPlate::usual(
+                    [screw.pole_pairs, nut.pole_pairs],
+                    compensation.learning_s,
+                    self.scale_count_m(),
+                )
+            },
             friction: FrictionPlate::NONE,
             heartbeat_s: command.heartbeat_ms * 1e-3,
         }
@@ -172,7 +181,7 @@ impl Settings {
             feed,
             alignment,
             runaway,
-            compensation: _,
+            compensation,
             friction: _,
             heartbeat_s,
         } = plate;
@@ -234,6 +243,9 @@ impl Settings {
             },
             command: CommandSettings {
                 heartbeat_ms: heartbeat_s * 1e3,
+            },
+            compensation: CompensationSettings {
+                learning_s: compensation.learning_s,
             },
         }
     }
