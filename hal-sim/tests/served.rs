@@ -249,6 +249,28 @@ fn faults_put_in_are_found_and_named() {
 }
 
 #[test]
+fn a_fault_stays_until_a_reset_after_its_cause() {
+    let mut bench = Bench::new();
+    let fault = State::Fault(Fault::OverVoltage);
+    bench.client.tell(inject(Injected::Bus, 0, 400.0)).unwrap();
+    bench.until(fault, 100);
+    bench.client.tell(Command::Reset).unwrap();
+    bench.pass(300);
+    assert_eq!(bench.state(), fault, "while its cause is there");
+    bench.client.tell(inject(Injected::Clear, 0, 0.0)).unwrap();
+    bench.pass(300);
+    assert_eq!(bench.state(), fault, "an old reset leaves it");
+    bench.client.tell(Command::Reset).unwrap();
+    bench.until(State::Ready, 300);
+    // Nor does it leave the next one.
+    bench.client.tell(inject(Injected::Bus, 0, 400.0)).unwrap();
+    bench.until(fault, 200);
+    bench.client.tell(inject(Injected::Clear, 0, 0.0)).unwrap();
+    bench.pass(300);
+    assert_eq!(bench.state(), fault);
+}
+
+#[test]
 fn settings_hold_after_a_restart_and_what_does_not_fit_changes_nothing() {
     let mut bench = Bench::new();
     let mut settings = bench.client.settings().unwrap();

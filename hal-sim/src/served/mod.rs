@@ -32,6 +32,9 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use world::World;
 
+/// How long a reset is asked at most, s: a fault whose cause goes later stays, and so does the next one.
+const RESET_S: f64 = 0.1;
+
 /// Telemetry that waits for its line, frames: a second at the full rate.
 const WAITING: usize = 5000;
 
@@ -69,6 +72,8 @@ pub struct SimulatedDrive {
     settings: Settings,
     plate: DrivePlate,
     setup: Setup,
+    /// The period up to which a reset is asked.
+    reset_until: u64,
     /// The period from which on it is asked to run.
     run_at: Option<u64>,
     underway: Option<Underway>,
@@ -102,6 +107,7 @@ impl SimulatedDrive {
             settings,
             plate,
             setup: setup.clone(),
+            reset_until: 0,
             run_at: None,
             underway: None,
             stream: None,
@@ -118,6 +124,8 @@ impl SimulatedDrive {
             self.run_at = None;
             self.drive.request.run = true;
         }
+        let faulty = matches!(self.drive.state(), State::Fault(_));
+        self.drive.request.reset &= faulty && self.drive.periods() < self.reset_until;
         let divider = u64::from(self.plate.board.speed_divider);
         let speed_ran = self.drive.periods().is_multiple_of(divider);
         self.world.braked = Axis::ALL
@@ -373,6 +381,8 @@ impl Served for SimulatedDrive {
         self.run_at = (run == Run::Run).then(|| self.drive.periods() + looks);
         self.drive.request.run = running;
         self.drive.request.reset = run == Run::Reset;
+        let reset = (RESET_S / self.setup.board.pwm_period_s()) as u64;
+        self.reset_until = self.drive.periods() + reset;
     }
 
     fn renew(&mut self) {
