@@ -1,8 +1,10 @@
 //! The drive removes the ripple of the machine with its defects, from cold, and keeps what it has learned.
 
-use control::plate::CompensationPlate;
+use control::plate::{CompensationPlate, OrderPlate};
 use hal_sim::experiment::{OperatingPoint, RPM};
 use hal_sim::parallel::on_all_cores;
+use hal_sim::smooth::bench::learned;
+use hal_sim::smooth::known::Known;
 use hal_sim::smooth::{Machine, drive, orders, setup, smoothness};
 
 /// Table mm/s, nut rpm, and what must be left of the ripple, %.
@@ -37,6 +39,70 @@ fn ripple_that_repeats_with_an_angle_is_learned_and_removed() {
         assert!(
             after < allowed && after < 0.2 * before,
             "{machine:?} at {mm_s} mm/s and {rpm} rpm: {after:.2} % is left of {before:.2} %, expected less than {allowed} %"
+        );
+    }
+}
+
+/// What a model declares, turned into orders, is what a drive that knows nothing learns of that machine while it turns slowly,
+/// but for dead time (order 30), which no order of the model has; and it removes most of the ripple without any learning.
+#[test]
+fn what_a_model_knows_is_what_a_drive_learns() {
+    let setup = setup(Machine::Lumped, 1);
+    let known = Known::of(&setup.model, 1.0);
+    assert_eq!(known.left, ["dead_time (both)"]);
+    let point = OperatingPoint {
+        velocity: 2.5e-3,
+        base: 60.0 * RPM,
+    };
+    let cold = orders(&setup, 0.5, true);
+    let mut learner = drive(&setup, cold).unwrap();
+    smoothness(&mut learner, point, 20.0).unwrap();
+    let learned = learned(&learner, cold);
+    for (motor, (known, learned)) in known
+        .compensation
+        .torque
+        .iter()
+        .zip(&learned.torque)
+        .enumerate()
+    {
+        for order in [5.0, 10.0, 60.0, 36.0] {
+            let of = |plates: &[OrderPlate]| {
+                let plate = plates.iter().find(|plate| plate.order == order).unwrap();
+                [plate.re, plate.im]
+            };
+            let (known, learned) = (of(known), of(learned));
+            let off = (known[0] - learned[0]).hypot(known[1] - learned[1]);
+            assert!(
+                off < 3e-3,
+                "motor {motor}, order {order}: {learned:?} A learned, {known:?} A known, expected within 3 mA"
+            );
+        }
+    }
+    for (known, learned) in [
+        (&known.compensation.angle[0][0], &learned.angle[0][0]),
+        (&known.compensation.angle[1][0], &learned.angle[1][0]),
+    ] {
+        let off = (known.re - learned.re).hypot(known.im - learned.im);
+        assert!(
+            off < 2e-5,
+            "{learned:?} learned, {known:?} known, expected within 2e-5"
+        );
+    }
+    let run = |compensation, base| {
+        let point = OperatingPoint { base, ..point };
+        smoothness(&mut drive(&setup, compensation).unwrap(), point, 0.5)
+            .unwrap()
+            .vrf
+    };
+    for (rpm, part) in [(0.0, 0.1), (800.0, 0.35)] {
+        let (before, after) = (
+            run(CompensationPlate::NONE, rpm * RPM),
+            run(known.compensation, rpm * RPM),
+        );
+        println!("{rpm} rpm: {before:.2} % without, {after:.2} % with what the model knows");
+        assert!(
+            after < part * before,
+            "at {rpm} rpm {after} % of {before} %"
         );
     }
 }

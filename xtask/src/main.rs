@@ -3,6 +3,7 @@
 
 mod bench;
 mod check;
+mod compensate;
 mod drive;
 mod firmware;
 mod identify;
@@ -44,6 +45,8 @@ enum Task {
         #[command(subcommand)]
         what: bench::Bench,
     },
+    /// Turn what a model knows of a machine into what its drive compensates, and predict the ripple with it.
+    Compensate(compensate::CompensateOptions),
     /// Build the firmware as it is flashed.
     Build,
     /// Run the firmware on an emulated chip and print what its interrupts cost.
@@ -69,6 +72,7 @@ fn main() -> ExitCode {
         Task::Simulate(options) => simulate::run(&options),
         Task::Identify(options) => identify::run(&options),
         Task::Bench { what } => bench::run(&what),
+        Task::Compensate(options) => compensate::run(&options),
         Task::Build => firmware::build().map(|_| ()),
         Task::Cost(options) => firmware::cost(&options),
         Task::Sizes(options) => firmware::sizes(&options),

@@ -1,6 +1,7 @@
 //! How smooth the table moves: the machine with its defects, and what a controller leaves of its ripple.
 
 pub mod bench;
+pub mod known;
 mod machine;
 pub mod reversal;
 mod rivals;

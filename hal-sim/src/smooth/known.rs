@@ -1,0 +1,217 @@
+//! What a model knows of a machine, as what its drive compensates: each effect's order and coefficient.
+
+use control::compensation::{ANGLES, TORQUES, TRAVELS};
+use control::plate::{CompensationPlate, FrictionPlate, OrderPlate};
+use plant::Axis;
+use plant::effects::{AnyEffect, EffectModel, Place};
+use plant::model::{Model, MotorModel};
+use rustfft::num_complex::Complex64;
+use std::f64::consts::{SQRT_2, TAU};
+
+/// What a model's effects are to a compensation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Known {
+    /// Orders and coefficients.
+    pub compensation: CompensationPlate,
+    /// Friction, which the model declares.
+    pub friction: FrictionPlate,
+    /// Effects that no order compensates, by kind and place.
+    pub left: Vec<String>,
+}
+
+/// Points of an electrical turn on which an error of current sensors is taken apart.
+const POINTS: usize = 64;
+/// Less than this of torque (A) and speed (1) is no order.
+const LEAST: f64 = 1e-7;
+
+/// A complex amplitude: `Re(x e^(j order angle))`.
+type Lines = Vec<(f64, Complex64)>;
+
+impl Known {
+    /// What `model` says, with `load_nm` on the screw and the opposite on the nut, which the harmonics of flux and the gains of
+    /// current sensors take their size from.
+    #[must_use]
+    pub fn of(model: &Model, load_nm: f64) -> Self {
+        let mut left = Vec::new();
+        let r = model.feed.travel_per_radian();
+        let mut torque: [Lines; 2] = Default::default();
+        let mut angle: [Lines; 2] = Default::default();
+        let mut travel: Lines = Vec::new();
+        for axis in Axis::ALL {
+            let motor = model.motor(axis);
+            let per_amp = per_amp(motor);
+            for harmonic in &motor.torque_harmonics {
+                let amps = -harmonic.amplitude_nm / per_amp;
+                torque[axis.index()].push((
+                    harmonic.order * f64::from(motor.pole_pairs),
+                    Complex64::from_polar(amps, harmonic.phase_rad),
+                ));
+            }
+        }
+        for effect in &model.effects {
+            let taken = Axis::ALL
+                .into_iter()
+                .filter(|&axis| effect.place().has(axis))
+                .map(|axis| {
+                    let sign = if axis == Axis::Screw { 1.0 } else { -1.0 };
+                    let motor = model.motor(axis);
+                    let i_q = sign * load_nm / per_amp(motor);
+                    let (torque, angle) = (&mut torque[axis.index()], &mut angle[axis.index()]);
+                    of_motor(effect, motor, i_q, torque, angle)
+                })
+                .fold(false, |any, one| any || one)
+                || of_feed(effect, r, &mut travel);
+            if !taken {
+                left.push(format!(
+                    "{} ({})",
+                    effect.effect().kind(),
+                    place(effect.place())
+                ));
+            }
+        }
+        let band_rad_s = 0.02;
+        let mut fit = |lines: Lines, most: usize, what: &str| {
+            let mut lines = gathered(lines);
+            for (order, _) in lines.iter().skip(most) {
+                left.push(format!("order {order} of {what}: no more than {most} fit"));
+            }
+            lines.truncate(most);
+            lines
+        };
+        let [screw_torque, nut_torque] = torque;
+        let [screw_angle, nut_angle] = angle;
+        let compensation = CompensationPlate {
+            torque: [
+                plates::<TORQUES>(fit(screw_torque, TORQUES, "the screw's torque")),
+                plates::<TORQUES>(fit(nut_torque, TORQUES, "the nut's torque")),
+            ],
+            angle: [
+                plates::<ANGLES>(fit(screw_angle, ANGLES, "the screw's encoder")),
+                plates::<ANGLES>(fit(nut_angle, ANGLES, "the nut's encoder")),
+            ],
+            travel: plates::<TRAVELS>(fit(travel, TRAVELS, "the lead")),
+            ..CompensationPlate::NONE
+        };
+        Self {
+            compensation,
+            friction: FrictionPlate {
+                bearings_nm: [model.screw.coulomb_nm, model.nut.coulomb_nm],
+                feed_nm: model.feed.pair_coulomb_nm + model.feed.guideway_coulomb_n * r.abs(),
+                band_rad_s,
+            },
+            left,
+        }
+    }
+}
+
+fn per_amp(motor: &MotorModel) -> f64 {
+    f64::from(motor.pole_pairs) * motor.flux_wb
+}
+
+fn place(place: Place) -> &'static str {
+    place.name()
+}
+
+/// An effect of a motor: `true` if it has an order.
+fn of_motor(
+    effect: &EffectModel,
+    motor: &MotorModel,
+    i_q: f64,
+    torque: &mut Lines,
+    angle: &mut Lines,
+) -> bool {
+    let p = f64::from(motor.pole_pairs);
+    match effect.effect() {
+        AnyEffect::TorqueHarmonic(one) => torque.push((
+            one.order * p,
+            Complex64::from_polar(-one.amplitude / per_amp(motor), one.phase),
+        )),
+        AnyEffect::Cogging(one) => torque.push((
+            one.order,
+            Complex64::from_polar(-one.amplitude / per_amp(motor), one.phase),
+        )),
+        AnyEffect::FluxHarmonic(one) => torque.push((
+            one.order * p,
+            Complex64::from_polar(-one.amplitude * i_q, one.phase),
+        )),
+        AnyEffect::CurrentOffset(one) => sensed(torque, p, |_| [one.off_a, one.off_b]),
+        AnyEffect::CurrentGain(one) => sensed(torque, p, |theta_e| {
+            // Phase currents of a q current (Eqs 5 and 6, power invariant).
+            let phase = |k: f64| -(theta_e - k * TAU / 3.0).sin() * i_q * SQRT_2 / 3f64.sqrt();
+            [one.gain_a * phase(0.0), one.gain_b * phase(1.0)]
+        }),
+        AnyEffect::EncoderEccentricity(one) => angle.push((
+            one.order,
+            Complex64::from_polar(one.amplitude * one.order, one.phase),
+        )),
+        _ => return false,
+    }
+    true
+}
+
+/// An effect of the feed: `true` if it has an order.
+fn of_feed(effect: &EffectModel, r: f64, travel: &mut Lines) -> bool {
+    match effect.effect() {
+        // The travel's slope is `r - amplitude * order * sin(..)`: the speed is raised where it is less.
+        AnyEffect::LeadError(one) => {
+            let part = one.amplitude * one.order / r;
+            travel.push((
+                one.order,
+                Complex64::from_polar(part, one.phase) * -Complex64::i(),
+            ));
+            true
+        }
+        _ => false,
+    }
+}
+
+/// What the readings of phases a and b are wrong by, over the electrical angle, is what the current loop makes the q current
+/// wrong by, with the other sign: its reference is raised by the same.
+fn sensed(torque: &mut Lines, pole_pairs: f64, errors: impl Fn(f64) -> [f64; 2]) {
+    let values: Vec<f64> = (0..POINTS)
+        .map(|k| {
+            let theta_e = TAU * k as f64 / POINTS as f64;
+            let [a, b] = errors(theta_e);
+            let q = |error: f64, k: f64| -(theta_e - k * TAU / 3.0).sin() * error;
+            (q(a, 0.0) + q(b, 1.0) + q(-a - b, 2.0)) * SQRT_2 / 3f64.sqrt()
+        })
+        .collect();
+    for harmonic in 1..=2 {
+        let line: Complex64 = values
+            .iter()
+            .enumerate()
+            .map(|(k, value)| {
+                let angle = TAU * f64::from(harmonic) * k as f64 / POINTS as f64;
+                Complex64::cis(-angle) * value * 2.0 / POINTS as f64
+            })
+            .sum();
+        if line.norm() > LEAST {
+            torque.push((f64::from(harmonic) * pole_pairs, line));
+        }
+    }
+}
+
+/// Lines of one order together, the largest first.
+fn gathered(lines: Lines) -> Lines {
+    let mut sums: Lines = Vec::new();
+    for (order, line) in lines {
+        match sums.iter_mut().find(|(known, _)| *known == order) {
+            Some((_, sum)) => *sum += line,
+            None => sums.push((order, line)),
+        }
+    }
+    sums.sort_by(|(_, a), (_, b)| b.norm().total_cmp(&a.norm()));
+    sums
+}
+
+fn plates<const N: usize>(lines: Lines) -> [OrderPlate; N] {
+    let mut plates = [OrderPlate::NONE; N];
+    for (plate, (order, line)) in plates.iter_mut().zip(lines) {
+        *plate = OrderPlate {
+            order,
+            re: line.re,
+            im: line.im,
+        };
+    }
+    plates
+}

@@ -1,0 +1,139 @@
+//! `cargo xtask compensate`: from the model that identification left to what the drive compensates.
+
+use anyhow::Result;
+use clap::Args;
+use std::path::PathBuf;
+
+/// A model, and where its ripple is predicted.
+#[derive(Args)]
+pub struct CompensateOptions {
+    /// The model, as `identify` leaves it.
+    #[arg(long)]
+    model: PathBuf,
+    /// Table velocity, mm/s.
+    #[arg(long, default_value_t = 2.5, allow_negative_numbers = true)]
+    table_speed: f64,
+    /// Nut speeds, rpm; 0 is the single drive (CDFS).
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "0,300,800",
+        allow_negative_numbers = true
+    )]
+    nut_rpm: Vec<f64>,
+    /// The paper's own simplification: no friction, no elastic screw.
+    #[arg(long)]
+    lumped: bool,
+    /// As JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// Hands over to an xtask with the simulator.
+#[cfg(not(feature = "simulate"))]
+pub fn run(_: &CompensateOptions) -> Result<()> {
+    crate::with::With::Simulate.take_over()
+}
+
+/// Reads, turns, predicts and prints.
+#[cfg(feature = "simulate")]
+pub fn run(options: &CompensateOptions) -> Result<()> {
+    use anyhow::Context;
+    use hal_sim::experiment::{OperatingPoint, RPM, Setup};
+    use hal_sim::smooth::known::Known;
+    use hal_sim::smooth::{drive, smoothness};
+    use plant::machine::Coupling;
+    use plant::model::Model;
+    use serde_json::json;
+
+    let model = Model::load(&options.model)
+        .with_context(|| format!("the model {}", options.model.display()))?;
+    let load_nm = model.feed.load_n * model.feed.travel_per_radian();
+    let known = Known::of(&model, load_nm);
+    let coupling = if options.lumped {
+        Coupling::Lumped
+    } else {
+        Coupling::Coupled
+    };
+    let setup = Setup::declared(model, coupling);
+    let mut predicted = Vec::new();
+    for &rpm in &options.nut_rpm {
+        let point = OperatingPoint {
+            velocity: options.table_speed * 1e-3,
+            base: rpm * RPM,
+        };
+        let run = |compensation| {
+            let mut drive = drive(&setup, compensation)?;
+            smoothness(&mut drive, point, 0.0)
+        };
+        let before = run(control::plate::CompensationPlate::NONE)?;
+        let after = run(known.compensation)?;
+        predicted.push((rpm, before.vrf, after.vrf));
+    }
+    let lists = lists(&known);
+    if options.json {
+        let report = json!({
+            "orders": lists.iter().flat_map(|(what, unit, plates)| plates.iter().map(move |plate| json!({
+                "of": what, "order": plate.order, "unit": unit, "re": plate.re, "im": plate.im,
+            }))).collect::<Vec<_>>(),
+            "friction_nm": {"bearings": known.friction.bearings_nm, "feed": known.friction.feed_nm},
+            "left": known.left,
+            "predicted": predicted.iter().map(|(rpm, before, after)| json!({
+                "nut_rpm": rpm, "vrf_before": before, "vrf_after": after,
+            })).collect::<Vec<_>>(),
+        });
+        println!("{report}");
+        return Ok(());
+    }
+    println!("What repeats with an angle, as Re((re + j im) e^(j order angle)):");
+    for (what, unit, plates) in &lists {
+        for plate in plates {
+            println!(
+                "  {what:<18} order {:>6}   re {:>11.3e}   im {:>11.3e}   {unit}",
+                plate.order, plate.re, plate.im
+            );
+        }
+    }
+    let [screw, nut] = known.friction.bearings_nm;
+    println!(
+        "Friction: bearings {screw} and {nut} N m, ball pair and guideway {:.4} N m",
+        known.friction.feed_nm
+    );
+    if !known.left.is_empty() {
+        println!("No order compensates: {}", known.left.join(", "));
+    }
+    println!(
+        "\nRipple of the table at {} mm/s, simulated on this model:",
+        options.table_speed
+    );
+    for (rpm, before, after) in predicted {
+        println!("  nut {rpm:>6} rpm   {before:>8.2} % without   {after:>8.2} % with these orders");
+    }
+    println!(
+        "\nThey belong into `compensation` of a board's plate (`CompensationPlate`, firmware/control/src/plate)."
+    );
+    Ok(())
+}
+
+/// The orders that there are, by what they are of and their unit.
+#[cfg(feature = "simulate")]
+fn lists(
+    known: &hal_sim::smooth::known::Known,
+) -> Vec<(&'static str, &'static str, Vec<control::plate::OrderPlate>)> {
+    let plate = &known.compensation;
+    let some = |plates: &[control::plate::OrderPlate]| {
+        plates
+            .iter()
+            .filter(|plate| plate.order != 0.0)
+            .copied()
+            .collect()
+    };
+    let part = "of the speed";
+    vec![
+        ("screw, torque", "A", some(&plate.torque[0])),
+        ("nut, torque", "A", some(&plate.torque[1])),
+        ("screw, encoder", part, some(&plate.angle[0])),
+        ("nut, encoder", part, some(&plate.angle[1])),
+        ("lead", part, some(&plate.travel)),
+    ]
+}
