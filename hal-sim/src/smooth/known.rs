@@ -3,7 +3,7 @@
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
 use control::plate::{CompensationPlate, FrictionPlate, OrderPlate};
 use plant::Axis;
-use plant::effects::{AnyEffect, EffectModel, Place};
+use plant::effects::{AnyEffect, EffectModel};
 use plant::model::{Model, MotorModel};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{SQRT_2, TAU};
@@ -23,6 +23,9 @@ pub struct Known {
 const POINTS: usize = 64;
 /// Less than this of torque (A) and speed (1) is no order.
 const LEAST: f64 = 1e-7;
+
+/// Band of a friction's sign, rad/s: a hundredth of a second at the acceleration of a slow reversal. Our choice.
+const BAND_RAD_S: f64 = 0.02;
 
 /// A complex amplitude: `Re(x e^(j order angle))`.
 type Lines = Vec<(f64, Complex64)>;
@@ -49,27 +52,24 @@ impl Known {
             }
         }
         for effect in &model.effects {
-            let taken = Axis::ALL
-                .into_iter()
-                .filter(|&axis| effect.place().has(axis))
-                .map(|axis| {
+            let mut taken = of_feed(effect, r, &mut travel);
+            for axis in Axis::ALL {
+                if effect.place().has(axis) {
                     let sign = if axis == Axis::Screw { 1.0 } else { -1.0 };
                     let motor = model.motor(axis);
                     let i_q = sign * load_nm / per_amp(motor);
-                    let (torque, angle) = (&mut torque[axis.index()], &mut angle[axis.index()]);
-                    of_motor(effect, motor, i_q, torque, angle)
-                })
-                .fold(false, |any, one| any || one)
-                || of_feed(effect, r, &mut travel);
+                    let k = axis.index();
+                    taken |= of_motor(effect, motor, i_q, &mut torque[k], &mut angle[k]);
+                }
+            }
             if !taken {
                 left.push(format!(
                     "{} ({})",
                     effect.effect().kind(),
-                    place(effect.place())
+                    effect.place().name()
                 ));
             }
         }
-        let band_rad_s = 0.02;
         let mut fit = |lines: Lines, most: usize, what: &str| {
             let mut lines = gathered(lines);
             for (order, _) in lines.iter().skip(most) {
@@ -97,7 +97,7 @@ impl Known {
             friction: FrictionPlate {
                 bearings_nm: [model.screw.coulomb_nm, model.nut.coulomb_nm],
                 feed_nm: model.feed.pair_coulomb_nm + model.feed.guideway_coulomb_n * r.abs(),
-                band_rad_s,
+                band_rad_s: BAND_RAD_S,
             },
             left,
         }
@@ -106,10 +106,6 @@ impl Known {
 
 fn per_amp(motor: &MotorModel) -> f64 {
     f64::from(motor.pole_pairs) * motor.flux_wb
-}
-
-fn place(place: Place) -> &'static str {
-    place.name()
 }
 
 /// An effect of a motor: `true` if it has an order.
