@@ -83,6 +83,23 @@ fn what_is_wired_wrongly_is_named() {
     assert!(wrong.is_empty(), "{wrong:#?}");
 }
 
+/// Each motor is driven by itself with the other's encoder: where the pair's friction does not take the other along, the one that was
+/// meant seems held and the other to move. Of 120 machines two are refused for the table's travel, before that shows.
+#[test]
+fn exchanged_encoders_are_named_on_most_machines_and_refused_on_all() {
+    const TOLD_OTHERWISE: usize = 2;
+    let mut otherwise = Vec::new();
+    for seed in (20_000..20_024).chain([1_000_000]) {
+        let exchanged = miswirings(seed).pop().unwrap();
+        let outcome = exchanged.start.run().unwrap();
+        assert!(!outcome.is_ready(), "seed {seed}: {outcome:?}");
+        if outcome.misalignment != exchanged.expected {
+            otherwise.push((seed, outcome.misalignment));
+        }
+    }
+    assert!(otherwise.len() <= TOLD_OTHERWISE, "{otherwise:?}");
+}
+
 #[test]
 fn a_load_that_nothing_holds_is_refused() {
     for seed in 0..10 {

@@ -190,7 +190,10 @@ impl Locate {
                     }
                 }
             }
-            Phase::Going | Phase::Returning => self.go(config, probes, own, theta, omega_e, away),
+            Phase::Going | Phase::Returning => {
+                let other = theta.get(motor ^ 1).copied().unwrap_or_default();
+                self.go(config, probes, [own, other], theta, omega_e, away)
+            }
             Phase::Arriving | Phase::Returned => match self.probe.step(probes, theta) {
                 ProbeStep::Moves => LocateStep::Failed(Reason::LoadMoves),
                 ProbeStep::Found(_) => {
@@ -407,7 +410,7 @@ impl Locate {
         &mut self,
         config: &MotorAlignment,
         probes: &ProbeConfig,
-        own: Angle,
+        [own, other]: [Angle; 2],
         theta: [Angle; 2],
         omega_e: Speed,
         away: i32,
@@ -428,7 +431,13 @@ impl Locate {
         };
         if arrived || slides || self.step >= config.reach_steps {
             if !arrived && !returning && gone.unsigned_abs() < config.reach >> 1 {
-                return LocateStep::Failed(Reason::Held);
+                // What is taken along goes no further than what takes it.
+                let further = other.minus(self.other_at).unsigned_abs() > config.reach;
+                return LocateStep::Failed(if further {
+                    Reason::Exchanged
+                } else {
+                    Reason::Held
+                });
             }
             self.phase = if returning {
                 Phase::Returned
