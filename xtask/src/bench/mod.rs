@@ -70,6 +70,9 @@ pub struct SmoothOptions {
     /// Seeds of each row.
     #[arg(long, default_value = "5")]
     pub seeds: std::num::NonZeroU64,
+    /// Writes the table as a picture into this folder.
+    #[arg(long)]
+    pub out: Option<std::path::PathBuf>,
     /// As JSON.
     #[arg(long)]
     pub json: bool,

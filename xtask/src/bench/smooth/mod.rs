@@ -1,6 +1,9 @@
 //! `cargo xtask bench smooth`: how smooth the table moves, beside what others do.
 
+mod page;
+
 use super::SmoothOptions;
+use crate::output::Folder;
 use anyhow::Result;
 use hal_sim::parallel::on_all_cores;
 use hal_sim::smooth::bench::{Case, Change, Controller, Row, cases, learning_s, robustness, rows};
@@ -10,6 +13,7 @@ use serde_json::{Value, json};
 
 /// Runs and prints.
 pub(super) fn run(options: &SmoothOptions) -> Result<()> {
+    let folder = options.out.as_deref().map(Folder::open).transpose()?;
     let cases = cases();
     let runs = cases.len() as u64 * options.seeds.get();
     let progress = ProgressBar::new(runs).with_style(ProgressStyle::with_template(
@@ -28,6 +32,12 @@ pub(super) fn run(options: &SmoothOptions) -> Result<()> {
     let reversals = on_all_cores(&MODES, |&(_, nut_rpm)| reversal(nut_rpm))
         .into_iter()
         .collect::<Result<Vec<_>, _>>()?;
+    if let Some(folder) = &folder {
+        folder.put_text("smooth.html", &page::page(&rows, options.seeds.get()))?;
+        if !options.json {
+            println!("{}", folder.path("smooth.html").display());
+        }
+    }
     if options.json {
         let report = json!({
             "rows": rows.iter().map(row_json).collect::<Vec<_>>(),
@@ -75,6 +85,12 @@ pub(super) fn run(options: &SmoothOptions) -> Result<()> {
     for (change, [pi, ours]) in changes.iter().zip(&robust) {
         let say = |vrf: &Option<f64>| vrf.map_or("fault".into(), |vrf| format!("{vrf:.2} %"));
         println!("  {:<36} {:>9} {:>9}", change.name(), say(pi), say(ours));
+    }
+    println!(
+        "\nReversal of 1 mm/s at 0.5 Hz through friction that sticks, largest error over the amplitude: PI, ours"
+    );
+    for ((mode, _), [pi, ours]) in MODES.iter().zip(&reversals) {
+        println!("  {mode:<36} {pi:>7.1} % {ours:>7.1} %");
     }
     println!(
         "\nWithin twice the final ripple after {cold:.1} s from cold, {saved:.1} s from saved tables"
