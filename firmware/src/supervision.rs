@@ -53,7 +53,7 @@ impl Supervision {
         let [screw, nut] = &view.motors;
         let flags = board::take_encoder_flags();
         let look = Look {
-            running: [State::Running, State::Stopping]
+            running: [State::Aligning, State::Running, State::Stopping]
                 .iter()
                 .any(|state| view.state.load(Relaxed) == state.word()),
             missed: [

@@ -1,6 +1,10 @@
-//! A part of the fault matrix, whose number of unsafe cells may only fall.
+//! A part of the fault matrix, whose number of unsafe cells may only fall; and what its mends are for.
 
-use hal_sim::faults::{Cell, Matrix, Outcome};
+use control::fault::Fault;
+use control::supervisor::State;
+use hal_sim::boards::BoardKind;
+use hal_sim::faults::{Cell, Defect, Hazard, Input, Matrix, Outcome, Situation};
+use plant::Axis;
 
 fn outcomes(cells: &[Cell]) -> Vec<Outcome> {
     Matrix::of(cells).unwrap().run_all(cells).unwrap()
@@ -9,7 +13,7 @@ fn outcomes(cells: &[Cell]) -> Vec<Outcome> {
 /// Each so-many-th cell, prime to the number of situations, so that all are among them.
 const EVERY: usize = 19;
 /// Unsafe cells of these.
-const UNSAFE: usize = 12;
+const UNSAFE: usize = 10;
 
 #[test]
 fn unsafe_cells_do_not_become_more() {
@@ -44,4 +48,83 @@ fn the_matrix_has_what_it_must_and_repeats_bit_for_bit() {
     assert!(cells.len() >= 1500, "{} cells", cells.len());
     let some: Vec<Cell> = cells.into_iter().step_by(311).collect();
     assert_eq!(outcomes(&some), outcomes(&some));
+}
+
+fn cell(board: BoardKind, input: Input, defect: Defect, situation: Situation) -> Cell {
+    Cell {
+        board,
+        input,
+        defect,
+        situation,
+    }
+}
+
+/// With three sensors a wrong one shows in their sum, before its current loop has followed it anywhere.
+#[test]
+fn a_current_sensor_that_is_wrong_is_named_by_the_sum_of_three() {
+    for (axis, fault) in [
+        (Axis::Screw, Fault::ScrewCurrentSum),
+        (Axis::Nut, Fault::NutCurrentSum),
+    ] {
+        for situation in [Situation::Stopping] {
+            let cell = cell(
+                BoardKind::Nucleo,
+                Input::Current(axis, 1),
+                Defect::Offset,
+                situation,
+            );
+            let outcome = &outcomes(&[cell])[0];
+            assert_eq!(outcome.hazards, [], "{}: {outcome:?}", cell.name());
+            assert_eq!(
+                outcome.state,
+                State::Fault(fault),
+                "{}: {outcome:?}",
+                cell.name()
+            );
+        }
+    }
+}
+
+/// With two sensors only the voltage shows it: late, but not named after an angle that is right.
+#[test]
+fn a_dead_current_sensor_of_two_is_no_wrong_angle() {
+    for (axis, fault) in [
+        (Axis::Screw, Fault::ScrewVoltage),
+        (Axis::Nut, Fault::NutVoltage),
+    ] {
+        let cell = cell(
+            BoardKind::Mains,
+            Input::Current(axis, 1),
+            Defect::Missing,
+            Situation::Cdfs,
+        );
+        let outcome = &outcomes(&[cell])[0];
+        assert_eq!(
+            outcome.state,
+            State::Fault(fault),
+            "{}: {outcome:?}",
+            cell.name()
+        );
+        assert!(!outcome.hazards.contains(&Hazard::WrongCause));
+    }
+}
+
+/// A bus that reads nothing is named before the alignment misreads what follows from it.
+#[test]
+fn a_bus_that_reads_nothing_is_named_while_aligning() {
+    for axis in Axis::ALL {
+        let cell = cell(
+            BoardKind::Nucleo,
+            Input::Bus(axis),
+            Defect::StuckLow,
+            Situation::Boot,
+        );
+        let outcome = &outcomes(&[cell])[0];
+        assert_eq!(
+            outcome.state,
+            State::Fault(Fault::UnderVoltage),
+            "{}: {outcome:?}",
+            cell.name()
+        );
+    }
 }

@@ -69,9 +69,11 @@ codes! {
         NutFollowing = 28, "following error, nut",
             "The nut's speed stays away from its reference: check its encoder and its load.";
         ScrewStalled = 29, "stalled, screw",
-            "The screw's motor stands at its torque limit: look for what blocks it, a brake that is on, or a wrong angle.";
+            "The screw's motor stands at its torque limit: look for what blocks it, a brake that is on, or an encoder \
+             that stands or is turned.";
         NutStalled = 30, "stalled, nut",
-            "The nut's motor stands at its torque limit: look for what blocks it, a brake that is on, or a wrong angle.";
+            "The nut's motor stands at its torque limit: look for what blocks it, a brake that is on, or an encoder \
+             that stands or is turned.";
         ScrewHeat = 31, "I2t, screw",
             "The screw's motor or bridge is too warm by its current, although that was folded back: look for currents that are \
              not what is asked.";
@@ -86,6 +88,20 @@ codes! {
             "The end switch ahead of positive velocity is open: command the table the other way, or look for a broken wire.";
         EndBackward = 36, "end switch, backwards",
             "The end switch ahead of negative velocity is open: command the table the other way, or look for a broken wire.";
+        ScrewCurrentSum = 37, "current sum, screw",
+            "The three measured currents of the screw do not make zero: check its current sensors one by one, and for a fault to \
+             earth.";
+        NutCurrentSum = 38, "current sum, nut",
+            "The three measured currents of the nut do not make zero: check its current sensors one by one, and for a fault to \
+             earth.";
+        ScrewVoltage = 39, "voltage, screw",
+            "The screw's voltage is not the one that its currents and its encoder's angle take, and no constant error of the angle \
+             explains it: check its current sensors, its encoder's signals, its phases, the bus voltage's measurement, and its \
+             plate data.";
+        NutVoltage = 40, "voltage, nut",
+            "The nut's voltage is not the one that its currents and its encoder's angle take, and no constant error of the angle \
+             explains it: check its current sensors, its encoder's signals, its phases, the bus voltage's measurement, and its \
+             plate data.";
     }
 }
 
@@ -109,6 +125,8 @@ impl Fault {
                 | Self::NutEncoder
                 | Self::ScrewAngle
                 | Self::NutAngle
+                | Self::ScrewVoltage
+                | Self::NutVoltage
                 | Self::ScrewStalled
                 | Self::NutStalled
         )

@@ -8,14 +8,19 @@
 //! | following error | the speed is further from its reference than its limit. Where a motor is at its torque or voltage limit the coordinator takes the reference to what it can follow, so that a limit alone is none | `...Following` |
 //! | current error | `i_d` is further from its reference than its limit; `i_q` too, unless the voltage circle cut the voltage, which serves d first | `...CurrentError` |
 //! | angle | the voltage that acted is not the one that the motor's equations (Eqs 1 and 2) give at the encoder's angle and speed: an angle wrong by `delta` turns the back-EMF, and leaves `2 * sin(delta / 2)` of it over | `...Angle` |
+//! | voltage | the same, by more than any angle explains (twice the back-EMF), or now and then, which a wrong angle is not: a current sensor, the encoder's signals, a phase, the bus's measurement | `...Voltage` |
 //! | stall | the motor is at its torque limit and hardly turns: what blocks it, or an angle wrong by a quarter turn, whose current makes no torque and no speed, so that none of the others sees it | `...Stalled` |
+//!
+//! And where a motor has three current sensors: currents that do not add up to nothing in two steps in a row
+//! while it is aligned or comes to rest (`...CurrentSum`).
 //!
 //! Each is tolerated for a time: a [`Tally`] counts up in a look that shows it and down in one that does not.
 
 use crate::exchange::MotorExchange;
 use crate::fault::Fault;
-use crate::format::{Gain, Speed, Voltage, multiply_upper};
+use crate::format::{Gain, ScaledCurrent, Speed, Voltage, multiply_upper};
 use crate::regulator::Induced;
+use crate::sense::CurrentSense;
 use crate::tolerance::{Tally, Tolerance};
 
 /// Limits of one motor.
@@ -25,9 +30,11 @@ pub struct RunawayConfig {
     pub theta_step_max: i32,
     /// Furthest that the speed may be from its reference, electrical.
     pub following: Speed,
-    /// Furthest that a current may be from its reference, [`ScaledCurrent`](crate::format::ScaledCurrent).
+    /// Furthest that a current may be from its reference, [`ScaledCurrent`].
     pub current: i32,
-    /// Stator resistance: [`ScaledCurrent`](crate::format::ScaledCurrent) to [`Voltage`].
+    /// Furthest that three currents may be from adding up to nothing, the same.
+    pub current_sum: i32,
+    /// Stator resistance: [`ScaledCurrent`] to [`Voltage`].
     pub resistance: Gain,
     /// Part of the back-EMF that the voltage may be off by, 2^-32.
     pub emf_part: i32,
@@ -61,6 +68,8 @@ pub struct Motion {
 pub enum Sign {
     /// The voltage is not that of the encoder's angle.
     Angle,
+    /// The voltage is not that of the currents at any angle.
+    Voltage,
     /// A current is far from its reference.
     CurrentError,
     /// The shaft turns too fast.
@@ -72,6 +81,7 @@ pub enum Sign {
 }
 
 impl Sign {
+    /// Those that have a tally. [`Sign::Voltage`] is found by that of the angle.
     const ALL: [Self; 5] = [
         Self::Angle,
         Self::CurrentError,
@@ -85,6 +95,7 @@ impl Sign {
     pub const fn of_screw(self) -> Fault {
         match self {
             Self::Angle => Fault::ScrewAngle,
+            Self::Voltage => Fault::ScrewVoltage,
             Self::CurrentError => Fault::ScrewCurrentError,
             Self::OverSpeed => Fault::ScrewOverSpeed,
             Self::Following => Fault::ScrewFollowing,
@@ -97,6 +108,7 @@ impl Sign {
     pub const fn of_nut(self) -> Fault {
         match self {
             Self::Angle => Fault::NutAngle,
+            Self::Voltage => Fault::NutVoltage,
             Self::CurrentError => Fault::NutCurrentError,
             Self::OverSpeed => Fault::NutOverSpeed,
             Self::Following => Fault::NutFollowing,
@@ -105,10 +117,48 @@ impl Sign {
     }
 }
 
+/// Two steps in a row.
+const TWICE: Tolerance = Tolerance {
+    weight: 2,
+    events: 1,
+};
+
+/// Watch of the sum of three currents, a step of the speed task at a time.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct CurrentSum {
+    tally: Tally,
+}
+
+impl CurrentSum {
+    /// Nothing seen yet.
+    #[must_use]
+    pub const fn new() -> Self {
+        Self {
+            tally: Tally::new(),
+        }
+    }
+
+    /// One step at a motor whose bridge is closed: its currents do not add up.
+    pub fn step(
+        &mut self,
+        config: &RunawayConfig,
+        sense: &CurrentSense,
+        exchange: &MotorExchange,
+    ) -> bool {
+        let Some(ScaledCurrent(sum)) = sense.sum(exchange.codes()) else {
+            return false;
+        };
+        let past = sum.unsigned_abs() > config.current_sum.unsigned_abs();
+        self.tally.step(TWICE, past.into())
+    }
+}
+
 /// State of one motor's watch.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Runaway {
     tallies: [Tally; 5],
+    /// Looks since the angle's tally was empty.
+    looks: u8,
     /// A tally is not empty.
     counting: bool,
 }
@@ -119,6 +169,7 @@ impl Runaway {
     pub const fn new() -> Self {
         Self {
             tallies: [Tally::new(); 5],
+            looks: 0,
             counting: false,
         }
     }
@@ -137,14 +188,30 @@ impl Runaway {
         if !(angle | current | speed | following | stalled | self.counting) {
             return None;
         }
-        self.count(config, past)
+        self.count(config, past, || {
+            unexplained(config, induced, exchange, motion)
+        })
     }
 
     #[cold]
     #[inline(never)]
-    fn count(&mut self, config: &RunawayConfig, past: [bool; 5]) -> Option<Sign> {
+    fn count(
+        &mut self,
+        config: &RunawayConfig,
+        past: [bool; 5],
+        unexplained: impl FnOnce() -> bool,
+    ) -> Option<Sign> {
         let mut found = None;
         self.counting = false;
+        let [angle, ..] = &self.tallies;
+        self.looks = if *angle == Tally::new() {
+            0
+        } else {
+            self.looks.saturating_add(1)
+        };
+        let [tolerance, ..] = config.tolerances;
+        // A wrong angle is there in nearly each look, which takes twice the tolerated ones.
+        let now_and_then = u32::from(self.looks) > tolerance.events.saturating_mul(4);
         let tallies = self.tallies.iter_mut().zip(config.tolerances);
         for ((tally, tolerance), (past, sign)) in tallies.zip(past.into_iter().zip(Sign::ALL)) {
             if tally.step(tolerance, past.into()) && found.is_none() {
@@ -152,7 +219,10 @@ impl Runaway {
             }
             self.counting |= *tally != Tally::new();
         }
-        found
+        match found {
+            Some(Sign::Angle) if now_and_then || unexplained() => Some(Sign::Voltage),
+            found => found,
+        }
     }
 }
 
@@ -171,7 +241,46 @@ fn past(
     let error_q = asked.q.0.wrapping_sub(current.q.0).unsigned_abs();
     let most = config.current.unsigned_abs();
 
-    // The voltage that acted in the period that ended with the sample, less what the equations make of the currents.
+    let emf = induced.back_emf(theta_step.wrapping_mul(config.pole_pairs));
+    let part = multiply_upper(emf, config.emf_part).unsigned_abs();
+    let emf_max = part.max(config.emf_floor.to_bits().unsigned_abs());
+    [
+        voltage_off(config, induced, exchange, theta_step) > emf_max,
+        error_d > most || error_q > most && !motion.voltage_limited,
+        theta_step.unsigned_abs() > config.theta_step_max.unsigned_abs(),
+        motion
+            .reference
+            .saturating_sub(motion.omega_e)
+            .saturating_abs()
+            > config.following,
+        motion.torque_limited && motion.omega_e.saturating_abs() < config.stall,
+    ]
+}
+
+/// The voltage is further off than an angle that is wrong by half a turn makes it.
+fn unexplained(
+    config: &RunawayConfig,
+    induced: &Induced,
+    exchange: &MotorExchange,
+    motion: Motion,
+) -> bool {
+    let theta_step = motion.theta_step;
+    let emf = induced.back_emf(theta_step.wrapping_mul(config.pole_pairs));
+    let floor = config.emf_floor.to_bits().unsigned_abs();
+    let angle_most = emf.unsigned_abs().saturating_mul(2).saturating_add(floor);
+    voltage_off(config, induced, exchange, theta_step) > angle_most
+}
+
+/// The voltage that acted in the period that ended with the sample, less what the equations make of the currents: the larger
+/// part, without its sign.
+#[inline(always)]
+fn voltage_off(
+    config: &RunawayConfig,
+    induced: &Induced,
+    exchange: &MotorExchange,
+    theta_step: i32,
+) -> u32 {
+    let current = exchange.current();
     let voltage = exchange.voltage(exchange.periods().wrapping_sub(2));
     let theta_e_step = theta_step.wrapping_mul(config.pole_pairs);
     let model = induced.voltage(current, theta_e_step);
@@ -186,19 +295,5 @@ fn past(
         .to_bits()
         .wrapping_sub(ohmic(current.q.0))
         .wrapping_sub(model.q);
-    let part = multiply_upper(induced.back_emf(theta_e_step), config.emf_part).unsigned_abs();
-    let floor = config.emf_floor.to_bits().unsigned_abs();
-    let emf_max = part.max(floor);
-
-    [
-        off_d.unsigned_abs().max(off_q.unsigned_abs()) > emf_max,
-        error_d > most || error_q > most && !motion.voltage_limited,
-        theta_step.unsigned_abs() > config.theta_step_max.unsigned_abs(),
-        motion
-            .reference
-            .saturating_sub(motion.omega_e)
-            .saturating_abs()
-            > config.following,
-        motion.torque_limited && motion.omega_e.saturating_abs() < config.stall,
-    ]
+    off_d.unsigned_abs().max(off_q.unsigned_abs())
 }

@@ -95,6 +95,21 @@ impl CurrentSense {
         [a, b, c]
     }
 
+    /// What three channels add up to, which is nothing while all current comes back; none with two.
+    #[must_use]
+    #[inline(always)]
+    pub fn sum(&self, [a, b, c]: Codes) -> Option<ScaledCurrent> {
+        let [ga, gb, gc] = self.amperes;
+        match self.shunts {
+            Shunts::Two => None,
+            Shunts::Three => Some(ScaledCurrent(
+                multiply_upper(a, ga)
+                    .saturating_add(multiply_upper(b, gb))
+                    .saturating_add(multiply_upper(c, gc)),
+            )),
+        }
+    }
+
     /// The zeros are as near to those by design as a healthy sensor's: within [`ZERO_TOLERANCE_COUNTS`].
     #[must_use]
     pub fn healthy(&self, zeros: Codes) -> bool {
@@ -217,6 +232,12 @@ mod tests {
                 let beta = (b - c) * FRAC_1_SQRT_2;
                 prop_assert!((f64::from(vector.alpha) * unit - alpha).abs() < 1e-8 * range);
                 prop_assert!((f64::from(vector.beta) * unit - beta).abs() < 1e-8 * range);
+                let sum = sense.sum(codes).map(|sum| sense.scale.current(sum).to_num::<f64>());
+                let expected = exact.iter().sum::<f64>();
+                prop_assert_eq!(sum.is_some(), shunts == Shunts::Three);
+                if let Some(sum) = sum.filter(|_| expected.abs() < range) {
+                    prop_assert!((sum - expected).abs() < 12e-6 + 3e-8 * range, "{sum} A for {expected} A");
+                }
                 // The scale is not wasteful: it leaves no more than two bits of the word.
                 prop_assert!(range * SQRT_2 / unit > 2f64.powi(29));
             }

@@ -11,7 +11,7 @@ use crate::format::{Angle, Current, Speed};
 use crate::interlock::Interlock;
 use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
-use crate::runaway::{Motion, Runaway, Sign};
+use crate::runaway::{CurrentSum, Motion, Runaway, Sign};
 use crate::speed_loop::{SpeedLoop, SpeedReference, Wanted};
 use crate::supervisor::{Request, State};
 use crate::thermal::Heat;
@@ -45,6 +45,7 @@ pub struct SpeedTask {
     alignments: [Option<EncoderAlignment>; 2],
     aligned: Progress,
     runaway: [Runaway; 2],
+    sums: [CurrentSum; 2],
     /// What the watch found in the last step.
     found: Option<Fault>,
     /// Heat of windings and bridges, running or not.
@@ -81,6 +82,7 @@ impl SpeedTask {
             alignments: [None; 2],
             aligned: Progress::Working,
             runaway: [Runaway::new(); 2],
+            sums: [CurrentSum::new(); 2],
             found: None,
             heat: [Heat::starting(screw_heat), Heat::starting(nut_heat)],
             interlock: Interlock::new(),
@@ -191,7 +193,9 @@ impl SpeedTask {
     ) -> Option<SpeedTaskOutput> {
         let [screw, nut] = exchanges;
         let motors = [screw.status(), nut.status()];
-        let found = found.or(self.found).or_else(|| self.heat_fault());
+        let sums = self.add_up(config, exchanges);
+        let found = found.or(self.found).or(sums);
+        let found = found.or_else(|| self.heat_fault());
         // What the last look saw forbids a start too, which need not wait for the next.
         self.ask_interlock(config, run);
         let request = Request {
@@ -514,6 +518,26 @@ impl SpeedTask {
             );
             *nut_max = nut_loop.i_max.min(nut_heat.current_max(nut_config));
             *nut_hot = nut_heat.trips(nut_config);
+        }
+    }
+
+    /// Adds up the currents of motors that are aligned or come to rest. While they run there are no cycles left for it: there the voltage
+    /// shows a sensor that is wrong.
+    fn add_up(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> Option<Fault> {
+        if !matches!(self.state, State::Aligning | State::Stopping) {
+            self.sums = [CurrentSum::new(); 2];
+            return None;
+        }
+        let [screw, nut] = exchanges;
+        let [screw_sum, nut_sum] = &mut self.sums;
+        let [screw_limits, nut_limits] = &config.runaway;
+        let [screw_loop, nut_loop] = &config.current_loops;
+        if screw_sum.step(screw_limits, &screw_loop.sense, screw) {
+            Some(Fault::ScrewCurrentSum)
+        } else if nut_sum.step(nut_limits, &nut_loop.sense, nut) {
+            Some(Fault::NutCurrentSum)
+        } else {
+            None
         }
     }
 

@@ -26,12 +26,16 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                     F::ScrewCurrentZero,
                     F::ScrewOverCurrent,
                     F::ScrewCurrentError,
+                    F::ScrewCurrentSum,
+                    F::ScrewVoltage,
                 ],
                 [
                     F::NutBreak,
                     F::NutCurrentZero,
                     F::NutOverCurrent,
                     F::NutCurrentError,
+                    F::NutCurrentSum,
+                    F::NutVoltage,
                 ],
             );
             let reason = |reason: Reason| reason.word() <= Reason::Wiring.word();
@@ -39,7 +43,10 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                 || misaligned(axis, misalignment).is_some_and(reason)
                     && fault == of(axis, F::ScrewAlignment, F::NutAlignment)
         }
-        Input::Bus(_) => matches!(fault, F::OverVoltage | F::UnderVoltage),
+        Input::Bus(axis) => {
+            matches!(fault, F::OverVoltage | F::UnderVoltage)
+                || fault == of(axis, F::ScrewVoltage, F::NutVoltage)
+        }
         Input::Temperature(axis) => fault == of(axis, F::ScrewTemperature, F::NutTemperature),
         Input::Encoder(axis) => {
             let motion = of(
@@ -47,10 +54,17 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                 [
                     F::ScrewEncoder,
                     F::ScrewAngle,
+                    F::ScrewVoltage,
                     F::ScrewFollowing,
                     F::ScrewOverSpeed,
                 ],
-                [F::NutEncoder, F::NutAngle, F::NutFollowing, F::NutOverSpeed],
+                [
+                    F::NutEncoder,
+                    F::NutAngle,
+                    F::NutVoltage,
+                    F::NutFollowing,
+                    F::NutOverSpeed,
+                ],
             );
             // Encoders, pole pairs, load, mechanics: the sentences of all of them name the encoder or its coupling.
             let reason = |reason: Reason| {
@@ -75,6 +89,7 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
             // Counts that an index has moved are a wrong angle.
             fault == of(axis, F::ScrewEncoder, F::NutEncoder)
                 || fault == of(axis, F::ScrewAngle, F::NutAngle)
+                || fault == of(axis, F::ScrewVoltage, F::NutVoltage)
                 || fault == of(axis, F::ScrewOverSpeed, F::NutOverSpeed)
         }
         Input::Scale => false,

@@ -233,7 +233,10 @@ impl Run {
             .iter()
             .sum();
         self.returned_j += (-power).max(0.0) * self.period_s;
-        let running = matches!(self.drive.state(), State::Running | State::Stopping);
+        let running = matches!(
+            self.drive.state(),
+            State::Aligning | State::Running | State::Stopping
+        );
         let temperatures = self.bench.temperatures();
         let (drive, index) = (&self.drive, &mut self.index);
         self.bench.supervision.period(|| Look {

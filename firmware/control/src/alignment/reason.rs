@@ -57,11 +57,12 @@ codes! {
         Wiring = 16, "phases and currents do not belong together",
             "Voltages and currents of its phases do not belong together: check shunts, channels and phases one by one.";
         LoadMoves = 17, "load not held",
-            "It moves although no current flows: hold the load by a brake, or take it off, and reset.";
+            "Its encoder moves although no current flows: hold the load by a brake, or take it off, and reset; if it stands still, look \
+             for what disturbs the encoder.";
         Held = 18, "rotor held",
             "The alignment's torque limit does not move its encoder: release the brake, check the encoder's cable, or raise the limit.";
         Unsteady = 19, "rotor not to be found",
-            "Where it stands cannot be told from how it moves: check the encoder's fixing and for play, and reset.";
+            "Where it stands cannot be told from how it moves: check the encoder's fixing, its signals, and for play, and reset.";
         Reversed = 20, "encoder counts against the phases",
             "Its encoder counts against the order of its phases: swap two phases, or the encoder's channels, or say so on the plate.";
         PolePairs = 21, "pole pairs",

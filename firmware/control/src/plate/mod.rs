@@ -271,6 +271,8 @@ pub struct RunawayPlate {
     pub current_error: f64,
     /// Patience with it.
     pub current_error_s: f64,
+    /// Furthest of the sum of three currents from zero, of the current of the largest torque, in two steps in a row.
+    pub current_sum: f64,
     /// Angle error that must not be, electrical degrees: below 60, and as much above the plate's errors as is to be seen.
     pub angle_deg: f64,
     /// Voltage that the model may be off by at any speed, of the back-EMF at the largest speed.
@@ -294,6 +296,7 @@ impl RunawayPlate {
         following_s: 20e-3,
         current_error: 0.35,
         current_error_s: 8e-3,
+        current_sum: 0.15,
         angle_deg: 25.0,
         angle_floor: 0.06,
         resistance_error: 0.4,

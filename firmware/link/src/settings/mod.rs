@@ -148,6 +148,7 @@ group! {
         10 Real angle_ms: f64 = 3.2, [0.1, 1000.0], "ms", "Patience with an angle error.";
         11 Real stall_percent: f64 = 1.0, [0.01, 100.0], "%", "Slowest that a motor at its torque limit must turn, of its largest speed.";
         12 Real stall_ms: f64 = 500.0, [1.0, 10_000.0], "ms", "Patience with one that does not.";
+        13 Real current_sum_percent: f64 = 15.0, [0.5, 100.0], "%", "Furthest of the sum of three currents from zero, of the largest torque's, in two steps in a row.";
     }
 }
 

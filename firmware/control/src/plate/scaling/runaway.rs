@@ -39,6 +39,14 @@ impl MotorPlate {
             1.0,
             1_073_741_824.0
         ));
+        let current_sum = limits.current_sum * current_max * ampere;
+        attempt!(within(
+            "current sum",
+            "2^-n A",
+            current_sum,
+            1.0,
+            1_073_741_824.0
+        ));
         let step = self.speed_max() * limits.over_speed / TAU * drive.board.sample_time();
         attempt!(within("over-speed", "turns a sample", step, 0.0, 0.25));
         let resistive = limits.resistance_error * self.resistance_ohm * current_max;
@@ -53,6 +61,7 @@ impl MotorPlate {
                 16
             ))),
             current: current as i32,
+            current_sum: current_sum as i32,
             resistance: attempt!(gain("resistance", self.resistance_ohm, sense.scale)),
             emf_part: (sine(limits.angle_deg * TAU / 360.0) * 4_294_967_296.0) as i32,
             emf_floor: Voltage::from_bits(attempt!(quantise(
