@@ -3,6 +3,7 @@
 use crate::board::BoardConfig;
 use crate::drive::Drive;
 use crate::plates::{PAPER_TUNING, RECORDED_TUNING, deadbeat, plates};
+use crate::seam::{Seam, Straight};
 use crate::sensors::Sensors;
 use crate::vrf::vrf_percent;
 use control::coordinator::CommandError;
@@ -158,6 +159,19 @@ const REACH_S: f64 = 20.0;
 pub fn settle<E: From<ExperimentError>>(
     drive: &mut Drive,
     point: OperatingPoint,
+    each: impl FnMut(&mut Drive) -> Result<(), E>,
+) -> Result<(), E> {
+    settle_through(drive, point, &mut Straight, each)
+}
+
+/// [`settle`] with `seam` between board and control.
+///
+/// # Errors
+/// As [`settle`].
+pub fn settle_through<E: From<ExperimentError>>(
+    drive: &mut Drive,
+    point: OperatingPoint,
+    seam: &mut impl Seam,
     mut each: impl FnMut(&mut Drive) -> Result<(), E>,
 ) -> Result<(), E> {
     drive
@@ -167,7 +181,7 @@ pub fn settle<E: From<ExperimentError>>(
     let (settle, reach) = ((SETTLE_S / period_s) as u64, (REACH_S / period_s) as u64);
     let mut steady = 0;
     for _ in 0..reach {
-        drive.period();
+        drive.period_through(seam);
         each(drive)?;
         steady = if drive.state() == State::Running && drive.arrived() {
             steady + 1
@@ -203,6 +217,20 @@ pub fn table_velocities<E>(
     drive: &mut Drive,
     seconds: f64,
     periods: u32,
+    each: impl FnMut(&mut Drive) -> Result<(), E>,
+) -> Result<Vec<f64>, E> {
+    table_velocities_through(drive, seconds, periods, &mut Straight, each)
+}
+
+/// [`table_velocities`] with `seam` between board and control.
+///
+/// # Errors
+/// What `each` returns.
+pub fn table_velocities_through<E>(
+    drive: &mut Drive,
+    seconds: f64,
+    periods: u32,
+    seam: &mut impl Seam,
     mut each: impl FnMut(&mut Drive) -> Result<(), E>,
 ) -> Result<Vec<f64>, E> {
     let samples =
@@ -210,7 +238,7 @@ pub fn table_velocities<E>(
     let mut velocities = Vec::with_capacity(samples);
     for _ in 0..samples {
         for _ in 0..periods {
-            drive.period();
+            drive.period_through(seam);
             each(drive)?;
         }
         velocities.push(drive.board.machine.table_velocity());

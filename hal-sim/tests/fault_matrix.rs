@@ -59,6 +59,18 @@ fn cell(board: BoardKind, input: Input, defect: Defect, situation: Situation) ->
     }
 }
 
+/// Its outcome, which ends in `fault`.
+fn ends_in(cell: Cell, fault: Fault) -> Outcome {
+    let outcome = outcomes(&[cell]).remove(0);
+    assert_eq!(
+        outcome.state,
+        State::Fault(fault),
+        "{}: {outcome:?}",
+        cell.name()
+    );
+    outcome
+}
+
 /// With three sensors a wrong one shows in their sum, while the drive comes to rest.
 #[test]
 fn a_current_sensor_that_is_wrong_is_named_by_the_sum_of_three() {
@@ -66,20 +78,15 @@ fn a_current_sensor_that_is_wrong_is_named_by_the_sum_of_three() {
         (Axis::Screw, Fault::ScrewCurrentSum),
         (Axis::Nut, Fault::NutCurrentSum),
     ] {
+        let input = Input::Current(axis, 1);
         let cell = cell(
             BoardKind::Nucleo,
-            Input::Current(axis, 1),
+            input,
             Defect::Offset,
             Situation::Stopping,
         );
-        let outcome = &outcomes(&[cell])[0];
+        let outcome = ends_in(cell, fault);
         assert_eq!(outcome.hazards, [], "{}: {outcome:?}", cell.name());
-        assert_eq!(
-            outcome.state,
-            State::Fault(fault),
-            "{}: {outcome:?}",
-            cell.name()
-        );
     }
 }
 
@@ -90,19 +97,9 @@ fn a_dead_current_sensor_of_two_is_no_wrong_angle() {
         (Axis::Screw, Fault::ScrewVoltage),
         (Axis::Nut, Fault::NutVoltage),
     ] {
-        let cell = cell(
-            BoardKind::Mains,
-            Input::Current(axis, 1),
-            Defect::Missing,
-            Situation::Cdfs,
-        );
-        let outcome = &outcomes(&[cell])[0];
-        assert_eq!(
-            outcome.state,
-            State::Fault(fault),
-            "{}: {outcome:?}",
-            cell.name()
-        );
+        let input = Input::Current(axis, 1);
+        let cell = cell(BoardKind::Mains, input, Defect::Missing, Situation::Cdfs);
+        let outcome = ends_in(cell, fault);
         assert!(!outcome.hazards.contains(&Hazard::WrongCause));
     }
 }

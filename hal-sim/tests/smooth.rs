@@ -1,11 +1,15 @@
 //! The drive removes the ripple of the machine with its defects, from cold, and keeps what it has learned.
 
 use control::plate::{CompensationPlate, OrderPlate};
+use control::supervisor::State;
+use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM};
 use hal_sim::parallel::on_all_cores;
 use hal_sim::smooth::bench::learned;
 use hal_sim::smooth::known::Known;
+use hal_sim::smooth::reversal::reversal;
 use hal_sim::smooth::{Machine, drive, orders, setup, smoothness};
+use plant::Axis;
 
 /// Table mm/s, nut rpm, and what must be left of the ripple, %.
 const POINTS: [(Machine, f64, f64, f64); 5] = [
@@ -105,4 +109,47 @@ fn what_a_model_knows_is_what_a_drive_learns() {
             "at {rpm} rpm {after} % of {before} %"
         );
     }
+}
+
+/// The speed loop alone waits for the error; in the double drive, whose bearings do not reverse, little of it is left.
+#[test]
+fn friction_that_is_fed_forward_need_not_be_waited_for() {
+    let [pi, ours] = reversal(800.0).unwrap();
+    println!("{pi:.1} % without, {ours:.1} % with friction fed forward");
+    assert!(
+        pi > 15.0 && ours < 5.0,
+        "the table's error at its reversal is {pi:.1} % without and {ours:.1} % with friction fed forward, expected more than 15 \
+         and less than 5"
+    );
+}
+
+/// A fault stops the drive while it learns, the motors run out, and the table stands elsewhere when it starts again: that teaches
+/// nothing, and nothing else does before all orders are tuned to the new speed.
+#[test]
+fn a_table_that_was_moved_at_rest_teaches_nothing() {
+    let mut setup = setup(Machine::Lumped, 1);
+    // With its bridges open nothing would hold a load.
+    setup.model.feed.load_n = 0.0;
+    let mut drive = drive(&setup, orders(&setup, 0.5, true)).unwrap();
+    let point = OperatingPoint {
+        velocity: 2.5e-3,
+        base: 300.0 * RPM,
+    };
+    smoothness(&mut drive, point, 2.0).unwrap();
+    drive.board.trip_break(Axis::Nut);
+    drive.period();
+    drive.command(0.0, 0.0).unwrap();
+    (drive.request.run, drive.request.reset) = (false, true);
+    for _ in 0..100_000 {
+        drive.period();
+    }
+    assert_eq!(drive.state(), State::Ready);
+    let learned = |drive: &Drive| (drive.compensation().angle(), drive.compensation().travel());
+    let before = learned(&drive);
+    (drive.request.run, drive.request.reset) = (true, false);
+    for _ in 0..80 {
+        drive.period();
+    }
+    assert_eq!(drive.state(), State::Running);
+    assert_eq!(learned(&drive), before, "after and before the start");
 }

@@ -255,6 +255,7 @@ impl SpeedTask {
         self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
         self.coordinator = Coordinator::new();
         self.followed = Command::rest();
+        self.compensation.rest();
         self.torque_limited = [false; 2];
         self.runaway = [Runaway::new(); 2];
         self.found = None;

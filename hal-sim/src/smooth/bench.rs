@@ -1,7 +1,7 @@
 //! The table of smoothness: machines, modes, speeds and controllers, side by side.
 
 use super::{
-    Compensator, Machine, Rival, Smoothness, drive, orders, settle_through, setup, smoothness,
+    Compensator, Machine, Rival, Smoothness, drive, orders, settle, setup, smoothness,
     smoothness_through, velocities,
 };
 use crate::drive::Drive;
@@ -108,16 +108,16 @@ impl Case {
                 let mut compensator = Compensator::new(rival, &setup)?;
                 let mut drive = setup.drive()?;
                 if rival != Rival::Pi && rival != Rival::StaticMap {
-                    settle_through(&mut drive, slower, &mut compensator)?;
-                    velocities(&mut drive, COLD_S, &mut compensator);
+                    settle(&mut drive, slower, &mut compensator)?;
+                    velocities(&mut drive, COLD_S, &mut compensator)?;
                 }
                 smoothness_through(&mut drive, self.point(), again, &mut compensator)
             }
             Controller::Ours(scale) => {
                 let mut plate = orders(&setup, LEARNING_S, scale != Scale::Never);
                 let mut first = drive(&setup, plate)?;
-                settle_through(&mut first, slower, &mut Straight)?;
-                velocities(&mut first, COLD_S, &mut Straight);
+                settle(&mut first, slower, &mut Straight)?;
+                velocities(&mut first, COLD_S, &mut Straight)?;
                 if scale == Scale::TakenAway {
                     plate = learned(&first, plate);
                     plate.scale_count_m = 0.0;
@@ -380,13 +380,13 @@ fn point(rpm: f64) -> OperatingPoint {
 
 /// Ripple while the base speed moves on by 1 rpm every 22 ms.
 fn sweep(drive: &mut Drive, learns_s: f64) -> Option<f64> {
-    settle_through(drive, point(300.0), &mut Straight).ok()?;
-    velocities(drive, learns_s, &mut Straight);
+    settle(drive, point(300.0), &mut Straight).ok()?;
+    velocities(drive, learns_s, &mut Straight).ok()?;
     let mut all = Vec::new();
     for step in 0..900 {
         let point = point(300.0 + f64::from(step));
         drive.command(point.velocity, point.base).ok()?;
-        all.extend(velocities(drive, 20.0 / 900.0, &mut Straight));
+        all.extend(velocities(drive, 20.0 / 900.0, &mut Straight).ok()?);
     }
     (drive.state() == control::supervisor::State::Running).then(|| Smoothness::of(&all, 2.5e-3).vrf)
 }
@@ -408,10 +408,10 @@ pub fn learning_s() -> Result<[f64; 2], ExperimentError> {
 fn seconds_to_final(drive: &mut Drive) -> Result<f64, ExperimentError> {
     drive.command(2.5e-3, 0.0)?;
     // The references take a third of a second to their targets.
-    velocities(drive, 0.4, &mut Straight);
-    let quarters: Vec<Vec<f64>> = (0..96)
+    velocities(drive, 0.4, &mut Straight)?;
+    let quarters = (0..96)
         .map(|_| velocities(drive, 0.25, &mut Straight))
-        .collect();
+        .collect::<Result<Vec<_>, _>>()?;
     let ripple: Vec<f64> = quarters
         .windows(4)
         .map(|second| Smoothness::of(&second.concat(), 2.5e-3).vrf)

@@ -7,10 +7,13 @@ pub mod reversal;
 mod rivals;
 
 pub use machine::{Machine, orders, setup, torque_orders};
-pub use rivals::{Compensator, Numbers, Rival};
+pub use rivals::{Compensator, Rival};
 
 use crate::drive::Drive;
-use crate::experiment::{ExperimentError, OperatingPoint, RECORD_S, Setup, record_periods};
+use crate::experiment::{
+    ExperimentError, OperatingPoint, RECORD_S, Setup, record_periods, settle_through,
+    table_velocities_through,
+};
 use crate::seam::{Seam, Straight};
 use crate::vrf::vrf_percent;
 use control::plate::CompensationPlate;
@@ -26,17 +29,13 @@ pub struct Smoothness {
 }
 
 /// True table velocities as the reference figures are measured: 10 kHz, no filter.
-fn velocities(drive: &mut Drive, seconds: f64, seam: &mut impl Seam) -> Vec<f64> {
+fn velocities(
+    drive: &mut Drive,
+    seconds: f64,
+    seam: &mut impl Seam,
+) -> Result<Vec<f64>, ExperimentError> {
     let periods = record_periods(drive.board.config());
-    let samples = seconds / (drive.board.config().pwm_period_s() * f64::from(periods));
-    (0..samples.round() as usize)
-        .map(|_| {
-            for _ in 0..periods {
-                drive.period_through(seam);
-            }
-            drive.board.machine.table_velocity()
-        })
-        .collect()
+    table_velocities_through(drive, seconds, periods, seam, |_| Ok(()))
 }
 
 impl Smoothness {
@@ -54,37 +53,13 @@ impl Smoothness {
     }
 }
 
-/// Time that transients are given once the references are at their targets, s.
-const SETTLE_S: f64 = 0.3;
-/// Longest that references may take to their targets, s.
-const REACH_S: f64 = 20.0;
-
 /// Commands an operating point and lets the drive come to it.
-///
-/// # Errors
-/// [`ExperimentError`] if the point is not allowed or not reached.
-pub fn settle_through(
+fn settle(
     drive: &mut Drive,
     point: OperatingPoint,
     seam: &mut impl Seam,
 ) -> Result<(), ExperimentError> {
-    drive.command(point.velocity, point.base)?;
-    let period_s = drive.board.config().pwm_period_s();
-    let mut steady_s = 0.0;
-    for _ in 0..(REACH_S / period_s) as u64 {
-        drive.period_through(seam);
-        let steady = drive.state() == State::Running && drive.arrived();
-        steady_s = if steady { steady_s + period_s } else { 0.0 };
-        if steady_s >= SETTLE_S {
-            return Ok(());
-        }
-    }
-    Err(ExperimentError::NotSteady {
-        seconds: REACH_S,
-        velocity_mm_s: point.velocity * 1e3,
-        base_rpm: point.base / crate::experiment::RPM,
-        state: drive.state(),
-    })
+    settle_through(drive, point, seam, |_| Ok(()))
 }
 
 /// Runs a drive at `point`, for `seconds` of learning first, and measures the true table velocity.
@@ -97,9 +72,9 @@ pub fn smoothness_through(
     seconds: f64,
     seam: &mut impl Seam,
 ) -> Result<Smoothness, ExperimentError> {
-    settle_through(drive, point, seam)?;
-    velocities(drive, seconds, seam);
-    let velocities = velocities(drive, RECORD_S, seam);
+    settle(drive, point, seam)?;
+    velocities(drive, seconds, seam)?;
+    let velocities = velocities(drive, RECORD_S, seam)?;
     if drive.state() != State::Running {
         return Err(ExperimentError::NotSteady {
             seconds: seconds + RECORD_S,

@@ -67,7 +67,7 @@ pub fn reversal(nut_rpm: f64) -> Result<[f64; 2], ExperimentError> {
 fn worst(mut drive: Drive, nut_rpm: f64, travel: f64) -> Result<f64, ExperimentError> {
     let base = nut_rpm * RPM;
     drive.command(0.0, base)?;
-    velocities(&mut drive, 1.0, &mut Straight);
+    velocities(&mut drive, 1.0, &mut Straight)?;
     let period_s = drive.board.config().pwm_period_s();
     let periods = (4.0 / HZ / period_s) as u64;
     let mut worst: f64 = 0.0;

@@ -57,17 +57,18 @@ const CELLS: usize = 512;
 /// Speed at which a static map is measured, rpm, and its turns.
 const CRAWL_RPM: f64 = 6.0;
 const CRAWL_TURNS: f64 = 2.0;
+
 /// What a learner by the turn leaves open.
 #[derive(Clone, Copy, Debug)]
-pub struct Numbers {
+struct Numbers {
     /// Part of the error that is taken: of the speed loop's gain, or of the error itself.
-    pub gain: f64,
+    gain: f64,
     /// Part that is forgotten in a turn.
-    pub forgets: f64,
+    forgets: f64,
     /// Half width of its smoothing, s.
-    pub smooth_s: f64,
+    smooth_s: f64,
     /// How far ahead it takes the error, s.
-    pub lead_s: f64,
+    lead_s: f64,
 }
 
 /// Of the iterative learner.
@@ -151,12 +152,6 @@ impl Compensator {
         Ok(this)
     }
 
-    /// The same with other numbers.
-    #[must_use]
-    pub fn with(self, numbers: Numbers) -> Self {
-        Self { numbers, ..self }
-    }
-
     /// Both motors turn at a crawl, the table stands; the mean of what each cell takes is its map.
     fn crawl(&mut self, setup: &Setup) -> Result<(), ExperimentError> {
         let mut drive: Drive = setup.drive()?;
@@ -164,7 +159,7 @@ impl Compensator {
             velocity: 0.0,
             base: CRAWL_RPM * RPM,
         };
-        super::settle_through(&mut drive, point, self)?;
+        super::settle(&mut drive, point, self)?;
         self.measures = true;
         self.counts = vec![[0.0; 2]; CELLS];
         let periods = CRAWL_TURNS * 60.0 / CRAWL_RPM / drive.board.config().pwm_period_s();

@@ -7,8 +7,8 @@
 //! | the relative angle | an error of the lead | the screw's speed reference | the table's scale |
 //!
 //! Each order has a complex coefficient that does not depend on speed; [`response`] says what the loops make of it at the
-//! present one. Learning is the adaptive feed-forward cancellation of Bodson, Sacks and Khosla (IEEE Trans. Automatic Control
-//! 39, 1939-1946, 1994): the error is correlated with the ripple's own cosine and sine, turned by the phase of the loops. That
+//! present one. Learning is adaptive feed-forward cancellation (Bodson, Sacks and Khosla, "Harmonic generation in adaptive
+//! feedforward cancellation schemes", IEEE Trans. Automatic Control, 1994): the error is correlated with the ripple's own cosine and sine, turned by the phase of the loops. That
 //! is an integrator at the order's frequency, and so equals a resonator there; its time constant is the same for all orders.
 //!
 //! It stands still while a speed changes, while a limit cuts a current, and where the order is beyond what the loops can do;
@@ -60,10 +60,8 @@ pub(crate) const FAST_DROPS: u32 = 10;
 pub struct ScaleConfig {
     /// Relative speed of screw and nut per count in [`SPEED_STEPS`] steps, 2^-24 rad/s.
     pub per_count: i32,
-    /// Learning of the encoders' errors.
-    pub angle_rate: RateConfig,
-    /// Learning of the lead's error.
-    pub travel_rate: RateConfig,
+    /// Learning of the encoders' and the lead's errors.
+    pub rate: RateConfig,
 }
 
 /// Configuration of the compensation.
@@ -171,6 +169,12 @@ impl Compensation {
         self.travel.map(|line| line.coefficient())
     }
 
+    /// A step in which nothing is driven: the table may be moved meanwhile. What was learned stays.
+    #[inline(always)]
+    pub fn rest(&mut self) {
+        (self.steady_steps, self.counted) = (0, None);
+    }
+
     /// First in a step: both shafts, the scale's count and the relative speed that is asked, mechanical rad/s -> what is added
     /// to the speed references.
     #[inline(always)]
@@ -191,7 +195,7 @@ impl Compensation {
             0
         };
         self.step = self.step.wrapping_add(1);
-        match self.step & 3 {
+        match self.step % SPEED_STEPS {
             0 => {
                 let error = self.table_error(config, scale, relative);
                 self.give(config, [screw.omega_e, nut.omega_e], error, relative);
@@ -234,7 +238,7 @@ impl Compensation {
         let [screw_turned, nut_turned] = self.turned;
         let [screw_lines, nut_lines] = &mut self.torque;
         let [screw_error, nut_error] = errors.map(|error| held(error.to_bits()));
-        let screws_turn = self.step & 1 == 0;
+        let screws_turn = self.step.is_multiple_of(TORQUE_STEPS);
         let screw_error = (learns && screws_turn).then_some(screw_error);
         let nut_error = (learns && !screws_turn).then_some(nut_error);
         [
@@ -296,10 +300,6 @@ impl Compensation {
             }
             return;
         }
-        let Some(scale) = config.scale else {
-            // What is known of encoders and lead does not depend on speed.
-            return self.give_speeds(index);
-        };
         let [screw, nut] = theta_steps;
         let relative = screw.wrapping_sub(nut);
         let index = index.wrapping_sub(TORQUES);
@@ -307,27 +307,15 @@ impl Compensation {
             let lines = self.angle.get_mut(motor);
             if let Some(line) = lines.and_then(|lines| lines.get_mut(index)) {
                 let slower = theta_step.unsigned_abs().min(relative.unsigned_abs());
-                let rate = rate(scale.angle_rate, theta_step, slower);
-                let learns = learning(config, response, line.order(), theta_step, rate);
+                let learns = learning(config, response, line.order(), theta_step, slower);
                 let learns = if motor == 0 { learns } else { negative(learns) };
                 line.tune(line.coefficient(), learns, SPEED_PART_MAX);
             }
         } else if let Some(line) = self.travel.get_mut(motor) {
             let [response, _] = &config.response;
-            let rate = rate(scale.travel_rate, relative, relative.unsigned_abs());
-            let learns = learning(config, response, line.order(), relative, rate);
+            let slower = relative.unsigned_abs();
+            let learns = learning(config, response, line.order(), relative, slower);
             line.tune(line.coefficient(), learns, SPEED_PART_MAX);
-        }
-    }
-
-    /// Without a scale the encoders' and the lead's errors stay what they are.
-    #[inline(always)]
-    fn give_speeds(&mut self, index: usize) {
-        if index == TORQUES {
-            let lines = self.angle.iter_mut().flatten().chain(&mut self.travel);
-            for line in lines {
-                line.tune(line.coefficient(), Phasor::ZERO, SPEED_PART_MAX);
-            }
         }
     }
 }
@@ -406,18 +394,20 @@ fn tune_torque(config: &CompensationConfig, line: &mut Line, response: &Response
     line.tune(gives, learns, config.torque_max);
 }
 
-/// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`.
+/// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`; `slower` of the motions that tell it
+/// from others. Nothing without a scale, where encoders and lead stay what they are known to be.
 #[inline(never)]
 fn learning(
     config: &CompensationConfig,
     response: &Response,
     order: Order,
     theta_step: i32,
-    rate: i32,
+    slower: u32,
 ) -> Phasor {
-    match response.at(order.frequency(theta_step)) {
-        Some(point) if config.learns && order.0 != 0 => {
+    match (config.scale, response.at(order.frequency(theta_step))) {
+        (Some(scale), Some(point)) if config.learns && order.0 != 0 => {
             let turned = point.follow.turned_by(theta_step);
+            let rate = rate(scale.rate, theta_step, slower);
             let times = |x| multiply_upper(x, rate).saturating_mul(8);
             let learns = Phasor {
                 re: times(turned.re),

@@ -311,11 +311,9 @@ impl DrivePlate {
             1e-5,
             127.0
         ));
-        let rate = self.rate(SPEED_PER_TURN, SPEED_SLOWER);
         Ok(Some(ScaleConfig {
             per_count: (speed * power_of_two(24) + half(speed)) as i32,
-            angle_rate: rate,
-            travel_rate: rate,
+            rate: self.rate(SPEED_PER_TURN, SPEED_SLOWER),
         }))
     }
 
