@@ -172,6 +172,20 @@ impl Drive {
         self.speed_task.command(&self.config, command)
     }
 
+    /// Asks the motor of `axis`, while it runs, for a current along d, A: it makes no torque, and ends with the run.
+    ///
+    /// # Errors
+    /// The largest, A, if more is asked.
+    pub fn ask_d(&self, axis: Axis, amps: Current) -> Result<(), Current> {
+        let most = self.config.speed_loops[axis.index()].i_max;
+        if amps.saturating_abs() > most {
+            return Err(most);
+        }
+        self.exchange(axis)
+            .ask_d(amps, &self.config.current_loops[axis.index()]);
+        Ok(())
+    }
+
     /// One PWM period.
     pub fn period(&mut self) {
         self.period_through(&mut Straight);

@@ -3,8 +3,8 @@
 use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::experiment::Setup;
-use hal_sim::served::{LineId, Serving, SimulatedDrive};
-use link::host::client::{Client, Line, Refused};
+use hal_sim::served::{Serving, SimulatedDrive, Within};
+use link::host::client::{Client, Refused};
 use link::host::{Decoder, Row};
 use link::message::{Command, Injected, Injection, Refusal, Travel};
 use link::scale;
@@ -13,37 +13,12 @@ use link::telemetry::{FRAME_MAX, Frame, Header, Real, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
-use std::io;
 use std::rc::Rc;
 use std::time::Duration;
 
-/// A line within the program: time passes when somebody listens.
-#[derive(Clone)]
-struct Here {
-    serving: Rc<RefCell<Serving>>,
-    id: LineId,
-}
-
-impl Line for Here {
-    fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
-        self.serving.borrow_mut().receive(self.id, bytes);
-        Ok(())
-    }
-
-    fn receive(&mut self, bytes: &mut [u8], _: Duration) -> io::Result<usize> {
-        let mut serving = self.serving.borrow_mut();
-        serving.millisecond();
-        let goes = serving.outgoing(self.id);
-        let count = goes.len().min(bytes.len());
-        bytes[..count].copy_from_slice(&goes[..count]);
-        serving.sent(self.id, count);
-        Ok(count)
-    }
-}
-
 struct Bench {
     serving: Rc<RefCell<Serving>>,
-    client: Client<Here>,
+    client: Client<Within>,
 }
 
 impl Bench {
@@ -104,13 +79,8 @@ impl Bench {
     }
 }
 
-fn open(serving: &Rc<RefCell<Serving>>) -> Client<Here> {
-    let id = serving.borrow_mut().open();
-    let line = Here {
-        serving: Rc::clone(serving),
-        id,
-    };
-    Client::open(line).unwrap()
+fn open(serving: &Rc<RefCell<Serving>>) -> Client<Within> {
+    Client::open(Within::open(serving)).unwrap()
 }
 
 fn speeds(mm_s: f64, rpm: f64) -> Command {

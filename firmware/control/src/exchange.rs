@@ -157,22 +157,25 @@ impl MotorExchange {
         self.ask_between(reference, config, || ());
     }
 
-    /// Speed task: [`MotorExchange::ask`] of a drive in the rotor's frame that goes on: no alignment has come since, or the
-    /// bridge is open and its loop looks at it before it closes it.
+    /// Speed task: [`MotorExchange::ask`] of a drive in the rotor's frame that goes on, with the `i_d` that it has: no
+    /// alignment has come since, or the bridge is open and its loop looks at it before it closes it.
     #[inline(always)]
     pub fn ask_on(&self, i_q: Current, config: &CurrentLoopConfig) {
         let periods = self.periods.load(Relaxed);
         let until = periods.wrapping_add(self.valid_periods);
         self.ask_words(
-            DirectQuadrature {
-                d: Current::ZERO,
-                q: i_q,
-            },
+            i_q,
             config,
             ASKED_DRIVE,
             [until, self.drive_until(periods, until)],
             &mut || (),
         );
+    }
+
+    /// A task below the speed task, while that asks by [`MotorExchange::ask_on`]: the current along d, A, within half of its
+    /// word. It holds until the drive comes to rest: [`MotorExchange::ask`] takes it back.
+    pub fn ask_d(&self, i_d: Current, config: &CurrentLoopConfig) {
+        self.i_d.store(config.sense.scale.scaled(i_d).0, Relaxed);
     }
 
     /// How long a drive in the rotor's frame may go on: not at all before the loop has closed the bridge.
@@ -217,17 +220,16 @@ impl MotorExchange {
             (Mode::Reset, _) => (ASKED_RESET, periods),
             (Mode::Short, _) => (ASKED_SHORT, periods),
         };
-        let current = DirectQuadrature {
-            d: reference.i_d,
-            q: reference.i_q,
-        };
-        self.ask_words(current, config, mode, [until, drive_until], &mut between);
+        self.ask_d(reference.i_d, config);
+        between();
+        let deadlines = [until, drive_until];
+        self.ask_words(reference.i_q, config, mode, deadlines, &mut between);
     }
 
     #[inline(always)]
     fn ask_words(
         &self,
-        current: DirectQuadrature<Current>,
+        i_q: Current,
         config: &CurrentLoopConfig,
         mode: u8,
         [until, drive_until]: [u32; 2],
@@ -235,10 +237,8 @@ impl MotorExchange {
     ) {
         self.until.store(until, Relaxed);
         between();
-        for (word, current) in [(&self.i_d, current.d), (&self.i_q, current.q)] {
-            word.store(config.sense.scale.scaled(current).0, Relaxed);
-            between();
-        }
+        self.i_q.store(config.sense.scale.scaled(i_q).0, Relaxed);
+        between();
         self.mode.store(mode, Relaxed);
         between();
         self.drive_until.store(drive_until, Relaxed);
@@ -623,6 +623,25 @@ mod tests {
         exchange.ask(ONE_AMPERE, &config());
         assert!(!exchange.begin_period());
         assert_eq!(exchange.asked().mode, Mode::Drive);
+    }
+
+    #[test]
+    fn a_direct_current_holds_until_the_drive_comes_to_rest() {
+        let exchange = closed();
+        let config = config();
+        let i_d = || config.sense.scale.current(exchange.reference().d);
+        exchange.ask(
+            CurrentReference {
+                i_d: Current::ZERO,
+                ..ONE_AMPERE
+            },
+            &config,
+        );
+        exchange.ask_d(Current::ONE, &config);
+        exchange.ask_on(Current::NEG_ONE, &config);
+        assert_eq!(i_d(), Current::ONE);
+        exchange.ask(CurrentReference::default(), &config);
+        assert_eq!(i_d(), Current::ZERO);
     }
 
     #[test]

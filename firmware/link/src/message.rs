@@ -51,6 +51,13 @@ pub enum Command {
         /// Base speed, mechanical, 2^-18 rad/s.
         base: i32,
     },
+    /// A current along d for a motor of a drive that runs, until the next one or until it comes to rest. It makes no torque.
+    DirectCurrent {
+        /// 0 is the screw, 1 the nut.
+        motor: u8,
+        /// The current, 2^-20 A: at most that of the largest torque.
+        current: i32,
+    },
     /// Come to rest, switch the bridges off, and be armed no longer.
     Stop,
     /// Leave a fault whose cause is gone.
@@ -148,6 +155,8 @@ codes! {
         Setting = 10, "setting", "There is no such setting, or it may not have that value.";
         Real = 11, "not simulated", "The drive is no simulated one, and gets its faults from the world.";
         Injection = 12, "injection", "There is no such fault to put in, or not by that amount.";
+        AtRest = 13, "at rest", "Only a drive that runs takes this: move it first.";
+        Current = 14, "current", "There is no such motor, or the current is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
     }
 }
 
@@ -235,6 +244,24 @@ pub enum Reply {
     },
 }
 
+/// How an encoder lies to its rotor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Aligned {
+    /// That is not known.
+    #[default]
+    Unknown,
+    /// It counts up while the motor turns electrically forwards.
+    Forwards {
+        /// Electrical angle at count zero, 2^-32 turn.
+        zero: u32,
+    },
+    /// It counts down.
+    Backwards {
+        /// The same.
+        zero: u32,
+    },
+}
+
 /// One motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MotorStatus {
@@ -244,6 +271,8 @@ pub struct MotorStatus {
     pub speed: i32,
     /// The encoder's count within the turn.
     pub encoder: u32,
+    /// How the encoder lies to the rotor.
+    pub alignment: Aligned,
     /// Bus voltage at its bridge, mV.
     pub bus_mv: u32,
 }

@@ -37,6 +37,11 @@ pub trait Served {
     /// # Errors
     /// The same, and [`Refusal::Distance`].
     fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal>;
+    /// Takes a current, as in [`Command::DirectCurrent`], while it runs.
+    ///
+    /// # Errors
+    /// [`Refusal::Current`].
+    fn direct_current(&mut self, motor: u8, current: i32) -> Result<(), Refusal>;
     /// Runs, comes to rest, or leaves a fault.
     fn run(&mut self, run: Run);
     /// Who commands is still there.
@@ -257,6 +262,13 @@ impl Server {
                 .may_move(commander, drive)
                 .and_then(|()| drive.travel(distance_nm, velocity, base))
                 .map(|()| self.start(commander, drive)),
+            Command::DirectCurrent { motor, current } => {
+                self.may_move(commander, drive)
+                    .and_then(|()| match drive.state() {
+                        State::Running => drive.direct_current(motor, current),
+                        _ => Err(Refusal::AtRest),
+                    })
+            }
             Command::Stop => {
                 (commander.armed, commander.owner) = (None, None);
                 drive.run(Run::Rest);
@@ -360,6 +372,7 @@ mod tests {
     use crate::codes::Fault;
     use crate::message::Injected;
     use proptest::prelude::*;
+    use std::vec;
     use std::vec::Vec as Bytes;
 
     struct Fake {
@@ -400,6 +413,9 @@ mod tests {
             Ok(())
         }
         fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
             Ok(())
         }
         fn run(&mut self, run: Run) {
@@ -496,6 +512,29 @@ mod tests {
 
     fn refused(refusal: Refusal) -> Reply {
         Reply::Refused(refusal.word())
+    }
+
+    #[test]
+    fn a_direct_current_takes_a_drive_that_runs_for_who_moves_it() {
+        let (mut commander, mut drive) = (Commander::new(5), Fake::new());
+        let (mut line, mut other) = (Line::new(), Line::new());
+        let command = Command::DirectCurrent {
+            motor: 0,
+            current: 1,
+        };
+        for host in [&mut line, &mut other] {
+            host.ask(Command::Hello, &mut commander, &mut drive);
+        }
+        let refused = |refusal: Refusal| Reply::Refused(refusal.word());
+        let first = line.ask(command, &mut commander, &mut drive);
+        assert_eq!(first, refused(Refusal::NotArmed));
+        line.ask(Command::Arm, &mut commander, &mut drive);
+        let rests = line.ask(command, &mut commander, &mut drive);
+        assert_eq!(rests, refused(Refusal::AtRest));
+        line.ask(RUN, &mut commander, &mut drive);
+        assert_eq!(line.ask(command, &mut commander, &mut drive), Reply::Done);
+        let others = other.ask(command, &mut commander, &mut drive);
+        assert_eq!(others, refused(Refusal::Commanded));
     }
 
     #[test]
@@ -639,6 +678,7 @@ mod tests {
             current: [i32::MIN; 2],
             speed: i32::MIN,
             encoder: most,
+            alignment: crate::message::Aligned::Backwards { zero: most },
             bus_mv: most,
         };
         let event = Event {
@@ -702,6 +742,8 @@ mod tests {
                 velocity,
                 base
             }),
+            any::<(u8, i32)>()
+                .prop_map(|(motor, current)| Command::DirectCurrent { motor, current }),
             any::<u32>().prop_map(Command::Record),
             any::<u16>().prop_map(|from| Command::Settings { from }),
             (0u16..0x0900, any::<f64>()).prop_map(|(id, x)| Command::Draft {

@@ -7,27 +7,31 @@
 //! back.
 
 mod lines;
+mod within;
 mod world;
 
 pub use lines::{LineId, Serving};
+pub use within::Within;
 
+use crate::alignment::{Start, settle};
 use crate::drive::Drive;
 use crate::experiment::Setup;
 use control::coordinator::CommandError;
-use control::format::Misfit;
+use control::format::{Current, Misfit};
 use control::guard::Look;
 use control::plate::{BoardPlate, DrivePlate};
 use control::speed_task::STEPS_PER_LOOK;
 use control::supervisor::State;
 use control::table_move::{MoveError, MovePlan, MoveProgress, TableMove};
 use link::codes::Run;
-use link::message::{Injected, Injection, MotorStatus, Refusal, Status, Travel};
+use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status, Travel};
 use link::scale;
 use link::server::Served;
 use link::settings::plate::Unfit;
 use link::settings::{Settings, Value};
 use link::telemetry::{self, Frame, Header, MotorSample, Real, Request, Sample};
 use plant::Axis;
+use plant::machine::Coupling;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use world::World;
@@ -37,6 +41,28 @@ const RESET_S: f64 = 0.1;
 
 /// Telemetry that waits for its line, frames: a second at the full rate.
 const WAITING: usize = 5000;
+
+/// What a drive knows of its rotors when it starts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Begin {
+    /// Where they stand: it has started before.
+    Aligned,
+    /// Nothing.
+    Cold,
+}
+
+impl Begin {
+    fn drive(self, setup: &Setup, plate: &DrivePlate) -> Result<Drive, Misfit> {
+        let make = match self {
+            Self::Aligned => Drive::aligned,
+            Self::Cold => Drive::new,
+        };
+        let mut drive = make(&setup.model, setup.coupling, setup.board, plate)?;
+        drive.request.run = false;
+        drive.attended = false;
+        Ok(drive)
+    }
+}
 
 /// A move under way.
 #[derive(Clone, Copy, Debug)]
@@ -65,6 +91,7 @@ struct Stream {
 #[derive(Debug)]
 pub struct SimulatedDrive {
     drive: Drive,
+    begin: Begin,
     /// Periods before it last started anew.
     before: u64,
     world: World,
@@ -92,21 +119,39 @@ impl SimulatedDrive {
     /// # Errors
     /// [`Misfit`] if a gain does not fit its format.
     pub fn new(setup: &Setup) -> Result<Self, Misfit> {
-        let made = setup.plate();
-        let settings = tidy(Settings::of_plate(&made, setup.board.sensors.scale_count_m));
+        Self::of(setup.clone(), &setup.plate(), Begin::Aligned)
+    }
+
+    /// A drive that knows of its machine what its plate says, and has to find its rotors each time it starts.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a gain does not fit its format.
+    pub fn cold(start: &Start) -> Result<Self, Misfit> {
+        let setup = Setup {
+            model: start.model.clone(),
+            coupling: Coupling::Coupled,
+            board: start.board,
+            tuning: start.plate.tuning,
+        };
+        let mut drive = Self::of(setup, &start.plate, Begin::Cold)?;
+        settle(&mut drive.drive.board, start.angles);
+        Ok(drive)
+    }
+
+    fn of(setup: Setup, made: &DrivePlate, begin: Begin) -> Result<Self, Misfit> {
+        let settings = tidy(Settings::of_plate(made, setup.board.sensors.scale_count_m));
         // As it will be after a restart with the same settings.
         let plate = settings.plate(&made.board);
-        let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate)?;
-        drive.request.run = false;
-        drive.attended = false;
+        let drive = begin.drive(&setup, &plate)?;
         Ok(Self {
+            begin,
             world: World::new(&plate.board, setup.board.bus_v, setup.model.feed.load_n)?,
             drive,
             before: 0,
             board: made.board,
             settings,
             plate,
-            setup: setup.clone(),
+            setup,
             reset_until: 0,
             run_at: None,
             underway: None,
@@ -297,6 +342,15 @@ impl Served for SimulatedDrive {
                     .interface
                     .counts(sample.encoder)
                     .unwrap_or_default(),
+                alignment: match self.drive.exchange(axis).alignment() {
+                    None => Aligned::Unknown,
+                    Some(held) if held.reversed => Aligned::Backwards {
+                        zero: held.theta_e_at_zero.0,
+                    },
+                    Some(held) => Aligned::Forwards {
+                        zero: held.theta_e_at_zero.0,
+                    },
+                },
                 bus_mv: (volts * 1e3).max(0.0) as u32,
             }
         });
@@ -374,6 +428,13 @@ impl Served for SimulatedDrive {
         Ok(())
     }
 
+    fn direct_current(&mut self, motor: u8, current: i32) -> Result<(), Refusal> {
+        let axis = Axis::ALL.get(usize::from(motor)).ok_or(Refusal::Current)?;
+        self.drive
+            .ask_d(*axis, Current::from_bits(current))
+            .map_err(|_| Refusal::Current)
+    }
+
     fn run(&mut self, run: Run) {
         // The interlock forbids a start by its last look: it must have seen the heartbeat that came with the command.
         let looks = u64::from(2 * STEPS_PER_LOOK * self.plate.board.speed_divider);
@@ -397,17 +458,15 @@ impl Served for SimulatedDrive {
     fn configure(&mut self, settings: &Settings) -> Result<(), Unfit> {
         settings.config(&self.settings, &self.board)?;
         let plate = settings.plate(&self.board);
-        let setup = &self.setup;
-        let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate).map_err(
-            |misfit| Unfit {
+        let mut drive = self
+            .begin
+            .drive(&self.setup, &plate)
+            .map_err(|misfit| Unfit {
                 setting: None,
                 misfit,
-            },
-        )?;
+            })?;
         // Board and machine go on as they are.
         std::mem::swap(&mut drive.board, &mut self.drive.board);
-        drive.request.run = false;
-        drive.attended = false;
         self.before += self.drive.periods();
         self.drive = drive;
         (self.settings, self.plate) = (*settings, plate);

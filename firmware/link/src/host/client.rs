@@ -80,6 +80,7 @@ pub struct Client<L> {
     session: u32,
     sequence: u32,
     simulated: bool,
+    pwm_hz: f64,
     speed_hz: f64,
     reply: Option<Reply>,
     events: VecDeque<Event>,
@@ -98,6 +99,7 @@ impl<L: Line> Client<L> {
             session: 0,
             sequence: 0,
             simulated: false,
+            pwm_hz: 0.0,
             speed_hz: 0.0,
             reply: None,
             events: VecDeque::new(),
@@ -121,6 +123,7 @@ impl<L: Line> Client<L> {
                 speed_divider,
             } => {
                 (client.session, client.simulated) = (session, simulated);
+                client.pwm_hz = f64::from(pwm_hz);
                 client.speed_hz = f64::from(pwm_hz) / f64::from(speed_divider.max(1));
                 Ok(client)
             }
@@ -132,6 +135,12 @@ impl<L: Line> Client<L> {
     #[must_use]
     pub fn simulated(&self) -> bool {
         self.simulated
+    }
+
+    /// PWM periods a second.
+    #[must_use]
+    pub fn pwm_hz(&self) -> f64 {
+        self.pwm_hz
     }
 
     /// Steps of its speed task a second.

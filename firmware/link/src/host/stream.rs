@@ -49,7 +49,7 @@ pub struct Count {
 #[derive(Debug)]
 pub struct Decoder {
     request: Request,
-    frame: Vec<u8>,
+    bytes: Vec<u8>,
     header: Option<Header>,
     last: Option<(Sample, [i64; 2])>,
     count: Count,
@@ -61,7 +61,7 @@ impl Decoder {
     pub fn new(request: Request) -> Self {
         Self {
             request,
-            frame: Vec::new(),
+            bytes: Vec::new(),
             header: None,
             last: None,
             count: Count::default(),
@@ -98,29 +98,42 @@ impl Decoder {
     ) -> Result<(), E> {
         for &byte in bytes {
             // A frame cannot be this long; it is dropped at its end.
-            if self.frame.len() <= FRAME_MAX {
-                self.frame.push(byte);
+            if self.bytes.len() <= FRAME_MAX {
+                self.bytes.push(byte);
             }
             if byte != 0 {
                 continue;
             }
-            let frame = postcard::from_bytes_cobs(&mut self.frame);
-            self.frame.clear();
-            match (frame, self.header) {
-                (Ok(Frame::Header(header)), None) if header.request == self.request.word() => {
-                    self.header = Some(header);
-                }
-                (Ok(Frame::Sample(sample)), Some(header)) => {
-                    if let Some(row) = self.row(&header, sample) {
-                        each(&header, &row)?;
+            let frame = postcard::from_bytes_cobs(&mut self.bytes);
+            self.bytes.clear();
+            match frame {
+                Ok(frame) => {
+                    if let (Some(row), Some(header)) = (self.frame(frame), &self.header) {
+                        each(header, &row)?;
                     }
                 }
-                // Of another stream, before this one's header.
-                (_, None) => {}
-                (_, Some(_)) => self.count.damaged += 1,
+                Err(_) if self.header.is_some() => self.count.damaged += 1,
+                Err(_) => {}
             }
         }
         Ok(())
+    }
+
+    /// Takes the next frame: the row, if it is one of this stream.
+    pub fn frame(&mut self, frame: Frame) -> Option<Row> {
+        match (frame, self.header) {
+            (Frame::Header(header), None) if header.request == self.request.word() => {
+                self.header = Some(header);
+                None
+            }
+            (Frame::Sample(sample), Some(header)) => self.row(&header, sample),
+            // Of another stream, before this one's header.
+            (_, None) => None,
+            (Frame::Header(_), Some(_)) => {
+                self.count.damaged += 1;
+                None
+            }
+        }
     }
 
     /// PWM periods from row to row.

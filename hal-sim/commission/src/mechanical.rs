@@ -1,0 +1,379 @@
+//! Inertia and friction of both motors, apart and together with the feed.
+//!
+//! The equations of motion, with the torques `T = pole_pairs flux i_q`:
+//!
+//! ```text
+//! T_screw = J_s a_s + c_s sign(w_s) + b_s w_s + F
+//! T_nut   = J_n a_n + c_n sign(w_n) + b_n w_n - F
+//! F = M (a_s - a_n) + c_f sign(w_s - w_n) + b_f (w_s - w_n) + l
+//! ```
+//!
+//! `F` is what ball pair, table and guideway take, at the screw; `M` the table's mass through the lead, `l` a load. Both are
+//! weighed with smooth windows `p(t)` that vanish at their ends with their first derivatives, so that no measured angle is
+//! differentiated: the mean of `p a` is that of `p'' theta` (modulating functions: Shinbrot, ASME Trans. 79, 1957).
+//!
+//! The common mode (both motors up and down together) shows `J`, `c`, `b` of each motor; the table goes slowly one way
+//! meanwhile, or the pair's friction would stick, and share the torques between the motors as it likes. The differential mode
+//! (the table to and fro at one base speed) shows `M`, `c_f`, `b_f`.
+
+use crate::fit::{Estimate, Fit};
+use crate::session::{Point, Session};
+use crate::{Bound, Failure};
+use anyhow::{Result, bail};
+use link::host::client::Line;
+use link::settings::{MotorSettings, PER_KRPM, Settings};
+use serde::{Deserialize, Serialize};
+use std::f64::consts::{PI, TAU};
+
+/// Speed of the common mode, of the slower motor's largest.
+const SPEED: f64 = 0.3;
+/// How long each speed is held, s.
+const HOLD_S: f64 = 0.15;
+/// Length of a window, s: three times the slowest speed loop's settling is past in it, and a ramp holds some.
+const WINDOW_S: f64 = 0.06;
+/// Windows begin each so-manieth part of one.
+const OVERLAP: usize = 3;
+/// Speed below which friction's sign is not sure, of the largest of the run.
+const SLOW: f64 = 0.05;
+/// Most of the largest torque that an acceleration should take.
+const TORQUE: f64 = 0.6;
+/// How often the table goes to and fro in the differential mode.
+const STROKES: usize = 6;
+
+/// What was measured of a motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct MotorMechanical {
+    /// Inertia of all that turns with it, kg m^2, without the table.
+    pub inertia_kg_m2: Estimate,
+    /// Coulomb friction of its bearings, N m.
+    pub coulomb_nm: Estimate,
+    /// Viscous friction, N m s/rad.
+    pub viscous_nm_s: Estimate,
+}
+
+/// What was measured, and how near the limits were.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Mechanical {
+    /// Screw, nut.
+    pub motors: [MotorMechanical; 2],
+    /// The table's mass through the lead, kg m^2.
+    pub table_kg_m2: Estimate,
+    /// Coulomb friction of ball pair and guideway, N m at the screw.
+    pub feed_coulomb_nm: Estimate,
+    /// Viscous friction of the same, N m s/rad.
+    pub feed_viscous_nm_s: Estimate,
+    /// Load, N m at the screw, against positive travel.
+    pub load_nm: Estimate,
+    /// Travel of the table a turn of screw against nut by its scale, m.
+    pub lead_m: Estimate,
+    /// Torque of screw and nut, N m.
+    pub torque_nm: [Bound; 2],
+    /// Table's travel, m.
+    pub travel_m: Bound,
+}
+
+/// The time series of a run.
+#[derive(Default)]
+struct Series {
+    points: Vec<Point>,
+}
+
+/// A window and its derivatives, of length 1 in `n` points: `sin^4(pi s)`, scaled to a mean of 1.
+struct Window {
+    p: Vec<f64>,
+    first: Vec<f64>,
+    second: Vec<f64>,
+}
+
+impl Window {
+    fn new(n: usize, step_s: f64) -> Self {
+        let length = n as f64 * step_s;
+        // The mean of sin^4 is 3/8; its second derivative 4 pi^2 (3 sin^2 cos^2 - sin^4).
+        let scale = 8.0 / 3.0 / n as f64;
+        let at = |k: usize| (PI * (k as f64 + 0.5) / n as f64).sin_cos();
+        Self {
+            p: (0..n).map(|k| scale * at(k).0.powi(4)).collect(),
+            first: (0..n)
+                .map(|k| {
+                    let (s, c) = at(k);
+                    scale * 4.0 * PI * s.powi(3) * c / length
+                })
+                .collect(),
+            second: (0..n)
+                .map(|k| {
+                    let (s, c) = at(k);
+                    let curve = 3.0 * s * s * c * c - s.powi(4);
+                    scale * 4.0 * PI * PI * curve / (length * length)
+                })
+                .collect(),
+        }
+    }
+}
+
+/// What a window weighs.
+#[derive(Clone, Copy, Default)]
+struct Weighed {
+    torque: f64,
+    speed: f64,
+    acceleration: f64,
+}
+
+impl Window {
+    fn weigh(&self, points: &[Point], of: impl Fn(&Point) -> (f64, f64)) -> Weighed {
+        let Some(first) = points.first() else {
+            return Weighed::default();
+        };
+        let (origin, _) = of(first);
+        let mut weighed = Weighed::default();
+        for (k, point) in points.iter().enumerate() {
+            let (angle, torque) = of(point);
+            let angle = angle - origin;
+            weighed.torque += self.p[k] * torque;
+            weighed.speed -= self.first[k] * angle;
+            weighed.acceleration += self.second[k] * angle;
+        }
+        weighed
+    }
+}
+
+/// N m of an ampere along q.
+fn torque_constant(motor: &MotorSettings) -> f64 {
+    motor.voltage_constant_v_rms_per_krpm / PER_KRPM
+}
+
+/// Measures an armed drive whose electrical settings are right. The table may move by `travel_m` to each side.
+///
+/// # Errors
+/// [`Failure`], a fault, or a drive that is lost.
+pub fn measure<L: Line>(
+    session: &mut Session<L>,
+    travel_m: f64,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Mechanical> {
+    let settings = *session.settings();
+    let motors = [&settings.screw, &settings.nut];
+    let speed = SPEED
+        * motors
+            .iter()
+            .map(|motor| motor.speed_max_rpm * TAU / 60.0)
+            .fold(f64::INFINITY, f64::min);
+    let feed = &settings.feed;
+    let acceleration = feed.base_acceleration_max_rpm_s * TAU / 60.0;
+    let constants = motors.map(torque_constant);
+    let mut torques = motors.map(|motor| Bound::of(motor.torque_max_nm));
+    let mut travel = Bound::of(travel_m);
+    let mut from = None;
+    let mut series = Series::default();
+    let mut watch = |point: &Point| {
+        travel.take(point.table - *from.get_or_insert(point.table));
+        for ((bound, motor), constant) in torques.iter_mut().zip(&point.motors).zip(constants) {
+            bound.take(motor.current[1] * constant);
+        }
+        series.points.push(*point);
+    };
+
+    // Common mode. Both ways the table goes as slowly as its travel asks.
+    let ramp = 2.0 * speed / acceleration + 4.0 * HOLD_S;
+    let pattern = [1.0, -1.0, 1.0, -1.0];
+    let slow = (0.6 * travel_m / (pattern.len() as f64 * ramp + 1.0))
+        .min(0.25 * feed.velocity_max_mm_s * 1e-3);
+    let runs = 2 * pattern.len() + STROKES;
+    let mut done = 0;
+    for velocity in [slow, -slow] {
+        for sign in pattern {
+            progress(done as f64 / runs as f64);
+            done += 1;
+            session.go(velocity, sign * speed, &mut watch)?;
+            session.hold(HOLD_S, &mut watch)?;
+        }
+        session.go(0.0, 0.0, &mut watch)?;
+    }
+    // Differential mode.
+    let table = feed.acceleration_max_mm_s2 * 1e-3;
+    let fast = (0.25 * table * travel_m)
+        .sqrt()
+        .min(0.5 * feed.velocity_max_mm_s * 1e-3);
+    session.go(0.0, 0.5 * speed, &mut watch)?;
+    for stroke in 0..STROKES {
+        progress(done as f64 / runs as f64);
+        done += 1;
+        let sign = if stroke.is_multiple_of(2) { 1.0 } else { -1.0 };
+        session.go(sign * fast, 0.5 * speed, &mut watch)?;
+    }
+    session.go(0.0, 0.5 * speed, &mut watch)?;
+    session.go(0.0, 0.0, &mut watch)?;
+    session.rest()?;
+    solve(&series.points, &settings, [torques[0], torques[1]], travel)
+}
+
+fn solve(
+    points: &[Point],
+    settings: &Settings,
+    torque_nm: [Bound; 2],
+    travel_m: Bound,
+) -> Result<Mechanical> {
+    let unclear = |measured: &str| {
+        Failure {
+        measured: measured.to_owned(),
+        expected: "torques that accelerations, speeds and friction explain".to_owned(),
+        check: "that nothing but the drive moves the table, the torque limits, and feed.base_acceleration_max_rpm_s"
+            .to_owned(),
+    }
+    };
+    let [first, second, ..] = points else {
+        bail!(unclear("no telemetry"));
+    };
+    let step_s = second.time - first.time;
+    let n = (WINDOW_S / step_s).round().max(3.0) as usize;
+    let window = Window::new(n, step_s);
+    let constants = [&settings.screw, &settings.nut].map(torque_constant);
+    let fastest = points
+        .iter()
+        .flat_map(|point| point.motors.map(|motor| motor.speed_ref.abs()))
+        .fold(0.0, f64::max);
+    let relative = |point: &Point| point.motors[0].speed_ref - point.motors[1].speed_ref;
+    let fastest_relative = points.iter().map(|p| relative(p).abs()).fold(0.0, f64::max);
+    // J, c, b of screw and nut; M, c, b, l of the feed.
+    let mut fit = Fit::new(10, OVERLAP as f64);
+    let mut lead = Fit::new(1, OVERLAP as f64);
+    for from in (0..points.len().saturating_sub(n)).step_by(n / OVERLAP) {
+        let part = &points[from..from + n];
+        if (part[n - 1].time - part[0].time) > 1.01 * (n - 1) as f64 * step_s {
+            // Samples are missing.
+            continue;
+        }
+        let clear = |of: &dyn Fn(&Point) -> f64, least: f64| {
+            let sign = of(&part[0]).signum();
+            part.iter()
+                .all(|point| sign * of(point) > least)
+                .then_some(sign)
+        };
+        let apart = window.weigh(part, |p| (p.motors[0].angle - p.motors[1].angle, p.table));
+        let table_speed = window.weigh(part, |p| (p.table, 0.0)).speed;
+        if apart.speed.abs() > SLOW * fastest_relative {
+            lead.add(&[apart.speed / TAU], table_speed);
+        }
+        let Some(sign_apart) = clear(&relative, SLOW * fastest_relative) else {
+            continue;
+        };
+        for (k, feed_sign) in [1.0, -1.0].into_iter().enumerate() {
+            let of_motor = |p: &Point| p.motors[k].speed_ref;
+            let Some(sign) = clear(&of_motor, SLOW * fastest) else {
+                continue;
+            };
+            let own = window.weigh(part, |p| {
+                (p.motors[k].angle, constants[k] * p.motors[k].current[1])
+            });
+            let mut row = [0.0; 10];
+            row[3 * k] = own.acceleration;
+            row[3 * k + 1] = sign;
+            row[3 * k + 2] = own.speed;
+            row[6] = feed_sign * apart.acceleration;
+            row[7] = feed_sign * sign_apart;
+            row[8] = feed_sign * apart.speed;
+            row[9] = feed_sign;
+            fit.add(&row, own.torque);
+        }
+    }
+    let Some([js, cs, bs, jn, cn, bn, table, cf, bf, load]) = fit
+        .solve()
+        .and_then(|all| <[Estimate; 10]>::try_from(all).ok())
+    else {
+        bail!(unclear(
+            "the torques do not tell inertias and frictions apart"
+        ));
+    };
+    let Some(&[lead_m]) = lead.solve().as_deref() else {
+        bail!(unclear("the table does not move by its scale"));
+    };
+    for (name, estimate) in [("screw", js), ("nut", jn)] {
+        if !(estimate.value > 0.0 && estimate.plus_minus < 0.5 * estimate.value) {
+            bail!(unclear(&format!(
+                "the {name}'s inertia: {:.3e} +- {:.1e} kg m^2",
+                estimate.value, estimate.plus_minus
+            )));
+        }
+    }
+    let motor = |inertia_kg_m2, coulomb_nm, viscous_nm_s| MotorMechanical {
+        inertia_kg_m2,
+        coulomb_nm,
+        viscous_nm_s,
+    };
+    Ok(Mechanical {
+        motors: [motor(js, cs, bs), motor(jn, cn, bn)],
+        table_kg_m2: table,
+        feed_coulomb_nm: cf,
+        feed_viscous_nm_s: bf,
+        load_nm: load,
+        lead_m,
+        torque_nm,
+        travel_m,
+    })
+}
+
+impl Mechanical {
+    /// What each motor moves, kg m^2: its own and the table's.
+    #[must_use]
+    pub fn moved_kg_m2(&self) -> [Estimate; 2] {
+        let table = Estimate {
+            value: self.table_kg_m2.value.max(0.0),
+            ..self.table_kg_m2
+        };
+        self.motors.map(|motor| motor.inertia_kg_m2.plus(table))
+    }
+
+    /// The settings with what was measured.
+    #[must_use]
+    pub fn applied(&self, settings: &Settings) -> Settings {
+        let mut new = *settings;
+        let [screw, nut] = self.moved_kg_m2();
+        new.screw.inertia_kg_cm2 = screw.value * 1e4;
+        new.nut.inertia_kg_cm2 = nut.value * 1e4;
+        new
+    }
+}
+
+/// The acceleration of the base speed, rad/s^2, for which the motors of `settings` have torque.
+#[must_use]
+pub fn base_acceleration(settings: &Settings) -> f64 {
+    [&settings.screw, &settings.nut]
+        .iter()
+        .map(|motor| TORQUE * motor.torque_max_nm / (motor.inertia_kg_cm2 * 1e-4))
+        .fold(f64::INFINITY, f64::min)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A window gives speed and acceleration of a parabola exactly, but for what a sum is off its integral.
+    #[test]
+    fn a_window_sees_speed_and_acceleration_of_a_parabola() {
+        let (n, step) = (300, 2e-4);
+        let window = Window::new(n, step);
+        let points: Vec<Point> = (0..n)
+            .map(|k| {
+                let t = (k as f64 + 0.5) * step;
+                let mut point = Point {
+                    time: t,
+                    ..Point::default()
+                };
+                point.motors[0].angle = 3.0 + 40.0 * t + 0.5 * 700.0 * t * t;
+                point.motors[0].current[1] = 2.0;
+                point
+            })
+            .collect();
+        let seen = window.weigh(&points, |p| (p.motors[0].angle, p.motors[0].current[1]));
+        let middle = 40.0 + 700.0 * 0.5 * n as f64 * step;
+        for (name, measured, expected) in [
+            ("speed", seen.speed, middle),
+            ("acceleration", seen.acceleration, 700.0),
+            ("torque", seen.torque, 2.0),
+        ] {
+            assert!(
+                (measured / expected - 1.0).abs() < 1e-8,
+                "{name}: measured {measured}, expected {expected}"
+            );
+        }
+    }
+}

@@ -1,0 +1,380 @@
+//! A session with the drive that is measured: it is told, led and recorded by its own time.
+
+use crate::Failure;
+use anyhow::{Result, bail, ensure};
+use link::codes::{Fault, Misalignment, State};
+use link::host::client::{Client, Line};
+use link::host::{Decoder, Row};
+use link::message::{Aligned, Command, Status};
+use link::scale;
+use link::settings::Settings;
+use link::telemetry::Request;
+use std::f64::consts::TAU;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// How often the drive hears that the host is there, by its own time, s, and by the host's.
+const BEAT_S: f64 = 0.05;
+const BEAT: Duration = Duration::from_millis(20);
+/// How often its state is looked at, s.
+const LOOK_S: f64 = 0.2;
+/// How long a drive may take to be ready: it measures zeros and aligns both rotors, ms of its time.
+const READY_MS: u32 = 60_000;
+/// How long it may take to arrive at a speed, or at rest, s.
+const ARRIVE_S: f64 = 20.0;
+/// Longest without telemetry.
+const SILENT: Duration = Duration::from_secs(2);
+/// What a reference that has arrived may differ from what was asked: rounding of the words, rad/s.
+const ARRIVED_RAD_S: f64 = 1e-2;
+
+/// One motor at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct MotorPoint {
+    /// Mechanical angle in the motor's direction, rad, many turns.
+    pub angle: f64,
+    /// Currents d and q, A.
+    pub current: [f64; 2],
+    /// Voltages d and q, V.
+    pub voltage: [f64; 2],
+    /// Speed reference, mechanical, rad/s.
+    pub speed_ref: f64,
+    /// Current reference along q, A.
+    pub i_q_ref: f64,
+}
+
+/// The drive at one instant.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Point {
+    /// Time, s.
+    pub time: f64,
+    /// Screw, nut.
+    pub motors: [MotorPoint; 2],
+    /// The table by its scale, m.
+    pub table: f64,
+}
+
+/// A session.
+pub struct Session<L> {
+    client: Client<L>,
+    settings: Settings,
+    decoder: Option<Decoder>,
+    stream: u32,
+    /// Electrical angle at count zero, rad, and direction of the encoders.
+    aligned: [(f64, f64); 2],
+    bus_v: f64,
+    pwm_period_s: f64,
+    uptime_ms: u32,
+    now: f64,
+    beaten: (f64, Instant),
+    looked: f64,
+    heard: Instant,
+    moving: bool,
+    stop: Arc<AtomicBool>,
+}
+
+impl<L: Line> Session<L> {
+    /// Of a drive that rests; `stop` ends what is under way.
+    ///
+    /// # Errors
+    /// The drive is lost, or has other settings than this program.
+    pub fn open(mut client: Client<L>, stop: Arc<AtomicBool>) -> Result<Self> {
+        let settings = client.settings()?;
+        let pwm_period_s = 1.0 / client.pwm_hz();
+        Ok(Self {
+            client,
+            settings,
+            decoder: None,
+            stream: 0,
+            aligned: [(0.0, 1.0); 2],
+            bus_v: 0.0,
+            pwm_period_s,
+            uptime_ms: 0,
+            now: 0.0,
+            beaten: (0.0, Instant::now()),
+            looked: 0.0,
+            heard: Instant::now(),
+            moving: false,
+            stop,
+        })
+    }
+
+    /// The settings that hold.
+    #[must_use]
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Voltage of the bus when the drive was last ready, V.
+    #[must_use]
+    pub fn bus_v(&self) -> f64 {
+        self.bus_v
+    }
+
+    /// Its PWM period, s.
+    #[must_use]
+    pub fn pwm_period_s(&self) -> f64 {
+        self.pwm_period_s
+    }
+
+    /// The drive's time, s.
+    #[must_use]
+    pub fn uptime_s(&self) -> f64 {
+        f64::from(self.uptime_ms) * 1e-3
+    }
+
+    /// Makes settings hold: the drive starts anew, and is ready again.
+    ///
+    /// # Errors
+    /// It does not take them, or is not ready with them.
+    pub fn configure(&mut self, settings: &Settings) -> Result<()> {
+        self.rest()?;
+        self.decoder = None;
+        self.client.configure(settings)?;
+        self.settings = *settings;
+        self.ready()
+    }
+
+    /// Waits until the drive is ready, and begins to record it.
+    ///
+    /// # Errors
+    /// A fault, which says what the drive found.
+    pub fn ready(&mut self) -> Result<()> {
+        let begun = self.client.status()?.uptime_ms;
+        let status = loop {
+            let status = self.client.status()?;
+            self.uptime_ms = status.uptime_ms;
+            match State::of_words(status.state, status.fault) {
+                Some(State::Ready) => break status,
+                Some(State::Fault(fault)) => bail!(stopped(fault, &status)),
+                _ if status.uptime_ms.wrapping_sub(begun) > READY_MS => bail!(Failure {
+                    measured: format!("the drive is still not ready after {} s", READY_MS / 1000),
+                    expected: "zeros and both rotors found by then".to_owned(),
+                    check: "the settings of group `alignment`".to_owned(),
+                }),
+                _ => self.client.listen(BEAT)?,
+            }
+            ensure!(!self.stop.load(Relaxed), "ended by Ctrl-C");
+        };
+        for (aligned, motor) in self.aligned.iter_mut().zip(&status.motors) {
+            let angle = |zero: u32| f64::from(zero) / 2f64.powi(32) * TAU;
+            *aligned = match motor.alignment {
+                Aligned::Forwards { zero } => (angle(zero), 1.0),
+                Aligned::Backwards { zero } => (angle(zero), -1.0),
+                Aligned::Unknown => {
+                    bail!("the drive is ready and does not know where its rotors stand")
+                }
+            };
+        }
+        self.bus_v = status
+            .motors
+            .iter()
+            .map(|m| f64::from(m.bus_mv) * 1e-3)
+            .sum::<f64>()
+            / 2.0;
+        self.stream += 1;
+        let request = Request {
+            divider: 1,
+            stream: self.stream,
+        };
+        self.decoder = Some(Decoder::new(request));
+        (self.now, self.looked, self.heard) = (0.0, 0.0, Instant::now());
+        self.client.tell(Command::Record(request.word()))
+    }
+
+    /// Lets the drive be moved.
+    ///
+    /// # Errors
+    /// It refuses.
+    pub fn arm(&mut self) -> Result<()> {
+        self.client.tell(Command::Arm)
+    }
+
+    /// Follow a table velocity, m/s, and a base speed, mechanical rad/s, and record until they are reached.
+    ///
+    /// # Errors
+    /// The drive refuses, has a fault, or does not get there.
+    pub fn go(&mut self, velocity: f64, base: f64, each: &mut dyn FnMut(&Point)) -> Result<()> {
+        let word = |value, bits| {
+            scale::word(value, bits)
+                .ok_or_else(|| anyhow::anyhow!("a speed of {value} cannot be said"))
+        };
+        let command = Command::Run {
+            velocity: word(velocity, scale::TABLE_VELOCITY)?,
+            base: word(base, scale::BASE_SPEED)?,
+        };
+        self.pass(&mut *each)?;
+        self.client.tell(command)?;
+        self.moving = true;
+        let relative = velocity / (self.settings.feed.lead_mm * 1e-3) * TAU;
+        let targets = [base + relative, base];
+        let until = self.now + ARRIVE_S;
+        let mut arrived = 0;
+        // For some rows: the command may come a step later.
+        while arrived < 10 {
+            self.listen(&mut |point| {
+                let there = point.motors.iter().zip(targets).all(|(motor, target)| {
+                    (motor.speed_ref - target).abs() < ARRIVED_RAD_S + 1e-4 * target.abs()
+                });
+                arrived = if there { arrived + 1 } else { 0 };
+                each(point);
+            })?;
+            if self.now > until {
+                bail!(Failure {
+                    measured: format!(
+                        "the drive is not at the speeds that were asked after {ARRIVE_S} s"
+                    ),
+                    expected: "its references at these speeds".to_owned(),
+                    check:
+                        "load, torque limits and bus voltage: a motor at its limit is given way to"
+                            .to_owned(),
+                });
+            }
+        }
+        Ok(())
+    }
+
+    /// Goes on for so long, s.
+    ///
+    /// # Errors
+    /// A fault, or the drive is lost.
+    pub fn hold(&mut self, seconds: f64, each: &mut dyn FnMut(&Point)) -> Result<()> {
+        let until = self.now + seconds;
+        while self.now < until {
+            self.listen(each)?;
+        }
+        Ok(())
+    }
+
+    /// Currents along d of screw and nut, A.
+    ///
+    /// # Errors
+    /// The drive refuses.
+    pub fn direct(&mut self, amps: [f64; 2]) -> Result<()> {
+        for (motor, amps) in (0u8..).zip(amps) {
+            let Some(current) = scale::word(amps, scale::CURRENT) else {
+                bail!("a current of {amps} A cannot be said");
+            };
+            self.client
+                .tell(Command::DirectCurrent { motor, current })?;
+        }
+        Ok(())
+    }
+
+    /// It was asked for a speed.
+    #[must_use]
+    pub fn is_moving(&self) -> bool {
+        self.moving
+    }
+
+    /// Comes to rest, whatever it does.
+    ///
+    /// # Errors
+    /// It does not, or has a fault.
+    pub fn rest(&mut self) -> Result<()> {
+        self.moving = false;
+        self.client.tell(Command::Stop)?;
+        let begun = self.client.status()?.uptime_ms;
+        loop {
+            let status = self.client.status()?;
+            self.uptime_ms = status.uptime_ms;
+            match State::of_words(status.state, status.fault) {
+                Some(State::Running | State::Stopping)
+                    if f64::from(status.uptime_ms.wrapping_sub(begun)) < ARRIVE_S * 1e3 =>
+                {
+                    self.client.listen(BEAT)?;
+                }
+                Some(State::Running | State::Stopping) => {
+                    bail!("the drive does not come to rest: open its enable contact")
+                }
+                Some(State::Fault(fault)) => bail!(stopped(fault, &status)),
+                _ => return Ok(()),
+            }
+        }
+    }
+
+    fn listen(&mut self, each: &mut dyn FnMut(&Point)) -> Result<()> {
+        ensure!(!self.stop.load(Relaxed), "ended by Ctrl-C");
+        if self.now - self.beaten.0 >= BEAT_S || self.beaten.1.elapsed() >= BEAT {
+            self.beaten = (self.now, Instant::now());
+            self.client.beat()?;
+        }
+        if self.now - self.looked >= LOOK_S {
+            self.looked = self.now;
+            let status = self.client.status()?;
+            self.uptime_ms = status.uptime_ms;
+            if let Some(State::Fault(fault)) = State::of_words(status.state, status.fault) {
+                bail!(stopped(fault, &status));
+            }
+        }
+        self.client.listen(Duration::from_millis(2))?;
+        self.pass(each)
+    }
+
+    /// Passes on the rows that have come.
+    fn pass(&mut self, each: &mut dyn FnMut(&Point)) -> Result<()> {
+        let before = self.now;
+        while let (Some(frame), Some(decoder)) = (self.client.take_telemetry(), &mut self.decoder) {
+            if let Some(row) = decoder.frame(frame) {
+                self.now = row.time_s;
+                each(&point(&row, &self.settings, self.aligned));
+            }
+        }
+        if self.now > before {
+            self.heard = Instant::now();
+        } else if self.heard.elapsed() > SILENT {
+            bail!("the drive sends no telemetry any more");
+        }
+        Ok(())
+    }
+}
+
+/// A row in the rotors' frames.
+fn point(row: &Row, settings: &Settings, aligned: [(f64, f64); 2]) -> Point {
+    let mut motors = [MotorPoint::default(); 2];
+    let plates = [&settings.screw, &settings.nut];
+    for (k, motor) in motors.iter_mut().enumerate() {
+        let (row, (zero, direction)) = (&row.motors[k], aligned[k]);
+        let pole_pairs = f64::from(plates[k].pole_pairs);
+        let angle = direction * row.angle_rad;
+        // The currents are newer than the angle.
+        let aged = pole_pairs * row.speed_ref_rad_s * plates[k].encoder_age_us * 1e-6;
+        let (sin, cos) = (pole_pairs * angle + zero + aged).sin_cos();
+        let [a, b] = row.phases_a;
+        // Power invariant: a vector is sqrt(3/2) times as long as the amplitude of a phase.
+        let alpha = 1.5f64.sqrt() * a;
+        let beta = (a + 2.0 * b) / 2f64.sqrt();
+        *motor = MotorPoint {
+            angle,
+            current: [cos * alpha + sin * beta, cos * beta - sin * alpha],
+            voltage: row.voltage_v,
+            speed_ref: row.speed_ref_rad_s,
+            i_q_ref: row.i_q_ref_a,
+        };
+    }
+    Point {
+        time: row.time_s,
+        motors,
+        table: row.table_m,
+    }
+}
+
+/// What a fault says of what is measured.
+fn stopped(fault: Fault, status: &Status) -> Failure {
+    let misaligned = matches!(
+        fault,
+        Fault::ScrewAlignment | Fault::NutAlignment | Fault::PairAlignment
+    );
+    match Misalignment::of_word(status.misalignment) {
+        Some(reason) if misaligned => Failure {
+            measured: format!("{}: {}", fault.name(), reason.name()),
+            expected: "both rotors found".to_owned(),
+            check: reason.sentence().to_owned(),
+        },
+        _ => Failure {
+            measured: format!("a fault stopped the drive: {}", fault.name()),
+            expected: "no fault".to_owned(),
+            check: fault.sentence().to_owned(),
+        },
+    }
+}
