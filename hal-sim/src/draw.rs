@@ -22,6 +22,8 @@ pub struct Machine {
     pub declared: Model,
     /// What it has beyond that.
     pub effects: Vec<EffectModel>,
+    /// What it is, with its effects: plates err.
+    pub real: Model,
     /// Its profiles and its friction, in words.
     pub style: String,
     /// The record to identify from.
@@ -311,6 +313,7 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
     Machine {
         declared,
         effects,
+        real: machine,
         style: format!("{} {rubbing:?}", profiles.style),
         fit,
         check,
@@ -328,12 +331,13 @@ pub fn acted_on_as(
     let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
     let declared = plate(&mut rng);
     let machine = real(&mut rng, &declared);
-    let machine = (&machine, coupling);
+    let acted = (&machine, coupling);
     Machine {
-        fit: run(&declared, machine, act, &fit, seed),
-        check: run(&declared, machine, act, &check, seed ^ 0x5555),
+        fit: run(&declared, acted, act, &fit, seed),
+        check: run(&declared, acted, act, &check, seed ^ 0x5555),
         style: "acted on".into(),
         effects: Vec::new(),
+        real: machine,
         declared,
     }
 }
@@ -366,11 +370,14 @@ pub fn alone(seed: u64, kinds: &[&str], act: &Act) -> Machine {
             .collect();
         run(&declared, (&machine, Coupling::Lumped), act, profile, seed)
     };
+    let fit = of_run(&fit, seed);
+    let check = of_run(&check, seed ^ 0x5555);
     Machine {
-        fit: of_run(&fit, seed),
-        check: of_run(&check, seed ^ 0x5555),
+        fit,
+        check,
         style: "alone".into(),
         effects,
+        real: machine,
         declared,
     }
 }

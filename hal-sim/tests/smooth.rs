@@ -7,7 +7,7 @@ use hal_sim::experiment::{OperatingPoint, RPM};
 use hal_sim::parallel::on_all_cores;
 use hal_sim::smooth::bench::learned;
 use hal_sim::smooth::known::Known;
-use hal_sim::smooth::reversal::reversal;
+use hal_sim::smooth::reversal::{Reversal, reversal};
 use hal_sim::smooth::{Machine, drive, orders, setup, smoothness};
 use plant::Axis;
 
@@ -111,16 +111,18 @@ fn what_a_model_knows_is_what_a_drive_learns() {
     }
 }
 
-/// The speed loop alone waits for the error; in the double drive, whose bearings do not reverse, little of it is left.
+/// The speed loop alone waits for the error.
 #[test]
 fn friction_that_is_fed_forward_need_not_be_waited_for() {
-    let [pi, ours] = reversal(800.0).unwrap();
-    println!("{pi:.1} % without, {ours:.1} % with friction fed forward");
-    assert!(
-        pi > 15.0 && ours < 5.0,
-        "the table's error at its reversal is {pi:.1} % without and {ours:.1} % with friction fed forward, expected more than 15 \
-         and less than 5"
-    );
+    for rpm in [0.0, 800.0] {
+        let Reversal { pi, known, .. } = reversal(rpm).unwrap();
+        println!("nut {rpm} rpm: {pi:.1} % without, {known:.1} % with friction fed forward");
+        assert!(
+            pi > 15.0 && known < 5.0,
+            "nut {rpm} rpm: the table's error at its reversal is {pi:.1} % without and {known:.1} % with friction fed forward, \
+             expected more than 15 and less than 5"
+        );
+    }
 }
 
 /// A fault stops the drive while it learns, the motors run out, and the table stands elsewhere when it starts again: that teaches

@@ -76,7 +76,10 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
             "orders": lists.iter().flat_map(|(what, unit, plates)| plates.iter().map(move |plate| json!({
                 "of": what, "order": plate.order, "unit": unit, "re": plate.re, "im": plate.im,
             }))).collect::<Vec<_>>(),
-            "friction_nm": {"bearings": known.friction.bearings_nm, "feed": known.friction.feed_nm},
+            "friction_nm": {
+                "bearings": known.friction.bearings.map(|bearing| bearing.coulomb_nm),
+                "feed": known.friction.feed.coulomb_nm,
+            },
             "left": known.left,
             "predicted": predicted.iter().map(|(rpm, before, after)| json!({
                 "nut_rpm": rpm, "vrf_before": before, "vrf_after": after,
@@ -94,11 +97,18 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
             );
         }
     }
-    let [screw, nut] = known.friction.bearings_nm;
-    println!(
-        "Friction: bearings {screw} and {nut} N m, ball pair and guideway {:.4} N m",
-        known.friction.feed_nm
-    );
+    let [screw, nut] = known.friction.bearings;
+    println!("Friction, N m while it slides, and more to break away:");
+    for (what, rubbing) in [
+        ("screw, bearing", screw),
+        ("nut, bearing", nut),
+        ("pair and guideway", known.friction.feed),
+    ] {
+        println!(
+            "  {what:<18} {:>8.4} {:>8.4}",
+            rubbing.coulomb_nm, rubbing.sticks_nm
+        );
+    }
     if !known.left.is_empty() {
         println!("No order compensates: {}", known.left.join(", "));
     }

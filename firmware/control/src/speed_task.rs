@@ -8,6 +8,7 @@ use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::exchange::MotorExchange;
 use crate::fault::Fault;
 use crate::format::{Angle, Current, Speed};
+use crate::friction::Friction;
 use crate::interlock::Interlock;
 use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
@@ -57,6 +58,7 @@ pub struct SpeedTask {
     current_max: [Current; 2],
     too_hot: [bool; 2],
     compensation: Compensation,
+    friction: Friction,
     /// The encoders count backwards: screw, nut.
     reversed: [bool; 2],
     /// Which of the [`Look`]s is due.
@@ -90,6 +92,7 @@ impl SpeedTask {
             current_max: [screw_loop.i_max, nut_loop.i_max],
             too_hot: [false; 2],
             compensation: Compensation::new(&config.compensation),
+            friction: Friction::new(),
             reversed: [false; 2],
             look: 0,
         }
@@ -256,6 +259,7 @@ impl SpeedTask {
         self.coordinator = Coordinator::new();
         self.followed = Command::rest();
         self.compensation.rest();
+        self.friction = Friction::new();
         self.torque_limited = [false; 2];
         self.runaway = [Runaway::new(); 2];
         self.found = None;
@@ -360,12 +364,15 @@ impl SpeedTask {
                 *wanted = wanted.plus(given);
             }
         }
-        let references = [screw_reference.omega_e, nut_reference.omega_e];
-        let rubbed = config
-            .friction
-            .currents(references, self.coordinator.relative());
-        for (wanted, given) in wanted.iter_mut().zip(rubbed) {
-            *wanted = wanted.plus(given);
+        if config.friction.active {
+            let references = [screw_reference.omega_e, nut_reference.omega_e];
+            let relative = self.coordinator.relative();
+            let rubbed = self
+                .friction
+                .currents(&config.friction, references, relative);
+            for (wanted, given) in wanted.iter_mut().zip(rubbed) {
+                *wanted = wanted.plus(given);
+            }
         }
         let [screw_wanted, nut_wanted] = wanted;
         let [screw_regeneration, nut_regeneration] = &config.regeneration;

@@ -8,6 +8,7 @@ use crate::drive::Drive;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
 use crate::parallel::on_all_cores;
 use crate::seam::{Seam, Straight};
+use crate::vrf::vrf_percent;
 use control::compensation::{SPEED_BITS, TORQUE_BITS};
 use control::current_loop::MotorSample;
 use control::encoder::Interface;
@@ -194,12 +195,37 @@ pub fn cases() -> Vec<Case> {
 pub struct Row {
     /// The case.
     pub case: Case,
-    /// Velocity ripple factor, %: median and worst; none if a run ended in a fault, or a reason not to run.
-    pub vrf: Option<[f64; 2]>,
-    /// Root mean square of the velocity's error, %, median.
-    pub rms: Option<f64>,
-    /// Why there is none.
-    pub failed: Option<String>,
+    /// What it left, or why a run ended.
+    pub left: Result<Left, String>,
+}
+
+/// What runs of several seeds left.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Left {
+    /// Of each figure the median.
+    pub median: Smoothness,
+    /// The worst velocity ripple factor, %.
+    pub worst: f64,
+}
+
+impl Left {
+    fn of(runs: &[Smoothness]) -> Self {
+        let sorted = |of: &dyn Fn(&Smoothness) -> f64| {
+            let mut values: Vec<f64> = runs.iter().map(of).collect();
+            values.sort_by(f64::total_cmp);
+            values
+        };
+        let median = |of: &dyn Fn(&Smoothness) -> f64| sorted(of)[runs.len() / 2];
+        Self {
+            median: Smoothness {
+                vrf: median(&|run| run.vrf),
+                rms: median(&|run| run.rms),
+                bands: [0, 1].map(|k: usize| median(&|run| run.bands[k])),
+                following: [0, 1].map(|k: usize| median(&|run| run.following[k])),
+            },
+            worst: sorted(&|run| run.vrf)[runs.len() - 1],
+        }
+    }
 }
 
 /// Runs `cases` with so many seeds each, on all cores; `each` hears of each run that ends.
@@ -219,30 +245,12 @@ pub fn rows(cases: &[Case], seeds: u64, each: impl Fn() + Sync) -> Vec<Row> {
         .map(|&case| {
             // All of the case's results, before the first error among them ends the case.
             let of_case: Vec<_> = results.by_ref().take(seeds as usize).collect();
-            match of_case
-                .into_iter()
-                .collect::<Result<Vec<Smoothness>, ExperimentError>>()
-            {
-                Err(error) => Row {
-                    case,
-                    vrf: None,
-                    rms: None,
-                    failed: Some(error.to_string()),
-                },
-                Ok(runs) => {
-                    let sorted = |of: fn(&Smoothness) -> f64| {
-                        let mut values: Vec<f64> = runs.iter().map(of).collect();
-                        values.sort_by(f64::total_cmp);
-                        values
-                    };
-                    let (vrf, rms) = (sorted(|run| run.vrf), sorted(|run| run.rms));
-                    Row {
-                        case,
-                        vrf: Some([vrf[vrf.len() / 2], vrf[vrf.len() - 1]]),
-                        rms: Some(rms[rms.len() / 2]),
-                        failed: None,
-                    }
-                }
+            let runs: Result<Vec<Smoothness>, ExperimentError> = of_case.into_iter().collect();
+            Row {
+                case,
+                left: runs
+                    .map(|runs| Left::of(&runs))
+                    .map_err(|error| error.to_string()),
             }
         })
         .collect()
@@ -388,7 +396,7 @@ fn sweep(drive: &mut Drive, learns_s: f64) -> Option<f64> {
         drive.command(point.velocity, point.base).ok()?;
         all.extend(velocities(drive, 20.0 / 900.0, &mut Straight).ok()?);
     }
-    (drive.state() == control::supervisor::State::Running).then(|| Smoothness::of(&all, 2.5e-3).vrf)
+    (drive.state() == control::supervisor::State::Running).then(|| vrf_percent(&all, 2.5e-3))
 }
 
 /// Time from cold, and from saved tables, until a second of motion is within twice what a second has in the end: lumped, CDFS,
@@ -414,7 +422,7 @@ fn seconds_to_final(drive: &mut Drive) -> Result<f64, ExperimentError> {
         .collect::<Result<Vec<_>, _>>()?;
     let ripple: Vec<f64> = quarters
         .windows(4)
-        .map(|second| Smoothness::of(&second.concat(), 2.5e-3).vrf)
+        .map(|second| vrf_percent(&second.concat(), 2.5e-3))
         .collect();
     let last = ripple
         .iter()

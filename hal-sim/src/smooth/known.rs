@@ -1,9 +1,9 @@
 //! What a model knows of a machine, as what its drive compensates: each effect's order and coefficient.
 
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
-use control::plate::{CompensationPlate, FrictionPlate, OrderPlate};
+use control::plate::{CompensationPlate, FrictionPlate, OrderPlate, RubbingPlate};
 use plant::Axis;
-use plant::effects::{AnyEffect, EffectModel};
+use plant::effects::{AnglePeriodic, AnyEffect, Cogging, CouplingMisalignment, EffectModel, Place};
 use plant::model::{Model, MotorModel};
 use rustfft::num_complex::Complex64;
 use std::f64::consts::{SQRT_2, TAU};
@@ -24,8 +24,11 @@ const POINTS: usize = 64;
 /// Less than this of torque (A) and speed (1) is no order.
 const LEAST: f64 = 1e-7;
 
-/// Band of a friction's sign, rad/s: a hundredth of a second at the acceleration of a slow reversal. Our choice.
-const BAND_RAD_S: f64 = 0.02;
+/// Way over which friction rises where the model has it rise at once, rad: a hundredth of a second at the acceleration of a slow
+/// reversal. Our choice.
+const PRESLIDING_RAD: f64 = 1e-4;
+/// Stribeck speed of friction that has none, rad/s: any.
+const NO_STRIBECK_RAD_S: f64 = 1.0;
 
 /// A complex amplitude: `Re(x e^(j order angle))`.
 type Lines = Vec<(f64, Complex64)>;
@@ -94,13 +97,39 @@ impl Known {
         };
         Self {
             compensation,
-            friction: FrictionPlate {
-                bearings_nm: [model.screw.coulomb_nm, model.nut.coulomb_nm],
-                feed_nm: model.feed.pair_coulomb_nm + model.feed.guideway_coulomb_n * r.abs(),
-                band_rad_s: BAND_RAD_S,
-            },
+            friction: friction(model),
             left,
         }
+    }
+}
+
+/// Friction of the model, and what of it sticks.
+fn friction(model: &Model) -> FrictionPlate {
+    let r = model.feed.travel_per_radian().abs();
+    let rubbing = |coulomb_nm: f64, place: &dyn Fn(&EffectModel) -> bool, per: f64| {
+        let mut plate = RubbingPlate {
+            coulomb_nm,
+            sticks_nm: 0.0,
+            stribeck_rad_s: NO_STRIBECK_RAD_S,
+            presliding_rad: PRESLIDING_RAD,
+        };
+        for effect in model.effects.iter().filter(|effect| place(effect)) {
+            if let AnyEffect::StribeckFriction(one) = effect.effect() {
+                plate.sticks_nm += one.amplitude * per;
+                plate.stribeck_rad_s = one.speed / per;
+            }
+        }
+        plate
+    };
+    let bearing = |axis: Axis| {
+        let at = |effect: &EffectModel| effect.place().has(axis);
+        rubbing(model.motor(axis).coulomb_nm, &at, 1.0)
+    };
+    let feed_nm = model.feed.pair_coulomb_nm + model.feed.guideway_coulomb_n * r;
+    let at_feed = |effect: &EffectModel| effect.place() == Place::Feed;
+    FrictionPlate {
+        bearings: Axis::ALL.map(bearing),
+        feed: rubbing(feed_nm, &at_feed, r),
     }
 }
 
@@ -122,9 +151,23 @@ fn of_motor(
             one.order * p,
             Complex64::from_polar(-one.amplitude / per_amp(motor), one.phase),
         )),
-        AnyEffect::Cogging(one) => torque.push((
-            one.order,
-            Complex64::from_polar(-one.amplitude / per_amp(motor), one.phase),
+        AnyEffect::Cogging(Cogging {
+            order,
+            amplitude,
+            phase,
+        })
+        | AnyEffect::AnglePeriodic(AnglePeriodic {
+            order,
+            amplitude,
+            phase,
+        })
+        | AnyEffect::CouplingMisalignment(CouplingMisalignment {
+            order,
+            amplitude,
+            phase,
+        }) => torque.push((
+            *order,
+            Complex64::from_polar(-amplitude / per_amp(motor), *phase),
         )),
         AnyEffect::FluxHarmonic(one) => torque.push((
             one.order * p,
@@ -155,6 +198,11 @@ fn of_feed(effect: &EffectModel, r: f64, travel: &mut Lines) -> bool {
                 one.order,
                 Complex64::from_polar(part, one.phase) * -Complex64::i(),
             ));
+            true
+        }
+        // A torque of the pair: what it does to the table's speed is learned from a scale, and not known before.
+        AnyEffect::BallPassage(one) => {
+            travel.push((one.order, Complex64::ZERO));
             true
         }
         _ => false,

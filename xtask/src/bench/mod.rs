@@ -8,7 +8,7 @@ mod drive;
 mod faults;
 #[cfg(feature = "simulate")]
 mod runaway;
-#[cfg(feature = "simulate")]
+#[cfg(feature = "identify")]
 mod smooth;
 
 use anyhow::Result;
@@ -70,12 +70,32 @@ pub struct SmoothOptions {
     /// Seeds of each row.
     #[arg(long, default_value = "5")]
     pub seeds: std::num::NonZeroU64,
+    /// Only these parts.
+    #[arg(long, value_enum, num_args = 1..)]
+    pub only: Vec<SmoothPart>,
     /// Writes the table as a picture into this folder.
     #[arg(long)]
     pub out: Option<std::path::PathBuf>,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A part of the bench of smoothness.
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+pub enum SmoothPart {
+    /// Machines, modes, speeds and controllers, side by side.
+    Rows,
+    /// The drive is told wrongly.
+    Robustness,
+    /// Reversal through friction.
+    Reversal,
+    /// Time to learn.
+    Learning,
+    /// What sets the ripple that is left.
+    Floor,
+    /// Record, identify, compensate, record again.
+    Loop,
 }
 
 /// How to say it.
@@ -142,13 +162,13 @@ fn faults(_: &FaultsOptions) -> Result<()> {
     crate::with::With::Simulate.take_over()
 }
 
-#[cfg(feature = "simulate")]
+#[cfg(feature = "identify")]
 fn smooth(options: &SmoothOptions) -> Result<()> {
     smooth::run(options)
 }
 
-/// Hands over to an xtask with the simulator.
-#[cfg(not(feature = "simulate"))]
+/// Hands over to an xtask with the identification.
+#[cfg(not(feature = "identify"))]
 fn smooth(_: &SmoothOptions) -> Result<()> {
-    crate::with::With::Simulate.take_over()
+    crate::with::With::Identify.take_over()
 }

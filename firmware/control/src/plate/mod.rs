@@ -236,23 +236,49 @@ impl OrderPlate {
     }
 }
 
-/// Coulomb friction that is known and fed forward: see [`friction`](crate::friction).
+/// Friction of one place: see [`friction`](crate::friction). Angles and speeds are mechanical, of its own surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RubbingPlate {
+    /// While it slides, N m.
+    pub coulomb_nm: f64,
+    /// What it takes more to break away, N m.
+    pub sticks_nm: f64,
+    /// Speed at which that has fallen to 1/e, rad/s.
+    pub stribeck_rad_s: f64,
+    /// Way over which it turns, at a slow speed, by all but 1/e, rad: the level that breaks away over the stiffness at rest.
+    pub presliding_rad: f64,
+}
+
+impl RubbingPlate {
+    /// None.
+    pub const NONE: Self = Self {
+        coulomb_nm: 0.0,
+        sticks_nm: 0.0,
+        stribeck_rad_s: 0.0,
+        presliding_rad: 0.0,
+    };
+
+    /// There is some.
+    #[must_use]
+    pub const fn rubs(&self) -> bool {
+        self.coulomb_nm != 0.0
+    }
+}
+
+/// Friction that is known and fed forward.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrictionPlate {
-    /// Of the bearings of screw and nut, N m.
-    pub bearings_nm: [f64; 2],
-    /// Of ball pair and guideway, N m at the screw.
-    pub feed_nm: f64,
-    /// Speed at which a sign is whole, mechanical rad/s, above 0 where there is friction.
-    pub band_rad_s: f64,
+    /// Of the bearings of screw and nut.
+    pub bearings: [RubbingPlate; 2],
+    /// Of ball pair and guideway, at the screw by the relative angle.
+    pub feed: RubbingPlate,
 }
 
 impl FrictionPlate {
     /// Nothing is fed forward.
     pub const NONE: Self = Self {
-        bearings_nm: [0.0; 2],
-        feed_nm: 0.0,
-        band_rad_s: 0.0,
+        bearings: [RubbingPlate::NONE; 2],
+        feed: RubbingPlate::NONE,
     };
 }
 

@@ -37,7 +37,7 @@ fn points(rows: &[Row]) -> Vec<(String, Vec<&Row>)> {
         let name = format!(
             "{}, {}, {} mm/s",
             case.machine.name(),
-            mode(case),
+            mode(case.nut_rpm),
             case.table_mm_s
         );
         match points.iter_mut().find(|(known, _)| *known == name) {
@@ -80,12 +80,15 @@ pub(super) fn page(rows: &[Row], seeds: u64) -> String {
             let (letter, colour) = mark(row.case.controller);
             let told = called(&row.case);
             // What failed stands at the right end.
-            let (x, told) = match row.vrf {
-                Some([median, worst]) => (
-                    place(median),
-                    format!("{told}: {median:.2} %, worst {worst:.2} %"),
+            let (x, told) = match &row.left {
+                Ok(left) => (
+                    place(left.median.vrf),
+                    format!(
+                        "{told}: {:.2} %, worst {:.2} %",
+                        left.median.vrf, left.worst
+                    ),
                 ),
-                None => (NAMES + WIDTH + 12.0, format!("{told}: ended in a fault")),
+                Err(_) => (NAMES + WIDTH + 12.0, format!("{told}: ended in a fault")),
             };
             let _ = writeln!(
                 svg,

@@ -2,50 +2,63 @@
 
 use super::{attempt, within};
 use crate::format::{Current, Misfit, SpeedGain, quantise};
-use crate::friction::FrictionConfig;
-use crate::plate::DrivePlate;
+use crate::friction::{FrictionConfig, RubbingConfig, STEPS};
+use crate::plate::{DrivePlate, RubbingPlate};
+
+/// Where the line that stands for `e^-x^2` ends, so that it has the same area: the root of pi.
+const LINE_ENDS: f64 = 1.772_453_850_905_516;
 
 impl DrivePlate {
     /// # Errors
     /// [`Misfit`] if a friction is none, or its slope does not fit its format.
     pub(super) const fn friction(&self) -> Result<FrictionConfig, Misfit> {
-        let plate = &self.friction;
         let [screw, nut] = &self.motors;
-        let [screw_nm, nut_nm] = plate.bearings_nm;
-        // A magnet that is turned round turns the slopes, not the sizes.
-        let per_amp = [
-            screw.pole_pairs as f64 * screw.flux_wb,
-            nut.pole_pairs as f64 * nut.flux_wb,
-        ];
-        let [screw_per_amp, nut_per_amp] = per_amp;
-        let some = screw_nm != 0.0 || nut_nm != 0.0 || plate.feed_nm != 0.0;
-        let band = if some { plate.band_rad_s } else { 1.0 };
-        attempt!(within(
-            "band of a friction's sign",
-            "rad/s",
-            band,
-            1e-3,
-            1e3
-        ));
+        let plate = &self.friction;
+        let [screw_plate, nut_plate] = &plate.bearings;
+        let (screw_pairs, nut_pairs) = (screw.pole_pairs as f64, nut.pole_pairs as f64);
+        let screw_per_amp = screw_pairs * screw.flux_wb;
+        let nut_per_amp = nut_pairs * nut.flux_wb;
         Ok(FrictionConfig {
+            active: screw_plate.rubs() || nut_plate.rubs() || plate.feed.rubs(),
             bearings: [
-                attempt!(current(screw_nm / screw_per_amp.abs())),
-                attempt!(current(nut_nm / nut_per_amp.abs())),
+                attempt!(self.rubbing(screw_plate, screw_per_amp, screw_pairs)),
+                attempt!(self.rubbing(nut_plate, nut_per_amp, nut_pairs)),
             ],
-            feed: [
-                attempt!(current(plate.feed_nm / screw_per_amp.abs())),
-                attempt!(current(plate.feed_nm / nut_per_amp.abs())),
-            ],
-            bearing_slopes: [
-                attempt!(slope(
-                    screw_nm / screw_per_amp / band / screw.pole_pairs as f64
-                )),
-                attempt!(slope(nut_nm / nut_per_amp / band / nut.pole_pairs as f64)),
-            ],
-            feed_slopes: [
-                attempt!(slope(plate.feed_nm / screw_per_amp / band)),
-                attempt!(slope(plate.feed_nm / nut_per_amp / band)),
-            ],
+            feed: attempt!(self.rubbing(&plate.feed, screw_per_amp, 1.0)),
+            feed_at_nut: attempt!(gain("flux of the screw over the nut's", "1", {
+                screw_per_amp / nut_per_amp
+            })),
+        })
+    }
+
+    /// A friction as currents of a motor of so many N m per A, by a speed of so many rad/s a mechanical one.
+    const fn rubbing(
+        &self,
+        plate: &RubbingPlate,
+        per_amp: f64,
+        pairs: f64,
+    ) -> Result<RubbingConfig, Misfit> {
+        if !plate.rubs() {
+            return Ok(RubbingConfig {
+                rise: SpeedGain::ZERO,
+                turned: false,
+                coulomb: Current::ZERO,
+                sticks: Current::ZERO,
+                fade: SpeedGain::ZERO,
+            });
+        }
+        let (presliding, stribeck) = (plate.presliding_rad, plate.stribeck_rad_s);
+        attempt!(within("presliding", "rad", presliding, 1e-6, 10.0));
+        attempt!(within("Stribeck speed", "rad/s", stribeck, 1e-3, 1e4));
+        let size = per_amp.abs();
+        let rise = STEPS as f64 * self.speed_step() / presliding / pairs;
+        let fade = plate.sticks_nm / size / (LINE_ENDS * stribeck) / pairs;
+        Ok(RubbingConfig {
+            rise: attempt!(gain("steps over the presliding", "s/rad", rise)),
+            turned: per_amp < 0.0,
+            coulomb: attempt!(current(plate.coulomb_nm / size)),
+            sticks: attempt!(current(plate.sticks_nm / size)),
+            fade: attempt!(gain("friction over its Stribeck speed", "A s/rad", fade)),
         })
     }
 }
@@ -57,11 +70,8 @@ const fn current(amps: f64) -> Result<Current, Misfit> {
     ))))
 }
 
-const fn slope(amps_per_rad_s: f64) -> Result<SpeedGain, Misfit> {
+const fn gain(of: &'static str, unit: &'static str, value: f64) -> Result<SpeedGain, Misfit> {
     Ok(SpeedGain::from_bits(attempt!(quantise(
-        "friction over the band of its sign",
-        "A s/rad",
-        amps_per_rad_s,
-        24
+        of, unit, value, 24
     ))))
 }
