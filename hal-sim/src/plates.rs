@@ -117,7 +117,7 @@ pub fn plates(
         alignment: AlignmentPlate {
             torque_nm: [0.3 * PAPER_TORQUE_NM / 2.0; 2],
             travel_m: 50e-6,
-            speed_rpm: PAPER_SPEED_RPM / 15.0,
+            speed_rpm: PAPER_SPEED_RPM / 10.0,
         },
         runaway: RunawayPlate::USUAL,
         compensation: CompensationPlate::NONE,

@@ -3,6 +3,7 @@
 use control::alignment::{Part, Reason};
 use control::encoder::Interface;
 use hal_sim::alignment::{Start, miswirings};
+use hal_sim::boards::BoardKind;
 use plant::Axis;
 
 /// Largest error of the electrical angle, degrees; furthest that the table may move, m; largest torque, N m.
@@ -64,6 +65,52 @@ fn an_index_is_passed_while_aligning() {
             error < ERROR_DEG,
             "{angles:?}: {error} degrees of {ERROR_DEG}"
         );
+    }
+}
+
+/// The speed task asks for what it knew before the current loop passed the index: for 0.2 ms the angle was then wrong by as much
+/// as the count had jumped, and a current of 0.94 A made 0.52 N m.
+#[test]
+fn an_index_that_is_passed_makes_no_torque() {
+    for seed in [104, 115, 243] {
+        let outcome = Start::drawn(seed).run().unwrap();
+        let torque = outcome.torque_nm;
+        assert!(
+            torque < TORQUE_NM,
+            "seed {seed}: {torque} N m of {TORQUE_NM}"
+        );
+    }
+}
+
+/// An index that is passed while the rotors are located, here of a nut whose bridge is open, makes its observer follow the count
+/// for some milliseconds. That is no motion: it was taken for 50 um of the table where it had moved by 5.
+#[test]
+fn an_index_that_is_passed_while_locating_is_no_motion() {
+    for start in [
+        Start::drawn(160),
+        Start::of_board(BoardKind::Mains, 160),
+        Start::of_board(BoardKind::Mains, 174),
+    ] {
+        let outcome = start.run().unwrap();
+        assert!(outcome.is_ready(), "{outcome:?}");
+    }
+}
+
+/// On the boards' own machines, where friction holds the rotors at every angle; where it does not, one that leaves an angle where
+/// it just stands goes on to the next by itself.
+#[test]
+fn the_boards_own_machines_are_aligned_where_friction_holds_their_rotors() {
+    for board in [BoardKind::Nucleo, BoardKind::Mains] {
+        let held = (0..).map(|seed| (seed, Start::of_board(board, seed)));
+        for (seed, start) in held.filter(|(_, start)| start.margin_nm() > 0.0).take(10) {
+            let outcome = start.run().unwrap();
+            assert!(outcome.is_ready(), "{board:?}, seed {seed}: {outcome:?}");
+            let (error, travel) = (outcome.error_deg_worst(), outcome.travel_m);
+            assert!(
+                error < ERROR_DEG && travel < TRAVEL_M,
+                "{board:?}, seed {seed}: {error} degrees of {ERROR_DEG}, {travel} m of {TRAVEL_M}"
+            );
+        }
     }
 }
 

@@ -389,17 +389,21 @@ impl CurrentLoop {
         counts: Option<u32>,
         innovation: i32,
     ) {
-        let (Some(counts), Some(alignment)) = (counts, self.alignment) else {
+        let index = |alignment: EncoderAlignment| alignment.index_awaited;
+        let Some(counts) = counts.filter(|_| self.alignment.is_none_or(index)) else {
             return exchange.publish_wrong_reading();
         };
-        if !alignment.index_awaited {
-            return exchange.publish_wrong_reading();
-        }
         let jump = self.observer.jumped(&config.observer, innovation, counts);
-        let alignment = alignment.past_index(jump, config.observer.pole_pairs);
-        self.alignment = Some(alignment);
-        self.observer.align(alignment);
-        exchange.publish_index(alignment);
+        match self.alignment {
+            Some(alignment) => {
+                let alignment = alignment.past_index(jump, config.observer.pole_pairs);
+                self.alignment = Some(alignment);
+                self.observer.align(alignment);
+                exchange.publish_index(alignment);
+            }
+            // Nothing is known yet that the jump would move.
+            None => exchange.publish_wrong_reading(),
+        }
         let (_, theta_step) = self.observer.shaft();
         exchange.publish_shaft(Some(counts), theta_step);
     }

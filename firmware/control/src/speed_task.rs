@@ -577,7 +577,10 @@ impl SpeedTask {
         let asked = self.asked;
         let aligned = self.alignments.iter_mut().zip(held).zip(asked.alignment);
         for (exchange, ((last, held), alignment)) in exchanges.into_iter().zip(aligned) {
-            if *last != alignment {
+            // What was asked before the current loop passed the index is not true any more: the next step has seen it too.
+            let awaits = |at: Option<EncoderAlignment>| at.is_some_and(|at| at.index_awaited);
+            let before_index = held.is_some() && !awaits(held) && awaits(alignment);
+            if *last != alignment && !before_index {
                 *last = alignment;
                 exchange.align(held, alignment);
             }

@@ -103,7 +103,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     alignment: AlignmentPlate {
         torque_nm: [0.3 * RATED_NM; 2],
         travel_m: 50e-6,
-        speed_rpm: MOTOR.speed_max_rpm / 15.0,
+        speed_rpm: MOTOR.speed_max_rpm / 10.0,
     },
     runaway: RunawayPlate::USUAL,
     compensation: CompensationPlate::NONE,

@@ -57,5 +57,5 @@ pub(crate) const FEED: FeedPlate = FeedPlate {
 pub(crate) const ALIGNMENT: AlignmentPlate = AlignmentPlate {
     torque_nm: [0.39; 2],
     travel_m: 50e-6,
-    speed_rpm: 200.0,
+    speed_rpm: 300.0,
 };

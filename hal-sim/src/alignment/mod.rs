@@ -4,7 +4,8 @@ mod miswirings;
 
 pub use miswirings::{Miswiring, miswirings};
 
-use crate::board::{Board, BoardConfig};
+use crate::board::{Board, BoardConfig, Comparators};
+use crate::boards::BoardKind;
 use crate::drive::Drive;
 use crate::experiment::Setup;
 use crate::plates::plates;
@@ -199,6 +200,55 @@ impl Start {
         let held = held_load_n(&start.model);
         start.model.feed.load_n = if seed.is_multiple_of(2) { part } else { -part } * held;
         start
+    }
+
+    /// A board's own machine ([`BoardKind::machine`] of the coupled model), drawn from `seed`: where the rotors stand, a load of
+    /// up to half of what friction holds, either way, and torque over the rotors' angle of up to the paper's.
+    #[must_use]
+    pub fn of_board(board: BoardKind, seed: u64) -> Self {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
+        let mut draw = |low: f64, high: f64| {
+            Uniform::new(low, high)
+                .map(|range| range.sample(&mut random))
+                .unwrap_or(low)
+        };
+        let mut model = board.machine(&Model::coupled(), Coupling::Coupled);
+        let angles = [draw(0.0, TAU), draw(0.0, TAU)];
+        model.feed.load_n = draw(-0.5, 0.5) * held_load_n(&model);
+        let part = draw(0.0, 1.0);
+        for axis in Axis::ALL {
+            for harmonic in &mut model.motor_mut(axis).torque_harmonics {
+                harmonic.amplitude_nm *= part;
+                harmonic.phase_rad = draw(0.0, TAU);
+            }
+        }
+        Self {
+            model,
+            board: BoardConfig {
+                seed,
+                comparators: Comparators::Amplifiers,
+                ..board.config()
+            },
+            plate: board.plate(),
+            angles,
+        }
+    }
+
+    /// By how much friction holds either rotor at every angle without a current, N m: bearing, ball pair and guideway against
+    /// the load and what torque its harmonics make at most. Below 0 a rotor that leaves the angle where it stands by a little
+    /// goes on to the next one where it stands: half a period of its harmonics at most, with the table.
+    #[must_use]
+    pub fn margin_nm(&self) -> f64 {
+        let feed = &self.model.feed;
+        let r = feed.travel_per_radian();
+        let held = feed.pair_coulomb_nm + feed.guideway_coulomb_n * r - feed.load_n.abs() * r;
+        let of = |axis| {
+            let motor = self.model.motor(axis);
+            let harmonics = motor.torque_harmonics.iter();
+            let most: f64 = harmonics.map(|harmonic| harmonic.amplitude_nm.abs()).sum();
+            motor.coulomb_nm + held - most
+        };
+        Axis::ALL.map(of).into_iter().fold(f64::INFINITY, f64::min)
     }
 
     /// Switches the drive on and lets it align, or find why it cannot.

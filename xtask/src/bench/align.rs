@@ -1,8 +1,10 @@
-//! `cargo xtask bench align`: starts on drawn machines, wrong wiring, and loads that nothing holds.
+//! `cargo xtask bench align`: starts on drawn machines and on the boards' own, wrong wiring, and loads that nothing holds.
 
 use super::AlignOptions;
 use anyhow::Result;
 use hal_sim::alignment::{Outcome, Start, miswirings};
+use hal_sim::boards::BoardKind;
+use hal_sim::parallel::on_all_cores;
 use serde::Serialize;
 
 /// Largest error of the electrical angle, degrees.
@@ -15,14 +17,56 @@ const LOOSE: u64 = 12;
 const MISWIRED_SEED: u64 = 1_000_000;
 const LOOSE_SEED: u64 = 2_000_000;
 
-#[derive(Serialize)]
-struct Report {
-    starts: u64,
-    aligned: u64,
+/// Starts of one kind of machine.
+#[derive(Default, Serialize)]
+struct Starts {
+    starts: usize,
+    aligned: usize,
     error_deg_worst: f64,
     travel_um_worst: f64,
     torque_nm_worst: f64,
     seconds_worst: f64,
+}
+
+impl Starts {
+    fn add(&mut self, outcome: &Outcome) {
+        self.starts += 1;
+        self.travel_um_worst = self.travel_um_worst.max(outcome.travel_m * 1e6);
+        self.torque_nm_worst = self.torque_nm_worst.max(outcome.torque_nm);
+        self.seconds_worst = self.seconds_worst.max(outcome.seconds);
+        if outcome.is_ready() {
+            self.aligned += 1;
+            self.error_deg_worst = self.error_deg_worst.max(outcome.error_deg_worst());
+        }
+    }
+
+    fn sentence(&self) -> String {
+        format!(
+            "{} of {} starts aligned, the worst {:.2} degrees off (goal {ERROR_GOAL_DEG}); the table moved by at most {:.1} um \
+             (goal {TRAVEL_GOAL_UM}), currents made at most {:.3} N m; {:.2} s at most",
+            self.aligned,
+            self.starts,
+            self.error_deg_worst,
+            self.travel_um_worst,
+            self.torque_nm_worst,
+            self.seconds_worst
+        )
+    }
+}
+
+/// Starts of a board's own machine: those whose rotors friction holds at every angle, and the others.
+#[derive(Serialize)]
+struct BoardStarts {
+    board: &'static str,
+    held: Starts,
+    loose: Starts,
+}
+
+#[derive(Serialize)]
+struct Report {
+    #[serde(flatten)]
+    drawn: Starts,
+    boards: Vec<BoardStarts>,
     miswirings: usize,
     named: usize,
     miswired_travel_um_worst: f64,
@@ -44,12 +88,8 @@ fn said(outcome: &Outcome) -> String {
 /// Runs and prints.
 pub(super) fn run(options: &AlignOptions) -> Result<()> {
     let mut report = Report {
-        starts: options.starts,
-        aligned: 0,
-        error_deg_worst: 0.0,
-        travel_um_worst: 0.0,
-        torque_nm_worst: 0.0,
-        seconds_worst: 0.0,
+        drawn: Starts::default(),
+        boards: Vec::new(),
         miswirings: 0,
         named: 0,
         miswired_travel_um_worst: 0.0,
@@ -62,20 +102,44 @@ pub(super) fn run(options: &AlignOptions) -> Result<()> {
             println!("{sentence}");
         }
     };
-    for seed in 1..=options.starts {
-        let outcome = Start::drawn(seed).run()?;
-        report.travel_um_worst = report.travel_um_worst.max(outcome.travel_m * 1e6);
-        report.torque_nm_worst = report.torque_nm_worst.max(outcome.torque_nm);
-        report.seconds_worst = report.seconds_worst.max(outcome.seconds);
-        if outcome.is_ready() {
-            report.aligned += 1;
-            report.error_deg_worst = report.error_deg_worst.max(outcome.error_deg_worst());
-        } else {
+    let seeds: Vec<u64> = (1..=options.starts).collect();
+    let outcomes = on_all_cores(&seeds, |&seed| Start::drawn(seed).run());
+    for (seed, outcome) in seeds.iter().zip(outcomes) {
+        let outcome = outcome?;
+        report.drawn.add(&outcome);
+        if !outcome.is_ready() {
             tell(format!("start {seed} refused: {}", said(&outcome)));
         }
     }
-    for miswiring in miswirings(MISWIRED_SEED) {
-        let outcome = miswiring.start.run()?;
+    for (kind, name) in [(BoardKind::Nucleo, "nucleo"), (BoardKind::Mains, "mains")] {
+        let outcomes = on_all_cores(&seeds, |&seed| {
+            let start = Start::of_board(kind, seed);
+            start.run().map(|outcome| (start.margin_nm(), outcome))
+        });
+        let mut board = BoardStarts {
+            board: name,
+            held: Starts::default(),
+            loose: Starts::default(),
+        };
+        for (seed, outcome) in seeds.iter().zip(outcomes) {
+            let (margin_nm, outcome) = outcome?;
+            let held = margin_nm > 0.0;
+            if held && !outcome.is_ready() {
+                tell(format!("{name}, start {seed} refused: {}", said(&outcome)));
+            }
+            let kind = if held {
+                &mut board.held
+            } else {
+                &mut board.loose
+            };
+            kind.add(&outcome);
+        }
+        report.boards.push(board);
+    }
+    let miswired = miswirings(MISWIRED_SEED);
+    let outcomes = on_all_cores(&miswired, |miswiring| miswiring.start.run());
+    for (miswiring, outcome) in miswired.iter().zip(outcomes) {
+        let outcome = outcome?;
         report.miswirings += 1;
         let right = match miswiring.expected {
             Some(expected) => outcome.misalignment == Some(expected),
@@ -96,16 +160,15 @@ pub(super) fn run(options: &AlignOptions) -> Result<()> {
         println!("{}", serde_json::to_string(&report)?);
         return Ok(());
     }
-    println!(
-        "\n{} of {} starts aligned, the worst {:.2} degrees off (goal {ERROR_GOAL_DEG}); the table moved by at most {:.1} um \
-         (goal {TRAVEL_GOAL_UM}), currents made at most {:.3} N m; {:.2} s at most",
-        report.aligned,
-        report.starts,
-        report.error_deg_worst,
-        report.travel_um_worst,
-        report.torque_nm_worst,
-        report.seconds_worst
-    );
+    println!("\ndrawn machines: {}", report.drawn.sentence());
+    for board in &report.boards {
+        println!(
+            "{}, friction holds the rotors at every angle: {}",
+            board.board,
+            board.held.sentence()
+        );
+        println!("{}, it does not: {}", board.board, board.loose.sentence());
+    }
     println!(
         "{} of {} miswirings named or harmless as expected, within {:.1} um and {:.3} N m; {} of {} loose loads refused",
         report.named,

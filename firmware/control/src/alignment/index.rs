@@ -13,6 +13,9 @@ use crate::observer::EncoderAlignment;
 /// right, or there is no index, which the [`guard`](crate::guard) finds.
 const PASSED: i64 = (1 << 32) + (1 << 29);
 
+/// Steps after a jump in which the observer's speed is not the shaft's, where it had to follow: 12.8 ms at 5 kHz.
+const FOLLOWED: u8 = 64;
+
 /// The count of an encoder from its index on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Index {
@@ -23,6 +26,8 @@ pub(super) struct Index {
     jumped: Angle,
     /// Turned in all.
     turned: i64,
+    /// Steps until the observer has followed the jump.
+    following: u8,
 }
 
 impl Index {
@@ -33,6 +38,7 @@ impl Index {
             last: None,
             jumped: Angle(0),
             turned: 0,
+            following: 0,
         }
     }
 
@@ -41,16 +47,28 @@ impl Index {
         self.jump_max.is_some()
     }
 
-    /// A step: the encoder's angle as if its count had not jumped.
-    pub(super) fn step(&mut self, seen: &MotorSeen) -> Angle {
+    /// A step: gives `seen` the encoder's angle as if its count had not jumped.
+    pub(super) fn step(&mut self, seen: &mut MotorSeen) {
         let last = self.last.replace(seen.theta).unwrap_or(seen.theta);
-        let Some(jump_max) = self.jump_max else {
-            return Angle(seen.theta.0.wrapping_sub(self.jumped.0));
-        };
+        if let Some(jump_max) = self.jump_max {
+            self.look(jump_max, last, seen);
+        }
+        seen.theta = Angle(seen.theta.0.wrapping_sub(self.jumped.0));
+        self.following = self.following.saturating_sub(1);
+    }
+
+    /// The speed that is seen may be that of an observer which follows the jump.
+    pub(super) const fn followed(&self) -> bool {
+        self.following > 0
+    }
+
+    /// Looks for the jump.
+    fn look(&mut self, jump_max: u32, last: Angle, seen: &MotorSeen) {
         let jump = seen.theta.minus(last.turned(seen.theta_step));
         let motion = if jump.unsigned_abs() > jump_max {
             self.jumped = self.jumped.turned(jump);
             self.jump_max = None;
+            self.following = FOLLOWED;
             seen.theta_step
         } else {
             seen.theta.minus(last)
@@ -59,7 +77,6 @@ impl Index {
         if self.turned.unsigned_abs() > PASSED.unsigned_abs() {
             self.jump_max = None;
         }
-        Angle(seen.theta.0.wrapping_sub(self.jumped.0))
     }
 
     /// What was found of the angle of [`Index::step`], of the encoder's own.

@@ -260,7 +260,7 @@ impl Alignment {
     #[inline(never)]
     pub fn step(&mut self, config: &AlignmentConfig, mut seen: [MotorSeen; 2]) -> AlignmentStep {
         for (index, seen) in self.index.iter_mut().zip(&mut seen) {
-            seen.theta = index.step(seen);
+            index.step(seen);
         }
         let theta = seen.map(|motor| motor.theta);
         let from = *self.from.get_or_insert(theta);
@@ -269,7 +269,11 @@ impl Alignment {
             self.stage,
             Stage::Wiring(..) | Stage::Locate(..) | Stage::Pair(_) | Stage::Turn(_)
         );
-        let stands_at = braked(seen, config.braking_steps);
+        let stands_at = if self.index.iter().any(Index::followed) {
+            theta
+        } else {
+            braked(seen, config.braking_steps)
+        };
         let far = self.travelled(theta, from) > config.travel.saturating_mul(2);
         if drives && self.travelled(stands_at, from) > config.travel {
             match &mut self.stage {

@@ -22,6 +22,9 @@ const COAST_S: f64 = 3.0;
 const KICK_S: f64 = 5e-3;
 /// Part of the torque limit that a kick asks for: a current loop that a wrong sign makes unstable then ends below the limit.
 const KICK: f64 = 0.2;
+/// Part of the travel past which alignment stops: the rest is for what the encoders do not show, the lead's error and the
+/// screw's stretch, and for what shorted windings do not brake.
+const STOPPED: f64 = 0.92;
 /// Part of the travel that one rotor is moved on purpose; the other may move as far the same way.
 const REACH: f64 = 0.39;
 /// In so many seconds, and at most.
@@ -102,7 +105,7 @@ impl DrivePlate {
             },
             still_steps: steps(STILL_S, step),
             coast_steps: steps(COAST_S, step),
-            travel: turns(travel),
+            travel: turns(STOPPED * travel),
             braking_steps: steps(longer(screw.braking_s(), nut.braking_s()), step),
             turn_speed: MechanicalSpeed::from_bits(attempt!(quantise(
                 "alignment's speed",
