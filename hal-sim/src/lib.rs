@@ -14,6 +14,7 @@
 //! - [`runaway`]: wrong electrical angles, and what they do until the bridges are off.
 //! - [`served`]: the drive behind the link, for hosts that command it.
 //! - [`smooth`]: how smooth the table moves, with what the drive compensates and without.
+//! - [`commissioning`]: drawn machines commissioned over their link, beside the truth.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`parallel`]: independent runs on all cores.
 //! - [`draw`]: machines drawn at random, for tests of what looks at their records.
@@ -28,6 +29,7 @@ pub mod alignment;
 pub mod analytic;
 pub mod board;
 pub mod boards;
+pub mod commissioning;
 pub mod draw;
 pub mod drive;
 pub mod experiment;

@@ -1,7 +1,9 @@
 //! Commissioning of simulated drives over their link, from cold.
 
 use commission::{Session, electrical, mechanical};
-use hal_sim::alignment::Start;
+use hal_sim::alignment::{Start, miswirings};
+use hal_sim::commissioning::{USUAL, commission};
+use hal_sim::parallel::on_all_cores;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
 use link::host::client::Client;
 use std::cell::RefCell;
@@ -36,7 +38,8 @@ fn a_cold_drive_measures_its_machine_within_five_percent() {
     let mut session = session(&start);
     session.ready().unwrap();
     session.arm().unwrap();
-    let electrical = electrical::measure(&mut session, 1e-4, &mut |_| ()).unwrap();
+    let electrical =
+        electrical::measure(&mut session, electrical::SPEEDS, 1e-4, &mut |_| ()).unwrap();
     let settings = electrical.applied(session.settings());
     session.configure(&settings).unwrap();
     session.arm().unwrap();
@@ -87,4 +90,61 @@ fn a_cold_drive_measures_its_machine_within_five_percent() {
     for bound in [electrical.travel_m, mechanical.travel_m] {
         assert!(bound.is_kept(), "travel {bound:?}");
     }
+}
+
+/// A sample of `cargo xtask bench commission`.
+#[test]
+fn drives_from_fifty_watts_to_five_kilowatts_are_commissioned_from_cold() {
+    for outcome in on_all_cores(&[2, 9, 22, 48], |&seed| {
+        commission(&Start::any_size(seed), &USUAL).unwrap()
+    }) {
+        assert_eq!(outcome.failure, None);
+        for motor in outcome.error_percent {
+            for (name, percent) in ["resistance", "inductance", "flux", "inertia"]
+                .iter()
+                .zip(motor)
+            {
+                assert!(
+                    percent.abs() < 5.0,
+                    "{name}: {percent:.1} % off, expected within 5 %"
+                );
+            }
+        }
+        for degrees in outcome.offset_deg {
+            assert!(
+                degrees.abs() < 1.0,
+                "angle: {degrees:.2} degrees off, expected within 1"
+            );
+        }
+        for part in outcome.bandwidth_part {
+            assert!(
+                (0.9..1.1).contains(&part),
+                "bandwidth: {part:.3} of what was predicted, expected within 10 %"
+            );
+        }
+        assert!(
+            outcome.margin_deg > 40.0,
+            "phase margin {:.1} degrees, expected above 40",
+            outcome.margin_deg
+        );
+        assert!(
+            outcome.signs_right && outcome.within_limits,
+            "{:?}",
+            outcome.done
+        );
+    }
+}
+
+#[test]
+fn a_wrong_wiring_is_named_by_the_step_that_meets_it() {
+    let reversed = miswirings(7).swap_remove(0);
+    let outcome = commission(&reversed.start, &USUAL).unwrap();
+    let said = outcome.failure.expect("phases a and b are swapped");
+    let reason = reversed.expected.unwrap().reason;
+    assert!(
+        said.contains("step `start`")
+            && said.contains(reason.name())
+            && said.contains(reason.sentence()),
+        "{said}"
+    );
 }

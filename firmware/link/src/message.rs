@@ -58,6 +58,14 @@ pub enum Command {
         /// The current, 2^-20 A: at most that of the largest torque.
         current: i32,
     },
+    /// The angle of a motor of a drive that rests was found to be behind its rotor: it is put right until the drive aligns
+    /// again.
+    Angle {
+        /// 0 is the screw, 1 the nut.
+        motor: u8,
+        /// By how much, electrical, 2^-32 turn: a twelfth of a turn at most.
+        behind: i32,
+    },
     /// Come to rest, switch the bridges off, and be armed no longer.
     Stop,
     /// Leave a fault whose cause is gone.
@@ -157,6 +165,7 @@ codes! {
         Injection = 12, "injection", "There is no such fault to put in, or not by that amount.";
         AtRest = 13, "at rest", "Only a drive that runs takes this: move it first.";
         Current = 14, "current", "There is no such motor, or the current is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
+        Angle = 15, "angle", "There is no such motor, its angle is not known, or it is further off than an alignment can be: 30 electrical degrees.";
     }
 }
 

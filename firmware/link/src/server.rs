@@ -17,6 +17,9 @@ use heapless::Vec;
 /// How long a drive stays armed while it does not move, ms.
 pub const ARMED_MS: u32 = 600_000;
 
+/// Furthest that an angle may be put right at once, 2^-32 turn: a twelfth of a turn.
+const ANGLE_MAX: u32 = u32::MAX / 12;
+
 /// A drive that a host may command.
 pub trait Served {
     /// What it is doing; what the link knows is filled in by the server.
@@ -42,6 +45,11 @@ pub trait Served {
     /// # Errors
     /// [`Refusal::Current`].
     fn direct_current(&mut self, motor: u8, current: i32) -> Result<(), Refusal>;
+    /// Puts an angle right, as in [`Command::Angle`], while it rests and is ready.
+    ///
+    /// # Errors
+    /// [`Refusal::Angle`].
+    fn angle(&mut self, motor: u8, behind: i32) -> Result<(), Refusal>;
     /// Runs, comes to rest, or leaves a fault.
     fn run(&mut self, run: Run);
     /// Who commands is still there.
@@ -269,6 +277,11 @@ impl Server {
                         _ => Err(Refusal::AtRest),
                     })
             }
+            Command::Angle { motor, behind } => match drive.state() {
+                State::Ready if behind.unsigned_abs() > ANGLE_MAX => Err(Refusal::Angle),
+                State::Ready => drive.angle(motor, behind),
+                state => runnable(state).and(Err(Refusal::Moving)),
+            },
             Command::Stop => {
                 (commander.armed, commander.owner) = (None, None);
                 drive.run(Run::Rest);
@@ -416,6 +429,9 @@ mod tests {
             Ok(())
         }
         fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn angle(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
             Ok(())
         }
         fn run(&mut self, run: Run) {

@@ -1,6 +1,6 @@
 //! Resistance, inductance, flux, the offset of the angle, and what the dead time takes.
 //!
-//! Both motors turn together at two speeds, both ways, each with currents along d of five levels. At each the means of
+//! Both motors turn together at two speeds, both ways, each with currents along d of four levels. At each the means of
 //! voltage and current over whole turns of the shaft are two equations a motor,
 //!
 //! ```text
@@ -24,9 +24,11 @@ use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
 /// Speeds of both motors, of the slower one's largest.
-const SPEEDS: [f64; 2] = [0.12, 0.3];
-/// Currents along d, of the largest.
-const LEVELS: [f64; 5] = [0.0, 0.5, 1.0, -1.0, -0.5];
+pub const SPEEDS: &[f64] = &[0.12, 0.3];
+/// The same, where the angle is what is wanted.
+pub const FAST: &[f64] = &[0.3];
+/// Currents along d, of the largest: all far above the currents at which a dead time and its compensation are not whole.
+const LEVELS: [f64; 4] = [0.4, 1.0, -1.0, -0.4];
 /// Shortest mean, s; it is of whole turns.
 const MEAN_S: f64 = 0.15;
 /// What a current takes to be steady, s: many periods of any current loop.
@@ -127,12 +129,13 @@ fn add(fit: &mut Fit, mean: &Mean, pole_pairs: f64, lag: f64) {
     fit.add(&[i_q, w * i_d, w, 0.0, e_q], v_q - lag * w * e_d);
 }
 
-/// Measures both motors of an armed drive. The table rests; `travel_m` is what it may move.
+/// Measures both motors of an armed drive at these parts of the largest speed. The table rests; `travel_m` is what it may move.
 ///
 /// # Errors
 /// [`Failure`], a fault, or a drive that is lost.
 pub fn measure<L: Line>(
     session: &mut Session<L>,
+    speeds: &[f64],
     travel_m: f64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Electrical> {
@@ -159,7 +162,7 @@ pub fn measure<L: Line>(
             bound.take(motor.current[0].hypot(motor.current[1]));
         }
     };
-    let stations: Vec<f64> = SPEEDS
+    let stations: Vec<f64> = speeds
         .iter()
         .flat_map(|part| [*part, -part])
         .map(|part| part * speed)

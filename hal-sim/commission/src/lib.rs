@@ -5,6 +5,9 @@
 //! | start | measures zeros, aligns both rotors | wiring, directions, pole pairs: the drive names what is wrong |
 //! | [`electrical`] | turns both motors together, with currents along d | resistance, inductance, flux, angle offset, what the dead time takes |
 //! | [`mechanical`] | accelerates both together and the table against them | inertia and friction of both motors, the feed's, lead and direction of the scale |
+//! | [`tune`](mod@tune) | starts anew with what was found | nothing: bandwidth and margin are computed |
+//!
+//! [`procedure`] does them one after the other.
 //!
 //! Both motors turn in the same direction, so the table rests while the motors are measured. A current along d makes no
 //! torque, so the motors may turn freely while it is set.
@@ -17,7 +20,9 @@
 pub mod electrical;
 mod fit;
 pub mod mechanical;
+pub mod procedure;
 mod session;
+pub mod tune;
 
 pub use fit::{Estimate, Fit};
 pub use session::{MotorPoint, Point, Session};

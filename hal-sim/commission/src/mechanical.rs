@@ -29,14 +29,19 @@ use std::f64::consts::{PI, TAU};
 const SPEED: f64 = 0.3;
 /// How long each speed is held, s.
 const HOLD_S: f64 = 0.15;
-/// Length of a window, s: three times the slowest speed loop's settling is past in it, and a ramp holds some.
-const WINDOW_S: f64 = 0.06;
+/// Length of a window, of a ramp's, and s.
+const WINDOW: f64 = 0.3;
+const WINDOW_S: [f64; 2] = [0.006, 0.06];
 /// Windows begin each so-manieth part of one.
 const OVERLAP: usize = 3;
-/// Speed below which friction's sign is not sure, of the largest of the run.
+/// Speed below which friction's sign is not sure, of the common mode's; between screw and nut, of the slow table's.
 const SLOW: f64 = 0.05;
-/// Most of the largest torque that an acceleration should take.
-const TORQUE: f64 = 0.6;
+const SLOW_APART: f64 = 0.5;
+/// Stretches of a window in each of which a speed must have its sign.
+const STRETCHES: usize = 10;
+/// Shortest ramp from one end of the common mode's speeds to the other, s. A speed loop whose inertia is not known yet follows
+/// it well enough for the table to go on one way.
+const RAMP_S: f64 = 0.08;
 /// How often the table goes to and fro in the differential mode.
 const STROKES: usize = 6;
 
@@ -72,10 +77,13 @@ pub struct Mechanical {
     pub travel_m: Bound,
 }
 
-/// The time series of a run.
-#[derive(Default)]
-struct Series {
-    points: Vec<Point>,
+/// A run, and how it is looked at.
+struct Run<'a> {
+    /// The common and the differential mode, each with the length of its windows, s.
+    parts: [(&'a [Point], f64); 2],
+    /// Speed above which a motor's friction has its sign, rad/s; between screw and nut.
+    least: f64,
+    least_apart: f64,
 }
 
 /// A window and its derivatives, of length 1 in `n` points: `sin^4(pi s)`, scaled to a mean of 1.
@@ -152,30 +160,26 @@ pub fn measure<L: Line>(
 ) -> Result<Mechanical> {
     let settings = *session.settings();
     let motors = [&settings.screw, &settings.nut];
-    let speed = SPEED
-        * motors
-            .iter()
-            .map(|motor| motor.speed_max_rpm * TAU / 60.0)
-            .fold(f64::INFINITY, f64::min);
+    let speed = common_speed(&settings);
     let feed = &settings.feed;
     let acceleration = feed.base_acceleration_max_rpm_s * TAU / 60.0;
     let constants = motors.map(torque_constant);
     let mut torques = motors.map(|motor| Bound::of(motor.torque_max_nm));
     let mut travel = Bound::of(travel_m);
     let mut from = None;
-    let mut series = Series::default();
-    let mut watch = |point: &Point| {
+    let mut points = Vec::new();
+    let mut watch = |points: &mut Vec<Point>, point: &Point| {
         travel.take(point.table - *from.get_or_insert(point.table));
         for ((bound, motor), constant) in torques.iter_mut().zip(&point.motors).zip(constants) {
             bound.take(motor.current[1] * constant);
         }
-        series.points.push(*point);
+        points.push(*point);
     };
 
     // Common mode. Both ways the table goes as slowly as its travel asks.
-    let ramp = 2.0 * speed / acceleration + 4.0 * HOLD_S;
-    let pattern = [1.0, -1.0, 1.0, -1.0];
-    let slow = (0.6 * travel_m / (pattern.len() as f64 * ramp + 1.0))
+    let whole = 2.0 * speed / acceleration + 2.0 * HOLD_S;
+    let pattern = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
+    let slow = (0.6 * travel_m / (pattern.len() as f64 * whole + 0.3))
         .min(0.25 * feed.velocity_max_mm_s * 1e-3);
     let runs = 2 * pattern.len() + STROKES;
     let mut done = 0;
@@ -183,31 +187,45 @@ pub fn measure<L: Line>(
         for sign in pattern {
             progress(done as f64 / runs as f64);
             done += 1;
-            session.go(velocity, sign * speed, &mut watch)?;
-            session.hold(HOLD_S, &mut watch)?;
+            session.go(velocity, sign * speed, &mut |point| {
+                watch(&mut points, point)
+            })?;
+            session.hold(HOLD_S, &mut |point| watch(&mut points, point))?;
         }
-        session.go(0.0, 0.0, &mut watch)?;
+        session.go(0.0, 0.0, &mut |point| watch(&mut points, point))?;
     }
+    let common = points.len();
     // Differential mode.
     let table = feed.acceleration_max_mm_s2 * 1e-3;
     let fast = (0.25 * table * travel_m)
         .sqrt()
         .min(0.5 * feed.velocity_max_mm_s * 1e-3);
-    session.go(0.0, 0.5 * speed, &mut watch)?;
+    session.go(0.0, 0.5 * speed, &mut |point| watch(&mut points, point))?;
     for stroke in 0..STROKES {
         progress(done as f64 / runs as f64);
         done += 1;
         let sign = if stroke.is_multiple_of(2) { 1.0 } else { -1.0 };
-        session.go(sign * fast, 0.5 * speed, &mut watch)?;
+        session.go(sign * fast, 0.5 * speed, &mut |point| {
+            watch(&mut points, point)
+        })?;
     }
-    session.go(0.0, 0.5 * speed, &mut watch)?;
-    session.go(0.0, 0.0, &mut watch)?;
+    session.go(0.0, 0.5 * speed, &mut |point| watch(&mut points, point))?;
+    session.go(0.0, 0.0, &mut |point| watch(&mut points, point))?;
     session.rest()?;
-    solve(&series.points, &settings, [torques[0], torques[1]], travel)
+    let window = |ramp: f64| (WINDOW * ramp).clamp(WINDOW_S[0], WINDOW_S[1]);
+    let run = Run {
+        parts: [
+            (&points[..common], window(2.0 * speed / acceleration)),
+            (&points[common..], window(2.0 * fast / table)),
+        ],
+        least: SLOW * speed,
+        least_apart: SLOW_APART * slow / (feed.lead_mm * 1e-3) * TAU,
+    };
+    solve(&run, &settings, torques, travel)
 }
 
 fn solve(
-    points: &[Point],
+    run: &Run,
     settings: &Settings,
     torque_nm: [Bound; 2],
     travel_m: Bound,
@@ -220,59 +238,62 @@ fn solve(
             .to_owned(),
     }
     };
-    let [first, second, ..] = points else {
-        bail!(unclear("no telemetry"));
-    };
-    let step_s = second.time - first.time;
-    let n = (WINDOW_S / step_s).round().max(3.0) as usize;
-    let window = Window::new(n, step_s);
     let constants = [&settings.screw, &settings.nut].map(torque_constant);
-    let fastest = points
-        .iter()
-        .flat_map(|point| point.motors.map(|motor| motor.speed_ref.abs()))
-        .fold(0.0, f64::max);
-    let relative = |point: &Point| point.motors[0].speed_ref - point.motors[1].speed_ref;
-    let fastest_relative = points.iter().map(|p| relative(p).abs()).fold(0.0, f64::max);
+    let relative = |point: &Point| point.motors[0].angle - point.motors[1].angle;
     // J, c, b of screw and nut; M, c, b, l of the feed.
     let mut fit = Fit::new(10, OVERLAP as f64);
     let mut lead = Fit::new(1, OVERLAP as f64);
-    for from in (0..points.len().saturating_sub(n)).step_by(n / OVERLAP) {
-        let part = &points[from..from + n];
-        if (part[n - 1].time - part[0].time) > 1.01 * (n - 1) as f64 * step_s {
-            // Samples are missing.
-            continue;
-        }
-        let clear = |of: &dyn Fn(&Point) -> f64, least: f64| {
-            let sign = of(&part[0]).signum();
-            part.iter()
-                .all(|point| sign * of(point) > least)
-                .then_some(sign)
+    for (points, window_s) in run.parts {
+        let [first, second, ..] = points else {
+            bail!(unclear("no telemetry"));
         };
-        let apart = window.weigh(part, |p| (p.motors[0].angle - p.motors[1].angle, p.table));
-        let table_speed = window.weigh(part, |p| (p.table, 0.0)).speed;
-        if apart.speed.abs() > SLOW * fastest_relative {
-            lead.add(&[apart.speed / TAU], table_speed);
-        }
-        let Some(sign_apart) = clear(&relative, SLOW * fastest_relative) else {
-            continue;
-        };
-        for (k, feed_sign) in [1.0, -1.0].into_iter().enumerate() {
-            let of_motor = |p: &Point| p.motors[k].speed_ref;
-            let Some(sign) = clear(&of_motor, SLOW * fastest) else {
+        let step_s = second.time - first.time;
+        let n = (window_s / step_s).round().max(STRETCHES as f64) as usize;
+        let window = Window::new(n, step_s);
+        for from in (0..points.len().saturating_sub(n)).step_by(n / OVERLAP) {
+            let part = &points[from..from + n];
+            if (part[n - 1].time - part[0].time) > 1.01 * (n - 1) as f64 * step_s {
+                // Samples are missing.
+                continue;
+            }
+            // By its angle, over stretches of the window.
+            let clear = |of: &dyn Fn(&Point) -> f64, least: f64| {
+                let stretch = (n / STRETCHES).max(1);
+                let sign = (of(&part[n - 1]) - of(&part[0])).signum();
+                (stretch..n)
+                    .step_by(stretch)
+                    .all(|k| {
+                        sign * (of(&part[k]) - of(&part[k - stretch]))
+                            > least * stretch as f64 * step_s
+                    })
+                    .then_some(sign)
+            };
+            let apart = window.weigh(part, |p| (p.motors[0].angle - p.motors[1].angle, p.table));
+            let table_speed = window.weigh(part, |p| (p.table, 0.0)).speed;
+            if apart.speed.abs() > run.least_apart {
+                lead.add(&[apart.speed / TAU], table_speed);
+            }
+            let Some(sign_apart) = clear(&relative, run.least_apart) else {
                 continue;
             };
-            let own = window.weigh(part, |p| {
-                (p.motors[k].angle, constants[k] * p.motors[k].current[1])
-            });
-            let mut row = [0.0; 10];
-            row[3 * k] = own.acceleration;
-            row[3 * k + 1] = sign;
-            row[3 * k + 2] = own.speed;
-            row[6] = feed_sign * apart.acceleration;
-            row[7] = feed_sign * sign_apart;
-            row[8] = feed_sign * apart.speed;
-            row[9] = feed_sign;
-            fit.add(&row, own.torque);
+            for (k, feed_sign) in [1.0, -1.0].into_iter().enumerate() {
+                let of_motor = |p: &Point| p.motors[k].angle;
+                let Some(sign) = clear(&of_motor, run.least) else {
+                    continue;
+                };
+                let own = window.weigh(part, |p| {
+                    (p.motors[k].angle, constants[k] * p.motors[k].current[1])
+                });
+                let mut row = [0.0; 10];
+                row[3 * k] = own.acceleration;
+                row[3 * k + 1] = sign;
+                row[3 * k + 2] = own.speed;
+                row[6] = feed_sign * apart.acceleration;
+                row[7] = feed_sign * sign_apart;
+                row[8] = feed_sign * apart.speed;
+                row[9] = feed_sign;
+                fit.add(&row, own.torque);
+            }
         }
     }
     let Some([js, cs, bs, jn, cn, bn, table, cf, bf, load]) = fit
@@ -333,13 +354,23 @@ impl Mechanical {
     }
 }
 
-/// The acceleration of the base speed, rad/s^2, for which the motors of `settings` have torque.
+/// Speed of the common mode, mechanical rad/s.
+fn common_speed(settings: &Settings) -> f64 {
+    SPEED
+        * [&settings.screw, &settings.nut]
+            .iter()
+            .map(|motor| motor.speed_max_rpm * TAU / 60.0)
+            .fold(f64::INFINITY, f64::min)
+}
+
+/// The settings with an acceleration of the base speed that this step can measure at.
 #[must_use]
-pub fn base_acceleration(settings: &Settings) -> f64 {
-    [&settings.screw, &settings.nut]
-        .iter()
-        .map(|motor| TORQUE * motor.torque_max_nm / (motor.inertia_kg_cm2 * 1e-4))
-        .fold(f64::INFINITY, f64::min)
+pub fn prepared(settings: &Settings) -> Settings {
+    let most = 2.0 * common_speed(settings) / RAMP_S * 60.0 / TAU;
+    let mut new = *settings;
+    let acceleration = &mut new.feed.base_acceleration_max_rpm_s;
+    *acceleration = acceleration.min(most);
+    new
 }
 
 #[cfg(test)]

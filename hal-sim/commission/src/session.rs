@@ -21,8 +21,12 @@ const BEAT: Duration = Duration::from_millis(20);
 const LOOK_S: f64 = 0.2;
 /// How long a drive may take to be ready: it measures zeros and aligns both rotors, ms of its time.
 const READY_MS: u32 = 60_000;
+/// How often it may try to align its rotors before it is believed.
+const ALIGNMENTS: u32 = 3;
 /// How long it may take to arrive at a speed, or at rest, s.
 const ARRIVE_S: f64 = 20.0;
+/// How long a drive that rests is listened to, s.
+const NOISE_S: f64 = 0.2;
 /// Longest without telemetry.
 const SILENT: Duration = Duration::from_secs(2);
 /// What a reference that has arrived may differ from what was asked: rounding of the words, rad/s.
@@ -33,6 +37,8 @@ const ARRIVED_RAD_S: f64 = 1e-2;
 pub struct MotorPoint {
     /// Mechanical angle in the motor's direction, rad, many turns.
     pub angle: f64,
+    /// Currents of phases a and b, A.
+    pub phases: [f64; 2],
     /// Currents d and q, A.
     pub current: [f64; 2],
     /// Voltages d and q, V.
@@ -70,6 +76,7 @@ pub struct Session<L> {
     looked: f64,
     heard: Instant,
     moving: bool,
+    repeated: u32,
     stop: Arc<AtomicBool>,
 }
 
@@ -95,6 +102,7 @@ impl<L: Line> Session<L> {
             looked: 0.0,
             heard: Instant::now(),
             moving: false,
+            repeated: 0,
             stop,
         })
     }
@@ -117,10 +125,52 @@ impl<L: Line> Session<L> {
         self.pwm_period_s
     }
 
+    /// A step of its speed task, s.
+    #[must_use]
+    pub fn speed_step_s(&self) -> f64 {
+        1.0 / self.client.speed_hz()
+    }
+
+    /// Mean and standard deviation of the currents of phases a and b of screw and nut while it rests, A.
+    ///
+    /// # Errors
+    /// The drive is lost.
+    pub fn noise(&mut self) -> Result<[[[f64; 2]; 2]; 2]> {
+        let mut sums = [[[0.0; 2]; 2]; 2];
+        let mut count = 0.0;
+        self.hold(NOISE_S, &mut |point| {
+            count += 1.0;
+            for (sums, motor) in sums.iter_mut().zip(&point.motors) {
+                for (sums, amps) in sums.iter_mut().zip(motor.phases) {
+                    sums[0] += amps;
+                    sums[1] += amps * amps;
+                }
+            }
+        })?;
+        Ok(sums.map(|motor| {
+            motor.map(|[sum, squares]| {
+                let mean: f64 = sum / count;
+                let variance: f64 = squares / count - mean * mean;
+                [mean, variance.max(0.0).sqrt()]
+            })
+        }))
+    }
+
     /// The drive's time, s.
     #[must_use]
     pub fn uptime_s(&self) -> f64 {
         f64::from(self.uptime_ms) * 1e-3
+    }
+
+    /// How many alignments were tried again.
+    #[must_use]
+    pub fn repeated_alignments(&self) -> u32 {
+        self.repeated
+    }
+
+    fn state(&mut self) -> Result<Option<State>> {
+        let status = self.client.status()?;
+        Ok(State::of_words(status.state, status.fault))
     }
 
     /// Makes settings hold: the drive starts anew, and is ready again.
@@ -141,11 +191,21 @@ impl<L: Line> Session<L> {
     /// A fault, which says what the drive found.
     pub fn ready(&mut self) -> Result<()> {
         let begun = self.client.status()?.uptime_ms;
+        let mut tries = ALIGNMENTS;
         let status = loop {
             let status = self.client.status()?;
             self.uptime_ms = status.uptime_ms;
             match State::of_words(status.state, status.fault) {
                 Some(State::Ready) => break status,
+                // The same twice is no chance.
+                Some(State::Fault(fault)) if is_misaligned(fault) && tries > 1 => {
+                    tries -= 1;
+                    self.repeated += 1;
+                    self.client.tell(Command::Reset)?;
+                    while matches!(self.state()?, Some(State::Fault(_))) {
+                        self.client.listen(BEAT)?;
+                    }
+                }
                 Some(State::Fault(fault)) => bail!(stopped(fault, &status)),
                 _ if status.uptime_ms.wrapping_sub(begun) > READY_MS => bail!(Failure {
                     measured: format!("the drive is still not ready after {} s", READY_MS / 1000),
@@ -261,6 +321,29 @@ impl<L: Line> Session<L> {
         Ok(())
     }
 
+    /// Puts the angles of screw and nut right, which are behind their rotors by so many electrical degrees. The drive rests.
+    ///
+    /// # Errors
+    /// The drive refuses.
+    pub fn correct(&mut self, behind_deg: [f64; 2]) -> Result<()> {
+        for (k, degrees) in behind_deg.into_iter().enumerate() {
+            let Some(behind) = scale::word(degrees / 180.0, 31) else {
+                bail!("an angle that is {degrees} degrees behind cannot be said");
+            };
+            let motor = if k == 0 { 0 } else { 1 };
+            self.client.tell(Command::Angle { motor, behind })?;
+            self.aligned[k].0 += degrees.to_radians();
+        }
+        Ok(())
+    }
+
+    /// Electrical angle of an encoder's count zero, degrees within half a turn, and whether it counts backwards.
+    #[must_use]
+    pub fn encoder_zero(&self, motor: usize) -> (f64, bool) {
+        let (zero, direction) = self.aligned[motor];
+        (zero.sin().atan2(zero.cos()).to_degrees(), direction < 0.0)
+    }
+
     /// It was asked for a speed.
     #[must_use]
     pub fn is_moving(&self) -> bool {
@@ -346,6 +429,7 @@ fn point(row: &Row, settings: &Settings, aligned: [(f64, f64); 2]) -> Point {
         let beta = (a + 2.0 * b) / 2f64.sqrt();
         *motor = MotorPoint {
             angle,
+            phases: row.phases_a,
             current: [cos * alpha + sin * beta, cos * beta - sin * alpha],
             voltage: row.voltage_v,
             speed_ref: row.speed_ref_rad_s,
@@ -359,14 +443,17 @@ fn point(row: &Row, settings: &Settings, aligned: [(f64, f64); 2]) -> Point {
     }
 }
 
-/// What a fault says of what is measured.
-fn stopped(fault: Fault, status: &Status) -> Failure {
-    let misaligned = matches!(
+fn is_misaligned(fault: Fault) -> bool {
+    matches!(
         fault,
         Fault::ScrewAlignment | Fault::NutAlignment | Fault::PairAlignment
-    );
+    )
+}
+
+/// What a fault says of what is measured.
+fn stopped(fault: Fault, status: &Status) -> Failure {
     match Misalignment::of_word(status.misalignment) {
-        Some(reason) if misaligned => Failure {
+        Some(reason) if is_misaligned(fault) => Failure {
             measured: format!("{}: {}", fault.name(), reason.name()),
             expected: "both rotors found".to_owned(),
             check: reason.sentence().to_owned(),

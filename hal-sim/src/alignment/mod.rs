@@ -313,7 +313,8 @@ impl Start {
 
     /// How far the electrical angle that the drive has of `axis` is from that of the magnets, seen from the bridge's legs,
     /// degrees; 180 if it has none.
-    fn error_deg(&self, drive: &Drive, axis: Axis) -> f64 {
+    #[must_use]
+    pub fn error_deg(&self, drive: &Drive, axis: Axis) -> f64 {
         let k = axis.index();
         let Some(alignment) = drive.exchange(axis).alignment() else {
             return 180.0;

@@ -209,6 +209,12 @@ impl SimulatedDrive {
         (ms as f64 * 1e-3 / self.setup.board.pwm_period_s()).round() as u64
     }
 
+    /// The settings that hold.
+    #[must_use]
+    pub fn held_settings(&self) -> &Settings {
+        &self.settings
+    }
+
     /// The drive itself, for what no host sees.
     #[must_use]
     pub fn drive(&self) -> &Drive {
@@ -433,6 +439,15 @@ impl Served for SimulatedDrive {
         self.drive
             .ask_d(*axis, Current::from_bits(current))
             .map_err(|_| Refusal::Current)
+    }
+
+    fn angle(&mut self, motor: u8, behind: i32) -> Result<(), Refusal> {
+        let axis = *Axis::ALL.get(usize::from(motor)).ok_or(Refusal::Angle)?;
+        if self.drive.exchange(axis).alignment().is_none() {
+            return Err(Refusal::Angle);
+        }
+        self.drive.misalign(axis, f64::from(behind) / 2f64.powi(32));
+        Ok(())
     }
 
     fn run(&mut self, run: Run) {

@@ -3,6 +3,8 @@
 #[cfg(feature = "simulate")]
 mod align;
 #[cfg(feature = "simulate")]
+mod commission;
+#[cfg(feature = "simulate")]
 mod drive;
 #[cfg(feature = "simulate")]
 mod faults;
@@ -21,6 +23,8 @@ pub enum Bench {
     Drive(DriveOptions),
     /// Starts of a drive that does not know where its rotors stand, and what it says of wrong wiring.
     Align(AlignOptions),
+    /// Drives of two decades of power commissioned over their link from cold, and wrong wirings named.
+    Commission(CommissionOptions),
     /// Wrong electrical angles, and what they do until the bridges are off.
     Runaway(RunawayOptions),
     /// Each input wrong in each way in each situation on both boards, and what comes of it.
@@ -37,6 +41,20 @@ pub struct AlignOptions {
     /// Starts.
     #[arg(long, default_value_t = 500)]
     pub starts: u64,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// How many, and how to say it.
+#[derive(Args)]
+pub struct CommissionOptions {
+    /// Drives.
+    #[arg(long, default_value_t = 100)]
+    pub drives: u64,
+    /// Seed of the first.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -111,6 +129,7 @@ pub fn run(what: &Bench) -> Result<()> {
     match what {
         Bench::Drive(options) => drive(options),
         Bench::Align(options) => align(options),
+        Bench::Commission(options) => commission(options),
         Bench::Runaway(options) => runaway(options),
         Bench::Faults(options) => faults(options),
         Bench::Smooth(options) => smooth(options),
@@ -121,6 +140,17 @@ pub fn run(what: &Bench) -> Result<()> {
 #[cfg(feature = "simulate")]
 fn drive(options: &DriveOptions) -> Result<()> {
     drive::run(options)
+}
+
+#[cfg(feature = "simulate")]
+fn commission(options: &CommissionOptions) -> Result<()> {
+    commission::run(options)
+}
+
+/// Hands over to an xtask with the simulator.
+#[cfg(not(feature = "simulate"))]
+fn commission(_: &CommissionOptions) -> Result<()> {
+    crate::with::With::Simulate.take_over()
 }
 
 #[cfg(feature = "simulate")]

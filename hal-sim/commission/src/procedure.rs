@@ -1,0 +1,549 @@
+//! The steps one after the other, each kept when it is done.
+
+use crate::session::Session;
+use crate::tune::{Tuned, Wanted, tune};
+use crate::{Bound, Estimate, Failure, electrical, mechanical};
+use anyhow::{Context, Result, bail};
+use link::host::client::Line;
+use link::settings::{EncoderDirection, EncoderInterface, Settings};
+use serde::{Deserialize, Serialize};
+use std::fmt;
+
+/// A step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Step {
+    /// Zeros, wiring, directions, pole pairs, angles: the drive's own start.
+    Start,
+    /// [`electrical`].
+    Electrical,
+    /// [`mechanical`].
+    Mechanical,
+    /// [`tune`](crate::tune).
+    Tuning,
+    /// The angles of both rotors once more, by the parameters that are known now.
+    Angle,
+}
+
+impl Step {
+    /// In their order.
+    pub const ALL: [Self; 5] = [
+        Self::Start,
+        Self::Electrical,
+        Self::Mechanical,
+        Self::Tuning,
+        Self::Angle,
+    ];
+
+    /// For a person.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Start => "start",
+            Self::Electrical => "electrical",
+            Self::Mechanical => "mechanical",
+            Self::Tuning => "tuning",
+            Self::Angle => "angle",
+        }
+    }
+
+    /// What it does, for a person.
+    #[must_use]
+    pub const fn about(self) -> &'static str {
+        match self {
+            Self::Start => {
+                "current zeros, wiring, encoder directions, pole pairs and angles of both motors"
+            }
+            Self::Electrical => {
+                "both motors turn together, with currents along d: resistance, inductance, flux, angle, dead time"
+            }
+            Self::Mechanical => {
+                "both motors accelerate, and the table to and fro: inertia, friction, lead"
+            }
+            Self::Angle => "both motors turn together once more: their angles, which are put right",
+            Self::Tuning => "gains of Eqs 9 to 12 for the bandwidth and margin that are wanted",
+        }
+    }
+}
+
+/// One result.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Quantity {
+    /// What of what.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// The value, with half of its 95 % interval; 0: it has none.
+    pub estimate: Estimate,
+    /// What the settings said before.
+    pub before: Option<f64>,
+}
+
+impl fmt::Display for Quantity {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Estimate { value, plus_minus } = self.estimate;
+        write!(f, "{:<34} {:>12}", self.name, digits(value))?;
+        if plus_minus > 0.0 {
+            write!(f, " +- {:<9}", digits(plus_minus))?;
+        } else {
+            write!(f, "{:13}", "")?;
+        }
+        write!(f, " {}", self.unit)?;
+        if let Some(before) = self.before {
+            write!(f, "  (was {})", digits(before))?;
+        }
+        Ok(())
+    }
+}
+
+/// Four digits.
+fn digits(value: f64) -> String {
+    if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
+        let places = 3 - value.abs().max(1e-3).log10().floor() as i32;
+        format!("{value:.*}", places.max(0) as usize)
+    } else {
+        format!("{value:.3e}")
+    }
+}
+
+/// A limit and how near the step came.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Limited {
+    /// Of what.
+    pub name: String,
+    /// Its unit.
+    pub unit: String,
+    /// The largest that was measured.
+    pub reached: f64,
+    /// The limit.
+    pub limit: f64,
+}
+
+/// A step that is done.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Done {
+    /// The acceleration of the base speed that a later step sets again, rpm/s.
+    pub base_acceleration_rpm_s: Option<f64>,
+    /// Which.
+    pub step: Step,
+    /// How long it took, by the drive's time, s.
+    pub seconds: f64,
+    /// What it measured.
+    pub quantities: Vec<Quantity>,
+    /// What it had to keep.
+    pub limits: Vec<Limited>,
+}
+
+/// How far the steps may go, and what is wanted.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Options {
+    /// Furthest that the table may move to each side, m.
+    pub travel_m: f64,
+    /// Cutoff of the speed loops, rad/s, at most; `None`: as set.
+    pub speed_rad_s: Option<f64>,
+    /// Least phase margin, degrees.
+    pub margin_deg: f64,
+}
+
+impl Options {
+    fn wanted(&self, settings: &Settings) -> Wanted {
+        Wanted {
+            speed_rad_s: self.speed_rad_s.unwrap_or(settings.tuning.speed_rad_s),
+            margin_deg: self.margin_deg,
+        }
+    }
+}
+
+/// Largest travel while both motors turn together, m: what alignment and beats of their speeds leave.
+const TOGETHER_M: f64 = 1e-3;
+
+/// Does the steps that are not among `done`; each is put there when it is done and its settings hold. `progress` hears of the
+/// step and how far it is, from 0 to 1; `keep` of all that is done.
+///
+/// # Errors
+/// [`Failure`] of a step, a refusal, or a drive that is lost. It rests then, if it can.
+pub fn run<L: Line>(
+    session: &mut Session<L>,
+    options: &Options,
+    done: &mut Vec<Done>,
+    progress: &mut dyn FnMut(Step, f64),
+    keep: &mut dyn FnMut(&[Done]) -> Result<()>,
+) -> Result<()> {
+    for step in Step::ALL {
+        // The drive has to be ready for any of the others.
+        if step != Step::Start && done.iter().any(|done| done.step == step) {
+            continue;
+        }
+        progress(step, 0.0);
+        let result = match step {
+            Step::Start => start(session),
+            Step::Electrical => electrical_step(session, options, &mut |part| progress(step, part)),
+            Step::Mechanical => {
+                let held = done.iter().find_map(|done| done.base_acceleration_rpm_s);
+                mechanical_step(session, options, held, &mut |part| progress(step, part))
+            }
+            Step::Tuning => tuning_step(session, options),
+            Step::Angle => angle_step(session, options, &mut |part| progress(step, part)),
+        };
+        let result = match result {
+            Ok(result) => result,
+            Err(error) => {
+                // The step's own error is the cause.
+                let _ = session.rest();
+                return Err(error).context(format!("step `{}`", step.name()));
+            }
+        };
+        done.retain(|done| done.step != step);
+        done.push(result);
+        keep(done)?;
+        progress(step, 1.0);
+    }
+    Ok(())
+}
+
+fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
+    let begun = session.uptime_s();
+    session.ready()?;
+    let rest = session.noise()?;
+    let mut quantities = Vec::new();
+    for (name, phases) in ["screw", "nut"].into_iter().zip(rest) {
+        for (phase, [mean, noise]) in ["a", "b"].into_iter().zip(phases) {
+            quantities.push(Quantity {
+                name: format!("{name}: current {phase} at rest"),
+                unit: "A".to_owned(),
+                estimate: Estimate {
+                    value: mean,
+                    plus_minus: 1.96 * noise,
+                },
+                before: None,
+            });
+        }
+    }
+    Ok(Done {
+        base_acceleration_rpm_s: None,
+        step: Step::Start,
+        seconds: session.uptime_s() - begun,
+        quantities,
+        limits: Vec::new(),
+    })
+}
+
+/// Of both motors.
+fn both(
+    quantities: &mut Vec<Quantity>,
+    what: &str,
+    unit: &str,
+    estimates: [Estimate; 2],
+    before: Option<[f64; 2]>,
+) {
+    for (k, name) in ["screw", "nut"].into_iter().enumerate() {
+        quantities.push(Quantity {
+            name: format!("{name}: {what}"),
+            unit: unit.to_owned(),
+            estimate: estimates[k],
+            before: before.map(|before| before[k]),
+        });
+    }
+}
+
+fn limits(of: [(&str, &str, Bound); 3]) -> Vec<Limited> {
+    of.map(|(name, unit, bound)| Limited {
+        name: name.to_owned(),
+        unit: unit.to_owned(),
+        reached: bound.reached,
+        limit: bound.limit,
+    })
+    .to_vec()
+}
+
+fn electrical_step<L: Line>(
+    session: &mut Session<L>,
+    options: &Options,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Done> {
+    let (begun, old) = (session.uptime_s(), *session.settings());
+    session.arm()?;
+    let travel_m = TOGETHER_M.min(options.travel_m);
+    let found = electrical::measure(session, electrical::SPEEDS, travel_m, progress)?;
+    let new = mechanical::prepared(&found.applied(&old));
+    session.configure(&new)?;
+    let motors = found.motors;
+    let was =
+        |of: &dyn Fn(&link::settings::MotorSettings) -> f64| Some([of(&old.screw), of(&old.nut)]);
+    let mut quantities = Vec::new();
+    let q = &mut quantities;
+    both(
+        q,
+        "resistance, line to line",
+        "ohm",
+        motors.map(|m| m.resistance_ohm.times(2.0)),
+        was(&|m| m.resistance_line_to_line_ohm),
+    );
+    both(
+        q,
+        "inductance, line to line",
+        "mH",
+        motors.map(|m| m.inductance_h.times(2e3)),
+        was(&|m| m.inductance_line_to_line_mh),
+    );
+    let constants = [(motors[0], &new.screw), (motors[1], &new.nut)].map(|(found, motor)| {
+        let share = found.flux_wb.plus_minus / found.flux_wb.value;
+        Estimate {
+            value: motor.voltage_constant_v_rms_per_krpm,
+            plus_minus: share * motor.voltage_constant_v_rms_per_krpm,
+        }
+    });
+    both(
+        q,
+        "voltage constant, rms",
+        "V/krpm",
+        constants,
+        was(&|m| m.voltage_constant_v_rms_per_krpm),
+    );
+    both(
+        q,
+        "angle behind the rotor",
+        "electrical degrees",
+        motors.map(|m| m.offset_deg),
+        None,
+    );
+    both(
+        q,
+        "dead time not compensated",
+        "V",
+        motors.map(|m| m.dead_time_v),
+        None,
+    );
+    let [screw, nut] = found.current_a;
+    Ok(Done {
+        base_acceleration_rpm_s: Some(old.feed.base_acceleration_max_rpm_s),
+        step: Step::Electrical,
+        seconds: session.uptime_s() - begun,
+        quantities,
+        limits: limits([
+            ("current of the screw's motor", "A", screw),
+            ("current of the nut's motor", "A", nut),
+            ("travel of the table", "m", found.travel_m),
+        ]),
+    })
+}
+
+fn mechanical_step<L: Line>(
+    session: &mut Session<L>,
+    options: &Options,
+    base_acceleration_rpm_s: Option<f64>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Done> {
+    let (begun, old) = (session.uptime_s(), *session.settings());
+    session.arm()?;
+    let found = mechanical::measure(session, options.travel_m, progress)?;
+    let mut new = found.applied(&old);
+    if let Some(acceleration) = base_acceleration_rpm_s {
+        new.feed.base_acceleration_max_rpm_s = acceleration;
+    }
+    // Tuned at once: each start anew looks for the rotors again.
+    let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
+    let tuned = tune(&new, options.wanted(&new), period_s, step_s);
+    session.configure(&tuned.map_or(new, |tuned| tuned.settings))?;
+    let mut quantities = Vec::new();
+    let q = &mut quantities;
+    both(
+        q,
+        "inertia, with the table",
+        "kg cm^2",
+        found.moved_kg_m2().map(|j| j.times(1e4)),
+        Some([old.screw.inertia_kg_cm2, old.nut.inertia_kg_cm2]),
+    );
+    both(
+        q,
+        "Coulomb friction",
+        "N m",
+        found.motors.map(|m| m.coulomb_nm),
+        None,
+    );
+    both(
+        q,
+        "viscous friction",
+        "N m s",
+        found.motors.map(|m| m.viscous_nm_s),
+        None,
+    );
+    let mut one = |name: &str, unit: &str, estimate, before| {
+        quantities.push(Quantity {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            estimate,
+            before,
+        });
+    };
+    one(
+        "feed: table through the lead",
+        "kg cm^2",
+        found.table_kg_m2.times(1e4),
+        None,
+    );
+    one(
+        "feed: Coulomb friction at the screw",
+        "N m",
+        found.feed_coulomb_nm,
+        None,
+    );
+    one(
+        "feed: viscous friction at the screw",
+        "N m s",
+        found.feed_viscous_nm_s,
+        None,
+    );
+    one("feed: load at the screw", "N m", found.load_nm, None);
+    one(
+        "feed: lead by the scale",
+        "mm",
+        found.lead_m.times(1e3),
+        Some(old.feed.lead_mm),
+    );
+    let lead = found.lead_m.value / (old.feed.lead_mm * 1e-3);
+    if !(0.9..1.1).contains(&lead) {
+        bail!(Failure {
+            measured: format!(
+                "a turn of the screw moves the scale by {:.4} mm",
+                found.lead_m.value * 1e3
+            ),
+            expected: format!("feed.lead_mm = {}", old.feed.lead_mm),
+            check: if lead < 0.0 {
+                "the direction in which the scale counts, or in which both motors turn: exchange its channels A and B".to_owned()
+            } else {
+                "feed.lead_mm and feed.scale_count_nm".to_owned()
+            },
+        });
+    }
+    let [screw, nut] = found.torque_nm;
+    Ok(Done {
+        base_acceleration_rpm_s: None,
+        step: Step::Mechanical,
+        seconds: session.uptime_s() - begun,
+        quantities,
+        limits: limits([
+            ("torque of the screw's motor", "N m", screw),
+            ("torque of the nut's motor", "N m", nut),
+            ("travel of the table", "m", found.travel_m),
+        ]),
+    })
+}
+
+fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<Done> {
+    let (begun, old) = (session.uptime_s(), *session.settings());
+    let wanted = options.wanted(&old);
+    let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
+    let Some(tuned) = tune(&old, wanted, period_s, step_s) else {
+        let now = Tuned::of(&old, period_s, step_s);
+        bail!(Failure {
+            measured: format!("a phase margin of {:.0} degrees", now.margin_deg()),
+            expected: format!("{} degrees", options.margin_deg),
+            check: "tuning.damping, and the margin that is wanted".to_owned(),
+        });
+    };
+    if tuned.settings != old {
+        session.configure(&tuned.settings)?;
+    }
+    let mut quantities = Vec::new();
+    let q = &mut quantities;
+    let plain = |value| Estimate {
+        value,
+        plus_minus: 0.0,
+    };
+    both(
+        q,
+        "bandwidth of the current loop",
+        "rad/s",
+        tuned.current.map(|c| plain(c.bandwidth_rad_s)),
+        None,
+    );
+    both(
+        q,
+        "its phase margin",
+        "degrees",
+        tuned.current.map(|c| plain(c.margin_deg)),
+        None,
+    );
+    both(
+        q,
+        "bandwidth of the speed loop",
+        "rad/s",
+        tuned.speed.map(|c| plain(c.bandwidth_rad_s)),
+        None,
+    );
+    both(
+        q,
+        "its phase margin",
+        "degrees",
+        tuned.speed.map(|c| plain(c.margin_deg)),
+        None,
+    );
+    let mut one = |name: &str, of: &dyn Fn(&Settings) -> f64| {
+        quantities.push(Quantity {
+            name: name.to_owned(),
+            unit: "rad/s".to_owned(),
+            estimate: plain(of(&tuned.settings)),
+            before: Some(of(&old)),
+        });
+    };
+    one("tuning.current_rad_s", &|s| s.tuning.current_rad_s);
+    one("tuning.speed_rad_s", &|s| s.tuning.speed_rad_s);
+    one("tuning.observer_rad_s", &|s| s.tuning.observer_rad_s);
+    Ok(Done {
+        base_acceleration_rpm_s: None,
+        step: Step::Tuning,
+        seconds: session.uptime_s() - begun,
+        quantities,
+        limits: Vec::new(),
+    })
+}
+
+fn angle_step<L: Line>(
+    session: &mut Session<L>,
+    options: &Options,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Done> {
+    let (begun, old) = (session.uptime_s(), *session.settings());
+    session.arm()?;
+    let travel_m = TOGETHER_M.min(options.travel_m);
+    let found = electrical::measure(session, electrical::FAST, travel_m, progress)?;
+    let behind = found.motors.map(|motor| motor.offset_deg);
+    session.correct(behind.map(|angle| angle.value))?;
+    let mut quantities = Vec::new();
+    both(
+        &mut quantities,
+        "angle put right by",
+        "electrical degrees",
+        behind,
+        None,
+    );
+    // An absolute encoder has the same angle the next time.
+    let mut new = old;
+    for (k, motor) in [&mut new.screw, &mut new.nut].into_iter().enumerate() {
+        if motor.encoder_interface == EncoderInterface::Mt6835 {
+            let (zero_deg, backwards) = session.encoder_zero(k);
+            motor.encoder_zero_deg = zero_deg;
+            motor.encoder_direction = if backwards {
+                EncoderDirection::Backwards
+            } else {
+                EncoderDirection::Forwards
+            };
+        }
+    }
+    if new != old {
+        session.configure(&new)?;
+    }
+    let [screw, nut] = found.current_a;
+    Ok(Done {
+        base_acceleration_rpm_s: None,
+        step: Step::Angle,
+        seconds: session.uptime_s() - begun,
+        quantities,
+        limits: limits([
+            ("current of the screw's motor", "A", screw),
+            ("current of the nut's motor", "A", nut),
+            ("travel of the table", "m", found.travel_m),
+        ]),
+    })
+}

@@ -1,0 +1,244 @@
+//! The loops' bandwidth and margin, and the tuning that holds them.
+//!
+//! The open loops, with `s = j w`, PWM period `T` and speed step `T_w`:
+//!
+//! ```text
+//! current: (k_pc + k_ic / s) / (L s + R) * exp(-1.5 T s)
+//! speed:   (k_pw + k_iw / s) * C(s) * p^2 flux / (J s) * O(s) * exp(-(T + T_w / 2) s)
+//! ```
+//!
+//! `C` is the closed current loop, `O = w_o^2 / (s^2 + 2 xi_o w_o s + w_o^2)` the observer. A value acts for a period from the
+//! next turn of the counter on, which is one and a half periods; the speed task's for `T_w` from the next period on. Gains
+//! are those of Eqs 9 to 12 of Wang et al. 2020. Friction is left out: it adds to the margin.
+
+use link::settings::{MotorSettings, PER_KRPM, Settings};
+use nalgebra::Complex;
+use serde::{Deserialize, Serialize};
+
+/// A loop that is closed by crossing a gain of 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Crossing {
+    /// Where its gain is 1: its bandwidth, rad/s.
+    pub bandwidth_rad_s: f64,
+    /// Phase margin there, degrees.
+    pub margin_deg: f64,
+}
+
+/// The open loops of a motor.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Loops {
+    resistance: f64,
+    inductance: f64,
+    /// Electrical rad/s^2 of an ampere.
+    acceleration: f64,
+    /// Eqs 9 to 12.
+    k_pc: f64,
+    k_ic: f64,
+    k_pw: f64,
+    k_iw: f64,
+    observer: [f64; 2],
+    period_s: f64,
+    step_s: f64,
+}
+
+/// Frequencies between which a crossing is looked for, rad/s.
+const FROM: f64 = 1.0;
+const TO: f64 = 1e5;
+
+impl Loops {
+    /// Of a motor as its settings describe it, with a step of the current loop of `period_s` and one of the speed task of `step_s`.
+    #[must_use]
+    pub fn of(motor: &MotorSettings, settings: &Settings, period_s: f64, step_s: f64) -> Self {
+        let tuning = &settings.tuning;
+        let p = f64::from(motor.pole_pairs);
+        let resistance = motor.resistance_line_to_line_ohm / 2.0;
+        let inductance = motor.inductance_line_to_line_mh * 1e-3 / 2.0;
+        let (w_c, w_w) = (tuning.current_rad_s, tuning.speed_rad_s);
+        let acceleration =
+            p * motor.voltage_constant_v_rms_per_krpm / PER_KRPM / (motor.inertia_kg_cm2 * 1e-4);
+        Self {
+            resistance,
+            inductance,
+            acceleration,
+            k_pc: 2.0 * tuning.damping * inductance * w_c - resistance,
+            k_ic: inductance * w_c * w_c,
+            k_pw: 2.0 * tuning.damping * w_w / acceleration,
+            k_iw: w_w * w_w / acceleration,
+            observer: [tuning.observer_rad_s, tuning.observer_damping],
+            period_s,
+            step_s,
+        }
+    }
+
+    /// The open current loop at `w` rad/s.
+    #[must_use]
+    pub fn current(&self, w: f64) -> Complex<f64> {
+        let s = Complex::new(0.0, w);
+        (s.inv() * self.k_ic + self.k_pc) / (s * self.inductance + self.resistance)
+            * Complex::cis(-1.5 * self.period_s * w)
+    }
+
+    /// The open speed loop at `w` rad/s.
+    #[must_use]
+    pub fn speed(&self, w: f64) -> Complex<f64> {
+        let s = Complex::new(0.0, w);
+        let current = self.current(w);
+        let [w_o, damping] = self.observer;
+        let observer = (s * s + s * (2.0 * damping * w_o) + w_o * w_o).inv() * (w_o * w_o);
+        (s.inv() * self.k_iw + self.k_pw)
+            * (current / (current + 1.0))
+            * observer
+            * (s.inv() * self.acceleration)
+            * Complex::cis(-(self.period_s + 0.5 * self.step_s) * w)
+    }
+
+    /// Where the current loop crosses.
+    #[must_use]
+    pub fn current_crossing(&self) -> Crossing {
+        crossing(|w| self.current(w))
+    }
+
+    /// Where the speed loop crosses.
+    #[must_use]
+    pub fn speed_crossing(&self) -> Crossing {
+        crossing(|w| self.speed(w))
+    }
+}
+
+/// The last crossing of a gain of 1, by halving.
+fn crossing(open: impl Fn(f64) -> Complex<f64>) -> Crossing {
+    const STEPS: u32 = 400;
+    let at = |k: u32| FROM * (TO / FROM).powf(f64::from(k) / f64::from(STEPS));
+    let Some(k) = (0..STEPS).rev().find(|k| open(at(*k)).norm() > 1.0) else {
+        return Crossing::default();
+    };
+    let (mut low, mut high) = (at(k), at(k + 1));
+    for _ in 0..40 {
+        let middle = (low * high).sqrt();
+        if open(middle).norm() > 1.0 {
+            low = middle;
+        } else {
+            high = middle;
+        }
+    }
+    Crossing {
+        bandwidth_rad_s: low,
+        // An open loop falls from -180 degrees at rest on: its angle is the margin above that.
+        margin_deg: (-open(low)).arg().to_degrees(),
+    }
+}
+
+/// What is wanted of the loops.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Wanted {
+    /// Cutoff of the speed loops, rad/s, at most.
+    pub speed_rad_s: f64,
+    /// Least phase margin of all loops, degrees.
+    pub margin_deg: f64,
+}
+
+/// The tuning, with the loops that it makes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tuned {
+    /// The settings.
+    pub settings: Settings,
+    /// Current loops: screw, nut.
+    pub current: [Crossing; 2],
+    /// Speed loops.
+    pub speed: [Crossing; 2],
+}
+
+impl Tuned {
+    /// What settings make of their motors.
+    #[must_use]
+    pub fn of(settings: &Settings, period_s: f64, step_s: f64) -> Self {
+        let loops = [&settings.screw, &settings.nut]
+            .map(|motor| Loops::of(motor, settings, period_s, step_s));
+        Self {
+            settings: *settings,
+            current: loops.map(|of| of.current_crossing()),
+            speed: loops.map(|of| of.speed_crossing()),
+        }
+    }
+
+    /// The least margin of all loops, degrees.
+    #[must_use]
+    pub fn margin_deg(&self) -> f64 {
+        self.current
+            .iter()
+            .chain(&self.speed)
+            .map(|crossing| crossing.margin_deg)
+            .fold(f64::INFINITY, f64::min)
+    }
+}
+
+/// The largest cutoffs up to those that are wanted at which all loops have their margin; `None` if none has.
+#[must_use]
+pub fn tune(settings: &Settings, wanted: Wanted, period_s: f64, step_s: f64) -> Option<Tuned> {
+    let mut new = *settings;
+    let of = |settings: &Settings| Tuned::of(settings, period_s, step_s);
+    let falling = |from: f64| (0..80).map(move |k| from * 0.95f64.powi(k));
+    let margin = |crossings: [Crossing; 2]| {
+        crossings
+            .iter()
+            .all(|crossing| crossing.margin_deg >= wanted.margin_deg)
+    };
+    new.tuning.current_rad_s = falling(settings.tuning.current_rad_s).find(|w_c| {
+        new.tuning.current_rad_s = *w_c;
+        margin(of(&new).current)
+    })?;
+    falling(wanted.speed_rad_s).find_map(|w_w| {
+        new.tuning.speed_rad_s = w_w;
+        // Five times the speed loop's: see the setting.
+        new.tuning.observer_rad_s = settings.tuning.observer_rad_s.max(5.0 * w_w);
+        let tuned = of(&new);
+        margin(tuned.speed).then_some(tuned)
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The paper's gains, without delays and with a fast observer: its own loop, whose crossing is that of
+    /// `(2 xi w s + w^2) / s^2` at `w sqrt(2 xi^2 + sqrt(4 xi^4 + 1))`, where its phase margin is
+    /// `atan(2 xi sqrt(2 xi^2 + sqrt(4 xi^4 + 1)))`.
+    #[test]
+    fn without_delays_the_loops_are_those_of_a_second_order() {
+        let mut settings = Settings::DEFAULT;
+        settings.tuning.observer_rad_s = 1e9;
+        settings.tuning.current_rad_s = 1e6;
+        let xi = settings.tuning.damping;
+        let factor = (2.0 * xi * xi + (4.0 * xi.powi(4) + 1.0).sqrt()).sqrt();
+        let loops = Loops::of(&settings.screw, &settings, 0.0, 0.0);
+        let speed = loops.speed_crossing();
+        let (bandwidth, margin) = (200.0 * factor, (2.0 * xi * factor).atan().to_degrees());
+        assert!(
+            (speed.bandwidth_rad_s / bandwidth - 1.0).abs() < 1e-3,
+            "{speed:?}, expected {bandwidth} rad/s"
+        );
+        assert!(
+            (speed.margin_deg - margin).abs() < 0.1,
+            "{speed:?}, expected {margin} degrees"
+        );
+    }
+
+    #[test]
+    fn a_margin_that_is_wanted_is_kept_at_the_cost_of_bandwidth() {
+        let wanted = Wanted {
+            speed_rad_s: 2000.0,
+            margin_deg: 45.0,
+        };
+        let tuned = tune(&Settings::DEFAULT, wanted, 50e-6, 200e-6).unwrap();
+        let speed = tuned.settings.tuning.speed_rad_s;
+        assert!(tuned.margin_deg() >= 45.0 && speed < 2000.0, "{tuned:?}");
+        let mut faster = tuned.settings;
+        faster.tuning.speed_rad_s /= 0.95;
+        faster.tuning.observer_rad_s = (5.0 * speed / 0.95).max(1000.0);
+        let margin = Tuned::of(&faster, 50e-6, 200e-6).speed[0].margin_deg;
+        assert!(
+            margin < 45.0,
+            "at {speed} rad/s / 0.95 the margin is {margin}"
+        );
+    }
+}
