@@ -21,29 +21,10 @@ mod telemetry;
 use control::plate::{CompensationPlate, DriveConfig, DrivePlate, FrictionPlate, RubbingPlate};
 
 /// The board's plate; with the feature `smooth` it learns the ripple that motors, encoders and lead usually have.
-const PLATE: DrivePlate = {
-    let mut plate = board::PLATE;
-    if cfg!(feature = "smooth") {
-        let [screw, nut] = &plate.motors;
-        let pole_pairs = [screw.pole_pairs, nut.pole_pairs];
-        plate.compensation = CompensationPlate::usual(pole_pairs, 0.5, board::SCALE_COUNT_M);
-        plate.friction = LEAST_FRICTION;
-    }
-    plate
-};
-
-/// Less than bearings and a ball screw of this size have, so that it helps any: our choice, to be replaced by what was measured.
-const LEAST_FRICTION: FrictionPlate = {
-    let rubbing = RubbingPlate {
-        coulomb_nm: 0.002,
-        sticks_nm: 0.001,
-        stribeck_rad_s: 1.0,
-        presliding_rad: 5e-3,
-    };
-    FrictionPlate {
-        bearings: [rubbing; 2],
-        feed: rubbing,
-    }
+const PLATE: DrivePlate = if cfg!(feature = "smooth") {
+    board::PLATE.smooth(board::SCALE_COUNT_M)
+} else {
+    board::PLATE
 };
 
 /// The drive's configuration, computed while compiling: a number that does not fit its format stops the build.

@@ -347,8 +347,14 @@ impl Board {
 
     /// Counts of the table's scale.
     pub fn scale_counts(&mut self) -> i64 {
-        let noise: f64 = StandardNormal.sample(&mut self.random);
-        let metres = self.machine.table_position() + noise * self.config.sensors.scale_noise_m;
+        let sensors = &self.config.sensors;
+        let noise = if sensors.scale_noise_m > 0.0 {
+            let unit: f64 = StandardNormal.sample(&mut self.random);
+            unit * sensors.scale_noise_m
+        } else {
+            0.0
+        };
+        let metres = self.machine.table_position() + noise;
         (metres / self.config.sensors.scale_count_m).round() as i64
     }
 

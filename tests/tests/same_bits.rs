@@ -1,11 +1,17 @@
 //! The emulated firmware and the control code on the host are the same drive, bit for bit.
 
+use control::compensation::TORQUES;
+use control::compensation::line::Phasor;
+use control::plate::DrivePlate;
 use hal_sim::drive::Drive;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
-use tests::bench::{Bench, board_config, machine_of, plate_of};
+use std::path::Path;
+use tests::bench::{
+    Bench, board_config, firmware_of, machine_of, plate_of, scale_count_m, smooth_firmware,
+};
 use tests::chip::Top;
 use tests::chip::wiring::Wiring;
 use tests::same::{assert_period, by_motor};
@@ -21,11 +27,12 @@ const END: f64 = 1.7;
 
 /// Runs the script in the emulator: every top of both timers, and how many of the screw's came before each command.
 fn emulated(
+    elf: &Path,
     board: Wiring,
     model: &Model,
     coupling: Coupling,
 ) -> Result<(Vec<Top>, Vec<u64>), String> {
-    let mut bench = Bench::on(board, model, coupling)?;
+    let mut bench = Bench::with(elf, board, model, coupling)?;
     bench.emulator.chip().tops = Some(Vec::new());
     let mut before = Vec::new();
     let mut now = 0.0;
@@ -47,6 +54,57 @@ fn emulated(
     ))
 }
 
+/// Runs the script on chip and host, and holds one against the other.
+fn same(
+    what: &str,
+    elf: &Path,
+    plate: &DrivePlate,
+    (board, model, coupling): (Wiring, &Model, Coupling),
+) -> Result<Drive, String> {
+    let (tops, before) = emulated(elf, board, model, coupling)?;
+    let streams = by_motor(&tops);
+    let periods = streams[1].len() - 1;
+    assert!(
+        periods > 30_000,
+        "more than a second with both motors turning"
+    );
+
+    let mut config = board_config(board);
+    // The emulated scale has none, and what is drawn for it would be missing elsewhere.
+    config.sensors.scale_noise_m = 0.0;
+    let mut drive = Drive::aligned(&machine_of(board, model, coupling), coupling, config, plate)
+        .map_err(|misfit| misfit.to_string())?;
+    drive.request.run = false;
+    let mut script = before.iter().zip(SCRIPT).peekable();
+    let (mut driven, mut turned) = (0, [0.0; 2]);
+    for period in 0..periods {
+        if let Some((_, (_, run, velocity, base_rpm))) =
+            script.next_if(|(at, _)| **at == period as u64)
+        {
+            drive
+                .command(velocity, base_rpm * TAU / 60.0)
+                .map_err(|error| error.to_string())?;
+            drive.request.run = run == 1;
+        }
+        drive.period();
+        assert_period(what, period, &streams, &drive);
+        driven += usize::from(drive.compare(Axis::Screw).enable && drive.compare(Axis::Nut).enable);
+        for (most, axis) in turned.iter_mut().zip([Axis::Screw, Axis::Nut]) {
+            *most = f64::max(*most, drive.board.machine.motor(axis).omega.abs());
+        }
+    }
+    assert!(script.next().is_none(), "the whole script was run");
+    assert!(
+        driven > 20_000,
+        "both bridges were on for a second: {driven} periods"
+    );
+    assert!(
+        turned.iter().all(|&speed| speed > 30.0),
+        "both motors turned: {turned:?} rad/s"
+    );
+    Ok(drive)
+}
+
 #[test]
 fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
     for (board, model, coupling) in [
@@ -56,52 +114,32 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
         // The screw's encoder on SPI, the nut's with index, the current amplifiers inside the chip, the shunts' other sign.
         (Wiring::Mains, Model::coupled(), Coupling::Coupled),
     ] {
-        let (tops, before) = emulated(board, &model, coupling)?;
-        let streams = by_motor(&tops);
-        let periods = streams[1].len() - 1;
-        assert!(
-            periods > 30_000,
-            "more than a second with both motors turning"
-        );
-
-        let plate = plate_of(board);
-        let mut drive = Drive::aligned(
-            &machine_of(board, &model, coupling),
-            coupling,
-            board_config(board),
-            &plate,
-        )
-        .map_err(|misfit| misfit.to_string())?;
-        drive.request.run = false;
-        let mut script = before.iter().zip(SCRIPT).peekable();
-        let (mut driven, mut turned) = (0, [0.0; 2]);
-        for period in 0..periods {
-            if let Some((_, (_, run, velocity, base_rpm))) =
-                script.next_if(|(at, _)| **at == period as u64)
-            {
-                drive
-                    .command(velocity, base_rpm * TAU / 60.0)
-                    .map_err(|error| error.to_string())?;
-                drive.request.run = run == 1;
-            }
-            drive.period();
-            let what = format!("{board:?}, {coupling:?}");
-            assert_period(&what, period, &streams, &drive);
-            driven +=
-                usize::from(drive.compare(Axis::Screw).enable && drive.compare(Axis::Nut).enable);
-            for (most, axis) in turned.iter_mut().zip([Axis::Screw, Axis::Nut]) {
-                *most = f64::max(*most, drive.board.machine.motor(axis).omega.abs());
-            }
-        }
-        assert!(script.next().is_none(), "the whole script was run");
-        assert!(
-            driven > 20_000,
-            "both bridges were on for a second: {driven} periods"
-        );
-        assert!(
-            turned.iter().all(|&speed| speed > 30.0),
-            "both motors turned: {turned:?} rad/s"
-        );
+        let what = format!("{board:?}, {coupling:?}");
+        let on = (board, &model, coupling);
+        same(&what, &firmware_of(board)?, &plate_of(board), on)?;
     }
+    Ok(())
+}
+
+/// The firmware that learns, with the table's scale: what it has learned is what the host has, or the next compare values would
+/// not be.
+#[test]
+fn what_compensates_ripple_is_the_hosts() -> Result<(), String> {
+    let (board, model) = (Wiring::Nucleo, Model::paper());
+    let plate = plate_of(board).smooth(scale_count_m(board));
+    let on = (board, &model, Coupling::Lumped);
+    let drive = same("smooth", &smooth_firmware()?, &plate, on)?;
+    let compensation = drive.compensation();
+    let torque = compensation.torque();
+    let of_angle = compensation.angle();
+    let learned = |phasors: &[Phasor]| phasors.iter().filter(|&&x| x != Phasor::ZERO).count();
+    assert!(
+        torque.iter().all(|lines| learned(lines) == TORQUES)
+            && of_angle.iter().all(|lines| learned(lines) == 1)
+            && learned(&compensation.travel()) == 1,
+        "learned of torques {torque:?}, of encoders {of_angle:?}, of the lead {:?}: expected {TORQUES} orders of each motor, one of \
+         each encoder and one of the lead",
+        compensation.travel()
+    );
     Ok(())
 }

@@ -275,6 +275,19 @@ pub struct FrictionPlate {
 }
 
 impl FrictionPlate {
+    /// Less than bearings and a ball screw of any motor's size have, so that it helps each: our choice, until it is measured.
+    pub const LEAST: Self = {
+        let rubbing = RubbingPlate {
+            coulomb_nm: 0.002,
+            sticks_nm: 0.001,
+            stribeck_rad_s: 1.0,
+            presliding_rad: 5e-3,
+        };
+        Self {
+            bearings: [rubbing; 2],
+            feed: rubbing,
+        }
+    };
     /// Nothing is fed forward.
     pub const NONE: Self = Self {
         bearings: [RubbingPlate::NONE; 2],
@@ -385,6 +398,17 @@ impl MotorPlate {
 }
 
 impl DrivePlate {
+    /// The plate of a drive that learns what repeats with its angles in half a second, with a table's scale of so many m a count
+    /// (0: none), and feeds forward the least friction.
+    #[must_use]
+    pub const fn smooth(mut self, scale_count_m: f64) -> Self {
+        let [screw, nut] = &self.motors;
+        let pole_pairs = [screw.pole_pairs, nut.pole_pairs];
+        self.compensation = CompensationPlate::usual(pole_pairs, 0.5, scale_count_m);
+        self.friction = FrictionPlate::LEAST;
+        self
+    }
+
     /// Time between two steps of the speed task, s.
     #[must_use]
     pub const fn speed_step(&self) -> f64 {
