@@ -131,6 +131,7 @@ fn a_sweep_says_where_the_double_drive_wins() {
         "50,800",
         "--duration",
         "0.5",
+        "--compensated",
     ];
     let table = printed(folder.path(), &arguments);
     let sweep = json(&folder.path().join("out/sweep/sweep.json"));
@@ -138,6 +139,14 @@ fn a_sweep_says_where_the_double_drive_wins() {
     // At 2.5 mm/s and 800 rpm the double drive wins; at 50 rpm, in the peak of S, it loses.
     assert!(at(1, 2) < at(1, 0) && at(1, 1) > at(1, 0), "{table}");
     assert!(table.contains('*'), "no {:?} in:\n{table}", '*');
+    let compensated = sweep["compensated_percent"][1][0].as_f64().unwrap();
+    assert!(
+        compensated < 0.2 * at(1, 0),
+        "CDFS at 2.5 mm/s has {compensated} % compensated, expected less than a fifth of {} %",
+        at(1, 0)
+    );
+    let proposed = sweep["proposed"].as_array().unwrap();
+    assert_eq!(proposed.len(), 2, "a nut speed for each table velocity");
     assert!(
         std::fs::read_to_string(folder.path().join("out/sweep/sweep.html"))
             .unwrap()

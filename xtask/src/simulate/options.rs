@@ -58,6 +58,9 @@ pub struct SweepOptions {
     /// Length of each record, s.
     #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
     pub duration: f64,
+    /// Beside it the same of a drive that compensates what the model says repeats.
+    #[arg(long)]
+    pub compensated: bool,
     /// `coupled` unless said otherwise.
     #[command(flatten)]
     pub machine: MachineOptions,

@@ -101,3 +101,33 @@ pub(super) fn print(told: &[Told]) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Machines that the bench does not draw: record, identify, compensate, record again.
+    #[test]
+    fn a_hum_becomes_silence_and_identification_says_by_how_much() {
+        let seeds: Vec<u64> = (79_000..79_005).collect();
+        let told = on_all_cores(&seeds, |&seed| told(seed));
+        print(&told);
+        let mut ratios = Vec::new();
+        for one in &told {
+            let silence = one.silence.as_ref().unwrap();
+            let predicted = silence.fall_predicted();
+            assert!(
+                (90.0..110.0).contains(&predicted),
+                "machine {}: identification predicted {predicted:.0} % of the fall, expected 90 to 110",
+                one.seed
+            );
+            ratios.push(silence.learned / silence.before);
+        }
+        ratios.sort_by(f64::total_cmp);
+        let median = ratios[ratios.len() / 2];
+        assert!(
+            median < 0.1,
+            "half of the machines keep {median} of their ripple or more, expected less than a tenth"
+        );
+    }
+}

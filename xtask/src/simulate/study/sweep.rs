@@ -3,13 +3,17 @@
 use super::options::{Preset, SweepOptions};
 use super::run::{progress_bar, sensor_name};
 use super::sweep_html;
-use super::sweep_report::SweepReport;
+use super::sweep_report::{Proposed, SweepReport};
 use crate::output::Folder;
 use crate::simulate::setup::{duration, nut_speed, table_speed};
 use anyhow::{Result, ensure};
+use control::plate::DrivePlate;
+use hal_sim::drive::Drive;
 use hal_sim::experiment::{
-    ExperimentError, OperatingPoint, record_periods, settle_quietly, table_velocities,
+    ExperimentError, OperatingPoint, Setup, record_periods, settle_quietly, table_velocities,
 };
+use hal_sim::parallel::on_all_cores;
+use hal_sim::smooth::known::Known;
 use hal_sim::vrf::vrf_percent;
 
 /// Runs the sweep and writes its report.
@@ -34,40 +38,72 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     }
     let folder = Folder::open(&options.out)?;
 
-    let progress = progress_bar(grid.len());
-    let mut vrf = Vec::new();
-    for point in grid {
-        let mut drive = setup.drive()?;
-        vrf.push(match settle_quietly(&mut drive, point) {
-            Ok(()) => {
-                let periods = record_periods(&setup.board);
-                let velocities = table_velocities(&mut drive, seconds, periods, |_| {
-                    Ok::<(), ExperimentError>(())
-                })?;
-                Some(vrf_percent(&velocities, point.velocity))
-            }
-            Err(ExperimentError::NotSteady { .. }) => None,
-            Err(error) => return Err(error.into()),
+    let runs = grid.len() * if options.compensated { 2 } else { 1 };
+    let progress = progress_bar(runs);
+    let measure = |plate: &DrivePlate| -> Result<Vec<Vec<Option<f64>>>> {
+        let vrf = on_all_cores(&grid, |&point| {
+            let vrf = ripple(&setup, plate, point, seconds);
+            progress.inc(1);
+            vrf
         });
-        progress.inc(1);
-    }
+        let vrf = vrf.into_iter().collect::<Result<Vec<_>, _>>()?;
+        Ok(vrf.chunks(nut_rpm.len()).map(<[_]>::to_vec).collect())
+    };
+    let plate = setup.plate();
+    let vrf_percent = measure(&plate)?;
+    let compensated_percent = if options.compensated {
+        let feed = &setup.model.feed;
+        let known = Known::of(&setup.model, feed.load_n * feed.travel_per_radian());
+        Some(measure(&DrivePlate {
+            compensation: known.compensation,
+            friction: known.friction,
+            ..plate
+        })?)
+    } else {
+        None
+    };
     progress.finish_and_clear();
 
     let report = SweepReport {
         machine,
         sensors: sensor_name(options.machine.sensors).to_owned(),
         table_mm_s: options.table_speed.clone(),
-        vrf_percent: vrf
-            .chunks(nut_rpm.len())
-            .map(<[Option<f64>]>::to_vec)
-            .collect(),
+        vrf_percent,
+        compensated_percent,
         nut_rpm,
-    };
+        proposed: Vec::new(),
+    }
+    .with_proposals();
     folder.put_text("sweep.json", &serde_json::to_string_pretty(&report)?)?;
     folder.put_text("sweep.html", &sweep_html::page(&report))?;
     print(&report);
+    if let Some(compensated) = report.compensated() {
+        println!("\nThe same with what the model says repeats compensated:\n");
+        print(&compensated);
+    }
+    print_proposed(&report);
     println!("\nThe picture is {}.", folder.path("sweep.html").display());
     Ok(())
+}
+
+/// Ripple of a drive with this plate at a point, %; none if it does not reach it.
+fn ripple(
+    setup: &Setup,
+    plate: &DrivePlate,
+    point: OperatingPoint,
+    seconds: f64,
+) -> Result<Option<f64>, ExperimentError> {
+    let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, plate)?;
+    match settle_quietly(&mut drive, point) {
+        Ok(()) => {}
+        Err(ExperimentError::NotSteady { .. }) => return Ok(None),
+        Err(error) => return Err(error),
+    }
+    let periods = record_periods(&setup.board);
+    let velocities = table_velocities(&mut drive, seconds, periods, |_| {
+        Ok::<(), ExperimentError>(())
+    })?;
+    Ok(Some(vrf_percent(&velocities, point.velocity)))
 }
 
 fn print(report: &SweepReport) {
@@ -97,5 +133,23 @@ fn print(report: &SweepReport) {
             }
         }
         println!();
+    }
+}
+
+/// The smoothest base speeds.
+fn print_proposed(report: &SweepReport) {
+    let how = if report.compensated_percent.is_some() {
+        "compensated"
+    } else {
+        "without compensation"
+    };
+    println!("\nSmoothest nut speed for each table velocity, {how}; 0 is the single drive (CDFS):");
+    for Proposed {
+        table_mm_s,
+        nut_rpm,
+        vrf_percent,
+    } in &report.proposed
+    {
+        println!("{table_mm_s:>12} mm/s {nut_rpm:>9.0} rpm {vrf_percent:>8.2} %");
     }
 }

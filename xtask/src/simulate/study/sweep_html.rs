@@ -9,11 +9,12 @@ pub(crate) fn page(report: &SweepReport) -> String {
     let body = format!(
         "<p class=\"result\">{}</p>\n<figure>\n<figcaption>VRF over table velocity and nut speed</figcaption>\n\
          <p class=\"note\">{} less ripple than CDFS at this table velocity; {} as much or more; heavy line: where the \
-         one turns into the other</p>\n{}</figure>\n{}{}",
+         one turns into the other</p>\n{}</figure>\n{}{}{}",
         sentence(&result(report)),
         LESS,
         MORE,
         map(report),
+        compensated(report),
         table(report),
         foot(report),
     );
@@ -21,6 +22,17 @@ pub(crate) fn page(report: &SweepReport) -> String {
         "Where the differential feed is smoother, and where not",
         &body,
     )
+}
+
+/// The same map of the compensated drive, if there is one.
+fn compensated(report: &SweepReport) -> String {
+    report.compensated().map_or_else(String::new, |compensated| {
+        format!(
+            "<figure>\n<figcaption>The same with what the model says repeats compensated</figcaption>\n{}</figure>\n{}",
+            map(&compensated),
+            table(&compensated)
+        )
+    })
 }
 
 const LESS: &str = "\u{25BC}";
@@ -152,6 +164,8 @@ mod tests {
             table_mm_s: table_mm_s.into(),
             nut_rpm: nut_rpm.into(),
             vrf_percent,
+            compensated_percent: None,
+            proposed: Vec::new(),
         }
     }
 

@@ -16,4 +16,93 @@ pub struct SweepReport {
     /// Velocity ripple factor, %: a row for each table velocity, a value for each nut speed; none where the drive did
     /// not reach the point.
     pub vrf_percent: Vec<Vec<Option<f64>>>,
+    /// The same of a drive that compensates what the model says repeats, if that was asked.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub compensated_percent: Option<Vec<Vec<Option<f64>>>>,
+    /// The smoothest nut speed for each table velocity, compensated if that was asked.
+    pub proposed: Vec<Proposed>,
+}
+
+/// A base speed that is proposed.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Proposed {
+    /// Table velocity, mm/s.
+    pub table_mm_s: f64,
+    /// Nut speed, rpm; 0 is the single drive (CDFS).
+    pub nut_rpm: f64,
+    /// Its ripple, %.
+    pub vrf_percent: f64,
+}
+
+impl SweepReport {
+    /// The grid of the compensated drive as a report of its own, if there is one.
+    #[must_use]
+    pub fn compensated(&self) -> Option<Self> {
+        Some(Self {
+            machine: self.machine.clone(),
+            sensors: self.sensors.clone(),
+            table_mm_s: self.table_mm_s.clone(),
+            nut_rpm: self.nut_rpm.clone(),
+            vrf_percent: self.compensated_percent.clone()?,
+            compensated_percent: None,
+            proposed: Vec::new(),
+        })
+    }
+
+    /// Fills in what is proposed: of each row the smallest.
+    #[must_use]
+    pub fn with_proposals(mut self) -> Self {
+        let grid = self
+            .compensated_percent
+            .as_ref()
+            .unwrap_or(&self.vrf_percent);
+        self.proposed = self
+            .table_mm_s
+            .iter()
+            .zip(grid)
+            .filter_map(|(&table_mm_s, row)| {
+                let reached = self.nut_rpm.iter().zip(row);
+                let (&nut_rpm, vrf_percent) = reached
+                    .filter_map(|(rpm, vrf)| Some((rpm, vrf.filter(|vrf| vrf.is_finite())?)))
+                    .min_by(|(_, a), (_, b)| a.total_cmp(b))?;
+                Some(Proposed {
+                    table_mm_s,
+                    nut_rpm,
+                    vrf_percent,
+                })
+            })
+            .collect();
+        self
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_smoothest_of_a_row_is_proposed() {
+        let report = SweepReport {
+            machine: String::new(),
+            sensors: String::new(),
+            table_mm_s: vec![1.0, 2.5, 5.0],
+            nut_rpm: vec![0.0, 300.0, 800.0],
+            vrf_percent: vec![vec![Some(1.0); 3]; 3],
+            compensated_percent: Some(vec![
+                vec![Some(0.5), Some(0.4), None],
+                vec![Some(0.1), Some(f64::NAN), Some(0.3)],
+                vec![None; 3],
+            ]),
+            proposed: Vec::new(),
+        };
+        let at = |table_mm_s, nut_rpm, vrf_percent| Proposed {
+            table_mm_s,
+            nut_rpm,
+            vrf_percent,
+        };
+        assert_eq!(
+            report.with_proposals().proposed,
+            [at(1.0, 300.0, 0.4), at(2.5, 0.0, 0.1)]
+        );
+    }
 }
