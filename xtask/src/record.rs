@@ -213,6 +213,46 @@ pub fn model(header: &Header, interval_s: f64) -> Model {
     model
 }
 
+/// What stands above the model of a commissioned drive.
+#[cfg(feature = "drive")]
+const MEASURED: &str = "\
+# Motors, friction, load and the table's mass as a commissioning measured them; lead and sensing are the drive's own plate.
+# Friction of ball pair and guideway was measured together and stands at the pair. Stiffness, damping and the sensors' noise
+# were not measured.
+";
+
+/// The text of the `model.toml` of a drive that was commissioned.
+#[cfg(feature = "drive")]
+#[must_use]
+pub fn measured_model_file(
+    header: &Header,
+    interval_s: f64,
+    machine: &commission::procedure::Machine,
+) -> String {
+    let mut model = model(header, interval_s);
+    let travel = model.feed.travel_per_radian();
+    // A model has no friction and no mass below nothing, where a measurement's noise may be.
+    let least = |value: f64| value.max(0.0);
+    let table = machine.table_kg_m2.max(1e-9);
+    for (k, (motor, plate)) in [&mut model.screw, &mut model.nut]
+        .into_iter()
+        .zip(&header.motors)
+        .enumerate()
+    {
+        let moved = plate.inertia_kg_m2.get();
+        motor.inertia_kg_m2 = if moved > table { moved - table } else { moved };
+        motor.coulomb_nm = least(machine.coulomb_nm[k]);
+        motor.viscous_nm_s = least(machine.viscous_nm_s[k]);
+    }
+    let feed = &mut model.feed;
+    feed.table_mass_kg = table / (travel * travel);
+    feed.pair_coulomb_nm = least(machine.feed_coulomb_nm);
+    feed.guideway_coulomb_n = 0.0;
+    feed.guideway_viscous_n_s_per_m = least(machine.feed_viscous_nm_s) / (travel * travel);
+    feed.load_n = machine.load_nm / travel;
+    format!("{MEASURED}{}", model.to_toml())
+}
+
 fn sample(row: &Row) -> Sample {
     let axis = |motor: &MotorRow| AxisSample {
         angle_rad: motor.angle_rad,

@@ -119,11 +119,30 @@ pub struct Limited {
     pub limit: f64,
 }
 
+/// What a machine's model needs beyond the drive's settings.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Machine {
+    /// Coulomb friction of the bearings of screw and nut, N m.
+    pub coulomb_nm: [f64; 2],
+    /// Viscous friction of the same, N m s/rad.
+    pub viscous_nm_s: [f64; 2],
+    /// The table's mass through the lead, kg m^2.
+    pub table_kg_m2: f64,
+    /// Coulomb friction of ball pair and guideway together, N m at the screw.
+    pub feed_coulomb_nm: f64,
+    /// Viscous friction of the same, N m s/rad.
+    pub feed_viscous_nm_s: f64,
+    /// Load against positive travel, N m at the screw.
+    pub load_nm: f64,
+}
+
 /// A step that is done.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Done {
     /// The acceleration of the base speed that a later step sets again, rpm/s.
     pub base_acceleration_rpm_s: Option<f64>,
+    /// Frictions and the table, of the step that measures them.
+    pub machine: Option<Machine>,
     /// Which.
     pub step: Step,
     /// How long it took, by the drive's time, s.
@@ -221,6 +240,7 @@ fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
     }
     Ok(Done {
         base_acceleration_rpm_s: None,
+        machine: None,
         step: Step::Start,
         seconds: session.uptime_s() - begun,
         quantities,
@@ -317,6 +337,7 @@ fn electrical_step<L: Line>(
     let [screw, nut] = found.current_a;
     Ok(Done {
         base_acceleration_rpm_s: Some(old.feed.base_acceleration_max_rpm_s),
+        machine: None,
         step: Step::Electrical,
         seconds: session.uptime_s() - begun,
         quantities,
@@ -419,6 +440,14 @@ fn mechanical_step<L: Line>(
     let [screw, nut] = found.torque_nm;
     Ok(Done {
         base_acceleration_rpm_s: None,
+        machine: Some(Machine {
+            coulomb_nm: found.motors.map(|motor| motor.coulomb_nm.value),
+            viscous_nm_s: found.motors.map(|motor| motor.viscous_nm_s.value),
+            table_kg_m2: found.table_kg_m2.value,
+            feed_coulomb_nm: found.feed_coulomb_nm.value,
+            feed_viscous_nm_s: found.feed_viscous_nm_s.value,
+            load_nm: found.load_nm.value,
+        }),
         step: Step::Mechanical,
         seconds: session.uptime_s() - begun,
         quantities,
@@ -492,6 +521,7 @@ fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<D
     one("tuning.observer_rad_s", &|s| s.tuning.observer_rad_s);
     Ok(Done {
         base_acceleration_rpm_s: None,
+        machine: None,
         step: Step::Tuning,
         seconds: session.uptime_s() - begun,
         quantities,
@@ -537,6 +567,7 @@ fn angle_step<L: Line>(
     let [screw, nut] = found.current_a;
     Ok(Done {
         base_acceleration_rpm_s: None,
+        machine: None,
         step: Step::Angle,
         seconds: session.uptime_s() - begun,
         quantities,

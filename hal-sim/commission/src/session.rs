@@ -107,6 +107,12 @@ impl<L: Line> Session<L> {
         })
     }
 
+    /// The line to the drive, for what comes after.
+    #[must_use]
+    pub fn into_client(self) -> Client<L> {
+        self.client
+    }
+
     /// The settings that hold.
     #[must_use]
     pub fn settings(&self) -> &Settings {

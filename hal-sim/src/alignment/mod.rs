@@ -102,6 +102,19 @@ impl Start {
         }
     }
 
+    /// The machine and board of a set-up, with its rotors where the board's seed puts them.
+    #[must_use]
+    pub fn anywhere(setup: &Setup) -> Self {
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(setup.board.seed);
+        let mut turn = || Uniform::new(0.0, TAU).map_or(0.0, |range| range.sample(&mut random));
+        Self {
+            model: setup.model.clone(),
+            board: setup.board,
+            plate: setup.plate(),
+            angles: [turn(), turn()],
+        }
+    }
+
     /// A machine drawn from `seed`: where the rotors stand, friction of bearings, pair and guideway with its break-away, a
     /// load that this holds, cogging, torque harmonics, lead error, encoders of 2^20 or 10,000 counts that count either way,
     /// with an index or without, dead time with an error, and a plate whose resistance, inductance and flux are a little wrong.

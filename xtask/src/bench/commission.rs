@@ -3,8 +3,9 @@
 use super::CommissionOptions;
 use anyhow::{Context, Result};
 use hal_sim::alignment::{Start, miswirings};
-use hal_sim::commissioning::{Outcome, USUAL, commission};
+use hal_sim::commissioning::{Outcome, Rivals, USUAL, commission, rivals};
 use hal_sim::parallel::on_all_cores;
+use plant::Axis;
 use serde::Serialize;
 
 /// Furthest that a parameter may be off, %, and an angle, degrees.
@@ -24,6 +25,14 @@ struct Worst {
     inertia: f64,
 }
 
+/// Largest and median size of the errors of other drives' procedures, on all machines, %.
+#[derive(Serialize)]
+struct Other {
+    odrive_r: [f64; 2],
+    odrive_l: [f64; 2],
+    vesc_r: [f64; 2],
+}
+
 /// Errors, margins and bandwidths are of the drives that were commissioned to the end.
 #[derive(Serialize)]
 struct Report {
@@ -39,6 +48,7 @@ struct Report {
     phase_margin_deg_least: f64,
     limits_kept: usize,
     seconds_worst: f64,
+    others_percent_worst_and_median: Other,
 }
 
 fn largest(values: impl Iterator<Item = f64>) -> f64 {
@@ -101,6 +111,19 @@ pub(super) fn run(options: &CommissionOptions) -> Result<()> {
             );
         }
     }
+    let others: Vec<Rivals> = on_all_cores(&seeds, |seed| {
+        let start = Start::any_size(*seed);
+        Axis::ALL.map(|axis| rivals(&start, axis))
+    })
+    .into_iter()
+    .flatten()
+    .collect();
+    let spread = |of: &dyn Fn(&Rivals) -> f64| {
+        let mut sizes: Vec<f64> = others.iter().map(|other| of(other).abs()).collect();
+        sizes.sort_by(f64::total_cmp);
+        let middle = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
+        [sizes.last().copied().unwrap_or(0.0), middle]
+    };
     let report = Report {
         drives: options.drives,
         right: outcomes.iter().filter(|outcome| is_right(outcome)).count(),
@@ -127,6 +150,11 @@ pub(super) fn run(options: &CommissionOptions) -> Result<()> {
             .fold(f64::INFINITY, f64::min),
         limits_kept: outcomes.iter().filter(|o| o.within_limits).count(),
         seconds_worst: largest(outcomes.iter().map(|o| o.seconds)),
+        others_percent_worst_and_median: Other {
+            odrive_r: spread(&|other| other.odrive_r_percent),
+            odrive_l: spread(&|other| other.odrive_l_percent),
+            vesc_r: spread(&|other| other.vesc_r_percent),
+        },
     };
     if options.json {
         println!("{}", serde_json::to_string(&report)?);
@@ -151,6 +179,15 @@ pub(super) fn run(options: &CommissionOptions) -> Result<()> {
         report.seconds_worst,
         report.named,
         report.miswirings,
+    );
+    let Other {
+        odrive_r,
+        odrive_l,
+        vesc_r,
+    } = &report.others_percent_worst_and_median;
+    println!(
+        "other drives' procedures on the same machines, % off at most (median): ODrive R {:.0} ({:.1}), L {:.0} ({:.1}); VESC R {:.0} ({:.1})",
+        odrive_r[0], odrive_r[1], odrive_l[0], odrive_l[1], vesc_r[0], vesc_r[1]
     );
     Ok(())
 }

@@ -1,6 +1,8 @@
 //! `cargo xtask drive`: a drive commanded over its link, behind the feature `drive`.
 
 #[cfg(feature = "drive")]
+mod commission;
+#[cfg(feature = "drive")]
 mod connect;
 #[cfg(feature = "drive")]
 mod motion;
@@ -33,6 +35,7 @@ pub fn run(options: &DriveOptions) -> Result<()> {
         Task::Reset => motion::reset(&mut client),
         Task::Inject(injection) => motion::inject(&mut client, injection),
         Task::Settings { what } => settings::run(&mut client, what),
+        Task::Commission(options) => commission::run(client, options),
         Task::Record(record) => record::record(&mut client, record),
     }
 }

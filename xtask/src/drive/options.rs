@@ -64,6 +64,34 @@ pub enum Task {
     },
     /// Record it into a folder that `cargo xtask identify` reads.
     Record(RecordOptions),
+    /// Measure its motors and feed, set what was found, and tune its loops: both motors turn, and the table moves to and fro.
+    Commission(CommissionOptions),
+}
+
+/// A commissioning.
+#[derive(Args, Debug)]
+pub struct CommissionOptions {
+    /// Folder for report.md, report.json and model.toml; an interrupted commissioning goes on from there.
+    #[arg(long, default_value = "out/commission")]
+    pub out: PathBuf,
+    /// Furthest that the table may move to each side, mm: put it where it has that way.
+    #[arg(long, value_name = "MM", default_value_t = 10.0)]
+    pub travel: f64,
+    /// Cutoff of the speed loops at most, rad/s. [default: the setting tuning.speed_rad_s]
+    #[arg(long, value_name = "RAD_S")]
+    pub speed_loop: Option<f64>,
+    /// Least phase margin of all loops, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 45.0)]
+    pub margin: f64,
+    /// Measure again what is in the folder already.
+    #[arg(long)]
+    pub again: bool,
+    /// Let it be moved: without this nothing is done.
+    #[arg(long)]
+    pub arm: bool,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Speeds.
@@ -249,6 +277,28 @@ impl DriveOptions {
                     !record.name.is_empty() && !record.name.contains(['/', '\\']),
                     "--name is `{}`, but a name within the folder is needed",
                     record.name
+                );
+            }
+            Task::Commission(commission) => {
+                ensure!(
+                    commission.arm,
+                    "both motors will turn, and the table will move by up to {} mm to each side: see that it can, and give --arm",
+                    commission.travel
+                );
+                ensure!(
+                    (0.1..=1000.0).contains(&commission.travel),
+                    "--travel is {} mm, but 0.1 to 1000 mm are possible",
+                    commission.travel
+                );
+                ensure!(
+                    (20.0..=80.0).contains(&commission.margin),
+                    "--margin is {} degrees, but 20 to 80 are possible",
+                    commission.margin
+                );
+                let speed_loop = commission.speed_loop.unwrap_or(1.0);
+                ensure!(
+                    (1.0..=10_000.0).contains(&speed_loop),
+                    "--speed-loop is {speed_loop} rad/s, but 1 to 10000 rad/s are possible"
                 );
             }
             _ => {}

@@ -137,7 +137,7 @@ fn put(file: &Path, text: &str) -> Result<()> {
 }
 
 /// What the drive says of itself before a stream, of none.
-fn header(drive: &mut Drive) -> Result<Header> {
+pub fn header(drive: &mut Drive) -> Result<Header> {
     let request = Request {
         divider: 0,
         stream: 1,

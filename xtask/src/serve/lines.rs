@@ -5,6 +5,7 @@ use super::flash::Flash;
 use crate::interrupt::ctrl_c;
 use crate::simulate::Preset;
 use anyhow::{Context, Result, ensure};
+use hal_sim::alignment::Start;
 use hal_sim::served::{LineId, Serving, SimulatedDrive};
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
@@ -79,8 +80,12 @@ pub fn run(options: &ServeOptions) -> Result<()> {
          goes as fast"
     );
     let (setup, name) = options.machine.setup(Preset::Coupled)?;
-    let mut drive = SimulatedDrive::new(&setup)
-        .with_context(|| format!("no drive can be configured for the machine {name}"))?;
+    let mut drive = if options.cold {
+        SimulatedDrive::cold(&Start::anywhere(&setup))
+    } else {
+        SimulatedDrive::new(&setup)
+    }
+    .with_context(|| format!("no drive can be configured for the machine {name}"))?;
     if let Some(path) = &options.settings {
         use link::server::Served;
         let text = std::fs::read_to_string(path)

@@ -24,6 +24,9 @@ pub struct ServeOptions {
     /// How many times as fast as real time, up to 10; what this computer does not reach, it does not.
     #[arg(long, default_value_t = 1.0)]
     pub speed: f64,
+    /// The drive has just been switched on, with its rotors anywhere: it aligns them at each start.
+    #[arg(long)]
+    pub cold: bool,
     /// Settings that hold from the start (TOML), instead of those that fit the machine.
     #[arg(long)]
     pub settings: Option<PathBuf>,
