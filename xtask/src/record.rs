@@ -3,6 +3,7 @@
 use crate::output::Folder;
 use anyhow::{Context, Result, bail, ensure};
 use link::host::{Count, Decoder, MotorRow, Row};
+use link::message::Aligned;
 use link::telemetry::{Header, Request};
 use plant::model::Model;
 use plant::recording::{AxisSample, RecordingWriter, Sample};
@@ -27,6 +28,7 @@ pub struct Summary {
 pub struct Recorder {
     writer: RecordingWriter,
     decoder: Option<Decoder>,
+    aligned: [Aligned; 2],
     rate_hz: f64,
     bytes: u64,
     first_s: Option<f64>,
@@ -54,6 +56,7 @@ impl Recorder {
         Self {
             writer,
             decoder: None,
+            aligned: [Aligned::Unknown; 2],
             rate_hz,
             bytes: 0,
             first_s: None,
@@ -68,6 +71,11 @@ impl Recorder {
         self.decoder = Some(Decoder::new(request));
     }
 
+    /// How the encoders of screw and nut lie to their rotors: the angles that are written are the rotors'.
+    pub fn align(&mut self, aligned: [Aligned; 2]) {
+        self.aligned = aligned;
+    }
+
     /// Takes what came, in pieces of any length.
     ///
     /// # Errors
@@ -76,6 +84,7 @@ impl Recorder {
         let Self {
             writer,
             decoder,
+            aligned,
             first_s,
             last_s,
             whole_from_s,
@@ -87,14 +96,14 @@ impl Recorder {
         };
         self.bytes += bytes.len() as u64;
         let known = decoder.header().is_some();
-        decoder.take(bytes, |_, row| {
+        decoder.take(bytes, |header, row| {
             if first_s.is_none() || row.lost > 0 {
                 *whole_from_s = row.time_s;
             }
             first_s.get_or_insert(row.time_s);
             *last_s = row.time_s;
             *whole_s = whole_s.max(row.time_s - *whole_from_s);
-            writer.write(&sample(row))
+            writer.write(&sample(header, row, *aligned))
         })?;
         if let (false, Some(interval)) = (known, decoder.interval_s()) {
             let rate = 1.0 / interval;
@@ -253,9 +262,9 @@ pub fn measured_model_file(
     format!("{MEASURED}{}", model.to_toml())
 }
 
-fn sample(row: &Row) -> Sample {
-    let axis = |motor: &MotorRow| AxisSample {
-        angle_rad: motor.angle_rad,
+fn sample(header: &Header, row: &Row, aligned: [Aligned; 2]) -> Sample {
+    let axis = |k: usize, motor: &MotorRow| AxisSample {
+        angle_rad: aligned[k].rotor_angle(motor.angle_rad, header.motors[k].pole_pairs),
         ia_a: motor.phases_a[0],
         ib_a: motor.phases_a[1],
         ud_v: motor.voltage_v[0],
@@ -266,7 +275,7 @@ fn sample(row: &Row) -> Sample {
     let [screw, nut] = &row.motors;
     Sample {
         time_s: row.time_s,
-        axes: [axis(screw), axis(nut)],
+        axes: [axis(0, screw), axis(1, nut)],
         table_position_m: row.table_m,
     }
 }

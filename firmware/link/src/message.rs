@@ -271,6 +271,21 @@ pub enum Aligned {
     },
 }
 
+impl Aligned {
+    /// The rotor's mechanical angle, rad, 0 where it is electrically 0, of its encoder's; the encoder's own where it is not
+    /// known how that lies.
+    #[must_use]
+    pub fn rotor_angle(self, encoder_rad: f64, pole_pairs: u32) -> f64 {
+        let (direction, zero) = match self {
+            Self::Unknown => return encoder_rad,
+            Self::Forwards { zero } => (1.0, zero),
+            Self::Backwards { zero } => (-1.0, zero),
+        };
+        let zero_e = f64::from(zero) / 4_294_967_296.0 * core::f64::consts::TAU;
+        direction * encoder_rad + zero_e / f64::from(pole_pairs.max(1))
+    }
+}
+
 /// One motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MotorStatus {

@@ -31,12 +31,14 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     if options.arm && !options.hold.is_empty() {
         drive.tell(Command::Arm)?;
     }
+    let aligned = drive.status()?.motors.map(|motor| motor.alignment);
     let (summary, outcome) = save(
         &folder,
         &options.name,
         f64::from(options.rate),
         |recorder| {
             recorder.start(request);
+            recorder.align(aligned);
             let streamed = stream(drive, request, options, recorder, &stop);
             let rested = if options.hold.is_empty() {
                 Ok(())

@@ -145,8 +145,13 @@ pub fn header(drive: &mut Drive) -> Result<Header> {
     drive.tell(Command::Record(request.word()))?;
     let until = Instant::now() + Duration::from_secs(2);
     while Instant::now() < until {
-        if let Some(Frame::Header(header)) = drive.take_telemetry() {
-            return Ok(header);
+        // Samples of an earlier stream may stand before it.
+        while let Some(frame) = drive.take_telemetry() {
+            if let Frame::Header(header) = frame
+                && header.request == request.word()
+            {
+                return Ok(header);
+            }
         }
         drive.listen(Duration::from_millis(50))?;
     }
