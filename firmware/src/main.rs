@@ -18,7 +18,7 @@ mod speed;
 mod supervision;
 mod telemetry;
 
-use control::plate::{CompensationPlate, DriveConfig, DrivePlate, FrictionPlate, RubbingPlate};
+use control::plate::{DriveConfig, DrivePlate};
 
 /// The board's plate; with the feature `smooth` it learns the ripple that motors, encoders and lead usually have.
 const PLATE: DrivePlate = if cfg!(feature = "smooth") {
