@@ -4,6 +4,7 @@
 //! `_speed_ref_rad_s`, and `table_position_m`. [`Sample`] says what they mean.
 
 mod columns;
+mod digits;
 mod error;
 mod reader;
 mod writer;

@@ -1,7 +1,7 @@
 //! A recording, written row by row.
 
 use super::columns::{DECIMALS, to_row};
-use super::{COLUMNS, RecordingError, Sample};
+use super::{COLUMNS, RecordingError, Sample, digits};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 use std::fs::File;
@@ -54,7 +54,8 @@ impl RecordingWriter {
         let mut output = if path.extension().is_some_and(|extension| extension == "gz") {
             Output::Zipped(BufWriter::with_capacity(
                 1 << 16,
-                GzEncoder::new(file, Compression::default()),
+                // A recording is written while a drive is simulated: a third larger, in a fifth of the time.
+                GzEncoder::new(file, Compression::fast()),
             ))
         } else {
             Output::Plain(BufWriter::with_capacity(1 << 16, file))
@@ -74,9 +75,10 @@ impl RecordingWriter {
     pub fn write(&mut self, sample: &Sample) -> Result<(), RecordingError> {
         self.line.clear();
         for (k, (value, decimals)) in to_row(sample).into_iter().zip(DECIMALS).enumerate() {
-            let separator = if k == 0 { "" } else { "," };
-            // Writing to memory does not fail.
-            let _ = write!(self.line, "{separator}{value:.decimals$}");
+            if k > 0 {
+                self.line.push(b',');
+            }
+            digits::append(&mut self.line, value, decimals);
         }
         self.line.push(b'\n');
         let Self { output, path, line } = self;
