@@ -2,11 +2,12 @@
 //! picture; all else stands below.
 
 mod charts;
+mod live;
 mod simulation;
 mod tables;
 mod words;
 
-use crate::report::Report;
+use crate::report::{Channel, Report};
 use page::document::{document, escape};
 
 /// The page.
@@ -28,6 +29,13 @@ pub fn page(report: &Report) -> String {
         tables::foot(report),
     ];
     document(title(report), &body.concat())
+}
+
+/// The page with what takes a script: before its end, so that without one nothing is missing.
+pub fn live_page(report: &Report) -> String {
+    let page = page(report);
+    let (rest, end) = page.split_at(page.rfind("</main>").unwrap_or(page.len()));
+    format!("{rest}{}{end}", live::section(&shown(report), report))
 }
 
 /// The order spectrum of the first screen, as a file of its own.
@@ -131,7 +139,7 @@ fn left(report: &Report) -> String {
 }
 
 /// All channels in which something shows; where nothing is missing, the torques and the table.
-fn more(report: &Report) -> String {
+fn shown(report: &Report) -> Vec<&Channel> {
     let shows = |name: &str| {
         report
             .figures(name)
@@ -145,6 +153,12 @@ fn more(report: &Report) -> String {
             .filter(|c| !c.name.contains("voltage"))
             .collect();
     }
+    list
+}
+
+/// The residuals of these over their coordinates.
+fn more(report: &Report) -> String {
+    let list = shown(report);
     let marked = list.iter().any(|channel| !channel.marks.is_empty());
     let sections: String = list
         .into_iter()
@@ -299,6 +313,22 @@ mod tests {
             );
         }
         assert_eq!(first.matches("<svg class=\"plot\"").count(), 2);
+    }
+
+    /// Scripts stand at the end, behind all that is there without them, and ask for nothing from outside.
+    #[test]
+    fn what_takes_a_script_is_beside_the_page() {
+        let (page, live) = (page(&report()), live_page(&report()));
+        let (rest, end) = page.split_at(page.rfind("</main>").unwrap());
+        assert!(live.starts_with(rest) && live.ends_with(end));
+        let added = &live[rest.len()..live.len() - end.len()];
+        assert!(added.contains("hidden=\"hidden\"") && added.contains("@media print"));
+        assert!(!added.contains("src=") && !added.contains("@import"));
+        let data = added.split("id=\"live-data\">").nth(1).unwrap();
+        let data: serde_json::Value =
+            serde_json::from_str(data.split("</script>").next().unwrap()).unwrap();
+        assert_eq!(data["time"].as_array().unwrap().len(), 4000);
+        assert_eq!(data["channels"][0]["after"].as_array().unwrap().len(), 4000);
     }
 
     #[test]

@@ -42,7 +42,7 @@ pub fn write(report: &Report, folder: &Path) -> Result<(), WriteError> {
     file("report.json", json)?;
     file("model.toml", report.model.clone())?;
     file("residual.csv", residual_csv(report))?;
-    file("report.html", crate::html::page(report))?;
+    file("report.html", crate::html::live_page(report))?;
     match crate::html::picture(report) {
         Some(picture) => file("orders.svg", picture),
         None => Ok(()),
