@@ -1,16 +1,16 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
 use crate::analysis::{Bandwidth, Case, ChannelRest, Coordinates, Found, Outcome, Rival};
+use crate::balance::{MotorParameter, Parameter};
 use crate::channel::Channel;
 use crate::figures::{figures, table_force};
-use crate::hypothesis::Hypothesis;
+use crate::hypothesis::{Family, Hypothesis};
+use crate::linearised::Linearised;
 use crate::noise::Noise;
 use crate::normal::Solution;
 use crate::progress::Progress;
 use crate::recalibrated::{calibration, new_model};
 use crate::remains::{Fixed, Side, judged_hz};
-use crate::sandwich::robust;
-use crate::select::Search;
 use crate::selection::{
     ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, threshold,
 };
@@ -76,33 +76,34 @@ fn likeness(outcome: &Outcome) -> Option<&Found> {
     weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
 }
 
-fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> Outcome {
+/// The figures of effects as they are, whether they stand or not.
+pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> Outcome {
     let whitener = case.whitener(noise);
     let found = &progress.found;
-    let search = case.search(&whitener, found);
-    let solution = search.normal.solve(None);
     let plain = case.search(&whitener, &[]);
     let plain_solution = plain.normal.solve(None);
+    let mut linearised = Linearised::new(&plain, found);
+    let (search, solution) = (linearised.search.fork(), linearised.solution.clone());
     let excess = plain.normal.cost(&plain_solution.values) - search.normal.cost(&solution.values);
 
     let check_noise = check.noise(None, found);
+    let of_check = check.whitener(&check_noise);
+    let heard = check.search(&of_check, &[]);
     let (mut effects, mut parts) = (Vec::new(), Vec::new());
     let mut at = case.base.parameters.len();
     for (k, hypothesis) in found.iter().enumerate() {
         let columns = hypothesis.columns();
         let values: Vec<f64> = solution.values.rows(at, columns).iter().copied().collect();
         parts.push((*hypothesis, values.clone()));
-        let covariance = robust(&search.normal, &solution, at..at + columns)
-            .iter()
-            .copied()
-            .collect();
+        let (covariance, shape_sigma) = linearised.uncertainty(hypothesis, k);
         let others: Vec<Hypothesis> = found
             .iter()
             .enumerate()
             .filter(|(j, _)| *j != k)
             .map(|(_, h)| *h)
             .collect();
-        let mut without = case.search(&whitener, &others);
+        let mut without = plain.fork();
+        others.iter().for_each(|other| without.add(other));
         let without_solution = without.normal.solve(None);
         let falls = without.fall_by_channel(hypothesis);
         let shows = Channel::ALL
@@ -111,11 +112,13 @@ fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> O
             .unwrap_or(Channel::Table);
         let fall =
             without.normal.cost(&without_solution.values) - search.normal.cost(&solution.values);
-        let shape_sigma = shape_sigma(hypothesis, &mut without, &without_solution);
         let first = without.normal.len();
         without.add(hypothesis);
-        let effect = hypothesis.effect(case.balance.model, search.run_s(), &values);
-        let on_check = check_fall(check, &check_noise, &others, hypothesis, &values);
+        let refined = refined(case, &solution, hypothesis, &values);
+        let effect = hypothesis.effect(case.balance.model, search.run_s(), &refined);
+        let mut beside = heard.fork();
+        others.iter().for_each(|other| beside.add(other));
+        let on_check = beside.fall_at(hypothesis, &values);
         effects.extend(effect.map(|effect| {
             Found {
                 hypothesis: *hypothesis,
@@ -142,14 +145,7 @@ fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> O
                                 rival,
                             ),
                             behind: fall - trial.gain.fall,
-                            check_behind: on_check
-                                - check_fall(
-                                    check,
-                                    &check_noise,
-                                    &others,
-                                    &trial.hypothesis,
-                                    rival,
-                                ),
+                            check_behind: on_check - beside.fall_at(&trial.hypothesis, rival),
                         }
                     })
                     .collect(),
@@ -197,7 +193,6 @@ fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> O
         })
         .collect();
     let coordinates = Coordinates::new(case.balance.signals, case.balance.fourier.step());
-    let of_check = check.whitener(&check_noise);
     let left = Left {
         cases: [case, check],
         whiteners: [&whitener, &of_check],
@@ -247,46 +242,20 @@ fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
     }
 }
 
-/// Standard deviation of a shape, from the curvature of what it explains.
-fn shape_sigma(hypothesis: &Hypothesis, without: &mut Search, solution: &Solution) -> f64 {
-    if !hypothesis.has_free_shape() {
-        return 0.0;
-    }
-    let mut step = 1e-3 * hypothesis.shape.max(0.1);
-    let here = without.try_one(*hypothesis, solution).gain.fall;
-    for _ in 0..12 {
-        let beside = [-step, step].map(|d| {
-            without
-                .try_one(
-                    Hypothesis {
-                        shape: hypothesis.shape + d,
-                        ..*hypothesis
-                    },
-                    solution,
-                )
-                .gain
-                .fall
-        });
-        let drop = here - 0.5 * (beside[0] + beside[1]);
-        if (1.0..30.0).contains(&drop) || (drop >= 30.0 && step < 1e-6 * hypothesis.shape) {
-            return step / drop.sqrt();
-        }
-        step *= if drop < 1.0 { 3.0 } else { (8.0 / drop).sqrt() };
-        if step > 0.9 * hypothesis.shape {
-            break;
-        }
-    }
-    step
-}
-
-fn check_fall(
-    check: &Case,
-    noise: &Noise,
-    others: &[Hypothesis],
-    hypothesis: &Hypothesis,
-    values: &[f64],
-) -> f64 {
-    let whitener = check.whitener(noise);
-    let mut search = check.search(&whitener, others);
-    search.fall_at(hypothesis, values)
+/// Parameters of an effect that is a share of a plate's value, of that value as the record has it: the regression counts
+/// them of the declared one.
+fn refined(case: &Case, solution: &Solution, hypothesis: &Hypothesis, values: &[f64]) -> Vec<f64> {
+    let of = match hypothesis.family {
+        Family::ResistanceDrift => MotorParameter::Resistance,
+        Family::FluxDrift | Family::FluxHarmonic => MotorParameter::Flux,
+        _ => return values.to_vec(),
+    };
+    let own = |(parameter, _): &(Parameter, _)| {
+        hypothesis
+            .axis()
+            .is_some_and(|axis| *parameter == Parameter::Motor(axis, of))
+    };
+    let place = case.base.parameters.iter().position(own);
+    let change = place.map_or(0.0, |at| solution.values[at]);
+    values.iter().map(|value| value / (1.0 + change)).collect()
 }

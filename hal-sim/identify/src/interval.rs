@@ -64,7 +64,10 @@ fn sigma(found: &Found, name: &str, value: f64) -> f64 {
                 / (square * square);
             own.max(0.0).sqrt().hypot(BALANCE_ERROR)
         }
-        "off_b" | "gain_b" => size(variance(1).sqrt()),
+        // A share of the current, from the reading's share of which the variance is.
+        "gain_a" => size((1.0 + value).powi(2) * variance(0).sqrt()),
+        "gain_b" => size((1.0 + value).powi(2) * variance(1).sqrt()),
+        "off_b" => size(variance(1).sqrt()),
         _ => size(variance(0).sqrt()),
     }
 }

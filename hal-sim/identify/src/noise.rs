@@ -93,6 +93,16 @@ impl Noise {
         &self.density[channel.index()]
     }
 
+    /// Greatest relative difference of two densities.
+    pub(crate) fn differs(&self, other: &Noise) -> f64 {
+        let pairs = self
+            .density
+            .iter()
+            .flatten()
+            .zip(other.density.iter().flatten());
+        pairs.map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
+    }
+
     /// The gain over frequency after which the channel's noise is white with variance 1 at the decimated rate.
     pub fn whitening(&self, channel: Channel, fourier: &Fourier) -> Vec<f64> {
         let top = self.top[channel.index()];

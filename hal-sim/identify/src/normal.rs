@@ -12,7 +12,9 @@ pub use crate::bounded::Solution;
 /// What is known of a column's parameter before the record is seen.
 #[derive(Debug, Clone, Copy)]
 pub struct Prior {
-    /// Standard deviation about 0.
+    /// Where it is most likely.
+    mean: f64,
+    /// Standard deviation about that.
     spread: f64,
     /// Greatest size.
     bound: f64,
@@ -23,6 +25,7 @@ pub struct Prior {
 impl Prior {
     /// Nothing is known: the parameter of an effect.
     pub const FREE: Prior = Prior {
+        mean: 0.0,
         spread: f64::INFINITY,
         bound: f64::INFINITY,
         fixed: None,
@@ -33,7 +36,16 @@ impl Prior {
         Prior {
             spread,
             bound,
-            fixed: None,
+            ..Self::FREE
+        }
+    }
+
+    /// A mean and a standard deviation.
+    pub fn about(mean: f64, spread: f64) -> Self {
+        Prior {
+            mean,
+            spread,
+            ..Self::FREE
         }
     }
 
@@ -166,10 +178,9 @@ impl Normal {
         }
         for k in 0..n {
             // A column that nothing excites keeps a tiny precision, so that its parameter stays 0.
-            gram[(k, k)] += self.priors[k]
-                .precision()
-                .max(1e-9 * gram[(k, k)])
-                .max(1e-12);
+            let precision = self.priors[k].precision();
+            rhs[k] += precision * self.priors[k].mean;
+            gram[(k, k)] += precision.max(1e-9 * gram[(k, k)]).max(1e-12);
         }
         (gram, rhs)
     }
@@ -235,7 +246,7 @@ impl Normal {
         data + values
             .iter()
             .zip(&self.priors)
-            .map(|(v, prior)| v * v * prior.precision())
+            .map(|(v, prior)| (v - prior.mean).powi(2) * prior.precision())
             .sum::<f64>()
     }
 

@@ -54,6 +54,7 @@ fn add(declared: &mut f64, value: f64) {
 
 pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
     let mut model = case.balance.model.clone();
+    model.feed.axial_damping_ratio = case.balance.damping;
     for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
         let value = solution.values[k];
         let factor = 1.0 + value;

@@ -116,7 +116,7 @@ impl Search<'_> {
     }
 
     /// Turns that the coordinate of a hypothesis covers, or the seconds of what repeats in time.
-    fn turns(&self, hypothesis: &Hypothesis) -> f64 {
+    pub(crate) fn turns(&self, hypothesis: &Hypothesis) -> f64 {
         let along = match hypothesis.family {
             Family::TimePeriodic => Along::Clock,
             Family::Unnamed(unnamed) => unnamed.along,

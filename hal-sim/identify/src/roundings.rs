@@ -54,6 +54,8 @@ impl<'a> Roundings<'a> {
                     Assumed {
                         rounding,
                         resonance_hz: None,
+                        damping: model.feed.axial_damping_ratio,
+                        lags: [0.0; 2],
                     },
                 );
                 let target = whitener.column(&torque(&balance.torque_residual()));
@@ -87,6 +89,7 @@ impl<'a> Roundings<'a> {
         Assumed {
             rounding: self.best(found),
             resonance_hz: soft.map(|soft| soft.shape),
+            ..self.candidates[0].0.assumed()
         }
     }
 

@@ -10,6 +10,7 @@ use crate::records::{
     self, DataQuality, How, LoadError, Machine, Mapping, OnFault, Record, load, load_map,
 };
 use crate::report::{self, Report};
+use crate::stick_slip::{self, FreeDrive};
 use plant::model::Model;
 use plant::recording::{AxisRecord, Recording};
 use std::path::PathBuf;
@@ -122,8 +123,20 @@ impl Task {
     /// # Errors
     /// [`RunError`]: a model or a record that cannot be used.
     pub fn run(&self, told: &mut Told) -> Result<Done, RunError> {
+        self.run_with(None, told)
+    }
+
+    /// As [`Task::run`]; a drive that runs free tells what balances cannot: a table that sticks and slips.
+    ///
+    /// # Errors
+    /// [`RunError`]: a model or a record that cannot be used.
+    pub fn run_with(
+        &self,
+        drive: Option<&dyn FreeDrive>,
+        told: &mut Told,
+    ) -> Result<Done, RunError> {
         match self.mapping.machine {
-            Machine::DoubleDrive => self.double_drive(told),
+            Machine::DoubleDrive => self.double_drive(drive, told),
             Machine::FeedAxis => self.feed_axis(told),
             Machine::Motor => self.motor(told),
             Machine::Pmsm => self.pmsm(told),
@@ -195,7 +208,11 @@ impl Task {
         })
     }
 
-    fn double_drive(&self, told: &mut Told) -> Result<Done, RunError> {
+    fn double_drive(
+        &self,
+        drive: Option<&dyn FreeDrive>,
+        told: &mut Told,
+    ) -> Result<Done, RunError> {
         let declared = Model::load(&self.model)?;
         let front = self.records(
             &self.mapping,
@@ -209,7 +226,8 @@ impl Task {
             records::double_drive(front.check)?,
         );
         told("tracing the residual", None);
-        let outcome = analyse(&declared, &fit, &check);
+        let sticks = drive.and_then(|drive| stick_slip::traced(&declared, &fit, &check, drive));
+        let outcome = sticks.unwrap_or_else(|| analyse(&declared, &fit, &check));
         Ok(Done {
             report: report::traced(&outcome, accounts),
             split: front.split,

@@ -9,7 +9,6 @@ use crate::bounded::Solution;
 use crate::design::dot;
 use crate::normal::Normal;
 use nalgebra::{DMatrix, DVector};
-use std::ops::Range;
 
 /// Rows over which a correlation length is estimated.
 const CORRELATED_ROWS: usize = 3000;
@@ -31,11 +30,7 @@ fn correlated(left: &[f64]) -> f64 {
 /// Covariance of some of a regression's parameters, robust to a residual that is no white noise over time and not the same
 /// in all channels: the scatter of their influence functions over stretches (Newey and West 1987), all channels of one
 /// instant together.
-pub(crate) fn robust(
-    normal: &Normal,
-    solution: &Solution,
-    parameters: Range<usize>,
-) -> DMatrix<f64> {
+pub(crate) fn robust(normal: &Normal, solution: &Solution, parameters: &[usize]) -> DMatrix<f64> {
     let left = normal.residual(&solution.values);
     let parts = || left.parts.iter().flatten();
     let rows = parts().map(Vec::len).max().unwrap_or(0);
@@ -47,7 +42,7 @@ pub(crate) fn robust(
         .fold(1.0, f64::max);
     let stretch = ((LENGTHS * length) as usize).clamp(1, (rows / 8).max(1));
     let mut influence = vec![vec![0.0; rows]; n];
-    for (pull, parameter) in influence.iter_mut().zip(parameters) {
+    for (pull, &parameter) in influence.iter_mut().zip(parameters) {
         for (channel, residual) in left.parts.iter().enumerate() {
             let Some(residual) = residual else { continue };
             let mut regressor = vec![0.0; residual.len()];

@@ -21,6 +21,9 @@ pub struct Trial {
     pub gain: Gain,
 }
 
+/// Whitened columns of hypotheses that are asked for again and again.
+pub(crate) type Columns = Rc<RefCell<HashMap<Key, Rc<Vec<Column>>>>>;
+
 /// The search over one record.
 pub struct Search<'a> {
     pub(crate) balance: &'a Balance<'a>,
@@ -28,8 +31,8 @@ pub struct Search<'a> {
     pub whitener: &'a Whitener<'a>,
     /// The regression, its declared parameters first.
     pub normal: Normal,
-    /// Whitened columns of hypotheses that are asked for again and again; forks share it.
-    cache: Rc<RefCell<HashMap<Key, Rc<Vec<Column>>>>>,
+    /// All searches under one whitening share it.
+    cache: Columns,
     run_s: f64,
 }
 
@@ -42,6 +45,14 @@ impl<'a> Search<'a> {
             normal,
             cache: Rc::default(),
             run_s: balance.signals.run_s(),
+        }
+    }
+
+    /// The same, with what others under the same whitening know.
+    pub(crate) fn knowing(self, cache: &Columns) -> Self {
+        Search {
+            cache: cache.clone(),
+            ..self
         }
     }
 

@@ -40,6 +40,11 @@ pub(crate) const CLOSE: f64 = 0.03;
 pub(crate) const MODEST: f64 = 0.05;
 /// Times what is left beyond noise that an effect must explain of its channel on the check record.
 pub(crate) const DOMINANT: f64 = 3.0;
+/// Share of the error of a free-running drive's ripple that may be left on the check record with an effect that was found
+/// by simulation: more than half of it is then gone, and three quarters of its square.
+pub(crate) const RIPPLE_LEFT: f64 = 0.5;
+/// Holds of a record without which two parameters of such an effect are not told.
+pub(crate) const LEAST_HOLDS: usize = 4;
 /// Parameters of a harmonic: cosine, sine and order.
 const PARAMETERS: f64 = 3.0;
 /// Orders, frequencies and other hypotheses of which the best is taken.
@@ -93,7 +98,7 @@ impl Evidence {
         let at = with.len();
         with.push(effect, Prior::FREE);
         let solution = with.solve(None);
-        let variance = robust(&with, &solution, at..at + 1)[(0, 0)];
+        let variance = robust(&with, &solution, &[at])[(0, 0)];
         let coefficient = solution.values[at];
         Evidence {
             coefficient,

@@ -41,6 +41,8 @@ pub struct MotorSignals {
     pub peak_a: f64,
     /// Greatest size of the speed, rad/s.
     pub top_speed: f64,
+    /// First derivative of the angle at its full bandwidth, rad/s.
+    pub speed: Spectrum,
     /// Second derivative of the angle, rad/s^2.
     pub acceleration: Spectrum,
     /// First derivatives of the currents, A/s.
@@ -134,6 +136,7 @@ impl MotorSignals {
         MotorSignals {
             peak_a: peak(&i_q),
             top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
+            speed: fourier.slope(&travel),
             acceleration: fourier.curvature(&travel),
             i_d_rate: fourier.slope(&i_d),
             i_q_rate: fourier.slope(&i_q),

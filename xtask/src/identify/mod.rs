@@ -4,6 +4,8 @@
 
 #[cfg(feature = "identify")]
 mod bench;
+#[cfg(all(test, feature = "identify"))]
+mod coverage_test;
 #[cfg(feature = "identify")]
 mod demo;
 #[cfg(feature = "identify")]

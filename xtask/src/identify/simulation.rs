@@ -5,13 +5,27 @@ use hal_sim::experiment::{RPM, Setup};
 use hal_sim::replay::{Compared, compare};
 use identify::report::{Hold, Simulation};
 use identify::run::Replay;
+use identify::stick_slip::FreeDrive;
 use plant::machine::Coupling;
 use plant::model::Model;
+use plant::recording::Recording;
 
 /// Highest frequency of the spectra, Hz: beyond it the mean over 1 ms leaves nothing.
 const HIGHEST_HZ: f64 = 500.0;
 /// Points of a spectrum; of neighbouring lines the greatest.
 const POINTS: usize = 400;
+
+/// The fixed-point drive.
+pub(super) struct FixedPoint;
+
+impl FreeDrive for FixedPoint {
+    fn ripple(&self, model: &Model, record: &Recording) -> Option<Vec<[f64; 2]>> {
+        let setup = Setup::declared(model.clone(), Coupling::Coupled);
+        let compared = compare(&setup, record).ok()?;
+        let ripple = |c: &Compared| [c.recorded_percent, c.simulated_percent];
+        Some(compared.iter().map(ripple).collect())
+    }
+}
 
 /// Simulates; `None` if no stretch of the record is held long enough.
 pub(super) fn simulation(replay: &Replay) -> Result<Option<Simulation>> {

@@ -7,6 +7,7 @@ use anyhow::{Context, Result};
 use identify::records::{Mapping, OnFault};
 use identify::report::{Report, write};
 use identify::run::{RunError, Task, WrongData};
+use identify::stick_slip::FreeDrive;
 use std::path::Path;
 
 /// The files of a report.
@@ -48,7 +49,11 @@ pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
 /// Identifies, and writes and prints what came of it.
 pub(super) fn carry_out(task: &Task, options: &IdentifyOptions) -> Result<()> {
     let mut told = Told::new(options.progress);
-    let done = task.run(&mut |what, share| told.say(what, share));
+    let drive: Option<&dyn FreeDrive> = match options.no_simulation {
+        true => None,
+        false => Some(&simulation::FixedPoint),
+    };
+    let done = task.run_with(drive, &mut |what, share| told.say(what, share));
     let mut done = match done {
         Ok(done) => done,
         Err(RunError::WrongData(wrong)) => {

@@ -5,7 +5,7 @@ use hal_sim::experiment::{OperatingPoint, RPM, Recorder, Setup, settle_quietly};
 use identify::records::{Mapping, OnFault};
 use identify::report::write;
 use identify::run::Task;
-use plant::effects::{AnyEffect, Cogging, EffectModel, Place};
+use plant::effects::{AnyEffect, Cogging, EffectModel, Place, StribeckFriction};
 use plant::machine::Coupling;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -212,7 +212,9 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         "rows were left out of a whole record"
     );
 
-    page::check::sound(&text("report.html")).unwrap();
+    let page = text("report.html");
+    let (whole, _) = page.split_once("<section id=\"live\"").unwrap();
+    page::check::sound(&format!("{whole}</main></body></html>")).unwrap();
     let again = Model::load(&at("out").join("model.toml")).unwrap();
     assert_eq!(again.effects.len(), report.effects.len());
     let csv = text("residual.csv");
@@ -225,5 +227,77 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         csv.lines().all(|line| line.split(',').count() == 17),
         "expected 17 cells in each line of residual.csv; its head: {:?}",
         csv.lines().next()
+    );
+}
+
+/// 180 N more friction at rest, which falls over 1.2 mm/s: the table stands and slips, and no balance of sliding friction
+/// holds.
+#[test]
+fn a_table_that_sticks_and_slips_is_told_by_simulation() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let declared = Model::coupled();
+    let mut real = declared.clone();
+    let friction: AnyEffect = StribeckFriction {
+        amplitude: 180.0,
+        speed: 1.2e-3,
+    }
+    .into();
+    real.effects.extend(EffectModel::new(Place::Feed, friction));
+    let fit = [
+        (2.5, 0.0),
+        (-2.5, 0.0),
+        (2.5, 300.0),
+        (-5.0, 300.0),
+        (8.0, 600.0),
+        (2.5, -400.0),
+    ];
+    let check = [(3.5, 0.0), (-2.0, 200.0), (6.0, 450.0), (2.5, -250.0)];
+    record(&real, &fit, &at("fit.csv.gz"));
+    record(&real, &check, &at("check.csv.gz"));
+    std::fs::write(at("model.toml"), declared.to_toml()).unwrap();
+    let task = Task {
+        model: at("model.toml"),
+        fit: vec![at("fit.csv.gz")],
+        check: vec![at("check.csv.gz")],
+        mapping: Mapping::default(),
+        on_fault: OnFault::Refuse,
+    };
+    let done = task
+        .run_with(Some(&super::simulation::FixedPoint), &mut |_, _| ())
+        .unwrap();
+    let [effect] = &done.report.effects[..] else {
+        panic!(
+            "found {:?}",
+            done.report
+                .effects
+                .iter()
+                .map(|e| &e.kind)
+                .collect::<Vec<_>>()
+        )
+    };
+    assert_eq!(effect.kind, "stribeck_friction");
+    for (name, truth) in [("amplitude", 180.0), ("speed", 1.2e-3)] {
+        let ([low, high], value) = (effect.interval[name], effect.parameters[name]);
+        println!("{name}: {value}, {low} to {high}");
+        assert!(
+            (value / truth - 1.0).abs() < 0.15,
+            "{name} {value} ({low} to {high}), is {truth}"
+        );
+    }
+    let simulation = simulation(&done.replay.unwrap()).unwrap().unwrap();
+    let (before, after) = (simulation.declared_rms_points, simulation.new_rms_points);
+    println!("ripple off by {before:.0} points, then {after:.1}");
+    assert!(
+        before > 100.0,
+        "the declared model's ripple is off by {before} points: nothing sticks"
+    );
+    assert!(
+        after < 30.0,
+        "the new model's ripple is off by {after} points, limit 30"
+    );
+    assert_ne!(
+        done.report.verdict, "explained",
+        "balances that do not hold explain nothing"
     );
 }

@@ -2,6 +2,7 @@
 
 use super::{Balance, Contribution, Spring, brake, rounded_sign, shaped};
 use crate::channel::Channel;
+use crate::hypothesis::linear;
 use plant::Axis;
 
 /// What is measured has content up to the record's own rate.
@@ -36,7 +37,7 @@ impl Balance<'_> {
             let channel = Channel::Torque(axis);
             residual.add(channel, 1.0, &torque);
             residual.add(channel, -motor.inertia_kg_m2, &s.acceleration);
-            residual.add(channel, -brake(axis) * inertia, &table);
+            residual.add(channel, -brake(axis) * inertia, &self.seen_by(axis, &table));
         }
         residual
     }
@@ -70,7 +71,7 @@ impl Balance<'_> {
         residual.add_all(1.0, &self.voltage_residual());
         residual.add_all(1.0, &self.table(&self.declared));
         for effect in &self.model.effects {
-            residual.add_all(-1.0, &self.effect(effect));
+            residual.add_all(-1.0, &self.effect(&linear(effect)));
         }
         residual
     }

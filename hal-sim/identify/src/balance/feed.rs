@@ -13,9 +13,7 @@ impl Balance<'_> {
         let signals = self.signals;
         let law = &term.law;
         let value = |k: usize| match term.coordinate {
-            Coordinate::RelativeAngle => {
-                law.value(signals.motors[0].theta[k] - signals.motors[1].theta[k])
-            }
+            Coordinate::RelativeAngle => law.value(self.relative_angle(k)),
             Coordinate::NominalTravel => law.value(self.lead * signals.relative[k]),
             Coordinate::TablePosition => law.value(signals.table[k]),
             Coordinate::Speed => law.value(self.lead * signals.relative_speed[k]),
@@ -69,7 +67,7 @@ impl Balance<'_> {
     /// The declared screw's residual of the table less that of one with another resonance.
     fn softer(&self, hz: f64) -> Contribution {
         let feed = &self.model.feed;
-        let softer = Spring::swinging(self.model, self.fourier, hz);
+        let softer = Spring::swinging(self.model, self.fourier, hz, self.damping);
         let mut difference = self.table(&self.declared);
         difference.add_all(-1.0, &self.table(&softer));
         let inertia = feed.table_mass_kg * self.lead * self.lead;
@@ -81,15 +79,16 @@ impl Balance<'_> {
             .collect();
         let table = shaped(&self.relative_acceleration, &change);
         for axis in Axis::ALL {
+            let table = self.seen_by(axis, &table);
             difference.add(Channel::Torque(axis), brake(axis) * inertia, &table);
         }
         difference
     }
 
-    /// What a relative change of the damping of a screw with the resonance `hz` adds.
+    /// What a relative change of the damping of a softer screw with the resonance `hz` adds.
     pub fn axial_damping(&self, hz: f64) -> Contribution {
         let feed = &self.model.feed;
-        let ratio = feed.axial_damping_ratio;
+        let ratio = self.damping;
         let stiffness = feed.table_mass_kg * (TAU * hz).powi(2);
         let change: Spectrum = compliance(self.fourier, hz, 1.05 * ratio)
             .iter()
@@ -104,7 +103,8 @@ impl Balance<'_> {
         sum.add(Channel::Table, -1.0 / stiffness, &force);
         let inertia = feed.table_mass_kg * self.lead * self.lead;
         for axis in Axis::ALL {
-            sum.add(Channel::Torque(axis), brake(axis) * inertia, &acceleration);
+            let table = self.seen_by(axis, &acceleration);
+            sum.add(Channel::Torque(axis), brake(axis) * inertia, &table);
         }
         sum
     }

@@ -67,6 +67,10 @@ pub struct Assumed {
     /// Resonance of the table that forces bend the screw with, if another than the declared one, Hz: what two effects
     /// make together is a product, and this is its other factor.
     pub resonance_hz: Option<f64>,
+    /// Damping ratio of a screw with another resonance.
+    pub damping: f64,
+    /// How much later than the angles of screw and nut the table's scale is read, s.
+    pub lags: [f64; 2],
 }
 
 /// The screw as a spring under the table.
@@ -78,19 +82,25 @@ struct Spring {
 }
 
 impl Spring {
-    fn new(model: &Model, fourier: &Fourier, stiffness: f64) -> Self {
+    /// The declared one.
+    fn declared(model: &Model, fourier: &Fourier) -> Self {
         let feed = &model.feed;
-        let resonance_hz = (stiffness / feed.table_mass_kg).sqrt() / TAU;
         Spring {
-            stiffness,
-            compliance: compliance(fourier, resonance_hz, feed.axial_damping_ratio),
+            stiffness: feed.axial_stiffness_n_per_m,
+            compliance: compliance(
+                fourier,
+                declared_resonance_hz(model),
+                feed.axial_damping_ratio,
+            ),
         }
     }
 
     /// Of a table that swings at `hz`.
-    fn swinging(model: &Model, fourier: &Fourier, hz: f64) -> Self {
-        let stiffness = model.feed.table_mass_kg * (TAU * hz).powi(2);
-        Self::new(model, fourier, stiffness)
+    fn swinging(model: &Model, fourier: &Fourier, hz: f64, damping: f64) -> Self {
+        Spring {
+            stiffness: model.feed.table_mass_kg * (TAU * hz).powi(2),
+            compliance: compliance(fourier, hz, damping),
+        }
     }
 }
 
@@ -117,6 +127,8 @@ pub struct Balance<'a> {
     pub rounding: Rounding,
     /// Travel per radian, m.
     pub lead: f64,
+    /// Damping ratio of a softer screw.
+    pub(crate) damping: f64,
     /// The declared screw.
     declared: Spring,
     /// The screw that forces bend which are not declared.
@@ -126,8 +138,10 @@ pub struct Balance<'a> {
     table_force_spectrum: Spectrum,
     /// The table's scale less the travel of a rigid screw, m.
     rigid: Spectrum,
-    /// Second derivative of the relative angle.
+    /// Second derivative of the relative angle when the table's scale is read.
     relative_acceleration: Spectrum,
+    /// How much later than the angles that is, s.
+    pub(crate) lags: [f64; 2],
     pub(crate) memory: Memory,
     /// What is not tried or not taken.
     pub(crate) refusals: Refusals,
@@ -160,6 +174,17 @@ fn shaped(spectrum: &[Complex64], by: &[Complex64]) -> Spectrum {
     spectrum.iter().zip(by).map(|(a, b)| a * b).collect()
 }
 
+fn difference(a: &[Complex64], b: &[Complex64], scale: f64) -> Spectrum {
+    a.iter().zip(b).map(|(a, b)| a - b * scale).collect()
+}
+
+/// A signal `seconds` later.
+fn delayed(fourier: &Fourier, spectrum: &[Complex64], seconds: f64) -> Spectrum {
+    let turn = |bin: usize| Complex64::from_polar(1.0, -TAU * fourier.hz(bin) * seconds);
+    let bins = spectrum.iter().enumerate();
+    bins.map(|(bin, value)| value * turn(bin)).collect()
+}
+
 impl<'a> Balance<'a> {
     /// Balances of a record.
     pub fn new(
@@ -170,7 +195,7 @@ impl<'a> Balance<'a> {
     ) -> Self {
         let feed = &model.feed;
         let rounding = assumed.rounding;
-        let declared = || Spring::new(model, fourier, feed.axial_stiffness_n_per_m);
+        let declared = || Spring::declared(model, fourier);
         let lead = feed.travel_per_radian();
         let sign = |w: f64| rounded_sign(w, rounding.guideway);
         let table_force: Vec<f64> = signals
@@ -182,28 +207,64 @@ impl<'a> Balance<'a> {
                     + feed.load_n
             })
             .collect();
-        let difference = |a: &[Complex64], b: &[Complex64], scale: f64| -> Spectrum {
-            a.iter().zip(b).map(|(a, b)| a - b * scale).collect()
+        // The angle at the reading of the scale: as it is read, and what it turns until then.
+        let relative: Spectrum = (0..fourier.bins())
+            .map(|bin| {
+                let turned = |axis: Axis| {
+                    let (motor, lag) = (&signals.motors[axis.index()], assumed.lags[axis.index()]);
+                    motor.speed[bin] * lag + motor.acceleration[bin] * (0.5 * lag * lag)
+                };
+                signals.relative_spectrum[bin] + turned(Axis::Screw) - turned(Axis::Nut)
+            })
+            .collect();
+        let later = |axis: Axis| {
+            let acceleration = &signals.motors[axis.index()].acceleration;
+            delayed(fourier, acceleration, -assumed.lags[axis.index()])
         };
-        let [screw, nut] = &signals.motors;
         Balance {
             model,
             signals,
             fourier,
             rounding,
             lead,
+            damping: assumed.damping,
             declared: declared(),
             screw: match assumed.resonance_hz {
-                Some(hz) => Spring::swinging(model, fourier, hz),
+                Some(hz) => Spring::swinging(model, fourier, hz, assumed.damping),
                 None => declared(),
             },
             table_force_spectrum: fourier.spectrum(&table_force),
             table_force,
-            rigid: difference(&signals.table_spectrum, &signals.relative_spectrum, lead),
+            rigid: difference(&signals.table_spectrum, &relative, lead),
+            lags: assumed.lags,
             memory: Memory::default(),
             refusals: Refusals::default(),
-            relative_acceleration: difference(&screw.acceleration, &nut.acceleration, 1.0),
+            relative_acceleration: difference(&later(Axis::Screw), &later(Axis::Nut), 1.0),
         }
+    }
+
+    /// What they rest on.
+    pub(crate) fn assumed(&self) -> Assumed {
+        Assumed {
+            rounding: self.rounding,
+            resonance_hz: None,
+            damping: self.damping,
+            lags: self.lags,
+        }
+    }
+
+    /// What moves with the table, as it was when an angle was read.
+    fn seen_by(&self, axis: Axis, of_the_table: &[Complex64]) -> Spectrum {
+        delayed(self.fourier, of_the_table, self.lags[axis.index()])
+    }
+
+    /// Angle of screw against nut when the scale is read, rad.
+    fn relative_angle(&self, row: usize) -> f64 {
+        let angle = |axis: Axis| {
+            let motor = &self.signals.motors[axis.index()];
+            motor.theta[row] + self.lags[axis.index()] * motor.omega[row]
+        };
+        angle(Axis::Screw) - angle(Axis::Nut)
     }
 
     /// Spectrum of what has the given value at a row, for a value without content above `hz`.

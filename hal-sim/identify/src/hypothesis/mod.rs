@@ -2,6 +2,8 @@
 
 mod effect;
 
+pub(crate) use effect::linear;
+
 use crate::balance::{Balance, Contribution};
 use crate::machines::Machine;
 use crate::normal::Prior;
@@ -53,6 +55,29 @@ pub enum Family {
 }
 
 impl Family {
+    /// All whose effects have a kind.
+    pub const NAMED: [Family; 16] = {
+        use Family::*;
+        [
+            CurrentOffset,
+            CurrentGain,
+            DeadTime,
+            ResistanceDrift,
+            FluxDrift,
+            AngleTorque,
+            TimePeriodic,
+            FluxHarmonic,
+            EncoderEccentricity,
+            StribeckFriction,
+            LeadError,
+            LeadScale,
+            BallPassage,
+            AxialCompliance,
+            PositionLoad,
+            Backlash,
+        ]
+    };
+
     /// Whether it is of a motor and its drive, so that a motor alone can have it.
     pub fn is_of_a_motor(self) -> bool {
         use Family::*;
@@ -213,10 +238,15 @@ impl Hypothesis {
                     .map(|contribution| (contribution.clone(), Prior::FREE))
                     .collect()
             }
-            Family::AxialCompliance => vec![(
-                balance.axial_damping(self.shape),
-                Prior::within(DAMPING_SPREAD, DAMPING_BOUND),
-            )],
+            Family::AxialCompliance => {
+                // Of the plate's ratio, as a change of the ratio about which it is taken.
+                let plate = balance.model.feed.axial_damping_ratio / balance.damping;
+                let prior = match plate == 1.0 {
+                    true => Prior::within(DAMPING_SPREAD, DAMPING_BOUND),
+                    false => Prior::about(plate - 1.0, DAMPING_SPREAD * plate),
+                };
+                vec![(balance.axial_damping(self.shape), prior)]
+            }
             _ => Vec::new(),
         }
     }
@@ -238,6 +268,15 @@ impl Hypothesis {
             Family::DeadTime => 5e-4,
             _ => 1e-6,
         }
+    }
+
+    /// Whether it has a shape that is any number: an order that is a whole one is that.
+    pub(crate) fn has_open_shape(&self) -> bool {
+        let is_order = matches!(
+            self.family,
+            Family::AngleTorque | Family::LeadError | Family::BallPassage
+        );
+        self.has_free_shape() && !(is_order && self.shape.fract() == 0.0)
     }
 
     /// Whether it repeats with an angle or with time.
@@ -265,7 +304,12 @@ impl Hypothesis {
             .filter_map(|k| {
                 let mut values = vec![0.0; n];
                 values[k] = 1.0;
-                self.effect(model, run_s, &values)
+                let unit = self.effect(model, run_s, &values)?;
+                let AnyEffect::CurrentGain(_) = unit.effect() else {
+                    return Some(unit);
+                };
+                let [gain_a, gain_b] = [values[0], values[1]];
+                EffectModel::new(self.place, AnyEffect::from(CurrentGain { gain_a, gain_b }))
             })
             .collect()
     }

@@ -183,7 +183,7 @@ impl Both {
             left.only().to_vec()
         });
         let fit = Fit {
-            covariance: robust(&normal, &solution, 0..own),
+            covariance: robust(&normal, &solution, &(0..own).collect::<Vec<_>>()),
             values,
             left,
         };
@@ -193,7 +193,7 @@ impl Both {
             free.push(column, Prior::FREE);
         }
         let solution = free.solve(None);
-        let covariance = robust(&free, &solution, own..own + count);
+        let covariance = robust(&free, &solution, &(own..own + count).collect::<Vec<_>>());
         let further = (0..count).map(|k| [solution.values[own + k], covariance[(k, k)]]);
         (fit, further.collect())
     }

@@ -6,13 +6,13 @@ mod worth;
 
 pub(crate) use worth::same;
 
-use crate::analysis::Case;
+use crate::analysis::{Case, Whitened};
 use crate::balance::Balance;
 use crate::channel::Channel;
 use crate::hypothesis::Hypothesis;
 use crate::lookalike;
 use crate::noise::Noise;
-use crate::normal::Solution;
+use crate::normal::{Normal, Solution};
 use crate::select::{Search, Trial};
 use crate::selection::{
     AUDIBLE, CLOSE, CONFIRMED, MOST_CONTENDERS, MOST_EFFECTS, NOT_BORNE_OUT, PLAINER, SIMPLIFIED,
@@ -20,6 +20,7 @@ use crate::selection::{
 };
 use crate::unnamed;
 use plant::effects::Place;
+use std::cell::RefCell;
 use worth::{inseparable, resolved};
 
 /// Sums over the channels.
@@ -83,19 +84,45 @@ pub(crate) struct Progress {
 }
 
 /// The check record beside the search, and what it must confirm.
-struct Witness<'a, 'b> {
-    case: &'a Case<'b>,
-    noise: Noise,
+struct Witness<'c, 'a> {
+    heard: Whitened<'c, 'a>,
     /// Rows of all channels that count, whatever the noise.
     rows: f64,
+    /// The regression with the effects that were asked for last.
+    last: RefCell<Option<(Vec<Hypothesis>, Normal)>>,
 }
 
-impl Witness<'_, '_> {
+impl<'c, 'a> Witness<'c, 'a> {
+    fn new(heard: Whitened<'c, 'a>) -> Self {
+        let case = heard.case;
+        Witness {
+            rows: case.whitener(&case.declared).used_rows() as f64,
+            last: RefCell::default(),
+            heard,
+        }
+    }
+
+    /// Under the noise that fits given effects.
+    fn again(self, found: &[Hypothesis]) -> Self {
+        Witness {
+            heard: self.heard.again(found),
+            last: RefCell::default(),
+            ..self
+        }
+    }
+
+    fn search(&self, others: &[Hypothesis]) -> Search<'_> {
+        let mut last = self.last.borrow_mut();
+        let known = last.take().filter(|(known, _)| known == others);
+        let normal = known.map_or_else(|| self.heard.search(others).normal, |(_, normal)| normal);
+        *last = Some((others.to_vec(), normal.clone()));
+        self.heard.of(normal)
+    }
+
     /// Fall of the check record's sum of squares with the fit's parameters, and whether it bears the trial out: it must
     /// fall by a share of what its rows make one expect, and the record have the trial in its size.
     fn weighed(&self, trial: &Trial, others: &[Hypothesis]) -> (f64, Result<(), &'static str>) {
-        let whitener = self.case.whitener(&self.noise);
-        let mut search = self.case.search(&whitener, others);
+        let mut search = self.search(others);
         let fall = search.fall_at(&trial.hypothesis, &trial.gain.values);
         let borne_out = match fall > CONFIRMED * threshold(self.rows as usize) {
             true => search.evidence(trial).borne_out(),
@@ -112,6 +139,17 @@ struct Contender {
 }
 
 impl Progress {
+    /// One effect that no search has found.
+    pub(crate) fn given(hypothesis: Hypothesis) -> Self {
+        Progress {
+            found: vec![hypothesis],
+            rivals: vec![Vec::new()],
+            inseparable: vec![Vec::new()],
+            falls: vec![0.0],
+            ..Progress::default()
+        }
+    }
+
     /// Adds effects until none is worth it, looks at each again with the others in place, drops those that are then
     /// worth nothing, and goes on until nothing changes. Returns the noise that is left, or `None` as soon as an effect
     /// shows that what the search rests on does not hold (`holds`).
@@ -121,28 +159,22 @@ impl Progress {
         check: &Case,
         holds: &dyn Fn(&[Hypothesis]) -> bool,
     ) -> Option<Noise> {
-        let mut noise = case.noise(None, &self.found);
-        let mut witness = Witness {
-            case: check,
-            rows: check.whitener(&check.declared).used_rows() as f64,
-            noise: check.noise(None, &self.found),
-        };
+        let heard = |case| Whitened::new(case, Case::noise(case, None, &self.found));
+        let (mut fit, mut witness) = (heard(case), Witness::new(heard(check)));
         for _ in 0..3 {
-            while self.step(case, &witness, &noise) {
+            while self.step(&fit, &witness) {
                 if !holds(&self.found) {
                     return None;
                 }
-                noise = case.noise(Some(&noise), &self.found);
-                witness.noise = check.noise(Some(&witness.noise), &self.found);
+                (fit, witness) = (fit.again(&self.found), witness.again(&self.found));
             }
-            if self.found.len() < 2 || !self.reconsider(case, &witness, &noise) {
+            if self.found.len() < 2 || !self.reconsider(&fit, &witness) {
                 break;
             }
-            noise = case.noise(Some(&noise), &self.found);
-            witness.noise = check.noise(Some(&witness.noise), &self.found);
+            (fit, witness) = (fit.again(&self.found), witness.again(&self.found));
         }
-        self.drop_modest(case, &noise);
-        Some(noise)
+        self.drop_modest(&fit);
+        Some(fit.noise)
     }
 
     /// What of a fall is more than what the effects that were found may have left.
@@ -280,9 +312,9 @@ impl Progress {
     }
 
     /// Tries everything and adds what explains most; `false` when nothing is worth it.
-    fn step(&mut self, case: &Case, witness: &Witness, noise: &Noise) -> bool {
-        let whitener = case.whitener(noise);
-        let mut search = case.search(&whitener, &self.found);
+    fn step(&mut self, fit: &Whitened, witness: &Witness) -> bool {
+        let (case, whitener) = (fit.case, &fit.whitener);
+        let mut search = fit.search(&self.found);
         let solution = search.normal.solve(None);
         let mut trials = search.trials(&solution);
         self.tried += trials.len();

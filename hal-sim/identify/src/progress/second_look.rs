@@ -2,20 +2,19 @@
 
 use super::worth::{inseparable, same};
 use super::{Doubt, Progress, Witness};
-use crate::analysis::Case;
+use crate::analysis::Whitened;
 use crate::channel::Channel;
 use crate::gain::Gain;
 use crate::hypothesis::{Family, Hypothesis};
-use crate::noise::Noise;
 use crate::select::Trial;
 use crate::selection::MODEST;
 
 impl Progress {
     /// Looks at each effect again with the others in place: another may explain its part better, or its shape move, or
     /// nothing be left for it to explain. `true` if an effect was replaced or dropped.
-    pub(super) fn reconsider(&mut self, case: &Case, witness: &Witness, noise: &Noise) -> bool {
-        let whitener = case.whitener(noise);
-        let bare = case.search(&whitener, &[]);
+    pub(super) fn reconsider(&mut self, fit: &Whitened, witness: &Witness) -> bool {
+        let case = fit.case;
+        let bare = fit.search(&[]);
         let mut changed = false;
         let mut k = 0;
         while k < self.found.len() {
@@ -74,9 +73,9 @@ impl Progress {
 
     /// Drops named effects that explain little beside what is left in the channel where they show: where most is of no
     /// kind, a part of it resembles some kind.
-    pub(super) fn drop_modest(&mut self, case: &Case, noise: &Noise) {
-        let whitener = case.whitener(noise);
-        let bare = case.search(&whitener, &[]);
+    pub(super) fn drop_modest(&mut self, fit: &Whitened) {
+        let whitener = &fit.whitener;
+        let bare = fit.search(&[]);
         let mut k = 0;
         while k < self.found.len() {
             let mut others = self.found.clone();
