@@ -280,6 +280,13 @@ impl Drive {
         self.current_loops[axis.index()].take_alignment(alignment);
     }
 
+    /// Knows of `axis` what `other` knew of how its encoder lies.
+    pub fn keep_alignment(&mut self, axis: Axis, other: &Self) {
+        let alignment = other.exchange(axis).alignment();
+        self.exchanges[axis.index()].align(None, alignment);
+        self.current_loops[axis.index()].take_alignment(alignment);
+    }
+
     /// The words between the current loop of `axis` and the speed task.
     #[must_use]
     pub fn exchange(&self, axis: Axis) -> &MotorExchange {

@@ -2,10 +2,11 @@
 
 use commission::{Session, electrical, mechanical};
 use hal_sim::alignment::{Start, miswirings};
-use hal_sim::commissioning::{USUAL, commission};
+use hal_sim::commissioning::{USUAL, commission, rivals};
 use hal_sim::parallel::on_all_cores;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
 use link::host::client::Client;
+use plant::Axis;
 use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::rc::Rc;
@@ -147,4 +148,23 @@ fn a_wrong_wiring_is_named_by_the_step_that_meets_it() {
             && said.contains(reason.sentence()),
         "{said}"
     );
+}
+
+/// Without a dead time the others' procedures are right: what they are off by in the bench is not how they are written here.
+#[test]
+fn the_others_are_right_where_there_is_no_dead_time() {
+    let mut start = Start::any_size(2);
+    start.board.dead_time_s = 0.0;
+    start.model.effects.clear();
+    let found = rivals(&start, Axis::Screw);
+    for (name, percent, limit) in [
+        ("ODrive's R", found.odrive_r_percent, 3.0),
+        ("ODrive's L", found.odrive_l_percent, 10.0),
+        ("VESC's R", found.vesc_r_percent, 3.0),
+    ] {
+        assert!(
+            percent.abs() < limit,
+            "{name} is {percent:.1} % off, expected within {limit} %"
+        );
+    }
 }

@@ -362,12 +362,14 @@ fn mechanical_step<L: Line>(
     if let Some(acceleration) = base_acceleration_rpm_s {
         new.feed.base_acceleration_max_rpm_s = acceleration;
     }
-    // Tuned at once: each start anew looks for the rotors again.
+    // Tuned at once, and said here: the next step finds it done.
     let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
     let tuned = tune(&new, options.wanted(&new), period_s, step_s);
-    session.configure(&tuned.map_or(new, |tuned| tuned.settings))?;
+    let new = tuned.map_or(new, |tuned| tuned.settings);
+    session.configure(&new)?;
     let mut quantities = Vec::new();
     let q = &mut quantities;
+    changes(q, &old, &new);
     both(
         q,
         "inertia, with the table",
@@ -459,6 +461,39 @@ fn mechanical_step<L: Line>(
     })
 }
 
+/// What a tuning changes.
+fn changes(quantities: &mut Vec<Quantity>, old: &Settings, new: &Settings) {
+    for (name, before, now) in [
+        (
+            "tuning.current_rad_s",
+            old.tuning.current_rad_s,
+            new.tuning.current_rad_s,
+        ),
+        (
+            "tuning.speed_rad_s",
+            old.tuning.speed_rad_s,
+            new.tuning.speed_rad_s,
+        ),
+        (
+            "tuning.observer_rad_s",
+            old.tuning.observer_rad_s,
+            new.tuning.observer_rad_s,
+        ),
+    ] {
+        if now != before {
+            quantities.push(Quantity {
+                name: name.to_owned(),
+                unit: "rad/s".to_owned(),
+                estimate: Estimate {
+                    value: now,
+                    plus_minus: 0.0,
+                },
+                before: Some(before),
+            });
+        }
+    }
+}
+
 fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<Done> {
     let (begun, old) = (session.uptime_s(), *session.settings());
     let wanted = options.wanted(&old);
@@ -508,17 +543,7 @@ fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<D
         tuned.speed.map(|c| plain(c.margin_deg)),
         None,
     );
-    let mut one = |name: &str, of: &dyn Fn(&Settings) -> f64| {
-        quantities.push(Quantity {
-            name: name.to_owned(),
-            unit: "rad/s".to_owned(),
-            estimate: plain(of(&tuned.settings)),
-            before: Some(of(&old)),
-        });
-    };
-    one("tuning.current_rad_s", &|s| s.tuning.current_rad_s);
-    one("tuning.speed_rad_s", &|s| s.tuning.speed_rad_s);
-    one("tuning.observer_rad_s", &|s| s.tuning.observer_rad_s);
+    changes(q, &old, &tuned.settings);
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,

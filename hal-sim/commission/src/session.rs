@@ -197,7 +197,7 @@ impl<L: Line> Session<L> {
     /// A fault, which says what the drive found.
     pub fn ready(&mut self) -> Result<()> {
         let begun = self.client.status()?.uptime_ms;
-        let mut tries = ALIGNMENTS;
+        let (mut tries, mut first) = (ALIGNMENTS, None);
         let status = loop {
             let status = self.client.status()?;
             self.uptime_ms = status.uptime_ms;
@@ -207,12 +207,16 @@ impl<L: Line> Session<L> {
                 Some(State::Fault(fault)) if is_misaligned(fault) && tries > 1 => {
                     tries -= 1;
                     self.repeated += 1;
+                    first.get_or_insert_with(|| stopped(fault, &status));
                     self.client.tell(Command::Reset)?;
                     while matches!(self.state()?, Some(State::Fault(_))) {
                         self.client.listen(BEAT)?;
                     }
                 }
-                Some(State::Fault(fault)) => bail!(stopped(fault, &status)),
+                // What it found first is what it found before anything had moved.
+                Some(State::Fault(fault)) => {
+                    bail!(first.unwrap_or_else(|| stopped(fault, &status)))
+                }
                 _ if status.uptime_ms.wrapping_sub(begun) > READY_MS => bail!(Failure {
                     measured: format!("the drive is still not ready after {} s", READY_MS / 1000),
                     expected: "zeros and both rotors found by then".to_owned(),

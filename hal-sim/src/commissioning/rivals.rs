@@ -113,16 +113,15 @@ pub fn rivals(start: &Start, axis: Axis) -> Rivals {
     let mut sums = [0.0; 2];
     for _ in 0..ODRIVE_CYCLES {
         for (sum, sign) in sums.iter_mut().zip([-1.0, 1.0]) {
-            // What is measured is what the voltage before has made.
-            *sum += bench.period(sign * test);
+            // A compare value acts a period after it was written: by then the voltage before has acted for its whole hold.
             for _ in 1..ODRIVE_HOLD {
                 bench.period(sign * test);
             }
+            *sum += bench.period(sign * test);
         }
     }
     let change = (sums[1] - sums[0]) / f64::from(ODRIVE_CYCLES);
     let held = f64::from(ODRIVE_HOLD) * bench.seconds;
-    // The compare values act a period after they are written: half of the swing is measured one hold later.
     let odrive_l = test * phase / (change.abs() / held);
 
     let mut bench = Bench::new(start, axis);

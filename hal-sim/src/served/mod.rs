@@ -480,6 +480,14 @@ impl Served for SimulatedDrive {
                 setting: None,
                 misfit,
             })?;
+        // An encoder that is read as before has not lost its rotor: its counter went on.
+        for axis in Axis::ALL {
+            let k = axis.index();
+            let [before, now] = [&self.plate, &plate].map(|plate| &plate.motors[k]);
+            if before.encoder == now.encoder && before.pole_pairs == now.pole_pairs {
+                drive.keep_alignment(axis, &self.drive);
+            }
+        }
         // Board and machine go on as they are.
         std::mem::swap(&mut drive.board, &mut self.drive.board);
         self.before += self.drive.periods();
