@@ -6,7 +6,7 @@ use crate::chip::wiring::Wiring;
 use crate::emulator::Cost;
 use crate::graph::{Graph, LoopBound};
 use crate::image::Image;
-use crate::timing::{ENTRY, EXIT};
+use crate::timing::{ENTRY, EXIT, MODEL_ERROR_PERCENT};
 use plant::machine::Coupling;
 use plant::model::Model;
 use serde_json::{Value, json};
@@ -255,6 +255,141 @@ pub fn hung_loop_cycles() -> Result<u64, String> {
     Ok(Graph::new(&image).longest(start, &LOOPS)? + ENTRY + EXIT + BUS)
 }
 
+/// Loops of the handlers below the control, and where their ways end.
+const BELOW: [LoopBound; 13] = [
+    LoopBound {
+        function: "memcpy",
+        rounds: 16,
+        because: "a frame of telemetry, a log's words: less than 256 bytes, 16 a round",
+    },
+    LoopBound {
+        function: "sys_reset",
+        rounds: 0,
+        because: "the chip resets",
+    },
+    LoopBound {
+        function: "panic",
+        rounds: 0,
+        because: "opens the bridges and resets",
+    },
+    LoopBound {
+        function: "crash",
+        rounds: 0,
+        because: "the same",
+    },
+    LoopBound {
+        function: "SysTick",
+        rounds: 4,
+        because: "two tasks wait for it, one pass finds nothing due, and its count may have to be stored again",
+    },
+    LoopBound {
+        function: "delay_until",
+        rounds: 4,
+        because: "the same: the queue has two links",
+    },
+    LoopBound {
+        function: "CRS",
+        rounds: 1,
+        because: "a step of the supervision, which then waits",
+    },
+    LoopBound {
+        function: "RNG",
+        rounds: 1,
+        because: "a step of the telemetry, which then waits",
+    },
+    LoopBound {
+        function: "UpChannel",
+        rounds: 3,
+        because: "up to the buffer's end, on from its start, and what is left",
+    },
+    LoopBound {
+        function: "_defmt_write",
+        rounds: 8,
+        because: "a log's index, its time and each of its words have eight bytes at most",
+    },
+    LoopBound {
+        function: "serialize_field",
+        rounds: 5,
+        because: "a word has five bytes of seven bits",
+    },
+    LoopBound {
+        function: "ser::impls",
+        rounds: 5,
+        because: "the same",
+    },
+    LoopBound {
+        function: "Frame::encode",
+        rounds: 64,
+        because: "fewer fields and bytes than that",
+    },
+];
+
+/// Cycles that the peripherals' buses add to a handler at most: two each of thirty accesses.
+const BUS: u64 = 60;
+
+/// A task and when it must have ended.
+#[derive(Clone, Debug)]
+pub struct Response {
+    /// As in the firmware's schedule.
+    pub name: &'static str,
+    /// Longest way through its handler, cycles, with what the model may be off by.
+    pub longest: u64,
+    /// From when it is due until it has ended, cycles, with all that interrupts it on its longest way.
+    pub response: u64,
+    /// When it must have, cycles.
+    pub deadline: u64,
+}
+
+/// The tasks of the schedule by priority, the highest first: name, handler, rate, Hz, deadline, s. What happens once and ends
+/// the drive (TIM7, NMI, faults) is not among them.
+const TASKS: [(&str, &str, f64, f64); 6] = [
+    ("screw current loop", "ADC1_2", 20e3, 25e-6),
+    ("nut current loop", "ADC4", 20e3, 25e-6),
+    ("speed task", "FMAC", 5e3, 200e-6),
+    ("time queue", "SysTick", 1e3, 1e-3),
+    ("supervision", "CRS", 1e3, 1e-3),
+    ("telemetry", "RNG", 1e3, 6e-3),
+];
+
+/// How long each task takes at most, with all that interrupts it: the least `r` with `r = c + sum(ceil(r / t) * c)` over those
+/// above it (Joseph and Pandya, The Computer Journal 29, 390, 1986). The current loops have one priority and half a period each.
+///
+/// # Errors
+/// The firmware cannot be read, or why its code has no bound.
+pub fn responses(image: &Image) -> Result<Vec<Response>, String> {
+    let below: Vec<LoopBound> = BELOW.iter().chain(&LOOPS).copied().collect();
+    let mut graph = Graph::new(image);
+    graph.find_wakers()?;
+    let mut above: Vec<(u64, u64)> = Vec::new();
+    let mut all = Vec::new();
+    for (name, handler, rate_hz, deadline_s) in TASKS {
+        let start = image.symbol(handler)? & !1;
+        let control = INTERRUPTS.iter().any(|it| it.handler == handler);
+        let loops: &[LoopBound] = if control { &LOOPS } else { &below };
+        let cycles = graph.longest(start, loops)? + ENTRY + EXIT + BUS;
+        let longest = (cycles as f64 * (1.0 + MODEL_ERROR_PERCENT / 100.0)).ceil() as u64;
+        let deadline = (deadline_s * CORE_HZ as f64) as u64;
+        let interrupting: &[(u64, u64)] = if handler == "ADC4" { &[] } else { &above };
+        let mut response = longest;
+        while response <= deadline {
+            let more = interrupting.iter().map(|&(c, t)| response.div_ceil(t) * c);
+            let next = longest + more.sum::<u64>();
+            if next == response {
+                break;
+            }
+            response = next;
+        }
+        all.push(Response {
+            name,
+            longest,
+            response,
+            deadline,
+        });
+        above.push((longest, (CORE_HZ as f64 / rate_hz) as u64));
+    }
+    Ok(all)
+}
+
 /// Bytes of stack that all nested tasks can take at most.
 ///
 /// # Errors
@@ -277,7 +412,7 @@ pub fn stack_bound(image: &Image, graph: &mut Graph<'_>) -> Result<u32, String> 
 /// Whose end is a reset may say why with all that the library has: the faults' handlers, and that of interrupts that nobody
 /// expects. The dispatchers of the async tasks, which run below all control, have the compiler's own check that a task that
 /// has ended is not asked again; a panic there opens the bridges and resets. The time queue's tick, below the control too,
-/// wakes a task by its waker's table, which is in a register.
+/// wakes a task by its waker's table, which is in a register: [`Graph::find_wakers`].
 ///
 /// # Errors
 /// The code cannot be read.

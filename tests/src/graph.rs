@@ -31,7 +31,17 @@ pub struct Graph<'a> {
     bodies: BTreeMap<u32, Body>,
     /// Stack of the deepest function that only a register can call.
     deepest_by_register: Option<u32>,
+    /// What some functions can call by register: a part of their name, and where that is.
+    targets: Vec<(&'static str, BTreeSet<u32>)>,
 }
+
+/// The table of the executor's wakers: clone, wake, wake by reference, drop.
+const WAKERS: &str = "rtic::export::executor::WAKER_VTABLE";
+/// Who calls by it: the time queue and the dispatchers.
+const WAKING: [&str; 4] = ["SysTick", "CRS", "RNG", "rtic_time::"];
+/// What a waker's wake goes on to: a closure that pends a dispatcher.
+const WAKE: &str = "rtic::export::executor::waker_";
+const PENDING: &str = "FnOnce::call_once";
 
 /// How many calls by register can be under way in one another: formatting calls an argument's way to be shown, which
 /// calls the way to write text.
@@ -46,7 +56,45 @@ impl<'a> Graph<'a> {
             decoder: Decoder::new(),
             bodies: BTreeMap::new(),
             deepest_by_register: None,
+            targets: Vec::new(),
         }
+    }
+
+    /// Reads what the executor's wakers can call: the functions of their table, and of those the closures that nothing calls by
+    /// name.
+    ///
+    /// # Errors
+    /// There is no such table, or a function cannot be read.
+    pub fn find_wakers(&mut self) -> Result<(), String> {
+        let table = self.image.demangled(WAKERS)?;
+        let words = self
+            .image
+            .bytes(table, 16)
+            .ok_or_else(|| format!("{WAKERS} at {table:#010x} is not in the image"))?;
+        let (words, _) = words.as_chunks::<4>();
+        let wakers: BTreeSet<u32> = words.iter().map(|w| u32::from_le_bytes(*w) & !1).collect();
+        if let Some(odd) = wakers
+            .iter()
+            .find(|at| !self.image.functions.contains_key(at))
+        {
+            return Err(format!(
+                "{WAKERS} has {odd:#010x}, where no function begins"
+            ));
+        }
+        let pending = self.uncalled()?;
+        let pending = pending
+            .into_iter()
+            .filter(|&at| self.name(at).ends_with(PENDING));
+        let pending = pending.collect();
+        self.targets = WAKING.iter().map(|&name| (name, wakers.clone())).collect();
+        self.targets.push((WAKE, pending));
+        Ok(())
+    }
+
+    /// What the function of that name can call by register, if that is known.
+    fn by_register(&self, name: &str) -> Option<&BTreeSet<u32>> {
+        let mut known = self.targets.iter();
+        known.find_map(|(part, targets)| name.starts_with(part).then_some(targets))
     }
 
     /// The name of the function at `address`.
@@ -119,17 +167,22 @@ impl<'a> Graph<'a> {
         Ok((largest.0, self.name(largest.1)))
     }
 
-    fn find_deepest_by_register(&mut self) -> Result<u32, String> {
-        let all: Vec<u32> = self.image.functions.keys().copied().collect();
+    /// Functions that nothing calls by name.
+    fn uncalled(&mut self) -> Result<BTreeSet<u32>, String> {
+        let all: BTreeSet<u32> = self.image.functions.keys().copied().collect();
         let mut called = BTreeSet::new();
         for &function in &all {
             called.extend(self.body(function)?.calls());
         }
+        Ok(&all - &called)
+    }
+
+    fn find_deepest_by_register(&mut self) -> Result<u32, String> {
         // The runtime's own entries are called by the hardware.
         let by_hardware = |name: &str| !name.contains("::");
         let mut deepest = 0;
-        for function in all {
-            if !called.contains(&function) && !by_hardware(&self.name(function)) {
+        for function in self.uncalled()? {
+            if !by_hardware(&self.name(function)) {
                 deepest = deepest.max(self.deepest(function, &mut Vec::new())?);
             }
         }
@@ -180,17 +233,21 @@ impl<'a> Graph<'a> {
             return Ok(0);
         }
         let body = self.body(address)?.clone();
+        let mut by_register = 0;
         if let Some((at, text)) = body.indirect.first() {
-            return Err(format!(
-                "{name} goes where only a register knows, at {at:#010x}: {text}"
-            ));
+            let targets = self.by_register(&name).cloned().ok_or_else(|| {
+                format!("{name} goes where only a register knows, at {at:#010x}: {text}")
+            })?;
+            for target in targets {
+                by_register = by_register.max(self.longest_of(target, loops, done)?);
+            }
         }
         let mut calls = BTreeMap::new();
         for call in body.calls() {
             calls.insert(call, self.longest_of(call, loops, done)?);
         }
         let cycles = body
-            .longest(&calls, bound)
+            .longest(&calls, by_register, bound)
             .map_err(|error| format!("{name}: {error}"))?;
         done.insert(address, cycles);
         Ok(cycles)

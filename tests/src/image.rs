@@ -97,6 +97,19 @@ impl Image {
             .ok_or_else(|| format!("the firmware has no symbol `{name}`"))
     }
 
+    /// The address of a symbol by its demangled name, without hash.
+    ///
+    /// # Errors
+    /// A sentence that says that it is missing.
+    pub fn demangled(&self, name: &str) -> Result<u32, String> {
+        let mut symbols = self.symbols.iter();
+        let found =
+            symbols.find(|(mangled, _)| format!("{:#}", rustc_demangle::demangle(mangled)) == name);
+        found
+            .map(|(_, &at)| at)
+            .ok_or_else(|| format!("the firmware has no symbol `{name}`"))
+    }
+
     /// Bytes of RAM that objects and fast code take, and bytes that are left for the stack.
     ///
     /// # Errors

@@ -2,7 +2,10 @@
 
 use serde_json::Value;
 use std::path::Path;
-use tests::cost::{BASELINE, Report, hung_loop_cycles, measure, measure_smooth};
+use tests::bench::firmware_of;
+use tests::chip::wiring::Wiring;
+use tests::cost::{BASELINE, Report, hung_loop_cycles, measure, measure_smooth, responses};
+use tests::image::Image;
 use tests::timing::MODEL_ERROR_PERCENT;
 
 /// How far a figure may rise above the baseline, and fall below it before the baseline has to be renewed.
@@ -123,6 +126,29 @@ fn assert_takes(report: &Report, both_most: u64, load_most: f64) {
         load < 0.9,
         "at 40 kHz the longest ways take {load} of the core"
     );
+}
+
+/// The longest way of every task, the time queue's wakers and the dispatchers included, with all that interrupts it.
+#[test]
+fn every_task_ends_before_its_deadline_on_its_longest_way() -> Result<(), String> {
+    for board in [Wiring::Nucleo, Wiring::Mains] {
+        let image = Image::read(&firmware_of(board)?)?;
+        for task in responses(&image)? {
+            println!(
+                "{board:?}: {:<20} longest way {:>6} cycles, ended after {:>6} of {:>7}",
+                task.name, task.longest, task.response, task.deadline
+            );
+            assert!(
+                task.response <= task.deadline,
+                "{board:?}: the {} takes {} cycles on its longest way and {} with what interrupts it, expected at most {}",
+                task.name,
+                task.longest,
+                task.response,
+                task.deadline
+            );
+        }
+    }
+    Ok(())
 }
 
 /// After a debugger's halt the outputs may follow old compare values until this handler has opened the bridges

@@ -1,10 +1,12 @@
 //! What the ADCs read is what their pins are at: each channel is sampled until it has settled, whatever was converted
 //! before it.
 
+use control::sense::Shunts;
 use plant::machine::Coupling;
 use plant::model::Model;
-use tests::bench::{Bench, READY, counts_at};
+use tests::bench::{Bench, READY, counts_at, plate_of};
 use tests::chip::adc;
+use tests::chip::pwm::PwmTimer;
 use tests::chip::wiring::{Input, Wiring};
 use tests::pins::Motor;
 
@@ -67,6 +69,117 @@ fn each_channel_settles_within_its_sampling_time() -> Result<(), String> {
                 }
                 bench.pass(1e-3)?;
             }
+        }
+    }
+    Ok(())
+}
+
+/// Half ADC clocks of a conversion's approximation, and of its sampling by the code of SMPRx (RM0440 21.4.12).
+const APPROXIMATION: u64 = 25;
+const SAMPLING: [u64; 8] = [5, 13, 25, 49, 95, 185, 495, 1281];
+
+/// When an ADC has taken its first so many injected samples, core cycles after its trigger.
+fn sampled_at(bench: &mut Bench, adc: usize, channels: u32) -> Vec<u64> {
+    let registers = bench.emulator.chip().adcs[adc].registers();
+    let (mut time, mut all) = (0, Vec::new());
+    for rank in 0..channels {
+        let channel = registers.get("JSQR") >> (9 + 6 * rank) & 31;
+        let (name, at) = if channel < 10 {
+            ("SMPR1", channel)
+        } else {
+            ("SMPR2", channel - 10)
+        };
+        let sampling = SAMPLING[(registers.get(name) >> (3 * at) & 7) as usize];
+        // Two core cycles are half an ADC clock: the bus clock divided by 4.
+        all.push(2 * (time + sampling));
+        time += sampling + APPROXIMATION;
+    }
+    all
+}
+
+/// The dead time that a timer adds, core cycles (RM0440, TIMx_BDTR.DTG).
+fn dead_time(bdtr: u32) -> i64 {
+    let code = i64::from(bdtr & 0xFF);
+    match code {
+        0x00..=0x7F => code,
+        0x80..=0xBF => 2 * (64 + (code & 0x3F)),
+        0xC0..=0xDF => 8 * (32 + (code & 0x1F)),
+        _ => 16 * (32 + (code & 0x1F)),
+    }
+}
+
+/// Either motor is sampled around the bottom of the other's timer, the middle of that bridge's high-side pulses. With a compare
+/// value `c` that bridge has its edges `c` before and after it, or a dead time later, by the current's sign. Where one of them
+/// lies before a current's sample by less than its amplifier settles in, it is in the sample. How much of its voltage the other
+/// bridge can use until then is what the wiring pages say.
+#[test]
+fn samples_are_clear_of_the_other_bridge_s_edges_up_to_what_the_pages_say() -> Result<(), String> {
+    for (board, settling_s, page) in [
+        // The amplifiers' settling at a gain of 10 V/V, from the wiring page.
+        (Wiring::Nucleo, 300e-9, 0.92),
+        (Wiring::Nucleo40kHz, 300e-9, 0.83),
+        // That of the chip's own, from the board's module.
+        (Wiring::Mains, 200e-9, 0.94),
+    ] {
+        let plate = plate_of(board);
+        let config = plate.config().map_err(|misfit| misfit.to_string())?;
+        let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
+        bench.wait_for(READY, 0.2)?;
+        // The second channel of ADC2 and ADC3 is phase c, where that is measured; that of the others is the bus.
+        let second = match plate.board.shunts {
+            Shunts::Two => 1,
+            Shunts::Three => 2,
+        };
+        for (own, adcs) in [(0, [(0, 1), (1, second)]), (1, [(3, 1), (2, second)])] {
+            let mut samples = Vec::new();
+            for (adc, channels) in adcs {
+                samples.extend(sampled_at(&mut bench, adc, channels));
+            }
+            let chip = bench.emulator.chip();
+            let (timer, other) = (&chip.pwm[own], &chip.pwm[1 - own]);
+            let period = timer.period();
+            assert_eq!(period, other.period(), "{board:?}: the timers' periods");
+            let tops = [timer, other].map(PwmTimer::next_top);
+            let [Some(top), Some(other_top)] = tops else {
+                return Err(format!("{board:?}: a timer stands: {tops:?}"));
+            };
+            // From the other's bottom to this one's top.
+            let late = (top + period + period / 2 - other_top) % period;
+            let late = late.cast_signed()
+                - if late > period / 2 {
+                    period.cast_signed()
+                } else {
+                    0
+                };
+            // The screw's counter starts one count ahead.
+            assert!(
+                late.abs() <= 1,
+                "{board:?}: the timers are {late} counts off half a period, expected one at most"
+            );
+            let dead = dead_time(other.registers().get("BDTR"));
+            let settling = (settling_s * plate.board.timer_hz).ceil() as i64;
+            let clear = |compare: u16| {
+                let compare = i64::from(compare);
+                samples.iter().all(|&sample| {
+                    let sample = sample.cast_signed();
+                    let edges = [-compare, dead - compare, compare, compare + dead];
+                    let mut each = edges.into_iter().map(|edge| edge - late);
+                    each.all(|edge| edge > sample || edge + settling <= sample)
+                })
+            };
+            let most = config.current_loops[1 - own].modulation.compare_max;
+            let in_sample = (0..=most).rev().find(|&compare| !clear(compare));
+            // Voltage zero is the middle of the permitted range.
+            let centre = f64::from(most) / 2.0;
+            let used = in_sample.map_or(1.0, |last| 1.0 - f64::from(last + 1) / centre);
+            println!(
+                "{board:?}, motor {own}: sampled {samples:?} cycles after its top; clear up to {used:.3} of the other's voltage"
+            );
+            assert!(
+                (used - page).abs() < 0.006,
+                "{board:?}, motor {own}: edges of the other bridge are in its samples from {used:.3} of that one's voltage on, \
+                 expected from {page} on, as its page says, within 0.006"
+            );
         }
     }
     Ok(())

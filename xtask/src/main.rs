@@ -68,6 +68,8 @@ enum Task {
 }
 
 fn main() -> ExitCode {
+    // Whose reader goes, ends: `cargo xtask ... | head`.
+    sigpipe::reset();
     let result = match Arguments::parse().command {
         Task::Simulate(options) => simulate::run(&options),
         Task::Identify(options) => identify::run(&options),

@@ -2,7 +2,7 @@
 
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
 fn xtask(folder: &Path, arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_xtask"))
@@ -33,6 +33,32 @@ fn refused(folder: &Path, arguments: &[&str]) -> String {
     let sentence = text(&output.stderr).to_owned();
     assert!(!sentence.contains("panicked"), "{sentence}");
     sentence
+}
+
+/// What reads the table has gone, as `head` does: no panic's text, and no more work for nobody.
+#[test]
+#[cfg(unix)]
+fn a_reader_that_goes_ends_a_command_quietly() {
+    use std::os::unix::process::ExitStatusExt;
+    const SIGPIPE: i32 = 13;
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = Command::new(env!("CARGO_BIN_EXE_xtask"))
+        .current_dir(folder.path())
+        .args(["simulate", "--duration", "1"])
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    let said = text(&output.stderr);
+    assert!(!said.contains("panicked"), "{said}");
+    assert_eq!(
+        output.status.signal(),
+        Some(SIGPIPE),
+        "{:?}, expected the signal {SIGPIPE} of a broken pipe",
+        output.status
+    );
 }
 
 fn json(path: &Path) -> Value {

@@ -7,6 +7,7 @@ use tests::cost::{BASELINE, Report, measure, measure_smooth};
 use tests::timing::MODEL_ERROR_PERCENT;
 
 fn main() -> ExitCode {
+    sigpipe::reset();
     let arguments: Vec<String> = std::env::args().skip(1).collect();
     let has = |name: &str| arguments.iter().any(|argument| argument == name);
     if let Some(unknown) = arguments

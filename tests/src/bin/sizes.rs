@@ -6,6 +6,7 @@ use tests::image::Image;
 use tests::sizes::sizes;
 
 fn main() -> ExitCode {
+    sigpipe::reset();
     let json = std::env::args()
         .skip(1)
         .any(|argument| argument == "--json");

@@ -70,6 +70,7 @@ impl Body {
                     Flow::Call(_) | Flow::Return { conditional: true } | Flow::Next => {
                         open.push(next)
                     }
+                    Flow::Indirect if comes_back(&instruction) => open.push(next),
                     Flow::Return { conditional: false } | Flow::Indirect => {}
                 }
                 body.note(&instruction);
@@ -187,15 +188,17 @@ impl Body {
         }
     }
 
-    /// Cycles of the longest way through, with those of its calls.
+    /// Cycles of the longest way through, with those of its calls; `by_register`: of the longest that a register can call.
     pub(super) fn longest(
         &self,
         calls: &BTreeMap<u32, u64>,
+        by_register: u64,
         bound: Option<&LoopBound>,
     ) -> Result<u64, String> {
         let mut search = Search {
             body: self,
             calls,
+            by_register,
             bound,
             done: BTreeMap::new(),
             path: Vec::new(),
@@ -234,9 +237,15 @@ fn table(image: &Image, instruction: &Instruction) -> Option<Vec<u32>> {
     Some(targets)
 }
 
+/// A call by register: it goes on after it.
+fn comes_back(instruction: &Instruction) -> bool {
+    instruction.text.starts_with("blx")
+}
+
 struct Search<'a> {
     body: &'a Body,
     calls: &'a BTreeMap<u32, u64>,
+    by_register: u64,
     bound: Option<&'a LoopBound>,
     done: BTreeMap<u32, u64>,
     /// In the order of the way.
@@ -283,7 +292,10 @@ impl Search<'_> {
                 }
                 own + REFILL_MAX + longest
             }
-            Flow::Indirect => return Err(format!("an indirect jump at {at:#010x}")),
+            Flow::Indirect if comes_back(instruction) && next < self.body.end => {
+                own + REFILL_MAX + self.by_register + self.go(at, next)?
+            }
+            Flow::Indirect => own + REFILL_MAX + self.by_register,
         };
         self.path.pop();
         self.done.insert(at, cycles);
@@ -314,7 +326,12 @@ impl Search<'_> {
                     .and_then(|to| self.calls.get(&to))
                     .copied()
                     .unwrap_or(0);
-                i.cycles + called + if i.flow == Flow::Next { 0 } else { REFILL_MAX }
+                let by_register = match i.flow {
+                    Flow::Indirect => self.by_register,
+                    _ => 0,
+                };
+                let refill = if i.flow == Flow::Next { 0 } else { REFILL_MAX };
+                i.cycles + called + by_register + refill
             })
             .sum();
         Ok(round * bound.rounds)
