@@ -24,6 +24,9 @@ pub struct CompensateOptions {
     /// The paper's own simplification: no friction, no elastic screw.
     #[arg(long)]
     lumped: bool,
+    /// Writes them as settings, for `drive settings import`.
+    #[arg(long)]
+    settings: Option<PathBuf>,
     /// As JSON.
     #[arg(long)]
     json: bool,
@@ -42,6 +45,8 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
     use hal_sim::experiment::{OperatingPoint, RPM, Setup};
     use hal_sim::smooth::known::Known;
     use hal_sim::smooth::{drive, smoothness};
+    use link::host::settings::some_to_toml;
+    use link::settings::{Setting, Settings};
     use plant::machine::Coupling;
     use plant::model::Model;
     use serde_json::json;
@@ -71,6 +76,15 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
         predicted.push((rpm, before.vrf, after.vrf));
     }
     let lists = lists(&known);
+    if let Some(file) = &options.settings {
+        let plate = control::plate::DrivePlate {
+            compensation: known.compensation,
+            friction: known.friction,
+            ..setup.plate()
+        };
+        let settings = Settings::of_plate(&plate, setup.board.sensors.scale_count_m);
+        crate::output::put_new(file, &some_to_toml(&settings, Setting::compensates))?;
+    }
     if options.json {
         let report = json!({
             "orders": lists.iter().flat_map(|(what, unit, plates)| plates.iter().map(move |plate| json!({
@@ -119,9 +133,15 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
     for (rpm, before, after) in predicted {
         println!("  nut {rpm:>6} rpm   {before:>8.2} % without   {after:>8.2} % with these orders");
     }
-    println!(
-        "\nThey belong into `compensation` of a board's plate (`CompensationPlate`, firmware/control/src/plate)."
-    );
+    match &options.settings {
+        Some(file) => println!(
+            "\n`cargo xtask drive settings import {}` sets them.",
+            file.display()
+        ),
+        None => println!(
+            "\n`--settings FILE` writes them for `cargo xtask drive settings import FILE`."
+        ),
+    }
     Ok(())
 }
 

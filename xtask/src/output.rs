@@ -1,6 +1,6 @@
 //! The folder that results go to.
 
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, ensure};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -45,6 +45,27 @@ impl Folder {
     pub fn put_text(&self, name: &str, text: &str) -> Result<()> {
         self.put(name, |path| Ok(fs::write(path, text)?))
     }
+}
+
+/// Writes a file that is not there yet.
+///
+/// # Errors
+/// There is one of that name, or it cannot be written.
+pub fn put_new(file: &Path, text: &str) -> Result<()> {
+    ensure!(
+        !file.exists(),
+        "{} is there already: name another file, or remove it",
+        file.display()
+    );
+    let name = file
+        .file_name()
+        .and_then(|name| name.to_str())
+        .with_context(|| format!("{} is no name of a file", file.display()))?;
+    let folder = match file.parent() {
+        Some(parent) if !parent.as_os_str().is_empty() => parent,
+        _ => Path::new("."),
+    };
+    Folder::open(folder)?.put_text(name, text)
 }
 
 /// Refuses to write `names` into the folder `out` where one of them is one of `inputs`: by its path, through links, or by

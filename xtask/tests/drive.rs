@@ -248,6 +248,86 @@ fn settings_go_out_and_in_all_or_none() {
     assert!((model.screw.resistance_ohm - 1.7).abs() < 1e-9, "{model:?}");
 }
 
+/// What a model knows of a machine goes into the drive by commands alone.
+#[test]
+fn what_a_model_knows_becomes_settings() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (model, file) = (path("model.toml"), path("smooth.toml"));
+    std::fs::write(&model, plant::model::Model::coupled().to_toml()).unwrap();
+    let compensate = || {
+        xtask()
+            .args(["compensate", "--model", &model, "--nut-rpm", "300"])
+            .args(["--settings", &file])
+            .output()
+            .unwrap()
+    };
+    let output = compensate();
+    assert!(output.status.success(), "{output:?}");
+    let again = compensate();
+    let said = String::from_utf8_lossy(&again.stderr).into_owned();
+    assert!(said.contains("is there already"), "{said}");
+
+    let served = Served::new(&[]);
+    served.printed(&["settings", "import", &file]);
+    let now: Value = serde_json::from_str(&served.printed(&[
+        "settings",
+        "get",
+        "--json",
+        "screw_torque",
+        "feed_friction",
+    ]))
+    .unwrap();
+    // The paper's motors: 6 and 12 times an electrical turn of five pole pairs, and the table's friction.
+    let orders = [1, 2].map(|k| now[format!("screw_torque.order_{k}")].as_f64().unwrap());
+    assert_eq!(orders, [30.0, 60.0], "{now}");
+    let size = now["screw_torque.re_1_a"]
+        .as_f64()
+        .unwrap()
+        .hypot(now["screw_torque.im_1_a"].as_f64().unwrap());
+    assert!(size > 0.01, "{size} A of the first order");
+    assert!(
+        now["feed_friction.coulomb_nm"].as_f64().unwrap() > 0.0,
+        "{now}"
+    );
+}
+
+/// A drive that learns says what, and keeps it as settings.
+#[test]
+fn what_is_learned_is_kept() {
+    let served = Served::new(&["--speed", "20"]);
+    served.printed(&["settings", "set", "compensation.learning_s=0.5"]);
+    served.until("ready");
+    served.printed(&[
+        "jog",
+        "--table-speed",
+        "5",
+        "--nut-rpm",
+        "200",
+        "--arm",
+        "--duration",
+        "1",
+    ]);
+    let said = served.printed(&["settings", "learned"]);
+    assert!(said.contains("screw_torque.order_5: 0 -> 30"), "{said}");
+    served.until("ready");
+    served.printed(&["settings", "learned", "--save"]);
+    served.until("ready");
+    let now = served.printed(&["settings", "get", "--json", "screw_torque"]);
+    let now: Value = serde_json::from_str(&now).unwrap();
+    let size = now["screw_torque.re_5_a"]
+        .as_f64()
+        .unwrap()
+        .hypot(now["screw_torque.im_5_a"].as_f64().unwrap());
+    assert!(
+        size > 0.01,
+        "{size} A of six times an electrical turn, expected more than 0.01: {now}"
+    );
+    // The table's position loop beside the compensation.
+    let said = served.printed(&["move", "10", "--nut-rpm", "200", "--arm"]);
+    assert!(said.contains("at rest"), "{said}");
+}
+
 #[test]
 fn what_is_set_holds_when_the_drive_is_served_again() {
     let folder = tempfile::tempdir().unwrap();

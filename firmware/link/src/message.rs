@@ -77,6 +77,11 @@ pub enum Command {
         /// The first number.
         from: u16,
     },
+    /// The same with the orders that a drive that compensates has learned.
+    Learned {
+        /// The first number.
+        from: u16,
+    },
     /// Sets one in the session's draft, which begins as what holds.
     Draft {
         /// The setting's number.

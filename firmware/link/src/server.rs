@@ -56,6 +56,8 @@ pub trait Served {
     fn renew(&mut self);
     /// The settings that hold.
     fn settings(&self) -> &Settings;
+    /// The same with the orders that were learned since.
+    fn learned(&self) -> Settings;
     /// Starts anew with these settings.
     ///
     /// # Errors
@@ -296,6 +298,7 @@ impl Server {
                 Ok(())
             }
             Command::Settings { from } => return settings(drive.settings(), from),
+            Command::Learned { from } => return settings(&drive.learned(), from),
             Command::Draft { id, value } => self.draft.set(id, value).map_err(|_| Refusal::Setting),
             Command::Discard => {
                 self.draft = *drive.settings();
@@ -449,6 +452,9 @@ mod tests {
         }
         fn settings(&self) -> &Settings {
             &self.settings
+        }
+        fn learned(&self) -> Settings {
+            self.settings
         }
         fn configure(&mut self, settings: &Settings) -> Result<(), Unfit> {
             self.settings = *settings;
@@ -762,7 +768,8 @@ mod tests {
                 .prop_map(|(motor, current)| Command::DirectCurrent { motor, current }),
             any::<u32>().prop_map(Command::Record),
             any::<u16>().prop_map(|from| Command::Settings { from }),
-            (0u16..0x0900, any::<f64>()).prop_map(|(id, x)| Command::Draft {
+            any::<u16>().prop_map(|from| Command::Learned { from }),
+            (0u16..0x1200, any::<f64>()).prop_map(|(id, x)| Command::Draft {
                 id,
                 value: Value::Real(Real::new(x))
             }),

@@ -16,6 +16,7 @@ pub use within::Within;
 use crate::alignment::{Start, settle};
 use crate::drive::Drive;
 use crate::experiment::Setup;
+use crate::smooth::bench::learned;
 use control::coordinator::CommandError;
 use control::format::{Current, Misfit};
 use control::guard::Look;
@@ -468,6 +469,11 @@ impl Served for SimulatedDrive {
 
     fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    fn learned(&self) -> Settings {
+        let orders = learned(&self.drive, self.plate.compensation);
+        self.settings.with_orders(&orders)
     }
 
     fn configure(&mut self, settings: &Settings) -> Result<(), Unfit> {

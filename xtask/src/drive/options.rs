@@ -195,6 +195,12 @@ pub enum SettingsTask {
         /// The file.
         file: PathBuf,
     },
+    /// What the drive has learned of its ripple, beside what is set.
+    Learned {
+        /// Set it, so that the next start begins with it; the drive must be at rest.
+        #[arg(long)]
+        save: bool,
+    },
     /// What a TOML file would change.
     Diff {
         /// The file.

@@ -2,7 +2,7 @@
 
 use super::connect::Drive;
 use super::options::SettingsTask;
-use crate::output::Folder;
+use crate::output::put_new;
 use anyhow::{Context, Result, bail, ensure};
 use link::host::client::Lost;
 use link::host::settings::{of_toml, of_words, to_toml};
@@ -32,7 +32,7 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
             change(drive, &settings, &new)
         }
         SettingsTask::Export { file } => {
-            put(file, &to_toml(&settings))?;
+            put_new(file, &to_toml(&settings))?;
             println!("{}", file.display());
             Ok(())
         }
@@ -40,12 +40,21 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
             let new = read(&settings, file)?;
             change(drive, &settings, &new)
         }
+        SettingsTask::Learned { save } => {
+            let learned = drive.learned()?;
+            if *save {
+                change(drive, &settings, &learned)
+            } else {
+                tell(&settings, &learned);
+                Ok(())
+            }
+        }
         SettingsTask::Diff { file } => {
             tell(&settings, &read(&settings, file)?);
             Ok(())
         }
         SettingsTask::Model { file } => {
-            put(file, &model_file(&header(drive)?, 1.0 / drive.speed_hz()))?;
+            put_new(file, &model_file(&header(drive)?, 1.0 / drive.speed_hz()))?;
             println!("{}", file.display());
             Ok(())
         }
@@ -116,24 +125,6 @@ fn read(settings: &Settings, file: &Path) -> Result<Settings> {
     let text =
         fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?;
     of_toml(settings, &text).with_context(|| format!("{} is not taken", file.display()))
-}
-
-/// Writes a file that is not there yet.
-fn put(file: &Path, text: &str) -> Result<()> {
-    ensure!(
-        !file.exists(),
-        "{} is there already: name another file, or remove it",
-        file.display()
-    );
-    let name = file
-        .file_name()
-        .and_then(|name| name.to_str())
-        .with_context(|| format!("{} is no name of a file", file.display()))?;
-    let folder = match file.parent() {
-        Some(parent) if !parent.as_os_str().is_empty() => parent,
-        _ => Path::new("."),
-    };
-    Folder::open(folder)?.put_text(name, text)
 }
 
 /// What the drive says of itself before a stream, of none.

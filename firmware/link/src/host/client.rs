@@ -237,10 +237,22 @@ impl<L: Line> Client<L> {
     /// # Errors
     /// [`Lost`], or the drive has other settings than this program.
     pub fn settings(&mut self) -> Result<Settings> {
+        self.all_settings(|from| Command::Settings { from })
+    }
+
+    /// The same with the orders that the drive has learned.
+    ///
+    /// # Errors
+    /// [`Lost`], or the drive has other settings than this program.
+    pub fn learned(&mut self) -> Result<Settings> {
+        self.all_settings(|from| Command::Learned { from })
+    }
+
+    fn all_settings(&mut self, command: impl Fn(u16) -> Command) -> Result<Settings> {
         let mut settings = Settings::DEFAULT;
         let (mut from, mut count) = (0, 0);
         loop {
-            let some = match self.ask(Command::Settings { from })? {
+            let some = match self.ask(command(from))? {
                 Reply::Settings(some) => some,
                 other => bail!(unexpected(&other)),
             };

@@ -11,11 +11,17 @@ use toml::{Table, Value as Toml};
 /// As the text of a TOML file: each group a table, each setting with what it means, its unit and its range.
 #[must_use]
 pub fn to_toml(settings: &Settings) -> String {
+    some_to_toml(settings, |_| true)
+}
+
+/// The same of some settings.
+#[must_use]
+pub fn some_to_toml(settings: &Settings, some: impl Fn(&Setting) -> bool) -> String {
     let mut text = String::from(
         "# Settings of a drive. What is left out of a file keeps its value when the file is imported.\n",
     );
     let mut group = "";
-    for setting in Settings::all() {
+    for setting in Settings::all().filter(some) {
         let Some(value) = settings.get(setting.id) else {
             continue;
         };

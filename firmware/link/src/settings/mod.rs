@@ -162,7 +162,59 @@ group! {
 group! {
     /// What repeats with an angle and is compensated.
     CompensationSettings {
-        1 Real learning_s: f64 = 0.0, [0.0, 1000.0], "s", "Time constant with which the usual orders of both motors, encoders and the lead are learned; 0 switches it off.";
+        1 Real learning_s: f64 = 0.0, [0.0, 1000.0], "s", "Time constant with which orders are learned, the usual ones of both motors, encoders and the lead where none is set; 0: nothing is learned.";
+    }
+}
+
+group! {
+    /// Friction that is known and fed forward at one place; its speeds and angles are of its own surface, mechanical.
+    FrictionSettings {
+        1 Real coulomb_nm: f64 = 0.0, [0.0, 1e4], "N m", "Friction while it slides; 0: none is fed forward.";
+        2 Real sticks_nm: f64 = 0.0, [0.0, 1e4], "N m", "What it takes more to break away.";
+        3 Real stribeck_rad_s: f64 = 1.0, [1e-3, 1e4], "rad/s", "Speed at which that has fallen to 1/e.";
+        4 Real presliding_mrad: f64 = 1.0, [1e-3, 1e4], "mrad", "Way over which it turns at a reversal, by all but 1/e.";
+    }
+}
+
+group! {
+    /// What repeats with a motor's turn in its torque, as currents: `Re((re + j im) e^(j order angle))` is added.
+    TorqueOrderSettings {
+        1 Real order_1: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 1; 0: none.";
+        2 Real re_1_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Cosine's part of it: known, or learned before.";
+        3 Real im_1_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Minus the sine's part of it: known, or learned before.";
+        4 Real order_2: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 2; 0: none.";
+        5 Real re_2_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Cosine's part of it: known, or learned before.";
+        6 Real im_2_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Minus the sine's part of it: known, or learned before.";
+        7 Real order_3: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 3; 0: none.";
+        8 Real re_3_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Cosine's part of it: known, or learned before.";
+        9 Real im_3_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Minus the sine's part of it: known, or learned before.";
+        10 Real order_4: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 4; 0: none.";
+        11 Real re_4_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Cosine's part of it: known, or learned before.";
+        12 Real im_4_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Minus the sine's part of it: known, or learned before.";
+        13 Real order_5: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 5; 0: none.";
+        14 Real re_5_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Cosine's part of it: known, or learned before.";
+        15 Real im_5_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Minus the sine's part of it: known, or learned before.";
+        16 Real order_6: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 6; 0: none.";
+        17 Real re_6_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Cosine's part of it: known, or learned before.";
+        18 Real im_6_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Minus the sine's part of it: known, or learned before.";
+        19 Real order_7: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 7; 0: none.";
+        20 Real re_7_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Cosine's part of it: known, or learned before.";
+        21 Real im_7_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Minus the sine's part of it: known, or learned before.";
+        22 Real order_8: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 8; 0: none.";
+        23 Real re_8_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Cosine's part of it: known, or learned before.";
+        24 Real im_8_a: f64 = 0.0, [-2000.0, 2000.0], "A", "Minus the sine's part of it: known, or learned before.";
+    }
+}
+
+group! {
+    /// The same of an encoder's error or the lead's, as a part of the speed.
+    SpeedOrderSettings {
+        1 Real order_1: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of error 1; 0: none.";
+        2 Real re_1: f64 = 0.0, [-0.0625, 0.0625], "", "Cosine's part of it: known, or learned before.";
+        3 Real im_1: f64 = 0.0, [-0.0625, 0.0625], "", "Minus the sine's part of it: known, or learned before.";
+        4 Real order_2: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of error 2; 0: none.";
+        5 Real re_2: f64 = 0.0, [-0.0625, 0.0625], "", "Cosine's part of it: known, or learned before.";
+        6 Real im_2: f64 = 0.0, [-0.0625, 0.0625], "", "Minus the sine's part of it: known, or learned before.";
     }
 }
 
@@ -223,6 +275,14 @@ settings! {
     7 watch: WatchSettings,
     8 command: CommandSettings,
     9 compensation: CompensationSettings,
+    10 screw_friction: FrictionSettings,
+    11 nut_friction: FrictionSettings,
+    12 feed_friction: FrictionSettings,
+    13 screw_torque: TorqueOrderSettings,
+    14 nut_torque: TorqueOrderSettings,
+    15 screw_encoder: SpeedOrderSettings,
+    16 nut_encoder: SpeedOrderSettings,
+    17 lead: SpeedOrderSettings,
 }
 
 /// Why a value is refused.
@@ -280,6 +340,14 @@ impl Setting {
     /// What it may be, in words: `0.5 to 2 mm are`.
     pub fn possible(&self) -> impl core::fmt::Display {
         Possible(*self)
+    }
+
+    /// It says what is compensated: friction, or what repeats with an angle.
+    #[must_use]
+    pub fn compensates(&self) -> bool {
+        const FIRST: u8 = 10;
+        let [group, _] = self.id.to_be_bytes();
+        group >= FIRST
     }
 
     /// The setting of a name: `feed.lead_mm`.
@@ -364,9 +432,15 @@ mod tests {
             ("tuning.observer_damping", 0x0605),
             ("watch.stall_ms", 0x070c),
             ("command.heartbeat_ms", 0x0801),
+            ("feed_friction.presliding_mrad", 0x0c04),
+            ("nut_torque.im_8_a", 0x0e18),
+            ("lead.re_2", 0x1105),
         ] {
             assert_eq!(Setting::named(name).map(|setting| setting.id), Some(id));
         }
+        let compensates = |name: &str| Setting::named(name).unwrap().compensates();
+        assert!(compensates("screw_friction.coulomb_nm") && compensates("lead.order_1"));
+        assert!(!compensates("compensation.learning_s"));
     }
 
     #[test]

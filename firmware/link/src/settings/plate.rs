@@ -2,14 +2,16 @@
 
 use super::{
     AlignmentSettings, BridgeSettings, CommandSettings, CompensationSettings, EncoderDirection,
-    EncoderInterface, FeedSettings, MotorSettings, PER_KRPM, Setting, Settings, Switch,
-    TuningSettings, Value, WatchSettings,
+    EncoderInterface, FeedSettings, FrictionSettings, MotorSettings, PER_KRPM, Setting, Settings,
+    SpeedOrderSettings, Switch, TorqueOrderSettings, TuningSettings, Value, WatchSettings,
 };
+use control::compensation::{ANGLES, TORQUES};
 use control::encoder::Interface;
 use control::format::Misfit;
 use control::plate::{
     AlignmentPlate, BoardPlate, CompensationPlate, DriveConfig, DrivePlate, EncoderPlate,
-    FeedPlate, FrictionPlate, MotorPlate, RunawayPlate, ThermalPlate, Tuning,
+    FeedPlate, FrictionPlate, MotorPlate, OrderPlate, RubbingPlate, RunawayPlate, ThermalPlate,
+    Tuning,
 };
 use core::f64::consts::TAU;
 
@@ -90,6 +92,98 @@ impl MotorSettings {
     }
 }
 
+impl FrictionSettings {
+    fn plate(&self) -> RubbingPlate {
+        RubbingPlate {
+            coulomb_nm: self.coulomb_nm,
+            sticks_nm: self.sticks_nm,
+            stribeck_rad_s: self.stribeck_rad_s,
+            presliding_rad: self.presliding_mrad * 1e-3,
+        }
+    }
+
+    fn of_plate(plate: &RubbingPlate) -> Self {
+        if !plate.rubs() {
+            return Self::DEFAULT;
+        }
+        Self {
+            coulomb_nm: plate.coulomb_nm,
+            sticks_nm: plate.sticks_nm,
+            stribeck_rad_s: plate.stribeck_rad_s,
+            presliding_mrad: plate.presliding_rad * 1e3,
+        }
+    }
+}
+
+const fn order(order: f64, re: f64, im: f64) -> OrderPlate {
+    OrderPlate { order, re, im }
+}
+
+impl TorqueOrderSettings {
+    fn plates(&self) -> [OrderPlate; TORQUES] {
+        [
+            order(self.order_1, self.re_1_a, self.im_1_a),
+            order(self.order_2, self.re_2_a, self.im_2_a),
+            order(self.order_3, self.re_3_a, self.im_3_a),
+            order(self.order_4, self.re_4_a, self.im_4_a),
+            order(self.order_5, self.re_5_a, self.im_5_a),
+            order(self.order_6, self.re_6_a, self.im_6_a),
+            order(self.order_7, self.re_7_a, self.im_7_a),
+            order(self.order_8, self.re_8_a, self.im_8_a),
+        ]
+    }
+
+    fn of_plates(plates: &[OrderPlate; TORQUES]) -> Self {
+        let [a, b, c, d, e, f, g, h] = plates;
+        Self {
+            order_1: a.order,
+            re_1_a: a.re,
+            im_1_a: a.im,
+            order_2: b.order,
+            re_2_a: b.re,
+            im_2_a: b.im,
+            order_3: c.order,
+            re_3_a: c.re,
+            im_3_a: c.im,
+            order_4: d.order,
+            re_4_a: d.re,
+            im_4_a: d.im,
+            order_5: e.order,
+            re_5_a: e.re,
+            im_5_a: e.im,
+            order_6: f.order,
+            re_6_a: f.re,
+            im_6_a: f.im,
+            order_7: g.order,
+            re_7_a: g.re,
+            im_7_a: g.im,
+            order_8: h.order,
+            re_8_a: h.re,
+            im_8_a: h.im,
+        }
+    }
+}
+
+impl SpeedOrderSettings {
+    fn plates(&self) -> [OrderPlate; ANGLES] {
+        [
+            order(self.order_1, self.re_1, self.im_1),
+            order(self.order_2, self.re_2, self.im_2),
+        ]
+    }
+
+    fn of_plates([a, b]: &[OrderPlate; ANGLES]) -> Self {
+        Self {
+            order_1: a.order,
+            re_1: a.re,
+            im_1: a.im,
+            order_2: b.order,
+            re_2: b.re,
+            im_2: b.im,
+        }
+    }
+}
+
 impl Settings {
     /// The plate of a drive with these settings on `board`, of which the rest is the board's own.
     #[must_use]
@@ -103,7 +197,15 @@ impl Settings {
             tuning,
             watch,
             command,
-            compensation,
+            compensation: _,
+            screw_friction,
+            nut_friction,
+            feed_friction,
+            screw_torque: _,
+            nut_torque: _,
+            screw_encoder: _,
+            nut_encoder: _,
+            lead: _,
         } = self;
         DrivePlate {
             motors: [screw.plate(), nut.plate()],
@@ -157,17 +259,11 @@ impl Settings {
                 stall: watch.stall_percent / 100.0,
                 stall_s: watch.stall_ms * 1e-3,
             },
-            // Orders of one's own, what was learned, and friction are no settings yet.
-            compensation: if compensation.learning_s == 0.0 {
-                CompensationPlate::NONE
-            } else {
-                CompensationPlate::usual(
-                    [screw.pole_pairs, nut.pole_pairs],
-                    compensation.learning_s,
-                    self.scale_count_m(),
-                )
+            compensation: self.compensation_plate(),
+            friction: FrictionPlate {
+                bearings: [screw_friction.plate(), nut_friction.plate()],
+                feed: feed_friction.plate(),
             },
-            friction: FrictionPlate::NONE,
             heartbeat_s: command.heartbeat_ms * 1e-3,
         }
     }
@@ -183,9 +279,22 @@ impl Settings {
             alignment,
             runaway,
             compensation,
-            friction: _,
+            friction,
             heartbeat_s,
         } = plate;
+        let [screw_bearing, nut_bearing] = &friction.bearings;
+        let usual = CompensationPlate::usual(
+            [screw.pole_pairs, nut.pole_pairs],
+            compensation.learning_s,
+            scale_count_m,
+        );
+        // Whose orders are the usual ones has set none.
+        let orders = if *compensation == usual {
+            &CompensationPlate::NONE
+        } else {
+            compensation
+        };
+
         let [screw_nm, nut_nm] = alignment.torque_nm;
         let [brake_fade_from_v, brake_fade_to_v] = board.regeneration_v;
         Self {
@@ -249,7 +358,51 @@ impl Settings {
             compensation: CompensationSettings {
                 learning_s: compensation.learning_s,
             },
+            screw_friction: FrictionSettings::of_plate(screw_bearing),
+            nut_friction: FrictionSettings::of_plate(nut_bearing),
+            feed_friction: FrictionSettings::of_plate(&friction.feed),
+            ..Self::DEFAULT
         }
+        .with_orders(orders)
+    }
+
+    /// The same with these orders: what a drive has learned.
+    #[must_use]
+    pub fn with_orders(self, orders: &CompensationPlate) -> Self {
+        let [screw_torque, nut_torque] = &orders.torque;
+        let [screw_encoder, nut_encoder] = &orders.angle;
+        Self {
+            screw_torque: TorqueOrderSettings::of_plates(screw_torque),
+            nut_torque: TorqueOrderSettings::of_plates(nut_torque),
+            screw_encoder: SpeedOrderSettings::of_plates(screw_encoder),
+            nut_encoder: SpeedOrderSettings::of_plates(nut_encoder),
+            lead: SpeedOrderSettings::of_plates(&orders.travel),
+            ..self
+        }
+    }
+
+    /// Orders that are set; where none is, the usual ones if they are learned.
+    fn compensation_plate(&self) -> CompensationPlate {
+        let learning_s = self.compensation.learning_s;
+        let scale_count_m = if learning_s == 0.0 {
+            0.0
+        } else {
+            self.scale_count_m()
+        };
+        let set = CompensationPlate {
+            torque: [self.screw_torque.plates(), self.nut_torque.plates()],
+            angle: [self.screw_encoder.plates(), self.nut_encoder.plates()],
+            travel: self.lead.plates(),
+            learning_s,
+            scale_count_m,
+        };
+        let torque = set.torque.iter().flatten();
+        let mut all = torque.chain(set.angle.iter().flatten()).chain(&set.travel);
+        if all.any(|order| order.order != 0.0) || learning_s == 0.0 {
+            return set;
+        }
+        let pole_pairs = [self.screw.pole_pairs, self.nut.pole_pairs];
+        CompensationPlate::usual(pole_pairs, learning_s, scale_count_m)
     }
 
     /// One count of the table's scale, m.
@@ -373,7 +526,24 @@ mod tests {
         settings.screw.encoder_interface = EncoderInterface::IncrementalWithIndex;
         settings.screw.encoder_zero_deg = -90.0;
         settings.bridge.dead_time_ns = 500.0;
+        settings.compensation.learning_s = 0.5;
+        let usual = settings.plate(&board());
+        assert_eq!(
+            usual.compensation,
+            CompensationPlate::usual([5; 2], 0.5, settings.scale_count_m())
+        );
+        assert_eq!(
+            Settings::of_plate(&usual, settings.scale_count_m()).screw_torque,
+            TorqueOrderSettings::DEFAULT
+        );
+        settings.feed_friction.coulomb_nm = 0.1;
+        settings.nut_torque.order_8 = 36.0;
+        settings.nut_torque.im_8_a = -0.2;
+        settings.lead.order_2 = 2.0;
         let plate = settings.plate(&board());
+        assert_eq!(plate.friction.feed.coulomb_nm, 0.1);
+        assert_eq!(plate.compensation.torque[1][7], order(36.0, 0.0, -0.2));
+        assert_eq!(plate.compensation.torque[0], [OrderPlate::NONE; TORQUES]);
         let again = Settings::of_plate(&plate, settings.scale_count_m());
         for setting in Settings::all() {
             let values = [&settings, &again].map(|settings| settings.get(setting.id).unwrap());
