@@ -295,7 +295,7 @@ fn what_a_model_knows_becomes_settings() {
 /// A drive that learns says what, and keeps it as settings.
 #[test]
 fn what_is_learned_is_kept() {
-    let served = Served::new(&["--speed", "20"]);
+    let served = Served::new(&["--speed", "10"]);
     served.printed(&["settings", "set", "compensation.learning_s=0.5"]);
     served.until("ready");
     served.printed(&[

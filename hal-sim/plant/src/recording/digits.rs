@@ -10,7 +10,7 @@ const LARGEST: f64 = 5e13;
 pub(super) fn append(line: &mut Vec<u8>, value: f64, decimals: usize) {
     let unit = 10u64.pow(decimals as u32);
     let scaled = (value * unit as f64).round();
-    if !(scaled.abs() < LARGEST) {
+    if scaled.is_nan() || scaled.abs() >= LARGEST {
         // Writing to memory does not fail.
         let _ = write!(line, "{value:.decimals$}");
         return;
