@@ -15,7 +15,8 @@ pub(super) fn append(line: &mut Vec<u8>, value: f64, decimals: usize) {
         let _ = write!(line, "{value:.decimals$}");
         return;
     }
-    if scaled < 0.0 {
+    // As the standard library writes what rounds to zero, too.
+    if value.is_sign_negative() {
         line.push(b'-');
     }
     let digits = scaled.abs() as u64;
@@ -57,7 +58,7 @@ mod tests {
     fn ends_and_zeros() {
         for (value, decimals, expected) in [
             (0.0, 4, "0.0000"),
-            (-0.000_01, 4, "0.0000"),
+            (-0.000_01, 4, "-0.0000"),
             (-1.5, 3, "-1.500"),
             (0.000_000_001, 9, "0.000000001"),
             (1e300, 0, &format!("{:.0}", 1e300)),
