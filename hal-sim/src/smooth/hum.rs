@@ -1,12 +1,10 @@
 //! From a hum to silence: a machine that nobody has seen, and what its ripple becomes once its effects are known.
 
 use super::known::Known;
-use super::{settle, velocities};
+use super::smoothness;
 use crate::draw::{self, between, pick};
 use crate::drive::Drive;
-use crate::experiment::{ExperimentError, OperatingPoint, RECORD_S, RPM, Setup};
-use crate::seam::Straight;
-use crate::vrf::vrf_percent;
+use crate::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
 use control::plate::CompensationPlate;
 use plant::effects::AnyEffect;
 use plant::machine::Coupling;
@@ -79,12 +77,9 @@ impl Hum {
             Known::of(model, feed.load_n * feed.travel_per_radian()).compensation
         });
         let none = CompensationPlate::NONE;
-        let sensors = Setup::declared(self.machine.declared.clone(), Coupling::Coupled)
-            .board
-            .sensors;
         let learns = CompensationPlate {
             learning_s: super::bench::LEARNING_S,
-            scale_count_m: sensors.scale_count_m,
+            scale_count_m: self.setup().board.sensors.scale_count_m,
             ..known
         };
         let real = |plate, learns_s| self.ripple(&self.machine.real, plate, learns_s);
@@ -104,17 +99,20 @@ impl Hum {
         compensation: CompensationPlate,
         learns_s: f64,
     ) -> Result<f64, ExperimentError> {
-        let mut setup = Setup::declared(self.machine.declared.clone(), Coupling::Coupled);
-        setup.board.seed = self.seed;
-        // As it was recorded: an offset that the drive measures before it starts would be none.
-        setup.board.measure_zeros = false;
+        let setup = self.setup();
         let mut plate = setup.plate();
         plate.compensation = compensation;
         let mut drive = Drive::aligned(machine, setup.coupling, setup.board, &plate)?;
-        settle(&mut drive, self.point, &mut Straight)?;
-        velocities(&mut drive, learns_s, &mut Straight)?;
-        let velocities = velocities(&mut drive, RECORD_S, &mut Straight)?;
-        Ok(vrf_percent(&velocities, VELOCITY))
+        Ok(smoothness(&mut drive, self.point, learns_s)?.vrf)
+    }
+
+    /// The drive that the plate gives, as the machine was recorded with it.
+    fn setup(&self) -> Setup {
+        let mut setup = Setup::declared(self.machine.declared.clone(), Coupling::Coupled);
+        setup.board.seed = self.seed;
+        // An offset that the drive measures before it starts would be none.
+        setup.board.measure_zeros = false;
+        setup
     }
 }
 

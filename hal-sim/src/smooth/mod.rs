@@ -133,6 +133,19 @@ fn settle(
     settle_through(drive, point, seam, |_| Ok(()))
 }
 
+/// A drive that a fault has stopped has no ripple, and no error either.
+fn still_runs(drive: &Drive, point: OperatingPoint, seconds: f64) -> Result<(), ExperimentError> {
+    match drive.state() {
+        State::Running => Ok(()),
+        state => Err(ExperimentError::NotSteady {
+            seconds,
+            velocity_mm_s: point.velocity * 1e3,
+            base_rpm: point.base / crate::experiment::RPM,
+            state,
+        }),
+    }
+}
+
 /// Runs a drive at `point`, for `seconds` of learning first, and measures the true table velocity.
 ///
 /// # Errors
@@ -146,14 +159,7 @@ pub fn smoothness_through(
     settle(drive, point, seam)?;
     velocities(drive, seconds, seam)?;
     let velocities = velocities(drive, RECORD_S, seam)?;
-    if drive.state() != State::Running {
-        return Err(ExperimentError::NotSteady {
-            seconds: seconds + RECORD_S,
-            velocity_mm_s: point.velocity * 1e3,
-            base_rpm: point.base / crate::experiment::RPM,
-            state: drive.state(),
-        });
-    }
+    still_runs(drive, point, seconds + RECORD_S)?;
     Ok(Smoothness::of(&velocities, point.velocity, sample_s(drive)))
 }
 

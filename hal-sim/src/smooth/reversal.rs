@@ -1,9 +1,9 @@
 //! A table that reverses through friction that sticks.
 
 use super::lugre::{LuGre, PRESLIDING_M, STRIBECK_M_S};
-use super::{Machine, drive, setup};
+use super::{Machine, drive, setup, still_runs};
 use crate::drive::Drive;
-use crate::experiment::{ExperimentError, RPM, Setup};
+use crate::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
 use control::plate::{CompensationPlate, FrictionPlate, RubbingPlate};
 use plant::Axis;
 use std::f64::consts::TAU;
@@ -96,5 +96,10 @@ fn worst(mut drive: Drive, setup: &Setup, nut_rpm: f64) -> Result<f64, Experimen
             worst = worst.max((drive.board.machine.table_velocity() - asked).abs());
         }
     }
+    let point = OperatingPoint {
+        velocity: AMPLITUDE,
+        base,
+    };
+    still_runs(&drive, point, 4.0 / HZ)?;
     Ok(100.0 * worst / AMPLITUDE)
 }
