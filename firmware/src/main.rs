@@ -165,14 +165,15 @@ mod app {
         send_telemetry::spawn().expect("spawned once");
 
         let supervision = Supervision::new(Watchdog::start(device.IWDG));
-        let timers = (&device.TIM1, &device.TIM8);
-        if !pwm::start(timers.0, timers.1, &plan, breaks) {
+        let watches = analog::Watches::of(&converters);
+        let speed = Speed::new(scale, watches, Sampler::new(), pins.inputs);
+        let bdtr = pwm::bdtr(&plan);
+        converters.convert_for_nothing();
+        if !pwm::start(&device.TIM1, &device.TIM8, &plan, breaks) {
             crash::refuse("the PWM timers do not run: check the board's crystal");
         }
+        // The screw's loop is due within half a period: what takes long came before.
         converters.arm();
-        let watches = analog::Watches::of(&converters);
-
-        let bdtr = pwm::bdtr(&plan);
         deadman::start(device.TIM7, plan.period);
         let local = Local {
             screw: MotorLoop::new(Registers::new(
@@ -189,7 +190,7 @@ mod app {
                 nut_encoder,
                 bdtr,
             )),
-            speed: Speed::new(scale, watches, Sampler::new(), pins.inputs),
+            speed,
             supervision,
             sender: Sender::new(channels.up.1),
             off: bdtr,

@@ -176,16 +176,20 @@ impl Converters<'_> {
         ready
     }
 
-    /// From here on each top of a motor's timer starts its ADCs.
-    ///
-    /// Each converts once before, for nothing: what comes more than a millisecond after the calibration may be wrong
-    /// (ES0430 2.7.7), and the analog watchdogs would take it for a fault.
-    pub(crate) fn arm(&self) {
+    /// Each ADC converts once, for nothing, less than a millisecond before [`Converters::arm`]: what comes later than that after
+    /// the calibration may be wrong (ES0430 2.7.7), and the analog watchdogs would take it for a fault.
+    pub(crate) fn convert_for_nothing(&self) {
         let (x1, y1) = self.screw;
         let (x2, y2) = self.nut;
         for adc in [x1 as &adc1::RegisterBlock, y1, x2, y2] {
             convert_for_nothing(adc);
         }
+    }
+
+    /// From here on each top of a motor's timer starts its ADCs.
+    pub(crate) fn arm(&self) {
+        let (x1, y1) = self.screw;
+        let (x2, y2) = self.nut;
         for adc in [x1 as &adc1::RegisterBlock, y1, x2, y2] {
             adc.cr().modify(|_, w| w.jadstart().set_bit());
         }
