@@ -27,8 +27,10 @@ const PLATE: DrivePlate = if cfg!(feature = "smooth") {
     board::PLATE
 };
 
-/// The drive's configuration, computed while compiling: a number that does not fit its format stops the build.
-const CONFIG: DriveConfig = match PLATE.config() {
+/// The drive's configuration, computed while compiling: a number that does not fit its format stops the build. It lies with the
+/// code that reads it.
+#[unsafe(link_section = ".ccm.config")]
+static CONFIG: DriveConfig = match PLATE.config() {
     Ok(config) if cfg!(feature = "encoders-at-zero") => config.aligned(&PLATE),
     Ok(config) => config,
     Err(_) => panic!("a number of the board's plate does not fit its fixed-point format"),

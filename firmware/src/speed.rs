@@ -89,6 +89,10 @@ impl Speed {
                 view.misalignment.store(misalignment.reason.word(), Relaxed);
             }
         }
+        if CONFIG.compensation.active {
+            view.tables
+                .store(self.control.compensation().tables().0, Relaxed);
+        }
         view.scale.store(scale, Relaxed);
         count(&view.speed_steps);
         self.sampler.step(&output, scale);

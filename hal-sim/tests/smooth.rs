@@ -1,15 +1,20 @@
 //! The drive removes the ripple of the machine with its defects, from cold, and keeps what it has learned.
 
+use control::compensation::fit::TableFit;
 use control::plate::{CompensationPlate, OrderPlate};
 use control::supervisor::State;
 use hal_sim::drive::Drive;
-use hal_sim::experiment::{OperatingPoint, RPM};
+use hal_sim::experiment::{OperatingPoint, RPM, Setup};
 use hal_sim::parallel::on_all_cores;
+use hal_sim::seam::{Seam, SpeedSeen};
 use hal_sim::smooth::bench::learned;
 use hal_sim::smooth::known::Known;
 use hal_sim::smooth::reversal::{Reversal, reversal};
-use hal_sim::smooth::{Machine, drive, orders, setup, smoothness};
+use hal_sim::smooth::{Machine, drive, orders, setup, smoothness, smoothness_through};
 use plant::Axis;
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::TAU;
 
 /// Table mm/s, nut rpm, and what must be left of the ripple, %.
 const POINTS: [(Machine, f64, f64, f64); 5] = [
@@ -109,6 +114,127 @@ fn what_a_model_knows_is_what_a_drive_learns() {
             "at {rpm} rpm {after} % of {before} %"
         );
     }
+}
+
+/// What a drive finds of its saved tables on machines whose encoders were homed elsewhere since, whose signs are wrong, or that are
+/// as they were; with that of the nut, which stands in the single drive and shows nothing, nor which of the two an error once a turn is of.
+#[test]
+fn a_saved_table_that_does_not_fit_is_told_and_learned_anew() {
+    let setup = setup(Machine::Lumped, 1);
+    let point = |rpm: f64| OperatingPoint {
+        velocity: 2.5e-3,
+        base: rpm * RPM,
+    };
+    let cold = orders(&setup, 0.5, true);
+    let mut learner = drive(&setup, cold).unwrap();
+    smoothness(&mut learner, point(300.0), 12.0).unwrap();
+    assert_eq!(fits(&learner), [TableFit::None; 5], "nothing was saved");
+    let saved = learned(&learner, cold);
+
+    // A twentieth of a turn of the shaft, which the electrical angle is told of.
+    let mut homed = setup.clone();
+    for encoder in &mut homed.board.sensors.encoders {
+        encoder.theta_e_at_zero_turns = 0.25;
+    }
+    let mut turned = saved;
+    for order in turned.torque.iter_mut().flatten() {
+        (order.re, order.im) = (-order.re, -order.im);
+    }
+    let [none, fits_, out, unchecked] = [
+        TableFit::None,
+        TableFit::Fits,
+        TableFit::Discarded,
+        TableFit::Unchecked,
+    ];
+    let cases = [
+        ("as it was", &setup, saved, 300.0, [fits_; 5]),
+        // A lead's phase is the difference of both angles, which are off by the same; so it stays.
+        (
+            "encoders homed elsewhere",
+            &homed,
+            saved,
+            300.0,
+            [out, out, fits_, fits_, fits_],
+        ),
+        (
+            "wrong signs",
+            &setup,
+            turned,
+            300.0,
+            [out, out, fits_, fits_, fits_],
+        ),
+        (
+            "wrong signs, the nut stands",
+            &setup,
+            turned,
+            0.0,
+            [out, unchecked, unchecked, unchecked, unchecked],
+        ),
+        ("nothing saved", &setup, cold, 300.0, [none; 5]),
+    ];
+    let results = on_all_cores(&cases, |&(_, setup, plate, rpm, _)| {
+        let mut drive = drive(setup, plate).unwrap();
+        for (axis, encoder) in Axis::ALL.into_iter().zip(&setup.board.sensors.encoders) {
+            let turns = encoder.theta_e_at_zero_turns / f64::from(drive.pole_pairs(axis));
+            drive.board.machine.set_motor_angle(axis, turns * TAU);
+        }
+        drive.board.wake_encoders();
+        let left = smoothness(&mut drive, point(rpm), 12.0).unwrap().vrf;
+        (fits(&drive), left)
+    });
+    for ((name, _, _, rpm, expected), (found, left)) in cases.into_iter().zip(results) {
+        println!("{name}, {rpm} rpm: {found:?}, {left:.2} % left");
+        assert_eq!(found, expected, "{name}: found, expected");
+        assert!(
+            left < 0.6,
+            "{name}: {left} % of ripple is left, expected less than 0.6"
+        );
+    }
+}
+
+/// A torque that repeats seven times a turn of the screw.
+struct Ripple {
+    amps: f64,
+}
+
+impl Seam for Ripple {
+    fn current(&mut self, axis: Axis, seen: &SpeedSeen) -> Option<f64> {
+        (axis == Axis::Screw).then(|| self.amps * (7.0 * TAU * seen.turn).cos())
+    }
+}
+
+/// What has fitted and changes later is told too, and stays: it is what the drive has learned since.
+#[test]
+fn a_ripple_that_changes_while_the_drive_runs_is_told() {
+    let setup = Setup::ideal(Model::paper(), Coupling::Lumped);
+    let mut plate = CompensationPlate::NONE;
+    plate.learning_s = 0.5;
+    plate.torque[0][0] = OrderPlate {
+        order: 7.0,
+        re: -0.1,
+        im: 0.0,
+    };
+    let mut drive = drive(&setup, plate).unwrap();
+    let point = OperatingPoint {
+        velocity: 2.5e-3,
+        base: 300.0 * RPM,
+    };
+    for (amps, expected) in [
+        (0.1, TableFit::Fits),
+        (-0.1, TableFit::Drifted),
+        (0.1, TableFit::Fits),
+    ] {
+        smoothness_through(&mut drive, point, 2.0, &mut Ripple { amps }).unwrap();
+        assert_eq!(
+            fits(&drive)[0],
+            expected,
+            "a ripple of {amps} A, for which -0.1 A were saved"
+        );
+    }
+}
+
+fn fits(drive: &Drive) -> [TableFit; 5] {
+    std::array::from_fn(|table| drive.compensation().tables().of(table).unwrap())
 }
 
 /// The speed loop alone waits for the error.

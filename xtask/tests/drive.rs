@@ -323,6 +323,26 @@ fn what_is_learned_is_kept() {
         size > 0.01,
         "{size} A of six times an electrical turn, expected more than 0.01: {now}"
     );
+    // It fits at the next start, once the shafts have turned.
+    served.printed(&[
+        "jog",
+        "--table-speed",
+        "5",
+        "--nut-rpm",
+        "200",
+        "--arm",
+        "--duration",
+        "3",
+    ]);
+    served.until("ready");
+    let status = served.printed(&["status", "--json"]);
+    let status: Value = serde_json::from_str(&status).unwrap();
+    let table = &status["tables"][0];
+    assert_eq!(
+        (table["table"].as_str(), table["name"].as_str()),
+        (Some("screw torque"), Some("fits")),
+        "{status}"
+    );
     // The table's position loop beside the compensation.
     let said = served.printed(&["move", "10", "--nut-rpm", "200", "--arm"]);
     assert!(said.contains("at rest"), "{said}");

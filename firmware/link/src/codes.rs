@@ -2,6 +2,7 @@
 
 pub use control::alignment::Reason as Misalignment;
 use control::codes;
+pub use control::compensation::fit::{TableFit, TableFits};
 pub use control::fault::Fault;
 pub use control::supervisor::State;
 

@@ -317,6 +317,8 @@ pub struct Status {
     pub fault: u32,
     /// Why the last alignment failed: a [`Misalignment`](crate::codes::Misalignment)'s word; 0 is none.
     pub misalignment: u32,
+    /// What was found of the tables of compensation that were saved: a [`TableFits`](control::compensation::fit::TableFits)' word.
+    pub tables: u32,
     /// The drive may be moved.
     pub armed: bool,
     /// A [`Travel`]'s word.

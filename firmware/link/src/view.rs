@@ -144,6 +144,8 @@ words! {
         bus: [u32; 2],
         /// Why the last alignment failed: a [`Misalignment`](crate::codes::Misalignment).
         misalignment: u32,
+        /// What was found of the tables of compensation that were saved: a [`TableFits`](control::compensation::fit::TableFits).
+        tables: u32,
         /// Screw, nut.
         motors: [MotorWords; 2],
     }

@@ -379,6 +379,7 @@ impl Served for SimulatedDrive {
                 .drive
                 .misalignment()
                 .map_or(0, |failed| failed.reason.word()),
+            tables: self.drive.compensation().tables().0,
             travel: travel.word(),
             motors,
             scale: self.scale,

@@ -2,7 +2,7 @@
 
 use super::connect::Drive;
 use anyhow::{Context, Result};
-use link::codes::{Fault, Misalignment, State};
+use link::codes::{Fault, Misalignment, State, TableFit, TableFits};
 use link::message::{Event, Status, Travel};
 use link::scale;
 use link::settings::Settings;
@@ -61,6 +61,16 @@ impl Seen {
 
     fn misalignment(&self) -> Option<Misalignment> {
         Misalignment::of_word(self.status.misalignment)
+    }
+
+    /// The tables of compensation that were saved, and what was found of them.
+    fn tables(&self) -> impl Iterator<Item = (&'static str, TableFit)> {
+        let fits = TableFits(self.status.tables);
+        let each = TableFits::NAMES.into_iter().enumerate();
+        each.filter_map(move |(table, name)| {
+            let fit = fits.of(table)?;
+            (fit != TableFit::None).then_some((name, fit))
+        })
     }
 
     /// Speed of motor 0 (screw) or 1 (nut), rpm.
@@ -136,6 +146,11 @@ impl Seen {
                 "name": reason.name(),
                 "sentence": reason.sentence(),
             })),
+            "tables": self.tables().map(|(name, fit)| json!({
+                "table": name,
+                "name": fit.name(),
+                "sentence": fit.sentence(),
+            })).collect::<Vec<Value>>(),
             "armed": self.status.armed,
             "simulated": simulated,
             "uptime_s": self.seconds(),
@@ -183,6 +198,9 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
     }
     if let Some(reason) = seen.misalignment() {
         println!("Alignment: {}", reason.sentence());
+    }
+    for (name, fit) in seen.tables() {
+        println!("Table of the {name}: {}. {}", fit.name(), fit.sentence());
     }
     let (screw, nut, feed) = (&settings.screw, &settings.nut, &settings.feed);
     println!(

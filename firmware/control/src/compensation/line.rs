@@ -70,6 +70,16 @@ impl Phasor {
         }
     }
 
+    /// The difference of two, of parts within 2^30.
+    #[must_use]
+    #[inline(always)]
+    pub const fn minus(self, other: Self) -> Self {
+        Self {
+            re: self.re.wrapping_sub(other.re),
+            im: self.im.wrapping_sub(other.im),
+        }
+    }
+
     /// Times a part of 2^31.
     #[must_use]
     #[inline(always)]
@@ -134,6 +144,18 @@ impl Line {
             re: (re >> 32) as i32,
             im: (im >> 32) as i32,
         }
+    }
+
+    /// It learns at the present speed.
+    #[must_use]
+    #[inline(always)]
+    pub fn learns(&self) -> bool {
+        self.learns != Phasor::ZERO
+    }
+
+    /// Forgets what was learned.
+    pub fn restart(&mut self) {
+        *self = Self::starting(self.order, Phasor::ZERO);
     }
 
     /// Takes what it gives and learns at another speed, and holds what it has learned to `most` in each part.

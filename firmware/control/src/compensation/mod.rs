@@ -12,12 +12,14 @@
 //! is an integrator at the order's frequency, and so equals a resonator there; its time constant is the same for all orders.
 //!
 //! It stands still while a speed changes, while a limit cuts a current, and where the order is beyond what the loops can do;
-//! each coefficient is bounded, so that nothing winds up.
+//! each coefficient is bounded, so that nothing winds up. [`fit`] tells whether what was learned before still fits.
 
+pub mod fit;
 pub mod line;
 pub mod response;
 
 use crate::format::{Angle, Current, Speed, multiply_upper};
+use fit::TableChecks;
 use line::{Line, Order, Phasor};
 use response::Response;
 
@@ -82,12 +84,26 @@ pub struct CompensationConfig {
     /// Part of the full learning rate for a shaft that turns by 1 a PWM period, 2^-32 turn: 2^-47. A slow shaft is learned
     /// by its turns, and not by time.
     pub slow: i32,
+    /// Checks of a torque's table at the full learning rate, 2^-15, after which one that has not moved fits.
+    pub checked: u32,
     /// Largest part of a torque's coefficient, 2^-17 A.
     pub torque_max: i32,
     /// The table's scale, if there is one.
     pub scale: Option<ScaleConfig>,
     /// Electrical turns a mechanical turn: screw, nut.
     pub pole_pairs: [i32; 2],
+}
+
+impl CompensationConfig {
+    /// Part of the full learning rate for a shaft that turns by `theta_step` a PWM period, either way, 2^-31.
+    #[inline(always)]
+    fn part(&self, theta_step: u32) -> i32 {
+        // Within 2^28 times 2^31, in 2^-47; a part is in 2^-31.
+        let part = i64::from(theta_step).wrapping_mul(self.slow.into()) >> 16;
+        #[allow(clippy::cast_possible_truncation)]
+        let part = part.min(i32::MAX.into()) as i32;
+        part
+    }
 }
 
 /// What the compensation sees of a motor.
@@ -121,6 +137,7 @@ pub struct Compensation {
     next: u8,
     /// Both motors are steady since as many steps as it takes to tune all lines.
     steady_steps: u8,
+    checks: TableChecks,
 }
 
 /// Steps of the speed task in which each motor's torque learns once.
@@ -130,6 +147,10 @@ pub(crate) const SPEED_STEPS: u8 = 4;
 
 /// Lines in all.
 const LINES: u8 = (2 * TORQUES + 2 * ANGLES + TRAVELS) as u8;
+/// Steps in which all lines are tuned once, and one table is checked.
+const ROUND_STEPS: u8 = SPEED_STEPS * (LINES + 1);
+/// Steps from one check of a table to its next.
+pub(crate) const CHECK_STEPS: u32 = ROUND_STEPS as u32 * fit::TABLES as u32;
 
 impl Compensation {
     /// A compensation that gives what its configuration starts with.
@@ -147,6 +168,7 @@ impl Compensation {
             step: 0,
             next: 0,
             steady_steps: 0,
+            checks: TableChecks::new(),
         }
     }
 
@@ -251,7 +273,7 @@ impl Compensation {
     /// All lines are tuned to speeds that have not changed since.
     #[inline(always)]
     fn learns(&self) -> bool {
-        self.steady_steps > SPEED_STEPS.wrapping_mul(LINES)
+        self.steady_steps > ROUND_STEPS
     }
 
     /// How much slower the table is than asked, as a relative speed, 2^-16 mechanical rad/s.
@@ -276,14 +298,15 @@ impl Compensation {
         error.clamp(i32::MIN.into(), i32::MAX.into()) as i32
     }
 
-    /// Tunes one line to the present speeds.
+    /// Tunes one line to the present speeds; after the last a table is checked.
     #[inline(never)]
     fn tune(&mut self, config: &CompensationConfig, theta_steps: [i32; 2]) {
         let next = usize::from(self.next);
-        self.next = self.next.wrapping_add(1);
         if self.next >= LINES {
             self.next = 0;
+            return self.check(config, theta_steps);
         }
+        self.next = self.next.wrapping_add(1);
         let motor = next & 1;
         let index = next >> 1;
         let (Some(response), Some(&theta_step)) =
@@ -383,10 +406,7 @@ fn tune_torque(config: &CompensationConfig, line: &mut Line, response: &Response
         .coefficient()
         .times(point.realise.turned_by(theta_step), 8);
     let learns = if config.learns {
-        // Within 2^28 times 2^31, in 2^-47; a part is in 2^-31.
-        let part = i64::from(theta_step.unsigned_abs()).wrapping_mul(config.slow.into()) >> 16;
-        #[allow(clippy::cast_possible_truncation)]
-        let part = part.min(i32::MAX.into()) as i32;
+        let part = config.part(theta_step.unsigned_abs());
         point.learn.turned_by(theta_step).part(part)
     } else {
         Phasor::ZERO

@@ -8,8 +8,8 @@ use super::{attempt, half, positive, power_of_two, within};
 use crate::compensation::line::{Order, Phasor};
 use crate::compensation::response::{POINTS, Response, ResponsePoint};
 use crate::compensation::{
-    CompensationConfig, FAST_DROPS, LineConfig, RateConfig, SPEED_BITS, SPEED_STEPS, ScaleConfig,
-    TORQUE_BITS, TORQUE_STEPS,
+    CHECK_STEPS, CompensationConfig, FAST_DROPS, LineConfig, RateConfig, SPEED_BITS, SPEED_STEPS,
+    ScaleConfig, TORQUE_BITS, TORQUE_STEPS,
 };
 use crate::format::Misfit;
 use crate::plate::{DrivePlate, MotorPlate, OrderPlate};
@@ -18,6 +18,9 @@ use core::f64::consts::TAU;
 /// The fastest ripple that is compensated, of the speed task's rate: a hold of three tenths of a turn leaves 86 % of it, and
 /// the image that it makes lies at seven tenths, which the current loop and the inertia take.
 const FREQUENCY_MAX: f64 = 0.3;
+
+/// Time constants of learning after which a table fits that has not moved: an order that is wrong has then gone 86 % of its way.
+const CHECKED: f64 = 2.0;
 
 /// Time constants of learning a slow shaft's torque, a turn.
 const TORQUE_PER_TURN: f64 = 2.0;
@@ -290,6 +293,8 @@ impl DrivePlate {
             travel,
             response: [screw.response(self), nut.response(self)],
             slow: (slow * power_of_two(47)) as i32,
+            checked: (CHECKED * plate.learning_s / (CHECK_STEPS as f64 * self.speed_step())
+                * power_of_two(15)) as u32,
             torque_max: (torque_max * power_of_two(TORQUE_BITS)) as i32,
             scale: attempt!(self.scale()),
             pole_pairs: [screw.pole_pairs.cast_signed(), nut.pole_pairs.cast_signed()],

@@ -1,0 +1,196 @@
+//! Whether a table that was learned before still fits the machine.
+//!
+//! A table belongs to the angle that its encoder counted then. Encoders that are homed elsewhere, exchanged or mounted anew turn
+//! each order's coefficient by the order times that angle, so most of them are wrong at once. The drive therefore compares what
+//! it learns with what it started from, order by order: an order has moved if it is further from its start than 0.7 of it, which is
+//! 41 degrees of phase or a size that is 70 % off. A table does not fit if most of its orders have moved: a single one does so
+//! where its cause changes, as dead time's does with speed.
+
+use super::line::{Line, Phasor};
+use super::{Compensation, CompensationConfig, LineConfig, SPEED_PART_MAX};
+use crate::codes;
+
+codes! {
+    /// What the drive has found of a table that it started with.
+    TableFit {
+        None = 0, "none", "Nothing that was learned before is set.";
+        Unchecked = 1, "unchecked", "A saved table is used. Whether it fits shows once its shaft has turned at a steady speed for twice the learning time.";
+        Fits = 2, "fits", "What is learned is what was saved.";
+        Discarded = 3, "does not fit", "The saved table did not fit and is not used any more: the drive learns from zero. Was the encoder homed elsewhere, turned or exchanged? `settings learned --save` keeps the new table.";
+        Drifted = 4, "drifted", "The saved table did fit, and most of its orders have moved since: the drive goes on with what it learns. `settings learned --save` keeps it.";
+    }
+}
+
+/// Tables: torque of screw and nut, encoder of screw and nut, lead.
+pub const TABLES: usize = 5;
+
+/// All tables' states in a word, four bits each.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct TableFits(pub u32);
+
+impl TableFits {
+    /// What a table is part of.
+    pub const NAMES: [&'static str; TABLES] = [
+        "screw torque",
+        "nut torque",
+        "screw encoder",
+        "nut encoder",
+        "lead",
+    ];
+
+    /// A table's state; `None` if the word holds no such state.
+    #[must_use]
+    pub const fn of(self, table: usize) -> Option<TableFit> {
+        TableFit::of_word(self.0 >> Self::shift(table) & 15)
+    }
+
+    const fn with(self, table: usize, fit: TableFit) -> Self {
+        let shift = Self::shift(table);
+        Self(self.0 & !(15 << shift) | fit.word() << shift)
+    }
+
+    const fn shift(table: usize) -> u32 {
+        (table as u32 & 7).wrapping_mul(4)
+    }
+}
+
+/// Of the tables, what was found and how long each was learned.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct TableChecks {
+    fits: TableFits,
+    /// Checks at the full learning rate that each has had, 2^-15.
+    learned: [u32; TABLES],
+    next: u8,
+}
+
+impl TableChecks {
+    pub(super) const fn new() -> Self {
+        Self {
+            fits: TableFits(0),
+            learned: [0; TABLES],
+            next: 0,
+        }
+    }
+}
+
+/// What the lines of a table say of it.
+struct Found {
+    /// Orders with a start that is more than noise.
+    saved: u32,
+    /// Those of them that learn at the present speed.
+    learning: u32,
+    /// Those of these that have moved.
+    moved: u32,
+}
+
+impl Found {
+    fn of(lines: &[Line], configs: &[LineConfig], floor: i32) -> Self {
+        let mut found = Self {
+            saved: 0,
+            learning: 0,
+            moved: 0,
+        };
+        let least = square(Phasor { re: floor, im: 0 });
+        for (line, config) in lines.iter().zip(configs) {
+            let start = square(config.start);
+            if start < least {
+                continue;
+            }
+            found.saved = found.saved.saturating_add(1);
+            if line.learns() {
+                found.learning = found.learning.saturating_add(1);
+                let away = square(line.coefficient().minus(config.start));
+                if away > start >> 1 {
+                    found.moved = found.moved.saturating_add(1);
+                }
+            }
+        }
+        found
+    }
+
+    /// Most of the orders that learn have moved.
+    fn most_moved(&self) -> bool {
+        self.moved > self.learning >> 1
+    }
+}
+
+/// Square of the length, of parts within 2^29.
+fn square(x: Phasor) -> u64 {
+    let one = |x: i32| u64::from(x.unsigned_abs()).wrapping_mul(x.unsigned_abs().into());
+    one(x.re).wrapping_add(one(x.im))
+}
+
+impl Compensation {
+    /// What was found of each table.
+    #[must_use]
+    #[inline(always)]
+    pub const fn tables(&self) -> TableFits {
+        self.checks.fits
+    }
+
+    /// Checks one table, of shafts that turn by `theta_steps`: as often as a line is tuned.
+    #[inline(never)]
+    pub(super) fn check(&mut self, config: &CompensationConfig, theta_steps: [i32; 2]) {
+        let table = self.checks.next;
+        self.checks.next = match table {
+            0..LAST => table.saturating_add(1),
+            _ => 0,
+        };
+        let learns = self.learns();
+        let [screw, nut] = theta_steps;
+        let relative = screw.wrapping_sub(nut).unsigned_abs();
+        let [screw, nut] = [screw, nut].map(i32::unsigned_abs);
+        let [screw_torque, nut_torque] = &mut self.torque;
+        let [screw_angle, nut_angle] = &mut self.angle;
+        let [screw_start, nut_start] = &config.torque;
+        let [screw_angle_start, nut_angle_start] = &config.angle;
+        // Once a turn of an encoder and once of the lead are the same where the other motor stands.
+        let apart = screw.min(nut).min(relative);
+        let (lines, starts, speed): (&mut [Line], &[LineConfig], u32) = match table {
+            0 => (screw_torque, screw_start, screw),
+            1 => (nut_torque, nut_start, nut),
+            2 => (screw_angle, screw_angle_start, apart),
+            3 => (nut_angle, nut_angle_start, apart),
+            _ => (&mut self.travel, &config.travel, apart),
+        };
+        let (floor, slower) = if table < 2 {
+            (config.torque_max >> 8, 1)
+        } else {
+            (SPEED_PART_MAX >> 12, SPEED_SLOWER)
+        };
+        let found = Found::of(lines, starts, floor);
+        let table = usize::from(table);
+        let Some(learned) = self.checks.learned.get_mut(table) else {
+            return;
+        };
+        let part = config.part(speed).unsigned_abs() >> 16;
+        let tells = learns && found.learning != 0 && part >= LEAST_PART;
+        if tells {
+            *learned = learned.saturating_add(part);
+        }
+        let enough = config.checked.saturating_mul(slower);
+        let moved = tells && *learned >= enough >> 2 && found.most_moved();
+        let fit = match self.checks.fits.of(table) {
+            _ if found.saved == 0 => TableFit::None,
+            Some(TableFit::Discarded) => return,
+            Some(TableFit::Fits | TableFit::Drifted) if !tells => return,
+            Some(TableFit::Fits | TableFit::Drifted) if moved => TableFit::Drifted,
+            Some(TableFit::Fits | TableFit::Drifted) => TableFit::Fits,
+            _ if moved => {
+                lines.iter_mut().for_each(Line::restart);
+                TableFit::Discarded
+            }
+            _ if *learned < enough => TableFit::Unchecked,
+            _ => TableFit::Fits,
+        };
+        self.checks.fits = self.checks.fits.with(table, fit);
+    }
+}
+
+/// The table that is checked last.
+const LAST: u8 = TABLES as u8 - 1;
+/// A shaft that learns at less of the full rate, 2^-15, tells nothing: a sixty-fourth, 1 rpm at half a second of learning. A motor
+/// that is held still turns less.
+const LEAST_PART: u32 = 1 << 9;
+/// How much slower the errors of encoders and lead are learned than torque, at most.
+const SPEED_SLOWER: u32 = 4;
