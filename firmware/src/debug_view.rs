@@ -5,6 +5,7 @@
 use crate::CONFIG;
 use crate::motor_loop::MOTORS;
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity, Voltage};
+use control::runaway::sum_events;
 use control::supervisor::State;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::scale;
@@ -52,11 +53,28 @@ pub(crate) fn show(state: State) {
     DRIVE_VIEW.fault.store(state.fault_word(), Relaxed);
 }
 
-/// Angles of the shafts, screw and nut, 2^-32 turn, as the current loops last saw them.
+/// Angles of the shafts in their rotors' sense, screw and nut, 2^-32 turn, as the current loops last saw them.
 pub(crate) fn angles() -> [u32; 2] {
     core::array::from_fn(|k| {
-        let count = MOTORS[k].exchange.encoder();
-        CONFIG.current_loops[k].observer.encoder.angle(count).0
+        let exchange = &MOTORS[k].exchange;
+        let angle = CONFIG.current_loops[k]
+            .observer
+            .encoder
+            .angle(exchange.encoder());
+        let reversed = exchange.alignment().is_some_and(|held| held.reversed);
+        if reversed {
+            angle.0.wrapping_neg()
+        } else {
+            angle.0
+        }
+    })
+}
+
+/// How far the three currents of a motor are from adding up to nothing, screw and nut: see [`sum_events`].
+pub(crate) fn current_sums() -> [u32; 2] {
+    core::array::from_fn(|k| {
+        let codes = MOTORS[k].exchange.codes_of_one_period();
+        sum_events(&CONFIG.runaway[k], &CONFIG.current_loops[k].sense, codes)
     })
 }
 

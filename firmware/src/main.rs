@@ -166,7 +166,7 @@ mod app {
         supervise::spawn().expect("spawned once");
         send_telemetry::spawn().expect("spawned once");
 
-        let supervision = Supervision::new(Watchdog::start(device.IWDG));
+        let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs);
         let watches = analog::Watches::of(&converters);
         let speed = Speed::new(scale, watches, Sampler::new(), pins.inputs);
         let bdtr = pwm::bdtr(&plan);

@@ -4,6 +4,7 @@
 use crate::board;
 use crate::debug_view::{self, DRIVE_VIEW, count};
 use crate::hw::analog;
+use crate::hw::inputs::Inputs;
 use crate::hw::watchdog::Watchdog;
 use crate::speed::FOUND;
 use control::fault::{self, Fault};
@@ -19,13 +20,15 @@ const TASKS: [&str; 3] = ["screw current loop", "nut current loop", "speed task"
 pub(crate) struct Supervision {
     watchdog: Watchdog<3>,
     guard: Guard,
+    inputs: Inputs,
     found: Option<Fault>,
 }
 
 impl Supervision {
-    pub(crate) fn new(watchdog: Watchdog<3>) -> Self {
+    pub(crate) fn new(watchdog: Watchdog<3>, inputs: Inputs) -> Self {
         Self {
             watchdog,
+            inputs,
             guard: Guard::new(),
             found: None,
         }
@@ -52,10 +55,12 @@ impl Supervision {
         let view = &DRIVE_VIEW;
         let [screw, nut] = &view.motors;
         let flags = board::take_encoder_flags();
+        let state = view.state.load(Relaxed);
+        let inputs = self.inputs.read();
+        let is = |states: &[State]| states.iter().any(|one| one.word() == state);
         let look = Look {
-            running: [State::Aligning, State::Running, State::Stopping]
-                .iter()
-                .any(|state| view.state.load(Relaxed) == state.word()),
+            running: is(&[State::Aligning, State::Running, State::Stopping]),
+            driven: is(&[State::Running, State::Stopping]),
             missed: [
                 &screw.missed,
                 &nut.missed,
@@ -66,6 +71,9 @@ impl Supervision {
             bus: analog::bus(),
             temperatures: analog::temperatures(),
             theta: debug_view::angles(),
+            ends_open: [inputs.end_forward, inputs.end_backward],
+            scale: view.scale.load(Relaxed).cast_unsigned(),
+            current_sum: debug_view::current_sums(),
             index: flags.map(|flags| flags.index),
             transition_error: flags.map(|flags| flags.transition_error),
         };

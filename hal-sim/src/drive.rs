@@ -14,6 +14,7 @@ use control::format::{Angle, Current, MechanicalSpeed, Misfit, TableVelocity, Vo
 use control::motor_io::MotorIo;
 use control::observer::EncoderAlignment;
 use control::plate::{DriveConfig, DrivePlate};
+use control::runaway::sum_events;
 use control::sense::Shunts;
 use control::speed_task::{SpeedTask, SpeedTaskOutput};
 use control::supervisor::{Request, State};
@@ -285,6 +286,16 @@ impl Drive {
         let alignment = other.exchange(axis).alignment();
         self.exchanges[axis.index()].align(None, alignment);
         self.current_loops[axis.index()].take_alignment(alignment);
+    }
+
+    /// How far the three currents of each motor are from adding up to nothing: see [`sum_events`].
+    #[must_use]
+    pub fn current_sums(&self) -> [u32; 2] {
+        Axis::ALL.map(|axis| {
+            let (k, config) = (axis.index(), &self.config);
+            let codes = self.exchanges[k].codes_of_one_period();
+            sum_events(&config.runaway[k], &config.current_loops[k].sense, codes)
+        })
     }
 
     /// The words between the current loop of `axis` and the speed task.

@@ -483,6 +483,21 @@ impl MotorExchange {
         self.codes.each_ref().map(|word| word.load(Relaxed))
     }
 
+    /// Codes of the phases, all of one period: for a task that the current loop interrupts.
+    #[must_use]
+    pub fn codes_of_one_period(&self) -> Codes {
+        let mut codes = self.codes();
+        // A loop comes once in a period, so the second reading is whole.
+        for _ in 0..2 {
+            let before = self.periods();
+            codes = self.codes();
+            if self.periods() == before {
+                break;
+            }
+        }
+        codes
+    }
+
     /// The measured current, in the frame that was controlled.
     #[must_use]
     #[inline(always)]

@@ -102,6 +102,11 @@ codes! {
             "The nut's voltage is not the one that its currents and its encoder's angle take, and no constant error of the angle \
              explains it: check its current sensors, its encoder's signals, its phases, the bus voltage's measurement, and its \
              plate data.";
+        Scale = 41, "scale and motors apart",
+            "The table's scale does not go with the screw's and the nut's encoders: check all three and their cables, the couplings, \
+             and whether the nut is held.";
+        EndsExchanged = 42, "end switches exchanged",
+            "The end switch behind the table opened while the table moved away from it: look whether the two are exchanged.";
     }
 }
 
@@ -133,6 +138,149 @@ impl Fault {
     }
 }
 
+/// What the pair does when a fault stops it. The reasons are energies: a bridge that opens leaves its motor to friction, and
+/// two motors that coast from speed `omega` come to rest `J omega^2 / 2` over their friction torques later, each by itself, so
+/// that the table moves by the lead times the difference: 8 mm from 800 rpm on the mains board's machine. So whatever leaves
+/// both motors in hand ends in a stop of both, whose references keep the difference; the bridges open at once only where going
+/// on would break a part or turn a motor the wrong way.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reaction {
+    /// Both motors come to rest within their limits, the table too; then both bridges open. Stop category 1 of IEC 60204-1.
+    Rest,
+    /// Both bridges open at once, and the motors coast. Stop category 0.
+    Open,
+}
+
+impl Reaction {
+    /// Its name in a few words.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Rest => "both come to rest",
+            Self::Open => "both bridges open",
+        }
+    }
+}
+
+impl Fault {
+    /// What the pair does. A stop that is on its way is not waited for by a fault that opens the bridges.
+    #[must_use]
+    pub const fn reaction(self) -> Reaction {
+        match self {
+            // Nobody commands, or may: currents, angles and voltages are in hand.
+            Self::CommandLost
+            | Self::Disabled
+            | Self::EndForward
+            | Self::EndBackward
+            | Self::EndsExchanged
+            // Heat takes seconds where a stop takes tenths of one.
+            | Self::ScrewTemperature
+            | Self::NutTemperature
+            | Self::ScrewHeat
+            | Self::NutHeat
+            // The control interrupts above it go on.
+            | Self::SupervisionLate => Reaction::Rest,
+            // A short circuit, or a current that is not in hand.
+            Self::ScrewBreak
+            | Self::NutBreak
+            | Self::ScrewOverCurrent
+            | Self::NutOverCurrent
+            | Self::ScrewCurrentZero
+            | Self::NutCurrentZero
+            | Self::ScrewCurrentError
+            | Self::NutCurrentError
+            | Self::ScrewCurrentSum
+            | Self::NutCurrentSum
+            // A torque at an angle that is not there turns the motor any way.
+            | Self::ScrewEncoder
+            | Self::NutEncoder
+            | Self::ScrewAngle
+            | Self::NutAngle
+            | Self::ScrewVoltage
+            | Self::NutVoltage
+            | Self::ScrewOverSpeed
+            | Self::NutOverSpeed
+            | Self::ScrewFollowing
+            | Self::NutFollowing
+            | Self::ScrewStalled
+            | Self::NutStalled
+            | Self::Scale
+            // A bus that is too high takes no braking; one that is too low makes no torque.
+            | Self::OverVoltage
+            | Self::UnderVoltage
+            // Who would control the stop is late itself.
+            | Self::SpeedTaskLate
+            | Self::ScrewLoopLate
+            | Self::NutLoopLate
+            | Self::LoopHung
+            // The rotors were to be found by small currents.
+            | Self::ScrewAlignment
+            | Self::NutAlignment
+            | Self::PairAlignment => Reaction::Open,
+        }
+    }
+}
+
+/// Faults that were found since the drive last left one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct FaultSet(u64);
+
+impl FaultSet {
+    /// None.
+    pub const EMPTY: Self = Self(0);
+
+    /// The set of two words, the lower first: bit `n` is the fault of word `n`.
+    #[must_use]
+    pub const fn of_words([low, high]: [u32; 2]) -> Self {
+        Self((high as u64) << 32 | low as u64)
+    }
+
+    /// As two words, the lower first.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation)]
+    pub const fn words(self) -> [u32; 2] {
+        [self.0 as u32, (self.0 >> 32) as u32]
+    }
+
+    /// With one more.
+    #[must_use]
+    pub const fn with(self, fault: Fault) -> Self {
+        Self(self.0 | 1u64.wrapping_shl(fault.word()))
+    }
+
+    /// Of both.
+    #[must_use]
+    pub const fn and(self, other: Self) -> Self {
+        Self(self.0 | other.0)
+    }
+
+    /// What is not in `other`.
+    #[must_use]
+    pub const fn without(self, other: Self) -> Self {
+        Self(self.0 & !other.0)
+    }
+
+    /// It is one of them.
+    #[must_use]
+    pub const fn has(self, fault: Fault) -> bool {
+        self.0 & 1u64.wrapping_shl(fault.word()) != 0
+    }
+
+    /// There is none.
+    #[must_use]
+    pub const fn is_empty(self) -> bool {
+        self.0 == 0
+    }
+
+    /// In the order of their words.
+    pub fn iter(self) -> impl Iterator<Item = Fault> {
+        Fault::ALL
+            .iter()
+            .copied()
+            .filter(move |fault| self.has(*fault))
+    }
+}
+
 /// The word of a fault, or of none.
 #[must_use]
 pub const fn word(fault: Option<Fault>) -> u32 {
@@ -155,6 +303,14 @@ mod tests {
             assert!(code.sentence().ends_with('.'));
         }
         assert_eq!(Fault::of_word(word(None)), None);
+        assert!(
+            Fault::ALL.iter().all(|fault| fault.word() < 64),
+            "a set of them is 64 bits"
+        );
+        for fault in Fault::ALL {
+            let set = FaultSet::of_words(FaultSet::EMPTY.with(*fault).words());
+            assert!(set.iter().eq([*fault]) && set.without(set).is_empty());
+        }
         assert_eq!(Fault::of_word(u32::MAX), None);
     }
 }

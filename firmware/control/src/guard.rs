@@ -7,9 +7,14 @@
 //! | bus voltage below its limit while the bridges are on | one look | `UnderVoltage` |
 //! | a heat sink out of its range: too hot, or its sensor torn or shorted | eight looks | `...Temperature` |
 //! | an encoder that should have passed its index and did not, or whose channels changed together | five in a row, and one in 100 ms | `...Encoder` |
+//! | three currents that do not add up to nothing while the bridges are on | one look up to twice the limit, none past it | `...CurrentSum` |
+//! | scale and motors further apart than the limit: see [`scale_watch`](crate::scale_watch) | none | `Scale` |
+//! | end switches that are exchanged: see [`ends_watch`](crate::ends_watch) | one look | `EndsExchanged` |
 
+use crate::ends_watch::EndsWatch;
 use crate::fault::Fault;
 use crate::format::Misfit;
+use crate::scale_watch::{ScaleWatch, ScaleWatchConfig, ScaleWatchPlate};
 use crate::thermometer::{Range, TemperaturePlate};
 use crate::tolerance::{Tally, Tolerance};
 
@@ -47,6 +52,8 @@ pub struct GuardPlate {
     pub temperatures: [TemperaturePlate; 2],
     /// The encoders have an index: screw, nut.
     pub index: [bool; 2],
+    /// The table's scale; none: it is not held against the motors.
+    pub scale: Option<ScaleWatchPlate>,
 }
 
 /// The limits in counts.
@@ -60,6 +67,8 @@ pub struct GuardConfig {
     pub temperatures: [Range; 2],
     /// The encoders have an index: screw, nut.
     pub index: [bool; 2],
+    /// The table's scale.
+    pub scale: Option<ScaleWatchConfig>,
 }
 
 impl GuardPlate {
@@ -96,6 +105,13 @@ impl GuardPlate {
                 },
             ],
             index: self.index,
+            scale: match &self.scale {
+                None => None,
+                Some(plate) => match plate.config() {
+                    Ok(config) => Some(config),
+                    Err(misfit) => return Err(misfit),
+                },
+            },
         })
     }
 }
@@ -105,14 +121,22 @@ impl GuardPlate {
 pub struct Look {
     /// The bridges are on.
     pub running: bool,
+    /// And both motors follow their references.
+    pub driven: bool,
     /// Deadlines missed since the start, modulo 2^32: screw loop, nut loop, speed task, supervision.
     pub missed: [u32; 4],
     /// ADC counts of the bus voltage: at the screw's bridge, at the nut's.
     pub bus: [u16; 2],
     /// ADC counts of the heat sinks: screw, nut.
     pub temperatures: [u16; 2],
-    /// Mechanical angles, 2^-32 turn: screw, nut.
+    /// Mechanical angles in the rotors' sense, 2^-32 turn: screw, nut.
     pub theta: [u32; 2],
+    /// The end switches are open: ahead of positive velocity, and of negative.
+    pub ends_open: [bool; 2],
+    /// The table's scale, counts, which wrap.
+    pub scale: u32,
+    /// How far three currents are from adding up to nothing, in events: see [`sum_events`](crate::runaway::sum_events).
+    pub current_sum: [u32; 2],
     /// The index was seen since the last look: screw, nut.
     pub index: [bool; 2],
     /// An encoder's two channels changed together since the last look: screw, nut.
@@ -131,7 +155,7 @@ struct IndexWatch {
 }
 
 /// State of the guard.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Guard {
     missed: [u32; 4],
     late: [Tally; 4],
@@ -139,6 +163,10 @@ pub struct Guard {
     under_voltage: Tally,
     temperatures: [Tally; 2],
     encoders: [IndexWatch; 2],
+    sums: [Tally; 2],
+    theta: Option<[u32; 2]>,
+    scale: ScaleWatch,
+    ends: EndsWatch,
 }
 
 impl Guard {
@@ -158,6 +186,10 @@ impl Guard {
             under_voltage: Tally::new(),
             temperatures: [Tally::new(); 2],
             encoders: [NONE; 2],
+            sums: [Tally::new(); 2],
+            theta: None,
+            scale: ScaleWatch::new(),
+            ends: EndsWatch::new(),
         }
     }
 
@@ -177,6 +209,11 @@ impl Guard {
         let under = look.running && look.bus.iter().any(short);
         let under = self.under_voltage.step(ONCE, under.into());
 
+        let before = self.theta.replace(look.theta).unwrap_or(look.theta);
+        let turned = |now: u32, before: u32| i64::from(now.wrapping_sub(before).cast_signed());
+        let ([screw, nut], [screw_before, nut_before]) = (look.theta, before);
+        // What the screw turned more than the nut.
+        let moved = turned(screw, screw_before).saturating_sub(turned(nut, nut_before));
         let mut fault = None;
         let mut first = |found: bool, name: Fault| {
             if found && fault.is_none() {
@@ -190,17 +227,29 @@ impl Guard {
         for (((tally, range), counts), name) in sinks.zip(look.temperatures).zip(names) {
             first(tally.step(SLOWLY, (!range.has(counts)).into()), name);
         }
-        let moved = look.theta.into_iter().zip(look.index).zip(config.index);
+        let names = [Fault::ScrewCurrentSum, Fault::NutCurrentSum];
+        let sums = self.sums.iter_mut().zip(look.current_sum).zip(names);
+        for ((tally, events), name) in sums {
+            let events = if look.running { events } else { 0 };
+            first(tally.step(ONCE, events), name);
+        }
+        let shafts = look.theta.into_iter().zip(look.index).zip(config.index);
         let names = [Fault::ScrewEncoder, Fault::NutEncoder];
         let errors = look.transition_error.into_iter().zip(names);
         for ((encoder, ((theta, seen), has_index)), (torn, name)) in
-            self.encoders.iter_mut().zip(moved).zip(errors)
+            self.encoders.iter_mut().zip(shafts).zip(errors)
         {
             let missing = has_index && encoder.missing(theta, seen);
             let events = u32::from(missing).saturating_add(u32::from(torn));
             encoder.errors = encoder.errors.wrapping_add(events);
             first(encoder.tally.step(SELDOM, events), name);
         }
+        if let Some(config) = &config.scale {
+            let apart = self.scale.step(config, look.driven, moved, look.scale);
+            first(apart, Fault::Scale);
+        }
+        let exchanged = self.ends.step(moved, look.ends_open);
+        first(exchanged && look.driven, Fault::EndsExchanged);
         let names = [
             Fault::ScrewLoopLate,
             Fault::NutLoopLate,
@@ -214,6 +263,12 @@ impl Guard {
             first(tally.step(SELDOM, events), name);
         }
         fault
+    }
+}
+
+impl Default for Guard {
+    fn default() -> Self {
+        Self::new()
     }
 }
 
@@ -239,6 +294,7 @@ impl IndexWatch {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scale_watch::ScaleWatchPlate;
     use crate::thermometer::{Side, Thermometer};
 
     const HEAT: TemperaturePlate = TemperaturePlate {
@@ -259,14 +315,19 @@ mod tests {
         adc_counts: 4096,
         temperatures: [HEAT; 2],
         index: [false, true],
+        scale: Some(ScaleWatchPlate::usual(1e-6, 5e-3)),
     };
 
     const HEALTHY: Look = Look {
         running: true,
+        driven: true,
         missed: [0; 4],
         bus: [2818; 2],
         temperatures: [1500; 2],
         theta: [0; 2],
+        ends_open: [false; 2],
+        scale: 0,
+        current_sum: [0; 2],
         index: [false; 2],
         transition_error: [false; 2],
     };
@@ -309,6 +370,7 @@ mod tests {
                 105,
                 Fault::ScrewEncoder,
             ),
+            (|look| look.current_sum[1] = 1, 101, Fault::NutCurrentSum),
         ] {
             assert_eq!(found(200, |k| from(k, spoil)), Some((at, fault)));
             // A single look is tolerated.

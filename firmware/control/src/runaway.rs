@@ -8,7 +8,7 @@
 //! | following error | the speed is further from its reference than its limit. Where a motor is at its torque or voltage limit the coordinator takes the reference to what it can follow, so that a limit alone is none | `...Following` |
 //! | current error | `i_d` is further from its reference than its limit; `i_q` too, unless the voltage circle cut the voltage, which serves d first | `...CurrentError` |
 //! | angle | the voltage that acted is not the one that the motor's equations (Eqs 1 and 2) give at the encoder's angle and speed: an angle wrong by `delta` turns the back-EMF, and leaves `2 * sin(delta / 2)` of it over | `...Angle` |
-//! | voltage | the same, by more than any angle explains (twice the back-EMF), or now and then, which a wrong angle is not: a current sensor, the encoder's signals, a phase, the bus's measurement | `...Voltage` |
+//! | voltage | the same, but not by a back-EMF of its own size that is only turned, or now and then, which a wrong angle is not: a current sensor, the encoder's signals, a phase, the bus's measurement. By more than any angle explains (twice the back-EMF) it is found in half the time | `...Voltage` |
 //! | stall | the motor is at its torque limit and hardly turns: what blocks it, or an angle wrong by a quarter turn, whose current makes no torque and no speed, so that none of the others sees it | `...Stalled` |
 //!
 //! And where a motor has three current sensors: currents that do not add up to nothing in two steps in a row
@@ -20,8 +20,9 @@ use crate::exchange::MotorExchange;
 use crate::fault::Fault;
 use crate::format::{Gain, ScaledCurrent, Speed, Voltage, multiply_upper};
 use crate::regulator::Induced;
-use crate::sense::CurrentSense;
+use crate::sense::{Codes, CurrentSense};
 use crate::tolerance::{Tally, Tolerance};
+use crate::transform::DirectQuadrature;
 
 /// Limits of one motor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,6 +124,17 @@ const TWICE: Tolerance = Tolerance {
     events: 1,
 };
 
+/// How three currents fail to add up to nothing, in events: one past the limit, two past twice the limit, which noise is not.
+#[must_use]
+#[inline(always)]
+pub fn sum_events(config: &RunawayConfig, sense: &CurrentSense, codes: Codes) -> u32 {
+    let Some(ScaledCurrent(sum)) = sense.sum(codes) else {
+        return 0;
+    };
+    let (off, most) = (sum.unsigned_abs(), config.current_sum.unsigned_abs());
+    u32::from(off > most).saturating_add(u32::from(off > most.saturating_mul(2)))
+}
+
 /// Watch of the sum of three currents, a step of the speed task at a time.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct CurrentSum {
@@ -145,11 +157,8 @@ impl CurrentSum {
         sense: &CurrentSense,
         exchange: &MotorExchange,
     ) -> bool {
-        let Some(ScaledCurrent(sum)) = sense.sum(exchange.codes()) else {
-            return false;
-        };
-        let past = sum.unsigned_abs() > config.current_sum.unsigned_abs();
-        self.tally.step(TWICE, past.into())
+        let events = sum_events(config, sense, exchange.codes());
+        self.tally.step(TWICE, events)
     }
 }
 
@@ -157,8 +166,11 @@ impl CurrentSum {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Runaway {
     tallies: [Tally; 5],
-    /// Looks since the angle's tally was empty.
+    /// Looks since the angle's tally was empty; those of them in which the voltage was off, and in which a turned back-EMF
+    /// explains it.
     looks: u8,
+    off: u8,
+    turned: u8,
     /// A tally is not empty.
     counting: bool,
 }
@@ -170,6 +182,8 @@ impl Runaway {
         Self {
             tallies: [Tally::new(); 5],
             looks: 0,
+            off: 0,
+            turned: 0,
             counting: false,
         }
     }
@@ -188,9 +202,7 @@ impl Runaway {
         if !(angle | current | speed | following | stalled | self.counting) {
             return None;
         }
-        self.count(config, past, || {
-            unexplained(config, induced, exchange, motion)
-        })
+        self.count(config, past, || Off::of(config, induced, exchange, motion))
     }
 
     #[cold]
@@ -199,29 +211,87 @@ impl Runaway {
         &mut self,
         config: &RunawayConfig,
         past: [bool; 5],
-        unexplained: impl FnOnce() -> bool,
+        off: impl FnOnce() -> Off,
     ) -> Option<Sign> {
         let mut found = None;
         self.counting = false;
-        let [angle, ..] = &self.tallies;
-        self.looks = if *angle == Tally::new() {
-            0
+        let [tally, ..] = &self.tallies;
+        if *tally == Tally::new() {
+            (self.looks, self.off, self.turned) = (0, 0, 0);
         } else {
-            self.looks.saturating_add(1)
-        };
+            self.looks = self.looks.saturating_add(1);
+        }
+        let [angle_off, current, speed, following, stalled] = past.map(u32::from);
+        let off = if angle_off == 0 { Off::None } else { off() };
+        self.off = self.off.saturating_add((off != Off::None).into());
+        self.turned = self.turned.saturating_add((off == Off::Turned).into());
+        let events = [
+            angle_off.saturating_add((off == Off::Gross).into()),
+            current,
+            speed,
+            following,
+            stalled,
+        ];
         let [tolerance, ..] = config.tolerances;
         // A wrong angle is there in nearly each look, which takes twice the tolerated ones.
         let now_and_then = u32::from(self.looks) > tolerance.events.saturating_mul(4);
         let tallies = self.tallies.iter_mut().zip(config.tolerances);
-        for ((tally, tolerance), (past, sign)) in tallies.zip(past.into_iter().zip(Sign::ALL)) {
-            if tally.step(tolerance, past.into()) && found.is_none() {
+        for ((tally, tolerance), (events, sign)) in tallies.zip(events.into_iter().zip(Sign::ALL)) {
+            if tally.step(tolerance, events) && found.is_none() {
                 found = Some(sign);
             }
             self.counting |= *tally != Tally::new();
         }
+        let turned = u32::from(self.turned).saturating_mul(2) > u32::from(self.off);
         match found {
-            Some(Sign::Angle) if now_and_then || unexplained() => Some(Sign::Voltage),
+            Some(Sign::Angle) if now_and_then || !turned => Some(Sign::Voltage),
             found => found,
+        }
+    }
+}
+
+/// How a voltage is off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Off {
+    /// It is not.
+    None,
+    /// As if the back-EMF were turned, which a wrong angle does: its size stays.
+    Turned,
+    /// Otherwise.
+    Otherwise,
+    /// By more than half a turn of the back-EMF makes it.
+    Gross,
+}
+
+impl Off {
+    /// How the voltage that acted in the period that ended with the sample is off.
+    fn of(
+        config: &RunawayConfig,
+        induced: &Induced,
+        exchange: &MotorExchange,
+        motion: Motion,
+    ) -> Self {
+        let off = voltage_off(config, induced, exchange, motion.theta_step);
+        let emf = induced.back_emf(motion.theta_step.wrapping_mul(config.pole_pairs));
+        let (size, floor) = (
+            emf.unsigned_abs(),
+            config.emf_floor.to_bits().unsigned_abs(),
+        );
+        if larger(off) > size.saturating_mul(2).saturating_add(floor) {
+            return Self::Gross;
+        }
+        // Voltages are within 2^31, so their squares' sum fits.
+        let square = |x: i64| x.unsigned_abs().saturating_mul(x.unsigned_abs());
+        let q = i64::from(off.q).saturating_add(i64::from(emf));
+        let seen = square(off.d.into()).saturating_add(square(q));
+        // What the model may be off by anyway.
+        let unsure = i64::from(floor / 2).max(i64::from(size / 4));
+        let least = i64::from(size).saturating_sub(unsure).max(0);
+        let most = i64::from(size).saturating_add(unsure);
+        if seen >= square(least) && seen <= square(most) {
+            Self::Turned
+        } else {
+            Self::Otherwise
         }
     }
 }
@@ -245,7 +315,7 @@ fn past(
     let part = multiply_upper(emf, config.emf_part).unsigned_abs();
     let emf_max = part.max(config.emf_floor.to_bits().unsigned_abs());
     [
-        voltage_off(config, induced, exchange, theta_step) > emf_max,
+        larger(voltage_off(config, induced, exchange, theta_step)) > emf_max,
         error_d > most || error_q > most && !motion.voltage_limited,
         theta_step.unsigned_abs() > config.theta_step_max.unsigned_abs(),
         motion
@@ -257,43 +327,28 @@ fn past(
     ]
 }
 
-/// The voltage is further off than an angle that is wrong by half a turn makes it.
-fn unexplained(
-    config: &RunawayConfig,
-    induced: &Induced,
-    exchange: &MotorExchange,
-    motion: Motion,
-) -> bool {
-    let theta_step = motion.theta_step;
-    let emf = induced.back_emf(theta_step.wrapping_mul(config.pole_pairs));
-    let floor = config.emf_floor.to_bits().unsigned_abs();
-    let angle_most = emf.unsigned_abs().saturating_mul(2).saturating_add(floor);
-    voltage_off(config, induced, exchange, theta_step) > angle_most
+/// The larger part, without its sign.
+#[inline(always)]
+fn larger(off: DirectQuadrature<i32>) -> u32 {
+    off.d.unsigned_abs().max(off.q.unsigned_abs())
 }
 
-/// The voltage that acted in the period that ended with the sample, less what the equations make of the currents: the larger
-/// part, without its sign.
+/// The voltage that acted in the period that ended with the sample, less what the equations make of the currents.
 #[inline(always)]
 fn voltage_off(
     config: &RunawayConfig,
     induced: &Induced,
     exchange: &MotorExchange,
     theta_step: i32,
-) -> u32 {
+) -> DirectQuadrature<i32> {
     let current = exchange.current();
     let voltage = exchange.voltage(exchange.periods().wrapping_sub(2));
     let theta_e_step = theta_step.wrapping_mul(config.pole_pairs);
     let model = induced.voltage(current, theta_e_step);
     let ohmic = |i: i32| config.resistance.times(i);
-    let off_d = voltage
-        .d
-        .to_bits()
-        .wrapping_sub(ohmic(current.d.0))
-        .wrapping_add(model.d);
-    let off_q = voltage
-        .q
-        .to_bits()
-        .wrapping_sub(ohmic(current.q.0))
-        .wrapping_sub(model.q);
-    off_d.unsigned_abs().max(off_q.unsigned_abs())
+    let off = |volts: Voltage, amps: ScaledCurrent| volts.to_bits().wrapping_sub(ohmic(amps.0));
+    DirectQuadrature {
+        d: off(voltage.d, current.d).wrapping_add(model.d),
+        q: off(voltage.q, current.q).wrapping_sub(model.q),
+    }
 }

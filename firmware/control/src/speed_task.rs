@@ -5,8 +5,8 @@ use crate::compensation::{Compensation, Turning};
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_limit::CurrentRange;
 use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
-use crate::exchange::MotorExchange;
-use crate::fault::Fault;
+use crate::exchange::{MotorExchange, MotorStatus};
+use crate::fault::{Fault, FaultSet, Reaction};
 use crate::format::{Angle, Current, Speed};
 use crate::friction::Friction;
 use crate::interlock::Interlock;
@@ -14,7 +14,7 @@ use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
 use crate::runaway::{CurrentSum, Motion, Runaway, Sign};
 use crate::speed_loop::{SpeedLoop, SpeedReference, Wanted};
-use crate::supervisor::{Request, State};
+use crate::supervisor::{Request, State, faults};
 use crate::thermal::Heat;
 
 /// What the speed task decided in a step.
@@ -54,6 +54,8 @@ pub struct SpeedTask {
     interlock: Interlock,
     /// What the drive comes to rest for.
     rests_for: Option<Fault>,
+    /// What was found since the drive last left a fault, the first cause among them.
+    latched: FaultSet,
     /// What it leaves of the torque currents.
     current_max: [Current; 2],
     too_hot: [bool; 2],
@@ -89,6 +91,7 @@ impl SpeedTask {
             heat: [Heat::starting(screw_heat), Heat::starting(nut_heat)],
             interlock: Interlock::new(),
             rests_for: None,
+            latched: FaultSet::EMPTY,
             current_max: [screw_loop.i_max, nut_loop.i_max],
             too_hot: [false; 2],
             compensation: Compensation::new(&config.compensation),
@@ -118,6 +121,13 @@ impl SpeedTask {
     #[must_use]
     pub fn arrived(&self) -> bool {
         self.coordinator.arrived()
+    }
+
+    /// What was found since the drive last left a fault, the first cause among them; empty where it has none and does not come
+    /// to rest for one.
+    #[must_use]
+    pub const fn latched(&self) -> FaultSet {
+        self.latched
     }
 
     /// Why the last alignment failed; `None` if it did not.
@@ -197,8 +207,9 @@ impl SpeedTask {
         let [screw, nut] = exchanges;
         let motors = [screw.status(), nut.status()];
         let sums = self.add_up(config, exchanges);
-        let found = found.or(self.found).or(sums);
-        let found = found.or_else(|| self.heat_fault());
+        let seen = [found, self.found, sums, self.heat_fault()];
+        let says = screw.says_fault() || nut.says_fault() || seen.iter().any(Option::is_some);
+        let found = if says { self.judge(motors, seen) } else { None };
         // What the last look saw forbids a start too, which need not wait for the next.
         self.ask_interlock(config, run);
         let request = Request {
@@ -211,24 +222,15 @@ impl SpeedTask {
         self.state = before.next(request, motors, found, self.aligned, || {
             coordinator.at_rest()
         });
-        if let Some(fault) = self.rests_for {
-            self.state = match self.state {
-                State::Ready => State::Fault(fault),
-                state => state,
-            };
-            if matches!(self.state, State::Fault(_)) {
-                self.rests_for = None;
-            }
+        if self.rests_for.is_some() || matches!(self.state, State::Fault(_)) {
+            self.settle(before, config, exchanges);
+        } else {
+            self.latched = FaultSet::EMPTY;
         }
         if self.state == State::Calibrating && before != State::Calibrating {
             self.alignment = Alignment::begin(&config.alignment);
             (self.asked, self.seen) = (AlignmentStep::default(), None);
             self.aligned = Progress::Working;
-        }
-        if let State::Fault(fault) = self.state
-            && fault.doubts_angle()
-        {
-            self.forget_angles(config, exchanges);
         }
         let target = match self.state {
             State::Running => self.command,
@@ -426,6 +428,47 @@ impl SpeedTask {
         }
     }
 
+    /// Latches what was found, and says what of it opens the bridges: what does not is what the drive comes to rest for.
+    #[cold]
+    #[inline(never)]
+    fn judge(&mut self, motors: [MotorStatus; 2], seen: [Option<Fault>; 4]) -> Option<Fault> {
+        self.latched = self.latched.and(faults(motors));
+        let drives = matches!(self.state, State::Running | State::Stopping);
+        let mut opens = None;
+        for fault in seen.into_iter().flatten() {
+            self.latched = self.latched.with(fault);
+            if drives && fault.reaction() == Reaction::Rest {
+                self.rests_for.get_or_insert(fault);
+            } else if opens.is_none() {
+                opens = Some(fault);
+            }
+        }
+        opens
+    }
+
+    /// Names the first cause of a fault, also where another did not let the drive come to rest for it.
+    #[cold]
+    #[inline(never)]
+    fn settle(&mut self, before: State, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
+        if !matches!(before, State::Fault(_)) {
+            self.state = likelier(self.state, config, exchanges);
+        }
+        let first = match (self.rests_for, self.state) {
+            (Some(fault), State::Ready | State::Fault(_)) | (None, State::Fault(fault)) => {
+                self.rests_for = None;
+                self.state = State::Fault(fault);
+                fault
+            }
+            (Some(fault), _) => fault,
+            (None, _) => return,
+        };
+        self.latched = self.latched.with(first);
+        let doubted = self.latched.iter().any(Fault::doubts_angle);
+        if doubted && matches!(self.state, State::Fault(_)) {
+            self.forget_angles(config, exchanges);
+        }
+    }
+
     /// What alignment has found is not true any more.
     #[cold]
     fn forget_angles(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
@@ -587,6 +630,21 @@ impl SpeedTask {
         }
         self.aligned = asked.progress;
         asked.current
+    }
+}
+
+/// A bus that reads too little makes all voltages too large, and with them the currents: it is named in their place.
+fn likelier(state: State, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> State {
+    let loops = exchanges.into_iter().zip(&config.current_loops);
+    let mut read_nothing =
+        loops.map(|(exchange, config)| exchange.bus() < config.modulation.bus_counts_min);
+    match state {
+        State::Fault(Fault::ScrewOverCurrent | Fault::NutOverCurrent)
+            if read_nothing.any(|it| it) =>
+        {
+            State::Fault(Fault::UnderVoltage)
+        }
+        state => state,
     }
 }
 

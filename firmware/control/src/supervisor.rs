@@ -19,9 +19,8 @@
 use crate::alignment::Progress;
 use crate::current_loop::{Calibration, Mode};
 use crate::exchange::MotorStatus;
-use crate::fault::{self, Fault};
+use crate::fault::{self, Fault, FaultSet};
 use crate::interlock::Inputs;
-use core::hint::cold_path;
 
 /// What the drive is doing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -181,32 +180,48 @@ fn fault([screw, nut]: [MotorStatus; 2]) -> Option<Fault> {
             | motor.encoder_stuck
             | motor.reference_stale
     };
-    if !(any(screw) | any(nut)) {
-        return None;
-    }
-    cold_path();
-    let zero_is_off = |motor: MotorStatus| motor.calibration == Calibration::OutOfRange;
-    if screw.broken {
-        Some(Fault::ScrewBreak)
-    } else if nut.broken {
-        Some(Fault::NutBreak)
-    } else if screw.over_current {
-        Some(Fault::ScrewOverCurrent)
-    } else if nut.over_current {
-        Some(Fault::NutOverCurrent)
-    } else if zero_is_off(screw) {
-        Some(Fault::ScrewCurrentZero)
-    } else if zero_is_off(nut) {
-        Some(Fault::NutCurrentZero)
-    } else if screw.encoder_stuck {
-        Some(Fault::ScrewEncoder)
-    } else if nut.encoder_stuck {
-        Some(Fault::NutEncoder)
-    } else if screw.reference_stale || nut.reference_stale {
-        Some(Fault::SpeedTaskLate)
+    if any(screw) | any(nut) {
+        first_fault([screw, nut])
     } else {
         None
     }
+}
+
+#[cold]
+#[inline(never)]
+fn first_fault(motors: [MotorStatus; 2]) -> Option<Fault> {
+    said(motors).find_map(|(said, fault)| said.then_some(fault))
+}
+
+/// All that the current loops say.
+#[must_use]
+pub fn faults(motors: [MotorStatus; 2]) -> FaultSet {
+    said(motors).fold(
+        FaultSet::EMPTY,
+        |set, (said, fault)| {
+            if said { set.with(fault) } else { set }
+        },
+    )
+}
+
+/// What the current loops say and do not, the likelier cause of the others first.
+fn said([screw, nut]: [MotorStatus; 2]) -> impl Iterator<Item = (bool, Fault)> {
+    let zero_is_off = |motor: MotorStatus| motor.calibration == Calibration::OutOfRange;
+    [
+        (screw.broken, Fault::ScrewBreak),
+        (nut.broken, Fault::NutBreak),
+        (screw.over_current, Fault::ScrewOverCurrent),
+        (nut.over_current, Fault::NutOverCurrent),
+        (zero_is_off(screw), Fault::ScrewCurrentZero),
+        (zero_is_off(nut), Fault::NutCurrentZero),
+        (screw.encoder_stuck, Fault::ScrewEncoder),
+        (nut.encoder_stuck, Fault::NutEncoder),
+        (
+            screw.reference_stale || nut.reference_stale,
+            Fault::SpeedTaskLate,
+        ),
+    ]
+    .into_iter()
 }
 
 #[cfg(test)]

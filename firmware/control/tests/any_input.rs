@@ -265,6 +265,13 @@ fn through(
                     &limits,
                     &Look {
                         running: matches!(states.last(), Some(State::Running)),
+                        driven: matches!(states.last(), Some(State::Running)),
+                        ends_open: [
+                            stretch.request.inputs.end_forward,
+                            stretch.request.inputs.end_backward,
+                        ],
+                        scale: period.wrapping_mul(stretch.request.heartbeat),
+                        current_sum: [period % 3, stretch.found % 4],
                         missed: stretch.missed,
                         bus: registers.map(|motor| motor.bus),
                         temperatures: stretch.temperatures,

@@ -10,6 +10,7 @@ use control::plate::{
     BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate, MotorPlate,
     RunawayPlate, ThermalPlate,
 };
+use control::scale_watch::ScaleWatchPlate;
 use control::sense::Shunts;
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
 
@@ -115,6 +116,7 @@ pub(crate) const GUARDS: GuardPlate = GuardPlate {
     adc_counts: PLATE.board.adc_counts,
     temperatures: [HEAT_SINK; 2],
     index: [false, true],
+    scale: Some(ScaleWatchPlate::usual(SCALE_COUNT_M, PLATE.feed.lead_m)),
 };
 
 /// One count of the table's linear scale, m.

@@ -61,7 +61,9 @@ pub(super) struct Bench {
     /// What an index that is wrong has put the count off by, rad.
     index_off: [f64; 2],
     temperatures: [u16; 2],
-    pub(super) scale_m: f64,
+    scale_count_m: f64,
+    /// The end switches as they were last read.
+    pub(super) ends_open: [bool; 2],
 }
 
 /// Heat sinks are at so many degrees Celsius.
@@ -94,7 +96,8 @@ impl Bench {
             bus: [0.0; 2],
             index_off: [0.0; 2],
             temperatures: board.counts_at(WARM),
-            scale_m: 0.0,
+            ends_open: [false; 2],
+            scale_count_m: board.scale_count_m(),
         })
     }
 
@@ -102,6 +105,25 @@ impl Bench {
     pub(super) fn break_down(&mut self) {
         self.spoiled.iter_mut().for_each(|one| one.on = true);
         self.seen = Seen::default();
+    }
+
+    /// The table's scale, as it is counted.
+    pub(super) fn scale_counts(&mut self) -> u32 {
+        let mut metres = self.position;
+        for one in &mut self.spoiled {
+            if one.input == Input::Scale {
+                metres = one.read(Reading {
+                    now: metres,
+                    missing: metres,
+                    span: [0.0, 1.0],
+                    offset: 10e-3,
+                    sigma: 1e-3,
+                    late: 80,
+                    neighbour: metres,
+                });
+            }
+        }
+        (metres / self.scale_count_m).round() as i64 as u32
     }
 
     /// ADC counts of the heat sinks, as they are read.
@@ -236,7 +258,6 @@ impl Seam for Bench {
             force += push * from_middle.signum();
         }
         machine.set_load_force(force);
-        self.scale_m = self.position;
     }
 
     fn currents(&mut self, axis: Axis, amps: &mut [f64; 3]) {
@@ -337,6 +358,7 @@ impl Seam for Bench {
                 }
             }
         }
+        self.ends_open = [inputs.end_forward, inputs.end_backward];
     }
 
     fn found(&mut self) -> Option<Fault> {

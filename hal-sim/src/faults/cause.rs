@@ -38,7 +38,9 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                     F::NutVoltage,
                 ],
             );
-            let reason = |reason: Reason| reason.word() <= Reason::Wiring.word();
+            let reason = |reason: Reason| {
+                reason.word() <= Reason::Wiring.word() || reason == Reason::Unsteady
+            };
             sensor.contains(&fault)
                 || misaligned(axis, misalignment).is_some_and(reason)
                     && fault == of(axis, F::ScrewAlignment, F::NutAlignment)
@@ -48,6 +50,7 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                 || fault == of(axis, F::ScrewVoltage, F::NutVoltage)
         }
         Input::Temperature(axis) => fault == of(axis, F::ScrewTemperature, F::NutTemperature),
+        Input::Encoder(_) if fault == F::Scale => true,
         Input::Encoder(axis) => {
             let motion = of(
                 axis,
@@ -72,6 +75,7 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                     reason,
                     Reason::Held
                         | Reason::Unsteady
+                        | Reason::LoadMoves
                         | Reason::Reversed
                         | Reason::StoredAngle
                         | Reason::Exchanged
@@ -86,15 +90,17 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                     )
         }
         Input::Index(axis) => {
-            // Counts that an index has moved are a wrong angle.
-            fault == of(axis, F::ScrewEncoder, F::NutEncoder)
+            // Counts that an index has moved are a wrong angle, and are not where the scale says.
+            fault == F::Scale
+                || misaligned(axis, misalignment) == Some(Reason::Unsteady)
+                || fault == of(axis, F::ScrewEncoder, F::NutEncoder)
                 || fault == of(axis, F::ScrewAngle, F::NutAngle)
                 || fault == of(axis, F::ScrewVoltage, F::NutVoltage)
                 || fault == of(axis, F::ScrewOverSpeed, F::NutOverSpeed)
         }
-        Input::Scale => false,
-        Input::EndForward => fault == F::EndForward,
-        Input::EndBackward => fault == F::EndBackward,
+        Input::Scale => fault == F::Scale,
+        Input::EndForward => matches!(fault, F::EndForward | F::EndsExchanged),
+        Input::EndBackward => matches!(fault, F::EndBackward | F::EndsExchanged),
         Input::Enable => fault == F::Disabled,
         Input::DriverFault(axis) => fault == of(axis, F::ScrewBreak, F::NutBreak),
         // A wrong command ends at the end of the way.

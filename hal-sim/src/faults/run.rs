@@ -247,11 +247,18 @@ impl Run {
             self.drive.state(),
             State::Aligning | State::Running | State::Stopping
         );
+        let driven = matches!(self.drive.state(), State::Running | State::Stopping);
         let temperatures = self.bench.temperatures();
+        let scale = self.bench.scale_counts();
+        let ends_open = self.bench.ends_open;
         let (drive, index) = (&self.drive, &mut self.index);
         self.bench.supervision.period(|| Look {
             running,
+            driven,
             temperatures,
+            ends_open,
+            scale,
+            current_sum: drive.current_sums(),
             theta: Axis::ALL.map(|axis| drive.estimate(axis).theta.0),
             index: std::mem::take(index),
             ..Look::default()

@@ -45,6 +45,8 @@ impl World {
             bus_volts_per_count: board.bus_volts_per_count,
             adc_counts: board.adc_counts,
             index: [false; 2],
+            // Its lead and its encoders may not be known yet.
+            scale: None,
             ..mains
         };
         Ok(Self {

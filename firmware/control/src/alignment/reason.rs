@@ -62,7 +62,8 @@ codes! {
         Held = 18, "rotor held",
             "The alignment's torque limit does not move its encoder: release the brake, check the encoder's cable, or raise the limit.";
         Unsteady = 19, "rotor not to be found",
-            "Where it stands cannot be told from how it moves: check the encoder's fixing, its signals, and for play, and reset.";
+            "Where it stands cannot be told from how it moves: check the encoder's fixing, its signals and index, the motor's \
+             current sensors, and for play, and reset.";
         Reversed = 20, "encoder counts against the phases",
             "Its encoder counts against the order of its phases: swap two phases, or the encoder's channels, or say so on the plate.";
         PolePairs = 21, "pole pairs",
