@@ -5,7 +5,7 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
 use tests::bench::{
-    Bench, FAULT, READY, RUNNING, board_config, counts_at, guards_of, scale_count_m,
+    Bench, FAULT, READY, RUNNING, board_config, counts_at, guards_of, plate_of, scale_count_m,
 };
 use tests::chip::wiring::Wiring;
 use tests::pins::Motor;
@@ -71,9 +71,13 @@ fn the_bus_above_or_below_its_limits_opens_the_bridges() -> Result<(), String> {
 }
 
 #[test]
-fn a_hot_heat_sink_or_a_torn_sensor_opens_the_bridges() -> Result<(), String> {
+fn a_hot_heat_sink_or_a_torn_sensor_brings_both_to_rest() -> Result<(), String> {
     for board in [Wiring::Nucleo, Wiring::Mains] {
         let mut bench = running_on(board)?;
+        let feed = plate_of(board).feed;
+        // From 300 rpm: see `Profile`.
+        let (omega, most) = (300.0 * TAU / 60.0, feed.base_acceleration_max);
+        let stop = omega / most + most / feed.base_jerk_max;
         let limit = guards_of(board).temperatures[0].max_celsius;
         let cool = counts_at(board, 40.0);
         let warm = counts_at(board, limit - 1.0);
@@ -92,7 +96,7 @@ fn a_hot_heat_sink_or_a_torn_sensor_opens_the_bridges() -> Result<(), String> {
             ([cool[0], 4095], Fault::NutTemperature),
         ] {
             bench.joint.borrow_mut().temperatures = temperatures;
-            let took = stops(&mut bench, cause, 20e-3)?;
+            let took = stops(&mut bench, cause, 20e-3 + stop)?;
             println!("{board:?}: off after {:.1} ms", 1e3 * took);
             bench.joint.borrow_mut().temperatures = cool;
             runs_again(&mut bench)?;

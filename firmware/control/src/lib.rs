@@ -82,6 +82,7 @@ pub mod plate;
 pub mod profile;
 pub mod regulator;
 pub mod runaway;
+#[allow(clippy::float_arithmetic)]
 pub mod scale_watch;
 pub mod sense;
 mod sine;

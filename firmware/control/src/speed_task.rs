@@ -450,7 +450,7 @@ impl SpeedTask {
     #[cold]
     #[inline(never)]
     fn settle(&mut self, before: State, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
-        if !matches!(before, State::Fault(_)) {
+        if matches!(before, State::Aligning | State::Running | State::Stopping) {
             self.state = likelier(self.state, config, exchanges);
         }
         let first = match (self.rests_for, self.state) {
