@@ -2,8 +2,8 @@
 
 use crate::board::BoardConfig;
 use control::plate::{
-    AlignmentPlate, BoardPlate, CompensationPlate, DrivePlate, FeedPlate, FrictionPlate,
-    MotorPlate, RunawayPlate, ThermalPlate, Tuning,
+    AlignmentPlate, BasePlate, BoardPlate, CompensationPlate, DrivePlate, FeedPlate, FrictionPlate,
+    MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, Tuning,
 };
 use plant::Axis;
 use plant::machine::Coupling;
@@ -122,6 +122,8 @@ pub fn plates(
         runaway: RunawayPlate::USUAL,
         compensation: CompensationPlate::NONE,
         friction: FrictionPlate::NONE,
+        rejection: RejectionPlate::NONE,
+        base: BasePlate::NONE,
         heartbeat_s: 0.5,
     }
 }

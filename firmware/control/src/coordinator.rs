@@ -9,10 +9,15 @@
 //! much as that motor lags, so that the other slows with it and their difference stays; only what the base speed
 //! cannot give comes off the table's velocity. Neither changes its sign. Once the motor follows again, what was given
 //! is taken back at an eighth of the acceleration limit, so that taking it back does not limit the motor anew.
+//!
+//! The base speed is free, so it may wander while it stands at its target: `half (1 - cos)` away from 0, so that no order of a ripple
+//! stays at the frequency of a resonance. It begins and, where the target changes, goes over to the profile without a
+//! step in speed or acceleration.
 
 use crate::format::{
-    MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity, narrow, narrow_bits,
+    Angle, MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity, narrow, narrow_bits,
 };
+use crate::plate::BASES;
 use crate::profile::{Profile, ProfileConfig};
 use crate::speed_loop::SpeedReference;
 use fixed::types::I20F12;
@@ -32,6 +37,63 @@ pub struct CoordinatorConfig {
     pub table: ProfileConfig,
     /// Limits of the base speed.
     pub base: ProfileConfig,
+    /// How the base speed wanders.
+    pub wander: WanderConfig,
+    /// Base speeds by table velocity.
+    pub bases: [BaseConfig; BASES],
+}
+
+/// How the base speed wanders.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WanderConfig {
+    /// Of a whole wander in a step, 2^-32; 0: it does not.
+    pub step: u32,
+    /// Half of its way, not negative.
+    pub half: MechanicalSpeed,
+}
+
+impl WanderConfig {
+    /// Furthest from a base speed, with its sign; none from rest.
+    #[inline(always)]
+    fn furthest(&self, base: MechanicalSpeed) -> MechanicalSpeed {
+        let way = self.half.saturating_add(self.half);
+        if base < MechanicalSpeed::ZERO {
+            way.saturating_neg()
+        } else if base == MechanicalSpeed::ZERO {
+            MechanicalSpeed::ZERO
+        } else {
+            way
+        }
+    }
+}
+
+/// A base speed for table velocities up to one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BaseConfig {
+    /// The largest, either way; 0: no point, and none follows.
+    pub velocity: TableVelocity,
+    /// The base speed.
+    pub base: MechanicalSpeed,
+}
+
+impl CoordinatorConfig {
+    /// The base speed for a table velocity for which none is commanded: that of the first point of the table that is not below
+    /// it, of the last above all; 0, the single drive, without a table.
+    #[must_use]
+    pub fn base_for(&self, velocity: TableVelocity) -> MechanicalSpeed {
+        let asked = velocity.saturating_abs();
+        let mut base = MechanicalSpeed::ZERO;
+        for point in &self.bases {
+            if point.velocity == TableVelocity::ZERO {
+                break;
+            }
+            base = point.base;
+            if asked <= point.velocity {
+                break;
+            }
+        }
+        base
+    }
 }
 
 /// What is asked of the pair.
@@ -118,6 +180,17 @@ pub struct Coordinator {
     base: Profile,
     /// How much of the speed the pair gives way, mechanical rad/s, never negative.
     given: ProfileState,
+    /// Where the base speed's wander is, and how fast it was there in the last step.
+    wander: Wander,
+}
+
+/// State of a wander.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Wander {
+    /// Of the whole, 2^-32.
+    phase: u32,
+    value: ProfileState,
+    change: SpeedChange,
 }
 
 impl Coordinator {
@@ -134,6 +207,11 @@ impl Coordinator {
             table: rest,
             base: rest,
             given: ProfileState::ZERO,
+            wander: Wander {
+                phase: 0,
+                value: ProfileState::ZERO,
+                change: SpeedChange::ZERO,
+            },
         }
     }
 
@@ -154,8 +232,17 @@ impl Coordinator {
         }
         let table: MechanicalSpeed = narrow(command.velocity.wide_mul(config.radians_per_metre));
         let [screw_max, nut_max] = config.speed_max;
+        let wandered = command
+            .base
+            .saturating_add(config.wander.furthest(command.base));
         let screw = command.base.saturating_add(table);
-        for (motor, asked, allowed) in [(0, screw, screw_max), (1, command.base, nut_max)] {
+        let screw_wandered = wandered.saturating_add(table);
+        for (motor, asked, allowed) in [
+            (0, screw, screw_max),
+            (1, command.base, nut_max),
+            (0, screw_wandered, screw_max),
+            (1, wandered, nut_max),
+        ] {
             if asked.saturating_abs() > allowed {
                 return Err(CommandError::Speed {
                     motor,
@@ -177,6 +264,9 @@ impl Coordinator {
         following: [Following; 2],
     ) -> [SpeedReference; 2] {
         let [screw, nut] = following;
+        if config.wander.step != 0 {
+            self.wander(config, following);
+        }
         if screw.limited || nut.limited {
             self.table.ease(&config.table);
             self.base.ease(&config.base);
@@ -189,6 +279,11 @@ impl Coordinator {
             [base, table] = self.give_way(config, following);
         }
 
+        let mut base_change = self.base.change;
+        if config.wander.step != 0 {
+            base = base.saturating_add(self.wander.value);
+            base_change = base_change.saturating_add(self.wander.change);
+        }
         // What is given follows a motor, not a plan: no torque is fed forward for it.
         let [screw_pairs, nut_pairs] = config.pole_pairs;
         let reference =
@@ -196,14 +291,55 @@ impl Coordinator {
                 omega_e: electrical(omega, pole_pairs),
                 change: electrical_change(change, pole_pairs),
             };
-        let screw_change = self.base.change.saturating_add(self.table.change);
+        let screw_change = base_change.saturating_add(self.table.change);
         // Two profiles within 2^33 each.
         #[allow(clippy::arithmetic_side_effects)]
         let screw_speed = base + table;
         [
             reference(screw_speed, screw_change, screw_pairs),
-            reference(base, self.base.change, nut_pairs),
+            reference(base, base_change, nut_pairs),
         ]
+    }
+
+    /// Neither reference is on its way to its target; the base speed may wander about it.
+    #[must_use]
+    #[inline(always)]
+    pub fn steady(&self) -> bool {
+        self.base.change == SpeedChange::ZERO && self.table.change == SpeedChange::ZERO
+    }
+
+    /// A step of the wander, while the base speed stands at a target that is not rest; else the profile goes on from where the
+    /// wander is.
+    #[inline(never)]
+    fn wander(&mut self, config: &CoordinatorConfig, [screw, nut]: [Following; 2]) {
+        let stands = self.base.value == self.target_base
+            && self.base.change == SpeedChange::ZERO
+            && self.target_base != ProfileState::ZERO
+            && self.given == ProfileState::ZERO
+            && !screw.limited
+            && !nut.limited;
+        if !stands {
+            let Wander { value, change, .. } = core::mem::take(&mut self.wander);
+            self.base.value = self.base.value.saturating_add(value);
+            self.base.change = self.base.change.saturating_add(change);
+            return;
+        }
+        let phase = self.wander.phase.wrapping_add(config.wander.step);
+        let (cosine, _) = Angle(phase).cos_sin();
+        // `1 - cos` is within 2^32 of 2^-31, half a speed within 2^30 of 2^-18.
+        let way = (1i64 << 31).wrapping_sub(cosine.to_bits().into());
+        let way = i64::from(config.wander.half.to_bits()).wrapping_mul(way) >> 21;
+        let value = ProfileState::from_bits(if self.target_base.is_negative() {
+            way.wrapping_neg()
+        } else {
+            way
+        });
+        let change = narrow_change(value.saturating_sub(self.wander.value));
+        self.wander = Wander {
+            phase,
+            value,
+            change,
+        };
     }
 
     /// What the table's share turns the screw by against the nut, mechanical rad/s.
@@ -299,6 +435,13 @@ fn towards_zero(x: ProfileState, by: ProfileState) -> ProfileState {
     } else {
         x.saturating_sub(by)
     }
+}
+
+/// A change of a profile, saturated to its format, which has the same fraction bits.
+fn narrow_change(change: ProfileState) -> SpeedChange {
+    let end = i64::from(i32::MAX);
+    #[allow(clippy::cast_possible_truncation)]
+    SpeedChange::from_bits(change.to_bits().clamp(end.wrapping_neg(), end) as i32)
 }
 
 #[inline(always)]
@@ -437,6 +580,122 @@ mod tests {
         assert!(
             (0.99..1.01).contains(&part),
             "{given:.1} rad/s were taken back in {steps} steps, not in {expected:.0}"
+        );
+    }
+
+    fn wandering(rpm: f64, seconds: f64) -> CoordinatorConfig {
+        let mut plate = test_plate();
+        plate.base.wander_rad_s = rpm * core::f64::consts::TAU / 60.0;
+        plate.base.wander_s = seconds;
+        plate.config().unwrap().coordinator
+    }
+
+    /// It is `half (1 - cos)` of its period, and neither it nor its end, in the middle of its way, moves the table or exceeds the base
+    /// speed's acceleration and jerk.
+    #[test]
+    fn a_wander_is_a_cosine_that_does_not_move_the_table() {
+        let (config, step) = (wandering(120.0, 2.0), test_plate().speed_step());
+        let feed = test_plate().feed;
+        let mut coordinator = Coordinator::default();
+        coordinator
+            .command(&config, command(2.5e-3, 800.0))
+            .unwrap();
+        let mut last = [0.0; 3];
+        let mut began = None;
+        for k in 0..40_000 {
+            if k == 30_000 {
+                coordinator
+                    .command(&config, command(2.5e-3, 300.0))
+                    .unwrap();
+            }
+            let [screw, nut] = run(&mut coordinator, &config, 1);
+            let rpm = nut / 5.0 * 60.0 / core::f64::consts::TAU;
+            let acceleration = (nut - last[0]) / 5.0 / step;
+            let jerk = (acceleration - last[1]) / step;
+            // A speed is in 2^-16 rad/s: five counts of 2^-18 of the shaft.
+            let count = 2f64.powi(-16) / 5.0 / step;
+            assert!(
+                acceleration.abs() < feed.base_acceleration_max + 2.0 * count,
+                "{acceleration} rad/s^2 in step {k}"
+            );
+            if k > 20_000 {
+                assert!(
+                    (screw - nut - last[2]).abs() < 1e-4,
+                    "the table moved in step {k}"
+                );
+                assert!(
+                    jerk.abs() < feed.base_jerk_max + 4.0 * count / step,
+                    "{jerk} rad/s^3 in step {k}"
+                );
+            }
+            last = [nut, acceleration, screw - nut];
+            if began.is_none() && coordinator.wander.phase != 0 {
+                began = Some(k);
+            }
+            if k < 30_000
+                && let Some(began) = began
+            {
+                let phase = core::f64::consts::TAU * f64::from(k - began + 1) * step / 2.0;
+                let expected = 800.0 + 60.0 * (1.0 - phase.cos());
+                assert!(
+                    (rpm - expected).abs() < 0.01,
+                    "{rpm} rpm in step {k}, expected {expected}"
+                );
+            }
+        }
+        assert!(began.is_some_and(|k| k < 10_000), "it began in {began:?}");
+    }
+
+    #[test]
+    fn a_wander_beyond_a_motor_s_speed_is_refused_and_none_begins_from_rest() {
+        let config = wandering(120.0, 2.0);
+        let mut coordinator = Coordinator::default();
+        assert!(coordinator.command(&config, command(0.0, 2950.0)).is_err());
+        assert!(coordinator.command(&config, command(0.0, -2950.0)).is_err());
+        coordinator.command(&config, command(2.5e-3, 0.0)).unwrap();
+        let [_, nut] = run(&mut coordinator, &config, 20_000);
+        assert_eq!(nut, 0.0);
+    }
+
+    #[test]
+    fn a_velocity_has_the_base_speed_of_the_next_point_of_the_table() {
+        let mut plate = test_plate();
+        for (point, (mm_s, rpm)) in
+            plate
+                .base
+                .table
+                .iter_mut()
+                .zip([(1.0, 800.0), (5.0, 300.0), (20.0, 0.0)])
+        {
+            point.velocity = mm_s * 1e-3;
+            point.base = rpm * core::f64::consts::TAU / 60.0;
+        }
+        let config = plate.config().unwrap().coordinator;
+        for (mm_s, rpm) in [
+            (0.0, 800.0),
+            (0.5, 800.0),
+            (-1.0, 800.0),
+            (1.1, 300.0),
+            (-6.0, 0.0),
+            (99.0, 0.0),
+        ] {
+            let base = config
+                .base_for(TableVelocity::from_num(mm_s * 1e-3))
+                .to_num::<f64>();
+            let got = base * 60.0 / core::f64::consts::TAU;
+            assert!(
+                (got - rpm).abs() < 1e-3,
+                "{got} rpm at {mm_s} mm/s, expected {rpm}"
+            );
+        }
+        assert_eq!(
+            self::config().base_for(TableVelocity::ONE),
+            MechanicalSpeed::ZERO
+        );
+        plate.base.table[1].velocity = 0.5e-3;
+        assert_eq!(
+            plate.config().unwrap_err().name,
+            "table velocity of a base speed"
         );
     }
 

@@ -19,6 +19,8 @@
 //! | where both rotors stand | [`alignment`] | speed task, before the drive is ready |
 //! | ripple that repeats with an angle | [`compensation`] | speed task |
 //! | friction where a reference reverses | [`friction`] | speed task |
+//! | torque that nobody knows | [`disturbance`] | speed task |
+//! | the axial mode's frequency, left out | [`notch`] | speed task |
 //! | heat of windings and bridges, a bus that fills -> current limits | [`thermal`], [`current_limit`] | speed task |
 //! | is the motion in hand? | [`runaway`] | speed task |
 //! | may the machine go on moving? | [`interlock`] | speed task |
@@ -63,6 +65,7 @@ pub mod compensation;
 pub mod coordinator;
 pub mod current_limit;
 pub mod current_loop;
+pub mod disturbance;
 pub mod encoder;
 pub mod encoder_watch;
 pub mod ends_watch;
@@ -76,6 +79,7 @@ pub mod interlock;
 pub mod modulation;
 pub mod motor_io;
 pub mod mt6835;
+pub mod notch;
 pub mod observer;
 #[allow(clippy::float_arithmetic)]
 pub mod plate;

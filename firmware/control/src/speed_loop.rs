@@ -40,6 +40,20 @@ impl Wanted {
         self.error
     }
 
+    /// The current without a limit.
+    #[must_use]
+    #[inline(always)]
+    pub fn current(self) -> Current {
+        self.current
+    }
+
+    /// The same with another current.
+    #[must_use]
+    #[inline(always)]
+    pub fn asking(self, current: Current) -> Self {
+        Self { current, ..self }
+    }
+
     /// The same with a current more.
     #[must_use]
     #[inline(always)]

@@ -5,11 +5,13 @@ use crate::compensation::{Compensation, Turning};
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_limit::CurrentRange;
 use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
+use crate::disturbance::Disturbance;
 use crate::exchange::{MotorExchange, MotorStatus};
 use crate::fault::{Fault, FaultSet, Reaction};
 use crate::format::{Angle, Current, Speed};
 use crate::friction::Friction;
 use crate::interlock::Interlock;
+use crate::notch::Notch;
 use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
 use crate::runaway::{CurrentSum, Motion, Runaway, Sign};
@@ -61,6 +63,10 @@ pub struct SpeedTask {
     too_hot: [bool; 2],
     compensation: Compensation,
     friction: Friction,
+    disturbances: [Disturbance; 2],
+    /// What they see of the currents that were asked: without those that compensate what is known.
+    unknown: [Current; 2],
+    notches: [Notch; 2],
     /// The encoders count backwards: screw, nut.
     reversed: [bool; 2],
     /// Which of the [`Look`]s is due.
@@ -96,6 +102,9 @@ impl SpeedTask {
             too_hot: [false; 2],
             compensation: Compensation::new(&config.compensation),
             friction: Friction::new(),
+            disturbances: [Disturbance::new(); 2],
+            unknown: [Current::ZERO; 2],
+            notches: [Notch::new(); 2],
             reversed: [false; 2],
             look: 0,
         }
@@ -262,6 +271,9 @@ impl SpeedTask {
         self.followed = Command::rest();
         self.compensation.rest();
         self.friction = Friction::new();
+        self.disturbances = [Disturbance::new(); 2];
+        self.unknown = [Current::ZERO; 2];
+        self.notches = [Notch::new(); 2];
         self.torque_limited = [false; 2];
         self.runaway = [Runaway::new(); 2];
         self.found = None;
@@ -326,6 +338,7 @@ impl SpeedTask {
         let [mut screw_reference, mut nut_reference] = speed;
         if config.compensation.active {
             let [screw_reversed, nut_reversed] = self.reversed;
+            let steady = self.coordinator.steady();
             let given = self.compensation.references(
                 &config.compensation,
                 [
@@ -333,15 +346,13 @@ impl SpeedTask {
                         theta: shaft_angle(screw_exchange, screw_loop, screw_reversed),
                         theta_step: screw_step,
                         omega_e: screw_omega_e,
-                        steady: !screw_voltage
-                            && !screw_torque
-                            && screw_reference.change == Speed::ZERO,
+                        steady: steady && !screw_voltage && !screw_torque,
                     },
                     Turning {
                         theta: shaft_angle(nut_exchange, nut_loop, nut_reversed),
                         theta_step: nut_step,
                         omega_e: nut_omega_e,
-                        steady: !nut_voltage && !nut_torque && nut_reference.change == Speed::ZERO,
+                        steady: steady && !nut_voltage && !nut_torque,
                     },
                 ],
                 scale,
@@ -359,6 +370,24 @@ impl SpeedTask {
             screw_loop.wanted(screw_config, screw_reference, screw_omega_e),
             nut_loop.wanted(nut_config, nut_reference, nut_omega_e),
         ];
+        let [screw_disturbance, nut_disturbance] = &config.disturbance;
+        if screw_disturbance.active {
+            let [screw, nut] = &mut self.disturbances;
+            let [screw_asked, nut_asked] = self.unknown;
+            let found = [
+                screw.step(screw_disturbance, screw_asked, screw_omega_e),
+                nut.step(nut_disturbance, nut_asked, nut_omega_e),
+            ];
+            for (wanted, found) in wanted.iter_mut().zip(found) {
+                *wanted = wanted.plus(found);
+            }
+        }
+        if config.notch.active {
+            for (wanted, notch) in wanted.iter_mut().zip(&mut self.notches) {
+                *wanted = wanted.asking(notch.step(&config.notch, wanted.current()));
+            }
+        }
+        let fed_back = wanted;
         if config.compensation.active {
             let errors = wanted.map(Wanted::error);
             let given = self.compensation.currents(errors);
@@ -393,6 +422,18 @@ impl SpeedTask {
             screw_loop.limit(screw_config, screw_wanted, screw_voltage, screw_range),
             nut_loop.limit(nut_config, nut_wanted, nut_voltage, nut_range),
         ];
+        if screw_disturbance.active {
+            let [screw_back, nut_back] = fed_back;
+            let [screw_asked, nut_asked] = asked.map(|output| output.i_q);
+            // What was cut off is cut off what is fed back.
+            let without = |asked: Current, wanted: Wanted, back: Wanted| {
+                asked.saturating_sub(wanted.current().saturating_sub(back.current()))
+            };
+            self.unknown = [
+                without(screw_asked, screw_wanted, screw_back),
+                without(nut_asked, nut_wanted, nut_back),
+            ];
+        }
         let [screw_limited, nut_limited] = asked.map(|output| output.limited);
         self.torque_limited = [screw_limited, nut_limited];
         let current = asked.map(|output| CurrentReference {

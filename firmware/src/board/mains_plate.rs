@@ -7,8 +7,8 @@ use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::mt6835;
 use control::plate::{
-    BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate, MotorPlate,
-    RunawayPlate, ThermalPlate,
+    BasePlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate, MotorPlate,
+    RejectionPlate, RunawayPlate, ThermalPlate,
 };
 use control::scale_watch::ScaleWatchPlate;
 use control::sense::Shunts;
@@ -96,6 +96,8 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     runaway: RunawayPlate::USUAL,
     compensation: CompensationPlate::NONE,
     friction: FrictionPlate::NONE,
+    rejection: RejectionPlate::NONE,
+    base: BasePlate::NONE,
     heartbeat_s: 0.5,
 };
 

@@ -7,8 +7,8 @@ use super::paper_machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::plate::{
-    AlignmentPlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate,
-    MotorPlate, RunawayPlate, ThermalPlate,
+    AlignmentPlate, BasePlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate,
+    FrictionPlate, MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate,
 };
 use control::scale_watch::ScaleWatchPlate;
 use control::sense::Shunts;
@@ -109,6 +109,8 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     runaway: RunawayPlate::USUAL,
     compensation: CompensationPlate::NONE,
     friction: FrictionPlate::NONE,
+    rejection: RejectionPlate::NONE,
+    base: BasePlate::NONE,
     heartbeat_s: 0.5,
 };
 

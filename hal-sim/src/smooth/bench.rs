@@ -12,7 +12,7 @@ use crate::vrf::vrf_percent;
 use control::compensation::{SPEED_BITS, TORQUE_BITS};
 use control::current_loop::MotorSample;
 use control::encoder::Interface;
-use control::plate::{CompensationPlate, OrderPlate};
+use control::plate::{CompensationPlate, OrderPlate, RejectionPlate};
 use plant::Axis;
 use plant::model::Model;
 use rand_distr::{Distribution, StandardUniform};
@@ -344,6 +344,12 @@ impl Seam for BadFrames {
 /// the drive ends in a fault.
 #[must_use]
 pub fn robustness(change: Change) -> [Option<f64>; 2] {
+    robustness_with(change, RejectionPlate::NONE)
+}
+
+/// The same with a disturbance observer and a notch beside ours.
+#[must_use]
+pub fn robustness_with(change: Change, rejection: RejectionPlate) -> [Option<f64>; 2] {
     let mut setup = setup(Machine::Coupled, 1);
     if change == Change::Frames {
         for encoder in &mut setup.board.sensors.encoders {
@@ -356,6 +362,9 @@ pub fn robustness(change: Change) -> [Option<f64>; 2] {
     let run = |compensation: CompensationPlate, seconds: f64| -> Option<f64> {
         let mut plate = told;
         plate.compensation = compensation;
+        if compensation != CompensationPlate::NONE {
+            plate.rejection = rejection;
+        }
         let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate).ok()?;
         let mut frames = BadFrames {
             random: Xoshiro256PlusPlus::seed_from_u64(7),

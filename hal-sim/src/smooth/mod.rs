@@ -6,6 +6,7 @@ pub mod hum;
 pub mod known;
 mod lugre;
 mod machine;
+pub mod rejection;
 pub mod reversal;
 mod rivals;
 

@@ -1,10 +1,11 @@
 //! A table that reverses through friction that sticks.
 
 use super::lugre::{LuGre, PRESLIDING_M, STRIBECK_M_S};
+use super::rejection::Rejection;
 use super::{Machine, drive, setup, still_runs};
 use crate::drive::Drive;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
-use control::plate::{CompensationPlate, FrictionPlate, RubbingPlate};
+use control::plate::{CompensationPlate, FrictionPlate, RejectionPlate, RubbingPlate};
 use plant::Axis;
 use std::f64::consts::TAU;
 
@@ -17,16 +18,24 @@ const FEED_NM: [f64; 2] = [0.10, 0.16];
 
 /// The coupled machine with nothing that ripples; its friction is [`LuGre`]'s.
 fn sticking(seed: u64) -> Setup {
+    let mut setup = still(seed);
+    let model = &mut setup.model;
+    for axis in Axis::ALL {
+        model.motor_mut(axis).coulomb_nm = 0.0;
+    }
+    model.feed.pair_coulomb_nm = 0.0;
+    model.feed.guideway_coulomb_n = 0.0;
+    setup
+}
+
+/// The coupled machine with nothing that ripples.
+pub(super) fn still(seed: u64) -> Setup {
     let mut setup = setup(Machine::Coupled, seed);
     let model = &mut setup.model;
     model.effects.clear();
     for axis in Axis::ALL {
-        let motor = model.motor_mut(axis);
-        motor.torque_harmonics.clear();
-        motor.coulomb_nm = 0.0;
+        model.motor_mut(axis).torque_harmonics.clear();
     }
-    model.feed.pair_coulomb_nm = 0.0;
-    model.feed.guideway_coulomb_n = 0.0;
     setup
 }
 
@@ -39,6 +48,8 @@ pub struct Reversal {
     pub known: f64,
     /// With 30 % less of it, and with 30 % more.
     pub off: [f64; 2],
+    /// With a disturbance observer and a notch at the axial mode, and no friction known, 30 % less, all, and 30 % more of it.
+    pub observed: [f64; 4],
 }
 
 /// At a nut speed in rpm.
@@ -48,7 +59,8 @@ pub struct Reversal {
 pub fn reversal(nut_rpm: f64) -> Result<Reversal, ExperimentError> {
     let setup = sticking(1);
     let travel = setup.model.feed.travel_per_radian();
-    let run = |part: f64| {
+    let observer = Rejection::Both.plate();
+    let run = |part: f64, rejection: RejectionPlate| {
         let known = |[coulomb_nm, static_nm]: [f64; 2]| RubbingPlate {
             coulomb_nm: part * coulomb_nm,
             sticks_nm: part * (static_nm - coulomb_nm),
@@ -60,13 +72,23 @@ pub fn reversal(nut_rpm: f64) -> Result<Reversal, ExperimentError> {
             bearings: [known(BEARING_NM); 2],
             feed: known(FEED_NM),
         };
+        plate.rejection = rejection;
         let drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate)?;
         worst(drive, &setup, nut_rpm)
     };
     Ok(Reversal {
         pi: worst(drive(&setup, CompensationPlate::NONE)?, &setup, nut_rpm)?,
-        known: run(1.0)?,
-        off: [run(0.7)?, run(1.3)?],
+        known: run(1.0, RejectionPlate::NONE)?,
+        off: [
+            run(0.7, RejectionPlate::NONE)?,
+            run(1.3, RejectionPlate::NONE)?,
+        ],
+        observed: [
+            run(0.0, observer)?,
+            run(0.7, observer)?,
+            run(1.0, observer)?,
+            run(1.3, observer)?,
+        ],
     })
 }
 

@@ -295,6 +295,73 @@ impl FrictionPlate {
     };
 }
 
+/// What keeps a disturbance from the table: see [`disturbance`](crate::disturbance) and [`notch`](crate::notch).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RejectionPlate {
+    /// Cutoff of the disturbance observers, rad/s; 0: none.
+    pub disturbance_rad_s: f64,
+    /// What of the current references is left out.
+    pub notch: NotchPlate,
+}
+
+/// A notch in both motors' current references.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NotchPlate {
+    /// Its frequency, Hz: that of the axial mode, `sqrt(k / m) / (2 pi)`; 0: none.
+    pub hz: f64,
+    /// Damping of its poles: half its width over its frequency.
+    pub damping: f64,
+    /// What passes at its frequency.
+    pub depth: f64,
+}
+
+impl RejectionPlate {
+    /// No observer and no notch.
+    pub const NONE: Self = Self {
+        disturbance_rad_s: 0.0,
+        notch: NotchPlate {
+            hz: 0.0,
+            damping: 0.3,
+            depth: 0.1,
+        },
+    };
+}
+
+/// Points of the table of base speeds.
+pub const BASES: usize = 8;
+
+/// The base speed, where it is not commanded.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BasePlate {
+    /// By how much it wanders, mechanical rad/s, away from 0; 0: it does not.
+    pub wander_rad_s: f64,
+    /// Time of a wander to and fro, s.
+    pub wander_s: f64,
+    /// For the table velocities up to each, rising; the last for all above.
+    pub table: [BasePoint; BASES],
+}
+
+/// A base speed for table velocities.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BasePoint {
+    /// Largest table velocity that it is for, m/s; 0: this point and those after it are none.
+    pub velocity: f64,
+    /// Base speed, mechanical rad/s.
+    pub base: f64,
+}
+
+impl BasePlate {
+    /// The single drive at all velocities.
+    pub const NONE: Self = Self {
+        wander_rad_s: 0.0,
+        wander_s: 10.0,
+        table: [BasePoint {
+            velocity: 0.0,
+            base: 0.0,
+        }; BASES],
+    };
+}
+
 /// When motion is not in hand: limits as parts of what each motor may do, and how long each is tolerated, s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunawayPlate {
@@ -364,6 +431,10 @@ pub struct DrivePlate {
     pub compensation: CompensationPlate,
     /// What is fed forward against friction.
     pub friction: FrictionPlate,
+    /// What keeps a disturbance from the table.
+    pub rejection: RejectionPlate,
+    /// The base speed, where it is not commanded.
+    pub base: BasePlate,
     /// How long the machine goes on moving by a command that nobody renews, s.
     pub heartbeat_s: f64,
 }
@@ -494,6 +565,8 @@ mod tests {
             runaway: RunawayPlate::USUAL,
             compensation: CompensationPlate::NONE,
             friction: FrictionPlate::NONE,
+            rejection: RejectionPlate::NONE,
+            base: BasePlate::NONE,
             heartbeat_s: 0.5,
         }
     }

@@ -20,6 +20,7 @@ pub mod table;
 pub use table::{Entry, Kind, Setting, Value};
 
 use crate::telemetry::Real;
+use control::plate::{BasePlate, RejectionPlate};
 use core::f64::consts::TAU;
 use table::{Typed, choice, constant, group};
 
@@ -177,6 +178,41 @@ group! {
 }
 
 group! {
+    /// What keeps a disturbance from the table.
+    RejectionSettings {
+        1 Real disturbance_rad_s: f64 = 0.0, [0.0, 10_000.0], "rad/s", "Cutoff of the disturbance observers, which find the torque that nobody knows; 0: there is none.";
+        2 Real notch_hz: f64 = 0.0, [0.0, 20_000.0], "Hz", "Frequency that is left out of the current references: the axial mode's; 0: none.";
+        3 Real notch_damping: f64 = RejectionPlate::NONE.notch.damping, [0.01, 2.0], "", "Damping of the notch's poles: half its width over its frequency.";
+        4 Real notch_depth: f64 = RejectionPlate::NONE.notch.depth, [0.0, 1.0], "", "What passes at its frequency.";
+    }
+}
+
+group! {
+    /// The base speed, where a command gives none: `nut_k_rpm` for table velocities up to `table_k_mm_s`, rising, the last for all
+    /// above.
+    BaseSettings {
+        1 Real wander_rpm: f64 = 0.0, [0.0, 10_000.0], "rpm", "By how much a base speed wanders away from 0 and back, so that no ripple stays on a resonance; 0: it does not.";
+        2 Real wander_s: f64 = BasePlate::NONE.wander_s, [0.1, 10_000.0], "s", "Time of a wander to and fro.";
+        3 Real table_1_mm_s: f64 = 0.0, [0.0, 10_000.0], "mm/s", "Largest table velocity of base speed 1; 0: there is none.";
+        4 Real nut_1_rpm: f64 = 0.0, [-60_000.0, 60_000.0], "rpm", "Base speed 1.";
+        5 Real table_2_mm_s: f64 = 0.0, [0.0, 10_000.0], "mm/s", "Largest table velocity of base speed 2; 0: there is none.";
+        6 Real nut_2_rpm: f64 = 0.0, [-60_000.0, 60_000.0], "rpm", "Base speed 2.";
+        7 Real table_3_mm_s: f64 = 0.0, [0.0, 10_000.0], "mm/s", "Largest table velocity of base speed 3; 0: there is none.";
+        8 Real nut_3_rpm: f64 = 0.0, [-60_000.0, 60_000.0], "rpm", "Base speed 3.";
+        9 Real table_4_mm_s: f64 = 0.0, [0.0, 10_000.0], "mm/s", "Largest table velocity of base speed 4; 0: there is none.";
+        10 Real nut_4_rpm: f64 = 0.0, [-60_000.0, 60_000.0], "rpm", "Base speed 4.";
+        11 Real table_5_mm_s: f64 = 0.0, [0.0, 10_000.0], "mm/s", "Largest table velocity of base speed 5; 0: there is none.";
+        12 Real nut_5_rpm: f64 = 0.0, [-60_000.0, 60_000.0], "rpm", "Base speed 5.";
+        13 Real table_6_mm_s: f64 = 0.0, [0.0, 10_000.0], "mm/s", "Largest table velocity of base speed 6; 0: there is none.";
+        14 Real nut_6_rpm: f64 = 0.0, [-60_000.0, 60_000.0], "rpm", "Base speed 6.";
+        15 Real table_7_mm_s: f64 = 0.0, [0.0, 10_000.0], "mm/s", "Largest table velocity of base speed 7; 0: there is none.";
+        16 Real nut_7_rpm: f64 = 0.0, [-60_000.0, 60_000.0], "rpm", "Base speed 7.";
+        17 Real table_8_mm_s: f64 = 0.0, [0.0, 10_000.0], "mm/s", "Largest table velocity of base speed 8; 0: there is none.";
+        18 Real nut_8_rpm: f64 = 0.0, [-60_000.0, 60_000.0], "rpm", "Base speed 8.";
+    }
+}
+
+group! {
     /// What repeats with a motor's turn in its torque, as currents: `Re((re + j im) e^(j order angle))` is added.
     TorqueOrderSettings {
         1 Real order_1: f64 = 0.0, [0.0, 1000.0], "", "Repetitions in a turn of torque 1; 0: none.";
@@ -283,6 +319,8 @@ settings! {
     15 screw_encoder: SpeedOrderSettings,
     16 nut_encoder: SpeedOrderSettings,
     17 lead: SpeedOrderSettings,
+    18 rejection: RejectionSettings,
+    19 base: BaseSettings,
 }
 
 /// Why a value is refused.
@@ -435,6 +473,8 @@ mod tests {
             ("feed_friction.presliding_mrad", 0x0c04),
             ("nut_torque.im_8_a", 0x0e18),
             ("lead.re_2", 0x1105),
+            ("rejection.notch_depth", 0x1204),
+            ("base.nut_8_rpm", 0x1312),
         ] {
             assert_eq!(Setting::named(name).map(|setting| setting.id), Some(id));
         }

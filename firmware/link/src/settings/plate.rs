@@ -1,17 +1,18 @@
 //! Settings -> the plate that the control code is configured from, and back.
 
 use super::{
-    AlignmentSettings, BridgeSettings, CommandSettings, CompensationSettings, EncoderDirection,
-    EncoderInterface, FeedSettings, FrictionSettings, MotorSettings, PER_KRPM, Setting, Settings,
-    SpeedOrderSettings, Switch, TorqueOrderSettings, TuningSettings, Value, WatchSettings,
+    AlignmentSettings, BaseSettings, BridgeSettings, CommandSettings, CompensationSettings,
+    EncoderDirection, EncoderInterface, FeedSettings, FrictionSettings, MotorSettings, PER_KRPM,
+    RejectionSettings, Setting, Settings, SpeedOrderSettings, Switch, TorqueOrderSettings,
+    TuningSettings, Value, WatchSettings,
 };
 use control::compensation::{ANGLES, TORQUES};
 use control::encoder::Interface;
 use control::format::Misfit;
 use control::plate::{
-    AlignmentPlate, BoardPlate, CompensationPlate, DriveConfig, DrivePlate, EncoderPlate,
-    FeedPlate, FrictionPlate, MotorPlate, OrderPlate, RubbingPlate, RunawayPlate, ThermalPlate,
-    Tuning,
+    AlignmentPlate, BasePlate, BasePoint, BoardPlate, CompensationPlate, DriveConfig, DrivePlate,
+    EncoderPlate, FeedPlate, FrictionPlate, MotorPlate, NotchPlate, OrderPlate, RejectionPlate,
+    RubbingPlate, RunawayPlate, ThermalPlate, Tuning,
 };
 use core::f64::consts::TAU;
 
@@ -184,6 +185,77 @@ impl SpeedOrderSettings {
     }
 }
 
+impl RejectionSettings {
+    fn plate(&self) -> RejectionPlate {
+        RejectionPlate {
+            disturbance_rad_s: self.disturbance_rad_s,
+            notch: NotchPlate {
+                hz: self.notch_hz,
+                damping: self.notch_damping,
+                depth: self.notch_depth,
+            },
+        }
+    }
+
+    fn of_plate(plate: &RejectionPlate) -> Self {
+        Self {
+            disturbance_rad_s: plate.disturbance_rad_s,
+            notch_hz: plate.notch.hz,
+            notch_damping: plate.notch.damping,
+            notch_depth: plate.notch.depth,
+        }
+    }
+}
+
+impl BaseSettings {
+    fn plate(&self) -> BasePlate {
+        let point = |table_mm_s: f64, nut_rpm: f64| BasePoint {
+            velocity: table_mm_s * 1e-3,
+            base: nut_rpm * RPM,
+        };
+        BasePlate {
+            wander_rad_s: self.wander_rpm * RPM,
+            wander_s: self.wander_s,
+            table: [
+                point(self.table_1_mm_s, self.nut_1_rpm),
+                point(self.table_2_mm_s, self.nut_2_rpm),
+                point(self.table_3_mm_s, self.nut_3_rpm),
+                point(self.table_4_mm_s, self.nut_4_rpm),
+                point(self.table_5_mm_s, self.nut_5_rpm),
+                point(self.table_6_mm_s, self.nut_6_rpm),
+                point(self.table_7_mm_s, self.nut_7_rpm),
+                point(self.table_8_mm_s, self.nut_8_rpm),
+            ],
+        }
+    }
+
+    fn of_plate(plate: &BasePlate) -> Self {
+        let [a, b, c, d, e, f, g, h] = plate
+            .table
+            .map(|point| (point.velocity * 1e3, point.base / RPM));
+        Self {
+            wander_rpm: plate.wander_rad_s / RPM,
+            wander_s: plate.wander_s,
+            table_1_mm_s: a.0,
+            nut_1_rpm: a.1,
+            table_2_mm_s: b.0,
+            nut_2_rpm: b.1,
+            table_3_mm_s: c.0,
+            nut_3_rpm: c.1,
+            table_4_mm_s: d.0,
+            nut_4_rpm: d.1,
+            table_5_mm_s: e.0,
+            nut_5_rpm: e.1,
+            table_6_mm_s: f.0,
+            nut_6_rpm: f.1,
+            table_7_mm_s: g.0,
+            nut_7_rpm: g.1,
+            table_8_mm_s: h.0,
+            nut_8_rpm: h.1,
+        }
+    }
+}
+
 impl Settings {
     /// The plate of a drive with these settings on `board`, of which the rest is the board's own.
     #[must_use]
@@ -206,6 +278,8 @@ impl Settings {
             screw_encoder: _,
             nut_encoder: _,
             lead: _,
+            rejection,
+            base,
         } = self;
         DrivePlate {
             motors: [screw.plate(), nut.plate()],
@@ -264,6 +338,8 @@ impl Settings {
                 bearings: [screw_friction.plate(), nut_friction.plate()],
                 feed: feed_friction.plate(),
             },
+            rejection: rejection.plate(),
+            base: base.plate(),
             heartbeat_s: command.heartbeat_ms * 1e-3,
         }
     }
@@ -280,6 +356,8 @@ impl Settings {
             runaway,
             compensation,
             friction,
+            rejection,
+            base,
             heartbeat_s,
         } = plate;
         let [screw_bearing, nut_bearing] = &friction.bearings;
@@ -361,6 +439,8 @@ impl Settings {
             screw_friction: FrictionSettings::of_plate(screw_bearing),
             nut_friction: FrictionSettings::of_plate(nut_bearing),
             feed_friction: FrictionSettings::of_plate(&friction.feed),
+            rejection: RejectionSettings::of_plate(rejection),
+            base: BaseSettings::of_plate(base),
             ..Self::DEFAULT
         }
         .with_orders(orders)
@@ -540,8 +620,14 @@ mod tests {
         settings.nut_torque.order_8 = 36.0;
         settings.nut_torque.im_8_a = -0.2;
         settings.lead.order_2 = 2.0;
+        settings.rejection.notch_hz = 503.0;
+        settings.base.wander_rpm = 60.0;
+        settings.base.table_1_mm_s = 2.5;
+        settings.base.nut_1_rpm = 800.0;
         let plate = settings.plate(&board());
         assert_eq!(plate.friction.feed.coulomb_nm, 0.1);
+        assert_eq!(plate.rejection.notch.hz, 503.0);
+        assert_eq!(plate.base.table[0].velocity, 2.5e-3);
         assert_eq!(plate.compensation.torque[1][7], order(36.0, 0.0, -0.2));
         assert_eq!(plate.compensation.torque[0], [OrderPlate::NONE; TORQUES]);
         let again = Settings::of_plate(&plate, settings.scale_count_m());

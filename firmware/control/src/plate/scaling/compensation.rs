@@ -4,6 +4,7 @@
 //! held over a period, the observer's difference equations, the speed regulator and the hold of its step. What a faster step
 //! would alias into a slower one is left out. The magnets' voltage is taken as fed forward, viscous friction as none.
 
+use super::rejection::NotchGains;
 use super::{attempt, half, positive, power_of_two, within};
 use crate::compensation::line::{Order, Phasor};
 use crate::compensation::response::{POINTS, Response, ResponsePoint};
@@ -121,8 +122,14 @@ const fn inverse(x: Complex, least: f64) -> Complex {
     conjugate.scaled(1.0 / (x.square() + least))
 }
 
+/// Sine and cosine of an angle below pi, by their series.
+pub(super) const fn sine_and_cosine(angle: f64) -> (f64, f64) {
+    let turned = Complex::delay(angle);
+    (-turned.im, turned.re)
+}
+
 /// `e^-x`, x small, by its series.
-const fn decay(x: f64) -> f64 {
+pub(super) const fn decay(x: f64) -> f64 {
     let (mut term, mut sum, mut n) = (1.0, 1.0, 1u32);
     while n < 30 {
         term *= -x / n as f64;
@@ -136,10 +143,24 @@ const fn decay(x: f64) -> f64 {
 struct Loops {
     /// Torque current per added current reference.
     realised: Complex,
-    /// Measured electrical speed per torque current, the loop closed.
-    seen: Complex,
+    /// Measured electrical speed per torque current, the loop open.
+    moved: Complex,
+    /// True electrical speed per speed error.
+    forward: Complex,
+    /// The speed loop, open.
+    open: Complex,
+}
+
+impl Loops {
+    /// Measured electrical speed per torque current.
+    const fn seen(&self) -> Complex {
+        self.moved.over(Complex::ONE.plus(self.open))
+    }
+
     /// True electrical speed per speed reference, without feed-forward.
-    followed: Complex,
+    const fn followed(&self) -> Complex {
+        self.forward.over(Complex::ONE.plus(self.open))
+    }
 }
 
 impl MotorPlate {
@@ -191,13 +212,24 @@ impl MotorPlate {
         let integral = step_late
             .scaled(gains.k_iw * drive.speed_step())
             .over(Complex::ONE.minus(step_late));
+        // Asked of a speed error `e` and a speed `w`: `u = N (C e + Q late u - g J (1 - Q) w)`, with the notch `N` and the
+        // disturbance observer's filter `Q`.
+        let part = drive.disturbance_part();
+        let filter = Complex::ONE
+            .scaled(part)
+            .over(Complex::ONE.minus(step_late.scaled(1.0 - part)));
+        let notch = drive.notch_at(step_late);
+        let asked = notch.over(Complex::ONE.minus(notch.times(filter).times(step_late)));
+        let observer = Complex::ONE
+            .minus(filter)
+            .scaled(drive.rejection.disturbance_rad_s * self.inertia_kg_m2 / (pole_pairs * torque));
         let controller = Complex::ONE.scaled(gains.k_pw).plus(integral);
-        let forward = controller.times(realised).times(speed);
-        let closed = Complex::ONE.plus(forward.times(observed));
+        let accelerated = asked.times(realised).times(speed);
         Loops {
             realised,
-            seen: speed.times(observed).over(closed),
-            followed: forward.over(closed),
+            moved: speed.times(observed),
+            forward: controller.times(accelerated),
+            open: controller.plus(observer).times(accelerated).times(observed),
         }
     }
 
@@ -212,24 +244,20 @@ impl MotorPlate {
         // The loops see most where the speed loop crosses over.
         let most = self
             .loops(drive, drive.tuning.speed_rad_s * drive.board.sample_time())
-            .seen
+            .seen()
             .square();
         let mut left: &mut [ResponsePoint] = &mut points;
         let mut k = 0usize;
         while let [point, rest @ ..] = left {
             let angle = Response::frequency(k) as f64 / 4_294_967_296.0 * TAU;
-            let Loops {
-                realised,
-                seen,
-                followed,
-            } = self.loops(drive, angle);
+            let loops = self.loops(drive, angle);
             *point = ResponsePoint {
-                realise: Complex::ONE.over(realised).words(27),
+                realise: Complex::ONE.over(loops.realised).words(27),
                 // Twice: the mean of a cosine's square is a half.
-                learn: inverse(seen, SEEN_LEAST * most)
+                learn: inverse(loops.seen(), SEEN_LEAST * most)
                     .scaled(2.0 * part)
                     .words(34),
-                follow: Complex::ONE.over(followed).words(29),
+                follow: Complex::ONE.over(loops.followed()).words(29),
             };
             left = rest;
             k = k.saturating_add(1);
@@ -245,6 +273,21 @@ impl MotorPlate {
 }
 
 impl DrivePlate {
+    /// The notch at a frequency that a step of the speed task is `late` by.
+    const fn notch_at(&self, late: Complex) -> Complex {
+        let NotchGains {
+            b: [b0, b1, b2],
+            a: [a1, a2],
+        } = self.notch_gains();
+        let square = late.times(late);
+        let over = Complex::ONE.plus(late.scaled(a1)).plus(square.scaled(a2));
+        let notch = Complex::ONE
+            .scaled(b0)
+            .plus(late.scaled(b1))
+            .plus(square.scaled(b2));
+        notch.over(over)
+    }
+
     /// Time between two steps in which an encoder's or the lead's error learns, s.
     const fn learning_step(&self) -> f64 {
         self.speed_step() * SPEED_STEPS as f64
@@ -391,7 +434,7 @@ const fn lines<const N: usize>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plate::{CompensationPlate, test_plate};
+    use crate::plate::{CompensationPlate, NotchPlate, RejectionPlate, test_plate};
     use std::vec::Vec;
 
     impl Complex {
@@ -456,7 +499,9 @@ mod tests {
                 j * l,
             ]);
             let expected = numerator.over(denominator).scaled(p * 0.11);
-            let seen = motor.loops(&plate, omega * plate.board.sample_time()).seen;
+            let seen = motor
+                .loops(&plate, omega * plate.board.sample_time())
+                .seen();
             let off = seen.minus(expected).length() / expected.length();
             // The observer's lag: 2 * damping / omega_0 in phase.
             let lag = omega * 2.0 * plate.tuning.observer_damping / plate.tuning.observer_rad_s;
@@ -521,7 +566,7 @@ mod tests {
             // What is learned is realised through the inverse of the loops at each order, which is taken as right.
             let seen = motor
                 .loops(plate, angle / steps * plate.board.sample_time())
-                .seen;
+                .seen();
             let distance = Complex::ONE.plus(sum.times(seen));
             least = f64::min(least, distance.length());
             let phase = distance.im.atan2(distance.re);
@@ -559,6 +604,105 @@ mod tests {
             }
         }
         std::println!("least distance from -1: {worst:.2}");
+    }
+
+    /// The speed loop's curve: the least phase margin, degrees, and distance from -1; whether it goes round -1 as a stable one
+    /// does is asserted. The plant has `part` of the inertia that was told, and a table of 20 kg at `axial_hz`, damped by 0.05, which
+    /// hangs on both motors (antisymmetric mode): its mass through the lead is 1.8 % of an inertia, twice.
+    fn speed_margins(plate: &DrivePlate, part: f64, axial_hz: Option<f64>) -> (f64, f64) {
+        let motor = &plate.motors[0];
+        let r = plate.feed.lead_m / TAU;
+        let ratio = 2.0 * 20.0 * r * r / (part * motor.inertia_kg_m2);
+        let period = plate.board.sample_time();
+        let (mut least_phase, mut least_distance) = (f64::INFINITY, f64::INFINITY);
+        let (mut turned, mut before, mut size) = (0.0, None, f64::INFINITY);
+        let mut k = 0;
+        let nyquist = TAU / 2.0 / plate.speed_step();
+        loop {
+            let omega = 0.5 * 1.002f64.powi(k);
+            if omega >= nyquist {
+                break;
+            }
+            k += 1;
+            let axial = axial_hz.map_or(Complex::ONE, |hz| {
+                let two = |w: f64| Complex {
+                    re: w * w - omega * omega,
+                    im: 2.0 * 0.05 * w * omega,
+                };
+                let w = TAU * hz;
+                // Both have 1 at rest: the told inertia has the table's share in it.
+                let stiff = w * (1.0 + ratio).sqrt();
+                two(w).over(two(stiff)).scaled(1.0 + ratio)
+            });
+            let open = motor
+                .loops(plate, omega * period)
+                .open
+                .scaled(1.0 / part)
+                .times(axial);
+            let distance = Complex::ONE.plus(open);
+            least_distance = least_distance.min(distance.length());
+            let phase = distance.im.atan2(distance.re);
+            if let Some(before) = before {
+                let step: f64 = phase - before;
+                turned += step - TAU * (step / TAU).round();
+            }
+            before = Some(phase);
+            if (size > 1.0) != (open.length() > 1.0) && size.is_finite() {
+                let margin = (-open.im).atan2(-open.re).abs().to_degrees();
+                least_phase = least_phase.min(margin);
+            }
+            size = open.length();
+        }
+        // Each integrator of the loop begins a quarter turn behind: inertia, PI, and the disturbance observer's.
+        let integrators = if plate.rejection.disturbance_rad_s == 0.0 {
+            2.0
+        } else {
+            3.0
+        };
+        let expected = integrators * TAU / 4.0;
+        assert!(
+            (turned - expected).abs() < 0.5,
+            "{:?}, {part} of the inertia, axial mode {axial_hz:?}: the curve turns round -1 by {turned:.2} rad, a stable one by {expected:.2}",
+            plate.rejection
+        );
+        (least_phase, least_distance)
+    }
+
+    /// Closed-form margins of the speed loop with a disturbance observer and a notch, of the machine as told, with other inertia, and
+    /// with a mode that nobody told.
+    #[test]
+    fn observer_and_notch_leave_the_speed_loop_its_margin() {
+        let notch = NotchPlate {
+            hz: 503.0,
+            ..RejectionPlate::NONE.notch
+        };
+        for (disturbance_rad_s, notch, asked) in [
+            (0.0, RejectionPlate::NONE.notch, 30.0),
+            (0.0, notch, 25.0),
+            (50.0, RejectionPlate::NONE.notch, 25.0),
+            (50.0, notch, 20.0),
+        ] {
+            let mut plate = plate(&[]);
+            plate.rejection = RejectionPlate {
+                disturbance_rad_s,
+                notch,
+            };
+            for part in [0.7, 1.0, 1.3] {
+                for axial in [None, Some(503.0), Some(150.0)] {
+                    let (phase, distance) = speed_margins(&plate, part, axial);
+                    std::println!(
+                        "observer {disturbance_rad_s} rad/s, notch {} Hz, inertia {part}, axial {axial:?}: {phase:.1} degrees, {distance:.2}",
+                        notch.hz
+                    );
+                    assert!(
+                        phase > asked,
+                        "{:?} with {part} of the inertia and an axial mode of {axial:?} Hz: a phase margin of {phase:.1} degrees, \
+                         expected more than {asked}",
+                        plate.rejection
+                    );
+                }
+            }
+        }
     }
 
     #[test]

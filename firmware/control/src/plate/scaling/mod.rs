@@ -6,18 +6,21 @@ mod compensation;
 mod friction;
 mod limits;
 mod motor;
+mod rejection;
 mod runaway;
 
 use crate::alignment::AlignmentConfig;
 use crate::compensation::CompensationConfig;
-use crate::coordinator::CoordinatorConfig;
+use crate::coordinator::{BaseConfig, CoordinatorConfig, WanderConfig};
 use crate::current_limit::RegenerationConfig;
 use crate::current_loop::CurrentLoopConfig;
+use crate::disturbance::DisturbanceConfig;
 use crate::format::{
     CurrentScale, Gain, MechanicalSpeed, Misfit, SpeedChange, TableVelocity, Voltage, quantise,
 };
 use crate::friction::FrictionConfig;
-use crate::plate::DrivePlate;
+use crate::notch::NotchConfig;
+use crate::plate::{BASES, BasePoint, DrivePlate};
 use crate::profile::ProfileConfig;
 use crate::runaway::RunawayConfig;
 use crate::speed_loop::SpeedLoopConfig;
@@ -58,6 +61,10 @@ pub struct DriveConfig {
     pub compensation: CompensationConfig,
     /// What is fed forward against friction.
     pub friction: FrictionConfig,
+    /// What keeps a disturbance from the table: screw, nut.
+    pub disturbance: [DisturbanceConfig; 2],
+    /// What of both current references is left out.
+    pub notch: NotchConfig,
     /// Looks at the interlock in which a command must be renewed.
     pub heartbeat_looks: u32,
     /// Current-loop periods per step of the speed task.
@@ -100,6 +107,11 @@ impl DrivePlate {
             ],
             compensation: attempt!(self.compensation()),
             friction: attempt!(self.friction()),
+            disturbance: [
+                attempt!(screw.disturbance(self)),
+                attempt!(nut.disturbance(self)),
+            ],
+            notch: attempt!(self.notch()),
             heartbeat_looks: attempt!(self.heartbeat_looks()),
             speed_divider: self.board.speed_divider,
         })
@@ -163,7 +175,99 @@ impl DrivePlate {
             ],
             table,
             base,
+            wander: attempt!(self.wander()),
+            bases: attempt!(self.bases()),
         })
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    const fn wander(&self) -> Result<WanderConfig, Misfit> {
+        let (plate, feed) = (&self.base, &self.feed);
+        if plate.wander_rad_s == 0.0 {
+            return Ok(WanderConfig {
+                step: 0,
+                half: MechanicalSpeed::ZERO,
+            });
+        }
+        let half = plate.wander_rad_s / 2.0;
+        let steps = plate.wander_s / self.speed_step();
+        attempt!(within(
+            "time of a wander",
+            "steps of the speed task",
+            steps,
+            100.0,
+            4e9
+        ));
+        let omega = TAU / plate.wander_s;
+        // A cosine's acceleration and jerk.
+        attempt!(within(
+            "acceleration of a wander",
+            "rad/s^2",
+            half * omega,
+            0.0,
+            feed.base_acceleration_max
+        ));
+        attempt!(within(
+            "jerk of a wander",
+            "rad/s^3",
+            half * omega * omega,
+            0.0,
+            feed.base_jerk_max
+        ));
+        Ok(WanderConfig {
+            step: (4_294_967_296.0 / steps) as u32,
+            half: MechanicalSpeed::from_bits(attempt!(quantise(
+                "half of a wander",
+                "rad/s",
+                half,
+                18
+            ))),
+        })
+    }
+
+    const fn bases(&self) -> Result<[BaseConfig; BASES], Misfit> {
+        let mut configs = [BaseConfig {
+            velocity: TableVelocity::ZERO,
+            base: MechanicalSpeed::ZERO,
+        }; BASES];
+        let mut left: (&mut [BaseConfig], &[BasePoint]) = (&mut configs, &self.base.table);
+        let (mut below, mut ended) = (0.0, false);
+        while let ([config, configs @ ..], [point, points @ ..]) = left {
+            if point.velocity == 0.0 {
+                ended = true;
+            } else {
+                // After the end none may follow.
+                let most = if ended {
+                    0.0
+                } else {
+                    self.feed.velocity_max * 1.000_001
+                };
+                attempt!(within(
+                    "table velocity of a base speed",
+                    "m/s",
+                    point.velocity,
+                    below,
+                    most
+                ));
+                below = point.velocity;
+            }
+            *config = BaseConfig {
+                velocity: TableVelocity::from_bits(attempt!(quantise(
+                    "table velocity of a base speed",
+                    "m/s",
+                    point.velocity,
+                    28
+                ))),
+                base: MechanicalSpeed::from_bits(attempt!(quantise(
+                    "base speed of a table velocity",
+                    "rad/s",
+                    point.base,
+                    18
+                ))),
+            };
+            left = (configs, points);
+        }
+        Ok(configs)
     }
 }
 
