@@ -8,7 +8,7 @@ use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::disturbance::Disturbance;
 use crate::exchange::{MotorExchange, MotorStatus};
 use crate::fault::{Fault, FaultSet, Reaction};
-use crate::format::{Angle, Current, Speed};
+use crate::format::{Angle, Current};
 use crate::friction::Friction;
 use crate::interlock::Interlock;
 use crate::notch::Notch;

@@ -7,6 +7,8 @@ use crate::experiment::{ExperimentError, OperatingPoint, RPM};
 use crate::seam::Disturbed;
 use crate::smooth::bench::LEARNING_S;
 use control::plate::{CompensationPlate, NotchPlate, RejectionPlate};
+use plant::Axis;
+use plant::machine::Machine as Plant;
 use std::f64::consts::TAU;
 
 /// What keeps a disturbance from the table.
@@ -57,6 +59,9 @@ impl Rejection {
 /// The load's step, N: a quarter of what the motors' rated torque holds.
 const STEP_N: f64 = 0.25 * 1.3 * TAU / 5e-3;
 
+/// After the step, s: from where a mode that is damped by 0.05 has fallen to an eighth of what the step itself makes of it.
+const RINGS_S: [f64; 2] = [0.013, 0.1];
+
 /// What a step of load does to a table that moves by 2.5 mm/s.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LoadStep {
@@ -66,7 +71,7 @@ pub struct LoadStep {
     pub pushed_um: f64,
     /// How far it still is half a second later, um.
     pub left_um: f64,
-    /// What is above 300 Hz of its velocity from 10 to 90 ms after the step, mm/s rms: the axial mode.
+    /// How fast the screw is stretched in the time of [`RINGS_S`], mm/s rms: the axial mode.
     pub ringing_mm_s: f64,
 }
 
@@ -81,8 +86,12 @@ pub fn load_step(rejection: Rejection, nut_rpm: f64) -> Result<LoadStep, Experim
     let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate)?;
     let point = point(nut_rpm);
     let load = setup.model.feed.load_n;
-    let mut stepped = Disturbed(|machine: &mut plant::machine::Machine, _| {
+    let travel = setup.model.feed.travel_per_radian();
+    let mut stretching = Vec::new();
+    let mut stepped = Disturbed(|machine: &mut Plant, _| {
         machine.set_load_force(load + STEP_N);
+        let [screw, nut] = Axis::ALL.map(|axis| machine.motor(axis).omega);
+        stretching.push(machine.table_velocity() - travel * (screw - nut));
     });
     settle(&mut drive, point, &mut crate::seam::Straight)?;
     let seconds = 0.5;
@@ -99,19 +108,14 @@ pub fn load_step(rejection: Rejection, nut_rpm: f64) -> Result<LoadStep, Experim
         })
         .collect();
     let most = |values: &[f64]| values.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
-    let at = |seconds: f64| (seconds / sample_s) as usize;
-    let window = &errors[..at(0.1)];
-    let slow = super::below(window, 300.0 * sample_s);
-    // `below` leaves a tenth out at either end.
-    let fast = window[window.len() / 10..]
-        .iter()
-        .zip(&slow)
-        .map(|(x, slow)| (x - slow).powi(2));
+    let half_s = drive.board.config().pwm_period_s() / 2.0;
+    let [from, to] = RINGS_S.map(|seconds| (seconds / half_s) as usize);
+    let squares: f64 = stretching[from..to].iter().map(|v| v * v).sum();
     Ok(LoadStep {
         velocity_mm_s: 1e3 * most(&errors),
         pushed_um: 1e6 * most(&places),
         left_um: 1e6 * places.last().copied().unwrap_or_default(),
-        ringing_mm_s: 1e3 * (fast.sum::<f64>() / slow.len() as f64).sqrt(),
+        ringing_mm_s: 1e3 * (squares / (to - from) as f64).sqrt(),
     })
 }
 
