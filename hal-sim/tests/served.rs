@@ -86,7 +86,7 @@ fn open(serving: &Rc<RefCell<Serving>>) -> Client<Within> {
 fn speeds(mm_s: f64, rpm: f64) -> Command {
     Command::Run {
         velocity: scale::word(mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap(),
-        base: scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED).unwrap(),
+        base: Some(scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED).unwrap()),
     }
 }
 

@@ -42,6 +42,7 @@ pub fn run(_: &CompensateOptions) -> Result<()> {
 #[cfg(feature = "simulate")]
 pub fn run(options: &CompensateOptions) -> Result<()> {
     use anyhow::Context;
+    use control::plate::RejectionPlate;
     use hal_sim::experiment::{OperatingPoint, RPM, Setup};
     use hal_sim::smooth::known::Known;
     use hal_sim::smooth::{drive, smoothness};
@@ -50,6 +51,7 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
     use plant::machine::Coupling;
     use plant::model::Model;
     use serde_json::json;
+    use std::f64::consts::TAU;
 
     let model = Model::load(&options.model)
         .with_context(|| format!("the model {}", options.model.display()))?;
@@ -76,10 +78,19 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
         predicted.push((rpm, before.vrf, after.vrf));
     }
     let lists = lists(&known);
+    let rejection = |setup: &Setup| match setup.coupling {
+        Coupling::Lumped => RejectionPlate::NONE,
+        Coupling::Coupled => {
+            let feed = &setup.model.feed;
+            let hz = (feed.axial_stiffness_n_per_m / feed.table_mass_kg).sqrt() / TAU;
+            RejectionPlate::of_mode(hz, setup.tuning.speed_rad_s)
+        }
+    };
     if let Some(file) = &options.settings {
         let plate = control::plate::DrivePlate {
             compensation: known.compensation,
             friction: known.friction,
+            rejection: rejection(&setup),
             ..setup.plate()
         };
         let settings = Settings::of_plate(&plate, setup.board.sensors.scale_count_m);

@@ -292,6 +292,44 @@ fn what_a_model_knows_becomes_settings() {
     );
 }
 
+/// A command that gives no base speed takes that of the drive's table, which a file or a person sets.
+#[test]
+fn the_drive_s_table_gives_the_base_speed() {
+    let served = Served::new(&["--speed", "10"]);
+    served.printed(&[
+        "settings",
+        "set",
+        "base.table_1_mm_s=2",
+        "base.nut_1_rpm=300",
+        "base.table_2_mm_s=20",
+        "base.nut_2_rpm=0",
+    ]);
+    served.until("ready");
+    // Ripple is less than a tenth of that.
+    for (arguments, nut_rpm) in [
+        (&["--table-speed", "1"][..], 300.0),
+        (&["--table-speed", "-2"], 300.0),
+        (&["--table-speed", "5"], 0.0),
+        (&["--table-speed", "1", "--nut-rpm", "500"], 500.0),
+    ] {
+        let mut jog = vec!["jog", "--arm", "--duration", "2"];
+        jog.extend(arguments);
+        let mut jogging = served.command(&jog).stdout(Stdio::null()).spawn().unwrap();
+        sleep(Duration::from_millis(1200));
+        let status = served.printed(&["status", "--json"]);
+        let status: Value = serde_json::from_str(&status).unwrap();
+        let rpm = number(&status["nut"]["speed_rpm"]);
+        assert!(
+            (rpm - nut_rpm).abs() < 30.0,
+            "jog {arguments:?}: the nut turns at {rpm} rpm, expected {nut_rpm} within 30"
+        );
+        assert!(jogging.wait().unwrap().success());
+        served.until("ready");
+    }
+    let said = served.fails(1, &["settings", "set", "base.table_3_mm_s=10"]);
+    assert!(said.contains("table velocity of a base speed"), "{said}");
+}
+
 /// A drive that learns says what, and keeps it as settings.
 #[test]
 fn what_is_learned_is_kept() {

@@ -17,7 +17,6 @@
 use crate::format::{
     Angle, MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity, narrow, narrow_bits,
 };
-use crate::plate::BASES;
 use crate::profile::{Profile, ProfileConfig};
 use crate::speed_loop::SpeedReference;
 use fixed::types::I20F12;
@@ -39,8 +38,6 @@ pub struct CoordinatorConfig {
     pub base: ProfileConfig,
     /// How the base speed wanders.
     pub wander: WanderConfig,
-    /// Base speeds by table velocity.
-    pub bases: [BaseConfig; BASES],
 }
 
 /// How the base speed wanders.
@@ -64,35 +61,6 @@ impl WanderConfig {
         } else {
             way
         }
-    }
-}
-
-/// A base speed for table velocities up to one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BaseConfig {
-    /// The largest, either way; 0: no point, and none follows.
-    pub velocity: TableVelocity,
-    /// The base speed.
-    pub base: MechanicalSpeed,
-}
-
-impl CoordinatorConfig {
-    /// The base speed for a table velocity for which none is commanded: that of the first point of the table that is not below
-    /// it, of the last above all; 0, the single drive, without a table.
-    #[must_use]
-    pub fn base_for(&self, velocity: TableVelocity) -> MechanicalSpeed {
-        let asked = velocity.saturating_abs();
-        let mut base = MechanicalSpeed::ZERO;
-        for point in &self.bases {
-            if point.velocity == TableVelocity::ZERO {
-                break;
-            }
-            base = point.base;
-            if asked <= point.velocity {
-                break;
-            }
-        }
-        base
     }
 }
 
@@ -655,48 +623,6 @@ mod tests {
         coordinator.command(&config, command(2.5e-3, 0.0)).unwrap();
         let [_, nut] = run(&mut coordinator, &config, 20_000);
         assert_eq!(nut, 0.0);
-    }
-
-    #[test]
-    fn a_velocity_has_the_base_speed_of_the_next_point_of_the_table() {
-        let mut plate = test_plate();
-        for (point, (mm_s, rpm)) in
-            plate
-                .base
-                .table
-                .iter_mut()
-                .zip([(1.0, 800.0), (5.0, 300.0), (20.0, 0.0)])
-        {
-            point.velocity = mm_s * 1e-3;
-            point.base = rpm * core::f64::consts::TAU / 60.0;
-        }
-        let config = plate.config().unwrap().coordinator;
-        for (mm_s, rpm) in [
-            (0.0, 800.0),
-            (0.5, 800.0),
-            (-1.0, 800.0),
-            (1.1, 300.0),
-            (-6.0, 0.0),
-            (99.0, 0.0),
-        ] {
-            let base = config
-                .base_for(TableVelocity::from_num(mm_s * 1e-3))
-                .to_num::<f64>();
-            let got = base * 60.0 / core::f64::consts::TAU;
-            assert!(
-                (got - rpm).abs() < 1e-3,
-                "{got} rpm at {mm_s} mm/s, expected {rpm}"
-            );
-        }
-        assert_eq!(
-            self::config().base_for(TableVelocity::ONE),
-            MechanicalSpeed::ZERO
-        );
-        plate.base.table[1].velocity = 0.5e-3;
-        assert_eq!(
-            plate.config().unwrap_err().name,
-            "table velocity of a base speed"
-        );
     }
 
     #[test]

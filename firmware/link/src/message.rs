@@ -39,8 +39,8 @@ pub enum Command {
     Run {
         /// Table velocity, 2^-28 m/s.
         velocity: i32,
-        /// Base speed, mechanical, 2^-18 rad/s.
-        base: i32,
+        /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for that velocity.
+        base: Option<i32>,
     },
     /// Move the table by a distance and hold it there.
     Move {
@@ -48,8 +48,8 @@ pub enum Command {
         distance_nm: i64,
         /// Fastest on the way, 2^-28 m/s, above 0.
         velocity: i32,
-        /// Base speed, mechanical, 2^-18 rad/s.
-        base: i32,
+        /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for that velocity.
+        base: Option<i32>,
     },
     /// A current along d for a motor of a drive that runs, until the next one or until it comes to rest. It makes no torque.
     DirectCurrent {

@@ -9,6 +9,7 @@ use crate::message::{
     Command, DriveFrame, Event, FAULTS, HostFrame, Injection, Refusal, Reply, SETTINGS_A_FRAME,
     Status, Text,
 };
+use crate::scale;
 use crate::settings::plate::Unfit;
 use crate::settings::{Settings, Value};
 use crate::telemetry::Real;
@@ -139,6 +140,14 @@ impl Commander {
     }
 }
 
+/// A base speed that is given, or that of the table for a velocity; the largest that can be said if the table's is more.
+fn base_or(base: Option<i32>, settings: &Settings, velocity: i32) -> i32 {
+    base.unwrap_or_else(|| {
+        let base = settings.base_for(scale::value(velocity, scale::TABLE_VELOCITY));
+        scale::word(base, scale::BASE_SPEED).unwrap_or(i32::MAX)
+    })
+}
+
 fn at_rest(state: State) -> bool {
     !matches!(state, State::Running | State::Stopping | State::Aligning)
 }
@@ -262,7 +271,7 @@ impl Server {
             Command::Arm => runnable(drive.state()).map(|()| commander.armed = Some(now_ms)),
             Command::Run { velocity, base } => self
                 .may_move(commander, drive)
-                .and_then(|()| drive.command(velocity, base))
+                .and_then(|()| drive.command(velocity, base_or(base, drive.settings(), velocity)))
                 .map(|()| self.start(commander, drive)),
             Command::Move {
                 distance_nm,
@@ -270,7 +279,10 @@ impl Server {
                 base,
             } => self
                 .may_move(commander, drive)
-                .and_then(|()| drive.travel(distance_nm, velocity, base))
+                .and_then(|()| {
+                    let base = base_or(base, drive.settings(), velocity);
+                    drive.travel(distance_nm, velocity, base)
+                })
                 .map(|()| self.start(commander, drive)),
             Command::DirectCurrent { motor, current } => {
                 self.may_move(commander, drive)
@@ -758,11 +770,14 @@ mod tests {
             Just(Command::Reset),
             Just(Command::Commit),
             Just(Command::Discard),
-            any::<(i32, i32)>().prop_map(|(velocity, base)| Command::Run { velocity, base }),
-            any::<(i64, i32, i32)>().prop_map(|(distance_nm, velocity, base)| Command::Move {
-                distance_nm,
-                velocity,
-                base
+            any::<(i32, Option<i32>)>()
+                .prop_map(|(velocity, base)| Command::Run { velocity, base }),
+            any::<(i64, i32, Option<i32>)>().prop_map(|(distance_nm, velocity, base)| {
+                Command::Move {
+                    distance_nm,
+                    velocity,
+                    base,
+                }
             }),
             any::<(u8, i32)>()
                 .prop_map(|(motor, current)| Command::DirectCurrent { motor, current }),

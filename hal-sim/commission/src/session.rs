@@ -271,7 +271,7 @@ impl<L: Line> Session<L> {
         };
         let command = Command::Run {
             velocity: word(velocity, scale::TABLE_VELOCITY)?,
-            base: word(base, scale::BASE_SPEED)?,
+            base: Some(word(base, scale::BASE_SPEED)?),
         };
         self.pass(&mut *each)?;
         self.client.tell(command)?;

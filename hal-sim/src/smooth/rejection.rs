@@ -4,9 +4,10 @@ use super::reversal::still;
 use super::{Machine, Smoothness, orders, sample_s, settle, setup, still_runs, velocities};
 use crate::drive::Drive;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM};
+use crate::plates::PAPER_TUNING;
 use crate::seam::Disturbed;
 use crate::smooth::bench::LEARNING_S;
-use control::plate::{CompensationPlate, NotchPlate, RejectionPlate};
+use control::plate::{CompensationPlate, RejectionPlate};
 use plant::Axis;
 use plant::machine::Machine as Plant;
 use std::f64::consts::TAU;
@@ -46,13 +47,12 @@ impl Rejection {
         let hz = (feed.axial_stiffness_n_per_m / feed.table_mass_kg).sqrt() / TAU;
         let notch = matches!(self, Self::Notch | Self::Both);
         let observer = matches!(self, Self::Observer | Self::Both);
-        RejectionPlate {
-            disturbance_rad_s: if observer { 50.0 } else { 0.0 },
-            notch: NotchPlate {
-                hz: if notch { hz } else { 0.0 },
-                ..RejectionPlate::NONE.notch
-            },
-        }
+        let speed_rad_s = if observer {
+            PAPER_TUNING.speed_rad_s
+        } else {
+            0.0
+        };
+        RejectionPlate::of_mode(if notch { hz } else { 0.0 }, speed_rad_s)
     }
 }
 

@@ -108,6 +108,8 @@ pub enum SmoothPart {
     Robustness,
     /// Reversal through friction.
     Reversal,
+    /// A step of load, and a base speed that wanders.
+    Disturbance,
     /// Time to learn.
     Learning,
     /// What sets the ripple that is left.

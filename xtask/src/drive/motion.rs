@@ -78,7 +78,10 @@ pub fn reset(drive: &mut Drive) -> Result<()> {
 /// Runs until Ctrl-C or as long as asked.
 pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
     let settings = drive.settings()?;
-    let command = speeds(options.table_speed * 1e-3, options.nut_rpm * TAU / 60.0)?;
+    let command = speeds(
+        options.table_speed * 1e-3,
+        options.nut_rpm.map(|rpm| rpm * TAU / 60.0),
+    )?;
     let stop = caught()?;
     if options.arm {
         drive.tell(Command::Arm)?;
@@ -95,8 +98,10 @@ pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
 /// Moves the table by a distance.
 pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
     let settings = drive.settings()?;
-    let Command::Run { velocity, base } =
-        speeds(options.table_speed * 1e-3, options.nut_rpm * TAU / 60.0)?
+    let Command::Run { velocity, base } = speeds(
+        options.table_speed * 1e-3,
+        options.nut_rpm.map(|rpm| rpm * TAU / 60.0),
+    )?
     else {
         bail!("speeds are no command");
     };
@@ -183,15 +188,18 @@ pub fn caught() -> Result<Arc<AtomicBool>> {
     ctrl_c().context("Ctrl-C cannot be caught, and is what stops the drive")
 }
 
-/// The command for a table velocity, m/s, and a base speed, rad/s.
-pub fn speeds(velocity: f64, base: f64) -> Result<Command> {
+/// The command for a table velocity, m/s, and a base speed, rad/s; none: that of the drive's table.
+pub fn speeds(velocity: f64, base: Option<f64>) -> Result<Command> {
+    let base_word = |base: f64| {
+        scale::word(base, scale::BASE_SPEED).with_context(|| {
+            format!("a base speed of {base} rad/s cannot be said: 8192 rad/s are the end")
+        })
+    };
     Ok(Command::Run {
         velocity: scale::word(velocity, scale::TABLE_VELOCITY).with_context(|| {
             format!("a table velocity of {velocity} m/s cannot be said: 8 m/s are the end")
         })?,
-        base: scale::word(base, scale::BASE_SPEED).with_context(|| {
-            format!("a base speed of {base} rad/s cannot be said: 8192 rad/s are the end")
-        })?,
+        base: base.map(base_word).transpose()?,
     })
 }
 

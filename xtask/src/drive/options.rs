@@ -105,14 +105,10 @@ pub struct JogOptions {
         allow_negative_numbers = true
     )]
     pub table_speed: f64,
-    /// Nut speed, rpm; 0 is the single drive (CDFS).
-    #[arg(
-        long,
-        value_name = "RPM",
-        default_value_t = 0.0,
-        allow_negative_numbers = true
-    )]
-    pub nut_rpm: f64,
+    /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
+    /// 0 until one is set.
+    #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
+    pub nut_rpm: Option<f64>,
     /// For so long, s, instead of until Ctrl-C.
     #[arg(long, value_name = "S")]
     pub duration: Option<f64>,
@@ -130,14 +126,10 @@ pub struct MoveOptions {
     /// Largest table velocity on the way, mm/s.
     #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
     pub table_speed: f64,
-    /// Nut speed, rpm; 0 is the single drive (CDFS).
-    #[arg(
-        long,
-        value_name = "RPM",
-        default_value_t = 0.0,
-        allow_negative_numbers = true
-    )]
-    pub nut_rpm: f64,
+    /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
+    /// 0 until one is set.
+    #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
+    pub nut_rpm: Option<f64>,
     /// Arm it first.
     #[arg(long)]
     pub arm: bool,
@@ -256,7 +248,7 @@ impl DriveOptions {
         match &self.task {
             Task::Jog(jog) => {
                 finite("--table-speed", jog.table_speed)?;
-                finite("--nut-rpm", jog.nut_rpm)?;
+                finite("--nut-rpm", jog.nut_rpm.unwrap_or_default())?;
                 let seconds = jog.duration.unwrap_or(1.0);
                 ensure!(
                     seconds > 0.0 && seconds.is_finite(),
@@ -265,7 +257,7 @@ impl DriveOptions {
             }
             Task::Move(travel) => {
                 finite("the distance", travel.distance)?;
-                finite("--nut-rpm", travel.nut_rpm)?;
+                finite("--nut-rpm", travel.nut_rpm.unwrap_or_default())?;
                 ensure!(
                     travel.table_speed > 0.0 && travel.table_speed.is_finite(),
                     "--table-speed is {} mm/s, but one above 0 is needed: the distance says which way",

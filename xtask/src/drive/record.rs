@@ -87,7 +87,7 @@ fn stream(
         if now >= hold_until
             && let Some(hold) = holds.next()
         {
-            drive.tell(speeds(hold.velocity, hold.base)?)?;
+            drive.tell(speeds(hold.velocity, Some(hold.base))?)?;
             hold_until += hold.seconds;
         }
         if !options.hold.is_empty() && beaten.elapsed() > BEAT {

@@ -380,12 +380,11 @@ impl Setting {
         Possible(*self)
     }
 
-    /// It says what is compensated: friction, or what repeats with an angle.
+    /// It says what is compensated: friction, what repeats with an angle, disturbances, the axial mode.
     #[must_use]
     pub fn compensates(&self) -> bool {
-        const FIRST: u8 = 10;
         let [group, _] = self.id.to_be_bytes();
-        group >= FIRST
+        matches!(group, 10..=18)
     }
 
     /// The setting of a name: `feed.lead_mm`.
@@ -480,7 +479,8 @@ mod tests {
         }
         let compensates = |name: &str| Setting::named(name).unwrap().compensates();
         assert!(compensates("screw_friction.coulomb_nm") && compensates("lead.order_1"));
-        assert!(!compensates("compensation.learning_s"));
+        assert!(compensates("rejection.notch_hz"));
+        assert!(!compensates("compensation.learning_s") && !compensates("base.wander_rpm"));
     }
 
     #[test]

@@ -485,6 +485,12 @@ impl Settings {
         CompensationPlate::usual(pole_pairs, learning_s, scale_count_m)
     }
 
+    /// The base speed, rad/s, for a table velocity, m/s, for which none is commanded.
+    #[must_use]
+    pub fn base_for(&self, velocity: f64) -> f64 {
+        self.base.plate().base_for(velocity)
+    }
+
     /// One count of the table's scale, m.
     #[must_use]
     pub fn scale_count_m(&self) -> f64 {

@@ -1,5 +1,6 @@
 //! `cargo xtask bench smooth`: how smooth the table moves, beside what others do.
 
+mod disturbance;
 mod floor;
 mod hum;
 mod page;
@@ -70,12 +71,13 @@ pub(super) fn run(options: &SmoothOptions) -> Result<()> {
                 "error_pi_percent": error.pi,
                 "error_ours_percent": error.known,
                 "error_ours_percent_if_known_30_less_and_more": error.off,
+                "error_observed_percent_if_unknown_30_less_known_30_more": error.observed,
             })
         });
         put("reversal", json.collect(), &|| {
             println!(
                 "\nReversal of 1 mm/s at 0.5 Hz through friction that sticks, largest error over the amplitude: PI, ours, ours \
-                 told 30 % less and more"
+                 told 30 % less and more; with observer and notch: friction unknown, told 30 % less, known, told 30 % more"
             );
             for (
                 &nut_rpm,
@@ -83,14 +85,26 @@ pub(super) fn run(options: &SmoothOptions) -> Result<()> {
                     pi,
                     known,
                     off: [less, more],
+                    observed: [unknown, seen_less, seen, seen_more],
                 },
             ) in MODES.iter().zip(&reversals)
             {
                 println!(
-                    "  {:<36} {pi:>7.1} % {known:>7.1} % {less:>7.1} % {more:>7.1} %",
+                    "  {:<36} {pi:>7.1} % {known:>7.1} % {less:>7.1} % {more:>7.1} %   {unknown:>7.1} % {seen_less:>7.1} % \
+                     {seen:>7.1} % {seen_more:>7.1} %",
                     mode(nut_rpm)
                 );
             }
+        });
+    }
+    if of(SmoothPart::Disturbance) {
+        let steps = disturbance::load_steps()?;
+        put("load_step", disturbance::load_steps_json(&steps), &|| {
+            disturbance::print_load_steps(&steps);
+        });
+        let wanders = disturbance::wanders()?;
+        put("wander", disturbance::wanders_json(&wanders), &|| {
+            disturbance::print_wanders(&wanders);
         });
     }
     if of(SmoothPart::Learning) {

@@ -15,6 +15,8 @@ use hal_sim::experiment::{
 use hal_sim::parallel::on_all_cores;
 use hal_sim::smooth::known::Known;
 use hal_sim::vrf::vrf_percent;
+use link::host::settings::some_to_toml;
+use link::settings::{Setting, Settings};
 
 /// Runs the sweep and writes its report.
 pub fn run(options: &SweepOptions) -> Result<()> {
@@ -82,6 +84,17 @@ pub fn run(options: &SweepOptions) -> Result<()> {
         print(&compensated);
     }
     print_proposed(&report);
+    let (base, left_out) = report.base_table();
+    let of_base = |setting: &Setting| setting.group == "base";
+    let settings = Settings::of_plate(&DrivePlate { base, ..plate }, 0.0);
+    folder.put_text("base.toml", &some_to_toml(&settings, of_base))?;
+    println!(
+        "\n`cargo xtask drive settings import {}` makes them the drive's own, for commands that give none.",
+        folder.path("base.toml").display()
+    );
+    if left_out > 0 {
+        println!("The fastest {left_out} found no room in the drive's table.");
+    }
     println!("\nThe picture is {}.", folder.path("sweep.html").display());
     Ok(())
 }

@@ -1,5 +1,7 @@
 //! What a sweep found, as `sweep.json` holds it.
 
+use control::plate::{BASES, BasePlate, BasePoint};
+use hal_sim::experiment::RPM;
 use serde::Serialize;
 
 /// Ripple over a grid of table and nut speeds.
@@ -47,6 +49,35 @@ impl SweepReport {
             compensated_percent: None,
             proposed: Vec::new(),
         })
+    }
+
+    /// What is proposed as the drive's table of base speeds, and how many of the proposals found no room in it: neighbours of one
+    /// nut speed share a point.
+    #[must_use]
+    pub fn base_table(&self) -> (BasePlate, usize) {
+        let mut proposed = self.proposed.clone();
+        proposed.sort_by(|a, b| a.table_mm_s.total_cmp(&b.table_mm_s));
+        let mut points: Vec<BasePoint> = Vec::new();
+        for Proposed {
+            table_mm_s,
+            nut_rpm,
+            ..
+        } in proposed
+        {
+            let point = BasePoint {
+                velocity: table_mm_s * 1e-3,
+                base: nut_rpm * RPM,
+            };
+            match points.last_mut() {
+                Some(last) if last.base == point.base => *last = point,
+                _ => points.push(point),
+            }
+        }
+        let mut plate = BasePlate::NONE;
+        for (room, point) in plate.table.iter_mut().zip(&points) {
+            *room = *point;
+        }
+        (plate, points.len().saturating_sub(BASES))
     }
 
     /// Fills in what is proposed: of each row the smallest.
@@ -100,9 +131,24 @@ mod tests {
             nut_rpm,
             vrf_percent,
         };
+        let report = report.with_proposals();
+        assert_eq!(report.proposed, [at(1.0, 300.0, 0.4), at(2.5, 0.0, 0.1)]);
+        let (plate, left_out) = report.base_table();
+        assert_eq!(left_out, 0);
+        assert_eq!(plate.base_for(0.9e-3), 300.0 * RPM);
+        assert_eq!(plate.base_for(2.5e-3), 0.0);
+        let many = SweepReport {
+            proposed: (1..=10u8)
+                .map(|k| at(f64::from(k), 100.0 * f64::from(k / 2), 1.0))
+                .collect(),
+            ..report
+        };
+        // 1, 2 and 3, ... 10: six nut speeds.
+        let (plate, left_out) = many.base_table();
+        assert_eq!(left_out, 0);
         assert_eq!(
-            report.with_proposals().proposed,
-            [at(1.0, 300.0, 0.4), at(2.5, 0.0, 0.1)]
+            plate.table.map(|point| point.velocity)[..7],
+            [1e-3, 3e-3, 5e-3, 7e-3, 9e-3, 10e-3, 0.0]
         );
     }
 }

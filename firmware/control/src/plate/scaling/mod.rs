@@ -11,7 +11,7 @@ mod runaway;
 
 use crate::alignment::AlignmentConfig;
 use crate::compensation::CompensationConfig;
-use crate::coordinator::{BaseConfig, CoordinatorConfig, WanderConfig};
+use crate::coordinator::{CoordinatorConfig, WanderConfig};
 use crate::current_limit::RegenerationConfig;
 use crate::current_loop::CurrentLoopConfig;
 use crate::disturbance::DisturbanceConfig;
@@ -20,7 +20,7 @@ use crate::format::{
 };
 use crate::friction::FrictionConfig;
 use crate::notch::NotchConfig;
-use crate::plate::{BASES, BasePoint, DrivePlate};
+use crate::plate::{BasePoint, DrivePlate};
 use crate::profile::ProfileConfig;
 use crate::runaway::RunawayConfig;
 use crate::speed_loop::SpeedLoopConfig;
@@ -145,6 +145,7 @@ impl DrivePlate {
             feed.base_acceleration_max * step,
             feed.base_jerk_max * step * step,
         ));
+        attempt!(self.base_table());
         Ok(CoordinatorConfig {
             pole_pairs: [screw.pole_pairs.cast_signed(), nut.pole_pairs.cast_signed()],
             radians_per_metre: I20F12::from_bits(attempt!(quantise(
@@ -176,7 +177,6 @@ impl DrivePlate {
             table,
             base,
             wander: attempt!(self.wander()),
-            bases: attempt!(self.bases()),
         })
     }
 
@@ -225,14 +225,13 @@ impl DrivePlate {
         })
     }
 
-    const fn bases(&self) -> Result<[BaseConfig; BASES], Misfit> {
-        let mut configs = [BaseConfig {
-            velocity: TableVelocity::ZERO,
-            base: MechanicalSpeed::ZERO,
-        }; BASES];
-        let mut left: (&mut [BaseConfig], &[BasePoint]) = (&mut configs, &self.base.table);
+    /// # Errors
+    /// [`Misfit`] if the table of base speeds does not rise or ends beyond the feed's velocity. Whether motors turn that fast is
+    /// checked with each command.
+    const fn base_table(&self) -> Result<(), Misfit> {
+        let mut left: &[BasePoint] = &self.base.table;
         let (mut below, mut ended) = (0.0, false);
-        while let ([config, configs @ ..], [point, points @ ..]) = left {
+        while let [point, more @ ..] = left {
             if point.velocity == 0.0 {
                 ended = true;
             } else {
@@ -251,23 +250,9 @@ impl DrivePlate {
                 ));
                 below = point.velocity;
             }
-            *config = BaseConfig {
-                velocity: TableVelocity::from_bits(attempt!(quantise(
-                    "table velocity of a base speed",
-                    "m/s",
-                    point.velocity,
-                    28
-                ))),
-                base: MechanicalSpeed::from_bits(attempt!(quantise(
-                    "base speed of a table velocity",
-                    "rad/s",
-                    point.base,
-                    18
-                ))),
-            };
-            left = (configs, points);
+            left = more;
         }
-        Ok(configs)
+        Ok(())
     }
 }
 
