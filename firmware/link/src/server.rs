@@ -541,7 +541,7 @@ mod tests {
 
     const RUN: Command = Command::Run {
         velocity: 5,
-        base: 0,
+        base: Some(0),
     };
 
     fn refused(refusal: Refusal) -> Reply {
