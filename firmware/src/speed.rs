@@ -44,7 +44,7 @@ impl Speed {
             sampler,
             inputs,
             taken: 0,
-            shown: State::Off,
+            shown: State::Boot,
         }
     }
 

@@ -55,12 +55,13 @@ impl Supervision {
         let view = &DRIVE_VIEW;
         let [screw, nut] = &view.motors;
         let flags = board::take_encoder_flags();
-        let state = view.state.load(Relaxed);
+        let words = [&view.state, &view.fault].map(|word| word.load(Relaxed));
+        // The speed task may come between the two; a fault of no word is one all the same.
+        let state = State::of_words(words[0], words[1]).unwrap_or_default();
         let inputs = self.inputs.read();
-        let is = |states: &[State]| states.iter().any(|one| one.word() == state);
         let look = Look {
-            running: is(&[State::Aligning, State::Running, State::Stopping]),
-            driven: is(&[State::Running, State::Stopping]),
+            running: state.has_bridges_on(),
+            driven: state.is_driven(),
             missed: [
                 &screw.missed,
                 &nut.missed,

@@ -393,7 +393,7 @@ impl Drive {
             self.exchanges.each_ref(),
             seam.found(),
         );
-        if matches!(self.speed.state, State::Running | State::Stopping) {
+        if self.speed.state.is_driven() {
             self.add_currents(seam);
         }
     }

@@ -183,7 +183,7 @@ pub fn settle_through<E: From<ExperimentError>>(
     for _ in 0..reach {
         drive.period_through(seam);
         each(drive)?;
-        steady = if drive.state() == State::Running && drive.arrived() {
+        steady = if drive.state().is_driven() && drive.arrived() {
             steady + 1
         } else {
             0

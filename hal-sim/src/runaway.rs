@@ -132,7 +132,7 @@ impl WrongAngle {
         if self.running {
             drive.command(VELOCITY, NUT_RPM * RPM)?;
             let before = until_safe(&mut drive, SETTLED_S);
-            if before.state != State::Running {
+            if !before.state.is_driven() {
                 return Err(ExperimentError::NotSteady {
                     seconds: before.seconds,
                     velocity_mm_s: 1e3 * VELOCITY,

@@ -85,7 +85,7 @@ impl SpeedTask {
             torque_limited: [false; 2],
             command: Command::rest(),
             followed: Command::rest(),
-            state: State::Off,
+            state: State::Boot,
             alignment: Alignment::new(),
             seen: None,
             asked: AlignmentStep::new(),
@@ -175,6 +175,7 @@ impl SpeedTask {
         let [screw, nut] = exchanges;
         // What `decide` would leave as it is.
         let goes_on = self.state == State::Running
+            && !(look == Look::Interlock && self.holds())
             && request.run
             && self.command == self.followed
             && self.rests_for.is_none()
@@ -236,13 +237,13 @@ impl SpeedTask {
         } else {
             self.latched = FaultSet::EMPTY;
         }
-        if self.state == State::Calibrating && before != State::Calibrating {
+        if self.state == State::SelfTest && before != State::SelfTest {
             self.alignment = Alignment::begin(&config.alignment);
             (self.asked, self.seen) = (AlignmentStep::default(), None);
             self.aligned = Progress::Working;
         }
         let target = match self.state {
-            State::Running => self.command,
+            State::Running | State::Holding => self.command,
             State::Stopping => Command::rest(),
             _ => return Some(self.rest(config, request, exchanges)),
         };
@@ -474,7 +475,7 @@ impl SpeedTask {
     #[inline(never)]
     fn judge(&mut self, motors: [MotorStatus; 2], seen: [Option<Fault>; 4]) -> Option<Fault> {
         self.latched = self.latched.and(faults(motors));
-        let drives = matches!(self.state, State::Running | State::Stopping);
+        let drives = self.state.is_driven();
         let mut opens = None;
         for fault in seen.into_iter().flatten() {
             self.latched = self.latched.with(fault);
@@ -491,7 +492,7 @@ impl SpeedTask {
     #[cold]
     #[inline(never)]
     fn settle(&mut self, before: State, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
-        if matches!(before, State::Aligning | State::Running | State::Stopping) {
+        if before.has_bridges_on() {
             self.state = likelier(self.state, config, exchanges);
         }
         let first = match (self.rests_for, self.state) {
@@ -531,6 +532,12 @@ impl SpeedTask {
         }
     }
 
+    /// Rest is commanded, and both references are there.
+    #[inline(always)]
+    fn holds(&self) -> bool {
+        self.followed == Command::rest() && self.coordinator.at_rest()
+    }
+
     /// Looks at inputs and heartbeat.
     #[inline(always)]
     fn interlock(&mut self, config: &DriveConfig, request: Request) {
@@ -541,7 +548,7 @@ impl SpeedTask {
     /// What the interlock forbids is what the drive comes to rest for, if it moves or may start to.
     #[inline(always)]
     fn ask_interlock(&mut self, config: &DriveConfig, run: bool) {
-        let moves = matches!(self.state, State::Ready | State::Running | State::Stopping);
+        let moves = self.state == State::Ready || self.state.is_driven();
         if moves && self.rests_for.is_none() {
             let velocity = self.command.velocity;
             self.rests_for = self

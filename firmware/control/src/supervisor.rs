@@ -2,19 +2,21 @@
 //!
 //! | from | to | when |
 //! | --- | --- | --- |
-//! | `Off` | `Calibrating` | at once: the bridges are off, so no current flows |
-//! | `Calibrating` | `Aligning` | both motors' current zeros are measured |
-//! | `Calibrating` | `Ready` | and both rotors' angles are known |
+//! | `Boot` | `SelfTest` | at once: the bridges are off, so no current flows |
+//! | `SelfTest` | `Aligning` | both motors' current zeros are measured |
+//! | `SelfTest` | `Ready` | and both rotors' angles are known |
 //! | `Aligning` | `Ready` | both rotors are found: see [`alignment`](crate::alignment) |
 //! | `Ready` | `Running` | run is asked |
-//! | `Running` | `Stopping` | run is no longer asked |
+//! | `Running` | `Holding` | the command is rest, and both references are there: both motors hold the table |
+//! | `Holding` | `Running` | it is not any more |
+//! | `Running`, `Holding` | `Stopping` | run is no longer asked |
 //! | `Stopping` | `Running` | run is asked again |
 //! | `Stopping` | `Ready` | both references have come to rest |
-//! | `Ready`, `Stopping` | `Fault` | both references have come to rest for what [`interlock`](crate::interlock) found |
+//! | `Ready`, `Stopping` | `Fault` | both references have come to rest for a fault that [rests](crate::fault::Reaction) |
 //! | any but `Fault` | `Fault` | a fault |
-//! | `Fault` | `Off` | the fault's cause is gone and a reset is asked while run is not |
+//! | `Fault` | `Boot` | the fault's cause is gone and a reset is asked while run is not |
 //!
-//! No other transition exists.
+//! No other transition exists: [`State::may_become`] is this table, and a step that would leave it stays where it is.
 
 use crate::alignment::Progress;
 use crate::current_loop::{Calibration, Mode};
@@ -27,15 +29,17 @@ use crate::interlock::Inputs;
 pub enum State {
     /// Just started; bridges off.
     #[default]
-    Off,
+    Boot,
     /// Bridges off, current zeros being measured.
-    Calibrating,
+    SelfTest,
     /// Bridges on for small motion: both rotors being found.
     Aligning,
     /// Bridges off, all is known that running needs; the current zeros are measured again and again.
     Ready,
     /// Bridges on, following the command.
     Running,
+    /// Bridges on, both references at rest as is commanded: both motors hold the table.
+    Holding,
     /// Bridges on, references going to rest.
     Stopping,
     /// Bridges off until the cause is gone and a reset is asked.
@@ -47,12 +51,13 @@ impl State {
     #[must_use]
     pub const fn word(self) -> u32 {
         match self {
-            Self::Off => 0,
-            Self::Calibrating => 1,
+            Self::Boot => 0,
+            Self::SelfTest => 1,
             Self::Ready => 2,
             Self::Running => 3,
             Self::Stopping => 4,
             Self::Aligning => 6,
+            Self::Holding => 7,
             Self::Fault(_) => Self::FAULT_WORD,
         }
     }
@@ -73,12 +78,13 @@ impl State {
     #[must_use]
     pub const fn of_words(state: u32, fault: u32) -> Option<Self> {
         Some(match state {
-            0 => Self::Off,
-            1 => Self::Calibrating,
+            0 => Self::Boot,
+            1 => Self::SelfTest,
             2 => Self::Ready,
             3 => Self::Running,
             4 => Self::Stopping,
             6 => Self::Aligning,
+            7 => Self::Holding,
             Self::FAULT_WORD => match Fault::of_word(fault) {
                 Some(fault) => Self::Fault(fault),
                 None => return None,
@@ -87,15 +93,51 @@ impl State {
         })
     }
 
+    /// Both motors follow their references.
+    #[must_use]
+    #[inline(always)]
+    pub const fn is_driven(self) -> bool {
+        matches!(self, Self::Running | Self::Holding | Self::Stopping)
+    }
+
+    /// A bridge may be closed.
+    #[must_use]
+    pub const fn has_bridges_on(self) -> bool {
+        self.is_driven() || matches!(self, Self::Aligning)
+    }
+
+    /// The table of transitions. A fault is one state, whichever it is; a state may stay.
+    #[must_use]
+    pub const fn may_become(self, next: Self) -> bool {
+        use State::{Aligning, Boot, Fault, Holding, Ready, Running, SelfTest, Stopping};
+        match self {
+            Boot => matches!(next, Boot | SelfTest | Fault(_)),
+            SelfTest => matches!(next, SelfTest | Aligning | Ready | Fault(_)),
+            Aligning => matches!(next, Aligning | Ready | Fault(_)),
+            Ready => matches!(next, Ready | Running | Fault(_)),
+            Running => matches!(next, Running | Holding | Stopping | Fault(_)),
+            Holding => matches!(next, Holding | Running | Stopping | Fault(_)),
+            Stopping => matches!(next, Stopping | Running | Ready | Fault(_)),
+            Fault(_) => matches!(next, Fault(_) | Boot),
+        }
+    }
+
+    /// `next`, or where it is if the table does not have that transition.
+    #[must_use]
+    pub const fn become_if_it_may(self, next: Self) -> Self {
+        if self.may_become(next) { next } else { self }
+    }
+
     /// Its name in a few words.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
-            Self::Off => "off",
-            Self::Calibrating => "calibrating",
+            Self::Boot => "boot",
+            Self::SelfTest => "self-test",
             Self::Aligning => "aligning",
             Self::Ready => "ready",
             Self::Running => "running",
+            Self::Holding => "holding",
             Self::Stopping => "stopping",
             Self::Fault(_) => "fault",
         }
@@ -127,17 +169,15 @@ impl State {
         motors: [MotorStatus; 2],
         found: Option<Fault>,
         alignment: Progress,
-        at_rest: impl FnOnce() -> bool,
+        at_rest: impl Fn() -> bool,
     ) -> Self {
         let fault = fault(motors).or(found);
-        match (self, fault) {
-            (Self::Fault(_), None) if request.reset && !request.run => Self::Off,
+        let next = match (self, fault) {
+            (Self::Fault(_), None) if request.reset && !request.run => Self::Boot,
             (Self::Fault(first), _) => Self::Fault(first),
             (_, Some(fault)) => Self::Fault(fault),
-            (Self::Off, None) => Self::Calibrating,
-            (Self::Calibrating, None)
-                if motors.iter().all(|m| m.calibration == Calibration::Done) =>
-            {
+            (Self::Boot, None) => Self::SelfTest,
+            (Self::SelfTest, None) if motors.iter().all(|m| m.calibration == Calibration::Done) => {
                 if motors.iter().all(|m| m.angle_known) {
                     Self::Ready
                 } else {
@@ -151,10 +191,13 @@ impl State {
                 Progress::Done => Self::Aligning,
             },
             (Self::Ready | Self::Stopping, None) if request.run => Self::Running,
-            (Self::Running, None) if !request.run => Self::Stopping,
+            (Self::Running | Self::Holding, None) if !request.run => Self::Stopping,
+            (Self::Running | Self::Holding, None) if at_rest() => Self::Holding,
+            (Self::Holding, None) => Self::Running,
             (Self::Stopping, None) if at_rest() => Self::Ready,
             (same, None) => same,
-        }
+        };
+        self.become_if_it_may(next)
     }
 
     /// What the current loops do in this state.
@@ -163,9 +206,9 @@ impl State {
         match self {
             Self::Fault(_) if request.reset && !request.run => Mode::Reset,
             // So each start has zeros that were just measured.
-            Self::Calibrating | Self::Ready => Mode::Calibrate,
-            Self::Aligning | Self::Running | Self::Stopping => Mode::Drive,
-            Self::Off | Self::Fault(_) => Mode::Off,
+            Self::SelfTest | Self::Ready => Mode::Calibrate,
+            Self::Aligning | Self::Running | Self::Holding | Self::Stopping => Mode::Drive,
+            Self::Boot | Self::Fault(_) => Mode::Off,
         }
     }
 }
@@ -234,30 +277,36 @@ mod tests {
 
     #[test]
     fn only_the_transitions_of_the_table_exist() {
-        use State::{Aligning, Calibrating, Off, Ready, Running, Stopping};
+        use State::{Aligning, Boot, Holding, Ready, Running, SelfTest, Stopping};
         let table = HashSet::from(
             [
-                (Off, Calibrating),
-                (Calibrating, Ready),
-                (Calibrating, Aligning),
+                (Boot, SelfTest),
+                (SelfTest, Ready),
+                (SelfTest, Aligning),
                 (Aligning, Ready),
                 (Aligning, FAULT),
                 (Aligning, State::Fault(Fault::ScrewAlignment)),
                 (Ready, Running),
                 (Running, Stopping),
+                (Running, Holding),
+                (Holding, Running),
+                (Holding, Stopping),
+                (Holding, FAULT),
                 (Stopping, Running),
                 (Stopping, Ready),
-                (Off, FAULT),
-                (Calibrating, FAULT),
+                (Boot, FAULT),
+                (SelfTest, FAULT),
                 (Ready, FAULT),
                 (Running, FAULT),
                 (Stopping, FAULT),
-                (FAULT, Off),
+                (FAULT, Boot),
             ]
             .map(|pair| std::format!("{pair:?}")),
         );
         let mut seen = HashSet::new();
-        for from in [Off, Calibrating, Aligning, Ready, Running, Stopping, FAULT] {
+        for from in [
+            Holding, Boot, SelfTest, Aligning, Ready, Running, Stopping, FAULT,
+        ] {
             for bits in 0..=u8::MAX {
                 let on = |n: u8| bits >> n & 1 == 1;
                 let calibration = if on(0) {
@@ -299,6 +348,22 @@ mod tests {
             }
         }
         assert_eq!(seen, table);
+
+        // And each that is not among them is refused.
+        let all = [
+            Boot, SelfTest, Aligning, Ready, Running, Holding, Stopping, FAULT,
+        ];
+        let mut refused = 0;
+        for from in all {
+            for to in all.into_iter().filter(|to| *to != from) {
+                let allowed = table.contains(&std::format!("{:?}", (from, to)));
+                assert_eq!(from.may_become(to), allowed, "{from:?} to {to:?}");
+                let then = from.become_if_it_may(to);
+                assert_eq!(then, if allowed { to } else { from });
+                refused += usize::from(!allowed);
+            }
+        }
+        assert_eq!(refused, 56 - 19, "of 56 pairs the table has 19");
     }
 
     #[test]
@@ -346,7 +411,7 @@ mod tests {
             FAULT
         );
         assert_eq!(
-            State::Calibrating.next(
+            State::SelfTest.next(
                 asked,
                 [zero, MotorStatus::default()],
                 None,
@@ -377,16 +442,18 @@ mod tests {
         );
         assert_eq!(
             state.next(reset, healthy, None, Progress::Working, || true),
-            State::Off
+            State::Boot
         );
     }
 
     #[test]
     fn words_are_those_of_the_states() {
-        use State::{Aligning, Calibrating, Off, Ready, Running, Stopping};
-        for (word, state) in [Off, Calibrating, Ready, Running, Stopping, FAULT, Aligning]
-            .into_iter()
-            .enumerate()
+        use State::{Aligning, Boot, Holding, Ready, Running, SelfTest, Stopping};
+        for (word, state) in [
+            Boot, SelfTest, Ready, Running, Stopping, FAULT, Aligning, Holding,
+        ]
+        .into_iter()
+        .enumerate()
         {
             assert_eq!(state.word() as usize, word);
             assert_eq!(
@@ -395,6 +462,6 @@ mod tests {
             );
         }
         assert_eq!(State::of_words(State::FAULT_WORD, 0), None);
-        assert_eq!(State::of_words(7, 0), None);
+        assert_eq!(State::of_words(8, 0), None);
     }
 }

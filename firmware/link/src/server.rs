@@ -95,7 +95,7 @@ impl Commander {
             next: sessions,
             armed: None,
             owner: None,
-            before: State::Off,
+            before: State::Boot,
             faults: Vec::new(),
         }
     }
@@ -149,7 +149,7 @@ fn base_or(base: Option<i32>, settings: &Settings, velocity: i32) -> i32 {
 }
 
 fn at_rest(state: State) -> bool {
-    !matches!(state, State::Running | State::Stopping | State::Aligning)
+    !state.has_bridges_on()
 }
 
 /// The drive's end of one line.
@@ -287,7 +287,7 @@ impl Server {
             Command::DirectCurrent { motor, current } => {
                 self.may_move(commander, drive)
                     .and_then(|()| match drive.state() {
-                        State::Running => drive.direct_current(motor, current),
+                        State::Running | State::Holding => drive.direct_current(motor, current),
                         _ => Err(Refusal::AtRest),
                     })
             }
@@ -352,9 +352,9 @@ impl Server {
 
 fn runnable(state: State) -> Result<(), Refusal> {
     match state {
-        State::Ready | State::Running | State::Stopping => Ok(()),
+        State::Ready | State::Running | State::Holding | State::Stopping => Ok(()),
         State::Fault(_) => Err(Refusal::Fault),
-        State::Off | State::Calibrating | State::Aligning => Err(Refusal::NotReady),
+        State::Boot | State::SelfTest | State::Aligning => Err(Refusal::NotReady),
     }
 }
 

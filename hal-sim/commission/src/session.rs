@@ -372,12 +372,12 @@ impl<L: Line> Session<L> {
             let status = self.client.status()?;
             self.uptime_ms = status.uptime_ms;
             match State::of_words(status.state, status.fault) {
-                Some(State::Running | State::Stopping)
+                Some(State::Running | State::Holding | State::Stopping)
                     if f64::from(status.uptime_ms.wrapping_sub(begun)) < ARRIVE_S * 1e3 =>
                 {
                     self.client.listen(BEAT)?;
                 }
-                Some(State::Running | State::Stopping) => {
+                Some(State::Running | State::Holding | State::Stopping) => {
                     bail!("the drive does not come to rest: open its enable contact")
                 }
                 Some(State::Fault(fault)) => bail!(stopped(fault, &status)),

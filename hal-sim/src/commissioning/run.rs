@@ -8,7 +8,6 @@ use commission::procedure::{Done, Options, run};
 use commission::tune::Tuned;
 use control::format::Misfit;
 use control::plate::DrivePlate;
-use control::supervisor::State;
 use link::host::client::Client;
 use link::settings::{PER_KRPM, Settings};
 use plant::Axis;
@@ -194,7 +193,7 @@ fn sensitivity(
         return Ok(None);
     }
     let most = (10.0 / board.pwm_period_s()) as u64;
-    while !(drive.state() == State::Running && drive.arrived()) {
+    while !(drive.state().is_driven() && drive.arrived()) {
         drive.period();
         if drive.periods() > most {
             return Ok(None);

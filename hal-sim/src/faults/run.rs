@@ -243,11 +243,8 @@ impl Run {
             .iter()
             .sum();
         self.returned_j += (-power).max(0.0) * self.period_s;
-        let running = matches!(
-            self.drive.state(),
-            State::Aligning | State::Running | State::Stopping
-        );
-        let driven = matches!(self.drive.state(), State::Running | State::Stopping);
+        let running = self.drive.state().has_bridges_on();
+        let driven = self.drive.state().is_driven();
         let temperatures = self.bench.temperatures();
         let scale = self.bench.scale_counts();
         let ends_open = self.bench.ends_open;

@@ -178,7 +178,7 @@ impl SimulatedDrive {
             .iter()
             .any(|axis| !self.drive.compare(*axis).enable);
         self.drive.period_through(&mut self.world);
-        let running = matches!(self.drive.state(), State::Running | State::Stopping);
+        let running = self.drive.state().is_driven();
         let (drive, temperatures) = (&self.drive, self.world.temperatures);
         self.world.supervision.period(|| Look {
             running,
@@ -238,7 +238,7 @@ impl SimulatedDrive {
             return;
         };
         match self.drive.state() {
-            State::Running => {}
+            State::Running | State::Holding => {}
             // It has not begun.
             State::Ready if underway.motion.progress() == MoveProgress::Starting => return,
             _ => {

@@ -21,7 +21,6 @@ use crate::experiment::{
 use crate::seam::{Seam, Straight};
 use crate::vrf::vrf_percent;
 use control::plate::CompensationPlate;
-use control::supervisor::State;
 use rustfft::FftPlanner;
 use rustfft::num_complex::Complex64;
 
@@ -137,7 +136,7 @@ fn settle(
 /// A drive that a fault has stopped has no ripple, and no error either.
 fn still_runs(drive: &Drive, point: OperatingPoint, seconds: f64) -> Result<(), ExperimentError> {
     match drive.state() {
-        State::Running => Ok(()),
+        state if state.is_driven() => Ok(()),
         state => Err(ExperimentError::NotSteady {
             seconds,
             velocity_mm_s: point.velocity * 1e3,

@@ -246,10 +246,8 @@ pub fn rest(drive: &mut Drive) -> Result<()> {
     let until = Instant::now() + REST;
     loop {
         match look(drive)?.state {
-            Some(State::Running | State::Stopping) if Instant::now() < until => {
-                drive.listen(BEAT)?
-            }
-            Some(State::Running | State::Stopping) => {
+            Some(state) if state.is_driven() && Instant::now() < until => drive.listen(BEAT)?,
+            Some(state) if state.is_driven() => {
                 bail!("the drive does not come to rest: open its enable contact")
             }
             Some(State::Fault(fault)) => bail!(Stopped(fault)),

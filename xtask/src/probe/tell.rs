@@ -116,7 +116,7 @@ fn follow(
 pub fn start(memory: &mut impl Memory, drive: Drive, velocity: f64, base: f64) -> Result<()> {
     let before = drive.look(memory)?;
     match before.state() {
-        Some(State::Ready | State::Running | State::Stopping) => {}
+        Some(State::Ready | State::Running | State::Holding | State::Stopping) => {}
         Some(State::Fault(fault)) => bail!(
             "the drive is stopped by a fault and will not run. {} Once that is gone, `cargo xtask command --reset` leaves it",
             fault.sentence()
