@@ -9,6 +9,7 @@ mod bringup;
 mod crash;
 mod debug_view;
 mod hw;
+mod journal;
 mod log;
 mod memory;
 mod motor_loop;
@@ -49,7 +50,7 @@ mod app {
     use crate::speed::Speed;
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
-    use crate::{CONFIG, bringup, crash, log, schedule};
+    use crate::{CONFIG, bringup, crash, journal, log, schedule};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -166,7 +167,11 @@ mod app {
         supervise::spawn().expect("spawned once");
         send_telemetry::spawn().expect("spawned once");
 
-        let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs);
+        let supervision = Supervision::new(
+            Watchdog::start(device.IWDG),
+            pins.inputs,
+            journal::take_up(reason),
+        );
         let watches = analog::Watches::of(&converters);
         let speed = Speed::new(scale, watches, Sampler::new(), pins.inputs);
         let bdtr = pwm::bdtr(&plan);

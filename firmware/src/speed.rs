@@ -85,6 +85,10 @@ impl Speed {
         if output.state != self.shown || matches!(output.state, State::Fault(_)) {
             self.shown = output.state;
             debug_view::show(output.state);
+            let latched = self.control.latched().words();
+            for (word, latched) in view.latched.iter().zip(latched) {
+                word.store(latched, Relaxed);
+            }
             if let Some(misalignment) = self.control.misalignment() {
                 view.misalignment.store(misalignment.reason.word(), Relaxed);
             }
@@ -94,7 +98,10 @@ impl Speed {
                 .store(self.control.compensation().tables().0, Relaxed);
         }
         view.scale.store(scale, Relaxed);
-        count(&view.speed_steps);
+        if count(&view.speed_steps) & 63 == 0 {
+            let limits = self.control.limits(const { &CONFIG }, exchanges);
+            view.limits.store(limits.word(), Relaxed);
+        }
         self.sampler.step(&output, scale);
         if NVIC::is_pending(Interrupt::FMAC) {
             count(&view.speed_missed);

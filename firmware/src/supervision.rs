@@ -7,8 +7,9 @@ use crate::hw::analog;
 use crate::hw::inputs::Inputs;
 use crate::hw::watchdog::Watchdog;
 use crate::speed::FOUND;
-use control::fault::{self, Fault};
+use control::fault::{self, Fault, FaultSet};
 use control::guard::{Guard, Look};
+use control::journal::{Journal, Recorder};
 use control::supervisor::State;
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
@@ -22,15 +23,23 @@ pub(crate) struct Supervision {
     guard: Guard,
     inputs: Inputs,
     found: Option<Fault>,
+    recorder: Recorder,
+    journal: &'static mut Journal,
 }
 
 impl Supervision {
-    pub(crate) fn new(watchdog: Watchdog<3>, inputs: Inputs) -> Self {
+    pub(crate) fn new(
+        watchdog: Watchdog<3>,
+        inputs: Inputs,
+        journal: &'static mut Journal,
+    ) -> Self {
         Self {
             watchdog,
             inputs,
             guard: Guard::new(),
             found: None,
+            recorder: Recorder::new(),
+            journal,
         }
     }
 
@@ -86,6 +95,14 @@ impl Supervision {
             defmt::error!("{=str}", fault.sentence());
         }
         self.found = found;
+        let latched = view.latched.each_ref().map(|word| word.load(Relaxed));
+        self.recorder.look(
+            self.journal,
+            view.uptime_ms.load(Relaxed),
+            state,
+            FaultSet::of_words(latched),
+            |fault| self.guard.values(&board::GUARD, &look, fault),
+        );
         store(&view.temperatures, look.temperatures.map(u32::from));
         store(&view.bus, look.bus.map(u32::from));
         store(&view.encoder_errors, self.guard.encoder_errors());

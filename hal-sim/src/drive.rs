@@ -5,11 +5,13 @@
 
 use crate::board::{Board, BoardConfig};
 use crate::seam::{Disturbed, Seam, SpeedSeen, Straight};
+use control::active_limit::ActiveLimits;
 use control::alignment::Misalignment;
 use control::compensation::Compensation;
 use control::coordinator::{Command, CommandError};
 use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
 use control::exchange::{MotorExchange, MotorStatus};
+use control::fault::FaultSet;
 use control::format::{Angle, Current, MechanicalSpeed, Misfit, TableVelocity, Voltage};
 use control::motor_io::MotorIo;
 use control::observer::EncoderAlignment;
@@ -236,6 +238,19 @@ impl Drive {
     #[must_use]
     pub fn misalignment(&self) -> Option<Misalignment> {
         self.speed_task.misalignment()
+    }
+
+    /// What was found since it last left a fault.
+    #[must_use]
+    pub fn latched(&self) -> FaultSet {
+        self.speed_task.latched()
+    }
+
+    /// What limits it.
+    #[must_use]
+    pub fn limits(&self) -> ActiveLimits {
+        self.speed_task
+            .limits(&self.config, self.exchanges.each_ref())
     }
 
     /// What it compensates, with what it has learned.

@@ -27,6 +27,8 @@ pub struct Supervision {
     /// Channels of a motor.
     channels: usize,
     found: Option<Fault>,
+    /// What it last looked at.
+    look: Look,
 }
 
 impl Supervision {
@@ -51,6 +53,7 @@ impl Supervision {
                 Shunts::Three => 3,
             },
             found: None,
+            look: Look::default(),
         })
     }
 
@@ -73,7 +76,14 @@ impl Supervision {
                 ..look()
             };
             self.found = self.guard.step(&self.config, &look);
+            self.look = look;
         }
+    }
+
+    /// What is known of a fault: its value and its limit.
+    #[must_use]
+    pub fn values(&self, fault: Fault) -> [i32; 2] {
+        self.guard.values(&self.config, &self.look, fault)
     }
 
     /// What the speed task hears of it.

@@ -333,6 +333,12 @@ impl Coordinator {
             && self.given == ProfileState::ZERO
     }
 
+    /// The pair goes slower than asked, for a motor that cannot follow.
+    #[must_use]
+    pub fn gives_way(&self) -> bool {
+        self.given != ProfileState::ZERO
+    }
+
     /// The speeds of base and table, less what is given way.
     #[cold]
     #[inline(never)]

@@ -163,6 +163,31 @@ impl Reaction {
 }
 
 impl Fault {
+    /// In what its value and its limit are told, where they are.
+    #[must_use]
+    pub const fn unit(self) -> Option<&'static str> {
+        match self {
+            Self::OverVoltage
+            | Self::UnderVoltage
+            | Self::ScrewTemperature
+            | Self::NutTemperature => Some("ADC counts"),
+            Self::ScrewLoopLate
+            | Self::NutLoopLate
+            | Self::SpeedTaskLate
+            | Self::SupervisionLate => Some("deadlines missed since the start"),
+            Self::ScrewEncoder | Self::NutEncoder => Some("errors since the start"),
+            _ => None,
+        }
+    }
+
+    /// Whose it is: 0 is the screw's motor, 1 the nut's; `None`: the pair's.
+    #[must_use]
+    pub fn motor(self) -> Option<usize> {
+        [", screw", ", nut"]
+            .iter()
+            .position(|whose| self.name().ends_with(whose))
+    }
+
     /// What the pair does. A stop that is on its way is not waited for by a fault that opens the bridges.
     #[must_use]
     pub const fn reaction(self) -> Reaction {

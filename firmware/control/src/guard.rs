@@ -199,6 +199,30 @@ impl Guard {
         self.encoders.map(|encoder| encoder.errors)
     }
 
+    /// What is known of a fault at a look: its value and its limit in the fault's unit, 0 and 0 of others.
+    #[must_use]
+    pub fn values(&self, config: &GuardConfig, look: &Look, fault: Fault) -> [i32; 2] {
+        let ([screw_bus, nut_bus], [screw_heat, nut_heat]) = (look.bus, look.temperatures);
+        let [screw_missed, nut_missed, speed_missed, supervision_missed] = look.missed;
+        let [screw_errors, nut_errors] = self.encoder_errors();
+        let [screw_range, nut_range] = &config.temperatures;
+        let heat = |counts: u16, range: &Range| [counts, range.nearest(counts)].map(i32::from);
+        let count = |events: u32| [events.cast_signed(), 0];
+        match fault {
+            Fault::OverVoltage => [screw_bus.max(nut_bus), config.bus_most].map(i32::from),
+            Fault::UnderVoltage => [screw_bus.min(nut_bus), config.bus_least].map(i32::from),
+            Fault::ScrewTemperature => heat(screw_heat, screw_range),
+            Fault::NutTemperature => heat(nut_heat, nut_range),
+            Fault::ScrewLoopLate => count(screw_missed),
+            Fault::NutLoopLate => count(nut_missed),
+            Fault::SpeedTaskLate => count(speed_missed),
+            Fault::SupervisionLate => count(supervision_missed),
+            Fault::ScrewEncoder => count(screw_errors),
+            Fault::NutEncoder => count(nut_errors),
+            _ => [0; 2],
+        }
+    }
+
     /// One look, once a millisecond: what is past its limit, the likelier cause of others first.
     pub fn step(&mut self, config: &GuardConfig, look: &Look) -> Option<Fault> {
         let past = |bus: &u16| *bus > config.bus_most;

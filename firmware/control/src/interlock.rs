@@ -86,6 +86,13 @@ impl Interlock {
         }
     }
 
+    /// An end switch is open.
+    #[must_use]
+    pub fn at_an_end(&self) -> bool {
+        let [_, forward, backward] = self.against;
+        forward.max(backward) >= SETTLED
+    }
+
     /// What forbids to go on, or to start, by the last look, while run is asked with the table at `velocity` and a command
     /// must be renewed in `heartbeat_looks`.
     #[inline(always)]

@@ -59,6 +59,7 @@
 #[cfg(test)]
 extern crate std;
 
+pub mod active_limit;
 pub mod alignment;
 pub mod codes;
 pub mod compensation;
@@ -76,6 +77,7 @@ pub mod friction;
 #[allow(clippy::float_arithmetic)]
 pub mod guard;
 pub mod interlock;
+pub mod journal;
 pub mod modulation;
 pub mod motor_io;
 pub mod mt6835;

@@ -1,5 +1,6 @@
 //! The speed task: supervisor, coordinator and both speed loops in one step.
 
+use crate::active_limit::{ActiveLimits, Limit};
 use crate::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen, Progress};
 use crate::compensation::{Compensation, Turning};
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
@@ -130,6 +131,37 @@ impl SpeedTask {
     #[must_use]
     pub fn arrived(&self) -> bool {
         self.coordinator.arrived()
+    }
+
+    /// What limits a drive that does what it is asked.
+    #[must_use]
+    pub fn limits(&self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> ActiveLimits {
+        let driven = self.state.is_driven();
+        let mut limits = ActiveLimits::NONE
+            .with(None, Limit::Travel, self.interlock.at_an_end())
+            .with(None, Limit::Speed, driven && self.coordinator.gives_way())
+            .with(
+                None,
+                Limit::Acceleration,
+                driven && !self.coordinator.arrived(),
+            );
+        let motors = exchanges.into_iter().zip(self.torque_limited);
+        let most = self.current_max.into_iter().zip(&config.speed_loops);
+        let motors = motors.zip(most).zip(&config.regeneration).zip(0..);
+        for ((((exchange, limited), (most, speed_loop)), regeneration), k) in motors {
+            let warm = most < speed_loop.i_max;
+            let full = regeneration.braking_max(most, exchange.bus()) < most;
+            limits = limits
+                .with(Some(k), Limit::Temperature, warm)
+                .with(Some(k), Limit::Regeneration, driven && full)
+                .with(Some(k), Limit::Current, driven && limited && !warm && !full)
+                .with(
+                    Some(k),
+                    Limit::Voltage,
+                    driven && exchange.voltage_limited(),
+                );
+        }
+        limits
     }
 
     /// What was found since the drive last left a fault, the first cause among them; empty where it has none and does not come

@@ -106,6 +106,21 @@ impl State {
         self.is_driven() || matches!(self, Self::Aligning)
     }
 
+    /// What one motor does (0 the screw's, 1 the nut's) where the pair does this: a motor is in a fault where one of those that
+    /// are latched is its own; the other, whose bridge is open too, is ready.
+    #[must_use]
+    pub fn of_motor(self, motor: usize, latched: FaultSet) -> Self {
+        let own = |fault: &Fault| fault.motor() == Some(motor);
+        match self {
+            Self::Fault(first) if own(&first) => self,
+            Self::Fault(_) => match latched.iter().find(own) {
+                Some(fault) => Self::Fault(fault),
+                None => Self::Ready,
+            },
+            other => other,
+        }
+    }
+
     /// The table of transitions. A fault is one state, whichever it is; a state may stay.
     #[must_use]
     pub const fn may_become(self, next: Self) -> bool {

@@ -61,6 +61,16 @@ impl Range {
     pub const fn has(&self, counts: u16) -> bool {
         self.least <= counts && counts <= self.most
     }
+
+    /// The end that `counts` are nearer to.
+    #[must_use]
+    pub const fn nearest(&self, counts: u16) -> u16 {
+        if counts.abs_diff(self.least) < counts.abs_diff(self.most) {
+            self.least
+        } else {
+            self.most
+        }
+    }
 }
 
 impl Thermometer {

@@ -1,9 +1,11 @@
 //! Codes in the debug view, each with its name and a sentence for a person.
 
+pub use control::active_limit::{ActiveLimits, Limit};
 pub use control::alignment::Reason as Misalignment;
 use control::codes;
 pub use control::compensation::fit::{TableFit, TableFits};
-pub use control::fault::Fault;
+pub use control::fault::{Fault, FaultSet, Reaction};
+pub use control::journal::Kind as EventKind;
 pub use control::supervisor::State;
 
 codes! {

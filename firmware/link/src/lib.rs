@@ -41,6 +41,8 @@ pub const COMMAND_SYMBOL: &str = "DRIVE_COMMAND";
 pub const RTT_SYMBOL: &str = "_SEGGER_RTT";
 /// Symbol of the firmware's record of its last crash: a magic word, the text's length, and the text.
 pub const CRASH_SYMBOL: &str = "DRIVE_CRASH";
+/// Symbol of the firmware's [`Journal`](control::journal::Journal), which outlives a reset.
+pub const JOURNAL_SYMBOL: &str = "DRIVE_JOURNAL";
 /// Most bytes of that text.
 pub const CRASH_TEXT: usize = 120;
 /// RTT up-channel of the log.

@@ -8,6 +8,7 @@ use crate::frame::FrameCount;
 use crate::settings::Value;
 use crate::telemetry::{Frame, Real};
 use control::codes;
+use control::journal;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
@@ -33,6 +34,11 @@ pub enum Command {
     Status,
     /// The last faults: answered by [`Reply::Faults`].
     Faults,
+    /// Its journal, which outlives a reset: answered by [`Reply::Events`], the latest first.
+    Journal {
+        /// So many of the latest are left out.
+        after: u8,
+    },
     /// Lets the drive be moved, until it stops, has a fault, or is not moved for [`ARMED_MS`](crate::server::ARMED_MS).
     Arm,
     /// Follow these speeds.
@@ -208,10 +214,46 @@ pub struct Event {
     pub fault: u32,
 }
 
+/// An event of the journal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Recorded {
+    /// Counts up from event to event, also over a reset.
+    pub number: u32,
+    /// Since the start of that run, ms.
+    pub uptime_ms: u32,
+    /// An [`EventKind`](crate::codes::EventKind)'s word.
+    pub kind: u32,
+    /// What its kind says.
+    pub code: u32,
+    /// A fault's value and its limit, in the fault's unit.
+    pub values: [i32; 2],
+}
+
+impl From<journal::Event> for Recorded {
+    fn from(event: journal::Event) -> Self {
+        let journal::Event {
+            number,
+            uptime_ms,
+            kind,
+            code,
+            values,
+        } = event;
+        Self {
+            number,
+            uptime_ms,
+            kind,
+            code,
+            values,
+        }
+    }
+}
+
 /// Text of a fixed length.
 pub type Text = String<48>;
 /// Settings that go into a frame.
 pub const SETTINGS_A_FRAME: usize = 12;
+/// Events of the journal that go into a frame.
+pub const EVENTS_A_FRAME: usize = 6;
 /// Faults that the drive remembers.
 pub const FAULTS: usize = 8;
 
@@ -237,6 +279,8 @@ pub enum Reply {
     Status(Status),
     /// The last faults, the latest first.
     Faults(Vec<Event, FAULTS>),
+    /// Events of the journal, the latest first; none if there are no more.
+    Events(Vec<Recorded, EVENTS_A_FRAME>),
     /// Settings in the order of their numbers; none if there are none from there on.
     Settings(Vec<(u16, Value), SETTINGS_A_FRAME>),
     /// The draft does not fit the drive's formats.
@@ -317,6 +361,10 @@ pub struct Status {
     pub fault: u32,
     /// Why the last alignment failed: a [`Misalignment`](crate::codes::Misalignment)'s word; 0 is none.
     pub misalignment: u32,
+    /// All that was found since the drive last left a fault: a [`FaultSet`](crate::codes::FaultSet).
+    pub latched: [u32; 2],
+    /// What limits it: [`ActiveLimits`](crate::codes::ActiveLimits).
+    pub limits: u32,
     /// What was found of the tables of compensation that were saved: a [`TableFits`](control::compensation::fit::TableFits)' word.
     pub tables: u32,
     /// The drive may be moved.

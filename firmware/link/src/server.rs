@@ -6,13 +6,14 @@
 use crate::codes::{Run, State};
 use crate::frame::{Decoder, FRAME_MAX, count, encode};
 use crate::message::{
-    Command, DriveFrame, Event, FAULTS, HostFrame, Injection, Refusal, Reply, SETTINGS_A_FRAME,
-    Status, Text,
+    Command, DriveFrame, EVENTS_A_FRAME, Event, FAULTS, HostFrame, Injection, Recorded, Refusal,
+    Reply, SETTINGS_A_FRAME, Status, Text,
 };
 use crate::scale;
 use crate::settings::plate::Unfit;
 use crate::settings::{Settings, Value};
 use crate::telemetry::Real;
+use control::journal::Journal;
 use heapless::Vec;
 
 /// How long a drive stays armed while it does not move, ms.
@@ -27,6 +28,10 @@ pub trait Served {
     fn status(&self) -> Status;
     /// What it is doing, in a word.
     fn state(&self) -> State;
+    /// What happened, also before a reset; `None` where none is kept.
+    fn journal(&self) -> Option<&Journal> {
+        None
+    }
     /// PWM periods a second, and a step of the speed task.
     fn rates(&self) -> (u32, u32);
     /// It is a simulated one.
@@ -268,6 +273,11 @@ impl Server {
                 });
             }
             Command::Faults => return Reply::Faults(commander.faults.clone()),
+            Command::Journal { after } => {
+                let events = drive.journal().into_iter().flat_map(Journal::latest);
+                let events = events.skip(after.into()).take(EVENTS_A_FRAME);
+                return Reply::Events(events.map(Recorded::from).collect());
+            }
             Command::Arm => runnable(drive.state()).map(|()| commander.armed = Some(now_ms)),
             Command::Run { velocity, base } => self
                 .may_move(commander, drive)
@@ -765,6 +775,7 @@ mod tests {
             Just(Command::Heartbeat),
             Just(Command::Status),
             Just(Command::Faults),
+            any::<u8>().prop_map(|after| Command::Journal { after }),
             Just(Command::Arm),
             Just(Command::Stop),
             Just(Command::Reset),

@@ -146,6 +146,10 @@ words! {
         misalignment: u32,
         /// What was found of the tables of compensation that were saved: a [`TableFits`](control::compensation::fit::TableFits).
         tables: u32,
+        /// All that was found since the drive last left a fault: a [`FaultSet`](crate::codes::FaultSet).
+        latched: [u32; 2],
+        /// What limits it, 80 times a second: [`ActiveLimits`](crate::codes::ActiveLimits).
+        limits: u32,
         /// Screw, nut.
         motors: [MotorWords; 2],
     }

@@ -20,10 +20,12 @@ use crate::smooth::bench::learned;
 use control::coordinator::CommandError;
 use control::format::{Current, Misfit};
 use control::guard::Look;
+use control::journal::{Journal, Kind, Recorder};
 use control::plate::{BoardPlate, DrivePlate};
 use control::speed_task::STEPS_PER_LOOK;
 use control::supervisor::State;
 use control::table_move::{MoveError, MovePlan, MoveProgress, TableMove};
+use link::codes::ResetReason;
 use link::codes::Run;
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status, Travel};
 use link::scale;
@@ -112,6 +114,8 @@ pub struct SimulatedDrive {
     records: u32,
     /// The scale as last read, counts.
     scale: i32,
+    journal: Journal,
+    recorder: Recorder,
 }
 
 impl SimulatedDrive {
@@ -161,6 +165,12 @@ impl SimulatedDrive {
             dropped: 0,
             records: 0,
             scale: 0,
+            journal: {
+                let mut journal = Journal::new();
+                journal.add(0, Kind::Start, ResetReason::Power.word(), [0; 2]);
+                journal
+            },
+            recorder: Recorder::new(),
         })
     }
 
@@ -186,6 +196,12 @@ impl SimulatedDrive {
             theta: Axis::ALL.map(|axis| drive.estimate(axis).theta.0),
             ..Look::default()
         });
+        let (state, latched) = (self.drive.state(), self.drive.latched());
+        let (uptime_ms, supervision) = (self.uptime_ms(), &self.world.supervision);
+        self.recorder
+            .look(&mut self.journal, uptime_ms, state, latched, |fault| {
+                supervision.values(fault)
+            });
         if speed_ran {
             // Counts wrap, as those of the chip's timer do.
             self.scale = self.drive.board.scale_counts() as i32;
@@ -380,6 +396,8 @@ impl Served for SimulatedDrive {
                 .misalignment()
                 .map_or(0, |failed| failed.reason.word()),
             tables: self.drive.compensation().tables().0,
+            latched: self.drive.latched().words(),
+            limits: self.drive.limits().word(),
             travel: travel.word(),
             motors,
             scale: self.scale,
@@ -390,6 +408,10 @@ impl Served for SimulatedDrive {
 
     fn state(&self) -> State {
         self.drive.state()
+    }
+
+    fn journal(&self) -> Option<&Journal> {
+        Some(&self.journal)
     }
 
     fn rates(&self) -> (u32, u32) {

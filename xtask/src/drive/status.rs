@@ -9,27 +9,6 @@ use link::settings::Settings;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 
-/// What a fault is of.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
-    Drive,
-    Screw,
-    Nut,
-    Table,
-}
-
-impl Part {
-    fn of(fault: Fault) -> Self {
-        match fault {
-            Fault::EndForward | Fault::EndBackward => Self::Table,
-            fault if fault.name().ends_with("screw and nut") => Self::Drive,
-            fault if fault.name().ends_with(", screw") => Self::Screw,
-            fault if fault.name().ends_with(", nut") => Self::Nut,
-            _ => Self::Drive,
-        }
-    }
-}
-
 /// A status with what its words mean.
 pub struct Seen {
     status: Status,
@@ -48,6 +27,17 @@ impl Seen {
     /// The fault that has stopped it.
     pub fn fault(&self) -> Option<Fault> {
         Fault::of_word(self.status.fault)
+    }
+
+    /// What was found after that, in the order of their numbers: the journal has the times.
+    fn further(&self) -> impl Iterator<Item = Fault> {
+        let latched = FaultSet::of_words(self.status.latched);
+        latched.iter().filter(|fault| Some(*fault) != self.fault())
+    }
+
+    /// What limits a motor, or the pair.
+    fn limits(&self, motor: Option<usize>) -> impl Iterator<Item = Limit> {
+        ActiveLimits::of_word(self.status.limits).iter(motor)
     }
 
     /// How a move is going.
@@ -119,12 +109,26 @@ impl Seen {
     /// As JSON, each key with its unit.
     pub fn json(&self, settings: &Settings, simulated: bool) -> Value {
         let fault = self.fault();
-        let fault_of = |part: Part| fault.filter(|fault| Part::of(*fault) == part).map(told);
-        let motor = |k: usize, part: Part| {
+        let latched = FaultSet::of_words(self.status.latched);
+        let limits = |motor: Option<usize>| {
+            let limits = self
+                .limits(motor)
+                .map(|limit| json!({ "name": limit.name(), "sentence": limit.sentence() }));
+            limits.collect::<Vec<_>>()
+        };
+        let table = fault.filter(|fault| matches!(fault, Fault::EndForward | Fault::EndBackward));
+        let motor = |k: usize| {
             let (words, [i_d, i_q]) = (&self.status.motors[k], self.currents(k));
             let plate = [&settings.screw, &settings.nut][k];
+            let state = self.state.map(|state| state.of_motor(k, latched));
+            let own = match state {
+                Some(State::Fault(fault)) => Some(fault),
+                _ => None,
+            };
             json!({
-                "fault": fault_of(part),
+                "state": state.map_or("unknown", State::name),
+                "fault": own.map(told),
+                "limited_by": limits(Some(k)),
                 "speed_rpm": self.rpm(k),
                 "current_d_a": i_d,
                 "current_q_a": i_q,
@@ -142,6 +146,8 @@ impl Seen {
         json!({
             "state": self.state_name(),
             "fault": fault.map(told),
+            "further_faults": self.further().map(told).collect::<Vec<_>>(),
+            "limited_by": limits(None),
             "misalignment": self.misalignment().map(|reason| json!({
                 "name": reason.name(),
                 "sentence": reason.sentence(),
@@ -155,10 +161,10 @@ impl Seen {
             "simulated": simulated,
             "uptime_s": self.seconds(),
             "travel": self.travel().map_or("unknown", Travel::name),
-            "screw": motor(0, Part::Screw),
-            "nut": motor(1, Part::Nut),
+            "screw": motor(0),
+            "nut": motor(1),
             "table": {
-                "fault": fault_of(Part::Table),
+                "fault": table.map(told),
                 "position_mm": self.position_mm(settings),
                 "velocity_mm_s": self.velocity_mm_s(settings),
                 "limits": {
@@ -181,7 +187,11 @@ impl Seen {
 }
 
 fn told(fault: Fault) -> Value {
-    json!({ "name": fault.name(), "sentence": fault.sentence() })
+    json!({
+        "name": fault.name(),
+        "sentence": fault.sentence(),
+        "reaction": fault.reaction().name(),
+    })
 }
 
 /// Prints what the drive is doing.
@@ -195,6 +205,14 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
     println!("{}", seen.line(&settings));
     if let Some(fault) = seen.fault() {
         println!("Fault: {}", fault.sentence());
+    }
+    for fault in seen.further() {
+        println!("And: {}", fault.sentence());
+    }
+    for (motor, whose) in [(None, "pair"), (Some(0), "screw"), (Some(1), "nut")] {
+        for limit in seen.limits(motor) {
+            println!("Limited, {whose}: {}", limit.sentence());
+        }
     }
     if let Some(reason) = seen.misalignment() {
         println!("Alignment: {}", reason.sentence());
@@ -216,24 +234,92 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Prints the fault that has stopped the drive, and the last ones.
+/// Prints the fault that has stopped the drive, and what happened, also before a reset.
 pub fn faults(drive: &mut Drive, as_json: bool) -> Result<()> {
-    let now = Seen::of(drive.status()?).fault();
-    let last = drive.faults()?;
+    let now = Seen::of(drive.status()?);
+    let (last, journal) = (drive.faults()?, drive.journal()?);
     if as_json {
         let last: Vec<Value> = last.iter().map(entry).collect();
-        println!("{:#}", json!({ "fault": now.map(told), "last": last }));
+        let further: Vec<Value> = now.further().map(told).collect();
+        let events: Vec<Value> = journal.iter().map(event).collect();
+        println!(
+            "{:#}",
+            json!({
+                "fault": now.fault().map(told),
+                "further_faults": further,
+                "last": last,
+                "events": events,
+            })
+        );
         return Ok(());
     }
-    match now {
+    match now.fault() {
         Some(fault) => println!("{}: {}", fault.name(), fault.sentence()),
         None => println!("no fault"),
     }
-    for event in &last {
-        let name = Fault::of_word(event.fault).map_or("unknown", Fault::name);
-        println!("{:9.3} s  {name}", f64::from(event.uptime_ms) / 1e3);
+    for fault in now.further() {
+        println!("and {}: {}", fault.name(), fault.sentence());
+    }
+    for one in &journal {
+        let seconds = f64::from(one.uptime_ms) / 1e3;
+        let mut line = format!(
+            "{:>5}  {seconds:9.3} s  {}: {}",
+            one.number,
+            kind(one),
+            code(one)
+        );
+        let unit = Fault::of_word(one.code).and_then(Fault::unit);
+        if let (Some(unit), true) = (unit, is_fault(one)) {
+            let [value, limit] = one.values;
+            line += &format!(" ({value} {unit}");
+            line += &if limit == 0 {
+                ")".into()
+            } else {
+                format!(", limit {limit})")
+            };
+        }
+        println!("{line}");
     }
     Ok(())
+}
+
+fn is_fault(event: &Recorded) -> bool {
+    [EventKind::Fault, EventKind::Further]
+        .map(EventKind::word)
+        .contains(&event.kind)
+}
+
+fn kind(event: &Recorded) -> &'static str {
+    EventKind::of_word(event.kind).map_or("unknown", EventKind::name)
+}
+
+/// What an event's code means.
+fn code(event: &Recorded) -> &'static str {
+    let name = match EventKind::of_word(event.kind) {
+        Some(EventKind::Start) => ResetReason::of_word(event.code).map(ResetReason::name),
+        // Which fault it is another event says.
+        Some(EventKind::State) if event.code == State::FAULT_WORD => Some("fault"),
+        Some(EventKind::State) => State::of_words(event.code, 0).map(State::name),
+        Some(EventKind::Fault | EventKind::Further) => Fault::of_word(event.code).map(Fault::name),
+        None => None,
+    };
+    name.unwrap_or("unknown")
+}
+
+fn event(one: &Recorded) -> Value {
+    let fault = Fault::of_word(one.code).filter(|_| is_fault(one));
+    let unit = fault.and_then(Fault::unit);
+    let [value, limit] = one.values;
+    json!({
+        "number": one.number,
+        "uptime_s": f64::from(one.uptime_ms) / 1e3,
+        "kind": kind(one),
+        "name": code(one),
+        "value": unit.map(|_| value),
+        "limit": unit.filter(|_| limit != 0).map(|_| limit),
+        "unit": unit,
+        "reaction": fault.map(|fault| fault.reaction().name()),
+    })
 }
 
 fn entry(event: &Event) -> Value {

@@ -1,7 +1,7 @@
 //! A host's session with a drive over a line of bytes.
 
 use crate::frame::{Decoder, FRAME_MAX, encode};
-use crate::message::{Command, DriveFrame, Event, HostFrame, Refusal, Reply, Status};
+use crate::message::{Command, DriveFrame, Event, HostFrame, Recorded, Refusal, Reply, Status};
 use crate::settings::{Setting, Settings};
 use crate::telemetry::Frame;
 use anyhow::{Context, Result, bail};
@@ -229,6 +229,22 @@ impl<L: Line> Client<L> {
         match self.ask(Command::Faults)? {
             Reply::Faults(faults) => Ok(faults.into_iter().collect()),
             other => bail!(unexpected(&other)),
+        }
+    }
+
+    /// The journal, the latest event first.
+    ///
+    /// # Errors
+    /// [`Lost`].
+    pub fn journal(&mut self) -> Result<Vec<Recorded>> {
+        let mut all = Vec::new();
+        loop {
+            let after = u8::try_from(all.len()).unwrap_or(u8::MAX);
+            match self.ask(Command::Journal { after })? {
+                Reply::Events(events) if events.is_empty() || after == u8::MAX => return Ok(all),
+                Reply::Events(events) => all.extend(events),
+                other => bail!(unexpected(&other)),
+            }
         }
     }
 
