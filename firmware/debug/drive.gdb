@@ -74,6 +74,13 @@ document drive-crash
 Where the last panic or hard fault was. It outlives resets, but not the power.
 end
 
+define drive-journal
+  p firmware::journal::DRIVE_JOURNAL.value.value.0
+end
+document drive-journal
+What happened: the last starts, states and faults. It outlives resets, but not the power. `cargo xtask drive faults` says it in words.
+end
+
 define drive-watch
   eval "monitor mdw %u %u", &firmware::debug_view::DRIVE_VIEW as u32, sizeof(firmware::debug_view::DRIVE_VIEW) / 4
 end

@@ -4,6 +4,7 @@ use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::experiment::Setup;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
+use link::codes::EventKind;
 use link::host::client::{Client, Refused};
 use link::host::{Decoder, Row};
 use link::message::{Command, Injected, Injection, Refusal, Travel};
@@ -211,6 +212,32 @@ fn faults_put_in_are_found_and_named() {
         bench.pass(900);
         assert_eq!(bench.state(), State::Fault(found), "{}", fault.name());
     }
+    // The first cause, its value and limit, and what it led to, in order.
+    let mut bench = Bench::new();
+    bench.client.tell(inject(Injected::Bus, 0, 400.0)).unwrap();
+    bench.until(State::Fault(Fault::OverVoltage), 100);
+    bench.pass(5);
+    let journal = bench.client.journal().unwrap();
+    let kinds: Vec<_> = journal
+        .iter()
+        .map(|event| (event.kind, event.code))
+        .collect();
+    let (kind, state) = (EventKind::word, |state: State| {
+        (EventKind::State.word(), state.word())
+    });
+    assert_eq!(
+        kinds[..4],
+        [
+            state(State::Fault(Fault::OverVoltage)),
+            (kind(EventKind::Fault), Fault::OverVoltage.word()),
+            state(State::Ready),
+            state(State::SelfTest),
+        ],
+        "{journal:#?}"
+    );
+    let [value, limit] = journal[1].values;
+    assert!(value > limit && limit > 0, "{value} counts, limit {limit}");
+    assert_eq!(kinds.last().unwrap().0, kind(EventKind::Start));
     let mut bench = Bench::new();
     assert_eq!(
         refusal(bench.client.tell(inject(Injected::Bus, 0, f64::NAN))),

@@ -9,6 +9,7 @@ use crate::image::Image;
 use crate::joint::Joint;
 use crate::pins::Motor;
 use control::guard::GuardPlate;
+use control::journal::Journal;
 use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
 use hal_sim::sensors::CurrentSensing;
@@ -333,6 +334,24 @@ impl Bench {
         const BRANCH_TO_ITSELF: u16 = 0xE7FE;
         let address = self.image.symbol(handler)? & !1;
         self.emulator.patch(address, BRANCH_TO_ITSELF)
+    }
+
+    /// The journal in the firmware's memory.
+    ///
+    /// # Errors
+    /// It is not where the ELF says.
+    pub fn journal(&self) -> Result<Journal, String> {
+        let mut address = self.image.symbol(link::JOURNAL_SYMBOL)?;
+        let mut failed = None;
+        let journal = Journal::of_words(|| {
+            let word = self.emulator.word(address);
+            address += 4;
+            word.unwrap_or_else(|error| {
+                failed = Some(error);
+                0
+            })
+        });
+        failed.map_or(Ok(journal), Err)
     }
 
     /// What the firmware has logged since the last call.

@@ -1,6 +1,6 @@
 //! Faults, provoked: the bridge's output enable falls in time, and the state says why.
 
-use link::codes::{Fault, ResetReason};
+use link::codes::{EventKind, Fault, ResetReason, State};
 use link::host::Memory;
 use link::view::DriveView;
 use plant::machine::Coupling;
@@ -224,6 +224,31 @@ fn a_hung_speed_task_is_noticed_and_the_watchdog_resets_the_chip() -> Result<(),
     assert_eq!(
         bench.look()?.reset_reason(),
         Some(ResetReason::IndependentWatchdog)
+    );
+    // What led to it is still known, in its order, and so is what came after it.
+    let journal = bench.journal()?;
+    let mut events: Vec<_> = journal
+        .latest()
+        .map(|event| (event.kind, event.code))
+        .collect();
+    events.reverse();
+    let state = |state: State| (EventKind::State.word(), state.word());
+    let start = |reason: ResetReason| (EventKind::Start.word(), reason.word());
+    assert_eq!(
+        events,
+        [
+            start(ResetReason::Power),
+            state(State::SelfTest),
+            state(State::Ready),
+            state(State::Running),
+            (EventKind::Fault.word(), Fault::SpeedTaskLate.word()),
+            (EventKind::State.word(), State::FAULT_WORD),
+            start(ResetReason::IndependentWatchdog),
+            state(State::SelfTest),
+            state(State::Ready),
+        ],
+        "{:#?}",
+        journal.latest().collect::<Vec<_>>()
     );
     Ok(())
 }

@@ -79,6 +79,28 @@ pub struct Journal {
     next: u32,
 }
 
+impl Journal {
+    /// Of a drive's memory, whose words `next` gives in their order.
+    #[must_use]
+    pub fn of_words(mut next: impl FnMut() -> u32) -> Self {
+        let mut journal = Self::new();
+        for kept in &mut journal.kept {
+            *kept = Kept {
+                event: Event {
+                    number: next(),
+                    uptime_ms: next(),
+                    kind: next(),
+                    code: next(),
+                    values: [next().cast_signed(), next().cast_signed()],
+                },
+                check: next(),
+            };
+        }
+        journal.take_up();
+        journal
+    }
+}
+
 impl Default for Journal {
     fn default() -> Self {
         Self::new()
@@ -188,6 +210,11 @@ impl Recorder {
         latched: FaultSet,
         values: impl Fn(Fault) -> [i32; 2],
     ) {
+        // A current loop names its fault itself where the speed task cannot.
+        let latched = match state {
+            State::Fault(first) => latched.with(first),
+            _ => latched,
+        };
         let new = latched.without(self.written);
         let begun = !self.written.is_empty();
         self.written = latched;

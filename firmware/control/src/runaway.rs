@@ -8,7 +8,7 @@
 //! | following error | the speed is further from its reference than its limit. Where a motor is at its torque or voltage limit the coordinator takes the reference to what it can follow, so that a limit alone is none | `...Following` |
 //! | current error | `i_d` is further from its reference than its limit; `i_q` too, unless the voltage circle cut the voltage, which serves d first | `...CurrentError` |
 //! | angle | the voltage that acted is not the one that the motor's equations (Eqs 1 and 2) give at the encoder's angle and speed: an angle wrong by `delta` turns the back-EMF, and leaves `2 * sin(delta / 2)` of it over | `...Angle` |
-//! | voltage | the same, but not by a back-EMF of its own size that is only turned, or now and then, which a wrong angle is not: a current sensor, the encoder's signals, a phase, the bus's measurement. By more than any angle explains (twice the back-EMF) it is found in half the time | `...Voltage` |
+//! | voltage | the same, but not by a back-EMF of its own size that is only turned, or now and then, which a wrong angle is not: a current sensor, the encoder's signals, a phase, the bus's measurement. By much more than any angle explains (three times the back-EMF) it is found in half the time | `...Voltage` |
 //! | stall | the motor is at its torque limit and hardly turns: what blocks it, or an angle wrong by a quarter turn, whose current makes no torque and no speed, so that none of the others sees it | `...Stalled` |
 //!
 //! And where a motor has three current sensors: currents that do not add up to nothing in two steps in a row
@@ -242,7 +242,8 @@ impl Runaway {
             }
             self.counting |= *tally != Tally::new();
         }
-        let turned = u32::from(self.turned).saturating_mul(2) > u32::from(self.off);
+        let mostly = u32::from(self.turned).saturating_mul(2) > u32::from(self.off);
+        let turned = mostly || off == Off::Turned;
         match found {
             Some(Sign::Angle) if now_and_then || !turned => Some(Sign::Voltage),
             found => found,
@@ -259,7 +260,8 @@ enum Off {
     Turned,
     /// Otherwise.
     Otherwise,
-    /// By more than half a turn of the back-EMF makes it.
+    /// By half as much again as half a turn of the back-EMF makes it, of a motor that turns: half a turn and the current that
+    /// follows from it show less.
     Gross,
 }
 
@@ -277,7 +279,7 @@ impl Off {
             emf.unsigned_abs(),
             config.emf_floor.to_bits().unsigned_abs(),
         );
-        if larger(off) > size.saturating_mul(2).saturating_add(floor) {
+        if size > floor && larger(off) > size.saturating_mul(3).saturating_add(floor) {
             return Self::Gross;
         }
         // Voltages are within 2^31, so their squares' sum fits.
