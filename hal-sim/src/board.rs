@@ -176,6 +176,11 @@ impl Board {
         self.machine.set_bus_voltage(volts);
     }
 
+    /// Changes what the supply holds, V; a bus with a capacity of its own follows as its load lets it.
+    pub fn set_supply(&mut self, volts: f64) {
+        self.config.bus_v = volts;
+    }
+
     /// The bus voltage now, V.
     #[must_use]
     pub fn bus_voltage(&self) -> f64 {

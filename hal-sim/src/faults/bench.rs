@@ -52,7 +52,7 @@ pub(super) struct Bench {
     /// Somebody has opened the enable contact.
     pub(super) enable_opened: bool,
     pub(super) position: f64,
-    load_n: f64,
+    pub(super) load_n: f64,
     mass_kg: f64,
     adc_counts: f64,
     /// Shaft angles as last read: screw, nut.
@@ -104,6 +104,14 @@ impl Bench {
     /// The faults are there.
     pub(super) fn break_down(&mut self) {
         self.spoiled.iter_mut().for_each(|one| one.on = true);
+        self.seen = Seen::default();
+    }
+
+    /// One more fault is there from now on.
+    pub(super) fn put_in(&mut self, input: Input, defect: Defect, seed: u64) {
+        let mut one = Spoiled::new(input, defect, seed);
+        one.on = true;
+        self.spoiled.push(one);
         self.seen = Seen::default();
     }
 

@@ -15,9 +15,13 @@ mod bench;
 mod cause;
 mod cell;
 mod run;
+mod scenario;
+mod soak;
 mod spoiled;
 
 pub use cell::{Cell, Defect, Input, Pair, Situation};
+pub use scenario::{Point, Scenario, Story, run as run_scenario};
+pub use soak::{Soaked, healthy, soak};
 
 use crate::boards::BoardKind;
 use crate::experiment::ExperimentError;

@@ -79,7 +79,7 @@ pub(super) struct Healthy {
 }
 
 /// The way of a regular stop from a velocity, m.
-fn stop_m(plate: &DrivePlate, velocity: f64) -> f64 {
+pub(super) fn stop_m(plate: &DrivePlate, velocity: f64) -> f64 {
     let (v, a, j) = (
         velocity.abs(),
         plate.feed.acceleration_max,
@@ -94,10 +94,10 @@ fn stop_m(plate: &DrivePlate, velocity: f64) -> f64 {
 }
 
 /// A drive in a situation.
-struct Run {
-    drive: Drive,
-    bench: Bench,
-    period_s: f64,
+pub(super) struct Run {
+    pub(super) drive: Drive,
+    pub(super) bench: Bench,
+    pub(super) period_s: f64,
     /// An index was seen since the supervision's last look.
     index: [bool; 2],
     /// Energy that has gone into the bus, J.
@@ -129,8 +129,20 @@ impl Run {
         faults: &[(Input, Defect)],
         seed: u64,
     ) -> Result<Self, ExperimentError> {
+        Self::with_bus(board, situation, faults, seed, 0.0)
+    }
+
+    /// The same on a bus with a capacity, F; 0: one that holds its voltage.
+    pub(super) fn with_bus(
+        board: BoardKind,
+        situation: Situation,
+        faults: &[(Input, Defect)],
+        seed: u64,
+        bus_f: f64,
+    ) -> Result<Self, ExperimentError> {
         let model = model(board);
         let config = BoardConfig {
+            bus_f,
             comparators: Comparators::Amplifiers,
             ..board.config()
         };
@@ -201,19 +213,19 @@ impl Run {
         }
     }
 
-    fn ask(&mut self, point: OperatingPoint) -> Result<(), ExperimentError> {
+    pub(super) fn ask(&mut self, point: OperatingPoint) -> Result<(), ExperimentError> {
         self.drive.command(point.velocity, point.base)?;
         self.drive.request.run = true;
         Ok(())
     }
 
-    fn pass(&mut self, seconds: f64) {
+    pub(super) fn pass(&mut self, seconds: f64) {
         for _ in 0..(seconds / self.period_s) as u64 {
             self.period();
         }
     }
 
-    fn until(&mut self, state: State) -> Result<(), ExperimentError> {
+    pub(super) fn until(&mut self, state: State) -> Result<(), ExperimentError> {
         let longest = (START_S / self.period_s) as u64;
         for _ in 0..longest {
             if self.drive.state() == state {
@@ -229,7 +241,7 @@ impl Run {
         })
     }
 
-    fn period(&mut self) {
+    pub(super) fn period(&mut self) {
         self.drive.period_through(&mut self.bench);
         for axis in Axis::ALL {
             let passed = self.drive.board.take_index_passed(axis);
@@ -262,14 +274,14 @@ impl Run {
         });
     }
 
-    fn at_rest(&self) -> bool {
+    pub(super) fn at_rest(&self) -> bool {
         let machine = &self.drive.board.machine;
         let still = |axis| machine.motor(axis).omega.abs() < AT_REST.1;
         machine.table_velocity().abs() < AT_REST.0 && Axis::ALL.into_iter().all(still)
     }
 
     /// The drive comes to rest although run is asked.
-    fn reacts(&self) -> bool {
+    pub(super) fn reacts(&self) -> bool {
         match self.drive.state() {
             State::Fault(_) => true,
             State::Stopping => self.drive.request.run,

@@ -2,8 +2,11 @@
 
 use super::connect::Drive;
 use anyhow::{Context, Result};
-use link::codes::{Fault, Misalignment, State, TableFit, TableFits};
-use link::message::{Event, Status, Travel};
+use link::codes::{
+    ActiveLimits, EventKind, Fault, FaultSet, Limit, Misalignment, ResetReason, State, TableFit,
+    TableFits,
+};
+use link::message::{Event, Recorded, Status, Travel};
 use link::scale;
 use link::settings::Settings;
 use serde_json::{Value, json};
