@@ -236,8 +236,7 @@ impl Coordinator {
             self.wander(config, following);
         }
         if screw.limited || nut.limited {
-            self.table.ease(&config.table);
-            self.base.ease(&config.base);
+            self.wait(config);
         } else {
             self.table.step(&config.table, self.target_table);
             self.base.step(&config.base, self.target_base);
@@ -331,6 +330,27 @@ impl Coordinator {
         self.table.value == self.target_table
             && self.base.value == self.target_base
             && self.given == ProfileState::ZERO
+    }
+
+    /// The references wait for a motor that is at its limit; but where it cannot go as fast as is asked, they still go towards
+    /// rest: else a stop from there would never end.
+    #[cold]
+    #[inline(never)]
+    fn wait(&mut self, config: &CoordinatorConfig) {
+        let gives_way = self.given != ProfileState::ZERO;
+        let slows = |profile: &Profile, target: ProfileState| {
+            gives_way && target.saturating_abs() < profile.value.saturating_abs()
+        };
+        if slows(&self.table, self.target_table) {
+            self.table.step(&config.table, self.target_table);
+        } else {
+            self.table.ease(&config.table);
+        }
+        if slows(&self.base, self.target_base) {
+            self.base.step(&config.base, self.target_base);
+        } else {
+            self.base.ease(&config.base);
+        }
     }
 
     /// The pair goes slower than asked, for a motor that cannot follow.
@@ -629,6 +649,35 @@ mod tests {
         coordinator.command(&config, command(2.5e-3, 0.0)).unwrap();
         let [_, nut] = run(&mut coordinator, &config, 20_000);
         assert_eq!(nut, 0.0);
+    }
+
+    /// Both motors are at their voltage limit at half the speed that is asked, and stay limited while it is more than that.
+    #[test]
+    fn a_stop_of_motors_that_could_not_follow_ends() {
+        let config = config();
+        let mut coordinator = Coordinator::default();
+        coordinator
+            .command(&config, command(10e-3, 1500.0))
+            .unwrap();
+        let most = 750.0 / 60.0 * core::f64::consts::TAU * 5.0;
+        let mut follow = |coordinator: &mut Coordinator, out: &mut [SpeedReference; 2]| {
+            let following = out.map(|reference| Following {
+                omega_e: reference.omega_e.min(Speed::from_num(most)),
+                limited: reference.omega_e > Speed::from_num(0.99 * most),
+            });
+            *out = coordinator.step(&config, following);
+        };
+        let mut out = [SpeedReference::default(); 2];
+        for _ in 0..40_000 {
+            follow(&mut coordinator, &mut out);
+        }
+        assert!(coordinator.gives_way(), "both motors follow");
+        coordinator.command(&config, Command::rest()).unwrap();
+        let steps = (0..400_000).find(|_| {
+            follow(&mut coordinator, &mut out);
+            coordinator.at_rest()
+        });
+        assert!(steps.is_some(), "not at rest after 80 s: {out:?}");
     }
 
     #[test]

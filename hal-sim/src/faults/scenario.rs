@@ -104,7 +104,7 @@ pub struct Point {
 /// What came of it, each beside its limit.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Story {
-    /// How far the table went wrong, as in the matrix, m.
+    /// How far the table went wrong, m: ahead of its way or back, until the drive reacts; then as in the matrix.
     pub travel_m: f64,
     /// At most.
     pub travel_max_m: f64,
@@ -213,7 +213,8 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
                     regular = stop_m(&plate, run.drive.board.machine.table_velocity());
                 }
             }
-            None => off = off.max((x - point.velocity * told.seconds).abs()),
+            // A table that falls behind does no harm; one that goes ahead, or back, does.
+            None => off = off.max(x - point.velocity * told.seconds).max(-x),
             Some(from) => since = since.max((x - from).abs()),
         }
         let due = told.points.len() as f64 * POINT_S;

@@ -17,7 +17,7 @@ const FURTHEST_M: f64 = 0.1;
 const HELD_S: [f64; 2] = [0.1, 1.5];
 /// How long a fault is left in, and how long the drive has to run again after it, s.
 const FAULTY_S: f64 = 1.5;
-const RECOVERS_S: f64 = 15.0;
+const RECOVERS_S: f64 = 40.0;
 
 /// What a long run has seen.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -74,6 +74,12 @@ pub struct FaultsOptions {
     /// Runs each so-many-th cell only.
     #[arg(long, default_value = "1")]
     pub every: std::num::NonZeroUsize,
+    /// So many random pairs of faults besides.
+    #[arg(long, default_value_t = 200)]
+    pub pairs: usize,
+    /// And long runs of so many simulated seconds each: healthy, and with faults and resets, on both boards.
+    #[arg(long, value_name = "SECONDS")]
+    pub soak: Option<f64>,
     /// Writes the matrix as a page into this folder.
     #[arg(long)]
     pub out: Option<std::path::PathBuf>,

@@ -1,9 +1,11 @@
 //! `cargo xtask bench faults`: each input, wrong in each way, in each situation, and what comes of it.
 
 mod page;
+mod story;
 
 use super::FaultsOptions;
 use anyhow::Result;
+use control::supervisor::State;
 use hal_sim::boards::BoardKind;
 use hal_sim::faults::{Cell, Hazard, Matrix, Outcome};
 use serde::Serialize;
@@ -20,6 +22,11 @@ struct Report {
     overcurrent_periods_worst: f64,
     wrong_cause: usize,
     cells_detail: Vec<Detail>,
+    scenarios: Vec<story::Told>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pairs: Option<story::Pairs>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    soak: Vec<story::Long>,
 }
 
 #[derive(Serialize)]
@@ -60,10 +67,7 @@ const fn board_name(board: BoardKind) -> &'static str {
 
 impl Detail {
     fn of(cell: &Cell, outcome: &Outcome) -> Self {
-        let fault = match outcome.state {
-            control::supervisor::State::Fault(fault) => Some(fault.name()),
-            _ => None,
-        };
+        let fault = cause(outcome.state);
         Self {
             board: board_name(cell.board),
             input: cell.input.name(),
@@ -117,7 +121,18 @@ impl Report {
                 .zip(outcomes)
                 .map(|(cell, outcome)| Detail::of(cell, outcome))
                 .collect(),
+            scenarios: Vec::new(),
+            pairs: None,
+            soak: Vec::new(),
         }
+    }
+}
+
+/// The first cause, if it is in a fault.
+fn cause(state: State) -> Option<&'static str> {
+    match state {
+        State::Fault(fault) => Some(fault.name()),
+        _ => None,
     }
 }
 
@@ -126,11 +141,25 @@ pub(super) fn run(options: &FaultsOptions) -> Result<()> {
     let cells = Cell::all().into_iter().step_by(options.every.get());
     let cells: Vec<Cell> = cells.collect();
     let outcomes = Matrix::of(&cells)?.run_all(&cells)?;
-    let report = Report::of(&cells, &outcomes);
+    let report = Report {
+        scenarios: story::scenarios()?,
+        pairs: match options.pairs {
+            0 => None,
+            count => Some(story::pairs(count)?),
+        },
+        soak: match options.soak {
+            Some(seconds) => story::soaks(seconds)?,
+            None => Vec::new(),
+        },
+        ..Report::of(&cells, &outcomes)
+    };
     if options.json {
         println!("{}", serde_json::to_string(&report)?);
     } else {
         tell(&report, &cells, &outcomes);
+        story::tell_scenarios(&report.scenarios);
+        report.pairs.iter().for_each(story::tell_pairs);
+        story::tell_soaks(&report.soak);
     }
     if let Some(out) = &options.out {
         std::fs::create_dir_all(out)?;

@@ -60,6 +60,7 @@ pub(super) fn page(report: &Report, cells: &[Cell], outcomes: &[Outcome]) -> Str
         );
     }
     body += "</table></div>\n";
+    body += &super::story::page(&report.scenarios);
     document("Fault matrix", &body)
 }
 
