@@ -326,7 +326,7 @@ fn the_drive_s_table_gives_the_base_speed() {
         assert!(jogging.wait().unwrap().success());
         served.until("ready");
     }
-    let said = served.fails(1, &["settings", "set", "base.table_3_mm_s=10"]);
+    let said = served.fails(3, &["settings", "set", "base.table_3_mm_s=10"]);
     assert!(said.contains("table velocity of a base speed"), "{said}");
 }
 

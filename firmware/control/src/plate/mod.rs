@@ -352,7 +352,7 @@ pub struct BasePoint {
 
 impl RejectionPlate {
     /// What a model says: a notch at its axial mode, and observers of a quarter of the speed loop's cutoff, with which the paper's
-    /// loops keep 28 of 37 degrees of phase margin.
+    /// loops keep 29 of 37 degrees of phase margin.
     #[must_use]
     pub const fn of_mode(hz: f64, speed_rad_s: f64) -> Self {
         Self {

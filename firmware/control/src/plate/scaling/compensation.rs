@@ -30,6 +30,9 @@ const SPEED_PER_TURN: f64 = 0.5;
 /// What is seen less of than that, squared and of the most, is learned slower: the fast learning of what hardly shows would
 /// reach down to what the loops see best.
 const SEEN_LEAST: f64 = 0.003 * 0.003;
+/// The same beside disturbance observers, which leave of a slow torque as much less as it is slower than they are: what shows
+/// falls with the square of the frequency.
+const SEEN_LEAST_OBSERVED: f64 = 0.1 * 0.1;
 /// How much slower those are learned at least: they are below the torque's learning, as a cascade's outer loop.
 const SPEED_SLOWER: f64 = 3.0;
 
@@ -241,6 +244,11 @@ impl MotorPlate {
             learn: Phasor::ZERO,
             follow: Phasor::ZERO,
         }; POINTS];
+        let least = if drive.rejection.disturbance_rad_s == 0.0 {
+            SEEN_LEAST
+        } else {
+            SEEN_LEAST_OBSERVED
+        };
         // The loops see most where the speed loop crosses over.
         let most = self
             .loops(drive, drive.tuning.speed_rad_s * drive.board.sample_time())
@@ -254,7 +262,7 @@ impl MotorPlate {
             *point = ResponsePoint {
                 realise: Complex::ONE.over(loops.realised).words(27),
                 // Twice: the mean of a cosine's square is a half.
-                learn: inverse(loops.seen(), SEEN_LEAST * most)
+                learn: inverse(loops.seen(), least * most)
                     .scaled(2.0 * part)
                     .words(34),
                 follow: Complex::ONE.over(loops.followed()).words(29),
@@ -591,16 +599,22 @@ mod tests {
             .collect();
         let mut worst = f64::INFINITY;
         for orders in all {
-            let plate = plate(&orders);
-            let config = plate.config().unwrap().compensation;
-            for rpm in [10.0, 30.0, 100.0, 300.0, 800.0, 1500.0, 3000.0] {
-                let (least, turned) = margin(&plate, &config, rpm);
-                worst = worst.min(least);
-                assert!(
-                    least > 0.5 && turned.abs() < TAU / 2.0,
-                    "orders {orders:?} at {rpm} rpm: the curve comes within {least:.2} of -1 and turns by {turned:.2} rad, \
-                     expected 0.5 and less than half a turn"
-                );
+            for (rejection, asked) in [
+                (RejectionPlate::NONE, 0.5),
+                (RejectionPlate::of_mode(503.0, 200.0), 0.45),
+            ] {
+                let mut plate = plate(&orders);
+                plate.rejection = rejection;
+                let config = plate.config().unwrap().compensation;
+                for rpm in [10.0, 30.0, 100.0, 300.0, 800.0, 1500.0, 3000.0] {
+                    let (least, turned) = margin(&plate, &config, rpm);
+                    worst = worst.min(least);
+                    assert!(
+                        least > asked && turned.abs() < TAU / 2.0,
+                        "orders {orders:?} at {rpm} rpm, {rejection:?}: the curve comes within {least:.2} of -1 and turns by \
+                         {turned:.2} rad, expected {asked} and less than half a turn"
+                    );
+                }
             }
         }
         std::println!("least distance from -1: {worst:.2}");
