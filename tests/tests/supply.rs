@@ -6,6 +6,7 @@ use plant::model::Model;
 use std::f64::consts::TAU;
 use tests::bench::{Bench, FAULT, READY, RUNNING};
 use tests::chip::Reset;
+use tests::chip::system::Checked;
 
 fn running() -> Result<Bench, String> {
     let mut bench = Bench::new(&Model::coupled(), Coupling::Coupled)?;
@@ -61,6 +62,26 @@ fn without_the_clock_security_system_the_bridges_would_stand() -> Result<(), Str
     assert_eq!(enabled(&mut bench), [true; 2], "10 ms later");
     bench.pass(20e-3)?;
     assert_eq!(bench.emulator.resets.first(), Some(&Reset::Watchdog));
+    Ok(())
+}
+
+/// Flash is checked always, RAM where the option byte has parity on, as the wiring page asks.
+#[test]
+fn wrong_bits_open_the_bridges_and_reset_the_chip() -> Result<(), String> {
+    for memory in [Checked::Flash, Checked::Ram] {
+        let mut bench = running()?;
+        bench.log()?;
+        bench.emulator.chip().read_wrong_bits(memory);
+        assert_eq!(
+            enabled(&mut bench),
+            [false; 2],
+            "{memory:?}, with no instruction"
+        );
+        bench.pass(1e-3)?;
+        assert_eq!(bench.emulator.resets, [Reset::Software], "{memory:?}");
+        bench.wait_for(READY, 0.5)?;
+        says(&mut bench, "flash or RAM has a wrong bit")?;
+    }
     Ok(())
 }
 

@@ -72,7 +72,7 @@ impl Outcome {
 }
 
 /// Longest that an alignment may take, s.
-const LONGEST_S: f64 = 12.0;
+const LONGEST_S: f64 = 20.0;
 
 /// Time for which the machine is left alone before the drive is switched on, s: it stands where friction holds it.
 const ALONE_S: f64 = 0.5;

@@ -42,7 +42,7 @@ use pwm::{PwmTimer, Turn};
 use spi::Spi;
 use std::cell::RefCell;
 use std::rc::Rc;
-use system::{Supply, System};
+use system::{Checked, Supply, System};
 use watchdog::Watchdog;
 use wiring::Wiring;
 
@@ -454,6 +454,17 @@ impl Chip {
             self.frozen = true;
         }
         self.reschedule();
+    }
+
+    /// A word of `memory` is read that has wrong bits.
+    pub fn read_wrong_bits(&mut self, memory: Checked) {
+        if self.system.finds_wrong_bits(memory) {
+            if self.system.wrong_bits_break(memory) {
+                self.system_break(false);
+            }
+            self.nvic.raise_nmi();
+            self.reschedule();
+        }
     }
 
     /// The supply is at `volts` from now on.

@@ -46,6 +46,15 @@ pub enum Supply {
     Reset,
 }
 
+/// A memory whose wrong bits the chip finds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Checked {
+    /// Flash: two wrong bits in a double word, by ECC (RM0440 3.3.8).
+    Flash,
+    /// RAM: one wrong bit in a byte, by parity, where the option byte has it on (RM0440 2.4.1).
+    Ram,
+}
+
 /// What only holds values.
 pub struct System {
     rcc: Registers,
@@ -208,6 +217,26 @@ impl System {
             self.clock_failed = true;
         }
         watched
+    }
+
+    /// Whether the core reads wrong bits of `memory` and is told, by the NMI.
+    #[must_use]
+    pub fn finds_wrong_bits(&self, memory: Checked) -> bool {
+        const SRAM_PE: u32 = 1 << 24;
+        match memory {
+            Checked::Flash => true,
+            Checked::Ram => self.flash.get("OPTR") & SRAM_PE == 0,
+        }
+    }
+
+    /// Whether wrong bits that are found in `memory` break the timers (RM0440 10.2.8, SYSCFG_CFGR2.ECCL and SPL).
+    #[must_use]
+    pub fn wrong_bits_break(&self, memory: Checked) -> bool {
+        let lock = match memory {
+            Checked::Flash => 3,
+            Checked::Ram => 1,
+        };
+        self.system_breaks() >> lock & 1 == 1
     }
 
     /// What a supply of `volts` does.

@@ -40,6 +40,17 @@ impl Starts {
         }
     }
 
+    fn and(&self, other: &Self) -> Self {
+        Self {
+            starts: self.starts + other.starts,
+            aligned: self.aligned + other.aligned,
+            error_deg_worst: self.error_deg_worst.max(other.error_deg_worst),
+            travel_um_worst: self.travel_um_worst.max(other.travel_um_worst),
+            torque_nm_worst: self.torque_nm_worst.max(other.torque_nm_worst),
+            seconds_worst: self.seconds_worst.max(other.seconds_worst),
+        }
+    }
+
     fn sentence(&self) -> String {
         format!(
             "{} of {} starts aligned, the worst {:.2} degrees off (goal {ERROR_GOAL_DEG}); the table moved by at most {:.1} um \
@@ -54,19 +65,55 @@ impl Starts {
     }
 }
 
-/// Starts of a board's own machine: those whose rotors friction holds at every angle, and the others.
+/// Starts of machines of a kind: those whose rotors friction holds at every angle, and the others.
 #[derive(Serialize)]
-struct BoardStarts {
-    board: &'static str,
+struct Kind {
+    machine: &'static str,
     held: Starts,
     loose: Starts,
 }
 
+impl Kind {
+    /// Runs the starts that `of` draws from the seeds; `tell` hears of each refusal where friction holds.
+    fn run(
+        machine: &'static str,
+        seeds: &[u64],
+        of: impl Fn(u64) -> Start + Sync,
+        tell: impl Fn(String) + Copy,
+    ) -> Result<Self> {
+        let outcomes = on_all_cores(seeds, |&seed| {
+            let start = of(seed);
+            start.run().map(|outcome| (start.margin_nm(), outcome))
+        });
+        let mut kind = Self {
+            machine,
+            held: Starts::default(),
+            loose: Starts::default(),
+        };
+        for (seed, outcome) in seeds.iter().zip(outcomes) {
+            let (margin_nm, outcome) = outcome?;
+            if margin_nm > 0.0 {
+                if !outcome.is_ready() {
+                    tell(format!(
+                        "{machine}, start {seed} refused: {}",
+                        said(&outcome)
+                    ));
+                }
+                kind.held.add(&outcome);
+            } else {
+                kind.loose.add(&outcome);
+            }
+        }
+        Ok(kind)
+    }
+}
+
 #[derive(Serialize)]
 struct Report {
+    /// All drawn machines.
     #[serde(flatten)]
     drawn: Starts,
-    boards: Vec<BoardStarts>,
+    machines: Vec<Kind>,
     miswirings: usize,
     named: usize,
     miswired_travel_um_worst: f64,
@@ -89,7 +136,7 @@ fn said(outcome: &Outcome) -> String {
 pub(super) fn run(options: &AlignOptions) -> Result<()> {
     let mut report = Report {
         drawn: Starts::default(),
-        boards: Vec::new(),
+        machines: Vec::new(),
         miswirings: 0,
         named: 0,
         miswired_travel_um_worst: 0.0,
@@ -103,38 +150,14 @@ pub(super) fn run(options: &AlignOptions) -> Result<()> {
         }
     };
     let seeds: Vec<u64> = (1..=options.starts).collect();
-    let outcomes = on_all_cores(&seeds, |&seed| Start::drawn(seed).run());
-    for (seed, outcome) in seeds.iter().zip(outcomes) {
-        let outcome = outcome?;
-        report.drawn.add(&outcome);
-        if !outcome.is_ready() {
-            tell(format!("start {seed} refused: {}", said(&outcome)));
-        }
-    }
-    for (kind, name) in [(BoardKind::Nucleo, "nucleo"), (BoardKind::Mains, "mains")] {
-        let outcomes = on_all_cores(&seeds, |&seed| {
-            let start = Start::of_board(kind, seed);
-            start.run().map(|outcome| (start.margin_nm(), outcome))
-        });
-        let mut board = BoardStarts {
-            board: name,
-            held: Starts::default(),
-            loose: Starts::default(),
-        };
-        for (seed, outcome) in seeds.iter().zip(outcomes) {
-            let (margin_nm, outcome) = outcome?;
-            let held = margin_nm > 0.0;
-            if held && !outcome.is_ready() {
-                tell(format!("{name}, start {seed} refused: {}", said(&outcome)));
-            }
-            let kind = if held {
-                &mut board.held
-            } else {
-                &mut board.loose
-            };
-            kind.add(&outcome);
-        }
-        report.boards.push(board);
+    let board = |kind| move |seed| Start::of_board(kind, seed);
+    report.machines = vec![
+        Kind::run("drawn", &seeds, Start::drawn, tell)?,
+        Kind::run("nucleo", &seeds, board(BoardKind::Nucleo), tell)?,
+        Kind::run("mains", &seeds, board(BoardKind::Mains), tell)?,
+    ];
+    if let [drawn, ..] = &report.machines[..] {
+        report.drawn = drawn.held.and(&drawn.loose);
     }
     let miswired = miswirings(MISWIRED_SEED);
     let outcomes = on_all_cores(&miswired, |miswiring| miswiring.start.run());
@@ -160,14 +183,14 @@ pub(super) fn run(options: &AlignOptions) -> Result<()> {
         println!("{}", serde_json::to_string(&report)?);
         return Ok(());
     }
-    println!("\ndrawn machines: {}", report.drawn.sentence());
-    for board in &report.boards {
+    println!();
+    for kind in &report.machines {
         println!(
             "{}, friction holds the rotors at every angle: {}",
-            board.board,
-            board.held.sentence()
+            kind.machine,
+            kind.held.sentence()
         );
-        println!("{}, it does not: {}", board.board, board.loose.sentence());
+        println!("{}, it does not: {}", kind.machine, kind.loose.sentence());
     }
     println!(
         "{} of {} miswirings named or harmless as expected, within {:.1} um and {:.3} N m; {} of {} loose loads refused",
