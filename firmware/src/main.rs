@@ -10,9 +10,11 @@ mod crash;
 mod debug_view;
 mod hw;
 mod journal;
+mod lines;
 mod log;
 mod memory;
 mod motor_loop;
+mod orders;
 mod rows;
 mod schedule;
 mod speed;
@@ -44,13 +46,16 @@ mod app {
     use crate::hw::motor_io::Registers;
     use crate::hw::watchdog::{Watchdog, reset_reason};
     use crate::hw::{
-        amplifier, analog, clock, cycles, deadman, encoder, protection, pwm, stack_guard,
+        amplifier, analog, clock, cycles, deadman, encoder, protection, pwm, serial, stack_guard,
     };
+    use crate::lines::{Lines, RTT_DOWN_BYTES, RTT_UP_BYTES};
     use crate::motor_loop::{MOTORS, MotorLoop};
+    use crate::orders::Orders;
     use crate::speed::Speed;
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
     use crate::{CONFIG, bringup, crash, journal, log, schedule};
+    use control::journal::Journal;
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -61,7 +66,10 @@ mod app {
     rtic_monotonics::systick_monotonic!(Mono, 1000);
 
     #[shared]
-    struct Shared {}
+    struct Shared {
+        orders: Orders,
+        journal: &'static mut Journal,
+    }
 
     #[local]
     struct Local {
@@ -70,6 +78,7 @@ mod app {
         speed: Speed,
         supervision: Supervision,
         sender: Sender,
+        lines: &'static mut Lines,
         off: u32,
     }
 
@@ -81,6 +90,10 @@ mod app {
             up: {
                 0: { size: 1024, name: "defmt" }
                 1: { size: CHANNEL_BYTES, name: "telemetry", section: ".uninit.telemetry" }
+                2: { size: RTT_UP_BYTES, name: "link", section: ".uninit.link" }
+            }
+            down: {
+                0: { size: RTT_DOWN_BYTES, name: "link" }
             }
         };
         stack_guard::start(&core.MPU);
@@ -167,13 +180,16 @@ mod app {
         supervise::spawn().expect("spawned once");
         send_telemetry::spawn().expect("spawned once");
 
-        let supervision = Supervision::new(
-            Watchdog::start(device.IWDG),
-            pins.inputs,
-            journal::take_up(reason),
-        );
+        let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs);
+        let journal = journal::take_up(reason);
         let watches = analog::Watches::of(&converters);
         let speed = Speed::new(scale, watches, Sampler::new(), pins.inputs);
+        let lines = Lines::new(
+            serial::Serial::start(device.LPUART1, &device.DMAMUX),
+            channels.up.2,
+            channels.down.0,
+        );
+        let lines = cortex_m::singleton!(LINES: Lines = lines).expect("made once");
         let bdtr = pwm::bdtr(&plan);
         converters.convert_for_nothing();
         if !pwm::start(&device.TIM1, &device.TIM8, &plan, breaks) {
@@ -200,9 +216,11 @@ mod app {
             speed,
             supervision,
             sender: Sender::new(channels.up.1),
+            lines,
             off: bdtr,
         };
-        (Shared {}, local)
+        let orders = Orders::new();
+        (Shared { orders, journal }, local)
     }
 
     #[task(binds = ADC1_2, priority = 15, local = [screw])]
@@ -234,14 +252,18 @@ mod app {
         cx.local.speed.step();
     }
 
-    #[task(priority = 4, local = [supervision])]
-    async fn supervise(cx: supervise::Context) {
+    #[task(priority = 4, local = [supervision], shared = [orders, journal])]
+    async fn supervise(mut cx: supervise::Context) {
         let mut next = Mono::now();
         loop {
             next += 1.millis();
             Mono::delay_until(next).await;
             let late = Mono::now() > next;
-            cx.local.supervision.step(late);
+            let supervision = &mut *cx.local.supervision;
+            cx.shared
+                .journal
+                .lock(|journal| supervision.step(late, journal));
+            cx.shared.orders.lock(Orders::step);
         }
     }
 
@@ -255,9 +277,13 @@ mod app {
         }
     }
 
-    #[idle]
-    fn idle(_: idle::Context) -> ! {
+    #[idle(local = [lines], shared = [orders, journal])]
+    fn idle(mut cx: idle::Context) -> ! {
         loop {
+            cx.local
+                .lines
+                .step(&mut cx.shared.orders, &mut cx.shared.journal);
+            // Woken by the current loops, 40 times a millisecond.
             cortex_m::asm::wfi();
         }
     }

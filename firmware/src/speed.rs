@@ -8,6 +8,7 @@ use crate::hw::deadman;
 use crate::hw::encoder::Scale;
 use crate::hw::inputs::Inputs;
 use crate::motor_loop::MOTORS;
+use crate::orders::ARRIVED;
 use crate::telemetry::Sampler;
 use control::coordinator::Command;
 use control::fault::Fault;
@@ -61,6 +62,7 @@ impl Speed {
             reset,
             heartbeat: DRIVE_COMMAND.heartbeat.load(Relaxed),
             inputs: if self.control.looks_at_inputs() {
+                ARRIVED.store(self.control.arrived(), Relaxed);
                 self.inputs.read()
             } else {
                 interlock::Inputs::default()
@@ -77,9 +79,7 @@ impl Speed {
             None => Fault::of_word(FOUND.load(Relaxed)),
             tripped => tripped,
         };
-        let output = self
-            .control
-            .step(const { &CONFIG }, request, exchanges, found);
+        let output = self.control.step(&CONFIG, request, exchanges, found);
 
         // In a fault each time: a current loop and the dead-man's interrupt write their own there.
         if output.state != self.shown || matches!(output.state, State::Fault(_)) {

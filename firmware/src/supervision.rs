@@ -24,34 +24,28 @@ pub(crate) struct Supervision {
     inputs: Inputs,
     found: Option<Fault>,
     recorder: Recorder,
-    journal: &'static mut Journal,
 }
 
 impl Supervision {
-    pub(crate) fn new(
-        watchdog: Watchdog<3>,
-        inputs: Inputs,
-        journal: &'static mut Journal,
-    ) -> Self {
+    pub(crate) fn new(watchdog: Watchdog<3>, inputs: Inputs) -> Self {
         Self {
             watchdog,
             inputs,
             guard: Guard::new(),
             found: None,
             recorder: Recorder::new(),
-            journal,
         }
     }
 
     /// One millisecond; `late` if it comes a millisecond late or more.
-    pub(crate) fn step(&mut self, late: bool) {
+    pub(crate) fn step(&mut self, late: bool, journal: &mut Journal) {
         let view = &DRIVE_VIEW;
         count(&view.uptime_ms);
         if late {
             count(&view.supervision_missed);
         }
         debug_view::refresh();
-        self.look();
+        self.look(journal);
         let [screw, nut] = &view.motors;
         let progress =
             [&screw.steps, &nut.steps, &view.speed_steps].map(|steps| steps.load(Relaxed));
@@ -60,7 +54,7 @@ impl Supervision {
         }
     }
 
-    fn look(&mut self) {
+    fn look(&mut self, journal: &mut Journal) {
         let view = &DRIVE_VIEW;
         let [screw, nut] = &view.motors;
         let flags = board::take_encoder_flags();
@@ -97,7 +91,7 @@ impl Supervision {
         self.found = found;
         let latched = view.latched.each_ref().map(|word| word.load(Relaxed));
         self.recorder.look(
-            self.journal,
+            journal,
             view.uptime_ms.load(Relaxed),
             state,
             FaultSet::of_words(latched),

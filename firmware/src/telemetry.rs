@@ -12,7 +12,9 @@ use crate::rows::{ROWS, Rows, WORDS};
 use control::current_loop::CurrentLoopConfig;
 use control::exchange::MotorExchange;
 use control::speed_task::SpeedTaskOutput;
-use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use link::frame;
+use link::message::DriveFrame;
 use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
 use link::telemetry::{FRAME_MAX, Frame, Header, MotorSample, Request, Sample, rounded};
 use rtt_target::{ChannelMode, UpChannel};
@@ -25,6 +27,9 @@ static QUEUE: Rows = Rows::new();
 
 /// The word of the [`Request`] that the speed task serves; 0: none. Only the lowest task writes it.
 static SERVED: AtomicU32 = AtomicU32::new(0);
+
+/// The rows are the link's, and not the debug probe's: see [`LinkStream`]. Only the code below all tasks writes it.
+static LINKED: AtomicBool = AtomicBool::new(false);
 
 /// The speed task's end.
 pub(crate) struct Sampler {
@@ -124,7 +129,7 @@ fn sample(row: [u32; WORDS]) -> Sample {
             speed_ref,
         }
     };
-    let [screw, nut] = const { &CONFIG.current_loops };
+    let [screw, nut] = &CONFIG.current_loops;
     let [s0, s1, s2, s3, s4, s5, s6, n0, n1, n2, n3, n4, n5, n6] = motors.map(u32::cast_signed);
     Sample {
         period,
@@ -152,6 +157,9 @@ impl Sender {
 
     /// Once a millisecond: answers a new request, and sends what the queue holds and the channel takes.
     pub(crate) fn step(&mut self) {
+        if LINKED.load(Relaxed) {
+            return;
+        }
         let asked = DRIVE_COMMAND.record.load(Relaxed);
         if asked != self.answered {
             // The speed task is above this one: from here on it adds no row of the old stream.
@@ -191,5 +199,76 @@ const fn header(request: u32) -> Header {
     Header {
         request,
         ..const { Header::of_plate(&board::PLATE, board::SCALE_COUNT_M) }
+    }
+}
+
+/// The link's end, below the lowest task: a stream that a host asked over its line. The latest that was asked has the rows,
+/// be it by a line or by a debug probe.
+pub(crate) struct LinkStream {
+    /// A header that is yet to be sent.
+    header: Option<u32>,
+    /// The debug probe's request when the stream began: a new one ends it.
+    probe: u32,
+}
+
+impl LinkStream {
+    pub(crate) const fn new() -> Self {
+        Self {
+            header: None,
+            probe: 0,
+        }
+    }
+
+    /// Begins the stream of a [`Request`]'s word, or ends it.
+    pub(crate) fn start(&mut self, request: u32) {
+        // The task above is between two of its steps: from here on it takes no row.
+        LINKED.store(true, Relaxed);
+        SERVED.store(0, Relaxed);
+        QUEUE.clear();
+        self.probe = DRIVE_COMMAND.record.load(Relaxed);
+        self.header = Some(request);
+    }
+
+    fn end(&mut self) {
+        self.header = None;
+        SERVED.store(0, Relaxed);
+        QUEUE.clear();
+        LINKED.store(false, Relaxed);
+    }
+
+    /// Sends what the queue holds and the line takes: `send` is given whole frames, and says whether it took them.
+    pub(crate) fn step(&mut self, mut send: impl FnMut(&[u8]) -> bool) {
+        if !LINKED.load(Relaxed) {
+            return;
+        }
+        if DRIVE_COMMAND.record.load(Relaxed) != self.probe {
+            self.end();
+            return;
+        }
+        let mut send = |frame: Frame| {
+            let mut buffer = [0; frame::FRAME_MAX];
+            match frame::encode(&DriveFrame::Telemetry(frame), &mut buffer) {
+                Some(bytes) => send(bytes),
+                None => true,
+            }
+        };
+        if let Some(request) = self.header {
+            if !send(Frame::Header(header(request))) {
+                return;
+            }
+            self.header = None;
+            if Request::of_word(request).divider == 0 {
+                self.end();
+                return;
+            }
+            SERVED.store(request, Relaxed);
+        }
+        for _ in 0..ROWS {
+            let Some(row) = QUEUE.first() else { return };
+            if !send(Frame::Sample(sample(row))) {
+                return;
+            }
+            QUEUE.drop_first();
+        }
     }
 }

@@ -82,6 +82,35 @@ impl Inside {
     }
 }
 
+/// Where the DMA's channels are set up.
+const DMA1: u32 = 0x4002_0000;
+
+/// Writes what the DMA has moved.
+fn write_memory(unicorn: &mut Unicorn<'_, Inside>) -> Result<(), String> {
+    for (address, value, bytes) in std::mem::take(&mut unicorn.get_data_mut().chip.memory_writes) {
+        unicorn
+            .mem_write(u64::from(address), &value.to_le_bytes()[..bytes])
+            .map_err(engine)?;
+    }
+    Ok(())
+}
+
+/// Reads what the DMA was told to send.
+fn give_piece(unicorn: &mut Unicorn<'_, Inside>) {
+    let Some((address, bytes)) = unicorn.get_data_mut().chip.take_piece() else {
+        return;
+    };
+    let piece = unicorn.mem_read_as_vec(u64::from(address), bytes);
+    let chip = &mut unicorn.get_data_mut().chip;
+    match piece {
+        Ok(piece) => chip.give_piece(piece),
+        Err(_) => {
+            let text = format!("the DMA reads {bytes} bytes at {address:#010x}: no memory there");
+            chip.error.get_or_insert(text);
+        }
+    }
+}
+
 /// The chip with its core.
 pub struct Emulator {
     unicorn: Unicorn<'static, Inside>,
@@ -158,6 +187,10 @@ impl Emulator {
                     size,
                     Some(
                         move |uc: &mut Unicorn<'_, Inside>, offset: u64, size: usize| {
+                            // What the DMA has moved is there before its count is read.
+                            if !uc.get_data().chip.memory_writes.is_empty() {
+                                let _ = write_memory(uc);
+                            }
                             u64::from(uc.get_data_mut().chip.read((start + offset) as u32, size))
                         },
                     ),
@@ -166,11 +199,11 @@ impl Emulator {
                               offset: u64,
                               size: usize,
                               value: u64| {
-                            uc.get_data_mut().chip.write(
-                                (start + offset) as u32,
-                                size,
-                                value as u32,
-                            );
+                            let address = (start + offset) as u32;
+                            uc.get_data_mut().chip.write(address, size, value as u32);
+                            if address & !0x3FF == DMA1 {
+                                give_piece(uc);
+                            }
                         },
                     ),
                 )
@@ -434,13 +467,7 @@ impl Emulator {
     }
 
     fn flush_memory(&mut self) -> Result<(), String> {
-        for (address, value) in std::mem::take(&mut self.unicorn.get_data_mut().chip.memory_writes)
-        {
-            self.unicorn
-                .mem_write(u64::from(address), &value.to_le_bytes())
-                .map_err(engine)?;
-        }
-        Ok(())
+        write_memory(&mut self.unicorn)
     }
 
     /// Runs the core until a hook stops it.
@@ -537,10 +564,7 @@ fn on_block(uc: &mut Unicorn<'_, Inside>, address: u64, size: u32) {
         stop = uc.get_data().chip.nvic.takeable(basepri, primask).is_some();
     }
     if writes {
-        let list = std::mem::take(&mut uc.get_data_mut().chip.memory_writes);
-        for (address, value) in list {
-            let _ = uc.mem_write(u64::from(address), &value.to_le_bytes());
-        }
+        let _ = write_memory(uc);
     }
     if stop {
         // The block has not run and is met again.

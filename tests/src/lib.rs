@@ -19,3 +19,4 @@ pub mod pins;
 pub mod same;
 pub mod sizes;
 pub mod timing;
+pub mod wire;

@@ -15,6 +15,7 @@ use tests::chip::clocks::GATED;
 use tests::chip::encoder::EncoderTimer;
 use tests::chip::pwm::PwmTimer;
 use tests::chip::registers::Registers;
+use tests::chip::serial::{self, Serial};
 use tests::chip::system::System;
 use tests::chip::wiring::Wiring;
 use tests::chip::{ADC_REQUESTS, SPI1_RECEIVED, TIMER_REQUESTS, nvic};
@@ -77,6 +78,7 @@ fn emulated() -> Vec<Registers> {
     );
     all.push(BasicTimer::new().registers().clone());
     all.extend([1, 2, 3, 4].map(|number| Adc::new(number).registers().clone()));
+    all.push(Serial::new().registers().clone());
     all.extend(["DAC3", "DAC4"].map(|name| Dac::new(name).registers().clone()));
     all
 }
@@ -207,6 +209,8 @@ fn vectors_and_requests_are_those_of_the_chip() {
         }
     }
     assert_eq!(request("SPI1", "RX"), SPI1_RECEIVED);
+    assert_eq!(request("LPUART1", "RX"), serial::RECEIVED);
+    assert_eq!(request("LPUART1", "TX"), serial::SENDS);
 }
 
 /// Each reset value that is not zero, and that of each register whose value matters at the start.
@@ -314,7 +318,12 @@ fn the_boards_pins_carry_what_they_must() -> Result<(), String> {
     let bridges = ["TIM1", "TIM8"]
         .into_iter()
         .flat_map(|timer| BRIDGE.map(|signal| (timer, signal)));
-    let scale = [("TIM4", "CH1"), ("TIM4", "CH2")];
+    let both = [
+        ("TIM4", "CH1"),
+        ("TIM4", "CH2"),
+        ("LPUART1", "TX"),
+        ("LPUART1", "RX"),
+    ];
     for (board, encoders) in [
         (
             Wiring::Nucleo,
@@ -338,7 +347,7 @@ fn the_boards_pins_carry_what_they_must() -> Result<(), String> {
             ],
         ),
     ] {
-        let needed: Vec<(&str, &str)> = bridges.clone().chain(scale).chain(encoders).collect();
+        let needed: Vec<(&str, &str)> = bridges.clone().chain(both).chain(encoders).collect();
         let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
         bench.wait_for(READY, 0.2)?;
         let chip = bench.emulator.chip();
@@ -364,9 +373,10 @@ fn the_boards_pins_carry_what_they_must() -> Result<(), String> {
                     panic!("{board:?}: {name} is in alternate function {function}, which is nothing that the drive needs")
                 });
                 carried.push(*signal);
-                // 10.6 MHz, and a bridge's edges.
+                // 10.6 MHz, 4 Mbaud, and a bridge's edges.
                 let fast = match *signal {
                     ("SPI1", "SCK" | "MOSI") => 2,
+                    ("LPUART1", "TX") => 1,
                     ("TIM1" | "TIM8", signal) if signal != "BKIN" => 1,
                     _ => 0,
                 };

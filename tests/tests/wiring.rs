@@ -14,8 +14,8 @@ const OUTPUT: u32 = 1;
 const ALTERNATE: u32 = 2;
 const ANALOG: u32 = 3;
 
-/// The debugger's, in their functions from reset on.
-const DEBUGGER: [&str; 2] = ["PA13", "PA14"];
+/// The debugger's, in their functions from reset on, and its serial port.
+const DEBUGGER: [&str; 4] = ["PA13", "PA14", "PA2", "PA3"];
 
 /// Mode and alternate function that a row of the page asks for, by ST's database.
 fn asked(row: &Row) -> (u32, u32) {

@@ -11,6 +11,8 @@ use launch::Program;
 pub enum With {
     /// The link.
     Drive,
+    /// The link through the debug probe.
+    DriveByProbe,
     /// A simulated drive.
     Serve,
     /// The simulator.
@@ -25,6 +27,7 @@ impl With {
     fn build(self) -> &'static [&'static str] {
         match self {
             With::Drive => &["--features", "drive"],
+            With::DriveByProbe => &["--features", "drive,probe"],
             With::Serve => &["--features", "serve"],
             With::Simulate => &["--release", "--features", "simulate"],
             With::Identify => &["--release", "--features", "identify"],

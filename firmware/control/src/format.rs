@@ -243,8 +243,53 @@ pub fn square_root(x: u64) -> u32 {
     let excess = 32u32.saturating_sub(x.leading_zeros());
     let shift = excess.saturating_add(excess & 1);
     #[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
-    let root = ((x >> shift) as u32).isqrt() << (shift / 2);
+    let root = whole_root((x >> shift) as u32) << (shift / 2);
     root
+}
+
+/// Whole roots of 64 to 255: of a number whose uppermost byte it is, the root's first four bits.
+static ROOTS: [u8; 192] = {
+    let mut roots = [8; 192];
+    let mut k = 0;
+    while k < 192 {
+        let mut root = 8u8;
+        while (root as usize + 1) * (root as usize + 1) <= k + 64 {
+            root += 1;
+        }
+        roots[k] = root;
+        k += 1;
+    }
+    roots
+};
+
+/// The whole square root, by Karatsuba's halving (Zimmermann, INRIA RR-3805, 1999), as the standard library's is, whose
+/// table has no name by which a linker could place it in fast memory.
+#[inline]
+#[allow(clippy::arithmetic_side_effects, clippy::indexing_slicing)]
+fn whole_root(x: u32) -> u32 {
+    // One of the uppermost two bits is set; 0 stays 0.
+    let shift = (x | 1).leading_zeros() & !1;
+    let n = x << shift;
+    let head = n >> 24;
+    let first = u32::from(ROOTS[(head.saturating_sub(64) as usize).min(191)]);
+    // What a root leaves is at most twice the root, so that the next bits of it are a division's.
+    let next = |root: u32, left: u32, bits: u32, high: u32, low: u32| {
+        let numerator = left << bits | high;
+        // It is not 0, which only the compiler does not know.
+        let quotient = numerator.checked_div(2 * root).unwrap_or_default();
+        let rest = numerator - quotient * 2 * root;
+        let root = (root << bits) + quotient;
+        let (left, square) = (rest << bits | low, quotient * quotient);
+        if left < square {
+            (root - 1, left + 2 * root - 1 - square)
+        } else {
+            (root, left - square)
+        }
+    };
+    let left = head.saturating_sub(first * first);
+    let (root, left) = next(first, left, 4, n >> 20 & 15, n >> 16 & 15);
+    let (root, _) = next(root, left, 8, n >> 8 & 255, n & 255);
+    if x == 0 { 0 } else { root >> (shift / 2) }
 }
 
 /// A number that its format, or physics, does not allow.
@@ -328,6 +373,14 @@ mod tests {
             prop_assert!((got.to_num::<f64>() - exact.clamp(ends.0, ends.1)).abs() <= 2f64.powi(12 - 20));
             if exact > ends.0 && exact < ends.1 {
                 prop_assert!((got.to_num::<f64>() - exact).abs() <= 2f64.powi(-20));
+            }
+        }
+
+        #[test]
+        fn whole_roots_are_those_of_the_standard_library(x in any::<u32>(), bits in 0u32..32) {
+            // Of all sizes, and around squares.
+            for x in [x >> bits, (x >> 16).pow(2), (x >> 16).pow(2).saturating_sub(1), u32::MAX - (x >> 20)] {
+                prop_assert_eq!(whole_root(x), x.isqrt(), "{}", x);
             }
         }
 

@@ -7,13 +7,13 @@
 //! | [`view::DriveCommand`], at the symbol [`COMMAND_SYMBOL`] | the drive's RAM | the host writes |
 //! | [`bringup`]: a request that survives a reset, and a report of raw readings | the drive's RAM | both |
 //! | [`telemetry`]: a header, then samples | RTT up-channel [`TELEMETRY_CHANNEL`] | the drive writes |
-//! | [`message`]s in [`frame`]s: commands, answers, settings, telemetry | any line of bytes | both |
+//! | [`message`]s in [`frame`]s: commands, answers, settings, telemetry | a serial port at [`SERIAL_BAUD`], RTT channels [`LINK_UP_CHANNEL`] and [`LINK_DOWN_CHANNEL`], TCP | both |
 //! | [`settings`]: what a person may set, by number | in the messages | |
 //! | the log, in defmt's frames | RTT up-channel [`LOG_CHANNEL`] | the drive writes |
 //!
 //! With the feature `host`, [`host`] is the other end: it reads and decodes all of this through a chip's memory, be it
 //! behind a debug probe or emulated. [`scale`] says in which steps the fixed-point words count.
-//! [`server`] is the drive's end of the messages.
+//! [`server`] is the drive's end of the messages, [`motion`] what they ask of it.
 #![cfg_attr(not(feature = "host"), no_std)]
 #![forbid(unsafe_code)]
 
@@ -23,6 +23,7 @@ pub mod frame;
 #[cfg(feature = "host")]
 pub mod host;
 pub mod message;
+pub mod motion;
 pub mod scale;
 pub mod server;
 pub mod settings;
@@ -49,3 +50,11 @@ pub const CRASH_TEXT: usize = 120;
 pub const LOG_CHANNEL: usize = 0;
 /// RTT up-channel of the telemetry.
 pub const TELEMETRY_CHANNEL: usize = 1;
+/// RTT up-channel of the frames.
+pub const LINK_UP_CHANNEL: usize = 2;
+/// RTT down-channel of the frames.
+pub const LINK_DOWN_CHANNEL: usize = 0;
+/// Bits a second of the serial port: the highest that operating systems know by a name (Linux, `termios.h`, `B4000000`). The
+/// full telemetry takes 2.3 million. An ST-LINK/V3 goes up to 15 million by its data sheet (ST, STLINK-V3MINI, "VCP frequency
+/// up to 15 MHz"), and from an STM32G474 at 14 million by a measurement (weifengdq, csdn.net, article 113695910).
+pub const SERIAL_BAUD: u32 = 4_000_000;

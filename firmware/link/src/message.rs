@@ -177,6 +177,7 @@ codes! {
         AtRest = 13, "at rest", "Only a drive that runs takes this: move it first.";
         Current = 14, "current", "There is no such motor, or the current is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
         Angle = 15, "angle", "There is no such motor, its angle is not known, or it is further off than an alignment can be: 30 electrical degrees.";
+        Fixed = 16, "constant", "This firmware's settings are constants of its board: change them in its source, and flash it.";
     }
 }
 

@@ -22,15 +22,41 @@ pub const ARMED_MS: u32 = 600_000;
 /// Furthest that an angle may be put right at once, 2^-32 turn: a twelfth of a turn.
 const ANGLE_MAX: u32 = u32::MAX / 12;
 
+/// Why settings do not hold.
+#[derive(Clone, Copy, Debug)]
+pub enum NotSet {
+    /// They do not fit the drive's formats.
+    Unfit(Unfit),
+    /// The drive does not take them.
+    Refused(Refusal),
+}
+
+impl core::fmt::Display for NotSet {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        match self {
+            Self::Unfit(unfit) => unfit.fmt(f),
+            Self::Refused(refusal) => f.write_str(refusal.sentence()),
+        }
+    }
+}
+
+impl core::error::Error for NotSet {}
+
+impl From<Unfit> for NotSet {
+    fn from(unfit: Unfit) -> Self {
+        Self::Unfit(unfit)
+    }
+}
+
 /// A drive that a host may command.
 pub trait Served {
     /// What it is doing; what the link knows is filled in by the server.
     fn status(&self) -> Status;
     /// What it is doing, in a word.
     fn state(&self) -> State;
-    /// What happened, also before a reset; `None` where none is kept.
-    fn journal(&self) -> Option<&Journal> {
-        None
+    /// Looks at what happened, also before a reset; not where nothing is kept.
+    fn journal(&mut self, look: impl FnOnce(&Journal)) {
+        let _ = look;
     }
     /// PWM periods a second, and a step of the speed task.
     fn rates(&self) -> (u32, u32);
@@ -67,8 +93,8 @@ pub trait Served {
     /// Starts anew with these settings.
     ///
     /// # Errors
-    /// [`Unfit`]; nothing is changed then.
-    fn configure(&mut self, settings: &Settings) -> Result<(), Unfit>;
+    /// [`NotSet`]; nothing is changed then.
+    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet>;
     /// Starts or ends the telemetry.
     fn record(&mut self, request: u32);
     /// Puts a fault in.
@@ -102,6 +128,14 @@ impl Commander {
             owner: None,
             before: State::Boot,
             faults: Vec::new(),
+        }
+    }
+
+    /// Another start for the numbers of the sessions, as long as there is none: a drive that starts the same each time
+    /// has one once a host's first byte comes, at a time that nobody knows.
+    pub fn stir(&mut self, sessions: u32) {
+        if self.next == 0 {
+            self.next = sessions;
         }
     }
 
@@ -163,7 +197,8 @@ pub struct Server {
     decoder: Decoder,
     session: Option<u32>,
     sequence: u32,
-    draft: Settings,
+    /// As long as there is a session.
+    draft: Option<Settings>,
     repeated: u32,
     refused: u32,
 }
@@ -182,10 +217,16 @@ impl Server {
             decoder: Decoder::new(),
             session: None,
             sequence: 0,
-            draft: Settings::DEFAULT,
+            draft: None,
             repeated: 0,
             refused: 0,
         }
+    }
+
+    /// Somebody has spoken on the line.
+    #[must_use]
+    pub const fn has_session(&self) -> bool {
+        self.session.is_some()
     }
 
     /// The next byte of the line. `send` gets the answer's bytes, if the byte ended a frame that has one.
@@ -238,7 +279,7 @@ impl Server {
         commander.next = commander.next.wrapping_add(1).max(1);
         self.session = Some(commander.next);
         self.sequence = 0;
-        self.draft = *drive.settings();
+        self.draft = Some(*drive.settings());
         let (pwm_hz, speed_divider) = drive.rates();
         Some(Reply::Hello {
             session: commander.next,
@@ -274,9 +315,12 @@ impl Server {
             }
             Command::Faults => return Reply::Faults(commander.faults.clone()),
             Command::Journal { after } => {
-                let events = drive.journal().into_iter().flat_map(Journal::latest);
-                let events = events.skip(after.into()).take(EVENTS_A_FRAME);
-                return Reply::Events(events.map(Recorded::from).collect());
+                let mut some = Vec::new();
+                drive.journal(|journal| {
+                    let events = journal.latest().skip(after.into()).take(EVENTS_A_FRAME);
+                    some = events.map(Recorded::from).collect();
+                });
+                return Reply::Events(some);
             }
             Command::Arm => runnable(drive.state()).map(|()| commander.armed = Some(now_ms)),
             Command::Run { velocity, base } => self
@@ -321,18 +365,23 @@ impl Server {
             }
             Command::Settings { from } => return settings(drive.settings(), from),
             Command::Learned { from } => return settings(&drive.learned(), from),
-            Command::Draft { id, value } => self.draft.set(id, value).map_err(|_| Refusal::Setting),
+            Command::Draft { id, value } => match &mut self.draft {
+                Some(draft) => draft.set(id, value).map_err(|_| Refusal::Setting),
+                None => Err(Refusal::Session),
+            },
             Command::Discard => {
-                self.draft = *drive.settings();
+                self.draft = Some(*drive.settings());
                 Ok(())
             }
             Command::Commit if !at_rest(drive.state()) => Err(Refusal::Moving),
-            Command::Commit => match drive.configure(&self.draft) {
-                Ok(()) => {
+            Command::Commit => match self.draft.as_ref().map(|draft| drive.configure(draft)) {
+                None => Err(Refusal::Session),
+                Some(Ok(())) => {
                     commander.armed = None;
                     Ok(())
                 }
-                Err(unfit) => return said(&unfit),
+                Some(Err(NotSet::Unfit(unfit))) => return said(&unfit),
+                Some(Err(NotSet::Refused(refusal))) => Err(refusal),
             },
             Command::Inject(injection) => drive.inject(injection),
         };
@@ -478,7 +527,7 @@ mod tests {
         fn learned(&self) -> Settings {
             self.settings
         }
-        fn configure(&mut self, settings: &Settings) -> Result<(), Unfit> {
+        fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
             self.settings = *settings;
             Ok(())
         }

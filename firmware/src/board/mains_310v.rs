@@ -20,7 +20,7 @@
 use super::paper_machine;
 use super::pins::{
     Bridge, EncoderParts, Pins, Ports, amplified, comparator, converted, converted_output,
-    driver_fault, encoder, framed_spi, index,
+    driver_fault, encoder, framed_spi, index, serial,
 };
 use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
@@ -33,7 +33,7 @@ use control::guard::GuardConfig;
 use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP4, COMP5};
 use stm32g4xx_hal::gpio::Pull;
 use stm32g4xx_hal::opamp::{InternalOutput, Locked, Opamp1, Opamp2, Opamp3, Opamp6};
-use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, SPI1, TIM1, TIM2, TIM4, TIM5, TIM8};
+use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, LPUART1, SPI1, TIM1, TIM2, TIM4, TIM5, TIM8};
 
 #[path = "mains_plate.rs"]
 mod plate;
@@ -166,6 +166,8 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     encoder::<TIM5, _, _>(b.pb2.into_alternate::<2>(), c.pc12.into_alternate::<1>());
     index::<TIM5, _>(b.pb12.into_alternate::<2>());
     encoder::<TIM4, _, _>(b.pb6.into_alternate::<2>(), b.pb7.into_alternate::<2>());
+
+    serial::<LPUART1, _, _>(a.pa2.into_alternate::<12>(), a.pa3.into_alternate::<12>());
 
     driver_fault::<TIM1, _>(b.pb10.into_alternate::<12>(), FAULT_LINE);
     driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE);

@@ -8,7 +8,7 @@
 
 use super::paper_machine;
 use super::pins::{
-    Bridge, EncoderParts, Pins, Ports, comparator, converted, driver_fault, encoder,
+    Bridge, EncoderParts, Pins, Ports, comparator, converted, driver_fault, encoder, serial,
 };
 use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
@@ -18,7 +18,7 @@ use crate::hw::outputs::{Level, Outputs, output};
 use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
 use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP3, COMP4, COMP5, COMP7};
-use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, TIM1, TIM2, TIM4, TIM5, TIM8};
+use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, LPUART1, TIM1, TIM2, TIM4, TIM5, TIM8};
 
 #[path = "nucleo_plate.rs"]
 mod plate;
@@ -150,6 +150,8 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     encoder::<TIM2, _, _>(a.pa15.into_alternate::<1>(), b.pb3.into_alternate::<1>());
     encoder::<TIM5, _, _>(b.pb2.into_alternate::<2>(), c.pc12.into_alternate::<1>());
     encoder::<TIM4, _, _>(b.pb6.into_alternate::<2>(), b.pb7.into_alternate::<2>());
+
+    serial::<LPUART1, _, _>(a.pa2.into_alternate::<12>(), a.pa3.into_alternate::<12>());
 
     driver_fault::<TIM1, _>(b.pb10.into_alternate::<12>(), FAULT_LINE);
     driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE);

@@ -18,6 +18,7 @@ use stm32g4xx_hal::opamp::NonInverting;
 use stm32g4xx_hal::pwm::{
     C1, C2, C3, ComplementaryDisabled, ComplementaryImpossible, FaultPins, NPins, Pins as TimerPin,
 };
+use stm32g4xx_hal::serial::{RxPin, TxPin};
 use stm32g4xx_hal::spi::{PinMiso, PinMosi, PinSck};
 use stm32g4xx_hal::stm32::{DMA1, DMAMUX, SPI1, TIM2, TIM5};
 
@@ -110,6 +111,17 @@ where
         Level::High => Pull::Down,
     };
     claim::<T>(&pin.internal_resistor(pull), PinUse::Fault);
+}
+
+/// Takes the pins of the serial port `U`: sends, receives. The pull-up holds an open line at rest; edges of a few megabits need
+/// more than the lowest speed's 5 MHz at 50 pF (datasheet, I/O AC characteristics; memory).
+pub(crate) fn serial<U, T, R>(sends: T, receives: R)
+where
+    T: TxPin<U> + PinSpeed,
+    R: RxPin<U> + PinPull,
+{
+    let _ = sends.speed(Speed::Medium);
+    let _ = receives.internal_resistor(Pull::Up);
 }
 
 /// A pin that carries the index of the encoder on timer `T`.

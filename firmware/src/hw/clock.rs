@@ -131,6 +131,7 @@ pub(crate) fn enable_peripherals(rcc: &Rcc) {
             .tim7en()
             .set_bit()
     });
+    rcc.apb1enr2().modify(|_, w| w.lpuart1en().set_bit());
     rcc.apb2enr().modify(|_, w| {
         w.tim1en()
             .set_bit()

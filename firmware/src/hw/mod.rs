@@ -12,5 +12,6 @@ pub(crate) mod motor_io;
 pub(crate) mod outputs;
 pub(crate) mod protection;
 pub(crate) mod pwm;
+pub(crate) mod serial;
 pub(crate) mod stack_guard;
 pub(crate) mod watchdog;

@@ -24,12 +24,13 @@ use control::journal::{Journal, Kind, Recorder};
 use control::plate::{BoardPlate, DrivePlate};
 use control::speed_task::STEPS_PER_LOOK;
 use control::supervisor::State;
-use control::table_move::{MoveError, MovePlan, MoveProgress, TableMove};
+use control::table_move::{MoveError, MovePlan};
 use link::codes::ResetReason;
 use link::codes::Run;
-use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status, Travel};
+use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
+use link::motion::Motion;
 use link::scale;
-use link::server::Served;
+use link::server::{NotSet, Served};
 use link::settings::plate::Unfit;
 use link::settings::{Settings, Value};
 use link::telemetry::{self, Frame, Header, MotorSample, Real, Request, Sample};
@@ -38,9 +39,6 @@ use plant::machine::Coupling;
 use std::collections::VecDeque;
 use std::f64::consts::TAU;
 use world::World;
-
-/// How long a reset is asked at most, s: a fault whose cause goes later stays, and so does the next one.
-const RESET_S: f64 = 0.1;
 
 /// Telemetry that waits for its line, frames: a second at the full rate.
 const WAITING: usize = 5000;
@@ -67,19 +65,6 @@ impl Begin {
     }
 }
 
-/// A move under way.
-#[derive(Clone, Copy, Debug)]
-struct Underway {
-    plan: MovePlan,
-    motion: TableMove,
-    /// Base speed, 2^-18 rad/s.
-    base: i32,
-    /// What the coordinator was last told, 2^-28 m/s.
-    velocity: i32,
-    /// A stop or a fault has ended it.
-    ended: bool,
-}
-
 /// A stream of telemetry.
 #[derive(Clone, Copy, Debug)]
 struct Stream {
@@ -102,11 +87,7 @@ pub struct SimulatedDrive {
     settings: Settings,
     plate: DrivePlate,
     setup: Setup,
-    /// The period up to which a reset is asked.
-    reset_until: u64,
-    /// The period from which on it is asked to run.
-    run_at: Option<u64>,
-    underway: Option<Underway>,
+    motion: Motion,
     stream: Option<Stream>,
     waiting: VecDeque<Frame>,
     dropped: u32,
@@ -157,9 +138,7 @@ impl SimulatedDrive {
             settings,
             plate,
             setup,
-            reset_until: 0,
-            run_at: None,
-            underway: None,
+            motion: motion(&plate),
             stream: None,
             waiting: VecDeque::new(),
             dropped: 0,
@@ -176,12 +155,6 @@ impl SimulatedDrive {
 
     /// One PWM period.
     pub fn period(&mut self) {
-        if self.run_at.is_some_and(|at| self.drive.periods() >= at) {
-            self.run_at = None;
-            self.drive.request.run = true;
-        }
-        let faulty = matches!(self.drive.state(), State::Fault(_));
-        self.drive.request.reset &= faulty && self.drive.periods() < self.reset_until;
         let divider = u64::from(self.plate.board.speed_divider);
         let speed_ran = self.drive.periods().is_multiple_of(divider);
         self.world.braked = Axis::ALL
@@ -205,7 +178,7 @@ impl SimulatedDrive {
         if speed_ran {
             // Counts wrap, as those of the chip's timer do.
             self.scale = self.drive.board.scale_counts() as i32;
-            self.travel_on();
+            self.move_on();
             self.sample();
         }
     }
@@ -248,32 +221,15 @@ impl SimulatedDrive {
         self.records
     }
 
-    /// After a step of the speed task: the move goes on.
-    fn travel_on(&mut self) {
-        let Some(underway) = &mut self.underway else {
-            return;
-        };
-        match self.drive.state() {
-            State::Running | State::Holding => {}
-            // It has not begun.
-            State::Ready if underway.motion.progress() == MoveProgress::Starting => return,
-            _ => {
-                underway.ended |= underway.motion.progress() != MoveProgress::Done;
-                return;
-            }
-        }
-        if underway.ended {
-            return;
-        }
-        let arrived = self.drive.arrived();
-        let velocity = underway.motion.step(&underway.plan, self.scale, arrived);
-        if velocity.to_bits() != underway.velocity {
-            underway.velocity = velocity.to_bits();
-            let asked = (underway.velocity, underway.base);
+    /// After a step of the speed task: what it is asked next.
+    fn move_on(&mut self) {
+        let Self { drive, motion, .. } = self;
+        let asked = motion.step(drive.state(), self.scale, drive.arrived());
+        drive.request.run = asked.run == Run::Run;
+        drive.request.reset = asked.run == Run::Reset;
+        if let Some([velocity, base]) = asked.speeds {
             // The plan's velocity was tried when it was made.
-            if ask(&mut self.drive, asked.0, asked.1).is_err() {
-                underway.ended = true;
-            }
+            let _ = ask(drive, velocity, base);
         }
     }
 
@@ -335,6 +291,12 @@ fn tidy(mut settings: Settings) -> Settings {
     settings
 }
 
+/// What is asked of the motion of a drive of that plate, in each step of its speed task.
+fn motion(plate: &DrivePlate) -> Motion {
+    let step = plate.speed_step();
+    Motion::new(step, 2.0 * f64::from(STEPS_PER_LOOK) * step)
+}
+
 /// Asks the drive for speeds in the link's words.
 fn ask(drive: &mut Drive, velocity: i32, base: i32) -> Result<(), Refusal> {
     let velocity = scale::value(velocity, scale::TABLE_VELOCITY);
@@ -377,16 +339,6 @@ impl Served for SimulatedDrive {
                 bus_mv: (volts * 1e3).max(0.0) as u32,
             }
         });
-        let travel = match &self.underway {
-            None => Travel::None,
-            Some(underway) if underway.ended => Travel::Ended,
-            Some(underway) => match underway.motion.progress() {
-                MoveProgress::Starting | MoveProgress::Moving => Travel::Moving,
-                MoveProgress::Settling => Travel::Settling,
-                MoveProgress::Done => Travel::Done,
-                MoveProgress::NotSettled => Travel::NotSettled,
-            },
-        };
         Status {
             uptime_ms: self.uptime_ms(),
             state: state.word(),
@@ -398,7 +350,7 @@ impl Served for SimulatedDrive {
             tables: self.drive.compensation().tables().0,
             latched: self.drive.latched().words(),
             limits: self.drive.limits().word(),
-            travel: travel.word(),
+            travel: self.motion.progress().word(),
             motors,
             scale: self.scale,
             dropped: self.dropped,
@@ -410,8 +362,8 @@ impl Served for SimulatedDrive {
         self.drive.state()
     }
 
-    fn journal(&self) -> Option<&Journal> {
-        Some(&self.journal)
+    fn journal(&mut self, look: impl FnOnce(&Journal)) {
+        look(&self.journal);
     }
 
     fn rates(&self) -> (u32, u32) {
@@ -425,9 +377,7 @@ impl Served for SimulatedDrive {
 
     fn command(&mut self, velocity: i32, base: i32) -> Result<(), Refusal> {
         ask(&mut self.drive, velocity, base)?;
-        if let Some(underway) = &mut self.underway {
-            underway.ended |= underway.motion.progress() != MoveProgress::Done;
-        }
+        self.motion.follow();
         Ok(())
     }
 
@@ -448,13 +398,7 @@ impl Served for SimulatedDrive {
         let forwards = if distance_nm < 0 { -velocity } else { velocity };
         ask(&mut self.drive, forwards, base)?;
         ask(&mut self.drive, 0, base)?;
-        self.underway = Some(Underway {
-            plan,
-            motion: TableMove::new(self.scale),
-            base,
-            velocity: 0,
-            ended: false,
-        });
+        self.motion.travel(plan, self.scale, base);
         Ok(())
     }
 
@@ -475,14 +419,8 @@ impl Served for SimulatedDrive {
     }
 
     fn run(&mut self, run: Run) {
-        // The interlock forbids a start by its last look: it must have seen the heartbeat that came with the command.
-        let looks = u64::from(2 * STEPS_PER_LOOK * self.plate.board.speed_divider);
-        let running = self.drive.request.run && run == Run::Run;
-        self.run_at = (run == Run::Run).then(|| self.drive.periods() + looks);
-        self.drive.request.run = running;
-        self.drive.request.reset = run == Run::Reset;
-        let reset = (RESET_S / self.setup.board.pwm_period_s()) as u64;
-        self.reset_until = self.drive.periods() + reset;
+        self.motion.run(run);
+        self.drive.request.run &= run == Run::Run;
     }
 
     fn renew(&mut self) {
@@ -499,7 +437,7 @@ impl Served for SimulatedDrive {
         self.settings.with_orders(&orders)
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<(), Unfit> {
+    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
         settings.config(&self.settings, &self.board)?;
         let plate = settings.plate(&self.board);
         let mut drive = self
@@ -522,7 +460,7 @@ impl Served for SimulatedDrive {
         self.before += self.drive.periods();
         self.drive = drive;
         (self.settings, self.plate) = (*settings, plate);
-        (self.underway, self.stream, self.run_at) = (None, None, None);
+        (self.motion, self.stream) = (motion(&plate), None);
         Ok(())
     }
 

@@ -26,15 +26,17 @@ const fn gated(start: u32, name: &'static str, register: u32, bit: u32) -> Gated
 const AHB1ENR: u32 = 0x48;
 const AHB2ENR: u32 = 0x4C;
 const APB1ENR1: u32 = 0x58;
+const APB1ENR2: u32 = 0x5C;
 const APB2ENR: u32 = 0x60;
 
 /// All that the model has, by kilobytes of address.
-pub const GATED: [Gated; 25] = [
+pub const GATED: [Gated; 26] = [
     gated(0x4000_0000, "TIM2", APB1ENR1, 0),
     gated(0x4000_0800, "TIM4", APB1ENR1, 2),
     gated(0x4000_0C00, "TIM5", APB1ENR1, 3),
     gated(0x4000_1400, "TIM7", APB1ENR1, 5),
     gated(0x4000_7000, "PWR", APB1ENR1, 28),
+    gated(0x4000_8000, "LPUART1", APB1ENR2, 0),
     // With COMP and OPAMP, which have no clock of their own.
     gated(0x4001_0000, "SYSCFG", APB2ENR, 0),
     gated(0x4001_2C00, "TIM1", APB2ENR, 11),

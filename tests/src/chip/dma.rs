@@ -1,9 +1,10 @@
-//! DMA1 and its multiplexer: circular transfers of half words between a peripheral and memory (RM0440 12 and 13).
+//! DMA1 and its multiplexer: circular transfers of half words between a peripheral and memory, of bytes to memory, and pieces of
+//! bytes from memory (RM0440 12 and 13).
 
 use super::registers::Registers;
 
 /// Channels that the model has.
-const CHANNELS: usize = 6;
+const CHANNELS: usize = 8;
 
 const CR: u32 = 0x0;
 const NDTR: u32 = 0x4;
@@ -20,6 +21,8 @@ struct Channel {
     request: u32,
     /// Transfers that are left of the round.
     left: u32,
+    /// Its piece has been taken.
+    taken: bool,
 }
 
 /// Where a request takes a half word.
@@ -40,7 +43,7 @@ impl Dma {
     /// After reset.
     #[must_use]
     pub fn new() -> Self {
-        let names = ["DMA1 channel 1", "2", "3", "4", "5", "6"];
+        let names = ["DMA1 channel 1", "2", "3", "4", "5", "6", "7", "8"];
         Self {
             channels: names.map(|name| Channel {
                 registers: Registers::new(
@@ -54,6 +57,7 @@ impl Dma {
                 ),
                 request: 0,
                 left: 0,
+                taken: false,
             }),
         }
     }
@@ -64,6 +68,62 @@ impl Dma {
     /// # Errors
     /// A channel takes the request and is not set up for it.
     pub fn request(&mut self, request: u32, data: u32) -> Result<Option<Transfer>, String> {
+        self.circular(request, data, 2)
+    }
+
+    /// The same for a byte that has come: where it goes.
+    ///
+    /// # Errors
+    /// A channel takes the request and is not set up for it.
+    pub fn request_byte(&mut self, request: u32, data: u32) -> Result<Option<u32>, String> {
+        match self.circular(request, data, 1)? {
+            None => Ok(None),
+            Some(Transfer::ToMemory(address)) => Ok(Some(address)),
+            Some(Transfer::FromMemory(_)) => {
+                Err("the DMA writes to a data register that is read".into())
+            }
+        }
+    }
+
+    /// The piece of memory that a channel was told to send to the data register at `data`, once: where and how many bytes.
+    ///
+    /// # Errors
+    /// The channel that listens to `request` is not set up for it.
+    pub fn take_piece(&mut self, request: u32, data: u32) -> Result<Option<(u32, usize)>, String> {
+        let listens = |channel: &&mut Channel| channel.request == request;
+        let Some(channel) = self.channels.iter_mut().find(listens) else {
+            return Ok(None);
+        };
+        let cr = channel.registers.get("CR");
+        if cr & ENABLE == 0 || channel.taken {
+            return Ok(None);
+        }
+        if cr & !PRIORITY != ENABLE | FROM_MEMORY | MEMORY_COUNTS_UP
+            || channel.registers.get("PAR") != data
+        {
+            return Err(format!(
+                "a DMA channel is not set up to send bytes (CR {cr:#x})"
+            ));
+        }
+        channel.taken = true;
+        Ok(Some((channel.registers.get("MAR"), channel.left as usize)))
+    }
+
+    /// So many bytes of the piece have not gone yet.
+    pub fn set_left(&mut self, request: u32, left: usize) {
+        for channel in &mut self.channels {
+            if channel.request == request && channel.taken {
+                channel.left = u32::try_from(left).unwrap_or(u32::MAX);
+            }
+        }
+    }
+
+    fn circular(
+        &mut self,
+        request: u32,
+        data: u32,
+        bytes: u32,
+    ) -> Result<Option<Transfer>, String> {
         let Some(index) = self
             .channels
             .iter()
@@ -77,7 +137,8 @@ impl Dma {
             return Ok(None);
         }
         let choices = FROM_MEMORY | MEMORY_COUNTS_UP | PRIORITY;
-        if cr & !choices != ENABLE | CIRCULAR | HALF_WORDS || channel.registers.get("PAR") != data {
+        let size = if bytes == 2 { HALF_WORDS } else { 0 };
+        if cr & !choices != ENABLE | CIRCULAR | size || channel.registers.get("PAR") != data {
             return Err(format!(
                 "DMA1 channel {} is not set up as this model has it (CR {cr:#x})",
                 index + 1
@@ -86,7 +147,7 @@ impl Dma {
         let passed = if cr & MEMORY_COUNTS_UP == 0 {
             0
         } else {
-            2 * (count - channel.left)
+            bytes * (count - channel.left)
         };
         channel.left = if channel.left > 1 {
             channel.left - 1
@@ -130,6 +191,9 @@ impl Dma {
                 let channel = &mut self.channels[channel];
                 if offset != CR && channel.registers.get("CR") & ENABLE != 0 {
                     return Err("a DMA channel is set up while it runs".into());
+                }
+                if offset == CR && value & ENABLE == 0 {
+                    channel.taken = false;
                 }
                 if offset == NDTR {
                     channel.left = value;

@@ -19,6 +19,7 @@ pub mod outside;
 pub mod power;
 pub mod pwm;
 pub mod registers;
+pub mod serial;
 pub mod spi;
 pub mod system;
 pub mod watchdog;
@@ -39,6 +40,7 @@ use opamp::Amplifiers;
 use outside::Outside;
 use power::{PowerFault, PowerStage};
 use pwm::{PwmTimer, Turn};
+use serial::Serial;
 use spi::Spi;
 use std::cell::RefCell;
 use std::rc::Rc;
@@ -95,6 +97,8 @@ pub struct Chip {
     pub dma: Dma,
     /// SPI1.
     pub spi: Spi,
+    /// LPUART1.
+    pub serial: Serial,
     /// TIM16.
     pub capture: CaptureTimer,
     /// The flash's controller and its last pages.
@@ -118,8 +122,8 @@ pub struct Chip {
     pub tops: Option<Vec<Top>>,
     /// Faults put in from outside.
     pub provoked: Provoked,
-    /// Words that DMA wants in memory.
-    pub memory_writes: Vec<(u32, u16)>,
+    /// What DMA wants in memory: address, value, bytes of it.
+    pub memory_writes: Vec<(u32, u16, usize)>,
     /// Cycles that bus accesses have added since the core last asked.
     pub bus_wait: u64,
     /// The first thing that the model does not have.
@@ -185,6 +189,7 @@ impl Chip {
             amplifiers: Amplifiers::new(),
             dma: Dma::new(),
             spi: Spi::new(),
+            serial: Serial::new(),
             capture: CaptureTimer::new(),
             flash: Flash::new(),
             outside: Outside::of(wiring),
@@ -246,7 +251,8 @@ impl Chip {
             .encoders
             .iter()
             .filter_map(EncoderTimer::next_frame_event)
-            .chain(self.spi.done_at());
+            .chain(self.spi.done_at())
+            .chain(self.serial.next_at());
         let breaks = self.pwm.iter().filter_map(PwmTimer::break_due);
         let others = [self.nvic.next_systick(), self.deadman.out_at()]
             .into_iter()
@@ -328,6 +334,9 @@ impl Chip {
         }
         if self.spi.done_at() == Some(self.now) {
             self.exchanged();
+        }
+        if self.serial.next_at() == Some(self.now) {
+            self.byte_came();
         }
         if self.deadman.out_at() == Some(self.now) {
             self.deadman.run_out(self.now);
@@ -527,11 +536,53 @@ impl Chip {
                 return Ok(());
             }
             if let Some(Transfer::ToMemory(address)) = self.dma.request(SPI1_RECEIVED, SPI1_DATA)? {
-                self.memory_writes.push((address, self.spi.receive()));
+                self.memory_writes.push((address, self.spi.receive(), 2));
             }
             Ok(())
         });
         if let Err(error) = result {
+            self.fail(error);
+        }
+    }
+
+    /// LPUART1 has received a byte.
+    fn byte_came(&mut self) {
+        let result = self.serial.come(self.now).and_then(|byte| {
+            match self.dma.request_byte(serial::RECEIVED, serial::RDR)? {
+                Some(address) => self.memory_writes.push((address, byte.into(), 1)),
+                None => self.serial.lost += 1,
+            }
+            Ok(())
+        });
+        if let Err(error) = result {
+            self.fail(error);
+        }
+    }
+
+    /// A host sends bytes to LPUART1.
+    pub fn host_sends(&mut self, bytes: &[u8]) {
+        self.serial.host_sends(bytes, self.now);
+        self.reschedule();
+    }
+
+    /// What LPUART1 has sent since the last call.
+    pub fn host_takes(&mut self) -> Vec<u8> {
+        self.serial.host_takes(self.now)
+    }
+
+    /// The piece of memory that LPUART1 is to send from now on: where and how many bytes. It is to be [given](Chip::give_piece).
+    pub fn take_piece(&mut self) -> Option<(u32, usize)> {
+        self.dma
+            .take_piece(serial::SENDS, serial::TDR)
+            .unwrap_or_else(|error| {
+                self.fail(error);
+                None
+            })
+    }
+
+    /// Its bytes.
+    pub fn give_piece(&mut self, piece: Vec<u8>) {
+        if let Err(error) = self.serial.give(piece, self.now) {
             self.fail(error);
         }
     }
@@ -592,7 +643,7 @@ impl Chip {
                 let from = 0x5000_0040 + 0x100 * u32::try_from(index).unwrap_or(0);
                 match self.dma.request(ADC_REQUESTS[index], from) {
                     Ok(Some(Transfer::ToMemory(address))) => {
-                        self.memory_writes.push((address, counts));
+                        self.memory_writes.push((address, counts, 2));
                     }
                     Ok(Some(Transfer::FromMemory(_))) => {
                         self.fail("the DMA writes to an ADC's data".into());
@@ -690,7 +741,12 @@ impl Chip {
             }
             flash::START..flash::END => Ok(self.flash.word(address)),
             0x4001_3000 => self.spi.read(offset),
-            0x4002_0000 | 0x4002_0800 => self.dma.read(address),
+            0x4000_8000 => self.serial.read(offset),
+            0x4002_0000 | 0x4002_0800 => {
+                let left = self.serial.pass(now);
+                self.dma.set_left(serial::SENDS, left);
+                self.dma.read(address)
+            }
             0x4000_1400 => self.deadman.read(offset),
             0x4000_3000 => self.watchdog.read(offset),
             0xE000_0000..0xE004_0000 => self.nvic.read(address, now),
@@ -772,6 +828,7 @@ impl Chip {
             0x4001_0000 if offset >= 0x300 => self.amplifiers.write(offset - 0x300, value),
             0x4001_0000 if offset >= 0x200 => self.comparators.write(offset - 0x200, value),
             0x4001_3000 => self.spi.write(offset, value),
+            0x4000_8000 => self.serial.write(offset, value),
             0x4002_0000 | 0x4002_0800 => self.dma.write(address, value),
             0x4000_1400 => {
                 self.deadman.write(offset, value, now)?;

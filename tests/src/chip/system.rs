@@ -95,6 +95,7 @@ impl System {
                 ("AHB1ENR", 0x48, 0x0000_0100),
                 ("AHB2ENR", 0x4C, 0),
                 ("APB1ENR1", 0x58, 0x0000_0400),
+                ("APB1ENR2", 0x5C, 0),
                 ("APB2ENR", 0x60, 0),
                 ("CCIPR", 0x88, 0),
                 ("CSR", RCC_CSR, 0),

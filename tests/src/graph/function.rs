@@ -110,6 +110,10 @@ impl Body {
             .ok_or_else(|| format!("{} at {at:#010x} is not in the image", self.name))?;
         let mut list = decoder.decode(code, at)?;
         if list.is_empty() {
+            // The disassembler keeps the state of an IT block over its calls: a new one begins outside of any.
+            list = Decoder::new().decode(code, at)?;
+        }
+        if list.is_empty() {
             return Err(format!("{}: no instruction at {at:#010x}", self.name));
         }
         let length = list

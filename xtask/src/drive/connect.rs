@@ -17,13 +17,31 @@ const SEND: Duration = Duration::from_secs(1);
 pub type Drive = Client<Box<dyn Line>>;
 
 /// Opens a session with the drive that is asked for.
-pub fn open(options: &LineOptions, baud: u32) -> Result<Drive> {
+pub fn open(options: &LineOptions, baud: Option<u32>) -> Result<Drive> {
+    let baud = baud.unwrap_or(link::SERIAL_BAUD);
+    if let Some(which) = &options.probe {
+        return by_probe(which.as_deref());
+    }
     let (line, begin): (Box<dyn Line>, _) = match (&options.sim, &options.serial) {
         (Some(address), _) => (Box::new(Tcp(connect(address)?)), format!("at {address}")),
         (None, Some(port)) => (Box::new(Serial(serial(port, baud)?)), format!("at {port}")),
-        (None, None) => bail!("which drive? Give --sim or --serial"),
+        (None, None) => bail!("which drive? Give --sim, --serial or --probe"),
     };
     Client::open(line).context(begin)
+}
+
+#[cfg(feature = "probe")]
+fn by_probe(which: Option<&str>) -> Result<Drive> {
+    let which = crate::session::Which {
+        probe: which.map(str::to_owned),
+    };
+    let line: Box<dyn Line> = Box::new(crate::probe::line::open(&which)?);
+    Client::open(line).context("through the debug probe")
+}
+
+#[cfg(not(feature = "probe"))]
+fn by_probe(_: Option<&str>) -> Result<Drive> {
+    bail!("this program was built without debug probes")
 }
 
 fn connect(address: &str) -> Result<TcpStream> {

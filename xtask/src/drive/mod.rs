@@ -24,6 +24,10 @@ use std::process::ExitCode;
 pub fn run(options: &DriveOptions) -> Result<()> {
     use options::Task;
     options.check()?;
+    #[cfg(not(feature = "probe"))]
+    if options.line.probe.is_some() {
+        return crate::with::With::DriveByProbe.take_over();
+    }
     let mut client = connect::open(&options.line, options.baud)?;
     match &options.task {
         Task::Status { json } => status::status(&mut client, *json),
@@ -44,7 +48,11 @@ pub fn run(options: &DriveOptions) -> Result<()> {
 #[cfg(not(feature = "drive"))]
 pub fn run(options: &DriveOptions) -> Result<()> {
     options.check()?;
-    crate::with::With::Drive.take_over()
+    match options.line.probe {
+        Some(_) => crate::with::With::DriveByProbe,
+        None => crate::with::With::Drive,
+    }
+    .take_over()
 }
 
 /// 3: the drive refuses. 4: a fault has stopped it. 5: it does not answer. 1: anything else.

@@ -11,9 +11,9 @@ use xtask::hold::Hold;
 pub struct DriveOptions {
     #[command(flatten)]
     pub line: LineOptions,
-    /// Bits a second of the serial port.
-    #[arg(long, default_value_t = 115_200, conflicts_with = "sim")]
-    pub baud: u32,
+    /// Bits a second of the serial port. [default: 4000000, the firmware's]
+    #[arg(long, requires = "serial")]
+    pub baud: Option<u32>,
     #[command(subcommand)]
     pub task: Task,
 }
@@ -28,6 +28,9 @@ pub struct LineOptions {
     /// A drive at this serial port: /dev/ttyACM0.
     #[arg(long, value_name = "PORT")]
     pub serial: Option<String>,
+    /// A drive at a debug probe: the only one, or the one with this in its line.
+    #[arg(long, value_name = "SELECTOR", num_args = 0..=1, require_equals = true)]
+    pub probe: Option<Option<String>>,
 }
 
 /// What it is asked.

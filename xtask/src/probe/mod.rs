@@ -4,6 +4,8 @@ mod bringup;
 mod chip;
 mod choose;
 mod image;
+#[cfg(feature = "drive")]
+pub mod line;
 mod memory;
 mod patience;
 mod record;

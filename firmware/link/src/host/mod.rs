@@ -28,6 +28,24 @@ pub trait Memory {
     /// As [`Memory::read`].
     fn write(&mut self, address: u32, word: u32) -> Result<()>;
 
+    /// Writes bytes from `address` on, which need not be a word's: whole words, of which the ends stay as they are.
+    ///
+    /// # Errors
+    /// As [`Memory::read`].
+    fn write_bytes(&mut self, address: u32, bytes: &[u8]) -> Result<()> {
+        let first = address & !3;
+        let before = (address - first) as usize;
+        let mut words = vec![0; (before + bytes.len()).next_multiple_of(4)];
+        self.read(first, &mut words)?;
+        words[before..before + bytes.len()].copy_from_slice(bytes);
+        let mut at = first;
+        for word in words.as_chunks::<4>().0 {
+            self.write(at, u32::from_le_bytes(*word))?;
+            at += 4;
+        }
+        Ok(())
+    }
+
     /// Reads words from `address` on.
     ///
     /// # Errors

@@ -22,7 +22,7 @@ pub use table::{Entry, Kind, Setting, Value};
 use crate::telemetry::Real;
 use control::plate::{BasePlate, RejectionPlate};
 use core::f64::consts::TAU;
-use table::{Typed, choice, constant, group};
+use table::{Typed, choice, constant, group, said};
 
 /// V per 1000 rpm of 1 V s/rad.
 pub const PER_KRPM: f64 = 1000.0 * TAU / 60.0;
@@ -269,8 +269,8 @@ macro_rules! settings {
 
             /// All of them, in the order of their numbers.
             pub fn all() -> impl Iterator<Item = Setting> {
-                const GROUPS: &[(u8, &str, &[Entry])] =
-                    &[$(($number, stringify!($name), $group::ENTRIES),)*];
+                static GROUPS: [(u8, &str, &[Entry]); [$($number),*].len()] =
+                    [$(($number, said(stringify!($name)), $group::ENTRIES),)*];
                 GROUPS.iter().flat_map(|&(number, group, entries)| {
                     entries.iter().map(move |entry| Setting {
                         id: u16::from_be_bytes([number, entry.number]),

@@ -120,7 +120,10 @@ macro_rules! choice {
 
         impl $choice {
             const ALL: &'static [Self] = &[$(Self::$name),*];
-            pub(super) const WORDS: &'static [&'static str] = &[$($word),*];
+            pub(super) const WORDS: &'static [&'static str] = {
+                static WORDS: [&str; $choice::ALL.len()] = [$(said($word)),*];
+                &WORDS
+            };
         }
 
         impl Typed for $choice {
@@ -137,6 +140,11 @@ macro_rules! choice {
     };
 }
 pub(super) use choice;
+
+/// What only a person reads: not on the chip, which knows settings by their numbers.
+pub(super) const fn said(words: &'static str) -> &'static str {
+    if cfg!(target_os = "none") { "" } else { words }
+}
 
 /// A value as a constant.
 macro_rules! constant {
@@ -167,14 +175,18 @@ macro_rules! group {
             /// What holds until somebody sets it.
             pub const DEFAULT: Self = Self { $($name: $default,)* };
             /// Its settings.
-            pub const ENTRIES: &'static [Entry] = &[$(Entry {
-                number: $number,
-                name: stringify!($name),
-                unit: $unit,
-                kind: Kind::$kind($limits),
-                default: constant!($kind, $default),
-                doc: $doc,
-            },)*];
+            pub const ENTRIES: &'static [Entry] = {
+                // With a name, which places it: what has none lies with the control code's tables, in fast memory.
+                static ENTRIES: [Entry; [$($number),*].len()] = [$(Entry {
+                    number: $number,
+                    name: said(stringify!($name)),
+                    unit: said($unit),
+                    kind: Kind::$kind($limits),
+                    default: constant!($kind, $default),
+                    doc: said($doc),
+                },)*];
+                &ENTRIES
+            };
 
             fn get(&self, number: u8) -> Option<Value> {
                 match number {
