@@ -53,7 +53,12 @@ pub const INTERRUPTS: [Interrupt; 3] = [
 ];
 
 /// Loops in the interrupts' code.
-pub const LOOPS: [LoopBound; 7] = [
+pub const LOOPS: [LoopBound; 8] = [
+    LoopBound {
+        function: "SpeedTask::judge",
+        rounds: 4,
+        because: "one for each of those who find faults",
+    },
     LoopBound {
         function: "control::compensation",
         rounds: 8,

@@ -27,6 +27,8 @@ pub struct Image {
     /// By address.
     pub functions: BTreeMap<u32, Function>,
     symbols: BTreeMap<String, u32>,
+    /// Where data within code begins (`true`) and ends (ELF for the Arm Architecture, mapping symbols `$d` and `$t`).
+    data: BTreeMap<u32, bool>,
 }
 
 impl Image {
@@ -53,6 +55,7 @@ impl Image {
             code: Vec::new(),
             functions: BTreeMap::new(),
             symbols: BTreeMap::new(),
+            data: BTreeMap::new(),
         };
         let endian = file.endian();
         for segment in file.segments() {
@@ -69,6 +72,9 @@ impl Image {
             let Ok(name) = symbol.name() else { continue };
             #[allow(clippy::cast_possible_truncation)]
             let (address, size) = (symbol.address() as u32, symbol.size() as u32);
+            if let Some(kind @ ("$d" | "$t")) = name.get(..2) {
+                image.data.insert(address, kind == "$d");
+            }
             image.symbols.insert(name.to_owned(), address);
             if symbol.kind() == SymbolKind::Text && size > 0 {
                 let name = format!("{:#}", rustc_demangle::demangle(name));
@@ -84,6 +90,15 @@ impl Image {
             }
         }
         Ok(image)
+    }
+
+    /// Where the data ends in which `address`, within code, is; `None` if it is in none.
+    #[must_use]
+    pub fn data_end(&self, address: u32) -> Option<u32> {
+        let (_, data) = self.data.range(..=address).next_back()?;
+        let mut after = self.data.range(address + 1..);
+        let end = after.find(|(_, data)| !**data).map(|(&end, _)| end);
+        end.filter(|_| *data)
     }
 
     /// The address of a symbol.

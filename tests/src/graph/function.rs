@@ -211,8 +211,8 @@ impl Body {
     }
 }
 
-/// Where a table branch goes: `tbb` and `tbh` have their offsets, in halfwords, right after them, up to the first
-/// instruction that one of them leads to.
+/// Where a table branch goes: `tbb` and `tbh` have their offsets, in halfwords, right after them, up to the end of the data there,
+/// or where that is not known to the first instruction that one of them leads to.
 fn table(image: &Image, instruction: &Instruction) -> Option<Vec<u32>> {
     let width = match instruction.text.split_once(' ') {
         Some(("tbb", operands)) if operands.starts_with("[pc") => 1,
@@ -222,7 +222,8 @@ fn table(image: &Image, instruction: &Instruction) -> Option<Vec<u32>> {
     let base = instruction.address + 4;
     let mut targets: Vec<u32> = Vec::new();
     let mut at = base;
-    while targets.iter().min().is_none_or(|&first| at < first) {
+    let end = image.data_end(base);
+    while end.is_none_or(|end| at < end) && targets.iter().min().is_none_or(|&first| at < first) {
         let bytes = image.bytes(at, width)?;
         let offset = bytes
             .iter()
