@@ -4,23 +4,26 @@
 use std::process::Command;
 use std::time::{Duration, Instant};
 
+/// A probe that is on this machine all the same is not this one.
+const PROBE: &str = "--probe=no such probe";
+
 #[test]
 fn without_the_probe_each_command_says_so_within_five_seconds() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().display().to_string();
     for arguments in [
-        vec!["flash"],
-        vec!["run"],
-        vec!["attach"],
-        vec!["bringup", "--out", &folder],
-        vec!["command", "--stop"],
-        vec!["record", "--seconds", "1", "--out", &folder],
+        vec!["flash", PROBE],
+        vec!["run", PROBE],
+        vec!["attach", PROBE],
+        vec!["bringup", PROBE, "--out", &folder],
+        vec!["command", PROBE, "--stop"],
+        vec!["record", PROBE, "--seconds", "1", "--out", &folder],
+        #[cfg(feature = "drive")]
+        vec!["drive", PROBE, "status"],
     ] {
         let start = Instant::now();
         let output = Command::new(env!("CARGO_BIN_EXE_xtask"))
             .args(&arguments)
-            // A probe that is on this machine all the same is not this one.
-            .args(["--probe", "no such probe"])
             .output()
             .unwrap();
         let (took, said) = (start.elapsed(), String::from_utf8(output.stderr).unwrap());
