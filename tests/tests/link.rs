@@ -98,7 +98,7 @@ fn is(status: &Status, state: State) -> bool {
 fn run(table_mm_s: f64, nut_rpm: f64) -> Command {
     Command::Run {
         velocity: scale::word(table_mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap(),
-        base: scale::word(nut_rpm * TAU / 60.0, scale::BASE_SPEED).unwrap(),
+        base: Some(scale::word(nut_rpm * TAU / 60.0, scale::BASE_SPEED).unwrap()),
     }
 }
 
@@ -136,7 +136,7 @@ fn a_session_arms_runs_moves_and_stops() -> Result<()> {
         session.client.tell(Command::Move {
             distance_nm: -500_000,
             velocity: scale::word(5e-3, scale::TABLE_VELOCITY).unwrap(),
-            base: 0,
+            base: Some(0),
         })?;
         let status = session.until(line, 2.0, |s| s.travel == Travel::Done.word())?;
         let moved = f64::from(status.scale - before) * scale_count_m(Wiring::Nucleo) * 1e6;

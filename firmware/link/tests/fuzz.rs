@@ -1,0 +1,389 @@
+//! Any bytes on a line, any value of a setting, any page of flash: nothing panics, nothing that is not armed runs, and each answer is
+//! one that a host can read. `FUZZ_EXECUTIONS` sets how many frames, values and pages there are in all; the seed is printed.
+
+use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use link::codes::{Run, State};
+use link::frame::{Decoder, FRAME_MAX, encode};
+use link::message::{Command, DriveFrame, HostFrame, Injection, Refusal, Reply, Status};
+use link::server::{Commander, NotSet, Served, Server};
+use link::settings::store::{PAGE, Store};
+use link::settings::{Settings, Value};
+use link::telemetry::Real;
+use serde::ser::{Serialize, SerializeTuple, Serializer};
+
+/// Xorshift (Marsaglia 2003), with a multiplication at the end.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> u64 {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        self.0.wrapping_mul(0x2545_F491_4F6C_DD1D)
+    }
+
+    fn below(&mut self, end: usize) -> usize {
+        (self.next() >> 33) as usize % end.max(1)
+    }
+
+    /// Small, at an end, or any.
+    fn number(&mut self) -> u64 {
+        match self.below(4) {
+            0 => self.next() & 0xF,
+            1 => u64::MAX - (self.next() & 0xF),
+            2 => 1 << self.below(64),
+            _ => self.next(),
+        }
+    }
+
+    fn value(&mut self) -> Value {
+        match self.below(3) {
+            0 => Value::Real(Real::new(match self.below(4) {
+                0 => f64::from_bits(self.number()),
+                1 => f64::INFINITY,
+                2 => (self.below(2000) as f64 - 1000.0) / 8.0,
+                _ => f64::NAN,
+            })),
+            1 => Value::Whole(self.number() as u32),
+            _ => Value::Choice(self.number() as u8),
+        }
+    }
+
+    fn command(&mut self) -> Command {
+        let [a, b] = [self.number(), self.number()];
+        match self.below(18) {
+            0 => Command::Heartbeat,
+            1 => Command::Status,
+            2 => Command::Faults,
+            3 => Command::Arm,
+            4 => Command::Stop,
+            5 => Command::Reset,
+            6 => Command::Discard,
+            7 => Command::Commit,
+            8 => Command::Record(a as u32),
+            9 => Command::Settings { from: a as u16 },
+            10 => Command::Learned { from: a as u16 },
+            11 => Command::Draft {
+                id: a as u16 & 0x1FFF,
+                value: self.value(),
+            },
+            12 => Command::DirectCurrent {
+                motor: a as u8,
+                current: b as i32,
+            },
+            13 => Command::Angle {
+                motor: a as u8,
+                behind: b as i32,
+            },
+            14 => Command::Move {
+                distance_nm: a as i64,
+                velocity: b as i32,
+                base: None,
+            },
+            15 => Command::Journal { after: a as u8 },
+            16 => Command::Inject(Injection {
+                fault: a as u32,
+                motor: b as u8,
+                amount: Real::new(f64::from_bits(self.number())),
+            }),
+            _ => Command::Run {
+                velocity: a as i32,
+                base: Some(b as i32),
+            },
+        }
+    }
+}
+
+/// A message that is these bytes.
+struct Raw<'a>(&'a [u8]);
+
+impl Serialize for Raw<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut tuple = serializer.serialize_tuple(self.0.len())?;
+        for byte in self.0 {
+            tuple.serialize_element(byte)?;
+        }
+        tuple.end()
+    }
+}
+
+struct Fake {
+    state: State,
+    settings: Settings,
+    runs: u64,
+}
+
+impl Served for Fake {
+    fn status(&self) -> Status {
+        Status::default()
+    }
+    fn state(&self) -> State {
+        self.state
+    }
+    fn rates(&self) -> (u32, u32) {
+        (20_000, 4)
+    }
+    fn simulated(&self) -> bool {
+        true
+    }
+    fn command(&mut self, _: i32, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn angle(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn run(&mut self, run: Run) {
+        match run {
+            Run::Run => {
+                self.runs += 1;
+                self.state = State::Running;
+            }
+            _ => self.state = State::Ready,
+        }
+    }
+    fn renew(&mut self) {}
+    fn settings(&self) -> &Settings {
+        &self.settings
+    }
+    fn learned(&self) -> Settings {
+        self.settings
+    }
+    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
+        self.settings = *settings;
+        Ok(())
+    }
+    fn record(&mut self, _: u32) {}
+    fn inject(&mut self, _: Injection) -> Result<(), Refusal> {
+        Ok(())
+    }
+}
+
+/// Two pages of any bytes.
+struct Pages(Vec<u8>);
+
+impl ErrorType for Pages {
+    type Error = NorFlashErrorKind;
+}
+
+impl ReadNorFlash for Pages {
+    const READ_SIZE: usize = 1;
+    fn read(&mut self, offset: u32, bytes: &mut [u8]) -> Result<(), Self::Error> {
+        let from = offset as usize;
+        let there = self
+            .0
+            .get(from..from + bytes.len())
+            .ok_or(NorFlashErrorKind::OutOfBounds)?;
+        bytes.copy_from_slice(there);
+        Ok(())
+    }
+    fn capacity(&self) -> usize {
+        self.0.len()
+    }
+}
+
+impl NorFlash for Pages {
+    const WRITE_SIZE: usize = 8;
+    const ERASE_SIZE: usize = PAGE;
+    fn erase(&mut self, from: u32, to: u32) -> Result<(), Self::Error> {
+        self.0[from as usize..to as usize].fill(0xFF);
+        Ok(())
+    }
+    fn write(&mut self, offset: u32, bytes: &[u8]) -> Result<(), Self::Error> {
+        let from = offset as usize;
+        self.0[from..from + bytes.len()].copy_from_slice(bytes);
+        Ok(())
+    }
+}
+
+/// A frame of any kind: right, with a right check around any bytes, or damaged.
+fn frame(random: &mut Random, session: u32, sequence: u32) -> Vec<u8> {
+    let mut buffer = [0; FRAME_MAX];
+    let mut bytes = if random.below(3) == 0 {
+        let raw: Vec<u8> = (0..random.below(40))
+            .map(|_| random.number() as u8)
+            .collect();
+        encode(&Raw(&raw), &mut buffer).unwrap().to_vec()
+    } else {
+        let command = match random.below(50) {
+            0 => Command::Hello,
+            _ => random.command(),
+        };
+        let host = HostFrame {
+            session: match random.below(20) {
+                0 => random.number() as u32,
+                _ => session,
+            },
+            sequence: match random.below(10) {
+                0 => random.number() as u32,
+                _ => sequence,
+            },
+            command,
+        };
+        encode(&host, &mut buffer).unwrap().to_vec()
+    };
+    if random.below(3) == 0 {
+        for _ in 0..=random.below(4) {
+            let at = random.below(bytes.len());
+            match random.below(5) {
+                0 => bytes.truncate(at + 1),
+                1 => bytes.insert(at, random.next() as u8),
+                2 => bytes[at] = random.number() as u8,
+                3 => bytes[at] ^= 1 << random.below(8),
+                _ => bytes.extend_from_within(at..),
+            }
+        }
+    }
+    bytes
+}
+
+fn executions() -> u64 {
+    let asked = std::env::var("FUZZ_EXECUTIONS").ok();
+    asked.map_or(60_000, |count| {
+        count.parse().expect("FUZZ_EXECUTIONS is a number")
+    })
+}
+
+#[test]
+fn any_bytes_on_a_line() {
+    let seed = std::env::var("FUZZ_SEED").map_or(1, |seed| seed.parse().unwrap());
+    let mut random = Random(0x9E37_79B9_7F4A_7C15 ^ seed);
+    let (mut server, mut commander) = (Server::new(), Commander::new(7));
+    let mut host = Decoder::new();
+    let mut drive = Fake {
+        state: State::Ready,
+        settings: Settings::DEFAULT,
+        runs: 0,
+    };
+    let (mut session, mut sequence, mut now, mut answers) = (0, 0, 0u32, 0u64);
+    let count = executions();
+    for execution in 0..count {
+        sequence += 1;
+        now = now.wrapping_add(random.below(50) as u32);
+        let bytes = frame(&mut random, session, sequence);
+        let mut replies = Vec::new();
+        for &byte in &bytes {
+            let (armed, runs) = (commander.is_armed(), drive.runs);
+            server.take(byte, now, &mut commander, &mut drive, |answer| {
+                replies.push(answer.to_vec());
+            });
+            assert!(
+                armed || drive.runs == runs,
+                "seed {seed}, execution {execution}: a drive that is not armed runs after {bytes:?}"
+            );
+        }
+        let ends = bytes.iter().filter(|byte| **byte == 0).count();
+        assert!(
+            replies.len() <= ends,
+            "seed {seed}, execution {execution}: {} answers to {ends} frames",
+            replies.len()
+        );
+        for reply in replies {
+            let read = reply.iter().find_map(|&byte| host.take::<DriveFrame>(byte));
+            answers += 1;
+            match read {
+                Some(DriveFrame::Reply(_, Reply::Hello { session: new, .. })) => {
+                    (session, sequence) = (new, 0);
+                }
+                Some(DriveFrame::Reply(..)) => {}
+                other => panic!("seed {seed}, execution {execution}: the answer reads {other:?}"),
+            }
+        }
+        commander.look(drive.state, now);
+        // Where nobody has a session that is known, one is opened.
+        if execution % 50 == 0 {
+            session = 0;
+            let hello = HostFrame {
+                session,
+                sequence: 0,
+                command: Command::Hello,
+            };
+            let mut buffer = [0; FRAME_MAX];
+            let bytes = [&[0], encode(&hello, &mut buffer).unwrap()].concat();
+            let mut answer = Vec::new();
+            for byte in bytes {
+                server.take(byte, now, &mut commander, &mut drive, |bytes| {
+                    answer = bytes.to_vec();
+                });
+            }
+            let read = answer
+                .iter()
+                .find_map(|&byte| host.take::<DriveFrame>(byte));
+            if let Some(DriveFrame::Reply(_, Reply::Hello { session: new, .. })) = read {
+                (session, sequence) = (new, 0);
+            }
+        }
+    }
+    println!("{count} frames, {answers} answers, {} runs", drive.runs);
+    assert!(
+        answers > count / 4 && drive.runs > 0,
+        "{answers} answers and {} runs in {count} frames: most were damaged before they were tried",
+        drive.runs
+    );
+}
+
+#[test]
+fn any_value_of_a_setting() {
+    let mut random = Random(0xD1B5_4A32_D192_ED03);
+    let ids: Vec<u16> = Settings::all().map(|setting| setting.id).collect();
+    let mut settings = Settings::DEFAULT;
+    let (count, mut taken) = (executions(), 0u64);
+    for _ in 0..count {
+        let id = match random.below(20) {
+            0 => random.number() as u16,
+            _ => ids[random.below(ids.len())],
+        };
+        let (before, value) = (settings, random.value());
+        match settings.set(id, value) {
+            Ok(()) => {
+                taken += 1;
+                assert_eq!(settings.get(id), Some(value), "setting {id:#x}");
+            }
+            Err(_) => assert!(settings == before, "{id:#x}, refused, changed something"),
+        }
+    }
+    println!("{count} values, {taken} taken");
+    assert!(taken > count / 100, "{taken} of {count} values were taken");
+}
+
+#[test]
+fn any_page_of_flash() {
+    let mut random = Random(0xA076_1D64_78BD_642F);
+    // What a store has written, and then anything.
+    let (mut store, _) = Store::open(Pages(vec![0xFF; 2 * PAGE]));
+    store.save(&Settings::DEFAULT).unwrap();
+    let written = store.release().0;
+    let count = executions() / 50;
+    let mut whole = 0u64;
+    for _ in 0..count {
+        let mut bytes = written.clone();
+        for _ in 0..random.below(4) {
+            let at = random.below(bytes.len());
+            match random.below(3) {
+                0 => bytes[at] ^= 1 << random.below(8),
+                1 => bytes[at..].fill(0xFF),
+                _ => bytes[at] = random.number() as u8,
+            }
+        }
+        if random.below(4) == 0 {
+            for byte in &mut bytes {
+                *byte = random.next() as u8;
+            }
+        }
+        if let (_, Some(loaded)) = Store::open(Pages(bytes)) {
+            whole += 1;
+            assert_eq!(
+                loaded.settings,
+                Settings::DEFAULT,
+                "a page that is not whole was believed"
+            );
+        }
+    }
+    println!("{count} pairs of pages, {whole} whole");
+    assert!(whole > 0 && whole < count, "{whole} of {count} were whole");
+}
