@@ -83,9 +83,9 @@ impl Line for Rtt {
 }
 
 /// All lines, and the one drive.
-pub(crate) struct Lines {
-    serial: Serial,
-    rtt: Rtt,
+pub struct Lines {
+    /// Once they are started.
+    ports: Option<(Serial, Rtt)>,
     servers: [Server; 2],
     commander: Commander,
     held: Held,
@@ -104,20 +104,27 @@ struct Held {
 }
 
 impl Lines {
-    pub(crate) fn new(serial: Serial, up: UpChannel, down: DownChannel) -> Self {
+    /// Without a port.
+    pub(crate) const fn new() -> Self {
         Self {
-            serial,
-            rtt: Rtt { up, down },
+            ports: None,
             servers: [const { Server::new() }; 2],
             commander: Commander::new(0),
             held: Held {
-                settings: Settings::of_plate(&PLATE, board::SCALE_COUNT_M),
+                settings: Settings::DEFAULT,
                 record: None,
             },
             stream: LinkStream::new(),
             recorded_by: 0,
             looked: 0,
         }
+    }
+
+    /// Serves these ports from now on.
+    #[inline(never)]
+    pub(crate) fn start(&mut self, serial: Serial, up: UpChannel, down: DownChannel) {
+        self.held.settings = Settings::of_plate(&PLATE, board::SCALE_COUNT_M);
+        self.ports = Some((serial, Rtt { up, down }));
     }
 
     /// A look at all lines: what came is answered, and what waits goes.
@@ -127,15 +134,17 @@ impl Lines {
         journal: &mut impl Mutex<T = &'static mut Journal>,
     ) {
         let Self {
-            serial,
-            rtt,
+            ports: Some((serial, rtt)),
             servers: [serial_server, rtt_server],
             commander,
             held,
             stream,
             recorded_by,
             looked,
-        } = self;
+        } = self
+        else {
+            return;
+        };
         let mut drive = Drive {
             held,
             orders,

@@ -82,7 +82,7 @@ mod app {
         off: u32,
     }
 
-    #[init]
+    #[init(local = [kept: Lines = Lines::new()])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let (device, mut core) = (cx.device, cx.core);
         let bringup = bringup::begin();
@@ -184,12 +184,12 @@ mod app {
         let journal = journal::take_up(reason);
         let watches = analog::Watches::of(&converters);
         let speed = Speed::new(scale, watches, Sampler::new(), pins.inputs);
-        let lines = Lines::new(
+        let lines = cx.local.kept;
+        lines.start(
             serial::Serial::start(device.LPUART1, &device.DMAMUX),
             channels.up.2,
             channels.down.0,
         );
-        let lines = cortex_m::singleton!(LINES: Lines = lines).expect("made once");
         let bdtr = pwm::bdtr(&plan);
         converters.convert_for_nothing();
         if !pwm::start(&device.TIM1, &device.TIM8, &plan, breaks) {

@@ -35,7 +35,10 @@ struct Session {
 impl Session {
     /// A drive that is ready, and whom nobody but the link commands.
     fn open(make: Make) -> Result<Self> {
-        let mut bench = Bench::new(&Model::paper(), Coupling::Lumped).map_err(|e| anyhow!(e))?;
+        // Without a load, which would drive the screw back while the bridges are open.
+        let mut model = Model::paper();
+        model.feed.load_n = 0.0;
+        let mut bench = Bench::new(&model, Coupling::Lumped).map_err(|e| anyhow!(e))?;
         bench.attended = false;
         bench.wait_for(READY, 0.2).map_err(|e| anyhow!(e))?;
         let bench = Rc::new(RefCell::new(bench));
@@ -131,6 +134,8 @@ fn a_session_arms_runs_moves_and_stops() -> Result<()> {
         );
 
         // Half a millimetre by the scale, to the few micrometres that motors that ripple are held to.
+        // The rotors come to rest once the bridges are open.
+        session.attend(0.3)?;
         session.client.tell(Command::Arm)?;
         let before = session.client.status()?.scale;
         session.client.tell(Command::Move {

@@ -1,4 +1,4 @@
-//! A stack that overflows is a fault, not silent damage: the kilobyte between it and the variables is closed to everybody
+//! A stack that overflows is a fault, not silent damage: the memory between it and the variables is closed to everybody
 //! (PM0214 4.2, memory protection unit).
 //!
 //! The function with the largest frame must not step over it: a test holds every frame of the program against its size.
@@ -6,8 +6,9 @@
 use cortex_m::asm;
 use cortex_m::peripheral::MPU;
 
-/// Bytes of the guard, a power of two; `memory.x` has the same.
-const BYTES: u32 = 1024;
+/// Bytes of the guard, a power of two; `memory.x` has the same. The link takes a drive's settings, a kilobyte and a half, in its
+/// functions' frames.
+const BYTES: u32 = 4096;
 
 /// Closes the guard. A write to it, or an exception's frame in it, is a hard fault, for which the unit is off: its handler
 /// runs below the guard.
