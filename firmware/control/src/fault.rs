@@ -254,6 +254,18 @@ impl FaultSet {
     /// None.
     pub const EMPTY: Self = Self(0);
 
+    /// Those that doubt an angle: [`Fault::doubts_angle`].
+    pub const DOUBTS_ANGLE: Self = {
+        let (mut set, mut k) = (Self::EMPTY, 0);
+        while k < Fault::ALL.len() {
+            if Fault::ALL[k].doubts_angle() {
+                set = set.with(Fault::ALL[k]);
+            }
+            k += 1;
+        }
+        set
+    };
+
     /// The set of two words, the lower first: bit `n` is the fault of word `n`.
     #[must_use]
     pub const fn of_words([low, high]: [u32; 2]) -> Self {
@@ -289,6 +301,12 @@ impl FaultSet {
     #[must_use]
     pub const fn has(self, fault: Fault) -> bool {
         self.0 & 1u64.wrapping_shl(fault.word()) != 0
+    }
+
+    /// One of `other` is among them.
+    #[must_use]
+    pub const fn has_any(self, other: Self) -> bool {
+        self.0 & other.0 != 0
     }
 
     /// There is none.

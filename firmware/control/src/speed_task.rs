@@ -537,7 +537,7 @@ impl SpeedTask {
             (None, _) => return,
         };
         self.latched = self.latched.with(first);
-        let doubted = self.latched.iter().any(Fault::doubts_angle);
+        let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE);
         if doubted && matches!(self.state, State::Fault(_)) {
             self.forget_angles(config, exchanges);
         }
