@@ -30,8 +30,8 @@ const SPEED_PER_TURN: f64 = 0.5;
 /// What is seen less of than that, squared and of the most, is learned slower: the fast learning of what hardly shows would
 /// reach down to what the loops see best.
 const SEEN_LEAST: f64 = 0.003 * 0.003;
-/// The same beside disturbance observers, which leave of a slow torque as much less as it is slower than they are: what shows
-/// falls with the square of the frequency.
+/// The same below the crossover beside disturbance observers, which leave of a slow torque as much less as it is slower than they
+/// are: what shows falls with the square of the frequency.
 const SEEN_LEAST_OBSERVED: f64 = 0.1 * 0.1;
 /// How much slower those are learned at least: they are below the torque's learning, as a cascade's outer loop.
 const SPEED_SLOWER: f64 = 3.0;
@@ -244,21 +244,19 @@ impl MotorPlate {
             learn: Phasor::ZERO,
             follow: Phasor::ZERO,
         }; POINTS];
-        let least = if drive.rejection.disturbance_rad_s == 0.0 {
-            SEEN_LEAST
-        } else {
-            SEEN_LEAST_OBSERVED
-        };
         // The loops see most where the speed loop crosses over.
-        let most = self
-            .loops(drive, drive.tuning.speed_rad_s * drive.board.sample_time())
-            .seen()
-            .square();
+        let crossover = drive.tuning.speed_rad_s * drive.board.sample_time();
+        let most = self.loops(drive, crossover).seen().square();
         let mut left: &mut [ResponsePoint] = &mut points;
         let mut k = 0usize;
         while let [point, rest @ ..] = left {
             let angle = Response::frequency(k) as f64 / 4_294_967_296.0 * TAU;
             let loops = self.loops(drive, angle);
+            let least = if drive.rejection.disturbance_rad_s != 0.0 && angle < crossover {
+                SEEN_LEAST_OBSERVED
+            } else {
+                SEEN_LEAST
+            };
             *point = ResponsePoint {
                 realise: Complex::ONE.over(loops.realised).words(27),
                 // Twice: the mean of a cosine's square is a half.
@@ -601,7 +599,7 @@ mod tests {
         for orders in all {
             for (rejection, asked) in [
                 (RejectionPlate::NONE, 0.5),
-                (RejectionPlate::of_mode(503.0, 200.0), 0.45),
+                (RejectionPlate::of_mode(503.0, 200.0), 0.5),
             ] {
                 let mut plate = plate(&orders);
                 plate.rejection = rejection;
