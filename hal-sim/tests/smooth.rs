@@ -278,6 +278,6 @@ fn a_table_that_was_moved_at_rest_teaches_nothing() {
     for _ in 0..80 {
         drive.period();
     }
-    assert_eq!(drive.state(), State::Running);
+    assert_eq!(drive.state(), State::Holding);
     assert_eq!(learned(&drive), before, "after and before the start");
 }
