@@ -660,7 +660,7 @@ mod tests {
             .command(&config, command(10e-3, 1500.0))
             .unwrap();
         let most = 750.0 / 60.0 * core::f64::consts::TAU * 5.0;
-        let mut follow = |coordinator: &mut Coordinator, out: &mut [SpeedReference; 2]| {
+        let follow = |coordinator: &mut Coordinator, out: &mut [SpeedReference; 2]| {
             let following = out.map(|reference| Following {
                 omega_e: reference.omega_e.min(Speed::from_num(most)),
                 limited: reference.omega_e > Speed::from_num(0.99 * most),

@@ -255,6 +255,7 @@ impl FaultSet {
     pub const EMPTY: Self = Self(0);
 
     /// Those that doubt an angle: [`Fault::doubts_angle`].
+    #[allow(clippy::indexing_slicing, reason = "computed by the compiler")]
     pub const DOUBTS_ANGLE: Self = {
         let (mut set, mut k) = (Self::EMPTY, 0);
         while k < Fault::ALL.len() {

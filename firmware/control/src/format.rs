@@ -248,6 +248,7 @@ pub fn square_root(x: u64) -> u32 {
 }
 
 /// Whole roots of 64 to 255: of a number whose uppermost byte it is, the root's first four bits.
+#[allow(clippy::indexing_slicing, reason = "computed by the compiler")]
 static ROOTS: [u8; 192] = {
     let mut roots = [8; 192];
     let mut k = 0;

@@ -50,9 +50,9 @@ impl Notch {
             .wrapping_add(times(b2, x2))
             .wrapping_sub(times(a1, y1))
             .wrapping_sub(times(a2, y2));
-        let end = i64::from(END);
+        const LIMIT: i64 = END as i64;
         #[allow(clippy::cast_possible_truncation)]
-        let y = (sum >> Ratio::FRAC_NBITS).clamp(-end, end) as i32;
+        let y = (sum >> Ratio::FRAC_NBITS).clamp(-LIMIT, LIMIT) as i32;
         (self.inputs, self.outputs) = ([x, x1], [y, y1]);
         Current::from_bits(y)
     }
