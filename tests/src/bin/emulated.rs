@@ -33,8 +33,10 @@ fn main() -> ExitCode {
 }
 
 fn serve(rtt: bool) -> anyhow::Result<()> {
-    let mut bench =
-        Bench::new(&Model::paper(), Coupling::Lumped).map_err(|error| anyhow::anyhow!(error))?;
+    // Without a load, which would drive the screw back while the bridges are open.
+    let mut model = Model::paper();
+    model.feed.load_n = 0.0;
+    let mut bench = Bench::new(&model, Coupling::Lumped).map_err(|error| anyhow::anyhow!(error))?;
     bench.attended = false;
     bench
         .wait_for(READY, 0.2)
