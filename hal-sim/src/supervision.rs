@@ -80,10 +80,15 @@ impl Supervision {
         }
     }
 
-    /// What is known of a fault: its value and its limit.
+    /// What is known of a fault: its value and its limit. The bus is the last that was converted, which may have ended the drive
+    /// before the next look.
     #[must_use]
     pub fn values(&self, fault: Fault) -> [i32; 2] {
-        self.guard.values(&self.config, &self.look, fault)
+        let look = Look {
+            bus: self.bus,
+            ..self.look
+        };
+        self.guard.values(&self.config, &look, fault)
     }
 
     /// What the speed task hears of it.

@@ -267,6 +267,10 @@ mod tests {
             let counts = counts.max(config.bus_counts_min);
             let exact = f64::from(config.scale_per_bus_count) * 2f64.powi(config.scale_shift as i32) / f64::from(now);
             prop_assert!(got >= 0.0);
+            // A convex curve is above its tangents.
+            if now >= config.bus_counts_min {
+                prop_assert!(got <= exact * (1.0 + 3e-4), "{got} for {exact} at {now} counts, made for {counts}");
+            }
             // Below the least bus the circle leaves no voltage to be scaled.
             prop_assume!(now >= config.bus_counts_min);
             let part = (f64::from(now) - f64::from(counts)) / f64::from(counts);

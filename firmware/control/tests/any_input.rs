@@ -349,7 +349,7 @@ fn the_property_sees_a_drive_that_runs_and_one_that_stops() {
     let (last, before) = (states.len() - 1, states.len() - 2);
     assert_eq!(
         [states[before], states[last]],
-        [State::Running, State::Fault(Fault::ScrewBreak)],
+        [State::Holding, State::Fault(Fault::ScrewBreak)],
         "{states:?}"
     );
 }

@@ -147,8 +147,8 @@ mod tests {
         let (plate, left_out) = many.base_table();
         assert_eq!(left_out, 0);
         assert_eq!(
-            plate.table.map(|point| point.velocity)[..7],
-            [1e-3, 3e-3, 5e-3, 7e-3, 9e-3, 10e-3, 0.0]
+            plate.table.map(|point| (point.velocity * 1e6).round())[..7],
+            [1e3, 3e3, 5e3, 7e3, 9e3, 10e3, 0.0]
         );
     }
 }

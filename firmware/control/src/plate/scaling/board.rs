@@ -63,7 +63,12 @@ impl BoardPlate {
             scale_shift = u32::saturating_add(scale_shift, 1);
         }
         // Below this it would leave that.
-        let least = (full / 536_870_912.0 + 1.0) as u16;
+        let mut least = (full / 536_870_912.0 + 1.0) as u16;
+        // And the tangent there would leave it on a bus that leaps to the end of its range.
+        while full / least as f64 * (self.adc_counts as f64 / least as f64 - 2.0) > 2_147_483_647.0
+        {
+            least = least.saturating_add(1);
+        }
         let bus_counts_min = bus_counts_min as u16;
         let radius = circle * self.bus_volts_per_count;
         attempt!(within(
