@@ -134,8 +134,6 @@ impl SpeedTask {
     }
 
     /// What limits a drive that does what it is asked.
-    #[cold]
-    #[inline(never)]
     #[must_use]
     pub fn limits(&self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> ActiveLimits {
         let driven = self.state.is_driven();
