@@ -295,7 +295,8 @@ fn what_a_model_knows_becomes_settings() {
 /// A command that gives no base speed takes that of the drive's table, which a file or a person sets.
 #[test]
 fn the_drive_s_table_gives_the_base_speed() {
-    let served = Served::new(&["--speed", "10"]);
+    // Two hosts at a time: at ten times the speed the drive's patience with a command is 50 ms of a busy computer.
+    let served = Served::new(&["--speed", "2"]);
     served.printed(&[
         "settings",
         "set",
@@ -334,18 +335,13 @@ fn the_drive_s_table_gives_the_base_speed() {
 #[test]
 fn what_is_learned_is_kept() {
     let served = Served::new(&["--speed", "10"]);
+    let jog = |seconds: &str| {
+        let speeds = ["jog", "--table-speed", "5", "--nut-rpm", "200", "--arm"];
+        served.printed(&[&speeds[..], &["--duration", seconds]].concat())
+    };
     served.printed(&["settings", "set", "compensation.learning_s=0.5"]);
     served.until("ready");
-    served.printed(&[
-        "jog",
-        "--table-speed",
-        "5",
-        "--nut-rpm",
-        "200",
-        "--arm",
-        "--duration",
-        "1",
-    ]);
+    jog("1");
     let said = served.printed(&["settings", "learned"]);
     assert!(said.contains("screw_torque.order_5: 0 -> 30"), "{said}");
     served.until("ready");
@@ -362,16 +358,7 @@ fn what_is_learned_is_kept() {
         "{size} A of six times an electrical turn, expected more than 0.01: {now}"
     );
     // It fits at the next start, once the shafts have turned.
-    served.printed(&[
-        "jog",
-        "--table-speed",
-        "5",
-        "--nut-rpm",
-        "200",
-        "--arm",
-        "--duration",
-        "3",
-    ]);
+    jog("3");
     served.until("ready");
     let status = served.printed(&["status", "--json"]);
     let status: Value = serde_json::from_str(&status).unwrap();

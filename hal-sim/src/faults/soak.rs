@@ -64,6 +64,22 @@ impl Dice {
             base: self.between([-1.0, 1.0]) * 1700.0 * RPM,
         }
     }
+
+    /// Asks a command, and lets it hold for a while.
+    fn hold(
+        &mut self,
+        run: &mut Run,
+        middle: f64,
+        told: &mut Soaked,
+    ) -> Result<(), ExperimentError> {
+        let point = self.command(run, middle);
+        run.ask(point)?;
+        told.commands += 1;
+        let held = self.between(HELD_S);
+        run.pass(held);
+        told.seconds += held;
+        Ok(())
+    }
 }
 
 /// Healthy running of `seconds`: reversals and limits, on `board`.
@@ -75,12 +91,7 @@ pub fn healthy(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, Expe
     let mut run = Run::with_bus(board, Situation::Ready, &[], seed, 470e-6)?;
     let (middle, mut told) = (run.bench.position, Soaked::default());
     while told.seconds < seconds {
-        let point = dice.command(&run, middle);
-        run.ask(point)?;
-        told.commands += 1;
-        let held = dice.between(HELD_S);
-        run.pass(held);
-        told.seconds += held;
+        dice.hold(&mut run, middle, &mut told)?;
         if let State::Fault(fault) = run.drive.state() {
             *told.stopped.entry(fault.name()).or_default() += 1;
             recover(&mut run, &mut told);
@@ -101,12 +112,7 @@ pub fn soak(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, Experim
     let limit = Limits::OF_THE_MATRIX.over_current_periods;
     while told.seconds < seconds {
         for _ in 0..3 {
-            let point = dice.command(&run, middle);
-            run.ask(point)?;
-            told.commands += 1;
-            let held = dice.between(HELD_S);
-            run.pass(held);
-            told.seconds += held;
+            dice.hold(&mut run, middle, &mut told)?;
         }
         let input = inputs[(dice.part() * inputs.len() as f64) as usize];
         let can: Vec<Defect> = Defect::ALL
