@@ -202,7 +202,7 @@ impl Runaway {
         if !(angle | current | speed | following | stalled | self.counting) {
             return None;
         }
-        self.count(config, past, || Off::of(config, induced, exchange, motion))
+        self.count(config, past, induced, exchange, motion.theta_step)
     }
 
     #[cold]
@@ -211,7 +211,9 @@ impl Runaway {
         &mut self,
         config: &RunawayConfig,
         past: [bool; 5],
-        off: impl FnOnce() -> Off,
+        induced: &Induced,
+        exchange: &MotorExchange,
+        theta_step: i32,
     ) -> Option<Sign> {
         let mut found = None;
         self.counting = false;
@@ -222,7 +224,11 @@ impl Runaway {
             self.looks = self.looks.saturating_add(1);
         }
         let [angle_off, current, speed, following, stalled] = past.map(u32::from);
-        let off = if angle_off == 0 { Off::None } else { off() };
+        let off = if angle_off == 0 {
+            Off::None
+        } else {
+            Off::of(config, induced, exchange, theta_step)
+        };
         self.off = self.off.saturating_add((off != Off::None).into());
         self.turned = self.turned.saturating_add((off == Off::Turned).into());
         let events = [
@@ -271,10 +277,10 @@ impl Off {
         config: &RunawayConfig,
         induced: &Induced,
         exchange: &MotorExchange,
-        motion: Motion,
+        theta_step: i32,
     ) -> Self {
-        let off = voltage_off(config, induced, exchange, motion.theta_step);
-        let emf = induced.back_emf(motion.theta_step.wrapping_mul(config.pole_pairs));
+        let off = voltage_off(config, induced, exchange, theta_step);
+        let emf = induced.back_emf(theta_step.wrapping_mul(config.pole_pairs));
         let (size, floor) = (
             emf.unsigned_abs(),
             config.emf_floor.to_bits().unsigned_abs(),

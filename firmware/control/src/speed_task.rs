@@ -133,8 +133,11 @@ impl SpeedTask {
         self.coordinator.arrived()
     }
 
-    /// What limits a drive that does what it is asked.
+    /// What limits a drive that does what it is asked. Asked for now and then: within each step it would take registers from what is
+    /// computed there.
     #[must_use]
+    #[cold]
+    #[inline(never)]
     pub fn limits(&self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> ActiveLimits {
         let driven = self.state.is_driven();
         let mut limits = ActiveLimits::NONE
