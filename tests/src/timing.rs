@@ -117,16 +117,37 @@ impl Decoder {
     /// # Errors
     /// Something is not an instruction.
     pub fn decode(&self, code: &[u8], address: u32) -> Result<Vec<Instruction>, String> {
-        let decoded = self
+        self.decode_to(code, address, |_| false)
+    }
+
+    /// The instructions from `address` to the first that may go elsewhere.
+    ///
+    /// # Errors
+    /// Something is not an instruction.
+    pub fn decode_straight(&self, code: &[u8], address: u32) -> Result<Vec<Instruction>, String> {
+        self.decode_to(code, address, |instruction| instruction.flow != Flow::Next)
+    }
+
+    fn decode_to(
+        &self,
+        code: &[u8],
+        address: u32,
+        is_last: impl Fn(&Instruction) -> bool,
+    ) -> Result<Vec<Instruction>, String> {
+        let mut decoded = self
             .0
-            .disasm_all(code, u64::from(address))
+            .disasm_iter(code, u64::from(address))
             .map_err(|error| error.to_string())?;
         let mut previous: Option<Access> = None;
-        let mut list = Vec::with_capacity(decoded.len());
-        for instruction in decoded.iter() {
-            let (cost, access) = self.cost(instruction, previous.take());
+        let mut list = Vec::new();
+        while let Some(instruction) = decoded.next() {
+            let (cost, access) = self.cost(&instruction, previous.take());
             previous = access;
+            let last = is_last(&cost);
             list.push(cost);
+            if last {
+                break;
+            }
         }
         Ok(list)
     }

@@ -108,19 +108,14 @@ impl Body {
         let code = image
             .bytes(at, room)
             .ok_or_else(|| format!("{} at {at:#010x} is not in the image", self.name))?;
-        let mut list = decoder.decode(code, at)?;
+        let mut list = decoder.decode_straight(code, at)?;
         if list.is_empty() {
             // The disassembler keeps the state of an IT block over its calls: a new one begins outside of any.
-            list = Decoder::new().decode(code, at)?;
+            list = Decoder::new().decode_straight(code, at)?;
         }
         if list.is_empty() {
             return Err(format!("{}: no instruction at {at:#010x}", self.name));
         }
-        let length = list
-            .iter()
-            .position(|i| i.flow != Flow::Next)
-            .map_or(list.len(), |k| k + 1);
-        list.truncate(length);
         // Not beyond what is known already.
         let known = list
             .iter()
