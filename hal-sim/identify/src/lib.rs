@@ -11,6 +11,7 @@ mod conclusion;
 pub mod design;
 pub mod feed_axis;
 mod figures;
+mod filter;
 pub mod fourier;
 pub mod gain;
 pub mod html;

@@ -98,3 +98,34 @@ fn what_no_whole_order_has_is_told_by_what_it_looks_like() {
     assert_eq!((hum.coordinate.as_str(), hum.order), ("time", None));
     assert!((hum.hz.unwrap() - 31.7).abs() < 0.03, "{hum:?}");
 }
+
+#[test]
+fn an_inertia_is_found_up_to_the_filters_band() {
+    const INERTIA: f64 = 2e-4;
+    // A ripple of the speed at 80 Hz, of which a 100 Hz filter leaves nine tenths: both sides pass it once.
+    let [fit, check] = [1, 2].map(|seed| {
+        let mut record = record(seed, 0.0, |_, _| 0.0);
+        let swings = |k: usize| {
+            let t = k as f64 / RATE;
+            [80.0, 33.0].map(|hz: f64| {
+                let phase = TAU * hz * t + 0.4 * (0.9 * t).sin();
+                (phase, TAU * hz)
+            })
+        };
+        for k in 0..record.position.len() {
+            for (phase, w) in swings(k) {
+                let rate = w + 0.4 * 0.9 * (0.9 * k as f64 / RATE).cos();
+                let acceleration = 1000.0;
+                record.position[k] -= acceleration / (w * w) * phase.cos();
+                record.current[k] += INERTIA * acceleration * (rate / w).powi(2) * phase.cos();
+            }
+        }
+        record
+    });
+    let study = Study::new(&fit, &check, None);
+    let found = study.after.values[0];
+    assert!(
+        (found / INERTIA - 1.0).abs() < 0.03,
+        "{found} A s^2/rad found, {INERTIA} there: expected within 3 %"
+    );
+}

@@ -72,6 +72,10 @@ fn emps_is_simulated_better_effect_by_effect(folder: &Path) {
     let last = study.last();
     assert!(last.homed.force_percent < 2.9, "{:?}", last.homed);
     assert!(last.test.force_percent < 3.5, "{:?}", last.test);
+    let own = study.own_friction.as_ref();
+    let own = own.expect("the test file's viscous friction is another");
+    println!("{}", own.sentence([last.axis.base[1], last.axis.base[2]]));
+    assert!(own.errors.force_percent < 2.6, "{:?}", own.errors);
     assert!(
         (0.2..0.5).contains(&study.lap_to_lap_n),
         "{}",
@@ -90,12 +94,16 @@ fn emps_is_simulated_better_effect_by_effect(folder: &Path) {
 fn laas_current_is_explained_by_the_orders_of_its_map(folder: &Path) {
     let (record, map) = motor::Record::laas(folder).expect("the measured data");
     let [first, second] = record.halves();
-    for [fit, check] in [[&first, &second], [&second, &first]] {
+    for (fit, check, most) in [(&first, &second, 3.0), (&second, &first, 4.0)] {
         let study = motor::Study::new(fit, check, Some(&map));
         let orders: Vec<u32> = study.orders.iter().take(3).map(|o| o.order).collect();
         assert!(orders.contains(&72) && orders.contains(&18), "{orders:?}");
         let (before, after) = (study.before_percent(), study.after_percent());
-        assert!(before > 20.0 && after < 5.0, "{before} to {after}");
+        println!("{before:.2} to {after:.2} % of the current");
+        assert!(
+            before > 20.0 && after < most,
+            "{before} to {after} %, expected less than {most} %"
+        );
     }
 }
 

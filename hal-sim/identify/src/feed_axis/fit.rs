@@ -1,8 +1,8 @@
 //! Output-error fit of the closed loop.
 
 use super::axis::Axis;
-use super::filter::butterworth_100;
 use super::record::Record;
+use crate::filter::butterworth_100;
 use crate::sandwich::Linear;
 use levenberg_marquardt::{LeastSquaresProblem, LevenbergMarquardt};
 use nalgebra::storage::Owned;
@@ -24,7 +24,12 @@ pub(super) enum Free {
     Orders,
     /// The homing only.
     Homing,
+    /// Viscous friction, Coulomb friction and offset only.
+    Friction,
 }
+
+/// Which of the base parameters are friction and offset.
+pub(super) const FRICTION: std::ops::Range<usize> = 1..4;
 
 struct Problem<'a> {
     axis: Axis,
@@ -46,6 +51,11 @@ impl Problem<'_> {
                 homing: parameters[0],
                 ..self.axis.clone()
             },
+            Free::Friction => {
+                let mut own = self.axis.parameters();
+                own[FRICTION].copy_from_slice(parameters.as_slice());
+                self.axis.with(&own)
+            }
         }
     }
 
@@ -127,6 +137,7 @@ fn start(axis: &Axis, free: Free) -> DVector<f64> {
     let mut start = match free {
         Free::Model | Free::Orders => axis.parameters(),
         Free::Homing => vec![axis.homing],
+        Free::Friction => axis.parameters()[FRICTION].to_vec(),
     };
     if free == Free::Orders {
         start.extend(axis.orders().iter().map(|_| 0.0));
@@ -159,20 +170,23 @@ pub(super) fn converged(axis: &Axis, record: &Record, free: Free, rows: &[usize]
     (axis, report.termination.was_successful())
 }
 
-/// Covariance of the parameters at a fit, in their units: the base four, the terms', then the orders.
-pub(super) fn covariance(axis: &Axis, record: &Record, rows: &[usize]) -> DMatrix<f64> {
+/// Covariance of the parameters at a fit, in their units: with [`Free::Orders`] the base four, the terms', then the orders.
+pub(super) fn covariance(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -> DMatrix<f64> {
     let measured = butterworth_100(&record.force(), record.rate);
-    let parameters = start(axis, Free::Orders);
+    let parameters = start(axis, free);
     let count = parameters.len();
     let problem = Problem {
         axis: axis.clone(),
         record,
         measured: &measured,
-        free: Free::Orders,
+        free,
         rows,
         parameters,
     };
     let mut scales = axis.scales();
+    if free == Free::Friction {
+        scales = scales[FRICTION].to_vec();
+    }
     scales.resize(count, 1.0);
     let left = problem.errors(&problem.parameters);
     let covariance = problem
@@ -253,7 +267,7 @@ pub(super) mod tests {
             let noise = coloured(seed, clean.len(), 0.95);
             let noisy = clean.with_force(|row| 0.7 * noise[row]);
             let found = fitted(&start, &noisy, Free::Orders, &rows);
-            let covariance = covariance(&found, &noisy, &rows);
+            let covariance = covariance(&found, &noisy, Free::Orders, &rows);
             let (variance, values) = (|k: usize| covariance[(k, k)], &found.terms[0].1);
             let wave = Wave::new(
                 [values[0], values[1]],

@@ -1,9 +1,9 @@
 //! What is left of an axis' force when all effects are in, and what it looks like.
 
 use super::axis::Axis;
-use super::filter::butterworth_100;
 use super::fit::MARGIN;
 use super::record::Record;
+use crate::filter::butterworth_100;
 use crate::fourier::slope;
 use crate::leftover::Form;
 use crate::rest::{ABOVE, Place, Remnant, Rest};

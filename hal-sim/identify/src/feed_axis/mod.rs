@@ -4,7 +4,6 @@
 
 mod axis;
 mod file;
-mod filter;
 mod fit;
 mod left;
 mod record;
@@ -14,8 +13,7 @@ mod study;
 
 pub use axis::{Axis, Term};
 pub use file::AxisModelError;
-pub(crate) use filter::butterworth;
 pub use record::{Law, Record};
 pub use select::Trial;
 pub use simulate::Run;
-pub use study::{Errors, Stage, Study};
+pub use study::{Errors, OwnFriction, Stage, Study};

@@ -7,10 +7,10 @@
 //! again by simulation. No other record is looked at.
 
 use super::axis::{Axis, Term};
-use super::filter::butterworth_100;
 use super::fit::{Free, MARGIN, beside, fitted};
 use super::record::Record;
 use crate::design::{Column, dot};
+use crate::filter::butterworth_100;
 use crate::limits::plausible_on_axis;
 use crate::normal::{Normal, Prior};
 use crate::selection::{Evidence, MATERIAL_OF_ERROR, TOO_LITTLE};

@@ -1,12 +1,13 @@
 //! The effects of an axis one by one, each with the error on a record that nothing was fitted to.
 
 use super::axis::{Axis, Term};
-use super::filter::{butterworth_100, decimated};
-use super::fit::{Free, MARGIN, converged, covariance, fitted};
+use super::fit::{FRICTION, Free, MARGIN, converged, covariance, fitted};
 use super::left::remnants;
 use super::record::{Law, Record};
 use super::select::{Trial, search};
+use crate::filter::{butterworth_100, decimated};
 use crate::rest::Remnant;
+use crate::selection::MATERIAL_OF_ERROR;
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
@@ -39,6 +40,62 @@ pub struct Stage {
     pub homed: Errors,
 }
 
+/// Friction and offset that a record has of its own: the lubricant's temperature sets the one, the amplifier's the other.
+pub struct OwnFriction {
+    /// Changes against the fit record and their standard deviations: viscous friction, N s/m; Coulomb friction, N; offset,
+    /// N.
+    pub changes: [[f64; 2]; 3],
+    /// On the test record from its first quarter on, with homing, friction and offset from that quarter.
+    pub errors: Errors,
+}
+
+/// Standard deviations by which a parameter differs between two records: chance exceeds them once in 370 times.
+const DIFFERS: f64 = 3.0;
+
+impl OwnFriction {
+    /// Of a test record whose homing is that of `homed`, where friction or offset of its first quarter differ from those of
+    /// the fit record, whose covariance is given, and lower the error on the rest of it.
+    fn new(homed: &Axis, test: &Record, of_fit: &DMatrix<f64>, without: &Errors) -> Option<Self> {
+        let quarter = &test.first(test.len() / 4);
+        let rows: Vec<usize> = (MARGIN..quarter.len() - MARGIN).collect();
+        let own = fitted(homed, quarter, Free::Friction, &rows);
+        let of_test = covariance(&own, quarter, Free::Friction, &rows);
+        let changes = [0, 1, 2].map(|k: usize| {
+            let at = FRICTION.start + k;
+            let variance = of_fit[(at, at)] + of_test[(k, k)];
+            [own.base[at] - homed.base[at], variance.sqrt()]
+        });
+        let errors = errors(&own, test, test.len() / 4);
+        let differs = changes.iter().any(|[by, sigma]| by.abs() > DIFFERS * sigma);
+        let less = errors.force_n < (1.0 - MATERIAL_OF_ERROR) * without.force_n;
+        (differs && less).then_some(OwnFriction { changes, errors })
+    }
+
+    /// In a sentence, in which viscous and Coulomb friction of the fit record are given.
+    pub fn sentence(&self, [viscous, coulomb]: [f64; 2]) -> String {
+        let of = |name: &str, [by, sigma]: [f64; 2], unit: &str, whole: Option<f64>| {
+            let share = whole.map_or_else(String::new, |whole| {
+                format!(", {:.0} % of it", 100.0 * by.abs() / whole.abs())
+            });
+            let (low, high) = (by - 1.96 * sigma, by + 1.96 * sigma);
+            (by.abs() > DIFFERS * sigma)
+                .then(|| format!("{name} by {by:+.3} ({low:+.3} to {high:+.3}) {unit}{share}"))
+        };
+        let [first, second, third] = self.changes;
+        let all = [
+            of("viscous friction", first, "N s/m", Some(viscous)),
+            of("Coulomb friction", second, "N", Some(coulomb)),
+            of("offset", third, "N", None),
+        ];
+        let all: Vec<String> = all.into_iter().flatten().collect();
+        format!(
+            "The check record differs from the fit record: {}, from its first quarter; with that the error on the rest of it is {:.2} %.",
+            all.join(", "),
+            self.errors.force_percent
+        )
+    }
+}
+
 /// All stages.
 pub struct Study {
     /// Inverse force error of the declared model on the estimation record and on the test record, %.
@@ -61,6 +118,8 @@ pub struct Study {
     pub covariance: DMatrix<f64>,
     /// What the last stage leaves of both records above the noise from lap to lap.
     pub remnants: Vec<Remnant>,
+    /// Of the test record, where it differs.
+    pub own_friction: Option<OwnFriction>,
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -196,8 +255,12 @@ impl Study {
         };
         let ideal = fitted(&ideal, estimate, Free::Orders, &rows);
         let lap_to_lap_n = lap_to_lap(estimate);
-        let on_test = stages.last().map_or(declared, |stage| &stage.on_test);
+        let covariance = covariance(&axis, estimate, Free::Orders, &rows);
+        let last = stages.last();
+        let on_test = last.map_or(declared, |stage| &stage.on_test);
         Study {
+            own_friction: last
+                .and_then(|last| OwnFriction::new(&last.on_test, test, &covariance, &last.homed)),
             remnants: remnants([&axis, on_test], [estimate, test], lap_to_lap_n),
             inverse_percent: [inverse(declared, estimate), inverse(declared, test)],
             law_left_v,
@@ -207,7 +270,7 @@ impl Study {
             refitted,
             search,
             ideal: stage("all of it with dq/dt as it is".into(), ideal),
-            covariance: covariance(&axis, estimate, &rows),
+            covariance,
         }
     }
 

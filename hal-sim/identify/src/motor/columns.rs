@@ -3,7 +3,7 @@
 
 use super::record::Record;
 use crate::design::Column;
-use crate::feed_axis::butterworth;
+use crate::filter::{butterworth, second_derivative};
 use crate::fourier::slope;
 use crate::limits::SHOWN;
 use crate::normal::{Normal, Prior};
@@ -15,6 +15,8 @@ const MARGIN_S: [f64; 2] = [0.3, 0.1];
 /// Bandwidth of what is compared, Hz, and in the rows' rate where that is slow.
 const BAND_HZ: f64 = 100.0;
 const BAND_OF_RATE: f64 = 0.4;
+/// Bandwidth of the angle by which the orders turn, in that of what is compared: within that it is as it was read.
+const ANGLE_OF_BAND: f64 = 2.0;
 /// Bandwidth of the speed that tells how fast a record is, Hz: the counts of a creeping encoder are no speed.
 const SLOW_HZ: f64 = 10.0;
 /// Standard deviations of the speed's noise over which friction changes its sign: the counts of an encoder are no
@@ -100,16 +102,17 @@ pub(super) fn white_noise(values: &[f64]) -> f64 {
     (square / 70.0 / values.len().saturating_sub(4).max(1) as f64).sqrt()
 }
 
-/// Acceleration up to the highest frequency at which it is not the angle's noise.
+/// Acceleration up to the highest frequency at which it is not the angle's noise. It passes the filter of both sides later,
+/// as the current does: only where it must be narrower than that is it filtered here.
 fn accelerations(angle: &[f64], rate: f64, top: f64, noise: impl Fn(f64) -> f64) -> Vec<f64> {
+    let acceleration = second_derivative(angle, rate);
     let mut hz = top;
     loop {
-        let smooth = butterworth(angle, rate, hz);
-        let acceleration = slope(&slope(&smooth, rate), rate);
-        let square: f64 = acceleration.iter().map(|a| a * a).sum();
-        let power = square / acceleration.len().max(1) as f64;
+        let shown = butterworth(&acceleration, rate, hz);
+        let square: f64 = shown.iter().map(|a| a * a).sum();
+        let power = square / shown.len().max(1) as f64;
         if noise(hz).powi(2) <= MOST_NOISE * power || hz * NARROWER < LEAST_HZ {
-            return acceleration;
+            return if hz < top { shown } else { acceleration };
         }
         hz *= NARROWER;
     }
@@ -119,8 +122,11 @@ impl Columns {
     pub(super) fn new(record: &Record) -> Self {
         let rate = record.rate;
         let hz = BAND_HZ.min(BAND_OF_RATE * rate);
-        let position = butterworth(&record.position, rate, hz);
-        let velocity = slope(&position, rate);
+        let position = match ANGLE_OF_BAND * hz < 0.5 * rate {
+            true => butterworth(&record.position, rate, ANGLE_OF_BAND * hz),
+            false => record.position.clone(),
+        };
+        let velocity = slope(&butterworth(&record.position, rate, hz), rate);
         let slow = butterworth(&record.position, rate, SLOW_HZ.min(hz));
         // White noise of the angle through a derivative of this order up to a frequency.
         let of_angle = white_noise(&record.position).powi(2) * 2.0 / rate;
@@ -289,7 +295,7 @@ impl Columns {
                 let sign: Vec<f64> = self.velocity.iter().map(|w| (w / round).tanh()).collect();
                 self.reported(&sign, lag_s)
             }
-            Base::Viscous => self.reported(&self.velocity, lag_s),
+            Base::Viscous => self.reported(&slope(&self.position, self.rate), lag_s),
         }
     }
 

@@ -199,12 +199,9 @@ impl Both {
     }
 }
 
-/// The lag with which inertia, friction and every whole order, fitted together, predict the check record best.
-fn lag(records: [&Columns; 2], base: &[Base], highest: u32, lags_s: &[f64]) -> f64 {
-    let rows = records[0].current().len();
-    let most = highest.min(BESIDE_LAG).min((rows / ROWS_PER_ORDER) as u32);
-    let orders: Vec<u32> = (1..=most).collect();
-    let square = |lag_s: f64| Both::new(records, base, &orders, lag_s).squares()[1];
+/// The lag with which inertia, friction and orders, fitted together, predict the check record best.
+fn lag(records: [&Columns; 2], base: &[Base], orders: &[u32], lags_s: &[f64]) -> f64 {
+    let square = |lag_s: f64| Both::new(records, base, orders, lag_s).squares()[1];
     let tried: Vec<(f64, f64)> = lags_s.iter().map(|lag| (square(*lag), *lag)).collect();
     let best = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0));
     match best {
@@ -278,8 +275,10 @@ impl Study {
         let all = candidates.len();
         candidates.retain(|order| turned && *order <= shown);
         let reason = if turned { ABOVE_BAND } else { NOT_TURNED };
-        let search = |base: &[Base]| {
-            let late = lag(records, base, highest, &lags_s);
+        let rows = records[0].current().len();
+        let most = highest.min(BESIDE_LAG).min((rows / ROWS_PER_ORDER) as u32);
+        let lowest: Vec<u32> = (1..=most).collect();
+        let at_lag = |base: &[Base], late: f64| {
             let both = Both::new(records, base, &candidates, late);
             let mut search = Search {
                 fit: both.regression(base.len()),
@@ -296,6 +295,14 @@ impl Study {
         };
         let orders =
             |taken: &[(u32, f64)]| taken.iter().map(|(order, _)| *order).collect::<Vec<u32>>();
+        let search = |base: &[Base]| {
+            let found = at_lag(base, lag(records, base, &lowest, &lags_s));
+            // Higher orders that were found may tell another lag.
+            match lag(records, base, &orders(&found.1), &lags_s) {
+                same if same == found.0 => found,
+                other => at_lag(base, other),
+            }
+        };
         let (mut late, mut taken, mut lost_orders) = search(&base);
         // Orders that were in the way of a friction are known now.
         let known = base.len();

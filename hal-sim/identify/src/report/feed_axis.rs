@@ -68,9 +68,16 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
         .map(|remnant| Left::of(remnant, "force", "N"))
         .collect();
     let judged = judged(study, &unexplained);
+    let differs = study.own_friction.as_ref().map(|own| {
+        let [_, viscous, coulomb, _] = last.axis.base;
+        own.sentence([viscous, coulomb])
+    });
     Report {
         verdict: judged.verdict.name(),
-        summary: judged.sentence,
+        summary: match differs {
+            Some(differs) => format!("{} {differs}", judged.sentence),
+            None => judged.sentence,
+        },
         refused: study
             .search
             .iter()

@@ -73,8 +73,8 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
         }],
         unexplained,
         calibration: calibration(study),
-        derivatives: "Position and current pass a 100 Hz zero-phase Butterworth filter; derivatives are central differences \
-                      of the filtered position."
+        derivatives: "The acceleration is the second derivative of the angle as read; it, friction, orders and current pass the \
+                      same 100 Hz zero-phase Butterworth filter."
             .into(),
         selection: Selection {
             rule: format!(

@@ -169,7 +169,7 @@ fn print(figures: &Figures, blind: &Value) {
                 stage.homed.force_percent
             );
         }
-        println!("{:52}{:>10}{:>10}{:>10}", "goal", "", "", "2.9");
+        println!("{:52}{:>10}{:>10}{:>10}", "goal", "", "", "2.6");
     }
     if let Some(motor) = &figures.motor {
         println!("\nLAAS, current error on the half that was not fitted, % of its rms");
@@ -181,7 +181,7 @@ fn print(figures: &Figures, blind: &Value) {
         row(
             "with the orders of the slow turn",
             Some(motor.study.after_percent()),
-            "5",
+            "3",
         );
         row("   halves swapped", Some(motor.swapped_percent[1]), "");
         for order in motor.study.orders.iter().take(5) {

@@ -1,5 +1,6 @@
 //! The benchmark's zero-phase filters, by their magnitude over frequency.
 
+use crate::fourier::curvature;
 use realfft::RealFftPlanner;
 use std::f64::consts::PI;
 
@@ -45,6 +46,17 @@ fn zero_phase(signal: &[f64], rate: f64, gain: impl Fn(f64) -> f64) -> Vec<f64> 
         .collect()
 }
 
+/// Second derivative, per second squared, exact up to half the rate: the second difference over its own gain.
+pub(crate) fn second_derivative(signal: &[f64], rate: f64) -> Vec<f64> {
+    zero_phase(&curvature(signal, rate), rate, |hz| {
+        let half = PI * hz / rate;
+        match half > 0.0 {
+            true => (half / half.sin()).powi(2),
+            false => 1.0,
+        }
+    })
+}
+
 /// Butterworth low-pass of order 4 at 100 Hz, forth and back.
 pub(crate) fn butterworth_100(signal: &[f64], rate: f64) -> Vec<f64> {
     butterworth(signal, rate, 100.0)
@@ -63,7 +75,7 @@ pub(crate) fn butterworth(signal: &[f64], rate: f64, hz: f64) -> Vec<f64> {
 }
 
 /// Every tenth row after a Chebyshev low-pass (order 8, 0.05 dB, 0.8 of half the new rate), forth and back, without the first and last ten.
-pub(super) fn decimated(signal: &[f64], rate: f64) -> Vec<f64> {
+pub(crate) fn decimated(signal: &[f64], rate: f64) -> Vec<f64> {
     let corner = warped(0.04 * rate, rate);
     let ripple = 10f64.powf(0.005) - 1.0;
     let filtered = zero_phase(signal, rate, |hz| {
