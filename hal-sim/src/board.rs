@@ -130,7 +130,11 @@ pub struct Board {
     /// Whole turns of the shafts, by which an index is passed.
     turns: [f64; 2],
     index_passed: [bool; 2],
+    /// Half a PWM period, s.
+    half_s: f64,
     step_s: f64,
+    /// Where legs and channels of a motor are not in their places.
+    miswired: [Option<MotorWiring>; 2],
     /// Duty of a compare count.
     duty_per_count: f64,
     /// Part of the bus voltage that a phase loses to the dead time.
@@ -157,7 +161,12 @@ impl Board {
             encoder_zeros: [0.0; 2],
             turns: [0.0; 2],
             index_passed: [false; 2],
+            half_s: config.pwm_period_s() / 2.0,
             step_s: config.pwm_period_s() / 2.0 / f64::from(config.substeps.max(1)),
+            miswired: config
+                .wiring
+                .motors
+                .map(|wiring| Some(wiring).filter(|wiring| !wiring.is_straight())),
             duty_per_count: f64::from(config.period()).recip(),
             dead_part: config.dead_time_s / config.pwm_period_s(),
         }
@@ -212,8 +221,9 @@ impl Board {
 
     /// The same with `seam` behind the current amplifiers.
     pub fn turn_through(&mut self, axis: Axis, seam: &mut impl Seam) -> MotorSample {
-        let wiring = *self.config.wiring.motor(axis);
-        let true_currents = wiring.legs(self.machine.phase_currents(axis));
+        let miswired = self.miswired[axis.index()].as_ref();
+        let to_legs = |windings| miswired.map_or(windings, |wiring| wiring.legs(windings));
+        let true_currents = to_legs(self.machine.phase_currents(axis));
         let break_a = self.config.break_a;
         let bridge = &mut self.bridges[axis.index()];
         // A break holds until it is cleared.
@@ -222,8 +232,8 @@ impl Board {
         bridge.active = bridge.written;
         let active = bridge.active;
 
-        let readings = wiring.legs(self.machine.current_readings(axis));
-        let [a, b, c] = wiring.channels(readings);
+        let readings = to_legs(self.machine.current_readings(axis));
+        let [a, b, c] = miswired.map_or(readings, |wiring| wiring.channels(readings));
         let Sensors { current, bus, .. } = self.config.sensors;
         // At the top, where the samples are taken.
         let leg = |k: usize| match (active.enable && !bridge.broken, active.compare[k]) {
@@ -232,8 +242,9 @@ impl Board {
             (true, _) => Leg::Low,
         };
         let sensing = self.config.sensing;
+        let leg_of = |channel: usize| miswired.map_or(channel, |wiring| wiring.channels[channel]);
         let mut amps = [(a, 0), (b, 1), (c, 2)]
-            .map(|(amps, k): (f64, usize)| sensing.seen(amps, leg(wiring.channels[k])));
+            .map(|(amps, channel)| sensing.seen(amps, leg(leg_of(channel))));
         seam.currents(axis, &mut amps);
         let sensed = match self.config.shunts {
             Shunts::Two => &amps[..2],
@@ -242,7 +253,7 @@ impl Board {
         bridge.broken |= self.config.comparators == Comparators::Amplifiers
             && sensed.iter().any(|i| *i > break_a);
         let broken = bridge.broken;
-        let driven = self.voltages(active, broken, true_currents, &wiring);
+        let driven = self.voltages(axis, active, broken, true_currents);
         self.driven[axis.index()] = driven;
         self.machine.set_bridge(axis, driven);
 
@@ -311,7 +322,7 @@ impl Board {
 
     /// Half a PWM period passes. An absolute encoder latches the angle that its frame brings before the period's end.
     pub fn advance(&mut self) {
-        let half_period = self.config.pwm_period_s() / 2.0;
+        let half_period = self.half_s;
         for axis in Axis::ALL {
             let encoder = &self.config.sensors.encoders[axis.index()];
             if encoder.interface == Interface::Mt6835 {
@@ -336,14 +347,14 @@ impl Board {
     fn pass_indices(&mut self) {
         for axis in Axis::ALL {
             let k = axis.index();
+            if self.config.sensors.encoders[k].interface != Interface::IncrementalWithIndex {
+                continue;
+            }
             let angle = self
                 .machine
                 .encoder_angle(self.config.wiring.encoder_at(axis));
             let turn = (angle / TAU).floor();
-            let passed = turn != std::mem::replace(&mut self.turns[k], turn);
-            if passed
-                && self.config.sensors.encoders[k].interface == Interface::IncrementalWithIndex
-            {
+            if turn != std::mem::replace(&mut self.turns[k], turn) {
                 self.encoder_zeros[k] = 0.0;
                 self.index_passed[k] = true;
             }
@@ -366,10 +377,10 @@ impl Board {
     /// Mean phase voltages over a period, to the middle of the bus.
     fn voltages(
         &self,
+        axis: Axis,
         command: PwmCommand,
         broken: bool,
         currents: [f64; 3],
-        wiring: &MotorWiring,
     ) -> Bridge {
         if !command.enable || broken {
             return Bridge::Open;
@@ -386,6 +397,10 @@ impl Board {
             let sign = (currents[k] * DEAD_TIME_SLOPE).clamp(-1.0, 1.0);
             self.bus_v * (duty - 0.5 - self.dead_part * sign)
         };
-        Bridge::Driven(wiring.windings([phase(0), phase(1), phase(2)]))
+        let legs = [phase(0), phase(1), phase(2)];
+        Bridge::Driven(match &self.miswired[axis.index()] {
+            None => legs,
+            Some(wiring) => wiring.windings(legs),
+        })
     }
 }

@@ -30,6 +30,12 @@ impl MotorWiring {
         }
     }
 
+    /// Legs and channels are in their places: what is wired does not show in voltages and currents.
+    pub(crate) fn is_straight(&self) -> bool {
+        let right = Self::right();
+        (self.legs, self.channels, self.signs) == (right.legs, right.channels, right.signs)
+    }
+
     /// What the legs give -> what the windings get.
     pub(crate) fn windings(&self, legs: [f64; 3]) -> [f64; 3] {
         self.legs.map(|leg| legs[leg])

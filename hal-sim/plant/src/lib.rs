@@ -29,6 +29,7 @@ impl Axis {
     pub const ALL: [Axis; 2] = [Axis::Screw, Axis::Nut];
 
     /// 0 for the screw, 1 for the nut.
+    #[inline]
     pub const fn index(self) -> usize {
         self as usize
     }

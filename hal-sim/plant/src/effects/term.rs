@@ -102,6 +102,7 @@ pub enum Law {
 
 impl Law {
     /// The value at a coordinate.
+    #[inline]
     pub fn value(&self, x: f64) -> f64 {
         match *self {
             Law::Constant { value } => value,
@@ -119,6 +120,7 @@ impl Law {
     }
 
     /// The derivative by the coordinate.
+    #[inline]
     pub fn slope(&self, x: f64) -> f64 {
         match *self {
             Law::Constant { .. } | Law::Opposing { .. } => 0.0,

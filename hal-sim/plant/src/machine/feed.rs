@@ -124,6 +124,7 @@ impl Feed {
     }
 
     /// Travel at a relative angle of screw and nut, m.
+    #[inline]
     pub(super) fn travel(&self, relative: f64) -> f64 {
         self.travel_per_radian * relative + sum(&self.terms.travel, relative)
     }

@@ -86,6 +86,7 @@ impl Machine {
     }
 
     /// Sets what drives the windings of one motor from now on.
+    #[inline]
     pub fn set_bridge(&mut self, axis: Axis, bridge: Bridge) {
         self.motors[axis.index()].set_bridge(bridge);
     }
@@ -96,6 +97,7 @@ impl Machine {
     }
 
     /// Sets the bus voltage against which the diodes of an open bridge work, V.
+    #[inline]
     pub fn set_bus_voltage(&mut self, volts: f64) {
         self.half_bus = 0.5 * volts;
     }
@@ -155,7 +157,10 @@ impl Machine {
             .each_ref()
             .map(|motor| motor.state.theta + half * motor.state.omega);
         let [screw, nut] = &mut self.motors;
-        let electrical = Phasor::pair([screw.pole_pairs * theta[0], nut.pole_pairs * theta[1]]);
+        let electrical = [
+            Phasor::new(screw.pole_pairs * theta[0]),
+            Phasor::new(nut.pole_pairs * theta[1]),
+        ];
         let mut torque = [
             screw.step_currents(dt, middle, theta[0], electrical[0], self.half_bus),
             nut.step_currents(dt, middle, theta[1], electrical[1], self.half_bus),
@@ -204,31 +209,37 @@ impl Machine {
     }
 
     /// Time since the start, s.
+    #[inline]
     pub fn time(&self) -> f64 {
         self.time
     }
 
     /// The state of one motor.
+    #[inline]
     pub fn motor(&self, axis: Axis) -> &MotorState {
         &self.motors[axis.index()].state
     }
 
     /// True currents of the phases a, b, c, A; positive into the motor.
+    #[inline]
     pub fn phase_currents(&self, axis: Axis) -> [f64; 3] {
         self.motors[axis.index()].phase_currents()
     }
 
     /// Currents of the phases a, b, c as an otherwise ideal sensor with the model's offset and gain errors reads them, A.
+    #[inline]
     pub fn current_readings(&self, axis: Axis) -> [f64; 3] {
         self.motors[axis.index()].current_readings()
     }
 
     /// Angle as an otherwise ideal encoder with the model's eccentricity reads it, rad, many turns.
+    #[inline]
     pub fn encoder_angle(&self, axis: Axis) -> f64 {
         self.motors[axis.index()].encoder_angle()
     }
 
     /// Position of the table, m, from where it started.
+    #[inline]
     pub fn table_position(&self) -> f64 {
         match self.coupling {
             Coupling::Lumped => self.feed.travel(self.relative_angle()) - self.feed.origin,
@@ -237,6 +248,7 @@ impl Machine {
     }
 
     /// Velocity of the table, m/s.
+    #[inline]
     pub fn table_velocity(&self) -> f64 {
         match self.coupling {
             Coupling::Lumped => self.feed.ratio(self.relative_angle()) * self.relative_speed(),

@@ -144,6 +144,7 @@ impl Motor {
         }
     }
 
+    #[inline]
     pub(super) fn set_bridge(&mut self, bridge: Bridge) {
         self.bridge = bridge;
         match bridge {
@@ -243,10 +244,12 @@ impl Motor {
         .max(0.0)
     }
 
+    #[inline]
     pub(super) fn phase_currents(&self) -> [f64; 3] {
         inverse_clarke([self.state.i_alpha, self.state.i_beta])
     }
 
+    #[inline]
     pub(super) fn current_readings(&self) -> [f64; 3] {
         let [a, b, c] = self.phase_currents();
         [
@@ -256,6 +259,7 @@ impl Motor {
         ]
     }
 
+    #[inline]
     pub(super) fn encoder_angle(&self) -> f64 {
         self.state.theta + sum(&self.terms.encoder, self.state.theta)
     }
