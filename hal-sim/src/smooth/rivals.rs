@@ -19,13 +19,14 @@ pub enum Rival {
     /// the anticogging map of hobby drives (ODrive's `anticogging`).
     StaticMap,
     /// Proportional-integral-resonant: resonators beside the PI at the ripple's orders, without a lead for the loops' phase (Xia,
-    /// Ji and Yan, IEEE Trans. Industrial Electronics 62, 2015).
+    /// Ji and Yan, IEEE Trans. Industrial Electronics 62, 2015). From memory: not held against its text.
     Pir,
     /// Iterative learning by the turn with a forgetting factor, P-type (Qian, Panda and Xu, IEEE Trans. Energy Conversion 20,
-    /// 2005).
+    /// 2005). Not held against that text; P-type learning of a motor's speed ripple is described in Algorithms 11(10), 152,
+    /// 2018, [doi:10.3390/a11100152](https://doi.org/10.3390/a11100152).
     Ilc,
     /// Repetitive control: the last turn's current, smoothed, plus the last turn's error some samples ahead (Inoue 1990; the
-    /// plug-in form).
+    /// plug-in form). From memory: not held against its text.
     Repetitive,
 }
 
