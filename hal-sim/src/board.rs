@@ -27,6 +27,15 @@ pub enum Comparators {
     Amplifiers,
 }
 
+/// A brake resistor on the bus, switched by its own comparator.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Chopper {
+    /// Switches on above, off below, V.
+    pub on_off_v: [f64; 2],
+    /// Resistance, ohm.
+    pub ohm: f64,
+}
+
 /// What the board is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BoardConfig {
@@ -38,6 +47,8 @@ pub struct BoardConfig {
     pub bus_v: f64,
     /// Capacity of the bus, F, behind a supply that takes no current back; 0: a supply that holds its voltage both ways.
     pub bus_f: f64,
+    /// What burns what the bus does not take; it has an effect on a bus with a capacity only.
+    pub chopper: Option<Chopper>,
     /// Dead time of the bridges, s.
     pub dead_time_s: f64,
     /// Phase current that trips the break input, A.
@@ -68,6 +79,7 @@ impl Default for BoardConfig {
             pwm_hz: 20e3,
             bus_v: 310.0,
             bus_f: 0.0,
+            chopper: None,
             dead_time_s: 0.0,
             break_a: 8.0,
             comparators: Comparators::Ideal,
@@ -109,6 +121,8 @@ struct BridgeState {
     written: PwmCommand,
     active: PwmCommand,
     broken: bool,
+    /// Its gate driver holds it open.
+    held_open: bool,
 }
 
 /// The peripherals of both motors, on the machine.
@@ -125,6 +139,8 @@ pub struct Board {
     random: Xoshiro256PlusPlus,
     /// Bus voltage now, V.
     bus_v: f64,
+    /// The chopper is on.
+    chops: bool,
     /// Shaft angles at which the counts of the encoders' inputs are zero, rad.
     encoder_zeros: [f64; 2],
     /// Whole turns of the shafts, by which an index is passed.
@@ -158,6 +174,7 @@ impl Board {
             frames: [None; 2],
             random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
             bus_v: config.bus_v,
+            chops: false,
             encoder_zeros: [0.0; 2],
             turns: [0.0; 2],
             index_passed: [false; 2],
@@ -206,9 +223,25 @@ impl Board {
         volts.iter().zip(currents).map(|(v, i)| v * i).sum()
     }
 
-    /// What the bridges take from the bus's capacity and put back in `seconds`.
-    fn charge_bus(&mut self, seconds: f64) {
-        let power: f64 = Axis::ALL.map(|axis| self.power_w(axis)).iter().sum();
+    /// What the bridges have taken from the bus's capacity and put back in `seconds`, in which the currents went from `before` to
+    /// what they are: by their mean. By either end alone a voltage that alternates, as noise makes it, would charge the bus.
+    fn charge_bus(&mut self, before: [[f64; 3]; 2], seconds: f64) {
+        let mut power = 0.0;
+        for (axis, before) in Axis::ALL.into_iter().zip(before) {
+            if let Bridge::Driven(volts) = self.driven[axis.index()] {
+                let now = self.machine.phase_currents(axis);
+                for ((v, was), is) in volts.iter().zip(before).zip(now) {
+                    power += v * 0.5 * (was + is);
+                }
+            }
+        }
+        if let Some(chopper) = self.config.chopper {
+            let [on, off] = chopper.on_off_v;
+            self.chops = self.bus_v > if self.chops { off } else { on };
+            if self.chops {
+                power += self.bus_v * self.bus_v / chopper.ohm;
+            }
+        }
         let energy = self.bus_v * self.bus_v - 2.0 * power * seconds / self.config.bus_f;
         self.bus_v = energy.max(0.0).sqrt().max(self.config.bus_v);
         self.machine.set_bus_voltage(self.bus_v);
@@ -236,7 +269,8 @@ impl Board {
         let [a, b, c] = miswired.map_or(readings, |wiring| wiring.channels(readings));
         let Sensors { current, bus, .. } = self.config.sensors;
         // At the top, where the samples are taken.
-        let leg = |k: usize| match (active.enable && !bridge.broken, active.compare[k]) {
+        let closed = active.enable && !bridge.broken && !bridge.held_open;
+        let leg = |k: usize| match (closed, active.compare[k]) {
             (false, _) => Leg::Open,
             (true, compare) if compare >= self.config.period() => Leg::High,
             (true, _) => Leg::Low,
@@ -253,7 +287,8 @@ impl Board {
         bridge.broken |= self.config.comparators == Comparators::Amplifiers
             && sensed.iter().any(|i| *i > break_a);
         let broken = bridge.broken;
-        let driven = self.voltages(axis, active, broken, true_currents);
+        let open = broken || bridge.held_open;
+        let driven = self.voltages(axis, active, open, true_currents);
         self.driven[axis.index()] = driven;
         self.machine.set_bridge(axis, driven);
 
@@ -315,6 +350,11 @@ impl Board {
         self.machine.set_bridge(axis, Bridge::Open);
     }
 
+    /// The gate driver of `axis` opens its bridge by itself, whatever the timer drives, until it does so no longer.
+    pub fn hold_open(&mut self, axis: Axis, open: bool) {
+        self.bridges[axis.index()].held_open = open;
+    }
+
     /// Clears the break latch of `axis`.
     pub fn clear_break(&mut self, axis: Axis) {
         self.bridges[axis.index()].broken = false;
@@ -329,11 +369,13 @@ impl Board {
                 self.frames[axis.index()] = Some(self.encoder_word(axis, half_period));
             }
         }
-        if self.config.bus_f > 0.0 {
-            self.charge_bus(half_period);
-        }
+        let before = (self.config.bus_f > 0.0)
+            .then(|| Axis::ALL.map(|axis| self.machine.phase_currents(axis)));
         for _ in 0..self.config.substeps.max(1) {
             self.machine.advance(self.step_s);
+        }
+        if let Some(before) = before {
+            self.charge_bus(before, half_period);
         }
         self.pass_indices();
     }
@@ -375,14 +417,8 @@ impl Board {
     }
 
     /// Mean phase voltages over a period, to the middle of the bus.
-    fn voltages(
-        &self,
-        axis: Axis,
-        command: PwmCommand,
-        broken: bool,
-        currents: [f64; 3],
-    ) -> Bridge {
-        if !command.enable || broken {
+    fn voltages(&self, axis: Axis, command: PwmCommand, open: bool, currents: [f64; 3]) -> Bridge {
+        if !command.enable || open {
             return Bridge::Open;
         }
         // At 0 and from the period on a leg does not switch (RM0440, PWM mode: OCxREF is held).

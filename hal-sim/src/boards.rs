@@ -1,6 +1,6 @@
 //! The boards that the firmware is built for, as the simulation has them: plates from the firmware's own sources.
 
-use crate::board::BoardConfig;
+use crate::board::{BoardConfig, Chopper};
 use crate::sensors::{Adc, CurrentSensing, Sensors};
 use control::guard::GuardPlate;
 use control::plate::DrivePlate;
@@ -154,6 +154,27 @@ impl BoardKind {
                 ..Sensors::real()
             },
             ..BoardConfig::default()
+        }
+    }
+
+    /// The same on the bus that its wiring page asks for at this voltage, behind a supply that takes no current back: capacitors
+    /// that take what both motors hold, or a brake chopper.
+    #[must_use]
+    pub fn config_on_its_bus(self) -> BoardConfig {
+        let (bus_f, chopper) = match self {
+            Self::Nucleo | Self::Nucleo40kHz => (9.8e-3, None),
+            Self::Mains => {
+                let chopper = Chopper {
+                    on_off_v: [370.0, 360.0],
+                    ohm: 100.0,
+                };
+                (470e-6, Some(chopper))
+            }
+        };
+        BoardConfig {
+            bus_f,
+            chopper,
+            ..self.config()
         }
     }
 }

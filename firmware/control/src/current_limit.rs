@@ -3,6 +3,11 @@
 //! A braking motor puts its energy back on the bus, which a rectifier does not take: the voltage climbs until the guard
 //! opens the bridges and the motors coast. So braking fades out between two voltages of the plate; the stop then takes as
 //! long as friction, copper, and a chopper if there is one, take to use the energy up.
+//!
+//! Below a speed all torque stays, either way: a motor that stands has no motion to brake, and while it turns at `omega` a torque
+//! current `i` gives the bus `k omega i - R i^2`, at most `(k omega)^2 / 4 R`. Below the stall's speed that is less than half a
+//! watt on both boards. With a sign of the motion alone, a motor at rest could not start one way while the bus is full, and the stall's
+//! watch would name it.
 
 use crate::format::{Current, narrow_bits};
 
@@ -15,20 +20,31 @@ pub struct RegenerationConfig {
     pub fades: u16,
     /// Braking current for a count below `full`, 2^-8 of a [`Current`]'s steps.
     pub per_count: i32,
+    /// Turn of the shaft in a sample up to which braking is not limited, 2^-32 turn.
+    pub slow: u32,
 }
 
 impl RegenerationConfig {
-    /// The largest braking current at `bus` counts, if `i_max` is allowed otherwise.
+    /// The largest braking current at `bus` counts of a shaft that turns by `theta_step` a sample, if `i_max` is allowed otherwise.
     #[must_use]
     #[inline(always)]
-    pub fn braking_max(&self, i_max: Current, bus: u16) -> Current {
-        let left = self.full.saturating_sub(bus);
-        if left >= self.fades {
+    pub fn braking_max(&self, i_max: Current, bus: u16, theta_step: i32) -> Current {
+        if self.full.saturating_sub(bus) >= self.fades {
+            return i_max;
+        }
+        self.fading(i_max, bus, theta_step)
+    }
+
+    /// What it fades to.
+    #[cold]
+    #[inline(never)]
+    fn fading(&self, i_max: Current, bus: u16, theta_step: i32) -> Current {
+        if theta_step.unsigned_abs() <= self.slow {
             return i_max;
         }
         // 16 bits times 31.
-        let product = i64::from(left).wrapping_mul(i64::from(self.per_count));
-        i_max.min(narrow_bits(product, 8))
+        let left = i64::from(self.full.saturating_sub(bus));
+        i_max.min(narrow_bits(left.wrapping_mul(i64::from(self.per_count)), 8))
     }
 }
 
@@ -89,7 +105,7 @@ mod tests {
             let plate = test_plate();
             let config = plate.config().unwrap();
             let i_max = Current::from_num(config.speed_loops[0].i_max.to_num::<f64>() * part);
-            let got = config.regeneration[0].braking_max(i_max, counts).to_num::<f64>();
+            let got = config.regeneration[0].braking_max(i_max, counts, i32::MAX).to_num::<f64>();
             let [from, full] = plate.board.regeneration_v;
             let volts = f64::from(counts) * plate.board.bus_volts_per_count;
             let whole = plate.motors[0].torque_max_nm / (5.0 * 0.11);
@@ -101,6 +117,26 @@ mod tests {
             if volts > full {
                 prop_assert_eq!(got, 0.0);
             }
+        }
+
+        /// A motor at rest has nothing to brake: it starts either way on a bus that takes nothing.
+        #[test]
+        fn a_full_bus_leaves_a_motor_that_stands_its_torque(rpm in -200.0..200.0f64, asked in -4.0..4.0f64) {
+            let plate = test_plate();
+            let config = plate.config().unwrap();
+            let regeneration = config.regeneration[0];
+            let stall_rpm = plate.runaway.stall * plate.motors[0].speed_max_rpm;
+            let step = (rpm / 60.0 * plate.board.sample_time() * 2f64.powi(32)) as i32;
+            let (i_max, asked) = (config.speed_loops[0].i_max, Current::from_num(asked));
+            let range = |bus| CurrentRange::new(i_max, regeneration.braking_max(i_max, bus, step), step);
+            let got = range(u16::MAX).cut(asked);
+            let brakes = rpm.abs() > stall_rpm && (asked < 0) != (rpm < 0.0);
+            let expected = if brakes { Current::ZERO } else { asked.min(i_max).max(-i_max) };
+            prop_assert!(
+                (rpm.abs() - stall_rpm).abs() < 0.1 || got == expected,
+                "{got} A of {asked} A at {rpm} rpm, expected {expected} A: the stall is at {stall_rpm} rpm"
+            );
+            prop_assert_eq!(range(0), CurrentRange::both_ways(i_max));
         }
 
         #[test]

@@ -153,7 +153,7 @@ impl SpeedTask {
         let motors = motors.zip(most).zip(&config.regeneration).zip(0..);
         for ((((exchange, limited), (most, speed_loop)), regeneration), k) in motors {
             let warm = most < speed_loop.i_max;
-            let full = regeneration.braking_max(most, exchange.bus()) < most;
+            let full = regeneration.braking_max(most, exchange.bus(), exchange.theta_step()) < most;
             limits = limits
                 .with(Some(k), Limit::Temperature, warm)
                 .with(Some(k), Limit::Regeneration, driven && full)
@@ -446,12 +446,12 @@ impl SpeedTask {
         let [screw_max, nut_max] = self.current_max;
         let screw_range = CurrentRange::new(
             screw_max,
-            screw_regeneration.braking_max(screw_max, screw_exchange.bus()),
+            screw_regeneration.braking_max(screw_max, screw_exchange.bus(), screw_step),
             screw_step,
         );
         let nut_range = CurrentRange::new(
             nut_max,
-            nut_regeneration.braking_max(nut_max, nut_exchange.bus()),
+            nut_regeneration.braking_max(nut_max, nut_exchange.bus(), nut_step),
             nut_step,
         );
         let asked = [

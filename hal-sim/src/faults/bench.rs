@@ -164,14 +164,19 @@ impl Bench {
         passed && !self.spoiled.iter().any(dead)
     }
 
-    /// The index of `axis` has been passed: one in a wrong place puts the count off by half a radian.
+    /// The index of `axis` has been passed, which puts the count right: one in a wrong place puts it off by half a radian, one that is
+    /// dead leaves it.
     pub(super) fn pass_index(&mut self, axis: Axis) {
-        let moved = |one: &Spoiled| {
-            one.on && one.input == Input::Index(axis) && one.defect == Defect::Offset
+        let defect = self
+            .spoiled
+            .iter()
+            .find(|one| one.on && one.input == Input::Index(axis))
+            .map(|one| one.defect);
+        self.index_off[axis.index()] = match defect {
+            Some(Defect::Missing) => return,
+            Some(Defect::Offset) => 0.5,
+            _ => 0.0,
         };
-        if self.spoiled.iter().any(moved) {
-            self.index_off[axis.index()] = 0.5;
-        }
     }
 
     fn read_angle(&mut self, axis: Axis, word: u32) -> u32 {

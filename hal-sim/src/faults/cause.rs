@@ -102,7 +102,13 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
         Input::EndForward => matches!(fault, F::EndForward | F::EndsExchanged),
         Input::EndBackward => matches!(fault, F::EndBackward | F::EndsExchanged),
         Input::Enable => fault == F::Disabled,
-        Input::DriverFault(axis) => fault == of(axis, F::ScrewBreak, F::NutBreak),
+        // Of a line that says nothing the open bridge shows, as phases that carry no current.
+        Input::DriverFault(axis) => of(
+            axis,
+            [F::ScrewBreak, F::ScrewVoltage, F::ScrewCurrentError],
+            [F::NutBreak, F::NutVoltage, F::NutCurrentError],
+        )
+        .contains(&fault),
         // A wrong command ends at the end of the way.
         Input::Command => matches!(fault, F::CommandLost | F::EndForward | F::EndBackward),
         Input::Heartbeat => fault == F::CommandLost,

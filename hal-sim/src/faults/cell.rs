@@ -29,7 +29,7 @@ pub enum Input {
     EndBackward,
     /// The enable contact, which somebody opens 0.1 s after its fault.
     Enable,
-    /// A gate driver's fault line.
+    /// A gate driver's fault line. The driver finds a fault 0.1 s after the drive was asked.
     DriverFault(Axis),
     /// What velocity is asked.
     Command,

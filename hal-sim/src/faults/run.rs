@@ -42,7 +42,7 @@ const AT_REST: (f64, f64) = (1e-4, 0.2);
 const FAR_M: f64 = 30e-3;
 /// How far ahead the switch is where it is to be reached, m.
 const NEAR_M: f64 = 1e-3;
-/// The enable contact is opened so long after the drive was asked, s.
+/// The enable contact is opened, or a driver finds a fault, so long after the drive was asked, s.
 const OPENED_S: f64 = 0.1;
 
 /// What happens beside the fault: a healthy drive has it too.
@@ -53,6 +53,8 @@ pub(super) enum Event {
     End,
     /// Somebody opens the enable contact.
     Opened,
+    /// A motor's gate driver finds a fault of its stage: it opens the bridge by itself, and pulls its line down.
+    DriverFault(Axis),
 }
 
 impl Event {
@@ -63,7 +65,11 @@ impl Event {
         } else if any(|input| *input == Input::Enable) {
             Self::Opened
         } else {
-            Self::None
+            let driver = faults.iter().find_map(|(input, _)| match input {
+                Input::DriverFault(axis) => Some(Self::DriverFault(*axis)),
+                _ => None,
+            });
+            driver.unwrap_or(Self::None)
         }
     }
 }
@@ -100,6 +106,8 @@ pub(super) struct Run {
     pub(super) period_s: f64,
     /// An index was seen since the supervision's last look.
     index: [bool; 2],
+    /// The gate driver that has found a fault of its stage.
+    failed_driver: Option<Axis>,
     /// Energy that has gone into the bus, J.
     returned_j: f64,
 }
@@ -129,22 +137,21 @@ impl Run {
         faults: &[(Input, Defect)],
         seed: u64,
     ) -> Result<Self, ExperimentError> {
-        Self::with_bus(board, situation, faults, seed, 0.0)
+        Self::on(board, situation, faults, seed, board.config())
     }
 
-    /// The same on a bus with a capacity, F; 0: one that holds its voltage.
-    pub(super) fn with_bus(
+    /// The same with what `config` has of a bus.
+    pub(super) fn on(
         board: BoardKind,
         situation: Situation,
         faults: &[(Input, Defect)],
         seed: u64,
-        bus_f: f64,
+        config: BoardConfig,
     ) -> Result<Self, ExperimentError> {
         let model = model(board);
         let config = BoardConfig {
-            bus_f,
             comparators: Comparators::Amplifiers,
-            ..board.config()
+            ..config
         };
         let plate = board.plate();
         let starts = matches!(situation, Situation::Boot | Situation::Aligning);
@@ -167,6 +174,7 @@ impl Run {
             drive,
             bench,
             index: [false; 2],
+            failed_driver: None,
             returned_j: 0.0,
         };
         run.prepare(situation)?;
@@ -241,7 +249,36 @@ impl Run {
         })
     }
 
+    /// What the drivers do to their bridges, and their lines to the timers' breaks.
+    fn drivers(&mut self) {
+        let fails = Axis::ALL.map(|axis| self.failed_driver == Some(axis));
+        let mut pulled = fails;
+        for one in self.bench.spoiled.iter_mut().filter(|one| one.on) {
+            let Input::DriverFault(axis) = one.input else {
+                continue;
+            };
+            let k = axis.index();
+            match one.defect {
+                // Pulled up, it says that all is well.
+                Defect::Missing => pulled[k] = false,
+                Defect::StuckLow => pulled[k] = true,
+                // Some spikes a second are longer than the break's filter.
+                Defect::Noisy => pulled[k] |= one.random().abs() < 5.0 * self.period_s,
+                Defect::Swapped => pulled = [fails[1], fails[0]],
+                _ => {}
+            }
+        }
+        for axis in Axis::ALL {
+            let k = axis.index();
+            self.drive.board.hold_open(axis, fails[k]);
+            if pulled[k] {
+                self.drive.board.trip_break(axis);
+            }
+        }
+    }
+
     pub(super) fn period(&mut self) {
+        self.drivers();
         self.drive.period_through(&mut self.bench);
         for axis in Axis::ALL {
             let passed = self.drive.board.take_index_passed(axis);
@@ -360,7 +397,12 @@ pub(super) fn run(
             }
         }
         let since_asked = asked.as_ref().map_or(0.0, |(periods, _)| *periods as f64) * run.period_s;
-        run.bench.enable_opened = event == Event::Opened && since_asked > OPENED_S;
+        let comes = since_asked > OPENED_S;
+        run.bench.enable_opened = event == Event::Opened && comes;
+        run.failed_driver = match event {
+            Event::DriverFault(axis) if comes => Some(axis),
+            _ => None,
+        };
         if let Some((periods, origin)) = &mut asked {
             let moved = x - *origin;
             path.push(moved);

@@ -1,6 +1,6 @@
 //! What may happen to a drive at work, each as a story in time: what it costs in travel, current and bus voltage.
 //!
-//! On the machine of the matrix, with the mains board's 470 uF behind its rectifier and as much behind the default board's.
+//! On the machine of the matrix and the bus that the board's wiring page asks for; the stop from full speed has a smaller one.
 
 use super::run::{Run, stop_m};
 use super::{Limits, Situation};
@@ -11,8 +11,6 @@ use control::supervisor::State;
 use plant::Axis;
 use std::f64::consts::TAU;
 
-/// Capacity of the bus, F.
-const BUS_F: f64 = 470e-6;
 /// Energy that a small bus takes from its voltage to where braking ends, J.
 const SMALL_BUS_J: f64 = 5.0;
 /// Torque with which a seized nut is held, N m, and the speed below which it falls, rad/s.
@@ -142,12 +140,12 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
     let bus_v = board.bus_v();
     let plate = board.plate();
     let [_, full] = plate.board.regeneration_v;
-    let bus_f = if scenario == Scenario::FullStop {
-        2.0 * SMALL_BUS_J / (full * full - bus_v * bus_v)
-    } else {
-        BUS_F
-    };
-    let mut run = Run::with_bus(board, Situation::Ready, &[], 0, bus_f)?;
+    let mut config = board.config_on_its_bus();
+    if scenario == Scenario::FullStop {
+        config.bus_f = 2.0 * SMALL_BUS_J / (full * full - bus_v * bus_v);
+        config.chopper = None;
+    }
+    let mut run = Run::on(board, Situation::Ready, &[], 0, config)?;
     let point = scenario.point(&plate);
     run.ask(point)?;
     run.pass(3.0);

@@ -88,7 +88,13 @@ impl Dice {
 /// [`ExperimentError`] if the drive cannot be configured or does not start.
 pub fn healthy(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, ExperimentError> {
     let mut dice = Dice(Xoshiro256PlusPlus::seed_from_u64(seed));
-    let mut run = Run::with_bus(board, Situation::Ready, &[], seed, 470e-6)?;
+    let mut run = Run::on(
+        board,
+        Situation::Ready,
+        &[],
+        seed,
+        board.config_on_its_bus(),
+    )?;
     let (middle, mut told) = (run.bench.position, Soaked::default());
     while told.seconds < seconds {
         dice.hold(&mut run, middle, &mut told)?;
@@ -106,7 +112,13 @@ pub fn healthy(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, Expe
 /// [`ExperimentError`] as for [`healthy`].
 pub fn soak(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, ExperimentError> {
     let mut dice = Dice(Xoshiro256PlusPlus::seed_from_u64(seed));
-    let mut run = Run::with_bus(board, Situation::Ready, &[], seed, 470e-6)?;
+    let mut run = Run::on(
+        board,
+        Situation::Ready,
+        &[],
+        seed,
+        board.config_on_its_bus(),
+    )?;
     let (middle, mut told) = (run.bench.position, Soaked::default());
     let inputs = Input::of(board);
     let limit = Limits::OF_THE_MATRIX.over_current_periods;

@@ -11,20 +11,22 @@ use std::fmt::Write;
 const SIDE: usize = 11;
 /// Width of the inputs' names, px.
 const NAMES: usize = 150;
-/// Height of the situations' names, px.
-const HEAD: usize = 18;
+/// Height of the situations' names and the defects' letters, px.
+const HEAD: usize = 30;
 /// Between two situations, px.
 const GAP: usize = 8;
 
 /// The page.
 pub(super) fn page(report: &Report, cells: &[Cell], outcomes: &[Outcome]) -> String {
     let mut body = format!(
-        "<p>{} cells, {} unsafe. A square is an input (row) that is wrong in one of nine ways (from left to right: {}) while \
-         the drive is in a situation (column). Filled: unsafe; a ring: detected, or harmless; a dot: no such cell. Point at a \
-         square to read what came of it.</p>\n",
-        report.cells,
+        "<p class=\"result\">{} of {} cells are unsafe.</p>\n<p>A cell is an input (row) that is wrong in one of nine ways while the \
+         drive is in a situation (column): {}. A filled square: unsafe; a ring: detected in time; a dot: harmless, without a \
+         fault of its own; nothing: there is no such cell. Point at a cell to read what came of it.</p>\n",
         report.hazardous,
-        Defect::ALL.map(Defect::name).join(", ")
+        report.cells,
+        Defect::ALL
+            .map(|defect| format!("<b>{}</b> {}", letter(defect), defect.name()))
+            .join(", ")
     );
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
         let of_board: HashMap<_, _> = cells
@@ -40,13 +42,34 @@ pub(super) fn page(report: &Report, cells: &[Cell], outcomes: &[Outcome]) -> Str
             picture(board, &of_board)
         );
     }
-    body += "<h2>Unsafe cells</h2>\n<div class=\"scroll\"><table>\n<tr><th>board</th><th>input</th><th>defect</th>\
-             <th>situation</th><th>by</th><th>first cause</th><th>after, ms</th><th>peak, A</th><th>travel, mm</th></tr>\n";
-    for detail in report.cells_detail.iter().filter(|d| !d.hazards.is_empty()) {
+    body += "<h2>Unsafe cells</h2>\n";
+    for board in [BoardKind::Nucleo, BoardKind::Mains] {
+        body += &table(report, board_name(board));
+    }
+    body += &super::story::page(&report.scenarios);
+    document("Fault matrix", &body)
+}
+
+/// The unsafe cells of a board.
+fn table(report: &Report, board: &str) -> String {
+    let details = report.cells_detail.iter();
+    let details: Vec<_> = details
+        .filter(|d| d.board == board && !d.hazards.is_empty())
+        .collect();
+    if details.is_empty() {
+        return format!("<h3>{}</h3>\n<p>None.</p>\n", escape(board));
+    }
+    let mut html = format!(
+        "<h3>{}</h3>\n<div class=\"scroll\"><table>\n<thead><tr><th class=\"text\">input</th><th class=\"text\">defect</th>\
+         <th class=\"text\">situation</th><th class=\"text\">unsafe by</th><th class=\"text\">first cause</th><th>after, ms</th>\
+         <th>peak, A</th><th>above the limit, periods</th><th>travel, mm</th></tr></thead>\n<tbody>\n",
+        escape(board)
+    );
+    for detail in details {
         let _ = writeln!(
-            body,
-            "<tr><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{:.1}</td><td>{:.2}</td></tr>",
-            escape(detail.board),
+            html,
+            "<tr><td class=\"text\">{}</td><td class=\"text\">{}</td><td class=\"text\">{}</td><td class=\"text\">{}</td>\
+             <td class=\"text\">{}</td><td>{}</td><td>{:.1}</td><td>{:.1}</td><td>{:.2}</td></tr>",
             escape(&detail.input),
             detail.defect,
             escape(detail.situation),
@@ -56,12 +79,26 @@ pub(super) fn page(report: &Report, cells: &[Cell], outcomes: &[Outcome]) -> Str
                 .detection_us
                 .map_or("\u{2013}".into(), |us| format!("{:.1}", us / 1e3)),
             detail.peak_a,
+            detail.overcurrent_periods,
             detail.travel_mm
         );
     }
-    body += "</table></div>\n";
-    body += &super::story::page(&report.scenarios);
-    document("Fault matrix", &body)
+    html + "</tbody></table></div>\n"
+}
+
+/// Above a defect's column.
+const fn letter(defect: Defect) -> char {
+    match defect {
+        Defect::Missing => 'm',
+        Defect::Frozen => 'f',
+        Defect::StuckLow => 'l',
+        Defect::StuckHigh => 'h',
+        Defect::Offset => 'o',
+        Defect::Noisy => 'n',
+        Defect::Late => 'd',
+        Defect::WrongSign => 's',
+        Defect::Swapped => 'x',
+    }
 }
 
 fn picture(board: BoardKind, outcomes: &HashMap<(Input, Defect, Situation), &Outcome>) -> String {
@@ -82,6 +119,14 @@ fn picture(board: BoardKind, outcomes: &HashMap<(Input, Defect, Situation), &Out
             NAMES + k * block,
             escape(situation.name())
         );
+        for (d, defect) in Defect::ALL.iter().enumerate() {
+            let _ = writeln!(
+                svg,
+                "<text x=\"{}\" y=\"24\" font-size=\"9\" text-anchor=\"middle\" fill=\"#5A626B\">{}</text>",
+                NAMES + k * block + d * SIDE + SIDE / 2,
+                letter(*defect)
+            );
+        }
     }
     for (row, input) in inputs.iter().enumerate() {
         let y = HEAD + row * (SIDE + 3);
@@ -105,33 +150,41 @@ fn picture(board: BoardKind, outcomes: &HashMap<(Input, Defect, Situation), &Out
 
 fn square((x, y): (usize, usize), outcome: Option<&&Outcome>, name: impl Fn() -> String) -> String {
     let Some(outcome) = outcome else {
-        return format!(
-            "<circle cx=\"{}\" cy=\"{}\" r=\"0.8\" fill=\"#5A626B\"/>\n",
-            x + SIDE / 2,
-            y + SIDE / 2
-        );
+        return String::new();
     };
     let hazards: Vec<_> = outcome.hazards.iter().map(|h| h.name()).collect();
-    let (class, said) = if hazards.is_empty() {
-        (
-            "fill=\"none\" stroke=\"#0B62A8\"",
-            format!("safe: {:?}", outcome.state),
-        )
-    } else {
-        (
-            "fill=\"#C2410C\" stroke=\"#C2410C\"",
-            format!("unsafe by {}: {:?}", hazards.join(" and "), outcome.state),
-        )
+    let ended = super::cause(outcome.state).unwrap_or_else(|| outcome.state.name());
+    let judged = match (hazards.is_empty(), outcome.detected_s) {
+        (false, _) => format!("unsafe by {}", hazards.join(" and ")),
+        (true, Some(seconds)) => format!("detected after {:.1} ms", 1e3 * seconds),
+        (true, None) => "harmless".into(),
     };
-    format!(
-        "<rect x=\"{}\" y=\"{}\" width=\"{}\" height=\"{}\" {class}><title>{}: {}, {:.2} mm, {:.1} A</title></rect>\n",
-        x + 1,
-        y + 1,
-        SIDE - 2,
-        SIDE - 2,
+    let said = format!(
+        "<title>{}: {}, ended as {}, {:.2} mm, {:.1} A</title>",
         escape(&name()),
-        escape(&said),
+        escape(&judged),
+        escape(ended),
         1e3 * outcome.travel_m,
         outcome.peak_a
-    )
+    );
+    let rect = |class: &str| {
+        format!(
+            "<rect x=\"{}\" y=\"{}\" width=\"{side}\" height=\"{side}\" {class}>{said}</rect>\n",
+            x + 1,
+            y + 1,
+            side = SIDE - 2
+        )
+    };
+    if !hazards.is_empty() {
+        rect("fill=\"#C2410C\" stroke=\"#C2410C\"")
+    } else if outcome.detected_s.is_some() {
+        // Filled with nothing that shows, so that pointing inside it finds it.
+        rect("fill=\"#0B62A8\" fill-opacity=\"0\" stroke=\"#0B62A8\"")
+    } else {
+        format!(
+            "<circle cx=\"{}\" cy=\"{}\" r=\"2\" fill=\"#5A626B\">{said}</circle>\n",
+            x + SIDE / 2,
+            y + SIDE / 2
+        )
+    }
 }

@@ -8,8 +8,8 @@ use hal_sim::faults::{
 };
 use hal_sim::parallel::on_all_cores;
 use page::axis::Axis;
-use page::chart::{COOL, Chart, Mark, Series, THIRD, WARM, chart};
-use page::document::escape;
+use page::chart::{COOL, Chart, Mark, REFERENCE, Series, THIRD, WARM, chart};
+use page::document::{escape, legend};
 use serde::Serialize;
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -86,7 +86,16 @@ pub(super) fn tell_scenarios(all: &[Told]) {
 
 /// Their plots in time.
 pub(super) fn page(all: &[Told]) -> String {
-    let mut html = String::from("<h2>Scenarios</h2>\n");
+    let line = Mark::Line(1.5);
+    let mut html = format!(
+        "<h2>Scenarios</h2>\n{}",
+        legend(&[
+            (WARM, line, "screw".into()),
+            (COOL, line, "nut; the table".into()),
+            (THIRD, line, "bus".into()),
+            (REFERENCE, line, "limit".into()),
+        ])
+    );
     for told in all {
         let points = &told.story.points;
         let line = |color, of: &dyn Fn(&hal_sim::faults::Point) -> f64| Series {
@@ -128,22 +137,39 @@ pub(super) fn page(all: &[Told]) -> String {
             told.bus_limit_v,
             if told.within { "" } else { ": past a limit" }
         );
+        html += "<div class=\"pair\">\n";
         for (about, unit, series) in [
-            ("Table", "mm", vec![line(COOL, &|p| 1e3 * p.travel_m)]),
+            (
+                "Table",
+                "table, mm",
+                vec![line(COOL, &|p| 1e3 * p.travel_m)],
+            ),
             (
                 "Speeds of screw and nut",
-                "rpm",
+                "shafts, rpm",
                 vec![line(WARM, &|p| p.rpm[0]), line(COOL, &|p| p.rpm[1])],
             ),
             (
                 "Largest phase currents of screw and nut",
-                "A",
-                vec![line(WARM, &|p| p.peak_a[0]), line(COOL, &|p| p.peak_a[1])],
+                "phase currents, A",
+                vec![
+                    line(WARM, &|p| p.peak_a[0]),
+                    line(COOL, &|p| p.peak_a[1]),
+                    line(REFERENCE, &|_| told.peak_limit_a),
+                ],
             ),
-            ("Bus", "V", vec![line(THIRD, &|p| p.bus_v)]),
+            (
+                "Bus",
+                "bus, V",
+                vec![
+                    line(THIRD, &|p| p.bus_v),
+                    line(REFERENCE, &|_| told.bus_limit_v),
+                ],
+            ),
         ] {
             let _ = writeln!(html, "<figure>{}</figure>", plot(about, unit, series));
         }
+        html += "</div>\n";
     }
     html
 }

@@ -6,6 +6,7 @@ use crate::format::{Current, CurrentScale, Gain, Misfit, quantise};
 use crate::plate::{DrivePlate, MotorPlate, ThermalPlate};
 use crate::speed_task::STEPS_PER_HEAT;
 use crate::thermal::{HeatConfig, ThermalConfig};
+use core::f64::consts::TAU;
 
 /// Part of the rated heat at which folding back begins.
 const FOLDS_FROM: f64 = 0.9;
@@ -61,6 +62,8 @@ impl MotorPlate {
         let (from, full) = (from as u16, full as u16);
         let fades = full.saturating_sub(from);
         let per_count = self.current_max() / fades as f64;
+        // Where the stall's watch begins: see the module.
+        let slow = self.speed_max() * drive.runaway.stall / TAU * board.sample_time();
         Ok(RegenerationConfig {
             full,
             fades,
@@ -70,6 +73,7 @@ impl MotorPlate {
                 per_count,
                 Current::FRAC_NBITS.saturating_add(8)
             )),
+            slow: (slow * 4_294_967_296.0) as u32,
         })
     }
 }
