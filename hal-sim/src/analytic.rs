@@ -1,9 +1,9 @@
 //! The paper's own linear theory: `S(s)` of Appendix A, and the ripple that it predicts.
 
 use control::plate::Gains;
+use fft::Complex64;
 use plant::Axis;
 use plant::model::{Model, MotorModel};
-use rustfft::num_complex::Complex64;
 
 /// The sensitivity function `S(s)` of one motor: electrical speed per torque, rad/s per N m (Eqs A2, A4, A5).
 #[derive(Clone, Copy, Debug)]

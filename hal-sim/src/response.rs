@@ -1,8 +1,8 @@
 //! The sensitivity `S` of the simulated drive, measured as one would on a machine: a sine torque in, a speed out.
 
 use crate::experiment::{ExperimentError, OperatingPoint, Setup, settle_quietly};
+use fft::Complex64;
 use plant::Axis;
-use rustfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
 /// Amplitude of the injected torque, N m: large against the sensors' resolution, small against the torque limit.

@@ -1,7 +1,6 @@
 //! The velocity ripple factor (Eq 19) and what velocity is made of.
 
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex64;
+use fft::Complex64;
 
 /// Eq 19: peak to peak of the velocities over the reference velocity, %.
 #[must_use]
@@ -44,7 +43,7 @@ pub fn spectrum(values: &[f64], rate_hz: f64) -> Vec<(f64, f64)> {
             Complex64::new((v - mean) * hann, 0.0)
         })
         .collect();
-    FftPlanner::new().plan_fft_forward(n).process(&mut buffer);
+    fft::forward(&mut buffer);
     let scale = 4.0 / n as f64;
     (1..n / 2)
         .map(|k| (k as f64 * rate_hz / n as f64, buffer[k].norm() * scale))

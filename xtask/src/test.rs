@@ -21,7 +21,7 @@ pub fn run() -> Result<()> {
         Step::cargo(format!("clippy {HOST} --all-targets -- -D warnings")).with(&emulator),
         // As the door is built: what hands over.
         Step::cargo("clippy --package xtask --package launch -- -D warnings"),
-        Step::documentation("--features xtask/identify,xtask/bringup"),
+        Step::documentation(HOST).with(&emulator),
         // Both boards; the default one last, whose ELF is the one that is flashed.
         Step::cargo(format!("clippy {firmware} {mains} -- -D warnings")),
         Step::cargo(format!("clippy {firmware} -- -D warnings")),

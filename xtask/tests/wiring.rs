@@ -1,6 +1,6 @@
 //! The wiring page of the default board against sources that are not ours: where the Nucleo's connectors have a pin, and
 //! what the chip's database says that the pin can be. That the firmware puts the pins in these functions is tested with the
-//! emulated chip, in `tests/tests/wiring.rs`.
+//! emulated chip, in `tests/tests/chip/wiring.rs`.
 
 use std::collections::HashSet;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@
 //! The nut's timer starts half a period behind the screw's, so that the two interrupts interleave. Either motor is sampled
 //! while the other's timer is at its bottom, the middle of that bridge's high-side pulses: with the fraction `m` of the full
 //! voltage in use the nearest edge is about `(1 - m) / 4` of a period away, 1.2 us at 20 kHz and 0.9. From 92 to 94 % on (83 % at
-//! 40 kHz; `tests/tests/settling.rs`) the edges of one motor are in the samples of the other, which no timing avoids; a quarter
+//! 40 kHz; `tests/tests/chip/settling.rs`) the edges of one motor are in the samples of the other, which no timing avoids; a quarter
 //! period of offset would put them there at rest.
 
 use crate::hw::encoder::FILTER_LENGTHS;

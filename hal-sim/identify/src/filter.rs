@@ -1,7 +1,7 @@
 //! The benchmark's zero-phase filters, by their magnitude over frequency.
 
 use crate::fourier::curvature;
-use realfft::RealFftPlanner;
+use fft::Planner;
 use std::f64::consts::PI;
 
 /// Rows that are mirrored at either end, so that the filters see no step there.
@@ -26,11 +26,8 @@ fn zero_phase(signal: &[f64], rate: f64, gain: impl Fn(f64) -> f64) -> Vec<f64> 
     long.iter_mut()
         .enumerate()
         .for_each(|(k, x)| *x -= start + slope * k as f64);
-    let mut planner = RealFftPlanner::<f64>::new();
-    let (forward, backward) = (
-        planner.plan_fft_forward(rows),
-        planner.plan_fft_inverse(rows),
-    );
+    let mut planner = Planner::new();
+    let (forward, backward) = (planner.forward(rows), planner.inverse(rows));
     let mut spectrum = forward.make_output_vec();
     forward
         .process(&mut long, &mut spectrum)

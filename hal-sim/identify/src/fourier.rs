@@ -1,7 +1,6 @@
 //! Zero-phase filtering, exact differentiation and resampling of whole records in the frequency domain.
 
-use realfft::num_complex::Complex64;
-use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
+use fft::{Complex64, ComplexToReal, Planner, RealToComplex};
 use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::sync::Arc;
@@ -10,12 +9,12 @@ use std::sync::Arc;
 pub type Spectrum = Vec<Complex64>;
 
 thread_local! {
-    static PLANNER: RefCell<RealFftPlanner<f64>> = RefCell::new(RealFftPlanner::new());
+    static PLANNER: RefCell<Planner> = RefCell::new(Planner::new());
 }
 
 /// The forward transform of a length; planned once on each thread.
 pub fn transform(length: usize) -> Arc<dyn RealToComplex<f64>> {
-    PLANNER.with(|planner| planner.borrow_mut().plan_fft_forward(length))
+    PLANNER.with(|planner| planner.borrow_mut().forward(length))
 }
 
 /// Transforms of records of one length, and back at a lower rate.
@@ -52,7 +51,7 @@ impl Fourier {
     /// a record from reaching round to its start.
     pub fn new(rows: usize, rate: f64, step: usize, pad: usize) -> Self {
         let padded = smooth_length(rows + pad, step);
-        let mut planner = RealFftPlanner::new();
+        let mut planner = Planner::new();
         Fourier {
             rows,
             padded,
@@ -62,8 +61,8 @@ impl Fourier {
                 .filter(|stride| step.is_multiple_of(*stride))
                 .map(|stride| (stride, transform(padded / stride)))
                 .collect(),
-            backward: planner.plan_fft_inverse(padded / step),
-            full: planner.plan_fft_inverse(padded),
+            backward: planner.inverse(padded / step),
+            full: planner.inverse(padded),
         }
     }
 

@@ -2,8 +2,8 @@
 //!
 //! An effect's shape over the four nut speeds is computed; its size is fitted, in-sample and leaving one out.
 
+use fft::Complex64;
 use plant::model::{Model, MotorModel};
-use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
 /// Nut speeds of the paper's experiment, rpm; 0 is the CDFS.

@@ -4,7 +4,7 @@
 //! `exp(-i order angle)` at all orders. Divided by what a unit amplitude would weigh on the operating points, it gives the
 //! fall of the sum of squares that a harmonic of that order brings.
 
-use realfft::num_complex::Complex64;
+use fft::Complex64;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 

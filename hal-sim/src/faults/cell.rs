@@ -8,7 +8,7 @@ use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
 /// An input of the drive that the simulated board has. Supply, clock, a task that hangs and what a pin does between two
-/// samples are the emulated chip's: `tests/tests/supply.rs`, `faults.rs`, `power_stage.rs`, `settling.rs`.
+/// samples are the emulated chip's: `tests/tests/chip/supply.rs`, `faults.rs`, `power_stage.rs`, `settling.rs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Input {
     /// A current channel: motor, phase (0 to 2 for a to c).

@@ -2,10 +2,10 @@
 
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
 use control::plate::{CompensationPlate, FrictionPlate, OrderPlate, RubbingPlate};
+use fft::Complex64;
 use plant::Axis;
 use plant::effects::{AnglePeriodic, AnyEffect, Cogging, CouplingMisalignment, EffectModel, Place};
 use plant::model::{Model, MotorModel};
-use rustfft::num_complex::Complex64;
 use std::f64::consts::{SQRT_2, TAU};
 
 /// What a model's effects are to a compensation.

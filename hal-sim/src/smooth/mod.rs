@@ -21,8 +21,7 @@ use crate::experiment::{
 use crate::seam::{Seam, Straight};
 use crate::vrf::vrf_percent;
 use control::plate::CompensationPlate;
-use rustfft::FftPlanner;
-use rustfft::num_complex::Complex64;
+use fft::Complex64;
 
 /// What a run left.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,15 +70,14 @@ impl Smoothness {
 /// record's ends meet.
 fn below(velocities: &[f64], cycles: f64) -> Vec<f64> {
     let count = velocities.len();
-    let mut planner = FftPlanner::new();
     let mut spectrum: Vec<Complex64> = velocities.iter().map(|&v| v.into()).collect();
-    planner.plan_fft_forward(count).process(&mut spectrum);
+    fft::forward(&mut spectrum);
     for (k, line) in spectrum.iter_mut().enumerate() {
         if k.min(count - k) as f64 > cycles * count as f64 {
             *line = Complex64::ZERO;
         }
     }
-    planner.plan_fft_inverse(count).process(&mut spectrum);
+    fft::inverse(&mut spectrum);
     let end = count / 10;
     spectrum[end..count - end]
         .iter()

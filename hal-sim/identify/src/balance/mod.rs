@@ -16,10 +16,10 @@ use crate::fourier::{Fourier, Spectrum};
 use crate::hypothesis::Memory;
 use crate::limits::Refusals;
 use crate::signals::Signals;
+use fft::Complex64;
 use plant::Axis;
 use plant::effects::{EffectModel, Place};
 use plant::model::Model;
-use realfft::num_complex::Complex64;
 use std::f64::consts::TAU;
 
 /// What one quantity adds to the residuals: a spectrum for each channel that it reaches.
