@@ -2,7 +2,7 @@
 //!
 //! [`image`] reads the ELF, [`chip`] is the chip around the core, [`emulator`] the core itself and its exceptions,
 //! [`timing`] what each instruction costs on a Cortex-M4, [`pins`] what the chip's pins are joined to, [`joint`] the
-//! machine of `hal-sim` at the pins, [`bench`] a drive on that bench as a person with a probe would use it.
+//! machine of `hal-sim` at the pins, [`mod@bench`] a drive on that bench as a person with a probe would use it.
 //!
 //! A register that the firmware touches and the chip model lacks is an error that names it, not a silent zero.
 

@@ -25,19 +25,34 @@ pub struct RegenerationConfig {
 }
 
 impl RegenerationConfig {
-    /// The largest braking current at `bus` counts of a shaft that turns by `theta_step` a sample, if `i_max` is allowed otherwise.
+    /// What may be asked at `bus` counts of a shaft that turns by `theta_step` a sample, if `i_max` is allowed otherwise. Mostly the
+    /// bus is far from full, and nothing else is computed.
     #[must_use]
     #[inline(always)]
+    pub fn range(&self, i_max: Current, bus: u16, theta_step: i32) -> CurrentRange {
+        if self.full.saturating_sub(bus) >= self.fades {
+            return CurrentRange::both_ways(i_max);
+        }
+        self.fading_range(i_max, bus, theta_step)
+    }
+
+    #[cold]
+    #[inline(never)]
+    fn fading_range(&self, i_max: Current, bus: u16, theta_step: i32) -> CurrentRange {
+        CurrentRange::new(i_max, self.braking_max(i_max, bus, theta_step), theta_step)
+    }
+
+    /// The largest braking current at `bus` counts of a shaft that turns by `theta_step` a sample, if `i_max` is allowed otherwise.
+    #[must_use]
     pub fn braking_max(&self, i_max: Current, bus: u16, theta_step: i32) -> Current {
         if self.full.saturating_sub(bus) >= self.fades {
-            return i_max;
+            i_max
+        } else {
+            self.fading(i_max, bus, theta_step)
         }
-        self.fading(i_max, bus, theta_step)
     }
 
     /// What it fades to.
-    #[cold]
-    #[inline(never)]
     fn fading(&self, i_max: Current, bus: u16, theta_step: i32) -> Current {
         if theta_step.unsigned_abs() <= self.slow {
             return i_max;
@@ -63,7 +78,8 @@ impl CurrentRange {
     #[inline(always)]
     pub fn both_ways(i_max: Current) -> Self {
         Self {
-            least: i_max.saturating_neg(),
+            // It is not below 0.
+            least: i_max.wrapping_neg(),
             most: i_max,
         }
     }

@@ -202,6 +202,12 @@ impl Runaway {
         if !(angle | current | speed | following | stalled | self.counting) {
             return None;
         }
+        // One word, in a register: an array would be written to memory in each look.
+        let past = u8::from(angle)
+            | u8::from(current) << 1
+            | u8::from(speed) << 2
+            | u8::from(following) << 3
+            | u8::from(stalled) << 4;
         self.count(config, past, induced, exchange, motion.theta_step)
     }
 
@@ -210,7 +216,7 @@ impl Runaway {
     fn count(
         &mut self,
         config: &RunawayConfig,
-        past: [bool; 5],
+        past: u8,
         induced: &Induced,
         exchange: &MotorExchange,
         theta_step: i32,
@@ -223,7 +229,8 @@ impl Runaway {
         } else {
             self.looks = self.looks.saturating_add(1);
         }
-        let [angle_off, current, speed, following, stalled] = past.map(u32::from);
+        let [angle_off, current, speed, following, stalled] =
+            [0, 1, 2, 3, 4].map(|bit: u8| u32::from(past >> bit & 1));
         let off = if angle_off == 0 {
             Off::None
         } else {

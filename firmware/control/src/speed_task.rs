@@ -4,7 +4,6 @@ use crate::active_limit::{ActiveLimits, Limit};
 use crate::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen, Progress};
 use crate::compensation::{Compensation, Turning};
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
-use crate::current_limit::CurrentRange;
 use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::disturbance::Disturbance;
 use crate::exchange::{MotorExchange, MotorStatus};
@@ -444,16 +443,8 @@ impl SpeedTask {
         let [screw_wanted, nut_wanted] = wanted;
         let [screw_regeneration, nut_regeneration] = &config.regeneration;
         let [screw_max, nut_max] = self.current_max;
-        let screw_range = CurrentRange::new(
-            screw_max,
-            screw_regeneration.braking_max(screw_max, screw_exchange.bus(), screw_step),
-            screw_step,
-        );
-        let nut_range = CurrentRange::new(
-            nut_max,
-            nut_regeneration.braking_max(nut_max, nut_exchange.bus(), nut_step),
-            nut_step,
-        );
+        let screw_range = screw_regeneration.range(screw_max, screw_exchange.bus(), screw_step);
+        let nut_range = nut_regeneration.range(nut_max, nut_exchange.bus(), nut_step);
         let asked = [
             screw_loop.limit(screw_config, screw_wanted, screw_voltage, screw_range),
             nut_loop.limit(nut_config, nut_wanted, nut_voltage, nut_range),
