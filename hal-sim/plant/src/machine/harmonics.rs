@@ -29,8 +29,8 @@ impl Phasor {
     }
 }
 
-/// Largest angle, rad, of which a quarter turn is taken away exactly: 2^29 quarters.
-const REDUCIBLE: f64 = 8e8;
+/// Largest angle, rad, of which a quarter turn is taken away exactly: below 2^28 quarters, for its first part has 25 bits.
+const REDUCIBLE: f64 = 4e8;
 
 /// Sine and cosine, within 4e-16 of the library's: the polynomials of Cephes (Moshier, `sin.c`), which
 /// `f64x2::sin_cos` of the crate `wide` has too, to the same bits. Without SSE4.1, which x86-64 does not promise, rounding is a
