@@ -238,13 +238,7 @@ impl Runaway {
         };
         self.off = self.off.saturating_add((off != Off::None).into());
         self.turned = self.turned.saturating_add((off == Off::Turned).into());
-        let events = [
-            angle_off.saturating_add((off == Off::Gross).into()),
-            current,
-            speed,
-            following,
-            stalled,
-        ];
+        let events = [angle_off, current, speed, following, stalled];
         let [tolerance, ..] = config.tolerances;
         // A wrong angle is there in nearly each look, which takes twice the tolerated ones.
         let now_and_then = u32::from(self.looks) > tolerance.events.saturating_mul(4);
@@ -273,9 +267,6 @@ enum Off {
     Turned,
     /// Otherwise.
     Otherwise,
-    /// By half as much again as half a turn of the back-EMF makes it, of a motor that turns: half a turn and the current that
-    /// follows from it show less.
-    Gross,
 }
 
 impl Off {
@@ -292,9 +283,6 @@ impl Off {
             emf.unsigned_abs(),
             config.emf_floor.to_bits().unsigned_abs(),
         );
-        if size > floor && larger(off) > size.saturating_mul(3).saturating_add(floor) {
-            return Self::Gross;
-        }
         // Voltages are within 2^31, so their squares' sum fits.
         let square = |x: i64| x.unsigned_abs().saturating_mul(x.unsigned_abs());
         let q = i64::from(off.q).saturating_add(i64::from(emf));
