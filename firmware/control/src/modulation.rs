@@ -258,18 +258,6 @@ mod tests {
             }
         }
 
-        /// From the plate's lowest bus on the scale is that of the bus: on boards whose sensor reaches much further too.
-        #[test]
-        fn the_scale_holds_down_to_the_lowest_bus(lowest_v in 24.0..200.0f64, range_v in 60.0..900.0f64) {
-            prop_assume!(range_v > 1.2 * lowest_v && range_v < 30.0 * lowest_v);
-            let mut plate = test_plate();
-            plate.board.bus_min_v = lowest_v;
-            plate.board.bus_volts_per_count = range_v / 4096.0;
-            let got = config(&plate).bus_counts_min;
-            let lowest = lowest_v / range_v * 4096.0;
-            prop_assert!(f64::from(got) <= lowest, "a bus below {got} counts is taken as that, expected {lowest:.1} at most");
-        }
-
         /// Along the tangent: right to the square of the change, and never of another sign.
         #[test]
         fn the_scale_follows_the_bus(counts in 0..4096u16, now in 0..4096u16) {

@@ -51,15 +51,9 @@ impl BoardPlate {
         ));
         let bus_counts_min = self.bus_min_v / self.bus_volts_per_count;
         let per_count = per_bus_count * 32_768.0 * (SQRT_2 / SQRT_3);
-        // At the lowest bus the quotient must be within a quarter of its word, and the tangent there within its word, on a bus
-        // that leaps to the end of its range too.
-        let leap = self.adc_counts as f64 / bus_counts_min - 2.0;
+        // At the lowest bus the quotient must be within a quarter of its word.
         let mut fraction = 7u32;
-        while fraction > 3 {
-            let quotient = per_count * power_of_two(fraction) / bus_counts_min;
-            if quotient <= 536_870_912.0 && quotient * leap <= 2_147_483_647.0 {
-                break;
-            }
+        while per_count * power_of_two(fraction) > 536_870_912.0 * bus_counts_min && fraction > 3 {
             fraction = fraction.saturating_sub(1);
         }
         let full = per_count * power_of_two(fraction);
@@ -68,8 +62,9 @@ impl BoardPlate {
             numerator /= 2.0;
             scale_shift = u32::saturating_add(scale_shift, 1);
         }
-        // Below this they would leave that.
+        // Below this it would leave that.
         let mut least = (full / 536_870_912.0 + 1.0) as u16;
+        // And the tangent there would leave it on a bus that leaps to the end of its range.
         while full / least as f64 * (self.adc_counts as f64 / least as f64 - 2.0) > 2_147_483_647.0
         {
             least = least.saturating_add(1);
