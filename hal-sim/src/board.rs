@@ -157,6 +157,11 @@ pub struct Board {
     dead_part: f64,
 }
 
+/// Sum of the products.
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a.into_iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
 impl Board {
     /// A board with all outputs off on a machine at rest.
     #[must_use]
@@ -219,8 +224,7 @@ impl Board {
         let Bridge::Driven(volts) = self.driven[axis.index()] else {
             return 0.0;
         };
-        let currents = self.machine.phase_currents(axis);
-        volts.iter().zip(currents).map(|(v, i)| v * i).sum()
+        dot(volts, self.machine.phase_currents(axis))
     }
 
     /// What the bridges have taken from the bus's capacity and put back in `seconds`, in which the currents went from `before` to
@@ -229,10 +233,7 @@ impl Board {
         let mut power = 0.0;
         for (axis, before) in Axis::ALL.into_iter().zip(before) {
             if let Bridge::Driven(volts) = self.driven[axis.index()] {
-                let now = self.machine.phase_currents(axis);
-                for ((v, was), is) in volts.iter().zip(before).zip(now) {
-                    power += v * 0.5 * (was + is);
-                }
+                power += 0.5 * (dot(volts, before) + dot(volts, self.machine.phase_currents(axis)));
             }
         }
         if let Some(chopper) = self.config.chopper {

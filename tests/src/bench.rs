@@ -12,6 +12,7 @@ use control::guard::GuardPlate;
 use control::journal::Journal;
 use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
+use hal_sim::experiment::RPM;
 use hal_sim::sensors::CurrentSensing;
 use link::codes::{Run, State};
 use link::host::{Drive, View};
@@ -124,20 +125,21 @@ fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
         .clone()
 }
 
-fn build(features: &[&str]) -> Result<PathBuf, String> {
-    const TARGET: &str = "thumbv7em-none-eabihf";
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// A run of cargo on the firmware, as it is built for the chip: `build` or `check`.
+#[must_use]
+pub fn cargo_on_firmware(command: &str) -> Command {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
-    let output = Command::new(cargo)
-        .args([
-            "build",
-            "--package",
-            "firmware",
-            "--profile",
-            "firmware",
-            "--target",
-            TARGET,
-        ])
+    let mut run = Command::new(cargo);
+    run.args([command, "--package", "firmware"]);
+    run.args(["--profile", "firmware", "--target", TARGET]);
+    run
+}
+
+fn build(features: &[&str]) -> Result<PathBuf, String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let output = cargo_on_firmware("build")
         .args(features)
         .current_dir(&root)
         .output()
@@ -237,6 +239,23 @@ impl Bench {
     /// A sentence about what is missing.
     pub fn on(board: Wiring, model: &Model, coupling: Coupling) -> Result<Self, String> {
         Self::with(&firmware_of(board)?, board, model, coupling)
+    }
+
+    /// It boots, is asked for 2.5 mm/s with the nut at 300 rpm, and runs for `seconds`.
+    ///
+    /// # Errors
+    /// It is not ready in time, or does not run at the end.
+    pub fn running(mut self, seconds: f64) -> Result<Self, String> {
+        self.wait_for(READY, 0.2)?;
+        self.ask(2.5e-3, 300.0 * RPM)?;
+        self.run(1)?;
+        self.pass(seconds)?;
+        match self.status()?.state {
+            RUNNING => Ok(self),
+            state => Err(format!(
+                "after {seconds} s of running the drive's state is the word {state}, expected {RUNNING}"
+            )),
+        }
     }
 
     /// An ELF for a board just flashed, on `model`.

@@ -45,21 +45,13 @@ impl RegenerationConfig {
     /// The largest braking current at `bus` counts of a shaft that turns by `theta_step` a sample, if `i_max` is allowed otherwise.
     #[must_use]
     pub fn braking_max(&self, i_max: Current, bus: u16, theta_step: i32) -> Current {
-        if self.full.saturating_sub(bus) >= self.fades {
-            i_max
-        } else {
-            self.fading(i_max, bus, theta_step)
-        }
-    }
-
-    /// What it fades to.
-    fn fading(&self, i_max: Current, bus: u16, theta_step: i32) -> Current {
-        if theta_step.unsigned_abs() <= self.slow {
+        let left = self.full.saturating_sub(bus);
+        if left >= self.fades || theta_step.unsigned_abs() <= self.slow {
             return i_max;
         }
         // 16 bits times 31.
-        let left = i64::from(self.full.saturating_sub(bus));
-        i_max.min(narrow_bits(left.wrapping_mul(i64::from(self.per_count)), 8))
+        let product = i64::from(left).wrapping_mul(i64::from(self.per_count));
+        i_max.min(narrow_bits(product, 8))
     }
 }
 
@@ -144,7 +136,7 @@ mod tests {
             let stall_rpm = plate.runaway.stall * plate.motors[0].speed_max_rpm;
             let step = (rpm / 60.0 * plate.board.sample_time() * 2f64.powi(32)) as i32;
             let (i_max, asked) = (config.speed_loops[0].i_max, Current::from_num(asked));
-            let range = |bus| CurrentRange::new(i_max, regeneration.braking_max(i_max, bus, step), step);
+            let range = |bus| regeneration.range(i_max, bus, step);
             let got = range(u16::MAX).cut(asked);
             let brakes = rpm.abs() > stall_rpm && (asked < 0) != (rpm < 0.0);
             let expected = if brakes { Current::ZERO } else { asked.min(i_max).max(-i_max) };

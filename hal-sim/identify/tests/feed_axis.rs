@@ -1,7 +1,6 @@
 //! A feed axis whose friction is another in the check record.
 
 use identify::feed_axis::{Axis, Law, OwnFriction, Record, Study};
-use identify::records::DataQuality;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -18,18 +17,7 @@ fn record(axis: &Axis, seed: u64) -> Record {
             at
         })
         .collect();
-    let nothing = vec![0.0; reference.len()];
-    let mut record = Record {
-        rate: RATE,
-        position: nothing.clone(),
-        output: nothing.clone(),
-        pulses: nothing,
-        reference,
-        force_per_volt: 35.0,
-        kp: 160.0,
-        kv: 240.0,
-        account: DataQuality::default(),
-    };
+    let mut record = Record::to_follow(reference, RATE);
     let run = axis.simulate(&record);
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut noise = || 12f64.sqrt() * (random.random::<f64>() - 0.5);

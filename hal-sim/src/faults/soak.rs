@@ -82,19 +82,19 @@ impl Dice {
     }
 }
 
+/// `board` on its bus, ready.
+fn ready(board: BoardKind, seed: u64) -> Result<Run, ExperimentError> {
+    let config = board.config_on_its_bus();
+    Run::on(board, Situation::Ready, &[], seed, config)
+}
+
 /// Healthy running of `seconds`: reversals and limits, on `board`.
 ///
 /// # Errors
 /// [`ExperimentError`] if the drive cannot be configured or does not start.
 pub fn healthy(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, ExperimentError> {
     let mut dice = Dice(Xoshiro256PlusPlus::seed_from_u64(seed));
-    let mut run = Run::on(
-        board,
-        Situation::Ready,
-        &[],
-        seed,
-        board.config_on_its_bus(),
-    )?;
+    let mut run = ready(board, seed)?;
     let (middle, mut told) = (run.bench.position, Soaked::default());
     while told.seconds < seconds {
         dice.hold(&mut run, middle, &mut told)?;
@@ -112,13 +112,7 @@ pub fn healthy(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, Expe
 /// [`ExperimentError`] as for [`healthy`].
 pub fn soak(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, ExperimentError> {
     let mut dice = Dice(Xoshiro256PlusPlus::seed_from_u64(seed));
-    let mut run = Run::on(
-        board,
-        Situation::Ready,
-        &[],
-        seed,
-        board.config_on_its_bus(),
-    )?;
+    let mut run = ready(board, seed)?;
     let (middle, mut told) = (run.bench.position, Soaked::default());
     let inputs = Input::of(board);
     let limit = Limits::OF_THE_MATRIX.over_current_periods;

@@ -4,7 +4,6 @@ use control::encoder::Interface;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
-use std::f64::consts::TAU;
 use tests::bench::{Bench, FAULT, READY, RUNNING, plate_of, scale_count_m};
 use tests::chip::CORE_HZ;
 use tests::chip::wiring::Wiring;
@@ -16,12 +15,7 @@ const ERROR: u32 = 3 << 20;
 
 /// The mains board's drive at 300 rpm with the table moving.
 fn running() -> Result<Bench, String> {
-    let mut bench = Bench::on(Wiring::Mains, &Model::coupled(), Coupling::Coupled)?;
-    bench.wait_for(READY, 0.2)?;
-    bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
-    bench.run(1)?;
-    bench.pass(0.4)?;
-    assert_eq!(bench.status()?.state, RUNNING);
+    let mut bench = Bench::on(Wiring::Mains, &Model::coupled(), Coupling::Coupled)?.running(0.4)?;
     assert_eq!(encoder_wrong(&mut bench)?, [0; 2]);
     Ok(bench)
 }

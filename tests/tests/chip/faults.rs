@@ -5,7 +5,6 @@ use link::host::Memory;
 use link::view::DriveView;
 use plant::machine::Coupling;
 use plant::model::Model;
-use std::f64::consts::TAU;
 use std::mem::offset_of;
 use tests::bench::{Bench, FAULT, READY, RUNNING, plate_of};
 use tests::chip::wiring::Wiring;
@@ -20,12 +19,7 @@ fn running() -> Result<Bench, String> {
 }
 
 fn running_on(board: Wiring) -> Result<Bench, String> {
-    let mut bench = Bench::on(board, &Model::coupled(), Coupling::Coupled)?;
-    bench.wait_for(READY, 0.2)?;
-    bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
-    bench.run(1)?;
-    bench.pass(0.4)?;
-    assert_eq!(bench.status()?.state, RUNNING);
+    let mut bench = Bench::on(board, &Model::coupled(), Coupling::Coupled)?.running(0.4)?;
     assert!(enabled(&mut bench, Motor::Screw) && enabled(&mut bench, Motor::Nut));
     Ok(bench)
 }

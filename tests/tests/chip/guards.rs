@@ -11,13 +11,7 @@ use tests::chip::wiring::Wiring;
 use tests::pins::Motor;
 
 fn running_on(board: Wiring) -> Result<Bench, String> {
-    let mut bench = Bench::on(board, &Model::coupled(), Coupling::Coupled)?;
-    bench.wait_for(READY, 0.2)?;
-    bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
-    bench.run(1)?;
-    bench.pass(0.4)?;
-    assert_eq!(bench.status()?.state, RUNNING);
-    Ok(bench)
+    Bench::on(board, &Model::coupled(), Coupling::Coupled)?.running(0.4)
 }
 
 fn running() -> Result<Bench, String> {

@@ -2,9 +2,7 @@
 
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
-
-const TARGET: &str = "thumbv7em-none-eabihf";
+use tests::bench::cargo_on_firmware;
 
 /// A copy of the workspace's sources, to spoil.
 struct Copied(PathBuf);
@@ -43,17 +41,7 @@ impl Copied {
         fs::write(&board, good.replace(from, to)).unwrap();
         // Into the same folder as the firmware's own checks, whose dependencies it shares.
         let target = Path::new(env!("CARGO_TARGET_TMPDIR")).join("..");
-        let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
-        let output = Command::new(cargo)
-            .args([
-                "check",
-                "--package",
-                "firmware",
-                "--profile",
-                "firmware",
-                "--target",
-                TARGET,
-            ])
+        let output = cargo_on_firmware("check")
             .arg("--target-dir")
             .arg(target)
             .current_dir(&self.0)

@@ -4,8 +4,7 @@
 use hal_sim::sensors::CurrentSensing::{self, InLine, LowSide};
 use plant::machine::Coupling;
 use plant::model::Model;
-use std::f64::consts::TAU;
-use tests::bench::{Bench, READY, RUNNING, over_current_a, power_stage};
+use tests::bench::{Bench, over_current_a, power_stage};
 use tests::chip::CORE_HZ;
 use tests::chip::power::PowerFault::{self, Motor as Overload, ShootThrough, ToMinus};
 use tests::chip::wiring::Wiring;
@@ -15,13 +14,7 @@ use tests::pins::Motor;
 const SILENT: f64 = f64::INFINITY;
 
 fn running() -> Result<Bench, String> {
-    let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
-    bench.wait_for(READY, 0.2)?;
-    bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
-    bench.run(1)?;
-    bench.pass(0.1)?;
-    assert_eq!(bench.status()?.state, RUNNING);
-    Ok(bench)
+    Bench::new(&Model::paper(), Coupling::Lumped)?.running(0.1)
 }
 
 /// Time from the fault until the screw's bridge is off, us; `None`: not within a millisecond.

@@ -3,19 +3,12 @@
 use link::codes::{Fault, ResetReason};
 use plant::machine::Coupling;
 use plant::model::Model;
-use std::f64::consts::TAU;
-use tests::bench::{Bench, FAULT, READY, RUNNING};
+use tests::bench::{Bench, FAULT, READY};
 use tests::chip::Reset;
 use tests::chip::system::Checked;
 
 fn running() -> Result<Bench, String> {
-    let mut bench = Bench::new(&Model::coupled(), Coupling::Coupled)?;
-    bench.wait_for(READY, 0.2)?;
-    bench.ask(2.5e-3, 300.0 * TAU / 60.0)?;
-    bench.run(1)?;
-    bench.pass(0.1)?;
-    assert_eq!(bench.status()?.state, RUNNING);
-    Ok(bench)
+    Bench::new(&Model::coupled(), Coupling::Coupled)?.running(0.1)
 }
 
 fn enabled(bench: &mut Bench) -> [bool; 2] {

@@ -204,7 +204,6 @@ pub(super) mod tests {
     use super::super::axis::Term;
     use super::super::record::Law;
     use super::*;
-    use crate::records::DataQuality;
     use crate::sandwich::{Wave, interval, tests::coloured};
 
     /// Four strokes of a second each, turns a second.
@@ -218,17 +217,7 @@ pub(super) mod tests {
                 at
             })
             .collect();
-        let mut record = Record {
-            rate: RATE,
-            position: vec![0.0; reference.len()],
-            output: vec![0.0; reference.len()],
-            pulses: vec![0.0; reference.len()],
-            reference,
-            force_per_volt: 35.0,
-            kp: 160.0,
-            kv: 240.0,
-            account: DataQuality::default(),
-        };
+        let mut record = Record::to_follow(reference, RATE);
         let run = axis.simulate(&record);
         record.position = run.position;
         record.output = run

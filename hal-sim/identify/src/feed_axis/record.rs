@@ -50,6 +50,24 @@ impl Record {
         Ok(Self::new(load(path, how, &mut |_| ())?))
     }
 
+    /// A reference, m, to be followed by a loop like the benchmark's: nothing measured yet. [`super::Axis::simulate`] says what an
+    /// axis makes of it.
+    #[must_use]
+    pub fn to_follow(reference: Vec<f64>, rate: f64) -> Self {
+        let nothing = vec![0.0; reference.len()];
+        Record {
+            rate,
+            position: nothing.clone(),
+            output: nothing.clone(),
+            pulses: nothing,
+            reference,
+            force_per_volt: 35.0,
+            kp: 160.0,
+            kv: 240.0,
+            account: DataQuality::default(),
+        }
+    }
+
     /// Of columns that were loaded.
     pub fn new(loaded: Loaded) -> Self {
         let mut loaded = loaded.longest();

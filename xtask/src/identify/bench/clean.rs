@@ -103,18 +103,7 @@ fn axis_record(axis: &Axis, seed: u64, kept: f64) -> feed_axis::Record {
             at
         })
         .collect();
-    let nothing = vec![0.0; reference.len()];
-    let mut record = feed_axis::Record {
-        rate: RATE,
-        position: nothing.clone(),
-        output: nothing.clone(),
-        pulses: nothing,
-        reference,
-        force_per_volt: 35.0,
-        kp: 160.0,
-        kv: 240.0,
-        account: DataQuality::default(),
-    };
+    let mut record = feed_axis::Record::to_follow(reference, RATE);
     let run = axis.simulate(&record);
     let mut noise = Noise::new(seed, kept);
     let volts = |force: &f64| force / record.force_per_volt;
