@@ -69,14 +69,14 @@ impl Figures {
             found: recordings.found,
             axis: axis(&folder.join("measured/emps")),
             motor: motor_figures(&folder.join("measured/laas")),
-            odrive: odrive(&folder.join("measured")),
+            odrive: measured_pairs(&folder.join("measured")),
             paper: paper::Study::new(&Model::paper()),
             seconds_per_recording: (recordings.of > 0)
                 .then(|| recordings.seconds / f64::from(recordings.of)),
         }
     }
 
-    /// The figures as the issue wants them printed.
+    /// The figures as they are printed for a program.
     pub fn json(&self) -> Value {
         let errors = |errors: &feed_axis::Errors| {
             json!({
@@ -193,8 +193,8 @@ fn motor_figures(folder: &Path) -> Option<MotorFigures> {
     })
 }
 
-/// Fits and checks on the records in `folder`; what is not there is skipped and named.
-fn odrive(folder: &Path) -> Vec<MeasuredPair> {
+/// Fits and checks on the records in `folder`, an ODrive's and LAAS's; what is not there is skipped and named.
+pub fn measured_pairs(folder: &Path) -> Vec<MeasuredPair> {
     let (drive, map, laas) = (
         include_str!("../mappings/odrive.toml"),
         include_str!("../mappings/odrive-map.toml"),

@@ -1,6 +1,7 @@
 //! On the recordings and measured data beside the project; ignored by name where they are absent.
 
 use identify::analysis::analyse;
+use identify::bench::measured_pairs;
 use identify::feed_axis::{Axis, Law, Record, Study};
 use identify::motor;
 use identify::records::{How, Mapping, OnFault, Table, load};
@@ -11,7 +12,7 @@ use std::path::Path;
 
 given::shared_tests! {
     "recordings" => what_is_found_brings_the_residual_to_the_noise;
-    "measured" => measured_files_load_as_they_are;
+    "measured" => measured_files_load_as_they_are, a_plain_fit_of_measured_motors_is_no_better;
     "measured/emps" => emps_is_simulated_better_effect_by_effect;
     "measured/laas" => laas_current_is_explained_by_the_orders_of_its_map, the_half_that_counts_is_the_rough_one;
 }
@@ -194,5 +195,23 @@ fn measured_files_load_as_they_are(folder: &Path) {
             record.quality.notes
         );
         assert!(record.quality.cut == 0);
+    }
+}
+
+/// What a plain least-squares fit leaves of the same pairs, with chosen orders and a lag of what is reported, % of the check
+/// record's rms (README of the measured files): at most a tenth more.
+fn a_plain_fit_of_measured_motors_is_no_better(folder: &Path) {
+    let plain_percent = [5.7, 6.7, 12.3, 6.2];
+    let pairs = measured_pairs(folder);
+    assert_eq!(pairs.len(), plain_percent.len(), "pairs that were loaded");
+    for (pair, plain) in pairs.iter().zip(plain_percent) {
+        let (after, names) = (pair.after_percent, pair.names);
+        assert!(
+            after < 1.1 * plain && names <= 10,
+            "{} -> {}: {after:.2} % are left by {names} effects; expected at most {:.2} % and 10",
+            pair.fit,
+            pair.check,
+            1.1 * plain
+        );
     }
 }

@@ -24,6 +24,8 @@ const HIGHEST: u32 = 130;
 const LONGEST_LAG_S: f64 = 0.5;
 const NEXT_LAG: f64 = 2.0;
 const FINER: [f64; 4] = [0.35, 0.17, 0.08, 0.04];
+/// How often orders are looked for again beside a lag that was followed.
+const MOST_ROUNDS: usize = 3;
 /// Orders that are fitted beside a lag, and rows for each.
 const BESIDE_LAG: u32 = 40;
 const ROWS_PER_ORDER: usize = 24;
@@ -314,12 +316,22 @@ impl Study {
         if base.len() > known {
             (late, taken, lost_orders) = search(&base);
         }
-        let numbers = orders(&taken);
         let before = Both::new(records, &base, &[], 0.0).fit(Vec::new()).0;
-        let late = match late > 0.0 {
-            true => followed(records, &base, &numbers, late),
-            false => [0.0; 2],
-        };
+        let mut numbers = orders(&taken);
+        let mut late = [late, 0.0];
+        // Between two lags that were tried, what is left is the lag's error: weak orders show beside the right one.
+        for _ in 0..MOST_ROUNDS {
+            if late[0] <= 0.0 {
+                break;
+            }
+            late = followed(records, &base, &numbers, late[0]);
+            let again = at_lag(&base, late[0]);
+            if orders(&again.1) == numbers {
+                break;
+            }
+            (_, taken, lost_orders) = again;
+            numbers = orders(&taken);
+        }
         let last = Both::new(records, &base, &numbers, late[0]);
         let plain = last.fit(Vec::new()).0;
         // What the record alone says of the orders: each moves by a Gauss-Newton step, all of them and the other
