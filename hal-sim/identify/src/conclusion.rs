@@ -1,6 +1,8 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
-use crate::analysis::{Bandwidth, Case, ChannelRest, Coordinates, Found, Outcome, Rival};
+use crate::analysis::{
+    Bandwidth, Case, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained,
+};
 use crate::balance::{MotorParameter, Parameter};
 use crate::channel::Channel;
 use crate::figures::{figures, table_force};
@@ -11,6 +13,7 @@ use crate::normal::Solution;
 use crate::progress::Progress;
 use crate::recalibrated::{calibration, new_model};
 use crate::remains::{Fixed, Side, judged_hz};
+use crate::rest::NO_SHAPE;
 use crate::selection::{
     ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, threshold,
 };
@@ -46,15 +49,19 @@ fn faint(outcome: &Outcome, on_check: f64) -> Option<&Found> {
     weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
 }
 
-/// An effect beside which a shape over its own coordinate is left: a lack of fit, its law is another.
+/// An effect that differs along a coordinate, beside which a curve is left where it shows: a lack of fit, its law is another.
+/// Over which coordinate the curve is told does not matter: in a record that goes from speed to speed all of them are curves over
+/// time.
 fn misfit(outcome: &Outcome) -> Option<&Found> {
+    let is_curve = |left: &Unexplained| {
+        left.coordinate != NO_SHAPE && left.order.is_none() && left.hz.is_none()
+    };
     outcome.effects.iter().find(|found| {
-        let own = along(&found.hypothesis).filter(|along| !along.repeats());
+        let differs = along(&found.hypothesis).is_some_and(|along| !along.repeats());
         outcome.unexplained.iter().any(|left| {
-            let same = own.is_some_and(|own| own.name() == left.coordinate) && left.hz.is_none();
-            // As much as an effect must explain: less is chance's.
-            let least = outcome.threshold.max(LACK_OF_FIT * found.fall);
-            same && left.channel == found.shows && left.fall > least
+            // As much as a record must bear out of an effect: less is chance's.
+            let least = (CONFIRMED * outcome.threshold).max(LACK_OF_FIT * found.fall);
+            differs && is_curve(left) && left.channel == found.shows && left.fall > least
         })
     })
 }

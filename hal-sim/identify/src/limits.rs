@@ -15,8 +15,8 @@ use std::f64::consts::TAU;
 
 /// Share of the rows that must show an order below the band's upper edge.
 pub(crate) const SHOWN: f64 = 0.05;
-/// Least turns, or periods if those are less, that an angle must cover for what repeats with it.
-const LEAST_TURNS: f64 = 1.0;
+/// Periods that an angle must cover at least for what repeats with it.
+const LEAST_PERIODS: f64 = 1.0;
 /// By how much a friction that decays with speed must differ between the record's speeds, of its size at rest.
 const LEAST_DECAY: f64 = 0.1;
 /// Least way of screw against nut for what grows with the table's position, turns.
@@ -96,7 +96,7 @@ pub(crate) fn excited(hypothesis: &Hypothesis, balance: &Balance) -> Result<(), 
     let signals = balance.signals;
     let turned = |axis: Axis| range(signals.motors[axis.index()].travel.iter().copied()) / TAU;
     let relative = || range(signals.relative.iter().copied()) / TAU;
-    let enough = |turns: f64, order: f64| match turns * order.max(1.0) >= LEAST_TURNS {
+    let enough = |turns: f64, order: f64| match turns * order >= LEAST_PERIODS {
         true => Ok(()),
         false => Err(NOT_TURNED),
     };

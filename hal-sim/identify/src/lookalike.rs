@@ -21,8 +21,21 @@ pub(crate) fn least(found: &Hypothesis, fall: f64, trial: &Hypothesis, model: &M
     }
 }
 
+/// Whether an effect shows as a curve over a coordinate, or may do so over the little way that a table goes.
+fn is_curve(trial: &Hypothesis) -> bool {
+    use Family::{FluxDrift, ResistanceDrift, StribeckFriction};
+    let differs = [StribeckFriction, ResistanceDrift, FluxDrift].contains(&trial.family);
+    differs || trial.place == Place::Feed
+}
+
 /// Whether what `found` leaves looks like `trial`.
 fn shadows(found: &Hypothesis, trial: &Hypothesis, model: &Model) -> bool {
+    // A curve whose law nobody knows moves the plate's parameters, which all channels share.
+    if let Family::Unnamed(unnamed) = found.family
+        && !unnamed.along.repeats()
+    {
+        return is_curve(trial);
+    }
     let at_one_motor = Axis::ALL
         .into_iter()
         .any(|axis| found.place.has(axis) && trial.place.has(axis));

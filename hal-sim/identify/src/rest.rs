@@ -56,10 +56,13 @@ impl Place {
     }
 }
 
+/// Coordinate of what has no shape.
+pub(crate) const NO_SHAPE: &str = "none";
+
 /// Something that is left.
 #[derive(Debug, Clone)]
 pub struct Remnant {
-    /// What it is a shape over; `none` for what has no shape.
+    /// What it is a shape over; [`NO_SHAPE`] for what has none.
     pub coordinate: &'static str,
     /// Order per turn of an angle.
     pub order: Option<f64>,
@@ -212,7 +215,7 @@ impl Rest {
             let Some((place, shape)) = self.best(places, beyond) else {
                 if self.floor.is_some() {
                     list.push(Remnant {
-                        coordinate: "none",
+                        coordinate: NO_SHAPE,
                         order: None,
                         hz: None,
                         size: beyond[0].sqrt(),

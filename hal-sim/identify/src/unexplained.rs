@@ -8,7 +8,7 @@ use crate::design::{Column, Whitener};
 use crate::hypothesis::{Family, Hypothesis};
 use crate::outcome::{ChannelRest, Unexplained};
 use crate::progress::Doubt;
-use crate::rest::{self, Rest};
+use crate::rest::{self, NO_SHAPE, Rest};
 use crate::select::Trial;
 use crate::verdict::Level;
 use plant::effects::Place;
@@ -107,7 +107,7 @@ impl Left<'_> {
                 excess[1],
                 Unexplained {
                     channel: loud.channel,
-                    coordinate: "none",
+                    coordinate: NO_SHAPE,
                     order: None,
                     hz: None,
                     size: size * (excess[1] / rows[1]).sqrt(),
@@ -215,7 +215,7 @@ fn described(
     let in_time = along == Some(Along::Clock);
     Unexplained {
         channel,
-        coordinate: along.map_or("none", Along::name),
+        coordinate: along.map_or(NO_SHAPE, Along::name),
         order: order.filter(|_| !in_time),
         hz: order.filter(|_| in_time),
         size,

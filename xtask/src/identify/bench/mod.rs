@@ -109,13 +109,13 @@ impl Sample {
         match options.long {
             true => Sample {
                 pmsm: [200, 300],
-                outside: 306,
+                outside: 322,
                 wrong: [5, 200],
                 clean: [300, 300],
             },
             false => Sample {
                 pmsm: [11, 8],
-                outside: 34,
+                outside: 46,
                 wrong: [1, 4],
                 clean: [24, 2],
             },
