@@ -1,12 +1,12 @@
 //! What a residual of a double drive may be a shape over.
 
-use crate::balance::rounded_sign;
-use crate::hypothesis::{LEAST_ORDER, LEAST_RELATIVE_ORDER};
 use crate::leftover::Form;
-use crate::machines::Machine;
-use crate::signals::Signals;
 use plant::Axis;
-use std::f64::consts::TAU;
+
+/// Lowest order per turn of a motor.
+pub const LEAST_ORDER: f64 = 0.3;
+/// Lowest order per turn of screw against nut: below it a wave over the few turns of a record is a slope.
+pub const LEAST_RELATIVE_ORDER: f64 = 0.4;
 
 /// A coordinate of a record.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -44,15 +44,6 @@ impl Along {
         Along::Time,
     ];
 
-    /// Whether a kind of machine has it.
-    pub(crate) fn is_on(self, machine: &dyn Machine) -> bool {
-        match self {
-            Along::Angle(axis) | Along::Speed(axis) => machine.axes().contains(&axis),
-            Along::Clock | Along::Time => true,
-            _ => machine.has_feed(),
-        }
-    }
-
     /// For a reader.
     pub fn name(self) -> &'static str {
         match self {
@@ -81,26 +72,5 @@ impl Along {
     /// Whether a shape there repeats; an order is then one per turn, of the clock one per second.
     pub fn repeats(self) -> bool {
         matches!(self, Along::Angle(_) | Along::RelativeAngle | Along::Clock)
-    }
-
-    /// Its value at a row: an angle in rad, of the clock one turn a second.
-    pub fn value(self, signals: &Signals, row: usize) -> f64 {
-        match self {
-            Along::Angle(axis) => signals.motors[axis.index()].theta[row],
-            Along::RelativeAngle => signals.motors[0].theta[row] - signals.motors[1].theta[row],
-            Along::Clock => TAU * signals.time[row],
-            Along::Speed(axis) => signals.motors[axis.index()].omega[row],
-            Along::RelativeSpeed => signals.relative_speed[row],
-            Along::TablePosition | Along::TightPlace => signals.table[row],
-            Along::Time => signals.time[row],
-        }
-    }
-
-    /// What a shape is multiplied with at a row: the direction for what brakes.
-    pub fn sign(self, signals: &Signals, row: usize) -> f64 {
-        match self {
-            Along::TightPlace => rounded_sign(signals.relative_speed[row], 0.0),
-            _ => 1.0,
-        }
     }
 }

@@ -1,15 +1,15 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
-use crate::analysis::{
-    Bandwidth, Case, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained,
-};
-use crate::balance::{MotorParameter, Parameter};
+use crate::case::Case;
 use crate::channel::Channel;
+use crate::family::Family;
 use crate::figures::{figures, table_force};
-use crate::hypothesis::{Family, Hypothesis};
+use crate::hypothesis::Hypothesis;
 use crate::linearised::Linearised;
 use crate::noise::Noise;
 use crate::normal::Solution;
+use crate::outcome::{Bandwidth, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained};
+use crate::parameter::{MotorParameter, Parameter};
 use crate::progress::Progress;
 use crate::recalibrated::{calibration, new_model};
 use crate::remains::{Fixed, Side, judged_hz};

@@ -2,7 +2,7 @@
 
 use crate::balance::Balance;
 use crate::channel::Channel;
-use crate::design::{Column, counted, dot};
+use crate::column::{Column, counted, dot};
 use crate::outcome::{ChannelRest, Figures, TableForce};
 use crate::remains::{Fixed, rms, whiteness};
 use plant::Axis;

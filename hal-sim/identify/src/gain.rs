@@ -1,7 +1,7 @@
 //! What candidates would bring to a regression without being added to it, and what columns bring where they were not
 //! fitted.
 
-use crate::design::Column;
+use crate::column::Column;
 use crate::normal::{Normal, Solution};
 use nalgebra::{DMatrix, DVector};
 

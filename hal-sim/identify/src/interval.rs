@@ -1,7 +1,7 @@
 //! Confidence intervals of an effect's parameters.
 
 use crate::analysis::Found;
-use crate::hypothesis::Family;
+use crate::family::Family;
 
 /// Half-width of a 95 % interval in standard deviations.
 const NORMAL_95: f64 = 1.96;

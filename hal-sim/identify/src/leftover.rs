@@ -1,7 +1,7 @@
 //! What of a residual no hypothesis explains, and what it looks like: over which coordinate it has a shape, at which
 //! order, how large. It names no cause.
 
-use crate::design::counted;
+use crate::column::counted;
 use crate::scan::{OrderSpectrum, Stretch};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;

@@ -2,15 +2,12 @@
 //! and parameters beyond physics are not taken; either is counted, with its reason.
 
 use crate::balance::Balance;
-use crate::design::STICKING_RAD_S;
-use crate::feed_axis::Term;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
+use crate::signals::STICKING_RAD_S;
 use plant::Axis;
 use plant::effects::Place;
 use plant::machine::DEFAULT_BUS_VOLTAGE;
-use serde::Serialize;
-use std::cell::RefCell;
-use std::collections::BTreeMap;
 use std::f64::consts::TAU;
 
 /// Share of the rows that must show an order below the band's upper edge.
@@ -47,44 +44,6 @@ pub(crate) const ABOVE_BAND: &str =
     "the order is above the band that was sampled and filtered, or the shaft stood still";
 pub(crate) const NOT_TURNED: &str = "the angle that it repeats with does not turn far enough";
 pub(crate) const FEEDS_IN: &str = "its sign would feed energy in";
-
-/// A hypothesis that was not tried or not taken, how often, and why.
-#[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Refusal {
-    /// Its name.
-    pub hypothesis: String,
-    /// Place.
-    #[serde(rename = "where")]
-    pub place: String,
-    /// Why.
-    pub reason: &'static str,
-    /// Trials that it was so in.
-    pub trials: usize,
-}
-
-/// Counts refusals.
-#[derive(Debug, Default)]
-pub(crate) struct Refusals(RefCell<BTreeMap<(&'static str, &'static str, &'static str), usize>>);
-
-impl Refusals {
-    /// Counts one.
-    pub(crate) fn count(&self, hypothesis: &Hypothesis, reason: &'static str) {
-        let key = (hypothesis.name(), hypothesis.place.name(), reason);
-        *self.0.borrow_mut().entry(key).or_default() += 1;
-    }
-
-    /// All of them.
-    pub(crate) fn list(&self) -> Vec<Refusal> {
-        let entries = self.0.borrow();
-        let of = |(key, trials): (&(&str, &str, &'static str), &usize)| Refusal {
-            hypothesis: key.0.into(),
-            place: key.1.into(),
-            reason: key.2,
-            trials: *trials,
-        };
-        entries.iter().map(of).collect()
-    }
-}
 
 fn range(values: impl Iterator<Item = f64>) -> f64 {
     let (low, high) = values.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
@@ -149,31 +108,6 @@ pub(crate) fn excited(hypothesis: &Hypothesis, balance: &Balance) -> Result<(), 
             }
         }
         _ => Ok(()),
-    }
-}
-
-/// Whether a term of a feed axis with given parameters can be, beside its Coulomb friction, under a force of at most
-/// `force_n` and over a travel.
-pub(crate) fn plausible_on_axis(
-    term: Term,
-    values: &[f64],
-    coulomb_n: f64,
-    force_n: f64,
-    travel_m: f64,
-) -> Result<(), &'static str> {
-    let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let (positive, below) = match term {
-        // Friction may be lower at rest, where a spring before sliding takes its place.
-        Term::Stribeck => (coulomb_n + values[0] >= 0.0, values[0] <= force_n),
-        Term::Lag | Term::Presliding => (values[0] > 0.0, true),
-        Term::Periodic(_) => (true, size <= force_n),
-        Term::PositionFriction | Term::PositionLoad => (true, size * travel_m <= force_n),
-        Term::Saturation | Term::Asymmetry => (true, true),
-    };
-    match (positive, below) {
-        (true, true) => Ok(()),
-        (false, _) => Err(FEEDS_IN),
-        (_, false) => Err("more force than the motor makes"),
     }
 }
 

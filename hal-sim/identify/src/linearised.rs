@@ -5,12 +5,14 @@
 //! the sum of squares is least (Seber and Wild, *Nonlinear Regression*, 1989, sections 2.1 and 14.1). There the columns
 //! give the covariance too: that of a phase holds what is unknown of its order.
 
-use crate::analysis::Case;
-use crate::balance::{Assumed, MotorParameter, Parameter};
-use crate::design::Column;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::balance::Assumed;
+use crate::case::Case;
+use crate::column::Column;
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
 use crate::noise::Noise;
 use crate::normal::{Normal, Prior, Solution};
+use crate::parameter::{MotorParameter, Parameter};
 use crate::sandwich::robust;
 use crate::select::Search;
 

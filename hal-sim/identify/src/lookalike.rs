@@ -4,7 +4,8 @@
 //! needs over a resistance that drifts), and what an effect does to the machine's motion within a filter's length, is
 //! left over. It is small, but it looks like certain other effects, and is not to be named as one.
 
-use crate::hypothesis::{Family, Hypothesis};
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
 use plant::Axis;
 use plant::effects::Place;
 use plant::model::Model;

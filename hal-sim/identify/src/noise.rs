@@ -1,6 +1,5 @@
 //! How noisy each channel is over frequency, and the filter that makes it white.
 
-use crate::balance::declared_resonance_hz;
 use crate::channel::Channel;
 use crate::fourier::{Fourier, edge};
 use crate::signals::Signals;
@@ -19,6 +18,11 @@ pub(crate) const BANDS_HZ: [f64; 16] = [
     6.0, 12.0, 20.0, 32.0, 48.0, 68.0, 92.0, 120.0, 155.0, 195.0, 240.0, 290.0, 345.0, 405.0,
     470.0, 560.0,
 ];
+
+/// Resonance of the table on the declared axial stiffness, Hz.
+pub fn declared_resonance_hz(model: &Model) -> f64 {
+    (model.feed.axial_stiffness_n_per_m / model.feed.table_mass_kg).sqrt() / TAU
+}
 
 /// Noise density of the channels: variance per row of the record if it were white at that level.
 #[derive(Clone)]

@@ -2,7 +2,7 @@
 
 use crate::bounded::{solve_holding, solve_within};
 use crate::channel::Channel;
-use crate::design::{Column, dot};
+use crate::column::{Column, dot};
 use nalgebra::{DMatrix, DVector};
 use std::ops::Range;
 use std::rc::Rc;

@@ -2,8 +2,8 @@
 
 use crate::channel::Channel;
 use crate::hypothesis::Hypothesis;
-use crate::limits::Refusal;
 use crate::machines::Machine;
+use crate::refusals::Refusal;
 use crate::select::Trial;
 use crate::signals::Signals;
 use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};

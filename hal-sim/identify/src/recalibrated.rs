@@ -1,9 +1,10 @@
 //! The declared parameters as the record has them, and the new model.
 
-use crate::analysis::{Case, Found};
-use crate::balance::{MotorParameter, Parameter};
+use crate::case::Case;
 use crate::machines::{Machine, declared_or_unit};
 use crate::normal::Solution;
+use crate::outcome::Found;
+use crate::parameter::{MotorParameter, Parameter};
 use plant::model::Model;
 
 /// Name of a declared parameter in a model file; `None` for a nuisance.

@@ -1,12 +1,12 @@
 //! A record made ready: transforms, signals, balances and noise under a model.
 
-use crate::balance::{Assumed, Balance, Contribution, Parameter, declared_resonance_hz};
+use crate::balance::{Assumed, Balance, Contribution};
 use crate::design::{Whitener, operating_points};
 use crate::fourier::Fourier;
-use crate::hypothesis::Hypothesis;
 use crate::machines::{DoubleDrive, Machine};
+use crate::noise::declared_resonance_hz;
 use crate::normal::Normal;
-use crate::roundings::Roundings;
+use crate::parameter::Parameter;
 use crate::signals::Signals;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -37,11 +37,6 @@ impl Record {
         let fourier = Fourier::new(recording.len(), rate, step, (PAD_S * rate) as usize);
         let signals = Signals::new(recording, model, &fourier, machine);
         Record { fourier, signals }
-    }
-
-    /// The balances under a model of a record with given effects.
-    pub fn balance<'a>(&'a self, model: &'a Model, found: &[Hypothesis]) -> Balance<'a> {
-        self.balance_with(model, Roundings::new(self, model).assumed(found))
     }
 
     /// The balances under a model and what is assumed beside it.

@@ -1,8 +1,9 @@
 //! A hypothesis at its best: the shape that explains most.
 
 use crate::along::Along;
-use crate::balance::declared_resonance_hz;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
+use crate::noise::declared_resonance_hz;
 use crate::normal::{Prior, Solution};
 use crate::select::{Search, Trial};
 use std::f64::consts::TAU;
@@ -124,7 +125,7 @@ impl Search<'_> {
         };
         let signals = self.balance.signals;
         let (low, high) = (0..signals.len())
-            .map(|row| along.value(signals, row))
+            .map(|row| signals.along(along, row))
             .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
         ((high - low) / TAU).max(0.1)
     }

@@ -1,9 +1,10 @@
 //! What is left of both records before and after, in the channels' units.
 
-use crate::analysis::Case;
 use crate::balance::Contribution;
+use crate::case::Case;
 use crate::channel::Channel;
-use crate::design::{Column, Whitener, dot};
+use crate::column::{Column, dot};
+use crate::design::Whitener;
 use crate::hypothesis::Hypothesis;
 use crate::noise::Noise;
 use crate::normal::{Normal, Solution};

@@ -3,7 +3,8 @@
 use crate::balance::{Assumed, Balance, Contribution, Rounding};
 use crate::channel::Channel;
 use crate::design::Whitener;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
 use crate::machines::Machine;
 use crate::noise::Noise;
 use crate::normal::Normal;
@@ -30,6 +31,11 @@ const ROUNDINGS: [Rounding; 2] = [
 pub(crate) struct Roundings<'a> {
     candidates: Vec<(Balance<'a>, Normal)>,
     whitener: Whitener<'a>,
+}
+
+/// The balances under a model of a record with given effects.
+pub fn balance<'a>(record: &'a Record, model: &'a Model, found: &[Hypothesis]) -> Balance<'a> {
+    record.balance_with(model, Roundings::new(record, model).assumed(found))
 }
 
 /// The torques of a contribution.

@@ -6,7 +6,7 @@
 //! scatter about 0.
 
 use crate::bounded::Solution;
-use crate::design::dot;
+use crate::column::dot;
 use crate::normal::Normal;
 use nalgebra::{DMatrix, DVector};
 

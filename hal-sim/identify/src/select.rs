@@ -1,10 +1,13 @@
 //! What a hypothesis brings to the regression of a record.
 
 use crate::balance::Balance;
+use crate::balance::Key;
 use crate::channel::Channel;
-use crate::design::{Column, Whitener};
+use crate::column::Column;
+use crate::design::Whitener;
+use crate::family::Family;
 use crate::gain::Gain;
-use crate::hypothesis::{Family, Hypothesis, Key};
+use crate::hypothesis::Hypothesis;
 use crate::limits::plausible;
 use crate::normal::{Normal, Prior, Solution, With};
 use crate::selection::Evidence;
@@ -118,7 +121,8 @@ impl<'a> Search<'a> {
         if gain.fall > 0.0
             && let Err(reason) = plausible(hypothesis, &gain.values, self.balance)
         {
-            self.balance.refusals.count(hypothesis, reason);
+            let refusals = &self.balance.refusals;
+            refusals.count(hypothesis.name(), hypothesis.place, reason);
             gain.fall = 0.0;
         }
     }
@@ -188,7 +192,7 @@ impl<'a> Search<'a> {
         for (column, value) in columns.iter().zip(&trial.gain.values) {
             for (share, part) in shares.iter_mut().zip(&column.parts) {
                 if let Some(part) = part {
-                    *share += value * value * crate::design::dot(part, part);
+                    *share += value * value * crate::column::dot(part, part);
                 }
             }
         }

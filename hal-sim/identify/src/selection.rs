@@ -5,7 +5,7 @@
 //! standard deviations from 0 than chance allows, whatever the colour of the residual (Newey and West, *Econometrica* 55,
 //! 1987).
 
-use crate::design::Column;
+use crate::column::Column;
 use crate::normal::{Normal, Prior};
 use crate::sandwich::robust;
 

@@ -1,10 +1,12 @@
 //! What a recording says, in the quantities of the balances: angles, speeds, dq currents.
 
+use crate::along::Along;
 use crate::fourier::{Fourier, Spectrum, slope};
 use crate::machines::Machine;
 use plant::Axis;
 use plant::model::Model;
 use plant::recording::Recording;
+use std::f64::consts::TAU;
 
 /// Bandwidth of the speeds in laws of friction and back-EMF, Hz. The encoder's quantisation at this bandwidth is below
 /// 1 % of the slowest speed of a feed.
@@ -14,6 +16,9 @@ pub const CURRENT_BANDWIDTH_HZ: f64 = 400.0;
 
 /// Above it neither smoothed currents nor what follows speeds and positions have content, Hz.
 pub const SMOOTH_HZ: f64 = 1.4 * CURRENT_BANDWIDTH_HZ;
+
+/// Speeds below which friction may stick and the torque balance says nothing, rad/s.
+pub(crate) const STICKING_RAD_S: f64 = 0.5;
 
 /// One motor's record.
 pub struct MotorSignals {
@@ -75,6 +80,17 @@ pub struct Signals {
     pub references: [Vec<f64>; 2],
 }
 
+/// `tanh(speed / rounding)`, or the sign.
+pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
+    if rounding > 0.0 {
+        (speed / rounding).tanh()
+    } else if speed == 0.0 {
+        0.0
+    } else {
+        speed.signum()
+    }
+}
+
 /// Power-invariant Clarke of two phase currents whose third is minus their sum.
 pub fn clarke(a: f64, b: f64) -> (f64, f64) {
     (1.5_f64.sqrt() * a, (a + 2.0 * b) * 0.5_f64.sqrt())
@@ -119,7 +135,7 @@ impl MotorSignals {
         let i_q_smooth = fourier.low_pass(&i_q, CURRENT_BANDWIDTH_HZ);
         // A d current that is held at 0 has ripple yet, which moves the phases' zero crossings.
         let i_d_smooth = fourier.low_pass(&i_d, CURRENT_BANDWIDTH_HZ);
-        let phases = [0.0, std::f64::consts::TAU / 3.0].map(|lag: f64| {
+        let phases = [0.0, TAU / 3.0].map(|lag: f64| {
             let (sin_lag, cos_lag) = lag.sin_cos();
             let scale = (2.0_f64 / 3.0).sqrt();
             i_d_smooth
@@ -155,6 +171,27 @@ impl MotorSignals {
 }
 
 impl Signals {
+    /// The value of a coordinate at a row: an angle in rad, of the clock one turn a second.
+    pub fn along(&self, along: Along, row: usize) -> f64 {
+        match along {
+            Along::Angle(axis) => self.motors[axis.index()].theta[row],
+            Along::RelativeAngle => self.motors[0].theta[row] - self.motors[1].theta[row],
+            Along::Clock => TAU * self.time[row],
+            Along::Speed(axis) => self.motors[axis.index()].omega[row],
+            Along::RelativeSpeed => self.relative_speed[row],
+            Along::TablePosition | Along::TightPlace => self.table[row],
+            Along::Time => self.time[row],
+        }
+    }
+
+    /// What a shape over a coordinate is multiplied with at a row: the direction for what brakes.
+    pub fn sense(&self, along: Along, row: usize) -> f64 {
+        match along {
+            Along::TightPlace => rounded_sign(self.relative_speed[row], 0.0),
+            _ => 1.0,
+        }
+    }
+
     /// The signals of a recording of the machine `model`.
     pub fn new(
         recording: &Recording,

@@ -8,7 +8,8 @@
 //! friction at rest and in motion (Armstrong-Helouvry, *Control of Machines with Friction*, 1991, chapter 3).
 
 use crate::analysis::{Found, Outcome, given};
-use crate::hypothesis::{Family, Hypothesis};
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
 use crate::selection::{LEAST_HOLDS, RIPPLE_LEFT};
 use nalgebra::{Matrix2, Vector2};
 use plant::Axis;
@@ -200,7 +201,7 @@ impl Study<'_> {
         while self.runs + 2 < MOST_RUNS {
             let slopes = self.slopes(&at, &left)?;
             let gram = products(&slopes);
-            let pull = Vector2::from_fn(|k, _| crate::design::dot(&slopes[k], &left));
+            let pull = Vector2::from_fn(|k, _| crate::column::dot(&slopes[k], &left));
             loop {
                 let damped = gram + Matrix2::from_diagonal(&gram.diagonal()) * damping;
                 let step = -(damped.try_inverse()? * pull);
@@ -243,7 +244,7 @@ impl Study<'_> {
 
 /// Products of slopes.
 fn products(slopes: &[Vec<f64>; 2]) -> Matrix2<f64> {
-    Matrix2::from_fn(|j, k| crate::design::dot(&slopes[j], &slopes[k]))
+    Matrix2::from_fn(|j, k| crate::column::dot(&slopes[j], &slopes[k]))
 }
 
 /// The friction of a table that sticks and slips in `fit`, if there is one and `check` bears it out: there, where nothing

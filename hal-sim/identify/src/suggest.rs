@@ -1,11 +1,13 @@
 //! What to try: hypotheses with listed shapes, and those that the order spectra of a residual suggest.
 
-use crate::balance::declared_resonance_hz;
+use crate::along::{LEAST_ORDER, LEAST_RELATIVE_ORDER};
 use crate::channel::Channel;
-use crate::design::counted;
-use crate::hypothesis::{Family, Hypothesis, LEAST_ORDER, LEAST_RELATIVE_ORDER};
+use crate::column::counted;
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
 use crate::limits::excited;
 use crate::noise::USED;
+use crate::noise::declared_resonance_hz;
 use crate::normal::Solution;
 use crate::scan::{OrderSpectrum, Stretch};
 use crate::select::Search;
@@ -67,7 +69,8 @@ impl Search<'_> {
         list.retain(|hypothesis| match excited(hypothesis, self.balance) {
             Ok(()) => true,
             Err(reason) => {
-                self.balance.refusals.count(hypothesis, reason);
+                let refusals = &self.balance.refusals;
+                refusals.count(hypothesis.name(), hypothesis.place, reason);
                 false
             }
         });

@@ -1,11 +1,13 @@
 //! What is left when no hypothesis is worth adding: what it looks like, without a cause.
 
 use crate::along::Along;
-use crate::analysis::Case;
-use crate::balance::Contribution;
+use crate::balance::{Balance, Contribution};
+use crate::case::Case;
 use crate::channel::Channel;
-use crate::design::{Column, Whitener};
-use crate::hypothesis::{Family, Hypothesis};
+use crate::column::Column;
+use crate::design::Whitener;
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
 use crate::outcome::{ChannelRest, Unexplained};
 use crate::progress::Doubt;
 use crate::rest::{self, NO_SHAPE, Rest};
@@ -31,7 +33,7 @@ impl Left<'_> {
     /// The coordinates of both records.
     fn places(&self) -> Vec<rest::Place> {
         let [fit, check] = self.cases.map(|case| case.balance);
-        let both = |of: &dyn Fn(&crate::balance::Balance, usize) -> f64| {
+        let both = |of: &dyn Fn(&Balance, usize) -> f64| {
             [fit, check].map(|balance| {
                 let step = balance.fourier.step();
                 let rows = 0..balance.fourier.decimated_rows();
@@ -39,18 +41,15 @@ impl Left<'_> {
             })
         };
         let nyquist = 0.5 * fit.signals.rate / fit.fourier.step() as f64;
-        let on = |along: &Along| along.is_on(fit.signals.machine);
+        let on = |along: &Along| fit.signals.machine.has(*along);
         let place = |along: Along| {
-            let brakes = |balance: &crate::balance::Balance, row| match along
-                .sign(balance.signals, row)
-                < 0.0
-            {
+            let brakes = |balance: &Balance, row| match balance.signals.sense(along, row) < 0.0 {
                 true => -1.0,
                 false => 1.0,
             };
             rest::Place {
                 name: along.name(),
-                values: both(&|balance, row| along.value(balance.signals, row)),
+                values: both(&|balance, row| balance.signals.along(along, row)),
                 form: along.form(nyquist),
                 in_time: along == Along::Clock,
                 signs: (along == Along::TightPlace).then(|| both(&brakes)),

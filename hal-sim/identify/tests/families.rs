@@ -1,6 +1,7 @@
 //! A kind of effect is a file in the plant and a family here: neither is there without the other.
 
-use identify::hypothesis::{Family, Hypothesis};
+use identify::family::Family;
+use identify::hypothesis::Hypothesis;
 use plant::effects::{AnyEffect, Place};
 use plant::model::Model;
 use std::collections::BTreeSet;

@@ -6,9 +6,11 @@
 
 use identify::analysis::MATERIAL;
 use identify::design::Whitener;
-use identify::hypothesis::{Family, Hypothesis};
+use identify::family::Family;
+use identify::hypothesis::Hypothesis;
 use identify::noise::Noise;
 use identify::record::{Base, Record};
+use identify::roundings::balance;
 use identify::select::Search;
 use plant::effects::{EffectModel, Place};
 use plant::model::Model;
@@ -64,7 +66,7 @@ pub fn hypothesis(model: &Model, effect: &EffectModel) -> Hypothesis {
 /// Asks the record of a machine about its true effects and about those that were found.
 pub fn ask(model: &Model, record: &Record, truth: &[EffectModel], found: &[Hypothesis]) -> Oracle {
     let truth: Vec<Hypothesis> = truth.iter().map(|e| hypothesis(model, e)).collect();
-    let balance = record.balance(model, &truth);
+    let balance = balance(&record, model, &truth);
     let base = Base::new(&balance);
     let declared = Noise::declared(model, &record.signals, &record.fourier);
     let regression = |noise: &Noise, effects: &[Hypothesis]| {

@@ -1,8 +1,9 @@
 //! The residuals of the declared model itself.
 
-use super::{Balance, Contribution, Spring, brake, rounded_sign, shaped};
+use super::linear::linear;
+use super::{Balance, Contribution, Spring, brake, shaped};
 use crate::channel::Channel;
-use crate::hypothesis::linear;
+use crate::signals::rounded_sign;
 use plant::Axis;
 
 /// What is measured has content up to the record's own rate.

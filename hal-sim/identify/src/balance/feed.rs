@@ -1,9 +1,9 @@
 //! What the terms of an effect at the feed add.
 
-use super::{Balance, Contribution, Spring, brake, compliance, rounded_sign, shaped};
+use super::{Balance, Contribution, Spring, brake, compliance, shaped};
 use crate::channel::Channel;
 use crate::fourier::Spectrum;
-use crate::signals::SMOOTH_HZ;
+use crate::signals::{SMOOTH_HZ, rounded_sign};
 use plant::Axis;
 use plant::effects::{Coordinate, Site, Term};
 use std::f64::consts::TAU;

@@ -6,16 +6,19 @@
 
 mod declared;
 mod feed;
+mod linear;
+mod memory;
 mod motor;
 mod parameter;
 
-pub use parameter::{MotorParameter, Parameter};
+pub(crate) use linear::of_the_current;
+pub(crate) use memory::{Key, Memory};
 
 use crate::channel::Channel;
 use crate::fourier::{Fourier, Spectrum};
-use crate::hypothesis::Memory;
-use crate::limits::Refusals;
-use crate::signals::Signals;
+use crate::noise::declared_resonance_hz;
+use crate::refusals::Refusals;
+use crate::signals::{Signals, rounded_sign};
 use fft::Complex64;
 use plant::Axis;
 use plant::effects::{EffectModel, Place};
@@ -104,17 +107,6 @@ impl Spring {
     }
 }
 
-/// `tanh(speed / rounding)`, or the sign.
-pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
-    if rounding > 0.0 {
-        (speed / rounding).tanh()
-    } else if speed == 0.0 {
-        0.0
-    } else {
-        speed.signum()
-    }
-}
-
 /// The balances of one record under one model.
 pub struct Balance<'a> {
     /// The declared model.
@@ -163,11 +155,6 @@ fn compliance(fourier: &Fourier, resonance_hz: f64, damping: f64) -> Spectrum {
             Complex64::new(1.0 - u * u, 2.0 * damping * u).inv()
         })
         .collect()
-}
-
-/// Resonance of the table on the declared axial stiffness, Hz.
-pub fn declared_resonance_hz(model: &Model) -> f64 {
-    (model.feed.axial_stiffness_n_per_m / model.feed.table_mass_kg).sqrt() / TAU
 }
 
 fn shaped(spectrum: &[Complex64], by: &[Complex64]) -> Spectrum {

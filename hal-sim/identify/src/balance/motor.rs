@@ -1,8 +1,8 @@
 //! What the terms of an effect at a motor add.
 
-use super::{Balance, Contribution, brake, rounded_sign, shaped};
+use super::{Balance, Contribution, brake, shaped};
 use crate::channel::Channel;
-use crate::signals::{SMOOTH_HZ, clarke, park};
+use crate::signals::{SMOOTH_HZ, clarke, park, rounded_sign};
 use plant::Axis;
 use plant::effects::{Coordinate, Law, Site, Term};
 use std::f64::consts::TAU;

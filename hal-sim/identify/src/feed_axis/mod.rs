@@ -6,6 +6,7 @@ mod axis;
 mod file;
 mod fit;
 mod left;
+mod limits;
 mod record;
 mod select;
 mod simulate;

@@ -8,10 +8,10 @@
 
 use super::axis::{Axis, Term};
 use super::fit::{Free, MARGIN, beside, fitted};
+use super::limits::plausible_on_axis;
 use super::record::Record;
-use crate::design::{Column, dot};
+use crate::column::{Column, dot};
 use crate::filter::butterworth_100;
-use crate::limits::plausible_on_axis;
 use crate::normal::{Normal, Prior};
 use crate::selection::{Evidence, MATERIAL_OF_ERROR, TOO_LITTLE};
 use nalgebra::DVector;

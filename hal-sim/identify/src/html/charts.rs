@@ -1,7 +1,7 @@
 //! Residuals over their coordinates, and their order spectra.
 
 use super::words::{capital, prefix};
-use crate::design::counted;
+use crate::column::counted;
 use crate::leftover::Residual;
 use crate::report::{Channel, Coordinate};
 use page::axis::{Axis, extent, widen};

@@ -1,96 +1,17 @@
 //! What may be missing: every kind of effect of the plant, as columns of a regression.
 
 mod effect;
+mod unnamed;
 
-pub(crate) use effect::linear;
-
+use crate::along::{LEAST_ORDER, LEAST_RELATIVE_ORDER};
 use crate::balance::{Balance, Contribution};
+use crate::family::Family;
 use crate::machines::Machine;
 use crate::normal::Prior;
-use crate::unnamed::Unnamed;
 use plant::Axis;
 use plant::effects::*;
 use plant::model::Model;
-use std::cell::RefCell;
-use std::collections::HashMap;
 use std::rc::Rc;
-
-/// A family of effects that share their columns. Families of torque over angle are told apart by their order only.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub enum Family {
-    /// `current_offset`.
-    CurrentOffset,
-    /// `current_gain`.
-    CurrentGain,
-    /// `dead_time`.
-    DeadTime,
-    /// `resistance_drift`.
-    ResistanceDrift,
-    /// `flux_drift`.
-    FluxDrift,
-    /// Torque over a motor's angle: `torque_harmonic`, `cogging`, `coupling_misalignment`, `angle_periodic`.
-    AngleTorque,
-    /// `time_periodic`.
-    TimePeriodic,
-    /// `flux_harmonic`.
-    FluxHarmonic,
-    /// `encoder_eccentricity`.
-    EncoderEccentricity,
-    /// `stribeck_friction`.
-    StribeckFriction,
-    /// `lead_error`.
-    LeadError,
-    /// `lead_scale`.
-    LeadScale,
-    /// `ball_passage`.
-    BallPassage,
-    /// `axial_compliance`.
-    AxialCompliance,
-    /// `position_load`.
-    PositionLoad,
-    /// `backlash`.
-    Backlash,
-    /// What has no kind.
-    Unnamed(Unnamed),
-}
-
-impl Family {
-    /// All whose effects have a kind.
-    pub const NAMED: [Family; 16] = {
-        use Family::*;
-        [
-            CurrentOffset,
-            CurrentGain,
-            DeadTime,
-            ResistanceDrift,
-            FluxDrift,
-            AngleTorque,
-            TimePeriodic,
-            FluxHarmonic,
-            EncoderEccentricity,
-            StribeckFriction,
-            LeadError,
-            LeadScale,
-            BallPassage,
-            AxialCompliance,
-            PositionLoad,
-            Backlash,
-        ]
-    };
-
-    /// Whether it is of a motor and its drive, so that a motor alone can have it.
-    pub fn is_of_a_motor(self) -> bool {
-        use Family::*;
-        match self {
-            CurrentOffset | CurrentGain | DeadTime | ResistanceDrift | FluxDrift | AngleTorque
-            | TimePeriodic | FluxHarmonic | EncoderEccentricity | StribeckFriction => true,
-            LeadError | LeadScale | BallPassage | AxialCompliance | PositionLoad | Backlash => {
-                false
-            }
-            Unnamed(_) => true,
-        }
-    }
-}
 
 /// A family at a place, with the one number in which it is not linear.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -103,36 +24,9 @@ pub struct Hypothesis {
     pub shape: f64,
 }
 
-/// A family, a place and the bits of a shape.
-pub(crate) type Key = (Family, Place, u64);
-
-/// What hypotheses that are asked for again and again add to one record's residuals.
-#[derive(Default)]
-pub(crate) struct Memory(RefCell<HashMap<Key, Rc<Vec<Contribution>>>>);
-
-impl Memory {
-    fn recall(
-        &self,
-        key: Key,
-        compute: impl FnOnce() -> Vec<Contribution>,
-    ) -> Rc<Vec<Contribution>> {
-        if let Some(known) = self.0.borrow().get(&key) {
-            return known.clone();
-        }
-        let new = Rc::new(compute());
-        self.0.borrow_mut().insert(key, new.clone());
-        new
-    }
-}
-
 /// Relative tolerance of a damping ratio on a plate, 20 % and a tenth more, and the even spread over it.
 const DAMPING_BOUND: f64 = 0.22;
 const DAMPING_SPREAD: f64 = 0.127;
-
-/// Lowest order per turn of a motor.
-pub const LEAST_ORDER: f64 = 0.3;
-/// Lowest order per turn of screw against nut: below it a wave over the few turns of a record is a slope.
-pub const LEAST_RELATIVE_ORDER: f64 = 0.4;
 
 impl Hypothesis {
     /// A hypothesis.

@@ -1,9 +1,9 @@
 //! Two motors on one screw.
 
 use super::Machine;
-use crate::balance::Parameter;
 use crate::channel::Channel;
-use crate::hypothesis::Family;
+use crate::family::Family;
+use crate::parameter::Parameter;
 use plant::Axis;
 
 /// See the module.

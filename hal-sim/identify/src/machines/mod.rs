@@ -9,9 +9,10 @@ pub mod pmsm;
 pub use double_drive::DoubleDrive;
 pub use pmsm::Pmsm;
 
-use crate::balance::Parameter;
+use crate::along::Along;
 use crate::channel::Channel;
-use crate::hypothesis::Family;
+use crate::family::Family;
+use crate::parameter::Parameter;
 use plant::Axis;
 use plant::effects::Place;
 use std::fmt::Debug;
@@ -33,6 +34,15 @@ pub trait Machine: Debug + Sync {
     /// Whether it has screw, nut and table.
     fn has_feed(&self) -> bool {
         false
+    }
+
+    /// Whether its records have a coordinate.
+    fn has(&self, along: Along) -> bool {
+        match along {
+            Along::Angle(axis) | Along::Speed(axis) => self.axes().contains(&axis),
+            Along::Clock | Along::Time => true,
+            _ => self.has_feed(),
+        }
     }
 
     /// A channel's name in a report.

@@ -2,9 +2,9 @@
 
 use super::Machine;
 use crate::analysis::{Outcome, analyse_as};
-use crate::balance::{MotorParameter, Parameter};
 use crate::channel::Channel;
-use crate::hypothesis::Family;
+use crate::family::Family;
+use crate::parameter::{MotorParameter, Parameter};
 use plant::Axis;
 use plant::effects::Place;
 use plant::model::{FeedModel, Model, MotorModel, SensingModel};

@@ -2,7 +2,7 @@
 //! as the filter leaves.
 
 use super::record::Record;
-use crate::design::Column;
+use crate::column::Column;
 use crate::filter::{butterworth, second_derivative};
 use crate::fourier::slope;
 use crate::limits::SHOWN;

@@ -1,7 +1,7 @@
 //! What is left of a motor's current when its orders are in, and what it looks like.
 
+use super::fit::Fit;
 use super::orders::HIGHEST;
-use super::study::Fit;
 use crate::fourier::slope;
 use crate::leftover::Form;
 use crate::rest::{ABOVE, Place, Remnant, Rest};

@@ -2,6 +2,7 @@
 //! is reported; and how much of the current they explain on a record that they were not fitted to.
 
 mod columns;
+mod fit;
 mod left;
 mod orders;
 mod record;
@@ -11,4 +12,5 @@ pub use columns::Base;
 pub use orders::Order;
 pub use record::{MotorModel, MotorModelError, Record};
 
-pub use study::{Fit, Lag, Lost, Study};
+pub use fit::Fit;
+pub use study::{Lag, Lost, Study};

@@ -2,20 +2,17 @@
 //! regression, covariance and criterion of all machines on one channel.
 
 use super::columns::{Base, Columns, white_noise};
+use super::fit::{Both, Fit, rms, whole};
 use super::left::remnants;
 use super::orders::{Order, of_map};
 use super::record::Record;
-use crate::design::{Column, counted};
-use crate::limits::{ABOVE_BAND, FEEDS_IN, NOT_TURNED};
+use crate::column::{Column, counted};
+use crate::limits::{ABOVE_BAND, NOT_TURNED};
 use crate::normal::{Normal, Prior};
 use crate::rest::Remnant;
-use crate::sandwich::robust;
 use crate::selection::{
     Evidence, MATERIAL_OF_REST, MOST_CONTENDERS, MOST_NAMES, TOO_LITTLE, VOUCHED_OF_REST,
 };
-use nalgebra::DMatrix;
-use std::ops::Range;
-use std::rc::Rc;
 
 /// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
 const HIGHEST: u32 = 130;
@@ -31,17 +28,6 @@ const BESIDE_LAG: u32 = 40;
 const ROWS_PER_ORDER: usize = 24;
 /// Share by which a lag must lower the check record's square error.
 const LEAST_LAG: f64 = 0.1;
-
-/// A fitted current and what it leaves, on the filtered records.
-#[derive(Debug, Clone)]
-pub struct Fit {
-    /// Coefficients: the base columns, then cosine and sine of each order.
-    pub values: Vec<f64>,
-    /// Their covariance.
-    pub covariance: DMatrix<f64>,
-    /// What is left of the current of fit and check record, A.
-    pub left: [Vec<f64>; 2],
-}
 
 /// A first-order filter on the current that is reported.
 #[derive(Debug, Clone, Copy)]
@@ -101,104 +87,9 @@ pub struct Study {
     pub remnants: Vec<Remnant>,
 }
 
-/// Rms of a signal.
-fn rms(values: &[f64]) -> f64 {
-    (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
-}
-
 /// Noise of a record's current within the filter's band, A.
 fn noise(record: &Record) -> f64 {
     white_noise(&record.current) * (200.0 / record.rate).min(0.8).sqrt()
-}
-
-/// One operating point: all rows of a record.
-fn whole(rows: usize) -> Rc<[Range<usize>]> {
-    std::iter::once(0..rows).collect()
-}
-
-/// Both records under a lag.
-struct Both {
-    /// Of fit and check record: the base, then cosine and sine of each order.
-    columns: [Vec<Column>; 2],
-    measured: [Column; 2],
-    /// How many of the columns are the base.
-    base: usize,
-}
-
-impl Both {
-    fn new(records: [&Columns; 2], base: &[Base], orders: &[u32], lag_s: f64) -> Self {
-        let columns = records.map(|record| {
-            let plain = base.iter().map(|base| record.base(*base, lag_s));
-            let waves = orders.iter().flat_map(|order| record.wave(*order, lag_s));
-            plain.chain(waves).map(Column::alone).collect::<Vec<_>>()
-        });
-        Both {
-            columns,
-            measured: records.map(|record| Column::alone(record.current())),
-            base: base.len(),
-        }
-    }
-
-    /// The regression of the fit record on its first columns.
-    fn regression(&self, columns: usize) -> Normal {
-        let folds = whole(self.measured[0].only().len());
-        let mut normal = Normal::new(self.measured[0].clone(), &folds);
-        for column in &self.columns[0][..columns] {
-            normal.push(column.clone(), Prior::FREE);
-        }
-        normal
-    }
-
-    /// Whether the check record bears out the last column of the base, a friction, beside all others.
-    fn has_friction(&self) -> Result<(), &'static str> {
-        let values = self.regression(self.columns[0].len()).solve(None).values;
-        let last = self.base - 1;
-        if values[last] <= 0.0 {
-            return Err(FEEDS_IN);
-        }
-        let part = Column::default().plus([&self.columns[1][last]], &[values[last]]);
-        let rest = self.measured[1].less(&self.columns[1], values.iter().copied());
-        let rest = rest.less([&part], [-1.0]);
-        let folds = whole(rest.only().len());
-        Evidence::new(&Normal::new(rest, &folds), part).borne_out()
-    }
-
-    /// Mean squares that all columns leave of fit and check record.
-    fn squares(&self) -> [f64; 2] {
-        let normal = self.regression(self.columns[0].len());
-        let solution = normal.solve(None);
-        let values = || solution.values.iter().copied();
-        [0, 1].map(|record| {
-            let left = self.measured[record].less(&self.columns[record], values());
-            rms(left.only()).powi(2)
-        })
-    }
-
-    /// All columns, and then some of the fit record's alone (`more`), whose coefficients and covariance come with it.
-    fn fit(&self, more: Vec<Column>) -> (Fit, Vec<[f64; 2]>) {
-        let own = self.columns[0].len();
-        let normal = self.regression(own);
-        let solution = normal.solve(None);
-        let values: Vec<f64> = solution.values.iter().copied().collect();
-        let left = [0, 1].map(|record| {
-            let left = self.measured[record].less(&self.columns[record], values.iter().copied());
-            left.only().to_vec()
-        });
-        let fit = Fit {
-            covariance: robust(&normal, &solution, &(0..own).collect::<Vec<_>>()),
-            values,
-            left,
-        };
-        let mut free = normal;
-        let count = more.len();
-        for column in more {
-            free.push(column, Prior::FREE);
-        }
-        let solution = free.solve(None);
-        let covariance = robust(&free, &solution, &(own..own + count).collect::<Vec<_>>());
-        let further = (0..count).map(|k| [solution.values[own + k], covariance[(k, k)]]);
-        (fit, further.collect())
-    }
 }
 
 /// The lag with which inertia, friction and orders, fitted together, predict the check record best.

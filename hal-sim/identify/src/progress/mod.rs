@@ -6,8 +6,8 @@ mod worth;
 
 pub(crate) use worth::same;
 
-use crate::analysis::{Case, Whitened};
 use crate::balance::Balance;
+use crate::case::{Case, Whitened};
 use crate::channel::Channel;
 use crate::hypothesis::Hypothesis;
 use crate::lookalike;
@@ -18,7 +18,7 @@ use crate::selection::{
     AUDIBLE, CLOSE, CONFIRMED, MOST_CONTENDERS, MOST_EFFECTS, NOT_BORNE_OUT, PLAINER, SIMPLIFIED,
     threshold,
 };
-use crate::unnamed;
+use crate::shapes;
 use plant::effects::Place;
 use std::cell::RefCell;
 use worth::{inseparable, resolved};
@@ -306,7 +306,7 @@ impl Progress {
                 .max(SIMPLIFIED * self.explained[channel.index()])
                 .max(AUDIBLE * whitener.rows(channel) as f64)
         };
-        let mut shapes = unnamed::strongest(search, solution, enough);
+        let mut shapes = shapes::strongest(search, solution, enough);
         shapes.retain(|trial| trial.gain.fall > beside);
         shapes
     }
@@ -346,7 +346,7 @@ impl Progress {
         let Some((_, mut trial)) = accepted else {
             return false;
         };
-        if let Some(force) = unnamed::as_force(&trial.hypothesis, search.whitener.machine) {
+        if let Some(force) = shapes::as_force(&trial.hypothesis, search.whitener.machine) {
             let force = search.try_one(force, &solution);
             let force = search.at_best(&force);
             let better = force.gain.fall > trial.gain.fall + self.threshold;

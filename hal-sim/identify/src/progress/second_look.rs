@@ -2,10 +2,11 @@
 
 use super::worth::{inseparable, same};
 use super::{Doubt, Progress, Witness};
-use crate::analysis::Whitened;
+use crate::case::Whitened;
 use crate::channel::Channel;
+use crate::family::Family;
 use crate::gain::Gain;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::hypothesis::Hypothesis;
 use crate::select::Trial;
 use crate::selection::MODEST;
 

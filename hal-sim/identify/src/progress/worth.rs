@@ -2,7 +2,8 @@
 
 use super::Contender;
 use crate::balance::Balance;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::family::Family;
+use crate::hypothesis::Hypothesis;
 use crate::select::Trial;
 use plant::Axis;
 use plant::effects::Place;

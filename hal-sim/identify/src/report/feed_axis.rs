@@ -6,8 +6,8 @@ use super::{
 };
 use crate::feed_axis::{self, Axis, Record, Study, Term};
 use crate::interval::Estimate;
-use crate::limits::Refusal;
 use crate::records::DataQuality;
+use crate::refusals::Refusal;
 use crate::remains::whiteness;
 use crate::rest;
 use crate::sandwich::{Wave, interval};

@@ -11,8 +11,8 @@ pub use traced::traced;
 pub use write::{WriteError, write};
 
 use crate::interval::Estimate;
-use crate::limits::Refusal;
 use crate::records::DataQuality;
+use crate::refusals::Refusal;
 use crate::rest::Remnant;
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -1,11 +1,11 @@
 //! The report of a bare motor.
 
 use super::{Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
-use crate::design::counted;
+use crate::column::counted;
 use crate::interval::Estimate;
-use crate::limits::Refusal;
 use crate::motor::{Fit, Lag, MotorModel, Study};
 use crate::records::DataQuality;
+use crate::refusals::Refusal;
 use crate::remains::whiteness;
 use crate::rest;
 use crate::sandwich::{Wave, interval};

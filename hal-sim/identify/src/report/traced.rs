@@ -5,7 +5,7 @@ use super::{
 };
 use crate::analysis::{Bandwidth, ChannelRest, Figures, Found, Outcome, Rival, TableForce};
 use crate::channel::Channel as Balance;
-use crate::hypothesis::Family;
+use crate::family::Family;
 use crate::interval::estimates;
 use crate::machines::Machine;
 use crate::records::DataQuality;

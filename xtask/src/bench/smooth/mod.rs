@@ -32,6 +32,7 @@ pub(super) fn run(options: &SmoothOptions) -> Result<()> {
         let rows = measure(options)?;
         if let Some(folder) = &folder {
             folder.put_text("smooth.html", &page::page(&rows, options.seeds.get()))?;
+            folder.put_text("smooth.svg", &page::picture(&rows))?;
             if !options.json {
                 println!("{}", folder.path("smooth.html").display());
             }

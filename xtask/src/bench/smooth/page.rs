@@ -3,7 +3,7 @@
 use super::{called, mode};
 use hal_sim::smooth::Rival;
 use hal_sim::smooth::bench::{Controller, Row, Scale};
-use page::document::{document, escape};
+use page::document::{document, escape, standalone};
 use std::fmt::Write;
 
 /// Height of a line, px, width of its name and of the scale, and what is above.
@@ -53,12 +53,12 @@ fn place(vrf: f64) -> f64 {
     NAMES + WIDTH * part.clamp(0.0, 1.0)
 }
 
-/// The page.
-pub(super) fn page(rows: &[Row], seeds: u64) -> String {
+/// The plot.
+fn plot(rows: &[Row]) -> String {
     let points = points(rows);
     let (width, height) = (NAMES + WIDTH + 20.0, HEAD + LINE * points.len() as f64);
     let mut svg = format!(
-        "<svg viewBox=\"0 0 {width} {height}\" role=\"img\" font-size=\"12\"><title>Ripple of the table by controller</title>\n"
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" role=\"img\" font-size=\"12\"><title>Ripple of the table by controller</title>\n"
     );
     for tick in [0.1, 1.0, 10.0, 100.0] {
         let x = place(tick);
@@ -99,7 +99,17 @@ pub(super) fn page(rows: &[Row], seeds: u64) -> String {
             );
         }
     }
-    svg += "</svg>\n";
+    svg + "</svg>\n"
+}
+
+/// The plot as a file of its own.
+pub(super) fn picture(rows: &[Row]) -> String {
+    standalone(&plot(rows))
+}
+
+/// The page.
+pub(super) fn page(rows: &[Row], seeds: u64) -> String {
+    let svg = plot(rows);
     let body = format!(
         "<p>Velocity ripple factor of the true table velocity (Eq 19), median of {seeds} seeds. P: the paper's PI. S: static map. \
          R: proportional-integral-resonant. I: iterative learning. C: repetitive control. <b>O</b>: ours with a scale, o: its scale \

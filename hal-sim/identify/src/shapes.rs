@@ -4,88 +4,18 @@
 //! resemble it here and there, and each of them would be named. So it is put into the regression as what it looks like.
 
 use crate::along::Along;
-use crate::balance::{Balance, Contribution};
 use crate::channel::Channel;
-use crate::hypothesis::{Family, Hypothesis};
+use crate::family::{Family, Unnamed};
+use crate::hypothesis::Hypothesis;
 use crate::leftover::{Over, Residual};
 use crate::machines::Machine;
 use crate::normal::Solution;
 use crate::select::{Search, Trial};
-use crate::signals::SMOOTH_HZ;
 use plant::effects::Place;
-use std::f64::consts::TAU;
-
-/// Knots of a curve.
-const KNOTS: usize = 13;
 
 /// Coordinates of which the check record decides: where a record goes from speed to speed, every law of the speed is a curve
 /// over time.
 const MOST_COORDINATES: usize = 3;
-
-/// A shape over a coordinate in one channel.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
-pub struct Unnamed {
-    /// Where it shows.
-    pub channel: Channel,
-    /// What it is a shape over.
-    pub along: Along,
-    /// Whether it is a force on the table, which shows in both torques and bends the screw.
-    pub is_force: bool,
-    /// Ends of the fit record's range of the coordinate, as bits, so that it can be a key.
-    extent: [u64; 2],
-}
-
-impl Unnamed {
-    /// Linear parameters: cosine and sine of what repeats, the values at its knots of a curve.
-    pub fn columns(self) -> usize {
-        if self.along.repeats() { 2 } else { KNOTS }
-    }
-
-    /// What each parameter adds to the residual per unit; `order` is that of what repeats.
-    pub fn contributions(self, balance: &Balance, order: f64) -> Vec<Contribution> {
-        let at = |row: usize| self.along.value(balance.signals, row);
-        let fastest = match self.along {
-            Along::Angle(axis) => balance.signals.motors[axis.index()].top_speed,
-            Along::RelativeAngle => balance.signals.motors.iter().map(|s| s.top_speed).sum(),
-            _ => TAU,
-        };
-        let one = |value: &dyn Fn(f64) -> f64| {
-            let mut sum = Contribution::default();
-            let hz = SMOOTH_HZ.max(order * fastest / TAU);
-            let sign = |row: usize| self.along.sign(balance.signals, row);
-            let shape = |row: usize| sign(row) * value(at(row));
-            if self.is_force {
-                return balance.guideway(shape);
-            }
-            sum.add(self.channel, 1.0, &balance.spectrum_of(hz, shape));
-            sum
-        };
-        if self.along.repeats() {
-            return vec![
-                one(&|angle| (order * angle).cos()),
-                one(&|angle| (order * angle).sin()),
-            ];
-        }
-        let [low, high] = self.extent.map(f64::from_bits);
-        let spacing = (high - low) / (KNOTS - 1) as f64;
-        (0..KNOTS)
-            .map(|knot| {
-                let middle = low + spacing * knot as f64;
-                // Straight lines between knots; nothing beyond the range of the fit record.
-                one(&|value| (1.0 - ((value - middle) / spacing).abs()).max(0.0))
-            })
-            .collect()
-    }
-
-    fn place(self) -> Place {
-        match self.channel {
-            Channel::Torque(axis) | Channel::VoltageD(axis) | Channel::VoltageQ(axis) => {
-                axis.into()
-            }
-            Channel::Table => Place::Feed,
-        }
-    }
-}
 
 /// Whether a kind of effect is just that shape: torque over the motor's angle or over time, an error of the lead.
 fn has_kind(channel: Channel, along: Along) -> bool {
@@ -120,15 +50,15 @@ pub(crate) fn strongest(
         }
         for along in Along::ALL
             .into_iter()
-            .filter(|along| along.is_on(signals.machine) && !has_kind(channel, *along))
+            .filter(|along| signals.machine.has(*along) && !has_kind(channel, *along))
         {
             let rows = || (0..values.len()).map(|row| row * fourier.step());
-            let coordinate: Vec<f64> = rows().map(|row| along.value(signals, row)).collect();
+            let coordinate: Vec<f64> = rows().map(|row| signals.along(along, row)).collect();
             let over = Over {
                 values: &coordinate,
                 form: along.form(0.5 * rate),
             };
-            let signs = rows().map(|row| along.sign(signals, row));
+            let signs = rows().map(|row| signals.sense(along, row));
             let values: Vec<f64> = values.iter().zip(signs).map(|(x, sign)| x * sign).collect();
             let residual = Residual {
                 values: &values,
