@@ -8,11 +8,12 @@ use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW};
 use crate::hw::cycles;
 use crate::hw::serial::Serial;
 use crate::motor_loop::MOTORS;
-use crate::orders::Orders;
+use crate::orders::{Orders, TRAVEL_LIMITS};
 use crate::telemetry::LinkStream;
 use crate::{CONFIG, PLATE};
 use control::coordinator::{Command, CommandError, Coordinator};
 use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
+use control::homing::HomePlan;
 use control::journal::Journal;
 use control::observer::EncoderAlignment;
 use control::table_move::{MoveError, MovePlan};
@@ -257,6 +258,12 @@ fn allowed(velocity: i32, base: i32) -> Result<(), Refusal> {
         })
 }
 
+/// The scale's count at position zero; `None`: the drive is not homed.
+fn origin() -> Option<i32> {
+    let view = &DRIVE_VIEW;
+    (view.homed.load(Relaxed) != 0).then(|| view.origin.load(Relaxed))
+}
+
 fn count(word: &AtomicU32) {
     word.store(word.load(Relaxed).wrapping_add(1), Relaxed);
 }
@@ -279,6 +286,7 @@ where
             travel: crate::orders::TRAVEL.load(Relaxed),
             motors: [motor(0), motor(1)],
             scale: view.scale.load(Relaxed),
+            origin: origin(),
             dropped: view.telemetry_dropped.load(Relaxed),
             ..Status::default()
         }
@@ -323,7 +331,25 @@ where
         })?;
         // Whether the screw may turn as fast as the way takes.
         allowed(if distance_nm < 0 { -velocity } else { velocity }, base)?;
+        if let Some(origin) = origin() {
+            let scale = DRIVE_VIEW.scale.load(Relaxed);
+            let from = TRAVEL_LIMITS.position_nm(scale, origin);
+            if !TRAVEL_LIMITS.allows(from.saturating_add(distance_nm)) {
+                return Err(Refusal::SoftLimit);
+            }
+        }
         self.orders.lock(|orders| orders.travel(plan, base));
+        Ok(())
+    }
+
+    fn home(&mut self, base: i32) -> Result<(), Refusal> {
+        let home = &PLATE.travel.home;
+        let step_s = crate::orders::STEP_S;
+        let plan = HomePlan::new(&PLATE.feed, home, board::SCALE_COUNT_M, step_s);
+        for velocity in plan.velocities() {
+            allowed(velocity.to_bits(), base)?;
+        }
+        self.orders.lock(|orders| orders.home(plan, base));
         Ok(())
     }
 

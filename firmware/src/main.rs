@@ -260,10 +260,11 @@ mod app {
             Mono::delay_until(next).await;
             let late = Mono::now() > next;
             let supervision = &mut *cx.local.supervision;
+            let inputs = supervision.inputs();
+            let found = cx.shared.orders.lock(|orders| orders.step(inputs));
             cx.shared
                 .journal
-                .lock(|journal| supervision.step(late, journal));
-            cx.shared.orders.lock(Orders::step);
+                .lock(|journal| supervision.step(late, found, journal));
         }
     }
 

@@ -1,24 +1,48 @@
 //! What the link asks of the drive's motion: the supervision tells the speed task, once a millisecond.
 
-use crate::PLATE;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW};
+use crate::{PLATE, board};
+use control::fault::{Fault, FaultSet};
+use control::format::{Speed, SpeedChange, TableVelocity};
+use control::homing::HomePlan;
+use control::interlock;
 use control::speed_task::STEPS_PER_LOOK;
 use control::table_move::MovePlan;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use control::travel::{Travel, TravelConfig, TravelLook};
+use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::{Run, State};
-use link::motion::Motion;
+use link::motion::{Motion, Seen};
 
 /// Time from one step to the next, s.
 pub(crate) const STEP_S: f64 = 1e-3;
 
 /// The references are at the command; the speed task says so when it looks at its inputs, in less than a millisecond.
 pub(crate) static ARRIVED: AtomicBool = AtomicBool::new(false);
-/// How the last move is going: a [`Travel`](link::message::Travel)'s word.
+/// The table's reference and its change a step, as it is planned; the speed task says them with that.
+pub(crate) static PLANNED: [AtomicI32; 2] = [const { AtomicI32::new(0) }; 2];
+/// What the speed task hears of the table's way: it may not go forwards, backwards; an end switch is looked for.
+static WAY: [AtomicBool; 3] = [const { AtomicBool::new(false) }; 3];
+/// How the last move or homing is going: a [`Travel`](link::message::Travel)'s word.
 pub(crate) static TRAVEL: AtomicU32 = AtomicU32::new(0);
 
-/// The link's motion, and what of it the speed task was last told.
+/// The soft limits.
+pub(crate) const TRAVEL_LIMITS: TravelConfig = PLATE.travel_config(board::SCALE_COUNT_M);
+
+/// What the contacts say, with what the orders say of the table's way.
+#[inline(always)]
+pub(crate) fn with_way(inputs: interlock::Inputs) -> interlock::Inputs {
+    let [forwards, backwards, homing] = &WAY;
+    interlock::Inputs {
+        blocked: [forwards, backwards].map(|way| way.load(Relaxed)),
+        homing: homing.load(Relaxed),
+        ..inputs
+    }
+}
+
+/// The link's motion, and what of it the speed task was last told; the soft limits.
 pub struct Orders {
     motion: Motion,
+    travel: Travel,
     told: Run,
 }
 
@@ -26,6 +50,7 @@ impl Orders {
     pub(crate) const fn new() -> Self {
         Self {
             motion: Motion::new(STEP_S, 2.0 * STEPS_PER_LOOK as f64 * PLATE.speed_step()),
+            travel: Travel::new(),
             told: Run::Rest,
         }
     }
@@ -44,6 +69,13 @@ impl Orders {
         TRAVEL.store(self.motion.progress().word(), Relaxed);
     }
 
+    /// Home by that plan.
+    pub(crate) fn home(&mut self, plan: HomePlan, base: i32) {
+        tell_speeds(0, base);
+        self.motion.home(plan, base);
+        TRAVEL.store(self.motion.progress().word(), Relaxed);
+    }
+
     /// Run, come to rest, or leave a fault.
     pub(crate) fn run(&mut self, run: Run) {
         self.motion.run(run);
@@ -53,14 +85,18 @@ impl Orders {
         }
     }
 
-    /// Once a millisecond.
-    pub(crate) fn step(&mut self) {
+    /// Once a millisecond, with what the contacts say: a table that is past its soft limit.
+    pub(crate) fn step(&mut self, inputs: interlock::Inputs) -> Option<Fault> {
         let view = &DRIVE_VIEW;
         let state = State::of_words(view.state.load(Relaxed), view.fault.load(Relaxed));
-        let scale = view.scale.load(Relaxed);
-        let asked = self
-            .motion
-            .step(state.unwrap_or_default(), scale, ARRIVED.load(Relaxed));
+        let seen = Seen {
+            state: state.unwrap_or_default(),
+            latched: FaultSet::of_words(view.latched.each_ref().map(|word| word.load(Relaxed))),
+            scale: view.scale.load(Relaxed),
+            arrived: ARRIVED.load(Relaxed),
+            ends_open: [inputs.end_forward, inputs.end_backward],
+        };
+        let asked = self.motion.step(&seen);
         // A debug probe's word stays as long as the link asks nothing new.
         if asked.run != self.told {
             self.tell(asked.run);
@@ -69,6 +105,24 @@ impl Orders {
             tell_speeds(velocity, base);
         }
         TRAVEL.store(self.motion.progress().word(), Relaxed);
+
+        let origin = self.motion.origin();
+        view.homed.store(origin.is_some().into(), Relaxed);
+        view.origin.store(origin.unwrap_or_default(), Relaxed);
+        let [speed, change] = PLANNED.each_ref().map(|word| word.load(Relaxed));
+        let look = TravelLook {
+            scale: seen.scale,
+            origin,
+            driven: seen.state.is_driven(),
+            reference: (Speed::from_bits(speed), SpeedChange::from_bits(change)),
+            asked: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
+        };
+        let travel = self.travel.step(&TRAVEL_LIMITS, &look);
+        let [forwards, backwards] = travel.blocked;
+        for (word, value) in WAY.iter().zip([forwards, backwards, asked.homing]) {
+            word.store(value, Relaxed);
+        }
+        travel.fault
     }
 
     fn tell(&mut self, run: Run) {

@@ -8,7 +8,7 @@ use crate::hw::deadman;
 use crate::hw::encoder::Scale;
 use crate::hw::inputs::Inputs;
 use crate::motor_loop::MOTORS;
-use crate::orders::ARRIVED;
+use crate::orders::{self, ARRIVED, PLANNED};
 use crate::telemetry::Sampler;
 use control::coordinator::Command;
 use control::fault::Fault;
@@ -63,7 +63,11 @@ impl Speed {
             heartbeat: DRIVE_COMMAND.heartbeat.load(Relaxed),
             inputs: if self.control.looks_at_inputs() {
                 ARRIVED.store(self.control.arrived(), Relaxed);
-                self.inputs.read()
+                let (speed, change) = self.control.planned();
+                for (word, value) in PLANNED.iter().zip([speed.to_bits(), change.to_bits()]) {
+                    word.store(value, Relaxed);
+                }
+                orders::with_way(self.inputs.read())
             } else {
                 interlock::Inputs::default()
             },

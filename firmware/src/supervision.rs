@@ -9,6 +9,7 @@ use crate::hw::watchdog::Watchdog;
 use crate::speed::FOUND;
 use control::fault::{self, Fault, FaultSet};
 use control::guard::{Guard, Look};
+use control::interlock;
 use control::journal::{Journal, Recorder};
 use control::supervisor::State;
 use core::sync::atomic::AtomicU32;
@@ -37,15 +38,20 @@ impl Supervision {
         }
     }
 
-    /// One millisecond; `late` if it comes a millisecond late or more.
-    pub(crate) fn step(&mut self, late: bool, journal: &mut Journal) {
+    /// What the contacts say.
+    pub(crate) fn inputs(&self) -> interlock::Inputs {
+        self.inputs.read()
+    }
+
+    /// One millisecond; `late` if it comes a millisecond late or more, and what the orders have found.
+    pub(crate) fn step(&mut self, late: bool, found: Option<Fault>, journal: &mut Journal) {
         let view = &DRIVE_VIEW;
         count(&view.uptime_ms);
         if late {
             count(&view.supervision_missed);
         }
         debug_view::refresh();
-        self.look(journal);
+        self.look(found, journal);
         let [screw, nut] = &view.motors;
         let progress =
             [&screw.steps, &nut.steps, &view.speed_steps].map(|steps| steps.load(Relaxed));
@@ -54,7 +60,7 @@ impl Supervision {
         }
     }
 
-    fn look(&mut self, journal: &mut Journal) {
+    fn look(&mut self, found: Option<Fault>, journal: &mut Journal) {
         let view = &DRIVE_VIEW;
         let [screw, nut] = &view.motors;
         let flags = board::take_encoder_flags();
@@ -81,7 +87,7 @@ impl Supervision {
             index: flags.map(|flags| flags.index),
             transition_error: flags.map(|flags| flags.transition_error),
         };
-        let found = self.guard.step(&board::GUARD, &look);
+        let found = self.guard.step(&board::GUARD, &look).or(found);
         FOUND.store(fault::word(found), Relaxed);
         if let Some(fault) = found
             && found != self.found

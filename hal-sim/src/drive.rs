@@ -12,7 +12,9 @@ use control::coordinator::{Command, CommandError};
 use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
 use control::exchange::{MotorExchange, MotorStatus};
 use control::fault::FaultSet;
-use control::format::{Angle, Current, MechanicalSpeed, Misfit, TableVelocity, Voltage};
+use control::format::{
+    Angle, Current, MechanicalSpeed, Misfit, Speed, SpeedChange, TableVelocity, Voltage,
+};
 use control::motor_io::MotorIo;
 use control::observer::EncoderAlignment;
 use control::plate::{DriveConfig, DrivePlate};
@@ -214,6 +216,12 @@ impl Drive {
         seam.machine(&mut self.board.machine, 1);
         self.board.advance();
         self.periods += 1;
+    }
+
+    /// What the table's share turns the screw by against the nut by its plan, and the change of that a step.
+    #[must_use]
+    pub fn planned(&self) -> (Speed, SpeedChange) {
+        self.speed_task.planned()
     }
 
     /// The references are at the commanded targets.

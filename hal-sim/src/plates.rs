@@ -3,7 +3,7 @@
 use crate::board::BoardConfig;
 use control::plate::{
     AlignmentPlate, BasePlate, BoardPlate, CompensationPlate, DrivePlate, FeedPlate, FrictionPlate,
-    MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, Tuning,
+    MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate, Tuning,
 };
 use plant::Axis;
 use plant::machine::Coupling;
@@ -114,6 +114,7 @@ pub fn plates(
             base_acceleration_max: 700.0,
             base_jerk_max: 20_000.0,
         },
+        travel: TravelPlate::UNLIMITED,
         alignment: AlignmentPlate {
             torque_nm: [0.3 * PAPER_TORQUE_NM / 2.0; 2],
             travel_m: 50e-6,

@@ -4,7 +4,7 @@ use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::experiment::Setup;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
-use link::codes::EventKind;
+use link::codes::{ActiveLimits, EventKind, Limit};
 use link::host::client::{Client, Refused};
 use link::host::{Decoder, Row};
 use link::message::{Command, Injected, Injection, Refusal, Travel};
@@ -383,4 +383,136 @@ fn the_same_commands_at_the_same_times_give_the_same_bits() {
     assert!(rows.last().unwrap().motors[1].angle_rad > 10.0);
     assert_eq!(recorded(3).1, bytes);
     assert_ne!(recorded(4).1, bytes);
+}
+
+/// A drive whose table is homed, its switch at 5 mm, with soft limits of 10 and 60 mm.
+fn homed() -> Bench {
+    let mut bench = Bench::new();
+    let mut settings = bench.client.settings().unwrap();
+    let travel = &mut settings.travel;
+    (travel.home_velocity_mm_s, travel.home_leaving_mm_s) = (80.0, 2.0);
+    travel.home_position_mm = 5.0;
+    (travel.soft_least_mm, travel.soft_most_mm) = (10.0, 60.0);
+    bench.client.configure(&settings).unwrap();
+    bench.until(State::Ready, 1000);
+    assert_eq!(bench.client.status().unwrap().origin, None);
+    bench.client.tell(Command::Arm).unwrap();
+    bench.client.tell(Command::Home { base: None }).unwrap();
+    let mut travel = Travel::Homing.word();
+    for _ in 0..200 {
+        bench.pass(100);
+        travel = bench.client.status().unwrap().travel;
+        if travel != Travel::Homing.word() {
+            break;
+        }
+    }
+    assert_eq!(Travel::of_word(travel), Some(Travel::Homed));
+    bench
+}
+
+impl Bench {
+    /// The homed position, mm.
+    fn place_mm(&mut self) -> Option<f64> {
+        let status = self.client.status().unwrap();
+        let count_nm = self.client.settings().unwrap().feed.scale_count_nm;
+        let counts = status.scale.wrapping_sub(status.origin?);
+        Some(f64::from(counts) * count_nm * 1e-6)
+    }
+}
+
+#[test]
+fn a_homed_table_stands_before_its_soft_limits() {
+    let mut bench = homed();
+    // The switch is 100 mm behind where the table was switched on, which the machine calls 0.
+    let off = bench.position() * 1e3 - (bench.place_mm().unwrap() - 105.0);
+    assert!(off.abs() < 5e-3, "homed {off} mm off");
+    for (mm_s, rpm, least, most) in [
+        // What the latency and the loops' lag leave: 15 ms at each velocity, and 0.1 mm.
+        (100.0, 0.0, 58.4, 60.0),
+        (-30.0, 800.0, 10.0, 10.6),
+        (5.0, 0.0, 59.8, 60.0),
+    ] {
+        bench.run(mm_s, rpm).unwrap();
+        for _ in 0..200 {
+            bench.pass(50);
+            let at = bench.position() * 1e3 + 105.0;
+            assert!(at < 60.0 && (at > 10.0 || mm_s > 0.0), "at {at} mm");
+        }
+        let at = bench.place_mm().unwrap();
+        assert!(
+            (least..most).contains(&at),
+            "from {mm_s} mm/s it stands at {at} mm"
+        );
+        let limits = ActiveLimits::of_word(bench.client.status().unwrap().limits);
+        assert!(limits.iter(None).any(|limit| limit == Limit::Travel));
+        assert!(matches!(bench.state(), State::Running | State::Holding));
+    }
+    let Command::Run { velocity, base } = speeds(20.0, 0.0) else {
+        unreachable!()
+    };
+    let far = |distance_nm| Command::Move {
+        distance_nm,
+        velocity,
+        base,
+    };
+    assert_eq!(
+        refusal(bench.client.tell(far(1_000_000))),
+        Some(Refused::For(Refusal::SoftLimit))
+    );
+    bench.client.tell(far(-1_000_000)).unwrap();
+}
+
+#[test]
+fn a_table_that_is_pushed_past_its_limit_is_a_fault_and_homing_outlives_it_but_no_encoder_s() {
+    let mut bench = homed();
+    bench.run(20.0, 0.0).unwrap();
+    bench.pass(4000);
+    // More than both motors hold: 2.6 N m on 5 mm a turn are 3267 N.
+    bench
+        .client
+        .tell(inject(Injected::Load, 0, -3600.0))
+        .unwrap();
+    bench.pass(400);
+    assert_eq!(bench.state(), State::Fault(Fault::TravelForward));
+    bench.client.tell(inject(Injected::Clear, 0, 0.0)).unwrap();
+    bench.client.tell(Command::Reset).unwrap();
+    bench.until(State::Ready, 500);
+    let at = bench.place_mm().unwrap();
+    assert!(at > 60.0, "at {at} mm");
+    bench.client.tell(Command::Arm).unwrap();
+    bench.run(-20.0, 0.0).unwrap();
+    bench.pass(1000);
+    assert_eq!(bench.state(), State::Running, "back it goes");
+    bench
+        .client
+        .tell(inject(Injected::EncoderFrozen, 0, 0.0))
+        .unwrap();
+    bench.pass(500);
+    assert_eq!(bench.state(), State::Fault(Fault::ScrewEncoder));
+    assert_eq!(bench.place_mm(), None);
+}
+
+#[test]
+fn a_switch_that_stays_closed_or_open_is_told() {
+    let mut bench = Bench::new();
+    let mut settings = bench.client.settings().unwrap();
+    settings.travel.home_furthest_mm = 3.0;
+    bench.client.configure(&settings).unwrap();
+    bench.until(State::Ready, 1000);
+    for (fault, told) in [
+        (Injected::Clear, Travel::SwitchNotFound),
+        (Injected::EndBackward, Travel::SwitchNotLeft),
+    ] {
+        bench.client.tell(inject(fault, 0, 0.0)).unwrap();
+        bench.client.tell(Command::Arm).unwrap();
+        bench.client.tell(Command::Home { base: None }).unwrap();
+        bench.pass(4000);
+        assert_eq!(
+            Travel::of_word(bench.client.status().unwrap().travel),
+            Some(told)
+        );
+        assert_eq!(bench.place_mm(), None);
+        bench.client.tell(Command::Stop).unwrap();
+        bench.until(State::Ready, 500);
+    }
 }

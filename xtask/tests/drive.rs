@@ -563,3 +563,49 @@ fn a_drive_that_is_not_there_is_said_with_its_code() {
     let output = xtask().args(["drive", "status"]).output().unwrap();
     assert_eq!(output.status.code(), Some(2));
 }
+
+/// The table's place is found by commands alone, and the soft limits act from then on.
+#[test]
+fn a_table_is_homed_and_stands_before_its_soft_limit() {
+    let served = Served::new(&["--speed", "2"]);
+    let table = |served: &Served| served.status()["table"].clone();
+    served.printed(&[
+        "settings",
+        "set",
+        "travel.home_velocity_mm_s=100",
+        "travel.home_leaving_mm_s=5",
+        "travel.home_position_mm=-10",
+        "travel.soft_least_mm=-8",
+        "travel.soft_most_mm=8",
+    ]);
+    served.until("ready");
+    let before = table(&served);
+    assert_eq!(before["homed"], false);
+    assert_eq!(before["limits"]["position_limits_act"], false);
+    assert!(
+        served
+            .printed(&["status"])
+            .contains("the drive is not homed")
+    );
+
+    let said = served.fails(3, &["home"]);
+    assert!(said.contains("not armed"), "{said}");
+    let homed = served.printed(&["home", "--arm", "--json"]);
+    let homed: Value = serde_json::from_str(&homed).unwrap();
+    let at = number(&homed["position_mm"]);
+    assert!((-10.0..-9.0).contains(&at), "the table is at {at} mm");
+    assert_eq!(table(&served)["limits"]["position_limits_act"], true);
+
+    let jog = ["jog", "--arm", "--table-speed", "20", "--duration", "3"];
+    let mut jogging = served.command(&jog).stdout(Stdio::null()).spawn().unwrap();
+    sleep(Duration::from_millis(1200));
+    let status = served.status();
+    assert_eq!(status["limited_by"][0]["name"], "travel", "{status}");
+    assert!(status["fault"].is_null(), "{status}");
+    assert!(jogging.wait().unwrap().success());
+    let at = number(&table(&served)["position_mm"]);
+    assert!((7.5..8.0).contains(&at), "the table is at {at} mm");
+    let said = served.fails(3, &["move", "2", "--arm"]);
+    assert!(said.contains("travel.soft_most_mm"), "{said}");
+    served.printed(&["move", "-2", "--arm"]);
+}

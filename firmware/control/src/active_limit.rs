@@ -9,7 +9,7 @@ codes! {
         Voltage = 2, "voltage", "The bus gives no more voltage to a motor.";
         Speed = 3, "speed", "The pair goes slower than asked, for a motor that cannot follow; the table keeps its way.";
         Acceleration = 4, "acceleration", "The references are on their way to the command, by the limits of acceleration and jerk.";
-        Travel = 5, "travel", "An end switch is open: the table goes away from it only.";
+        Travel = 5, "travel", "An end switch is open, or a soft limit is near: the table goes away from it only.";
         Temperature = 6, "temperature", "The torque current is folded back, for a motor or a bridge is warm by its current (I2t).";
         Regeneration = 7, "regeneration", "Braking is folded back, for the bus is nearly full.";
     }

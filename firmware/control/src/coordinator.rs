@@ -74,6 +74,18 @@ pub struct Command {
 }
 
 impl Command {
+    /// The same, with the table at rest where its way is blocked: forwards, backwards.
+    #[must_use]
+    pub fn within(self, [forwards, backwards]: [bool; 2]) -> Self {
+        let velocity = self.velocity;
+        let stays = forwards && velocity > TableVelocity::ZERO
+            || backwards && velocity < TableVelocity::ZERO;
+        Self {
+            velocity: if stays { TableVelocity::ZERO } else { velocity },
+            ..self
+        }
+    }
+
     /// Both motors still.
     #[must_use]
     pub const fn rest() -> Self {
@@ -314,6 +326,13 @@ impl Coordinator {
     #[inline(always)]
     pub fn relative(&self) -> Speed {
         narrow(self.table.value)
+    }
+
+    /// The same as its reference is planned, with its change a step.
+    #[must_use]
+    #[inline(always)]
+    pub fn planned(&self) -> (Speed, SpeedChange) {
+        (self.relative(), self.table.change)
     }
 
     /// Both references have arrived at rest.

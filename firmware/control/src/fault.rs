@@ -107,6 +107,12 @@ codes! {
              and whether the nut is held.";
         EndsExchanged = 42, "end switches exchanged",
             "The end switch behind the table opened while the table moved away from it: look whether the two are exchanged.";
+        TravelForward = 43, "soft limit, forwards",
+            "The table is past its soft limit ahead of positive velocity: command it the other way, and look for a load or a torque \
+             limit with which it could not be stopped before.";
+        TravelBackward = 44, "soft limit, backwards",
+            "The table is past its soft limit ahead of negative velocity: command it the other way, and look for a load or a torque \
+             limit with which it could not be stopped before.";
     }
 }
 
@@ -198,6 +204,8 @@ impl Fault {
             | Self::EndForward
             | Self::EndBackward
             | Self::EndsExchanged
+            | Self::TravelForward
+            | Self::TravelBackward
             // Heat takes seconds where a stop takes tenths of one.
             | Self::ScrewTemperature
             | Self::NutTemperature
@@ -266,6 +274,9 @@ impl FaultSet {
         }
         set
     };
+
+    /// Those that doubt the table's homed position: of an encoder, or of the scale.
+    pub const DOUBTS_POSITION: Self = Self::DOUBTS_ANGLE.with(Fault::Scale);
 
     /// The set of two words, the lower first: bit `n` is the fault of word `n`.
     #[must_use]

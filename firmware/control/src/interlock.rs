@@ -11,6 +11,8 @@
 //! the mechanical end as the stop takes: `v^2 / (2 a)` and `v a / (2 j)` with the feed's largest velocity, acceleration and
 //! jerk.
 //!
+//! While the drive is homed a switch ahead is what is looked for, and no fault: [`homing`](crate::homing) stops at it.
+//!
 //! The switches and the enable contact are closed while all is well, so that a broken wire stops too (normally closed, as
 //! IEC 60204-1, 9.4.3 and ISO 13850 ask of stops). A level counts once it was seen in [`SETTLED`] looks in a row.
 
@@ -29,6 +31,10 @@ pub struct Inputs {
     pub end_forward: bool,
     /// The end switch ahead of negative table velocity is open.
     pub end_backward: bool,
+    /// The table may not go on forwards, backwards, for a soft limit is near: it comes to rest before.
+    pub blocked: [bool; 2],
+    /// An end switch is looked for, and is no fault.
+    pub homing: bool,
 }
 
 impl Inputs {
@@ -37,6 +43,8 @@ impl Inputs {
         enabled: true,
         end_forward: false,
         end_backward: false,
+        blocked: [false; 2],
+        homing: false,
     };
 }
 
@@ -54,6 +62,8 @@ pub struct Interlock {
     silent: u32,
     /// Looks in a row in which each input was against moving: enable, forward end, backward end.
     against: [u8; 3],
+    /// An end switch is looked for.
+    homing: bool,
 }
 
 impl Interlock {
@@ -64,6 +74,7 @@ impl Interlock {
             heartbeat: 0,
             silent: 0,
             against: [0; 3],
+            homing: false,
         }
     }
 
@@ -76,6 +87,7 @@ impl Interlock {
             self.heartbeat = heartbeat;
             0
         };
+        self.homing = inputs.homing;
         let levels = [!inputs.enabled, inputs.end_forward, inputs.end_backward];
         for (looks, against) in self.against.iter_mut().zip(levels) {
             *looks = if against {
@@ -111,6 +123,8 @@ impl Interlock {
             Some(Fault::Disabled)
         } else if self.silent > heartbeat_looks {
             Some(Fault::CommandLost)
+        } else if self.homing {
+            None
         } else if forward && velocity > TableVelocity::ZERO {
             Some(Fault::EndForward)
         } else if backward && velocity < TableVelocity::ZERO {
@@ -160,6 +174,7 @@ mod tests {
             enabled: false,
             end_forward: true,
             end_backward: true,
+            ..Inputs::CLEAR
         };
         for (inputs, velocity, expected) in [
             (torn, TableVelocity::ZERO, Some(Fault::Disabled)),

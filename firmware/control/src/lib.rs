@@ -29,6 +29,8 @@
 //! | the last four in one step | [`speed_task`] | speed task |
 //! | late tasks, bus, temperatures, index -> fault | [`guard`] | supervision |
 //! | a distance -> table velocities | [`table_move`] | below the speed task |
+//! | where the table stands: an end switch -> the scale's zero | [`homing`] | below the speed task |
+//! | position, reference -> may the table go on to its soft limit? | [`travel`] | supervision |
 //! | words between the interrupts | [`exchange`] | |
 //!
 //! [`plate`] turns plate data into gains (Eqs 9 to 12 of Wang et al. 2020) once, [`format`](mod@format) says
@@ -76,6 +78,7 @@ pub mod format;
 pub mod friction;
 #[allow(clippy::float_arithmetic)]
 pub mod guard;
+pub mod homing;
 pub mod interlock;
 pub mod journal;
 pub mod modulation;
@@ -101,3 +104,4 @@ pub mod thermal;
 pub mod thermometer;
 pub mod tolerance;
 pub mod transform;
+pub mod travel;

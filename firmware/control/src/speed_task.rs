@@ -8,7 +8,7 @@ use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::disturbance::Disturbance;
 use crate::exchange::{MotorExchange, MotorStatus};
 use crate::fault::{Fault, FaultSet, Reaction};
-use crate::format::{Angle, Current};
+use crate::format::{Angle, Current, Speed, SpeedChange};
 use crate::friction::Friction;
 use crate::interlock::Interlock;
 use crate::notch::Notch;
@@ -18,6 +18,7 @@ use crate::runaway::{CurrentSum, Motion, Runaway, Sign};
 use crate::speed_loop::{SpeedLoop, SpeedReference, Wanted};
 use crate::supervisor::{Request, State, faults};
 use crate::thermal::Heat;
+use core::hint::cold_path;
 
 /// What the speed task decided in a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -36,7 +37,11 @@ pub struct SpeedTask {
     speed_loops: [SpeedLoop; 2],
     coordinator: Coordinator,
     torque_limited: [bool; 2],
+    /// What is asked, and what of it may be followed.
+    asked_for: Command,
     command: Command,
+    /// The table may not go on forwards, backwards.
+    blocked: [bool; 2],
     /// What the coordinator was last told.
     followed: Command,
     state: State,
@@ -83,7 +88,9 @@ impl SpeedTask {
             speed_loops: [SpeedLoop::new(), SpeedLoop::new()],
             coordinator: Coordinator::new(),
             torque_limited: [false; 2],
+            asked_for: Command::rest(),
             command: Command::rest(),
+            blocked: [false; 2],
             followed: Command::rest(),
             state: State::Boot,
             alignment: Alignment::new(),
@@ -122,8 +129,16 @@ impl SpeedTask {
     /// [`CommandError`] if the feed or a motor may not move that fast; the old command stays.
     pub fn command(&mut self, config: &DriveConfig, command: Command) -> Result<(), CommandError> {
         Coordinator::new().command(&config.coordinator, command)?;
-        self.command = command;
+        self.asked_for = command;
+        self.command = command.within(self.blocked);
         Ok(())
+    }
+
+    /// What the table's share turns the screw by against the nut by its plan, mechanical rad/s, and the change of that a step.
+    #[must_use]
+    #[inline(always)]
+    pub fn planned(&self) -> (Speed, SpeedChange) {
+        self.coordinator.planned()
     }
 
     /// The references are at the command.
@@ -140,7 +155,11 @@ impl SpeedTask {
     pub fn limits(&self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> ActiveLimits {
         let driven = self.state.is_driven();
         let mut limits = ActiveLimits::NONE
-            .with(None, Limit::Travel, self.interlock.at_an_end())
+            .with(
+                None,
+                Limit::Travel,
+                self.interlock.at_an_end() || driven && self.blocked.contains(&true),
+            )
             .with(None, Limit::Speed, driven && self.coordinator.gives_way())
             .with(
                 None,
@@ -568,6 +587,11 @@ impl SpeedTask {
     #[inline(always)]
     fn interlock(&mut self, config: &DriveConfig, request: Request) {
         self.interlock.look(request.heartbeat, request.inputs);
+        if request.inputs.blocked != self.blocked {
+            cold_path();
+            self.blocked = request.inputs.blocked;
+            self.command = self.asked_for.within(self.blocked);
+        }
         self.ask_interlock(config, request.run);
     }
 

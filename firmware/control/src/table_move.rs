@@ -26,7 +26,7 @@ const SETTLE_M_S: f64 = 1e-3;
 const REACHED: f64 = 0.98;
 
 /// Steps after which the references are those of the command.
-const TAKEN: u32 = 2;
+pub(crate) const TAKEN: u32 = 2;
 
 /// Why a move is refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

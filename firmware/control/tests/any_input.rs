@@ -125,19 +125,23 @@ fn stretch() -> impl Strategy<Value = Stretch> {
         prop::bool::weighted(0.7),
         prop::bool::weighted(0.3),
         any::<u32>(),
-        prop::array::uniform3(prop::bool::weighted(0.1)),
+        prop::array::uniform6(prop::bool::weighted(0.1)),
     )
         .prop_map(
-            |(run, reset, heartbeat, [off, forward, backward])| Request {
-                run,
-                reset,
-                heartbeat,
-                inputs: Inputs {
-                    enabled: !off,
-                    end_forward: forward,
-                    end_backward: backward,
-                },
-                scale: heartbeat.is_multiple_of(3).then_some(heartbeat),
+            |(run, reset, heartbeat, [off, forward, backward, no_way, no_way_back, homing])| {
+                Request {
+                    run,
+                    reset,
+                    heartbeat,
+                    inputs: Inputs {
+                        enabled: !off,
+                        end_forward: forward,
+                        end_backward: backward,
+                        blocked: [no_way, no_way_back],
+                        homing,
+                    },
+                    scale: heartbeat.is_multiple_of(3).then_some(heartbeat),
+                }
             },
         );
     (

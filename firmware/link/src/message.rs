@@ -101,6 +101,11 @@ pub enum Command {
     Commit,
     /// Puts a fault into a simulated drive.
     Inject(Injection),
+    /// Moves the table to its end switch and off it again, which gives its scale the zero: see the settings `travel`.
+    Home {
+        /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for the homing velocity.
+        base: Option<i32>,
+    },
 }
 
 /// What is done to a simulated drive.
@@ -178,18 +183,24 @@ codes! {
         Current = 14, "current", "There is no such motor, or the current is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
         Angle = 15, "angle", "There is no such motor, its angle is not known, or it is further off than an alignment can be: 30 electrical degrees.";
         Fixed = 16, "constant", "This firmware's settings are constants of its board: change them in its source, and flash it.";
+        SoftLimit = 17, "soft limit", "The table would end beyond a soft limit: see the settings travel.soft_least_mm and travel.soft_most_mm.";
     }
 }
 
 codes! {
-    /// How a move is going.
+    /// How a move or a homing is going.
     Travel {
-        None = 0, "none", "Nothing was asked to move by a distance.";
+        None = 0, "none", "Nothing was asked to move by a distance, or to be homed.";
         Moving = 1, "moving", "The table is on its way.";
         Settling = 2, "settling", "The table is led to its place by its scale.";
         Done = 3, "done", "The table is in its place and held there.";
         NotSettled = 4, "not settled", "The table did not come to its place in time.";
         Ended = 5, "ended", "A stop or a fault ended the move on its way.";
+        Homing = 6, "homing", "The table is on its way to its end switch, or off it.";
+        Homed = 7, "homed", "The end switch has given the scale its zero.";
+        SwitchNotFound = 8, "switch not found", "The end switch did not open on the way that homing may take: see the settings travel.home_direction and travel.home_furthest_mm, and look whether the switch is closed by a short.";
+        SwitchNotLeft = 9, "switch not left", "The end switch did not close again as the table left it: look for a broken wire, or another switch that is open.";
+        ScaleStands = 10, "scale stands", "The table's scale counted less than half of the way off the switch: check it and its cable, and the setting feed.scale_count_nm.";
     }
 }
 
@@ -376,6 +387,8 @@ pub struct Status {
     pub motors: [MotorStatus; 2],
     /// The table's scale, counts.
     pub scale: i32,
+    /// Its count at position zero; `None`: the drive is not homed, and soft limits do not act.
+    pub origin: Option<i32>,
     /// Telemetry samples that found no room.
     pub dropped: u32,
     /// Frames from this host.

@@ -2,8 +2,9 @@
 //!
 //! A step is made at a fixed rate: that of the speed task, or slower.
 
-use crate::codes::{Run, State};
+use crate::codes::{FaultSet, Run, State};
 use crate::message::Travel;
+use control::homing::{HomePlan, HomeProgress, Homing};
 use control::table_move::{MovePlan, MoveProgress, TableMove};
 
 /// How long a reset is asked at most, s: a fault whose cause goes later stays, and so does the next one.
@@ -16,13 +17,72 @@ pub struct Asked {
     pub run: Run,
     /// New speeds: table velocity, 2^-28 m/s, and base speed, 2^-18 rad/s.
     pub speeds: Option<[i32; 2]>,
+    /// An end switch is looked for, and is no fault.
+    pub homing: bool,
 }
 
-/// A move under way.
+/// What is seen of the drive in a step.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Seen {
+    /// What it is doing.
+    pub state: State,
+    /// What was found since it last left a fault.
+    pub latched: FaultSet,
+    /// The table's scale, counts.
+    pub scale: i32,
+    /// The references are at the command.
+    pub arrived: bool,
+    /// The end switches are open: ahead of positive velocity, and of negative.
+    pub ends_open: [bool; 2],
+}
+
+/// What leads the table.
+#[derive(Clone, Copy, Debug)]
+enum Lead {
+    Move(MovePlan, TableMove),
+    Home(HomePlan, Homing),
+}
+
+impl Lead {
+    /// It has yet to begin.
+    fn starts(&self) -> bool {
+        match self {
+            Self::Move(_, motion) => motion.progress() == MoveProgress::Starting,
+            Self::Home(_, homing) => homing.progress() == HomeProgress::Starting,
+        }
+    }
+
+    /// A stop does not end it any more.
+    fn is_over(&self) -> bool {
+        match self {
+            Self::Move(_, motion) => motion.progress() == MoveProgress::Done,
+            Self::Home(_, homing) => !homing.progress().is_underway(),
+        }
+    }
+
+    fn progress(&self) -> Travel {
+        match self {
+            Self::Move(_, motion) => match motion.progress() {
+                MoveProgress::Starting | MoveProgress::Moving => Travel::Moving,
+                MoveProgress::Settling => Travel::Settling,
+                MoveProgress::Done => Travel::Done,
+                MoveProgress::NotSettled => Travel::NotSettled,
+            },
+            Self::Home(_, homing) => match homing.progress() {
+                HomeProgress::Done(_) => Travel::Homed,
+                HomeProgress::NotFound => Travel::SwitchNotFound,
+                HomeProgress::NotLeft => Travel::SwitchNotLeft,
+                HomeProgress::ScaleStands => Travel::ScaleStands,
+                _ => Travel::Homing,
+            },
+        }
+    }
+}
+
+/// A move or a homing under way.
 #[derive(Clone, Copy, Debug)]
 struct Underway {
-    plan: MovePlan,
-    motion: TableMove,
+    lead: Lead,
     base: i32,
     /// What was last asked.
     velocity: i32,
@@ -40,6 +100,8 @@ pub struct Motion {
     /// Steps that are left of the two.
     left: u32,
     underway: Option<Underway>,
+    /// The scale's count at position zero.
+    origin: Option<i32>,
 }
 
 impl Motion {
@@ -58,6 +120,7 @@ impl Motion {
             run: Run::Rest,
             left: 0,
             underway: None,
+            origin: None,
         }
     }
 
@@ -78,20 +141,35 @@ impl Motion {
     /// The drive follows speeds from now on: a move that is not done has ended.
     pub fn follow(&mut self) {
         if let Some(underway) = &mut self.underway {
-            underway.ended |= underway.motion.progress() != MoveProgress::Done;
+            underway.ended |= !underway.lead.is_over();
         }
     }
 
     /// Moves the table from where its scale counts `scale`, at a base speed of `base`, 2^-18 rad/s, which it was asked with no
     /// velocity.
     pub fn travel(&mut self, plan: MovePlan, scale: i32, base: i32) {
+        self.lead(Lead::Move(plan, TableMove::new(scale)), base);
+    }
+
+    /// Homes the table, at a base speed of `base`, which it was asked with no velocity. It is homed no longer until that is done.
+    pub fn home(&mut self, plan: HomePlan, base: i32) {
+        self.origin = None;
+        self.lead(Lead::Home(plan, Homing::default()), base);
+    }
+
+    fn lead(&mut self, lead: Lead, base: i32) {
         self.underway = Some(Underway {
-            plan,
-            motion: TableMove::new(scale),
+            lead,
             base,
             velocity: 0,
             ended: false,
         });
+    }
+
+    /// The scale's count at position zero; `None`: the drive is not homed.
+    #[must_use]
+    pub const fn origin(&self) -> Option<i32> {
+        self.origin
     }
 
     /// How the move is going.
@@ -100,23 +178,16 @@ impl Motion {
         match &self.underway {
             None => Travel::None,
             Some(underway) if underway.ended => Travel::Ended,
-            Some(underway) => match underway.motion.progress() {
-                MoveProgress::Starting | MoveProgress::Moving => Travel::Moving,
-                MoveProgress::Settling => Travel::Settling,
-                MoveProgress::Done => Travel::Done,
-                MoveProgress::NotSettled => Travel::NotSettled,
-            },
+            Some(underway) => underway.lead.progress(),
         }
     }
 
-    /// A move needs to know whether the references have arrived.
-    #[must_use]
-    pub fn moves(&self) -> bool {
-        self.underway.is_some_and(|underway| !underway.ended)
-    }
-
-    /// One step: what the drive is doing, the count of the table's scale, and whether the references are at the command.
-    pub fn step(&mut self, state: State, scale: i32, arrived: bool) -> Asked {
+    /// One step.
+    pub fn step(&mut self, seen: &Seen) -> Asked {
+        let state = seen.state;
+        if seen.latched.has_any(FaultSet::DOUBTS_POSITION) {
+            self.origin = None;
+        }
         let run = match self.run {
             Run::Run if self.left > 0 => Run::Rest,
             Run::Reset if self.left == 0 || !matches!(state, State::Fault(_)) => {
@@ -126,30 +197,44 @@ impl Motion {
             run => run,
         };
         self.left = self.left.saturating_sub(1);
+        let speeds = self.travel_on(seen);
+        let homing = self
+            .underway
+            .as_ref()
+            .is_some_and(|underway| !underway.ended && underway.lead.progress() == Travel::Homing);
         Asked {
             run,
-            speeds: self.travel_on(state, scale, arrived),
+            speeds,
+            homing,
         }
     }
 
-    fn travel_on(&mut self, state: State, scale: i32, arrived: bool) -> Option<[i32; 2]> {
+    fn travel_on(&mut self, seen: &Seen) -> Option<[i32; 2]> {
         let underway = self.underway.as_mut()?;
-        match state {
+        match seen.state {
             State::Running | State::Holding => {}
-            // It has not begun.
-            State::Ready if underway.motion.progress() == MoveProgress::Starting => return None,
+            State::Ready if underway.lead.starts() => return None,
             _ => {
-                underway.ended |= underway.motion.progress() != MoveProgress::Done;
+                underway.ended |= !underway.lead.is_over();
                 return None;
             }
         }
         if underway.ended {
             return None;
         }
-        let velocity = underway
-            .motion
-            .step(&underway.plan, scale, arrived)
-            .to_bits();
+        let (scale, arrived) = (seen.scale, seen.arrived);
+        let velocity = match &mut underway.lead {
+            Lead::Move(plan, motion) => motion.step(plan, scale, arrived),
+            Lead::Home(plan, homing) => {
+                let goes_on = homing.progress().is_underway();
+                let velocity = homing.step(plan, scale, arrived, seen.ends_open);
+                if let (true, HomeProgress::Done(origin)) = (goes_on, homing.progress()) {
+                    self.origin = Some(origin);
+                }
+                velocity
+            }
+        }
+        .to_bits();
         if velocity == underway.velocity {
             return None;
         }
@@ -164,7 +249,12 @@ mod tests {
     use crate::codes::Fault;
 
     fn steps(motion: &mut Motion, state: State, count: u32) -> u32 {
-        let asks = |motion: &mut Motion| motion.step(state, 0, true).run != Run::Rest;
+        let seen = Seen {
+            state,
+            arrived: true,
+            ..Seen::default()
+        };
+        let asks = |motion: &mut Motion| motion.step(&seen).run != Run::Rest;
         (0..count).map(|_| u32::from(asks(motion))).sum()
     }
 

@@ -70,8 +70,13 @@ pub trait Served {
     /// Takes a move, as in [`Command::Move`].
     ///
     /// # Errors
-    /// The same, and [`Refusal::Distance`].
+    /// The same, [`Refusal::Distance`] and [`Refusal::SoftLimit`].
     fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal>;
+    /// Takes a homing, as in [`Command::Home`].
+    ///
+    /// # Errors
+    /// [`Refusal::MotorSpeed`].
+    fn home(&mut self, base: i32) -> Result<(), Refusal>;
     /// Takes a current, as in [`Command::DirectCurrent`], while it runs.
     ///
     /// # Errors
@@ -338,6 +343,16 @@ impl Server {
                     drive.travel(distance_nm, velocity, base)
                 })
                 .map(|()| self.start(commander, drive)),
+            Command::Home { base } => self
+                .may_move(commander, drive)
+                .and_then(|()| {
+                    let settings = drive.settings();
+                    let velocity = settings.travel.home_velocity_mm_s * 1e-3;
+                    let velocity = scale::word(velocity, scale::TABLE_VELOCITY);
+                    let base = base_or(base, settings, velocity.unwrap_or(i32::MAX));
+                    drive.home(base)
+                })
+                .map(|()| self.start(commander, drive)),
             Command::DirectCurrent { motor, current } => {
                 self.may_move(commander, drive)
                     .and_then(|()| match drive.state() {
@@ -500,6 +515,9 @@ mod tests {
             Ok(())
         }
         fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn home(&mut self, _: i32) -> Result<(), Refusal> {
             Ok(())
         }
         fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {

@@ -126,6 +126,10 @@ words! {
         speed_cycles_max: u32,
         /// The table's scale, counts.
         scale: i32,
+        /// 1: the drive is homed, and the next word is the scale's count at position zero.
+        homed: u32,
+        /// See above.
+        origin: i32,
         /// Heat sinks, ADC counts: screw, nut.
         temperatures: [u32; 2],
         /// Commands that were taken.

@@ -132,6 +132,9 @@ impl Served for Fake {
     fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
         Ok(())
     }
+    fn home(&mut self, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
     fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
         Ok(())
     }

@@ -8,7 +8,7 @@ use control::guard::GuardPlate;
 use control::mt6835;
 use control::plate::{
     BasePlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate, MotorPlate,
-    RejectionPlate, RunawayPlate, ThermalPlate,
+    RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate,
 };
 use control::scale_watch::ScaleWatchPlate;
 use control::sense::Shunts;
@@ -92,6 +92,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     },
     tuning: paper_machine::TUNING,
     feed: paper_machine::FEED,
+    travel: TravelPlate::UNLIMITED,
     alignment: paper_machine::ALIGNMENT,
     runaway: RunawayPlate::USUAL,
     compensation: CompensationPlate::NONE,

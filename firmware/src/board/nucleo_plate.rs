@@ -8,7 +8,7 @@ use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::plate::{
     AlignmentPlate, BasePlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate,
-    FrictionPlate, MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate,
+    FrictionPlate, MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate,
 };
 use control::scale_watch::ScaleWatchPlate;
 use control::sense::Shunts;
@@ -101,6 +101,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     },
     tuning: paper_machine::TUNING,
     feed: paper_machine::FEED,
+    travel: TravelPlate::UNLIMITED,
     alignment: AlignmentPlate {
         torque_nm: [0.3 * RATED_NM; 2],
         travel_m: 50e-6,

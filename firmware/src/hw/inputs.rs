@@ -55,6 +55,7 @@ impl Inputs {
             enabled: !self.enable.is_open(),
             end_forward: self.end_forward.is_open(),
             end_backward: self.end_backward.is_open(),
+            ..interlock::Inputs::CLEAR
         }
     }
 }

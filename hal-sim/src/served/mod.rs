@@ -18,17 +18,20 @@ use crate::drive::Drive;
 use crate::experiment::Setup;
 use crate::smooth::bench::learned;
 use control::coordinator::CommandError;
-use control::format::{Current, Misfit};
+use control::format::{Current, Misfit, TableVelocity};
 use control::guard::Look;
+use control::homing::HomePlan;
+use control::interlock::Inputs;
 use control::journal::{Journal, Kind, Recorder};
 use control::plate::{BoardPlate, DrivePlate};
 use control::speed_task::STEPS_PER_LOOK;
 use control::supervisor::State;
 use control::table_move::{MoveError, MovePlan};
+use control::travel::{Travel, TravelConfig, TravelLook};
 use link::codes::ResetReason;
 use link::codes::Run;
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
-use link::motion::Motion;
+use link::motion::{Motion, Seen};
 use link::scale;
 use link::server::{NotSet, Served};
 use link::settings::plate::Unfit;
@@ -88,6 +91,10 @@ pub struct SimulatedDrive {
     plate: DrivePlate,
     setup: Setup,
     motion: Motion,
+    travel: Travel,
+    travel_limits: TravelConfig,
+    /// The table velocity that is asked.
+    asked: TableVelocity,
     stream: Option<Stream>,
     waiting: VecDeque<Frame>,
     dropped: u32,
@@ -139,6 +146,9 @@ impl SimulatedDrive {
             plate,
             setup,
             motion: motion(&plate),
+            travel: Travel::new(),
+            travel_limits: plate.travel_config(settings.scale_count_m()),
+            asked: TableVelocity::ZERO,
             stream: None,
             waiting: VecDeque::new(),
             dropped: 0,
@@ -223,14 +233,44 @@ impl SimulatedDrive {
 
     /// After a step of the speed task: what it is asked next.
     fn move_on(&mut self) {
-        let Self { drive, motion, .. } = self;
-        let asked = motion.step(drive.state(), self.scale, drive.arrived());
+        let drive = &mut self.drive;
+        let seen = Seen {
+            state: drive.state(),
+            latched: drive.latched(),
+            scale: self.scale,
+            arrived: drive.arrived(),
+            ends_open: self.world.ends_open(),
+        };
+        let asked = self.motion.step(&seen);
         drive.request.run = asked.run == Run::Run;
         drive.request.reset = asked.run == Run::Reset;
         if let Some([velocity, base]) = asked.speeds {
             // The plan's velocity was tried when it was made.
-            let _ = ask(drive, velocity, base);
+            let _ = self.ask(velocity, base);
         }
+        let look = TravelLook {
+            scale: self.scale,
+            origin: self.motion.origin(),
+            driven: seen.state.is_driven(),
+            reference: self.drive.planned(),
+            asked: self.asked,
+        };
+        let travel = self.travel.step(&self.travel_limits, &look);
+        self.world.travel(travel, asked.homing);
+    }
+
+    /// Asks the drive for speeds in the link's words.
+    fn ask(&mut self, velocity: i32, base: i32) -> Result<(), Refusal> {
+        let asked = TableVelocity::from_bits(velocity);
+        let base = scale::value(base, scale::BASE_SPEED);
+        self.drive
+            .command(asked.to_num(), base)
+            .map_err(|refused| match refused {
+                CommandError::Velocity { .. } => Refusal::Velocity,
+                CommandError::Speed { .. } => Refusal::MotorSpeed,
+            })?;
+        self.asked = asked;
+        Ok(())
     }
 
     /// After a step of the speed task: a sample, if one is due.
@@ -297,18 +337,6 @@ fn motion(plate: &DrivePlate) -> Motion {
     Motion::new(step, 2.0 * f64::from(STEPS_PER_LOOK) * step)
 }
 
-/// Asks the drive for speeds in the link's words.
-fn ask(drive: &mut Drive, velocity: i32, base: i32) -> Result<(), Refusal> {
-    let velocity = scale::value(velocity, scale::TABLE_VELOCITY);
-    let base = scale::value(base, scale::BASE_SPEED);
-    drive
-        .command(velocity, base)
-        .map_err(|refused| match refused {
-            CommandError::Velocity { .. } => Refusal::Velocity,
-            CommandError::Speed { .. } => Refusal::MotorSpeed,
-        })
-}
-
 impl Served for SimulatedDrive {
     fn status(&self) -> Status {
         let state = self.drive.state();
@@ -353,6 +381,7 @@ impl Served for SimulatedDrive {
             travel: self.motion.progress().word(),
             motors,
             scale: self.scale,
+            origin: self.motion.origin(),
             dropped: self.dropped,
             ..Status::default()
         }
@@ -376,7 +405,7 @@ impl Served for SimulatedDrive {
     }
 
     fn command(&mut self, velocity: i32, base: i32) -> Result<(), Refusal> {
-        ask(&mut self.drive, velocity, base)?;
+        self.ask(velocity, base)?;
         self.motion.follow();
         Ok(())
     }
@@ -394,11 +423,28 @@ impl Served for SimulatedDrive {
             MoveError::Distance => Refusal::Distance,
             MoveError::Velocity => Refusal::Velocity,
         })?;
+        if let Some(origin) = self.motion.origin() {
+            let from = self.travel_limits.position_nm(self.scale, origin);
+            if !self.travel_limits.allows(from.saturating_add(distance_nm)) {
+                return Err(Refusal::SoftLimit);
+            }
+        }
         // Whether the screw may turn as fast as the way takes, and then the base speed alone.
         let forwards = if distance_nm < 0 { -velocity } else { velocity };
-        ask(&mut self.drive, forwards, base)?;
-        ask(&mut self.drive, 0, base)?;
+        self.ask(forwards, base)?;
+        self.ask(0, base)?;
         self.motion.travel(plan, self.scale, base);
+        Ok(())
+    }
+
+    fn home(&mut self, base: i32) -> Result<(), Refusal> {
+        let (plate, count_m) = (&self.plate, self.settings.scale_count_m());
+        let plan = HomePlan::new(&plate.feed, &plate.travel.home, count_m, plate.speed_step());
+        for velocity in plan.velocities() {
+            self.ask(velocity.to_bits(), base)?;
+        }
+        self.ask(0, base)?;
+        self.motion.home(plan, base);
         Ok(())
     }
 
@@ -461,6 +507,9 @@ impl Served for SimulatedDrive {
         self.drive = drive;
         (self.settings, self.plate) = (*settings, plate);
         (self.motion, self.stream) = (motion(&plate), None);
+        self.travel = Travel::new();
+        self.travel_limits = plate.travel_config(settings.scale_count_m());
+        self.asked = TableVelocity::ZERO;
         Ok(())
     }
 
@@ -501,7 +550,7 @@ impl Served for SimulatedDrive {
         } = self;
         match fault {
             Injected::Clear => {
-                world.inputs = control::interlock::Inputs::CLEAR;
+                world.inputs = Inputs::CLEAR;
                 (world.frozen, world.offset_a) = ([None; 2], [0.0; 2]);
                 world.load_n = setup.model.feed.load_n;
                 drive.board.set_bus_voltage(setup.board.bus_v);

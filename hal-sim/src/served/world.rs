@@ -10,11 +10,14 @@ use control::guard::GuardPlate;
 use control::interlock::Inputs;
 use control::plate::BoardPlate;
 use control::supervisor::Request;
+use control::travel::TravelSeen;
 use plant::Axis;
 use plant::machine::Machine;
 
 /// Heat sinks are at so many degrees Celsius.
 const WARM: f64 = 40.0;
+/// Where the end switches are, to either side of where the table is switched on, m.
+const ENDS_M: f64 = 0.1;
 /// Bus voltages between which the drive runs, of the supply's.
 const BUS: [f64; 2] = [0.2, 1.26];
 
@@ -22,7 +25,13 @@ const BUS: [f64; 2] = [0.2, 1.26];
 #[derive(Clone, Debug)]
 pub(super) struct World {
     pub(super) supervision: Supervision,
+    /// What is put in of the contacts, and what the orders say of the table's way.
     pub(super) inputs: Inputs,
+    /// The table's place, m, by the machine, and where it was switched on.
+    position: f64,
+    begun: Option<f64>,
+    /// The table is past its soft limit.
+    past: Option<Fault>,
     /// A bridge is off, and the brake carries the load.
     pub(super) braked: bool,
     /// Against positive travel, N.
@@ -52,6 +61,9 @@ impl World {
         Ok(Self {
             supervision: Supervision::new(&guards, board)?,
             inputs: Inputs::CLEAR,
+            position: 0.0,
+            begun: None,
+            past: None,
             braked: true,
             load_n,
             frozen: [None; 2],
@@ -63,8 +75,28 @@ impl World {
     }
 }
 
+impl World {
+    /// The end switches are open: ahead of positive velocity, and of negative.
+    pub(super) fn ends_open(&self) -> [bool; 2] {
+        let from_middle = self.position - self.begun.unwrap_or(self.position);
+        [
+            self.inputs.end_forward || from_middle > ENDS_M,
+            self.inputs.end_backward || from_middle < -ENDS_M,
+        ]
+    }
+
+    /// What the orders say of the table's way.
+    pub(super) fn travel(&mut self, seen: TravelSeen, homing: bool) {
+        self.inputs.blocked = seen.blocked;
+        self.inputs.homing = homing;
+        self.past = seen.fault;
+    }
+}
+
 impl Seam for World {
     fn machine(&mut self, machine: &mut Machine, _: u32) {
+        self.position = machine.table_position();
+        self.begun.get_or_insert(self.position);
         machine.set_load_force(if self.braked { 0.0 } else { self.load_n });
     }
 
@@ -80,10 +112,15 @@ impl Seam for World {
     }
 
     fn request(&mut self, request: &mut Request) {
-        request.inputs = self.inputs;
+        let [end_forward, end_backward] = self.ends_open();
+        request.inputs = Inputs {
+            end_forward,
+            end_backward,
+            ..self.inputs
+        };
     }
 
     fn found(&mut self) -> Option<Fault> {
-        self.supervision.take()
+        self.supervision.take().or(self.past)
     }
 }

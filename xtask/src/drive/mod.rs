@@ -35,6 +35,7 @@ pub fn run(options: &DriveOptions) -> Result<()> {
         Task::Arm => motion::arm(&mut client),
         Task::Jog(jog) => motion::jog(&mut client, jog),
         Task::Move(travel) => motion::travel(&mut client, travel),
+        Task::Home(home) => motion::home(&mut client, home),
         Task::Stop => motion::stop(&mut client),
         Task::Reset => motion::reset(&mut client),
         Task::Inject(injection) => motion::inject(&mut client, injection),

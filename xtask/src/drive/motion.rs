@@ -1,7 +1,7 @@
 //! What moves a drive. It is commanded as long as the command runs, and comes to rest with it.
 
 use super::connect::Drive;
-use super::options::{InjectOptions, JogOptions, Motor, MoveOptions};
+use super::options::{HomeOptions, InjectOptions, JogOptions, Motor, MoveOptions};
 use super::status::{Seen, look};
 use crate::interrupt::ctrl_c;
 use anyhow::{Context, Result, bail};
@@ -152,6 +152,38 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
             "ended on its way: the table moved by {moved:.4} mm of {} mm, and is at rest",
             options.distance
         ),
+    }
+}
+
+/// Finds the table's place.
+pub fn home(drive: &mut Drive, options: &HomeOptions) -> Result<()> {
+    let settings = drive.settings()?;
+    let base = options.nut_rpm.map(|rpm| rpm * TAU / 60.0);
+    let Command::Run { base, .. } = speeds(0.0, base)? else {
+        bail!("speeds are no command");
+    };
+    let stop = caught()?;
+    if options.arm {
+        drive.tell(Command::Arm)?;
+    }
+    drive.tell(Command::Home { base })?;
+    let mut ended = None;
+    led(drive, &settings, &stop, |seen, _| {
+        ended = seen.travel().filter(|travel| *travel != Travel::Homing);
+        Ok(ended.is_some())
+    })?;
+    match ended {
+        Some(Travel::Homed) => {
+            let position_mm = look(drive)?.position_mm(&settings);
+            if options.json {
+                println!("{:#}", json!({ "homed": true, "position_mm": position_mm }));
+            } else {
+                println!("homed; the table is at {position_mm:.4} mm, at rest");
+            }
+            Ok(())
+        }
+        Some(travel) => bail!("not homed: {}", travel.sentence()),
+        None => bail!("not homed: ended on its way, and at rest"),
     }
 }
 

@@ -54,6 +54,9 @@ pub enum Task {
     Jog(JogOptions),
     /// Move the table by a distance, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its way.
     Move(MoveOptions),
+    /// Find the table's place: to its end switch and off it again, as the settings `travel` say, and come to rest. Soft limits act
+    /// from then on. Ctrl-C ends it on its way.
+    Home(HomeOptions),
     /// Come to rest, switch the bridges off, and be armed no longer.
     Stop,
     /// Leave a fault whose cause is gone.
@@ -129,6 +132,21 @@ pub struct MoveOptions {
     /// Largest table velocity on the way, mm/s.
     #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
     pub table_speed: f64,
+    /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
+    /// 0 until one is set.
+    #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
+    pub nut_rpm: Option<f64>,
+    /// Arm it first.
+    #[arg(long)]
+    pub arm: bool,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A homing.
+#[derive(Args, Debug)]
+pub struct HomeOptions {
     /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
     /// 0 until one is set.
     #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
@@ -267,6 +285,7 @@ impl DriveOptions {
                     travel.table_speed
                 );
             }
+            Task::Home(home) => finite("--nut-rpm", home.nut_rpm.unwrap_or_default())?,
             Task::Record(record) => {
                 divider(record.rate)?;
                 let seconds = record.seconds();

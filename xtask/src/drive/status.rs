@@ -76,9 +76,15 @@ impl Seen {
         current.map(|word| scale::value(word, scale::CURRENT))
     }
 
-    /// The table's place, mm.
+    /// The drive knows where its table is.
+    fn homed(&self) -> bool {
+        self.status.origin.is_some()
+    }
+
+    /// The table's place, mm: homed, or from where its scale counts zero.
     pub fn position_mm(&self, settings: &Settings) -> f64 {
-        f64::from(self.status.scale) * settings.feed.scale_count_nm * 1e-6
+        let origin = self.status.origin.unwrap_or_default();
+        f64::from(self.status.scale.wrapping_sub(origin)) * settings.feed.scale_count_nm * 1e-6
     }
 
     fn velocity_mm_s(&self, settings: &Settings) -> f64 {
@@ -98,8 +104,9 @@ impl Seen {
             let (rpm, [_, i_q]) = (self.rpm(motor), self.currents(motor));
             line += &format!("  {name} {rpm:+.1} rpm, i_q {i_q:+.3} A");
         }
+        let homed = if self.homed() { "" } else { " (not homed)" };
         line + &format!(
-            "  table {:+.4} mm, {:+.3} mm/s",
+            "  table {:+.4} mm{homed}, {:+.3} mm/s",
             self.position_mm(settings),
             self.velocity_mm_s(settings)
         )
@@ -119,7 +126,14 @@ impl Seen {
                 .map(|limit| json!({ "name": limit.name(), "sentence": limit.sentence() }));
             limits.collect::<Vec<_>>()
         };
-        let table = fault.filter(|fault| matches!(fault, Fault::EndForward | Fault::EndBackward));
+        let table = fault.filter(|fault| {
+            use Fault::{EndBackward, EndForward, TravelBackward, TravelForward};
+            matches!(
+                fault,
+                EndForward | EndBackward | TravelForward | TravelBackward
+            )
+        });
+        let soft = settings.soft_limits_mm();
         let motor = |k: usize| {
             let (words, [i_d, i_q]) = (&self.status.motors[k], self.currents(k));
             let plate = [&settings.screw, &settings.nut][k];
@@ -168,12 +182,15 @@ impl Seen {
             "nut": motor(1),
             "table": {
                 "fault": table.map(told),
+                "homed": self.homed(),
                 "position_mm": self.position_mm(settings),
                 "velocity_mm_s": self.velocity_mm_s(settings),
                 "limits": {
                     "velocity_mm_s": settings.feed.velocity_max_mm_s,
                     "acceleration_mm_s2": settings.feed.acceleration_max_mm_s2,
                     "jerk_mm_s3": settings.feed.jerk_max_mm_s3,
+                    "position_mm": soft,
+                    "position_limits_act": self.homed() && soft.is_some(),
                 },
             },
             "link": {
@@ -234,6 +251,15 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
         feed.acceleration_max_mm_s2,
         feed.jerk_max_mm_s3
     );
+    match settings.soft_limits_mm() {
+        Some([least, most]) if seen.homed() => {
+            println!("Soft limits: the table stays between {least} and {most} mm");
+        }
+        Some([least, most]) => println!(
+            "Soft limits of {least} and {most} mm do not act: the drive is not homed; `home` finds its place"
+        ),
+        None => {}
+    }
     Ok(())
 }
 

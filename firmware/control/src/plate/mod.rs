@@ -154,6 +154,45 @@ pub struct AlignmentPlate {
     pub speed_rpm: f64,
 }
 
+/// The table's way: see [`travel`](crate::travel) and [`homing`](crate::homing).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TravelPlate {
+    /// How its place is found.
+    pub home: HomePlate,
+    /// Least and most homed position, m; equal: there is no limit.
+    pub soft_m: [f64; 2],
+}
+
+/// How an end switch gives the scale its zero.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HomePlate {
+    /// The switch is the one ahead of positive velocity.
+    pub forwards: bool,
+    /// Table velocity on the way to it, m/s, at most the feed's.
+    pub velocity: f64,
+    /// Off it, m/s: what the table moves in a look at the switch is what its place is uncertain by.
+    pub leaving_velocity: f64,
+    /// Furthest that it is looked for, m.
+    pub furthest_m: f64,
+    /// Where it closes, m.
+    pub position_m: f64,
+}
+
+impl TravelPlate {
+    /// No soft limits; homing backwards, the switch is zero. The velocities are our choice: from the first the usual feed stops in
+    /// 0.4 mm, at the second a look of a millisecond is a micrometre.
+    pub const UNLIMITED: Self = Self {
+        home: HomePlate {
+            forwards: false,
+            velocity: 10e-3,
+            leaving_velocity: 1e-3,
+            furthest_m: 1.0,
+            position_m: 0.0,
+        },
+        soft_m: [0.0; 2],
+    };
+}
+
 /// What repeats with an angle and is compensated: see [`compensation`](crate::compensation).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensationPlate {
@@ -458,6 +497,8 @@ pub struct DrivePlate {
     pub tuning: Tuning,
     /// The feed.
     pub feed: FeedPlate,
+    /// The table's way.
+    pub travel: TravelPlate,
     /// The alignment.
     pub alignment: AlignmentPlate,
     /// When motion is not in hand.
@@ -592,6 +633,7 @@ mod tests {
                 base_acceleration_max: 500.0,
                 base_jerk_max: 50_000.0,
             },
+            travel: TravelPlate::UNLIMITED,
             alignment: AlignmentPlate {
                 torque_nm: [0.39; 2],
                 travel_m: 50e-6,

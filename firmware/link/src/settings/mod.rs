@@ -20,7 +20,7 @@ pub mod table;
 pub use table::{Entry, Kind, Setting, Value};
 
 use crate::telemetry::Real;
-use control::plate::{BasePlate, RejectionPlate};
+use control::plate::{BasePlate, HomePlate, RejectionPlate, TravelPlate};
 use core::f64::consts::TAU;
 use table::{Typed, choice, constant, group, said};
 
@@ -48,6 +48,16 @@ choice! {
         Forwards "forwards",
         /// Down.
         Backwards "backwards",
+    }
+}
+
+choice! {
+    /// A direction of the table.
+    Direction {
+        /// Towards negative velocity.
+        Backwards "backwards",
+        /// Towards positive velocity.
+        Forwards "forwards",
     }
 }
 
@@ -254,6 +264,22 @@ group! {
     }
 }
 
+/// How the table's place is found until somebody sets it.
+const HOME: HomePlate = TravelPlate::UNLIMITED.home;
+
+group! {
+    /// The table's way: homing to an end switch, and soft limits of the homed position.
+    TravelSettings {
+        1 Choice home_direction: Direction = Direction::Backwards, Direction::WORDS, "", "Which end switch homing goes to.";
+        2 Real home_velocity_mm_s: f64 = HOME.velocity * 1e3, [1e-3, 8000.0], "mm/s", "Table velocity on the way to it, at most the feed's.";
+        3 Real home_leaving_mm_s: f64 = HOME.leaving_velocity * 1e3, [1e-3, 8000.0], "mm/s", "Table velocity off it again: what the table moves in a millisecond is what its place is uncertain by.";
+        4 Real home_furthest_mm: f64 = HOME.furthest_m * 1e3, [1e-2, 1e5], "mm", "Furthest that the switch is looked for.";
+        5 Real home_position_mm: f64 = HOME.position_m * 1e3, [-1e5, 1e5], "mm", "Position of the table where the switch closes as it is left.";
+        6 Real soft_least_mm: f64 = 0.0, [-1e5, 1e5], "mm", "Least homed position; as much as soft_most_mm: there are no soft limits.";
+        7 Real soft_most_mm: f64 = 0.0, [-1e5, 1e5], "mm", "Most homed position.";
+    }
+}
+
 /// Declares the groups, each with its number.
 macro_rules! settings {
     ($($number:literal $name:ident: $group:ident,)*) => {
@@ -321,6 +347,7 @@ settings! {
     17 lead: SpeedOrderSettings,
     18 rejection: RejectionSettings,
     19 base: BaseSettings,
+    20 travel: TravelSettings,
 }
 
 /// Why a value is refused.

@@ -2,17 +2,17 @@
 
 use super::{
     AlignmentSettings, BaseSettings, BridgeSettings, CommandSettings, CompensationSettings,
-    EncoderDirection, EncoderInterface, FeedSettings, FrictionSettings, MotorSettings, PER_KRPM,
-    RejectionSettings, Setting, Settings, SpeedOrderSettings, Switch, TorqueOrderSettings,
-    TuningSettings, Value, WatchSettings,
+    Direction, EncoderDirection, EncoderInterface, FeedSettings, FrictionSettings, MotorSettings,
+    PER_KRPM, RejectionSettings, Setting, Settings, SpeedOrderSettings, Switch,
+    TorqueOrderSettings, TravelSettings, TuningSettings, Value, WatchSettings,
 };
 use control::compensation::{ANGLES, TORQUES};
 use control::encoder::Interface;
 use control::format::Misfit;
 use control::plate::{
     AlignmentPlate, BasePlate, BasePoint, BoardPlate, CompensationPlate, DriveConfig, DrivePlate,
-    EncoderPlate, FeedPlate, FrictionPlate, MotorPlate, NotchPlate, OrderPlate, RejectionPlate,
-    RubbingPlate, RunawayPlate, ThermalPlate, Tuning,
+    EncoderPlate, FeedPlate, FrictionPlate, HomePlate, MotorPlate, NotchPlate, OrderPlate,
+    RejectionPlate, RubbingPlate, RunawayPlate, ThermalPlate, TravelPlate, Tuning,
 };
 use core::f64::consts::TAU;
 
@@ -256,6 +256,39 @@ impl BaseSettings {
     }
 }
 
+impl TravelSettings {
+    fn plate(&self) -> TravelPlate {
+        TravelPlate {
+            home: HomePlate {
+                forwards: self.home_direction == Direction::Forwards,
+                velocity: self.home_velocity_mm_s * 1e-3,
+                leaving_velocity: self.home_leaving_mm_s * 1e-3,
+                furthest_m: self.home_furthest_mm * 1e-3,
+                position_m: self.home_position_mm * 1e-3,
+            },
+            soft_m: [self.soft_least_mm * 1e-3, self.soft_most_mm * 1e-3],
+        }
+    }
+
+    fn of_plate(plate: &TravelPlate) -> Self {
+        let home = &plate.home;
+        let [soft_least_mm, soft_most_mm] = plate.soft_m.map(|m| m * 1e3);
+        Self {
+            home_direction: if home.forwards {
+                Direction::Forwards
+            } else {
+                Direction::Backwards
+            },
+            home_velocity_mm_s: home.velocity * 1e3,
+            home_leaving_mm_s: home.leaving_velocity * 1e3,
+            home_furthest_mm: home.furthest_m * 1e3,
+            home_position_mm: home.position_m * 1e3,
+            soft_least_mm,
+            soft_most_mm,
+        }
+    }
+}
+
 impl Settings {
     /// The plate of a drive with these settings on `board`, of which the rest is the board's own.
     #[must_use]
@@ -280,6 +313,7 @@ impl Settings {
             lead: _,
             rejection,
             base,
+            travel,
         } = self;
         DrivePlate {
             motors: [screw.plate(), nut.plate()],
@@ -313,6 +347,7 @@ impl Settings {
                 base_acceleration_max: feed.base_acceleration_max_rpm_s * RPM,
                 base_jerk_max: feed.base_jerk_max_rpm_s2 * RPM,
             },
+            travel: travel.plate(),
             alignment: AlignmentPlate {
                 torque_nm: [screw.alignment_torque_nm, nut.alignment_torque_nm],
                 travel_m: alignment.travel_um * 1e-6,
@@ -352,6 +387,7 @@ impl Settings {
             board,
             tuning,
             feed,
+            travel,
             alignment,
             runaway,
             compensation,
@@ -441,6 +477,7 @@ impl Settings {
             feed_friction: FrictionSettings::of_plate(&friction.feed),
             rejection: RejectionSettings::of_plate(rejection),
             base: BaseSettings::of_plate(base),
+            travel: TravelSettings::of_plate(travel),
             ..Self::DEFAULT
         }
         .with_orders(orders)
@@ -489,6 +526,14 @@ impl Settings {
     #[must_use]
     pub fn base_for(&self, velocity: f64) -> f64 {
         self.base.plate().base_for(velocity)
+    }
+
+    /// Least and most homed position, mm; `None`: there is no limit.
+    #[must_use]
+    pub fn soft_limits_mm(&self) -> Option<[f64; 2]> {
+        let travel = &self.travel;
+        let ends = [travel.soft_least_mm, travel.soft_most_mm];
+        (travel.soft_least_mm != travel.soft_most_mm).then_some(ends)
     }
 
     /// One count of the table's scale, m.
@@ -630,9 +675,13 @@ mod tests {
         settings.base.wander_rpm = 60.0;
         settings.base.table_1_mm_s = 2.5;
         settings.base.nut_1_rpm = 800.0;
+        settings.travel.home_direction = Direction::Forwards;
+        settings.travel.soft_most_mm = 290.0;
         let plate = settings.plate(&board());
         assert_eq!(plate.friction.feed.coulomb_nm, 0.1);
         assert_eq!(plate.rejection.notch.hz, 503.0);
+        assert_eq!(plate.travel.soft_m, [0.0, 0.29]);
+        assert!(plate.travel.home.forwards);
         assert_eq!(plate.base.table[0].velocity, 2.5e-3);
         assert_eq!(plate.compensation.torque[1][7], order(36.0, 0.0, -0.2));
         assert_eq!(plate.compensation.torque[0], [OrderPlate::NONE; TORQUES]);
@@ -660,6 +709,7 @@ mod tests {
             ("screw.speed_max_rpm", 60_000.0, "largest speed"),
             ("bridge.brake_fade_from_v", 390.0, "begins to fade"),
             ("tuning.observer_rad_s", 30_000.0, "observer frequency"),
+            ("travel.soft_most_mm", -1.0, "way between the soft limits"),
         ] {
             let setting = Setting::named(name).unwrap();
             let mut after = before;

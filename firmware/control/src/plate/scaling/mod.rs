@@ -8,6 +8,7 @@ mod limits;
 mod motor;
 mod rejection;
 mod runaway;
+mod travel;
 
 use crate::alignment::AlignmentConfig;
 use crate::compensation::CompensationConfig;
@@ -94,6 +95,7 @@ impl DrivePlate {
             attempt!(nut.speed_loop(self)),
         ];
         let coordinator = attempt!(self.coordinator());
+        attempt!(self.travel_fits());
         Ok(DriveConfig {
             current_loops,
             speed_loops,
