@@ -1,22 +1,22 @@
 //! The whole way: a fit record and a check record under a declared model, and what they have beyond it.
 
 use crate::balance::{Assumed, Balance};
-use crate::case::Case;
 use crate::conclusion::{conclude, concluded};
-use crate::family::Family;
-use crate::hypothesis::Hypothesis;
-use crate::linearised::{retold, settle};
+use crate::effects::family::Family;
+use crate::effects::hypothesis::Hypothesis;
 use crate::machines::{DoubleDrive, Machine};
-use crate::noise::Noise;
-use crate::progress::Progress;
 use crate::record::{Base, Record};
-use crate::roundings::Roundings;
+use crate::search::case::Case;
+use crate::search::linearised::{retold, settle};
+use crate::search::progress::Progress;
+use crate::search::roundings::Roundings;
+use crate::signal::noise::Noise;
 use plant::Axis;
 use plant::model::Model;
 use plant::recording::Recording;
 
-pub use crate::outcome::*;
-pub use crate::selection::MATERIAL;
+pub use crate::conclusion::outcome::*;
+pub use crate::search::selection::MATERIAL;
 
 /// How often a search begins anew because what it found shows that it rested on something wrong.
 const MOST_STARTS: usize = 4;

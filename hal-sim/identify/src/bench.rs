@@ -1,9 +1,9 @@
 //! The figures that the tool is held to, on the data beside the project.
 
 use crate::analysis::{Outcome, analyse};
-use crate::feed_axis::{self, Axis};
-use crate::judge::right;
-use crate::motor::{self, MotorModel};
+use crate::conclusion::judge::right;
+use crate::machines::feed_axis::{self, Axis};
+use crate::machines::motor::{self, MotorModel};
 use crate::paper;
 use crate::records::{How, LoadError, Mapping, OnFault, load};
 use cpu_time::ThreadTime;

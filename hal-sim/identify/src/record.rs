@@ -1,13 +1,13 @@
 //! A record made ready: transforms, signals, balances and noise under a model.
 
 use crate::balance::{Assumed, Balance, Contribution};
-use crate::design::{Whitener, operating_points};
-use crate::fourier::Fourier;
+use crate::effects::parameter::Parameter;
 use crate::machines::{DoubleDrive, Machine};
-use crate::noise::declared_resonance_hz;
-use crate::normal::Normal;
-use crate::parameter::Parameter;
-use crate::signals::Signals;
+use crate::regression::design::{Whitener, operating_points};
+use crate::regression::normal::Normal;
+use crate::signal::fourier::Fourier;
+use crate::signal::noise::declared_resonance_hz;
+use crate::signal::signals::Signals;
 use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::{PI, TAU};

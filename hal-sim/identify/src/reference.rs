@@ -6,9 +6,9 @@ use std::fmt::Write;
 
 const MAPPING: &str = include_str!("records/mapping.rs");
 const MODEL: &str = include_str!("../../plant/src/model/mod.rs");
-const AXIS: &str = include_str!("feed_axis/file.rs");
-const PMSM: &str = include_str!("pmsm_file.rs");
-const MOTOR: &str = include_str!("motor/record.rs");
+const AXIS: &str = include_str!("machines/feed_axis/file.rs");
+const PMSM: &str = include_str!("machines/pmsm_file.rs");
+const MOTOR: &str = include_str!("machines/motor/record.rs");
 
 macro_rules! effects {
     ($($kind:literal,)*) => {

@@ -1,16 +1,16 @@
 //! The whole way from files to a report, for every kind of machine.
 
 use crate::analysis::analyse;
-use crate::feed_axis::{self, Axis};
+use crate::effects::stick_slip::{self, FreeDrive};
+use crate::machines::feed_axis::{self, Axis};
+use crate::machines::motor::{self, MotorModel};
 use crate::machines::pmsm;
-use crate::motor::{self, MotorModel};
-use crate::pmsm_file::{PmsmModel, PmsmModelError};
+use crate::machines::pmsm_file::{PmsmModel, PmsmModelError};
 use crate::records::quality::{Finding, Plate, wrong_data};
 use crate::records::{
     self, DataQuality, How, LoadError, Machine, Mapping, OnFault, Record, load, load_map,
 };
 use crate::report::{self, Report};
-use crate::stick_slip::{self, FreeDrive};
 use plant::model::Model;
 use plant::recording::{AxisRecord, Recording};
 use std::path::PathBuf;

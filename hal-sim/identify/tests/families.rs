@@ -1,7 +1,7 @@
 //! A kind of effect is a file in the plant and a family here: neither is there without the other.
 
-use identify::family::Family;
-use identify::hypothesis::Hypothesis;
+use identify::effects::family::Family;
+use identify::effects::hypothesis::Hypothesis;
 use plant::effects::{AnyEffect, Place};
 use plant::model::Model;
 use std::collections::BTreeSet;

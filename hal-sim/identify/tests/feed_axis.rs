@@ -1,6 +1,6 @@
 //! A feed axis whose friction is another in the check record.
 
-use identify::feed_axis::{Axis, Law, OwnFriction, Record, Study};
+use identify::machines::feed_axis::{Axis, Law, OwnFriction, Record, Study};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 

@@ -1,6 +1,6 @@
 //! A bare motor whose orders are known, from its record to the report.
 
-use identify::motor::{MotorModel, Record, Study};
+use identify::machines::motor::{MotorModel, Record, Study};
 use identify::records::DataQuality;
 use identify::report::{Report, motor};
 use rand::{RngExt, SeedableRng};

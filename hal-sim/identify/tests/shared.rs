@@ -2,8 +2,8 @@
 
 use identify::analysis::analyse;
 use identify::bench::measured_pairs;
-use identify::feed_axis::{Axis, Law, Record, Study};
-use identify::motor;
+use identify::machines::feed_axis::{Axis, Law, Record, Study};
+use identify::machines::motor;
 use identify::records::{How, Mapping, OnFault, Table, load};
 use plant::model::Model;
 use plant::recording::Recording;

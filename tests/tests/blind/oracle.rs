@@ -5,13 +5,13 @@
 //! explain nothing).
 
 use identify::analysis::MATERIAL;
-use identify::design::Whitener;
-use identify::family::Family;
-use identify::hypothesis::Hypothesis;
-use identify::noise::Noise;
+use identify::effects::family::Family;
+use identify::effects::hypothesis::Hypothesis;
 use identify::record::{Base, Record};
-use identify::roundings::balance;
-use identify::select::Search;
+use identify::regression::design::Whitener;
+use identify::search::roundings::balance;
+use identify::search::select::Search;
+use identify::signal::noise::Noise;
 use plant::effects::{EffectModel, Place};
 use plant::model::Model;
 
@@ -66,7 +66,7 @@ pub fn hypothesis(model: &Model, effect: &EffectModel) -> Hypothesis {
 /// Asks the record of a machine about its true effects and about those that were found.
 pub fn ask(model: &Model, record: &Record, truth: &[EffectModel], found: &[Hypothesis]) -> Oracle {
     let truth: Vec<Hypothesis> = truth.iter().map(|e| hypothesis(model, e)).collect();
-    let balance = balance(&record, model, &truth);
+    let balance = balance(record, model, &truth);
     let base = Base::new(&balance);
     let declared = Noise::declared(model, &record.signals, &record.fourier);
     let regression = |noise: &Noise, effects: &[Hypothesis]| {

@@ -1,11 +1,11 @@
 //! What counts as right.
 
 use identify::analysis::Outcome;
-use identify::channel::Channel;
-use identify::interval::estimates;
-use identify::noise::Noise;
 use identify::record::Record;
-use identify::roundings::balance;
+use identify::regression::interval::estimates;
+use identify::search::roundings::balance;
+use identify::signal::channel::Channel;
+use identify::signal::noise::Noise;
 use plant::effects::EffectModel;
 use plant::model::Model;
 
@@ -98,7 +98,7 @@ pub fn coverage(truth: &[EffectModel], outcome: &Outcome) -> [u32; 2] {
 
 /// The greatest share of a channel's noise floor that an effect makes up, both as rms in the band that is used.
 pub fn above_floor(declared: &Model, record: &Record, effect: &EffectModel) -> f64 {
-    let balance = balance(&record, declared, &[]);
+    let balance = balance(record, declared, &[]);
     let noise = Noise::declared(declared, &record.signals, &record.fourier);
     let part = balance.effect(effect);
     Channel::ALL

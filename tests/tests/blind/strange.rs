@@ -3,7 +3,7 @@
 use hal_sim::draw::Machine;
 use hal_sim::draw::profile::{self, Profile};
 use identify::analysis::{Outcome, Unexplained, analyse};
-use identify::channel::Channel;
+use identify::signal::channel::Channel;
 use plant::Axis;
 use plant::machine::Machine as Plant;
 use plant::model::Model;

@@ -3,9 +3,9 @@
 use anyhow::Result;
 use hal_sim::experiment::{RPM, Setup};
 use hal_sim::replay::{Compared, compare};
+use identify::effects::stick_slip::FreeDrive;
 use identify::report::{Hold, Simulation};
 use identify::run::Replay;
-use identify::stick_slip::FreeDrive;
 use plant::machine::Coupling;
 use plant::model::Model;
 use plant::recording::Recording;

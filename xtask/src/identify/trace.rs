@@ -4,10 +4,10 @@ use super::told::Told;
 use super::{Fault, IdentifyOptions, simulation};
 use crate::output::{Folder, refuse_inputs};
 use anyhow::{Context, Result};
+use identify::effects::stick_slip::FreeDrive;
 use identify::records::{Mapping, OnFault};
 use identify::report::{Report, write};
 use identify::run::{RunError, Task, WrongData};
-use identify::stick_slip::FreeDrive;
 use std::path::Path;
 
 /// The files of a report.

@@ -2,8 +2,8 @@
 
 use super::linear::linear;
 use super::{Balance, Contribution, Spring, brake, shaped};
-use crate::channel::Channel;
-use crate::signals::rounded_sign;
+use crate::signal::channel::Channel;
+use crate::signal::signals::rounded_sign;
 use plant::Axis;
 
 /// What is measured has content up to the record's own rate.

@@ -1,9 +1,9 @@
 //! What the terms of an effect at the feed add.
 
 use super::{Balance, Contribution, Spring, brake, compliance, shaped};
-use crate::channel::Channel;
-use crate::fourier::Spectrum;
-use crate::signals::{SMOOTH_HZ, rounded_sign};
+use crate::signal::channel::Channel;
+use crate::signal::fourier::Spectrum;
+use crate::signal::signals::{SMOOTH_HZ, rounded_sign};
 use plant::Axis;
 use plant::effects::{Coordinate, Site, Term};
 use std::f64::consts::TAU;

@@ -1,7 +1,7 @@
 //! What hypotheses add to one record, kept.
 
 use super::Contribution;
-use crate::family::Family;
+use crate::effects::family::Family;
 use plant::effects::Place;
 use std::cell::RefCell;
 use std::collections::HashMap;

@@ -14,11 +14,11 @@ mod parameter;
 pub(crate) use linear::of_the_current;
 pub(crate) use memory::{Key, Memory};
 
-use crate::channel::Channel;
-use crate::fourier::{Fourier, Spectrum};
-use crate::noise::declared_resonance_hz;
-use crate::refusals::Refusals;
-use crate::signals::{Signals, rounded_sign};
+use crate::effects::refusals::Refusals;
+use crate::signal::channel::Channel;
+use crate::signal::fourier::{Fourier, Spectrum};
+use crate::signal::noise::declared_resonance_hz;
+use crate::signal::signals::{Signals, rounded_sign};
 use fft::Complex64;
 use plant::Axis;
 use plant::effects::{EffectModel, Place};

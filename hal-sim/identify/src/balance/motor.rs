@@ -1,8 +1,8 @@
 //! What the terms of an effect at a motor add.
 
 use super::{Balance, Contribution, brake, shaped};
-use crate::channel::Channel;
-use crate::signals::{SMOOTH_HZ, clarke, park, rounded_sign};
+use crate::signal::channel::Channel;
+use crate::signal::signals::{SMOOTH_HZ, clarke, park, rounded_sign};
 use plant::Axis;
 use plant::effects::{Coordinate, Law, Site, Term};
 use std::f64::consts::TAU;
@@ -124,7 +124,7 @@ impl Balance<'_> {
         let electrical = f64::from(motor.pole_pairs) * s.top_speed / TAU;
         let stride = self.fourier.stride(SMOOTH_HZ.max(2.0 * electrical));
         let value = self.sampled(stride, error);
-        let rate = crate::fourier::slope(&value, self.signals.rate / stride as f64);
+        let rate = crate::signal::fourier::slope(&value, self.signals.rate / stride as f64);
         let two_phase = |x: f64| {
             if phase == 0 {
                 clarke(x, 0.0)

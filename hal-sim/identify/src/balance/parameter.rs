@@ -2,10 +2,10 @@
 
 use super::declared::FULL;
 use super::{Balance, Contribution, brake};
-use crate::channel::Channel;
+use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::machines::declared_or_unit;
-use crate::parameter::{MotorParameter, Parameter};
-use crate::signals::{SMOOTH_HZ as SMOOTH, rounded_sign};
+use crate::signal::channel::Channel;
+use crate::signal::signals::{SMOOTH_HZ as SMOOTH, rounded_sign};
 use plant::Axis;
 
 impl Balance<'_> {

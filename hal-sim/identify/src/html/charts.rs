@@ -1,9 +1,9 @@
 //! Residuals over their coordinates, and their order spectra.
 
 use super::words::{capital, prefix};
-use crate::column::counted;
-use crate::leftover::Residual;
+use crate::regression::column::counted;
 use crate::report::{Channel, Coordinate};
+use crate::signal::leftover::Residual;
 use page::axis::{Axis, extent, widen};
 use page::chart::{COOL, Chart, Label, Mark, Series, THIRD, WARM, chart};
 use page::document::{escape, legend};

@@ -206,7 +206,7 @@ mod tests {
         Report {
             verdict: "explained",
             summary: "What is named takes 99 %.".into(),
-            refused: vec![crate::refusals::Refusal {
+            refused: vec![crate::effects::refusals::Refusal {
                 hypothesis: "lead_error".into(),
                 place: "feed".into(),
                 reason: "the table does not move far enough",

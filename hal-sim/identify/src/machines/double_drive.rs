@@ -1,9 +1,9 @@
 //! Two motors on one screw.
 
 use super::Machine;
-use crate::channel::Channel;
-use crate::family::Family;
-use crate::parameter::Parameter;
+use crate::effects::family::Family;
+use crate::effects::parameter::Parameter;
+use crate::signal::channel::Channel;
 use plant::Axis;
 
 /// See the module.

@@ -4,15 +4,18 @@
 //! cannot show has no channel, and a family whose effects have no channel is not tried.
 
 mod double_drive;
+pub mod feed_axis;
+pub mod motor;
 pub mod pmsm;
+pub(crate) mod pmsm_file;
 
 pub use double_drive::DoubleDrive;
 pub use pmsm::Pmsm;
 
-use crate::along::Along;
-use crate::channel::Channel;
-use crate::family::Family;
-use crate::parameter::Parameter;
+use crate::effects::family::Family;
+use crate::effects::parameter::Parameter;
+use crate::signal::along::Along;
+use crate::signal::channel::Channel;
 use plant::Axis;
 use plant::effects::Place;
 use std::fmt::Debug;

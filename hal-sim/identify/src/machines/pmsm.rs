@@ -2,9 +2,9 @@
 
 use super::Machine;
 use crate::analysis::{Outcome, analyse_as};
-use crate::channel::Channel;
-use crate::family::Family;
-use crate::parameter::{MotorParameter, Parameter};
+use crate::effects::family::Family;
+use crate::effects::parameter::{MotorParameter, Parameter};
+use crate::signal::channel::Channel;
 use plant::Axis;
 use plant::effects::Place;
 use plant::model::{FeedModel, Model, MotorModel, SensingModel};

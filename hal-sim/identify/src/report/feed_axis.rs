@@ -4,15 +4,15 @@ use super::{
     Calibrated, Channel, Coordinate, Effect, Errors, Left, Report, Residual, Selection, Stage,
     Tried,
 };
-use crate::feed_axis::{self, Axis, Record, Study, Term};
-use crate::interval::Estimate;
+use crate::conclusion::remains::whiteness;
+use crate::conclusion::rest;
+use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Level, judge};
+use crate::effects::refusals::Refusal;
+use crate::machines::feed_axis::{self, Axis, Record, Study, Term};
 use crate::records::DataQuality;
-use crate::refusals::Refusal;
-use crate::remains::whiteness;
-use crate::rest;
-use crate::sandwich::{Wave, interval};
-use crate::selection::{MATERIAL_OF_ERROR, TOO_LITTLE};
-use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};
+use crate::regression::interval::Estimate;
+use crate::regression::sandwich::{Wave, interval};
+use crate::search::selection::{MATERIAL_OF_ERROR, TOO_LITTLE};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
@@ -55,7 +55,7 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
             coordinate(
                 "Velocity, m/s",
                 false,
-                crate::fourier::slope(&fit.reference, fit.rate),
+                crate::signal::fourier::slope(&fit.reference, fit.rate),
             ),
             coordinate("Position, m", false, fit.position.clone()),
             coordinate("Time, s", false, time.clone()),

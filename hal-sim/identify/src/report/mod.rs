@@ -10,10 +10,10 @@ pub use motor::motor;
 pub use traced::traced;
 pub use write::{WriteError, write};
 
-use crate::interval::Estimate;
+use crate::conclusion::rest::Remnant;
+use crate::effects::refusals::Refusal;
 use crate::records::DataQuality;
-use crate::refusals::Refusal;
-use crate::rest::Remnant;
+use crate::regression::interval::Estimate;
 use serde::Serialize;
 use std::collections::BTreeMap;
 

@@ -1,15 +1,15 @@
 //! The report of a bare motor.
 
 use super::{Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
-use crate::column::counted;
-use crate::interval::Estimate;
-use crate::motor::{Fit, Lag, MotorModel, Study};
+use crate::conclusion::remains::whiteness;
+use crate::conclusion::rest;
+use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Level, judge};
+use crate::effects::refusals::Refusal;
+use crate::machines::motor::{Fit, Lag, MotorModel, Study};
 use crate::records::DataQuality;
-use crate::refusals::Refusal;
-use crate::remains::whiteness;
-use crate::rest;
-use crate::sandwich::{Wave, interval};
-use crate::verdict::{CheckChannel, Floor, Judged, Level, judge};
+use crate::regression::column::counted;
+use crate::regression::interval::Estimate;
+use crate::regression::sandwich::{Wave, interval};
 
 /// Of what was found with a motor, from the records `accounts`.
 pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Report {
@@ -29,7 +29,7 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
     let rate = study.rate;
     let rows = study.position[0].len();
     let time: Vec<f64> = (0..rows).map(|k| k as f64 / rate).collect();
-    let speed = crate::fourier::slope(&study.position[0], rate);
+    let speed = crate::signal::fourier::slope(&study.position[0], rate);
     let coordinate = |title: &str, folded, values: Vec<f64>| Coordinate {
         title: title.into(),
         folded,

@@ -4,13 +4,13 @@ use super::{
     Alias, Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried,
 };
 use crate::analysis::{Bandwidth, ChannelRest, Figures, Found, Outcome, Rival, TableForce};
-use crate::channel::Channel as Balance;
-use crate::family::Family;
-use crate::interval::estimates;
+use crate::conclusion::verdict::Judged;
+use crate::effects::family::Family;
 use crate::machines::Machine;
 use crate::records::DataQuality;
-use crate::select::Trial;
-use crate::verdict::Judged;
+use crate::regression::interval::estimates;
+use crate::search::select::Trial;
+use crate::signal::channel::Channel as Balance;
 use plant::Axis;
 use plant::effects::Place;
 

@@ -1,7 +1,7 @@
 //! Clean motors and feed axes, made from their own laws: whatever is named on them is a false alarm.
 
-use identify::feed_axis::{self, Axis, Study};
-use identify::motor;
+use identify::machines::feed_axis::{self, Axis, Study};
+use identify::machines::motor;
 use identify::records::DataQuality;
 use serde_json::{Value, json};
 use std::f64::consts::TAU;

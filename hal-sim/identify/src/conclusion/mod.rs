@@ -1,0 +1,279 @@
+//! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
+
+pub(crate) mod figures;
+pub(crate) mod judge;
+pub mod outcome;
+pub(crate) mod recalibrated;
+pub(crate) mod remains;
+pub mod rest;
+pub(crate) mod unexplained;
+pub mod verdict;
+
+use crate::conclusion::figures::{figures, table_force};
+use crate::conclusion::outcome::{
+    Bandwidth, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained,
+};
+use crate::conclusion::recalibrated::{calibration, new_model};
+use crate::conclusion::remains::{Fixed, Side, judged_hz};
+use crate::conclusion::rest::NO_SHAPE;
+use crate::conclusion::unexplained::{Left, along, unexplained};
+use crate::effects::family::Family;
+use crate::effects::hypothesis::Hypothesis;
+use crate::effects::parameter::{MotorParameter, Parameter};
+use crate::regression::normal::Solution;
+use crate::search::case::Case;
+use crate::search::linearised::Linearised;
+use crate::search::progress::Progress;
+use crate::search::selection::{
+    ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, threshold,
+};
+use crate::signal::channel::Channel;
+use crate::signal::noise::Noise;
+use crate::signal::signals::SPEED_BANDWIDTH_HZ;
+use plant::Axis;
+
+/// Draws the conclusion of a search.
+pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Progress) -> Outcome {
+    let rows = check.whitener(&check.declared).used_rows();
+    // A name that stands beside more than it explains is a likeness: without it what is left is told again.
+    loop {
+        let outcome = concluded(&case, &check, &noise, &progress);
+        let unsound = faint(&outcome, CONFIRMED * threshold(rows))
+            .map(|found| (found, NOT_BORNE_OUT))
+            .or_else(|| Some((likeness(&outcome)?, MORE_IS_LEFT)))
+            .or_else(|| Some((misfit(&outcome)?, ANOTHER_LAW)));
+        match unsound {
+            Some((found, reason)) => {
+                progress.take_back(&found.hypothesis, found.values.clone(), reason);
+            }
+            None => return outcome,
+        }
+    }
+}
+
+/// The weakest effect that with all others in place explains less of either record than it must.
+fn faint(outcome: &Outcome, on_check: f64) -> Option<&Found> {
+    let weak = outcome
+        .effects
+        .iter()
+        .filter(|found| found.check_fall < on_check || found.fall < outcome.threshold);
+    weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
+}
+
+/// An effect that differs along a coordinate, beside which a curve is left where it shows: a lack of fit, its law is another.
+/// Over which coordinate the curve is told does not matter: in a record that goes from speed to speed all of them are curves over
+/// time.
+fn misfit(outcome: &Outcome) -> Option<&Found> {
+    let is_curve = |left: &Unexplained| {
+        left.coordinate != NO_SHAPE && left.order.is_none() && left.hz.is_none()
+    };
+    outcome.effects.iter().find(|found| {
+        let differs = along(&found.hypothesis).is_some_and(|along| !along.repeats());
+        outcome.unexplained.iter().any(|left| {
+            // As much as a record must bear out of an effect: less is chance's.
+            let least = (CONFIRMED * outcome.threshold).max(LACK_OF_FIT * found.fall);
+            differs && is_curve(left) && left.channel == found.shows && left.fall > least
+        })
+    })
+}
+
+/// The weakest effect that does not explain enough beside what is left where it shows most.
+fn likeness(outcome: &Outcome) -> Option<&Found> {
+    let left = |found: &Found| {
+        let excess = |rest: &ChannelRest| rest.levels[1].excess;
+        let own = outcome
+            .channels
+            .iter()
+            .find(|rest| rest.channel == found.shows);
+        own.map_or(0.0, excess)
+    };
+    let weak = outcome
+        .effects
+        .iter()
+        .filter(|found| found.check_fall < DOMINANT * left(found));
+    weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
+}
+
+/// The figures of effects as they are, whether they stand or not.
+pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> Outcome {
+    let whitener = case.whitener(noise);
+    let found = &progress.found;
+    let plain = case.search(&whitener, &[]);
+    let plain_solution = plain.normal.solve(None);
+    let mut linearised = Linearised::new(&plain, found);
+    let (search, solution) = (linearised.search.fork(), linearised.solution.clone());
+    let excess = plain.normal.cost(&plain_solution.values) - search.normal.cost(&solution.values);
+
+    let check_noise = check.noise(None, found);
+    let of_check = check.whitener(&check_noise);
+    let heard = check.search(&of_check, &[]);
+    let (mut effects, mut parts) = (Vec::new(), Vec::new());
+    let mut at = case.base.parameters.len();
+    for (k, hypothesis) in found.iter().enumerate() {
+        let columns = hypothesis.columns();
+        let values: Vec<f64> = solution.values.rows(at, columns).iter().copied().collect();
+        parts.push((*hypothesis, values.clone()));
+        let (covariance, shape_sigma) = linearised.uncertainty(hypothesis, k);
+        let others: Vec<Hypothesis> = found
+            .iter()
+            .enumerate()
+            .filter(|(j, _)| *j != k)
+            .map(|(_, h)| *h)
+            .collect();
+        let mut without = plain.fork();
+        others.iter().for_each(|other| without.add(other));
+        let without_solution = without.normal.solve(None);
+        let falls = without.fall_by_channel(hypothesis);
+        let shows = Channel::ALL
+            .into_iter()
+            .max_by(|a, b| falls[a.index()].total_cmp(&falls[b.index()]))
+            .unwrap_or(Channel::Table);
+        let fall =
+            without.normal.cost(&without_solution.values) - search.normal.cost(&solution.values);
+        let first = without.normal.len();
+        without.add(hypothesis);
+        let refined = refined(case, &solution, hypothesis, &values);
+        let effect = hypothesis.effect(case.balance.model, search.run_s(), &refined);
+        let mut beside = heard.fork();
+        others.iter().for_each(|other| beside.add(other));
+        let on_check = beside.fall_at(hypothesis, &values);
+        effects.extend(effect.map(|effect| {
+            Found {
+                hypothesis: *hypothesis,
+                shows,
+                check_fall: on_check,
+                values,
+                covariance,
+                shape_sigma,
+                effect,
+                explained: (fall / excess).clamp(0.0, 1.0),
+                fall,
+                fall_at: without.normal.falls(first, false),
+                held_back: without.normal.falls(first, true),
+                rivals: progress.rivals.get(k).cloned().unwrap_or_default(),
+                inseparable: progress.inseparable[k]
+                    .iter()
+                    .map(|trial| {
+                        let rival = &trial.gain.values;
+                        Rival {
+                            hypothesis: trial.hypothesis,
+                            effect: trial.hypothesis.effect(
+                                case.balance.model,
+                                search.run_s(),
+                                rival,
+                            ),
+                            behind: fall - trial.gain.fall,
+                            check_behind: on_check - beside.fall_at(&trial.hypothesis, rival),
+                        }
+                    })
+                    .collect(),
+            }
+        }));
+        at += columns + hypothesis.nuisances();
+    }
+    effects.sort_by(|a, b| b.fall.total_cmp(&a.fall));
+
+    let fit = Side::new(
+        case,
+        noise,
+        &whitener,
+        &plain.normal,
+        &plain_solution,
+        &search,
+        &solution,
+    );
+    let fixed = Fixed::new(case, check, &check_noise, found, &plain_solution, &solution);
+    let residual_whitened = search.normal.residual(&solution.values);
+    let machine = case.balance.signals.machine;
+    let channels: Vec<ChannelRest> = machine
+        .channels()
+        .iter()
+        .map(|&channel| {
+            let index = channel.index();
+            let open = whitener.mask(channel).to_vec();
+            ChannelRest {
+                channel,
+                figures: figures(
+                    [&fit.before[index], &fit.after[index]],
+                    &open,
+                    [&fixed.before[index], &fixed.after[index]],
+                    &fixed.masks[index],
+                    noise.floor(channel, case.balance.fourier),
+                    residual_whitened.parts[index]
+                        .as_deref()
+                        .unwrap_or_default(),
+                ),
+                residual: [fit.before[index].clone(), fit.after[index].clone()],
+                levels: fixed.levels[index],
+                band_hz: judged_hz(channel, noise),
+                open,
+            }
+        })
+        .collect();
+    let coordinates = Coordinates::new(case.balance.signals, case.balance.fourier.step());
+    let left = Left {
+        cases: [case, check],
+        whiteners: [&whitener, &of_check],
+        white: [&residual_whitened, &fixed.white],
+    };
+    let unexplained = unexplained(&left, &parts, &progress.doubtful, &channels);
+    Outcome {
+        model: new_model(case, &solution, &effects),
+        calibration: calibration(case, &solution),
+        unexplained,
+        bandwidth: bandwidth(case, noise),
+        effects,
+        last: progress.last.clone(),
+        tried: progress.tried,
+        threshold: progress.threshold,
+        coordinates,
+        table_force: machine
+            .has_feed()
+            .then(|| table_force(case.balance, &channels, &fixed, &residual_whitened)),
+        channels,
+        doubts: progress
+            .doubtful
+            .iter()
+            .map(|doubt| (doubt.trial.hypothesis, doubt.reason))
+            .collect(),
+        refused: case.balance.refusals.list(),
+        machine,
+    }
+}
+
+/// The bandwidths that the noise left.
+fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
+    let sensing = &case.balance.model.sensing;
+    let count = std::f64::consts::TAU / f64::from(sensing.encoder_counts_per_turn);
+    let current = sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0;
+    Bandwidth {
+        balance_hz: noise.top(Channel::Torque(Axis::Screw)),
+        table_hz: noise.top(Channel::Table),
+        speed_hz: SPEED_BANDWIDTH_HZ,
+        even_hz: Axis::ALL.map(|axis| {
+            let motor = case.balance.model.motor(axis);
+            let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
+            let torque = (2.0 * current).sqrt() * constant;
+            let acceleration = torque / (motor.inertia_kg_m2 * count / 12.0_f64.sqrt());
+            acceleration.sqrt() / std::f64::consts::TAU
+        }),
+    }
+}
+
+/// Parameters of an effect that is a share of a plate's value, of that value as the record has it: the regression counts
+/// them of the declared one.
+fn refined(case: &Case, solution: &Solution, hypothesis: &Hypothesis, values: &[f64]) -> Vec<f64> {
+    let of = match hypothesis.family {
+        Family::ResistanceDrift => MotorParameter::Resistance,
+        Family::FluxDrift | Family::FluxHarmonic => MotorParameter::Flux,
+        _ => return values.to_vec(),
+    };
+    let own = |(parameter, _): &(Parameter, _)| {
+        hypothesis
+            .axis()
+            .is_some_and(|axis| *parameter == Parameter::Motor(axis, of))
+    };
+    let place = case.base.parameters.iter().position(own);
+    let change = place.map_or(0.0, |at| solution.values[at]);
+    values.iter().map(|value| value / (1.0 + change)).collect()
+}

@@ -1,0 +1,225 @@
+//! What an analysis tells.
+
+use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Level, judge};
+use crate::effects::hypothesis::Hypothesis;
+use crate::effects::refusals::Refusal;
+use crate::machines::Machine;
+use crate::search::select::Trial;
+use crate::signal::channel::Channel;
+use crate::signal::signals::Signals;
+use plant::effects::EffectModel;
+use plant::model::Model;
+
+/// An effect that was found.
+#[derive(Debug, Clone)]
+pub struct Found {
+    /// What it was traced to.
+    pub hypothesis: Hypothesis,
+    /// The channel in which it shows most.
+    pub shows: Channel,
+    /// Linear parameters.
+    pub values: Vec<f64>,
+    /// Their covariance, row by row.
+    pub covariance: Vec<f64>,
+    /// Standard deviation of the shape.
+    pub shape_sigma: f64,
+    /// The effect as a model file has it.
+    pub effect: EffectModel,
+    /// Share of what the fit record has beyond noise.
+    pub explained: f64,
+    /// Fall of the sum of squares on the fit record.
+    pub fall: f64,
+    /// The same on the check record with the fit's parameters.
+    pub check_fall: f64,
+    /// Fall on each operating point of the fit record.
+    pub fall_at: Vec<f64>,
+    /// The same when fitted on the others.
+    pub held_back: Vec<f64>,
+    /// The hypotheses that lost against it, the best first.
+    pub rivals: Vec<Trial>,
+    /// Those of them that the record does not tell from it, at their best: what explains all but a trace as much.
+    pub inseparable: Vec<Rival>,
+}
+
+/// Another hypothesis in the place of an effect that was found.
+#[derive(Debug, Clone)]
+pub struct Rival {
+    /// What it says.
+    pub hypothesis: Hypothesis,
+    /// The effect as a model file would have it, if its place makes sense.
+    pub effect: Option<EffectModel>,
+    /// By how much the sum of squares of the fit record falls less than with the effect that was named; half of it is
+    /// the difference of the log-likelihoods.
+    pub behind: f64,
+    /// The same on the check record, with each one's parameters of the fit record.
+    pub check_behind: f64,
+}
+
+/// Rms of what is left, in its unit.
+#[derive(Debug, Clone, Copy)]
+pub struct Figures {
+    /// Fit record, declared parameters recalibrated.
+    pub fit_before: f64,
+    /// Fit record with the effects.
+    pub fit_after: f64,
+    /// Check record, parameters of the fit record.
+    pub check_before: f64,
+    /// Check record with the effects.
+    pub check_after: f64,
+    /// What sensors alone leave.
+    pub noise_floor: f64,
+    /// Whitened rms with the effects on the fit record; 1 is noise.
+    pub whitened: f64,
+    /// Share of the residual's lags of up to 0.1 s whose correlation is within the 95 % band of white noise.
+    pub whiteness: f64,
+}
+
+/// One channel.
+#[derive(Debug, Clone)]
+pub struct ChannelRest {
+    /// Which.
+    pub channel: Channel,
+    /// In figures.
+    pub figures: Figures,
+    /// The fit record's residual before and after, at the decimated rate.
+    pub residual: [Vec<f64>; 2],
+    /// Its rows that count.
+    pub open: Vec<bool>,
+    /// How loud the check record's residual is, before and after.
+    pub levels: [Level; 2],
+    /// Frequencies by which it is judged, Hz.
+    pub band_hz: [f64; 2],
+}
+
+/// The force balance of the table, N: the force that the two torque balances give (half their difference through the
+/// lead) less what inertia, friction and load of the table need. It holds nothing that the torques do not.
+#[derive(Debug, Clone)]
+pub struct TableForce {
+    /// In figures.
+    pub figures: Figures,
+    /// The fit record's residual before and after, at the decimated rate.
+    pub residual: [Vec<f64>; 2],
+    /// Its rows that count.
+    pub open: Vec<bool>,
+}
+
+/// Something that no hypothesis explains.
+#[derive(Debug, Clone)]
+pub struct Unexplained {
+    /// Where it shows.
+    pub channel: Channel,
+    /// What it is a shape over; `none` for what has no shape.
+    pub coordinate: &'static str,
+    /// Order per turn of an angle.
+    pub order: Option<f64>,
+    /// Frequency over time, Hz.
+    pub hz: Option<f64>,
+    /// Rms in the channel's unit, on the fit record.
+    pub size: f64,
+    /// Its sum of squares there, whitened.
+    pub fall: f64,
+    /// Why it was not named.
+    pub reason: String,
+}
+
+/// All that was found.
+pub struct Outcome {
+    /// The kind of machine.
+    pub machine: &'static dyn Machine,
+    /// Effects, the greatest first.
+    pub effects: Vec<Found>,
+    /// The machine's channels.
+    pub channels: Vec<ChannelRest>,
+    /// What follows from the torques, where there is a table.
+    pub table_force: Option<TableForce>,
+    /// What is left.
+    pub unexplained: Vec<Unexplained>,
+    /// Trials of the last step, in which nothing more was found.
+    pub last: Vec<Trial>,
+    /// What was significant and is not named, and why.
+    pub doubts: Vec<(Hypothesis, &'static str)>,
+    /// Hypotheses tried.
+    pub tried: usize,
+    /// Fall that an effect had to bring.
+    pub threshold: f64,
+    /// Recalibrated model with the effects.
+    pub model: Model,
+    /// Recalibrated parameters: name, relative change, standard deviation.
+    pub calibration: Vec<(String, f64, f64)>,
+    /// Coordinates of the residuals' rows.
+    pub coordinates: Coordinates,
+    /// What was not tried for want of excitation, or not taken for being beyond physics.
+    pub refused: Vec<Refusal>,
+    /// How derivatives were taken.
+    pub bandwidth: Bandwidth,
+}
+
+/// Bandwidths of the derivatives and filters, which are zero-phase over the whole record.
+#[derive(Debug, Clone, Copy)]
+pub struct Bandwidth {
+    /// Up to which the balances, and so the accelerations in them, are compared, Hz: above it the encoders' quantisation
+    /// leaves nothing of an acceleration.
+    pub balance_hz: f64,
+    /// Up to which the table's position is compared, Hz: nearer to its resonance the encoders' quantisation is amplified.
+    pub table_hz: f64,
+    /// Of speeds in friction and back-EMF, Hz.
+    pub speed_hz: f64,
+    /// Frequency from which the encoders' quantisation outweighs the current sensors' noise in a torque balance, Hz, for
+    /// screw and nut: below it the weights are even, above it they fall with the fourth power.
+    pub even_hz: [f64; 2],
+}
+
+/// What residuals are looked at over, at the decimated rate.
+pub struct Coordinates {
+    /// Time, s.
+    pub time: Vec<f64>,
+    /// Mechanical angles of screw and nut, rad.
+    pub angle: [Vec<f64>; 2],
+    /// Angle of screw against nut, rad.
+    pub relative: Vec<f64>,
+    /// Speeds of screw and nut, rad/s.
+    pub speed: [Vec<f64>; 2],
+    /// Speed of screw against nut, rad/s.
+    pub relative_speed: Vec<f64>,
+    /// Position of the table, m.
+    pub table: Vec<f64>,
+}
+
+impl Coordinates {
+    /// Of a record's signals, every `step`-th row.
+    pub(crate) fn new(signals: &Signals, step: usize) -> Self {
+        let every = |column: &[f64]| column.iter().step_by(step).copied().collect::<Vec<f64>>();
+        Coordinates {
+            time: every(&signals.time),
+            angle: [0, 1].map(|k: usize| every(&signals.motors[k].theta)),
+            relative: every(&signals.relative),
+            speed: [0, 1].map(|k: usize| every(&signals.motors[k].omega)),
+            relative_speed: every(&signals.relative_speed),
+            table: every(&signals.table),
+        }
+    }
+}
+
+impl Outcome {
+    /// What may be said of the machine.
+    pub fn judged(&self) -> Judged {
+        let channels = self.channels.iter().map(|rest| CheckChannel {
+            name: self.machine.name(rest.channel),
+            unit: self.machine.unit(rest.channel),
+            levels: rest.levels,
+            rms: [rest.figures.check_before, rest.figures.check_after],
+            floor: rest.figures.noise_floor,
+        });
+        judge(
+            &channels.collect::<Vec<_>>(),
+            self.effects.len(),
+            self.unexplained.len(),
+            Floor::Sensors,
+        )
+    }
+
+    /// See [`Outcome::judged`].
+    pub fn verdict(&self) -> &'static str {
+        self.judged().verdict.name()
+    }
+}

@@ -1,0 +1,86 @@
+//! The declared parameters as the record has them, and the new model.
+
+use crate::conclusion::outcome::Found;
+use crate::effects::parameter::{MotorParameter, Parameter};
+use crate::machines::{Machine, declared_or_unit};
+use crate::regression::normal::Solution;
+use crate::search::case::Case;
+use plant::model::Model;
+
+/// Name of a declared parameter in a model file; `None` for a nuisance.
+fn declared_name(parameter: Parameter, machine: &dyn Machine) -> Option<String> {
+    Some(match parameter {
+        Parameter::Motor(axis, which) => {
+            let key = match which {
+                MotorParameter::Inertia => "inertia_kg_m2",
+                MotorParameter::Viscous => "viscous_nm_s",
+                MotorParameter::Coulomb => "coulomb_nm",
+                MotorParameter::Flux => "flux_wb",
+                MotorParameter::Resistance => "resistance_ohm",
+                MotorParameter::Inductance => "inductance_h",
+                _ => return None,
+            };
+            match machine.has_feed() {
+                true => format!("{}.{key}", axis.name()),
+                false => format!("motor.{key}"),
+            }
+        }
+        Parameter::Pair => "feed.pair_coulomb_nm".into(),
+        Parameter::GuidewayCoulomb => "feed.guideway_coulomb_n".into(),
+        Parameter::GuidewayViscous => "feed.guideway_viscous_n_s_per_m".into(),
+        Parameter::Load => "feed.load_n".into(),
+        Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => return None,
+    })
+}
+
+pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64, f64)> {
+    case.base
+        .parameters
+        .iter()
+        .enumerate()
+        .filter_map(|(k, (parameter, _))| {
+            Some((
+                declared_name(*parameter, case.balance.signals.machine)?,
+                solution.values[k],
+                solution.covariance[(k, k)].max(0.0).sqrt(),
+            ))
+        })
+        .collect()
+}
+
+/// A relative change; of what is not declared, the value itself.
+fn add(declared: &mut f64, value: f64) {
+    *declared += declared_or_unit(*declared) * value;
+}
+
+pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
+    let mut model = case.balance.model.clone();
+    model.feed.axial_damping_ratio = case.balance.damping;
+    for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
+        let value = solution.values[k];
+        let factor = 1.0 + value;
+        match *parameter {
+            Parameter::Motor(axis, which) => {
+                let motor = model.motor_mut(axis);
+                match which {
+                    MotorParameter::Inertia => add(&mut motor.inertia_kg_m2, value),
+                    MotorParameter::Viscous => add(&mut motor.viscous_nm_s, value),
+                    MotorParameter::Coulomb => add(&mut motor.coulomb_nm, value),
+                    MotorParameter::Flux => motor.flux_wb *= factor,
+                    MotorParameter::Resistance => motor.resistance_ohm *= factor,
+                    MotorParameter::Inductance => motor.inductance_h *= factor,
+                    _ => {}
+                }
+            }
+            Parameter::Pair => model.feed.pair_coulomb_nm *= factor,
+            Parameter::GuidewayCoulomb => model.feed.guideway_coulomb_n *= factor,
+            Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
+            Parameter::Load => model.feed.load_n *= factor,
+            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => {}
+        }
+    }
+    model
+        .effects
+        .extend(effects.iter().map(|found| found.effect.clone()));
+    model
+}

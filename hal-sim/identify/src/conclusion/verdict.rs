@@ -1,0 +1,273 @@
+//! What may be said of a machine: from the check record alone, and never more than it bears out.
+
+use crate::signal::noise::{BANDS_HZ, power_spectrum};
+use serde::Serialize;
+
+/// Mean square of a residual in its noise floor's up to which it is at the floor: the excess is then less than half of the
+/// noise itself.
+const QUIET: f64 = 1.5;
+/// The same of its loudest frequency band, where a clean machine's has up to 1.5.
+const QUIET_BAND: f64 = 2.5;
+
+/// What may be said.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+pub enum Verdict {
+    /// The declared model explains the check record to its noise floor.
+    #[serde(rename = "nothing missing")]
+    NothingMissing,
+    /// The named effects bring the check record to its noise floor.
+    #[serde(rename = "explained")]
+    Explained,
+    /// The named effects hold on the check record, and something is left.
+    #[serde(rename = "partly explained")]
+    PartlyExplained,
+    /// Something is left, and no cause of it is named.
+    #[serde(rename = "unexplained")]
+    Unexplained,
+    /// The records are not what they are said to be.
+    #[serde(rename = "wrong data")]
+    WrongData,
+}
+
+impl Verdict {
+    /// As in a report.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::NothingMissing => "nothing missing",
+            Verdict::Explained => "explained",
+            Verdict::PartlyExplained => "partly explained",
+            Verdict::Unexplained => "unexplained",
+            Verdict::WrongData => "wrong data",
+        }
+    }
+}
+
+/// Where a noise floor is known from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Floor {
+    /// The sensors' data in the model file.
+    Sensors,
+    /// The difference from lap to lap of a programme that repeats.
+    Laps,
+    /// The record's own spectrum above the dynamics.
+    Spectrum,
+    /// Nowhere: nothing can then be called explained.
+    Unknown,
+}
+
+impl Floor {
+    fn words(self) -> &'static str {
+        match self {
+            Floor::Sensors => "the noise floor of its sensors",
+            Floor::Laps => "the noise floor, which is the difference from lap to lap",
+            Floor::Spectrum => "the noise floor, which is the spectrum above the dynamics",
+            Floor::Unknown => "a noise floor that these records do not tell",
+        }
+    }
+}
+
+/// How loud a residual is, in units of its noise floor: mean squares, 1 at the floor.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Level {
+    /// Over the whole band that is used.
+    pub power: f64,
+    /// In the loudest of its frequency bands.
+    pub band: f64,
+    /// Upper edge of that band, Hz.
+    pub band_hz: f64,
+    /// Sum of squares beyond the floor, band by band.
+    pub excess: f64,
+}
+
+impl Level {
+    /// Of a whitened residual of which `rows` count, at `rate` rows a second, judged from `from` up to `top` Hz.
+    pub(crate) fn new(white: &[f64], rows: usize, rate: f64, [from_hz, top]: [f64; 2]) -> Self {
+        let count = rows.max(1) as f64;
+        let mut level = Level {
+            power: white.iter().map(|x| x * x).sum::<f64>() / count,
+            ..Level::default()
+        };
+        if white.len() < 64 || rows == 0 {
+            level.excess = (level.power - 1.0).max(0.0) * count;
+            return level;
+        }
+        let power = power_spectrum(white);
+        let width = rate / white.len() as f64;
+        let mut from = ((from_hz / width) as usize).max(1);
+        for high in BANDS_HZ.into_iter().filter(|high| *high <= top) {
+            let to = ((high / width) as usize).min(power.len());
+            if to >= from + 8 {
+                let lines = (to - from) as f64;
+                let mean = power[from..to].iter().sum::<f64>() / lines / count;
+                if mean > level.band {
+                    (level.band, level.band_hz) = (mean, high);
+                }
+                // Chance alone makes a mean of so many exponentially distributed powers vary by so much.
+                let chance = 2.0 / lines.sqrt();
+                level.excess += (mean - 1.0 - chance).max(0.0) * lines / power.len() as f64 * count;
+                from = to;
+            }
+        }
+        level
+    }
+
+    /// Of figures alone: an rms and its floor's, over so many rows.
+    pub fn of_rms(rms: f64, floor: f64, rows: usize) -> Self {
+        let power = (rms / floor).powi(2);
+        Level {
+            power,
+            band: power,
+            band_hz: 0.0,
+            excess: (power - 1.0).max(0.0) * rows as f64,
+        }
+    }
+
+    /// Whether it is at its noise floor.
+    pub fn quiet(&self) -> bool {
+        self.power <= QUIET && self.band <= QUIET_BAND
+    }
+}
+
+/// A channel of the check record.
+#[derive(Debug, Clone, Copy)]
+pub struct CheckChannel {
+    /// Name.
+    pub name: &'static str,
+    /// Unit.
+    pub unit: &'static str,
+    /// How loud it is before and after.
+    pub levels: [Level; 2],
+    /// Rms before and after, in its unit.
+    pub rms: [f64; 2],
+    /// Noise floor, in its unit.
+    pub floor: f64,
+}
+
+/// What is said, and by how much the excess fell.
+#[derive(Debug, Clone)]
+pub struct Judged {
+    /// In one word.
+    pub verdict: Verdict,
+    /// In one sentence, with figures.
+    pub sentence: String,
+    /// Sums of squares beyond the floor on the check record, before and after.
+    pub excess: [f64; 2],
+}
+
+impl Judged {
+    /// Share of the check record's excess that has gone.
+    pub fn gone(&self) -> f64 {
+        match self.excess[0] > 0.0 {
+            true => (1.0 - self.excess[1] / self.excess[0]).clamp(0.0, 1.0),
+            false => 0.0,
+        }
+    }
+
+    /// What a fall of the check record's sum of squares is of the excess that was there.
+    pub fn share(&self, check_fall: f64) -> f64 {
+        match self.excess[0] > 0.0 {
+            true => (check_fall / self.excess[0]).clamp(0.0, 1.0),
+            false => 0.0,
+        }
+    }
+}
+
+/// Judges by the check record: its channels, how many effects are named, and how many descriptions of what is left.
+pub fn judge(channels: &[CheckChannel], names: usize, left: usize, floor: Floor) -> Judged {
+    let quiet = |when: usize| channels.iter().all(|channel| channel.levels[when].quiet());
+    let known = floor != Floor::Unknown && channels.iter().all(|c| c.floor.is_finite());
+    let verdict = match (names, known && left == 0 && quiet(1)) {
+        (0, true) if quiet(0) => Verdict::NothingMissing,
+        (0, _) => Verdict::Unexplained,
+        (_, true) => Verdict::Explained,
+        (_, false) => Verdict::PartlyExplained,
+    };
+    let excess = [0, 1].map(|when| channels.iter().map(|c| c.levels[when].excess).sum::<f64>());
+    let mut judged = Judged {
+        verdict,
+        sentence: String::new(),
+        excess,
+    };
+    let percent = 100.0 * judged.gone();
+    let floor_words = floor.words();
+    let loudest = channels
+        .iter()
+        .max_by(|a, b| a.levels[1].excess.total_cmp(&b.levels[1].excess))
+        .filter(|channel| !channel.levels[1].quiet());
+    let loud = loudest.map_or_else(String::new, |channel| {
+        let Level { band, band_hz, .. } = channel.levels[1];
+        match band > 0.0 && band_hz > 0.0 {
+            true => format!(
+                " Most of it is in the {} up to {band_hz:.0} Hz, {band:.1} times the noise's power there.",
+                channel.name
+            ),
+            false => format!(" Most of it is in the {}.", channel.name),
+        }
+    });
+    judged.sentence = match verdict {
+        Verdict::NothingMissing => format!(
+            "With its plate values refined, the declared model explains the check record to {floor_words}."
+        ),
+        Verdict::Explained => format!(
+            "What is named takes {percent:.0} % of what the check record has beyond {floor_words}; what is left is at it."
+        ),
+        Verdict::PartlyExplained if known => format!(
+            "What is named takes {percent:.0} % of what the check record has beyond {floor_words}; the rest has no cause that \
+             both records bear out.{loud}"
+        ),
+        Verdict::PartlyExplained => {
+            format!(
+                "What is named holds on the check record; whether anything is left cannot be said beside {floor_words}."
+            )
+        }
+        Verdict::Unexplained if known => format!(
+            "The check record has something beyond {floor_words}, and no cause of it is borne out by both records.{loud}"
+        ),
+        Verdict::Unexplained => {
+            format!("No effect is borne out by both records, beside {floor_words}.")
+        }
+        Verdict::WrongData => String::new(),
+    };
+    judged
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn channel(before: f64, after: f64) -> CheckChannel {
+        CheckChannel {
+            name: "torque",
+            unit: "N m",
+            levels: [before, after].map(|rms| Level::of_rms(rms, 1.0, 1000)),
+            rms: [before, after],
+            floor: 1.0,
+        }
+    }
+
+    #[test]
+    fn no_word_says_more_than_the_check_record() {
+        let say = |before, after, names, left, floor| {
+            judge(&[channel(before, after)], names, left, floor).verdict
+        };
+        let sensors = Floor::Sensors;
+        assert_eq!(say(1.0, 1.0, 0, 0, sensors), Verdict::NothingMissing);
+        assert_eq!(say(5.0, 5.0, 0, 0, sensors), Verdict::Unexplained);
+        assert_eq!(say(5.0, 1.1, 1, 0, sensors), Verdict::Explained);
+        assert_eq!(say(5.0, 1.1, 1, 1, sensors), Verdict::PartlyExplained);
+        assert_eq!(say(5.0, 3.0, 1, 0, sensors), Verdict::PartlyExplained);
+        assert_eq!(say(1.0, 1.0, 0, 0, Floor::Unknown), Verdict::Unexplained);
+        assert_eq!(
+            say(5.0, 1.0, 1, 0, Floor::Unknown),
+            Verdict::PartlyExplained
+        );
+    }
+
+    #[test]
+    fn the_sentence_says_how_much_of_the_excess_is_gone() {
+        let judged = judge(&[channel(5.0, 3.0)], 1, 0, Floor::Sensors);
+        // (25 - 9) / (25 - 1)
+        assert!(judged.sentence.contains("67 %"), "{}", judged.sentence);
+        assert!((judged.gone() - 16.0 / 24.0).abs() < 1e-9);
+    }
+}

@@ -1,0 +1,143 @@
+//! Declared parameters and nuisances of a record, and what is known of them before it is seen.
+
+use crate::regression::normal::Prior;
+use plant::Axis;
+
+/// A declared parameter, or a nuisance of the record, that is adjusted before any effect is looked for.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Parameter {
+    /// Of one motor.
+    Motor(Axis, MotorParameter),
+    /// Coulomb friction of the pair.
+    Pair,
+    /// Coulomb friction of the guideway.
+    GuidewayCoulomb,
+    /// Viscous friction of the guideway.
+    GuidewayViscous,
+    /// Load force.
+    Load,
+    /// Where the table's scale has its zero, m.
+    TableOrigin {
+        /// How far from where the first row has it: little if the record starts with the axial spring relaxed.
+        within: f64,
+    },
+    /// While a motor rests its encoder's rounding does not average out: an offset of the table over those rows, m.
+    RestOffset {
+        /// First row.
+        from: usize,
+        /// Row after the last.
+        to: usize,
+    },
+}
+
+/// See [`Parameter`].
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum MotorParameter {
+    /// `inertia_kg_m2`, relative.
+    Inertia,
+    /// `viscous_nm_s`, relative.
+    Viscous,
+    /// `coulomb_nm`, relative.
+    Coulomb,
+    /// `flux_wb`, relative.
+    Flux,
+    /// `resistance_ohm`, relative.
+    Resistance,
+    /// `inductance_h`, relative, by the cross-coupling that it makes at speed.
+    Inductance,
+    /// The inductance's part in front of the current's derivative, relative. The sensors' noise, which the loop answers
+    /// with voltage, biases it: a nuisance.
+    CurrentSlope,
+    /// A constant load torque, N m: that of a motor of which nobody says what it drives.
+    Load,
+    /// Time by which the angle is read before or after the table, s: a nuisance. Drives whose two current loops are
+    /// half a period apart read the angles so.
+    ReadingLag,
+    /// Time by which the commanded voltages are later than the currents, s: a nuisance.
+    VoltageLag,
+    /// Time by which the frame of the commanded voltages is off, s: a nuisance.
+    AngleLag,
+}
+
+impl Parameter {
+    /// All that a model file declares of a motor and its winding, and their nuisances.
+    pub fn of_a_drive(axis: Axis) -> Vec<Parameter> {
+        use MotorParameter::*;
+        [
+            Inertia,
+            Viscous,
+            Coulomb,
+            Flux,
+            Resistance,
+            Inductance,
+            CurrentSlope,
+            VoltageLag,
+            AngleLag,
+            ReadingLag,
+        ]
+        .map(|which| Parameter::Motor(axis, which))
+        .to_vec()
+    }
+
+    /// All that it declares of the feed.
+    pub fn of_the_feed() -> [Parameter; 4] {
+        use Parameter::*;
+        [Pair, GuidewayCoulomb, GuidewayViscous, Load]
+    }
+
+    /// Whether it is the machine's and not the record's.
+    pub fn is_of_the_machine(self) -> bool {
+        !matches!(
+            self,
+            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. }
+        )
+    }
+
+    /// Whether it shows in a torque balance.
+    pub fn is_torque(self) -> bool {
+        use MotorParameter::*;
+        match self {
+            Parameter::Motor(_, which) => {
+                matches!(which, Inertia | Viscous | Coulomb | Flux | Load)
+            }
+            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => false,
+            _ => true,
+        }
+    }
+
+    /// How far the parameter may lie from its declared value: the tolerance of plate values (3 % of resistance,
+    /// inductance, inertia; 1 % of flux; 20 % of friction), with a tenth more for what the record adds.
+    fn bound(self) -> f64 {
+        match self {
+            Parameter::Motor(_, which) => match which {
+                MotorParameter::Inertia
+                | MotorParameter::Resistance
+                | MotorParameter::Inductance => 0.033,
+                MotorParameter::Flux => 0.011,
+                MotorParameter::Viscous | MotorParameter::Coulomb => 0.22,
+                MotorParameter::Load => f64::INFINITY,
+                MotorParameter::CurrentSlope => 0.4,
+                MotorParameter::AngleLag => 2e-5,
+                MotorParameter::VoltageLag | MotorParameter::ReadingLag => 1e-4,
+            },
+            Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
+            Parameter::Load => 0.005,
+            Parameter::TableOrigin { within } => within,
+            Parameter::RestOffset { .. } => 1e-6,
+        }
+    }
+
+    /// What is known of it before the record is seen.
+    pub fn prior(self) -> Prior {
+        Prior::within(self.spread(), self.bound())
+    }
+
+    /// Standard deviation of the parameter before the record is seen: that of an even spread over its bounds.
+    fn spread(self) -> f64 {
+        match self {
+            Parameter::TableOrigin { within } => 0.2 * within,
+            Parameter::RestOffset { .. } => 1.5e-8,
+            _ => self.bound() / 3.0_f64.sqrt(),
+        }
+    }
+}

@@ -1,0 +1,196 @@
+//! The model file of an axis.
+
+use super::axis::{Axis, Term};
+use super::record::Law;
+use serde::{Deserialize, Serialize};
+use std::path::Path;
+use toml::{Table, Value};
+
+/// Why a model file could not be used.
+#[derive(Debug, thiserror::Error)]
+#[error(
+    "{origin}: {reason}; expected the table [axis] with mass_kg, viscous_n_s_per_m, coulomb_n, offset_n, lead_m, limit_v"
+)]
+pub struct AxisModelError {
+    origin: String,
+    reason: String,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    axis: Plate,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    effects: Vec<Table>,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Plate {
+    /// Moving mass; above 0.
+    mass_kg: f64,
+    /// Viscous friction.
+    viscous_n_s_per_m: f64,
+    /// Coulomb friction.
+    coulomb_n: f64,
+    /// Force that the motor needs at rest.
+    offset_n: f64,
+    /// Travel per turn of the motor; above 0.
+    lead_m: f64,
+    /// Limit of the controller's output; above 0.
+    limit_v: f64,
+    /// Periods over which the controller differentiates; without it dq/dt is taken as it is.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    difference_periods: Option<usize>,
+}
+
+impl Axis {
+    /// Reads a model file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or holds other keys or effects.
+    pub fn load(path: &Path) -> Result<Self, AxisModelError> {
+        let origin = path.display().to_string();
+        let text = std::fs::read_to_string(path).map_err(|error| AxisModelError {
+            origin: origin.clone(),
+            reason: error.to_string(),
+        })?;
+        Self::parse(&text, &origin)
+    }
+
+    /// The published model of the benchmark.
+    pub fn published() -> Self {
+        let text = include_str!("../../../mappings/emps-model.toml");
+        Self::parse(text, "emps-model.toml").expect("the project's own file")
+    }
+
+    /// Reads a model from its text.
+    ///
+    /// # Errors
+    /// As [`Axis::load`].
+    pub fn parse(text: &str, origin: &str) -> Result<Self, AxisModelError> {
+        let fault = |reason: String| AxisModelError {
+            origin: origin.to_owned(),
+            reason,
+        };
+        let File { axis, effects } = toml::from_str(text).map_err(|e| fault(e.to_string()))?;
+        let terms = effects
+            .iter()
+            .map(|effect| term(effect).map_err(fault))
+            .collect::<Result<_, _>>()?;
+        let plate = [axis.mass_kg, axis.lead_m, axis.limit_v];
+        if !plate.iter().all(|v| v.is_finite() && *v > 0.0) {
+            return Err(fault("mass_kg, lead_m and limit_v must be positive".into()));
+        }
+        Ok(Axis {
+            base: [
+                axis.mass_kg,
+                axis.viscous_n_s_per_m,
+                axis.coulomb_n,
+                axis.offset_n,
+            ],
+            terms,
+            homing: 0.0,
+            lead_m: axis.lead_m,
+            limit_v: axis.limit_v,
+            law: axis
+                .difference_periods
+                .map_or(Law::Ideal, |periods| Law::Difference(periods.clamp(1, 64))),
+        })
+    }
+
+    /// As a model file has it.
+    pub fn to_toml(&self) -> String {
+        let [mass_kg, viscous_n_s_per_m, coulomb_n, offset_n] = self.base;
+        let file = File {
+            axis: Plate {
+                mass_kg,
+                viscous_n_s_per_m,
+                coulomb_n,
+                offset_n,
+                lead_m: self.lead_m,
+                limit_v: self.limit_v,
+                difference_periods: match self.law {
+                    Law::Ideal => None,
+                    Law::Difference(periods) => Some(periods),
+                },
+            },
+            effects: self
+                .terms
+                .iter()
+                .map(|(term, values)| entry(*term, values))
+                .collect(),
+        };
+        toml::to_string(&file).expect("numbers and names have a text")
+    }
+}
+
+fn entry(term: Term, values: &[f64]) -> Table {
+    let mut table = Table::new();
+    table.insert("kind".into(), term.kind().into());
+    table.insert("where".into(), term.place().into());
+    if let Term::Periodic(order) = term {
+        table.insert("order".into(), order.into());
+    }
+    for ((name, _), value) in term.names().iter().zip(values) {
+        table.insert((*name).into(), (*value).into());
+    }
+    table
+}
+
+fn term(effect: &Table) -> Result<(Term, Vec<f64>), String> {
+    let number = |name: &str| {
+        effect
+            .get(name)
+            .and_then(|v| v.as_float().or(v.as_integer().map(|v| v as f64)))
+            .ok_or_else(|| format!("an effect lacks the number `{name}`"))
+    };
+    let kind = effect
+        .get("kind")
+        .and_then(Value::as_str)
+        .unwrap_or_default();
+    let known = [
+        Term::Lag,
+        Term::Stribeck,
+        Term::Saturation,
+        Term::Asymmetry,
+        Term::Presliding,
+        Term::Periodic(1.0),
+        Term::PositionFriction,
+        Term::PositionLoad,
+    ];
+    let mut term = known
+        .into_iter()
+        .find(|term| term.kind() == kind)
+        .ok_or_else(|| format!("the effect `{kind}` is unknown to an axis"))?;
+    if let Term::Periodic(order) = &mut term {
+        *order = number("order")?;
+    }
+    let values = term
+        .names()
+        .iter()
+        .map(|(name, _)| number(name))
+        .collect::<Result<_, _>>()?;
+    Ok((term, values))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_model_file_is_read_as_it_was_written() {
+        let mut axis = Axis::published();
+        axis.law = Law::Difference(2);
+        axis.terms = vec![
+            (Term::Stribeck, vec![3.5, 0.02]),
+            (Term::Periodic(17.25), vec![0.1, -0.2]),
+        ];
+        let again = Axis::parse(&axis.to_toml(), "model.toml").expect("its own text");
+        assert_eq!(again.parameters(), axis.parameters());
+        assert_eq!(again.law, axis.law);
+        assert_eq!(again.terms[1].0, Term::Periodic(17.25));
+        let error = Axis::parse(&axis.to_toml().replace("stribeck", "stribek"), "model.toml");
+        assert!(error.unwrap_err().to_string().contains("stribek_friction"));
+    }
+}

@@ -1,0 +1,167 @@
+//! The record of an axis.
+
+use crate::records::{DataQuality, How, LoadError, Mapping, Record as Loaded, load};
+use std::path::Path;
+
+/// How a controller takes dq/dt.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Law {
+    /// As it is: the loop is closed without delay, reference and pulses are straight lines between rows.
+    Ideal,
+    /// As the difference over so many of its last periods, once a row.
+    Difference(usize),
+}
+
+/// One record.
+#[derive(Debug, Clone)]
+pub struct Record {
+    /// Rows a second.
+    pub rate: f64,
+    /// Measured position of the carriage, m.
+    pub position: Vec<f64>,
+    /// Reference position, m.
+    pub reference: Vec<f64>,
+    /// The controller's output, V.
+    pub output: Vec<f64>,
+    /// Voltage added to the controller's, V.
+    pub pulses: Vec<f64>,
+    /// Force per volt, N/V.
+    pub force_per_volt: f64,
+    /// Gain of the position loop, 1/s.
+    pub kp: f64,
+    /// Gain of the velocity loop, V s/m.
+    pub kv: f64,
+    /// What became of the file's rows.
+    pub account: DataQuality,
+}
+
+impl Record {
+    /// Reads a file of the benchmark.
+    ///
+    /// # Errors
+    /// As [`load`].
+    pub fn emps(path: &Path) -> Result<Self, LoadError> {
+        let mapping = Mapping::parse(include_str!("../../../mappings/emps.toml"), "emps.toml")?;
+        let how = How {
+            mapping: &mapping,
+            on_fault: Default::default(),
+            declared_hz: None,
+        };
+        Ok(Self::new(load(path, how, &mut |_| ())?))
+    }
+
+    /// A reference, m, to be followed by a loop like the benchmark's: nothing measured yet. [`super::Axis::simulate`] says what an
+    /// axis makes of it.
+    #[must_use]
+    pub fn to_follow(reference: Vec<f64>, rate: f64) -> Self {
+        let nothing = vec![0.0; reference.len()];
+        Record {
+            rate,
+            position: nothing.clone(),
+            output: nothing.clone(),
+            pulses: nothing,
+            reference,
+            force_per_volt: 35.0,
+            kp: 160.0,
+            kv: 240.0,
+            account: DataQuality::default(),
+        }
+    }
+
+    /// Of columns that were loaded.
+    pub fn new(loaded: Loaded) -> Self {
+        let mut loaded = loaded.longest();
+        let rows = loaded.len();
+        let or_zero = |values: Vec<f64>| match values.is_empty() {
+            true => vec![0.0; rows],
+            false => values,
+        };
+        let constant = |loaded: &Loaded, name| loaded.constant(name).unwrap_or(f64::NAN);
+        Record {
+            rate: loaded.rate,
+            position: loaded.take("position_m"),
+            reference: or_zero(loaded.take("reference_m")),
+            output: loaded.take("output_v"),
+            pulses: or_zero(loaded.take("pulses_v")),
+            force_per_volt: constant(&loaded, "force_per_volt_n"),
+            kp: constant(&loaded, "kp_per_s"),
+            kv: constant(&loaded, "kv_v_s_per_m"),
+            account: loaded.quality,
+        }
+    }
+
+    /// Rows.
+    pub fn len(&self) -> usize {
+        self.position.len()
+    }
+
+    /// Way between the ends of the travel, m.
+    pub(super) fn travel(&self) -> f64 {
+        let ends = |(low, high): (f64, f64), x: &f64| (low.min(*x), high.max(*x));
+        let (low, high) = self.position.iter().fold((f64::MAX, f64::MIN), ends);
+        (high - low).max(0.0)
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.position.is_empty()
+    }
+
+    /// The first rows of it.
+    pub(super) fn first(&self, rows: usize) -> Self {
+        let cut = |column: &[f64]| column[..rows.min(column.len())].to_vec();
+        Record {
+            position: cut(&self.position),
+            reference: cut(&self.reference),
+            output: cut(&self.output),
+            pulses: cut(&self.pulses),
+            account: self.account.clone(),
+            ..*self
+        }
+    }
+
+    /// Motor force, N.
+    pub fn force(&self) -> Vec<f64> {
+        self.output
+            .iter()
+            .map(|v| v * self.force_per_volt)
+            .collect()
+    }
+
+    /// Reference a share of a period after row `k`, m.
+    pub(super) fn reference_at(&self, k: usize, share: f64) -> f64 {
+        between(&self.reference, k, share)
+    }
+
+    /// Pulses a share of a period after row `k`, V.
+    pub(super) fn pulses_at(&self, k: usize, share: f64) -> f64 {
+        between(&self.pulses, k, share)
+    }
+
+    /// How the controller differentiated: over how many periods its output follows its law best, and the rms of what
+    /// is left, V.
+    pub fn law(&self) -> (Law, f64) {
+        let left = |periods: usize| {
+            let rows = 10..self.len();
+            let count = rows.len().max(1) as f64;
+            let square = rows
+                .map(|k| {
+                    let speed = (self.position[k] - self.position[k - periods]) * self.rate
+                        / periods as f64;
+                    let law = self.kv * (self.kp * (self.reference[k] - self.position[k]) - speed);
+                    (self.output[k] - self.pulses[k] - law).powi(2)
+                })
+                .sum::<f64>();
+            (square / count).sqrt()
+        };
+        (1..=8)
+            .map(|periods| (Law::Difference(periods), left(periods)))
+            .min_by(|a, b| a.1.total_cmp(&b.1))
+            .unwrap_or((Law::Ideal, f64::NAN))
+    }
+}
+
+fn between(values: &[f64], k: usize, share: f64) -> f64 {
+    let next = values.get(k + 1).copied().unwrap_or(values[k]);
+    values[k] + share * (next - values[k])
+}

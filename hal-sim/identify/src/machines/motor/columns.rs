@@ -1,0 +1,329 @@
+//! One record of a motor as the columns of a regression: through the same zero-phase filter on both sides, at as many rows
+//! as the filter leaves.
+
+use super::record::Record;
+use crate::effects::limits::SHOWN;
+use crate::regression::column::Column;
+use crate::regression::normal::{Normal, Prior};
+use crate::signal::filter::{butterworth, second_derivative};
+use crate::signal::fourier::slope;
+use nalgebra::{DMatrix, DVector};
+use std::f64::consts::TAU;
+
+/// What is left out at a record's start, s, in which the speed is not yet reached, and at its end.
+const MARGIN_S: [f64; 2] = [0.3, 0.1];
+/// Bandwidth of what is compared, Hz, and in the rows' rate where that is slow.
+const BAND_HZ: f64 = 100.0;
+const BAND_OF_RATE: f64 = 0.4;
+/// Bandwidth of the angle by which the orders turn, in that of what is compared: within that it is as it was read.
+const ANGLE_OF_BAND: f64 = 2.0;
+/// Bandwidth of the speed that tells how fast a record is, Hz: the counts of a creeping encoder are no speed.
+const SLOW_HZ: f64 = 10.0;
+/// Standard deviations of the speed's noise over which friction changes its sign: the counts of an encoder are no
+/// reversals.
+const TURNS_ROUND_IN_NOISE: f64 = 3.0;
+/// Share of an acceleration's power that may be noise of the angle: by so much it biases the inertia towards 0 (errors in
+/// variables, Söderström, *Automatica* 43, 2007).
+const MOST_NOISE: f64 = 0.05;
+/// Lowest bandwidth of an acceleration, Hz, and by which factor it is lowered.
+const LEAST_HZ: f64 = 2.0;
+const NARROWER: f64 = 0.8;
+/// Rows a second that are kept, in the bandwidth.
+const ROWS_OF_BAND: f64 = 2.5;
+/// Share of the median speed below which a motor all but rests.
+const RESTS: f64 = 0.2;
+/// Share of a regressor's own weight that must be left beside the others: a variance inflation of 10 (Marquardt,
+/// *Technometrics* 12, 1970).
+const LEAST_OWN: f64 = 0.1;
+/// Gain of the filter down to which an order shows.
+const LEAST_GAIN: f64 = 0.1;
+
+/// A regressor beside the orders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Base {
+    /// Acceleration: its coefficient is the inertia over the torque constant, A s^2/rad.
+    Inertia,
+    /// A constant current, A.
+    Offset,
+    /// Sign of the speed, A.
+    Coulomb,
+    /// Speed, A s/rad.
+    Viscous,
+}
+
+impl Base {
+    /// What every motor has.
+    pub(super) const ALWAYS: [Base; 2] = [Base::Inertia, Base::Offset];
+
+    /// For a reader, with its unit.
+    pub fn name(self) -> (&'static str, &'static str) {
+        match self {
+            Base::Inertia => ("inertia over torque constant", "A s\u{B2}/rad"),
+            Base::Offset => ("constant current", "A"),
+            Base::Coulomb => ("Coulomb friction over torque constant", "A"),
+            Base::Viscous => ("viscous friction over torque constant", "A s/rad"),
+        }
+    }
+}
+
+/// One record, filtered.
+pub(super) struct Columns {
+    rate: f64,
+    hz: f64,
+    step: usize,
+    rows: std::ops::Range<usize>,
+    /// Rows that count.
+    open: Vec<bool>,
+    position: Vec<f64>,
+    velocity: Vec<f64>,
+    acceleration: Vec<f64>,
+    slow: Vec<f64>,
+    current: Vec<f64>,
+    /// Standard deviation of the speed's noise, rad/s.
+    speed_noise: f64,
+}
+
+/// The value that a share of the sizes is below.
+fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
+    let mut sizes: Vec<f64> = values.map(f64::abs).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let at = (share * (sizes.len() - 1) as f64) as usize;
+    *sizes.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+/// Standard deviation of a signal's white noise by its fourth differences, which what moves slowly has not.
+pub(super) fn white_noise(values: &[f64]) -> f64 {
+    let fourth = values
+        .windows(5)
+        .map(|x| x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]);
+    let square: f64 = fourth.map(|x| x * x).sum();
+    (square / 70.0 / values.len().saturating_sub(4).max(1) as f64).sqrt()
+}
+
+/// Acceleration up to the highest frequency at which it is not the angle's noise. It passes the filter of both sides later,
+/// as the current does: only where it must be narrower than that is it filtered here.
+fn accelerations(angle: &[f64], rate: f64, top: f64, noise: impl Fn(f64) -> f64) -> Vec<f64> {
+    let acceleration = second_derivative(angle, rate);
+    let mut hz = top;
+    loop {
+        let shown = butterworth(&acceleration, rate, hz);
+        let square: f64 = shown.iter().map(|a| a * a).sum();
+        let power = square / shown.len().max(1) as f64;
+        if noise(hz).powi(2) <= MOST_NOISE * power || hz * NARROWER < LEAST_HZ {
+            return if hz < top { shown } else { acceleration };
+        }
+        hz *= NARROWER;
+    }
+}
+
+impl Columns {
+    pub(super) fn new(record: &Record) -> Self {
+        let rate = record.rate;
+        let hz = BAND_HZ.min(BAND_OF_RATE * rate);
+        let position = match ANGLE_OF_BAND * hz < 0.5 * rate {
+            true => butterworth(&record.position, rate, ANGLE_OF_BAND * hz),
+            false => record.position.clone(),
+        };
+        let velocity = slope(&butterworth(&record.position, rate, hz), rate);
+        let slow = butterworth(&record.position, rate, SLOW_HZ.min(hz));
+        // White noise of the angle through a derivative of this order up to a frequency.
+        let of_angle = white_noise(&record.position).powi(2) * 2.0 / rate;
+        let noise = |order: f64, hz: f64| {
+            let power = 2.0 * order + 1.0;
+            (of_angle * TAU.powf(2.0 * order) * hz.powf(power) / power).sqrt()
+        };
+        let [from, to] = MARGIN_S.map(|s| (s * rate) as usize);
+        let rows = record.position.len();
+        Columns {
+            rate,
+            hz,
+            step: ((rate / (ROWS_OF_BAND * hz)) as usize).max(1),
+            rows: from.min(rows)..rows.saturating_sub(to).max(from.min(rows)),
+            open: vec![true; rows],
+            acceleration: accelerations(&record.position, rate, hz, |hz| noise(2.0, hz)),
+            speed_noise: noise(1.0, hz),
+            slow: slope(&slow, rate),
+            velocity,
+            position,
+            current: butterworth(&record.current, rate, hz),
+        }
+    }
+
+    /// Rows a second that are kept.
+    pub(super) fn rate(&self) -> f64 {
+        self.rate / self.step as f64
+    }
+
+    /// Rows that are kept, of a signal of the record's length.
+    fn kept<T: Copy>(&self, values: &[T]) -> Vec<T> {
+        let rows = self.rows.clone().step_by(self.step);
+        rows.map(|row| values[row]).collect()
+    }
+
+    /// Rows that are kept; 0 where they do not count.
+    fn cut(&self, values: &[f64]) -> Vec<f64> {
+        let mut cut = self.kept(values);
+        let closed = cut.iter_mut().zip(self.open()).filter(|(_, open)| !open);
+        closed.for_each(|(value, _)| *value = 0.0);
+        cut
+    }
+
+    /// Which of the rows that are kept count.
+    pub(super) fn open(&self) -> Vec<bool> {
+        self.kept(&self.open)
+    }
+
+    /// Closes the rows at which regressors are outside of what a record that is fitted has, by their leverage, whatever
+    /// the lag: of a model that was not fitted there an error says nothing (hidden extrapolation, Montgomery, Peck and
+    /// Vining, *Introduction to Linear Regression Analysis*, 3.8).
+    pub(super) fn close_beyond(&mut self, fitted: &Columns, base: &[Base], lags_s: &[f64]) {
+        let design = |columns: &Columns, lag_s: f64| {
+            let of: Vec<Vec<f64>> = base.iter().map(|b| columns.base(*b, lag_s)).collect();
+            DMatrix::from_fn(of[0].len(), of.len(), |row, k| of[k][row])
+        };
+        for lag_s in lags_s {
+            let [of_fit, own] = [fitted, &*self].map(|columns| design(columns, *lag_s));
+            let gram = of_fit.tr_mul(&of_fit);
+            let scale =
+                DMatrix::from_diagonal(&gram.diagonal().map(|x| x.max(1e-300).sqrt().recip()));
+            let Ok(inverse) = (&scale * gram * &scale).pseudo_inverse(1e-9) else {
+                continue;
+            };
+            let weight = &scale * inverse * &scale;
+            let leverages = |design: &DMatrix<f64>| -> Vec<f64> {
+                let shaped = design * &weight;
+                (0..design.nrows())
+                    .map(|row| shaped.row(row).dot(&design.row(row)))
+                    .collect()
+            };
+            let most = leverages(&of_fit).into_iter().fold(0.0, f64::max);
+            let kept = self.rows.clone().step_by(self.step);
+            for (row, leverage) in kept.zip(leverages(&own)) {
+                if leverage > most {
+                    self.open[row] = false;
+                }
+            }
+        }
+    }
+
+    /// The current, A.
+    pub(super) fn current(&self) -> Vec<f64> {
+        self.cut(&self.current)
+    }
+
+    /// The angle, rad.
+    pub(super) fn position(&self) -> Vec<f64> {
+        self.kept(&self.position)
+    }
+
+    /// Behind a first-order filter with the time constant `lag_s`, and through the common filter.
+    fn reported(&self, values: &[f64], lag_s: f64) -> Vec<f64> {
+        if lag_s <= 0.0 {
+            return self.cut(&butterworth(values, self.rate, self.hz));
+        }
+        let keep = (-1.0 / (self.rate * lag_s)).exp();
+        let mut last = values[0];
+        let late: Vec<f64> = values
+            .iter()
+            .map(|x| {
+                last = keep * last + (1.0 - keep) * x;
+                last
+            })
+            .collect();
+        self.cut(&butterworth(&late, self.rate, self.hz))
+    }
+
+    /// The median speed, rad/s.
+    fn median_speed(&self) -> f64 {
+        quantile(self.slow[self.rows.clone()].iter().copied(), 0.5)
+    }
+
+    /// Which kinds of friction the record tells from inertia and a constant current, and which not, with the reason.
+    pub(super) fn told_apart(&self) -> (Vec<Base>, Vec<(Base, &'static str)>) {
+        let column = |base: Base| Column::alone(self.base(base, 0.0));
+        let mut base = Base::ALWAYS.to_vec();
+        let mut not = Vec::new();
+        for (further, reason) in [
+            (
+                Base::Coulomb,
+                "the motor hardly turns both ways: it is not told from a constant current; a record both ways would tell",
+            ),
+            (
+                Base::Viscous,
+                "the speed hardly changes: it is not told from a constant current; two speeds a factor of 2 apart would tell",
+            ),
+        ] {
+            let own = column(further);
+            let whole = std::iter::once(0..own.only().len()).collect();
+            let mut normal = Normal::new(own, &whole);
+            base.iter()
+                .for_each(|known| normal.push(column(*known), Prior::FREE));
+            let left = normal.cost(&normal.solve(None).values);
+            match left > LEAST_OWN * normal.cost(&DVector::zeros(base.len())) {
+                true => base.push(further),
+                false => not.push((further, reason)),
+            }
+        }
+        (base.split_off(Base::ALWAYS.len()), not)
+    }
+
+    /// The highest whole order that the filter leaves where the motor turns slowest, on enough of the rows.
+    pub(super) fn highest_order(&self) -> u32 {
+        let rests = RESTS * self.median_speed();
+        let speeds = self.slow[self.rows.clone()].iter().copied();
+        let slowest = quantile(speeds.filter(|w| w.abs() > rests), SHOWN);
+        let hz = self.hz * (LEAST_GAIN.recip() - 1.0).powf(0.125);
+        (TAU * hz / slowest.max(1e-9)).min(1e6) as u32
+    }
+
+    /// Turns that the record covers.
+    pub(super) fn turns(&self) -> f64 {
+        let inside = self.position[self.rows.clone()].iter();
+        let (low, high) = inside.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+        ((high - low) / TAU).max(0.0)
+    }
+
+    /// A regressor.
+    pub(super) fn base(&self, base: Base, lag_s: f64) -> Vec<f64> {
+        match base {
+            Base::Inertia => self.reported(&self.acceleration, lag_s),
+            Base::Offset => self.cut(&vec![1.0; self.position.len()]),
+            Base::Coulomb => {
+                let round = (TURNS_ROUND_IN_NOISE * self.speed_noise).max(1e-9);
+                let sign: Vec<f64> = self.velocity.iter().map(|w| (w / round).tanh()).collect();
+                self.reported(&sign, lag_s)
+            }
+            Base::Viscous => self.reported(&slope(&self.position, self.rate), lag_s),
+        }
+    }
+
+    /// Cosine and sine of an order of the turn.
+    pub(super) fn wave(&self, order: u32, lag_s: f64) -> [Vec<f64>; 2] {
+        let (cos, sin): (Vec<f64>, Vec<f64>) = self
+            .position
+            .iter()
+            .map(|p| {
+                let (sin, cos) = (f64::from(order) * p).sin_cos();
+                (cos, sin)
+            })
+            .unzip();
+        [self.reported(&cos, lag_s), self.reported(&sin, lag_s)]
+    }
+
+    /// A wave's derivative by its order, about the record's middle: what is linear in the angle is then not the phase once
+    /// more.
+    pub(super) fn slope_by_order(&self, order: u32, [c, s]: [f64; 2], lag_s: f64) -> Vec<f64> {
+        let middle = self.position.iter().sum::<f64>() / self.position.len().max(1) as f64;
+        let slope: Vec<f64> = self
+            .position
+            .iter()
+            .map(|p| {
+                let (sin, cos) = (f64::from(order) * p).sin_cos();
+                (p - middle) * (s * cos - c * sin)
+            })
+            .collect();
+        self.reported(&slope, lag_s)
+    }
+}

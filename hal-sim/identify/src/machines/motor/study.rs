@@ -1,0 +1,410 @@
+//! The current of a motor by inertia, friction, the orders of its turn, and the filter by which it is reported late: the
+//! regression, covariance and criterion of all machines on one channel.
+
+use super::columns::{Base, Columns, white_noise};
+use super::fit::{Both, Fit, rms, whole};
+use super::left::remnants;
+use super::orders::{Order, of_map};
+use super::record::Record;
+use crate::conclusion::rest::Remnant;
+use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};
+use crate::regression::column::{Column, counted};
+use crate::regression::normal::{Normal, Prior};
+use crate::search::selection::{
+    Evidence, MATERIAL_OF_REST, MOST_CONTENDERS, MOST_NAMES, TOO_LITTLE, VOUCHED_OF_REST,
+};
+
+/// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
+const HIGHEST: u32 = 130;
+/// Time constants of a lag that are tried: none, and from one period of the record up to here by this factor, s; and how
+/// finely the best is followed.
+const LONGEST_LAG_S: f64 = 0.5;
+const NEXT_LAG: f64 = 2.0;
+const FINER: [f64; 4] = [0.35, 0.17, 0.08, 0.04];
+/// How often orders are looked for again beside a lag that was followed.
+const MOST_ROUNDS: usize = 3;
+/// Orders that are fitted beside a lag, and rows for each.
+const BESIDE_LAG: u32 = 40;
+const ROWS_PER_ORDER: usize = 24;
+/// Share by which a lag must lower the check record's square error.
+const LEAST_LAG: f64 = 0.1;
+
+/// A first-order filter on the current that is reported.
+#[derive(Debug, Clone, Copy)]
+pub struct Lag {
+    /// Time constant, s, and its standard deviation.
+    pub value_s: [f64; 2],
+    /// Share of the check record's square that it takes beside the orders.
+    pub explained: f64,
+}
+
+/// A candidate that was not taken, and why.
+#[derive(Debug, Clone)]
+pub struct Lost {
+    /// The order.
+    pub order: u32,
+    /// Share of the fit record's square that it would take.
+    pub share: f64,
+    /// Why.
+    pub reason: &'static str,
+}
+
+/// What the orders explain of a motor's current.
+pub struct Study {
+    /// Orders, the strongest first.
+    pub orders: Vec<Order>,
+    /// Columns ahead of the orders' in [`Fit::values`].
+    pub base: Vec<Base>,
+    /// What the records do not tell apart, and why.
+    pub not_told_apart: Vec<(Base, &'static str)>,
+    /// Of a current that is reported late.
+    pub lag: Option<Lag>,
+    /// The orders as the fit record has them where they are free, whole or not, and their variances.
+    pub freed: Vec<[f64; 2]>,
+    /// Share of the check record's square, beyond noise, that each order takes.
+    pub explained: Vec<f64>,
+    /// Inertia and friction only.
+    pub before: Fit,
+    /// With the orders and the lag.
+    pub after: Fit,
+    /// Filtered current of fit and check record, A.
+    pub current: [Vec<f64>; 2],
+    /// Angles of the same rows, rad.
+    pub position: [Vec<f64>; 2],
+    /// Which of the rows count: of the check record those at which its regressors are not outside of the fit record's.
+    pub open: [Vec<bool>; 2],
+    /// Rate of the fit record's rows, Hz.
+    pub rate: f64,
+    /// What the current's sensor alone leaves after the filter, A.
+    pub noise: f64,
+    /// Candidates that lost.
+    pub lost: Vec<Lost>,
+    /// Candidates tried.
+    pub tried: usize,
+    /// Orders that were not, and why.
+    pub not_tried: (usize, &'static str),
+    /// What the orders leave of both records above it.
+    pub remnants: Vec<Remnant>,
+}
+
+/// Noise of a record's current within the filter's band, A.
+fn noise(record: &Record) -> f64 {
+    white_noise(&record.current) * (200.0 / record.rate).min(0.8).sqrt()
+}
+
+/// The lag with which inertia, friction and orders, fitted together, predict the check record best.
+fn lag(records: [&Columns; 2], base: &[Base], orders: &[u32], lags_s: &[f64]) -> f64 {
+    let square = |lag_s: f64| Both::new(records, base, orders, lag_s).squares()[1];
+    let tried: Vec<(f64, f64)> = lags_s.iter().map(|lag| (square(*lag), *lag)).collect();
+    let best = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0));
+    match best {
+        Some((least, lag_s)) if *least < (1.0 - LEAST_LAG) * tried[0].0 => *lag_s,
+        _ => 0.0,
+    }
+}
+
+/// Follows a lag to where the orders that were found leave least of the fit record.
+fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -> [f64; 2] {
+    let square = |log: f64| Both::new(records, base, orders, log.exp()).squares()[0];
+    let (mut least, mut at) = (square(start.ln()), start.ln());
+    for step in FINER {
+        for log in [at - step, at + step] {
+            let here = square(log);
+            if here < least {
+                (least, at) = (here, log);
+            }
+        }
+    }
+    // Its standard deviation by the curvature, in as many independent rows as the residual's band leaves.
+    let beside = 0.1;
+    let curvature = (square(at + beside) + square(at - beside) - 2.0 * least) / (beside * beside);
+    let rows = records[0].current().len() as f64;
+    let relative = (2.0 * least / (rows * curvature).max(1e-300)).sqrt();
+    [at.exp(), at.exp() * relative]
+}
+
+impl Study {
+    /// Fits on `estimate`, checks on `check`. The candidates are all orders that the filter leaves at the
+    /// records' speeds; those of the slow turn `map` (position, current) need less proof.
+    pub fn new(estimate: &Record, check: &Record, map: Option<&[Vec<f64>; 2]>) -> Self {
+        let lags = std::iter::successors(Some(1.0 / estimate.rate), |lag| Some(NEXT_LAG * lag));
+        let lags_s: Vec<f64> = std::iter::once(0.0)
+            .chain(lags.take_while(|lag| *lag < LONGEST_LAG_S))
+            .collect();
+        let mut sides = [Columns::new(estimate), Columns::new(check)];
+        // Of inertia alone: records at other speeds are what friction and orders are checked by.
+        let [fitted, other] = &mut sides;
+        other.close_beyond(fitted, &Base::ALWAYS, &lags_s);
+        let records = [&sides[0], &sides[1]];
+        let mut base = Base::ALWAYS.to_vec();
+        let (mut frictions, mut not_told_apart) = records[0].told_apart();
+        let take = |base: &mut Vec<Base>, frictions: &mut Vec<Base>, orders: &[u32], lag_s| {
+            let mut lost = Vec::new();
+            frictions.retain(|friction| {
+                base.push(*friction);
+                let has = Both::new(records, base, orders, lag_s).has_friction();
+                if let Err(reason) = has {
+                    base.pop();
+                    lost.push((*friction, reason));
+                }
+                has.is_err()
+            });
+            lost
+        };
+        let lost = take(&mut base, &mut frictions, &[], 0.0);
+        let shown = records
+            .map(Columns::highest_order)
+            .into_iter()
+            .min()
+            .unwrap_or(0);
+        let turned = records.iter().all(|record| record.turns() >= LEAST_TURNS);
+        let highest = if turned { shown.min(HIGHEST) } else { 0 };
+        let vouched: Vec<u32> = map.map_or_else(Vec::new, |[position, current]| {
+            let orders = of_map(position, current);
+            orders.iter().map(|order| order.order).collect()
+        });
+        let others = (1..=HIGHEST).filter(|order| !vouched.contains(order));
+        let mut candidates: Vec<u32> = vouched.iter().copied().chain(others).collect();
+        let all = candidates.len();
+        candidates.retain(|order| turned && *order <= shown);
+        let reason = if turned { ABOVE_BAND } else { NOT_TURNED };
+        let rows = records[0].current().len();
+        let most = highest.min(BESIDE_LAG).min((rows / ROWS_PER_ORDER) as u32);
+        let lowest: Vec<u32> = (1..=most).collect();
+        let at_lag = |base: &[Base], late: f64| {
+            let both = Both::new(records, base, &candidates, late);
+            let mut search = Search {
+                fit: both.regression(base.len()),
+                both: &both,
+                candidates: &candidates,
+                vouched: &vouched,
+                // The lag is a name too.
+                most: MOST_NAMES - usize::from(late > 0.0),
+                taken: Vec::new(),
+                lost: Vec::new(),
+            };
+            while search.step() {}
+            (late, search.taken, search.lost)
+        };
+        let orders =
+            |taken: &[(u32, f64)]| taken.iter().map(|(order, _)| *order).collect::<Vec<u32>>();
+        let search = |base: &[Base]| {
+            let found = at_lag(base, lag(records, base, &lowest, &lags_s));
+            // Higher orders that were found may tell another lag.
+            match lag(records, base, &orders(&found.1), &lags_s) {
+                same if same == found.0 => found,
+                other => at_lag(base, other),
+            }
+        };
+        let (mut late, mut taken, mut lost_orders) = search(&base);
+        // Orders that were in the way of a friction are known now.
+        let known = base.len();
+        let lost = match taken.is_empty() {
+            true => lost,
+            false => take(&mut base, &mut frictions, &orders(&taken), late),
+        };
+        not_told_apart.extend(lost);
+        if base.len() > known {
+            (late, taken, lost_orders) = search(&base);
+        }
+        let before = Both::new(records, &base, &[], 0.0).fit(Vec::new()).0;
+        let mut numbers = orders(&taken);
+        let mut late = [late, 0.0];
+        // Between two lags that were tried, what is left is the lag's error: weak orders show beside the right one.
+        for _ in 0..MOST_ROUNDS {
+            if late[0] <= 0.0 {
+                break;
+            }
+            late = followed(records, &base, &numbers, late[0]);
+            let again = at_lag(&base, late[0]);
+            if orders(&again.1) == numbers {
+                break;
+            }
+            (_, taken, lost_orders) = again;
+            numbers = orders(&taken);
+        }
+        let last = Both::new(records, &base, &numbers, late[0]);
+        let plain = last.fit(Vec::new()).0;
+        // What the record alone says of the orders: each moves by a Gauss-Newton step, all of them and the other
+        // parameters together.
+        let slopes = numbers.iter().enumerate().map(|(k, order)| {
+            let at = base.len() + 2 * k;
+            let wave = [plain.values[at], plain.values[at + 1]];
+            Column::alone(records[0].slope_by_order(*order, wave, late[0]))
+        });
+        let (after, steps) = last.fit(slopes.collect());
+        let of_check = rms(&before.left[1]).powi(2);
+        let lag = (late[0] > 0.0).then(|| {
+            let without = Both::new(records, &base, &numbers, 0.0).squares()[1];
+            Lag {
+                value_s: late,
+                explained: ((without - rms(&after.left[1]).powi(2)) / of_check).clamp(0.0, 1.0),
+            }
+        });
+        let amplitude = |k: usize| {
+            let at = base.len() + 2 * k;
+            after.values[at].hypot(after.values[at + 1])
+        };
+        let orders: Vec<Order> = numbers
+            .iter()
+            .enumerate()
+            .map(|(k, order)| Order {
+                order: *order,
+                amplitude_a: amplitude(k),
+            })
+            .collect();
+        let noise = noise(estimate);
+        let position = records.map(Columns::position);
+        Study {
+            freed: numbers
+                .iter()
+                .zip(steps)
+                .map(|(order, [step, variance])| [f64::from(*order) + step, variance])
+                .collect(),
+            explained: taken.iter().map(|(_, fall)| fall / of_check).collect(),
+            remnants: remnants(
+                &after,
+                [&position[0], &position[1]],
+                records.map(Columns::open),
+                records[0].rate(),
+                noise,
+            ),
+            orders,
+            base,
+            not_told_apart,
+            lag,
+            before,
+            after,
+            rate: records[0].rate(),
+            noise,
+            current: records.map(Columns::current),
+            position,
+            open: records.map(Columns::open),
+            lost: lost_orders,
+            tried: candidates.len(),
+            not_tried: (all - candidates.len(), reason),
+        }
+    }
+
+    /// Current error of a fit on the check record, of its rms, %.
+    fn percent(&self, fit: &Fit) -> f64 {
+        100.0 * rms(&fit.left[1]) / rms(&self.current[1])
+    }
+
+    /// Rms of what a fit leaves of the rows of a record that count, A.
+    pub fn left_rms(&self, fit: &Fit, record: usize) -> f64 {
+        let rows = counted(&self.open[record]).max(1) as f64;
+        rms(&fit.left[record]) * (fit.left[record].len() as f64 / rows).sqrt()
+    }
+
+    /// Without the orders, %.
+    pub fn before_percent(&self) -> f64 {
+        self.percent(&self.before)
+    }
+
+    /// With them, %.
+    pub fn after_percent(&self) -> f64 {
+        self.percent(&self.after)
+    }
+}
+
+/// Turns that a record must cover for its orders to be looked for.
+const LEAST_TURNS: f64 = 0.5;
+
+/// How far a search for orders has come.
+struct Search<'a> {
+    both: &'a Both,
+    /// The fit record's regression on the base and on the orders that were taken.
+    fit: Normal,
+    candidates: &'a [u32],
+    /// Those that a slow turn of the same motor has.
+    vouched: &'a [u32],
+    /// Orders at most, where nothing vouches for more.
+    most: usize,
+    /// Orders, and by how much each lowered the check record's mean square.
+    taken: Vec<(u32, f64)>,
+    lost: Vec<Lost>,
+}
+
+impl Search<'_> {
+    /// Cosine and sine of an order on a record.
+    fn pair(&self, record: usize, order: u32) -> [&Column; 2] {
+        let known = self.candidates.iter().position(|known| *known == order);
+        let at = self.both.base + 2 * known.unwrap_or(0);
+        [0, 1].map(|k| &self.both.columns[record][at + k])
+    }
+
+    /// What the base and the orders that were taken leave of the check record under given coefficients.
+    fn check(&self, values: impl Iterator<Item = f64>) -> Column {
+        let base = self.both.columns[1][..self.both.base].iter();
+        let orders = self
+            .taken
+            .iter()
+            .flat_map(|(order, _)| self.pair(1, *order));
+        self.both.measured[1].less(base.chain(orders), values)
+    }
+
+    /// Takes the candidate that explains most and that the check record bears out; `false` when there is none.
+    fn step(&mut self) -> bool {
+        let solution = self.fit.solve(None);
+        let all = self.fit.cost(&solution.values).max(1e-300);
+        let before = rms(self.check(solution.values.iter().copied()).only()).powi(2);
+        let known = |order: &u32| {
+            self.taken.iter().any(|(taken, _)| taken == order)
+                || self.lost.iter().any(|lost| lost.order == *order)
+                || self.taken.len() >= self.most && !self.vouched.contains(order)
+        };
+        let mut gains: Vec<(f64, u32)> = self
+            .candidates
+            .iter()
+            .filter(|order| !known(order))
+            .map(|order| {
+                let pair = self.pair(0, *order).map(Column::clone);
+                (self.fit.gain(&pair, &solution).fall, *order)
+            })
+            .collect();
+        gains.sort_by(|a, b| b.0.total_cmp(&a.0));
+        for (fall, order) in gains.into_iter().take(MOST_CONTENDERS) {
+            match self.judged(order, before) {
+                Ok(on_check) => {
+                    for column in self.pair(0, order).map(Column::clone) {
+                        self.fit.push(column, Prior::FREE);
+                    }
+                    self.taken.push((order, on_check));
+                    return true;
+                }
+                Err(reason) => self.lost.push(Lost {
+                    order,
+                    share: fall / all,
+                    reason,
+                }),
+            }
+        }
+        false
+    }
+
+    /// By how much an order lowers the check record's mean square, which is `before`, or why it is not taken.
+    fn judged(&self, order: u32, before: f64) -> Result<f64, &'static str> {
+        let mut with = self.fit.clone();
+        for column in self.pair(0, order) {
+            with.push(column.clone(), Prior::FREE);
+        }
+        let values = with.solve(None).values;
+        let own = [values[self.fit.len()], values[self.fit.len() + 1]];
+        let [on_fit, on_check] =
+            [0, 1].map(|record| Column::default().plus(self.pair(record, order), &own));
+        Evidence::new(&self.fit, on_fit).on_fit(self.candidates.len())?;
+        let rest = self.check(values.iter().copied());
+        let after = rms(rest.less([&on_check], [1.0]).only()).powi(2);
+        let folds = whole(rest.only().len());
+        Evidence::new(&Normal::new(rest, &folds), on_check).borne_out()?;
+        let least = match self.vouched.contains(&order) {
+            true => VOUCHED_OF_REST,
+            false => MATERIAL_OF_REST,
+        };
+        match before - after > least * before {
+            true => Ok(before - after),
+            false => Err(TOO_LITTLE),
+        }
+    }
+}

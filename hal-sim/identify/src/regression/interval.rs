@@ -1,0 +1,73 @@
+//! Confidence intervals of an effect's parameters.
+
+use crate::analysis::Found;
+use crate::effects::family::Family;
+
+/// Half-width of a 95 % interval in standard deviations.
+const NORMAL_95: f64 = 1.96;
+/// Relative error of the balances themselves (sampled voltages, currents between samples), added to every size's
+/// standard deviation.
+const BALANCE_ERROR: f64 = 0.01;
+
+/// A parameter with its 95 % interval.
+pub struct Estimate {
+    /// Name in a model file.
+    pub name: String,
+    /// Value.
+    pub value: f64,
+    /// Ends of the interval.
+    pub interval: [f64; 2],
+}
+
+/// All parameters of an effect. The length of a drift's run is no parameter of it.
+pub fn estimates(found: &Found) -> Vec<Estimate> {
+    found
+        .effect
+        .effect()
+        .parameters()
+        .into_iter()
+        .filter(|(name, _)| name != "duration_s")
+        .map(|(name, value)| {
+            let half = NORMAL_95 * sigma(found, &name, value);
+            Estimate {
+                interval: [value - half, value + half],
+                name,
+                value,
+            }
+        })
+        .collect()
+}
+
+fn sigma(found: &Found, name: &str, value: f64) -> f64 {
+    let n = found.values.len();
+    let variance = |k: usize| found.covariance[k * n + k].max(0.0);
+    let size = |own: f64| own.hypot(BALANCE_ERROR * value);
+    match name {
+        "order" if found.hypothesis.family == Family::AngleTorque => {
+            // Torque harmonics count per electrical turn what was traced per mechanical turn.
+            found.shape_sigma * value / found.hypothesis.shape
+        }
+        "order" | "hz" | "speed" => found.shape_sigma,
+        "amplitude" if n == 2 => {
+            let [a, b] = [found.values[0], found.values[1]];
+            let square = a * a + b * b;
+            let own =
+                (a * a * variance(0) + 2.0 * a * b * found.covariance[1] + b * b * variance(1))
+                    / square;
+            size(own.max(0.0).sqrt())
+        }
+        "phase" => {
+            let [a, b] = [found.values[0], found.values[n - 1]];
+            let square = a * a + b * b;
+            let own = (b * b * variance(0) - 2.0 * a * b * found.covariance[1]
+                + a * a * variance(n - 1))
+                / (square * square);
+            own.max(0.0).sqrt().hypot(BALANCE_ERROR)
+        }
+        // A share of the current, from the reading's share of which the variance is.
+        "gain_a" => size((1.0 + value).powi(2) * variance(0).sqrt()),
+        "gain_b" => size((1.0 + value).powi(2) * variance(1).sqrt()),
+        "off_b" => size(variance(1).sqrt()),
+        _ => size(variance(0).sqrt()),
+    }
+}

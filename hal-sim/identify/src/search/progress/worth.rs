@@ -1,0 +1,79 @@
+//! What counts as something, as the same, and as not told apart.
+
+use super::Contender;
+use crate::balance::Balance;
+use crate::effects::family::Family;
+use crate::effects::hypothesis::Hypothesis;
+use crate::search::select::Trial;
+use plant::Axis;
+use plant::effects::Place;
+use std::f64::consts::TAU;
+
+/// Smallest amplitude of an error of angle or travel in encoder counts (through the lead): what quantisation itself makes
+/// is below.
+const LEAST_COUNTS: f64 = 0.25;
+/// Smallest flux harmonic, of the flux: what currents and voltages that are no means of the same period make of a
+/// torque ripple is below.
+const LEAST_FLUX: f64 = 1e-3;
+/// Smallest dead time, V: 8 ns of a bridge at 310 V and 20 kHz, and no more than a current's ripple between two samples
+/// makes.
+const LEAST_DEAD_TIME_V: f64 = 0.05;
+
+/// Turns that an angle covers.
+fn turns(angle: &[f64]) -> f64 {
+    let (low, high) = angle
+        .iter()
+        .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+    ((high - low) / TAU).max(0.05)
+}
+
+/// Whether two hypotheses say the same within what the record resolves.
+pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
+    let near = a.place == b.place || a.place == Place::Both || b.place == Place::Both;
+    if a.family != b.family || !near {
+        return false;
+    }
+    let signals = balance.signals;
+    let resolution = match a.family {
+        // Its scan has one best order.
+        Family::Unnamed(_) => f64::INFINITY,
+        Family::AngleTorque => 3.0 / turns(&signals.motors[a.axis().map_or(0, Axis::index)].travel),
+        Family::LeadError | Family::BallPassage => 1.5 / turns(&signals.relative),
+        Family::TimePeriodic => 3.0 / signals.run_s(),
+        Family::FluxHarmonic | Family::EncoderEccentricity => 1e-9,
+        _ => f64::INFINITY,
+    };
+    (a.shape - b.shape).abs() < resolution
+}
+
+/// Whether a trial's size is more than what the encoders' resolution and sampling make.
+pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
+    let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
+    let count = TAU / f64::from(balance.model.sensing.encoder_counts_per_turn);
+    match trial.hypothesis.family {
+        Family::LeadError => size > LEAST_COUNTS * count * balance.lead,
+        Family::EncoderEccentricity => size > LEAST_COUNTS * count,
+        Family::FluxHarmonic => size > LEAST_FLUX,
+        Family::DeadTime => size > LEAST_DEAD_TIME_V,
+        _ => true,
+    }
+}
+
+/// Of contenders those that the record does not tell from a trial: they explain less by no more than what an effect must
+/// explain at least to count.
+pub(super) fn inseparable(
+    trial: &Trial,
+    contenders: &[Contender],
+    material: f64,
+    balance: &Balance,
+) -> Vec<Trial> {
+    let least = trial.gain.fall - material;
+    contenders
+        .iter()
+        .map(|contender| &contender.trial)
+        .filter(|other| {
+            other.gain.fall > least && !same(&other.hypothesis, &trial.hypothesis, balance)
+        })
+        .cloned()
+        .collect()
+}

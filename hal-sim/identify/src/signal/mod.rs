@@ -1,0 +1,10 @@
+//! What a record says: coordinates, channels, filters, spectra, orders and the noise floor.
+
+pub(crate) mod along;
+pub mod channel;
+pub(crate) mod filter;
+pub mod fourier;
+pub(crate) mod leftover;
+pub mod noise;
+pub mod scan;
+pub mod signals;

@@ -1,0 +1,210 @@
+//! How noisy each channel is over frequency, and the filter that makes it white.
+
+use crate::signal::channel::Channel;
+use crate::signal::fourier::{Fourier, edge};
+use crate::signal::signals::Signals;
+use plant::model::Model;
+use std::f64::consts::TAU;
+
+/// Share of the decimated Nyquist frequency up to which a channel is used.
+pub(crate) const USED: f64 = 0.8;
+/// Share of the table's resonance up to which its position is used: nearer to it the model amplifies the encoders'
+/// quantisation, and a wrong resonance would pay by amplifying it less.
+const BELOW_RESONANCE: f64 = 0.6;
+/// How much more power than the sensors' may be taken for noise.
+const MOST_NOISE: f64 = 2.0;
+/// Upper edges of the bands over which the noise is estimated, Hz. Below the first, noise and slow misfit are one.
+pub(crate) const BANDS_HZ: [f64; 16] = [
+    6.0, 12.0, 20.0, 32.0, 48.0, 68.0, 92.0, 120.0, 155.0, 195.0, 240.0, 290.0, 345.0, 405.0,
+    470.0, 560.0,
+];
+
+/// Resonance of the table on the declared axial stiffness, Hz.
+pub fn declared_resonance_hz(model: &Model) -> f64 {
+    (model.feed.axial_stiffness_n_per_m / model.feed.table_mass_kg).sqrt() / TAU
+}
+
+/// Noise density of the channels: variance per row of the record if it were white at that level.
+#[derive(Clone)]
+pub struct Noise {
+    density: [Vec<f64>; Channel::COUNT],
+    /// Frequency up to which a channel is used, Hz.
+    top: [f64; Channel::COUNT],
+}
+
+impl Noise {
+    /// What sensors of the declared resolution make of a channel.
+    pub fn declared(model: &Model, signals: &Signals, fourier: &Fourier) -> Self {
+        Self::with_resonance(model, signals, fourier, declared_resonance_hz(model))
+    }
+
+    /// As [`Noise::declared`], of a table with another resonance: near it the balance amplifies the encoders' noise.
+    pub fn with_resonance(
+        model: &Model,
+        signals: &Signals,
+        fourier: &Fourier,
+        resonance_hz: f64,
+    ) -> Self {
+        let sensing = &model.sensing;
+        let count = TAU / f64::from(sensing.encoder_counts_per_turn);
+        let angle = count * count / 12.0;
+        let current = sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0;
+        let step = |column: &[f64]| {
+            let sum: f64 = column.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
+            (0.5 * sum / column.len() as f64).max(1e-12)
+        };
+        let steps = plant::Axis::ALL.map(|axis| {
+            let motor = &signals.motors[axis.index()];
+            (step(&motor.u_d), step(&motor.u_q))
+        });
+        let density = Channel::ALL.map(|channel| {
+            let at = |hz: f64| match channel {
+                Channel::Torque(axis) => {
+                    let motor = model.motor(axis);
+                    let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
+                    2.0 * constant * constant * current
+                        + (motor.inertia_kg_m2 * (TAU * hz).powi(2)).powi(2) * angle
+                }
+                Channel::VoltageD(axis) => steps[axis.index()].0,
+                Channel::VoltageQ(axis) => steps[axis.index()].1,
+                Channel::Table => {
+                    let lead = model.feed.travel_per_radian();
+                    let u = hz / resonance_hz;
+                    let damping = 2.0 * model.feed.axial_damping_ratio * u;
+                    let amplified = 1.0 / ((1.0 - u * u).powi(2) + damping * damping).max(1e-6);
+                    sensing.table_noise_m.powi(2) + 2.0 * lead * lead * angle * amplified
+                }
+            };
+            (0..fourier.bins())
+                .map(|bin| at(fourier.hz(bin)).max(1e-30))
+                .collect()
+        });
+        let top = USED * fourier.hz(fourier.bins());
+        let top = Channel::ALL.map(|channel| match channel {
+            Channel::Table => top.min(BELOW_RESONANCE * declared_resonance_hz(model)),
+            _ => top,
+        });
+        Noise { density, top }
+    }
+
+    /// Frequency up to which a channel is used, Hz.
+    pub fn top(&self, channel: Channel) -> f64 {
+        self.top[channel.index()]
+    }
+
+    /// Density of a channel over the bins of a spectrum.
+    pub fn density(&self, channel: Channel) -> &[f64] {
+        &self.density[channel.index()]
+    }
+
+    /// Greatest relative difference of two densities.
+    pub(crate) fn differs(&self, other: &Noise) -> f64 {
+        let pairs = self
+            .density
+            .iter()
+            .flatten()
+            .zip(other.density.iter().flatten());
+        pairs.map(|(a, b)| (a / b - 1.0).abs()).fold(0.0, f64::max)
+    }
+
+    /// The gain over frequency after which the channel's noise is white with variance 1 at the decimated rate.
+    pub fn whitening(&self, channel: Channel, fourier: &Fourier) -> Vec<f64> {
+        let top = self.top[channel.index()];
+        let scale = (fourier.step() as f64).sqrt();
+        self.density(channel)
+            .iter()
+            .enumerate()
+            .map(|(bin, d)| scale * edge(fourier.hz(bin), top, 1.2 * top) / d.sqrt())
+            .collect()
+    }
+
+    /// Noise floor of a channel within the band that is used, rms in the channel's unit.
+    pub fn floor(&self, channel: Channel, fourier: &Fourier) -> f64 {
+        let band = self.band(channel, fourier);
+        let width = fourier.hz(1) / (fourier.hz(fourier.bins()) * fourier.step() as f64);
+        let sum: f64 = self
+            .density(channel)
+            .iter()
+            .zip(&band)
+            .map(|(density, gain)| density * gain * gain)
+            .sum();
+        (sum * width).sqrt()
+    }
+
+    /// The gain that limits a channel to the band that is used, without whitening.
+    pub fn band(&self, channel: Channel, fourier: &Fourier) -> Vec<f64> {
+        let top = self.top[channel.index()];
+        (0..fourier.bins())
+            .map(|bin| edge(fourier.hz(bin), top, 1.2 * top))
+            .collect()
+    }
+
+    /// Corrects the density by the median power of what whitening left, band by band: lines of an effect do not move a
+    /// median, a raised floor does. A channel is never taken for less noisy than half of what the sensors make, nor for
+    /// more than [`MOST_NOISE`] times: what is louder is for an effect to explain.
+    pub fn corrected(
+        &self,
+        declared: &Noise,
+        left: &[Option<Vec<f64>>],
+        fourier: &Fourier,
+    ) -> Self {
+        let mut corrected = self.clone();
+        for (channel, signal) in left.iter().enumerate() {
+            let Some(signal) = signal else { continue };
+            let used = signal.iter().filter(|x| **x != 0.0).count().max(1) as f64;
+            // At the decimated rate; a record put at the full rate only to reuse the transform would be the same.
+            let power = power_spectrum(signal);
+            let width = fourier.hz(fourier.bins()) / power.len() as f64;
+            let mut points: Vec<(f64, f64)> = Vec::new();
+            let mut low = 0.3;
+            for high in BANDS_HZ {
+                let (from, to) = (
+                    (low / width) as usize,
+                    ((high / width) as usize).min(power.len()),
+                );
+                if from + 8 < to && high <= 1.05 * self.top[channel] {
+                    let mut band = power[from..to].to_vec();
+                    let middle = band.len() / 2;
+                    let (_, median, _) = band.select_nth_unstable_by(middle, f64::total_cmp);
+                    // The power of white noise is exponentially distributed: its median is ln 2 of its mean.
+                    let level = *median / std::f64::consts::LN_2 / used;
+                    points.push((0.5 * (low + high), level.max(1e-6)));
+                }
+                low = high;
+            }
+            if points.is_empty() {
+                continue;
+            }
+            for bin in 0..fourier.bins() {
+                let sensors = declared.density[channel][bin];
+                let level = self.density[channel][bin] * interpolate(&points, fourier.hz(bin));
+                corrected.density[channel][bin] = level.clamp(0.5 * sensors, MOST_NOISE * sensors);
+            }
+        }
+        corrected
+    }
+}
+
+/// Squared magnitudes of a signal's spectrum.
+pub fn power_spectrum(signal: &[f64]) -> Vec<f64> {
+    let transform = crate::signal::fourier::transform(signal.len());
+    let mut input = signal.to_vec();
+    let mut output = transform.make_output_vec();
+    transform
+        .process(&mut input, &mut output)
+        .expect("lengths of the plan");
+    output.iter().map(|c| c.norm_sqr()).collect()
+}
+
+/// Linear in the logarithm of the value, constant beyond the ends.
+fn interpolate(points: &[(f64, f64)], at: f64) -> f64 {
+    let after = points.partition_point(|(x, _)| *x < at);
+    if after == 0 {
+        return points[0].1;
+    }
+    if after == points.len() {
+        return points[after - 1].1;
+    }
+    let ((x0, y0), (x1, y1)) = (points[after - 1], points[after]);
+    (y0.ln() + (y1 / y0).ln() * (at - x0) / (x1 - x0)).exp()
+}

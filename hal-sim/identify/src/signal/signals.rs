@@ -1,0 +1,241 @@
+//! What a recording says, in the quantities of the balances: angles, speeds, dq currents.
+
+use crate::machines::Machine;
+use crate::signal::along::Along;
+use crate::signal::fourier::{Fourier, Spectrum, slope};
+use plant::Axis;
+use plant::model::Model;
+use plant::recording::Recording;
+use std::f64::consts::TAU;
+
+/// Bandwidth of the speeds in laws of friction and back-EMF, Hz. The encoder's quantisation at this bandwidth is below
+/// 1 % of the slowest speed of a feed.
+pub const SPEED_BANDWIDTH_HZ: f64 = 200.0;
+/// Bandwidth of currents where their sign or their product with an effect matters, Hz: the current loop's.
+pub const CURRENT_BANDWIDTH_HZ: f64 = 400.0;
+
+/// Above it neither smoothed currents nor what follows speeds and positions have content, Hz.
+pub const SMOOTH_HZ: f64 = 1.4 * CURRENT_BANDWIDTH_HZ;
+
+/// Speeds below which friction may stick and the torque balance says nothing, rad/s.
+pub(crate) const STICKING_RAD_S: f64 = 0.5;
+
+/// One motor's record.
+pub struct MotorSignals {
+    /// Measured mechanical angle from the first row on, rad.
+    pub travel: Vec<f64>,
+    /// Measured mechanical angle, rad.
+    pub theta: Vec<f64>,
+    /// Speed, rad/s, to [`SPEED_BANDWIDTH_HZ`].
+    pub omega: Vec<f64>,
+    /// cos and sin of the measured electrical angle.
+    pub rotor: Vec<(f64, f64)>,
+    /// Measured currents in the rotor's frame, A.
+    pub i_d: Vec<f64>,
+    /// Measured currents in the rotor's frame, A.
+    pub i_q: Vec<f64>,
+    /// Phase currents a and b to [`CURRENT_BANDWIDTH_HZ`], A.
+    pub phases: [Vec<f64>; 2],
+    /// q current to [`CURRENT_BANDWIDTH_HZ`], A.
+    pub i_q_smooth: Vec<f64>,
+    /// Commanded voltages, V.
+    pub u_d: Vec<f64>,
+    /// Commanded voltages, V.
+    pub u_q: Vec<f64>,
+    /// Size that the q current exceeds in a thousandth of the rows only, A.
+    pub peak_a: f64,
+    /// Greatest size of the speed, rad/s.
+    pub top_speed: f64,
+    /// First derivative of the angle at its full bandwidth, rad/s.
+    pub speed: Spectrum,
+    /// Second derivative of the angle, rad/s^2.
+    pub acceleration: Spectrum,
+    /// First derivatives of the currents, A/s.
+    pub i_d_rate: Spectrum,
+    /// First derivatives of the currents, A/s.
+    pub i_q_rate: Spectrum,
+}
+
+/// A whole record.
+pub struct Signals {
+    /// What kind of machine it is of.
+    pub machine: &'static dyn Machine,
+    /// Rows per second.
+    pub rate: f64,
+    /// Time from the first row on, s.
+    pub time: Vec<f64>,
+    /// Screw and nut.
+    pub motors: [MotorSignals; 2],
+    /// Angle of screw against nut from the first row on, rad.
+    pub relative: Vec<f64>,
+    /// Its speed, rad/s.
+    pub relative_speed: Vec<f64>,
+    /// The table's scale, m.
+    pub table: Vec<f64>,
+    /// Spectrum of the table's scale from the first row on, m.
+    pub table_spectrum: Spectrum,
+    /// Spectrum of the relative angle, rad.
+    pub relative_spectrum: Spectrum,
+    /// Speed references of screw and nut.
+    pub references: [Vec<f64>; 2],
+}
+
+/// `tanh(speed / rounding)`, or the sign.
+pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
+    if rounding > 0.0 {
+        (speed / rounding).tanh()
+    } else if speed == 0.0 {
+        0.0
+    } else {
+        speed.signum()
+    }
+}
+
+/// Power-invariant Clarke of two phase currents whose third is minus their sum.
+pub fn clarke(a: f64, b: f64) -> (f64, f64) {
+    (1.5_f64.sqrt() * a, (a + 2.0 * b) * 0.5_f64.sqrt())
+}
+
+/// To the rotor's frame; `rotor` is (cos, sin) of the electrical angle.
+pub fn park((alpha, beta): (f64, f64), (cos, sin): (f64, f64)) -> (f64, f64) {
+    (alpha * cos + beta * sin, beta * cos - alpha * sin)
+}
+
+/// See [`MotorSignals::peak_a`].
+fn peak(values: &[f64]) -> f64 {
+    let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).collect();
+    if sizes.is_empty() {
+        return 0.0;
+    }
+    let at = (sizes.len() - 1) * 999 / 1000;
+    *sizes.select_nth_unstable_by(at, f64::total_cmp).1
+}
+
+impl MotorSignals {
+    fn new(recording: &Recording, axis: Axis, model: &Model, fourier: &Fourier, rate: f64) -> Self {
+        let record = recording.axis(axis);
+        let pole_pairs = f64::from(model.motor(axis).pole_pairs);
+        let theta = record.angle_rad.clone();
+        let travel: Vec<f64> = theta.iter().map(|t| t - theta[0]).collect();
+        let omega = fourier.low_pass(&slope(&travel, rate), SPEED_BANDWIDTH_HZ);
+        let rotor: Vec<(f64, f64)> = theta
+            .iter()
+            .map(|t| {
+                let (sin, cos) = (pole_pairs * t).sin_cos();
+                (cos, sin)
+            })
+            .collect();
+        let (i_d, i_q): (Vec<f64>, Vec<f64>) = record
+            .ia_a
+            .iter()
+            .zip(&record.ib_a)
+            .zip(&rotor)
+            .map(|((&a, &b), &rotor)| park(clarke(a, b), rotor))
+            .unzip();
+        let i_q_smooth = fourier.low_pass(&i_q, CURRENT_BANDWIDTH_HZ);
+        // A d current that is held at 0 has ripple yet, which moves the phases' zero crossings.
+        let i_d_smooth = fourier.low_pass(&i_d, CURRENT_BANDWIDTH_HZ);
+        let phases = [0.0, TAU / 3.0].map(|lag: f64| {
+            let (sin_lag, cos_lag) = lag.sin_cos();
+            let scale = (2.0_f64 / 3.0).sqrt();
+            i_d_smooth
+                .iter()
+                .zip(&i_q_smooth)
+                .zip(&rotor)
+                .map(|((d, q), (cos, sin))| {
+                    let along = cos * cos_lag + sin * sin_lag;
+                    let across = sin * cos_lag - cos * sin_lag;
+                    scale * (d * along - q * across)
+                })
+                .collect()
+        });
+        MotorSignals {
+            peak_a: peak(&i_q),
+            top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
+            speed: fourier.slope(&travel),
+            acceleration: fourier.curvature(&travel),
+            i_d_rate: fourier.slope(&i_d),
+            i_q_rate: fourier.slope(&i_q),
+            travel,
+            theta,
+            omega,
+            rotor,
+            i_d,
+            i_q,
+            phases,
+            i_q_smooth,
+            u_d: record.ud_v.clone(),
+            u_q: record.uq_v.clone(),
+        }
+    }
+}
+
+impl Signals {
+    /// The value of a coordinate at a row: an angle in rad, of the clock one turn a second.
+    pub fn along(&self, along: Along, row: usize) -> f64 {
+        match along {
+            Along::Angle(axis) => self.motors[axis.index()].theta[row],
+            Along::RelativeAngle => self.motors[0].theta[row] - self.motors[1].theta[row],
+            Along::Clock => TAU * self.time[row],
+            Along::Speed(axis) => self.motors[axis.index()].omega[row],
+            Along::RelativeSpeed => self.relative_speed[row],
+            Along::TablePosition | Along::TightPlace => self.table[row],
+            Along::Time => self.time[row],
+        }
+    }
+
+    /// What a shape over a coordinate is multiplied with at a row: the direction for what brakes.
+    pub fn sense(&self, along: Along, row: usize) -> f64 {
+        match along {
+            Along::TightPlace => rounded_sign(self.relative_speed[row], 0.0),
+            _ => 1.0,
+        }
+    }
+
+    /// The signals of a recording of the machine `model`.
+    pub fn new(
+        recording: &Recording,
+        model: &Model,
+        fourier: &Fourier,
+        machine: &'static dyn Machine,
+    ) -> Self {
+        let rate = model.sensing.sample_hz;
+        let motors = Axis::ALL.map(|axis| MotorSignals::new(recording, axis, model, fourier, rate));
+        let difference =
+            |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a - b).collect::<Vec<_>>();
+        let relative = difference(&motors[0].travel, &motors[1].travel);
+        let table = &recording.table_position_m;
+        let moved: Vec<f64> = table.iter().map(|x| x - table[0]).collect();
+        Signals {
+            machine,
+            rate,
+            table_spectrum: fourier.spectrum(&moved),
+            relative_spectrum: fourier.spectrum(&relative),
+            time: recording
+                .time_s
+                .iter()
+                .map(|t| t - recording.time_s[0])
+                .collect(),
+            relative,
+            relative_speed: difference(&motors[0].omega, &motors[1].omega),
+            table: table.clone(),
+            references: [0, 1].map(|k: usize| recording.axes[k].speed_ref_rad_s.clone()),
+            motors,
+        }
+    }
+
+    /// Length of the run, s.
+    pub fn run_s(&self) -> f64 {
+        self.time.last().copied().unwrap_or(0.0).max(1e-3)
+    }
+
+    /// Rows.
+    pub fn len(&self) -> usize {
+        self.time.len()
+    }
+
+    /// Whether there are no rows.
+    pub fn is_empty(&self) -> bool {
+        self.time.is_empty()
+    }
+}
