@@ -67,6 +67,18 @@ enum Task {
     Test,
 }
 
+/// Does what needs a probe with the one that is there.
+#[cfg(feature = "probe")]
+fn with_probe(session: session::Session) -> anyhow::Result<()> {
+    probe::run(session)
+}
+
+/// Hands over to an xtask with probe-rs.
+#[cfg(not(feature = "probe"))]
+fn with_probe(_: session::Session) -> anyhow::Result<()> {
+    with::With::Probe.take_over()
+}
+
 fn main() -> ExitCode {
     // Whose reader goes, ends: `cargo xtask ... | head`.
     sigpipe::reset();
@@ -81,7 +93,7 @@ fn main() -> ExitCode {
         Task::Wiring => wiring::draw(&tools::root()).map(|path| println!("{}", path.display())),
         Task::Serve(options) => serve::run(&options),
         Task::Drive(options) => drive::run(&options),
-        Task::Session(session) => session::run(session),
+        Task::Session(session) => session.check().and_then(|()| with_probe(session)),
         Task::Check => check::run(),
         Task::Test => test::run(),
     };

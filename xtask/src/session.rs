@@ -127,7 +127,7 @@ impl RecordOptions {
 
 impl Session {
     /// What can be said against the arguments before a probe is looked for.
-    fn check(&self) -> Result<()> {
+    pub fn check(&self) -> Result<()> {
         if let Self::Bringup(options) = self
             && let Some(seconds) = options.turn
         {
@@ -147,20 +147,6 @@ impl Session {
         }
         Ok(())
     }
-}
-
-/// Does `session` with the probe that is there.
-#[cfg(feature = "probe")]
-pub fn run(session: Session) -> Result<()> {
-    session.check()?;
-    crate::probe::run(session)
-}
-
-/// Hands over to an xtask with probe-rs.
-#[cfg(not(feature = "probe"))]
-pub fn run(session: Session) -> Result<()> {
-    session.check()?;
-    crate::with::With::Probe.take_over()
 }
 
 #[cfg(test)]

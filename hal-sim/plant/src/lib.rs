@@ -10,7 +10,9 @@
 //! "the paper" in what follows).
 #![forbid(unsafe_code)]
 
+mod document;
 pub mod effects;
+mod limits;
 pub mod machine;
 pub mod model;
 pub mod recording;

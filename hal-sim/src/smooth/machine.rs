@@ -6,6 +6,7 @@ use crate::plates::PAPER_TUNING;
 use crate::sensors::Sensors;
 use control::compensation::TORQUES;
 use control::plate::{CompensationPlate, OrderPlate};
+use plant::Axis;
 use plant::effects::{
     AnyEffect, Cogging, CurrentGain, CurrentOffset, DeadTime, EffectModel, EncoderEccentricity,
     LeadError, Place,
@@ -163,4 +164,15 @@ pub fn orders(setup: &Setup, learning_s: f64, scale: bool) -> CompensationPlate 
             0.0
         },
     }
+}
+
+/// The coupled machine with nothing that ripples.
+pub(super) fn still(seed: u64) -> Setup {
+    let mut setup = setup(Machine::Coupled, seed);
+    let model = &mut setup.model;
+    model.effects.clear();
+    for axis in Axis::ALL {
+        model.motor_mut(axis).torque_harmonics.clear();
+    }
+    setup
 }

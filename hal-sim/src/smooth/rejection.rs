@@ -1,6 +1,6 @@
 //! A step of load, and a base speed that wanders over a resonance, on the machine with an elastic screw.
 
-use super::reversal::still;
+use super::machine::still;
 use super::{Machine, Smoothness, orders, sample_s, settle, setup, still_runs, velocities};
 use crate::drive::Drive;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM};

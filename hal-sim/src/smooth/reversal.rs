@@ -1,8 +1,9 @@
 //! A table that reverses through friction that sticks.
 
 use super::lugre::{LuGre, PRESLIDING_M, STRIBECK_M_S};
+use super::machine::still;
 use super::rejection::Rejection;
-use super::{Machine, drive, setup, still_runs};
+use super::{drive, still_runs};
 use crate::drive::Drive;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
 use control::plate::{CompensationPlate, FrictionPlate, RejectionPlate, RubbingPlate};
@@ -25,17 +26,6 @@ fn sticking(seed: u64) -> Setup {
     }
     model.feed.pair_coulomb_nm = 0.0;
     model.feed.guideway_coulomb_n = 0.0;
-    setup
-}
-
-/// The coupled machine with nothing that ripples.
-pub(super) fn still(seed: u64) -> Setup {
-    let mut setup = setup(Machine::Coupled, seed);
-    let model = &mut setup.model;
-    model.effects.clear();
-    for axis in Axis::ALL {
-        model.motor_mut(axis).torque_harmonics.clear();
-    }
     setup
 }
 

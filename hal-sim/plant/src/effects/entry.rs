@@ -2,7 +2,7 @@
 
 use super::AnyEffect;
 use crate::Axis;
-use crate::model::Fault;
+use crate::document::Fault;
 use toml::de::DeValue;
 use toml::{Spanned, Table, Value};
 

@@ -29,7 +29,7 @@ mod torque_harmonic;
 pub use entry::{EffectModel, Place, Places};
 pub use term::{Coordinate, Law, Site, Term};
 
-use crate::model::limits;
+use crate::limits;
 use serde::{Deserialize, Serialize};
 
 /// What all effects have in common. The parameters' names, limits and defaults are those of the implementing struct.
@@ -97,12 +97,12 @@ macro_rules! registry {
             }
 
             fn table(&self) -> toml::Table {
-                match self { $(AnyEffect::$name(effect) => crate::model::to_table(effect),)* }
+                match self { $(AnyEffect::$name(effect) => crate::document::table(effect),)* }
             }
 
-            fn read(kind: &str, parameters: entry::Parameters<'_>) -> Option<Result<Self, crate::model::Fault>> {
+            fn read(kind: &str, parameters: entry::Parameters<'_>) -> Option<Result<Self, crate::document::Fault>> {
                 match kind {
-                    $($name::KIND => Some(crate::model::section(parameters).map(AnyEffect::$name)),)*
+                    $($name::KIND => Some(crate::document::section(parameters).map(AnyEffect::$name)),)*
                     _ => None,
                 }
             }

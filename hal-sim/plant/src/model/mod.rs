@@ -4,17 +4,15 @@
 //! file, line, key, what was read and what is allowed.
 
 mod error;
-pub(crate) mod limits;
 mod presets;
 mod read;
 mod write;
 
 pub use error::ModelError;
-pub(crate) use read::{Fault, section};
-pub(crate) use write::table as to_table;
 
 use crate::Axis;
 use crate::effects::EffectModel;
+use crate::limits;
 use serde::{Deserialize, Serialize};
 
 /// All that is known of a machine.

@@ -1,9 +1,9 @@
 //! `model.toml` to [`Model`].
 
 use super::{FeedModel, Model, ModelError, MotorModel, SensingModel};
+use crate::document::{Fault, section};
 use crate::effects::EffectModel;
 use serde::Deserialize;
-use serde::de::IntoDeserializer;
 use std::ops::Range;
 use std::path::Path;
 use toml::Spanned;
@@ -79,27 +79,6 @@ fn read(document: Spanned<DeTable<'_>>) -> Result<Model, Fault> {
         sensing,
         effects,
     })
-}
-
-/// Deserialises a part of the document; errors keep their place in the text.
-pub(crate) fn section<'de, T: Deserialize<'de>>(value: Spanned<DeValue<'de>>) -> Result<T, Fault> {
-    T::deserialize(value.into_deserializer()).map_err(Fault::from)
-}
-
-/// What is wrong, and where in the text.
-#[derive(Debug)]
-pub(crate) struct Fault {
-    pub(crate) span: Range<usize>,
-    pub(crate) message: String,
-}
-
-impl From<toml::de::Error> for Fault {
-    fn from(error: toml::de::Error) -> Self {
-        Fault {
-            span: error.span().unwrap_or(0..0),
-            message: error.message().to_owned(),
-        }
-    }
 }
 
 impl Fault {

@@ -1,7 +1,7 @@
 //! [`Model`] to `model.toml`.
 
 use super::Model;
-use serde::Serialize;
+use crate::document::table;
 use std::fmt::Write;
 use toml::{Table, Value};
 
@@ -22,12 +22,6 @@ impl Model {
         }
         text
     }
-}
-
-/// A struct as a TOML table. All that a model holds are numbers, strings and lists of structs, which all fit; a value
-/// that did not would be left out here and be missed when the text is read.
-pub(crate) fn table<T: Serialize>(value: &T) -> Table {
-    Table::try_from(value).unwrap_or_default()
 }
 
 fn write_table(text: &mut String, header: &str, table: &Table) {

@@ -24,11 +24,6 @@ pub(crate) fn page(report: &Report) -> String {
     document(&title, &body)
 }
 
-/// The CDFS run, if one was made.
-pub(super) fn cdfs(report: &Report) -> Option<&RunReport> {
-    report.runs.iter().find(|run| run.nut_rpm == 0.0)
-}
-
 /// What the runs say, in a sentence.
 fn result(report: &Report) -> String {
     let known = |run: &&RunReport| run.vrf_percent.is_finite();
@@ -42,7 +37,7 @@ fn result(report: &Report) -> String {
     let best = moving().min_by(|a, b| a.vrf_percent.total_cmp(&b.vrf_percent));
     let at = |run: &RunReport| format!("{} rpm", short(run.nut_rpm));
     let vrf = |run: &RunReport| format!("{} %", two(Some(run.vrf_percent)));
-    match (cdfs(report).filter(known), best) {
+    match (report.cdfs().filter(known), best) {
         (Some(cdfs), Some(best)) if best.vrf_percent < cdfs.vrf_percent => {
             let worse: Vec<_> = moving()
                 .filter(|run| run.vrf_percent >= cdfs.vrf_percent)
@@ -76,14 +71,6 @@ fn result(report: &Report) -> String {
             at(best),
         ),
         (None, None) => "No run gave a velocity ripple.".into(),
-    }
-}
-
-/// How a run is called.
-pub(super) fn name(run: &RunReport) -> String {
-    match run.nut_rpm == 0.0 {
-        true => "CDFS, nut at rest".into(),
-        false => format!("DDFS, nut at {} rpm", short(run.nut_rpm)),
     }
 }
 

@@ -1,6 +1,5 @@
 //! Time records and spectra of the table velocity, as in the paper's Figs 6 to 8.
 
-use super::html::{cdfs, name};
 use super::report::{Report, RunReport, SetupReport};
 use page::axis::{Axis, extent, widen};
 use page::chart::{COOL as DDFS, Chart, Label, Mark, REFERENCE, Series, WARM as CDFS, chart};
@@ -14,7 +13,7 @@ const FINE: Mark = Mark::Line(1.2);
 /// Time records and spectra: each DDFS run against CDFS where there is one, else each run alone. All have the same
 /// axes, so that they compare.
 pub(super) fn records(report: &Report) -> String {
-    let cdfs = cdfs(report);
+    let cdfs = report.cdfs();
     let moving: Vec<_> = report
         .runs
         .iter()
@@ -62,7 +61,7 @@ fn figure(
     };
     let heading = runs
         .iter()
-        .map(|run| name(run))
+        .map(|run| run.name())
         .collect::<Vec<_>>()
         .join(" against ");
     let mut time: Vec<_> = runs
@@ -138,7 +137,7 @@ fn figure(
             (
                 color,
                 mark,
-                format!("{}: VRF {} %", name(run), two(Some(run.vrf_percent))),
+                format!("{}: VRF {} %", run.name(), two(Some(run.vrf_percent))),
             )
         })
         .collect();

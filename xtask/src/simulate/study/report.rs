@@ -1,5 +1,6 @@
 //! What a simulation found, as `report.json` holds it.
 
+use page::document::short;
 use serde::Serialize;
 
 /// A whole report.
@@ -13,6 +14,13 @@ pub struct Report {
     pub sensitivity: SensitivityReport,
     /// Ripple against nut speed.
     pub curve: CurveReport,
+}
+
+impl Report {
+    /// The CDFS run, if one was made.
+    pub fn cdfs(&self) -> Option<&RunReport> {
+        self.runs.iter().find(|run| run.nut_rpm == 0.0)
+    }
 }
 
 /// What was simulated.
@@ -53,6 +61,16 @@ pub struct RunReport {
     pub velocity_mm_s: Vec<f64>,
     /// Amplitude spectrum of the whole record up to 1 kHz: (Hz, mm/s).
     pub spectrum: Vec<(f64, f64)>,
+}
+
+impl RunReport {
+    /// How it is called.
+    pub fn name(&self) -> String {
+        match self.nut_rpm == 0.0 {
+            true => "CDFS, nut at rest".into(),
+            false => format!("DDFS, nut at {} rpm", short(self.nut_rpm)),
+        }
+    }
 }
 
 /// `|S|`, electrical rad/s per N m, against rad/s.
