@@ -16,6 +16,11 @@ pub(crate) const SHOWN: f64 = 0.05;
 const LEAST_PERIODS: f64 = 1.0;
 /// By how much a friction that decays with speed must differ between the record's speeds, of its size at rest.
 const LEAST_DECAY: f64 = 0.1;
+/// Speed of a friction that decays, at most in the record's greatest: `e^-2` of it is left there.
+const MOST_OF_TOP: f64 = 0.7;
+/// The same at least in the speed over which the balances let the sign of friction turn round: nearer to it `1 - tanh(w)` is as
+/// good.
+const LEAST_OF_ROUNDING: f64 = 1.25;
 /// Least way of screw against nut for what grows with the table's position, turns.
 const LEAST_TRAVEL: f64 = 0.1;
 
@@ -43,6 +48,7 @@ const MOST_LEAD_SCALE: f64 = 0.01;
 pub(crate) const ABOVE_BAND: &str =
     "the order is above the band that was sampled and filtered, or the shaft stood still";
 pub(crate) const NOT_TURNED: &str = "the angle that it repeats with does not turn far enough";
+const CONSTANT: &str = "the speeds of the record do not tell it from constant friction";
 pub(crate) const FEEDS_IN: &str = "its sign would feed energy in";
 
 fn range(values: impl Iterator<Item = f64>) -> f64 {
@@ -104,7 +110,7 @@ pub(crate) fn excited(hypothesis: &Hypothesis, balance: &Balance) -> Result<(), 
             let decay = range(moving.map(|v| (-(v / hypothesis.shape).powi(2)).exp()));
             match decay >= LEAST_DECAY {
                 true => Ok(()),
-                false => Err("the speeds of the record do not tell it from constant friction"),
+                false => Err(CONSTANT),
             }
         }
         _ => Ok(()),
@@ -191,12 +197,24 @@ pub(crate) fn plausible(
         ),
         Family::StribeckFriction => {
             positive(values[0])?;
-            let top = match hypothesis.place {
-                Place::Feed => balance.lead.abs() * balance.signals.motors[0].top_speed,
-                _ => balance.signals.motors[axis.index()].top_speed,
+            let rounding = balance.rounding;
+            let (top, turns_round) = match hypothesis.place {
+                Place::Feed => {
+                    let speeds = balance.signals.relative_speed.iter();
+                    let top = speeds.fold(0.0_f64, |most, w| most.max(w.abs()));
+                    (
+                        balance.lead.abs() * top,
+                        balance.lead.abs() * rounding.guideway,
+                    )
+                }
+                _ => (
+                    balance.signals.motors[axis.index()].top_speed,
+                    rounding.bearing,
+                ),
             };
-            let constant = "the speeds of the record do not tell it from constant friction";
-            below(hypothesis.shape, top, constant)?;
+            below(hypothesis.shape, MOST_OF_TOP * top, CONSTANT)?;
+            let sign = "it is not told from how the sign of friction turns round";
+            below(LEAST_OF_ROUNDING * turns_round, hypothesis.shape, sign)?;
             let most = match hypothesis.place {
                 Place::Feed => peak_torque / balance.lead.abs(),
                 _ => peak_torque,
