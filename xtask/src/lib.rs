@@ -8,4 +8,6 @@ pub mod hold;
 pub mod output;
 #[cfg(feature = "record")]
 pub mod record;
+#[cfg(feature = "record")]
+pub mod trigger;
 pub mod wiring;

@@ -1,6 +1,7 @@
 //! A drive's telemetry as a folder of the format of the shared recordings: `NAME.csv.gz` and `model.toml`.
 
 use crate::output::Folder;
+use crate::trigger::Gate;
 use anyhow::{Context, Result, bail, ensure};
 use link::host::{Count, Decoder, MotorRow, Row};
 use link::message::Aligned;
@@ -35,6 +36,11 @@ pub struct Recorder {
     last_s: f64,
     whole_from_s: f64,
     whole_s: f64,
+    gate: Option<Gate>,
+    /// When the gate opened.
+    opened_s: Option<f64>,
+    /// Rows that went past the gate.
+    passed: u64,
 }
 
 impl Recorder {
@@ -63,7 +69,32 @@ impl Recorder {
             last_s: 0.0,
             whole_from_s: 0.0,
             whole_s: 0.0,
+            gate: None,
+            opened_s: None,
+            passed: 0,
         }
+    }
+
+    /// Nothing is written until `gate` opens.
+    pub fn wait_for(&mut self, gate: Gate) {
+        self.gate = Some(gate);
+    }
+
+    /// Seconds since the stream's first row, written or not.
+    #[must_use]
+    pub fn streamed_s(&self) -> f64 {
+        self.last_s
+    }
+
+    /// Seconds since the gate opened, if it has.
+    #[must_use]
+    pub fn since_trigger_s(&self) -> Option<f64> {
+        self.opened_s.map(|opened| self.last_s - opened)
+    }
+
+    /// The gate that is waited for.
+    pub fn gate(&mut self) -> Option<&mut Gate> {
+        self.gate.as_mut()
     }
 
     /// The stream of `request` is to come.
@@ -89,6 +120,9 @@ impl Recorder {
             last_s,
             whole_from_s,
             whole_s,
+            gate,
+            opened_s,
+            passed,
             ..
         } = self;
         let Some(decoder) = decoder else {
@@ -103,7 +137,22 @@ impl Recorder {
             first_s.get_or_insert(row.time_s);
             *last_s = row.time_s;
             *whole_s = whole_s.max(row.time_s - *whole_from_s);
-            writer.write(&sample(header, row, *aligned))
+            let sample = sample(header, row, *aligned);
+            let rows = match gate {
+                Some(gate) if opened_s.is_none() => {
+                    let rows = gate.take(sample);
+                    if let Some(first) = rows.first() {
+                        *opened_s = Some(row.time_s);
+                        *first_s = Some(first.time_s);
+                        *whole_from_s = first.time_s.max(*whole_from_s);
+                        *whole_s = row.time_s - *whole_from_s;
+                    }
+                    rows
+                }
+                _ => vec![sample],
+            };
+            *passed += rows.len() as u64;
+            rows.iter().try_for_each(|sample| writer.write(sample))
         })?;
         if let (false, Some(interval)) = (known, decoder.interval_s()) {
             let rate = 1.0 / interval;
@@ -133,12 +182,20 @@ pub fn save(
     folder.put(&format!("{name}.csv.gz"), |path| {
         let mut recorder = Recorder::new(RecordingWriter::create(path)?, rate_hz);
         let outcome = stream(&mut recorder);
-        let (count, seconds) = (recorder.count(), recorder.seconds());
+        let seconds = recorder.seconds();
+        let count = Count {
+            rows: recorder.passed,
+            ..recorder.count()
+        };
         recorder.writer.finish()?;
         let decoder = recorder.decoder.filter(|_| count.rows > 0);
         let known = decoder.and_then(|d| Some((*d.header()?, d.interval_s()?)));
         let Some((header, interval_s)) = known else {
             outcome?;
+            ensure!(
+                recorder.gate.is_none(),
+                "the trigger did not fire, and nothing was written"
+            );
             bail!("the drive sent no telemetry: does the firmware run? `cargo xtask attach` shows what it does");
         };
         let summary = Summary {

@@ -419,6 +419,37 @@ fn a_recording_is_a_folder_that_a_model_reads() {
     assert_eq!(served.status()["state"], "ready");
 }
 
+#[test]
+fn a_recording_begins_at_its_trigger_with_what_came_before() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("rec").display().to_string();
+    let record = |trigger: &'static str| {
+        let holds = ["--hold", "2.5,0,0.6", "--hold", "2.5,300,1.5"];
+        let how = ["--past", "0.2", "--duration", "0.3", "--trigger", trigger];
+        [&["record", &out, "--arm"], &holds[..], &how[..]].concat()
+    };
+    // 100 rpm are 10.47 rad/s.
+    let said = served.printed(&record("nut_speed_ref_rad_s>10.47"));
+    assert!(said.contains("none lost"), "{said}");
+    let file = folder.path().join("rec/record.csv.gz");
+    let recording = plant::recording::Recording::load(&file).unwrap();
+    let passed = recording
+        .samples()
+        .position(|row| row.axes[1].speed_ref_rad_s > 10.47);
+    assert_eq!(passed, Some(1000), "rows of 0.2 s before it");
+    // The last frame has a few rows more.
+    let rows = recording.samples().count();
+    assert!((2501..2530).contains(&rows), "{rows} rows of 0.5 s");
+
+    std::fs::remove_file(&file).unwrap();
+    let said = served.fails(1, &record("table_position_m>1"));
+    assert!(said.contains("did not fire in 2.1 s"), "{said}");
+    assert!(!file.exists(), "nothing was recorded");
+    let said = served.fails(1, &record("nut_speed>1"));
+    assert!(said.contains("no column `nut_speed`"), "{said}");
+}
+
 /// By commands alone: what a drive has that its model lacks is recorded over the link, and named.
 #[test]
 #[cfg(feature = "identify")]

@@ -226,6 +226,11 @@ pub enum SettingsTask {
     },
 }
 
+/// How long to record from a trigger on, if nothing is said, s.
+const AFTER_TRIGGER_S: f64 = 1.0;
+/// Most that is kept of what came before a trigger, s: 300,000 rows.
+const MOST_PAST_S: f64 = 60.0;
+
 /// A recording.
 #[derive(Args, Debug)]
 pub struct RecordOptions {
@@ -237,22 +242,37 @@ pub struct RecordOptions {
     /// Samples a second: 5000, or that divided by a whole number.
     #[arg(long, default_value_t = FULL_RATE)]
     pub rate: u32,
-    /// How long, s; by default as long as the holds.
+    /// How long, s; by default as long as the holds, and with a trigger 1 s from it on.
     #[arg(long, value_name = "S")]
     pub duration: Option<f64>,
     /// Run at table mm/s, nut rpm for seconds, and then the next; and come to rest at the end. For example 2.5,300,3.
     #[arg(long, value_name = "MM_S,RPM,S", allow_hyphen_values = true)]
     pub hold: Vec<Hold>,
+    /// Begin when the drive has a fault (`fault`), or when a column of the recording is above or below a level: screw_ia_a>3. Then
+    /// `--duration` counts from there; until then it waits, at most as long as the holds.
+    #[arg(long, value_name = "WHAT")]
+    pub trigger: Option<String>,
+    /// How much to keep of what came before the trigger, s.
+    #[arg(long, value_name = "S", default_value_t = 0.5, requires = "trigger")]
+    pub past: f64,
     /// Arm it first.
     #[arg(long)]
     pub arm: bool,
 }
 
 impl RecordOptions {
-    /// How long to record, s.
+    /// How long its holds take, s.
+    pub fn holds_s(&self) -> f64 {
+        self.hold.iter().map(|hold| hold.seconds).sum()
+    }
+
+    /// How long to record, s; from the trigger on if it has one.
     pub fn seconds(&self) -> f64 {
-        let holds: f64 = self.hold.iter().map(|hold| hold.seconds).sum();
-        self.duration.unwrap_or(holds)
+        let otherwise = match self.trigger {
+            Some(_) => AFTER_TRIGGER_S,
+            None => self.holds_s(),
+        };
+        self.duration.unwrap_or(otherwise)
     }
 }
 
@@ -292,6 +312,11 @@ impl DriveOptions {
                 ensure!(
                     seconds.is_finite() && seconds > 0.0,
                     "nothing to record for {seconds} s: give --duration, or --hold MM_S,RPM,S for each operating point"
+                );
+                ensure!(
+                    (0.0..=MOST_PAST_S).contains(&record.past),
+                    "--past is {} s, but 0 to {MOST_PAST_S} s are possible",
+                    record.past
                 );
                 ensure!(
                     !record.name.is_empty() && !record.name.contains(['/', '\\']),

@@ -6,7 +6,7 @@ use super::options::RecordOptions;
 use super::status::look;
 use crate::output::Folder;
 use crate::session::divider;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, anyhow, bail};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::State;
 use link::message::Command;
@@ -14,6 +14,7 @@ use link::telemetry::{FRAME_MAX, Request};
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 use xtask::record::{Recorder, save};
+use xtask::trigger::{Gate, Trigger};
 
 /// How often the drive's state is looked at.
 const LOOK: Duration = Duration::from_millis(250);
@@ -22,6 +23,7 @@ const SILENT: Duration = Duration::from_secs(2);
 
 /// Records.
 pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
+    let trigger = trigger(options)?;
     let folder = Folder::open(&options.dir)?;
     let request = Request {
         divider: divider(options.rate)?,
@@ -39,7 +41,10 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
         |recorder| {
             recorder.start(request);
             recorder.align(aligned);
-            let streamed = stream(drive, request, options, recorder, &stop);
+            if let Some(trigger) = trigger {
+                recorder.wait_for(Gate::new(trigger, past_rows(options)));
+            }
+            let streamed = stream(drive, request, options, trigger, recorder, &stop);
             let rested = if options.hold.is_empty() {
                 Ok(())
             } else {
@@ -63,11 +68,24 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     outcome.context("the recording ended early, and what came before is kept")
 }
 
+/// What the recording waits for.
+fn trigger(options: &RecordOptions) -> Result<Option<Trigger>> {
+    let parsed = options.trigger.as_deref().map(str::parse).transpose();
+    parsed.map_err(|error: String| anyhow!("--trigger: {error}"))
+}
+
+/// Rows that are kept from before a trigger.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn past_rows(options: &RecordOptions) -> usize {
+    (options.past * f64::from(options.rate)) as usize
+}
+
 /// Moves the drive through its holds, by the recording's own time, and takes what comes.
 fn stream(
     drive: &mut Drive,
     request: Request,
     options: &RecordOptions,
+    trigger: Option<Trigger>,
     recorder: &mut Recorder,
     stop: &AtomicBool,
 ) -> Result<()> {
@@ -80,9 +98,17 @@ fn stream(
     let (mut beaten, mut looked) = (Instant::now(), Instant::now());
     let (mut last, mut silent) = (0, Instant::now());
     while !stop.load(Relaxed) {
-        let now = recorder.seconds();
-        if now >= seconds {
+        let now = recorder.streamed_s();
+        let waits = trigger.is_some() && recorder.since_trigger_s().is_none();
+        let taken = match waits {
+            true => 0.0,
+            false => recorder.since_trigger_s().unwrap_or(now),
+        };
+        if taken >= seconds {
             break;
+        }
+        if waits && !options.hold.is_empty() && now >= options.holds_s() {
+            bail!("the trigger did not fire in {now:.1} s of holds");
         }
         if now >= hold_until
             && let Some(hold) = holds.next()
@@ -108,14 +134,19 @@ fn stream(
             bail!("the drive sends no telemetry any more");
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-        bar.set_position((now * 1e3) as u64);
-        bar.set_message(format!("{now:.1} s, {} lost", count.lost));
+        bar.set_position((taken * 1e3) as u64);
+        bar.set_message(match waits {
+            true => format!("waits for its trigger, {now:.1} s"),
+            false => format!("{taken:.1} s, {} lost", count.lost),
+        });
         if looked.elapsed() > LOOK {
             looked = Instant::now();
-            if let Some(State::Fault(fault)) = look(drive)?.state
-                && !options.hold.is_empty()
-            {
-                bail!(Stopped(fault));
+            if let Some(State::Fault(fault)) = look(drive)?.state {
+                match (trigger, recorder.gate()) {
+                    (Some(Trigger::Fault), Some(gate)) => gate.fault(),
+                    _ if !options.hold.is_empty() => bail!(Stopped(fault)),
+                    _ => {}
+                }
             }
         }
     }

@@ -44,6 +44,13 @@ pub(super) fn to_row(sample: &Sample) -> [f64; 16] {
     row
 }
 
+impl Sample {
+    /// The value of a column, by its place among [`COLUMNS`].
+    pub fn column(&self, column: usize) -> f64 {
+        to_row(self)[column]
+    }
+}
+
 /// The inverse of [`to_row`].
 pub(super) fn from_row(row: &[f64; 16]) -> Sample {
     let axis = |first: usize| AxisSample {
