@@ -320,17 +320,7 @@ impl SpeedTask {
         request: Request,
         exchanges: [&MotorExchange; 2],
     ) -> SpeedTaskOutput {
-        self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
-        self.coordinator = Coordinator::new();
-        self.followed = Command::rest();
-        self.compensation.rest();
-        self.friction = Friction::new();
-        self.disturbances = [Disturbance::new(); 2];
-        self.unknown = [Current::ZERO; 2];
-        self.notches = [Notch::new(); 2];
-        self.torque_limited = [false; 2];
-        self.runaway = [Runaway::new(); 2];
-        self.found = None;
+        // First of all, so that the next period of either loop sees it.
         let current = if self.state == State::Aligning {
             self.align(config, exchanges)
         } else {
@@ -347,6 +337,17 @@ impl SpeedTask {
             exchange.ask(reference, current_loop);
             exchange.expect_bus(current_loop);
         }
+        self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
+        self.coordinator = Coordinator::new();
+        self.followed = Command::rest();
+        self.compensation.rest();
+        self.friction = Friction::new();
+        self.disturbances = [Disturbance::new(); 2];
+        self.unknown = [Current::ZERO; 2];
+        self.notches = [Notch::new(); 2];
+        self.torque_limited = [false; 2];
+        self.runaway = [Runaway::new(); 2];
+        self.found = None;
         if self.seen.is_some() {
             self.compute_alignment(config);
         }
