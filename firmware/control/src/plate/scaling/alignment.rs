@@ -25,6 +25,11 @@ const KICK_S: f64 = 5e-3;
 const ASKED: f64 = 0.88;
 /// Part of the torque limit that a kick asks for: a current loop that a wrong sign makes unstable then ends below the limit.
 const KICK: f64 = 0.2;
+/// A kick asks for more than what is clear: of the third phase, where it is not measured, the others have half each.
+const KICK_OF_CLEAR: f64 = 2.6;
+/// And for no more of the torque limit than this, where the dead time wants more than [`KICK`]: the loop of a wrong sign then passes
+/// the limit by half for less than a millisecond.
+const KICK_MOST: f64 = 0.3;
 /// Part of the travel past which alignment stops: the rest is for what the encoders do not show, the lead's error and the
 /// screw's stretch, and for what shorted windings do not brake.
 const STOPPED: f64 = 0.92;
@@ -138,6 +143,20 @@ impl DrivePlate {
         })
     }
 
+    /// Current of a kick of the wiring's test, and what is clear of it, A, under a torque limit's current. At rest the sign of a
+    /// dead time's compensation is the noise's: within a period it moves a phase by the dead time's part of the bus over
+    /// the inductance, and what is not clear of that says nothing of the wiring.
+    const fn kick(&self, motor: &MotorPlate, limit: f64) -> (f64, f64) {
+        let [bus_v, _] = self.board.regeneration_v;
+        let by_dead_time = self.board.dead_time_s * bus_v / motor.inductance_h;
+        let clear = longer(KICK * limit / 4.0, by_dead_time);
+        let kick = longer(KICK * limit, KICK_OF_CLEAR * clear);
+        if kick > KICK_MOST * limit {
+            return (KICK_MOST * limit, KICK_MOST / KICK_OF_CLEAR * limit);
+        }
+        (kick, clear)
+    }
+
     const fn motor_alignment(
         &self,
         motor: &MotorPlate,
@@ -159,11 +178,12 @@ impl DrivePlate {
         let reach = REACH * travel;
         let step = self.speed_step();
         let limit_current = attempt!(current("alignment's torque limit", limit));
+        let (kick, clear) = self.kick(motor, limit);
         Ok(MotorAlignment {
             limit: limit_current,
             wiring: WiringConfig {
-                kick: attempt!(current("alignment's kick", KICK * limit)),
-                clear: attempt!(current("alignment's clear current", KICK * limit / 4.0)),
+                kick: attempt!(current("alignment's kick", kick)),
+                clear: attempt!(current("alignment's clear current", clear)),
                 steps: steps(KICK_S, step),
                 shunts: self.board.shunts,
             },
