@@ -21,8 +21,9 @@ pub(crate) const STEP_S: f64 = 1e-3;
 pub(crate) static ARRIVED: AtomicBool = AtomicBool::new(false);
 /// The table's reference and its change a step, as it is planned; the speed task says them with that.
 pub(crate) static PLANNED: [AtomicI32; 2] = [const { AtomicI32::new(0) }; 2];
-/// What the speed task hears of the table's way: it may not go forwards, backwards; an end switch is looked for.
-static WAY: [AtomicBool; 3] = [const { AtomicBool::new(false) }; 3];
+/// What the speed task hears of the table's way: it may not go forwards, backwards; an end switch is looked for,
+/// forwards, backwards.
+static WAY: [[AtomicBool; 2]; 2] = [const { [const { AtomicBool::new(false) }; 2] }; 2];
 /// How the last move or homing is going: a [`Travel`](link::message::Travel)'s word.
 pub(crate) static TRAVEL: AtomicU32 = AtomicU32::new(0);
 
@@ -32,10 +33,12 @@ pub(crate) const TRAVEL_LIMITS: TravelConfig = PLATE.travel_config(board::SCALE_
 /// What the contacts say, with what the orders say of the table's way.
 #[inline(always)]
 pub(crate) fn with_way(inputs: interlock::Inputs) -> interlock::Inputs {
-    let [forwards, backwards, homing] = &WAY;
+    let [blocked, homing] = WAY
+        .each_ref()
+        .map(|both| both.each_ref().map(|way| way.load(Relaxed)));
     interlock::Inputs {
-        blocked: [forwards, backwards].map(|way| way.load(Relaxed)),
-        homing: homing.load(Relaxed),
+        blocked,
+        homing,
         ..inputs
     }
 }
@@ -119,9 +122,9 @@ impl Orders {
             asked: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
         };
         let travel = self.travel.step(&TRAVEL_LIMITS, &look);
-        let [forwards, backwards] = travel.blocked;
-        for (word, value) in WAY.iter().zip([forwards, backwards, asked.homing]) {
-            word.store(value, Relaxed);
+        let ways = WAY.as_flattened().iter();
+        for (word, value) in ways.zip([travel.blocked, asked.homing].as_flattened()) {
+            word.store(*value, Relaxed);
         }
         travel.fault
     }

@@ -493,7 +493,7 @@ fn a_table_that_is_pushed_past_its_limit_is_a_fault_and_homing_outlives_it_but_n
 }
 
 #[test]
-fn a_switch_that_stays_closed_or_open_is_told() {
+fn a_switch_that_stays_closed_or_open_is_told_and_the_other_one_stops_it() {
     let mut bench = Bench::new();
     let mut settings = bench.client.settings().unwrap();
     settings.travel.home_furthest_mm = 3.0;
@@ -515,4 +515,14 @@ fn a_switch_that_stays_closed_or_open_is_told() {
         bench.client.tell(Command::Stop).unwrap();
         bench.until(State::Ready, 500);
     }
+    // Off a switch whose wire is broken the table goes towards the other.
+    bench.client.tell(Command::Arm).unwrap();
+    bench.client.tell(Command::Home { base: None }).unwrap();
+    bench.pass(300);
+    bench
+        .client
+        .tell(inject(Injected::EndForward, 0, 0.0))
+        .unwrap();
+    bench.pass(500);
+    assert_eq!(bench.state(), State::Fault(Fault::EndForward));
 }

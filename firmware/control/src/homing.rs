@@ -73,6 +73,12 @@ impl HomePlan {
         [self.towards, self.away]
     }
 
+    /// Which switch is looked for: the one ahead of positive velocity, or of negative.
+    #[must_use]
+    pub const fn seeks(&self) -> [bool; 2] {
+        [!self.backwards, self.backwards]
+    }
+
     /// The switch that is looked for, of those ahead of positive velocity, and of negative.
     #[must_use]
     const fn is_open(&self, [forward, backward]: [bool; 2]) -> bool {

@@ -11,7 +11,7 @@
 //! the mechanical end as the stop takes: `v^2 / (2 a)` and `v a / (2 j)` with the feed's largest velocity, acceleration and
 //! jerk.
 //!
-//! While the drive is homed a switch ahead is what is looked for, and no fault: [`homing`](crate::homing) stops at it.
+//! While the drive is homed the switch that is looked for is no fault: [`homing`](crate::homing) stops at it. The other one is.
 //!
 //! The switches and the enable contact are closed while all is well, so that a broken wire stops too (normally closed, as
 //! IEC 60204-1, 9.4.3 and ISO 13850 ask of stops). A level counts once it was seen in [`SETTLED`] looks in a row.
@@ -33,8 +33,8 @@ pub struct Inputs {
     pub end_backward: bool,
     /// The table may not go on forwards, backwards, for a soft limit is near: it comes to rest before.
     pub blocked: [bool; 2],
-    /// An end switch is looked for, and is no fault.
-    pub homing: bool,
+    /// An end switch is looked for, forwards, backwards: ahead it is no fault.
+    pub homing: [bool; 2],
 }
 
 impl Inputs {
@@ -44,7 +44,7 @@ impl Inputs {
         end_forward: false,
         end_backward: false,
         blocked: [false; 2],
-        homing: false,
+        homing: [false; 2],
     };
 }
 
@@ -62,8 +62,8 @@ pub struct Interlock {
     silent: u32,
     /// Looks in a row in which each input was against moving: enable, forward end, backward end.
     against: [u8; 3],
-    /// An end switch is looked for.
-    homing: bool,
+    /// An end switch is looked for, forwards, backwards.
+    homing: [bool; 2],
 }
 
 impl Interlock {
@@ -74,7 +74,7 @@ impl Interlock {
             heartbeat: 0,
             silent: 0,
             against: [0; 3],
-            homing: false,
+            homing: [false; 2],
         }
     }
 
@@ -119,15 +119,14 @@ impl Interlock {
             return None;
         }
         let [disabled, forward, backward] = self.against.map(|looks| looks >= SETTLED);
+        let [seeks_forward, seeks_backward] = self.homing;
         if disabled {
             Some(Fault::Disabled)
         } else if self.silent > heartbeat_looks {
             Some(Fault::CommandLost)
-        } else if self.homing {
-            None
-        } else if forward && velocity > TableVelocity::ZERO {
+        } else if forward && !seeks_forward && velocity > TableVelocity::ZERO {
             Some(Fault::EndForward)
-        } else if backward && velocity < TableVelocity::ZERO {
+        } else if backward && !seeks_backward && velocity < TableVelocity::ZERO {
             Some(Fault::EndBackward)
         } else {
             None
@@ -217,6 +216,24 @@ mod tests {
                 },
                 TableVelocity::ZERO,
                 None,
+            ),
+            (
+                Inputs {
+                    end_backward: true,
+                    homing: [false, true],
+                    ..well
+                },
+                BACKWARDS,
+                None,
+            ),
+            (
+                Inputs {
+                    end_forward: true,
+                    homing: [false, true],
+                    ..well
+                },
+                FORWARDS,
+                Some(Fault::EndForward),
             ),
         ] {
             let mut interlock = Interlock::new();

@@ -141,7 +141,7 @@ fn stretch() -> impl Strategy<Value = Stretch> {
                         end_forward: forward,
                         end_backward: backward,
                         blocked: [no_way, no_way_back],
-                        homing,
+                        homing: [homing, !homing],
                     },
                     scale: heartbeat.is_multiple_of(3).then_some(heartbeat),
                 }

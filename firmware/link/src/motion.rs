@@ -17,8 +17,8 @@ pub struct Asked {
     pub run: Run,
     /// New speeds: table velocity, 2^-28 m/s, and base speed, 2^-18 rad/s.
     pub speeds: Option<[i32; 2]>,
-    /// An end switch is looked for, and is no fault.
-    pub homing: bool,
+    /// An end switch is looked for, forwards, backwards: it is no fault.
+    pub homing: [bool; 2],
 }
 
 /// What is seen of the drive in a step.
@@ -198,10 +198,14 @@ impl Motion {
         };
         self.left = self.left.saturating_sub(1);
         let speeds = self.travel_on(seen);
-        let homing = self
-            .underway
-            .as_ref()
-            .is_some_and(|underway| !underway.ended && underway.lead.progress() == Travel::Homing);
+        let homing = match &self.underway {
+            Some(Underway {
+                lead: Lead::Home(plan, homing),
+                ended: false,
+                ..
+            }) if homing.progress().is_underway() => plan.seeks(),
+            _ => [false; 2],
+        };
         Asked {
             run,
             speeds,

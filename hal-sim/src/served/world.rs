@@ -86,7 +86,7 @@ impl World {
     }
 
     /// What the orders say of the table's way.
-    pub(super) fn travel(&mut self, seen: TravelSeen, homing: bool) {
+    pub(super) fn travel(&mut self, seen: TravelSeen, homing: [bool; 2]) {
         self.inputs.blocked = seen.blocked;
         self.inputs.homing = homing;
         self.past = seen.fault;
