@@ -1,8 +1,8 @@
 //! The matrix as a page: a square for each cell.
 
-use super::{Report, board_name};
+use super::{Detail, Report, board_name, worst};
 use hal_sim::boards::BoardKind;
-use hal_sim::faults::{Cell, Defect, Input, Outcome, Situation};
+use hal_sim::faults::{Cell, Defect, Input, Limits, Outcome, Situation};
 use page::document::{document, escape};
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -18,15 +18,20 @@ const GAP: usize = 8;
 
 /// The page.
 pub(super) fn page(report: &Report, cells: &[Cell], outcomes: &[Outcome]) -> String {
+    let limits = Limits::OF_THE_MATRIX;
     let mut body = format!(
         "<p class=\"result\">{} of {} cells are unsafe.</p>\n<p>A cell is an input (row) that is wrong in one of nine ways while the \
-         drive is in a situation (column): {}. A filled square: unsafe; a ring: detected in time; a dot: harmless, without a \
-         fault of its own; nothing: there is no such cell. Point at a cell to read what came of it.</p>\n",
+         drive is in a situation (column): {}. A filled square: unsafe; a hollow one: detected in time; a dot: harmless, without a \
+         fault of its own; nothing: there is no such cell. Point at a cell to read what came of it.</p>\n<p>Unsafe is a phase current \
+         above the board's limit for more than {} PWM period after a sensor could see it, a table that moves by more than {} mm \
+         beyond a regular stop, and a named cause that sends a person to another part.</p>\n",
         report.hazardous,
         report.cells,
         Defect::ALL
             .map(|defect| format!("<b>{}</b> {}", letter(defect), defect.name()))
-            .join(", ")
+            .join(", "),
+        limits.over_current_periods,
+        1e3 * limits.travel_m
     );
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
         let of_board: HashMap<_, _> = cells
@@ -50,37 +55,47 @@ pub(super) fn page(report: &Report, cells: &[Cell], outcomes: &[Outcome]) -> Str
     document("Fault matrix", &body)
 }
 
-/// The unsafe cells of a board.
+/// The unsafe cells of a board: those of one input and defect that end alike in a row, with the worst of their figures.
 fn table(report: &Report, board: &str) -> String {
     let details = report.cells_detail.iter();
-    let details: Vec<_> = details
-        .filter(|d| d.board == board && !d.hazards.is_empty())
-        .collect();
-    if details.is_empty() {
+    let mut rows: Vec<Vec<&Detail>> = Vec::new();
+    for detail in details.filter(|d| d.board == board && !d.hazards.is_empty()) {
+        let key = |d: &Detail| {
+            let cause = d.first_cause.unwrap_or("none");
+            (d.input.clone(), d.defect, d.hazards.clone(), cause)
+        };
+        match rows.iter_mut().find(|row| key(row[0]) == key(detail)) {
+            Some(row) => row.push(detail),
+            None => rows.push(vec![detail]),
+        }
+    }
+    if rows.is_empty() {
         return format!("<h3>{}</h3>\n<p>None.</p>\n", escape(board));
     }
     let mut html = format!(
-        "<h3>{}</h3>\n<div class=\"scroll\"><table>\n<thead><tr><th class=\"text\">input</th><th class=\"text\">defect</th>\
-         <th class=\"text\">situation</th><th class=\"text\">unsafe by</th><th class=\"text\">first cause</th><th>after, ms</th>\
-         <th>peak, A</th><th>above the limit, periods</th><th>travel, mm</th></tr></thead>\n<tbody>\n",
+        "<h3>{}</h3>\n<div class=\"scroll\"><table>\n<thead><tr><th class=\"text\">input, defect</th><th>travel, mm</th>\
+         <th>over, periods</th><th>peak, A</th><th>after, ms</th><th class=\"text\">situations</th>\
+         <th class=\"text\">unsafe by; named</th></tr></thead>\n<tbody>\n",
         escape(board)
     );
-    for detail in details {
+    for row in rows {
+        let first = row[0];
+        let situations: Vec<_> = row.iter().map(|d| d.situation).collect();
+        let of = |figure: fn(&Detail) -> f64| worst(row.iter().map(|d| figure(d)));
+        let latest = row.iter().filter_map(|d| d.detection_us).reduce(f64::max);
         let _ = writeln!(
             html,
-            "<tr><td class=\"text\">{}</td><td class=\"text\">{}</td><td class=\"text\">{}</td><td class=\"text\">{}</td>\
-             <td class=\"text\">{}</td><td>{}</td><td>{:.1}</td><td>{:.1}</td><td>{:.2}</td></tr>",
-            escape(&detail.input),
-            detail.defect,
-            escape(detail.situation),
-            detail.hazards.join(", "),
-            escape(detail.first_cause.unwrap_or("none")),
-            detail
-                .detection_us
-                .map_or("\u{2013}".into(), |us| format!("{:.1}", us / 1e3)),
-            detail.peak_a,
-            detail.overcurrent_periods,
-            detail.travel_mm
+            "<tr><td class=\"text\">{} {}</td><td>{:.2}</td><td>{:.1}</td><td>{:.1}</td><td>{}</td><td class=\"long\">{}</td>\
+             <td class=\"long\">{}; {}</td></tr>",
+            escape(&first.input),
+            first.defect,
+            of(|d| d.travel_mm),
+            of(|d| d.overcurrent_periods),
+            of(|d| d.peak_a),
+            latest.map_or("not seen".into(), |us| format!("{:.1}", us / 1e3)),
+            escape(&situations.join(", ")),
+            first.hazards.join(", "),
+            escape(first.first_cause.unwrap_or("no fault")),
         );
     }
     html + "</tbody></table></div>\n"

@@ -84,6 +84,9 @@ pub(super) fn tell_scenarios(all: &[Told]) {
     }
 }
 
+/// Longest that a plot goes on after the event, s: what comes later is slow.
+const PLOTTED_S: f64 = 3.0;
+
 /// Their plots in time.
 pub(super) fn page(all: &[Told]) -> String {
     let line = Mark::Line(1.5);
@@ -98,6 +101,8 @@ pub(super) fn page(all: &[Told]) -> String {
     );
     for told in all {
         let points = &told.story.points;
+        let shown = points.iter().take_while(|p| p.seconds <= PLOTTED_S).count();
+        let points = &points[..shown];
         let line = |color, of: &dyn Fn(&hal_sim::faults::Point) -> f64| Series {
             points: points.iter().map(|p| (p.seconds, of(p))).collect(),
             color,
@@ -125,7 +130,7 @@ pub(super) fn page(all: &[Told]) -> String {
         };
         let _ = write!(
             html,
-            "<h3>{}, {}</h3>\n<p>Ended as: {}. Table {:.2} mm (limit {}), current {:.2} A ({:.1}), bus {:.1} V ({:.0}){}.</p>\n",
+            "<h3>{}, {}</h3>\n<p>Ended as: {}. Table {:.2} mm (limit {}), current {:.2} A ({:.1}), bus {:.1} V ({:.0}){}. Watched for {:.1} s.</p>\n",
             escape(told.scenario),
             told.board,
             escape(told.first_cause.unwrap_or(told.state)),
@@ -135,7 +140,8 @@ pub(super) fn page(all: &[Told]) -> String {
             told.peak_limit_a,
             told.bus_v,
             told.bus_limit_v,
-            if told.within { "" } else { ": past a limit" }
+            if told.within { "" } else { ": past a limit" },
+            told.seconds
         );
         html += "<div class=\"pair\">\n";
         for (about, unit, series) in [
