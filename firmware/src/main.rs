@@ -38,8 +38,9 @@ mod app {
     use crate::speed::Speed;
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
+    use crate::config::PLATE;
     use crate::{bringup, crash, journal, log, schedule};
-    use control::journal::Journal;
+    use control::journal::{Journal, Kind, Warning};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
@@ -166,8 +167,13 @@ mod app {
 
         let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs);
         let journal = journal::take_up(reason);
+        if let Some(warning) = const { Warning::of(&PLATE.brake) } {
+            defmt::warn!("{=str}", warning.sentence());
+            journal.add(0, Kind::Warning, warning.word(), [0; 2]);
+        }
         let watches = analog::Watches::of(&converters);
-        let speed = Speed::new(scale, watches, Sampler::new(), pins.inputs);
+        let brake = pins.outputs.brake;
+        let speed = Speed::new(scale, watches, Sampler::new(), pins.inputs, brake);
         let lines = cx.local.kept;
         lines.start(
             serial::Serial::start(device.LPUART1, &device.DMAMUX),

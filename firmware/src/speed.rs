@@ -7,6 +7,7 @@ use crate::hw::cycles;
 use crate::hw::deadman;
 use crate::hw::encoder::Scale;
 use crate::hw::inputs::Inputs;
+use crate::hw::outputs::Output;
 use crate::motor_loop::MOTORS;
 use crate::orders::{self, ARRIVED, PLANNED};
 use crate::telemetry::Sampler;
@@ -31,19 +32,27 @@ pub(crate) struct Speed {
     watches: Watches,
     sampler: Sampler,
     inputs: Inputs,
+    brake: Option<Output>,
     taken: u32,
     /// What the view last was told.
     shown: State,
 }
 
 impl Speed {
-    pub(crate) fn new(scale: Scale, watches: Watches, sampler: Sampler, inputs: Inputs) -> Self {
+    pub(crate) fn new(
+        scale: Scale,
+        watches: Watches,
+        sampler: Sampler,
+        inputs: Inputs,
+        brake: Option<Output>,
+    ) -> Self {
         Self {
             control: SpeedTask::new(config()),
             scale,
             watches,
             sampler,
             inputs,
+            brake,
             taken: 0,
             shown: State::Boot,
         }
@@ -66,6 +75,9 @@ impl Speed {
                 let (speed, change) = self.control.planned();
                 for (word, value) in PLANNED.iter().zip([speed.to_bits(), change.to_bits()]) {
                     word.store(value, Relaxed);
+                }
+                if let Some(brake) = self.brake {
+                    brake.switch(self.control.releases_brake());
                 }
                 orders::with_way(self.inputs.read())
             } else {

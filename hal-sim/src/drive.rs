@@ -228,6 +228,12 @@ impl Drive {
         self.speed_task.planned()
     }
 
+    /// The brake is told to let go.
+    #[must_use]
+    pub fn releases_brake(&self) -> bool {
+        self.speed_task.releases_brake()
+    }
+
     /// The references are at the commanded targets.
     #[must_use]
     pub fn arrived(&self) -> bool {

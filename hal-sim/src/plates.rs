@@ -2,8 +2,8 @@
 
 use crate::board::BoardConfig;
 use control::plate::{
-    AlignmentPlate, BasePlate, BoardPlate, CompensationPlate, DrivePlate, FeedPlate, FrictionPlate,
-    MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate, Tuning,
+    AlignmentPlate, BasePlate, BoardPlate, BrakePlate, CompensationPlate, DrivePlate, FeedPlate,
+    FrictionPlate, MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate, Tuning,
 };
 use plant::Axis;
 use plant::machine::Coupling;
@@ -115,6 +115,7 @@ pub fn plates(
             base_jerk_max: 20_000.0,
         },
         travel: TravelPlate::UNLIMITED,
+        brake: BrakePlate::NONE,
         alignment: AlignmentPlate {
             torque_nm: [0.3 * PAPER_TORQUE_NM / 2.0; 2],
             travel_m: 50e-6,

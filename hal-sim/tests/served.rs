@@ -4,12 +4,12 @@ use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::experiment::Setup;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
-use link::codes::{ActiveLimits, EventKind, Limit};
+use link::codes::{ActiveLimits, EventKind, Limit, Warning};
 use link::host::client::{Client, Refused};
 use link::host::{Decoder, Row};
 use link::message::{Command, Injected, Injection, Refusal, Travel};
 use link::scale;
-use link::settings::{Setting, Value};
+use link::settings::{Setting, Switch, Value};
 use link::telemetry::{FRAME_MAX, Frame, Header, Real, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -525,4 +525,66 @@ fn a_switch_that_stays_closed_or_open_is_told_and_the_other_one_stops_it() {
         .unwrap();
     bench.pass(500);
     assert_eq!(bench.state(), State::Fault(Fault::EndForward));
+}
+
+/// The load of 400 N falls wherever neither motors nor brake hold it.
+#[test]
+fn a_brake_holds_the_load_until_the_motors_do_and_they_until_it_does() {
+    let mut bench = Bench::new();
+    let mut settings = bench.client.settings().unwrap();
+    let brake = &mut settings.brake;
+    brake.load_drives_back = Switch::On;
+    bench.client.configure(&settings).unwrap();
+    let warned = |bench: &mut Bench| {
+        let journal = bench.client.journal().unwrap();
+        let warnings = journal
+            .iter()
+            .filter(|event| event.kind == EventKind::Warning.word());
+        warnings.map(|event| event.code).collect::<Vec<_>>()
+    };
+    assert_eq!(warned(&mut bench), [Warning::NoBrake.word()]);
+    let brake = &mut settings.brake;
+    (brake.fitted, brake.closing_ms, brake.opening_ms) = (Switch::On, 60.0, 80.0);
+    bench.client.configure(&settings).unwrap();
+    assert_eq!(warned(&mut bench).len(), 1, "with a brake there is none");
+    bench.until(State::Ready, 1000);
+
+    let begun = bench.position();
+    bench.client.tell(Command::Arm).unwrap();
+    bench.run(5.0, 300.0).unwrap();
+    bench.until(State::Holding, 50);
+    bench.pass(75);
+    assert_eq!(bench.state(), State::Holding, "while the brake lets go");
+    bench.until(State::Running, 20);
+    let gave_way = bench.position() - begun;
+    assert!(
+        gave_way.abs() < 60e-6,
+        "it gave way by {gave_way} m as the motors took it"
+    );
+    bench.pass(300);
+
+    bench.client.tell(Command::Stop).unwrap();
+    let stands = |bench: &Bench| {
+        let serving = bench.serving.borrow();
+        let machine = &serving.drive().drive().board.machine;
+        machine.motor(plant::Axis::Nut).omega.abs() < 0.5
+    };
+    let mut held_ms = 0;
+    let mut rest = 0.0;
+    for _ in 0..1000 {
+        bench.client.listen(Duration::ZERO).unwrap();
+        if bench.state() == State::Ready {
+            break;
+        }
+        if stands(&bench) {
+            if held_ms == 10 {
+                rest = bench.position();
+            }
+            held_ms += 1;
+        }
+    }
+    assert!((55..120).contains(&held_ms), "held for {held_ms} ms");
+    bench.pass(300);
+    let fell = bench.position() - rest;
+    assert!(fell.abs() < 5e-6, "it fell by {fell} m");
 }

@@ -608,11 +608,13 @@ fn a_table_is_homed_and_stands_before_its_soft_limit() {
         "travel.home_position_mm=-10",
         "travel.soft_least_mm=-8",
         "travel.soft_most_mm=8",
+        "brake.load_drives_back=on",
     ]);
     served.until("ready");
     let before = table(&served);
     assert_eq!(before["homed"], false);
     assert_eq!(before["limits"]["position_limits_act"], false);
+    assert_eq!(served.status()["warnings"][0]["name"], "no brake");
     assert!(
         served
             .printed(&["status"])

@@ -557,6 +557,12 @@ impl MotorExchange {
         self.flags.load(Relaxed) & FAULTS != 0
     }
 
+    /// Speed task: the current loop has closed its bridge, and its current is what is asked.
+    #[must_use]
+    pub fn is_closed(&self) -> bool {
+        self.flags.load(Relaxed) & CLOSED != 0
+    }
+
     /// Speed task: what the current loop found.
     #[must_use]
     #[inline(always)]

@@ -6,6 +6,7 @@
 
 use crate::codes;
 use crate::fault::{Fault, FaultSet};
+use crate::plate::BrakePlate;
 use crate::supervisor::State;
 
 /// Events that are kept.
@@ -18,6 +19,26 @@ codes! {
         State = 2, "state", "The drive does something else: the code is its state.";
         Fault = 3, "fault", "The first cause of a fault, or of a stop: the code is the fault.";
         Further = 4, "further fault", "What was found besides, after the first cause: the code is the fault.";
+        Warning = 5, "warning", "What the drive's settings do not provide for: the code is the warning.";
+    }
+}
+
+codes! {
+    /// What the settings of a drive do not provide for.
+    Warning {
+        NoBrake = 1, "no brake", "The settings say that the load drives the table back, and that there is no brake: it falls whenever the bridges are off. Fit one (setting brake.fitted), or a counterweight (brake.load_drives_back).";
+    }
+}
+
+impl Warning {
+    /// That of a plate.
+    #[must_use]
+    pub const fn of(brake: &BrakePlate) -> Option<Self> {
+        if brake.is_missing() {
+            Some(Self::NoBrake)
+        } else {
+            None
+        }
     }
 }
 

@@ -24,9 +24,10 @@
 //! | heat of windings and bridges, a bus that fills -> current limits | [`thermal`], [`current_limit`] | speed task |
 //! | is the motion in hand? | [`runaway`] | speed task |
 //! | may the machine go on moving? | [`interlock`] | speed task |
+//! | does the brake hold the table? | [`brake`] | speed task |
 //! | what the drive is doing and may do next | [`supervisor`] | speed task |
 //! | what can stop it | [`fault`] | |
-//! | the last four in one step | [`speed_task`] | speed task |
+//! | the last five in one step | [`speed_task`] | speed task |
 //! | late tasks, bus, temperatures, index -> fault | [`guard`] | supervision |
 //! | a distance -> table velocities | [`table_move`] | below the speed task |
 //! | where the table stands: an end switch -> the scale's zero | [`homing`] | below the speed task |
@@ -63,6 +64,7 @@ extern crate std;
 
 pub mod active_limit;
 pub mod alignment;
+pub mod brake;
 pub mod codes;
 pub mod compensation;
 pub mod coordinator;

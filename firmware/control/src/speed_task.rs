@@ -2,6 +2,7 @@
 
 use crate::active_limit::{ActiveLimits, Limit};
 use crate::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen, Progress};
+use crate::brake::Brake;
 use crate::compensation::{Compensation, Turning};
 use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
@@ -59,6 +60,7 @@ pub struct SpeedTask {
     /// Heat of windings and bridges, running or not.
     heat: [Heat; 2],
     interlock: Interlock,
+    brake: Brake,
     /// What the drive comes to rest for.
     rests_for: Option<Fault>,
     /// What was found since the drive last left a fault, the first cause among them.
@@ -103,6 +105,7 @@ impl SpeedTask {
             found: None,
             heat: [Heat::starting(screw_heat), Heat::starting(nut_heat)],
             interlock: Interlock::new(),
+            brake: Brake::new(),
             rests_for: None,
             latched: FaultSet::EMPTY,
             current_max: [screw_loop.i_max, nut_loop.i_max],
@@ -139,6 +142,13 @@ impl SpeedTask {
     #[inline(always)]
     pub fn planned(&self) -> (Speed, SpeedChange) {
         self.coordinator.planned()
+    }
+
+    /// The brake is told to let go.
+    #[must_use]
+    #[inline(always)]
+    pub const fn releases_brake(&self) -> bool {
+        self.brake.is_released()
     }
 
     /// The references are at the command.
@@ -280,10 +290,18 @@ impl SpeedTask {
             reset,
             ..Request::default()
         };
-        let coordinator = &self.coordinator;
+        let (coordinator, brake) = (&self.coordinator, &self.brake);
         let before = self.state;
         self.state = before.next(request, motors, found, self.aligned, || {
-            coordinator.at_rest()
+            // The motors hold until the brake does.
+            coordinator.at_rest() && (before != State::Stopping || brake.is_closed(&config.brake))
+        });
+        self.brake.step(match self.state {
+            State::Running | State::Holding => {
+                self.brake.is_released() || screw.is_closed() && nut.is_closed()
+            }
+            State::Stopping => self.brake.is_released() && !self.coordinator.at_rest(),
+            _ => false,
         });
         if self.rests_for.is_some() || matches!(self.state, State::Fault(_)) {
             self.settle(before, config, exchanges);
@@ -296,8 +314,8 @@ impl SpeedTask {
             self.aligned = Progress::Working;
         }
         let target = match self.state {
-            State::Running | State::Holding => self.command,
-            State::Stopping => Command::rest(),
+            State::Running | State::Holding if self.brake.is_open(&config.brake) => self.command,
+            State::Running | State::Holding | State::Stopping => Command::rest(),
             _ => return Some(self.rest(config, request, exchanges)),
         };
         self.reversed = exchanges.map(|exchange| {

@@ -7,11 +7,11 @@
 //! | `SelfTest` | `Ready` | and both rotors' angles are known |
 //! | `Aligning` | `Ready` | both rotors are found: see [`alignment`](crate::alignment) |
 //! | `Ready` | `Running` | run is asked |
-//! | `Running` | `Holding` | the command is rest, and both references are there: both motors hold the table |
+//! | `Running` | `Holding` | the command is rest, or a [`brake`](crate::brake) has yet to let go, and both references are there: both motors hold the table |
 //! | `Holding` | `Running` | it is not any more |
 //! | `Running`, `Holding` | `Stopping` | run is no longer asked |
 //! | `Stopping` | `Running` | run is asked again |
-//! | `Stopping` | `Ready` | both references have come to rest |
+//! | `Stopping` | `Ready` | both references have come to rest, and the brake holds |
 //! | `Ready`, `Stopping` | `Fault` | both references have come to rest for a fault that [rests](crate::fault::Reaction) |
 //! | any but `Fault` | `Fault` | a fault |
 //! | `Fault` | `Boot` | the fault's cause is gone and a reset is asked while run is not |

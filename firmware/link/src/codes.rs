@@ -5,7 +5,7 @@ pub use control::alignment::Reason as Misalignment;
 use control::codes;
 pub use control::compensation::fit::{TableFit, TableFits};
 pub use control::fault::{Fault, FaultSet, Reaction};
-pub use control::journal::Kind as EventKind;
+pub use control::journal::{Kind as EventKind, Warning};
 pub use control::supervisor::State;
 
 codes! {

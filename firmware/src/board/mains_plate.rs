@@ -7,8 +7,8 @@ use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::mt6835;
 use control::plate::{
-    BasePlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate, MotorPlate,
-    RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate,
+    BasePlate, BoardPlate, BrakePlate, CompensationPlate, DrivePlate, EncoderPlate, FrictionPlate,
+    MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate,
 };
 use control::scale_watch::ScaleWatchPlate;
 use control::sense::Shunts;
@@ -93,6 +93,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     tuning: paper_machine::TUNING,
     feed: paper_machine::FEED,
     travel: TravelPlate::UNLIMITED,
+    brake: BrakePlate::NONE,
     alignment: paper_machine::ALIGNMENT,
     runaway: RunawayPlate::USUAL,
     compensation: CompensationPlate::NONE,

@@ -218,6 +218,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
                 Some(output(a.pa4, Level::High)),
                 Some(output(c.pc5, Level::High)),
             ],
+            brake: Some(output(b.pb1, Level::High)),
             ..Outputs::default()
         },
     }

@@ -7,7 +7,7 @@ use super::paper_machine;
 use control::encoder::Interface;
 use control::guard::GuardPlate;
 use control::plate::{
-    AlignmentPlate, BasePlate, BoardPlate, CompensationPlate, DrivePlate, EncoderPlate,
+    AlignmentPlate, BasePlate, BoardPlate, BrakePlate, CompensationPlate, DrivePlate, EncoderPlate,
     FrictionPlate, MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate,
 };
 use control::scale_watch::ScaleWatchPlate;
@@ -102,6 +102,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
     tuning: paper_machine::TUNING,
     feed: paper_machine::FEED,
     travel: TravelPlate::UNLIMITED,
+    brake: BrakePlate::NONE,
     alignment: AlignmentPlate {
         torque_nm: [0.3 * RATED_NM; 2],
         travel_m: 50e-6,

@@ -3,8 +3,8 @@
 //! [`SimulatedDrive`] does what is asked ([`Served`]); [`Serving`] joins it to lines of bytes, millisecond by millisecond, in
 //! one thread: the same bytes in the same milliseconds give the same bytes back.
 //!
-//! The machine has a brake that carries the load while a bridge is off, as an axis needs whose load can drive the screw
-//! back.
+//! The machine has a brake that carries the load, as an axis needs whose load can drive the screw back: the one that the settings
+//! say, with its times, or else an ideal one that holds while a bridge is off.
 
 mod lines;
 mod within;
@@ -157,6 +157,7 @@ impl SimulatedDrive {
             journal: {
                 let mut journal = Journal::new();
                 journal.add(0, Kind::Start, ResetReason::Power.word(), [0; 2]);
+                warn(&mut journal, 0, &settings);
                 journal
             },
             recorder: Recorder::new(),
@@ -167,9 +168,17 @@ impl SimulatedDrive {
     pub fn period(&mut self) {
         let divider = u64::from(self.plate.board.speed_divider);
         let speed_ran = self.drive.periods().is_multiple_of(divider);
-        self.world.braked = Axis::ALL
-            .iter()
-            .any(|axis| !self.drive.compare(*axis).enable);
+        if self.plate.brake.fitted {
+            let released = self.drive.releases_brake();
+            self.world
+                .brake
+                .step(released, self.setup.board.pwm_period_s());
+            self.world.braked = self.world.brake.holds(&self.plate.brake);
+        } else {
+            self.world.braked = Axis::ALL
+                .iter()
+                .any(|axis| !self.drive.compare(*axis).enable);
+        }
         self.drive.period_through(&mut self.world);
         let running = self.drive.state().is_driven();
         let (drive, temperatures) = (&self.drive, self.world.temperatures);
@@ -329,6 +338,13 @@ fn tidy(mut settings: Settings) -> Settings {
         }
     }
     settings
+}
+
+/// Writes down what the settings do not provide for.
+fn warn(journal: &mut Journal, uptime_ms: u32, settings: &Settings) {
+    if let Some(warning) = settings.warning() {
+        journal.add(uptime_ms, Kind::Warning, warning.word(), [0; 2]);
+    }
 }
 
 /// What is asked of the motion of a drive of that plate, in each step of its speed task.
@@ -510,6 +526,8 @@ impl Served for SimulatedDrive {
         self.travel = Travel::new();
         self.travel_limits = plate.travel_config(settings.scale_count_m());
         self.asked = TableVelocity::ZERO;
+        let uptime_ms = self.uptime_ms();
+        warn(&mut self.journal, uptime_ms, settings);
         Ok(())
     }
 

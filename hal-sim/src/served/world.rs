@@ -8,7 +8,7 @@ use control::fault::Fault;
 use control::format::Misfit;
 use control::guard::GuardPlate;
 use control::interlock::Inputs;
-use control::plate::BoardPlate;
+use control::plate::{BoardPlate, BrakePlate};
 use control::supervisor::Request;
 use control::travel::TravelSeen;
 use plant::Axis;
@@ -21,6 +21,35 @@ const ENDS_M: f64 = 0.1;
 /// Bus voltages between which the drive runs, of the supply's.
 const BUS: [f64; 2] = [0.2, 1.26];
 
+/// A brake, as it moves.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct MovingBrake {
+    released: bool,
+    /// Since it was told what it is told, s.
+    seconds: f64,
+}
+
+impl MovingBrake {
+    /// Some time in which it is told to let go, or to hold.
+    pub(super) fn step(&mut self, release: bool, seconds: f64) {
+        self.seconds = if release == self.released {
+            self.seconds + seconds
+        } else {
+            0.0
+        };
+        self.released = release;
+    }
+
+    /// It carries the load: not before it has closed, and until it has opened.
+    pub(super) fn holds(&self, brake: &BrakePlate) -> bool {
+        if self.released {
+            self.seconds < brake.opening_s
+        } else {
+            self.seconds >= brake.closing_s
+        }
+    }
+}
+
 /// The seam of a served drive.
 #[derive(Clone, Debug)]
 pub(super) struct World {
@@ -32,7 +61,8 @@ pub(super) struct World {
     begun: Option<f64>,
     /// The table is past its soft limit.
     past: Option<Fault>,
-    /// A bridge is off, and the brake carries the load.
+    pub(super) brake: MovingBrake,
+    /// The brake carries the load.
     pub(super) braked: bool,
     /// Against positive travel, N.
     pub(super) load_n: f64,
@@ -64,6 +94,10 @@ impl World {
             position: 0.0,
             begun: None,
             past: None,
+            brake: MovingBrake {
+                released: false,
+                seconds: f64::MAX,
+            },
             braked: true,
             load_n,
             frozen: [None; 2],

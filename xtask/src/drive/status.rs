@@ -4,7 +4,7 @@ use super::connect::Drive;
 use anyhow::{Context, Result};
 use link::codes::{
     ActiveLimits, EventKind, Fault, FaultSet, Limit, Misalignment, ResetReason, State, TableFit,
-    TableFits,
+    TableFits, Warning,
 };
 use link::message::{Event, Recorded, Status, Travel};
 use link::scale;
@@ -174,6 +174,10 @@ impl Seen {
                 "name": fit.name(),
                 "sentence": fit.sentence(),
             })).collect::<Vec<Value>>(),
+            "warnings": settings.warning().iter().map(|warning| json!({
+                "name": warning.name(),
+                "sentence": warning.sentence(),
+            })).collect::<Vec<Value>>(),
             "armed": self.status.armed,
             "simulated": simulated,
             "uptime_s": self.seconds(),
@@ -233,6 +237,9 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
         for limit in seen.limits(motor) {
             println!("Limited, {whose}: {}", limit.sentence());
         }
+    }
+    if let Some(warning) = settings.warning() {
+        println!("Warning: {}", warning.sentence());
     }
     if let Some(reason) = seen.misalignment() {
         println!("Alignment: {}", reason.sentence());
@@ -329,6 +336,7 @@ fn code(event: &Recorded) -> &'static str {
         // Which fault it is another event says.
         Some(EventKind::State) if event.code == State::FAULT_WORD => Some("fault"),
         Some(EventKind::State) => State::of_words(event.code, 0).map(State::name),
+        Some(EventKind::Warning) => Warning::of_word(event.code).map(Warning::name),
         Some(EventKind::Fault | EventKind::Further) => Fault::of_word(event.code).map(Fault::name),
         None => None,
     };

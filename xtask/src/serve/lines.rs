@@ -105,6 +105,9 @@ pub fn run(options: &ServeOptions) -> Result<()> {
         )
     })?;
     listener.set_nonblocking(true)?;
+    if let Some(warning) = link::server::Served::settings(&drive).warning() {
+        eprintln!("warning: {}", warning.sentence());
+    }
     let mut serving = Serving::new(drive);
     let mut lines = Vec::new();
     println!(

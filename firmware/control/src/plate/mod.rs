@@ -193,6 +193,35 @@ impl TravelPlate {
     };
 }
 
+/// What holds the table while the bridges are off: see [`brake`](crate::brake).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BrakePlate {
+    /// There is one.
+    pub fitted: bool,
+    /// From when it is told until it holds, s.
+    pub closing_s: f64,
+    /// Until it has let go, s.
+    pub opening_s: f64,
+    /// The load drives the table while nothing holds it: more than the feed's friction.
+    pub load_drives_back: bool,
+}
+
+impl BrakePlate {
+    /// An axis whose friction holds its load. The times are those of small spring-applied brakes, in case that one is fitted.
+    pub const NONE: Self = Self {
+        fitted: false,
+        closing_s: 50e-3,
+        opening_s: 100e-3,
+        load_drives_back: false,
+    };
+
+    /// The load drives the table back, and nothing holds it.
+    #[must_use]
+    pub const fn is_missing(&self) -> bool {
+        self.load_drives_back && !self.fitted
+    }
+}
+
 /// What repeats with an angle and is compensated: see [`compensation`](crate::compensation).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensationPlate {
@@ -499,6 +528,8 @@ pub struct DrivePlate {
     pub feed: FeedPlate,
     /// The table's way.
     pub travel: TravelPlate,
+    /// What holds the table while the bridges are off.
+    pub brake: BrakePlate,
     /// The alignment.
     pub alignment: AlignmentPlate,
     /// When motion is not in hand.
@@ -634,6 +665,7 @@ mod tests {
                 base_jerk_max: 50_000.0,
             },
             travel: TravelPlate::UNLIMITED,
+            brake: BrakePlate::NONE,
             alignment: AlignmentPlate {
                 torque_nm: [0.39; 2],
                 travel_m: 50e-6,

@@ -20,7 +20,7 @@ pub mod table;
 pub use table::{Entry, Kind, Setting, Value};
 
 use crate::telemetry::Real;
-use control::plate::{BasePlate, HomePlate, RejectionPlate, TravelPlate};
+use control::plate::{BasePlate, BrakePlate, HomePlate, RejectionPlate, TravelPlate};
 use core::f64::consts::TAU;
 use table::{Typed, choice, constant, group, said};
 
@@ -280,6 +280,16 @@ group! {
     }
 }
 
+group! {
+    /// The brake that holds the table while the bridges are off.
+    BrakeSettings {
+        1 Choice fitted: Switch = Switch::Off, Switch::WORDS, "", "There is one, at the board's output for it.";
+        2 Real closing_ms: f64 = BrakePlate::NONE.closing_s * 1e3, [0.0, 5000.0], "ms", "From when it is told until it holds: the motors hold as long.";
+        3 Real opening_ms: f64 = BrakePlate::NONE.opening_s * 1e3, [0.0, 5000.0], "ms", "Until it has let go: the table begins to move after it.";
+        4 Choice load_drives_back: Switch = Switch::Off, Switch::WORDS, "", "The load moves the table while nothing holds it: such an axis takes a brake.";
+    }
+}
+
 /// Declares the groups, each with its number.
 macro_rules! settings {
     ($($number:literal $name:ident: $group:ident,)*) => {
@@ -348,6 +358,7 @@ settings! {
     18 rejection: RejectionSettings,
     19 base: BaseSettings,
     20 travel: TravelSettings,
+    21 brake: BrakeSettings,
 }
 
 /// Why a value is refused.

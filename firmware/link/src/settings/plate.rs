@@ -1,18 +1,20 @@
 //! Settings -> the plate that the control code is configured from, and back.
 
 use super::{
-    AlignmentSettings, BaseSettings, BridgeSettings, CommandSettings, CompensationSettings,
-    Direction, EncoderDirection, EncoderInterface, FeedSettings, FrictionSettings, MotorSettings,
-    PER_KRPM, RejectionSettings, Setting, Settings, SpeedOrderSettings, Switch,
-    TorqueOrderSettings, TravelSettings, TuningSettings, Value, WatchSettings,
+    AlignmentSettings, BaseSettings, BrakeSettings, BridgeSettings, CommandSettings,
+    CompensationSettings, Direction, EncoderDirection, EncoderInterface, FeedSettings,
+    FrictionSettings, MotorSettings, PER_KRPM, RejectionSettings, Setting, Settings,
+    SpeedOrderSettings, Switch, TorqueOrderSettings, TravelSettings, TuningSettings, Value,
+    WatchSettings,
 };
 use control::compensation::{ANGLES, TORQUES};
 use control::encoder::Interface;
 use control::format::Misfit;
+use control::journal::Warning;
 use control::plate::{
-    AlignmentPlate, BasePlate, BasePoint, BoardPlate, CompensationPlate, DriveConfig, DrivePlate,
-    EncoderPlate, FeedPlate, FrictionPlate, HomePlate, MotorPlate, NotchPlate, OrderPlate,
-    RejectionPlate, RubbingPlate, RunawayPlate, ThermalPlate, TravelPlate, Tuning,
+    AlignmentPlate, BasePlate, BasePoint, BoardPlate, BrakePlate, CompensationPlate, DriveConfig,
+    DrivePlate, EncoderPlate, FeedPlate, FrictionPlate, HomePlate, MotorPlate, NotchPlate,
+    OrderPlate, RejectionPlate, RubbingPlate, RunawayPlate, ThermalPlate, TravelPlate, Tuning,
 };
 use core::f64::consts::TAU;
 
@@ -256,6 +258,32 @@ impl BaseSettings {
     }
 }
 
+impl BrakeSettings {
+    fn plate(&self) -> BrakePlate {
+        BrakePlate {
+            fitted: self.fitted == Switch::On,
+            closing_s: self.closing_ms * 1e-3,
+            opening_s: self.opening_ms * 1e-3,
+            load_drives_back: self.load_drives_back == Switch::On,
+        }
+    }
+
+    fn of_plate(plate: &BrakePlate) -> Self {
+        Self {
+            fitted: Switch::of_bool(plate.fitted),
+            closing_ms: plate.closing_s * 1e3,
+            opening_ms: plate.opening_s * 1e3,
+            load_drives_back: Switch::of_bool(plate.load_drives_back),
+        }
+    }
+}
+
+impl Switch {
+    const fn of_bool(on: bool) -> Self {
+        if on { Self::On } else { Self::Off }
+    }
+}
+
 impl TravelSettings {
     fn plate(&self) -> TravelPlate {
         TravelPlate {
@@ -314,6 +342,7 @@ impl Settings {
             rejection,
             base,
             travel,
+            brake,
         } = self;
         DrivePlate {
             motors: [screw.plate(), nut.plate()],
@@ -348,6 +377,7 @@ impl Settings {
                 base_jerk_max: feed.base_jerk_max_rpm_s2 * RPM,
             },
             travel: travel.plate(),
+            brake: brake.plate(),
             alignment: AlignmentPlate {
                 torque_nm: [screw.alignment_torque_nm, nut.alignment_torque_nm],
                 travel_m: alignment.travel_um * 1e-6,
@@ -388,6 +418,7 @@ impl Settings {
             tuning,
             feed,
             travel,
+            brake,
             alignment,
             runaway,
             compensation,
@@ -416,11 +447,7 @@ impl Settings {
             nut: MotorSettings::of_plate(nut, nut_nm),
             bridge: BridgeSettings {
                 over_current_a: board.over_current_a,
-                measure_zeros: if board.measure_zeros {
-                    Switch::On
-                } else {
-                    Switch::Off
-                },
+                measure_zeros: Switch::of_bool(board.measure_zeros),
                 dead_time_ns: board.dead_time_s * 1e9,
                 dead_time_fade_a: board.dead_time_fade_a,
                 min_on_time_us: board.min_on_time_s * 1e6,
@@ -478,6 +505,7 @@ impl Settings {
             rejection: RejectionSettings::of_plate(rejection),
             base: BaseSettings::of_plate(base),
             travel: TravelSettings::of_plate(travel),
+            brake: BrakeSettings::of_plate(brake),
             ..Self::DEFAULT
         }
         .with_orders(orders)
@@ -526,6 +554,12 @@ impl Settings {
     #[must_use]
     pub fn base_for(&self, velocity: f64) -> f64 {
         self.base.plate().base_for(velocity)
+    }
+
+    /// What they do not provide for.
+    #[must_use]
+    pub fn warning(&self) -> Option<Warning> {
+        Warning::of(&self.brake.plate())
     }
 
     /// Least and most homed position, mm; `None`: there is no limit.
@@ -677,6 +711,8 @@ mod tests {
         settings.base.nut_1_rpm = 800.0;
         settings.travel.home_direction = Direction::Forwards;
         settings.travel.soft_most_mm = 290.0;
+        settings.brake.fitted = Switch::On;
+        settings.brake.closing_ms = 35.0;
         let plate = settings.plate(&board());
         assert_eq!(plate.friction.feed.coulomb_nm, 0.1);
         assert_eq!(plate.rejection.notch.hz, 503.0);

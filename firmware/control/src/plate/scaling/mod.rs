@@ -11,6 +11,7 @@ mod runaway;
 mod travel;
 
 use crate::alignment::AlignmentConfig;
+use crate::brake::BrakeConfig;
 use crate::compensation::CompensationConfig;
 use crate::coordinator::{CoordinatorConfig, WanderConfig};
 use crate::current_limit::RegenerationConfig;
@@ -41,6 +42,9 @@ macro_rules! attempt {
 }
 use attempt;
 
+/// A brake that takes longer, s, is none.
+const BRAKE_MAX_S: f64 = 10.0;
+
 /// Everything that the drive's steps are configured with.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DriveConfig {
@@ -66,6 +70,8 @@ pub struct DriveConfig {
     pub disturbance: [DisturbanceConfig; 2],
     /// What of both current references is left out.
     pub notch: NotchConfig,
+    /// What holds the table while the bridges are off.
+    pub brake: BrakeConfig,
     /// Looks at the interlock in which a command must be renewed.
     pub heartbeat_looks: u32,
     /// Current-loop periods per step of the speed task.
@@ -114,8 +120,33 @@ impl DrivePlate {
                 attempt!(nut.disturbance(self)),
             ],
             notch: attempt!(self.notch()),
+            brake: attempt!(self.brake()),
             heartbeat_looks: attempt!(self.heartbeat_looks()),
             speed_divider: self.board.speed_divider,
+        })
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    const fn brake(&self) -> Result<BrakeConfig, Misfit> {
+        let (brake, step) = (&self.brake, self.speed_step());
+        attempt!(within(
+            "time in which the brake closes",
+            "s",
+            brake.closing_s,
+            -step,
+            BRAKE_MAX_S
+        ));
+        attempt!(within(
+            "time in which the brake opens",
+            "s",
+            brake.opening_s,
+            -step,
+            BRAKE_MAX_S
+        ));
+        Ok(BrakeConfig {
+            fitted: brake.fitted,
+            closing_steps: (brake.closing_s / step + 0.5) as u32,
+            opening_steps: (brake.opening_s / step + 0.5) as u32,
         })
     }
 
