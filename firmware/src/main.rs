@@ -25,7 +25,7 @@ mod telemetry;
 #[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG, CRS])]
 mod app {
     use crate::board::{self, EncoderParts, Ports};
-    use crate::config::BOARD;
+    use crate::config::{BOARD, PLATE};
     use crate::debug_view::DRIVE_VIEW;
     use crate::hw::motor_io::Registers;
     use crate::hw::watchdog::{Watchdog, reset_reason};
@@ -35,10 +35,9 @@ mod app {
     use crate::lines::{Lines, RTT_DOWN_BYTES, RTT_UP_BYTES};
     use crate::motor_loop::{MOTORS, MotorLoop};
     use crate::orders::Orders;
-    use crate::speed::Speed;
+    use crate::speed::{Speed, Wired};
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
-    use crate::config::PLATE;
     use crate::{bringup, crash, journal, log, schedule};
     use control::journal::{Journal, Kind, Warning};
     use core::sync::atomic::Ordering::Relaxed;
@@ -172,8 +171,12 @@ mod app {
             journal.add(0, Kind::Warning, warning.word(), [0; 2]);
         }
         let watches = analog::Watches::of(&converters);
-        let brake = pins.outputs.brake;
-        let speed = Speed::new(scale, watches, Sampler::new(), pins.inputs, brake);
+        let wired = Wired {
+            inputs: pins.inputs,
+            fault_lines: pins.fault_lines,
+            brake: pins.outputs.brake,
+        };
+        let speed = Speed::new(scale, watches, Sampler::new(), &wired);
         let lines = cx.local.kept;
         lines.start(
             serial::Serial::start(device.LPUART1, &device.DMAMUX),

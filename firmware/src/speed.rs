@@ -6,7 +6,7 @@ use crate::hw::analog::Watches;
 use crate::hw::cycles;
 use crate::hw::deadman;
 use crate::hw::encoder::Scale;
-use crate::hw::inputs::Inputs;
+use crate::hw::inputs::{FaultLine, Inputs};
 use crate::hw::outputs::Output;
 use crate::motor_loop::MOTORS;
 use crate::orders::{self, ARRIVED, PLANNED};
@@ -25,6 +25,15 @@ use stm32g4xx_hal::stm32::Interrupt;
 /// Word of the fault that the supervision has found, or 0.
 pub(crate) static FOUND: AtomicU32 = AtomicU32::new(0);
 
+/// The pins of the speed task.
+pub(crate) struct Wired {
+    pub(crate) inputs: Inputs,
+    /// The gate drivers': screw, nut.
+    pub(crate) fault_lines: [FaultLine; 2],
+    /// Releases the brake.
+    pub(crate) brake: Option<Output>,
+}
+
 /// The speed task and what it owns.
 pub(crate) struct Speed {
     control: SpeedTask,
@@ -32,6 +41,7 @@ pub(crate) struct Speed {
     watches: Watches,
     sampler: Sampler,
     inputs: Inputs,
+    fault_lines: [FaultLine; 2],
     brake: Option<Output>,
     taken: u32,
     /// What the view last was told.
@@ -39,20 +49,15 @@ pub(crate) struct Speed {
 }
 
 impl Speed {
-    pub(crate) fn new(
-        scale: Scale,
-        watches: Watches,
-        sampler: Sampler,
-        inputs: Inputs,
-        brake: Option<Output>,
-    ) -> Self {
+    pub(crate) fn new(scale: Scale, watches: Watches, sampler: Sampler, pins: &Wired) -> Self {
         Self {
             control: SpeedTask::new(config()),
             scale,
             watches,
             sampler,
-            inputs,
-            brake,
+            inputs: pins.inputs,
+            fault_lines: pins.fault_lines,
+            brake: pins.brake,
             taken: 0,
             shown: State::Boot,
         }
@@ -95,12 +100,17 @@ impl Speed {
             None => Fault::of_word(FOUND.load(Relaxed)),
             tripped => tripped,
         };
-        let output = self.control.step(config(), request, exchanges, found);
+        let mut output = self.control.step(config(), request, exchanges, found);
 
         // Two looks at one word each, as most steps need no more; whether two states are the same takes longer.
         let runs_on = output.state == State::Running && self.shown == State::Running;
         // In a fault each time: a current loop and the dead-man's interrupt write their own there.
         if !runs_on && (output.state != self.shown || matches!(output.state, State::Fault(_))) {
+            let begins = !matches!(self.shown, State::Fault(_));
+            if begins && matches!(output.state, State::Fault(_)) {
+                let pulled = self.fault_lines.map(FaultLine::is_pulled);
+                output.state = self.control.tell_lines(pulled);
+            }
             self.shown = output.state;
             debug_view::show(output.state);
             let latched = self.control.latched().words();

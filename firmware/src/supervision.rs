@@ -72,6 +72,7 @@ impl Supervision {
         let look = Look {
             running: state.has_bridges_on(),
             driven: state.is_driven(),
+            stopped_by: state.fault(),
             missed: [
                 &screw.missed,
                 &nut.missed,

@@ -121,6 +121,8 @@ struct BridgeState {
     written: PwmCommand,
     active: PwmCommand,
     broken: bool,
+    /// The gate driver's line has done that, and not the comparators.
+    pulled: bool,
     /// Its gate driver holds it open.
     held_open: bool,
 }
@@ -344,9 +346,10 @@ impl Board {
         self.bridges[axis.index()].written = command;
     }
 
-    /// Trips the break input of `axis`, as its comparator would: the bridge opens now.
+    /// Trips the break input of `axis`, as its gate driver's fault line does: the bridge opens now.
     pub fn trip_break(&mut self, axis: Axis) {
-        self.bridges[axis.index()].broken = true;
+        let bridge = &mut self.bridges[axis.index()];
+        (bridge.broken, bridge.pulled) = (true, true);
         self.driven[axis.index()] = Bridge::Open;
         self.machine.set_bridge(axis, Bridge::Open);
     }
@@ -358,7 +361,14 @@ impl Board {
 
     /// Clears the break latch of `axis`.
     pub fn clear_break(&mut self, axis: Axis) {
-        self.bridges[axis.index()].broken = false;
+        let bridge = &mut self.bridges[axis.index()];
+        (bridge.broken, bridge.pulled) = (false, false);
+    }
+
+    /// The gate drivers' fault lines that have tripped a break since it was cleared: screw, nut.
+    #[must_use]
+    pub fn fault_lines(&self) -> [bool; 2] {
+        Axis::ALL.map(|axis| self.bridges[axis.index()].pulled)
     }
 
     /// Half a PWM period passes. An absolute encoder latches the angle that its frame brings before the period's end.

@@ -421,12 +421,17 @@ impl Drive {
             request.scale = Some(self.board.scale_counts() as u32);
         }
         seam.request(&mut request);
+        let before = self.speed.state;
         self.speed = self.speed_task.step(
             &self.config,
             request,
             self.exchanges.each_ref(),
             seam.found(),
         );
+        let is_fault = |state| matches!(state, State::Fault(_));
+        if !is_fault(before) && is_fault(self.speed.state) {
+            self.speed.state = self.speed_task.tell_lines(self.board.fault_lines());
+        }
         if self.speed.state.is_driven() {
             self.add_currents(seam);
         }

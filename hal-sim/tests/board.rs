@@ -240,7 +240,7 @@ fn a_break_opens_both_bridges_and_names_the_motor() {
     settle_quietly(&mut drive, CREEP).unwrap();
     drive.board.trip_break(Axis::Nut);
     run(&mut drive, 0.001, |_| ());
-    assert_eq!(drive.state(), State::Fault(Fault::NutBreak));
+    assert_eq!(drive.state(), State::Fault(Fault::NutDriver));
     assert!(
         Axis::ALL.iter().all(|&axis| !drive.compare(axis).enable),
         "bridges enabled: {:?}, expected none",
@@ -249,7 +249,7 @@ fn a_break_opens_both_bridges_and_names_the_motor() {
     // It stays so until the cause is gone and a reset is asked while run is not.
     drive.board.clear_break(Axis::Nut);
     run(&mut drive, 0.001, |_| ());
-    assert_eq!(drive.state(), State::Fault(Fault::NutBreak));
+    assert_eq!(drive.state(), State::Fault(Fault::NutDriver));
     drive.request = Request {
         run: false,
         reset: true,

@@ -198,7 +198,7 @@ fn faults_put_in_are_found_and_named() {
     for (fault, motor, amount, found) in [
         (Injected::EncoderFrozen, 1, 0.0, Fault::NutEncoder),
         (Injected::EncoderSlip, 0, 60.0, Fault::ScrewAngle),
-        (Injected::DriverFault, 1, 0.0, Fault::NutBreak),
+        (Injected::DriverFault, 1, 0.0, Fault::NutDriver),
         (Injected::Bus, 0, 400.0, Fault::OverVoltage),
         (Injected::Bus, 0, 50.0, Fault::UnderVoltage),
         (Injected::EnableOpen, 0, 0.0, Fault::Disabled),

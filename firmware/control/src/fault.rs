@@ -113,6 +113,12 @@ codes! {
         TravelBackward = 44, "soft limit, backwards",
             "The table is past its soft limit ahead of negative velocity: command it the other way, and look for a load or a torque \
              limit with which it could not be stopped before.";
+        ScrewDriver = 45, "driver, screw",
+            "The fault line at the screw's break input is pulled: a gate driver found a short circuit, heat or a supply that is missing \
+             in its stage. If the screw's stage is well, look whether the lines of both drivers are exchanged.";
+        NutDriver = 46, "driver, nut",
+            "The fault line at the nut's break input is pulled: a gate driver found a short circuit, heat or a supply that is missing \
+             in its stage. If the nut's stage is well, look whether the lines of both drivers are exchanged.";
     }
 }
 
@@ -169,6 +175,26 @@ impl Reaction {
 }
 
 impl Fault {
+    /// It was found later than `first`, and says better what that was.
+    #[must_use]
+    pub const fn corrects(self, first: Self) -> bool {
+        matches!(
+            (self, first),
+            (Self::ScrewStalled, Self::ScrewEncoder) | (Self::NutStalled, Self::NutEncoder)
+        )
+    }
+
+    /// The same of a break input on which a gate driver's fault line is pulled; all other faults as they are. A break by comparators
+    /// is over with its current, a driver holds its line for milliseconds.
+    #[must_use]
+    pub const fn by_line(self, [screw, nut]: [bool; 2]) -> Self {
+        match self {
+            Self::ScrewBreak if screw => Self::ScrewDriver,
+            Self::NutBreak if nut => Self::NutDriver,
+            other => other,
+        }
+    }
+
     /// In what its value and its limit are told, where they are.
     #[must_use]
     pub const fn unit(self) -> Option<&'static str> {
@@ -216,6 +242,8 @@ impl Fault {
             // A short circuit, or a current that is not in hand.
             Self::ScrewBreak
             | Self::NutBreak
+            | Self::ScrewDriver
+            | Self::NutDriver
             | Self::ScrewOverCurrent
             | Self::NutOverCurrent
             | Self::ScrewCurrentZero

@@ -9,12 +9,14 @@
 //! | an encoder that should have passed its index and did not, or whose channels changed together | five in a row, and one in 100 ms | `...Encoder` |
 //! | three currents that do not add up to nothing while the bridges are on | one look up to twice the limit, none past it | `...CurrentSum` |
 //! | scale and motors further apart than the limit: see [`scale_watch`](crate::scale_watch) | none | `Scale` |
+//! | an encoder whose shaft stood with it, once the bridges are open: see [`seizure_watch`](crate::seizure_watch) | | `...Stalled` |
 //! | end switches that are exchanged: see [`ends_watch`](crate::ends_watch) | one look | `EndsExchanged` |
 
 use crate::ends_watch::EndsWatch;
 use crate::fault::Fault;
 use crate::format::Misfit;
 use crate::scale_watch::{ScaleWatch, ScaleWatchConfig, ScaleWatchPlate};
+use crate::seizure_watch::SeizureWatch;
 use crate::thermometer::{Range, TemperaturePlate};
 use crate::tolerance::{Tally, Tolerance};
 
@@ -123,6 +125,8 @@ pub struct Look {
     pub running: bool,
     /// And both motors follow their references.
     pub driven: bool,
+    /// What has stopped the drive.
+    pub stopped_by: Option<Fault>,
     /// Deadlines missed since the start, modulo 2^32: screw loop, nut loop, speed task, supervision.
     pub missed: [u32; 4],
     /// ADC counts of the bus voltage: at the screw's bridge, at the nut's.
@@ -166,6 +170,8 @@ pub struct Guard {
     sums: [Tally; 2],
     theta: Option<[u32; 2]>,
     scale: ScaleWatch,
+    seizure: SeizureWatch,
+    last_scale: u32,
     ends: EndsWatch,
 }
 
@@ -189,6 +195,8 @@ impl Guard {
             sums: [Tally::new(); 2],
             theta: None,
             scale: ScaleWatch::new(),
+            seizure: SeizureWatch::new(),
+            last_scale: 0,
             ends: EndsWatch::new(),
         }
     }
@@ -236,8 +244,10 @@ impl Guard {
         let before = self.theta.replace(look.theta).unwrap_or(look.theta);
         let turned = |now: u32, before: u32| i64::from(now.wrapping_sub(before).cast_signed());
         let ([screw, nut], [screw_before, nut_before]) = (look.theta, before);
+        let shafts_turned = [turned(screw, screw_before), turned(nut, nut_before)];
+        let [screw_turned, nut_turned] = shafts_turned;
         // What the screw turned more than the nut.
-        let moved = turned(screw, screw_before).saturating_sub(turned(nut, nut_before));
+        let moved = screw_turned.saturating_sub(nut_turned);
         let mut fault = None;
         let mut first = |found: bool, name: Fault| {
             if found && fault.is_none() {
@@ -271,7 +281,15 @@ impl Guard {
         if let Some(config) = &config.scale {
             let apart = self.scale.step(config, look.driven, moved, look.scale);
             first(apart, Fault::Scale);
+            let counted = i64::from(look.scale.wrapping_sub(self.last_scale).cast_signed());
+            let seized = self
+                .seizure
+                .step(config, look.stopped_by, shafts_turned, counted);
+            if let Some(seized) = seized {
+                first(true, seized);
+            }
         }
+        self.last_scale = look.scale;
         let exchanged = self.ends.step(moved, look.ends_open);
         first(exchanged && look.driven, Fault::EndsExchanged);
         let names = [
@@ -345,6 +363,7 @@ mod tests {
     const HEALTHY: Look = Look {
         running: true,
         driven: true,
+        stopped_by: None,
         missed: [0; 4],
         bus: [2818; 2],
         temperatures: [1500; 2],

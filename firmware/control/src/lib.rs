@@ -95,6 +95,7 @@ pub mod regulator;
 pub mod runaway;
 #[allow(clippy::float_arithmetic)]
 pub mod scale_watch;
+pub mod seizure_watch;
 pub mod sense;
 mod sine;
 pub mod speed_loop;

@@ -42,6 +42,15 @@ pub struct ScaleWatchConfig {
     pub apart_max: i64,
 }
 
+impl ScaleWatchConfig {
+    /// What the table counts where the screw turns so much more than the nut, 2^-32 turn, in 2^-8 counts.
+    #[must_use]
+    pub const fn counts_of(&self, turned: i64) -> i64 {
+        // 256 turns and 2^31 counts a turn are within the word.
+        (turned >> 8).saturating_mul(self.counts_a_turn as i64) >> 24
+    }
+}
+
 impl ScaleWatchPlate {
     /// In counts.
     ///
@@ -110,8 +119,7 @@ impl ScaleWatch {
         }
         self.turned = self.turned.saturating_add(moved);
         self.counted = self.counted.saturating_add(counted);
-        // 256 turns and 2^31 counts a turn are within the word.
-        let expected = (self.turned >> 8).saturating_mul(config.counts_a_turn.into()) >> 24;
+        let expected = config.counts_of(self.turned);
         let apart = expected.saturating_sub(self.counted.saturating_mul(256));
         apart.unsigned_abs() > config.apart_max.unsigned_abs()
     }

@@ -202,6 +202,21 @@ impl SpeedTask {
         self.latched
     }
 
+    /// After a step that began a fault: which gate drivers' fault lines are pulled, screw's and nut's. A break is told apart by it.
+    #[cold]
+    #[inline(never)]
+    pub fn tell_lines(&mut self, pulled: [bool; 2]) -> State {
+        if let State::Fault(fault) = self.state {
+            let named = fault.by_line(pulled);
+            self.latched = self
+                .latched
+                .without(FaultSet::EMPTY.with(fault))
+                .with(named);
+            self.state = State::Fault(named);
+        }
+        self.state
+    }
+
     /// Why the last alignment failed; `None` if it did not.
     #[must_use]
     pub const fn misalignment(&self) -> Option<Misalignment> {
@@ -303,6 +318,11 @@ impl SpeedTask {
             State::Stopping => self.brake.is_released() && !self.coordinator.at_rest(),
             _ => false,
         });
+        if let (State::Fault(first), Some(later)) = (self.state, found)
+            && later.corrects(first)
+        {
+            self.state = State::Fault(later);
+        }
         if self.rests_for.is_some() || matches!(self.state, State::Fault(_)) {
             self.settle(before, config, exchanges);
         } else {

@@ -68,10 +68,7 @@ impl State {
     /// The fault's word in the debug view: 0 is none.
     #[must_use]
     pub const fn fault_word(self) -> u32 {
-        fault::word(match self {
-            Self::Fault(fault) => Some(fault),
-            _ => None,
-        })
+        fault::word(self.fault())
     }
 
     /// The state of two words of the debug view; `None` if there is no such.
@@ -91,6 +88,15 @@ impl State {
             },
             _ => return None,
         })
+    }
+
+    /// The fault that has stopped it.
+    #[must_use]
+    pub const fn fault(self) -> Option<Fault> {
+        match self {
+            Self::Fault(fault) => Some(fault),
+            _ => None,
+        }
     }
 
     /// Both motors follow their references.

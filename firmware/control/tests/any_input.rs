@@ -270,8 +270,16 @@ fn through(
                     };
                     let told = Fault::of_word(stretch.found).or(found);
                     let output = task.step(&config, request, exchanges.each_ref(), told);
-                    if states.last() != Some(&output.state) {
-                        states.push(output.state);
+                    // What the gate drivers' lines say where a fault begins.
+                    let begins = states.last().is_none_or(|last| last.fault().is_none());
+                    let state = match output.state {
+                        State::Fault(_) if begins => {
+                            task.tell_lines([stretch.found % 3 == 1, stretch.found % 5 == 1])
+                        }
+                        state => state,
+                    };
+                    if states.last() != Some(&state) {
+                        states.push(state);
                     }
                 }
             }
@@ -281,6 +289,7 @@ fn through(
                     &Look {
                         running: matches!(states.last(), Some(State::Running)),
                         driven: matches!(states.last(), Some(State::Running)),
+                        stopped_by: states.last().and_then(|state| state.fault()),
                         ends_open: [
                             stretch.request.inputs.end_forward,
                             stretch.request.inputs.end_backward,

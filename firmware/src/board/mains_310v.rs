@@ -169,8 +169,10 @@ pub(crate) fn claim(ports: Ports) -> Pins {
 
     serial::<LPUART1, _, _>(a.pa2.into_alternate::<12>(), a.pa3.into_alternate::<12>());
 
-    driver_fault::<TIM1, _>(b.pb10.into_alternate::<12>(), FAULT_LINE);
-    driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE);
+    let fault_lines = [
+        driver_fault::<TIM1, _>(b.pb10.into_alternate::<12>(), FAULT_LINE),
+        driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE),
+    ];
 
     let (screw_a, screw_b) = (a.pa1.into_analog(), a.pa7.into_analog());
     let (nut_a, nut_b) = (b.pb13.into_analog(), b.pb0.into_analog());
@@ -217,6 +219,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     Pins {
         channels,
         amplifiers: amplifiers.map(Some),
+        fault_lines,
         inputs: Inputs {
             enable: contact(c.pc9),
             end_forward: contact(b.pb9),

@@ -3,7 +3,7 @@
 use super::claimed::{Owned, claim};
 use crate::hw::amplifier::Amplifier;
 use crate::hw::analog::{Channels, Input, Sampling};
-use crate::hw::inputs::Inputs;
+use crate::hw::inputs::{FaultLine, Inputs};
 use crate::hw::outputs::{Level, Outputs};
 use crate::hw::protection::DriverFault;
 use core::marker::PhantomData;
@@ -41,6 +41,8 @@ pub(crate) struct Pins {
     pub(crate) outputs: Outputs,
     /// Its contacts.
     pub(crate) inputs: Inputs,
+    /// The gate drivers' fault lines: screw, nut.
+    pub(crate) fault_lines: [FaultLine; 2],
 }
 
 /// What a board's motor encoders may be made of.
@@ -102,7 +104,7 @@ pub(crate) fn converted<A, P: Channel<Ad<A>, ID = u8>>(_pin: &P, sampling: Sampl
 
 /// Takes the pin of a gate driver's fault output, on the break input of timer `T`. The pull holds an open line at the level
 /// that is no fault; a driver's output is an open drain.
-pub(crate) fn driver_fault<T: Owned, P>(pin: P, fault: DriverFault)
+pub(crate) fn driver_fault<T: Owned, P>(pin: P, fault: DriverFault) -> FaultLine
 where
     P: FaultPins<T> + PinExt + PinPull,
 {
@@ -110,7 +112,9 @@ where
         Level::Low => Pull::Up,
         Level::High => Pull::Down,
     };
-    claim::<T>(&pin.internal_resistor(pull), PinUse::Fault);
+    let pin = pin.internal_resistor(pull);
+    claim::<T>(&pin, PinUse::Fault);
+    FaultLine::at(&pin, fault)
 }
 
 /// Takes the pins of the serial port `U`: sends, receives. The pull-up holds an open line at rest; edges of a few megabits need

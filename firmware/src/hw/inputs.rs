@@ -1,11 +1,13 @@
-//! Contacts that the speed task reads: enable, end switches.
+//! Contacts that the speed task reads: enable, end switches; and the gate drivers' fault lines.
 //!
 //! Each is closed to ground while all is well, against the chip's pull-up: a broken wire or a plug that is out reads as an
 //! open contact. The pull-up is 25 to 55 kohm (datasheet, I/O static characteristics; memory), too little for a long cable
 //! beside a motor's: the wiring page asks for a stronger one and a capacitor.
 
+use super::outputs::Level;
+use super::protection::DriverFault;
 use control::interlock;
-use stm32g4xx_hal::gpio::{Input as Mode, Pin, PinMode};
+use stm32g4xx_hal::gpio::{Input as Mode, Pin, PinExt, PinMode};
 use stm32g4xx_hal::stm32::GPIOA;
 
 /// A contact.
@@ -27,13 +29,42 @@ pub(crate) struct Inputs {
     pub(crate) end_backward: Contact,
 }
 
+/// A gate driver's fault line, on a break input.
+#[derive(Clone, Copy)]
+pub(crate) struct FaultLine {
+    line: Contact,
+    /// It is high where the driver has a fault.
+    high: bool,
+}
+
+impl FaultLine {
+    /// That at a pin, which stays what it is: a pin in an alternate function can be read.
+    pub(crate) fn at(pin: &impl PinExt, fault: DriverFault) -> Self {
+        Self {
+            line: Contact {
+                register: register(u32::from(pin.port_id())),
+                bit: 1 << pin.pin_id(),
+            },
+            high: fault.level == Level::High,
+        }
+    }
+
+    /// The driver says that it has a fault.
+    pub(crate) fn is_pulled(self) -> bool {
+        self.line.is_open() == self.high
+    }
+}
+
+/// A port's input register; 0 is A. GPIOx follow each other by 0x400; IDR is at 0x10 (RM0440 9.4.5).
+fn register(port: u32) -> u32 {
+    GPIOA::ptr() as u32 + 0x400 * port + 0x10
+}
+
 /// A pin as a contact to ground.
 pub(crate) fn contact<const P: char, const N: u8, M: PinMode>(pin: Pin<P, N, M>) -> Contact {
     let _: Pin<P, N, Mode> = pin.into_pull_up_input();
-    // GPIOx follow each other by 0x400; IDR is at 0x10 (RM0440 9.4.5).
-    let register = GPIOA::ptr() as u32 + 0x400 * (P as u32 - 'A' as u32) + 0x10;
     Contact {
-        register,
+        register: register(P as u32 - 'A' as u32),
         bit: 1 << N,
     }
 }

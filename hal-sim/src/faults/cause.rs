@@ -103,10 +103,12 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
         Input::EndBackward => matches!(fault, F::EndBackward | F::EndsExchanged),
         Input::Enable => fault == F::Disabled,
         // Of a line that says nothing the open bridge shows, as phases that carry no current.
+        // Which of two lines is whose nobody knows while both bridges are open: either sentence sends a person to both.
+        Input::DriverFault(_) if matches!(fault, F::ScrewDriver | F::NutDriver) => true,
         Input::DriverFault(axis) => of(
             axis,
-            [F::ScrewBreak, F::ScrewVoltage, F::ScrewCurrentError],
-            [F::NutBreak, F::NutVoltage, F::NutCurrentError],
+            [F::ScrewVoltage, F::ScrewCurrentError],
+            [F::NutVoltage, F::NutCurrentError],
         )
         .contains(&fault),
         // A wrong command ends at the end of the way.

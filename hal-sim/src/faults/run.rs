@@ -294,6 +294,7 @@ impl Run {
         self.returned_j += (-power).max(0.0) * self.period_s;
         let running = self.drive.state().has_bridges_on();
         let driven = self.drive.state().is_driven();
+        let stopped_by = self.drive.state().fault();
         let temperatures = self.bench.temperatures();
         let scale = self.bench.scale_counts();
         let ends_open = self.bench.ends_open;
@@ -301,6 +302,7 @@ impl Run {
         self.bench.supervision.period(|| Look {
             running,
             driven,
+            stopped_by,
             temperatures,
             ends_open,
             scale,

@@ -117,8 +117,8 @@ fn a_spike_shorter_than_the_filter_is_no_fault() -> Result<(), String> {
 #[test]
 fn a_drivers_fault_opens_its_bridge_in_hardware() -> Result<(), String> {
     for (motor, other, cause) in [
-        (Motor::Screw, Motor::Nut, Fault::ScrewBreak),
-        (Motor::Nut, Motor::Screw, Fault::NutBreak),
+        (Motor::Screw, Motor::Nut, Fault::ScrewDriver),
+        (Motor::Nut, Motor::Screw, Fault::NutDriver),
     ] {
         let mut bench = running()?;
         bench.settle_untold()?;
@@ -154,7 +154,7 @@ fn the_view_goes_back_to_the_first_cause() -> Result<(), String> {
         .map_err(|error| error.to_string())?;
     assert_eq!(bench.status()?.fault, other);
     bench.pass(1e-3)?;
-    assert_cause(&mut bench, Fault::NutBreak)
+    assert_cause(&mut bench, Fault::NutDriver)
 }
 
 /// A count of a 20-bit encoder comes several times a period, so that one that stands is seen at once; 16,000 counts a turn
