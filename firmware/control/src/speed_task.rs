@@ -311,13 +311,15 @@ impl SpeedTask {
             // The motors hold until the brake does.
             coordinator.at_rest() && (before != State::Stopping || brake.is_closed(&config.brake))
         });
-        self.brake.step(match self.state {
-            State::Running | State::Holding => {
-                self.brake.is_released() || screw.is_closed() && nut.is_closed()
-            }
-            State::Stopping => self.brake.is_released() && !self.coordinator.at_rest(),
-            _ => false,
-        });
+        if config.brake.fitted {
+            self.brake.step(match self.state {
+                State::Running | State::Holding => {
+                    self.brake.is_released() || screw.is_closed() && nut.is_closed()
+                }
+                State::Stopping => self.brake.is_released() && !self.coordinator.at_rest(),
+                _ => false,
+            });
+        }
         if let (State::Fault(first), Some(later)) = (self.state, found)
             && later.corrects(first)
         {
@@ -328,15 +330,10 @@ impl SpeedTask {
         } else {
             self.latched = FaultSet::EMPTY;
         }
-        if self.state == State::SelfTest && before != State::SelfTest {
-            self.alignment = Alignment::begin(&config.alignment);
-            (self.asked, self.seen) = (AlignmentStep::default(), None);
-            self.aligned = Progress::Working;
-        }
         let target = match self.state {
             State::Running | State::Holding if self.brake.is_open(&config.brake) => self.command,
             State::Running | State::Holding | State::Stopping => Command::rest(),
-            _ => return Some(self.rest(config, request, exchanges)),
+            _ => return Some(self.rest(config, request, exchanges, before)),
         };
         self.reversed = exchanges.map(|exchange| {
             exchange
@@ -357,6 +354,7 @@ impl SpeedTask {
         config: &DriveConfig,
         request: Request,
         exchanges: [&MotorExchange; 2],
+        before: State,
     ) -> SpeedTaskOutput {
         // First of all, so that the next period of either loop sees it.
         let current = if self.state == State::Aligning {
@@ -386,6 +384,12 @@ impl SpeedTask {
         self.torque_limited = [false; 2];
         self.runaway = [Runaway::new(); 2];
         self.found = None;
+        // After the currents are asked, for it takes as long as a current loop.
+        if self.state == State::SelfTest && before != State::SelfTest {
+            self.alignment = Alignment::begin(&config.alignment);
+            (self.asked, self.seen) = (AlignmentStep::default(), None);
+            self.aligned = Progress::Working;
+        }
         if self.seen.is_some() {
             self.compute_alignment(config);
         }

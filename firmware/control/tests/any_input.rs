@@ -204,7 +204,7 @@ fn through(
         in_time: false,
         command: PwmCommand::default(),
     });
-    let mut states = Vec::new();
+    let mut states: Vec<State> = Vec::new();
     let (mut random, mut found) = (1u32, None);
     for stretch in stretches {
         // What may be asked is asked; a refusal is one.
