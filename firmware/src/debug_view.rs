@@ -2,7 +2,7 @@
 //!
 //! `DRIVE_VIEW` is for reading, `DRIVE_COMMAND` is how the drive is told what to do. [`link`] says what their words are.
 
-use crate::config::config;
+use crate::CONFIG;
 use crate::motor_loop::MOTORS;
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity, Voltage};
 use control::runaway::sum_events;
@@ -57,7 +57,7 @@ pub(crate) fn show(state: State) {
 pub(crate) fn angles() -> [u32; 2] {
     core::array::from_fn(|k| {
         let exchange = &MOTORS[k].exchange;
-        let angle = config().current_loops[k]
+        let angle = CONFIG.current_loops[k]
             .observer
             .encoder
             .angle(exchange.encoder());
@@ -74,18 +74,14 @@ pub(crate) fn angles() -> [u32; 2] {
 pub(crate) fn current_sums() -> [u32; 2] {
     core::array::from_fn(|k| {
         let codes = MOTORS[k].exchange.codes_of_one_period();
-        sum_events(
-            &config().runaway[k],
-            &config().current_loops[k].sense,
-            codes,
-        )
+        sum_events(&CONFIG.runaway[k], &CONFIG.current_loops[k].sense, codes)
     })
 }
 
 /// Once a millisecond: what the current loops see, in the view's formats.
 pub(crate) fn refresh() {
     for (k, (view, motor)) in DRIVE_VIEW.motors.iter().zip(&MOTORS).enumerate() {
-        let config = &config().current_loops[k];
+        let config = &CONFIG.current_loops[k];
         let (observer, exchange) = (&config.observer, &motor.exchange);
         let current = exchange.current();
         let current = [current.d, current.q].map(|i| config.sense.scale.current(i));

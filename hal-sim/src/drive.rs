@@ -9,16 +9,17 @@ use control::active_limit::ActiveLimits;
 use control::alignment::Misalignment;
 use control::compensation::Compensation;
 use control::coordinator::{Command, CommandError};
-use control::current_loop::{CurrentLoop, CurrentLoopConfig, MotorSample, PwmCommand};
+use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
 use control::exchange::{MotorExchange, MotorStatus};
 use control::fault::FaultSet;
 use control::format::{
     Angle, Current, MechanicalSpeed, Misfit, Speed, SpeedChange, TableVelocity, Voltage,
 };
-use control::motor_io::{MotorIo, Sensing};
+use control::motor_io::MotorIo;
 use control::observer::EncoderAlignment;
 use control::plate::{DriveConfig, DrivePlate};
 use control::runaway::sum_events;
+use control::sense::Shunts;
 use control::speed_task::{SpeedTask, SpeedTaskOutput};
 use control::supervisor::{Request, State};
 use control::transform::DirectQuadrature;
@@ -47,7 +48,6 @@ struct Registers<'a> {
     axis: Axis,
     sample: MotorSample,
     command: &'a mut PwmCommand,
-    config: &'a CurrentLoopConfig,
 }
 
 impl MotorIo for Registers<'_> {
@@ -59,11 +59,7 @@ impl MotorIo for Registers<'_> {
         self.sample.encoder
     }
 
-    fn sensing(&self) -> Sensing {
-        self.config.sensing()
-    }
-
-    fn current(&mut self) -> [u16; 3] {
+    fn current(&mut self, _: Shunts) -> [u16; 3] {
         self.sample.current
     }
 
@@ -371,7 +367,6 @@ impl Drive {
             axis,
             sample,
             command: &mut self.compares[k],
-            config: &self.config.current_loops[k],
         };
         self.current_loops[k].period(
             &self.config.current_loops[k],

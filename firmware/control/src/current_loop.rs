@@ -12,7 +12,7 @@ use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig, Seen};
 use crate::exchange::{Asked, MotorExchange};
 use crate::format::{Angle, Current, ScaledCurrent, multiply_upper};
 use crate::modulation::ModulationConfig;
-use crate::motor_io::{MotorIo, Sensing};
+use crate::motor_io::MotorIo;
 use crate::observer::{EncoderAlignment, Motion, Observer, ObserverConfig};
 use crate::regulator::{Regulator, RegulatorConfig};
 use crate::sense::{BusSense, Codes, CurrentSense, ZeroCalibration};
@@ -25,7 +25,7 @@ pub struct CurrentLoopConfig {
     pub sense: CurrentSense,
     /// ADC counts to bus voltage.
     pub bus: BusSense,
-    /// Raw word to encoder counts: what the loop's [`MotorIo`] says.
+    /// Raw word to encoder counts.
     pub encoder: Interface,
     /// How the encoder lies to its rotor, if that is known when the drive starts.
     pub alignment: Option<EncoderAlignment>,
@@ -44,18 +44,6 @@ pub struct CurrentLoopConfig {
     /// Periods with the low sides closed before the bridge is first driven: they charge the high sides' bootstrap
     /// capacitors.
     pub bootstrap_periods: u32,
-}
-
-impl CurrentLoopConfig {
-    /// How the board that it was made for reads its motor.
-    #[must_use]
-    pub const fn sensing(&self) -> Sensing {
-        Sensing {
-            encoder: self.encoder,
-            shunts: self.sense.shunts,
-            code_shift: self.sense.code_shift,
-        }
-    }
 }
 
 /// What a board reads at the counter's turn.
@@ -188,7 +176,8 @@ impl FrameMotion {
     }
 }
 
-/// State of one motor's current loop. The configuration comes with each step.
+/// State of one motor's current loop. The configuration comes with each step: where it is a constant, as in the
+/// firmware, the compiler puts its numbers into the instructions.
 #[derive(Clone, Copy, Debug)]
 pub struct CurrentLoop {
     observer: Observer,
@@ -274,8 +263,8 @@ impl CurrentLoop {
         let rotor = FrameMotion::of_rotor(&motion);
         if !seen.failed {
             let measured = self.measure(config, io, exchange, rotor);
-            if !over_current(config, measured) {
-                self.drive(config, io, exchange, rotor, measured);
+            if !over_current(config, measured.current) {
+                self.drive(config, io, exchange, rotor, &measured);
                 return;
             }
         }
@@ -331,7 +320,7 @@ impl CurrentLoop {
         };
         // The sample is still in its registers.
         let measured = self.measure(config, io, exchange, frame);
-        let over_current = over_current(config, measured);
+        let over_current = over_current(config, measured.current);
         self.over_current = close && (self.over_current || over_current);
         let placed = self.alignment.is_some() || bridge == Bridge::ClosedCommanded || short;
         let forbidden =
@@ -340,7 +329,7 @@ impl CurrentLoop {
             // Samples of a current that flows are no zeros: what was begun is begun anew when it rests.
             self.zero_calibration = ZeroCalibration::new();
             if !self.shorts(config, io, exchange, short) {
-                self.drive(config, io, exchange, frame, measured);
+                self.drive(config, io, exchange, frame, &measured);
                 if self.bridge == Bridge::Open {
                     io.close();
                 }
@@ -377,14 +366,12 @@ impl CurrentLoop {
         exchange: &MotorExchange,
         drive: bool,
     ) -> (Motion, Seen) {
-        let counts = io.sensing().encoder.counts(io.encoder());
+        let counts = config.encoder.counts(io.encoder());
         let mut motion = self.observer.follow(&config.observer, counts);
         exchange.publish_shaft(counts, motion.theta_step);
-        let watch = EncoderWatchConfig {
-            checked: io.sensing().encoder.is_checked(),
-            ..config.encoder_watch
-        };
-        let seen = self.encoder_watch.step(&watch, counts, &motion, drive);
+        let seen = self
+            .encoder_watch
+            .step(&config.encoder_watch, counts, &motion, drive);
         if seen.wrong {
             self.wrong_reading(config, exchange, counts, motion.innovation);
             motion = self.observer.motion(&config.observer);
@@ -429,16 +416,17 @@ impl CurrentLoop {
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
         frame: FrameMotion,
-    ) -> DirectQuadrature<ScaledCurrent> {
-        let sensing = io.sensing();
-        let codes = CurrentSense::codes_at(sensing.code_shift, io.current(), self.zeros);
+    ) -> Measured {
+        let codes = config
+            .sense
+            .codes(io.current(config.sense.shunts), self.zeros);
         let rotation = Rotation::new(frame.theta_e);
         let measured = Measured {
             codes,
-            current: rotation.park(config.sense.vector_of(sensing.shunts, codes)),
+            current: rotation.park(config.sense.vector(codes)),
         };
-        exchange.publish_currents(&measured, sensing.shunts);
-        measured.current
+        exchange.publish_currents(&measured, config.sense.shunts);
+        measured
     }
 
     /// Current error -> voltage -> compare values, turned to where the frame will be in the middle of their period.
@@ -449,16 +437,18 @@ impl CurrentLoop {
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
         frame: FrameMotion,
-        current: DirectQuadrature<ScaledCurrent>,
+        measured: &Measured,
     ) {
         let (reference, bus) = (exchange.reference(), io.bus());
         #[allow(clippy::cast_possible_truncation)]
         exchange.publish_bus(bus as u16);
-        let output = self
-            .regulator
-            .step(&config.regulator, reference, current, frame.step, || {
-                config.modulation.circle(bus)
-            });
+        let output = self.regulator.step(
+            &config.regulator,
+            reference,
+            measured.current,
+            frame.step,
+            || config.modulation.circle(bus),
+        );
         if output.limited {
             exchange.publish_limited();
         }
@@ -466,10 +456,7 @@ impl CurrentLoop {
         let realised_at = frame.theta_e.plus(three_halves(frame.step));
         let v = Rotation::second(realised_at).inverse_park(output.voltage);
         let scale = exchange.bus_scale();
-        // Where they were left, so that no register had to keep them.
-        let codes = exchange.codes();
-        let shunts = io.sensing().shunts;
-        io.write(config.modulation.compare_of(shunts, v, codes, scale, bus));
+        io.write(config.modulation.compare(v, measured.codes, scale, bus));
     }
 
     /// A period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current zeros are measured,
@@ -481,7 +468,7 @@ impl CurrentLoop {
         exchange: &MotorExchange,
         mode: Mode,
     ) {
-        let counts = io.sensing().encoder.counts(io.encoder());
+        let counts = config.encoder.counts(io.encoder());
         if let (false, Some(counts)) = (self.started, counts) {
             let alignment = self.alignment.unwrap_or_default();
             self.observer = Observer::at(&config.observer, alignment, counts);
@@ -498,7 +485,7 @@ impl CurrentLoop {
                 }
             }
             Mode::Calibrate if config.measure_zeros => {
-                self.calibrate(&config.sense, io.current());
+                self.calibrate(&config.sense, io.current(config.sense.shunts));
             }
             _ => {}
         }
@@ -578,13 +565,13 @@ fn three_halves(step: i32) -> Angle {
 mod tests {
     use super::*;
     use crate::plate::test_plate;
+    use crate::sense::Shunts;
     use proptest::prelude::*;
 
     /// What a loop reads and writes, in memory.
     struct Registers {
         sample: MotorSample,
         command: PwmCommand,
-        sensing: Sensing,
     }
 
     impl MotorIo for Registers {
@@ -594,10 +581,7 @@ mod tests {
         fn encoder(&mut self) -> u32 {
             self.sample.encoder
         }
-        fn sensing(&self) -> Sensing {
-            self.sensing
-        }
-        fn current(&mut self) -> [u16; 3] {
+        fn current(&mut self, _: Shunts) -> [u16; 3] {
             self.sample.current
         }
         fn bus(&mut self) -> u32 {
@@ -637,7 +621,6 @@ mod tests {
                 registers: Registers {
                     sample: sample([2048; 3]),
                     command: PwmCommand::default(),
-                    sensing: config.sensing(),
                 },
             }
         }

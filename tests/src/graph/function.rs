@@ -50,9 +50,7 @@ impl Body {
         };
         let mut open = vec![start];
         while let Some(at) = open.pop() {
-            // Behind a call that does not come back there may be data.
-            let code = (start..end).contains(&at) && image.data_end(at).is_none();
-            if body.instructions.contains_key(&at) || !code {
+            if body.instructions.contains_key(&at) || !(start..end).contains(&at) {
                 continue;
             }
             let run = body.run(image, decoder, at)?;
