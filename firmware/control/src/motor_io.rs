@@ -10,7 +10,7 @@ pub trait MotorIo {
     /// Acknowledges the interrupt and the timer's update; `true` if the break has opened the bridge.
     fn acknowledge(&mut self) -> bool;
 
-    /// The encoder's raw word of this period: see [`Interface`].
+    /// The encoder's raw word of this period: see [`Interface`](crate::encoder::Interface).
     fn encoder(&mut self) -> u32;
 
     /// ADC counts of the phases; of c only where it is measured.
