@@ -1,11 +1,10 @@
 //! What to do when nothing else can be done: bridges off, say where it happened, reset; and say so at the next boot.
 
-use crate::hw::{clock, outputs, stack_guard};
+use crate::hw::outputs;
 use core::fmt::Write;
 use core::mem::MaybeUninit;
 use core::panic::PanicInfo;
 use cortex_m::peripheral::SCB;
-use cortex_m_rt::{ExceptionFrame, exception};
 use stm32g4xx_hal::stm32::{RCC, TIM1, TIM8};
 
 /// Says that a record was written; any other value is what RAM held at power up.
@@ -48,7 +47,7 @@ pub(crate) fn take(report: impl FnOnce(&str)) {
 }
 
 /// Bridges off, the cause written down, reset.
-fn crash(cause: core::fmt::Arguments<'_>) -> ! {
+pub(crate) fn crash(cause: core::fmt::Arguments<'_>) -> ! {
     cortex_m::interrupt::disable();
     // SAFETY: nothing else runs from here on; clearing the main output enable opens both bridges. Before the timers have
     // their clocks nothing has closed them, but a write to a timer without one is lost.
@@ -83,30 +82,4 @@ fn panic(info: &PanicInfo<'_>) -> ! {
         Some(at) => crash(format_args!("panic at {}:{}", at.file(), at.line())),
         None => crash(format_args!("panic")),
     }
-}
-
-#[exception]
-// SAFETY: the attribute makes this the fault's handler; it touches only what `crash` may.
-unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
-    if stack_guard::overflowed() {
-        crash(format_args!("the stack overflowed"));
-    }
-    crash(format_args!("hard fault at {:#010x}", frame.pc()))
-}
-
-/// The crystal has stopped, or flash or RAM has a wrong bit: the chip has broken the bridges already (see
-/// [`crate::hw::clock`]), and what runs now runs at another clock or on wrong data.
-#[exception]
-// SAFETY: as above.
-unsafe fn NonMaskableInt() {
-    if clock::crystal_failed() {
-        crash(format_args!("the crystal stopped"));
-    }
-    crash(format_args!("flash or RAM has a wrong bit"))
-}
-
-#[exception]
-// SAFETY: as above.
-unsafe fn DefaultHandler(number: i16) -> ! {
-    crash(format_args!("unexpected interrupt {number}"))
 }

@@ -2,10 +2,11 @@
 //! the watchdog, report.
 
 use crate::board;
-use crate::debug_view::{self, DRIVE_VIEW, count};
+use crate::debug_view::{DRIVE_VIEW, count};
 use crate::hw::analog;
 use crate::hw::inputs::Inputs;
 use crate::hw::watchdog::Watchdog;
+use crate::motor_view;
 use crate::speed::FOUND;
 use control::fault::{self, Fault, FaultSet};
 use control::guard::{Guard, Look};
@@ -50,7 +51,7 @@ impl Supervision {
         if late {
             count(&view.supervision_missed);
         }
-        debug_view::refresh();
+        motor_view::refresh();
         self.look(found, journal);
         let [screw, nut] = &view.motors;
         let progress =
@@ -81,10 +82,10 @@ impl Supervision {
             .map(|missed| missed.load(Relaxed)),
             bus: analog::bus(),
             temperatures: analog::temperatures(),
-            theta: debug_view::angles(),
+            theta: motor_view::angles(),
             ends_open: [inputs.end_forward, inputs.end_backward],
             scale: view.scale.load(Relaxed).cast_unsigned(),
-            current_sum: debug_view::current_sums(),
+            current_sum: motor_view::current_sums(),
             index: flags.map(|flags| flags.index),
             transition_error: flags.map(|flags| flags.transition_error),
         };

@@ -4,9 +4,8 @@
 //! measures, the tasks below read it. Each word is whole by itself, and none means anything only together with another
 //! but where it is said, so relaxed ordering on a single core is enough.
 
-use crate::current_loop::{
-    Calibration, CurrentLoopConfig, CurrentReference, Frame, Measured, Mode, Rested,
-};
+use crate::current_loop::config::CurrentLoopConfig;
+use crate::current_loop::words::{Calibration, CurrentReference, Frame, Measured, Mode, Rested};
 use crate::format::{Angle, Current, ScaledCurrent, Voltage};
 use crate::modulation::BusScale;
 use crate::observer::EncoderAlignment;

@@ -4,6 +4,7 @@
 //! held over a period, the observer's difference equations, the speed regulator and the hold of its step. What a faster step
 //! would alias into a slower one is left out. The magnets' voltage is taken as fed forward, viscous friction as none.
 
+use super::elementary::{Complex, decay, inverse};
 use super::rejection::NotchGains;
 use super::{attempt, half, positive, power_of_two, within};
 use crate::compensation::line::{Order, Phasor};
@@ -35,112 +36,6 @@ const SEEN_LEAST: f64 = 0.003 * 0.003;
 const SEEN_LEAST_OBSERVED: f64 = 0.1 * 0.1;
 /// How much slower those are learned at least: they are below the torque's learning, as a cascade's outer loop.
 const SPEED_SLOWER: f64 = 3.0;
-
-/// A complex number.
-#[derive(Clone, Copy)]
-struct Complex {
-    re: f64,
-    im: f64,
-}
-
-impl Complex {
-    const ONE: Self = Self { re: 1.0, im: 0.0 };
-
-    const fn plus(self, other: Self) -> Self {
-        Self {
-            re: self.re + other.re,
-            im: self.im + other.im,
-        }
-    }
-
-    const fn minus(self, other: Self) -> Self {
-        self.plus(other.scaled(-1.0))
-    }
-
-    const fn scaled(self, by: f64) -> Self {
-        Self {
-            re: self.re * by,
-            im: self.im * by,
-        }
-    }
-
-    const fn times(self, other: Self) -> Self {
-        Self {
-            re: self.re * other.re - self.im * other.im,
-            im: self.re * other.im + self.im * other.re,
-        }
-    }
-
-    const fn over(self, other: Self) -> Self {
-        self.times(inverse(other, 0.0))
-    }
-
-    const fn square(self) -> f64 {
-        self.re * self.re + self.im * self.im
-    }
-
-    /// `e^(-j angle)` for an angle below one, by its series.
-    const fn delay(angle: f64) -> Self {
-        let (mut term, mut sum, mut n) = (Self::ONE, Self::ONE, 1u32);
-        let step = Self {
-            re: 0.0,
-            im: -angle,
-        };
-        while n < 24 {
-            term = term.times(step).scaled(1.0 / n as f64);
-            sum = sum.plus(term);
-            n = n.saturating_add(1);
-        }
-        sum
-    }
-
-    /// In words of `fraction` bits, shortened to its words if it is too long.
-    #[allow(clippy::cast_possible_truncation)]
-    const fn words(self, fraction: u32) -> Phasor {
-        const END: f64 = 2_147_483_000.0;
-        let scaled = self.scaled(power_of_two(fraction));
-        let longest = if scaled.re.abs() > scaled.im.abs() {
-            scaled.re.abs()
-        } else {
-            scaled.im.abs()
-        };
-        let fits = if longest > END {
-            scaled.scaled(END / longest)
-        } else {
-            scaled
-        };
-        Phasor {
-            re: (fits.re + half(fits.re)) as i32,
-            im: (fits.im + half(fits.im)) as i32,
-        }
-    }
-}
-
-/// The inverse, less of it where the square of the length is not far above `least`.
-const fn inverse(x: Complex, least: f64) -> Complex {
-    let conjugate = Complex {
-        re: x.re,
-        im: -x.im,
-    };
-    conjugate.scaled(1.0 / (x.square() + least))
-}
-
-/// Sine and cosine of an angle below pi, by their series.
-pub(super) const fn sine_and_cosine(angle: f64) -> (f64, f64) {
-    let turned = Complex::delay(angle);
-    (-turned.im, turned.re)
-}
-
-/// `e^-x`, x small, by its series.
-pub(super) const fn decay(x: f64) -> f64 {
-    let (mut term, mut sum, mut n) = (1.0, 1.0, 1u32);
-    while n < 30 {
-        term *= -x / n as f64;
-        sum += term;
-        n = n.saturating_add(1);
-    }
-    sum
-}
 
 /// A motor's loops at one frequency.
 struct Loops {

@@ -3,6 +3,7 @@
 mod alignment;
 mod board;
 mod compensation;
+mod elementary;
 mod friction;
 mod limits;
 mod motor;

@@ -1,6 +1,6 @@
 //! Disturbance observer and notch: plate -> fixed point.
 
-use super::compensation::{decay, sine_and_cosine};
+use super::elementary::{decay, sine_and_cosine};
 use super::{attempt, quantise, within};
 use crate::disturbance::DisturbanceConfig;
 use crate::format::{Current, Misfit, Ratio, SpeedGain};

@@ -7,44 +7,20 @@
 //! and act for one period, so on average one and a half periods after the sample. The voltage is turned forward by
 //! the angle that the rotor gains in that time.
 
-use crate::encoder::Interface;
-use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig, Seen};
-use crate::exchange::{Asked, MotorExchange};
-use crate::format::{Angle, Current, ScaledCurrent, multiply_upper};
-use crate::modulation::ModulationConfig;
-use crate::motor_io::MotorIo;
-use crate::observer::{EncoderAlignment, Motion, Observer, ObserverConfig};
-use crate::regulator::{Regulator, RegulatorConfig};
-use crate::sense::{BusSense, Codes, CurrentSense, ZeroCalibration};
-use crate::transform::{DirectQuadrature, Rotation};
+pub(crate) mod config;
+pub(crate) mod words;
 
-/// Configuration of a motor's current loop.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CurrentLoopConfig {
-    /// ADC counts to currents.
-    pub sense: CurrentSense,
-    /// ADC counts to bus voltage.
-    pub bus: BusSense,
-    /// Raw word to encoder counts.
-    pub encoder: Interface,
-    /// How the encoder lies to its rotor, if that is known when the drive starts.
-    pub alignment: Option<EncoderAlignment>,
-    /// Encoder counts to angle and speed.
-    pub observer: ObserverConfig,
-    /// Whether the encoder is to be trusted.
-    pub encoder_watch: EncoderWatchConfig,
-    /// Largest square of a measured current, upper word: past it the bridge is opened in the same period.
-    pub current_max_square: i32,
-    /// Current error to voltage.
-    pub regulator: RegulatorConfig,
-    /// Voltage to compare values.
-    pub modulation: ModulationConfig,
-    /// The current zeros are to be measured; otherwise the nominal ones are trusted.
-    pub measure_zeros: bool,
-    /// Periods with the low sides closed before the bridge is first driven: they charge the high sides' bootstrap
-    /// capacitors.
-    pub bootstrap_periods: u32,
-}
+pub use config::CurrentLoopConfig;
+pub use words::{Calibration, CurrentReference, Frame, Measured, Mode, Rested};
+
+use crate::encoder_watch::{EncoderWatch, Seen};
+use crate::exchange::{Asked, MotorExchange};
+use crate::format::{Angle, ScaledCurrent, multiply_upper};
+use crate::motor_io::MotorIo;
+use crate::observer::{EncoderAlignment, Motion, Observer};
+use crate::regulator::Regulator;
+use crate::sense::{Codes, CurrentSense, ZeroCalibration};
+use crate::transform::{DirectQuadrature, Rotation};
 
 /// What a board reads at the counter's turn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -57,84 +33,6 @@ pub struct MotorSample {
     pub encoder: u32,
     /// The break input has stopped the bridge.
     pub broken: bool,
-}
-
-/// What a current loop does with its bridge.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Mode {
-    /// Outputs off.
-    #[default]
-    Off,
-    /// Outputs off, zero currents being measured, for as long as it is asked.
-    Calibrate,
-    /// Outputs on, currents controlled.
-    Drive,
-    /// Outputs on, all low sides closed: the shorted winding brakes its motor, whose angle need not be known.
-    Short,
-    /// Outputs off, the break acknowledged.
-    Reset,
-}
-
-/// The frame in which currents are controlled.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Frame {
-    /// The rotor's own, which the encoder gives once it is aligned.
-    #[default]
-    Rotor,
-    /// One that stands at this electrical angle, whatever the encoder says: a current along its d axis pulls the magnets'
-    /// flux there.
-    Commanded(Angle),
-}
-
-/// What the speed task asks of a current loop.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct CurrentReference {
-    /// What to do with the bridge.
-    pub mode: Mode,
-    /// The frame of the currents.
-    pub frame: Frame,
-    /// Current along d, A: 0 in the rotor's frame (Eq 6).
-    pub i_d: Current,
-    /// Torque-making current, A.
-    pub i_q: Current,
-}
-
-/// How far an offset calibration is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Calibration {
-    /// Not done.
-    #[default]
-    Pending,
-    /// The zeros are measured, or the nominal ones trusted, and in use.
-    Done,
-    /// A zero lies further from its nominal place than a healthy sensor's: the nominal ones stay in use.
-    OutOfRange,
-}
-
-/// The phase currents of a sample.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Measured {
-    /// Codes of the phases.
-    pub codes: Codes,
-    /// Current.
-    pub current: DirectQuadrature<ScaledCurrent>,
-}
-
-/// What a current loop knows after a period that it did not drive in the rotor's frame.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Rested {
-    /// How far the offset calibration is.
-    pub calibration: Calibration,
-    /// The break input has stopped the bridge.
-    pub broken: bool,
-    /// A measured current was beyond its limit.
-    pub over_current: bool,
-    /// The encoder's count stands while the shaft turns, or too many of its readings are wrong.
-    pub encoder_stuck: bool,
-    /// The rotor's angle is known.
-    pub angle_known: bool,
-    /// The bridge is closed for currents in the rotor's frame.
-    pub closed: bool,
 }
 
 /// What the bridge shall do from the next turn of its counter on.
@@ -564,6 +462,8 @@ fn three_halves(step: i32) -> Angle {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::encoder::Interface;
+    use crate::format::Current;
     use crate::plate::test_plate;
     use crate::sense::Shunts;
     use proptest::prelude::*;

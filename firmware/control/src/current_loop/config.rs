@@ -1,0 +1,36 @@
+//! What a current loop is configured with.
+
+use crate::encoder::Interface;
+use crate::encoder_watch::EncoderWatchConfig;
+use crate::modulation::ModulationConfig;
+use crate::observer::{EncoderAlignment, ObserverConfig};
+use crate::regulator::RegulatorConfig;
+use crate::sense::{BusSense, CurrentSense};
+
+/// Configuration of a motor's current loop.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurrentLoopConfig {
+    /// ADC counts to currents.
+    pub sense: CurrentSense,
+    /// ADC counts to bus voltage.
+    pub bus: BusSense,
+    /// Raw word to encoder counts.
+    pub encoder: Interface,
+    /// How the encoder lies to its rotor, if that is known when the drive starts.
+    pub alignment: Option<EncoderAlignment>,
+    /// Encoder counts to angle and speed.
+    pub observer: ObserverConfig,
+    /// Whether the encoder is to be trusted.
+    pub encoder_watch: EncoderWatchConfig,
+    /// Largest square of a measured current, upper word: past it the bridge is opened in the same period.
+    pub current_max_square: i32,
+    /// Current error to voltage.
+    pub regulator: RegulatorConfig,
+    /// Voltage to compare values.
+    pub modulation: ModulationConfig,
+    /// The current zeros are to be measured; otherwise the nominal ones are trusted.
+    pub measure_zeros: bool,
+    /// Periods with the low sides closed before the bridge is first driven: they charge the high sides' bootstrap
+    /// capacitors.
+    pub bootstrap_periods: u32,
+}
