@@ -335,13 +335,14 @@ fn the_drive_s_table_gives_the_base_speed() {
 #[test]
 fn what_is_learned_is_kept() {
     let served = Served::new(&["--speed", "10"]);
-    let jog = |seconds: &str| {
-        let speeds = ["jog", "--table-speed", "5", "--nut-rpm", "200", "--arm"];
+    // Ten times as far as the durations say, between ends that are 100 mm to either side.
+    let jog = |mm_s: &str, seconds: &str| {
+        let speeds = ["jog", "--table-speed", mm_s, "--nut-rpm", "200", "--arm"];
         served.printed(&[&speeds[..], &["--duration", seconds]].concat())
     };
     served.printed(&["settings", "set", "compensation.learning_s=0.5"]);
     served.until("ready");
-    jog("1");
+    jog("5", "1");
     let said = served.printed(&["settings", "learned"]);
     assert!(said.contains("screw_torque.order_5: 0 -> 30"), "{said}");
     served.until("ready");
@@ -358,7 +359,7 @@ fn what_is_learned_is_kept() {
         "{size} A of six times an electrical turn, expected more than 0.01: {now}"
     );
     // It fits at the next start, once the shafts have turned.
-    jog("3");
+    jog("-5", "2.5");
     served.until("ready");
     let status = served.printed(&["status", "--json"]);
     let status: Value = serde_json::from_str(&status).unwrap();
