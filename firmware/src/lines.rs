@@ -331,12 +331,8 @@ where
         })?;
         // Whether the screw may turn as fast as the way takes.
         allowed(if distance_nm < 0 { -velocity } else { velocity }, base)?;
-        if let Some(origin) = origin() {
-            let scale = DRIVE_VIEW.scale.load(Relaxed);
-            let from = TRAVEL_LIMITS.position_nm(scale, origin);
-            if !TRAVEL_LIMITS.allows(from.saturating_add(distance_nm)) {
-                return Err(Refusal::SoftLimit);
-            }
+        if !TRAVEL_LIMITS.allows(DRIVE_VIEW.scale.load(Relaxed), origin(), distance_nm) {
+            return Err(Refusal::SoftLimit);
         }
         self.orders.lock(|orders| orders.travel(plan, base));
         Ok(())

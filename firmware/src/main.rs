@@ -275,7 +275,7 @@ mod app {
             let found = cx.shared.orders.lock(|orders| orders.step(inputs));
             cx.shared
                 .journal
-                .lock(|journal| supervision.step(late, found, journal));
+                .lock(|journal| supervision.step(late, inputs, found, journal));
         }
     }
 

@@ -44,15 +44,21 @@ impl Supervision {
         self.inputs.read()
     }
 
-    /// One millisecond; `late` if it comes a millisecond late or more, and what the orders have found.
-    pub(crate) fn step(&mut self, late: bool, found: Option<Fault>, journal: &mut Journal) {
+    /// One millisecond; `late` if it comes a millisecond late or more, what the contacts say, and what the orders have found.
+    pub(crate) fn step(
+        &mut self,
+        late: bool,
+        inputs: interlock::Inputs,
+        found: Option<Fault>,
+        journal: &mut Journal,
+    ) {
         let view = &DRIVE_VIEW;
         count(&view.uptime_ms);
         if late {
             count(&view.supervision_missed);
         }
         motor_view::refresh();
-        self.look(found, journal);
+        self.look(inputs, found, journal);
         let [screw, nut] = &view.motors;
         let progress =
             [&screw.steps, &nut.steps, &view.speed_steps].map(|steps| steps.load(Relaxed));
@@ -61,14 +67,13 @@ impl Supervision {
         }
     }
 
-    fn look(&mut self, found: Option<Fault>, journal: &mut Journal) {
+    fn look(&mut self, inputs: interlock::Inputs, found: Option<Fault>, journal: &mut Journal) {
         let view = &DRIVE_VIEW;
         let [screw, nut] = &view.motors;
         let flags = board::take_encoder_flags();
         let words = [&view.state, &view.fault].map(|word| word.load(Relaxed));
         // The speed task may come between the two; a fault of no word is one all the same.
         let state = State::of_words(words[0], words[1]).unwrap_or_default();
-        let inputs = self.inputs.read();
         let look = Look {
             running: state.has_bridges_on(),
             driven: state.is_driven(),

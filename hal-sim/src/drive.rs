@@ -423,8 +423,7 @@ impl Drive {
             self.exchanges.each_ref(),
             seam.found(),
         );
-        let is_fault = |state| matches!(state, State::Fault(_));
-        if !is_fault(before) && is_fault(self.speed.state) {
+        if before.fault().is_none() && self.speed.state.fault().is_some() {
             self.speed.state = self.speed_task.tell_lines(self.board.fault_lines());
         }
         if self.speed.state.is_driven() {

@@ -39,8 +39,8 @@ pub struct Recorder {
     gate: Option<Gate>,
     /// When the gate opened.
     opened_s: Option<f64>,
-    /// Rows that went past the gate.
-    passed: u64,
+    /// Rows that were written.
+    written: u64,
 }
 
 impl Recorder {
@@ -71,7 +71,7 @@ impl Recorder {
             whole_s: 0.0,
             gate: None,
             opened_s: None,
-            passed: 0,
+            written: 0,
         }
     }
 
@@ -92,7 +92,7 @@ impl Recorder {
         self.opened_s.map(|opened| self.last_s - opened)
     }
 
-    /// The gate that is waited for.
+    /// The gate that is waited for; `None` once it has opened.
     pub fn gate(&mut self) -> Option<&mut Gate> {
         self.gate.as_mut()
     }
@@ -122,7 +122,7 @@ impl Recorder {
             whole_s,
             gate,
             opened_s,
-            passed,
+            written,
             ..
         } = self;
         let Some(decoder) = decoder else {
@@ -138,20 +138,19 @@ impl Recorder {
             *last_s = row.time_s;
             *whole_s = whole_s.max(row.time_s - *whole_from_s);
             let sample = sample(header, row, *aligned);
-            let rows = match gate {
-                Some(gate) if opened_s.is_none() => {
-                    let rows = gate.take(sample);
-                    if let Some(first) = rows.first() {
-                        *opened_s = Some(row.time_s);
-                        *first_s = Some(first.time_s);
-                        *whole_from_s = first.time_s.max(*whole_from_s);
-                        *whole_s = row.time_s - *whole_from_s;
-                    }
-                    rows
-                }
-                _ => vec![sample],
+            let Some(waiting) = gate else {
+                *written += 1;
+                return writer.write(&sample);
             };
-            *passed += rows.len() as u64;
+            if !waiting.take(sample) {
+                return Ok(());
+            }
+            let rows = gate.take().map(Gate::into_rows).unwrap_or_default();
+            *opened_s = Some(row.time_s);
+            *first_s = rows.front().map(|first| first.time_s);
+            *whole_from_s = whole_from_s.max(first_s.unwrap_or_default());
+            *whole_s = row.time_s - *whole_from_s;
+            *written = rows.len() as u64;
             rows.iter().try_for_each(|sample| writer.write(sample))
         })?;
         if let (false, Some(interval)) = (known, decoder.interval_s()) {
@@ -184,7 +183,7 @@ pub fn save(
         let outcome = stream(&mut recorder);
         let seconds = recorder.seconds();
         let count = Count {
-            rows: recorder.passed,
+            rows: recorder.written,
             ..recorder.count()
         };
         recorder.writer.finish()?;

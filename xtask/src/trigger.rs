@@ -69,7 +69,8 @@ pub struct Gate {
     trigger: Trigger,
     past: usize,
     kept: VecDeque<Sample>,
-    fired: bool,
+    /// A fault that is waited for has come: it opens with the next row.
+    faulty: bool,
 }
 
 impl Gate {
@@ -80,32 +81,28 @@ impl Gate {
             trigger,
             past,
             kept: VecDeque::with_capacity(past + 1),
-            fired: false,
+            faulty: false,
         }
     }
 
-    /// It has opened.
-    #[must_use]
-    pub fn is_open(&self) -> bool {
-        self.fired
-    }
-
-    /// What the trigger waits for has happened, if it is a fault.
+    /// The drive has a fault.
     pub fn fault(&mut self) {
-        self.fired |= self.trigger == Trigger::Fault;
+        self.faulty |= self.trigger == Trigger::Fault;
     }
 
-    /// Takes a row of a gate that is closed; what is to be written with it, in order, once it opens.
-    pub fn take(&mut self, sample: Sample) -> Vec<Sample> {
-        self.fired |= self.trigger.fires(&sample);
+    /// Keeps a row; `true` if it opens with that.
+    pub fn take(&mut self, sample: Sample) -> bool {
         self.kept.push_back(sample);
         if self.kept.len() > self.past + 1 {
             self.kept.pop_front();
         }
-        match self.fired {
-            true => self.kept.drain(..).collect(),
-            false => Vec::new(),
-        }
+        self.faulty || self.trigger.fires(&sample)
+    }
+
+    /// What came before the row that opened it, and that row.
+    #[must_use]
+    pub fn into_rows(self) -> VecDeque<Sample> {
+        self.kept
     }
 }
 
@@ -125,22 +122,18 @@ mod tests {
     fn a_gate_opens_at_its_level_with_what_came_before() {
         let trigger: Trigger = "table_position_m > 4.5e-3".parse().unwrap();
         let mut gate = Gate::new(trigger, 3);
-        let opened = (0..10).find_map(|k| {
-            let rows = gate.take(row(f64::from(k)));
-            (!rows.is_empty()).then_some(rows)
-        });
-        let times: Vec<f64> = opened.unwrap().iter().map(|row| row.time_s).collect();
+        assert!((0..10).any(|k| gate.take(row(f64::from(k)))));
+        let times: Vec<f64> = gate.into_rows().iter().map(|row| row.time_s).collect();
         assert_eq!(times, [2.0, 3.0, 4.0, 5.0]);
-        assert!(gate.is_open());
     }
 
     #[test]
     fn a_fault_opens_only_the_gate_that_waits_for_one() {
         for (text, opens) in [("fault", true), ("screw_ia_a<-1", false)] {
             let mut gate = Gate::new(text.parse().unwrap(), 2);
-            assert!(gate.take(row(0.0)).is_empty());
+            assert!(!gate.take(row(0.0)));
             gate.fault();
-            assert_eq!(gate.is_open(), opens, "{text}");
+            assert_eq!(gate.take(row(1.0)), opens, "{text}");
         }
     }
 

@@ -11,7 +11,7 @@
 //! the mechanical end as the stop takes: `v^2 / (2 a)` and `v a / (2 j)` with the feed's largest velocity, acceleration and
 //! jerk.
 //!
-//! While the drive is homed the switch that is looked for is no fault: [`homing`](crate::homing) stops at it. The other one is.
+//! While [`homing`](crate::homing) looks for a switch, that one is no fault, for homing stops at it. The other one is.
 //!
 //! The switches and the enable contact are closed while all is well, so that a broken wire stops too (normally closed, as
 //! IEC 60204-1, 9.4.3 and ISO 13850 ask of stops). A level counts once it was seen in [`SETTLED`] looks in a row.

@@ -104,12 +104,14 @@ impl TravelConfig {
         counts.saturating_mul(self.nm_per_count) >> LENGTH_BITS
     }
 
-    /// A table at this position, nm, stands before both limits.
+    /// A table that goes so many nm from where its scale counts `scale` stands before both limits; without a homed position none
+    /// acts.
     #[must_use]
-    pub fn allows(&self, position_nm: i64) -> bool {
-        let Some([least, most]) = self.ends_nm else {
+    pub fn allows(&self, scale: i32, origin: Option<i32>, distance_nm: i64) -> bool {
+        let (Some([least, most]), Some(origin)) = (self.ends_nm, origin) else {
             return true;
         };
+        let position_nm = self.position_nm(scale, origin).saturating_add(distance_nm);
         let before = self.stands_before_nm;
         position_nm >= least.saturating_add(before) && position_nm <= most.saturating_sub(before)
     }

@@ -439,11 +439,9 @@ impl Served for SimulatedDrive {
             MoveError::Distance => Refusal::Distance,
             MoveError::Velocity => Refusal::Velocity,
         })?;
-        if let Some(origin) = self.motion.origin() {
-            let from = self.travel_limits.position_nm(self.scale, origin);
-            if !self.travel_limits.allows(from.saturating_add(distance_nm)) {
-                return Err(Refusal::SoftLimit);
-            }
+        let origin = self.motion.origin();
+        if !self.travel_limits.allows(self.scale, origin, distance_nm) {
+            return Err(Refusal::SoftLimit);
         }
         // Whether the screw may turn as fast as the way takes, and then the base speed alone.
         let forwards = if distance_nm < 0 { -velocity } else { velocity };

@@ -1,7 +1,7 @@
 //! What moves a drive. It is commanded as long as the command runs, and comes to rest with it.
 
 use super::connect::Drive;
-use super::options::{HomeOptions, InjectOptions, JogOptions, Motor, MoveOptions};
+use super::options::{HomeOptions, InjectOptions, JogOptions, LeadOptions, Motor, MoveOptions};
 use super::status::{Seen, look};
 use crate::interrupt::ctrl_c;
 use anyhow::{Context, Result, bail};
@@ -75,15 +75,17 @@ pub fn reset(drive: &mut Drive) -> Result<()> {
     Ok(())
 }
 
+/// The nut speed that a motion is asked with, rad/s.
+fn base(lead: &LeadOptions) -> Option<f64> {
+    lead.nut_rpm.map(|rpm| rpm * TAU / 60.0)
+}
+
 /// Runs until Ctrl-C or as long as asked.
 pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
     let settings = drive.settings()?;
-    let command = speeds(
-        options.table_speed * 1e-3,
-        options.nut_rpm.map(|rpm| rpm * TAU / 60.0),
-    )?;
+    let command = speeds(options.table_speed * 1e-3, base(&options.lead))?;
     let stop = caught()?;
-    if options.arm {
+    if options.lead.arm {
         drive.tell(Command::Arm)?;
     }
     drive.tell(command)?;
@@ -98,10 +100,7 @@ pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
 /// Moves the table by a distance.
 pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
     let settings = drive.settings()?;
-    let Command::Run { velocity, base } = speeds(
-        options.table_speed * 1e-3,
-        options.nut_rpm.map(|rpm| rpm * TAU / 60.0),
-    )?
+    let Command::Run { velocity, base } = speeds(options.table_speed * 1e-3, base(&options.lead))?
     else {
         bail!("speeds are no command");
     };
@@ -109,7 +108,7 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
     let distance_nm = (options.distance * 1e6).round() as i64;
     let stop = caught()?;
     let before = look(drive)?.position_mm(&settings);
-    if options.arm {
+    if options.lead.arm {
         drive.tell(Command::Arm)?;
     }
     drive.tell(Command::Move {
@@ -158,12 +157,11 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
 /// Finds the table's place.
 pub fn home(drive: &mut Drive, options: &HomeOptions) -> Result<()> {
     let settings = drive.settings()?;
-    let base = options.nut_rpm.map(|rpm| rpm * TAU / 60.0);
-    let Command::Run { base, .. } = speeds(0.0, base)? else {
+    let Command::Run { base, .. } = speeds(0.0, base(&options.lead))? else {
         bail!("speeds are no command");
     };
     let stop = caught()?;
-    if options.arm {
+    if options.lead.arm {
         drive.tell(Command::Arm)?;
     }
     drive.tell(Command::Home { base })?;

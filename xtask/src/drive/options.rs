@@ -111,16 +111,11 @@ pub struct JogOptions {
         allow_negative_numbers = true
     )]
     pub table_speed: f64,
-    /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
-    /// 0 until one is set.
-    #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
-    pub nut_rpm: Option<f64>,
+    #[command(flatten)]
+    pub lead: LeadOptions,
     /// For so long, s, instead of until Ctrl-C.
     #[arg(long, value_name = "S")]
     pub duration: Option<f64>,
-    /// Arm it first.
-    #[arg(long)]
-    pub arm: bool,
 }
 
 /// A distance.
@@ -132,13 +127,8 @@ pub struct MoveOptions {
     /// Largest table velocity on the way, mm/s.
     #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
     pub table_speed: f64,
-    /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
-    /// 0 until one is set.
-    #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
-    pub nut_rpm: Option<f64>,
-    /// Arm it first.
-    #[arg(long)]
-    pub arm: bool,
+    #[command(flatten)]
+    pub lead: LeadOptions,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -147,6 +137,16 @@ pub struct MoveOptions {
 /// A homing.
 #[derive(Args, Debug)]
 pub struct HomeOptions {
+    #[command(flatten)]
+    pub lead: LeadOptions,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What every motion is asked with.
+#[derive(Args, Debug)]
+pub struct LeadOptions {
     /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
     /// 0 until one is set.
     #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
@@ -154,9 +154,6 @@ pub struct HomeOptions {
     /// Arm it first.
     #[arg(long)]
     pub arm: bool,
-    /// As JSON.
-    #[arg(long)]
-    pub json: bool,
 }
 
 /// A fault.
@@ -289,7 +286,7 @@ impl DriveOptions {
         match &self.task {
             Task::Jog(jog) => {
                 finite("--table-speed", jog.table_speed)?;
-                finite("--nut-rpm", jog.nut_rpm.unwrap_or_default())?;
+                finite("--nut-rpm", jog.lead.nut_rpm.unwrap_or_default())?;
                 let seconds = jog.duration.unwrap_or(1.0);
                 ensure!(
                     seconds > 0.0 && seconds.is_finite(),
@@ -298,14 +295,14 @@ impl DriveOptions {
             }
             Task::Move(travel) => {
                 finite("the distance", travel.distance)?;
-                finite("--nut-rpm", travel.nut_rpm.unwrap_or_default())?;
+                finite("--nut-rpm", travel.lead.nut_rpm.unwrap_or_default())?;
                 ensure!(
                     travel.table_speed > 0.0 && travel.table_speed.is_finite(),
                     "--table-speed is {} mm/s, but one above 0 is needed: the distance says which way",
                     travel.table_speed
                 );
             }
-            Task::Home(home) => finite("--nut-rpm", home.nut_rpm.unwrap_or_default())?,
+            Task::Home(home) => finite("--nut-rpm", home.lead.nut_rpm.unwrap_or_default())?,
             Task::Record(record) => {
                 divider(record.rate)?;
                 let seconds = record.seconds();

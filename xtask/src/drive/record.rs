@@ -99,7 +99,7 @@ fn stream(
     let (mut last, mut silent) = (0, Instant::now());
     while !stop.load(Relaxed) {
         let now = recorder.streamed_s();
-        let waits = trigger.is_some() && recorder.since_trigger_s().is_none();
+        let waits = recorder.gate().is_some();
         let taken = match waits {
             true => 0.0,
             false => recorder.since_trigger_s().unwrap_or(now),
@@ -142,10 +142,11 @@ fn stream(
         if looked.elapsed() > LOOK {
             looked = Instant::now();
             if let Some(State::Fault(fault)) = look(drive)?.state {
-                match (trigger, recorder.gate()) {
-                    (Some(Trigger::Fault), Some(gate)) => gate.fault(),
-                    _ if !options.hold.is_empty() => bail!(Stopped(fault)),
-                    _ => {}
+                if let Some(gate) = recorder.gate() {
+                    gate.fault();
+                }
+                if !options.hold.is_empty() && trigger != Some(Trigger::Fault) {
+                    bail!(Stopped(fault));
                 }
             }
         }

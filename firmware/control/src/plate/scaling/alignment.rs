@@ -27,8 +27,8 @@ const ASKED: f64 = 0.88;
 const KICK: f64 = 0.2;
 /// A kick asks for more than what is clear: of the third phase, where it is not measured, the others have half each.
 const KICK_OF_CLEAR: f64 = 2.6;
-/// And for no more of the torque limit than this, where the dead time wants more than [`KICK`]: the loop of a wrong sign then passes
-/// the limit by half for less than a millisecond.
+/// And for no more of the torque limit than this, where the dead time wants more than [`KICK`]: the loop of a wrong sign then makes up
+/// to one and a half times the limit (measured with all signs wrong on drawn drives of which a kick is so large).
 const KICK_MOST: f64 = 0.3;
 /// Part of the travel past which alignment stops: the rest is for what the encoders do not show, the lead's error and the
 /// screw's stretch, and for what shorted windings do not brake.
@@ -64,7 +64,7 @@ impl MotorPlate {
     }
 }
 
-const fn longer(a: f64, b: f64) -> f64 {
+const fn greater(a: f64, b: f64) -> f64 {
     if a > b { a } else { b }
 }
 
@@ -114,7 +114,7 @@ impl DrivePlate {
             still_steps: steps(STILL_S, step),
             coast_steps: steps(COAST_S, step),
             travel: turns(STOPPED * travel),
-            braking_steps: steps(longer(screw.braking_s(), nut.braking_s()), step),
+            braking_steps: steps(greater(screw.braking_s(), nut.braking_s()), step),
             turn_speed: MechanicalSpeed::from_bits(attempt!(quantise(
                 "alignment's speed",
                 "rad/s",
@@ -149,8 +149,8 @@ impl DrivePlate {
     const fn kick(&self, motor: &MotorPlate, limit: f64) -> (f64, f64) {
         let [bus_v, _] = self.board.regeneration_v;
         let by_dead_time = self.board.dead_time_s * bus_v / motor.inductance_h;
-        let clear = longer(KICK * limit / 4.0, by_dead_time);
-        let kick = longer(KICK * limit, KICK_OF_CLEAR * clear);
+        let clear = greater(KICK * limit / 4.0, by_dead_time);
+        let kick = greater(KICK * limit, KICK_OF_CLEAR * clear);
         if kick > KICK_MOST * limit {
             return (KICK_MOST * limit, KICK_MOST / KICK_OF_CLEAR * limit);
         }
