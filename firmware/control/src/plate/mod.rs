@@ -207,7 +207,7 @@ pub struct BrakePlate {
 }
 
 impl BrakePlate {
-    /// An axis whose friction holds its load. The times are those of small spring-applied brakes, in case that one is fitted.
+    /// An axis whose friction holds its load. The times are our choice until a brake's datasheet gives its own.
     pub const NONE: Self = Self {
         fitted: false,
         closing_s: 50e-3,
