@@ -2,10 +2,11 @@
 
 use crate::analysis::analyse;
 use crate::effects::stick_slip::{self, FreeDrive};
+use crate::machines::ModelFileError;
 use crate::machines::feed_axis::{self, Axis};
 use crate::machines::motor::{self, MotorModel};
 use crate::machines::pmsm;
-use crate::machines::pmsm_file::{PmsmModel, PmsmModelError};
+use crate::machines::pmsm_file::PmsmModel;
 use crate::records::quality::{Finding, Plate, wrong_data};
 use crate::records::{
     self, DataQuality, How, LoadError, Machine, Mapping, OnFault, Record, load, load_map,
@@ -98,15 +99,9 @@ pub enum RunError {
     /// A double drive's model could not be read.
     #[error(transparent)]
     Model(#[from] plant::model::ModelError),
-    /// An axis' model could not be read.
+    /// Another machine's model could not be read, or is another than its mapping's.
     #[error(transparent)]
-    Axis(#[from] feed_axis::AxisModelError),
-    /// A PMSM's model could not be read, or is another than its mapping's.
-    #[error(transparent)]
-    Pmsm(#[from] PmsmModelError),
-    /// A motor's model could not be read.
-    #[error(transparent)]
-    Motor(#[from] motor::MotorModelError),
+    ModelFile(#[from] ModelFileError),
 }
 
 impl Task {

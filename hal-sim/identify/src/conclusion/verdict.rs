@@ -111,17 +111,6 @@ impl Level {
         level
     }
 
-    /// Of figures alone: an rms and its floor's, over so many rows.
-    pub fn of_rms(rms: f64, floor: f64, rows: usize) -> Self {
-        let power = (rms / floor).powi(2);
-        Level {
-            power,
-            band: power,
-            band_hz: 0.0,
-            excess: (power - 1.0).max(0.0) * rows as f64,
-        }
-    }
-
     /// Whether it is at its noise floor.
     pub fn quiet(&self) -> bool {
         self.power <= QUIET && self.band <= QUIET_BAND
@@ -141,6 +130,38 @@ pub struct CheckChannel {
     pub rms: [f64; 2],
     /// Noise floor, in its unit.
     pub floor: f64,
+}
+
+impl CheckChannel {
+    /// Of figures alone: a name with its unit, rms before and after, and its floor's. Without a floor only the fall counts.
+    pub(crate) fn of_rms(
+        (name, unit): (&'static str, &'static str),
+        rms: [f64; 2],
+        floor: f64,
+    ) -> Self {
+        let in_floors = if floor.is_finite() { floor } else { rms[1] };
+        let level = |rms: f64| {
+            let power = (rms / in_floors).powi(2);
+            Level {
+                power,
+                band: power,
+                band_hz: 0.0,
+                excess: (power - 1.0).max(0.0),
+            }
+        };
+        CheckChannel {
+            name,
+            unit,
+            levels: rms.map(level),
+            rms,
+            floor,
+        }
+    }
+
+    /// Judges a machine that has no other.
+    pub(crate) fn judged(self, names: usize, left: usize, floor: Floor) -> Judged {
+        judge(&[self], names, left, floor)
+    }
 }
 
 /// What is said, and by how much the excess fell.
@@ -236,13 +257,7 @@ mod tests {
     use super::*;
 
     fn channel(before: f64, after: f64) -> CheckChannel {
-        CheckChannel {
-            name: "torque",
-            unit: "N m",
-            levels: [before, after].map(|rms| Level::of_rms(rms, 1.0, 1000)),
-            rms: [before, after],
-            floor: 1.0,
-        }
+        CheckChannel::of_rms(("torque", "N m"), [before, after], 1.0)
     }
 
     #[test]

@@ -19,6 +19,7 @@ use crate::signal::channel::Channel;
 use plant::Axis;
 use plant::effects::Place;
 use std::fmt::Debug;
+use std::path::Path;
 
 /// A kind of machine.
 pub trait Machine: Debug + Sync {
@@ -61,6 +62,29 @@ pub trait Machine: Debug + Sync {
     /// The `where` of an effect.
     fn place(&self, place: Place) -> &'static str {
         place.name()
+    }
+}
+
+/// Why a model file could not be used.
+#[derive(Debug, thiserror::Error)]
+#[error("{origin}: {reason}")]
+pub struct ModelFileError {
+    origin: String,
+    reason: String,
+}
+
+impl ModelFileError {
+    pub(crate) fn new(origin: &str, reason: String) -> Self {
+        let origin = origin.to_owned();
+        ModelFileError { origin, reason }
+    }
+
+    /// Reads a file and what its text says.
+    fn read<T>(path: &Path, parse: fn(&str, &str) -> Result<T, Self>) -> Result<T, Self> {
+        let origin = path.display().to_string();
+        let text = std::fs::read_to_string(path);
+        let text = text.map_err(|error| Self::new(&origin, error.to_string()))?;
+        parse(&text, &origin)
     }
 }
 

@@ -1,16 +1,9 @@
 //! The model file of a single permanent-magnet motor.
 
+use crate::machines::ModelFileError;
 use plant::model::{MotorModel, SensingModel};
 use serde::Deserialize;
 use std::path::Path;
-
-/// Why a model file could not be used.
-#[derive(Debug, thiserror::Error)]
-#[error("{origin}: {reason}")]
-pub struct PmsmModelError {
-    origin: String,
-    reason: String,
-}
 
 /// What is declared of a motor and of what measures it.
 #[derive(Debug, Clone, Deserialize)]
@@ -54,19 +47,14 @@ impl PmsmModel {
     ///
     /// # Errors
     /// A file that cannot be read, or has other keys or values out of their range.
-    pub fn load(path: &Path) -> Result<Self, PmsmModelError> {
-        let origin = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| PmsmModelError {
-            origin: origin.clone(),
-            reason: error.to_string(),
-        })?;
-        Self::parse(&text, &origin)
+    pub fn load(path: &Path) -> Result<Self, ModelFileError> {
+        ModelFileError::read(path, Self::parse)
     }
 
-    fn parse(text: &str, origin: &str) -> Result<Self, PmsmModelError> {
-        let fault = |reason: String| PmsmModelError {
-            origin: origin.to_owned(),
-            reason: format!("{reason}; expected the table [motor] and, if it is known, [sensing]"),
+    fn parse(text: &str, origin: &str) -> Result<Self, ModelFileError> {
+        let fault = |reason: String| {
+            let expected = "expected the table [motor] and, if it is known, [sensing]";
+            ModelFileError::new(origin, format!("{reason}; {expected}"))
         };
         let mut model: PmsmModel =
             toml::from_str(text).map_err(|error| fault(error.to_string()))?;
@@ -98,24 +86,21 @@ impl PmsmModel {
     }
 
     /// That the mapping has other pole pairs.
-    pub(crate) fn other_pole_pairs(&self, other: f64) -> PmsmModelError {
-        PmsmModelError {
-            origin: self.origin.clone(),
-            reason: format!(
-                "it declares {} pole pairs, but the mapping {other}; expected the same, correct one of them",
-                self.motor.pole_pairs
+    pub(crate) fn other_pole_pairs(&self, other: f64) -> ModelFileError {
+        let own = self.motor.pole_pairs;
+        ModelFileError::new(
+            &self.origin,
+            format!(
+                "it declares {own} pole pairs, but the mapping {other}; expected the same, correct one of them"
             ),
-        }
+        )
     }
 
     /// That a record has no voltages.
-    pub(crate) fn no_voltages(&self, file: &str) -> PmsmModelError {
-        PmsmModelError {
-            origin: file.to_owned(),
-            reason: "it has no voltages, expected ud_v and uq_v, phase voltages or duties with the bus; without them map its q \
-                     current and angle as a motor: machine = \"motor\""
-                .into(),
-        }
+    pub(crate) fn no_voltages(&self, file: &str) -> ModelFileError {
+        let reason = "it has no voltages, expected ud_v and uq_v, phase voltages or duties with the bus; without them map its q \
+                      current and angle as a motor: machine = \"motor\"";
+        ModelFileError::new(file, reason.into())
     }
 }
 

@@ -6,12 +6,11 @@ use super::{
 };
 use crate::conclusion::remains::whiteness;
 use crate::conclusion::rest;
-use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Level, judge};
+use crate::conclusion::verdict::{CheckChannel, Floor};
 use crate::effects::refusals::Refusal;
 use crate::machines::feed_axis::{self, Axis, Record, Study, Term};
 use crate::records::DataQuality;
-use crate::regression::interval::Estimate;
-use crate::regression::sandwich::{Wave, interval};
+use crate::regression::sandwich::Wave;
 use crate::search::selection::{MATERIAL_OF_ERROR, TOO_LITTLE};
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
@@ -67,7 +66,17 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
         .iter()
         .map(|remnant| Left::of(remnant, "force", "N"))
         .collect();
-    let judged = judged(study, &unexplained);
+    // By the check record's force error, homed, against the difference from lap to lap.
+    let known = match study.lap_to_lap_n.is_finite() {
+        true => Floor::Laps,
+        false => Floor::Unknown,
+    };
+    let rms = [refitted.test.force_n, last.homed.force_n];
+    let judged = CheckChannel::of_rms(("force", "N"), rms, study.lap_to_lap_n).judged(
+        effects.len(),
+        unexplained.len(),
+        known,
+    );
     let differs = study.own_friction.as_ref().map(|own| {
         let [_, viscous, coulomb, _] = last.axis.base;
         own.sentence([viscous, coulomb])
@@ -124,34 +133,6 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
         time,
         model: last.axis.to_toml(),
     }
-}
-
-/// By the check record's force error, homed, against the difference from lap to lap.
-fn judged(study: &Study, unexplained: &[Left]) -> Judged {
-    let (before, after) = (
-        study.stages[study.refitted].test.force_n,
-        study.last().homed.force_n,
-    );
-    let floor = study.lap_to_lap_n;
-    let known = match floor.is_finite() {
-        true => Floor::Laps,
-        false => Floor::Unknown,
-    };
-    // Without a floor only the fall counts.
-    let unit = if floor.is_finite() { floor } else { after };
-    let channel = CheckChannel {
-        name: "force",
-        unit: "N",
-        levels: [before, after].map(|rms| Level::of_rms(rms, unit, 1)),
-        rms: [before, after],
-        floor,
-    };
-    judge(
-        &[channel],
-        study.last().axis.terms.len(),
-        unexplained.len(),
-        known,
-    )
 }
 
 fn errors(errors: &feed_axis::Errors) -> Errors {
@@ -229,20 +210,17 @@ fn plain(term: Term, values: &[f64], covariance: &DMatrix<f64>, at: usize) -> Ve
 }
 
 fn effect(term: Term, estimates: &[Parameter], explained: f64) -> Effect {
-    let estimates = estimates.iter().map(|(name, [value, variance], unit)| {
-        let estimate = Estimate {
-            name: (*name).into(),
-            value: *value,
-            interval: interval(*value, *variance),
-        };
-        (estimate, *unit)
-    });
     Effect {
         order: match term {
             Term::Periodic(order) => Some(order),
             _ => None,
         },
-        ..Effect::new(term.kind(), term.place(), explained, estimates)
+        ..Effect::fitted(
+            term.kind(),
+            term.place(),
+            explained,
+            estimates.iter().copied(),
+        )
     }
 }
 

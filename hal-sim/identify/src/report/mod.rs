@@ -14,6 +14,7 @@ use crate::conclusion::rest::Remnant;
 use crate::effects::refusals::Refusal;
 use crate::records::DataQuality;
 use crate::regression::interval::Estimate;
+use crate::regression::sandwich::interval;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
@@ -320,6 +321,29 @@ impl Left {
 }
 
 impl Effect {
+    /// Of the values and variances of its parameters, with their units.
+    fn fitted(
+        kind: &str,
+        place: &str,
+        explained: f64,
+        parameters: impl IntoIterator<Item = (&'static str, [f64; 2], &'static str)>,
+    ) -> Self {
+        let estimates = parameters
+            .into_iter()
+            .map(|(name, [value, variance], unit)| {
+                let (name, interval) = (name.into(), interval(value, variance));
+                (
+                    Estimate {
+                        name,
+                        value,
+                        interval,
+                    },
+                    unit,
+                )
+            });
+        Self::new(kind, place, explained, estimates)
+    }
+
     /// Of its parameters with their units; what only some machines tell is empty.
     fn new(
         kind: &str,

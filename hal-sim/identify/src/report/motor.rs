@@ -3,13 +3,12 @@
 use super::{Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
 use crate::conclusion::remains::whiteness;
 use crate::conclusion::rest;
-use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Level, judge};
+use crate::conclusion::verdict::{CheckChannel, Floor};
 use crate::effects::refusals::Refusal;
 use crate::machines::motor::{Fit, Lag, MotorModel, Study};
 use crate::records::DataQuality;
 use crate::regression::column::counted;
-use crate::regression::interval::Estimate;
-use crate::regression::sandwich::{Wave, interval};
+use crate::regression::sandwich::Wave;
 
 /// Of what was found with a motor, from the records `accounts`.
 pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Report {
@@ -56,7 +55,13 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
         .iter()
         .map(|remnant| Left::of(remnant, "current", "A"))
         .collect();
-    let judged = judged(study, effects.len(), unexplained.len());
+    // By the check record's current error against the current's own noise above the dynamics.
+    let judged = CheckChannel::of_rms(
+        ("current", "A"),
+        [left(&study.before, 1), left(&study.after, 1)],
+        study.noise,
+    )
+    .judged(effects.len(), unexplained.len(), Floor::Spectrum);
     Report {
         verdict: judged.verdict.name(),
         summary: judged.sentence,
@@ -136,20 +141,6 @@ fn refused(study: &Study) -> Vec<Refusal> {
         .collect()
 }
 
-/// By the check record's current error against the current's own noise above the dynamics.
-fn judged(study: &Study, names: usize, left: usize) -> Judged {
-    let rms = [&study.before, &study.after].map(|fit| study.left_rms(fit, 1));
-    let rows = counted(&study.open[1]);
-    let channel = CheckChannel {
-        name: "current",
-        unit: "A",
-        levels: rms.map(|rms| Level::of_rms(rms, study.noise, rows)),
-        rms,
-        floor: study.noise,
-    };
-    judge(&[channel], names, left, Floor::Spectrum)
-}
-
 /// Inertia and friction as the record has them: nothing is declared of them.
 fn calibration(study: &Study) -> Vec<Calibrated> {
     let named = study.base.iter().enumerate();
@@ -170,17 +161,8 @@ fn calibration(study: &Study) -> Vec<Calibrated> {
 /// A current that is reported late: an effect of the measurement and not of the motor.
 fn late(lag: &Lag) -> Effect {
     let [value, sigma] = lag.value_s;
-    let estimate = Estimate {
-        name: "value".into(),
-        value,
-        interval: interval(value, sigma * sigma),
-    };
-    Effect::new(
-        "reported_current_lag",
-        "motor",
-        lag.explained,
-        [(estimate, "s")],
-    )
+    let parameter = ("value", [value, sigma * sigma], "s");
+    Effect::fitted("reported_current_lag", "motor", lag.explained, [parameter])
 }
 
 fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
@@ -199,19 +181,11 @@ fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
         ("amplitude", wave.amplitude, "A"),
         ("phase", wave.phase, "rad"),
     ];
-    let estimates = estimates.map(|(name, [value, variance], unit)| {
-        let estimate = Estimate {
-            name: name.into(),
-            value,
-            interval: interval(value, variance),
-        };
-        (estimate, unit)
-    });
     let kind = order.kind(model.pole_pairs);
     Effect {
         order: Some(f64::from(order.order)),
         suggests: Some(order.suggests(model.pole_pairs)),
-        ..Effect::new(kind, "motor", study.explained[k], estimates)
+        ..Effect::fitted(kind, "motor", study.explained[k], estimates)
     }
 }
 

@@ -105,7 +105,7 @@ impl<'c, 'a> Whitened<'c, 'a> {
     }
 
     /// The same under the noise that fits what is left with given effects.
-    pub(crate) fn again(self, found: &[Hypothesis]) -> Self {
+    pub(crate) fn again(&mut self, found: &[Hypothesis]) {
         let soft = |h: &Hypothesis| h.family == Family::AxialCompliance;
         let noise = match found.iter().any(soft) {
             true => self.case.noise(None, found),
@@ -117,9 +117,8 @@ impl<'c, 'a> Whitened<'c, 'a> {
                 self.noise.corrected(&sensors, &left.parts, fourier)
             }
         };
-        match self.noise.differs(&noise) < SAME_NOISE {
-            true => self,
-            false => Whitened::new(self.case, noise),
+        if self.noise.differs(&noise) >= SAME_NOISE {
+            *self = Whitened::new(self.case, noise);
         }
     }
 }

@@ -1,6 +1,8 @@
 //! From a residual to the hypotheses that explain it: candidates, criterion, second looks.
 
 pub(crate) mod case;
+pub(crate) mod forward;
+pub(crate) mod holdout;
 pub(crate) mod linearised;
 pub(crate) mod progress;
 pub(crate) mod refine;

@@ -14,12 +14,12 @@ use crate::regression::sandwich::robust;
 pub const MATERIAL: f64 = 0.004;
 /// Share of that which the check record must confirm, with the parameters of the fit.
 pub(crate) const CONFIRMED: f64 = 0.25;
-/// The same where no noise floor is declared: share of what the check record has left.
-pub(crate) const MATERIAL_OF_REST: f64 = 0.01;
-/// Of an order that a slow turn of the same motor has.
-pub(crate) const VOUCHED_OF_REST: f64 = 1e-3;
-/// Share by which a term must lower the rms error on operating points that it was not fitted to: 2 % of the square.
+/// Share by which an effect must lower the rms of what it was not fitted to where no noise floor is declared, of a feed axis
+/// and of a motor.
 pub const MATERIAL_OF_ERROR: f64 = 0.01;
+pub(crate) const MATERIAL_OF_CURRENT: f64 = 0.005;
+/// The same of an order that a slow turn of the same motor has.
+pub(crate) const VOUCHED_OF_CURRENT: f64 = 5e-4;
 /// Hypotheses that are looked at closely in each step.
 pub(crate) const MOST_CONTENDERS: usize = 5;
 /// Effects of one double drive at most, those without a name included.
@@ -106,11 +106,13 @@ impl Evidence {
         }
     }
 
-    /// Of two records that are independent of each other (Stouffer's sum of deviations).
-    pub(crate) fn of_both([a, b]: [Evidence; 2]) -> Self {
+    /// Of records that are independent of each other (Stouffer's sum of deviations).
+    pub(crate) fn of_all(records: &[Evidence]) -> Self {
+        let count = records.len() as f64;
+        let sum = |of: fn(&Evidence) -> f64| records.iter().map(of).sum::<f64>();
         Evidence {
-            coefficient: 0.5 * (a.coefficient + b.coefficient),
-            deviations: (a.deviations + b.deviations) / 2f64.sqrt(),
+            coefficient: sum(|one| one.coefficient) / count,
+            deviations: sum(|one| one.deviations) / count.sqrt(),
         }
     }
 

@@ -10,7 +10,7 @@ use crate::signal::along::{LEAST_ORDER, LEAST_RELATIVE_ORDER};
 use crate::signal::channel::Channel;
 use crate::signal::noise::USED;
 use crate::signal::noise::declared_resonance_hz;
-use crate::signal::scan::{OrderSpectrum, Stretch};
+use crate::signal::scan::{OrderSpectrum, Stretch, peaks};
 use plant::Axis;
 use plant::effects::Place;
 
@@ -126,11 +126,9 @@ impl Search<'_> {
             let spectrum = self.torque_orders(&scores, axis);
             for order in spectrum.peaks(5, 2.0 / spectrum.turns) {
                 let near = order.round();
-                if near >= 1.0 && (order - near).abs() < 1.0 / spectrum.turns {
-                    list.push(Hypothesis::new(Family::AngleTorque, place, near));
-                } else {
-                    list.push(Hypothesis::new(Family::AngleTorque, place, order));
-                }
+                let whole = near >= 1.0 && (order - near).abs() < 1.0 / spectrum.turns;
+                let order = if whole { near } else { order };
+                list.push(Hypothesis::new(Family::AngleTorque, place, order));
             }
             for order in self.flux_orders(&scores, axis) {
                 list.push(Hypothesis::new(Family::FluxHarmonic, place, order));
@@ -279,16 +277,17 @@ impl Search<'_> {
         let fourier = self.balance.fourier;
         let rate = self.balance.signals.rate / fourier.step() as f64;
         let rows = scores[channel.index()].len();
+        let line = rate / (2 * rows) as f64;
         // Zeros behind the record halve the distance of the lines, so that none falls between two.
         let mut padded = scores[channel.index()].clone();
         padded.resize(2 * rows, 0.0);
         let power = crate::signal::noise::power_spectrum(&padded);
         let open = self.whitener.rows(channel) as f64;
-        let mut fall: Vec<f64> = power
+        let fall: Vec<f64> = power
             .iter()
             .enumerate()
             .map(|(k, p)| {
-                let hz = k as f64 * rate / (2 * rows) as f64;
+                let hz = k as f64 * line;
                 let gain = self
                     .whitener
                     .gain(channel)
@@ -302,20 +301,7 @@ impl Search<'_> {
                 }
             })
             .collect();
-        let mut peaks = Vec::new();
-        for _ in 0..3 {
-            let Some((at, &best)) = fall.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))
-            else {
-                break;
-            };
-            if best <= 0.0 {
-                break;
-            }
-            peaks.push(at as f64 * rate / (2 * rows) as f64);
-            fall[at.saturating_sub(8)..(at + 9).min(2 * rows / 2)]
-                .iter_mut()
-                .for_each(|x| *x = 0.0);
-        }
-        peaks
+        let peaks = peaks(fall, 3, 8);
+        peaks.into_iter().map(|at| at as f64 * line).collect()
     }
 }

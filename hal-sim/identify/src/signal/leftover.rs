@@ -174,9 +174,18 @@ impl Residual<'_> {
 
     /// The shape with its order between two of the spectrum's, where it explains most.
     pub fn sharpened(&self, over: &Over, shape: Shape) -> Shape {
-        let Some(order) = shape.order else {
+        let Some(order) = shape.order.map(|order| self.sharpest(over, order)) else {
             return shape;
         };
+        Shape {
+            fall: self.power(over, order),
+            order: Some(order),
+            ..shape
+        }
+    }
+
+    /// The order about one of the spectrum's at which a harmonic explains most.
+    pub fn sharpest(&self, over: &Over, order: f64) -> f64 {
         let (low, high) = (over.values.iter()).fold((f64::MAX, f64::MIN), |(low, high), x| {
             (low.min(*x), high.max(*x))
         });
@@ -190,12 +199,7 @@ impl Residual<'_> {
                 false => to -= third,
             }
         }
-        let order = 0.5 * (from + to);
-        Shape {
-            fall: self.power(over, order),
-            order: Some(order),
-            ..shape
-        }
+        0.5 * (from + to)
     }
 
     /// The residual without a shape: a curve as the shape has it, a harmonic with this residual's own phase.

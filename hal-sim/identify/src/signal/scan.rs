@@ -116,24 +116,28 @@ impl OrderSpectrum {
 
     /// The `count` highest peaks, as orders, at least `apart` from each other.
     pub fn peaks(&self, count: usize, apart: f64) -> Vec<f64> {
-        let mut fall = self.fall.clone();
         let reach = (apart / self.spacing).ceil() as usize;
-        let mut peaks = Vec::new();
-        for _ in 0..count {
-            let Some((at, &best)) = fall.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1))
-            else {
-                break;
-            };
-            if best <= 0.0 {
-                break;
-            }
-            peaks.push(at as f64 * self.spacing);
-            let from = at.saturating_sub(reach);
-            let to = (at + reach + 1).min(fall.len());
-            fall[from..to].iter_mut().for_each(|x| *x = 0.0);
-        }
+        let peaks = peaks(self.fall.clone(), count, reach);
         peaks
+            .into_iter()
+            .map(|at| at as f64 * self.spacing)
+            .collect()
     }
+}
+
+/// Where the `count` highest peaks are, at least `reach` from each other.
+pub(crate) fn peaks(mut fall: Vec<f64>, count: usize, reach: usize) -> Vec<usize> {
+    let mut peaks = Vec::new();
+    while peaks.len() < count {
+        let best = fall.iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1));
+        let Some((at, _)) = best.filter(|(_, best)| **best > 0.0) else {
+            break;
+        };
+        peaks.push(at);
+        let end = (at + reach + 1).min(fall.len());
+        fall[at.saturating_sub(reach)..end].fill(0.0);
+    }
+    peaks
 }
 
 #[cfg(test)]

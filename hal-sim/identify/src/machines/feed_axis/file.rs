@@ -2,19 +2,13 @@
 
 use super::axis::{Axis, Term};
 use super::record::Law;
+use crate::machines::ModelFileError;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use toml::{Table, Value};
 
-/// Why a model file could not be used.
-#[derive(Debug, thiserror::Error)]
-#[error(
-    "{origin}: {reason}; expected the table [axis] with mass_kg, viscous_n_s_per_m, coulomb_n, offset_n, lead_m, limit_v"
-)]
-pub struct AxisModelError {
-    origin: String,
-    reason: String,
-}
+/// What a model file must have.
+const EXPECTED: &str = "expected the table [axis] with mass_kg, viscous_n_s_per_m, coulomb_n, offset_n, lead_m, limit_v";
 
 #[derive(Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -49,13 +43,8 @@ impl Axis {
     ///
     /// # Errors
     /// A file that cannot be read, or holds other keys or effects.
-    pub fn load(path: &Path) -> Result<Self, AxisModelError> {
-        let origin = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| AxisModelError {
-            origin: origin.clone(),
-            reason: error.to_string(),
-        })?;
-        Self::parse(&text, &origin)
+    pub fn load(path: &Path) -> Result<Self, ModelFileError> {
+        ModelFileError::read(path, Self::parse)
     }
 
     /// The published model of the benchmark.
@@ -68,11 +57,8 @@ impl Axis {
     ///
     /// # Errors
     /// As [`Axis::load`].
-    pub fn parse(text: &str, origin: &str) -> Result<Self, AxisModelError> {
-        let fault = |reason: String| AxisModelError {
-            origin: origin.to_owned(),
-            reason,
-        };
+    pub fn parse(text: &str, origin: &str) -> Result<Self, ModelFileError> {
+        let fault = |reason| ModelFileError::new(origin, format!("{reason}; {EXPECTED}"));
         let File { axis, effects } = toml::from_str(text).map_err(|e| fault(e.to_string()))?;
         let terms = effects
             .iter()

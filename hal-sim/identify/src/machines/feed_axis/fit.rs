@@ -34,13 +34,24 @@ pub(super) const FRICTION: std::ops::Range<usize> = 1..4;
 struct Problem<'a> {
     axis: Axis,
     record: &'a Record,
-    measured: &'a [f64],
+    measured: Vec<f64>,
     free: Free,
     rows: &'a [usize],
     parameters: DVector<f64>,
 }
 
-impl Problem<'_> {
+impl<'a> Problem<'a> {
+    fn new(axis: &Axis, record: &'a Record, free: Free, rows: &'a [usize]) -> Self {
+        Problem {
+            axis: axis.clone(),
+            record,
+            measured: butterworth_100(&record.force(), record.rate),
+            free,
+            rows,
+            parameters: start(axis, free),
+        }
+    }
+
     fn axis_at(&self, parameters: &DVector<f64>) -> Axis {
         match self.free {
             Free::Model | Free::Orders => {
@@ -152,15 +163,7 @@ pub(super) fn fitted(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -
 
 /// The same, and whether the optimiser says that it came to a minimum.
 pub(super) fn converged(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -> (Axis, bool) {
-    let measured = butterworth_100(&record.force(), record.rate);
-    let problem = Problem {
-        axis: axis.clone(),
-        record,
-        measured: &measured,
-        free,
-        rows,
-        parameters: start(axis, free),
-    };
+    let problem = Problem::new(axis, record, free, rows);
     let (problem, report) = LevenbergMarquardt::new()
         .with_ftol(3e-5)
         .with_xtol(3e-5)
@@ -172,17 +175,8 @@ pub(super) fn converged(axis: &Axis, record: &Record, free: Free, rows: &[usize]
 
 /// Covariance of the parameters at a fit, in their units: with [`Free::Orders`] the base four, the terms', then the orders.
 pub(super) fn covariance(axis: &Axis, record: &Record, free: Free, rows: &[usize]) -> DMatrix<f64> {
-    let measured = butterworth_100(&record.force(), record.rate);
-    let parameters = start(axis, free);
-    let count = parameters.len();
-    let problem = Problem {
-        axis: axis.clone(),
-        record,
-        measured: &measured,
-        free,
-        rows,
-        parameters,
-    };
+    let problem = Problem::new(axis, record, free, rows);
+    let count = problem.parameters.len();
     let mut scales = axis.scales();
     if free == Free::Friction {
         scales = scales[FRICTION].to_vec();

@@ -13,7 +13,6 @@ mod simulate;
 mod study;
 
 pub use axis::{Axis, Term};
-pub use file::AxisModelError;
 pub use record::{Law, Record};
 pub use select::Trial;
 pub use simulate::Run;

@@ -10,11 +10,13 @@ use super::axis::{Axis, Term};
 use super::fit::{Free, MARGIN, beside, fitted};
 use super::limits::plausible_on_axis;
 use super::record::Record;
-use crate::regression::column::{Column, dot};
-use crate::regression::normal::{Normal, Prior};
-use crate::search::selection::{Evidence, MATERIAL_OF_ERROR, TOO_LITTLE};
+use crate::regression::column::Column;
+use crate::regression::normal::Prior;
+use crate::search::forward::{Choice, Contender, Forward, search};
+use crate::search::holdout::{Holdout, Validated};
+use crate::search::selection::MATERIAL_OF_ERROR;
 use crate::signal::filter::butterworth_100;
-use nalgebra::DVector;
+use crate::signal::leftover::{Form, Over, Residual};
 use std::f64::consts::TAU;
 
 /// Orders at most.
@@ -25,10 +27,16 @@ const LENGTH_S: f64 = 12.5;
 const BAND_HZ: f64 = 100.0;
 /// Share of the rows that must show an order.
 const LEAST_SHOWN: f64 = 0.1;
-/// Hundredths of the orders per turn that are looked for.
-const ORDERS: std::ops::Range<i32> = 70..4500;
+/// Orders per turn that are looked for, how far apart, and how near to a whole one they are that.
+const ORDERS: std::ops::Range<f64> = 0.7..45.0;
+const APART: f64 = 0.3;
+const WHOLE: f64 = 0.015;
 /// How near to a whole order one is tried as whole, too.
 const NEAR_WHOLE: f64 = 0.1;
+/// Orders of which the strongest is taken: as far apart as some turns tell them.
+const CANDIDATES: usize = 4500;
+/// Slower an axis rests, m/s.
+const MOVES_M_PER_S: f64 = 5e-3;
 /// What may be there besides orders of the screw.
 const TERMS: [Term; 7] = [
     Term::Asymmetry,
@@ -86,17 +94,18 @@ pub(super) fn folds(record: &Record) -> [Vec<usize>; 2] {
     folds
 }
 
-/// What a model leaves of a record's force and what its parameters add to it, N and N per scale, filtered.
+/// A model linearised about its parameters, N and N per scale, filtered.
 struct Linearised<'a> {
     axis: Axis,
     record: &'a Record,
+    folds: &'a [Vec<usize>; 2],
     force: Vec<f64>,
-    left: Vec<f64>,
-    parameters: Vec<Vec<f64>>,
+    /// Its parameters fitted on either fold and held against the other.
+    holdouts: [Holdout; 2],
 }
 
 impl<'a> Linearised<'a> {
-    fn new(axis: Axis, record: &'a Record) -> Self {
+    fn new(axis: Axis, record: &'a Record, folds: &'a [Vec<usize>; 2]) -> Self {
         let measured = butterworth_100(&record.force(), record.rate);
         let force = simulated(&axis, record);
         let own = axis.parameters();
@@ -104,12 +113,20 @@ impl<'a> Linearised<'a> {
             let (beside, step) = beside(&own, k);
             difference(&simulated(&axis.with(&beside), record), &force, step)
         };
+        let parameters: Vec<Vec<f64>> = (0..own.len()).map(column).collect();
+        let left = difference(&measured, &force, 1.0);
+        let holdouts = SIDES.map(|sides| {
+            let mut holdout = Holdout::new(sides.map(|fold| cut(&left, &folds[fold])));
+            let columns = sides.map(|fold| cut_all(&parameters, &folds[fold]));
+            holdout.extend(columns.each_ref());
+            holdout
+        });
         Linearised {
-            parameters: (0..own.len()).map(column).collect(),
-            left: difference(&measured, &force, 1.0),
             axis,
             record,
+            folds,
             force,
+            holdouts,
         }
     }
 
@@ -164,7 +181,7 @@ impl Start {
     /// Candidates of which it is the best.
     fn best_of(self) -> usize {
         match self.term {
-            Term::Periodic(_) => ORDERS.len(),
+            Term::Periodic(_) => CANDIDATES,
             _ => TERMS.len() * STRIBECK_M_PER_S.len(),
         }
     }
@@ -180,157 +197,89 @@ impl Start {
     }
 }
 
-/// A term that was tried on either fold and held against the other one.
+/// A term that was fitted on either fold and held against the other one.
+#[derive(Clone)]
 struct Judged {
     start: Start,
-    /// Linear parameters, the mean of both folds.
-    linear: Vec<f64>,
-    /// Share by which the force error on what was not fitted is less with it.
-    fall: f64,
-    lost: Option<&'static str>,
+    validated: Validated,
+    stands: Result<(), &'static str>,
 }
 
-/// The regressions of a model's parameters on either fold.
-struct Search<'a> {
-    of: Linearised<'a>,
-    /// What is left and the parameters' columns on the rows of either fold.
-    left: [Column; 2],
-    own: [Vec<Column>; 2],
-    normals: [Normal; 2],
-}
-
-impl<'a> Search<'a> {
-    fn new(of: Linearised<'a>, folds: &[Vec<usize>; 2]) -> Self {
-        let left = [0, 1].map(|fold: usize| cut(&of.left, &folds[fold]));
-        let own = [0, 1].map(|fold: usize| {
-            let columns = of.parameters.iter();
-            columns
-                .map(|column| cut(column, &folds[fold]))
-                .collect::<Vec<_>>()
-        });
-        let normals = [0, 1].map(|fold: usize| {
-            let mut normal = alone(left[fold].clone());
-            for column in &own[fold] {
-                normal.push(column.clone(), Prior::FREE);
-            }
-            normal
-        });
-        Search {
-            of,
-            left,
-            own,
-            normals,
+impl Judged {
+    fn trial(&self) -> Trial {
+        Trial {
+            term: self.start.term,
+            fall: self.validated.fall(),
+            lost: self.stands.err(),
         }
     }
+}
 
+impl Linearised<'_> {
     /// The best of the shapes that a term may have.
-    fn best(&self, term: Term, folds: &[Vec<usize>; 2]) -> Option<Judged> {
-        let judged = Start::all(term).into_iter();
-        let judged = judged.map(|start| self.judged(start, folds));
+    fn best(&self, term: Term) -> Option<Judged> {
+        let judged = Start::all(term).into_iter().map(|start| self.judged(start));
         judged.max_by(|a, b| {
-            let is_taken = |judged: &Judged| judged.lost.is_none();
-            is_taken(a)
-                .cmp(&is_taken(b))
-                .then(a.fall.total_cmp(&b.fall))
+            let stands = |judged: &Judged| judged.stands.is_ok();
+            let fall = |judged: &Judged| judged.validated.fall();
+            (stands(a).cmp(&stands(b))).then(fall(a).total_cmp(&fall(b)))
         })
     }
 
-    /// A term fitted on either fold and judged on the other by the criterion of all machines.
-    fn judged(&self, start: Start, folds: &[Vec<usize>; 2]) -> Judged {
-        let further = self.of.further(&start);
-        let columns = [0, 1].map(|fold: usize| {
-            let columns = further.iter();
-            columns
-                .map(|column| cut(column, &folds[fold]))
-                .collect::<Vec<_>>()
-        });
-        let mut linear = vec![0.0; further.len()];
-        let (mut without, mut rest, mut effect) = (Vec::new(), Vec::new(), Vec::new());
-        let mut on_fit = Vec::new();
-        for fold in [0, 1] {
-            let other = 1 - fold;
-            let normal = &self.normals[fold];
-            let before = normal.solve(None).values;
-            let mut with = normal.clone();
-            for column in &columns[fold] {
-                let prior = match start.term {
-                    // Its column is the whole difference to a jump: it is there or it is not.
-                    Term::Presliding => Prior::fixed(1.0),
-                    _ => Prior::FREE,
-                };
-                with.push(column.clone(), prior);
-            }
-            let values = with.solve(None).values;
-            let own: Vec<f64> = values
-                .rows(normal.len(), further.len())
-                .iter()
-                .copied()
-                .collect();
-            let part = Column::default().plus(&columns[fold], &own);
-            on_fit.push(Evidence::new(normal, part));
-            let left = &self.left[other];
-            let less = |values: &DVector<f64>| left.less(&self.own[other], values.iter().copied());
-            without.extend_from_slice(less(&before).only());
-            rest.extend_from_slice(less(&values).only());
-            effect.extend_from_slice(Column::default().plus(&columns[other], &own).only());
-            linear
-                .iter_mut()
-                .zip(&own)
-                .for_each(|(mean, value)| *mean += 0.5 * value);
-        }
-        let effect = Column::alone(effect);
-        let rest = Column::alone(rest);
-        let rms = |values: &[f64]| (dot(values, values) / values.len().max(1) as f64).sqrt();
-        let fall = 1.0 - rms(rest.less([&effect], [1.0]).only()) / rms(&without);
-        let axis = &self.of.axis;
-        let force = axis.limit_v * self.of.record.force_per_volt.abs();
-        let (coulomb, travel) = (axis.base[2], self.of.record.travel());
-        let values = start.values(&linear);
-        let lost = plausible_on_axis(start.term, &values, coulomb, force, travel)
-            .err()
-            .or((fall < MATERIAL_OF_ERROR).then_some(TOO_LITTLE))
-            .or_else(|| {
-                let of_both = Evidence::of_both([on_fit[0], on_fit[1]]);
-                of_both.on_fit(start.best_of()).err()
-            })
-            .or_else(|| Evidence::new(&alone(rest), effect).borne_out().err());
+    fn judged(&self, start: Start) -> Judged {
+        let further = self.further(&start);
+        let columns = [0, 1].map(|fold: usize| cut_all(&further, &self.folds[fold]));
+        let sides = SIDES.map(|sides| sides.map(|fold| columns[fold].as_slice()));
+        let prior = match start.term {
+            // Its column is the whole difference to a jump: it is there or it is not.
+            Term::Presliding => Prior::fixed(1.0),
+            _ => Prior::FREE,
+        };
+        let validated = Validated::new(self.holdouts.iter().zip(sides), prior);
+        let axis = &self.axis;
+        let force = axis.limit_v * self.record.force_per_volt.abs();
+        let (coulomb, travel) = (axis.base[2], self.record.travel());
+        let values = start.values(&validated.values);
+        let stands = plausible_on_axis(start.term, &values, coulomb, force, travel)
+            .and_then(|()| validated.stands(start.best_of(), MATERIAL_OF_ERROR));
         Judged {
             start,
-            linear,
-            fall,
-            lost,
+            validated,
+            stands,
         }
     }
 }
+
+/// The fold that is fitted, and the one that is not.
+const SIDES: [[usize; 2]; 2] = [[0, 1], [1, 0]];
 
 /// Some rows of a signal.
 fn cut(values: &[f64], rows: &[usize]) -> Column {
     Column::alone(rows.iter().map(|&row| values[row]).collect())
 }
 
-/// A regression without columns, of one operating point.
-fn alone(target: Column) -> Normal {
-    let whole = std::iter::once(0..target.only().len()).collect();
-    Normal::new(target, &whole)
+fn cut_all(columns: &[Vec<f64>], rows: &[usize]) -> Vec<Column> {
+    columns.iter().map(|column| cut(column, rows)).collect()
 }
 
-/// Everything that was tried on a record, in the order in which the terms that were taken belong into the model.
-pub fn search(axis: &Axis, record: &Record) -> Vec<Trial> {
-    let record = &record.first((LENGTH_S * record.rate) as usize);
-    let folds = folds(record);
-    let all: Vec<usize> = (MARGIN..record.len() - MARGIN).collect();
-    let mut axis = fitted(axis, record, Free::Model, &all);
-    let mut taken: Vec<Trial> = Vec::new();
-    let mut lost: Vec<Trial>;
-    let of = |judged: &Judged| Trial {
-        term: judged.start.term,
-        fall: judged.fall,
-        lost: judged.lost,
-    };
-    loop {
-        let search = Search::new(Linearised::new(axis.clone(), record), &folds);
-        let has = |term: &Term| axis.find(*term).is_none();
-        let order = strongest_order(&axis, record, &folds).filter(|_| axis.orders().len() < MOST);
+/// A search for the terms of an axis.
+struct Terms<'a> {
+    record: &'a Record,
+    folds: &'a [Vec<usize>; 2],
+    rows: &'a [usize],
+    axis: Axis,
+    taken: Vec<Trial>,
+    lost: Vec<Trial>,
+}
+
+impl Forward for Terms<'_> {
+    type Trial = Judged;
+
+    fn contenders(&mut self) -> Vec<Contender<Judged>> {
+        let axis = &self.axis;
+        let here = Linearised::new(axis.clone(), self.record, self.folds);
+        let order = strongest_order(axis, self.record);
+        let order = order.filter(|_| axis.orders().len() < MOST);
         // A whole order is the simpler one; a few turns hardly tell it from one beside it.
         let whole = order.and_then(|term| match term {
             Term::Periodic(order) if order.fract() != 0.0 => (order.round() >= 1.0
@@ -338,90 +287,115 @@ pub fn search(axis: &Axis, record: &Record) -> Vec<Trial> {
                 .then_some(Term::Periodic(order.round())),
             _ => None,
         });
-        let candidates = TERMS.into_iter().filter(has).chain(order).chain(whole);
-        let judged = candidates.filter_map(|term| search.best(term, &folds));
-        let mut judged: Vec<Judged> = judged.collect();
-        judged.sort_by(|a, b| b.fall.total_cmp(&a.fall));
-        lost = judged.iter().filter(|j| j.lost.is_some()).map(of).collect();
-        let Some(best) = judged.iter().find(|judged| judged.lost.is_none()) else {
-            break;
+        let further = TERMS.into_iter().filter(|term| axis.find(*term).is_none());
+        let judged = further.chain(order).chain(whole);
+        let judged = judged.filter_map(|term| here.best(term));
+        let contender = |trial: Judged| Contender {
+            credit: trial.validated.fall(),
+            trial,
         };
-        taken.push(of(best));
-        let values = best.start.values(&best.linear);
-        axis.terms.push((best.start.term, values));
-        axis = fitted(&axis, record, Free::Model, &all);
+        judged.map(contender).collect()
     }
-    // What was taken early may be what later ones are.
-    for k in (0..taken.len().saturating_sub(1)).rev() {
-        let mut without = axis.clone();
-        without.terms.retain(|(known, _)| *known != taken[k].term);
-        let without = fitted(&without, record, Free::Model, &all);
-        let search = Search::new(Linearised::new(without.clone(), record), &folds);
-        let Some(judged) = search.best(taken[k].term, &folds) else {
-            continue;
+
+    /// All of them: each was fitted and judged by then.
+    fn most_contenders(&self) -> usize {
+        usize::MAX
+    }
+
+    fn weighed(&self, judged: &Contender<Judged>) -> (f64, Result<(), &'static str>) {
+        (judged.credit, judged.trial.stands)
+    }
+
+    fn take(&mut self, choice: Choice<Judged>, _: &[Contender<Judged>]) -> bool {
+        let doubtful = choice.doubtful.iter();
+        self.lost = doubtful.map(|(lost, _)| lost.trial.trial()).collect();
+        let Some((_, trial)) = choice.best else {
+            return false;
         };
-        if judged.lost.is_some() {
-            lost.push(of(&judged));
-            taken.remove(k);
-            axis = without;
+        self.taken.push(trial.trial());
+        let values = trial.start.values(&trial.validated.values);
+        self.axis.terms.push((trial.start.term, values));
+        self.axis = fitted(&self.axis, self.record, Free::Model, self.rows);
+        true
+    }
+
+    /// What was taken early may be what later ones are.
+    fn reconsider(&mut self) -> bool {
+        let before = self.taken.len();
+        for k in (0..before.saturating_sub(1)).rev() {
+            let term = self.taken[k].term;
+            let mut without = self.axis.clone();
+            without.terms.retain(|(known, _)| *known != term);
+            let without = fitted(&without, self.record, Free::Model, self.rows);
+            let judged = Linearised::new(without.clone(), self.record, self.folds).best(term);
+            if let Some(judged) = judged.filter(|judged| judged.stands.is_err()) {
+                self.lost.push(judged.trial());
+                self.taken.remove(k);
+                self.axis = without;
+            }
         }
+        self.taken.len() < before
     }
+}
+
+/// Everything that was tried on a record, in the order in which the terms that were taken belong into the model.
+pub(super) fn tried(axis: &Axis, record: &Record) -> Vec<Trial> {
+    let record = &record.first((LENGTH_S * record.rate) as usize);
+    let rows: Vec<usize> = (MARGIN..record.len() - MARGIN).collect();
+    let mut terms = Terms {
+        axis: fitted(axis, record, Free::Model, &rows),
+        folds: &folds(record),
+        rows: &rows,
+        taken: Vec::new(),
+        lost: Vec::new(),
+        record,
+    };
+    search(&mut terms);
     // Orders last: their phase belongs to a record.
+    let mut taken = terms.taken;
     taken.sort_by_key(|trial| matches!(trial.term, Term::Periodic(_)));
-    taken.extend(lost);
+    taken.extend(terms.lost);
     taken
 }
 
-/// The order per turn of the screw at which the error is strongest and that the model does not have yet.
-fn strongest_order(axis: &Axis, record: &Record, folds: &[Vec<usize>; 2]) -> Option<Term> {
-    let measured = butterworth_100(&record.force(), record.rate);
-    let mut rows: Vec<(f64, f64, f64)> = Vec::new();
-    let run = axis.simulate(record);
-    let simulated = butterworth_100(&run.force, record.rate);
-    for fold in folds {
-        // At speed only: at rest an angle says nothing.
-        let moving = fold
-            .iter()
-            .step_by(4)
-            .filter(|k| run.velocity[**k].abs() > 5e-3);
-        rows.extend(moving.map(|&k| {
-            (
-                TAU * record.position[k] / axis.lead_m,
-                simulated[k] - measured[k],
-                BAND_HZ * axis.lead_m / run.velocity[k].abs(),
-            )
-        }));
-    }
-    let has = |order: f64| {
-        axis.terms
-            .iter()
-            .any(|(term, _)| matches!(term, Term::Periodic(known) if (known - order).abs() < 0.3))
+/// The order per turn of the screw at which most is left, of those that the model does not have yet.
+fn strongest_order(axis: &Axis, record: &Record) -> Option<Term> {
+    // Half of the rows' rate is where the filter ends: a row shows the orders that the filter leaves at its speed.
+    let step = ((record.rate / (2.0 * BAND_HZ)) as usize).max(1);
+    let rate = record.rate / step as f64;
+    let every = |values: Vec<f64>| values.into_iter().step_by(step);
+    let positions = butterworth_100(&record.position, record.rate);
+    let speeds = every(crate::signal::fourier::slope(&positions, record.rate));
+    let turns = TAU / axis.lead_m;
+    let angle: Vec<f64> = every(positions).map(|x| turns * x).collect();
+    // At speed only: at rest an angle says nothing.
+    let speeds: Vec<f64> = speeds.map(|v| turns * v.abs()).collect();
+    let open: Vec<bool> = speeds.iter().map(|w| *w > turns * MOVES_M_PER_S).collect();
+    let mut moving: Vec<f64> = speeds
+        .into_iter()
+        .filter(|w| *w > turns * MOVES_M_PER_S)
+        .collect();
+    moving.sort_by(f64::total_cmp);
+    let slow = *moving.get((LEAST_SHOWN * moving.len() as f64) as usize)?;
+    let left = every(axis.left(record)).zip(&open);
+    let residual = Residual {
+        values: &left
+            .map(|(x, open)| x * f64::from(*open))
+            .collect::<Vec<_>>(),
+        open: &open,
+        rate,
     };
-    // A row shows the orders that the filter leaves at its speed; faster ones it would show as lower ones.
-    let strength = |order: f64| {
-        let shown = rows.iter().filter(|(_, _, highest)| order < *highest);
-        let (c, s, n) = shown.fold((0.0, 0.0, 0.0), |(c, s, n), (angle, error, _)| {
-            let (sin, cos) = (order * angle).sin_cos();
-            (c + error * cos, s + error * sin, n + 1.0)
-        });
-        if n < LEAST_SHOWN * rows.len() as f64 {
-            return 0.0;
-        }
-        (c * c + s * s) / n
+    let known = axis.orders();
+    let spectrum = residual.orders(&angle, ORDERS.start..ORDERS.end.min(TAU * BAND_HZ / slow));
+    let mut peaks = spectrum.peaks(MOST + 1, APART).into_iter();
+    let order = peaks.find(|order| known.iter().all(|other| (order - other).abs() > APART))?;
+    let over = Over {
+        values: &angle,
+        form: Form::Repeats(ORDERS),
     };
-    ORDERS
-        .map(|k| 0.01 * f64::from(k))
-        .filter(|order| !has(*order))
-        .map(|order| (strength(order), order))
-        .filter(|(strength, _)| *strength > 0.0)
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .map(|(_, order)| {
-            Term::Periodic(if (order - order.round()).abs() < 0.015 {
-                order.round()
-            } else {
-                order
-            })
-        })
+    let order = residual.sharpest(&over, order);
+    let near = (order - order.round()).abs() < WHOLE;
+    Some(Term::Periodic(if near { order.round() } else { order }))
 }
 
 #[cfg(test)]
@@ -442,7 +416,7 @@ mod tests {
         for (seed, kept) in [(1, 0.0), (2, 0.9), (3, 0.0), (4, 0.9), (5, 0.9)] {
             let noise = coloured(seed, clean.len(), kept);
             let noisy = clean.with_force(|row| 0.7 * noise[row]);
-            let trials = search(&axis, &noisy);
+            let trials = tried(&axis, &noisy);
             let taken: Vec<&Trial> = trials.iter().filter(|trial| trial.lost.is_none()).collect();
             assert!(
                 taken.is_empty(),
@@ -464,8 +438,7 @@ mod tests {
             f64::from(t < 2.0) * (TAU * 3.5 * t).cos()
         };
         let record = clean.with_force(slow);
-        let rows: Vec<usize> = (MARGIN..record.len() - MARGIN).collect();
-        let found = strongest_order(&axis, &record, &[rows.clone(), rows]);
+        let found = strongest_order(&axis, &record);
         // 100 Hz at 10 turns a second.
         assert!(
             !matches!(found, Some(Term::Periodic(order)) if order > 10.5),

@@ -4,7 +4,7 @@ use super::axis::{Axis, Term};
 use super::fit::{FRICTION, Free, MARGIN, converged, covariance, fitted};
 use super::left::remnants;
 use super::record::{Law, Record};
-use super::select::{Trial, search};
+use super::select::{Trial, tried};
 use crate::conclusion::rest::Remnant;
 use crate::search::selection::MATERIAL_OF_ERROR;
 use crate::signal::filter::{butterworth_100, decimated};
@@ -238,7 +238,7 @@ impl Study {
         axis = fitted(&axis, estimate, Free::Model, &rows);
         stages.push(stage("mass and friction fitted".into(), axis.clone()));
         let refitted = stages.len() - 1;
-        let search = search(&axis, estimate);
+        let search = tried(&axis, estimate);
         let mut stopped_early = Vec::new();
         for trial in search.iter().filter(|trial| trial.lost.is_none()) {
             axis.terms.push((trial.term, trial.term.start()));

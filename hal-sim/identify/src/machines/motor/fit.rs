@@ -3,12 +3,10 @@
 use super::columns::{Base, Columns};
 use crate::effects::limits::FEEDS_IN;
 use crate::regression::column::Column;
-use crate::regression::normal::{Normal, Prior};
+use crate::regression::normal::Prior;
 use crate::regression::sandwich::robust;
-use crate::search::selection::Evidence;
+use crate::search::holdout::{Holdout, Validated};
 use nalgebra::DMatrix;
-use std::ops::Range;
-use std::rc::Rc;
 
 /// A fitted current and what it leaves, on the filtered records.
 #[derive(Debug, Clone)]
@@ -24,11 +22,6 @@ pub struct Fit {
 /// Rms of a signal.
 pub(super) fn rms(values: &[f64]) -> f64 {
     (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
-}
-
-/// One operating point: all rows of a record.
-pub(super) fn whole(rows: usize) -> Rc<[Range<usize>]> {
-    std::iter::once(0..rows).collect()
 }
 
 /// Both records under a lag.
@@ -54,45 +47,40 @@ impl Both {
         }
     }
 
-    /// The regression of the fit record on its first columns.
-    pub(super) fn regression(&self, columns: usize) -> Normal {
-        let folds = whole(self.measured[0].only().len());
-        let mut normal = Normal::new(self.measured[0].clone(), &folds);
-        for column in &self.columns[0][..columns] {
-            normal.push(column.clone(), Prior::FREE);
-        }
-        normal
+    /// The columns of a candidate of so many.
+    pub(super) fn pair(&self, candidate: usize) -> [&[Column]; 2] {
+        let at = self.base + 2 * candidate;
+        [0, 1].map(|record: usize| &self.columns[record][at..at + 2])
+    }
+
+    /// The regression of the fit record on some columns, and the check record's beside it.
+    pub(super) fn regression(&self, columns: impl Iterator<Item = usize> + Clone) -> Holdout {
+        let mut regression = Holdout::new([0, 1].map(|k: usize| self.measured[k].clone()));
+        regression.extend([0, 1].map(|k: usize| columns.clone().map(move |c| &self.columns[k][c])));
+        regression
     }
 
     /// Whether the check record bears out the last column of the base, a friction, beside all others.
     pub(super) fn has_friction(&self) -> Result<(), &'static str> {
-        let values = self.regression(self.columns[0].len()).solve(None).values;
-        let last = self.base - 1;
-        if values[last] <= 0.0 {
-            return Err(FEEDS_IN);
+        let own = self.base - 1;
+        let others = (0..self.columns[0].len()).filter(|k| *k != own);
+        let effect = [0, 1].map(|k: usize| &self.columns[k][own..=own]);
+        let validated = Validated::new([(&self.regression(others), effect)], Prior::FREE);
+        match validated.values[0] > 0.0 {
+            true => validated.borne_out(),
+            false => Err(FEEDS_IN),
         }
-        let part = Column::default().plus([&self.columns[1][last]], &[values[last]]);
-        let rest = self.measured[1].less(&self.columns[1], values.iter().copied());
-        let rest = rest.less([&part], [-1.0]);
-        let folds = whole(rest.only().len());
-        Evidence::new(&Normal::new(rest, &folds), part).borne_out()
     }
 
     /// Mean squares that all columns leave of fit and check record.
     pub(super) fn squares(&self) -> [f64; 2] {
-        let normal = self.regression(self.columns[0].len());
-        let solution = normal.solve(None);
-        let values = || solution.values.iter().copied();
-        [0, 1].map(|record| {
-            let left = self.measured[record].less(&self.columns[record], values());
-            rms(left.only()).powi(2)
-        })
+        self.regression(0..self.columns[0].len()).squares()
     }
 
     /// All columns, and then some of the fit record's alone (`more`), whose coefficients and covariance come with it.
     pub(super) fn fit(&self, more: Vec<Column>) -> (Fit, Vec<[f64; 2]>) {
         let own = self.columns[0].len();
-        let normal = self.regression(own);
+        let normal = self.regression(0..own).fit;
         let solution = normal.solve(None);
         let values: Vec<f64> = solution.values.iter().copied().collect();
         let left = [0, 1].map(|record| {

@@ -10,7 +10,7 @@ mod study;
 
 pub use columns::Base;
 pub use orders::Order;
-pub use record::{MotorModel, MotorModelError, Record};
+pub use record::{MotorModel, Record};
 
 pub use fit::Fit;
 pub use study::{Lag, Lost, Study};

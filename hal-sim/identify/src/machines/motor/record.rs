@@ -1,5 +1,6 @@
 //! The record of a motor, and what is known of the motor.
 
+use crate::machines::ModelFileError;
 use crate::records::{
     DataQuality, How, LoadError, Mapping, OnFault, Record as Loaded, load, load_map,
 };
@@ -72,26 +73,13 @@ pub struct MotorModel {
     pub pole_pairs: u32,
 }
 
-/// Why a model file could not be used.
-#[derive(Debug, thiserror::Error)]
-#[error("{origin}: {reason}; expected the table [motor] with pole_pairs")]
-pub struct MotorModelError {
-    origin: String,
-    reason: String,
-}
-
 impl MotorModel {
     /// Reads a model file.
     ///
     /// # Errors
     /// A file that cannot be read or has other keys.
-    pub fn load(path: &Path) -> Result<Self, MotorModelError> {
-        let origin = path.display().to_string();
-        let text = std::fs::read_to_string(path).map_err(|error| MotorModelError {
-            origin: origin.clone(),
-            reason: error.to_string(),
-        })?;
-        Self::parse(&text, &origin)
+    pub fn load(path: &Path) -> Result<Self, ModelFileError> {
+        ModelFileError::read(path, Self::parse)
     }
 
     /// LAAS's motor.
@@ -100,15 +88,15 @@ impl MotorModel {
         Self::parse(text, "laas-model.toml").expect("the project's own file")
     }
 
-    fn parse(text: &str, origin: &str) -> Result<Self, MotorModelError> {
+    fn parse(text: &str, origin: &str) -> Result<Self, ModelFileError> {
         #[derive(Deserialize)]
         #[serde(deny_unknown_fields)]
         struct File {
             motor: MotorModel,
         }
-        let fault = |reason: String| MotorModelError {
-            origin: origin.to_owned(),
-            reason,
+        let fault = |reason: String| {
+            let expected = "expected the table [motor] with pole_pairs";
+            ModelFileError::new(origin, format!("{reason}; {expected}"))
         };
         let File { motor } = toml::from_str(text).map_err(|e| fault(e.to_string()))?;
         match motor.pole_pairs {

@@ -2,17 +2,17 @@
 //! regression, covariance and criterion of all machines on one channel.
 
 use super::columns::{Base, Columns, white_noise};
-use super::fit::{Both, Fit, rms, whole};
+use super::fit::{Both, Fit, rms};
 use super::left::remnants;
 use super::orders::{Order, of_map};
 use super::record::Record;
 use crate::conclusion::rest::Remnant;
 use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};
 use crate::regression::column::{Column, counted};
-use crate::regression::normal::{Normal, Prior};
-use crate::search::selection::{
-    Evidence, MATERIAL_OF_REST, MOST_CONTENDERS, MOST_NAMES, TOO_LITTLE, VOUCHED_OF_REST,
-};
+use crate::regression::normal::Prior;
+use crate::search::forward::{Choice, Contender, Forward, search};
+use crate::search::holdout::{Holdout, Validated};
+use crate::search::selection::{MATERIAL_OF_CURRENT, MOST_NAMES, VOUCHED_OF_CURRENT};
 
 /// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
 const HIGHEST: u32 = 130;
@@ -167,28 +167,33 @@ impl Study {
         let mut candidates: Vec<u32> = vouched.iter().copied().chain(others).collect();
         let all = candidates.len();
         candidates.retain(|order| turned && *order <= shown);
+        let vouched = candidates.iter().filter(|k| vouched.contains(k)).count();
         let reason = if turned { ABOVE_BAND } else { NOT_TURNED };
         let rows = records[0].current().len();
         let most = highest.min(BESIDE_LAG).min((rows / ROWS_PER_ORDER) as u32);
         let lowest: Vec<u32> = (1..=most).collect();
         let at_lag = |base: &[Base], late: f64| {
             let both = Both::new(records, base, &candidates, late);
-            let mut search = Search {
-                fit: both.regression(base.len()),
+            let mut orders = Orders {
+                with: both.regression(0..both.base),
                 both: &both,
                 candidates: &candidates,
-                vouched: &vouched,
+                vouched,
                 // The lag is a name too.
                 most: MOST_NAMES - usize::from(late > 0.0),
                 taken: Vec::new(),
                 lost: Vec::new(),
             };
-            while search.step() {}
-            (late, search.taken, search.lost)
+            search(&mut orders);
+            let falls = orders.taken.iter().map(|k| {
+                let ([before, after], _) = orders.judged(*k, &orders.without(*k));
+                (candidates[*k], before - after)
+            });
+            (late, falls.collect::<Vec<_>>(), orders.lost)
         };
         let orders =
             |taken: &[(u32, f64)]| taken.iter().map(|(order, _)| *order).collect::<Vec<u32>>();
-        let search = |base: &[Base]| {
+        let search_in = |base: &[Base]| {
             let found = at_lag(base, lag(records, base, &lowest, &lags_s));
             // Higher orders that were found may tell another lag.
             match lag(records, base, &orders(&found.1), &lags_s) {
@@ -196,7 +201,7 @@ impl Study {
                 other => at_lag(base, other),
             }
         };
-        let (mut late, mut taken, mut lost_orders) = search(&base);
+        let (mut late, mut taken, mut lost_orders) = search_in(&base);
         // Orders that were in the way of a friction are known now.
         let known = base.len();
         let lost = match taken.is_empty() {
@@ -205,7 +210,7 @@ impl Study {
         };
         not_told_apart.extend(lost);
         if base.len() > known {
-            (late, taken, lost_orders) = search(&base);
+            (late, taken, lost_orders) = search_in(&base);
         }
         let before = Both::new(records, &base, &[], 0.0).fit(Vec::new()).0;
         let mut numbers = orders(&taken);
@@ -311,100 +316,98 @@ impl Study {
 /// Turns that a record must cover for its orders to be looked for.
 const LEAST_TURNS: f64 = 0.5;
 
-/// How far a search for orders has come.
-struct Search<'a> {
+/// A search for orders, which are counted among the candidates.
+struct Orders<'a> {
     both: &'a Both,
-    /// The fit record's regression on the base and on the orders that were taken.
-    fit: Normal,
     candidates: &'a [u32],
-    /// Those that a slow turn of the same motor has.
-    vouched: &'a [u32],
+    /// How many of them, the first, a slow turn of the same motor has.
+    vouched: usize,
     /// Orders at most, where nothing vouches for more.
     most: usize,
-    /// Orders, and by how much each lowered the check record's mean square.
-    taken: Vec<(u32, f64)>,
+    /// The regression on the base and the orders that were taken.
+    with: Holdout,
+    taken: Vec<usize>,
     lost: Vec<Lost>,
 }
 
-impl Search<'_> {
-    /// Cosine and sine of an order on a record.
-    fn pair(&self, record: usize, order: u32) -> [&Column; 2] {
-        let known = self.candidates.iter().position(|known| *known == order);
-        let at = self.both.base + 2 * known.unwrap_or(0);
-        [0, 1].map(|k| &self.both.columns[record][at + k])
+impl Orders<'_> {
+    /// The regression on the base and the orders that were taken, but one.
+    fn without(&self, own: usize) -> Holdout {
+        let others = self.taken.iter().filter(|k| **k != own);
+        let pairs = others.flat_map(|k| [0, 1].map(|part| self.both.base + 2 * k + part));
+        self.both.regression((0..self.both.base).chain(pairs))
     }
 
-    /// What the base and the orders that were taken leave of the check record under given coefficients.
-    fn check(&self, values: impl Iterator<Item = f64>) -> Column {
-        let base = self.both.columns[1][..self.both.base].iter();
-        let orders = self
-            .taken
-            .iter()
-            .flat_map(|(order, _)| self.pair(1, *order));
-        self.both.measured[1].less(base.chain(orders), values)
-    }
-
-    /// Takes the candidate that explains most and that the check record bears out; `false` when there is none.
-    fn step(&mut self) -> bool {
-        let solution = self.fit.solve(None);
-        let all = self.fit.cost(&solution.values).max(1e-300);
-        let before = rms(self.check(solution.values.iter().copied()).only()).powi(2);
-        let known = |order: &u32| {
-            self.taken.iter().any(|(taken, _)| taken == order)
-                || self.lost.iter().any(|lost| lost.order == *order)
-                || self.taken.len() >= self.most && !self.vouched.contains(order)
+    /// By how much an order lowers the check record's square beside others, before and after, and whether it stands.
+    fn judged(&self, own: usize, beside: &Holdout) -> ([f64; 2], Result<(), &'static str>) {
+        let validated = Validated::new([(beside, self.both.pair(own))], Prior::FREE);
+        let least = match own < self.vouched {
+            true => VOUCHED_OF_CURRENT,
+            false => MATERIAL_OF_CURRENT,
         };
-        let mut gains: Vec<(f64, u32)> = self
-            .candidates
-            .iter()
-            .filter(|order| !known(order))
-            .map(|order| {
-                let pair = self.pair(0, *order).map(Column::clone);
-                (self.fit.gain(&pair, &solution).fall, *order)
-            })
-            .collect();
-        gains.sort_by(|a, b| b.0.total_cmp(&a.0));
-        for (fall, order) in gains.into_iter().take(MOST_CONTENDERS) {
-            match self.judged(order, before) {
-                Ok(on_check) => {
-                    for column in self.pair(0, order).map(Column::clone) {
-                        self.fit.push(column, Prior::FREE);
-                    }
-                    self.taken.push((order, on_check));
-                    return true;
-                }
-                Err(reason) => self.lost.push(Lost {
-                    order,
-                    share: fall / all,
-                    reason,
-                }),
+        let stands = validated.stands(self.candidates.len(), least);
+        (validated.squares, stands)
+    }
+
+    fn lose(&mut self, own: usize, share: f64, reason: &'static str) {
+        let order = self.candidates[own];
+        self.lost.push(Lost {
+            order,
+            share,
+            reason,
+        });
+    }
+}
+
+impl Forward for Orders<'_> {
+    type Trial = usize;
+
+    /// What each explains is its share of the fit record's square.
+    fn contenders(&mut self) -> Vec<Contender<usize>> {
+        let fit = &self.with.fit;
+        let solution = fit.solve(None);
+        let all = fit.cost(&solution.values).max(1e-300);
+        let is_open = |k: &usize| {
+            !self.taken.contains(k)
+                && !self
+                    .lost
+                    .iter()
+                    .any(|lost| lost.order == self.candidates[*k])
+                && (self.taken.len() < self.most || *k < self.vouched)
+        };
+        let open = (0..self.candidates.len()).filter(is_open);
+        let contender = |trial| Contender {
+            credit: fit.gain(self.both.pair(trial)[0], &solution).fall / all,
+            trial,
+        };
+        open.map(contender).collect()
+    }
+
+    fn weighed(&self, own: &Contender<usize>) -> (f64, Result<(), &'static str>) {
+        let ([before, after], stands) = self.judged(own.trial, &self.with);
+        (own.credit + 1.0 - after / before, stands)
+    }
+
+    fn take(&mut self, choice: Choice<usize>, _: &[Contender<usize>]) -> bool {
+        for (lost, reason) in choice.doubtful {
+            self.lose(lost.trial, lost.credit, reason);
+        }
+        let best = choice.best.map(|(_, order)| order);
+        self.taken.extend(best);
+        best.map(|order| self.with.extend(self.both.pair(order)))
+            .is_some()
+    }
+
+    fn reconsider(&mut self) -> bool {
+        let before = self.taken.len();
+        for own in self.taken.clone() {
+            let without = self.without(own);
+            if let (_, Err(reason)) = self.judged(own, &without) {
+                self.taken.retain(|k| *k != own);
+                self.with = without;
+                self.lose(own, 0.0, reason);
             }
         }
-        false
-    }
-
-    /// By how much an order lowers the check record's mean square, which is `before`, or why it is not taken.
-    fn judged(&self, order: u32, before: f64) -> Result<f64, &'static str> {
-        let mut with = self.fit.clone();
-        for column in self.pair(0, order) {
-            with.push(column.clone(), Prior::FREE);
-        }
-        let values = with.solve(None).values;
-        let own = [values[self.fit.len()], values[self.fit.len() + 1]];
-        let [on_fit, on_check] =
-            [0, 1].map(|record| Column::default().plus(self.pair(record, order), &own));
-        Evidence::new(&self.fit, on_fit).on_fit(self.candidates.len())?;
-        let rest = self.check(values.iter().copied());
-        let after = rms(rest.less([&on_check], [1.0]).only()).powi(2);
-        let folds = whole(rest.only().len());
-        Evidence::new(&Normal::new(rest, &folds), on_check).borne_out()?;
-        let least = match self.vouched.contains(&order) {
-            true => VOUCHED_OF_REST,
-            false => MATERIAL_OF_REST,
-        };
-        match before - after > least * before {
-            true => Ok(before - after),
-            false => Err(TOO_LITTLE),
-        }
+        self.taken.len() < before
     }
 }

@@ -11,9 +11,10 @@ use crate::effects::hypothesis::Hypothesis;
 use crate::effects::lookalike;
 use crate::regression::normal::{Normal, Solution};
 use crate::search::case::{Case, Whitened};
+use crate::search::forward::{self, Choice, Contender, Forward};
 use crate::search::select::{Search, Trial};
 use crate::search::selection::{
-    AUDIBLE, CLOSE, CONFIRMED, MOST_CONTENDERS, MOST_EFFECTS, NOT_BORNE_OUT, PLAINER, SIMPLIFIED,
+    AUDIBLE, CONFIRMED, MOST_CONTENDERS, MOST_EFFECTS, NOT_BORNE_OUT, PLAINER, SIMPLIFIED,
     threshold,
 };
 use crate::search::shapes;
@@ -103,12 +104,9 @@ impl<'c, 'a> Witness<'c, 'a> {
     }
 
     /// Under the noise that fits given effects.
-    fn again(self, found: &[Hypothesis]) -> Self {
-        Witness {
-            heard: self.heard.again(found),
-            last: RefCell::default(),
-            ..self
-        }
+    fn again(&mut self, found: &[Hypothesis]) {
+        self.heard.again(found);
+        self.last = RefCell::default();
     }
 
     fn search(&self, others: &[Hypothesis]) -> Search<'_> {
@@ -119,8 +117,8 @@ impl<'c, 'a> Witness<'c, 'a> {
         self.heard.of(normal)
     }
 
-    /// Fall of the check record's sum of squares with the fit's parameters, and whether it bears the trial out: it must
-    /// fall by a share of what its rows make one expect, and the record have the trial in its size.
+    /// Fall of both records' sums of squares with the fit's parameters, and whether the check record bears the trial out: it
+    /// must fall there by a share of what its rows make one expect, and the record have the trial in its size.
     fn weighed(&self, trial: &Trial, others: &[Hypothesis]) -> (f64, Result<(), &'static str>) {
         let mut search = self.search(others);
         let fall = search.fall_at(&trial.hypothesis, &trial.gain.values);
@@ -128,14 +126,76 @@ impl<'c, 'a> Witness<'c, 'a> {
             true => search.evidence(trial).borne_out(),
             false => Err(NOT_BORNE_OUT),
         };
-        (fall, borne_out)
+        (fall + trial.gain.fall, borne_out)
     }
 }
 
-/// A trial at its best, with what it explains beyond what effects that were found before may have left.
-struct Contender {
-    trial: Trial,
-    credit: f64,
+/// A double drive, or a motor alone, under a search. A contender's credit is what it explains beyond what effects that were
+/// found before may have left.
+struct Tracing<'p, 'c, 'a> {
+    progress: &'p mut Progress,
+    fit: Whitened<'c, 'a>,
+    witness: Witness<'c, 'a>,
+    /// Whether what the search rests on holds beside given effects.
+    holds: &'p dyn Fn(&[Hypothesis]) -> bool,
+    held: bool,
+}
+
+impl Tracing<'_, '_, '_> {
+    /// Both records under the noise that fits what is left of them.
+    fn whiten(&mut self) {
+        self.fit.again(&self.progress.found);
+        self.witness.again(&self.progress.found);
+    }
+}
+
+impl Forward for Tracing<'_, '_, '_> {
+    type Trial = Trial;
+
+    fn contenders(&mut self) -> Vec<Contender<Trial>> {
+        let Tracing { progress, fit, .. } = self;
+        let mut search = fit.search(&progress.found);
+        let solution = search.normal.solve(None);
+        let mut trials = search.trials(&solution);
+        progress.tried += trials.len();
+        trials.retain(|trial| {
+            let known = |known| same(known, &trial.hypothesis, fit.case.balance);
+            !progress.found.iter().any(known)
+        });
+        progress.threshold = threshold(fit.whitener.used_rows());
+        let known = progress.known();
+        let contenders = progress.contenders(&trials, &mut search, &known, progress.threshold);
+        progress.last = trials;
+        contenders
+    }
+
+    fn weighed(&self, contender: &Contender<Trial>) -> (f64, Result<(), &'static str>) {
+        (self.witness).weighed(&contender.trial, &self.progress.found)
+    }
+
+    /// A shape without a name where that explains more.
+    fn take(&mut self, choice: Choice<Trial>, contenders: &[Contender<Trial>]) -> bool {
+        self.progress.doubtful = (choice.doubtful.into_iter())
+            .map(|(lost, reason)| Doubt::new(lost.trial, reason))
+            .collect();
+        let named = choice.best.map(|(_, trial)| trial);
+        let added = (self.progress).add(&self.fit, &self.witness, named, contenders);
+        self.held &= !added || (self.holds)(&self.progress.found);
+        if added && self.held {
+            self.whiten();
+        }
+        added && self.held
+    }
+
+    fn reconsider(&mut self) -> bool {
+        let changed = self.held
+            && self.progress.found.len() > 1
+            && self.progress.reconsider(&self.fit, &self.witness);
+        if changed {
+            self.whiten();
+        }
+        changed
+    }
 }
 
 impl Progress {
@@ -160,21 +220,18 @@ impl Progress {
         holds: &dyn Fn(&[Hypothesis]) -> bool,
     ) -> Option<Noise> {
         let heard = |case| Whitened::new(case, Case::noise(case, None, &self.found));
-        let (mut fit, mut witness) = (heard(case), Witness::new(heard(check)));
-        for _ in 0..3 {
-            while self.step(&fit, &witness) {
-                if !holds(&self.found) {
-                    return None;
-                }
-                (fit, witness) = (fit.again(&self.found), witness.again(&self.found));
-            }
-            if self.found.len() < 2 || !self.reconsider(&fit, &witness) {
-                break;
-            }
-            (fit, witness) = (fit.again(&self.found), witness.again(&self.found));
-        }
+        let (fit, witness) = (heard(case), Witness::new(heard(check)));
+        let mut tracing = Tracing {
+            progress: self,
+            fit,
+            witness,
+            holds,
+            held: true,
+        };
+        forward::search(&mut tracing);
+        let Tracing { fit, held, .. } = tracing;
         self.drop_modest(&fit);
-        Some(fit.noise)
+        held.then_some(fit.noise)
     }
 
     /// What of a fall is more than what the effects that were found may have left.
@@ -200,7 +257,7 @@ impl Progress {
         search: &mut Search,
         others: &[(Hypothesis, f64)],
         enough: f64,
-    ) -> Vec<Contender> {
+    ) -> Vec<Contender<Trial>> {
         let balance = search.balance;
         // Parameters at their bounds hide a part of what a trial brings: a rough one is enough to be looked at.
         let mut rough: Vec<(f64, &Trial)> = trials
@@ -223,7 +280,7 @@ impl Progress {
                 list.push(trial);
             }
         }
-        let mut list: Vec<Contender> = list
+        let mut list: Vec<Contender<Trial>> = list
             .into_iter()
             .map(|trial| {
                 let trial = search.at_best(trial);
@@ -266,37 +323,6 @@ impl Progress {
             .collect()
     }
 
-    /// Of contenders the one that explains most and that the check record bears out; among those that explain nearly as
-    /// much, the one that explains most on both records. Beside it those ahead of it that are not borne out.
-    fn chosen(
-        contenders: &[Contender],
-        witness: &Witness,
-        others: &[Hypothesis],
-    ) -> (Option<(f64, Trial)>, Vec<Doubt>) {
-        let mut best: Option<(f64, &Contender)> = None;
-        let mut doubtful = Vec::new();
-        for contender in contenders {
-            if let Some((_, leader)) = &best
-                && contender.credit < (1.0 - CLOSE) * leader.credit
-            {
-                break;
-            }
-            let (fall, borne_out) = witness.weighed(&contender.trial, others);
-            if let Err(reason) = borne_out {
-                if best.is_none() {
-                    doubtful.push(Doubt::new(contender.trial.clone(), reason));
-                }
-                continue;
-            }
-            let both = fall + contender.trial.gain.fall;
-            if best.as_ref().is_none_or(|(most, _)| both > *most) {
-                best = Some((both, contender));
-            }
-        }
-        let best = best.map(|(both, contender)| (both, contender.trial.clone()));
-        (best, doubtful)
-    }
-
     /// The shapes without a name that explain more than `beside`.
     fn unnamed(&self, search: &mut Search, solution: &Solution, beside: f64) -> Vec<Trial> {
         let least = self.threshold.max(beside);
@@ -311,39 +337,32 @@ impl Progress {
         shapes
     }
 
-    /// Tries everything and adds what explains most; `false` when nothing is worth it.
-    fn step(&mut self, fit: &Whitened, witness: &Witness) -> bool {
-        let (case, whitener) = (fit.case, &fit.whitener);
+    /// Adds what has a name, or a shape without one that explains more; `false` when nothing is worth it.
+    fn add(
+        &mut self,
+        fit: &Whitened,
+        witness: &Witness,
+        mut accepted: Option<Trial>,
+        contenders: &[Contender<Trial>],
+    ) -> bool {
+        let balance = fit.case.balance;
         let mut search = fit.search(&self.found);
         let solution = search.normal.solve(None);
-        let mut trials = search.trials(&solution);
-        self.tried += trials.len();
-        trials.retain(|trial| {
-            !self
-                .found
-                .iter()
-                .any(|known| same(known, &trial.hypothesis, case.balance))
-        });
-        self.threshold = threshold(whitener.used_rows());
-        let contenders = self.contenders(&trials, &mut search, &self.known(), self.threshold);
         let others = self.found.clone();
-        let (mut accepted, doubtful) = Self::chosen(&contenders, witness, &others);
-        self.doubtful = doubtful;
-        self.last = trials;
-        let named = accepted.as_ref().map_or(0.0, |(_, trial)| trial.gain.fall);
+        let named = accepted.as_ref().map_or(0.0, |trial| trial.gain.fall);
         let shapes = self.unnamed(&mut search, &solution, PLAINER * named);
         let weighed = shapes.iter().map(|trial| {
-            let (fall, borne_out) = witness.weighed(trial, &others);
-            borne_out.map(|()| (fall + trial.gain.fall, trial))
+            let (both, borne_out) = witness.weighed(trial, &others);
+            borne_out.map(|()| (both, trial))
         });
         let weighed: Vec<_> = weighed.collect();
         let best = weighed.iter().flatten().max_by(|a, b| a.0.total_cmp(&b.0));
         match (best, weighed.first()) {
-            (Some((_, trial)), _) => accepted = Some((trial.gain.fall, (*trial).clone())),
+            (Some((_, trial)), _) => accepted = Some((*trial).clone()),
             (None, Some(Err(reason))) => self.doubtful.push(Doubt::new(shapes[0].clone(), reason)),
             _ => {}
         }
-        let Some((_, mut trial)) = accepted else {
+        let Some(mut trial) = accepted else {
             return false;
         };
         if let Some(force) = shapes::as_force(&trial.hypothesis, search.whitener.machine) {
@@ -370,14 +389,10 @@ impl Progress {
             let lost = self
                 .last
                 .iter()
-                .filter(|t| !same(&t.hypothesis, &hypothesis, case.balance));
+                .filter(|t| !same(&t.hypothesis, &hypothesis, balance));
             self.rivals.push(lost.take(8).cloned().collect());
-            self.inseparable.push(inseparable(
-                &trial,
-                &contenders,
-                self.threshold,
-                case.balance,
-            ));
+            self.inseparable
+                .push(inseparable(&trial, contenders, self.threshold, balance));
             self.found.push(hypothesis);
             self.falls.push(trial.gain.fall);
         }

@@ -6,6 +6,7 @@ use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::regression::gain::Gain;
 use crate::search::case::Whitened;
+use crate::search::forward::chosen;
 use crate::search::select::Trial;
 use crate::search::selection::MODEST;
 use crate::signal::channel::Channel;
@@ -28,7 +29,7 @@ impl Progress {
             let solution = search.normal.solve(None);
             let own = search.try_one(own, &solution);
             let own = search.at_best(&own);
-            let (own_on_check, borne_out) = witness.weighed(&own, &others);
+            let (both, borne_out) = witness.weighed(&own, &others);
             let mut trials = search.trials(&solution);
             trials.retain(|trial| {
                 !others
@@ -37,9 +38,8 @@ impl Progress {
             });
             let close = (0.9 * own.gain.fall).max(self.threshold);
             let contenders = self.contenders(&trials, &mut search, &known, close);
-            let both = own.gain.fall + own_on_check;
-            let better = Self::chosen(&contenders, witness, &others)
-                .0
+            let better = chosen(&contenders, |other| witness.weighed(&other.trial, &others))
+                .best
                 .filter(|(other, _)| *other > both + self.threshold)
                 .map(|(_, trial)| trial);
             self.inseparable[k] = inseparable(

@@ -1,9 +1,9 @@
 //! What counts as something, as the same, and as not told apart.
 
-use super::Contender;
 use crate::balance::Balance;
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
+use crate::search::forward::Contender;
 use crate::search::select::Trial;
 use plant::Axis;
 use plant::effects::Place;
@@ -63,7 +63,7 @@ pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
 /// explain at least to count.
 pub(super) fn inseparable(
     trial: &Trial,
-    contenders: &[Contender],
+    contenders: &[Contender<Trial>],
     material: f64,
     balance: &Balance,
 ) -> Vec<Trial> {
