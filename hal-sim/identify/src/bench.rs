@@ -94,6 +94,7 @@ impl Figures {
                 "published": errors(&study.first().test),
                 "ours": errors(&study.last().test),
                 "ours_homed": errors(&study.last().homed),
+                "fitted_to_test": errors(&study.fitted_to_test),
                 "ours_check_friction": study.own_friction.as_ref().map(|own| errors(&own.errors)),
             })),
             "laas": self.motor.as_ref().map(|motor| json!({

@@ -25,7 +25,8 @@ use crate::search::case::Case;
 use crate::search::linearised::Linearised;
 use crate::search::progress::Progress;
 use crate::search::selection::{
-    ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, threshold,
+    ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, OF_PLATE_VALUES,
+    threshold,
 };
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
@@ -41,6 +42,7 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
         let unsound = faint(&outcome, CONFIRMED * threshold(rows))
             .map(|found| (found, NOT_BORNE_OUT))
             .or_else(|| Some((likeness(&outcome)?, MORE_IS_LEFT)))
+            .or_else(|| Some((shadow(&outcome)?, OF_PLATE_VALUES)))
             .or_else(|| Some((misfit(&outcome)?, ANOTHER_LAW)));
         match unsound {
             Some((found, reason)) => {
@@ -64,20 +66,32 @@ fn faint(outcome: &Outcome, on_check: f64) -> Option<&Found> {
 /// Over which coordinate the curve is told does not matter: in a record that goes from speed to speed all of them are curves over
 /// time.
 fn misfit(outcome: &Outcome) -> Option<&Found> {
-    let is_curve = |left: &Unexplained| {
+    let is_left = |left: &Unexplained| {
         left.coordinate != NO_SHAPE && left.order.is_none() && left.hz.is_none()
     };
     outcome.effects.iter().find(|found| {
-        let differs = along(&found.hypothesis).is_some_and(|along| !along.repeats());
         outcome.unexplained.iter().any(|left| {
             // As much as a record must bear out of an effect: less is chance's.
             let least = (CONFIRMED * outcome.threshold).max(LACK_OF_FIT * found.fall);
-            differs && is_curve(left) && left.channel == found.shows && left.fall > least
+            is_curve(found) && is_left(left) && left.channel == found.shows && left.fall > least
         })
     })
 }
 
-/// The weakest effect that does not explain enough beside what is left where it shows most.
+/// Whether an effect differs along a coordinate and does not repeat.
+fn is_curve(found: &Found) -> bool {
+    along(&found.hypothesis).is_some_and(|along| !along.repeats())
+}
+
+/// An effect that differs along a coordinate and explains less of its channel than a curve without a name that shows in another one does
+/// there: plate values that both channels share were wrong for want of the curve, and still are by what it lacks.
+fn shadow(outcome: &Outcome) -> Option<&Found> {
+    let mut curves = outcome.effects.iter().filter(|found| is_curve(found));
+    curves.find(|found| found.fall < outcome.by_plate[found.shows.index()])
+}
+
+/// The weakest effect that does not explain enough beside what is left where it shows most: of what may resemble any slow shape all but a
+/// third of the amplitude.
 fn likeness(outcome: &Outcome) -> Option<&Found> {
     let left = |found: &Found| {
         let excess = |rest: &ChannelRest| rest.levels[1].excess;
@@ -87,10 +101,16 @@ fn likeness(outcome: &Outcome) -> Option<&Found> {
             .find(|rest| rest.channel == found.shows);
         own.map_or(0.0, excess)
     };
-    let weak = outcome
-        .effects
-        .iter()
-        .filter(|found| found.check_fall < DOMINANT * left(found));
+    let weak = outcome.effects.iter().filter(|found| {
+        // Less than an effect must explain tells no law.
+        let is_law = is_curve(found) && left(found) > outcome.threshold;
+        let least = if is_law {
+            LACK_OF_FIT.recip()
+        } else {
+            DOMINANT
+        };
+        found.check_fall < least * left(found)
+    });
     weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
 }
 
@@ -108,6 +128,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
     let of_check = check.whitener(&check_noise);
     let heard = check.search(&of_check, &[]);
     let (mut effects, mut parts) = (Vec::new(), Vec::new());
+    let mut by_plate = [0.0; Channel::COUNT];
     let mut at = case.base.parameters.len();
     for (k, hypothesis) in found.iter().enumerate() {
         let columns = hypothesis.columns();
@@ -128,6 +149,13 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
             .into_iter()
             .max_by(|a, b| falls[a.index()].total_cmp(&falls[b.index()]))
             .unwrap_or(Channel::Table);
+        if let Family::Unnamed(unnamed) = hypothesis.family
+            && !unnamed.along.repeats()
+            && !unnamed.is_force
+        {
+            let others = Channel::ALL.into_iter().filter(|c| *c != unnamed.channel);
+            others.for_each(|c| by_plate[c.index()] += falls[c.index()].max(0.0));
+        }
         let fall =
             without.normal.cost(&without_solution.values) - search.normal.cost(&solution.values);
         let first = without.normal.len();
@@ -231,6 +259,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
             .has_feed()
             .then(|| table_force(case.balance, &channels, &fixed, &residual_whitened)),
         channels,
+        by_plate,
         doubts: progress
             .doubtful
             .iter()

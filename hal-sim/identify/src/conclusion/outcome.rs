@@ -134,6 +134,8 @@ pub struct Outcome {
     pub table_force: Option<TableForce>,
     /// What is left.
     pub unexplained: Vec<Unexplained>,
+    /// What curves without a name explain of channels that they do not act on, by way of plate values: falls of sums of squares.
+    pub(crate) by_plate: [f64; Channel::COUNT],
     /// Trials of the last step, in which nothing more was found.
     pub last: Vec<Trial>,
     /// What was significant and is not named, and why.

@@ -241,6 +241,10 @@ pub fn judge(channels: &[CheckChannel], names: usize, left: usize, floor: Floor)
                 "What is named holds on the check record; whether anything is left cannot be said beside {floor_words}."
             )
         }
+        Verdict::Unexplained if known && quiet(0) => format!(
+            "The check record is no louder than {floor_words}, but what is left of it has a shape, or more power than the spectrum \
+             above the dynamics has; no cause of it is borne out by both records."
+        ),
         Verdict::Unexplained if known => format!(
             "The check record has something beyond {floor_words}, and no cause of it is borne out by both records.{loud}"
         ),

@@ -17,7 +17,7 @@ const LEAST_PERIODS: f64 = 1.0;
 /// By how much a friction that decays with speed must differ between the record's speeds, of its size at rest.
 const LEAST_DECAY: f64 = 0.1;
 /// Speed of a friction that decays, at most in the record's greatest: `e^-2` of it is left there.
-const MOST_OF_TOP: f64 = 0.7;
+pub(crate) const MOST_OF_TOP: f64 = 0.7;
 /// The same at least in the speed over which the balances let the sign of friction turn round: nearer to it `1 - tanh(w)` is as
 /// good.
 const LEAST_OF_ROUNDING: f64 = 1.25;
@@ -48,7 +48,7 @@ const MOST_LEAD_SCALE: f64 = 0.01;
 pub(crate) const ABOVE_BAND: &str =
     "the order is above the band that was sampled and filtered, or the shaft stood still";
 pub(crate) const NOT_TURNED: &str = "the angle that it repeats with does not turn far enough";
-const CONSTANT: &str = "the speeds of the record do not tell it from constant friction";
+pub(crate) const CONSTANT: &str = "the speeds of the record do not tell it from constant friction";
 pub(crate) const FEEDS_IN: &str = "its sign would feed energy in";
 
 fn range(values: impl Iterator<Item = f64>) -> f64 {

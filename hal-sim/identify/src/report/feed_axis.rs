@@ -260,7 +260,8 @@ fn selection(study: &Study) -> Selection {
             "Chosen on the fit record alone by two-fold cross-validation: each stretch of one speed and direction belongs to one of \
              two folds, a model is fitted on either and judged by the force error on the other. A term stays if it lowers \
              that error by at least {:.0} % and is there in its size, more than three standard deviations from 0 (Newey and \
-             West). The controller's output follows its law to {:.1} mV rms with dq/dt as the difference over the \
+             West). A term is taken back that does not lower the check record's error, or beside which another law is left over \
+             its own coordinate. The controller's output follows its law to {:.1} mV rms with dq/dt as the difference over the \
              periods that the table names; with dq/dt as it is the declared model's error is the first row's. Force error of \
              the declared inverse model: {:.2} % on the fit record, {:.2} % on the check record. {}{}",
             100.0 * MATERIAL_OF_ERROR,

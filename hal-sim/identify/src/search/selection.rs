@@ -38,6 +38,8 @@ pub(crate) const CLOSE: f64 = 0.03;
 /// Share of what is left in a channel that an effect must explain there: less than a quarter of its amplitude is no more
 /// than a likeness.
 pub(crate) const MODEST: f64 = 0.05;
+/// Why an effect is not named that explains less.
+pub(crate) const TOO_MODEST: &str = "more is left in its channel than it explains";
 /// Times what is left beyond noise that an effect must explain of its channel on the check record.
 pub(crate) const DOMINANT: f64 = 3.0;
 /// Share of the error of a free-running drive's ripple that may be left on the check record with an effect that was found
@@ -71,6 +73,10 @@ pub(crate) const ANOTHER_LAW: &str =
 /// Why an effect is not named beside which more is left.
 pub(crate) const MORE_IS_LEFT: &str =
     "more is left on the check record, where it shows, than it explains";
+
+/// Why an effect is not named beside a curve without a name in another channel.
+pub(crate) const OF_PLATE_VALUES: &str =
+    "a shape without a name in another channel moves the plate values that they share by more";
 
 /// Why an effect is not named that is there and hardly matters.
 pub(crate) const TOO_LITTLE: &str = "takes too little of the error on what it was not fitted to";

@@ -8,6 +8,9 @@ use std::ops::Range;
 
 /// Pieces of a curve over a coordinate.
 const PIECES: usize = 40;
+/// Share of an interval at which the golden section divides it, and how often: an order is then known to a hundredth of what tells two apart.
+const GOLDEN: f64 = 0.618_033_988_749_895;
+const SECTIONS: usize = 9;
 /// Rows that a piece needs to count.
 const LEAST_ROWS: usize = 8;
 
@@ -191,12 +194,17 @@ impl Residual<'_> {
         });
         // Half the distance at which two orders are told apart: within it there is one peak.
         let reach = 0.25 * TAU / (high - low);
+        // By the golden section: of the two orders inside one serves again.
+        let at = |from: f64, to: f64| from + GOLDEN * (to - from);
         let (mut from, mut to) = (order - reach, order + reach);
-        for _ in 0..16 {
-            let third = (to - from) / 3.0;
-            match self.power(over, from + third) < self.power(over, to - third) {
-                true => from += third,
-                false => to -= third,
+        let [mut low, mut high] = [at(to, from), at(from, to)].map(|x| (self.power(over, x), x));
+        for _ in 0..SECTIONS {
+            if low.0 < high.0 {
+                (from, low) = (low.1, high);
+                high = (self.power(over, at(from, to)), at(from, to));
+            } else {
+                (to, high) = (high.1, low);
+                low = (self.power(over, at(to, from)), at(to, from));
             }
         }
         0.5 * (from + to)

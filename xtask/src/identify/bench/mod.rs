@@ -3,6 +3,7 @@
 mod alone;
 mod clean;
 mod outside;
+mod outside_axes;
 
 use super::{BenchOptions, Part};
 use anyhow::{Context, Result};
@@ -49,7 +50,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<()> {
         more["pmsm"] = drawn;
     }
     if is_asked(Part::Outside) {
-        more["outside"] = outside::measure(outside);
+        more["outside"] = outside::measure(options.first, outside);
     }
     if is_asked(Part::Wrong) {
         more["wrong_data"] = json!(super::wrong_data::measure(wrong[0], wrong[1])?);
@@ -91,8 +92,8 @@ struct Sample {
     outside: usize,
     /// Machines whose data is got wrong in each way, and machines with sound data.
     wrong: [u64; 2],
-    /// Clean motors and feed axes.
-    clean: [u64; 2],
+    /// Clean motors, feed axes and double drives.
+    clean: [u64; 3],
 }
 
 impl Sample {
@@ -103,21 +104,21 @@ impl Sample {
                 pmsm: [runs; 2],
                 outside: runs as usize,
                 wrong: [runs; 2],
-                clean: [runs; 2],
+                clean: [runs; 3],
             };
         }
         match options.long {
             true => Sample {
                 pmsm: [200, 300],
-                outside: 322,
+                outside: 354,
                 wrong: [5, 200],
-                clean: [300, 300],
+                clean: [300, 300, 300],
             },
             false => Sample {
                 pmsm: [11, 8],
-                outside: 46,
+                outside: 59,
                 wrong: [1, 4],
-                clean: [24, 2],
+                clean: [24, 2, 4],
             },
         }
     }

@@ -1,7 +1,7 @@
 //! Effects that no family has, in the plant in closed loop: whatever is said of them, nothing may be said that is sure and
 //! wrong.
 
-use super::alone;
+use super::{alone, outside_axes};
 use hal_sim::draw::{self, profile};
 use identify::analysis::{Outcome, analyse};
 use plant::Axis;
@@ -19,15 +19,15 @@ struct Kind {
 
 /// What a kind keeps between two steps, and its strength.
 #[derive(Default)]
-struct Memory {
-    strength: f64,
-    state: [Cell<f64>; 4],
-    random: Cell<u64>,
+pub(super) struct Memory {
+    pub(super) strength: f64,
+    pub(super) state: [Cell<f64>; 4],
+    pub(super) random: Cell<u64>,
 }
 
 impl Memory {
     /// An even random number from -1 to 1.
-    fn noise(&self) -> f64 {
+    pub(super) fn noise(&self) -> f64 {
         let next = self
             .random
             .get()
@@ -387,12 +387,12 @@ const KINDS: &[Kind] = &[
 ];
 
 /// What was said of one machine.
-struct Said {
+pub(super) struct Said {
     /// `explained` or `nothing missing`, which nothing here is.
-    sure: bool,
-    names: usize,
+    pub(super) sure: bool,
+    pub(super) names: usize,
     /// What is left first is described over a coordinate that is right.
-    coordinate: bool,
+    pub(super) coordinate: bool,
 }
 
 /// Kinds that a motor alone can have: what acts on the nut only.
@@ -414,11 +414,16 @@ const ALONE: [&str; 12] = [
 /// Strengths of the kinds, from one round through all of them to the next.
 const STRENGTHS: [f64; 3] = [1.0, 0.6, 1.6];
 
-/// Runs one machine: the kinds on a double drive, then those of a motor alone.
+/// Kinds on all machines.
+const CASES: usize = KINDS.len() + ALONE.len() + outside_axes::COUNT;
+
+/// Runs one machine: the kinds on a double drive, then those of a motor alone, then those of a feed axis.
 fn said(run: usize) -> Said {
-    let cases = KINDS.len() + ALONE.len();
-    let case = run % cases;
-    let strength = STRENGTHS[run / cases % STRENGTHS.len()];
+    let case = run % CASES;
+    let strength = STRENGTHS[run / CASES % STRENGTHS.len()];
+    if let Some(case) = case.checked_sub(KINDS.len() + ALONE.len()) {
+        return outside_axes::said(case, run, strength);
+    }
     let seed = 300 + run as u64;
     let named = |name: &str| KINDS.iter().find(|kind| kind.name == name);
     let kind = match case.checked_sub(KINDS.len()) {
@@ -451,14 +456,15 @@ fn said(run: usize) -> Said {
 }
 
 /// Runs so many machines and counts. A long run is watched on standard error.
-pub(super) fn measure(runs: usize) -> Value {
-    let said: Vec<Said> = (0..runs).map(said).collect();
+pub(super) fn measure(first: usize, runs: usize) -> Value {
+    let said: Vec<Said> = (first..first + runs).map(said).collect();
     let count = |which: &dyn Fn(&Said) -> bool| said.iter().filter(|said| which(said)).count();
     let percent = |count: usize| 100.0 * count as f64 / runs.max(1) as f64;
     json!({
         "runs": runs,
         "kinds": KINDS.len(),
         "kinds_of_a_motor_alone": ALONE.len(),
+        "kinds_of_a_feed_axis": outside_axes::COUNT,
         "sure_and_wrong": count(&|said| said.sure),
         "false_names": count(&|said| said.names > 0),
         "coordinate_right_percent": percent(count(&|said| said.coordinate)),
@@ -494,8 +500,10 @@ mod tests {
 
     /// Machines on which a part was named once: half a drift, a scale of the lead of 4e-7 beside a random walk, torques in time
     /// on both motors for one force on the table, an error of the lead for a force over the travel, a load that grows with the
-    /// position for one that steps or that depends on the direction, friction that falls up to the greatest speed.
-    const NAMED_ONCE: [usize; 6] = [2, 16, 18, 21, 23, 25];
+    /// position for one that steps or that depends on the direction, friction that falls up to the greatest speed; friction of the
+    /// screw for a drag of the nut, and of the nut for a spring. Of feed axes: one whose load steps was called explained to the
+    /// difference from lap to lap, an order that grows with the speed, friction for a drag by the cube of the speed.
+    const NAMED_ONCE: [usize; 11] = [2, 6, 16, 18, 21, 23, 25, 47, 51, 54, 90];
 
     #[test]
     fn what_no_family_has_is_described_and_not_named() {

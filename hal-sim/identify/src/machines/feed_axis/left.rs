@@ -1,9 +1,11 @@
 //! What is left of an axis' force when all effects are in, and what it looks like.
 
-use super::axis::Axis;
+use super::axis::{Axis, Term};
 use super::fit::MARGIN;
 use super::record::Record;
-use crate::conclusion::rest::{ABOVE, Place, Remnant, Rest};
+use super::study::Stage;
+use crate::conclusion::rest::{ABOVE, Place, Remnant, Rest, TIME};
+use crate::search::selection::{ANOTHER_LAW, LACK_OF_FIT, MODEST, NOT_BORNE_OUT, TOO_MODEST};
 use crate::signal::filter::butterworth_100;
 use crate::signal::fourier::slope;
 use crate::signal::leftover::Form;
@@ -15,6 +17,14 @@ const ORDERS: std::ops::Range<f64> = 0.3..60.0;
 /// Frequencies, Hz: what is slower is a shape of the programme, what is faster the filter takes away.
 const HZ: std::ops::Range<f64> = 0.5..100.0;
 
+/// Coordinates of what is left.
+const SCREW: &str = "angle of the screw";
+const VELOCITY: &str = "velocity";
+const POSITION: &str = "position";
+const GUIDEWAY: &str = "position, against the motion";
+/// Distance of two orders that are one whose amplitude varies.
+const SAME_ORDER: f64 = 0.05;
+
 /// Rows in which the reference's speed changes by more than a twentieth of its fastest change.
 fn changes(record: &Record) -> Vec<bool> {
     let speed = slope(
@@ -24,6 +34,11 @@ fn changes(record: &Record) -> Vec<bool> {
     let change = slope(&speed, record.rate);
     let most = change.iter().fold(0.0_f64, |most, x| most.max(x.abs()));
     change.iter().map(|x| x.abs() > 0.05 * most).collect()
+}
+
+/// Velocity of the carriage, m/s.
+fn velocity_of(record: &Record) -> Vec<f64> {
+    slope(&butterworth_100(&record.position, record.rate), record.rate)
 }
 
 /// What `axes` leave of fit and check record, whose noise is `floor` (not a number where it is not known).
@@ -41,20 +56,24 @@ pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> V
         in_time,
         signs: None,
     };
+    let way = |record: &Record| velocity_of(record).iter().map(|v| v.signum()).collect();
     let lead = axes[0].lead_m;
     let position = |record: &Record| record.position.clone();
     let turns = |record: &Record| record.position.iter().map(|x| TAU * x / lead).collect();
-    let velocity =
-        |record: &Record| slope(&butterworth_100(&record.position, record.rate), record.rate);
     let clock = |record: &Record| {
         let turn = TAU / record.rate;
         (0..record.len()).map(|row| turn * row as f64).collect()
     };
     let places = [
-        place("angle of the screw", Form::Repeats(ORDERS), false, &turns),
-        place("velocity", Form::Curve, false, &velocity),
-        place("position", Form::Curve, false, &position),
-        place("time", Form::Repeats(HZ), true, &clock),
+        place(SCREW, Form::Repeats(ORDERS), false, &turns),
+        place(VELOCITY, Form::Curve, false, &velocity_of),
+        place(POSITION, Form::Curve, false, &position),
+        Place {
+            signs: Some(both(&way)),
+            ..place(GUIDEWAY, Form::Curve, false, &position)
+        },
+        place(TIME, Form::Repeats(HZ), true, &clock),
+        place(TIME, Form::Curve, false, &clock),
     ];
     let rest = Rest {
         values: [axes[0].left(records[0]), axes[1].left(records[1])],
@@ -65,6 +84,49 @@ pub(super) fn remnants(axes: [&Axis; 2], records: [&Record; 2], floor: f64) -> V
         above: ABOVE,
     };
     rest.remnants(&places)
+}
+
+/// The coordinate that a term is a law over.
+fn along(term: Term) -> &'static str {
+    match term {
+        Term::Periodic(_) => SCREW,
+        Term::PositionFriction => GUIDEWAY,
+        Term::PositionLoad => POSITION,
+        _ => VELOCITY,
+    }
+}
+
+/// Of the terms that were added stage by stage the first that the check record does not bear out, that explains little beside what is left
+/// above the noise, or beside which another law is left over its own coordinate: a tenth of what it explains; as much beside a slope over the
+/// position, which is the first term of any law there, and at another order.
+pub(super) fn unsound(
+    stages: &[Stage],
+    left: &[Remnant],
+    floor: f64,
+) -> Option<(usize, &'static str)> {
+    let square = |stage: &Stage| stage.estimate.force_n.powi(2);
+    let remains = square(stages.last()?) - floor * floor;
+    stages.windows(2).enumerate().find_map(|(k, pair)| {
+        let [before, after] = pair else { return None };
+        let fall = square(before) - square(after);
+        let (term, _) = *after.axis.terms.last()?;
+        let share = |left: &Remnant| match (term, left.order) {
+            (Term::PositionFriction | Term::PositionLoad, _) => 1.0,
+            (Term::Periodic(own), Some(order)) if (own - order).abs() > SAME_ORDER => 1.0,
+            _ => LACK_OF_FIT,
+        };
+        let mut own = left.iter().filter(|left| left.coordinate == along(term));
+        let reason = if after.homed.force_n >= before.homed.force_n {
+            NOT_BORNE_OUT
+        } else if fall < MODEST * remains {
+            TOO_MODEST
+        } else if own.any(|left| left.size.powi(2) > share(left) * fall) {
+            ANOTHER_LAW
+        } else {
+            return None;
+        };
+        Some((k, reason))
+    })
 }
 
 #[cfg(test)]

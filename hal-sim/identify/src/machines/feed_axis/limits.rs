@@ -1,24 +1,31 @@
 //! What a term of a feed axis can be at most.
 
-use super::axis::Term;
-use crate::effects::limits::FEEDS_IN;
+use super::axis::{Axis, Term};
+use super::record::Record;
+use crate::effects::limits::{CONSTANT, FEEDS_IN, MOST_OF_TOP};
 
-/// Whether a term of a feed axis with given parameters can be, beside its Coulomb friction, under a force of at most
-/// `force_n` and over a travel.
+/// Whether a term with given parameters can be on an axis, as a record shows it.
 pub(super) fn plausible_on_axis(
     term: Term,
     values: &[f64],
-    coulomb_n: f64,
-    force_n: f64,
-    travel_m: f64,
+    axis: &Axis,
+    record: &Record,
 ) -> Result<(), &'static str> {
+    let force_n = axis.limit_v * record.force_per_volt.abs();
+    let (coulomb_n, travel_m) = (axis.base[2], record.travel());
     let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
     let (positive, below) = match term {
         // Friction may be lower at rest, where a spring before sliding takes its place.
+        Term::Stribeck if values[1].abs() > MOST_OF_TOP * record.top_speed() => {
+            return Err(CONSTANT);
+        }
         Term::Stribeck => (coulomb_n + values[0] >= 0.0, values[0] <= force_n),
         Term::Lag | Term::Presliding => (values[0] > 0.0, true),
         Term::Periodic(_) => (true, size <= force_n),
         Term::PositionFriction | Term::PositionLoad => (true, size * travel_m <= force_n),
+        Term::Saturation if values[0] < 0.0 => {
+            return Err("friction that grows more than the speed is of another law");
+        }
         Term::Saturation | Term::Asymmetry => (true, true),
     };
     match (positive, below) {

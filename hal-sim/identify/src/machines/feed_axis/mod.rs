@@ -15,5 +15,5 @@ mod study;
 pub use axis::{Axis, Term};
 pub use record::{Law, Record};
 pub use select::Trial;
-pub use simulate::Run;
+pub use simulate::{Moment, Run};
 pub use study::{Errors, OwnFriction, Stage, Study};

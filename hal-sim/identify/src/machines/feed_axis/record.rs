@@ -1,6 +1,8 @@
 //! The record of an axis.
 
 use crate::records::{DataQuality, How, LoadError, Mapping, Record as Loaded, load};
+use crate::signal::filter::butterworth_100;
+use crate::signal::fourier::slope;
 use std::path::Path;
 
 /// How a controller takes dq/dt.
@@ -100,6 +102,13 @@ impl Record {
         let ends = |(low, high): (f64, f64), x: &f64| (low.min(*x), high.max(*x));
         let (low, high) = self.position.iter().fold((f64::MAX, f64::MIN), ends);
         (high - low).max(0.0)
+    }
+
+    /// Greatest speed that is asked for, m/s.
+    pub(super) fn top_speed(&self) -> f64 {
+        let reference = butterworth_100(&self.reference, self.rate);
+        let speeds = slope(&reference, self.rate).into_iter();
+        speeds.fold(0.0, |most, v| v.abs().max(most))
     }
 
     /// Whether there are no rows.

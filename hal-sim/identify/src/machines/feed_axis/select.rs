@@ -236,11 +236,8 @@ impl Linearised<'_> {
             _ => Prior::FREE,
         };
         let validated = Validated::new(self.holdouts.iter().zip(sides), prior);
-        let axis = &self.axis;
-        let force = axis.limit_v * self.record.force_per_volt.abs();
-        let (coulomb, travel) = (axis.base[2], self.record.travel());
         let values = start.values(&validated.values);
-        let stands = plausible_on_axis(start.term, &values, coulomb, force, travel)
+        let stands = plausible_on_axis(start.term, &values, &self.axis, self.record)
             .and_then(|()| validated.stands(start.best_of(), MATERIAL_OF_ERROR));
         Judged {
             start,
@@ -270,6 +267,8 @@ struct Terms<'a> {
     axis: Axis,
     taken: Vec<Trial>,
     lost: Vec<Trial>,
+    /// With which the fit came to parameters beyond physics.
+    refused: Vec<Trial>,
 }
 
 impl Forward for Terms<'_> {
@@ -287,8 +286,10 @@ impl Forward for Terms<'_> {
                 .then_some(Term::Periodic(order.round())),
             _ => None,
         });
-        let further = TERMS.into_iter().filter(|term| axis.find(*term).is_none());
-        let judged = further.chain(order).chain(whole);
+        let open = |term: &Term| {
+            axis.find(*term).is_none() && !self.refused.iter().any(|tried| tried.term == *term)
+        };
+        let judged = TERMS.into_iter().chain(order).chain(whole).filter(open);
         let judged = judged.filter_map(|term| here.best(term));
         let contender = |trial: Judged| Contender {
             credit: trial.validated.fall(),
@@ -312,10 +313,22 @@ impl Forward for Terms<'_> {
         let Some((_, trial)) = choice.best else {
             return false;
         };
-        self.taken.push(trial.trial());
         let values = trial.start.values(&trial.validated.values);
-        self.axis.terms.push((trial.start.term, values));
-        self.axis = fitted(&self.axis, self.record, Free::Model, self.rows);
+        let mut with = self.axis.clone();
+        with.terms.push((trial.start.term, values));
+        let with = fitted(&with, self.record, Free::Model, self.rows);
+        let plausible = |(term, values): &(Term, Vec<f64>)| {
+            plausible_on_axis(*term, values, &with, self.record).err()
+        };
+        let mut tried = trial.trial();
+        tried.lost = with.terms.iter().find_map(plausible);
+        match tried.lost {
+            Some(_) => self.refused.push(tried),
+            None => {
+                self.taken.push(tried);
+                self.axis = with;
+            }
+        }
         true
     }
 
@@ -348,13 +361,14 @@ pub(super) fn tried(axis: &Axis, record: &Record) -> Vec<Trial> {
         rows: &rows,
         taken: Vec::new(),
         lost: Vec::new(),
+        refused: Vec::new(),
         record,
     };
     search(&mut terms);
     // Orders last: their phase belongs to a record.
     let mut taken = terms.taken;
     taken.sort_by_key(|trial| matches!(trial.term, Term::Periodic(_)));
-    taken.extend(terms.lost);
+    taken.extend(terms.lost.into_iter().chain(terms.refused));
     taken
 }
 

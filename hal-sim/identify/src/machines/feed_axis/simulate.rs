@@ -17,9 +17,26 @@ pub struct Run {
     pub force: Vec<f64>,
 }
 
+/// Where a simulated axis is.
+pub struct Moment {
+    /// Time, s.
+    pub time_s: f64,
+    /// Position, m.
+    pub position_m: f64,
+    /// Velocity, m/s.
+    pub velocity_m_s: f64,
+    /// Motor force, N.
+    pub force_n: f64,
+}
+
 impl Axis {
     /// Simulates the closed loop over a record's references and pulses, from its first position at rest.
     pub fn simulate(&self, record: &Record) -> Run {
+        self.simulate_under(record, |_| 0.0)
+    }
+
+    /// The same with a further force on the carriage, against the positive direction, N, which is asked for four times a row.
+    pub fn simulate_under(&self, record: &Record, further: impl Fn(&Moment) -> f64) -> Run {
         let [mass, viscous, coulomb, offset] = self.base;
         let mass = mass.max(1.0);
         let stribeck = self
@@ -103,7 +120,14 @@ impl Axis {
                     None => level * (v / 5e-4).tanh(),
                 };
                 let drag = viscous * v - saturation * v * v.abs() + asymmetry * v.abs();
-                v += dt / mass * (applied - drag - dry - offset - ripple - load_slope * x);
+                let own = drag + dry + offset + ripple + load_slope * x;
+                let moment = Moment {
+                    time_s: (k * SUBSTEPS + step) as f64 * dt,
+                    position_m: x,
+                    velocity_m_s: v,
+                    force_n: applied,
+                };
+                v += dt / mass * (applied - own - further(&moment));
                 x += dt * v;
             }
         }

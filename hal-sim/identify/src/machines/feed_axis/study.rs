@@ -2,12 +2,13 @@
 
 use super::axis::{Axis, Term};
 use super::fit::{FRICTION, Free, MARGIN, converged, covariance, fitted};
-use super::left::remnants;
+use super::left::{remnants, unsound};
 use super::record::{Law, Record};
 use super::select::{Trial, tried};
 use crate::conclusion::rest::Remnant;
 use crate::search::selection::MATERIAL_OF_ERROR;
 use crate::signal::filter::{butterworth_100, decimated};
+use crate::signal::noise::white_below_100;
 use nalgebra::DMatrix;
 use std::f64::consts::TAU;
 
@@ -120,6 +121,9 @@ pub struct Study {
     pub remnants: Vec<Remnant>,
     /// Of the test record, where it differs.
     pub own_friction: Option<OwnFriction>,
+    /// On the test record from its first quarter on, with all parameters fitted to the test record: no prediction by these
+    /// terms has less.
+    pub fitted_to_test: Errors,
 }
 
 fn rms(values: impl Iterator<Item = f64>) -> f64 {
@@ -238,30 +242,60 @@ impl Study {
         axis = fitted(&axis, estimate, Free::Model, &rows);
         stages.push(stage("mass and friction fitted".into(), axis.clone()));
         let refitted = stages.len() - 1;
-        let search = tried(&axis, estimate);
+        let mut search = tried(&axis, estimate);
+        let lap_to_lap_n = lap_to_lap(estimate);
+        let white_n = white_below_100(&estimate.force(), estimate.rate);
+        let refit = axis;
         let mut stopped_early = Vec::new();
-        for trial in search.iter().filter(|trial| trial.lost.is_none()) {
-            axis.terms.push((trial.term, trial.term.start()));
-            let at_minimum;
-            (axis, at_minimum) = converged(&axis, estimate, Free::Orders, &rows);
-            if !at_minimum {
-                stopped_early.push(trial.term.name());
+        // A term that the check record does not bear out, or beside which another law is left, is not in the model.
+        let left = loop {
+            axis = refit.clone();
+            stages.truncate(refitted + 1);
+            stopped_early.clear();
+            for trial in search.iter().filter(|trial| trial.lost.is_none()) {
+                axis.terms.push((trial.term, trial.term.start()));
+                let at_minimum;
+                (axis, at_minimum) = converged(&axis, estimate, Free::Orders, &rows);
+                if !at_minimum {
+                    stopped_early.push(trial.term.name());
+                }
+                stages.push(stage(trial.term.name(), axis.clone()));
             }
-            stages.push(stage(trial.term.name(), axis.clone()));
-        }
+            let on_test = &stages[stages.len() - 1].on_test;
+            // What differs from lap to lap may be more than noise.
+            let floor = lap_to_lap_n.min(white_n);
+            let left = remnants([&axis, on_test], [estimate, test], floor);
+            let Some((k, reason)) = unsound(&stages[refitted..], &left, floor) else {
+                break left;
+            };
+            let named = search.iter_mut().filter(|trial| trial.lost.is_none());
+            named
+                .skip(k)
+                .take(1)
+                .for_each(|trial| trial.lost = Some(reason));
+        };
         let ideal = Axis {
             law: Law::Ideal,
             ..axis.clone()
         };
         let ideal = fitted(&ideal, estimate, Free::Orders, &rows);
-        let lap_to_lap_n = lap_to_lap(estimate);
         let covariance = covariance(&axis, estimate, Free::Orders, &rows);
         let last = stages.last();
         let on_test = last.map_or(declared, |stage| &stage.on_test);
         Study {
+            fitted_to_test: errors(
+                &fitted(
+                    on_test,
+                    test,
+                    Free::Orders,
+                    &(MARGIN..test.len() - MARGIN).collect::<Vec<_>>(),
+                ),
+                test,
+                test.len() / 4,
+            ),
             own_friction: last
                 .and_then(|last| OwnFriction::new(&last.on_test, test, &covariance, &last.homed)),
-            remnants: remnants([&axis, on_test], [estimate, test], lap_to_lap_n),
+            remnants: left,
             inverse_percent: [inverse(declared, estimate), inverse(declared, test)],
             law_left_v,
             lap_to_lap_n,

@@ -7,6 +7,7 @@ use crate::regression::column::Column;
 use crate::regression::normal::{Normal, Prior};
 use crate::signal::filter::{butterworth, second_derivative};
 use crate::signal::fourier::slope;
+use crate::signal::noise::white_noise;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
@@ -91,15 +92,6 @@ fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     }
     let at = (share * (sizes.len() - 1) as f64) as usize;
     *sizes.select_nth_unstable_by(at, f64::total_cmp).1
-}
-
-/// Standard deviation of a signal's white noise by its fourth differences, which what moves slowly has not.
-pub(super) fn white_noise(values: &[f64]) -> f64 {
-    let fourth = values
-        .windows(5)
-        .map(|x| x[0] - 4.0 * x[1] + 6.0 * x[2] - 4.0 * x[3] + x[4]);
-    let square: f64 = fourth.map(|x| x * x).sum();
-    (square / 70.0 / values.len().saturating_sub(4).max(1) as f64).sqrt()
 }
 
 /// Acceleration up to the highest frequency at which it is not the angle's noise. It passes the filter of both sides later,

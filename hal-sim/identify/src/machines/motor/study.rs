@@ -1,7 +1,7 @@
 //! The current of a motor by inertia, friction, the orders of its turn, and the filter by which it is reported late: the
 //! regression, covariance and criterion of all machines on one channel.
 
-use super::columns::{Base, Columns, white_noise};
+use super::columns::{Base, Columns};
 use super::fit::{Both, Fit, rms};
 use super::left::remnants;
 use super::orders::{Order, of_map};
@@ -13,6 +13,7 @@ use crate::regression::normal::Prior;
 use crate::search::forward::{Choice, Contender, Forward, search};
 use crate::search::holdout::{Holdout, Validated};
 use crate::search::selection::{MATERIAL_OF_CURRENT, MOST_NAMES, VOUCHED_OF_CURRENT};
+use crate::signal::noise::white_below_100;
 
 /// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
 const HIGHEST: u32 = 130;
@@ -85,11 +86,6 @@ pub struct Study {
     pub not_tried: (usize, &'static str),
     /// What the orders leave of both records above it.
     pub remnants: Vec<Remnant>,
-}
-
-/// Noise of a record's current within the filter's band, A.
-fn noise(record: &Record) -> f64 {
-    white_noise(&record.current) * (200.0 / record.rate).min(0.8).sqrt()
 }
 
 /// The lag with which inertia, friction and orders, fitted together, predict the check record best.
@@ -258,7 +254,7 @@ impl Study {
                 amplitude_a: amplitude(k),
             })
             .collect();
-        let noise = noise(estimate);
+        let noise = white_below_100(&estimate.current, estimate.rate);
         let position = records.map(Columns::position);
         Study {
             freed: numbers

@@ -8,7 +8,7 @@ use crate::regression::gain::Gain;
 use crate::search::case::Whitened;
 use crate::search::forward::chosen;
 use crate::search::select::Trial;
-use crate::search::selection::MODEST;
+use crate::search::selection::{MODEST, TOO_MODEST};
 use crate::signal::channel::Channel;
 
 impl Progress {
@@ -99,7 +99,7 @@ impl Progress {
             let trial = search.try_one(own, &solution);
             self.doubtful.push(Doubt {
                 trial,
-                reason: "more is left in its channel than it explains",
+                reason: TOO_MODEST,
                 likeness: false,
             });
             self.forget(k);
