@@ -97,8 +97,8 @@ fn along(term: Term) -> &'static str {
 }
 
 /// Of the terms that were added stage by stage the first that the check record does not bear out, that explains little beside what is left
-/// above the noise, or beside which another law is left over its own coordinate: a tenth of what it explains; as much beside a slope over the
-/// position, which is the first term of any law there, and at another order.
+/// above the noise, or beside which another law is left over its own coordinate: a tenth of what it explains; as much at another order; 20
+/// times beside a slope over the position, which is the first term of any law there.
 pub(super) fn unsound(
     stages: &[Stage],
     left: &[Remnant],
@@ -111,7 +111,7 @@ pub(super) fn unsound(
         let fall = square(before) - square(after);
         let (term, _) = *after.axis.terms.last()?;
         let share = |left: &Remnant| match (term, left.order) {
-            (Term::PositionFriction | Term::PositionLoad, _) => 1.0,
+            (Term::PositionFriction | Term::PositionLoad, _) => MODEST.recip(),
             (Term::Periodic(own), Some(order)) if (own - order).abs() > SAME_ORDER => 1.0,
             _ => LACK_OF_FIT,
         };
