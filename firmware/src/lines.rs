@@ -4,13 +4,13 @@
 //! shares with the supervision is locked against that alone.
 
 use crate::board;
+use crate::config::{PLATE, config};
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW};
 use crate::hw::cycles;
 use crate::hw::serial::Serial;
 use crate::motor_loop::MOTORS;
 use crate::orders::{Orders, TRAVEL_LIMITS};
 use crate::telemetry::LinkStream;
-use crate::{CONFIG, PLATE};
 use control::coordinator::{Command, CommandError, Coordinator};
 use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
 use control::homing::HomePlan;
@@ -251,7 +251,7 @@ fn allowed(velocity: i32, base: i32) -> Result<(), Refusal> {
         base: MechanicalSpeed::from_bits(base),
     };
     Coordinator::new()
-        .command(&CONFIG.coordinator, command)
+        .command(&config().coordinator, command)
         .map_err(|refused| match refused {
             CommandError::Velocity { .. } => Refusal::Velocity,
             CommandError::Speed { .. } => Refusal::MotorSpeed,
@@ -352,8 +352,8 @@ where
     fn direct_current(&mut self, motor: u8, current: i32) -> Result<(), Refusal> {
         let k = usize::from(motor);
         let (Some(limit), Some(config), Some(shared)) = (
-            CONFIG.speed_loops.get(k),
-            CONFIG.current_loops.get(k),
+            config().speed_loops.get(k),
+            config().current_loops.get(k),
             MOTORS.get(k),
         ) else {
             return Err(Refusal::Current);

@@ -6,6 +6,7 @@
 
 mod board;
 mod bringup;
+mod config;
 mod crash;
 mod debug_view;
 mod exceptions;
@@ -23,27 +24,10 @@ mod speed;
 mod supervision;
 mod telemetry;
 
-use control::plate::{DriveConfig, DrivePlate};
-
-/// The board's plate; with the feature `smooth` it learns the ripple that motors, encoders and lead usually have.
-const PLATE: DrivePlate = if cfg!(feature = "smooth") {
-    board::PLATE.smooth(board::SCALE_COUNT_M)
-} else {
-    board::PLATE
-};
-
-/// The drive's configuration, computed while compiling: a number that does not fit its format stops the build. It lies with the
-/// code that reads it.
-#[unsafe(link_section = ".ccm.config")]
-static CONFIG: DriveConfig = match PLATE.config() {
-    Ok(config) if cfg!(feature = "encoders-at-zero") => config.aligned(&PLATE),
-    Ok(config) => config,
-    Err(_) => panic!("a number of the board's plate does not fit its fixed-point format"),
-};
-
 #[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG, CRS])]
 mod app {
     use crate::board::{self, EncoderParts, Ports};
+    use crate::config::{BOARD, PLATE};
     use crate::debug_view::DRIVE_VIEW;
     use crate::hw::motor_io::Registers;
     use crate::hw::watchdog::{Watchdog, reset_reason};
@@ -56,7 +40,7 @@ mod app {
     use crate::speed::{Speed, Wired};
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
-    use crate::{CONFIG, PLATE, bringup, crash, journal, log, schedule};
+    use crate::{bringup, crash, journal, log, schedule};
     use control::journal::{Journal, Kind, Warning};
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
@@ -240,7 +224,10 @@ mod app {
         cx.local.screw.step();
         deadman::put_back();
         // The speed task follows every `speed_divider`th screw period, below both current loops.
-        if MOTORS[0].exchange.speed_is_due(CONFIG.speed_divider) {
+        if MOTORS[0]
+            .exchange
+            .speed_is_due(const { BOARD.drive.speed_divider })
+        {
             rtic::pend(Interrupt::FMAC);
         }
     }

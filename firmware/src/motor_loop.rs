@@ -1,45 +1,52 @@
 //! What a current-loop interrupt does: [`CurrentLoop::period`] on the motor's registers, timed.
 
-use crate::CONFIG;
+use crate::config::{BOARD, config};
 use crate::debug_view::{self, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::Registers;
-use control::current_loop::CurrentLoop;
+use control::current_loop::{CurrentLoop, CurrentLoopConfig};
 use control::exchange::MotorExchange;
 use control::fault::Fault;
 use control::supervisor::State;
+use core::cell::UnsafeCell;
 use core::ops::Deref;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use stm32g4xx_hal::stm32::{adc1, tim1};
 
-/// What a current loop tells the tasks below it: all in one place, so that one address in a register serves.
-pub(crate) struct MotorShared {
+/// All that a current loop reads and writes in memory, in one place, so that one address in a register serves.
+pub(crate) struct Motor {
     /// With the speed task.
     pub(crate) exchange: MotorExchange,
     /// Cycles of the last period.
     pub(crate) cycles: AtomicU32,
     /// Cycles of the longest.
     pub(crate) cycles_max: AtomicU32,
+    /// The loop's own: its configuration and its state.
+    own: UnsafeCell<(CurrentLoopConfig, CurrentLoop)>,
 }
 
-impl MotorShared {
+// SAFETY: what is in the cell is its `MotorLoop`'s alone, of which there is one.
+unsafe impl Sync for Motor {}
+
+impl Motor {
     const fn new(motor: usize) -> Self {
+        let config = &BOARD.drive.current_loops[motor];
         Self {
-            exchange: MotorExchange::new(&CONFIG.current_loops[motor], CONFIG.speed_divider),
+            exchange: MotorExchange::new(config, BOARD.drive.speed_divider),
             cycles: AtomicU32::new(0),
             cycles_max: AtomicU32::new(0),
+            own: UnsafeCell::new((*config, CurrentLoop::new(config))),
         }
     }
 }
 
 /// Screw, nut.
-pub(crate) static MOTORS: [MotorShared; 2] = [MotorShared::new(0), MotorShared::new(1)];
+pub(crate) static MOTORS: [Motor; 2] = [Motor::new(0), Motor::new(1)];
 
-/// One motor's loop, and its registers. `MOTOR` is its place in the configuration and among the shared words.
+/// One motor's loop, and its registers. `MOTOR` is its place in the configuration and among the [`MOTORS`].
 pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
     registers: Registers<T, X, Y, E>,
-    control: CurrentLoop,
 }
 
 impl<const MOTOR: usize, T, X, Y, E> MotorLoop<MOTOR, T, X, Y, E>
@@ -49,23 +56,27 @@ where
     Y: Deref<Target = adc1::RegisterBlock>,
     E: Encoder,
 {
+    /// A loop at rest, as it is configured. The registers are of one motor, and so there is one loop for it.
     pub(crate) fn new(registers: Registers<T, X, Y, E>) -> Self {
-        Self {
-            registers,
-            control: CurrentLoop::new(&CONFIG.current_loops[MOTOR]),
-        }
+        let config = &config().current_loops[MOTOR];
+        let motor = &MOTORS[MOTOR];
+        motor.exchange.start(config);
+        // SAFETY: nobody reads it but the loop that this makes.
+        unsafe { motor.own.get().write((*config, CurrentLoop::new(config))) };
+        Self { registers }
     }
 
     /// One PWM period.
     #[inline(always)]
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
-        let (config, shared) = (const { &CONFIG.current_loops[MOTOR] }, &MOTORS[MOTOR]);
-        self.control
-            .period(config, &mut self.registers, &shared.exchange, say_stale);
+        let motor = &MOTORS[MOTOR];
+        // SAFETY: it is this loop's alone, which is borrowed for as long.
+        let (config, control) = unsafe { &mut *motor.own.get() };
+        control.period(config, &mut self.registers, &motor.exchange, say_stale);
         let spent = cycles::now().wrapping_sub(start);
-        shared.cycles.store(spent, Relaxed);
-        keep_max(&shared.cycles_max, spent);
+        motor.cycles.store(spent, Relaxed);
+        keep_max(&motor.cycles_max, spent);
     }
 }
 

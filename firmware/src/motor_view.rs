@@ -1,6 +1,6 @@
 //! What the current loops see, for the tasks below them and for a probe session.
 
-use crate::CONFIG;
+use crate::config::config;
 use crate::debug_view::DRIVE_VIEW;
 use crate::motor_loop::MOTORS;
 use control::runaway::sum_events;
@@ -10,7 +10,7 @@ use core::sync::atomic::Ordering::Relaxed;
 pub(crate) fn angles() -> [u32; 2] {
     core::array::from_fn(|k| {
         let exchange = &MOTORS[k].exchange;
-        let angle = CONFIG.current_loops[k]
+        let angle = config().current_loops[k]
             .observer
             .encoder
             .angle(exchange.encoder());
@@ -27,14 +27,18 @@ pub(crate) fn angles() -> [u32; 2] {
 pub(crate) fn current_sums() -> [u32; 2] {
     core::array::from_fn(|k| {
         let codes = MOTORS[k].exchange.codes_of_one_period();
-        sum_events(&CONFIG.runaway[k], &CONFIG.current_loops[k].sense, codes)
+        sum_events(
+            &config().runaway[k],
+            &config().current_loops[k].sense,
+            codes,
+        )
     })
 }
 
 /// Once a millisecond: what the current loops see, in the view's formats.
 pub(crate) fn refresh() {
     for (k, (view, motor)) in DRIVE_VIEW.motors.iter().zip(&MOTORS).enumerate() {
-        let config = &CONFIG.current_loops[k];
+        let config = &config().current_loops[k];
         let (observer, exchange) = (&config.observer, &motor.exchange);
         let current = exchange.current();
         let current = [current.d, current.q].map(|i| config.sense.scale.current(i));

@@ -1,7 +1,8 @@
 //! What the link asks of the drive's motion: the supervision tells the speed task, once a millisecond.
 
+use crate::board;
+use crate::config::PLATE;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW};
-use crate::{PLATE, board};
 use control::fault::{Fault, FaultSet};
 use control::format::{Speed, SpeedChange, TableVelocity};
 use control::homing::HomePlan;

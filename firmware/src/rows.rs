@@ -5,8 +5,8 @@ use core::sync::atomic::{AtomicU32, Ordering};
 
 /// Words of a row.
 pub(crate) const WORDS: usize = 16;
-/// Rows that it holds, a power of two: 6 ms at 5 kHz.
-pub(crate) const ROWS: usize = 32;
+/// Rows that it holds, a power of two: 12.8 ms at 5 kHz.
+pub(crate) const ROWS: usize = 64;
 const _: () = assert!(ROWS.is_power_of_two());
 
 /// One writer, one reader.

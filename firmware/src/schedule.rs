@@ -8,7 +8,7 @@
 //! | speed | FMAC | 12 | 5 kHz | its next step, 200 us | counted; the references hold, and go to rest after 400 us | fault `SpeedTaskLate` |
 //! | time queue | SysTick | 8 | 1 kHz | 1 ms | the two below run late | theirs |
 //! | supervise | async | 4 | 1 kHz | its next step, 1 ms | counted | fault `SupervisionLate`; after 20 ms the watchdog resets the chip, which opens both bridges |
-//! | telemetry | async | 1 | 1 kHz | 6 ms | samples are dropped and counted | none: the drive does not hang on it |
+//! | telemetry | async | 1 | 1 kHz | 12.8 ms | samples are dropped and counted | none: the drive does not hang on it |
 //!
 //! The limit of each is six misses in a row, or more than one in 100 ms for long: `control::guard`. All counts are in
 //! the debug view.

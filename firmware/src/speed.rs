@@ -1,6 +1,6 @@
 //! What the speed task does: read what the current loops found, step, tell them.
 
-use crate::CONFIG;
+use crate::config::config;
 use crate::debug_view::{self, DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
 use crate::hw::analog::Watches;
 use crate::hw::cycles;
@@ -51,7 +51,7 @@ pub(crate) struct Speed {
 impl Speed {
     pub(crate) fn new(scale: Scale, watches: Watches, sampler: Sampler, pins: &Wired) -> Self {
         Self {
-            control: SpeedTask::new(&CONFIG),
+            control: SpeedTask::new(config()),
             scale,
             watches,
             sampler,
@@ -81,7 +81,7 @@ impl Speed {
             } else {
                 interlock::Inputs::default()
             },
-            scale: CONFIG
+            scale: config()
                 .compensation
                 .scale
                 .is_some()
@@ -93,7 +93,7 @@ impl Speed {
             None => Fault::of_word(FOUND.load(Relaxed)),
             tripped => tripped,
         };
-        let mut output = self.control.step(&CONFIG, request, exchanges, found);
+        let mut output = self.control.step(config(), request, exchanges, found);
         // What need not be before the currents are asked: at 40 kHz the nut's loop takes them in less than half a period.
         if looks {
             self.publish();
@@ -118,13 +118,13 @@ impl Speed {
                 view.misalignment.store(misalignment.reason.word(), Relaxed);
             }
         }
-        if CONFIG.compensation.active {
+        if config().compensation.active {
             view.tables
                 .store(self.control.compensation().tables().0, Relaxed);
         }
         view.scale.store(scale, Relaxed);
         if count(&view.speed_steps) & 63 == 0 {
-            let limits = self.control.limits(const { &CONFIG }, exchanges);
+            let limits = self.control.limits(config(), exchanges);
             view.limits.store(limits.word(), Relaxed);
         }
         self.sampler.step(&output, scale);
@@ -159,7 +159,7 @@ impl Speed {
             velocity: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
             base: MechanicalSpeed::from_bits(DRIVE_COMMAND.base.load(Relaxed)),
         };
-        match self.control.command(&CONFIG, command) {
+        match self.control.command(config(), command) {
             Ok(()) => count(&DRIVE_VIEW.taken),
             Err(_) => count(&DRIVE_VIEW.refused),
         };

@@ -4,8 +4,8 @@
 //! nut's step that comes between is noticed by its count. While the channel is full, rows stay in the queue; once that is
 //! full too they are dropped and counted, and the host sees by their period that they are missing.
 
-use crate::CONFIG;
 use crate::board;
+use crate::config::config;
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
 use crate::motor_loop::MOTORS;
 use crate::rows::{ROWS, Rows, WORDS};
@@ -129,7 +129,7 @@ fn sample(row: [u32; WORDS]) -> Sample {
             speed_ref,
         }
     };
-    let [screw, nut] = &CONFIG.current_loops;
+    let [screw, nut] = &config().current_loops;
     let [s0, s1, s2, s3, s4, s5, s6, n0, n1, n2, n3, n4, n5, n6] = motors.map(u32::cast_signed);
     Sample {
         period,

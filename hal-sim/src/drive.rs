@@ -9,17 +9,16 @@ use control::active_limit::ActiveLimits;
 use control::alignment::Misalignment;
 use control::compensation::Compensation;
 use control::coordinator::{Command, CommandError};
-use control::current_loop::{CurrentLoop, MotorSample, PwmCommand};
+use control::current_loop::{CurrentLoop, CurrentLoopConfig, MotorSample, PwmCommand};
 use control::exchange::{MotorExchange, MotorStatus};
 use control::fault::FaultSet;
 use control::format::{
     Angle, Current, MechanicalSpeed, Misfit, Speed, SpeedChange, TableVelocity, Voltage,
 };
-use control::motor_io::MotorIo;
+use control::motor_io::{MotorIo, Sensing};
 use control::observer::EncoderAlignment;
 use control::plate::{DriveConfig, DrivePlate};
 use control::runaway::sum_events;
-use control::sense::Shunts;
 use control::speed_task::{SpeedTask, SpeedTaskOutput};
 use control::supervisor::{Request, State};
 use control::transform::DirectQuadrature;
@@ -48,6 +47,7 @@ struct Registers<'a> {
     axis: Axis,
     sample: MotorSample,
     command: &'a mut PwmCommand,
+    config: &'a CurrentLoopConfig,
 }
 
 impl MotorIo for Registers<'_> {
@@ -59,7 +59,11 @@ impl MotorIo for Registers<'_> {
         self.sample.encoder
     }
 
-    fn current(&mut self, _: Shunts) -> [u16; 3] {
+    fn sensing(&self) -> Sensing {
+        self.config.sensing()
+    }
+
+    fn current(&mut self) -> [u16; 3] {
         self.sample.current
     }
 
@@ -367,6 +371,7 @@ impl Drive {
             axis,
             sample,
             command: &mut self.compares[k],
+            config: &self.config.current_loops[k],
         };
         self.current_loops[k].period(
             &self.config.current_loops[k],

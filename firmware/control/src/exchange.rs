@@ -150,6 +150,13 @@ impl MotorExchange {
         }
     }
 
+    /// Before the current loop's first period: what `config` knows of its encoder, where that was not known when this was made.
+    pub fn start(&self, config: &CurrentLoopConfig) {
+        let (theta_e_at_zero, alignment) = alignment_words(config.alignment);
+        self.theta_e_at_zero.store(theta_e_at_zero, Relaxed);
+        self.alignment.store(alignment, Relaxed);
+    }
+
     /// Speed task: what the current loop of `config` shall do from its next period on.
     #[inline(always)]
     pub fn ask(&self, reference: CurrentReference, config: &CurrentLoopConfig) {

@@ -26,6 +26,7 @@
 //! are `saturating_add`, or plain where their ranges prove that they fit: the proof stands beside them, and tests drive
 //! the ends in a build where an overflow panics.
 
+use core::hint::cold_path;
 use fixed::traits::FixedSigned;
 use fixed::types::extra::{LeEqU32, LeEqU64};
 use fixed::types::{I1F31, I2F30, I4F28, I8F24, I12F20, I14F18, I15F17, I16F16, I24F40, I36F28};
@@ -107,21 +108,62 @@ impl Gain {
     #[must_use]
     #[inline(always)]
     pub fn times(self, x: i32) -> i32 {
-        shift_up(multiply_upper(self.multiplier, x), self.shift, 30)
+        self.shifted(self.product(x))
     }
+
+    /// The same before it is shifted: within ±2^30 by itself.
+    #[must_use]
+    #[inline(always)]
+    pub(crate) fn product(self, x: i32) -> i32 {
+        multiply_upper(self.multiplier, x)
+    }
+
+    /// Two [`Gain::product`]s, shifted, away from the straight way, whose registers it would take.
+    #[must_use]
+    #[cold]
+    #[inline(never)]
+    pub(crate) fn shifted_seldom(shift: u32, d: i32, q: i32) -> (i32, i32) {
+        let end = 1i32.wrapping_shl(30u32.wrapping_sub(shift));
+        let shifted = |x: i32| {
+            // As [`shift_up`] does it, of what is not to be called from here.
+            x.min(end.wrapping_sub(1))
+                .max(end.wrapping_neg())
+                .wrapping_shl(shift)
+        };
+        (shifted(d), shifted(q))
+    }
+
+    /// A [`Gain::product`], shifted.
+    #[must_use]
+    #[inline(always)]
+    fn shifted(self, product: i32) -> i32 {
+        if self.shift == 0 {
+            return product;
+        }
+        shift_up(product, self.shift, 30)
+    }
+}
+
+/// What `x` is cut to beyond ±2^`bits`.
+#[cold]
+#[inline(never)]
+#[allow(clippy::arithmetic_side_effects)]
+fn end_of(x: i32, bits: u32) -> i32 {
+    (i32::MAX >> (31 - bits)) ^ (x >> 31)
 }
 
 /// `x` shifted left by `shift`, at most 16 bits, and cut to ±2^`bits`.
 #[inline(always)]
 #[allow(clippy::arithmetic_side_effects)]
 pub(crate) fn shift_up(x: i32, shift: u32, bits: u32) -> i32 {
-    let end = 1i32.wrapping_shl(bits.wrapping_sub(shift));
-    if shift == 0 && bits >= 30 {
-        // A product's upper word is within ±2^30 by itself.
-        return x;
+    let shifted = x.wrapping_shl(shift);
+    if shifted.wrapping_shr(shift) != x {
+        return end_of(x, bits);
     }
-    x.clamp(end.wrapping_neg(), end.wrapping_sub(1))
-        .wrapping_shl(shift)
+    if bits >= 31 {
+        return shifted;
+    }
+    shifted.clamp(-1 << bits, (1 << bits) - 1)
 }
 
 /// An angle as a fraction of a turn: 2^32 is one turn, and the wrap of the integer is the wrap of the angle.
@@ -214,14 +256,19 @@ pub(crate) fn multiply_upper(a: i32, b: i32) -> i32 {
     upper
 }
 
-/// `x` with its upper word cut to `bits` bits and a sign.
+/// `x` with its upper word cut to ±`end`, 2^30 at most.
 #[must_use]
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation, clippy::arithmetic_side_effects)]
-pub(crate) fn cut_upper(x: i64, bits: u32) -> i64 {
-    let end = 1i32 << bits;
-    let upper = ((x >> 32) as i32).clamp(-end, end - 1);
-    (i64::from(upper) << 32) | i64::from(x as u32)
+pub(crate) fn cut_upper(x: i64, end: i32) -> i64 {
+    let upper = (x >> 32) as i32;
+    if upper.wrapping_add(end).cast_unsigned() < end.cast_unsigned() << 1 {
+        return x;
+    }
+    cold_path();
+    // `Ord::clamp` would panic at ends of the wrong order: see `cut`.
+    let cut = upper.min(end - 1).max(-end);
+    (i64::from(cut) << 32) | i64::from(x as u32)
 }
 
 /// `x` cut to ±`limit`. `Ord::clamp` would panic at a negative limit, which no configuration has but which the compiler

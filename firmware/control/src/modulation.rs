@@ -18,6 +18,8 @@ pub struct ModulationConfig {
     pub period: u16,
     /// Largest compare value that leaves the low sides their minimum on-time.
     pub compare_max: u16,
+    /// The middle of the permitted range and half a count of rounding, fine counts: voltage zero.
+    pub centre: i32,
     /// Fraction bits of a fine count, in which compare values are computed: 7, or as many as the lowest bus leaves.
     pub fraction: u32,
     /// What, divided by a count of the bus and shifted left by `scale_shift`, makes fine counts of voltages: the
@@ -79,12 +81,12 @@ pub struct DeadTime {
 impl DeadTime {
     /// What is added to the compare values of the phases for their codes, fine counts.
     #[inline(always)]
-    fn compensation(&self, [a, b, c]: Codes) -> [i32; 3] {
+    fn compensation(&self, shunts: Shunts, [a, b, c]: Codes) -> [i32; 3] {
         let [ka, kb, kc] = self.slopes;
         let (a, b) = (multiply_upper(a, ka), multiply_upper(b, kb));
         // Each is at most 2^29.
         #[allow(clippy::arithmetic_side_effects)]
-        let c = match self.shunts {
+        let c = match shunts {
             Shunts::Two => -(a + b),
             Shunts::Three => multiply_upper(c, kc),
         };
@@ -113,9 +115,22 @@ impl ModulationConfig {
     /// dead time, on the bus measured as `bus_counts`, near that of `scale`.
     #[must_use]
     #[inline(always)]
-    #[allow(clippy::arithmetic_side_effects)]
     pub fn compare(
         &self,
+        v: AlphaBeta<StatorVoltage>,
+        codes: Codes,
+        scale: BusScale,
+        bus_counts: u32,
+    ) -> [u16; 3] {
+        self.compare_of(self.dead_time.shunts, v, codes, scale, bus_counts)
+    }
+
+    /// The same with the sensors as a board says them, as a constant where they are one.
+    #[inline(always)]
+    #[allow(clippy::arithmetic_side_effects)]
+    pub(crate) fn compare_of(
+        &self,
+        shunts: Shunts,
         v: AlphaBeta<StatorVoltage>,
         codes: Codes,
         scale: BusScale,
@@ -132,10 +147,8 @@ impl ModulationConfig {
         let (b, c) = (beta - half, -beta - half);
         // The highest and the lowest phase lie symmetrically when half of the middle one is added to all.
         let middle = a.min(above - half).max(-above - half);
-        // Voltage zero is the middle of the permitted range; and half a count of rounding.
-        let centre = i32::from(self.compare_max) + 1;
-        let offset = (middle >> 1) + (centre << (self.fraction - 1));
-        let [da, db, dc] = self.dead_time.compensation(codes);
+        let offset = (middle >> 1) + self.centre;
+        let [da, db, dc] = self.dead_time.compensation(shunts, codes);
         // The circle keeps them within 0 and `compare_max`; the ends are those of any value that an interrupt might write.
         [a + offset + da, b + offset + db, c + offset + dc].map(|fine| counts(fine, self.fraction))
     }

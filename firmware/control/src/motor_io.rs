@@ -3,7 +3,20 @@
 //! The firmware implements [`MotorIo`] with registers, the simulated board with its peripherals. The loop on top of it is the
 //! same code: see [`current_loop`](crate::current_loop).
 
+use crate::encoder::Interface;
 use crate::sense::Shunts;
+
+/// How a board reads a motor: its pins and its ADC have it so, and no setting changes it. A board that says it as a constant
+/// spares its current loop what is for others.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sensing {
+    /// How the encoder's words are read.
+    pub encoder: Interface,
+    /// Which phases have a current sensor.
+    pub shunts: Shunts,
+    /// See [`CurrentSense::code_shift`](crate::sense::CurrentSense::code_shift).
+    pub code_shift: u32,
+}
 
 /// The registers of one motor.
 pub trait MotorIo {
@@ -13,8 +26,11 @@ pub trait MotorIo {
     /// The encoder's raw word of this period: see [`Interface`](crate::encoder::Interface).
     fn encoder(&mut self) -> u32;
 
+    /// How the board reads this motor.
+    fn sensing(&self) -> Sensing;
+
     /// ADC counts of the phases; of c only where it is measured.
-    fn current(&mut self, shunts: Shunts) -> [u16; 3];
+    fn current(&mut self) -> [u16; 3];
 
     /// ADC counts of the bus voltage.
     fn bus(&mut self) -> u32;

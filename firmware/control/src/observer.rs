@@ -19,10 +19,10 @@ pub(crate) const SPEED_BITS_MAX: u32 = 28;
 /// Encoder counts -> angle of the shaft, for any count from 2 to 2^30 a turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct EncoderScale {
-    /// `2^(32 + shift) / counts_per_turn`, in [2^31, 2^32).
-    pub multiplier: u32,
-    /// See `multiplier`.
-    pub shift: u32,
+    /// 2^-32 turns of a count, whole ones.
+    pub whole: u32,
+    /// And the part of one, 2^-32: with it 32 bits or 33 of the quotient.
+    pub part: u32,
     /// The count wraps at this value.
     pub counts_per_turn: u32,
 }
@@ -39,8 +39,9 @@ impl EncoderScale {
         #[allow(clippy::arithmetic_side_effects, clippy::cast_possible_truncation)]
         let multiplier = ((1u64 << (32 + shift)) / counts_per_turn as u64) as u32;
         Some(Self {
-            multiplier,
-            shift,
+            whole: multiplier >> shift,
+            #[allow(clippy::cast_possible_truncation)]
+            part: ((multiplier as u64) << 32u32.saturating_sub(shift)) as u32,
             counts_per_turn,
         })
     }
@@ -50,10 +51,10 @@ impl EncoderScale {
     #[must_use]
     #[inline(always)]
     pub fn angle(&self, counts: u32) -> Angle {
-        let wide = u64::from(counts).wrapping_mul(u64::from(self.multiplier));
+        let part = u64::from(counts).wrapping_mul(u64::from(self.part)) >> 32;
         // Dropping the high bits is the modulo.
         #[allow(clippy::cast_possible_truncation)]
-        Angle((wide >> (self.shift & 31)) as u32)
+        Angle(counts.wrapping_mul(self.whole).wrapping_add(part as u32))
     }
 }
 
@@ -70,8 +71,9 @@ pub struct ObserverConfig {
     pub age: Ratio,
     /// Electrical turns a mechanical turn.
     pub pole_pairs: u32,
-    /// Speeds are held below 2^this, 2^-32 turn a sample: at most [`SPEED_BITS_MAX`], and electrically at most a quarter turn.
-    pub speed_bits: u32,
+    /// Speeds are held below this, 2^-32 turn a sample: a power of two, at most 2^[`SPEED_BITS_MAX`], and electrically at most a
+    /// quarter turn.
+    pub speed_end: i32,
     /// `omega_e` in 2^-16 rad/s = speed in 2^-32 turn a sample times this, shifted right by `omega_shift`.
     pub omega_multiplier: i32,
     /// See `omega_multiplier`; 1 to 31.
@@ -265,7 +267,7 @@ impl Observer {
         // |speed| <= 2^60 + 2^32 and the correction is within 2^61, so the sum fits.
         #[allow(clippy::arithmetic_side_effects)]
         let speed = self.speed + i64::from(fine) * i64::from(config.beta.to_bits());
-        self.speed = cut_upper(speed, config.speed_bits);
+        self.speed = cut_upper(speed, config.speed_end);
 
         Motion {
             innovation,
@@ -298,9 +300,6 @@ const fn upper(speed: i64) -> i32 {
 /// What a shaft that turns by `theta_step` a sample turns in a reading's `age`.
 #[inline(always)]
 fn gained(age: Ratio, theta_step: i32) -> i32 {
-    if age == Ratio::ZERO {
-        return 0;
-    }
     // Below 2^28 a sample and below two samples: the product's upper word is in 2^-30 turn.
     multiply_upper(theta_step, age.to_bits()) << 2
 }
@@ -367,7 +366,7 @@ mod tests {
                 // And one of more than a sixteenth is taken as a sixteenth.
                 let error = (error - error.round()).clamp(-1.0 / 16.0, 1.0 / 16.0);
                 angle = predicted + alpha * error;
-                let end = 2f64.powi(config.speed_bits as i32 - 32);
+                let end = f64::from(config.speed_end) / 2f64.powi(32);
                 speed = (speed + beta * error).clamp(-end, end);
                 let omega_e = speed * core::f64::consts::TAU * 5.0 / 50e-6;
                 let off = f64::from(motion.theta.0) / 2f64.powi(32) - angle;

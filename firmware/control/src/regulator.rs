@@ -15,6 +15,28 @@ pub struct RegulatorConfig {
     pub induced: Induced,
 }
 
+impl RegulatorConfig {
+    /// What both gains make of a current error: each within ±2^30.
+    #[inline(always)]
+    fn parts(&self, error: DirectQuadrature<i32>) -> [DirectQuadrature<i32>; 2] {
+        // All four products before a branch: after it the compiler would no longer know that the errors are 32 bits.
+        let (k_p, k_i) = (self.k_pc, self.k_ic_step);
+        let (p_d, p_q) = (k_p.product(error.d), k_p.product(error.q));
+        let (i_d, i_q) = (k_i.product(error.d), k_i.product(error.q));
+        if k_p.shift | k_i.shift == 0 {
+            return [
+                DirectQuadrature { d: p_d, q: p_q },
+                DirectQuadrature { d: i_d, q: i_q },
+            ];
+        }
+        let parts = |gain: Gain, d, q| {
+            let (d, q) = Gain::shifted_seldom(gain.shift, d, q);
+            DirectQuadrature { d, q }
+        };
+        [parts(k_p, p_d, p_q), parts(k_i, i_d, i_q)]
+    }
+}
+
 /// The induced voltage `omega_e * linkage` with the flux linkages `L*i_d + flux` and `L*i_q` of Eqs 1 and 2.
 ///
 /// A linkage is in such a unit that the upper word of its product with the electrical angle of a sample, 2^-32 turn, is in
@@ -116,13 +138,14 @@ impl Regulator {
                 d: reference.d.0 - current.d.0,
                 q: reference.q.0 - current.q.0,
             };
+            let [proportional, integral] = config.parts(error);
             self.integral = DirectQuadrature {
-                d: hold(d + config.k_ic_step.times(error.d)),
-                q: hold(q + config.k_ic_step.times(error.q)),
+                d: hold(d + integral.d),
+                q: hold(q + integral.q),
             };
             DirectQuadrature {
-                d: d + config.k_pc.times(error.d) - induced.d,
-                q: q + config.k_pc.times(error.q) + induced.q,
+                d: d + proportional.d - induced.d,
+                q: q + proportional.q + induced.q,
             }
         };
         let voltage = DirectQuadrature {

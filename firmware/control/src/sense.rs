@@ -46,10 +46,16 @@ impl CurrentSense {
     #[must_use]
     #[inline(always)]
     pub fn codes(&self, counts: [u16; 3], zeros: Codes) -> Codes {
+        Self::codes_at(self.code_shift, counts, zeros)
+    }
+
+    /// The same with the shift as a board says it, as a constant where it is one.
+    #[inline(always)]
+    pub(crate) fn codes_at(code_shift: u32, counts: [u16; 3], zeros: Codes) -> Codes {
         let ([na, nb, nc], [za, zb, zc]) = (counts, zeros);
         // What the ADC gives and zeros are 31 bits, so that their differences fit.
         let code = |n: u16, zero: i32| {
-            let code = u32::from(n).wrapping_shl(self.code_shift).cast_signed();
+            let code = u32::from(n).wrapping_shl(code_shift).cast_signed();
             code.wrapping_sub(zero)
         };
         [code(na, za), code(nb, zb), code(nc, zc)]
@@ -62,12 +68,20 @@ impl CurrentSense {
     #[must_use]
     #[inline(always)]
     #[allow(clippy::arithmetic_side_effects)]
-    pub fn vector(&self, [a, b, c]: Codes) -> AlphaBeta<i32> {
+    pub fn vector(&self, codes: Codes) -> AlphaBeta<i32> {
+        self.vector_of(self.shunts, codes)
+    }
+
+    /// The same with the sensors as a board says them, as a constant where they are one.
+    #[inline(always)]
+    #[allow(clippy::arithmetic_side_effects)]
+    pub(crate) fn vector_of(&self, shunts: Shunts, [a, b, c]: Codes) -> AlphaBeta<i32> {
         let AlphaBeta {
             alpha: [ka, kb, kc],
             beta: [la, lb, lc],
-        } = self.clarke;
-        match self.shunts {
+        } = &self.clarke;
+        let (ka, kb, kc, la, lb, lc) = (*ka, *kb, *kc, *la, *lb, *lc);
+        match shunts {
             Shunts::Two => AlphaBeta {
                 alpha: multiply_upper(a, ka),
                 beta: multiply_upper(a, la) + multiply_upper(b, lb),

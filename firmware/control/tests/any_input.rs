@@ -13,9 +13,8 @@ use control::fault::Fault;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::guard::{Guard, GuardPlate, Look};
 use control::interlock::Inputs;
-use control::motor_io::MotorIo;
+use control::motor_io::{MotorIo, Sensing};
 use control::plate::{CompensationPlate, DrivePlate};
-use control::sense::Shunts;
 use control::speed_task::SpeedTask;
 use control::supervisor::{Request, State};
 use proptest::prelude::*;
@@ -30,8 +29,9 @@ mod nucleo_plate;
 mod paper_machine;
 
 /// The registers of one motor.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 struct Registers {
+    sensing: Sensing,
     current: [u16; 3],
     bus: u16,
     encoder: u32,
@@ -47,7 +47,10 @@ impl MotorIo for Registers {
     fn encoder(&mut self) -> u32 {
         self.encoder
     }
-    fn current(&mut self, _: Shunts) -> [u16; 3] {
+    fn sensing(&self) -> Sensing {
+        self.sensing
+    }
+    fn current(&mut self) -> [u16; 3] {
         self.current
     }
     fn bus(&mut self) -> u32 {
@@ -192,7 +195,15 @@ fn through(
         .current_loops
         .each_ref()
         .map(|motor| MotorExchange::new(motor, config.speed_divider));
-    let mut registers = [Registers::default(); 2];
+    let mut registers = config.current_loops.each_ref().map(|config| Registers {
+        sensing: config.sensing(),
+        current: [0; 3],
+        bus: 0,
+        encoder: 0,
+        broken: false,
+        in_time: false,
+        command: PwmCommand::default(),
+    });
     let mut states: Vec<State> = Vec::new();
     let (mut random, mut found) = (1u32, None);
     for stretch in stretches {

@@ -126,7 +126,7 @@ fn the_observer_finds_the_speed_that_a_phase_locked_loop_finds() {
         beta: Ratio::from_num(0.005),
         age: Ratio::ZERO,
         pole_pairs: 1,
-        speed_bits: 28,
+        speed_end: 1 << 28,
         omega_multiplier: 1,
         omega_shift: 1,
         step_max: i32::MAX,

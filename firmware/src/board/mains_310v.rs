@@ -100,7 +100,7 @@ const _: () = assert!(LEAD_S == plate::FRAME_LEAD_S);
 pub(crate) const GATE_PULL_DOWN_OHM: u32 = 10_000;
 
 pub(crate) type ScrewEncoder = Mt6835;
-pub(crate) type NutEncoder = Incremental<TIM5>;
+pub(crate) type NutEncoder = Incremental<TIM5, true>;
 
 /// Starts both motors' encoders.
 pub(crate) fn start_encoders(parts: EncoderParts) -> (ScrewEncoder, NutEncoder) {

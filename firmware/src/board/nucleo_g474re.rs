@@ -91,8 +91,8 @@ pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X2;
 /// wiring page, pull-downs).
 pub(crate) const GATE_PULL_DOWN_OHM: u32 = 0;
 
-pub(crate) type ScrewEncoder = Incremental<TIM2>;
-pub(crate) type NutEncoder = Incremental<TIM5>;
+pub(crate) type ScrewEncoder = Incremental<TIM2, false>;
+pub(crate) type NutEncoder = Incremental<TIM5, false>;
 
 /// Starts both motors' encoders. Neither index is wired: its timers' index pins serve as encoder and bus inputs.
 pub(crate) fn start_encoders(parts: EncoderParts) -> (ScrewEncoder, NutEncoder) {

@@ -1,7 +1,8 @@
 //! The registers that a motor's current loop reads and writes.
 
+use crate::config::BOARD;
 use crate::hw::encoder::Encoder;
-use control::motor_io::MotorIo;
+use control::motor_io::{MotorIo, Sensing};
 use control::sense::Shunts;
 use core::ops::Deref;
 use stm32g4xx_hal::stm32::{adc1, tim1};
@@ -73,12 +74,22 @@ where
     }
 
     #[inline(always)]
+    fn sensing(&self) -> Sensing {
+        const {
+            Sensing {
+                encoder: E::INTERFACE,
+                ..BOARD.drive.current_loops[0].sensing()
+            }
+        }
+    }
+
+    #[inline(always)]
     #[allow(clippy::cast_possible_truncation)]
-    fn current(&mut self, shunts: Shunts) -> [u16; 3] {
+    fn current(&mut self) -> [u16; 3] {
         [
             self.adc_x.jdr1().read().bits() as u16,
             self.adc_y.jdr1().read().bits() as u16,
-            match shunts {
+            match self.sensing().shunts {
                 Shunts::Two => 0,
                 Shunts::Three => self.adc_y.jdr2().read().bits() as u16,
             },

@@ -50,7 +50,9 @@ impl Body {
         };
         let mut open = vec![start];
         while let Some(at) = open.pop() {
-            if body.instructions.contains_key(&at) || !(start..end).contains(&at) {
+            // Behind a call that does not come back there may be data.
+            let code = (start..end).contains(&at) && image.data_end(at).is_none();
+            if body.instructions.contains_key(&at) || !code {
                 continue;
             }
             let run = body.run(image, decoder, at)?;

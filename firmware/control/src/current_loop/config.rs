@@ -3,6 +3,7 @@
 use crate::encoder::Interface;
 use crate::encoder_watch::EncoderWatchConfig;
 use crate::modulation::ModulationConfig;
+use crate::motor_io::Sensing;
 use crate::observer::{EncoderAlignment, ObserverConfig};
 use crate::regulator::RegulatorConfig;
 use crate::sense::{BusSense, CurrentSense};
@@ -14,7 +15,7 @@ pub struct CurrentLoopConfig {
     pub sense: CurrentSense,
     /// ADC counts to bus voltage.
     pub bus: BusSense,
-    /// Raw word to encoder counts.
+    /// Raw word to encoder counts: what the loop's [`MotorIo`](crate::motor_io::MotorIo) says.
     pub encoder: Interface,
     /// How the encoder lies to its rotor, if that is known when the drive starts.
     pub alignment: Option<EncoderAlignment>,
@@ -33,4 +34,16 @@ pub struct CurrentLoopConfig {
     /// Periods with the low sides closed before the bridge is first driven: they charge the high sides' bootstrap
     /// capacitors.
     pub bootstrap_periods: u32,
+}
+
+impl CurrentLoopConfig {
+    /// How the board that it was made for reads its motor.
+    #[must_use]
+    pub const fn sensing(&self) -> Sensing {
+        Sensing {
+            encoder: self.encoder,
+            shunts: self.sense.shunts,
+            code_shift: self.sense.code_shift,
+        }
+    }
 }

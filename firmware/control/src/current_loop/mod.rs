@@ -13,7 +13,7 @@ pub(crate) mod words;
 pub use config::CurrentLoopConfig;
 pub use words::{Calibration, CurrentReference, Frame, Measured, Mode, Rested};
 
-use crate::encoder_watch::{EncoderWatch, Seen};
+use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig, Seen};
 use crate::exchange::{Asked, MotorExchange};
 use crate::format::{Angle, ScaledCurrent, multiply_upper};
 use crate::motor_io::MotorIo;
@@ -74,8 +74,7 @@ impl FrameMotion {
     }
 }
 
-/// State of one motor's current loop. The configuration comes with each step: where it is a constant, as in the
-/// firmware, the compiler puts its numbers into the instructions.
+/// State of one motor's current loop. The configuration comes with each step.
 #[derive(Clone, Copy, Debug)]
 pub struct CurrentLoop {
     observer: Observer,
@@ -161,8 +160,8 @@ impl CurrentLoop {
         let rotor = FrameMotion::of_rotor(&motion);
         if !seen.failed {
             let measured = self.measure(config, io, exchange, rotor);
-            if !over_current(config, measured.current) {
-                self.drive(config, io, exchange, rotor, &measured);
+            if !over_current(config, measured) {
+                self.drive(config, io, exchange, rotor, measured);
                 return;
             }
         }
@@ -218,7 +217,7 @@ impl CurrentLoop {
         };
         // The sample is still in its registers.
         let measured = self.measure(config, io, exchange, frame);
-        let over_current = over_current(config, measured.current);
+        let over_current = over_current(config, measured);
         self.over_current = close && (self.over_current || over_current);
         let placed = self.alignment.is_some() || bridge == Bridge::ClosedCommanded || short;
         let forbidden =
@@ -227,7 +226,7 @@ impl CurrentLoop {
             // Samples of a current that flows are no zeros: what was begun is begun anew when it rests.
             self.zero_calibration = ZeroCalibration::new();
             if !self.shorts(config, io, exchange, short) {
-                self.drive(config, io, exchange, frame, &measured);
+                self.drive(config, io, exchange, frame, measured);
                 if self.bridge == Bridge::Open {
                     io.close();
                 }
@@ -264,12 +263,14 @@ impl CurrentLoop {
         exchange: &MotorExchange,
         drive: bool,
     ) -> (Motion, Seen) {
-        let counts = config.encoder.counts(io.encoder());
+        let counts = io.sensing().encoder.counts(io.encoder());
         let mut motion = self.observer.follow(&config.observer, counts);
         exchange.publish_shaft(counts, motion.theta_step);
-        let seen = self
-            .encoder_watch
-            .step(&config.encoder_watch, counts, &motion, drive);
+        let watch = EncoderWatchConfig {
+            checked: io.sensing().encoder.is_checked(),
+            ..config.encoder_watch
+        };
+        let seen = self.encoder_watch.step(&watch, counts, &motion, drive);
         if seen.wrong {
             self.wrong_reading(config, exchange, counts, motion.innovation);
             motion = self.observer.motion(&config.observer);
@@ -314,17 +315,16 @@ impl CurrentLoop {
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
         frame: FrameMotion,
-    ) -> Measured {
-        let codes = config
-            .sense
-            .codes(io.current(config.sense.shunts), self.zeros);
+    ) -> DirectQuadrature<ScaledCurrent> {
+        let sensing = io.sensing();
+        let codes = CurrentSense::codes_at(sensing.code_shift, io.current(), self.zeros);
         let rotation = Rotation::new(frame.theta_e);
         let measured = Measured {
             codes,
-            current: rotation.park(config.sense.vector(codes)),
+            current: rotation.park(config.sense.vector_of(sensing.shunts, codes)),
         };
-        exchange.publish_currents(&measured, config.sense.shunts);
-        measured
+        exchange.publish_currents(&measured, sensing.shunts);
+        measured.current
     }
 
     /// Current error -> voltage -> compare values, turned to where the frame will be in the middle of their period.
@@ -335,18 +335,16 @@ impl CurrentLoop {
         io: &mut impl MotorIo,
         exchange: &MotorExchange,
         frame: FrameMotion,
-        measured: &Measured,
+        current: DirectQuadrature<ScaledCurrent>,
     ) {
         let (reference, bus) = (exchange.reference(), io.bus());
         #[allow(clippy::cast_possible_truncation)]
         exchange.publish_bus(bus as u16);
-        let output = self.regulator.step(
-            &config.regulator,
-            reference,
-            measured.current,
-            frame.step,
-            || config.modulation.circle(bus),
-        );
+        let output = self
+            .regulator
+            .step(&config.regulator, reference, current, frame.step, || {
+                config.modulation.circle(bus)
+            });
         if output.limited {
             exchange.publish_limited();
         }
@@ -354,7 +352,10 @@ impl CurrentLoop {
         let realised_at = frame.theta_e.plus(three_halves(frame.step));
         let v = Rotation::second(realised_at).inverse_park(output.voltage);
         let scale = exchange.bus_scale();
-        io.write(config.modulation.compare(v, measured.codes, scale, bus));
+        // Where they were left, so that no register had to keep them.
+        let codes = exchange.codes();
+        let shunts = io.sensing().shunts;
+        io.write(config.modulation.compare_of(shunts, v, codes, scale, bus));
     }
 
     /// A period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current zeros are measured,
@@ -366,7 +367,7 @@ impl CurrentLoop {
         exchange: &MotorExchange,
         mode: Mode,
     ) {
-        let counts = config.encoder.counts(io.encoder());
+        let counts = io.sensing().encoder.counts(io.encoder());
         if let (false, Some(counts)) = (self.started, counts) {
             let alignment = self.alignment.unwrap_or_default();
             self.observer = Observer::at(&config.observer, alignment, counts);
@@ -383,7 +384,7 @@ impl CurrentLoop {
                 }
             }
             Mode::Calibrate if config.measure_zeros => {
-                self.calibrate(&config.sense, io.current(config.sense.shunts));
+                self.calibrate(&config.sense, io.current());
             }
             _ => {}
         }
@@ -464,14 +465,15 @@ mod tests {
     use super::*;
     use crate::encoder::Interface;
     use crate::format::Current;
+    use crate::motor_io::Sensing;
     use crate::plate::test_plate;
-    use crate::sense::Shunts;
     use proptest::prelude::*;
 
     /// What a loop reads and writes, in memory.
     struct Registers {
         sample: MotorSample,
         command: PwmCommand,
+        sensing: Sensing,
     }
 
     impl MotorIo for Registers {
@@ -481,7 +483,10 @@ mod tests {
         fn encoder(&mut self) -> u32 {
             self.sample.encoder
         }
-        fn current(&mut self, _: Shunts) -> [u16; 3] {
+        fn sensing(&self) -> Sensing {
+            self.sensing
+        }
+        fn current(&mut self) -> [u16; 3] {
             self.sample.current
         }
         fn bus(&mut self) -> u32 {
@@ -521,6 +526,7 @@ mod tests {
                 registers: Registers {
                     sample: sample([2048; 3]),
                     command: PwmCommand::default(),
+                    sensing: config.sensing(),
                 },
             }
         }

@@ -11,10 +11,10 @@ use control::plate::EncoderPlate;
 use core::ops::Deref;
 use stm32g4xx_hal::stm32::tim2;
 
-/// An encoder on timer `T`.
-pub(crate) struct Incremental<T>(T);
+/// An encoder on timer `T`; `INDEX`: the timer has the index's pin.
+pub(crate) struct Incremental<T, const INDEX: bool>(T);
 
-impl<T: Deref<Target = tim2::RegisterBlock>> Incremental<T> {
+impl<T: Deref<Target = tim2::RegisterBlock>, const INDEX: bool> Incremental<T, INDEX> {
     /// Counts both edges of both channels modulo the turn, and captures the count in channel 3.
     pub(crate) fn start(timer: T, plate: &EncoderPlate, filter: InputFilter, top: TopOf) -> Self {
         // SAFETY: every value of this 32-bit register is valid.
@@ -28,7 +28,7 @@ impl<T: Deref<Target = tim2::RegisterBlock>> Incremental<T> {
         // Channel 3 captures (CC3E) on the internal trigger (CC3S 3).
         timer.ccmr2_input().write(|w| w.cc3s().trc());
         timer.ccer().write(|w| w.cc3e().set_bit());
-        if plate.interface == Interface::IncrementalWithIndex {
+        if INDEX {
             // IPOS 0: the index is at both channels low; it acts in both directions (IDIR 0), each time (FIDX 0).
             timer.ecr().write(|w| w.ie().set_bit());
         }
@@ -41,7 +41,13 @@ impl<T: Deref<Target = tim2::RegisterBlock>> Incremental<T> {
     }
 }
 
-impl<T: Deref<Target = tim2::RegisterBlock>> Encoder for Incremental<T> {
+impl<T: Deref<Target = tim2::RegisterBlock>, const INDEX: bool> Encoder for Incremental<T, INDEX> {
+    const INTERFACE: Interface = if INDEX {
+        Interface::IncrementalWithIndex
+    } else {
+        Interface::Incremental
+    };
+
     #[inline(always)]
     fn word(&self) -> u32 {
         self.0.ccr3().read().bits()

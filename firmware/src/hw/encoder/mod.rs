@@ -1,5 +1,7 @@
 //! The motors' encoders and the table's scale.
 
+use control::encoder::Interface;
+
 mod filter;
 mod incremental;
 #[allow(dead_code, reason = "not every board has one")]
@@ -12,6 +14,9 @@ pub(crate) use scale::Scale;
 
 /// A motor's encoder as its current loop reads it.
 pub(crate) trait Encoder {
+    /// How its words are read.
+    const INTERFACE: Interface;
+
     /// The raw word of the last top of the motor's PWM: see `control::encoder::Interface`.
     fn word(&self) -> u32;
 

@@ -18,6 +18,7 @@
 //! rpm, 0.09 electrical with five pole pairs; [`LEAD`] corrects what is assumed here.
 
 use super::{Encoder, TopOf};
+use control::encoder::Interface;
 use control::mt6835::BURST_READ;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use stm32g4xx_hal::stm32::{DMA1, DMAMUX, SPI1, TIM2, dma1};
@@ -129,6 +130,8 @@ fn receive(dma: &dma1::RegisterBlock) {
 }
 
 impl Encoder for Mt6835 {
+    const INTERFACE: Interface = Interface::Mt6835;
+
     #[inline(always)]
     fn word(&self) -> u32 {
         // The frame's first half was received first and lies in the lower half.

@@ -78,10 +78,11 @@ impl BoardPlate {
             1e-4,
             0.2499
         ));
+        let compare_max = (period as f64 * (1.0 - low_side)) as u16;
         Ok(ModulationConfig {
             period,
-            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-            compare_max: (period as f64 * (1.0 - low_side)) as u16,
+            compare_max,
+            centre: (compare_max as i32).saturating_add(1) << fraction.saturating_sub(1),
             fraction,
             scale_per_bus_count: numerator as u32,
             scale_inverse: (9_223_372_036_854_775_808.0 / numerator) as u32,

@@ -184,7 +184,7 @@ impl MotorPlate {
                 30
             ))),
             beta: Ratio::from_bits(attempt!(quantise("observer beta", "", x * x, 30))),
-            speed_bits,
+            speed_end: 1 << speed_bits,
             pole_pairs: self.pole_pairs,
             omega_multiplier: attempt!(quantise("electrical speed scale", "", multiplier, 0)),
             omega_shift,
