@@ -3,7 +3,9 @@
 use crate::board;
 use control::guard::GuardConfig;
 use control::plate::{DriveConfig, DrivePlate};
+use control::speed_task::SpeedTask;
 use core::cell::UnsafeCell;
+use core::mem::MaybeUninit;
 
 /// The board's own plate; with the feature `smooth` it learns the ripple that motors, encoders and lead usually have.
 pub(crate) const PLATE: DrivePlate = if cfg!(feature = "smooth") {
@@ -12,8 +14,9 @@ pub(crate) const PLATE: DrivePlate = if cfg!(feature = "smooth") {
     board::PLATE
 };
 
-/// What is configured: all that the tasks read.
+/// What is configured: all that the tasks read. The control's comes first: see [`Held`].
 #[derive(Clone, Copy)]
+#[repr(C)]
 pub(crate) struct Configured {
     /// The control's.
     pub(crate) drive: DriveConfig,
@@ -33,23 +36,41 @@ pub(crate) const BOARD: Configured = Configured {
     guard: board::GUARD,
 };
 
-struct Held(UnsafeCell<Configured>);
+/// The speed task's state and what it is configured with, side by side, so that one address in a register serves for both.
+#[repr(C)]
+struct Held {
+    task: UnsafeCell<MaybeUninit<SpeedTask>>,
+    configured: UnsafeCell<Configured>,
+}
 
-// SAFETY: nobody writes it.
+// SAFETY: nobody writes what is configured, and the task's state is its task's alone.
 unsafe impl Sync for Held {}
 
-static HELD: Held = Held(UnsafeCell::new(BOARD));
+static HELD: Held = Held {
+    task: UnsafeCell::new(MaybeUninit::uninit()),
+    configured: UnsafeCell::new(BOARD),
+};
+
+/// Where the speed task's state lies.
+///
+/// # Safety
+/// For the speed task alone, which may not have it twice at a time.
+#[inline(always)]
+pub(crate) unsafe fn task() -> &'static mut MaybeUninit<SpeedTask> {
+    // SAFETY: as is asked of the caller.
+    unsafe { &mut *HELD.task.get() }
+}
 
 /// The control's configuration.
 #[inline(always)]
 pub(crate) fn config() -> &'static DriveConfig {
     // SAFETY: nobody writes it once a task can run.
-    unsafe { &(*HELD.0.get()).drive }
+    unsafe { &(*HELD.configured.get()).drive }
 }
 
 /// The supervision's.
 #[inline(always)]
 pub(crate) fn guard() -> &'static GuardConfig {
     // SAFETY: as above.
-    unsafe { &(*HELD.0.get()).guard }
+    unsafe { &(*HELD.configured.get()).guard }
 }

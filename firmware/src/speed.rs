@@ -1,6 +1,6 @@
 //! What the speed task does: read what the current loops found, step, tell them.
 
-use crate::config::config;
+use crate::config::{self, config};
 use crate::debug_view::{self, DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
 use crate::hw::analog::Watches;
 use crate::hw::cycles;
@@ -34,9 +34,8 @@ pub(crate) struct Wired {
     pub(crate) brake: Option<Output>,
 }
 
-/// The speed task and what it owns.
+/// What the speed task owns beside its state, which [`config::task`] holds.
 pub(crate) struct Speed {
-    control: SpeedTask,
     scale: Scale,
     watches: Watches,
     sampler: Sampler,
@@ -49,9 +48,11 @@ pub(crate) struct Speed {
 }
 
 impl Speed {
+    /// The task at rest. Its scale is one, and so there is one speed task.
     pub(crate) fn new(scale: Scale, watches: Watches, sampler: Sampler, pins: &Wired) -> Self {
+        // SAFETY: the task does not run yet.
+        unsafe { config::task() }.write(SpeedTask::new(config()));
         Self {
-            control: SpeedTask::new(config()),
             scale,
             watches,
             sampler,
@@ -68,10 +69,19 @@ impl Speed {
     pub(crate) fn step(&mut self) {
         let start = cycles::now();
         let view = &DRIVE_VIEW;
-        self.take_command();
+        // SAFETY: written before there was a `Speed`, of which there is one, borrowed for as long.
+        let control = unsafe { config::task().assume_init_mut() };
+        self.take_command(control);
         let [run, reset] = DRIVE_COMMAND.run_or_reset();
         let scale = self.scale.position();
-        let looks = self.control.looks_at_inputs();
+        let exchanges = MOTORS.each_ref().map(|motor| &motor.exchange);
+        let found = match self.watches.take() {
+            _ if deadman::has_run_out(reset) => Some(Fault::LoopHung),
+            None => Fault::of_word(FOUND.load(Relaxed)),
+            tripped => tripped,
+        };
+        // Just before the step, which branches by the same.
+        let looks = control.looks_at_inputs();
         let request = Request {
             run,
             reset,
@@ -87,16 +97,10 @@ impl Speed {
                 .is_some()
                 .then_some(scale.cast_unsigned()),
         };
-        let exchanges = MOTORS.each_ref().map(|motor| &motor.exchange);
-        let found = match self.watches.take() {
-            _ if deadman::has_run_out(request.reset) => Some(Fault::LoopHung),
-            None => Fault::of_word(FOUND.load(Relaxed)),
-            tripped => tripped,
-        };
-        let mut output = self.control.step(config(), request, exchanges, found);
+        let mut output = control.step(config(), request, exchanges, found);
         // What need not be before the currents are asked: at 40 kHz the nut's loop takes them in less than half a period.
         if looks {
-            self.publish();
+            self.publish(control);
         }
 
         // Two looks at one word each, as most steps need no more; whether two states are the same takes longer.
@@ -106,25 +110,25 @@ impl Speed {
             let begins = !matches!(self.shown, State::Fault(_));
             if begins && matches!(output.state, State::Fault(_)) {
                 let pulled = self.fault_lines.map(FaultLine::is_pulled);
-                output.state = self.control.tell_lines(pulled);
+                output.state = control.tell_lines(pulled);
             }
             self.shown = output.state;
             debug_view::show(output.state);
-            let latched = self.control.latched().words();
+            let latched = control.latched().words();
             for (word, latched) in view.latched.iter().zip(latched) {
                 word.store(latched, Relaxed);
             }
-            if let Some(misalignment) = self.control.misalignment() {
+            if let Some(misalignment) = control.misalignment() {
                 view.misalignment.store(misalignment.reason.word(), Relaxed);
             }
         }
         if config().compensation.active {
             view.tables
-                .store(self.control.compensation().tables().0, Relaxed);
+                .store(control.compensation().tables().0, Relaxed);
         }
         view.scale.store(scale, Relaxed);
         if count(&view.speed_steps) & 63 == 0 {
-            let limits = self.control.limits(config(), exchanges);
+            let limits = control.limits(config(), exchanges);
             view.limits.store(limits.word(), Relaxed);
         }
         self.sampler.step(&output, scale);
@@ -138,18 +142,18 @@ impl Speed {
 
     /// What the supervision sees of the references, and the brake.
     #[inline(always)]
-    fn publish(&self) {
-        ARRIVED.store(self.control.arrived(), Relaxed);
-        let (speed, change) = self.control.planned();
+    fn publish(&self, control: &SpeedTask) {
+        ARRIVED.store(control.arrived(), Relaxed);
+        let (speed, change) = control.planned();
         for (word, value) in PLANNED.iter().zip([speed.to_bits(), change.to_bits()]) {
             word.store(value, Relaxed);
         }
         if let Some(brake) = self.brake {
-            brake.switch(self.control.releases_brake());
+            brake.switch(control.releases_brake());
         }
     }
 
-    fn take_command(&mut self) {
+    fn take_command(&mut self, control: &mut SpeedTask) {
         let sequence = DRIVE_COMMAND.sequence.load(Relaxed);
         if sequence == self.taken {
             return;
@@ -159,7 +163,7 @@ impl Speed {
             velocity: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
             base: MechanicalSpeed::from_bits(DRIVE_COMMAND.base.load(Relaxed)),
         };
-        match self.control.command(config(), command) {
+        match control.command(config(), command) {
             Ok(()) => count(&DRIVE_VIEW.taken),
             Err(_) => count(&DRIVE_VIEW.refused),
         };

@@ -86,6 +86,15 @@ impl Command {
         }
     }
 
+    /// Not 0 if it is not the other.
+    #[must_use]
+    #[inline(always)]
+    pub(crate) const fn differs(self, other: Self) -> u32 {
+        let velocity = self.velocity.to_bits() ^ other.velocity.to_bits();
+        let base = self.base.to_bits() ^ other.base.to_bits();
+        (velocity | base).cast_unsigned()
+    }
+
     /// Both motors still.
     #[must_use]
     pub const fn rest() -> Self {
@@ -243,9 +252,10 @@ impl Coordinator {
         config: &CoordinatorConfig,
         following: [Following; 2],
     ) -> [SpeedReference; 2] {
+        // Each by itself, as a pair would be written to memory for what is seldom called.
         let [screw, nut] = following;
         if config.wander.step != 0 {
-            self.wander(config, following);
+            self.wander(config, screw.limited || nut.limited);
         }
         if screw.limited || nut.limited {
             self.wait(config);
@@ -255,7 +265,7 @@ impl Coordinator {
         }
         let (mut base, mut table) = (self.base.value, self.table.value);
         if screw.limited || nut.limited || self.given != ProfileState::ZERO {
-            [base, table] = self.give_way(config, following);
+            [base, table] = self.give_way(config, screw, nut);
         }
 
         let mut base_change = self.base.change;
@@ -290,13 +300,12 @@ impl Coordinator {
     /// A step of the wander, while the base speed stands at a target that is not rest; else the profile goes on from where the
     /// wander is.
     #[inline(never)]
-    fn wander(&mut self, config: &CoordinatorConfig, [screw, nut]: [Following; 2]) {
+    fn wander(&mut self, config: &CoordinatorConfig, limited: bool) {
         let stands = self.base.value == self.target_base
             && self.base.change == SpeedChange::ZERO
             && self.target_base != ProfileState::ZERO
             && self.given == ProfileState::ZERO
-            && !screw.limited
-            && !nut.limited;
+            && !limited;
         if !stands {
             let Wander { value, change, .. } = core::mem::take(&mut self.wander);
             self.base.value = self.base.value.saturating_add(value);
@@ -384,7 +393,8 @@ impl Coordinator {
     fn give_way(
         &mut self,
         config: &CoordinatorConfig,
-        [screw, nut]: [Following; 2],
+        screw: Following,
+        nut: Following,
     ) -> [ProfileState; 2] {
         let [screw_pairs, nut_pairs] = config.pole_pairs;
         let asked = [

@@ -552,8 +552,15 @@ impl MotorExchange {
     #[must_use]
     #[inline(always)]
     pub fn says_fault(&self) -> bool {
+        self.faults() != 0
+    }
+
+    /// The same as a word that is 0 if it has found none.
+    #[must_use]
+    #[inline(always)]
+    pub(crate) fn faults(&self) -> u32 {
         const FAULTS: u8 = BROKEN | OVER_CURRENT | ENCODER_STUCK | STALE | ZERO_OUT_OF_RANGE;
-        self.flags.load(Relaxed) & FAULTS != 0
+        u32::from(self.flags.load(Relaxed) & FAULTS)
     }
 
     /// Speed task: the current loop has closed its bridge, and its current is what is asked.

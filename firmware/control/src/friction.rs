@@ -65,7 +65,7 @@ impl Friction {
     /// A step, of one place after the other: the speed references of screw and nut, electrical, and the relative one, mechanical
     /// -> what is added to the current references.
     #[must_use]
-    #[inline(never)]
+    #[inline(always)]
     pub fn currents(
         &mut self,
         config: &FrictionConfig,

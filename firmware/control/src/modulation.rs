@@ -122,15 +122,17 @@ impl ModulationConfig {
         scale: BusScale,
         bus_counts: u32,
     ) -> [u16; 3] {
-        self.compare_of(self.dead_time.shunts, v, codes, scale, bus_counts)
+        let (shunts, fraction) = (self.dead_time.shunts, self.fraction);
+        self.compare_of(shunts, fraction, v, codes, scale, bus_counts)
     }
 
-    /// The same with the sensors as a board says them, as a constant where they are one.
+    /// The same with the sensors and the fraction bits as a board says them, as constants where they are some.
     #[inline(always)]
     #[allow(clippy::arithmetic_side_effects)]
     pub(crate) fn compare_of(
         &self,
         shunts: Shunts,
+        fraction: u32,
         v: AlphaBeta<StatorVoltage>,
         codes: Codes,
         scale: BusScale,
@@ -150,7 +152,7 @@ impl ModulationConfig {
         let offset = (middle >> 1) + self.centre;
         let [da, db, dc] = self.dead_time.compensation(shunts, codes);
         // The circle keeps them within 0 and `compare_max`; the ends are those of any value that an interrupt might write.
-        [a + offset + da, b + offset + db, c + offset + dc].map(|fine| counts(fine, self.fraction))
+        [a + offset + da, b + offset + db, c + offset + dc].map(|fine| counts(fine, fraction))
     }
 
     /// The scale at and near `bus_counts`. One 32-bit division.

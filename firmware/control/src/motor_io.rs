@@ -6,7 +6,7 @@
 use crate::encoder::Interface;
 use crate::sense::Shunts;
 
-/// How a board reads a motor: its pins and its ADC have it so, and no setting changes it. A board that says it as a constant
+/// How a board reads a motor and drives its bridge: its pins and its ADC have it so, and no setting changes it. A board that says it as a constant
 /// spares its current loop what is for others.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sensing {
@@ -16,6 +16,8 @@ pub struct Sensing {
     pub shunts: Shunts,
     /// See [`CurrentSense::code_shift`](crate::sense::CurrentSense::code_shift).
     pub code_shift: u32,
+    /// See [`ModulationConfig::fraction`](crate::modulation::ModulationConfig::fraction).
+    pub fraction: u32,
 }
 
 /// The registers of one motor.
@@ -23,7 +25,7 @@ pub trait MotorIo {
     /// Acknowledges the interrupt and the timer's update; `true` if the break has opened the bridge.
     fn acknowledge(&mut self) -> bool;
 
-    /// The encoder's raw word of this period: see [`Interface`](crate::encoder::Interface).
+    /// The encoder's raw word of this period: see [`Interface`].
     fn encoder(&mut self) -> u32;
 
     /// How the board reads this motor.

@@ -58,6 +58,36 @@ impl EncoderScale {
     }
 }
 
+/// A factor of more bits than a word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WideScale {
+    /// Nearest whole number.
+    whole: i32,
+    /// What is left to the factor, 2^-32.
+    part: i32,
+}
+
+impl WideScale {
+    /// `multiplier`, not negative, over 2^`shift`, 1 to 31.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation)]
+    pub const fn new(multiplier: i32, shift: u32) -> Self {
+        let wide = (multiplier as i64).wrapping_shl(32u32.saturating_sub(shift));
+        Self {
+            whole: (wide.saturating_add(1 << 31) >> 32) as i32,
+            part: wide as i32,
+        }
+    }
+
+    /// The factor times `x`, rounded down: two instructions, where a shift by a variable is a dozen.
+    #[must_use]
+    #[inline(always)]
+    pub(crate) fn times(self, x: i32) -> i32 {
+        x.wrapping_mul(self.whole)
+            .wrapping_add(multiply_upper(x, self.part))
+    }
+}
+
 /// Configuration of a tracking observer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ObserverConfig {
@@ -74,10 +104,8 @@ pub struct ObserverConfig {
     /// Speeds are held below this, 2^-32 turn a sample: a power of two, at most 2^[`SPEED_BITS_MAX`], and electrically at most a
     /// quarter turn.
     pub speed_end: i32,
-    /// `omega_e` in 2^-16 rad/s = speed in 2^-32 turn a sample times this, shifted right by `omega_shift`.
-    pub omega_multiplier: i32,
-    /// See `omega_multiplier`; 1 to 31.
-    pub omega_shift: u32,
+    /// `omega_e` in 2^-16 rad/s = speed in 2^-32 turn a sample times this.
+    pub omega_scale: WideScale,
     /// Largest speed within the format of `omega_e`, 2^-32 turn a sample.
     pub step_max: i32,
 }
@@ -91,13 +119,8 @@ impl ObserverConfig {
         let step = theta_step
             .min(self.step_max)
             .max(self.step_max.wrapping_neg());
-        // |step| <= step_max makes the result fit. The halves are shifted by hand, because a 64-bit shift by a
-        // variable is a dozen instructions.
-        let wide = i64::from(step).wrapping_mul(i64::from(self.omega_multiplier));
-        let (upper, lower) = ((wide >> 32) as u32, wide as u32);
-        let shift = self.omega_shift & 31;
-        let bits = upper.wrapping_shl(32u32.wrapping_sub(shift)) | lower.wrapping_shr(shift);
-        Speed::from_bits(bits.cast_signed())
+        // |step| <= step_max makes the result fit.
+        Speed::from_bits(self.omega_scale.times(step))
     }
 }
 

@@ -6,7 +6,7 @@
 //! `sqrt(2*J*x + J^2/4) - J/2`. The profile takes the least of that, the limit, and what the jerk allows.
 //! Further away than the limit needs to stop, no root is taken.
 
-use crate::format::{ProfileState, SpeedChange, cut, square_root};
+use crate::format::{ProfileState, SpeedChange, square_root};
 
 /// Limits of a profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +15,7 @@ pub struct ProfileConfig {
     acceleration: SpeedChange,
     /// Largest jerk, rad/s a step squared.
     jerk: SpeedChange,
-    /// From here on the largest acceleration can still stop, rad/s.
+    /// From here on the largest acceleration can still stop, rad/s. It is not below 0.
     braking: ProfileState,
 }
 
@@ -70,13 +70,14 @@ impl Profile {
             return;
         }
         let magnitude = distance.to_bits().unsigned_abs();
-        let wanted = if magnitude >= config.braking.to_bits().unsigned_abs() {
+        let wanted = if magnitude >= config.braking.to_bits().cast_unsigned() {
             config.acceleration
         } else {
             stopping_change(magnitude, config)
         };
         let wanted = if distance.is_negative() {
-            wanted.saturating_neg()
+            // It is not below 0.
+            wanted.wrapping_neg()
         } else {
             wanted
         };
@@ -91,7 +92,11 @@ impl Profile {
 
     #[inline(always)]
     fn approach(&mut self, wanted: SpeedChange, jerk: SpeedChange) {
-        let step = cut(wanted.saturating_sub(self.change), jerk);
+        // A jerk is not below 0 either.
+        let step = wanted
+            .saturating_sub(self.change)
+            .min(jerk)
+            .max(jerk.wrapping_neg());
         self.change = self.change.saturating_add(step);
         // It takes 2^30 steps of the largest change, two days, to leave the range from within a motor's speeds.
         #[allow(clippy::arithmetic_side_effects)]

@@ -28,19 +28,19 @@ use crate::transform::DirectQuadrature;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct RunawayConfig {
     /// Fastest that the shaft may turn, 2^-32 turn a sample.
-    pub theta_step_max: i32,
+    pub theta_step_max: u32,
     /// Furthest that the speed may be from its reference, electrical.
     pub following: Speed,
     /// Furthest that a current may be from its reference, [`ScaledCurrent`].
-    pub current: i32,
+    pub current: u32,
     /// Furthest that three currents may be from adding up to nothing, the same.
-    pub current_sum: i32,
+    pub current_sum: u32,
     /// Stator resistance: [`ScaledCurrent`] to [`Voltage`].
     pub resistance: Gain,
     /// Part of the back-EMF that the voltage may be off by, 2^-32.
     pub emf_part: i32,
-    /// Voltage that it may be off by at any speed: errors of resistance, dead time and inductance.
-    pub emf_floor: Voltage,
+    /// What it may be off by at any speed, in the steps of a [`Voltage`]: errors of resistance, dead time and inductance.
+    pub emf_floor: u32,
     /// Slowest that a motor at its torque limit must turn, electrical.
     pub stall: Speed,
     /// Electrical turns a mechanical turn.
@@ -131,7 +131,7 @@ pub fn sum_events(config: &RunawayConfig, sense: &CurrentSense, codes: Codes) ->
     let Some(ScaledCurrent(sum)) = sense.sum(codes) else {
         return 0;
     };
-    let (off, most) = (sum.unsigned_abs(), config.current_sum.unsigned_abs());
+    let (off, most) = (sum.unsigned_abs(), config.current_sum);
     u32::from(off > most).saturating_add(u32::from(off > most.saturating_mul(2)))
 }
 
@@ -279,10 +279,7 @@ impl Off {
     ) -> Self {
         let off = voltage_off(config, induced, exchange, theta_step);
         let emf = induced.back_emf(theta_step.wrapping_mul(config.pole_pairs));
-        let (size, floor) = (
-            emf.unsigned_abs(),
-            config.emf_floor.to_bits().unsigned_abs(),
-        );
+        let (size, floor) = (emf.unsigned_abs(), config.emf_floor);
         // Voltages are within 2^31, so their squares' sum fits.
         let square = |x: i64| x.unsigned_abs().saturating_mul(x.unsigned_abs());
         let q = i64::from(off.q).saturating_add(i64::from(emf));
@@ -312,15 +309,15 @@ fn past(
     // All are within half of their words, or nearly so: their differences fit.
     let error_d = asked.d.0.wrapping_sub(current.d.0).unsigned_abs();
     let error_q = asked.q.0.wrapping_sub(current.q.0).unsigned_abs();
-    let most = config.current.unsigned_abs();
+    let most = config.current;
 
     let emf = induced.back_emf(theta_step.wrapping_mul(config.pole_pairs));
     let part = multiply_upper(emf, config.emf_part).unsigned_abs();
-    let emf_max = part.max(config.emf_floor.to_bits().unsigned_abs());
+    let emf_max = part.max(config.emf_floor);
     [
         larger(voltage_off(config, induced, exchange, theta_step)) > emf_max,
         error_d > most || error_q > most && !motion.voltage_limited,
-        theta_step.unsigned_abs() > config.theta_step_max.unsigned_abs(),
+        theta_step.unsigned_abs() > config.theta_step_max,
         motion
             .reference
             .saturating_sub(motion.omega_e)

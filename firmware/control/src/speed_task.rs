@@ -8,7 +8,7 @@ use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::disturbance::Disturbance;
 use crate::exchange::{MotorExchange, MotorStatus};
-use crate::fault::{Fault, FaultSet, Reaction};
+use crate::fault::{self, Fault, FaultSet, Reaction};
 use crate::format::{Angle, Current, Speed, SpeedChange};
 use crate::friction::Friction;
 use crate::interlock::Interlock;
@@ -251,17 +251,19 @@ impl SpeedTask {
             Look::ScrewMotion | Look::NutMotion => (),
         }
         let [screw, nut] = exchanges;
-        // What `decide` would leave as it is.
+        // What `decide` would leave as it is. All that may have come in one word, as each branch would cost more than its look.
+        let [screw_hot, nut_hot] = self.too_hot;
+        let came = self.command.differs(self.followed)
+            | fault::word(self.rests_for)
+            | fault::word(found)
+            | fault::word(self.found)
+            | u32::from(screw_hot | nut_hot)
+            | screw.faults()
+            | nut.faults();
         let goes_on = self.state == State::Running
             && !(look == Look::Interlock && self.holds())
             && request.run
-            && self.command == self.followed
-            && self.rests_for.is_none()
-            && found.is_none()
-            && self.found.is_none()
-            && self.too_hot == [false; 2]
-            && !screw.says_fault()
-            && !nut.says_fault();
+            && came == 0;
         if !goes_on
             && let Some(output) = self.decide(config, request.run, request.reset, exchanges, found)
         {
@@ -435,7 +437,9 @@ impl SpeedTask {
         let [mut screw_reference, mut nut_reference] = speed;
         if config.compensation.active {
             let [screw_reversed, nut_reversed] = self.reversed;
-            let steady = self.coordinator.steady();
+            // Of one it is asked that both are.
+            let limited = screw_voltage | screw_torque | nut_voltage | nut_torque;
+            let steady = self.coordinator.steady() && !limited;
             let given = self.compensation.references(
                 &config.compensation,
                 [
@@ -443,13 +447,13 @@ impl SpeedTask {
                         theta: shaft_angle(screw_exchange, screw_loop, screw_reversed),
                         theta_step: screw_step,
                         omega_e: screw_omega_e,
-                        steady: steady && !screw_voltage && !screw_torque,
+                        steady,
                     },
                     Turning {
                         theta: shaft_angle(nut_exchange, nut_loop, nut_reversed),
                         theta_step: nut_step,
                         omega_e: nut_omega_e,
-                        steady: steady && !nut_voltage && !nut_torque,
+                        steady,
                     },
                 ],
                 scale,

@@ -3,7 +3,7 @@
 //! Each tolerance is the sum of what the two say of themselves; where they differ by more, one of them is wrong.
 
 use control::format::{Angle, Gain, Ratio, ScaledCurrent, Voltage, square_root};
-use control::observer::{EncoderAlignment, EncoderScale, Observer, ObserverConfig};
+use control::observer::{EncoderAlignment, EncoderScale, Observer, ObserverConfig, WideScale};
 use control::regulator::{Circle, Induced, Regulator, RegulatorConfig, limit};
 use control::transform::{AlphaBeta, DirectQuadrature, Rotation};
 use dsp_process::SplitProcess;
@@ -127,8 +127,7 @@ fn the_observer_finds_the_speed_that_a_phase_locked_loop_finds() {
         age: Ratio::ZERO,
         pole_pairs: 1,
         speed_end: 1 << 28,
-        omega_multiplier: 1,
-        omega_shift: 1,
+        omega_scale: WideScale::new(1, 1),
         step_max: i32::MAX,
     };
     let pll = PLL::from_bandwidth(1e-2, 4.0);

@@ -13,7 +13,16 @@ impl Order {
     #[inline(always)]
     #[allow(clippy::cast_possible_truncation)]
     pub const fn angle(self, turned: u64) -> Angle {
-        Angle((turned.wrapping_mul(self.0 as u64) >> 16) as u32)
+        self.angle_of_shifted(turned << 16)
+    }
+
+    /// The same of an angle that is shifted up by the 16 bits that a repetition's fraction takes: then it is a product's upper
+    /// word.
+    #[must_use]
+    #[inline(always)]
+    #[allow(clippy::cast_possible_truncation)]
+    pub(super) const fn angle_of_shifted(self, turned: u64) -> Angle {
+        Angle((turned.wrapping_mul(self.0 as u64) >> 32) as u32)
     }
 
     /// The ripple's frequency, 2^-32 turn a PWM period, of a shaft that turns by `theta_step` a period, either way.

@@ -66,21 +66,18 @@ pub struct ScaleConfig {
     pub rate: RateConfig,
 }
 
-/// Configuration of the compensation.
+/// Configuration of the compensation. In memory the lists, which only the start reads, come last.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct CompensationConfig {
     /// There is an order to compensate.
     pub active: bool,
     /// It learns.
     pub learns: bool,
-    /// Torque: screw, nut.
-    pub torque: [[LineConfig; TORQUES]; 2],
-    /// Errors of the encoders: screw, nut.
-    pub angle: [[LineConfig; ANGLES]; 2],
-    /// Errors of the lead.
-    pub travel: [LineConfig; TRAVELS],
-    /// How the loops answer: screw, nut.
-    pub response: [Response; 2],
+    /// The table's scale, if there is one.
+    pub scale: Option<ScaleConfig>,
+    /// Electrical turns a mechanical turn: screw, nut.
+    pub pole_pairs: [i32; 2],
     /// Part of the full learning rate for a shaft that turns by 1 a PWM period, 2^-32 turn: 2^-47. A slow shaft is learned
     /// by its turns, and not by time.
     pub slow: i32,
@@ -88,10 +85,14 @@ pub struct CompensationConfig {
     pub checked: u32,
     /// Largest part of a torque's coefficient, 2^-17 A.
     pub torque_max: i32,
-    /// The table's scale, if there is one.
-    pub scale: Option<ScaleConfig>,
-    /// Electrical turns a mechanical turn: screw, nut.
-    pub pole_pairs: [i32; 2],
+    /// How the loops answer: screw, nut.
+    pub response: [Response; 2],
+    /// Torque: screw, nut.
+    pub torque: [[LineConfig; TORQUES]; 2],
+    /// Errors of the encoders: screw, nut.
+    pub angle: [[LineConfig; ANGLES]; 2],
+    /// Errors of the lead.
+    pub travel: [LineConfig; TRAVELS],
 }
 
 impl CompensationConfig {
@@ -240,10 +241,10 @@ impl Compensation {
         let error = if self.learns() { held(error) } else { 0 };
         let [screw_turned, nut_turned] = self.turned;
         let [screw_lines, nut_lines] = &mut self.angle;
-        let to_screw = sum(screw_lines, screw_turned, Some(error));
-        let to_nut = sum(nut_lines, nut_turned, Some(error));
+        let to_screw = learn(screw_lines, screw_turned << 16, error);
+        let to_nut = learn(nut_lines, nut_turned << 16, error);
         let turned = screw_turned.wrapping_sub(nut_turned);
-        let to_relative = sum(&mut self.travel, turned, Some(error));
+        let to_relative = learn(&mut self.travel, turned << 16, error);
         let [pole_pairs, _] = config.pole_pairs;
         let relative = relative.saturating_mul_int(pole_pairs);
         let [screw, nut] = omega_e;
@@ -254,20 +255,24 @@ impl Compensation {
     }
 
     /// Then: both speed errors -> what is added to the current references. The motors learn by turns.
-    #[inline(never)]
+    #[inline(always)]
     pub fn currents(&mut self, errors: [Speed; 2]) -> [Current; 2] {
         let learns = self.learns();
         let [screw_turned, nut_turned] = self.turned;
         let [screw_lines, nut_lines] = &mut self.torque;
         let [screw_error, nut_error] = errors.map(|error| held(error.to_bits()));
         let screws_turn = self.step.is_multiple_of(TORQUE_STEPS);
-        let screw_error = (learns && screws_turn).then_some(screw_error);
-        let nut_error = (learns && !screws_turn).then_some(nut_error);
-        [
-            sum(screw_lines, screw_turned, screw_error),
-            sum(nut_lines, nut_turned, nut_error),
-        ]
-        .map(|sum| Current::from_bits(sum.saturating_mul(2)))
+        let of_screw = if learns && screws_turn {
+            learn(screw_lines, screw_turned << 16, screw_error)
+        } else {
+            sum(screw_lines, screw_turned << 16)
+        };
+        let of_nut = if learns && !screws_turn {
+            learn(nut_lines, nut_turned << 16, nut_error)
+        } else {
+            sum(nut_lines, nut_turned << 16)
+        };
+        [of_screw, of_nut].map(|sum| Current::from_bits(sum.saturating_add(sum)))
     }
 
     /// All lines are tuned to speeds that have not changed since.
@@ -371,18 +376,31 @@ const fn starting<const N: usize>(configs: &[LineConfig; N]) -> [Line; N] {
     lines
 }
 
-/// The sum of lines at an angle over many turns, in twice their unit; with an error they learn from it. One function for all:
-/// for each list of a constant configuration the compiler would else write one of its own.
+/// The sum of lines at an angle over many turns, shifted up by 16, in twice their unit.
+///
+/// It and [`learn`] are one loop each: of two that take the cosine in one function the compiler would keep its constant in 64
+/// bits, and multiply by such a one in three instructions.
 #[inline(never)]
-fn sum<const N: usize>(lines: &mut [Line; N], turned: u64, error: Option<i32>) -> i32 {
+fn sum<const N: usize>(lines: &[Line; N], turned: u64) -> i32 {
     let mut sum = 0i32;
     for line in lines {
         if line.order().0 != 0 {
-            let at = line.order().angle(turned).cos_sin();
+            let at = line.order().angle_of_shifted(turned).cos_sin();
             sum = sum.saturating_add(line.value(at));
-            if let Some(error) = error {
-                line.learn(at, error);
-            }
+        }
+    }
+    sum
+}
+
+/// The same of lines that learn from an error.
+#[inline(never)]
+fn learn<const N: usize>(lines: &mut [Line; N], turned: u64, error: i32) -> i32 {
+    let mut sum = 0i32;
+    for line in lines {
+        if line.order().0 != 0 {
+            let at = line.order().angle_of_shifted(turned).cos_sin();
+            sum = sum.saturating_add(line.value(at));
+            line.learn(at, error);
         }
     }
     sum

@@ -44,6 +44,7 @@ impl CurrentLoopConfig {
             encoder: self.encoder,
             shunts: self.sense.shunts,
             code_shift: self.sense.code_shift,
+            fraction: self.modulation.fraction,
         }
     }
 }

@@ -16,7 +16,7 @@ pub use words::{Calibration, CurrentReference, Frame, Measured, Mode, Rested};
 use crate::encoder_watch::{EncoderWatch, EncoderWatchConfig, Seen};
 use crate::exchange::{Asked, MotorExchange};
 use crate::format::{Angle, ScaledCurrent, multiply_upper};
-use crate::motor_io::MotorIo;
+use crate::motor_io::{MotorIo, Sensing};
 use crate::observer::{EncoderAlignment, Motion, Observer};
 use crate::regulator::Regulator;
 use crate::sense::{Codes, CurrentSense, ZeroCalibration};
@@ -354,8 +354,11 @@ impl CurrentLoop {
         let scale = exchange.bus_scale();
         // Where they were left, so that no register had to keep them.
         let codes = exchange.codes();
-        let shunts = io.sensing().shunts;
-        io.write(config.modulation.compare_of(shunts, v, codes, scale, bus));
+        let Sensing {
+            shunts, fraction, ..
+        } = io.sensing();
+        let modulation = &config.modulation;
+        io.write(modulation.compare_of(shunts, fraction, v, codes, scale, bus));
     }
 
     /// A period with the bridge off: the regulator is emptied, and with [`Mode::Calibrate`] the current zeros are measured,
@@ -465,7 +468,6 @@ mod tests {
     use super::*;
     use crate::encoder::Interface;
     use crate::format::Current;
-    use crate::motor_io::Sensing;
     use crate::plate::test_plate;
     use proptest::prelude::*;
 

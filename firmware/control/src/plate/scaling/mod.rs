@@ -46,37 +46,39 @@ use attempt;
 /// A brake that takes longer, s, is none.
 const BRAKE_MAX_S: f64 = 10.0;
 
-/// Everything that the drive's steps are configured with.
+/// Everything that the drive's steps are configured with, in the order in which it lies in memory: what each step of the speed task
+/// reads comes first, so that one address in a register serves for that and for the task's state before it.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
 pub struct DriveConfig {
-    /// Screw, nut.
-    pub current_loops: [CurrentLoopConfig; 2],
     /// Screw, nut.
     pub speed_loops: [SpeedLoopConfig; 2],
     /// The pair.
     pub coordinator: CoordinatorConfig,
-    /// The alignment of both rotors.
-    pub alignment: AlignmentConfig,
     /// When a motor's motion is not in hand: screw, nut.
     pub runaway: [RunawayConfig; 2],
-    /// How windings and bridges warm up: screw, nut.
-    pub heat: [HeatConfig; 2],
     /// Where braking fades out: screw, nut.
     pub regeneration: [RegenerationConfig; 2],
-    /// What repeats with an angle and is compensated.
-    pub compensation: CompensationConfig,
-    /// What is fed forward against friction.
-    pub friction: FrictionConfig,
     /// What keeps a disturbance from the table: screw, nut.
     pub disturbance: [DisturbanceConfig; 2],
     /// What of both current references is left out.
     pub notch: NotchConfig,
+    /// What is fed forward against friction.
+    pub friction: FrictionConfig,
+    /// Screw, nut.
+    pub current_loops: [CurrentLoopConfig; 2],
+    /// How windings and bridges warm up: screw, nut.
+    pub heat: [HeatConfig; 2],
     /// What holds the table while the bridges are off.
     pub brake: BrakeConfig,
     /// Looks at the interlock in which a command must be renewed.
     pub heartbeat_looks: u32,
     /// Current-loop periods per step of the speed task.
     pub speed_divider: u32,
+    /// What repeats with an angle and is compensated.
+    pub compensation: CompensationConfig,
+    /// The alignment of both rotors.
+    pub alignment: AlignmentConfig,
 }
 
 impl DrivePlate {

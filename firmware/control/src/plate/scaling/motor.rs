@@ -5,7 +5,7 @@ use crate::current_loop::CurrentLoopConfig;
 use crate::encoder::Interface;
 use crate::encoder_watch::EncoderWatchConfig;
 use crate::format::{Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
-use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX};
+use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX, WideScale};
 use crate::plate::{DrivePlate, MotorPlate, Tuning};
 use crate::regulator::{Induced, RegulatorConfig};
 use crate::speed_loop::SpeedLoopConfig;
@@ -186,8 +186,10 @@ impl MotorPlate {
             beta: Ratio::from_bits(attempt!(quantise("observer beta", "", x * x, 30))),
             speed_end: 1 << speed_bits,
             pole_pairs: self.pole_pairs,
-            omega_multiplier: attempt!(quantise("electrical speed scale", "", multiplier, 0)),
-            omega_shift,
+            omega_scale: WideScale::new(
+                attempt!(quantise("electrical speed scale", "", multiplier, 0)),
+                omega_shift,
+            ),
             step_max,
         })
     }

@@ -1,7 +1,7 @@
 //! Limits of a runaway: parts of what a motor may do -> counts, steps, looks.
 
 use super::{attempt, gain, power_of_two, within};
-use crate::format::{Misfit, Speed, Voltage, quantise};
+use crate::format::{Misfit, Speed, quantise};
 use crate::plate::{DrivePlate, MotorPlate};
 use crate::runaway::RunawayConfig;
 use crate::speed_task::STEPS_PER_LOOK;
@@ -53,23 +53,19 @@ impl MotorPlate {
         let floor = limits.angle_floor * emf_max + resistive;
         let look = drive.speed_step() * STEPS_PER_LOOK as f64;
         Ok(RunawayConfig {
-            theta_step_max: (step * 4_294_967_296.0) as i32,
+            theta_step_max: (step * 4_294_967_296.0) as u32,
             following: Speed::from_bits(attempt!(quantise(
                 "following error",
                 "rad/s",
                 limits.following * speed_e,
                 16
             ))),
-            current: current as i32,
-            current_sum: current_sum as i32,
+            current: current as u32,
+            current_sum: current_sum as u32,
             resistance: attempt!(gain("resistance", self.resistance_ohm, sense.scale)),
             emf_part: (sine(limits.angle_deg * TAU / 360.0) * 4_294_967_296.0) as i32,
-            emf_floor: Voltage::from_bits(attempt!(quantise(
-                "voltage error of the model",
-                "V",
-                floor,
-                18
-            ))),
+            emf_floor: attempt!(quantise("voltage error of the model", "V", floor, 18))
+                .unsigned_abs(),
             stall: Speed::from_bits(attempt!(quantise(
                 "stall",
                 "rad/s",
