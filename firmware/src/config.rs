@@ -1,11 +1,22 @@
 //! The drive's configuration, in RAM: the board's own, until the start has put another in its place.
 
 use crate::board;
-use control::guard::GuardConfig;
+use crate::hw::encoder::InputFilter;
+use crate::hw::flash::SettingsPages;
+use control::guard::{GuardConfig, GuardPlate};
 use control::plate::{DriveConfig, DrivePlate};
+use control::scale_watch::ScaleWatchPlate;
 use control::speed_task::SpeedTask;
+use control::travel::TravelConfig;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
+use link::codes::Origin;
+use link::message::Refusal;
+use link::server::NotSet;
+use link::settings::keep::Keeper;
+use link::settings::plate::Unfit;
+use link::settings::{EncoderInterface, Settings};
+use link::telemetry::Header;
 
 /// The board's own plate; with the feature `smooth` it learns the ripple that motors, encoders and lead usually have.
 pub(crate) const PLATE: DrivePlate = if cfg!(feature = "smooth") {
@@ -14,7 +25,7 @@ pub(crate) const PLATE: DrivePlate = if cfg!(feature = "smooth") {
     board::PLATE
 };
 
-/// What is configured: all that the tasks read. The control's comes first: see [`Held`].
+/// What the drive runs on: all that the tasks read. The control's comes first: see [`Held`].
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub(crate) struct Configured {
@@ -22,10 +33,20 @@ pub(crate) struct Configured {
     pub(crate) drive: DriveConfig,
     /// The supervision's.
     pub(crate) guard: GuardConfig,
+    /// What stands before each stream of telemetry.
+    pub(crate) header: Header,
+    /// The soft limits.
+    pub(crate) travel: TravelConfig,
+    /// What they come from.
+    pub(crate) plate: DrivePlate,
+    /// One count of the table's scale, m.
+    pub(crate) scale_count_m: f64,
 }
 
 /// Of the board's own plate, computed while compiling: a number that does not fit its format stops the build.
 pub(crate) const BOARD: Configured = Configured {
+    plate: PLATE,
+    scale_count_m: board::SCALE_COUNT_M,
     drive: match PLATE.config() {
         Ok(config) if cfg!(feature = "encoders-at-zero") => config.aligned(&PLATE),
         Ok(config) => config,
@@ -34,6 +55,8 @@ pub(crate) const BOARD: Configured = Configured {
         }
     },
     guard: board::GUARD,
+    header: Header::of_plate(&PLATE, board::SCALE_COUNT_M),
+    travel: PLATE.travel_config(board::SCALE_COUNT_M),
 };
 
 /// The speed task's state and what it is configured with, side by side, so that one address in a register serves for both.
@@ -43,7 +66,7 @@ struct Held {
     configured: UnsafeCell<Configured>,
 }
 
-// SAFETY: nobody writes what is configured, and the task's state is its task's alone.
+// SAFETY: `take_up` alone writes what is configured, before anybody else reads it, and the task's state is its task's alone.
 unsafe impl Sync for Held {}
 
 static HELD: Held = Held {
@@ -61,16 +84,162 @@ pub(crate) unsafe fn task() -> &'static mut MaybeUninit<SpeedTask> {
     unsafe { &mut *HELD.task.get() }
 }
 
+/// What the drive runs on.
+#[inline(always)]
+pub(crate) fn configured() -> &'static Configured {
+    // SAFETY: nobody writes it once a task can run.
+    unsafe { &*HELD.configured.get() }
+}
+
 /// The control's configuration.
 #[inline(always)]
 pub(crate) fn config() -> &'static DriveConfig {
-    // SAFETY: nobody writes it once a task can run.
-    unsafe { &(*HELD.configured.get()).drive }
+    &configured().drive
 }
 
-/// The supervision's.
-#[inline(always)]
-pub(crate) fn guard() -> &'static GuardConfig {
-    // SAFETY: as above.
-    unsafe { &(*HELD.configured.get()).guard }
+/// Takes up the settings that are stored, if they fit, and configures the drive with them.
+///
+/// # Safety
+/// To be called once in the start, before the tasks' states are made: no reference to a configuration may be alive.
+#[inline(never)]
+pub(crate) unsafe fn take_up(
+    place: &'static mut MaybeUninit<Keeper<SettingsPages>>,
+) -> &'static mut Keeper<SettingsPages> {
+    // SAFETY: as is asked of the caller.
+    let held = unsafe { &mut *HELD.configured.get() };
+    let keeper = keep_own(place);
+    keeper.take_up(own, |settings| {
+        fits_instead_of_own(settings, &mut held.drive)
+    });
+    let found = keeper.found();
+    if found.left_out > 0 {
+        defmt::warn!(
+            "{=u32} stored settings are of another version or beyond their ranges, and left out",
+            found.left_out
+        );
+    }
+    match found.origin {
+        Origin::Own => {}
+        Origin::Unfit => {
+            held.drive = const { BOARD.drive };
+            defmt::warn!(
+                "{=str} The first of them has the number {=u16:#06x}",
+                found.origin.sentence(),
+                found.unfit
+            );
+        }
+        Origin::Stored => {
+            defmt::info!("{=str}", found.origin.sentence());
+            configure_the_rest(keeper.settings(), held);
+        }
+    }
+    keeper
+}
+
+#[inline(never)]
+fn keep_own(
+    place: &'static mut MaybeUninit<Keeper<SettingsPages>>,
+) -> &'static mut Keeper<SettingsPages> {
+    place.write(Keeper::new(SettingsPages::new(), own()))
+}
+
+/// The board's own settings.
+#[inline(never)]
+fn own() -> Settings {
+    Settings::of_plate(&PLATE, board::SCALE_COUNT_M)
+}
+
+#[inline(never)]
+fn fits_instead_of_own(settings: &Settings, config: &mut DriveConfig) -> Result<(), NotSet> {
+    fits(settings, &own(), config)
+}
+
+/// All but the control's configuration, of settings that fit.
+#[inline(never)]
+fn configure_the_rest(settings: &Settings, held: &mut Configured) {
+    held.plate = settings.plate(&PLATE.board);
+    held.scale_count_m = settings.scale_count_m();
+    if cfg!(feature = "encoders-at-zero") {
+        held.drive = held.drive.aligned(&held.plate);
+    }
+    if let Ok(guard) = guard_plate(settings).config() {
+        held.guard = guard;
+    }
+    held.header = Header::of_plate(&held.plate, held.scale_count_m);
+    held.travel = held.plate.travel_config(held.scale_count_m);
+}
+
+/// The board's limits, with the scale that is set.
+fn guard_plate(settings: &Settings) -> GuardPlate {
+    let lead_m = settings.feed.lead_mm * 1e-3;
+    GuardPlate {
+        scale: Some(ScaleWatchPlate::usual(settings.scale_count_m(), lead_m)),
+        ..board::GUARDS
+    }
+}
+
+/// Whether a drive on this board can be configured with these settings, in the place of `before`: then `config` is the control's
+/// configuration.
+#[inline(never)]
+pub(crate) fn fits(
+    settings: &Settings,
+    before: &Settings,
+    config: &mut DriveConfig,
+) -> Result<(), NotSet> {
+    // Those of `before` are the board's.
+    let interfaces = [settings, before]
+        .map(|settings| [&settings.screw, &settings.nut].map(|motor| motor.encoder_interface));
+    if interfaces[0] != interfaces[1] {
+        return Err(NotSet::Refused(Refusal::Interface));
+    }
+    settings.fits(before, &PLATE.board, config)?;
+    let unfit = |id: u16| {
+        move |misfit| {
+            let setting = Settings::all().find(|setting| setting.id == id);
+            NotSet::Unfit(Unfit {
+                setting: setting.and_then(|setting| Some((setting, settings.get(id)?))),
+                misfit,
+            })
+        }
+    };
+    guard_plate(settings)
+        .config()
+        .map_err(unfit(SCALE_COUNT_NM))?;
+    let rates = [
+        (
+            SCREW_COUNTS,
+            counts_per_s(
+                settings.screw.speed_max_rpm,
+                settings.screw.encoder_counts_per_turn,
+            ),
+        ),
+        (
+            NUT_COUNTS,
+            counts_per_s(
+                settings.nut.speed_max_rpm,
+                settings.nut.encoder_counts_per_turn,
+            ),
+        ),
+        (
+            SCALE_COUNT_NM,
+            settings.feed.velocity_max_mm_s * 1e6 / settings.feed.scale_count_nm,
+        ),
+    ];
+    // An absolute encoder has no edges to count.
+    let counted = interfaces[0].map(|interface| interface != EncoderInterface::Mt6835);
+    for ((id, rate), counted) in rates.into_iter().zip([counted[0], counted[1], true]) {
+        if counted {
+            InputFilter::passes(rate).map_err(unfit(id))?;
+        }
+    }
+    Ok(())
+}
+
+/// Numbers of settings that the board's timers bound.
+const SCREW_COUNTS: u16 = 0x010C;
+const NUT_COUNTS: u16 = 0x020C;
+const SCALE_COUNT_NM: u16 = 0x0402;
+
+fn counts_per_s(rpm: f64, counts_per_turn: u32) -> f64 {
+    rpm / 60.0 * f64::from(counts_per_turn)
 }

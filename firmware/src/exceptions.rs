@@ -1,7 +1,7 @@
 //! What the core raises by itself: each ends in a crash.
 
 use crate::crash::crash;
-use crate::hw::{clock, stack_guard};
+use crate::hw::{clock, flash, stack_guard};
 use cortex_m_rt::{ExceptionFrame, exception};
 
 #[exception]
@@ -18,6 +18,9 @@ unsafe fn HardFault(frame: &ExceptionFrame) -> ! {
 #[exception]
 // SAFETY: as above.
 unsafe fn NonMaskableInt() {
+    if flash::forgive_torn() {
+        return;
+    }
     if clock::crystal_failed() {
         crash(format_args!("the crystal stopped"));
     }

@@ -3,33 +3,42 @@
 //! What a host may ask, and what comes of it, is [`link::server`]'s; here it is done. Nothing above waits for it: what it
 //! shares with the supervision is locked against that alone.
 
-use crate::board;
-use crate::config::{PLATE, config};
+use crate::config::{self, Configured, PLATE, config, configured};
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW};
 use crate::hw::cycles;
+use crate::hw::flash::SettingsPages;
 use crate::hw::serial::Serial;
 use crate::motor_loop::MOTORS;
-use crate::orders::{Orders, TRAVEL_LIMITS};
+use crate::orders::Orders;
+use crate::speed::{ALL_LEARNED, LEARNED};
 use crate::telemetry::LinkStream;
+use control::compensation::line::Phasor;
 use control::coordinator::{Command, CommandError, Coordinator};
 use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
 use control::homing::HomePlan;
 use control::journal::Journal;
 use control::observer::EncoderAlignment;
+use control::plate::DriveConfig;
 use control::table_move::{MoveError, MovePlan};
+use core::mem::MaybeUninit;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use cortex_m::peripheral::SCB;
 use link::codes::{Run, State};
 use link::frame::{FRAME_MAX, encode};
 use link::message::{Aligned, DriveFrame, Injected, Injection, MotorStatus, Refusal, Status};
 use link::scale;
 use link::server::{Commander, NotSet, Served, Server};
 use link::settings::Settings;
+use link::settings::keep::Keeper;
 use rtic::Mutex;
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
 
 /// Bytes of the link's RTT channels: to the host, telemetry for 35 ms at 5 kHz; from the host, a few commands.
 pub(crate) const RTT_UP_BYTES: usize = 8 * 1024;
 pub(crate) const RTT_DOWN_BYTES: usize = 512;
+
+/// How long an answer may take to reach its host before the drive starts anew, ms.
+const RESTART_MS: u32 = 50;
 
 /// Bytes of a line that are looked at before its other work goes on.
 const BYTES_AT_ONCE: usize = 64;
@@ -85,8 +94,8 @@ impl Line for Rtt {
 
 /// All lines, and the one drive.
 pub struct Lines {
-    /// Once they are started.
-    ports: Option<(Serial, Rtt)>,
+    /// Once they are started, and the settings that the drive runs on.
+    ports: Option<(Serial, Rtt, &'static mut Keeper<SettingsPages>)>,
     servers: [Server; 2],
     commander: Commander,
     held: Held,
@@ -99,9 +108,12 @@ pub struct Lines {
 
 /// What the drive keeps for its hosts.
 struct Held {
-    settings: Settings,
     /// A stream that was asked and has not begun.
     record: Option<u32>,
+    /// Since when it is to start anew, ms: settings were stored.
+    restart: Option<u32>,
+    /// Where settings are tried.
+    tried: MaybeUninit<DriveConfig>,
 }
 
 impl Lines {
@@ -112,8 +124,9 @@ impl Lines {
             servers: [const { Server::new() }; 2],
             commander: Commander::new(0),
             held: Held {
-                settings: Settings::DEFAULT,
                 record: None,
+                restart: None,
+                tried: MaybeUninit::uninit(),
             },
             stream: LinkStream::new(),
             recorded_by: 0,
@@ -123,9 +136,14 @@ impl Lines {
 
     /// Serves these ports from now on.
     #[inline(never)]
-    pub(crate) fn start(&mut self, serial: Serial, up: UpChannel, down: DownChannel) {
-        self.held.settings = Settings::of_plate(&PLATE, board::SCALE_COUNT_M);
-        self.ports = Some((serial, Rtt { up, down }));
+    pub(crate) fn start(
+        &mut self,
+        serial: Serial,
+        up: UpChannel,
+        down: DownChannel,
+        keeper: &'static mut Keeper<SettingsPages>,
+    ) {
+        self.ports = Some((serial, Rtt { up, down }, keeper));
     }
 
     /// A look at all lines: what came is answered, and what waits goes.
@@ -135,7 +153,7 @@ impl Lines {
         journal: &mut impl Mutex<T = &'static mut Journal>,
     ) {
         let Self {
-            ports: Some((serial, rtt)),
+            ports: Some((serial, rtt, keeper)),
             servers: [serial_server, rtt_server],
             commander,
             held,
@@ -146,8 +164,18 @@ impl Lines {
         else {
             return;
         };
+        let now_ms = DRIVE_VIEW.uptime_ms.load(Relaxed);
+        if let Some(since) = held.restart {
+            // What is asked meanwhile is asked again.
+            if now_ms.wrapping_sub(since) > RESTART_MS && !state().has_bridges_on() {
+                SCB::sys_reset();
+            }
+            serial.go_on();
+            return;
+        }
         let mut drive = Drive {
             held,
+            keeper,
             orders,
             journal,
         };
@@ -161,7 +189,6 @@ impl Lines {
             *recorded_by = 1;
             stream.start(request);
         }
-        let now_ms = DRIVE_VIEW.uptime_ms.load(Relaxed);
         if now_ms != *looked {
             *looked = now_ms;
             if let Some(event) = commander.look(state(), now_ms) {
@@ -215,6 +242,7 @@ fn state() -> State {
 /// The drive as the link commands it.
 struct Drive<'a, O, J> {
     held: &'a mut Held,
+    keeper: &'a mut Keeper<SettingsPages>,
     orders: &'a mut O,
     journal: &'a mut J,
 }
@@ -287,6 +315,8 @@ where
             motors: [motor(0), motor(1)],
             scale: view.scale.load(Relaxed),
             origin: origin(),
+            runs_on: self.keeper.found().origin.word(),
+            unfit: self.keeper.found().unfit,
             dropped: view.telemetry_dropped.load(Relaxed),
             ..Status::default()
         }
@@ -317,10 +347,15 @@ where
     }
 
     fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal> {
+        let Configured {
+            plate,
+            scale_count_m,
+            ..
+        } = configured();
         let plan = MovePlan::new(
-            &PLATE.feed,
-            board::SCALE_COUNT_M,
-            PLATE.tuning.speed_rad_s,
+            &plate.feed,
+            *scale_count_m,
+            plate.tuning.speed_rad_s,
             crate::orders::STEP_S,
             distance_nm as f64 * 1e-9,
             f64::from(velocity) / f64::from(1 << scale::TABLE_VELOCITY),
@@ -331,7 +366,8 @@ where
         })?;
         // Whether the screw may turn as fast as the way takes.
         allowed(if distance_nm < 0 { -velocity } else { velocity }, base)?;
-        if !TRAVEL_LIMITS.allows(DRIVE_VIEW.scale.load(Relaxed), origin(), distance_nm) {
+        let scale = DRIVE_VIEW.scale.load(Relaxed);
+        if !configured().travel.allows(scale, origin(), distance_nm) {
             return Err(Refusal::SoftLimit);
         }
         self.orders.lock(|orders| orders.travel(plan, base));
@@ -339,9 +375,13 @@ where
     }
 
     fn home(&mut self, base: i32) -> Result<(), Refusal> {
-        let home = &PLATE.travel.home;
-        let step_s = crate::orders::STEP_S;
-        let plan = HomePlan::new(&PLATE.feed, home, board::SCALE_COUNT_M, step_s);
+        let Configured {
+            plate,
+            scale_count_m,
+            ..
+        } = configured();
+        let (home, step_s) = (&plate.travel.home, crate::orders::STEP_S);
+        let plan = HomePlan::new(&plate.feed, home, *scale_count_m, step_s);
         for velocity in plan.velocities() {
             allowed(velocity.to_bits(), base)?;
         }
@@ -386,15 +426,29 @@ where
     }
 
     fn settings(&self) -> &Settings {
-        &self.held.settings
+        self.keeper.settings()
     }
 
     fn learned(&self) -> Settings {
-        self.held.settings
+        let Configured { plate, drive, .. } = configured();
+        let settings = self.keeper.settings();
+        if !drive.compensation.active || !ALL_LEARNED.load(Relaxed) {
+            return *settings;
+        }
+        let mut orders = plate.compensation;
+        for (line, learned) in LEARNED.iter().enumerate() {
+            let [re, im] = learned.each_ref().map(|part| part.load(Relaxed));
+            orders.keep(line, Phasor { re, im });
+        }
+        settings.with_orders(&orders)
     }
 
-    fn configure(&mut self, _: &Settings) -> Result<(), NotSet> {
-        Err(NotSet::Refused(Refusal::Fixed))
+    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
+        let tried = self.held.tried.write(*config());
+        config::fits(settings, self.keeper.settings(), tried)?;
+        self.keeper.store(settings)?;
+        self.held.restart = Some(DRIVE_VIEW.uptime_ms.load(Relaxed));
+        Ok(())
     }
 
     fn record(&mut self, request: u32) {

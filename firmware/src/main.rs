@@ -27,8 +27,9 @@ mod telemetry;
 #[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG, CRS])]
 mod app {
     use crate::board::{self, EncoderParts, Ports};
-    use crate::config::{BOARD, PLATE};
+    use crate::config::BOARD;
     use crate::debug_view::DRIVE_VIEW;
+    use crate::hw::flash::SettingsPages;
     use crate::hw::motor_io::Registers;
     use crate::hw::watchdog::{Watchdog, reset_reason};
     use crate::hw::{
@@ -40,10 +41,12 @@ mod app {
     use crate::speed::{Speed, Wired};
     use crate::supervision::Supervision;
     use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
-    use crate::{bringup, crash, journal, log, schedule};
+    use crate::{bringup, config, crash, journal, log, schedule};
     use control::journal::{Journal, Kind, Warning};
+    use core::mem::MaybeUninit;
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
+    use link::settings::keep::Keeper;
     use rtic_monotonics::Timebase as _;
     use rtic_monotonics::fugit::ExtU32 as _;
     use stm32g4xx_hal::gpio::GpioExt as _;
@@ -68,7 +71,10 @@ mod app {
         off: u32,
     }
 
-    #[init(local = [kept: Lines = Lines::new()])]
+    #[init(local = [
+        kept: Lines = Lines::new(),
+        keeper: MaybeUninit<Keeper<SettingsPages>> = MaybeUninit::uninit(),
+    ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let (device, mut core) = (cx.device, cx.core);
         let bringup = bringup::begin();
@@ -94,6 +100,9 @@ mod app {
         DRIVE_VIEW.reset_reason.store(reason.word(), Relaxed);
         defmt::info!("started after a reset by {=str}", reason.name());
         clock::report_option_bytes(&device.FLASH);
+        // SAFETY: once, and no task has a state yet. Before wrong bits in the flash break the timers.
+        let keeper = unsafe { config::take_up(cx.local.keeper) };
+        let start = config::configured();
 
         clock::enable_peripherals(&rcc);
         let pins = board::claim(Ports {
@@ -110,11 +119,12 @@ mod app {
             tim5: device.TIM5,
             spi1: device.SPI1,
             dma: (&device.DMA1, &device.DMAMUX),
+            motors: &start.plate.motors,
             period: 2 * u32::from(plan.period),
         });
         let scale = encoder::Scale::start(
             device.TIM4,
-            const { encoder::InputFilter::of_scale(&board::PLATE, board::SCALE_COUNT_M) },
+            encoder::InputFilter::of_scale(start.plate.feed.velocity_max, start.scale_count_m),
         );
         amplifier::start(&device.OPAMP, pins.amplifiers, board::AMPLIFIER_GAIN);
         protection::start(
@@ -144,6 +154,7 @@ mod app {
         if bringup {
             bringup::run(bringup::Started {
                 plan: &plan,
+                motors: &start.plate.motors,
                 breaks,
                 screw_encoder: &screw_encoder,
                 nut_encoder: &nut_encoder,
@@ -167,8 +178,8 @@ mod app {
         send_telemetry::spawn().expect("spawned once");
 
         let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs);
-        let journal = journal::take_up(reason);
-        if let Some(warning) = const { Warning::of(&PLATE.brake) } {
+        let journal = journal::take_up(reason, keeper.found());
+        if let Some(warning) = Warning::of(&start.plate.brake) {
             defmt::warn!("{=str}", warning.sentence());
             journal.add(0, Kind::Warning, warning.word(), [0; 2]);
         }
@@ -184,6 +195,7 @@ mod app {
             serial::Serial::start(device.LPUART1, &device.DMAMUX),
             channels.up.2,
             channels.down.0,
+            keeper,
         );
         let bdtr = pwm::bdtr(&plan);
         converters.convert_for_nothing();

@@ -1,7 +1,6 @@
 //! What the link asks of the drive's motion: the supervision tells the speed task, once a millisecond.
 
-use crate::board;
-use crate::config::PLATE;
+use crate::config::{PLATE, configured};
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW};
 use control::fault::{Fault, FaultSet};
 use control::format::{Speed, SpeedChange, TableVelocity};
@@ -9,7 +8,7 @@ use control::homing::HomePlan;
 use control::interlock;
 use control::speed_task::STEPS_PER_LOOK;
 use control::table_move::MovePlan;
-use control::travel::{Travel, TravelConfig, TravelLook};
+use control::travel::{Travel, TravelLook};
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::{Run, State};
 use link::motion::{Motion, Seen};
@@ -26,9 +25,6 @@ pub(crate) static PLANNED: [AtomicI32; 2] = [const { AtomicI32::new(0) }; 2];
 static WAY: [[AtomicBool; 2]; 2] = [const { [const { AtomicBool::new(false) }; 2] }; 2];
 /// How the last move or homing is going: a [`Travel`](link::message::Travel)'s word.
 pub(crate) static TRAVEL: AtomicU32 = AtomicU32::new(0);
-
-/// The soft limits.
-pub(crate) const TRAVEL_LIMITS: TravelConfig = PLATE.travel_config(board::SCALE_COUNT_M);
 
 /// What the contacts say, with what the orders say of the table's way.
 #[inline(always)]
@@ -121,7 +117,7 @@ impl Orders {
             reference: (Speed::from_bits(speed), SpeedChange::from_bits(change)),
             asked: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
         };
-        let travel = self.travel.step(&TRAVEL_LIMITS, &look);
+        let travel = self.travel.step(&configured().travel, &look);
         let ways = WAY.as_flattened().iter();
         for (word, value) in ways.zip([travel.blocked, asked.homing].as_flattened()) {
             word.store(*value, Relaxed);

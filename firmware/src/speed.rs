@@ -11,19 +11,26 @@ use crate::hw::outputs::Output;
 use crate::motor_loop::MOTORS;
 use crate::orders::{self, ARRIVED, PLANNED};
 use crate::telemetry::Sampler;
+use control::compensation::LINES;
 use control::coordinator::Command;
 use control::fault::Fault;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::interlock;
 use control::speed_task::SpeedTask;
 use control::supervisor::{Request, State};
-use core::sync::atomic::AtomicU32;
-use core::sync::atomic::Ordering::Relaxed;
+use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
 use cortex_m::peripheral::NVIC;
 use stm32g4xx_hal::stm32::Interrupt;
 
 /// Word of the fault that the supervision has found, or 0.
 pub(crate) static FOUND: AtomicU32 = AtomicU32::new(0);
+
+/// What each line of the compensation has learned, re and im: see [`control::compensation::Compensation::coefficient`].
+pub(crate) static LEARNED: [[AtomicI32; 2]; LINES] =
+    [const { [const { AtomicI32::new(0) }; 2] }; LINES];
+
+/// All of them have been shown since the start.
+pub(crate) static ALL_LEARNED: AtomicBool = AtomicBool::new(false);
 
 /// The pins of the speed task.
 pub(crate) struct Wired {
@@ -45,6 +52,8 @@ pub(crate) struct Speed {
     taken: u32,
     /// What the view last was told.
     shown: State,
+    /// The line that is shown next among the [`LEARNED`].
+    line: usize,
 }
 
 impl Speed {
@@ -61,6 +70,7 @@ impl Speed {
             brake: pins.brake,
             taken: 0,
             shown: State::Boot,
+            line: 0,
         }
     }
 
@@ -130,6 +140,7 @@ impl Speed {
         if count(&view.speed_steps) & 63 == 0 {
             let limits = control.limits(config(), exchanges);
             view.limits.store(limits.word(), Relaxed);
+            self.show_learned(control);
         }
         self.sampler.step(&output, scale);
         if NVIC::is_pending(Interrupt::FMAC) {
@@ -138,6 +149,21 @@ impl Speed {
         let spent = cycles::now().wrapping_sub(start);
         view.speed_cycles.store(spent, Relaxed);
         keep_max(&view.speed_cycles_max, spent);
+    }
+
+    /// One line of what is learned, the next one each time: all of them every 0.3 s.
+    #[inline(never)]
+    #[unsafe(link_section = ".ccm.learned")]
+    fn show_learned(&mut self, control: &SpeedTask) {
+        let Some([re, im]) = LEARNED.get(self.line) else {
+            self.line = 0;
+            ALL_LEARNED.store(true, Relaxed);
+            return;
+        };
+        let learned = control.compensation().coefficient(self.line);
+        re.store(learned.re, Relaxed);
+        im.store(learned.im, Relaxed);
+        self.line = self.line.wrapping_add(1);
     }
 
     /// What the supervision sees of the references, and the brake.

@@ -2,7 +2,7 @@
 //! the watchdog, report.
 
 use crate::board;
-use crate::config::guard;
+use crate::config::configured;
 use crate::debug_view::{DRIVE_VIEW, count};
 use crate::hw::analog;
 use crate::hw::inputs::Inputs;
@@ -95,7 +95,7 @@ impl Supervision {
             index: flags.map(|flags| flags.index),
             transition_error: flags.map(|flags| flags.transition_error),
         };
-        let found = self.guard.step(guard(), &look).or(found);
+        let found = self.guard.step(&configured().guard, &look).or(found);
         FOUND.store(fault::word(found), Relaxed);
         if let Some(fault) = found
             && found != self.found
@@ -109,7 +109,7 @@ impl Supervision {
             view.uptime_ms.load(Relaxed),
             state,
             FaultSet::of_words(latched),
-            |fault| self.guard.values(guard(), &look, fault),
+            |fault| self.guard.values(&configured().guard, &look, fault),
         );
         store(&view.temperatures, look.temperatures.map(u32::from));
         store(&view.bus, look.bus.map(u32::from));

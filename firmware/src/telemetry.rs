@@ -4,8 +4,7 @@
 //! nut's step that comes between is noticed by its count. While the channel is full, rows stay in the queue; once that is
 //! full too they are dropped and counted, and the host sees by their period that they are missing.
 
-use crate::board;
-use crate::config::config;
+use crate::config::{config, configured};
 use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
 use crate::motor_loop::MOTORS;
 use crate::rows::{ROWS, Rows, WORDS};
@@ -19,8 +18,8 @@ use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
 use link::telemetry::{FRAME_MAX, Frame, Header, MotorSample, Request, Sample, rounded};
 use rtt_target::{ChannelMode, UpChannel};
 
-/// Bytes of the channel: a host that looks away for 0.1 s loses nothing at 5 kHz.
-pub(crate) const CHANNEL_BYTES: usize = 32 * 1024;
+/// Bytes of the channel: a host that looks away for 80 ms loses nothing at 5 kHz.
+pub(crate) const CHANNEL_BYTES: usize = 20 * 1024;
 
 /// Between the two.
 static QUEUE: Rows = Rows::new();
@@ -195,10 +194,10 @@ impl Sender {
 }
 
 /// What the host must know to read the rows.
-const fn header(request: u32) -> Header {
+fn header(request: u32) -> Header {
     Header {
         request,
-        ..const { Header::of_plate(&board::PLATE, board::SCALE_COUNT_M) }
+        ..configured().header
     }
 }
 

@@ -77,6 +77,12 @@ impl SimulatedFlash {
         self.left = Some(operations);
     }
 
+    /// Power was cut, and is not back.
+    #[must_use]
+    pub fn is_cut(&self) -> bool {
+        self.left == Some(u32::MAX)
+    }
+
     /// Power is back.
     pub fn power_up(&mut self) {
         self.left = None;

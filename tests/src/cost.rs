@@ -112,6 +112,12 @@ const NESTING: [&[&str]; 8] = [
     &["HardFault"],
 ];
 
+/// Of these, what the start cannot mask.
+const UNMASKED: [&str; 2] = ["NonMaskableInt", "HardFault"];
+
+/// What runs when nothing else does.
+const IDLE: &str = "firmware::app::idle";
+
 /// Stack that an exception's entry takes: eight words, and one to align it.
 const FRAME: u32 = 36;
 
@@ -264,7 +270,7 @@ pub fn hung_loop_cycles() -> Result<u64, String> {
 }
 
 /// Loops of the handlers below the control, and where their ways end.
-const BELOW: [LoopBound; 17] = [
+const BELOW: [LoopBound; 19] = [
     LoopBound {
         function: "control::guard",
         rounds: 4,
@@ -337,6 +343,16 @@ const BELOW: [LoopBound; 17] = [
     },
     LoopBound {
         function: "serialize_field",
+        rounds: 5,
+        because: "a word has five bytes of seven bits",
+    },
+    LoopBound {
+        function: "Serialize for link::telemetry::Real",
+        rounds: 8,
+        because: "a number's eight bytes",
+    },
+    LoopBound {
+        function: "varint",
         rounds: 5,
         because: "a word has five bytes of seven bits",
     },
@@ -418,20 +434,27 @@ pub fn responses(image: &Image) -> Result<Vec<Response>, String> {
     Ok(all)
 }
 
-/// Bytes of stack that all nested tasks can take at most.
+/// Bytes of stack that all nested tasks can take at most: those of the start, which what cannot be masked alone interrupts (RTIC book,
+/// "App initialization and the init task": it runs with interrupts disabled), or those of all that goes on afterwards.
 ///
 /// # Errors
 /// The code cannot be read, or has no bound.
 pub fn stack_bound(image: &Image, graph: &mut Graph<'_>) -> Result<u32, String> {
-    let mut sum = graph.stack(image.symbol("Reset")? & !1)?;
+    let (reset, idle) = (image.symbol("Reset")? & !1, image.demangled(IDLE)? & !1);
+    let before = graph.stack_before(reset, idle)?;
+    let before = before.ok_or_else(|| format!("nothing in the start calls {IDLE}"))?;
+    let (mut start, mut run) = (graph.stack(reset)?, before + graph.stack(idle)?);
     for level in NESTING {
         let mut deepest = 0;
         for handler in level {
             deepest = deepest.max(graph.stack(image.symbol(handler)? & !1)?);
         }
-        sum += FRAME + deepest;
+        run += FRAME + deepest;
+        if level.iter().any(|handler| UNMASKED.contains(handler)) {
+            start += FRAME + deepest;
+        }
     }
-    Ok(sum)
+    Ok(start.max(run))
 }
 
 /// Why a handler could do what it must not: use the float unit, whose registers exceptions do not save; reach a panic; or

@@ -17,7 +17,7 @@ use std::rc::Rc;
 use unicorn_engine::{Arch, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
 
 /// What programs reach of the flash; the rest is the chip's: [`crate::chip::flash`].
-const FLASH: (u64, u64) = (0x0800_0000, 0x7_F000);
+const FLASH: (u64, u64) = (0x0800_0000, flash::START as u64 - 0x0800_0000);
 const RAM: (u64, u64) = (0x2000_0000, 0x1_8000);
 const CCM: (u64, u64) = (0x1000_0000, 0x8000);
 const BIT_BAND: u64 = 0x4200_0000;

@@ -154,6 +154,27 @@ impl<'a> Graph<'a> {
         Ok(named + CALLS_BY_REGISTER * by_register)
     }
 
+    /// Bytes of stack that are taken when the function at `start` has come to the call of the one at `to`; `None` if it calls it
+    /// never, by name.
+    ///
+    /// # Errors
+    /// A function cannot be read, or calls itself.
+    pub fn stack_before(&mut self, start: u32, to: u32) -> Result<Option<u32>, String> {
+        if start == to {
+            return Ok(Some(0));
+        }
+        if !self.reach(start)?.functions.contains(&to) {
+            return Ok(None);
+        }
+        let body = self.body(start)?;
+        let (own, calls) = (body.stack, body.calls());
+        let mut most = None;
+        for call in calls {
+            most = most.max(self.stack_before(call, to)?);
+        }
+        Ok(most.map(|below| own + below))
+    }
+
     /// The largest frame that a function takes at once, bytes, and the function's name.
     ///
     /// # Errors

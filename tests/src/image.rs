@@ -101,6 +101,13 @@ impl Image {
         end.filter(|_| *data)
     }
 
+    /// Where the next data begins after `address`; `None` if none does.
+    #[must_use]
+    pub fn data_after(&self, address: u32) -> Option<u32> {
+        let mut after = self.data.range(address + 1..);
+        after.find(|(_, data)| **data).map(|(&begin, _)| begin)
+    }
+
     /// The address of a symbol.
     ///
     /// # Errors

@@ -379,6 +379,7 @@ impl core::error::Error for Misfit {}
 /// # Errors
 /// [`Misfit`] if the value is not finite, too large for the format, or too small to be resolved.
 #[allow(clippy::float_arithmetic)]
+#[inline(never)]
 pub const fn quantise(
     name: &'static str,
     unit: &'static str,

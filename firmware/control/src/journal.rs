@@ -18,6 +18,7 @@ codes! {
         Start = 1, "start", "The drive has started: the code is the reason of its reset.";
         State = 2, "state", "The drive does something else: the code is its state.";
         Fault = 3, "fault", "The first cause of a fault, or of a stop: the code is the fault.";
+        Settings = 6, "settings", "Which settings it runs on: the code says which, the value the number of a stored setting that does not fit.";
         Further = 4, "further fault", "What was found besides, after the first cause: the code is the fault.";
         Warning = 5, "warning", "What the drive's settings do not provide for: the code is the warning.";
     }

@@ -97,7 +97,7 @@ pub enum Command {
     },
     /// Forgets the draft.
     Discard,
-    /// The draft holds from now on, all of it or nothing: a drive at rest starts anew with it.
+    /// The draft is stored, all of it or nothing, and a drive at rest starts anew with it, which ends all sessions.
     Commit,
     /// Puts a fault into a simulated drive.
     Inject(Injection),
@@ -182,8 +182,9 @@ codes! {
         AtRest = 13, "at rest", "Only a drive that runs takes this: move it first.";
         Current = 14, "current", "There is no such motor, or the current is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
         Angle = 15, "angle", "There is no such motor, its angle is not known, or it is further off than an alignment can be: 30 electrical degrees.";
-        Fixed = 16, "constant", "This firmware's settings are constants of its board: change them in its source, and flash it.";
+        NotStored = 16, "not stored", "The settings fit, but no page of the flash could be written and read back: it is worn out, locked, or not in two banks (option byte DBANK). What held before still holds.";
         SoftLimit = 17, "soft limit", "The table would end beyond a soft limit: see the settings travel.soft_least_mm and travel.soft_most_mm.";
+        Interface = 18, "encoder interface", "This board's pins read another kind of encoder: leave the settings screw.encoder_interface and nut.encoder_interface as they are.";
     }
 }
 
@@ -389,6 +390,10 @@ pub struct Status {
     pub scale: i32,
     /// Its count at position zero; `None`: the drive is not homed, and soft limits do not act.
     pub origin: Option<i32>,
+    /// Which settings it runs on: an [`Origin`](crate::codes::Origin)'s word.
+    pub runs_on: u32,
+    /// Number of the stored setting that does not fit; 0: none, or none by itself.
+    pub unfit: u16,
     /// Telemetry samples that found no room.
     pub dropped: u32,
     /// Frames from this host.

@@ -118,6 +118,8 @@ pub struct Commander {
     armed: Option<u32>,
     /// The session that moves it.
     owner: Option<u32>,
+    /// Sessions up to this one are over.
+    ended: u32,
     before: State,
     faults: Vec<Event, FAULTS>,
 }
@@ -131,6 +133,7 @@ impl Commander {
             next: sessions,
             armed: None,
             owner: None,
+            ended: sessions,
             before: State::Boot,
             faults: Vec::new(),
         }
@@ -140,8 +143,19 @@ impl Commander {
     /// has one once a host's first byte comes, at a time that nobody knows.
     pub fn stir(&mut self, sessions: u32) {
         if self.next == 0 {
-            self.next = sessions;
+            (self.next, self.ended) = (sessions, sessions);
         }
+    }
+
+    /// That session is over. Numbers rise, and wrap.
+    const fn has_ended(&self, session: u32) -> bool {
+        session.wrapping_sub(self.ended).cast_signed() <= 0
+    }
+
+    /// The drive starts anew: all sessions are over.
+    fn start_anew(&mut self) {
+        (self.armed, self.owner) = (None, None);
+        self.ended = self.next;
     }
 
     /// The drive may be moved.
@@ -248,7 +262,7 @@ impl Server {
         };
         let reply = match self.admit(&frame, commander, drive) {
             Some(reply) => reply,
-            None if self.session == Some(frame.session) => {
+            None if self.session == Some(frame.session) && !commander.has_ended(frame.session) => {
                 if frame.sequence <= self.sequence {
                     count(&mut self.repeated);
                     return;
@@ -379,7 +393,7 @@ impl Server {
                 Ok(())
             }
             Command::Settings { from } => return settings(drive.settings(), from),
-            Command::Learned { from } => return settings(&drive.learned(), from),
+            Command::Learned { from } => return learned(drive, from),
             Command::Draft { id, value } => match &mut self.draft {
                 Some(draft) => draft.set(id, value).map_err(|_| Refusal::Setting),
                 None => Err(Refusal::Session),
@@ -392,7 +406,7 @@ impl Server {
             Command::Commit => match self.draft.as_ref().map(|draft| drive.configure(draft)) {
                 None => Err(Refusal::Session),
                 Some(Ok(())) => {
-                    commander.armed = None;
+                    commander.start_anew();
                     Ok(())
                 }
                 Some(Err(NotSet::Unfit(unfit))) => return said(&unfit),
@@ -430,6 +444,12 @@ fn runnable(state: State) -> Result<(), Refusal> {
         State::Fault(_) => Err(Refusal::Fault),
         State::Boot | State::SelfTest | State::Aligning => Err(Refusal::NotReady),
     }
+}
+
+/// By itself: all settings are kilobytes, which not each answer is to have on its stack.
+#[inline(never)]
+fn learned(drive: &impl Served, from: u16) -> Reply {
+    settings(&drive.learned(), from)
 }
 
 fn settings(settings: &Settings, from: u16) -> Reply {
@@ -771,6 +791,12 @@ mod tests {
         );
         assert_eq!(drive.settings.feed.lead_mm, 10.0);
 
+        // The drive starts anew, and all sessions are over.
+        assert_eq!(
+            line.ask(Command::Status, &mut commander, &mut drive),
+            refused(Refusal::Session)
+        );
+        line.ask(Command::Hello, &mut commander, &mut drive);
         let (mut all, mut from) = (0, 0);
         while let Reply::Settings(some) =
             line.ask(Command::Settings { from }, &mut commander, &mut drive)

@@ -109,16 +109,12 @@ pub(crate) fn start_encoders(parts: EncoderParts) -> (ScrewEncoder, NutEncoder) 
         tim5,
         spi1,
         dma,
+        motors: [_, nut],
         period,
     } = parts;
     (
         Mt6835::start(spi1, tim2, dma, TopOf::Screw, period),
-        Incremental::start(
-            tim5,
-            &PLATE.motors[1].encoder,
-            const { InputFilter::of_motor(&PLATE.motors[1]) },
-            TopOf::Nut,
-        ),
+        Incremental::start(tim5, &nut.encoder, InputFilter::of_motor(nut), TopOf::Nut),
     )
 }
 

@@ -96,18 +96,18 @@ pub(crate) type NutEncoder = Incremental<TIM5, false>;
 
 /// Starts both motors' encoders. Neither index is wired: its timers' index pins serve as encoder and bus inputs.
 pub(crate) fn start_encoders(parts: EncoderParts) -> (ScrewEncoder, NutEncoder) {
-    let [screw, nut] = &PLATE.motors;
+    let [screw, nut] = parts.motors;
     (
         Incremental::start(
             parts.tim2,
             &screw.encoder,
-            const { InputFilter::of_motor(&PLATE.motors[0]) },
+            InputFilter::of_motor(screw),
             TopOf::Screw,
         ),
         Incremental::start(
             parts.tim5,
             &nut.encoder,
-            const { InputFilter::of_motor(&PLATE.motors[1]) },
+            InputFilter::of_motor(nut),
             TopOf::Nut,
         ),
     )

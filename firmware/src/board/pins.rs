@@ -6,6 +6,7 @@ use crate::hw::analog::{Channels, Input, Sampling};
 use crate::hw::inputs::{FaultLine, Inputs};
 use crate::hw::outputs::{Level, Outputs};
 use crate::hw::protection::DriverFault;
+use control::plate::MotorPlate;
 use core::marker::PhantomData;
 use embedded_hal_02::adc::Channel;
 use link::bringup::PinUse;
@@ -52,6 +53,8 @@ pub(crate) struct EncoderParts<'a> {
     pub(crate) tim5: TIM5,
     pub(crate) spi1: SPI1,
     pub(crate) dma: (&'a DMA1, &'a DMAMUX),
+    /// The motors that they are on.
+    pub(crate) motors: &'a [MotorPlate; 2],
     /// PWM period, timer counts.
     pub(crate) period: u32,
 }

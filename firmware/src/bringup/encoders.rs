@@ -9,7 +9,7 @@ use link::bringup::{EncoderKind, EncoderReading};
 use stm32g4xx_hal::stm32::TIM1;
 
 pub(super) fn read(words: &[EncoderReading; 2], started: &Started<'_>, listen_ms: u32) {
-    for (entry, motor) in words.iter().zip(&board::PLATE.motors) {
+    for (entry, motor) in words.iter().zip(started.motors) {
         let kind = match motor.encoder.interface {
             Interface::Incremental => EncoderKind::Incremental,
             Interface::IncrementalWithIndex => EncoderKind::IncrementalWithIndex,

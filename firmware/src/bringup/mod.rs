@@ -23,6 +23,7 @@ use crate::board;
 use crate::hw::clock::CORE_HZ;
 use crate::hw::encoder::Encoder;
 use crate::hw::pwm::PwmPlan;
+use control::plate::MotorPlate;
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
 use cortex_m::peripheral::DWT;
@@ -46,6 +47,7 @@ static BRINGUP_REPORT: BringupReport = BringupReport::zero();
 /// What the drive's start has set up, and the bring-up goes on with.
 pub(crate) struct Started<'a> {
     pub(crate) plan: &'a PwmPlan,
+    pub(crate) motors: &'a [MotorPlate; 2],
     /// `TIMx_AF1` of both timers as the drive has them.
     pub(crate) breaks: [u32; 2],
     pub(crate) screw_encoder: &'a board::ScrewEncoder,

@@ -106,6 +106,11 @@ impl Serving {
         &self.drive
     }
 
+    /// The same, to look into its flash.
+    pub fn drive_mut(&mut self) -> &mut SimulatedDrive {
+        &mut self.drive
+    }
+
     /// A millisecond: what came is answered, then the machine moves on.
     pub fn millisecond(&mut self) {
         let Self {

@@ -16,6 +16,7 @@ pub use within::Within;
 use crate::alignment::{Start, settle};
 use crate::drive::Drive;
 use crate::experiment::Setup;
+use crate::flash::SimulatedFlash;
 use crate::smooth::bench::learned;
 use control::coordinator::CommandError;
 use control::format::{Current, Misfit, TableVelocity};
@@ -34,7 +35,9 @@ use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
 use link::motion::{Motion, Seen};
 use link::scale;
 use link::server::{NotSet, Served};
+use link::settings::keep::Keeper;
 use link::settings::plate::Unfit;
+use link::settings::store::PAGES;
 use link::settings::{Settings, Value};
 use link::telemetry::{self, Frame, Header, MotorSample, Real, Request, Sample};
 use plant::Axis;
@@ -87,7 +90,9 @@ pub struct SimulatedDrive {
     before: u64,
     world: World,
     board: BoardPlate,
-    settings: Settings,
+    /// Its own settings, without a store.
+    own: Settings,
+    keeper: Keeper<SimulatedFlash>,
     plate: DrivePlate,
     setup: Setup,
     motion: Motion,
@@ -132,36 +137,91 @@ impl SimulatedDrive {
     }
 
     fn of(setup: Setup, made: &DrivePlate, begin: Begin) -> Result<Self, Misfit> {
-        let settings = tidy(Settings::of_plate(made, setup.board.sensors.scale_count_m));
+        let own = tidy(Settings::of_plate(made, setup.board.sensors.scale_count_m));
         // As it will be after a restart with the same settings.
-        let plate = settings.plate(&made.board);
+        let plate = own.plate(&made.board);
         let drive = begin.drive(&setup, &plate)?;
-        Ok(Self {
+        let mut simulated = Self {
             begin,
             world: World::new(&plate.board, setup.board.bus_v, setup.model.feed.load_n)?,
             drive,
             before: 0,
             board: made.board,
-            settings,
+            own,
+            keeper: keeper(SimulatedFlash::new(PAGES, 0), own, &made.board),
             plate,
             setup,
             motion: motion(&plate),
             travel: Travel::new(),
-            travel_limits: plate.travel_config(settings.scale_count_m()),
+            travel_limits: plate.travel_config(own.scale_count_m()),
             asked: TableVelocity::ZERO,
             stream: None,
             waiting: VecDeque::new(),
             dropped: 0,
             records: 0,
             scale: 0,
-            journal: {
-                let mut journal = Journal::new();
-                journal.add(0, Kind::Start, ResetReason::Power.word(), [0; 2]);
-                warn(&mut journal, 0, &settings);
-                journal
-            },
+            journal: Journal::new(),
             recorder: Recorder::new(),
-        })
+        };
+        simulated.has_started(ResetReason::Power);
+        Ok(simulated)
+    }
+
+    /// With what its flash holds, in place of an erased one: it starts anew.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a gain does not fit its format.
+    pub fn put_flash(&mut self, flash: SimulatedFlash) -> Result<(), Misfit> {
+        self.keeper = keeper(flash, self.own, &self.board);
+        let (drive, plate) = self.with(self.keeper.settings())?;
+        self.go_on(drive, plate);
+        Ok(())
+    }
+
+    /// What its flash holds.
+    pub fn flash(&mut self) -> &SimulatedFlash {
+        self.keeper.flash()
+    }
+
+    /// A drive with these settings, and its plate.
+    fn with(&self, settings: &Settings) -> Result<(Drive, DrivePlate), Misfit> {
+        let plate = settings.plate(&self.board);
+        Ok((self.begin.drive(&self.setup, &plate)?, plate))
+    }
+
+    /// Starts anew as `drive`, on the board and machine that are there.
+    fn go_on(&mut self, mut drive: Drive, plate: DrivePlate) {
+        // An encoder that is read as before has not lost its rotor: its counter went on.
+        for axis in Axis::ALL {
+            let k = axis.index();
+            let [before, now] = [&self.plate, &plate].map(|plate| &plate.motors[k]);
+            if before.encoder == now.encoder && before.pole_pairs == now.pole_pairs {
+                drive.keep_alignment(axis, &self.drive);
+            }
+        }
+        std::mem::swap(&mut drive.board, &mut self.drive.board);
+        self.before += self.drive.periods();
+        self.drive = drive;
+        self.plate = plate;
+        (self.motion, self.stream) = (motion(&plate), None);
+        self.travel = Travel::new();
+        self.travel_limits = plate.travel_config(self.keeper.settings().scale_count_m());
+        self.asked = TableVelocity::ZERO;
+        self.has_started(ResetReason::Software);
+    }
+
+    fn has_started(&mut self, reason: ResetReason) {
+        let (uptime_ms, found) = (self.uptime_ms(), self.keeper.found());
+        self.recorder = Recorder::new();
+        self.journal
+            .add(uptime_ms, Kind::Start, reason.word(), [0; 2]);
+        let values = [found.unfit.into(), 0];
+        self.journal
+            .add(uptime_ms, Kind::Settings, found.origin.word(), values);
+        if let Some(warning) = self.keeper.settings().warning() {
+            self.journal
+                .add(uptime_ms, Kind::Warning, warning.word(), [0; 2]);
+        }
     }
 
     /// One PWM period.
@@ -221,7 +281,7 @@ impl SimulatedDrive {
     /// The settings that hold.
     #[must_use]
     pub fn held_settings(&self) -> &Settings {
-        &self.settings
+        self.keeper.settings()
     }
 
     /// The drive itself, for what no host sees.
@@ -327,6 +387,26 @@ impl SimulatedDrive {
     }
 }
 
+/// What a drive of `board` finds in its flash.
+fn keeper(flash: SimulatedFlash, own: Settings, board: &BoardPlate) -> Keeper<SimulatedFlash> {
+    let mut keeper = Keeper::new(flash, own);
+    keeper.take_up(
+        || own,
+        |settings| fits(settings, &own, board).map_err(NotSet::from),
+    );
+    keeper
+}
+
+/// Whether settings may take the place of those `before`, which fit.
+fn fits(settings: &Settings, before: &Settings, board: &BoardPlate) -> Result<(), Unfit> {
+    let config = before.plate(board).config();
+    let mut config = config.map_err(|misfit| Unfit {
+        setting: None,
+        misfit,
+    })?;
+    settings.fits(before, board, &mut config)
+}
+
 /// To 15 digits, so that a conversion's last bit is not shown to a person: 11.8 and not 11.799999999999999.
 fn tidy(mut settings: Settings) -> Settings {
     for setting in Settings::all() {
@@ -338,13 +418,6 @@ fn tidy(mut settings: Settings) -> Settings {
         }
     }
     settings
-}
-
-/// Writes down what the settings do not provide for.
-fn warn(journal: &mut Journal, uptime_ms: u32, settings: &Settings) {
-    if let Some(warning) = settings.warning() {
-        journal.add(uptime_ms, Kind::Warning, warning.word(), [0; 2]);
-    }
 }
 
 /// What is asked of the motion of a drive of that plate, in each step of its speed task.
@@ -398,6 +471,8 @@ impl Served for SimulatedDrive {
             motors,
             scale: self.scale,
             origin: self.motion.origin(),
+            runs_on: self.keeper.found().origin.word(),
+            unfit: self.keeper.found().unfit,
             dropped: self.dropped,
             ..Status::default()
         }
@@ -429,7 +504,7 @@ impl Served for SimulatedDrive {
     fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal> {
         let plan = MovePlan::new(
             &self.plate.feed,
-            self.settings.scale_count_m(),
+            self.keeper.settings().scale_count_m(),
             self.plate.tuning.speed_rad_s,
             self.plate.speed_step(),
             distance_nm as f64 * 1e-9,
@@ -452,7 +527,7 @@ impl Served for SimulatedDrive {
     }
 
     fn home(&mut self, base: i32) -> Result<(), Refusal> {
-        let (plate, count_m) = (&self.plate, self.settings.scale_count_m());
+        let (plate, count_m) = (&self.plate, self.keeper.settings().scale_count_m());
         let plan = HomePlan::new(&plate.feed, &plate.travel.home, count_m, plate.speed_step());
         for velocity in plan.velocities() {
             self.ask(velocity.to_bits(), base)?;
@@ -489,43 +564,24 @@ impl Served for SimulatedDrive {
     }
 
     fn settings(&self) -> &Settings {
-        &self.settings
+        self.keeper.settings()
     }
 
     fn learned(&self) -> Settings {
         let orders = learned(&self.drive, self.plate.compensation);
-        self.settings.with_orders(&orders)
+        self.keeper.settings().with_orders(&orders)
     }
 
     fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
-        settings.config(&self.settings, &self.board)?;
-        let plate = settings.plate(&self.board);
-        let mut drive = self
-            .begin
-            .drive(&self.setup, &plate)
-            .map_err(|misfit| Unfit {
-                setting: None,
-                misfit,
-            })?;
-        // An encoder that is read as before has not lost its rotor: its counter went on.
-        for axis in Axis::ALL {
-            let k = axis.index();
-            let [before, now] = [&self.plate, &plate].map(|plate| &plate.motors[k]);
-            if before.encoder == now.encoder && before.pole_pairs == now.pole_pairs {
-                drive.keep_alignment(axis, &self.drive);
-            }
-        }
-        // Board and machine go on as they are.
-        std::mem::swap(&mut drive.board, &mut self.drive.board);
-        self.before += self.drive.periods();
-        self.drive = drive;
-        (self.settings, self.plate) = (*settings, plate);
-        (self.motion, self.stream) = (motion(&plate), None);
-        self.travel = Travel::new();
-        self.travel_limits = plate.travel_config(settings.scale_count_m());
-        self.asked = TableVelocity::ZERO;
-        let uptime_ms = self.uptime_ms();
-        warn(&mut self.journal, uptime_ms, settings);
+        fits(settings, self.keeper.settings(), &self.board)?;
+        let (drive, plate) = self.with(settings).map_err(|misfit| Unfit {
+            setting: None,
+            misfit,
+        })?;
+        self.keeper.store(settings)?;
+        let flash = self.keeper.flash().clone();
+        self.keeper = keeper(flash, self.own, &self.board);
+        self.go_on(drive, plate);
         Ok(())
     }
 
@@ -534,7 +590,7 @@ impl Served for SimulatedDrive {
         self.waiting.clear();
         let header = Header {
             request,
-            ..Header::of_plate(&self.plate, self.settings.scale_count_m())
+            ..Header::of_plate(&self.plate, self.keeper.settings().scale_count_m())
         };
         self.waiting.push_back(Frame::Header(header));
         let request = Request::of_word(request);

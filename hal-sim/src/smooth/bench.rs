@@ -9,10 +9,10 @@ use crate::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
 use crate::parallel::on_all_cores;
 use crate::seam::{Seam, Straight};
 use crate::vrf::vrf_percent;
-use control::compensation::{SPEED_BITS, TORQUE_BITS};
+use control::compensation::LINES;
 use control::current_loop::MotorSample;
 use control::encoder::Interface;
-use control::plate::{CompensationPlate, OrderPlate, RejectionPlate};
+use control::plate::{CompensationPlate, RejectionPlate};
 use plant::Axis;
 use plant::model::Model;
 use rand_distr::{Distribution, StandardUniform};
@@ -134,20 +134,8 @@ impl Case {
 /// What a drive has learned, as its plate would say it.
 #[must_use]
 pub fn learned(drive: &Drive, mut plate: CompensationPlate) -> CompensationPlate {
-    let compensation = drive.compensation();
-    let keep = |plate: &mut OrderPlate, re: i32, im: i32, bits: u32| {
-        let unit = 2f64.powi(-(bits as i32));
-        (plate.re, plate.im) = (f64::from(re) * unit, f64::from(im) * unit);
-    };
-    let torque = plate.torque.iter_mut().flatten();
-    for (plate, phasor) in torque.zip(compensation.torque().iter().flatten()) {
-        keep(plate, phasor.re, phasor.im, TORQUE_BITS);
-    }
-    let speeds = plate.angle.iter_mut().flatten().chain(&mut plate.travel);
-    let learned = compensation.angle();
-    let travel = compensation.travel();
-    for (plate, phasor) in speeds.zip(learned.iter().flatten().chain(&travel)) {
-        keep(plate, phasor.re, phasor.im, SPEED_BITS);
+    for line in 0..LINES {
+        plate.keep(line, drive.compensation().coefficient(line));
     }
     plate
 }

@@ -1,17 +1,29 @@
-//! The flash's controller, and its last 4 KiB, which no program reaches (RM0440 5.3.5 to 5.3.7, 5.7).
+//! The flash's controller, and the pages that the firmware erases and writes: its settings', then the bring-up's two, all at the
+//! end of the second bank (RM0440 3.3.5 to 3.3.8, 3.7).
+//!
+//! What runs lies in the first bank, which is read on while the second works; who reads the second then waits until it has done.
 
 use super::CORE_HZ;
+use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
+use hal_sim::flash::{PAGE, SimulatedFlash};
+use link::settings::store::PAGES;
 
-/// Where the memory that the model has starts, and its size.
-pub const START: u32 = 0x0807_F000;
-/// Of two pages of 2 KiB.
-pub const SIZE: usize = 4096;
-/// Where it ends.
-pub const END: u32 = START + SIZE as u32;
+/// Pages that the model has.
+const MODELLED: usize = PAGES + 2;
+/// Bytes of them.
+pub const SIZE: usize = MODELLED * PAGE;
+/// Where the chip's flash ends.
+pub const END: u32 = 0x0808_0000;
+/// Where they start.
+pub const START: u32 = END - SIZE as u32;
+/// Number of the first, of the 128 of its bank.
+const FIRST: u32 = 128 - MODELLED as u32;
+const BANK_2: u32 = 0x0804_0000;
 
 const KEYR: u32 = 0x08;
 const SR: u32 = 0x10;
 const CR: u32 = 0x14;
+const ECCR: u32 = 0x18;
 
 const BSY: u32 = 1 << 16;
 const EOP: u32 = 1;
@@ -26,11 +38,15 @@ const SECOND_BANK: u32 = 1 << 11;
 const STRT: u32 = 1 << 16;
 const LOCK: u32 = 1 << 31;
 
+/// ECCR: two wrong bits, in the second bank.
+const ECCD: u32 = 1 << 31;
+const BK_ECC: u32 = 1 << 21;
+
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
-/// Typical times (DS12288, flash memory characteristics; memory): a page, a double word.
-const ERASE: u64 = CORE_HZ * 22 / 1000;
-const PROGRAM: u64 = CORE_HZ * 85 / 1_000_000;
+/// Longest times (DS12288, flash memory characteristics; memory): a page, a double word.
+const ERASE: u64 = CORE_HZ * 2447 / 100_000;
+const PROGRAM: u64 = CORE_HZ * 8335 / 100_000_000;
 
 /// What is wrong with it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -44,10 +60,11 @@ pub struct Worn {
 /// Controller and memory.
 pub struct Flash {
     /// What it holds.
-    pub memory: Vec<u8>,
+    pub memory: SimulatedFlash,
     keys: usize,
     control: u32,
     status: u32,
+    ecc: u32,
     busy_until: u64,
     /// The first word of a double word that is being written.
     half: Option<(u32, u32)>,
@@ -60,10 +77,11 @@ impl Flash {
     #[must_use]
     pub fn new() -> Self {
         Self {
-            memory: vec![0xFF; SIZE],
+            memory: SimulatedFlash::new(MODELLED, 1),
             keys: 0,
             control: LOCK,
             status: 0,
+            ecc: 0,
             busy_until: 0,
             half: None,
             worn: Worn::default(),
@@ -72,7 +90,8 @@ impl Flash {
 
     /// After a reset: locked; what it holds stays.
     pub fn reset(&mut self) {
-        let memory = std::mem::take(&mut self.memory);
+        let mut memory = self.memory.clone();
+        memory.power_up();
         *self = Self {
             memory,
             worn: self.worn,
@@ -80,17 +99,24 @@ impl Flash {
         };
     }
 
-    /// Reads KEYR, SR or CR; `None`: another register.
+    /// Power was cut while it worked.
+    #[must_use]
+    pub fn lost_power(&self) -> bool {
+        self.memory.is_cut()
+    }
+
+    /// Reads KEYR, SR, CR or ECCR; `None`: another register.
     #[must_use]
     pub fn read(&self, offset: u32, now: u64) -> Option<u32> {
         match offset {
             SR => Some(self.status | if now < self.busy_until { BSY } else { 0 }),
             CR => Some(self.control),
+            ECCR => Some(self.ecc),
             _ => None,
         }
     }
 
-    /// Writes KEYR, SR or CR. `false`: another register.
+    /// Writes KEYR, SR, CR or ECCR. `false`: another register.
     ///
     /// # Errors
     /// What would be a hard fault, or an access while it works.
@@ -106,6 +132,8 @@ impl Flash {
                 }
             }
             SR => self.status &= !(value & FLAGS),
+            // The flag is cleared by writing one.
+            ECCR => self.ecc &= !(value & ECCD),
             CR if self.control & LOCK != 0 => return Err("FLASH_CR is locked".into()),
             CR if now < self.busy_until => return Err("FLASH_CR is written while it works".into()),
             CR => {
@@ -124,9 +152,9 @@ impl Flash {
 
     fn erase(&mut self, now: u64) -> Result<(), String> {
         let page = self.control >> 3 & 0x7F;
-        if self.control & PER == 0 || self.control & SECOND_BANK == 0 || page < 126 {
+        if self.control & PER == 0 || self.control & SECOND_BANK == 0 || page < FIRST {
             return Err(format!(
-                "this model erases the last two pages only (FLASH_CR {:#x})",
+                "this model erases the last {MODELLED} pages only (FLASH_CR {:#x})",
                 self.control
             ));
         }
@@ -134,19 +162,27 @@ impl Flash {
             self.status |= WRPERR;
             return Ok(());
         }
-        let start = (page as usize - 126) * SIZE / 2;
-        self.memory[start..start + SIZE / 2].fill(0xFF);
+        let start = (page - FIRST) * PAGE as u32;
+        // An error is power that was cut, which the chip looks for.
+        let _ = self.memory.erase(start, start + PAGE as u32);
         self.busy_until = now + ERASE;
         self.status |= EOP;
         Ok(())
     }
 
-    /// The core reads a word of the memory.
-    #[must_use]
-    pub fn word(&self, address: u32) -> u32 {
-        let at = (address - START) as usize & !3;
-        let bytes = self.memory[at..at + 4].try_into().unwrap_or_default();
-        u32::from_le_bytes(bytes)
+    /// The core reads a word of the memory: what it gets, how long it waits, and whether the word is unreadable, which raises the
+    /// NMI.
+    pub fn load(&mut self, address: u32, now: u64) -> (u32, u64, bool) {
+        let waits = self.busy_until.saturating_sub(now);
+        let at = (address - START) & !7;
+        let mut bytes = [0; 8];
+        let torn = self.memory.read(at, &mut bytes).is_err();
+        if torn {
+            self.ecc = ECCD | BK_ECC | (START - BANK_2 + at);
+        }
+        let word = u64::from_le_bytes(bytes) >> (8 * (address & 4));
+        #[allow(clippy::cast_possible_truncation)]
+        (word as u32, waits, torn)
     }
 
     /// The core writes a word of the memory.
@@ -176,14 +212,17 @@ impl Flash {
             self.status |= WRPERR;
             return;
         }
-        if (self.word(address), self.word(address + 4)) != (u32::MAX, u32::MAX) {
+        let stuck = if self.worn.stuck { 0x0000_0100 } else { 0 };
+        let word = u64::from(high) << 32 | u64::from(low | stuck);
+        if self
+            .memory
+            .write(address - START, &word.to_le_bytes())
+            .is_err()
+        {
+            // It was not erased, or power was cut, which the chip looks for.
             self.status |= PROGERR;
             return;
         }
-        let stuck = if self.worn.stuck { 0x0000_0100 } else { 0 };
-        let at = (address - START) as usize;
-        self.memory[at..at + 4].copy_from_slice(&(low | stuck).to_le_bytes());
-        self.memory[at + 4..at + 8].copy_from_slice(&high.to_le_bytes());
         self.status |= EOP;
     }
 }

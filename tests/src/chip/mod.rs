@@ -476,6 +476,13 @@ impl Chip {
         }
     }
 
+    /// Power that was cut while the flash worked comes back: the chip starts.
+    fn look_at_power(&mut self) {
+        if self.flash.lost_power() {
+            self.reset.get_or_insert(Reset::BrownOut);
+        }
+    }
+
     /// The supply is at `volts` from now on.
     pub fn set_supply(&mut self, volts: f64) {
         match self.system.supply(volts) {
@@ -739,7 +746,14 @@ impl Chip {
             0x4800_0000..=0x4800_1400 if offset == 0x10 => {
                 Ok(self.levels(((block - 0x4800_0000) / 0x400) as usize))
             }
-            flash::START..flash::END => Ok(self.flash.word(address)),
+            flash::START..flash::END => {
+                let (word, waits, torn) = self.flash.load(address, now);
+                self.bus_wait += waits;
+                if torn {
+                    self.read_wrong_bits(Checked::Flash);
+                }
+                Ok(word)
+            }
             0x4001_3000 => self.spi.read(offset),
             0x4000_8000 => self.serial.read(offset),
             0x4002_0000 | 0x4002_0800 => {
@@ -770,14 +784,17 @@ impl Chip {
         match block {
             flash::START..flash::END => {
                 self.flash.worn = self.faults.worn;
-                self.flash.program(address, value, now)
+                self.flash.program(address, value, now)?;
+                self.look_at_power();
+                Ok(())
             }
             0x4002_2000 => {
                 self.flash.worn = self.faults.worn;
                 match self.flash.write(offset, value, now)? {
-                    true => Ok(()),
-                    false => self.system.write(address, value),
+                    true => self.look_at_power(),
+                    false => self.system.write(address, value)?,
                 }
+                Ok(())
             }
             0x4001_4400 => self.capture.write(offset, value, now),
             0x4001_2C00 => {

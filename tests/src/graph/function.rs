@@ -106,7 +106,11 @@ impl Body {
 
     /// Straight code from `at` to the first instruction that may go elsewhere.
     fn run(&self, image: &Image, decoder: &Decoder, at: u32) -> Result<Vec<Instruction>, String> {
-        let room = self.end - at;
+        // Behind a call that does not come back there may be data.
+        let room = image
+            .data_after(at)
+            .map_or(self.end, |data| data.min(self.end))
+            - at;
         let code = image
             .bytes(at, room)
             .ok_or_else(|| format!("{} at {at:#010x} is not in the image", self.name))?;

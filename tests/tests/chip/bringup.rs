@@ -1,10 +1,13 @@
 //! The bring-up on the emulated chip: a healthy board has no finding, and each fault that is put in is named, alone.
 
+use embedded_storage::nor_flash::NorFlash;
+use hal_sim::flash::PAGE;
 use link::bringup::Stage;
 use link::host::bringup::{Bringup, Options, Readings};
 use plant::machine::Coupling;
 use plant::model::Model;
 use tests::bench::{Bench, READY};
+use tests::chip::flash::SIZE;
 use tests::chip::outside::Circuit;
 use tests::chip::wiring::Wiring;
 use xtask::bringup::{Report, Verdict, judge};
@@ -313,9 +316,9 @@ fn encoders_flash_and_probe() -> Result<(), String> {
             let chip = bench.emulator.chip();
             chip.faults.worn.protected = true;
             // What an earlier test has left.
-            let at = chip.flash.memory.len() / 2;
-            chip.flash.memory[at..at + 8]
-                .copy_from_slice(&[0xE0, 0xC3, 0x17, 0x5A, 0x1F, 0x3C, 0xE8, 0xA5]);
+            let at = (SIZE - PAGE) as u32;
+            let word = [0xE0, 0xC3, 0x17, 0x5A, 0x1F, 0x3C, 0xE8, 0xA5];
+            chip.flash.memory.write(at, &word).expect("an erased word");
         },
         &["flash.page"],
         "write-protected",
@@ -324,8 +327,10 @@ fn encoders_flash_and_probe() -> Result<(), String> {
         Wiring::Nucleo,
         |bench| {
             let memory = &mut bench.emulator.chip().flash.memory;
-            let last = memory.len() - 1;
-            memory[last] = 0x12;
+            let word = [0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0xFF, 0x12];
+            memory
+                .write((SIZE - 8) as u32, &word)
+                .expect("an erased word");
         },
         &["flash.page"],
         "something else keeps data there",

@@ -1,6 +1,6 @@
 //! Faults, provoked: the bridge's output enable falls in time, and the state says why.
 
-use link::codes::{EventKind, Fault, ResetReason, State};
+use link::codes::{EventKind, Fault, Origin, ResetReason, State};
 use link::host::Memory;
 use link::view::DriveView;
 use plant::machine::Coupling;
@@ -229,14 +229,17 @@ fn a_hung_speed_task_is_noticed_and_the_watchdog_resets_the_chip() -> Result<(),
     events.reverse();
     let state = |state: State| (EventKind::State.word(), state.word());
     let start = |reason: ResetReason| (EventKind::Start.word(), reason.word());
+    let own = (EventKind::Settings.word(), Origin::Own.word());
     events.retain(|event| *event != state(State::Ready));
     assert_eq!(
         events,
         [
             start(ResetReason::Power),
+            own,
             state(State::SelfTest),
             state(State::Running),
             start(ResetReason::IndependentWatchdog),
+            own,
             state(State::SelfTest),
         ],
         "{:#?}",

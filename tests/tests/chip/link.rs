@@ -20,34 +20,39 @@ use tests::chip::wiring::Wiring;
 use tests::wire::{RttLine, Wires};
 
 /// How a host's line is made.
-type Make = fn(&Rc<RefCell<Bench>>) -> Result<Box<dyn Line>>;
+pub(crate) type Make = fn(&Rc<RefCell<Bench>>) -> Result<Box<dyn Line>>;
 
-const LINES: [(&str, Make); 2] = [
+pub(crate) const LINES: [(&str, Make); 2] = [
     ("serial port", |bench| Ok(Box::new(Wires::new(bench)))),
     ("RTT", |bench| Ok(Box::new(RttLine::new(bench)?))),
 ];
 
-struct Session {
-    bench: Rc<RefCell<Bench>>,
-    client: Client<Box<dyn Line>>,
+pub(crate) struct Session {
+    pub(crate) bench: Rc<RefCell<Bench>>,
+    pub(crate) client: Client<Box<dyn Line>>,
 }
 
 impl Session {
     /// A drive that is ready, and whom nobody but the link commands.
-    fn open(make: Make) -> Result<Self> {
+    pub(crate) fn open(make: Make) -> Result<Self> {
         // Without a load, which would drive the screw back while the bridges are open.
         let mut model = Model::paper();
         model.feed.load_n = 0.0;
         let mut bench = Bench::new(&model, Coupling::Lumped).map_err(|e| anyhow!(e))?;
         bench.attended = false;
         bench.wait_for(READY, 0.2).map_err(|e| anyhow!(e))?;
+        Self::of(bench, make)
+    }
+
+    /// Of a drive that is ready.
+    pub(crate) fn of(bench: Bench, make: Make) -> Result<Self> {
         let bench = Rc::new(RefCell::new(bench));
         let client = Client::open(make(&bench)?)?;
         Ok(Self { bench, client })
     }
 
     /// Lets time pass, as a host that listens and says that it is there.
-    fn attend(&mut self, seconds: f64) -> Result<()> {
+    pub(crate) fn attend(&mut self, seconds: f64) -> Result<()> {
         let until = self.now() + seconds;
         while self.now() < until {
             self.client.beat()?;
@@ -65,7 +70,7 @@ impl Session {
         self.bench.borrow().emulator.time() as f64 / CORE_HZ as f64
     }
 
-    fn until(
+    pub(crate) fn until(
         &mut self,
         what: &str,
         seconds: f64,
@@ -85,7 +90,7 @@ impl Session {
         }
     }
 
-    fn refused(&mut self, command: Command) -> Result<Refusal> {
+    pub(crate) fn refused(&mut self, command: Command) -> Result<Refusal> {
         let error = self.client.tell(command).unwrap_err();
         match error.downcast::<Refused>()? {
             Refused::For(refusal) => Ok(refusal),
@@ -98,7 +103,7 @@ fn is(status: &Status, state: State) -> bool {
     status.state == state.word()
 }
 
-fn run(table_mm_s: f64, nut_rpm: f64) -> Command {
+pub(crate) fn run(table_mm_s: f64, nut_rpm: f64) -> Command {
     Command::Run {
         velocity: scale::word(table_mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap(),
         base: Some(scale::word(nut_rpm * TAU / 60.0, scale::BASE_SPEED).unwrap()),

@@ -17,6 +17,7 @@ mod log;
 mod pins;
 mod power_stage;
 mod same_bits;
+mod settings;
 mod settling;
 mod sizes;
 mod stack;

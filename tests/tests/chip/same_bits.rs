@@ -4,6 +4,7 @@ use control::compensation::TORQUES;
 use control::compensation::line::Phasor;
 use control::plate::DrivePlate;
 use hal_sim::drive::Drive;
+use link::settings::Settings;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -16,7 +17,7 @@ use tests::chip::Top;
 use tests::chip::wiring::Wiring;
 use tests::same::{assert_period, by_motor};
 
-/// What the drive is asked, and when, s. At 40 kHz the first is seen by the step that comes just then, and its first compare
+/// What the drive is asked, and when, s after its first period. At 40 kHz the first is seen by the step that comes just then, and its first compare
 /// values show a zero whose mean began a period late.
 const SCRIPT: [(f64, u32, f64, f64); 4] = [
     (0.055, 1, 2.5e-3, 300.0),
@@ -32,9 +33,16 @@ fn emulated(
     board: Wiring,
     model: &Model,
     coupling: Coupling,
+    stored: Option<&Settings>,
 ) -> Result<(Vec<Top>, Vec<u64>), String> {
     let mut bench = Bench::with(elf, board, model, coupling)?;
+    if let Some(settings) = stored {
+        bench.emulator.chip().flash.memory = crate::settings::stored(settings);
+    }
     bench.emulator.chip().tops = Some(Vec::new());
+    bench.until("the first period", 0.5, 100e-6, |bench| {
+        Ok(bench.emulator.chip().pwm[0].next_top().is_some())
+    })?;
     let mut before = Vec::new();
     let mut now = 0.0;
     for (at, run, velocity, base_rpm) in SCRIPT {
@@ -61,8 +69,9 @@ fn same(
     elf: &Path,
     plate: &DrivePlate,
     (board, model, coupling): (Wiring, &Model, Coupling),
+    stored: Option<&Settings>,
 ) -> Result<Drive, String> {
-    let (tops, before) = emulated(elf, board, model, coupling)?;
+    let (tops, before) = emulated(elf, board, model, coupling, stored)?;
     let streams = by_motor(&tops);
     let periods = streams[1].len() - 1;
     assert!(
@@ -117,8 +126,29 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
     ] {
         let what = format!("{board:?}, {coupling:?}");
         let on = (board, &model, coupling);
-        same(&what, &firmware_of(board)?, &plate_of(board), on)?;
+        same(&what, &firmware_of(board)?, &plate_of(board), on, None)?;
     }
+    Ok(())
+}
+
+/// What the chip computes of stored settings, without a float unit for these, is what the host does.
+#[test]
+fn a_drive_with_stored_settings_is_the_hosts() -> Result<(), String> {
+    let (board, model) = (Wiring::Nucleo, Model::paper());
+    let mut settings = Settings::of_plate(&plate_of(board), scale_count_m(board));
+    settings.screw.resistance_line_to_line_ohm *= 1.07;
+    settings.nut.inertia_kg_cm2 *= 0.93;
+    settings.nut.current_gain_b = 1.01;
+    settings.tuning.speed_rad_s = 170.0;
+    settings.bridge.dead_time_ns = 430.0;
+    settings.feed.acceleration_max_mm_s2 = 200.0;
+    settings.compensation.learning_s = 1.0;
+    settings.rejection.notch_hz = 503.0;
+    settings.rejection.disturbance_rad_s = 40.0;
+    settings.feed_friction.coulomb_nm = 0.01;
+    let plate = settings.plate(&plate_of(board).board);
+    let on = (board, &model, Coupling::Lumped);
+    same("stored", &firmware_of(board)?, &plate, on, Some(&settings))?;
     Ok(())
 }
 
@@ -129,7 +159,7 @@ fn what_compensates_ripple_is_the_hosts() -> Result<(), String> {
     let (board, model) = (Wiring::Nucleo, Model::paper());
     let plate = plate_of(board).smooth(scale_count_m(board));
     let on = (board, &model, Coupling::Lumped);
-    let drive = same("smooth", &smooth_firmware()?, &plate, on)?;
+    let drive = same("smooth", &smooth_firmware()?, &plate, on, None)?;
     let compensation = drive.compensation();
     let torque = compensation.torque();
     let of_angle = compensation.angle();

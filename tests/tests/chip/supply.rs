@@ -32,7 +32,8 @@ fn a_crystal_that_stops_opens_the_bridges_and_keeps_them_open() -> Result<(), St
     bench.emulator.chip().stop_crystal();
     // The clock security system breaks the timers, and the NMI resets.
     assert_eq!(enabled(&mut bench), [false; 2], "with no instruction");
-    bench.pass(4e-3)?;
+    // At the internal clock the start copies its data and code for some milliseconds.
+    bench.pass(8e-3)?;
     assert_eq!(bench.emulator.resets, [Reset::Software]);
     says(&mut bench, "the crystal stopped")?;
     // It does not start without a crystal, and says so at each try.

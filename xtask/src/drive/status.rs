@@ -3,12 +3,12 @@
 use super::connect::Drive;
 use anyhow::{Context, Result};
 use link::codes::{
-    ActiveLimits, EventKind, Fault, FaultSet, Limit, Misalignment, ResetReason, State, TableFit,
-    TableFits, Warning,
+    ActiveLimits, EventKind, Fault, FaultSet, Limit, Misalignment, Origin, ResetReason, State,
+    TableFit, TableFits, Warning,
 };
 use link::message::{Event, Recorded, Status, Travel};
 use link::scale;
-use link::settings::Settings;
+use link::settings::{Setting, Settings};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 
@@ -54,6 +54,15 @@ impl Seen {
 
     fn misalignment(&self) -> Option<Misalignment> {
         Misalignment::of_word(self.status.misalignment)
+    }
+
+    fn origin(&self) -> Option<Origin> {
+        Origin::of_word(self.status.runs_on)
+    }
+
+    /// The stored setting that does not fit.
+    fn unfit(&self) -> Option<Setting> {
+        Settings::all().find(|setting| setting.id == self.status.unfit)
     }
 
     /// The tables of compensation that were saved, and what was found of them.
@@ -178,6 +187,11 @@ impl Seen {
                 "name": warning.name(),
                 "sentence": warning.sentence(),
             })).collect::<Vec<Value>>(),
+            "settings": self.origin().map(|origin| json!({
+                "name": origin.name(),
+                "sentence": origin.sentence(),
+                "unfit": self.unfit().map(|setting| setting.to_string()),
+            })),
             "armed": self.status.armed,
             "simulated": simulated,
             "uptime_s": self.seconds(),
@@ -243,6 +257,13 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
     }
     if let Some(reason) = seen.misalignment() {
         println!("Alignment: {}", reason.sentence());
+    }
+    if let Some(origin) = seen.origin().filter(|origin| *origin != Origin::Own) {
+        let unfit = seen.unfit();
+        let which = unfit.map_or_else(String::new, |setting| {
+            format!(" The first of them is {setting}.")
+        });
+        println!("Settings: {}{which}", origin.sentence());
     }
     for (name, fit) in seen.tables() {
         println!("Table of the {name}: {}. {}", fit.name(), fit.sentence());
@@ -337,6 +358,7 @@ fn code(event: &Recorded) -> &'static str {
         Some(EventKind::State) if event.code == State::FAULT_WORD => Some("fault"),
         Some(EventKind::State) => State::of_words(event.code, 0).map(State::name),
         Some(EventKind::Warning) => Warning::of_word(event.code).map(Warning::name),
+        Some(EventKind::Settings) => Origin::of_word(event.code).map(Origin::name),
         Some(EventKind::Fault | EventKind::Further) => Fault::of_word(event.code).map(Fault::name),
         None => None,
     };

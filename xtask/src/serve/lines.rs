@@ -144,7 +144,7 @@ pub fn run(options: &ServeOptions) -> Result<()> {
             there
         });
         if let Some(flash) = &mut flash {
-            flash.keep(serving.drive())?;
+            flash.keep(serving.drive_mut())?;
         }
         let due = begun.elapsed().mul_f64(speed);
         for _ in 0..AT_ONCE {

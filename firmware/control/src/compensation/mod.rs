@@ -146,10 +146,10 @@ pub(crate) const TORQUE_STEPS: u8 = 2;
 /// Steps in which the speed references are computed and learn once, and one line is tuned.
 pub(crate) const SPEED_STEPS: u8 = 4;
 
-/// Lines in all.
-const LINES: u8 = (2 * TORQUES + 2 * ANGLES + TRAVELS) as u8;
+/// Lines in all: torque of screw and nut, angles of both, lead.
+pub const LINES: usize = 2 * TORQUES + 2 * ANGLES + TRAVELS;
 /// Steps in which all lines are tuned once, and one table is checked.
-const ROUND_STEPS: u8 = SPEED_STEPS * (LINES + 1);
+const ROUND_STEPS: u8 = SPEED_STEPS * (LINES as u8 + 1);
 /// Steps from one check of a table to its next.
 pub(crate) const CHECK_STEPS: u32 = ROUND_STEPS as u32 * fit::TABLES as u32;
 
@@ -190,6 +190,23 @@ impl Compensation {
     #[must_use]
     pub fn travel(&self) -> [Phasor; TRAVELS] {
         self.travel.map(|line| line.coefficient())
+    }
+
+    /// What was learned by one of the [`LINES`], in their order: 2^-17 A of a torque, 2^-27 of a speed.
+    #[must_use]
+    #[inline(never)]
+    pub fn coefficient(&self, line: usize) -> Phasor {
+        const ANGLES_FROM: usize = 2 * TORQUES;
+        const TRAVELS_FROM: usize = ANGLES_FROM + 2 * ANGLES;
+        let found = match line {
+            ..ANGLES_FROM => self.torque.as_flattened().get(line),
+            ANGLES_FROM..TRAVELS_FROM => {
+                let angles = self.angle.as_flattened();
+                angles.get(line.wrapping_sub(ANGLES_FROM))
+            }
+            _ => self.travel.get(line.wrapping_sub(TRAVELS_FROM)),
+        };
+        found.map_or(Phasor::ZERO, Line::coefficient)
     }
 
     /// A step in which nothing is driven: the table may be moved meanwhile. What was learned stays.
@@ -307,7 +324,7 @@ impl Compensation {
     #[inline(never)]
     fn tune(&mut self, config: &CompensationConfig, theta_steps: [i32; 2]) {
         let next = usize::from(self.next);
-        if self.next >= LINES {
+        if next >= LINES {
             self.next = 0;
             return self.check(config, theta_steps);
         }

@@ -15,7 +15,8 @@ pub mod tuning;
 pub use scaling::DriveConfig;
 pub use tuning::{Gains, Tuning};
 
-use crate::compensation::{ANGLES, TORQUES, TRAVELS};
+use crate::compensation::line::Phasor;
+use crate::compensation::{ANGLES, SPEED_BITS, TORQUE_BITS, TORQUES, TRAVELS};
 use crate::encoder::Interface;
 use crate::format::Angle;
 use crate::observer::EncoderAlignment;
@@ -261,6 +262,27 @@ impl CompensationPlate {
             learning_s,
             scale_count_m,
         }
+    }
+}
+
+impl CompensationPlate {
+    /// Keeps what one of the [`LINES`](crate::compensation::LINES) has learned: see
+    /// [`coefficient`](crate::compensation::Compensation::coefficient).
+    pub fn keep(&mut self, line: usize, learned: Phasor) {
+        let torques = self.torque.as_flattened_mut().iter_mut();
+        let speeds = self
+            .angle
+            .as_flattened_mut()
+            .iter_mut()
+            .chain(&mut self.travel);
+        let all = torques
+            .map(|order| (order, TORQUE_BITS))
+            .chain(speeds.map(|order| (order, SPEED_BITS)));
+        let Some((order, bits)) = all.into_iter().nth(line) else {
+            return;
+        };
+        let unit = 1.0 / (1u64 << bits) as f64;
+        (order.re, order.im) = (f64::from(learned.re) * unit, f64::from(learned.im) * unit);
     }
 }
 
@@ -601,6 +623,7 @@ pub(crate) use tests::test_plate;
 mod tests {
     use super::*;
     use std::format;
+    use std::string::ToString;
 
     /// The paper's motors (Table 1) on a 310 V bus, 20-bit encoders, 12-bit ADC of ±5 A.
     pub(crate) const fn test_plate() -> DrivePlate {
@@ -714,6 +737,47 @@ mod tests {
             Err(_) => panic!("a number of this plate does not fit its format"),
         }
     };
+
+    #[test]
+    fn a_configuration_put_in_the_place_of_another_is_the_whole_one() {
+        let before = test_plate();
+        let mut after = test_plate().smooth(20e-9);
+        after.motors[0].resistance_ohm *= 1.3;
+        after.motors[1].inertia_kg_m2 *= 0.8;
+        after.motors[1].thermal.seconds = 40.0;
+        after.board.regeneration_v = [370.0, 380.0];
+        after.feed.lead_m *= 0.5;
+        after.alignment.travel_m *= 0.5;
+        after.runaway.stall_s *= 2.0;
+        after.rejection.disturbance_rad_s = 40.0;
+        after.rejection.notch.hz = 503.0;
+        after.brake.fitted = !after.brake.fitted;
+        after.heartbeat_s *= 2.0;
+        let mut config = before.config().unwrap();
+        after.configure(&mut config).unwrap();
+        let whole = after.config().unwrap();
+        assert_eq!(config, whole);
+        // Each part was another.
+        let old = before.config().unwrap();
+        assert!(
+            old.current_loops != whole.current_loops
+                && old.speed_loops != whole.speed_loops
+                && old.coordinator != whole.coordinator
+                && old.alignment != whole.alignment
+                && old.runaway != whole.runaway
+                && old.heat != whole.heat
+                && old.regeneration != whole.regeneration
+                && old.compensation != whole.compensation
+                && old.friction != whole.friction
+                && old.disturbance != whole.disturbance
+                && old.notch != whole.notch
+                && old.brake != whole.brake
+                && old.heartbeat_looks != whole.heartbeat_looks
+        );
+        after.motors[0].inductance_h = 1e3;
+        let misfit = after.configure(&mut config).unwrap_err();
+        assert_eq!(misfit.to_string(), after.config().unwrap_err().to_string());
+    }
 
     #[test]
     fn gains_are_those_of_the_reference() {

@@ -12,6 +12,8 @@ use std::time::{Duration, Instant};
 
 /// How long an answer may take.
 pub const PATIENCE: Duration = Duration::from_secs(1);
+/// How long a drive may take to start.
+const STARTS: Duration = Duration::from_secs(5);
 /// How often what may be asked again is asked.
 const TRIES: u32 = 3;
 
@@ -105,10 +107,16 @@ impl<L: Line> Client<L> {
             events: VecDeque::new(),
             telemetry: VecDeque::new(),
         };
+        client.hello(PATIENCE, TRIES)?;
+        Ok(client)
+    }
+
+    /// Opens a session.
+    fn hello(&mut self, patience: Duration, tries: u32) -> Result<()> {
         // Ends what stood in the line.
-        client.put(&[0])?;
-        let reply = client.ask(Command::Hello);
-        if client.decoder.count().versions > 0 {
+        self.put(&[0])?;
+        let reply = self.ask_for(Command::Hello, patience, tries);
+        if self.decoder.count().versions > 0 {
             bail!(Lost(format!(
                 "the drive speaks another version of the link than this program ({}): flash the firmware that it was \
                  built with",
@@ -122,10 +130,10 @@ impl<L: Line> Client<L> {
                 pwm_hz,
                 speed_divider,
             } => {
-                (client.session, client.simulated) = (session, simulated);
-                client.pwm_hz = f64::from(pwm_hz);
-                client.speed_hz = f64::from(pwm_hz) / f64::from(speed_divider.max(1));
-                Ok(client)
+                (self.session, self.simulated) = (session, simulated);
+                self.pwm_hz = f64::from(pwm_hz);
+                self.speed_hz = f64::from(pwm_hz) / f64::from(speed_divider.max(1));
+                Ok(())
             }
             other => bail!(unexpected(&other)),
         }
@@ -160,10 +168,14 @@ impl<L: Line> Client<L> {
         } else {
             TRIES
         };
+        self.ask_for(command, PATIENCE, tries)
+    }
+
+    fn ask_for(&mut self, command: Command, patience: Duration, tries: u32) -> Result<Reply> {
         for _ in 0..tries {
             self.reply = None;
             self.say(command)?;
-            let until = Instant::now() + PATIENCE;
+            let until = Instant::now() + patience;
             loop {
                 if let Some(reply) = self.reply.take() {
                     return Ok(reply);
@@ -289,7 +301,7 @@ impl<L: Line> Client<L> {
         Ok(settings)
     }
 
-    /// Makes `settings` hold, all of them or none.
+    /// Makes `settings` hold, all of them or none: the drive starts anew with them, and this session goes on as another.
     ///
     /// # Errors
     /// [`Refused`] with the setting that does not fit, or [`Lost`].
@@ -303,7 +315,20 @@ impl<L: Line> Client<L> {
             })
             .with_context(|| format!("{setting} was not taken"))?;
         }
-        self.tell(Command::Commit)
+        match self.tell(Command::Commit) {
+            // Its answer was lost, and it was asked again after it has started anew.
+            Err(error) if error.downcast_ref() == Some(&Refused::For(Refusal::Session)) => {}
+            told => told?,
+        }
+        // What is said while it starts is lost.
+        self.hello(STARTS / 50, 50)
+            .context("the drive does not come back after it was given settings")?;
+        if self.settings()? != *settings {
+            bail!(
+                "the drive has started anew, and does not run on the settings that it was given: `status` says on which"
+            );
+        }
+        Ok(())
     }
 
     /// Takes what has come, waiting for it no longer than `patience`.

@@ -7,12 +7,14 @@
 //! | settings <-> the control code's plate | [`plate`] |
 //! | other ways in which datasheets print the same | [`datasheet`] |
 //! | settings in flash | [`store`] |
+//! | which of them a drive runs on | [`keep`] |
 //! | how a setting is declared | [`table`] |
 //!
 //! Pins, timers, shunts and dividers are the board's, which stays Rust: see `firmware/src/board`. The drive computes its
 //! fixed-point configuration from the settings by the code that the host runs too, so both refuse the same.
 
 pub mod datasheet;
+pub mod keep;
 pub mod plate;
 pub mod store;
 pub mod table;

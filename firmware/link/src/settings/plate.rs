@@ -576,35 +576,65 @@ impl Settings {
         self.feed.scale_count_nm * 1e-9
     }
 
-    /// The drive's configuration, if `self` may take the place of `before`, which has one.
+    /// Whether `self` may take the place of `before`, which fits: then `config` is its configuration on `board`.
     ///
     /// # Errors
-    /// [`Unfit`] with the setting without whose change it would fit, and the number that does not.
-    pub fn config(&self, before: &Self, board: &BoardPlate) -> Result<DriveConfig, Unfit> {
-        let misfit = match self.plate(board).config() {
-            Ok(config) => return Ok(config),
-            Err(misfit) => misfit,
-        };
-        // One after the other: the last change with which a configuration that was there is gone.
-        let mut now = *before;
-        let mut unfit = None;
-        for (setting, _, value) in before.differences(self) {
-            now.put(setting.id, value);
-            match (now.plate(board).config(), unfit) {
-                (Ok(_), _) => unfit = None,
-                (Err(misfit), None) => {
-                    unfit = Some(Unfit {
-                        setting: Some((setting, value)),
-                        misfit,
-                    });
-                }
-                (Err(_), Some(_)) => {}
-            }
-        }
-        Err(unfit.unwrap_or(Unfit {
+    /// [`Unfit`] with a setting with which it does not fit while it does with those before it, and the number that does not.
+    pub fn fits(
+        &self,
+        before: &Self,
+        board: &BoardPlate,
+        config: &mut DriveConfig,
+    ) -> Result<(), Unfit> {
+        self.configure(board, config)
+            .map_err(|misfit| self.unfit(before, board, config, misfit))
+    }
+
+    /// Makes `config` that of a drive with these settings.
+    ///
+    /// # Errors
+    /// [`Misfit`]; `config` is of no use then.
+    #[inline(never)]
+    pub fn configure(&self, board: &BoardPlate, config: &mut DriveConfig) -> Result<(), Misfit> {
+        self.plate(board).configure(config)
+    }
+
+    /// What does not fit, and the change that `misfit` comes with: looked for by halves, as a drive takes a tenth of a second for
+    /// a configuration.
+    #[inline(never)]
+    fn unfit(
+        &self,
+        before: &Self,
+        board: &BoardPlate,
+        config: &mut DriveConfig,
+        misfit: Misfit,
+    ) -> Unfit {
+        // With the first `fitting` changes it fits, with the first `changes` it does not.
+        let (mut fitting, mut changes) = (0, before.differences(self).count());
+        let mut unfit = Unfit {
             setting: None,
             misfit,
-        }))
+        };
+        while fitting < changes {
+            let tried = fitting.midpoint(changes);
+            let mut now = *before;
+            let mut last = None;
+            for (setting, _, value) in before.differences(self).take(tried + 1) {
+                now.put(setting.id, value);
+                last = Some((setting, value));
+            }
+            match now.configure(board, config) {
+                Ok(()) => fitting = tried + 1,
+                Err(misfit) => {
+                    changes = tried;
+                    unfit = Unfit {
+                        setting: last,
+                        misfit,
+                    };
+                }
+            }
+        }
+        unfit
     }
 }
 
@@ -755,7 +785,9 @@ mod tests {
             after
                 .set(setting.id, Value::Real(Real::new(value)))
                 .unwrap();
-            let unfit = after.config(&before, &board()).unwrap_err().to_string();
+            let mut config = before.plate(&board()).config().unwrap();
+            let unfit = after.fits(&before, &board(), &mut config).unwrap_err();
+            let unfit = unfit.to_string();
             let begin = std::format!("{name} = {value} ");
             assert!(
                 unfit.starts_with(&begin) && unfit.contains(misfit),

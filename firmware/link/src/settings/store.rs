@@ -1,9 +1,9 @@
-//! Settings in flash: all of them in one page, a new page each time, so that a power cut leaves the old ones or the new.
+//! Settings in flash: all of them in one slot, a new slot each time, so that a power cut leaves the old ones or the new.
 //!
-//! A page is erased, programmed from its beginning and never touched again until it is erased. The newest page that is whole
-//! holds; what is written next goes to the page after it, around the ring, which spreads the wear evenly. Nothing is
+//! A slot is erased, programmed from its beginning and never touched again until it is erased. The newest slot that is whole
+//! holds; what is written next goes to the slot after it, around the ring, which spreads the wear evenly. Nothing is
 //! programmed into a page that was not erased just before: a word that lost power half programmed may read as erased, or
-//! raise an ECC error (RM0440 3.3.2, 3.3.7), and is not met again. A page that cannot be read is none.
+//! raise an ECC error (RM0440 3.3.2, 3.3.7), and is not met again. A slot that cannot be read is none.
 //!
 //! | bytes | what |
 //! | --- | --- |
@@ -13,29 +13,35 @@
 //! | 12 to 15 | CRC-32 (ISO-HDLC) of bytes 4 to 11 and the settings |
 //! | 16 on | settings: postcard's number and value of each, in any order |
 //!
-//! A setting that a page has and the firmware not is left out, one that the firmware has and the page not has its default:
-//! numbers are for ever, so an update of the firmware needs no migration until a setting's meaning changes, which gives it a
-//! new number.
+//! A setting that a slot has and the firmware not is left out, one that the firmware has and the slot not is that of the drive
+//! without a store: numbers are for ever, so an update of the firmware needs no migration until a setting's meaning changes,
+//! which gives it a new number.
+//!
+//! Nothing here holds more of a slot than a setting: the drive has its kilobytes on the stack of what else it does.
 
 use super::{Settings, Value};
-use crc::{CRC_32_ISO_HDLC, Crc};
+use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use embedded_storage::nor_flash::NorFlash;
 
 /// Page of the STM32G474's flash in dual-bank mode, bytes (RM0440 3.3.1).
 pub const PAGE: usize = 2048;
+/// What one set of settings has: a page would be full with the settings that there are.
+pub const SLOT: usize = 2 * PAGE;
+/// Pages of a drive's store: four slots, each of which bears 10,000 erases (DS12288, flash memory endurance).
+pub const PAGES: usize = 8;
 /// What is programmed at once: a double word.
 const WORD: usize = 8;
 const HEADER: usize = 16;
+/// Longest setting: number, kind and value.
+const ENTRY: usize = 16;
 const MAGIC: [u8; 4] = *b"DDFS";
 const LAYOUT: u16 = 1;
 
 static CRC: Crc<u32> = Crc::<u32>::new(&CRC_32_ISO_HDLC);
 
-/// Settings as they were found.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// What was found beside the settings.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Loaded {
-    /// With their defaults where they were not stored, or not as they may be.
-    pub settings: Settings,
     /// Stored settings that this firmware does not have.
     pub unknown: u32,
     /// Stored values that are beyond their ranges.
@@ -45,16 +51,16 @@ pub struct Loaded {
 /// Why settings could not be stored. What held before still holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StoreError {
-    /// They are longer than a page.
+    /// They are longer than a slot.
     TooLong,
-    /// No page could be erased, programmed and read back.
+    /// No slot could be erased, programmed and read back.
     Flash,
 }
 
 impl core::fmt::Display for StoreError {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         f.write_str(match self {
-            Self::TooLong => "the settings are longer than a page of the flash",
+            Self::TooLong => "the settings are longer than a slot of the flash",
             Self::Flash => {
                 "no page of the flash could be written and read back: it is worn out, or locked"
             }
@@ -64,11 +70,11 @@ impl core::fmt::Display for StoreError {
 
 impl core::error::Error for StoreError {}
 
-/// The store, on a flash of pages of [`PAGE`] bytes of which two or more are its own.
+/// The store, on a flash of pages of [`PAGE`] bytes of which four or more are its own.
 #[derive(Clone, Debug)]
 pub struct Store<F> {
     flash: F,
-    /// Page and sequence of what holds.
+    /// Slot and sequence of what holds.
     newest: Option<(u32, u32)>,
 }
 
@@ -78,58 +84,106 @@ impl<F: NorFlash> Store<F> {
         "the store is made for pages of 2 KB and words of 8 bytes"
     );
 
-    /// The store on `flash`, and what it holds; `None` if that is nothing.
-    pub fn open(mut flash: F) -> (Self, Option<Loaded>) {
+    /// The store on `flash`.
+    pub fn open(flash: F) -> Self {
         const { Self::FITS };
-        let mut newest = None;
-        let mut page = [0; PAGE];
-        for k in 0..pages(&flash) {
-            if let Some((sequence, _)) = read(&mut flash, k, &mut page)
-                && newest.is_none_or(|(_, best)| sequence > best)
+        let mut store = Self {
+            flash,
+            newest: None,
+        };
+        for slot in 0..store.slots() {
+            if let Some(header) = store.whole(slot)
+                && store.newest.is_none_or(|(_, best)| header.sequence > best)
             {
-                newest = Some((k, sequence));
+                store.newest = Some((slot, header.sequence));
             }
         }
-        let loaded = newest.and_then(|(k, _)| {
-            let (_, settings) = read(&mut flash, k, &mut page)?;
-            Some(load(settings))
-        });
-        (Self { flash, newest }, loaded)
+        store
+    }
+
+    /// What it holds, put over the `settings` of a drive without a store: what is not stored, or not as it may be, stays. `None` if
+    /// it holds nothing, or cannot be read to its end: the settings are of no use then.
+    #[inline(never)]
+    pub fn load(&mut self, settings: &mut Settings) -> Option<Loaded> {
+        let (slot, _) = self.newest?;
+        let mut left = self.header(slot)?.length;
+        let mut loaded = Loaded::default();
+        let mut window = [0; 2 * ENTRY];
+        let (mut filled, mut word) = (0, 0);
+        loop {
+            // A word more as long as there is room for it.
+            while left > 0 && filled + WORD <= window.len() {
+                let bytes = self.word(slot, HEADER / WORD + word)?;
+                window
+                    .get_mut(filled..filled + WORD)?
+                    .copy_from_slice(&bytes);
+                filled += left.min(WORD);
+                left = left.saturating_sub(WORD);
+                word += 1;
+            }
+            let held = window.get(..filled)?;
+            let Ok(((id, value), rest)) = postcard::take_from_bytes::<(u16, Value)>(held) else {
+                return Some(loaded);
+            };
+            match settings.set(id, value) {
+                Ok(()) => {}
+                Err(super::SettingError::Unknown { .. }) => loaded.unknown += 1,
+                Err(_) => loaded.refused += 1,
+            }
+            let taken = filled - rest.len();
+            window.copy_within(taken..filled, 0);
+            filled -= taken;
+        }
     }
 
     /// Makes `settings` hold.
     ///
     /// # Errors
     /// [`StoreError`]; what held before still does.
+    #[inline(never)]
     pub fn save(&mut self, settings: &Settings) -> Result<(), StoreError> {
         let (newest, sequence) = match self.newest {
-            Some((page, sequence)) => (Some(page), sequence.saturating_add(1)),
+            Some((slot, sequence)) => (Some(slot), sequence.saturating_add(1)),
             None => (None, 1),
         };
-        let mut page = [0xFF; PAGE];
-        let end = image(settings, sequence, &mut page).ok_or(StoreError::TooLong)?;
-        let all = pages(&self.flash);
-        let first = newest.map_or(0, |page| page + 1);
-        // A page that does not hold what is written is passed over; the one that holds what holds is never touched.
-        for k in (first..first + all).map(|k| k % all.max(1)) {
-            if Some(k) == newest {
+        let header = Header::of(settings, sequence).ok_or(StoreError::TooLong)?;
+        let all = self.slots();
+        let first = newest.map_or(0, |slot| slot + 1);
+        // A slot that does not hold what is written is passed over; the one that holds what holds is never touched.
+        for slot in (first..first + all).map(|slot| slot % all.max(1)) {
+            if Some(slot) == newest {
                 continue;
             }
-            let begin = k * PAGE as u32;
-            let written = self
-                .flash
-                .erase(begin, begin + PAGE as u32)
-                .and_then(|()| self.flash.write(begin, page.get(..end).unwrap_or(&[])));
-            let mut back = [0; PAGE];
-            if written.is_ok()
-                && read(&mut self.flash, k, &mut back).is_some_and(|(found, _)| found == sequence)
-                && back.get(..end) == page.get(..end)
-            {
-                self.newest = Some((k, sequence));
+            if self.put(slot, &header, settings).is_some() && self.whole(slot) == Some(header) {
+                self.newest = Some((slot, sequence));
                 return Ok(());
             }
         }
         Err(StoreError::Flash)
+    }
+
+    /// Erases a slot and programs it; `None` if it could not, or does not read as it was written.
+    fn put(&mut self, slot: u32, header: &Header, settings: &Settings) -> Option<()> {
+        let begin = slot * SLOT as u32;
+        self.flash.erase(begin, begin + SLOT as u32).ok()?;
+        let mut at = 0;
+        let mut done = true;
+        let mut write = |bytes: [u8; WORD]| {
+            done &= self.flash.write(begin + at, &bytes).is_ok();
+            at += WORD as u32;
+            done
+        };
+        let (head, tail) = header.words();
+        let written = write(head) && write(tail) && each_word(settings, &mut write).is_some();
+        (written && done).then_some(())?;
+        let mut word = HEADER / WORD;
+        let mut same = true;
+        each_word(settings, &mut |bytes| {
+            same &= self.word(slot, word) == Some(bytes);
+            word += 1;
+            same
+        })?;
+        same.then_some(())
     }
 
     /// The flash.
@@ -141,76 +195,139 @@ impl<F: NorFlash> Store<F> {
     pub fn release(self) -> F {
         self.flash
     }
+
+    fn slots(&self) -> u32 {
+        u32::try_from(self.flash.capacity() / SLOT).unwrap_or(0)
+    }
+
+    fn word(&mut self, slot: u32, word: usize) -> Option<[u8; WORD]> {
+        let mut bytes = [0; WORD];
+        let at = slot * SLOT as u32 + u32::try_from(word * WORD).ok()?;
+        self.flash.read(at, &mut bytes).ok()?;
+        Some(bytes)
+    }
+
+    /// A slot's header, if it has one.
+    fn header(&mut self, slot: u32) -> Option<Header> {
+        Header::read(self.word(slot, 0)?, self.word(slot, 1)?)
+    }
+
+    /// A slot's header, if its settings are those that it was made for.
+    fn whole(&mut self, slot: u32) -> Option<Header> {
+        let header = self.header(slot)?;
+        let mut digest = header.digest();
+        let mut left = header.length;
+        let mut word = HEADER / WORD;
+        while left > 0 {
+            let bytes = self.word(slot, word)?;
+            digest.update(bytes.get(..left.min(WORD))?);
+            left = left.saturating_sub(WORD);
+            word += 1;
+        }
+        (digest.finalize() == header.check).then_some(header)
+    }
 }
 
-fn pages<F: NorFlash>(flash: &F) -> u32 {
-    u32::try_from(flash.capacity() / PAGE).unwrap_or(0)
+/// What stands before a slot's settings.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Header {
+    sequence: u32,
+    /// Bytes of the settings.
+    length: usize,
+    check: u32,
 }
 
-/// The page of `settings`; how long it is, in whole words. `None` if it is too long.
-fn image(settings: &Settings, sequence: u32, page: &mut [u8; PAGE]) -> Option<usize> {
-    let (header, content) = page.split_at_mut(HEADER);
-    let mut length = 0;
+impl Header {
+    /// Of these settings; `None` if they are too long.
+    fn of(settings: &Settings, sequence: u32) -> Option<Self> {
+        let mut header = Self {
+            sequence,
+            length: 0,
+            check: 0,
+        };
+        each_setting(settings, |bytes| {
+            header.length += bytes.len();
+            true
+        })?;
+        let mut digest = header.digest();
+        each_setting(settings, |bytes| {
+            digest.update(bytes);
+            true
+        })?;
+        header.check = digest.finalize();
+        (HEADER + header.length <= SLOT).then_some(header)
+    }
+
+    fn read(head: [u8; WORD], tail: [u8; WORD]) -> Option<Self> {
+        let ([magic, sequence], [sizes, check]) = (halves(head), halves(tail));
+        let sizes = u32::from_le_bytes(sizes);
+        let length = (sizes & 0xFFFF) as usize;
+        let ours = magic == MAGIC && sizes >> 16 == u32::from(LAYOUT) && HEADER + length <= SLOT;
+        ours.then_some(Self {
+            sequence: u32::from_le_bytes(sequence),
+            length,
+            check: u32::from_le_bytes(check),
+        })
+    }
+
+    fn sizes(&self) -> u32 {
+        self.length as u32 | u32::from(LAYOUT) << 16
+    }
+
+    fn words(&self) -> ([u8; WORD], [u8; WORD]) {
+        (
+            joined(MAGIC, self.sequence.to_le_bytes()),
+            joined(self.sizes().to_le_bytes(), self.check.to_le_bytes()),
+        )
+    }
+
+    /// The check's beginning.
+    fn digest(&self) -> Digest<'static, u32> {
+        let mut digest = CRC.digest();
+        digest.update(&self.sequence.to_le_bytes());
+        digest.update(&self.sizes().to_le_bytes());
+        digest
+    }
+}
+
+fn halves(word: [u8; WORD]) -> [[u8; 4]; 2] {
+    let [a, b, c, d, e, f, g, h] = word;
+    [[a, b, c, d], [e, f, g, h]]
+}
+
+fn joined([a, b, c, d]: [u8; 4], [e, f, g, h]: [u8; 4]) -> [u8; WORD] {
+    [a, b, c, d, e, f, g, h]
+}
+
+/// Each setting as it is stored, as long as `take` wants more; `None` if it does not.
+fn each_setting(settings: &Settings, mut take: impl FnMut(&[u8]) -> bool) -> Option<()> {
     for setting in Settings::all() {
         let value = settings.get(setting.id)?;
-        let place = content.get_mut(length..)?;
-        length += postcard::to_slice(&(setting.id, value), place).ok()?.len();
+        let mut buffer = [0; ENTRY];
+        let bytes = postcard::to_slice(&(setting.id, value), &mut buffer).ok()?;
+        take(bytes).then_some(())?;
     }
-    let sizes = u32::try_from(length).ok()? | u32::from(LAYOUT) << 16;
-    header.get_mut(..4)?.copy_from_slice(&MAGIC);
-    header
-        .get_mut(4..8)?
-        .copy_from_slice(&sequence.to_le_bytes());
-    header.get_mut(8..12)?.copy_from_slice(&sizes.to_le_bytes());
-    let check = check(header.get(4..12)?, content.get(..length)?);
-    header.get_mut(12..)?.copy_from_slice(&check.to_le_bytes());
-    Some((HEADER + length).next_multiple_of(WORD))
+    Some(())
 }
 
-fn check(header: &[u8], content: &[u8]) -> u32 {
-    let mut digest = CRC.digest();
-    digest.update(header);
-    digest.update(content);
-    digest.finalize()
-}
-
-/// The sequence and the settings of page `k`, if it is whole.
-fn read<'p, F: NorFlash>(
-    flash: &mut F,
-    k: u32,
-    page: &'p mut [u8; PAGE],
-) -> Option<(u32, &'p [u8])> {
-    let begin = k * PAGE as u32;
-    let (header, content) = page.split_at_mut(HEADER);
-    flash.read(begin, header).ok()?;
-    let word = |at: usize| {
-        let bytes = header.get(at..at + 4)?;
-        Some(u32::from_le_bytes(bytes.try_into().ok()?))
-    };
-    let (sequence, sizes, expected) = (word(4)?, word(8)?, word(12)?);
-    if header.get(..4)? != MAGIC || sizes >> 16 != u32::from(LAYOUT) {
-        return None;
-    }
-    let length = (sizes & 0xFFFF) as usize;
-    let padded = content.get_mut(..length.next_multiple_of(WORD))?;
-    flash.read(begin + HEADER as u32, padded).ok()?;
-    let content = padded.get(..length)?;
-    (check(header.get(4..12)?, content) == expected).then_some((sequence, content))
-}
-
-fn load(mut stored: &[u8]) -> Loaded {
-    let mut loaded = Loaded {
-        settings: Settings::DEFAULT,
-        unknown: 0,
-        refused: 0,
-    };
-    while let Ok(((id, value), rest)) = postcard::take_from_bytes::<(u16, Value)>(stored) {
-        stored = rest;
-        match loaded.settings.set(id, value) {
-            Ok(()) => {}
-            Err(super::SettingError::Unknown { .. }) => loaded.unknown += 1,
-            Err(_) => loaded.refused += 1,
+/// The same as words, the last one padded as it was erased.
+fn each_word(settings: &Settings, take: &mut impl FnMut([u8; WORD]) -> bool) -> Option<()> {
+    let mut word = [0xFF; WORD];
+    let mut filled = 0;
+    each_setting(settings, |bytes| {
+        for byte in bytes {
+            if let Some(place) = word.get_mut(filled) {
+                *place = *byte;
+            }
+            filled += 1;
+            if filled == WORD {
+                if !take(word) {
+                    return false;
+                }
+                (word, filled) = ([0xFF; WORD], 0);
+            }
         }
-    }
-    loaded
+        true
+    })?;
+    (filled == 0 || take(word)).then_some(())
 }

@@ -76,8 +76,8 @@ impl DrivePlate {
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     pub(super) const fn alignment(
         &self,
-        speed_loops: [SpeedLoopConfig; 2],
-        coordinator: CoordinatorConfig,
+        speed_loops: &[SpeedLoopConfig; 2],
+        coordinator: &CoordinatorConfig,
     ) -> Result<AlignmentConfig, Misfit> {
         let (plate, step) = (&self.alignment, self.speed_step());
         let [screw, nut] = &self.motors;
@@ -102,8 +102,8 @@ impl DrivePlate {
         let measured_s = MEASURED_TURNS * TAU / (slowest as f64 * speed);
         Ok(AlignmentConfig {
             motors: [
-                attempt!(self.motor_alignment(screw, screw_nm, screw_loop, travel, speed)),
-                attempt!(self.motor_alignment(nut, nut_nm, nut_loop, travel, speed)),
+                attempt!(self.motor_alignment(screw, screw_nm, *screw_loop, travel, speed)),
+                attempt!(self.motor_alignment(nut, nut_nm, *nut_loop, travel, speed)),
             ],
             probes: ProbeConfig {
                 growth: (65_536.0 * step / GROWTH_S) as u16,
@@ -127,7 +127,7 @@ impl DrivePlate {
                     acceleration * step,
                     acceleration / EASE_S * step * step,
                 )),
-                ..coordinator
+                ..*coordinator
             },
             measure_steps: steps(measured_s, step),
             turn_steps: steps(

@@ -197,6 +197,7 @@ impl DrivePlate {
     /// # Errors
     /// [`Misfit`] if an order or a coefficient does not fit its format, or a time is no time.
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    #[inline(never)]
     pub(super) const fn compensation(&self) -> Result<CompensationConfig, Misfit> {
         let plate = &self.compensation;
         let [screw, nut] = &self.motors;

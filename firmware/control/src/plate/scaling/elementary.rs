@@ -13,6 +13,7 @@ pub(super) struct Complex {
 impl Complex {
     pub(super) const ONE: Self = Self { re: 1.0, im: 0.0 };
 
+    #[inline(never)]
     pub(super) const fn plus(self, other: Self) -> Self {
         Self {
             re: self.re + other.re,
@@ -20,10 +21,12 @@ impl Complex {
         }
     }
 
+    #[inline(never)]
     pub(super) const fn minus(self, other: Self) -> Self {
         self.plus(other.scaled(-1.0))
     }
 
+    #[inline(never)]
     pub(super) const fn scaled(self, by: f64) -> Self {
         Self {
             re: self.re * by,
@@ -31,6 +34,7 @@ impl Complex {
         }
     }
 
+    #[inline(never)]
     pub(super) const fn times(self, other: Self) -> Self {
         Self {
             re: self.re * other.re - self.im * other.im,
@@ -38,6 +42,7 @@ impl Complex {
         }
     }
 
+    #[inline(never)]
     pub(super) const fn over(self, other: Self) -> Self {
         self.times(inverse(other, 0.0))
     }
@@ -47,6 +52,7 @@ impl Complex {
     }
 
     /// `e^(-j angle)` for an angle below one, by its series.
+    #[inline(never)]
     pub(super) const fn delay(angle: f64) -> Self {
         let (mut term, mut sum, mut n) = (Self::ONE, Self::ONE, 1u32);
         let step = Self {
@@ -84,6 +90,7 @@ impl Complex {
 }
 
 /// The inverse, less of it where the square of the length is not far above `least`.
+#[inline(never)]
 pub(super) const fn inverse(x: Complex, least: f64) -> Complex {
     let conjugate = Complex {
         re: x.re,

@@ -87,7 +87,69 @@ impl DrivePlate {
     /// # Errors
     /// [`Misfit`] naming the first number that does not fit its format or its physical range.
     pub const fn config(&self) -> Result<DriveConfig, Misfit> {
-        let [screw, nut] = &self.motors;
+        attempt!(self.bounds());
+        let current_loops = attempt!(self.current_loops());
+        let speed_loops = attempt!(self.speed_loops());
+        let coordinator = attempt!(self.coordinator());
+        Ok(DriveConfig {
+            current_loops,
+            speed_loops,
+            coordinator,
+            alignment: attempt!(self.alignment(&speed_loops, &coordinator)),
+            runaway: attempt!(self.runaways()),
+            heat: attempt!(self.heats()),
+            regeneration: attempt!(self.regenerations()),
+            compensation: attempt!(self.compensation()),
+            friction: attempt!(self.friction()),
+            disturbance: attempt!(self.disturbances()),
+            notch: attempt!(self.notch()),
+            brake: attempt!(self.brake()),
+            heartbeat_looks: attempt!(self.heartbeat_looks()),
+            speed_divider: self.board.speed_divider,
+        })
+    }
+
+    /// The same in the place of another, part by part: a whole configuration is more than a drive has on its stack.
+    ///
+    /// # Errors
+    /// As [`DrivePlate::config`]; some parts are those of this plate then, and the others not.
+    pub fn configure(&self, config: &mut DriveConfig) -> Result<(), Misfit> {
+        let DriveConfig {
+            current_loops,
+            speed_loops,
+            coordinator,
+            alignment,
+            runaway,
+            heat,
+            regeneration,
+            compensation,
+            friction,
+            disturbance,
+            notch,
+            brake,
+            heartbeat_looks,
+            speed_divider,
+        } = config;
+        self.bounds()?;
+        put(current_loops, || self.current_loops())?;
+        put(speed_loops, || self.speed_loops())?;
+        put(coordinator, || self.coordinator())?;
+        put(alignment, || self.alignment(speed_loops, coordinator))?;
+        put(runaway, || self.runaways())?;
+        put(heat, || self.heats())?;
+        put(regeneration, || self.regenerations())?;
+        put(compensation, || self.compensation())?;
+        put(friction, || self.friction())?;
+        put(disturbance, || self.disturbances())?;
+        put(notch, || self.notch())?;
+        put(brake, || self.brake())?;
+        put(heartbeat_looks, || self.heartbeat_looks())?;
+        *speed_divider = self.board.speed_divider;
+        Ok(())
+    }
+
+    /// What no part of the configuration says.
+    const fn bounds(&self) -> Result<(), Misfit> {
         attempt!(within(
             "speed divider",
             "periods",
@@ -95,38 +157,49 @@ impl DrivePlate {
             0.5,
             64.5
         ));
-        let current_loops = [
+        self.travel_fits()
+    }
+
+    const fn current_loops(&self) -> Result<[CurrentLoopConfig; 2], Misfit> {
+        let [screw, nut] = &self.motors;
+        Ok([
             attempt!(screw.current_loop(self)),
             attempt!(nut.current_loop(self)),
-        ];
-        let speed_loops = [
+        ])
+    }
+
+    const fn speed_loops(&self) -> Result<[SpeedLoopConfig; 2], Misfit> {
+        let [screw, nut] = &self.motors;
+        Ok([
             attempt!(screw.speed_loop(self)),
             attempt!(nut.speed_loop(self)),
-        ];
-        let coordinator = attempt!(self.coordinator());
-        attempt!(self.travel_fits());
-        Ok(DriveConfig {
-            current_loops,
-            speed_loops,
-            coordinator,
-            alignment: attempt!(self.alignment(speed_loops, coordinator)),
-            runaway: [attempt!(screw.runaway(self)), attempt!(nut.runaway(self))],
-            heat: [attempt!(screw.heat(self)), attempt!(nut.heat(self))],
-            regeneration: [
-                attempt!(screw.regeneration(self)),
-                attempt!(nut.regeneration(self)),
-            ],
-            compensation: attempt!(self.compensation()),
-            friction: attempt!(self.friction()),
-            disturbance: [
-                attempt!(screw.disturbance(self)),
-                attempt!(nut.disturbance(self)),
-            ],
-            notch: attempt!(self.notch()),
-            brake: attempt!(self.brake()),
-            heartbeat_looks: attempt!(self.heartbeat_looks()),
-            speed_divider: self.board.speed_divider,
-        })
+        ])
+    }
+
+    const fn runaways(&self) -> Result<[RunawayConfig; 2], Misfit> {
+        let [screw, nut] = &self.motors;
+        Ok([attempt!(screw.runaway(self)), attempt!(nut.runaway(self))])
+    }
+
+    const fn heats(&self) -> Result<[HeatConfig; 2], Misfit> {
+        let [screw, nut] = &self.motors;
+        Ok([attempt!(screw.heat(self)), attempt!(nut.heat(self))])
+    }
+
+    const fn regenerations(&self) -> Result<[RegenerationConfig; 2], Misfit> {
+        let [screw, nut] = &self.motors;
+        Ok([
+            attempt!(screw.regeneration(self)),
+            attempt!(nut.regeneration(self)),
+        ])
+    }
+
+    const fn disturbances(&self) -> Result<[DisturbanceConfig; 2], Misfit> {
+        let [screw, nut] = &self.motors;
+        Ok([
+            attempt!(screw.disturbance(self)),
+            attempt!(nut.disturbance(self)),
+        ])
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -292,7 +365,19 @@ impl DrivePlate {
     }
 }
 
+/// A part of a configuration, where it belongs.
+#[inline(never)]
+fn put<T>(part: &mut T, made: impl FnOnce() -> Result<T, Misfit>) -> Result<(), Misfit> {
+    // Not by `?`, which would have the part on the stack once more.
+    match made() {
+        Ok(made) => *part = made,
+        Err(misfit) => return Err(misfit),
+    }
+    Ok(())
+}
+
 /// Square root by Newton's method, for configuration; 0 of what has none.
+#[inline(never)]
 const fn square_root(x: f64) -> f64 {
     if !(x > 0.0 && x < f64::MAX) {
         return 0.0;
@@ -319,6 +404,7 @@ impl DriveConfig {
     }
 }
 
+#[inline(never)]
 const fn profile(
     [acceleration_name, jerk_name]: [&'static str; 2],
     acceleration: f64,
@@ -391,6 +477,7 @@ const fn gain(name: &'static str, gain: f64, scale: CurrentScale) -> Result<Gain
     Ok(Gain { multiplier, shift })
 }
 
+#[inline(never)]
 const fn within(
     name: &'static str,
     unit: &'static str,

@@ -1,0 +1,118 @@
+//! Which settings a drive runs on: those that its store holds, if they fit it, or its own.
+//!
+//! The firmware and the simulated drive do it by this code. A change is checked and stored, and holds when the drive starts
+//! anew.
+
+use super::Settings;
+use super::plate::Unfit;
+use super::store::{Loaded, Store};
+use crate::codes::Origin;
+use crate::message::Refusal;
+use crate::server::NotSet;
+use embedded_storage::nor_flash::NorFlash;
+
+/// The settings that a drive runs on, and the store that they come from.
+#[derive(Clone, Debug)]
+pub struct Keeper<F> {
+    store: Store<F>,
+    settings: Settings,
+    found: Found,
+}
+
+/// What a drive found in its store when it started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Found {
+    /// Which settings it runs on.
+    pub origin: Origin,
+    /// Number of the stored setting that does not fit; 0: none, or none by itself.
+    pub unfit: u16,
+    /// Stored settings that are left out: of another version, or beyond their ranges.
+    pub left_out: u32,
+}
+
+impl<F: NorFlash> Keeper<F> {
+    /// Of a drive with its `own` settings, which has not [taken up](Keeper::take_up) what the flash holds.
+    pub fn new(flash: F, own: Settings) -> Self {
+        Self {
+            store: Store::open(flash),
+            settings: own,
+            found: Found {
+                origin: Origin::Own,
+                unfit: 0,
+                left_out: 0,
+            },
+        }
+    }
+
+    /// At the start of a drive: takes up the settings that are stored, if there are some that can be read and that fit it. Otherwise it
+    /// runs on its `own`.
+    pub fn take_up(
+        &mut self,
+        own: impl Fn() -> Settings,
+        fits: impl FnOnce(&Settings) -> Result<(), NotSet>,
+    ) {
+        let Some(Loaded { unknown, refused }) = self.store.load(&mut self.settings) else {
+            self.settings = own();
+            return;
+        };
+        self.found.left_out = unknown + refused;
+        match fits(&self.settings) {
+            Ok(()) => self.found.origin = Origin::Stored,
+            Err(error) => {
+                self.found.origin = Origin::Unfit;
+                self.found.unfit = error.setting();
+                self.settings = own();
+            }
+        }
+    }
+
+    /// Those that it runs on.
+    pub const fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// What it found in its store.
+    pub const fn found(&self) -> Found {
+        self.found
+    }
+
+    /// Stores settings that fit; they hold when the drive starts anew.
+    ///
+    /// # Errors
+    /// [`NotSet`]; nothing is changed then.
+    pub fn store(&mut self, settings: &Settings) -> Result<(), NotSet> {
+        // What the store holds already it need not bear once more.
+        if self.found.origin == Origin::Stored
+            && self.found.left_out == 0
+            && *settings == self.settings
+        {
+            return Ok(());
+        }
+        self.store
+            .save(settings)
+            .map_err(|_| NotSet::Refused(Refusal::NotStored))
+    }
+
+    /// The flash.
+    pub fn flash(&mut self) -> &mut F {
+        self.store.flash()
+    }
+
+    /// The flash, to start anew with.
+    pub fn release(self) -> F {
+        self.store.release()
+    }
+}
+
+impl NotSet {
+    /// Number of the setting that does not fit; 0: none by itself.
+    fn setting(&self) -> u16 {
+        match self {
+            Self::Unfit(Unfit {
+                setting: Some((setting, _)),
+                ..
+            }) => setting.id,
+            _ => 0,
+        }
+    }
+}
