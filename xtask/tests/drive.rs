@@ -643,3 +643,68 @@ fn a_table_is_homed_and_stands_before_its_soft_limit() {
     assert!(said.contains("travel.soft_most_mm"), "{said}");
     served.printed(&["move", "-2", "--arm"]);
 }
+
+/// Gains come from the settings that hold: proposed, refused where the margin is not to be had, and set.
+#[test]
+fn a_tuning_is_proposed_refused_and_set() {
+    let served = Served::new(&[]);
+    let report = |arguments: &[&str]| -> Value {
+        let all = [&["tune", "--json"], arguments].concat();
+        serde_json::from_str(&served.printed(&all)).unwrap()
+    };
+    let all = |report: &Value, what: &str| -> Vec<(f64, Value)> {
+        let quantities = report["quantities"].as_array().unwrap().iter();
+        quantities
+            .filter(|quantity| quantity["name"].as_str().unwrap().contains(what))
+            .map(|quantity| {
+                let now = number(&quantity["estimate"]["value"]);
+                (now, quantity["before"].clone())
+            })
+            .collect()
+    };
+    let held = |name: &str| {
+        let settings = served.printed(&["settings", "get", "--json", name]);
+        let settings: Value = serde_json::from_str(&settings).unwrap();
+        number(&settings[name])
+    };
+    let (cutoff, set) = ("tuning.speed_rad_s", held("tuning.speed_rad_s"));
+
+    let report_1 = report(&["--speed-loop", "100"]);
+    assert_eq!(report_1["set"], false);
+    assert_eq!(held(cutoff), set, "proposed only");
+    assert_eq!(all(&report_1, cutoff), [(100.0, Value::from(set))]);
+    let margins = all(&report_1, "phase margin");
+    assert_eq!(margins.len(), 4, "two loops of two motors: {report_1}");
+    for (margin, before) in margins {
+        assert!(margin >= 45.0 && before.is_number(), "{report_1}");
+    }
+    // Eq 11 is linear in the cutoff.
+    let [(now, ref before), _] = all(&report_1, "gain Kpw (Eq 11)")[..] else {
+        panic!("{report_1}");
+    };
+    let before = number(before);
+    assert!((now / before - 100.0 / set).abs() < 1e-9, "{report_1}");
+
+    let said = served.fails(1, &["tune", "--speed-loop", "9000", "--set"]);
+    assert!(said.contains("but 45 are wanted"), "{said}");
+    assert_eq!(held(cutoff), set, "refused");
+    let largest = said.split("--speed-loop ").nth(1).unwrap();
+    let largest = largest.split_whitespace().next().unwrap();
+    let said = served.fails(1, &["tune", "--margin", "79"]);
+    assert!(said.contains("expected: 79 degrees"), "{said}");
+    let said = served.fails(1, &["tune", "--margin", "90"]);
+    assert!(said.contains("20 to 80 are possible"), "{said}");
+
+    // What the sentence says can be had is had, and holds.
+    let report_2 = report(&["--speed-loop", largest, "--set"]);
+    assert_eq!(report_2["set"], true);
+    served.until("ready");
+    assert_eq!(held(cutoff).to_string(), largest);
+    let margin = all(&report_2, "phase margin")
+        .iter()
+        .map(|(now, _)| *now)
+        .fold(f64::INFINITY, f64::min);
+    assert!((45.0..50.0).contains(&margin), "{report_2}");
+    let said = served.printed(&["tune"]);
+    assert!(said.contains("this is what is set"), "{said}");
+}

@@ -7,7 +7,7 @@
 //! | [`mechanical`] | accelerates both together and the table against them | inertia and friction of both motors, the feed's, lead and direction of the scale |
 //! | [`tune`](mod@tune) | starts anew with what was found | nothing: bandwidth and margin are computed |
 //!
-//! [`procedure`] does them one after the other.
+//! [`procedure`] does them one after the other; [`proposal`] is a tuning of the settings that hold, which needs no motion.
 //!
 //! Both motors turn in the same direction, so the table rests while the motors are measured. A current along d makes no
 //! torque, so the motors may turn freely while it is set.
@@ -21,6 +21,7 @@ pub mod electrical;
 mod fit;
 pub mod mechanical;
 pub mod procedure;
+pub mod proposal;
 mod session;
 pub mod tune;
 

@@ -1,7 +1,8 @@
 //! The steps one after the other, each kept when it is done.
 
+use crate::proposal::{changes, propose};
 use crate::session::Session;
-use crate::tune::{Tuned, Wanted, tune};
+use crate::tune::{Wanted, tune};
 use crate::{Bound, Estimate, Failure, electrical, mechanical};
 use anyhow::{Context, Result, bail};
 use link::host::client::Line;
@@ -82,7 +83,7 @@ pub struct Quantity {
 impl fmt::Display for Quantity {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Estimate { value, plus_minus } = self.estimate;
-        write!(f, "{:<34} {:>12}", self.name, digits(value))?;
+        write!(f, "{:<39} {:>12}", self.name, digits(value))?;
         if plus_minus > 0.0 {
             write!(f, " +- {:<9}", digits(plus_minus))?;
         } else {
@@ -249,7 +250,7 @@ fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
 }
 
 /// Of both motors.
-fn both(
+pub(crate) fn both(
     quantities: &mut Vec<Quantity>,
     what: &str,
     unit: &str,
@@ -461,95 +462,19 @@ fn mechanical_step<L: Line>(
     })
 }
 
-/// What a tuning changes.
-fn changes(quantities: &mut Vec<Quantity>, old: &Settings, new: &Settings) {
-    for (name, before, now) in [
-        (
-            "tuning.current_rad_s",
-            old.tuning.current_rad_s,
-            new.tuning.current_rad_s,
-        ),
-        (
-            "tuning.speed_rad_s",
-            old.tuning.speed_rad_s,
-            new.tuning.speed_rad_s,
-        ),
-        (
-            "tuning.observer_rad_s",
-            old.tuning.observer_rad_s,
-            new.tuning.observer_rad_s,
-        ),
-    ] {
-        if now != before {
-            quantities.push(Quantity {
-                name: name.to_owned(),
-                unit: "rad/s".to_owned(),
-                estimate: Estimate {
-                    value: now,
-                    plus_minus: 0.0,
-                },
-                before: Some(before),
-            });
-        }
-    }
-}
-
 fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<Done> {
     let (begun, old) = (session.uptime_s(), *session.settings());
-    let wanted = options.wanted(&old);
     let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
-    let Some(tuned) = tune(&old, wanted, period_s, step_s) else {
-        let now = Tuned::of(&old, period_s, step_s);
-        bail!(Failure {
-            measured: format!("a phase margin of {:.0} degrees", now.margin_deg()),
-            expected: format!("{} degrees", options.margin_deg),
-            check: "tuning.damping, and the margin that is wanted".to_owned(),
-        });
-    };
-    if tuned.settings != old {
-        session.configure(&tuned.settings)?;
+    let proposal = propose(&old, options.wanted(&old), period_s, step_s)?;
+    if proposal.settings != old {
+        session.configure(&proposal.settings)?;
     }
-    let mut quantities = Vec::new();
-    let q = &mut quantities;
-    let plain = |value| Estimate {
-        value,
-        plus_minus: 0.0,
-    };
-    both(
-        q,
-        "bandwidth of the current loop",
-        "rad/s",
-        tuned.current.map(|c| plain(c.bandwidth_rad_s)),
-        None,
-    );
-    both(
-        q,
-        "its phase margin",
-        "degrees",
-        tuned.current.map(|c| plain(c.margin_deg)),
-        None,
-    );
-    both(
-        q,
-        "bandwidth of the speed loop",
-        "rad/s",
-        tuned.speed.map(|c| plain(c.bandwidth_rad_s)),
-        None,
-    );
-    both(
-        q,
-        "its phase margin",
-        "degrees",
-        tuned.speed.map(|c| plain(c.margin_deg)),
-        None,
-    );
-    changes(q, &old, &tuned.settings);
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,
         step: Step::Tuning,
         seconds: session.uptime_s() - begun,
-        quantities,
+        quantities: proposal.quantities,
         limits: Vec::new(),
     })
 }

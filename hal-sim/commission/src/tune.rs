@@ -70,6 +70,12 @@ impl Loops {
         }
     }
 
+    /// Kpc, V/A, Kic, V/(A s), Kpw, A s/rad, and Kiw, A/rad, electrical and power invariant.
+    #[must_use]
+    pub fn gains(&self) -> [f64; 4] {
+        [self.k_pc, self.k_ic, self.k_pw, self.k_iw]
+    }
+
     /// The open current loop at `w` rad/s.
     #[must_use]
     pub fn current(&self, w: f64) -> Complex<f64> {
@@ -172,12 +178,25 @@ impl Tuned {
     }
 }
 
-/// The largest cutoffs up to those that are wanted at which all loops have their margin; `None` if none has.
+/// The settings with speed loops of a cutoff of `speed_rad_s`, and observers that are fast enough for them.
+#[must_use]
+pub fn with_speed_loops(settings: &Settings, speed_rad_s: f64) -> Settings {
+    let mut new = *settings;
+    new.tuning.speed_rad_s = speed_rad_s;
+    // Five times the speed loop's: see the setting.
+    new.tuning.observer_rad_s = settings.tuning.observer_rad_s.max(5.0 * speed_rad_s);
+    new
+}
+
+/// The largest cutoffs, to within 5 %, up to those that are wanted at which all loops have their margin; `None` if none has.
 #[must_use]
 pub fn tune(settings: &Settings, wanted: Wanted, period_s: f64, step_s: f64) -> Option<Tuned> {
     let mut new = *settings;
     let of = |settings: &Settings| Tuned::of(settings, period_s, step_s);
-    let falling = |from: f64| (0..80).map(move |k| from * 0.95f64.powi(k));
+    let falling = |from: f64| {
+        let next = |w: &f64| Some(w * 0.95);
+        std::iter::successors(Some(from), next).take_while(|w| *w >= FROM)
+    };
     let margin = |crossings: [Crossing; 2]| {
         crossings
             .iter()
@@ -188,10 +207,7 @@ pub fn tune(settings: &Settings, wanted: Wanted, period_s: f64, step_s: f64) -> 
         margin(of(&new).current)
     })?;
     falling(wanted.speed_rad_s).find_map(|w_w| {
-        new.tuning.speed_rad_s = w_w;
-        // Five times the speed loop's: see the setting.
-        new.tuning.observer_rad_s = settings.tuning.observer_rad_s.max(5.0 * w_w);
-        let tuned = of(&new);
+        let tuned = of(&with_speed_loops(&new, w_w));
         margin(tuned.speed).then_some(tuned)
     })
 }
@@ -220,6 +236,24 @@ mod tests {
         assert!(
             (speed.margin_deg - margin).abs() < 0.1,
             "{speed:?}, expected {margin} degrees"
+        );
+    }
+
+    /// However far from what the motors can have: a person asks for any.
+    #[test]
+    fn the_largest_cutoff_does_not_depend_on_how_much_more_is_wanted() {
+        let largest = |speed_rad_s| {
+            let wanted = Wanted {
+                speed_rad_s,
+                margin_deg: 45.0,
+            };
+            let tuned = tune(&Settings::DEFAULT, wanted, 50e-6, 200e-6).unwrap();
+            tuned.settings.tuning.speed_rad_s
+        };
+        let (near, far) = (largest(200.0), largest(10_000.0));
+        assert!(
+            (0.95..1.0 / 0.95).contains(&(far / near)),
+            "{far} rad/s of 10000, expected {near} within a step"
         );
     }
 

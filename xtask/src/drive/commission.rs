@@ -30,8 +30,8 @@ pub fn run(drive: Drive, options: &CommissionOptions) -> Result<()> {
         &mut session,
         &Options {
             travel_m: options.travel * 1e-3,
-            speed_rad_s: options.speed_loop,
-            margin_deg: options.margin,
+            speed_rad_s: options.loops.speed_loop,
+            margin_deg: options.loops.margin,
         },
         &mut done,
         &mut |step, part| {
@@ -107,7 +107,7 @@ fn page(done: &[Done]) -> String {
         for limited in &done.limits {
             let _ = writeln!(
                 text,
-                "    {:<34} {:>12.3e} of {:.3e} {} allowed",
+                "    {:<39} {:>12.3e} of {:.3e} {} allowed",
                 limited.name, limited.reached, limited.limit, limited.unit
             );
         }

@@ -13,6 +13,8 @@ mod record;
 mod settings;
 #[cfg(feature = "drive")]
 mod status;
+#[cfg(feature = "drive")]
+mod tune;
 
 pub use options::DriveOptions;
 
@@ -41,6 +43,7 @@ pub fn run(options: &DriveOptions) -> Result<()> {
         Task::Inject(injection) => motion::inject(&mut client, injection),
         Task::Settings { what } => settings::run(&mut client, what),
         Task::Commission(options) => commission::run(client, options),
+        Task::Tune(options) => tune::run(&mut client, options),
         Task::Record(record) => record::record(&mut client, record),
     }
 }

@@ -72,6 +72,50 @@ pub enum Task {
     Record(RecordOptions),
     /// Measure its motors and feed, set what was found, and tune its loops: both motors turn, and the table moves to and fro.
     Commission(CommissionOptions),
+    /// Propose gains for a bandwidth and a phase margin, computed from the settings that hold; nothing turns. `commission` does the
+    /// same at its end.
+    Tune(TuneOptions),
+}
+
+/// What is wanted of the loops.
+#[derive(Args, Debug)]
+pub struct LoopOptions {
+    /// Cutoff of the speed loops, rad/s: `commission` takes a lower one where this has not the margin, `tune` refuses it. [default:
+    /// at most the setting tuning.speed_rad_s]
+    #[arg(long, value_name = "RAD_S")]
+    pub speed_loop: Option<f64>,
+    /// Least phase margin of all loops, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 45.0)]
+    pub margin: f64,
+}
+
+impl LoopOptions {
+    fn check(&self) -> Result<()> {
+        ensure!(
+            (20.0..=80.0).contains(&self.margin),
+            "--margin is {} degrees, but 20 to 80 are possible",
+            self.margin
+        );
+        let speed_loop = self.speed_loop.unwrap_or(1.0);
+        ensure!(
+            (1.0..=10_000.0).contains(&speed_loop),
+            "--speed-loop is {speed_loop} rad/s, but 1 to 10000 rad/s are possible"
+        );
+        Ok(())
+    }
+}
+
+/// A tuning.
+#[derive(Args, Debug)]
+pub struct TuneOptions {
+    #[command(flatten)]
+    pub loops: LoopOptions,
+    /// Make it hold: the drive, which must be at rest, starts anew with it. Without this it is proposed only.
+    #[arg(long)]
+    pub set: bool,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// A commissioning.
@@ -83,12 +127,8 @@ pub struct CommissionOptions {
     /// Furthest that the table may move to each side, mm: put it where it has that way.
     #[arg(long, value_name = "MM", default_value_t = 10.0)]
     pub travel: f64,
-    /// Cutoff of the speed loops at most, rad/s. [default: the setting tuning.speed_rad_s]
-    #[arg(long, value_name = "RAD_S")]
-    pub speed_loop: Option<f64>,
-    /// Least phase margin of all loops, degrees.
-    #[arg(long, value_name = "DEG", default_value_t = 45.0)]
-    pub margin: f64,
+    #[command(flatten)]
+    pub loops: LoopOptions,
     /// Measure again what is in the folder already.
     #[arg(long)]
     pub again: bool,
@@ -332,17 +372,9 @@ impl DriveOptions {
                     "--travel is {} mm, but 0.1 to 1000 mm are possible",
                     commission.travel
                 );
-                ensure!(
-                    (20.0..=80.0).contains(&commission.margin),
-                    "--margin is {} degrees, but 20 to 80 are possible",
-                    commission.margin
-                );
-                let speed_loop = commission.speed_loop.unwrap_or(1.0);
-                ensure!(
-                    (1.0..=10_000.0).contains(&speed_loop),
-                    "--speed-loop is {speed_loop} rad/s, but 1 to 10000 rad/s are possible"
-                );
+                commission.loops.check()?;
             }
+            Task::Tune(tune) => tune.loops.check()?,
             _ => {}
         }
         Ok(())
