@@ -4,6 +4,7 @@
 mod bench;
 mod check;
 mod compensate;
+mod completions;
 mod drive;
 mod firmware;
 mod identify;
@@ -23,7 +24,7 @@ mod with;
 use xtask::output;
 use xtask::wiring;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 use std::process::ExitCode;
 
 /// Drive software for a double-drive differential feed.
@@ -61,6 +62,8 @@ enum Task {
     Serve(serve::ServeOptions),
     /// Command a drive over its link: one that `serve` simulates, or one at a serial port.
     Drive(drive::DriveOptions),
+    /// Print a script by which a shell completes this command line.
+    Completions(completions::CompletionsOptions),
     /// What can be told within a minute: format, lints, documentation, tests of control, plant and drive.
     Check,
     /// Everything that must hold: format, lints, tests, the firmware's build.
@@ -94,6 +97,7 @@ fn main() -> ExitCode {
         Task::Serve(options) => serve::run(&options),
         Task::Drive(options) => drive::run(&options),
         Task::Session(session) => session.check().and_then(|()| with_probe(session)),
+        Task::Completions(options) => completions::run(&options, Arguments::command()),
         Task::Check => check::run(),
         Task::Test => test::run(),
     };
