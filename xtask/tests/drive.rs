@@ -708,3 +708,37 @@ fn a_tuning_is_proposed_refused_and_set() {
     let said = served.printed(&["tune"]);
     assert!(said.contains("this is what is set"), "{said}");
 }
+
+/// The bench of the link says of each transport how long a command takes and what telemetry comes.
+#[test]
+fn the_bench_of_the_link_prints_its_json() {
+    let output = xtask()
+        .args(["bench", "link", "--json", "--round-trips", "50"])
+        .args(["--duration", "0.5"])
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{said}");
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let transports = report["transports"].as_array().unwrap();
+    assert_eq!(transports.len(), if cfg!(unix) { 2 } else { 1 });
+    for transport in transports {
+        let [median, worst] =
+            ["median", "worst"].map(|which| number(&transport[format!("round_trip_{which}_ms")]));
+        assert!(0.0 < median && median <= worst, "{transport}");
+        let rates = transport["rates"].as_array().unwrap();
+        let asked: Vec<f64> = rates
+            .iter()
+            .map(|rate| number(&rate["asked_samples_per_s"]))
+            .collect();
+        assert_eq!(asked, [1e3, 2.5e3, 5e3, 1e4, 2e4, 5e4]);
+        for rate in rates {
+            assert_eq!(rate["damaged"], 0, "{rate}");
+            assert!(number(&rate["samples"]) > 0.0, "{rate}");
+            assert!(
+                number(&rate["line_bytes_per_s"]) > 10.0 * number(&rate["samples_per_s"]),
+                "{rate}"
+            );
+        }
+    }
+}

@@ -8,6 +8,8 @@ mod commission;
 mod drive;
 #[cfg(feature = "simulate")]
 mod faults;
+#[cfg(feature = "serve")]
+mod link;
 #[cfg(feature = "simulate")]
 mod runaway;
 #[cfg(feature = "identify")]
@@ -29,6 +31,8 @@ pub enum Bench {
     Runaway(RunawayOptions),
     /// Each input wrong in each way in each situation on both boards, and what comes of it.
     Faults(FaultsOptions),
+    /// How long a command takes to a simulated drive and back, and what telemetry comes, by transport and rate.
+    Link(LinkOptions),
     /// How smooth the table moves with the drive's compensation, with others' and without.
     Smooth(SmoothOptions),
     /// The identification on the recordings and measured data beside the project.
@@ -88,6 +92,20 @@ pub struct FaultsOptions {
     pub json: bool,
 }
 
+/// How many, how long, and how to say it.
+#[derive(Args)]
+pub struct LinkOptions {
+    /// Status commands of each transport.
+    #[arg(long, value_name = "N", default_value = "1000")]
+    pub round_trips: std::num::NonZeroUsize,
+    /// How long each rate of telemetry is taken, s.
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    pub duration: f64,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// How many, and how to say it.
 #[derive(Args)]
 pub struct SmoothOptions {
@@ -140,6 +158,7 @@ pub fn run(what: &Bench) -> Result<()> {
         Bench::Commission(options) => commission(options),
         Bench::Runaway(options) => runaway(options),
         Bench::Faults(options) => faults(options),
+        Bench::Link(options) => link(options),
         Bench::Smooth(options) => smooth(options),
         Bench::Identify(options) => crate::identify::bench(options),
     }
@@ -198,6 +217,17 @@ fn faults(options: &FaultsOptions) -> Result<()> {
 #[cfg(not(feature = "simulate"))]
 fn faults(_: &FaultsOptions) -> Result<()> {
     crate::with::With::Simulate.take_over()
+}
+
+#[cfg(feature = "serve")]
+fn link(options: &LinkOptions) -> Result<()> {
+    link::run(options)
+}
+
+/// Hands over to an xtask with the simulated drive.
+#[cfg(not(feature = "serve"))]
+fn link(_: &LinkOptions) -> Result<()> {
+    crate::with::With::Serve.take_over()
 }
 
 #[cfg(feature = "identify")]

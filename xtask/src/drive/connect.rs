@@ -22,12 +22,22 @@ pub fn open(options: &LineOptions, baud: Option<u32>) -> Result<Drive> {
     if let Some(which) = &options.probe {
         return by_probe(which.as_deref());
     }
-    let (line, begin): (Box<dyn Line>, _) = match (&options.sim, &options.serial) {
-        (Some(address), _) => (Box::new(Tcp(connect(address)?)), format!("at {address}")),
-        (None, Some(port)) => (Box::new(Serial(serial(port, baud)?)), format!("at {port}")),
+    let (line, begin) = match (&options.sim, &options.serial) {
+        (Some(address), _) => (by_tcp(address)?, format!("at {address}")),
+        (None, Some(port)) => (by_serial(port, baud)?, format!("at {port}")),
         (None, None) => bail!("which drive? Give --sim, --serial or --probe"),
     };
     Client::open(line).context(begin)
+}
+
+/// The line to a simulated drive.
+pub fn by_tcp(address: &str) -> Result<Box<dyn Line>> {
+    Ok(Box::new(Tcp(connect(address)?)))
+}
+
+/// The line to a drive at a serial port or a pseudo-terminal.
+pub fn by_serial(port: &str, baud: u32) -> Result<Box<dyn Line>> {
+    Ok(Box::new(Serial(serial(port, baud)?)))
 }
 
 #[cfg(feature = "probe")]

@@ -3,9 +3,9 @@
 #[cfg(feature = "drive")]
 mod commission;
 #[cfg(feature = "drive")]
-mod connect;
+pub mod connect;
 #[cfg(feature = "drive")]
-mod motion;
+pub mod motion;
 mod options;
 #[cfg(feature = "drive")]
 mod record;
