@@ -111,11 +111,24 @@ impl Loops {
     }
 }
 
-/// The last crossing of a gain of 1, by halving.
+/// The last crossing of a gain of 1, by halving. The phase is followed from the lowest frequency on, so that it is not taken for
+/// one that is a turn away.
 fn crossing(open: impl Fn(f64) -> Complex<f64>) -> Crossing {
     const STEPS: u32 = 400;
     let at = |k: u32| FROM * (TO / FROM).powf(f64::from(k) / f64::from(STEPS));
-    let Some(k) = (0..STEPS).rev().find(|k| open(at(*k)).norm() > 1.0) else {
+    // An open loop falls from -180 degrees at rest on: its angle is the margin above that.
+    let first = open(at(0));
+    let (mut value, mut margin) = (first, (-first).arg());
+    let mut last = None;
+    for k in 0..STEPS {
+        if value.norm() > 1.0 {
+            last = Some((k, value, margin));
+        }
+        let next = open(at(k + 1));
+        margin += (next / value).arg();
+        value = next;
+    }
+    let Some((k, before, margin)) = last else {
         return Crossing::default();
     };
     let (mut low, mut high) = (at(k), at(k + 1));
@@ -129,8 +142,7 @@ fn crossing(open: impl Fn(f64) -> Complex<f64>) -> Crossing {
     }
     Crossing {
         bandwidth_rad_s: low,
-        // An open loop falls from -180 degrees at rest on: its angle is the margin above that.
-        margin_deg: (-open(low)).arg().to_degrees(),
+        margin_deg: (margin + (open(low) / before).arg()).to_degrees(),
     }
 }
 
@@ -255,6 +267,24 @@ mod tests {
             (0.95..1.0 / 0.95).contains(&(far / near)),
             "{far} rad/s of 10000, expected {near} within a step"
         );
+    }
+
+    /// Behind -360 degrees too, where an angle within a turn would be that of a stable loop.
+    #[test]
+    fn a_faster_speed_loop_never_has_the_greater_margin() {
+        let margin = |speed_rad_s| {
+            let settings = with_speed_loops(&Settings::DEFAULT, speed_rad_s);
+            Tuned::of(&settings, 50e-6, 200e-6).speed[0].margin_deg
+        };
+        let mut before = margin(100.0);
+        for speed_rad_s in (1..100).map(|k| 100.0 + 200.0 * f64::from(k)) {
+            let now = margin(speed_rad_s);
+            assert!(
+                now < before,
+                "{now} degrees at {speed_rad_s} rad/s, expected below {before}"
+            );
+            before = now;
+        }
     }
 
     #[test]
