@@ -149,7 +149,7 @@ fn print(figures: &Figures, blind: &Value) {
     row(
         "CPU seconds per recording, one thread",
         figures.seconds_per_recording,
-        "2",
+        "1",
     );
     for found in &figures.found {
         println!("  {found}");
