@@ -1,6 +1,7 @@
 //! The drive removes the ripple of the machine with its defects, from cold, and keeps what it has learned.
 
 use control::compensation::fit::TableFit;
+use control::compensation::{LINES, TORQUES};
 use control::plate::{CompensationPlate, OrderPlate};
 use control::supervisor::State;
 use hal_sim::drive::Drive;
@@ -272,7 +273,11 @@ fn a_table_that_was_moved_at_rest_teaches_nothing() {
         drive.period();
     }
     assert_eq!(drive.state(), State::Ready);
-    let learned = |drive: &Drive| (drive.compensation().angle(), drive.compensation().travel());
+    // Of both encoders and the lead, which follow the torques.
+    let learned = |drive: &Drive| {
+        let lines = (2 * TORQUES..LINES).map(|line| drive.compensation().coefficient(line));
+        lines.collect::<Vec<_>>()
+    };
     let before = learned(&drive);
     (drive.request.run, drive.request.reset) = (true, false);
     for _ in 0..80 {

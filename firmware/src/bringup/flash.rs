@@ -59,14 +59,12 @@ fn torn() -> bool {
 
 /// Double words that are then right.
 fn program(words: &FlashReading) -> u32 {
-    /// All but EOP and BSY.
-    const ERRORS: u32 = 0xC3FA;
     let mut right = 0u32;
     let began = cycles();
     for k in 0..FLASH_DOUBLE_WORDS {
         // SAFETY: a double word of the reserved, erased page.
         let status = unsafe { controller::program(PAGE + 8 * k, pattern(k)) };
-        if status & ERRORS != 0 {
+        if status & controller::ERRORS != 0 {
             put(&words.status[1], status);
         }
     }

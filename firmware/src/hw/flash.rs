@@ -24,7 +24,8 @@ const DBANK: u32 = 1 << 22;
 const BSY: u32 = 1 << 16;
 /// All errors of FLASH_SR and EOP, cleared by writing one.
 const CLEAR: u32 = 0xC3FB;
-const ERRORS: u32 = CLEAR & !1;
+/// The errors alone.
+pub(crate) const ERRORS: u32 = CLEAR & !1;
 const PG: u32 = 1;
 const PER: u32 = 1 << 1;
 const SECOND_BANK: u32 = 1 << 11;

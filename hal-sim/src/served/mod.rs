@@ -35,7 +35,7 @@ use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
 use link::motion::{Motion, Seen};
 use link::scale;
 use link::server::{NotSet, Served};
-use link::settings::keep::Keeper;
+use link::settings::keep::{Found, Keeper};
 use link::settings::plate::Unfit;
 use link::settings::store::PAGES;
 use link::settings::{Settings, Value};
@@ -173,20 +173,20 @@ impl SimulatedDrive {
     /// [`Misfit`] if a gain does not fit its format.
     pub fn put_flash(&mut self, flash: SimulatedFlash) -> Result<(), Misfit> {
         self.keeper = keeper(flash, self.own, &self.board);
-        let (drive, plate) = self.with(self.keeper.settings())?;
-        self.go_on(drive, plate);
+        let plate = self.keeper.settings().plate(&self.board);
+        self.go_on(self.begin.drive(&self.setup, &plate)?, plate);
         Ok(())
+    }
+
+    /// What it found in its flash when it started.
+    #[must_use]
+    pub fn found(&self) -> Found {
+        self.keeper.found()
     }
 
     /// What its flash holds.
     pub fn flash(&mut self) -> &SimulatedFlash {
         self.keeper.flash()
-    }
-
-    /// A drive with these settings, and its plate.
-    fn with(&self, settings: &Settings) -> Result<(Drive, DrivePlate), Misfit> {
-        let plate = settings.plate(&self.board);
-        Ok((self.begin.drive(&self.setup, &plate)?, plate))
     }
 
     /// Starts anew as `drive`, on the board and machine that are there.
@@ -574,14 +574,12 @@ impl Served for SimulatedDrive {
 
     fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
         fits(settings, self.keeper.settings(), &self.board)?;
-        let (drive, plate) = self.with(settings).map_err(|misfit| Unfit {
+        self.keeper.store(settings)?;
+        let flash = self.keeper.flash().clone();
+        self.put_flash(flash).map_err(|misfit| Unfit {
             setting: None,
             misfit,
         })?;
-        self.keeper.store(settings)?;
-        let flash = self.keeper.flash().clone();
-        self.keeper = keeper(flash, self.own, &self.board);
-        self.go_on(drive, plate);
         Ok(())
     }
 

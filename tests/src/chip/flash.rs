@@ -170,6 +170,11 @@ impl Flash {
         Ok(())
     }
 
+    /// The word at `address`, in the second bank, is found to have two wrong bits.
+    pub fn tear(&mut self, address: u32) {
+        self.ecc = ECCD | BK_ECC | (address - BANK_2);
+    }
+
     /// The core reads a word of the memory: what it gets, how long it waits, and whether the word is unreadable, which raises the
     /// NMI.
     pub fn load(&mut self, address: u32, now: u64) -> (u32, u64, bool) {
@@ -178,7 +183,7 @@ impl Flash {
         let mut bytes = [0; 8];
         let torn = self.memory.read(at, &mut bytes).is_err();
         if torn {
-            self.ecc = ECCD | BK_ECC | (START - BANK_2 + at);
+            self.tear(START + at);
         }
         let word = u64::from_le_bytes(bytes) >> (8 * (address & 4));
         #[allow(clippy::cast_possible_truncation)]

@@ -1,7 +1,7 @@
 //! The emulated firmware and the control code on the host are the same drive, bit for bit.
 
-use control::compensation::TORQUES;
 use control::compensation::line::Phasor;
+use control::compensation::{ANGLES, LINES, TORQUES};
 use control::plate::DrivePlate;
 use hal_sim::drive::Drive;
 use link::settings::Settings;
@@ -161,16 +161,20 @@ fn what_compensates_ripple_is_the_hosts() -> Result<(), String> {
     let on = (board, &model, Coupling::Lumped);
     let drive = same("smooth", &smooth_firmware()?, &plate, on, None)?;
     let compensation = drive.compensation();
-    let torque = compensation.torque();
-    let of_angle = compensation.angle();
+    let all: Vec<Phasor> = (0..LINES)
+        .map(|line| compensation.coefficient(line))
+        .collect();
+    let (torque, speeds) = all.split_at(2 * TORQUES);
+    let (of_angle, travel) = speeds.split_at(2 * ANGLES);
     let learned = |phasors: &[Phasor]| phasors.iter().filter(|&&x| x != Phasor::ZERO).count();
     assert!(
-        torque.iter().all(|lines| learned(lines) >= TORQUES - 1)
-            && of_angle.iter().all(|lines| learned(lines) == 1)
-            && learned(&compensation.travel()) == 1,
-        "learned of torques {torque:?}, of encoders {of_angle:?}, of the lead {:?}: expected {TORQUES} orders of each motor, of which one may just be at zero, one of \
-         each encoder and one of the lead",
-        compensation.travel()
+        torque
+            .chunks(TORQUES)
+            .all(|lines| learned(lines) >= TORQUES - 1)
+            && of_angle.chunks(ANGLES).all(|lines| learned(lines) == 1)
+            && learned(travel) == 1,
+        "learned of torques {torque:?}, of encoders {of_angle:?}, of the lead {travel:?}: expected {TORQUES} orders of each motor, of which one may just be at zero, one of \
+         each encoder and one of the lead"
     );
     Ok(())
 }

@@ -28,6 +28,11 @@ fn with(mut settings: Settings, values: &[(&str, f64)]) -> Result<Settings> {
     Ok(settings)
 }
 
+/// The chip's flash.
+fn memory<T>(session: &Session, of: impl FnOnce(&mut SimulatedFlash) -> T) -> T {
+    of(&mut session.bench.borrow_mut().emulator.chip().flash.memory)
+}
+
 /// The words of a journal's latest start and what it said of its settings.
 fn started(session: &mut Session) -> Result<(u32, u32, i32)> {
     let journal = session.client.journal()?;
@@ -155,28 +160,17 @@ fn a_power_cut_while_they_are_stored_leaves_the_old_ones_or_the_new() -> Result<
     let mut session = Session::open(LINES[0].1)?;
     let mut held = own();
     let (mut kept, mut taken) = (0, 0);
-    let operations = |session: &Session| {
-        let mut bench = session.bench.borrow_mut();
-        bench.emulator.chip().flash.memory.operations()
-    };
-    let before = operations(&session);
+    let before = memory(&session, |memory| memory.operations());
     let changed = with(held, &[("feed.velocity_max_mm_s", 49.0)])?;
     session.client.configure(&changed)?;
     held = changed;
-    let save = operations(&session) - before;
+    let save = memory(&session, |memory| memory.operations()) - before;
     // Erases, the first words, some between, and the last ones.
     let cuts = [0, 1, 2, 3, 4, save / 4, save / 2, 3 * save / 4];
     let cuts = cuts.into_iter().chain((save - 4..save + 2).rev());
     for (k, cut) in (0..).zip(cuts) {
         let settings = with(held, &[("feed.velocity_max_mm_s", 50.0 + f64::from(k))])?;
-        session
-            .bench
-            .borrow_mut()
-            .emulator
-            .chip()
-            .flash
-            .memory
-            .cut_after(cut);
+        memory(&session, |memory| memory.cut_after(cut));
         // The answer is lost with the power.
         let _ = session.client.configure(&settings);
         let line: Box<dyn Line> = Box::new(Wires::new(&session.bench));
@@ -203,14 +197,7 @@ fn a_power_cut_while_they_are_stored_leaves_the_old_ones_or_the_new() -> Result<
             status.runs_on
         );
         held = found;
-        session
-            .bench
-            .borrow_mut()
-            .emulator
-            .chip()
-            .flash
-            .memory
-            .power_up();
+        memory(&session, SimulatedFlash::power_up);
     }
     let resets = session.bench.borrow().emulator.resets.clone();
     ensure!(

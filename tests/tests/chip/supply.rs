@@ -79,6 +79,19 @@ fn wrong_bits_open_the_bridges_and_reset_the_chip() -> Result<(), String> {
     Ok(())
 }
 
+/// Bits of a store's page that a power cut left are forgiven while they are read. The same bank has code.
+#[test]
+fn wrong_bits_of_the_second_banks_code_are_not_taken_for_the_stores() -> Result<(), String> {
+    let mut bench = running()?;
+    bench.log()?;
+    let chip = bench.emulator.chip();
+    chip.flash.tear(0x0804_0000);
+    chip.read_wrong_bits(Checked::Flash);
+    bench.pass(1e-3)?;
+    assert_eq!(bench.emulator.resets, [Reset::Software]);
+    Ok(())
+}
+
 #[test]
 fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() -> Result<(), String>
 {

@@ -4,6 +4,7 @@ use crate::output::Folder;
 use anyhow::{Context, Result, ensure};
 use hal_sim::flash::{PAGE, SimulatedFlash};
 use hal_sim::served::SimulatedDrive;
+use link::codes::Origin;
 use link::settings::store::PAGES;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -28,6 +29,17 @@ impl Flash {
                 PAGES * PAGE
             );
             drive.put_flash(SimulatedFlash::of_bytes(&bytes))?;
+            let found = drive.found();
+            if found.origin == Origin::Unfit {
+                eprintln!("{}: {}", path.display(), found.origin.sentence());
+            }
+            if found.left_out > 0 {
+                eprintln!(
+                    "{}: {} settings of another version or beyond their ranges are left out; the drive has its own instead",
+                    path.display(),
+                    found.left_out
+                );
+            }
         }
         Ok(Self {
             kept: drive.flash().bytes().to_vec(),

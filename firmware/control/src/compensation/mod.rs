@@ -173,25 +173,6 @@ impl Compensation {
         }
     }
 
-    /// What was learned of the torque of screw and nut, 2^-17 A.
-    #[must_use]
-    pub fn torque(&self) -> [[Phasor; TORQUES]; 2] {
-        self.torque
-            .map(|lines| lines.map(|line| line.coefficient()))
-    }
-
-    /// What was learned of the errors of both encoders, 2^-27 of the speed.
-    #[must_use]
-    pub fn angle(&self) -> [[Phasor; ANGLES]; 2] {
-        self.angle.map(|lines| lines.map(|line| line.coefficient()))
-    }
-
-    /// What was learned of the lead's error, 2^-27 of the relative speed.
-    #[must_use]
-    pub fn travel(&self) -> [Phasor; TRAVELS] {
-        self.travel.map(|line| line.coefficient())
-    }
-
     /// What was learned by one of the [`LINES`], in their order: 2^-17 A of a torque, 2^-27 of a speed.
     #[must_use]
     #[inline(never)]
