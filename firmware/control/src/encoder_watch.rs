@@ -29,6 +29,9 @@ pub struct EncoderWatchConfig {
     pub travel_max: u32,
     /// Furthest that a count may be from the observer's prediction, 2^-32 mechanical turn.
     pub jump_max: u32,
+    /// The same while the drive is aligned, with less torque: an index that moves the count by less than [`jump_max`](Self::jump_max)
+    /// looked like a speed, to which the speed loop answered with all the torque there is.
+    pub jump_max_aligning: u32,
     /// Readings can be wrong; otherwise only a standing count is looked for.
     pub checked: bool,
 }
@@ -68,7 +71,8 @@ impl EncoderWatch {
     }
 
     /// Takes a sample's count, `None` if it did not arrive whole, and what the observer made of it. A failure stays, as
-    /// [`EncoderWatch::failed`] says, while `drive`; without it only frames are watched.
+    /// [`EncoderWatch::failed`] says, while `drive`; without it only frames are watched. `aligning`: the drive asks for no more than
+    /// the alignment's torque.
     #[inline(always)]
     pub fn step(
         &mut self,
@@ -76,11 +80,17 @@ impl EncoderWatch {
         counts: Option<u32>,
         motion: &Motion,
         drive: bool,
+        aligning: impl FnOnce() -> bool,
     ) -> Seen {
         let mut seen = Seen::default();
         if config.checked {
             // A jump is one, however long the observer takes to follow it.
-            let off = drive && motion.innovation.unsigned_abs() > config.jump_max;
+            let jump_max = if aligning() {
+                config.jump_max_aligning
+            } else {
+                config.jump_max
+            };
+            let off = drive && motion.innovation.unsigned_abs() > jump_max;
             seen.wrong = counts.is_none() || off && !self.off;
             self.off = off;
             let failed = self.wrong.step(WRONG_READINGS, u32::from(seen.wrong));
@@ -158,7 +168,7 @@ mod tests {
             let motion = observer.follow(&config.observer, counts);
             // The observer finds the speed while the drive is off.
             let drive = k >= 400;
-            let seen = watch.step(&config.encoder_watch, counts, &motion, drive);
+            let seen = watch.step(&config.encoder_watch, counts, &motion, drive, || false);
             wrong += u32::from(seen.wrong);
             assert_eq!(seen.failed, watch.failed());
             seen.failed

@@ -17,7 +17,9 @@ use control::format::Misfit;
 use control::plate::DrivePlate;
 use control::supervisor::State;
 use plant::Axis;
-use plant::effects::{Cogging, DeadTime, EffectModel, LeadError, Place, StribeckFriction};
+use plant::effects::{
+    AnyEffect, Cogging, DeadTime, EffectModel, LeadError, Place, StribeckFriction,
+};
 use plant::machine::{Coupling, Machine};
 use plant::model::Model;
 use rand_distr::{Distribution, Uniform};
@@ -247,21 +249,35 @@ impl Start {
         }
     }
 
-    /// By how much friction holds either rotor at every angle without a current, N m: bearing, ball pair and guideway against
-    /// the load and what torque its harmonics make at most. Below 0 a rotor that leaves the angle where it stands by a little
-    /// goes on to the next one where it stands: half a period of its harmonics at most, with the table.
+    /// By how much friction holds the rotors at every angle without a current, N m: the least of either alone, by bearing, ball pair
+    /// and guideway against the load and what torque its harmonics and cogging make at most; and of both together, which only
+    /// the bearings hold, for neither pair nor guideway nor load sees them turn. Below 0 a rotor that leaves the angle where
+    /// it stands by a little goes on to the next one where it stands: half a period of its harmonics at most, and, alone, with the table.
     #[must_use]
     pub fn margin_nm(&self) -> f64 {
         let feed = &self.model.feed;
         let r = feed.travel_per_radian();
         let held = feed.pair_coulomb_nm + feed.guideway_coulomb_n * r - feed.load_n.abs() * r;
-        let of = |axis| {
+        let bearings = Axis::ALL.map(|axis| {
             let motor = self.model.motor(axis);
             let harmonics = motor.torque_harmonics.iter();
             let most: f64 = harmonics.map(|harmonic| harmonic.amplitude_nm.abs()).sum();
-            motor.coulomb_nm + held - most
-        };
-        Axis::ALL.map(of).into_iter().fold(f64::INFINITY, f64::min)
+            let effects = self.model.effects.iter();
+            let more: f64 = effects
+                .filter(|effect| effect.place().has(axis))
+                .map(|effect| match effect.effect() {
+                    AnyEffect::StribeckFriction(friction) => friction.amplitude,
+                    AnyEffect::Cogging(cogging) => -cogging.amplitude,
+                    _ => 0.0,
+                })
+                .sum();
+            motor.coulomb_nm + more - most
+        });
+        let together = bearings.iter().sum();
+        bearings
+            .map(|bearing| bearing + held)
+            .into_iter()
+            .fold(together, f64::min)
     }
 
     /// Switches the drive on and lets it align, or find why it cannot.

@@ -42,9 +42,9 @@ pub enum Bench {
 /// How many, and how to say it.
 #[derive(Args)]
 pub struct AlignOptions {
-    /// Starts.
+    /// Starts of each kind of machine whose rotors friction holds; a machine that it does not hold comes on top.
     #[arg(long, default_value_t = 500)]
-    pub starts: u64,
+    pub starts: usize,
     /// As JSON.
     #[arg(long)]
     pub json: bool,

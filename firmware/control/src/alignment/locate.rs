@@ -15,6 +15,7 @@
 //! How well it does: 5 % of scatter in break-away is 2 degrees at gamma = 45; the two directions of counting lie twice the
 //! electrical angle of the move apart, 14 degrees on five pole pairs and 1.4 degrees of move.
 
+use super::back::Return;
 use super::probe::{Broken, Probe, ProbeConfig, ProbeStep, current};
 use super::vector;
 use super::{MotorAlignment, Reason};
@@ -67,6 +68,8 @@ enum Phase {
     /// Direction of the scan.
     #[default]
     Scan,
+    /// The table comes back first, if both motors can do that.
+    Back,
     /// Number of the probe: at the near place.
     Near,
     /// To the far one.
@@ -83,6 +86,7 @@ enum Phase {
 pub(super) struct Locate {
     phase: Phase,
     probe: Probe,
+    return_to_start: Return,
     count: u8,
     attempt: u8,
     /// Of the scan.
@@ -123,6 +127,9 @@ pub(super) enum LocateStep {
     Rest,
     /// This current along this electrical angle.
     Vector(Angle, Current),
+    /// This part of the torque limits, 2^-16, of both motors against each other: of this one along this electrical angle, and
+    /// whether that moves its count up.
+    Against(Angle, u16, bool),
     /// Found.
     Found(EncoderAlignment),
     /// Not to be found.
@@ -139,7 +146,8 @@ impl Locate {
     /// The same place again, after something has contradicted the direction of counting that was found.
     pub(super) fn doubted(&self) -> Self {
         Self {
-            phase: Phase::Near,
+            phase: Phase::Back,
+            return_to_start: Return::default(),
             probe: Probe::default(),
             count: 0,
             attempt: 0,
@@ -160,8 +168,10 @@ impl Locate {
         }
     }
 
-    /// One step for `motor`, with both encoders' angles, this one's speed, electrical rad/s in the encoder's direction, and how
-    /// far it is from where the table stood at the start, 2^-32 turn of its encoder.
+    /// One step for `motor`, with both encoders' angles, this one's speed, electrical rad/s in the encoder's direction, how
+    /// far it is from where the table stood at the start, 2^-32 turn of its encoder, and how near is near enough; `None` if the other
+    /// motor cannot help it back.
+    #[allow(clippy::too_many_arguments)]
     pub(super) fn step(
         &mut self,
         config: &MotorAlignment,
@@ -170,6 +180,7 @@ impl Locate {
         theta: [Angle; 2],
         omega_e: Speed,
         away: i32,
+        near: Option<u32>,
     ) -> LocateStep {
         let own = theta.get(motor).copied().unwrap_or_default();
         match self.phase {
@@ -190,6 +201,7 @@ impl Locate {
                     }
                 }
             }
+            Phase::Back => self.go_back(probes, theta, away, near),
             Phase::Going | Phase::Returning => {
                 let other = theta.get(motor ^ 1).copied().unwrap_or_default();
                 self.go(config, probes, [own, other], theta, omega_e, away)
@@ -207,7 +219,7 @@ impl Locate {
                         return LocateStep::Found(found);
                     }
                     (self.near, self.far) = (Pair::default(), Pair::default());
-                    self.phase = Phase::Near;
+                    self.begin_attempt();
                     LocateStep::Rest
                 }
                 ProbeStep::Rest | ProbeStep::Ramp(_) => LocateStep::Rest,
@@ -256,7 +268,7 @@ impl Locate {
             self.take_scanned(probes, broken, sign, other);
             if self.count.saturating_add(1) == DIRECTIONS {
                 self.choose()?;
-                self.phase = Phase::Near;
+                self.begin_attempt();
                 self.count = u8::MAX;
             }
             return Ok(());
@@ -395,6 +407,41 @@ impl Locate {
         };
         self.beside = both.or_else(|| fits(easier)).ok_or(Reason::Held)?;
         Ok(())
+    }
+
+    fn begin_attempt(&mut self) {
+        self.phase = Phase::Back;
+        self.return_to_start = Return::default();
+    }
+
+    /// Both motors against each other, until the table is near its start.
+    fn go_back(
+        &mut self,
+        probes: &ProbeConfig,
+        theta: [Angle; 2],
+        away: i32,
+        near: Option<u32>,
+    ) -> LocateStep {
+        let near = near.unwrap_or(u32::MAX);
+        self.return_to_start.begin(away, near);
+        let Some(from) = self.return_to_start.away() else {
+            self.phase = Phase::Near;
+            return LocateStep::Rest;
+        };
+        match self.probe.step(probes, theta) {
+            ProbeStep::Rest => LocateStep::Rest,
+            ProbeStep::Ramp(level) => {
+                let up = from < 0;
+                let along = Angle(if up { 0 } else { 1 << 31 });
+                LocateStep::Against(self.axis.plus(along), level, up)
+            }
+            ProbeStep::Moves => LocateStep::Failed(Reason::LoadMoves),
+            ProbeStep::Found(_) => {
+                self.probe = Probe::default();
+                self.return_to_start.go_on(away, near);
+                LocateStep::Rest
+            }
+        }
     }
 
     fn begin_move(&mut self, phase: Phase) {

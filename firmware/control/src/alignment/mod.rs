@@ -20,6 +20,7 @@
 //! the plate's travel: where what moves would stand past that, alignment stops. Between two torques both windings are shorted,
 //! which brakes rotors of any angle. What a load pushes on before it is held, and what an encoder's counts do not show, comes on top. Screw and nut together may turn as they like, since the table moves with their difference.
 
+mod back;
 mod index;
 mod locate;
 mod pair;
@@ -292,9 +293,13 @@ impl Alignment {
             (Some(_), Some(_)) => -1,
             _ => 0,
         };
-        let away = |motor: usize, same: i8| {
+        let same = if self.same == 0 {
+            declared
+        } else {
+            self.same.signum()
+        };
+        let away = |motor: usize| {
             let [own, other] = [motor, motor ^ 1].map(|k| moved.get(k).copied().unwrap_or(0));
-            let same = if same == 0 { declared } else { same.signum() };
             own.saturating_sub(other.saturating_mul(same.into()))
         };
         let (directed, same_direction) = (self.directed(theta), self.same_direction());
@@ -330,18 +335,37 @@ impl Alignment {
             Stage::Locate(motor, locate) => {
                 let index = *motor;
                 if let (Some(limits), Some(seen)) = (config.motors.get(index), seen.get(index)) {
+                    let away = away(index);
+                    let other = index ^ 1;
+                    let helps = self.found.get(other).copied().flatten();
                     let asked = locate.step(
                         limits,
                         &config.probes,
                         index,
                         theta,
                         seen.omega_e,
-                        away(index, self.same),
+                        away,
+                        (helps.is_some() && same != 0).then_some(config.travel >> ATTEMPTED),
                     );
                     self.same = self.same.saturating_add(locate.take_same());
                     match asked {
                         LocateStep::Rest => current = [SHORT; 2],
                         LocateStep::Vector(at, i) => vector(&mut current, index, at, i),
+                        LocateStep::Against(at, level, up) => {
+                            vector(&mut current, index, at, probe::current(limits.limit, level));
+                            // As the other counts where it is taken along, and against that.
+                            let other_up = up != (same > 0);
+                            let reversed = helps.is_some_and(|found| found.reversed);
+                            let places = current.get_mut(other).zip(config.motors.get(other));
+                            if let Some((current, motor)) = places {
+                                let i = probe::current(motor.limit, level);
+                                *current = torque(if other_up == reversed {
+                                    i.saturating_neg()
+                                } else {
+                                    i
+                                });
+                            }
+                        }
                         LocateStep::Found(found) => {
                             if let Some(place) = self.found.get_mut(index) {
                                 *place = Some(found);
@@ -517,6 +541,9 @@ impl Alignment {
 
 /// The table is back within this part of its travel, a power of two: an eighth.
 const RETURNED: u32 = 3;
+
+/// An attempt at a rotor's location begins within this part of it, if both motors can bring it there: a quarter. It takes a sixth.
+const ATTEMPTED: u32 = 2;
 
 /// How far the screw is ahead of the nut: the table's travel.
 const fn apart([screw, nut]: [Angle; 2]) -> Angle {

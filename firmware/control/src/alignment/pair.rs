@@ -9,38 +9,12 @@
 //! not turn both motors the same way: one has two phases and its encoder's channels swapped, which no look at one motor alone shows.
 
 use super::Reason;
+use super::back::Return;
 use super::probe::{Broken, Probe, ProbeConfig, ProbeStep};
 use crate::format::Angle;
 
 /// Signs of the torques: screw, nut.
 const WAYS: [[i32; 2]; 4] = [[1, -1], [-1, 1], [1, 1], [-1, -1]];
-
-/// Location moves the table where its load helps: it is brought back first, by as many probes as it takes.
-#[derive(Clone, Copy, Debug, Default)]
-enum Return {
-    #[default]
-    Asked,
-    /// How far it is away, 2^-32 turn.
-    From(i32),
-    /// It is near, or does not come nearer.
-    Done,
-}
-
-impl Return {
-    /// On from here, `apart` from the start, if that is not `near` it and nearer than before.
-    const fn on(self, apart: i32, near: u32) -> Self {
-        let last = match self {
-            Self::Asked => u32::MAX,
-            Self::From(last) => last.unsigned_abs(),
-            Self::Done => 0,
-        };
-        if apart.unsigned_abs() > near && apart.unsigned_abs() < last {
-            Self::From(apart)
-        } else {
-            Self::Done
-        }
-    }
-}
 
 /// State of a test of the pair.
 #[derive(Clone, Copy, Debug, Default)]
@@ -80,14 +54,13 @@ impl Pair {
         apart: i32,
         near: u32,
     ) -> PairStep {
-        if matches!(self.return_to_start, Return::Asked) {
-            self.return_to_start = self.return_to_start.on(apart, near);
-        }
-        let signs = match (self.return_to_start, WAYS.get(usize::from(self.way))) {
-            (Return::From(away), _) if away > 0 => [-1, 1],
-            (Return::From(_), _) => [1, -1],
-            (_, Some(&signs)) => signs,
-            (_, None) => return self.conclude(same_direction),
+        self.return_to_start.begin(apart, near);
+        let away = self.return_to_start.away();
+        let signs = match (away, WAYS.get(usize::from(self.way))) {
+            (Some(away), _) if away > 0 => [-1, 1],
+            (Some(_), _) => [1, -1],
+            (None, Some(&signs)) => signs,
+            (None, None) => return self.conclude(same_direction),
         };
         match self.probe.step(probes, theta) {
             ProbeStep::Rest => PairStep::Rest,
@@ -95,8 +68,8 @@ impl Pair {
             ProbeStep::Moves => PairStep::Wrong(Reason::LoadMoves),
             ProbeStep::Found(broken) => {
                 self.probe = Probe::default();
-                if matches!(self.return_to_start, Return::From(_)) {
-                    self.return_to_start = self.return_to_start.on(apart, near);
+                if away.is_some() {
+                    self.return_to_start.go_on(apart, near);
                 } else {
                     self.take(probes, &broken, signs);
                     self.way = self.way.saturating_add(1);

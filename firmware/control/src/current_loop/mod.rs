@@ -270,7 +270,9 @@ impl CurrentLoop {
             checked: io.sensing().encoder.is_checked(),
             ..config.encoder_watch
         };
-        let seen = self.encoder_watch.step(&watch, counts, &motion, drive);
+        let alignment = self.alignment;
+        let aligning = || alignment.is_none_or(|alignment| alignment.index_awaited);
+        let seen = (self.encoder_watch).step(&watch, counts, &motion, drive, aligning);
         if seen.wrong {
             self.wrong_reading(config, exchange, counts, motion.innovation);
             motion = self.observer.motion(&config.observer);

@@ -194,7 +194,9 @@ impl DrivePlate {
                 None
             },
             index: match motor.encoder.interface {
-                Interface::IncrementalWithIndex => Some(motor.encoder_watch(&self.tuning).jump_max),
+                Interface::IncrementalWithIndex => {
+                    Some(motor.encoder_watch(self).jump_max_aligning)
+                }
                 Interface::Incremental | Interface::Mt6835 => None,
             },
             pole_pairs: motor.pole_pairs,

@@ -28,7 +28,7 @@ impl MotorPlate {
             encoder: self.encoder.interface,
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
             alignment: None,
-            encoder_watch: self.encoder_watch(&drive.tuning),
+            encoder_watch: self.encoder_watch(drive),
             current_max_square: attempt!(current_max_square(board.over_current_a, scale)),
             regulator: RegulatorConfig {
                 k_pc: attempt!(gain("Kpc (Eq 9)", gains.k_pc, scale)),
@@ -83,8 +83,11 @@ impl MotorPlate {
 
     /// Travel: twice what a reversal at full torque lets the observer turn within one count (see
     /// [`encoder_watch`](crate::encoder_watch)), and four counts. Jump: four times the observer's lag at full torque,
-    /// `a / omega_0^2`, and eight counts.
-    pub(super) const fn encoder_watch(&self, tuning: &Tuning) -> EncoderWatchConfig {
+    /// `a / omega_0^2`, and eight counts; while aligning, at the larger of the alignment's torques.
+    pub(super) const fn encoder_watch(&self, drive: &DrivePlate) -> EncoderWatchConfig {
+        let tuning = &drive.tuning;
+        let [screw_nm, nut_nm] = drive.alignment.torque_nm;
+        let aligning = screw_nm.max(nut_nm).min(self.torque_max_nm) / self.torque_max_nm;
         let count = TAU / self.encoder.counts_per_turn as f64;
         let acceleration = self.torque_max_nm / self.inertia_kg_m2;
         let lag = 2.0 * tuning.observer_damping * acceleration / tuning.observer_rad_s;
@@ -92,11 +95,13 @@ impl MotorPlate {
         let turns = (2.0 * lag * stands + 4.0 * count) / TAU;
         let lag_max = acceleration / (tuning.observer_rad_s * tuning.observer_rad_s);
         let jump = (4.0 * lag_max + 8.0 * count) / TAU;
+        let jump_aligning = (4.0 * aligning * lag_max + 8.0 * count) / TAU;
         // The casts saturate; a turn or more never fires.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         EncoderWatchConfig {
             travel_max: (turns * 4_294_967_296.0) as u32,
             jump_max: (jump * 4_294_967_296.0) as u32,
+            jump_max_aligning: (jump_aligning * 4_294_967_296.0) as u32,
             checked: self.encoder.interface.is_checked(),
         }
     }
