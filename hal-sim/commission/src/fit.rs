@@ -1,4 +1,10 @@
-//! Linear least squares with 95 % intervals.
+//! Linear least squares, or instrumental variables, with 95 % intervals.
+//!
+//! Least squares is biased where what is left out of an equation moves its regressors, as a torque ripple moves the acceleration
+//! that a speed loop does not hold. Instruments are what the regressors follow and nothing that is left out moves: the commanded
+//! motion. The estimate solves `Z' (A x - y) = 0` in place of `A' (A x - y) = 0` (Soderstrom and Stoica, Instrumental Variable
+//! Methods for System Identification, 1983; for machines Janot, Vandanjon and Gautier, IEEE Trans. Control Systems Technology 22,
+//! 2014, who simulate the motion that is commanded).
 
 use nalgebra::{DMatrix, DVector};
 use serde::{Deserialize, Serialize};
@@ -37,6 +43,7 @@ impl Estimate {
 pub struct Fit {
     unknowns: usize,
     regressors: Vec<f64>,
+    instruments: Vec<f64>,
     values: Vec<f64>,
     /// How many equations share one independent error: those of windows that overlap.
     share: f64,
@@ -55,17 +62,29 @@ impl Fit {
         Self {
             unknowns,
             regressors: Vec::new(),
+            instruments: Vec::new(),
             values: Vec::new(),
             share,
         }
     }
 
-    /// One more equation; regressors that are left out are 0.
+    /// One more equation of least squares; regressors that are left out are 0.
     pub fn add(&mut self, regressors: &[f64], value: f64) {
-        debug_assert!(regressors.len() <= self.unknowns);
-        let from = self.regressors.len();
-        self.regressors.extend_from_slice(regressors);
-        self.regressors.resize(from + self.unknowns, 0.0);
+        self.add_with(regressors, regressors, value);
+    }
+
+    /// One more equation, with an instrument for each of its regressors.
+    pub fn add_with(&mut self, instruments: &[f64], regressors: &[f64], value: f64) {
+        let held = [
+            (&mut self.instruments, instruments),
+            (&mut self.regressors, regressors),
+        ];
+        for (held, row) in held {
+            debug_assert!(row.len() <= self.unknowns);
+            let from = held.len();
+            held.extend_from_slice(row);
+            held.resize(from + self.unknowns, 0.0);
+        }
         self.values.push(value);
     }
 
@@ -89,22 +108,23 @@ impl Fit {
         if freedom < 1.0 {
             return None;
         }
-        let mut a = DMatrix::from_row_slice(rows, columns, &self.regressors);
+        let (a, lengths) = scaled(rows, columns, &self.regressors)?;
+        let (instruments, _) = scaled(rows, columns, &self.instruments)?;
         let y = DVector::from_column_slice(&self.values);
-        // Columns of length 1, so that no unit decides what is small.
-        let lengths: Vec<f64> = a.column_iter().map(|column| column.norm()).collect();
-        for (mut column, length) in a.column_iter_mut().zip(&lengths) {
-            if *length == 0.0 {
-                return None;
-            }
-            column /= *length;
-        }
-        let svd = a.clone().svd(true, true);
-        let (most, least) = (svd.singular_values.max(), svd.singular_values.min());
-        if !(most.is_finite() && least * CONDITION_MAX > most) {
+        // What the instruments span: of least squares the regressors' own, so that `u' a` has their singular values.
+        let span = instruments.svd(true, false);
+        let is_clear = |values: &DVector<f64>| {
+            values.max().is_finite() && values.min() * CONDITION_MAX > values.max()
+        };
+        if !is_clear(&span.singular_values) {
             return None;
         }
-        let x = svd.solve(&y, 0.0).ok()?;
+        let u = span.u?;
+        let svd = u.tr_mul(&a).svd(true, true);
+        if !is_clear(&svd.singular_values) {
+            return None;
+        }
+        let x = svd.solve(&u.tr_mul(&y), 0.0).ok()?;
         let residual = (&a * &x - &y).norm_squared() / rows as f64;
         let variance = residual * (rows as f64 / self.share) / freedom * self.share;
         let v = svd.v_t?.transpose();
@@ -121,9 +141,50 @@ impl Fit {
     }
 }
 
+/// Rows with columns of length 1, so that no unit decides what is small, and the lengths that they had; `None` if one is 0.
+fn scaled(rows: usize, columns: usize, values: &[f64]) -> Option<(DMatrix<f64>, Vec<f64>)> {
+    let mut matrix = DMatrix::from_row_slice(rows, columns, values);
+    let lengths: Vec<f64> = matrix.column_iter().map(|column| column.norm()).collect();
+    for (mut column, length) in matrix.column_iter_mut().zip(&lengths) {
+        if *length == 0.0 {
+            return None;
+        }
+        column /= *length;
+    }
+    Some((matrix, lengths))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A regressor that an unknown moves together with the value: least squares takes a part of the unknown for the slope,
+    /// which the instrument, that it does not move, tells apart.
+    #[test]
+    fn an_instrument_takes_away_what_moves_regressor_and_value_together() {
+        let (mut squares, mut with) = (Fit::new(1, 1.0), Fit::new(1, 1.0));
+        for k in 0..3000 {
+            let commanded = (0.01 * f64::from(k)).sin();
+            let unknown = (f64::from(k) * 0.618_033_988_75).fract() - 0.5;
+            let regressor = commanded + unknown;
+            let value = 2.0 * regressor - unknown;
+            squares.add(&[regressor], value);
+            with.add_with(&[commanded], &[regressor], value);
+        }
+        let slope = |fit: Fit| fit.solve().unwrap()[0];
+        // Powers of 1/2 and of 1/12: 2 - (1/12) / (1/2 + 1/12).
+        let biased = slope(squares);
+        assert!(
+            (biased.value - (2.0 - 1.0 / 7.0)).abs() < 0.01,
+            "{biased:?}"
+        );
+        // The textbook's standard error: of the unknown, 1 / sqrt(12), over the instrument's length.
+        let right = slope(with);
+        let error = (1.0 / 12f64).sqrt() / 1500f64.sqrt();
+        assert!((right.value - 2.0).abs() < 2.0 * error, "{right:?}");
+        let ratio = right.plus_minus / (1.96 * error);
+        assert!((0.95..1.05).contains(&ratio), "{right:?}");
+    }
 
     #[test]
     fn a_line_and_its_intervals() {

@@ -10,7 +10,9 @@
 //!
 //! `F` is what ball pair, table and guideway take, at the screw; `M` the table's mass through the lead, `l` a load. Both are
 //! weighed with smooth windows `p(t)` that vanish at their ends with their first derivatives, so that no measured angle is
-//! differentiated: the mean of `p a` is that of `p'' theta` (modulating functions: Shinbrot, ASME Trans. 79, 1957).
+//! differentiated: the mean of `p a` is that of `p'' theta` (modulating functions: Shinbrot, ASME Trans. 79, 1957). The same
+//! means of the commanded speeds are the instruments of the fit ([`crate::fit`]): torque ripple and cogging accelerate the motors,
+//! so that least squares takes a part of them for a smaller inertia.
 //!
 //! The common mode (both motors up and down together) shows `J`, `c`, `b` of each motor; the table goes slowly one way
 //! meanwhile, or the pair's friction would stick, and share the torques between the motors as it likes. The differential mode
@@ -127,6 +129,17 @@ struct Weighed {
 }
 
 impl Window {
+    /// The means of a commanded speed and of its derivative.
+    fn weigh_command(&self, points: &[Point], of: impl Fn(&Point) -> f64) -> Weighed {
+        let mut weighed = Weighed::default();
+        for (k, point) in points.iter().enumerate() {
+            let speed = of(point);
+            weighed.speed += self.p[k] * speed;
+            weighed.acceleration -= self.first[k] * speed;
+        }
+        weighed
+    }
+
     fn weigh(&self, points: &[Point], of: impl Fn(&Point) -> (f64, f64)) -> Weighed {
         let Some(first) = points.first() else {
             return Weighed::default();
@@ -239,6 +252,7 @@ fn solve(
     }
     };
     let constants = [&settings.screw, &settings.nut].map(torque_constant);
+    let lead_m = settings.feed.lead_mm * 1e-3;
     let relative = |point: &Point| point.motors[0].angle - point.motors[1].angle;
     // J, c, b of screw and nut; M, c, b, l of the feed.
     let mut fit = Fit::new(10, OVERLAP as f64);
@@ -276,6 +290,12 @@ fn solve(
             let Some(sign_apart) = clear(&relative, run.least_apart) else {
                 continue;
             };
+            // Where the motors turn back, an elastic feed lets the table stand until its friction has turned too.
+            if clear(&|p| p.table / lead_m * TAU, run.least_apart).is_none() {
+                continue;
+            }
+            let apart_command =
+                window.weigh_command(part, |p| p.motors[0].speed_ref - p.motors[1].speed_ref);
             for (k, feed_sign) in [1.0, -1.0].into_iter().enumerate() {
                 let of_motor = |p: &Point| p.motors[k].angle;
                 let Some(sign) = clear(&of_motor, run.least) else {
@@ -284,15 +304,19 @@ fn solve(
                 let own = window.weigh(part, |p| {
                     (p.motors[k].angle, constants[k] * p.motors[k].current[1])
                 });
-                let mut row = [0.0; 10];
-                row[3 * k] = own.acceleration;
-                row[3 * k + 1] = sign;
-                row[3 * k + 2] = own.speed;
-                row[6] = feed_sign * apart.acceleration;
-                row[7] = feed_sign * sign_apart;
-                row[8] = feed_sign * apart.speed;
-                row[9] = feed_sign;
-                fit.add(&row, own.torque);
+                let command = window.weigh_command(part, |p| p.motors[k].speed_ref);
+                let row = |own: Weighed, apart: Weighed| {
+                    let mut row = [0.0; 10];
+                    row[3 * k] = own.acceleration;
+                    row[3 * k + 1] = sign;
+                    row[3 * k + 2] = own.speed;
+                    row[6] = feed_sign * apart.acceleration;
+                    row[7] = feed_sign * sign_apart;
+                    row[8] = feed_sign * apart.speed;
+                    row[9] = feed_sign;
+                    row
+                };
+                fit.add_with(&row(command, apart_command), &row(own, apart), own.torque);
             }
         }
     }
