@@ -112,10 +112,18 @@ pub(crate) unsafe fn take_up(
         fits_instead_of_own(settings, &mut held.drive)
     });
     let found = keeper.found();
-    if found.left_out > 0 {
+    let left_out = found.left_out;
+    if left_out.unknown > 0 {
         defmt::warn!(
-            "{=u32} stored settings are of another version or beyond their ranges, and left out",
-            found.left_out
+            "{=u32} stored settings are left out: this firmware does not have them",
+            left_out.unknown
+        );
+    }
+    if left_out.refused > 0 {
+        defmt::warn!(
+            "{=u32} stored settings are left out: their values are beyond their ranges. The first has the number {=u16:#06x}",
+            left_out.refused,
+            left_out.first_refused
         );
     }
     match found.origin {

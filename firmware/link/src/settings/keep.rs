@@ -26,8 +26,8 @@ pub struct Found {
     pub origin: Origin,
     /// Number of the stored setting that does not fit; 0: none, or none by itself.
     pub unfit: u16,
-    /// Stored settings that are left out: of another version, or beyond their ranges.
-    pub left_out: u32,
+    /// Stored settings that are left out: the drive has its own instead.
+    pub left_out: Loaded,
 }
 
 impl<F: NorFlash> Keeper<F> {
@@ -39,7 +39,7 @@ impl<F: NorFlash> Keeper<F> {
             found: Found {
                 origin: Origin::Own,
                 unfit: 0,
-                left_out: 0,
+                left_out: Loaded::default(),
             },
         }
     }
@@ -51,11 +51,11 @@ impl<F: NorFlash> Keeper<F> {
         own: impl Fn() -> Settings,
         fits: impl FnOnce(&Settings) -> Result<(), NotSet>,
     ) {
-        let Some(Loaded { unknown, refused }) = self.store.load(&mut self.settings) else {
+        let Some(left_out) = self.store.load(&mut self.settings) else {
             self.settings = own();
             return;
         };
-        self.found.left_out = unknown + refused;
+        self.found.left_out = left_out;
         match fits(&self.settings) {
             Ok(()) => self.found.origin = Origin::Stored,
             Err(error) => {
@@ -83,7 +83,7 @@ impl<F: NorFlash> Keeper<F> {
     pub fn store(&mut self, settings: &Settings) -> Result<(), NotSet> {
         // What the store holds already it need not bear once more.
         if self.found.origin == Origin::Stored
-            && self.found.left_out == 0
+            && self.found.left_out == Loaded::default()
             && *settings == self.settings
         {
             return Ok(());

@@ -46,6 +46,8 @@ pub struct Loaded {
     pub unknown: u32,
     /// Stored values that are beyond their ranges.
     pub refused: u32,
+    /// Number of the first setting that has one; 0: none.
+    pub first_refused: u16,
 }
 
 /// Why settings could not be stored. What held before still holds.
@@ -128,7 +130,12 @@ impl<F: NorFlash> Store<F> {
             match settings.set(id, value) {
                 Ok(()) => {}
                 Err(super::SettingError::Unknown { .. }) => loaded.unknown += 1,
-                Err(_) => loaded.refused += 1,
+                Err(_) => {
+                    if loaded.refused == 0 {
+                        loaded.first_refused = id;
+                    }
+                    loaded.refused += 1;
+                }
             }
             let taken = filled - rest.len();
             window.copy_within(taken..filled, 0);
