@@ -1,5 +1,5 @@
 //! Any bytes on a line, any value of a setting, any page of flash: nothing panics, nothing that is not armed runs, and each answer is
-//! one that a host can read. `FUZZ_EXECUTIONS` sets how many frames, values and pages there are in all; the seed is printed.
+//! one that a host can read. `FUZZ_EXECUTIONS` sets how many frames, values or pairs of pages each test takes, `FUZZ_SEED` which.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use link::codes::{Run, State};
@@ -245,17 +245,25 @@ fn frame(random: &mut Random, session: u32, sequence: u32) -> Vec<u8> {
     bytes
 }
 
-fn executions() -> u64 {
-    let asked = std::env::var("FUZZ_EXECUTIONS").ok();
-    asked.map_or(60_000, |count| {
-        count.parse().expect("FUZZ_EXECUTIONS is a number")
+/// A number that the environment sets.
+fn asked(name: &str, usual: u64) -> u64 {
+    std::env::var(name).map_or(usual, |number| {
+        number
+            .parse()
+            .unwrap_or_else(|_| panic!("{name} is {number}, expected a number"))
     })
+}
+
+/// How many executions, and the random numbers of a test with this number.
+fn begin(usual: u64, test: u64) -> (u64, u64, Random) {
+    let seed = asked("FUZZ_SEED", 1);
+    let state = (seed << 8 | test).wrapping_mul(0x9E37_79B9_7F4A_7C15);
+    (asked("FUZZ_EXECUTIONS", usual), seed, Random(state))
 }
 
 #[test]
 fn any_bytes_on_a_line() {
-    let seed = std::env::var("FUZZ_SEED").map_or(1, |seed| seed.parse().unwrap());
-    let mut random = Random(0x9E37_79B9_7F4A_7C15 ^ seed);
+    let (count, seed, mut random) = begin(60_000, 1);
     let (mut server, mut commander) = (Server::new(), Commander::new(7));
     let mut host = Decoder::new();
     let mut drive = Fake {
@@ -264,7 +272,6 @@ fn any_bytes_on_a_line() {
         runs: 0,
     };
     let (mut session, mut sequence, mut now, mut answers) = (0, 0, 0u32, 0u64);
-    let count = executions();
     for execution in 0..count {
         sequence += 1;
         now = now.wrapping_add(random.below(50) as u32);
@@ -332,11 +339,11 @@ fn any_bytes_on_a_line() {
 
 #[test]
 fn any_value_of_a_setting() {
-    let mut random = Random(0xD1B5_4A32_D192_ED03);
+    let (count, seed, mut random) = begin(60_000, 2);
     let ids: Vec<u16> = Settings::all().map(|setting| setting.id).collect();
     let mut settings = Settings::DEFAULT;
-    let (count, mut taken) = (executions(), 0u64);
-    for _ in 0..count {
+    let mut taken = 0u64;
+    for execution in 0..count {
         let id = match random.below(20) {
             0 => random.number() as u16,
             _ => ids[random.below(ids.len())],
@@ -345,25 +352,52 @@ fn any_value_of_a_setting() {
         match settings.set(id, value) {
             Ok(()) => {
                 taken += 1;
-                assert_eq!(settings.get(id), Some(value), "setting {id:#x}");
+                assert_eq!(
+                    settings.get(id),
+                    Some(value),
+                    "seed {seed}, execution {execution}: setting {id:#x}"
+                );
             }
-            Err(_) => assert!(settings == before, "{id:#x}, refused, changed something"),
+            Err(_) => assert!(
+                settings == before,
+                "seed {seed}, execution {execution}: {id:#x}, refused, changed something"
+            ),
         }
     }
     println!("{count} values, {taken} taken");
     assert!(taken > count / 100, "{taken} of {count} values were taken");
 }
 
+/// Where a slot's settings begin, and the place of its check before them (`link::settings::store`).
+const HEADER: usize = 16;
+const CHECK: std::ops::Range<usize> = 12..HEADER;
+
+/// Makes the check of the first slot right, whatever it says and is long, if it has room for its settings.
+fn sealed(bytes: &mut [u8]) -> bool {
+    let length = usize::from(u16::from_le_bytes([bytes[8], bytes[9]]));
+    let end = HEADER + length;
+    if end > SLOT {
+        return false;
+    }
+    let mut digest = SEAL.digest();
+    digest.update(&bytes[4..CHECK.start]);
+    digest.update(&bytes[HEADER..end]);
+    bytes[CHECK].copy_from_slice(&digest.finalize().to_le_bytes());
+    true
+}
+
+static SEAL: crc::Crc<u32> = crc::Crc::<u32>::new(&crc::CRC_32_ISO_HDLC);
+
 #[test]
 fn any_page_of_flash() {
-    let mut random = Random(0xA076_1D64_78BD_642F);
+    let (count, seed, mut random) = begin(1200, 3);
     // What a store has written, and then anything.
     let mut store = Store::open(Pages(vec![0xFF; 2 * SLOT]));
     store.save(&Settings::DEFAULT).unwrap();
     let written = store.release().0;
-    let count = executions() / 50;
-    let mut whole = 0u64;
-    for _ in 0..count {
+    let end = HEADER + usize::from(u16::from_le_bytes([written[8], written[9]]));
+    let (mut whole, mut read) = (0u64, 0u64);
+    for execution in 0..count {
         let mut bytes = written.clone();
         for _ in 0..random.below(4) {
             let at = random.below(bytes.len());
@@ -373,21 +407,61 @@ fn any_page_of_flash() {
                 _ => bytes[at] = random.number() as u8,
             }
         }
-        if random.below(4) == 0 {
-            for byte in &mut bytes {
-                *byte = random.next() as u8;
+        match random.below(4) {
+            0 => {
+                for piece in bytes.chunks_exact_mut(8) {
+                    piece.copy_from_slice(&random.next().to_le_bytes());
+                }
             }
+            // Settings that are none, as firmware of another day may have stored them.
+            1 => {
+                for _ in 0..=random.below(8) {
+                    let at = HEADER + random.below(end - HEADER);
+                    match random.below(4) {
+                        0 => bytes[at..end].rotate_left(1),
+                        1 => bytes[8..10].copy_from_slice(&(random.number() as u16).to_le_bytes()),
+                        _ => bytes[at] = random.number() as u8,
+                    }
+                }
+            }
+            _ => {}
         }
+        let is_sealed = random.below(3) == 0 && sealed(&mut bytes);
         let mut settings = Settings::DEFAULT;
-        if Store::open(Pages(bytes)).load(&mut settings).is_some() {
-            whole += 1;
+        let loaded = Store::open(Pages(bytes)).load(&mut settings);
+        if let Some(loaded) = loaded {
             assert_eq!(
-                settings,
-                Settings::DEFAULT,
-                "a page that is not whole was believed"
+                loaded.refused > 0,
+                loaded.first_refused > 0,
+                "seed {seed}, execution {execution}: {loaded:?}"
+            );
+        }
+        if loaded.is_none() {
+            assert!(
+                settings == Settings::DEFAULT || is_sealed,
+                "seed {seed}, execution {execution}: pages that hold nothing set something"
+            );
+        } else if is_sealed {
+            read += u64::from(settings != Settings::DEFAULT);
+            for (setting, value, _) in settings.differences(&Settings::DEFAULT) {
+                assert!(
+                    { Settings::DEFAULT }.set(setting.id, value).is_ok(),
+                    "seed {seed}, execution {execution}: {setting} is {value:?}, which a drive refuses"
+                );
+            }
+        } else {
+            whole += 1;
+            assert!(
+                settings == Settings::DEFAULT,
+                "seed {seed}, execution {execution}: a page that is not whole was believed"
             );
         }
     }
-    println!("{count} pairs of pages, {whole} whole");
-    assert!(whole > 0 && whole < count, "{whole} of {count} were whole");
+    println!(
+        "{count} pairs of pages, {whole} whole, {read} with other settings under a right check"
+    );
+    assert!(
+        0 < whole && whole < count && read > count / 100,
+        "{whole} whole and {read} with other settings of {count}"
+    );
 }

@@ -60,10 +60,17 @@ impl Axis {
     pub fn parse(text: &str, origin: &str) -> Result<Self, ModelFileError> {
         let fault = |reason| ModelFileError::new(origin, format!("{reason}; {EXPECTED}"));
         let File { axis, effects } = toml::from_str(text).map_err(|e| fault(e.to_string()))?;
-        let terms = effects
+        let terms: Vec<(Term, Vec<f64>)> = effects
             .iter()
             .map(|effect| term(effect).map_err(fault))
             .collect::<Result<_, _>>()?;
+        let friction = [axis.viscous_n_s_per_m, axis.coulomb_n, axis.offset_n];
+        let mut numbers = friction
+            .iter()
+            .chain(terms.iter().flat_map(|(_, values)| values));
+        if !numbers.all(|v| v.is_finite()) {
+            return Err(fault("a number is nan or inf".to_owned()));
+        }
         let plate = [axis.mass_kg, axis.lead_m, axis.limit_v];
         if !plate.iter().all(|v| v.is_finite() && *v > 0.0) {
             return Err(fault("mass_kg, lead_m and limit_v must be positive".into()));
