@@ -1,4 +1,5 @@
 //! Whatever bytes a file has, it is read or refused with a sentence: no panic, no memory beyond a multiple of the file.
+//! `FUZZ_EXECUTIONS` sets how many files of each kind are damaged in each way, `FUZZ_SEED` which.
 
 use identify::records::{How, Mapping, OnFault, load};
 use rand::{RngExt, SeedableRng};
@@ -174,6 +175,15 @@ fn damaged(random: &mut Xoshiro256PlusPlus, sound: &[u8]) -> Vec<u8> {
     bytes
 }
 
+/// A number that the environment sets.
+fn asked(name: &str, usual: u64) -> u64 {
+    std::env::var(name).map_or(usual, |number| {
+        number
+            .parse()
+            .unwrap_or_else(|_| panic!("{name} is {number}, expected a number"))
+    })
+}
+
 #[test]
 fn no_bytes_panic_or_take_memory_without_bound() {
     let mapping = |paths: [&str; 3]| {
@@ -195,11 +205,9 @@ fn no_bytes_panic_or_take_memory_without_bound() {
         ("a.csv.gz", gz(&csv), &numbers),
     ];
     let folder = tempfile::tempdir().expect("a temporary folder");
-    let tries: u64 = std::env::var("DDFEED_FUZZ")
-        .ok()
-        .and_then(|n| n.parse().ok())
-        .unwrap_or(150);
-    let mut random = Xoshiro256PlusPlus::seed_from_u64(7);
+    let tries = asked("FUZZ_EXECUTIONS", 150);
+    let seed = asked("FUZZ_SEED", 7);
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     for (name, bytes, mapping) in &sound {
         assert!(
             tried(folder.path(), name, bytes, mapping),
@@ -209,6 +217,25 @@ fn no_bytes_panic_or_take_memory_without_bound() {
             .filter(|_| tried(folder.path(), name, &damaged(&mut random, bytes), mapping))
             .count();
         println!("{name}: {read} of {tries} damaged files are read all the same");
+    }
+    // A packed file that is sound, around one that is not: what is damaged behind a right check.
+    let (npy, numbered) = (npy(rows), &mapping(["0.0", "0.1", "0.2"]));
+    for (name, inner, pack, mapping) in [
+        ("a.npz", &npy, npz as fn(&[u8]) -> Vec<u8>, numbered),
+        ("a.csv.gz", &csv, gz, &numbers),
+    ] {
+        let read = (0..tries)
+            .filter(|_| {
+                tried(
+                    folder.path(),
+                    name,
+                    &pack(&damaged(&mut random, inner)),
+                    mapping,
+                )
+            })
+            .count();
+        println!("{name}: {read} of {tries} packed around damaged contents are read all the same");
+        assert!(read > 0, "{name}: none of {tries} was read");
     }
     for name in ["a.npy", "a.npz", "a.mat", "a.csv", "a.csv.gz"] {
         for _ in 0..tries {
