@@ -157,20 +157,18 @@ fn what_is_wired_wrongly_is_named() {
 }
 
 /// Each motor is driven by itself with the other's encoder: where the pair's friction does not take the other along, the one that was
-/// meant seems held and the other to move. Of 120 machines two are refused for the table's travel, before that shows.
+/// meant seems held and the other to move. Six of a hundred (the last four) were refused for the table's travel, or a rotor that is not
+/// to be found or held, though it had been seen; of 400 one still is.
 #[test]
-fn exchanged_encoders_are_named_on_most_machines_and_refused_on_all() {
-    const TOLD_OTHERWISE: usize = 2;
-    let mut otherwise = Vec::new();
-    for seed in (20_000..20_024).chain([1_000_000]) {
+fn exchanged_encoders_are_named() {
+    for seed in (20_000..20_012).chain([1_000_000, 50_032, 50_083, 50_140, 50_225]) {
         let exchanged = miswirings(seed).pop().unwrap();
         let outcome = exchanged.start.run().unwrap();
-        assert!(!outcome.is_ready(), "seed {seed}: {outcome:?}");
-        if outcome.misalignment != exchanged.expected {
-            otherwise.push((seed, outcome.misalignment));
-        }
+        assert_eq!(
+            outcome.misalignment, exchanged.expected,
+            "seed {seed}: {outcome:?}"
+        );
     }
-    assert!(otherwise.len() <= TOLD_OTHERWISE, "{otherwise:?}");
 }
 
 #[test]

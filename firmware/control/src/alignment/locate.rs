@@ -92,6 +92,7 @@ pub(super) struct Locate {
     /// Of the scan.
     sum: [i64; 2],
     weight: i64,
+    /// How often its own encoder moved, and how often only the other motor's.
     own: u8,
     others: u8,
     /// Least currents that moved it forwards, backwards, 2^-16 of the limit; 0 of none.
@@ -141,6 +142,12 @@ impl Locate {
     /// since this was last asked.
     pub(super) fn take_same(&mut self) -> i8 {
         core::mem::take(&mut self.same)
+    }
+
+    /// Its encoder stood while only the other motor's moved, again and again: what is taken along goes no further than what takes it.
+    /// A rotor that no friction holds goes on alone too, but less often.
+    pub(super) const fn suspects_exchange(&self) -> bool {
+        self.others > 2 && self.others > self.own >> 2
     }
 
     /// The same place again, after something has contradicted the direction of counting that was found.
@@ -263,9 +270,13 @@ impl Locate {
         away: i32,
     ) -> Result<(), Reason> {
         let sign = broken.sign(probes, motor);
+        if sign != 0 {
+            self.own = self.own.saturating_add(1);
+        } else if broken.sign(probes, motor ^ 1) != 0 {
+            self.others = self.others.saturating_add(1);
+        }
         if self.phase == Phase::Scan {
-            let other = broken.sign(probes, motor ^ 1);
-            self.take_scanned(probes, broken, sign, other);
+            self.take_scanned(probes, broken, sign);
             if self.count.saturating_add(1) == DIRECTIONS {
                 self.choose()?;
                 self.begin_attempt();
@@ -332,13 +343,11 @@ impl Locate {
         if self.down { up != 0 } else { down != 0 }
     }
 
-    fn take_scanned(&mut self, probes: &ProbeConfig, broken: &Broken, sign: i32, other: i32) {
+    fn take_scanned(&mut self, probes: &ProbeConfig, broken: &Broken, sign: i32) {
         let level = broken.level;
         if sign == 0 {
-            self.others = self.others.saturating_add(u8::from(other != 0));
             return;
         }
-        self.own = self.own.saturating_add(1);
         let [up, down] = &mut self.least;
         let [up_along, down_along] = &mut self.along;
         let (side, along) = if sign > 0 {

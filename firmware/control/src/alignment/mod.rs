@@ -496,12 +496,32 @@ impl Alignment {
     }
 
     fn fail(&mut self, theta: [Angle; 2], part: Part, reason: Reason) {
-        let failed = Misalignment { part, reason };
+        let failed = if self.suspects_exchange(reason) {
+            Misalignment {
+                part: Part::Pair,
+                reason: Reason::Exchanged,
+            }
+        } else {
+            Misalignment { part, reason }
+        };
         self.stage = match self.stage {
             Stage::Locate(..) | Stage::Pair(_) => Stage::Braking(failed, Probe::resting(theta)),
             _ => Stage::Failed(failed),
         };
         self.found = [None; 2];
+    }
+
+    /// Exchanged encoders are behind a reason that they may have: the location of a rotor has seen the other encoder move alone.
+    fn suspects_exchange(&self, reason: Reason) -> bool {
+        let locating = match &self.stage {
+            Stage::Locate(_, locate) => Some(locate),
+            _ => None,
+        };
+        let located = self.located.iter().flatten();
+        matches!(
+            reason,
+            Reason::Travel | Reason::Unsteady | Reason::Held | Reason::Opposed | Reason::Reversed
+        ) && located.chain(locating).any(Locate::suspects_exchange)
     }
 
     /// Both encoders' angles, each in its motor's direction as far as that is known.
