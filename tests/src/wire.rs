@@ -1,6 +1,7 @@
 //! A host's lines to the emulated drive: the wires of its serial port, and RTT in its memory. Time passes while a host waits.
 
 use crate::bench::Bench;
+use crate::chip::CORE_HZ;
 use anyhow::{Error, Result, anyhow};
 use link::host::client::Line;
 use link::host::rtt::Channel;
@@ -8,13 +9,19 @@ use link::{LINK_DOWN_CHANNEL, LINK_UP_CHANNEL};
 use std::cell::RefCell;
 use std::io;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// Between two looks of a host, s.
 const LOOK_S: f64 = 100e-6;
 
 fn failed(error: Error) -> io::Error {
     io::Error::other(format!("{error:#}"))
+}
+
+/// The chip's clock, from when a line began.
+fn chip_time(began: Instant, bench: &RefCell<Bench>) -> Instant {
+    let cycles = bench.borrow().emulator.time();
+    began + Duration::from_secs_f64(cycles as f64 / CORE_HZ as f64)
 }
 
 /// Waits for bytes, at most for `patience` of the chip's time.
@@ -45,6 +52,7 @@ fn wait(
 pub struct Wires {
     bench: Rc<RefCell<Bench>>,
     waiting: Vec<u8>,
+    began: Instant,
 }
 
 impl Wires {
@@ -54,6 +62,7 @@ impl Wires {
         Self {
             bench: Rc::clone(bench),
             waiting: Vec::new(),
+            began: Instant::now(),
         }
     }
 }
@@ -69,6 +78,10 @@ impl Line for Wires {
             Ok(bench.emulator.chip().host_takes())
         })
     }
+
+    fn now(&self) -> Instant {
+        chip_time(self.began, &self.bench)
+    }
 }
 
 /// RTT's channels in the chip's memory, as a debug probe reaches them.
@@ -77,6 +90,7 @@ pub struct RttLine {
     up: Channel,
     down: Channel,
     waiting: Vec<u8>,
+    began: Instant,
 }
 
 impl RttLine {
@@ -97,6 +111,7 @@ impl RttLine {
             up,
             down,
             waiting: Vec::new(),
+            began: Instant::now(),
         })
     }
 }
@@ -122,5 +137,9 @@ impl Line for RttLine {
             up.drain(&mut bench.emulator, &mut came)?;
             Ok(came)
         })
+    }
+
+    fn now(&self) -> Instant {
+        chip_time(self.began, &self.bench)
     }
 }

@@ -14,11 +14,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// How often the drive hears that the host is there, by its own time, s, and by the host's.
+/// How often the drive hears that the host is there, by the time of its telemetry, s, and by the line's clock.
 const BEAT_S: f64 = 0.05;
 const BEAT: Duration = Duration::from_millis(20);
-/// The same in times that it has listened for up to 2 ms.
-const BEAT_LISTENED: u32 = 50;
 /// How often its state is looked at, s.
 const LOOK_S: f64 = 0.2;
 /// How long a drive may take to be ready: it measures zeros and aligns both rotors, ms of its time.
@@ -75,8 +73,6 @@ pub struct Session<L> {
     uptime_ms: u32,
     now: f64,
     beaten: (f64, Instant),
-    /// How often it has listened since.
-    listened: u32,
     looked: f64,
     heard: Instant,
     moving: bool,
@@ -92,6 +88,7 @@ impl<L: Line> Session<L> {
     pub fn open(mut client: Client<L>, stop: Arc<AtomicBool>) -> Result<Self> {
         let settings = client.settings()?;
         let pwm_period_s = 1.0 / client.pwm_hz();
+        let clock = client.now();
         Ok(Self {
             client,
             settings,
@@ -102,10 +99,9 @@ impl<L: Line> Session<L> {
             pwm_period_s,
             uptime_ms: 0,
             now: 0.0,
-            beaten: (0.0, Instant::now()),
-            listened: 0,
+            beaten: (0.0, clock),
             looked: 0.0,
-            heard: Instant::now(),
+            heard: clock,
             moving: false,
             repeated: 0,
             stop,
@@ -253,7 +249,7 @@ impl<L: Line> Session<L> {
             stream: self.stream,
         };
         self.decoder = Some(Decoder::new(request));
-        (self.now, self.looked, self.heard) = (0.0, 0.0, Instant::now());
+        (self.now, self.looked, self.heard) = (0.0, 0.0, self.client.now());
         self.client.tell(Command::Record(request.word()))
     }
 
@@ -393,12 +389,9 @@ impl<L: Line> Session<L> {
 
     fn listen(&mut self, each: &mut dyn FnMut(&Point)) -> Result<()> {
         ensure!(!self.stop.load(Relaxed), "ended by Ctrl-C");
-        // On a line within the program a millisecond passes with each time, whatever the clock says.
-        self.listened += 1;
-        let due = self.now - self.beaten.0 >= BEAT_S || self.beaten.1.elapsed() >= BEAT;
-        if due || self.listened >= BEAT_LISTENED {
-            self.beaten = (self.now, Instant::now());
-            self.listened = 0;
+        let clock = self.client.now();
+        if self.now - self.beaten.0 >= BEAT_S || clock.duration_since(self.beaten.1) >= BEAT {
+            self.beaten = (self.now, clock);
             self.client.beat()?;
         }
         if self.now - self.looked >= LOOK_S {
@@ -423,8 +416,8 @@ impl<L: Line> Session<L> {
             }
         }
         if self.now > before {
-            self.heard = Instant::now();
-        } else if self.heard.elapsed() > SILENT {
+            self.heard = self.client.now();
+        } else if self.client.now().duration_since(self.heard) > SILENT {
             bail!("the drive sends no telemetry any more");
         }
         Ok(())

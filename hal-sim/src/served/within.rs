@@ -5,13 +5,15 @@ use link::host::client::Line;
 use std::cell::RefCell;
 use std::io;
 use std::rc::Rc;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 /// A line on which a millisecond passes each time somebody listens, whatever the clock says.
 #[derive(Clone, Debug)]
 pub struct Within {
     serving: Rc<RefCell<Serving>>,
     id: LineId,
+    began: Instant,
+    passed: Duration,
 }
 
 impl Within {
@@ -22,6 +24,8 @@ impl Within {
         Self {
             serving: Rc::clone(serving),
             id,
+            began: Instant::now(),
+            passed: Duration::ZERO,
         }
     }
 }
@@ -35,10 +39,15 @@ impl Line for Within {
     fn receive(&mut self, bytes: &mut [u8], _: Duration) -> io::Result<usize> {
         let mut serving = self.serving.borrow_mut();
         serving.millisecond();
+        self.passed += Duration::from_millis(1);
         let goes = serving.outgoing(self.id);
         let count = goes.len().min(bytes.len());
         bytes[..count].copy_from_slice(&goes[..count]);
         serving.sent(self.id, count);
         Ok(count)
+    }
+
+    fn now(&self) -> Instant {
+        self.began + self.passed
     }
 }

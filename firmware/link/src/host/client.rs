@@ -30,6 +30,11 @@ pub trait Line {
     /// # Errors
     /// The line is gone.
     fn receive(&mut self, bytes: &mut [u8], patience: Duration) -> io::Result<usize>;
+
+    /// The clock that patience runs by: a drive whose time is not this computer's has one of its own.
+    fn now(&self) -> Instant {
+        Instant::now()
+    }
 }
 
 impl<L: Line + ?Sized> Line for Box<L> {
@@ -39,6 +44,10 @@ impl<L: Line + ?Sized> Line for Box<L> {
 
     fn receive(&mut self, bytes: &mut [u8], patience: Duration) -> io::Result<usize> {
         (**self).receive(bytes, patience)
+    }
+
+    fn now(&self) -> Instant {
+        (**self).now()
     }
 }
 
@@ -175,12 +184,12 @@ impl<L: Line> Client<L> {
         for _ in 0..tries {
             self.reply = None;
             self.say(command)?;
-            let until = Instant::now() + patience;
+            let until = self.line.now() + patience;
             loop {
                 if let Some(reply) = self.reply.take() {
                     return Ok(reply);
                 }
-                let Some(left) = until.checked_duration_since(Instant::now()) else {
+                let Some(left) = until.checked_duration_since(self.line.now()) else {
                     break;
                 };
                 self.listen(left)?;
@@ -189,6 +198,11 @@ impl<L: Line> Client<L> {
         bail!(Lost(
             "the drive does not answer: is it there, has it power, and is nothing else on the line?".to_owned()
         ))
+    }
+
+    /// The line's clock.
+    pub fn now(&self) -> Instant {
+        self.line.now()
     }
 
     /// Says that the host is still there, and waits for no answer: telemetry may stand before it.
