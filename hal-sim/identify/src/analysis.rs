@@ -10,6 +10,7 @@ use crate::search::case::Case;
 use crate::search::linearised::{retold, settle};
 use crate::search::progress::Progress;
 use crate::search::roundings::Roundings;
+use crate::search::selection::AUDIBLE;
 use crate::signal::noise::Noise;
 use plant::Axis;
 use plant::model::Model;
@@ -114,7 +115,11 @@ impl<'a> Traced<'a> {
         let whitener = case.whitener(noise);
         let normal = case.search(&whitener, &self.progress.found).normal;
         let left = normal.cost(&normal.solve(None).values);
-        left + MATERIAL * whitener.used_rows() as f64 * self.progress.found.len() as f64
+        let least = |hypothesis: &Hypothesis| match hypothesis.family {
+            Family::Unnamed(unnamed) => AUDIBLE * whitener.rows(unnamed.channel) as f64,
+            _ => MATERIAL * whitener.used_rows() as f64,
+        };
+        left + self.progress.found.iter().map(least).sum::<f64>()
     }
 }
 

@@ -58,9 +58,12 @@ impl Base {
     pub fn new(balance: &Balance) -> Self {
         let machine = balance.signals.machine;
         let feed = machine.has_feed();
-        let offsets = rests(balance.signals)
-            .into_iter()
-            .map(|(from, to)| Parameter::RestOffset { from, to });
+        let rounding = rests(balance.signals).into_iter().flat_map(|(from, to)| {
+            [
+                Parameter::RestOffset { from, to },
+                Parameter::RestDrift { from, to },
+            ]
+        });
         let origin = feed.then(|| Parameter::TableOrigin {
             within: origin_within(balance),
         });
@@ -70,7 +73,7 @@ impl Base {
                 .parameters()
                 .into_iter()
                 .chain(origin)
-                .chain(offsets.filter(|_| feed))
+                .chain(rounding.filter(|_| feed))
                 .map(|p| (p, balance.parameter(p)))
                 .collect(),
         }

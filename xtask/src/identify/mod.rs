@@ -95,7 +95,7 @@ pub struct BenchOptions {
     /// So many machines of each part that draws them, in place of the sample's or the full numbers.
     #[arg(long)]
     pub runs: Option<u64>,
-    /// The first machine of those with effects that no family has: another one is another seed.
+    /// The first machine of those with effects that no family has, and of clean double drives: another one is another seed.
     #[arg(long, default_value_t = 0)]
     pub first: usize,
 }

@@ -58,9 +58,11 @@ impl Balance<'_> {
             let q = self.spectrum_of(FULL, |k| {
                 s.u_q[k]
                     - motor.resistance_ohm * s.i_q[k]
-                    - omega_e(k) * (motor.inductance_h * s.i_d[k] + motor.flux_wb)
+                    - omega_e(k) * motor.inductance_h * s.i_d[k]
             });
+            let emf = f64::from(motor.pole_pairs) * motor.flux_wb;
             residual.add(Channel::VoltageQ(axis), 1.0, &q);
+            residual.add(Channel::VoltageQ(axis), -emf, &s.speed);
             residual.add(Channel::VoltageQ(axis), -motor.inductance_h, &s.i_q_rate);
         }
         residual

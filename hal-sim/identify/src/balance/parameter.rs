@@ -27,7 +27,7 @@ impl Balance<'_> {
                 match which {
                     MotorParameter::Inertia => {
                         let unit = declared_or_unit(motor.inertia_kg_m2);
-                        sum.add(torque, unit, &s.acceleration);
+                        sum.add(torque, unit, &s.acceleration_told);
                     }
                     MotorParameter::Viscous => {
                         let unit = declared_or_unit(motor.viscous_nm_s);
@@ -47,7 +47,7 @@ impl Balance<'_> {
                             -pole_pairs * motor.flux_wb,
                             &self.fourier.spectrum(&s.i_q),
                         );
-                        sum.add(q, motor.flux_wb, &self.spectrum_of(SMOOTH, omega_e));
+                        sum.add(q, pole_pairs * motor.flux_wb, &s.speed);
                     }
                     MotorParameter::Resistance => {
                         sum.add(
@@ -60,9 +60,9 @@ impl Balance<'_> {
                         let cross = self.spectrum_of(SMOOTH, |k| omega_e(k) * s.i_q_smooth[k]);
                         sum.add(d, -motor.inductance_h, &cross);
                     }
-                    MotorParameter::CurrentSlope => {
-                        sum.add(d, motor.inductance_h, &s.i_d_rate);
-                        sum.add(q, motor.inductance_h, &s.i_q_rate);
+                    MotorParameter::ReferenceStep => {
+                        let per_second = motor.inductance_h * signals.rate;
+                        sum.add(q, per_second, &s.reference_step);
                     }
                     MotorParameter::ReadingLag => {
                         sum.add(
@@ -72,11 +72,8 @@ impl Balance<'_> {
                         );
                     }
                     MotorParameter::VoltageLag => {
-                        sum.add(
-                            q,
-                            motor.inductance_h,
-                            &self.fourier.curvature(&s.i_q_smooth),
-                        );
+                        let bend = self.fourier.curvature(&s.i_q_smooth);
+                        sum.add(q, motor.inductance_h, &bend);
                     }
                     MotorParameter::AngleLag => {
                         sum.add(d, -1.0, &self.spectrum_of(FULL, |k| omega_e(k) * s.u_q[k]));
@@ -111,6 +108,13 @@ impl Balance<'_> {
             Parameter::RestOffset { from, to } => {
                 let inside = |k: usize| if (from..to).contains(&k) { 1.0 } else { 0.0 };
                 sum.add(Channel::Table, 1.0, &self.spectrum_of(SMOOTH, inside));
+            }
+            Parameter::RestDrift { from, to } => {
+                let part = |k: usize| match (from..to).contains(&k) {
+                    true => (k - from) as f64 / (to - from) as f64 - 0.5,
+                    false => 0.0,
+                };
+                sum.add(Channel::Table, 1.0, &self.spectrum_of(SMOOTH, part));
             }
             Parameter::TableOrigin { .. } => {
                 sum.add(Channel::Table, 1.0, &self.spectrum_of(SMOOTH, |_| 1.0))

@@ -30,7 +30,7 @@ use crate::search::selection::{
 };
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
-use crate::signal::signals::SPEED_BANDWIDTH_HZ;
+use crate::signal::signals::{SPEED_BANDWIDTH_HZ, angle_noise, current_noise};
 use plant::Axis;
 
 /// Draws the conclusion of a search.
@@ -273,8 +273,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
 /// The bandwidths that the noise left.
 fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
     let sensing = &case.balance.model.sensing;
-    let count = std::f64::consts::TAU / f64::from(sensing.encoder_counts_per_turn);
-    let current = sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0;
+    let (angle, current) = (angle_noise(sensing), current_noise(sensing));
     Bandwidth {
         balance_hz: noise.top(Channel::Torque(Axis::Screw)),
         table_hz: noise.top(Channel::Table),
@@ -283,7 +282,7 @@ fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
             let motor = case.balance.model.motor(axis);
             let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
             let torque = (2.0 * current).sqrt() * constant;
-            let acceleration = torque / (motor.inertia_kg_m2 * count / 12.0_f64.sqrt());
+            let acceleration = torque / (motor.inertia_kg_m2 * angle.sqrt());
             acceleration.sqrt() / std::f64::consts::TAU
         }),
     }

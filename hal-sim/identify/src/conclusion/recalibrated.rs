@@ -29,7 +29,9 @@ fn declared_name(parameter: Parameter, machine: &dyn Machine) -> Option<String> 
         Parameter::GuidewayCoulomb => "feed.guideway_coulomb_n".into(),
         Parameter::GuidewayViscous => "feed.guideway_viscous_n_s_per_m".into(),
         Parameter::Load => "feed.load_n".into(),
-        Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => return None,
+        Parameter::TableOrigin { .. }
+        | Parameter::RestOffset { .. }
+        | Parameter::RestDrift { .. } => return None,
     })
 }
 
@@ -76,7 +78,9 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
             Parameter::GuidewayCoulomb => model.feed.guideway_coulomb_n *= factor,
             Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
             Parameter::Load => model.feed.load_n *= factor,
-            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => {}
+            Parameter::TableOrigin { .. }
+            | Parameter::RestOffset { .. }
+            | Parameter::RestDrift { .. } => {}
         }
     }
     model

@@ -28,6 +28,13 @@ pub enum Parameter {
         /// Row after the last.
         to: usize,
     },
+    /// The shaft moves within the count that is read: by so much from the first to the last of those rows, m.
+    RestDrift {
+        /// First row.
+        from: usize,
+        /// Row after the last.
+        to: usize,
+    },
 }
 
 /// See [`Parameter`].
@@ -45,9 +52,10 @@ pub enum MotorParameter {
     Resistance,
     /// `inductance_h`, relative, by the cross-coupling that it makes at speed.
     Inductance,
-    /// The inductance's part in front of the current's derivative, relative. The sensors' noise, which the loop answers
-    /// with voltage, biases it: a nuisance.
-    CurrentSlope,
+    /// What a voltage has beyond the mean, over a step of the current's reference, in the inductance's voltage over that
+    /// step: a nuisance. The loop answers a step within the control periods until the next, and a record with one row a step
+    /// reads always the same of them.
+    ReferenceStep,
     /// A constant load torque, N m: that of a motor of which nobody says what it drives.
     Load,
     /// Time by which the angle is read before or after the table, s: a nuisance. Drives whose two current loops are
@@ -70,7 +78,7 @@ impl Parameter {
             Flux,
             Resistance,
             Inductance,
-            CurrentSlope,
+            ReferenceStep,
             VoltageLag,
             AngleLag,
             ReadingLag,
@@ -89,7 +97,9 @@ impl Parameter {
     pub fn is_of_the_machine(self) -> bool {
         !matches!(
             self,
-            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. }
+            Parameter::TableOrigin { .. }
+                | Parameter::RestOffset { .. }
+                | Parameter::RestDrift { .. }
         )
     }
 
@@ -100,8 +110,7 @@ impl Parameter {
             Parameter::Motor(_, which) => {
                 matches!(which, Inertia | Viscous | Coulomb | Flux | Load)
             }
-            Parameter::TableOrigin { .. } | Parameter::RestOffset { .. } => false,
-            _ => true,
+            _ => self.is_of_the_machine(),
         }
     }
 
@@ -116,14 +125,15 @@ impl Parameter {
                 MotorParameter::Flux => 0.011,
                 MotorParameter::Viscous | MotorParameter::Coulomb => 0.22,
                 MotorParameter::Load => f64::INFINITY,
-                MotorParameter::CurrentSlope => 0.4,
+                // The period that is read has between none and twice the mean.
+                MotorParameter::ReferenceStep => 1.0,
                 MotorParameter::AngleLag => 2e-5,
                 MotorParameter::VoltageLag | MotorParameter::ReadingLag => 1e-4,
             },
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
             Parameter::Load => 0.005,
             Parameter::TableOrigin { within } => within,
-            Parameter::RestOffset { .. } => 1e-6,
+            Parameter::RestOffset { .. } | Parameter::RestDrift { .. } => 1e-6,
         }
     }
 
@@ -136,7 +146,7 @@ impl Parameter {
     fn spread(self) -> f64 {
         match self {
             Parameter::TableOrigin { within } => 0.2 * within,
-            Parameter::RestOffset { .. } => 1.5e-8,
+            Parameter::RestOffset { .. } | Parameter::RestDrift { .. } => 1.5e-8,
             _ => self.bound() / 3.0_f64.sqrt(),
         }
     }

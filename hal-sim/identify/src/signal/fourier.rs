@@ -165,6 +165,24 @@ impl Fourier {
     }
 }
 
+/// Power in that of noise from which a bin of a spectrum is more than noise: noise alone exceeds it in one bin of a thousand,
+/// as its power is distributed exponentially.
+const ABOVE_NOISE: f64 = 7.0;
+
+impl Fourier {
+    /// What of a record's spectrum is above noise with a variance a row of `density` over frequency (Hz). Noise in a regressor
+    /// draws its parameter to where it explains the residual's noise, which is the same (errors in variables; Söderström,
+    /// *Automatica* 43, 2007): what a record tells of the parameter is in the bins that stand out of it.
+    pub fn above_noise(&self, spectrum: &[Complex64], density: impl Fn(f64) -> f64) -> Spectrum {
+        let rows = self.rows as f64;
+        let told = |(bin, value): (usize, &Complex64)| {
+            let least = ABOVE_NOISE * rows * density(self.hz(bin));
+            value * f64::from(u8::from(value.norm_sqr() > least))
+        };
+        spectrum.iter().enumerate().map(told).collect()
+    }
+}
+
 /// 1 below `from`, 0 above `to`, a raised cosine between.
 pub fn edge(hz: f64, from: f64, to: f64) -> f64 {
     if hz <= from {
@@ -238,6 +256,7 @@ impl Fourier {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::regression::sandwich::tests::coloured;
 
     /// A stride is only as wide as the content allows, and then loses nothing of what is used.
     #[test]
@@ -268,5 +287,36 @@ mod tests {
             );
         }
         assert_eq!(fourier.stride(40.0), 4);
+    }
+
+    /// A regressor with noise, of a residual that has the noise with the other sign: the true parameter is 0.02.
+    #[test]
+    fn noise_in_a_regressor_does_not_draw_its_parameter() {
+        const ROWS: usize = 20_000;
+        let fourier = Fourier::new(ROWS, 5000.0, 4, 2000);
+        let noise = coloured(1, ROWS, 0.0);
+        let line: Vec<f64> = (0..ROWS)
+            .map(|k| 0.5 * (TAU * 30.0 * k as f64 / 5000.0).cos())
+            .collect();
+        let sum = |of: [f64; 2]| -> Vec<f64> {
+            let pairs = line.iter().zip(&noise);
+            pairs.map(|(l, n)| of[0] * l + of[1] * n).collect()
+        };
+        let residual = fourier.spectrum(&sum([0.02, -1.0]));
+        let regressor = fourier.spectrum(&sum([1.0, 1.0]));
+        let parameter = |regressor: &[Complex64]| {
+            let dot = |other: &[Complex64]| -> f64 {
+                let pairs = regressor.iter().zip(other);
+                pairs.map(|(a, b)| (a * b.conj()).re).sum()
+            };
+            dot(&residual) / dot(regressor)
+        };
+        let variance = noise.iter().map(|n| n * n).sum::<f64>() / ROWS as f64;
+        let whole = parameter(&regressor);
+        let told = parameter(&fourier.above_noise(&regressor, |_| variance));
+        assert!(
+            whole < -0.3 && (told - 0.02).abs() < 0.02,
+            "with the noise {whole}, without {told}, expected less than -0.3, and 0.02"
+        );
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::signal::channel::Channel;
 use crate::signal::fourier::{Fourier, edge};
-use crate::signal::signals::Signals;
+use crate::signal::signals::{Signals, angle_noise, current_noise};
 use plant::model::Model;
 use std::f64::consts::TAU;
 
@@ -46,9 +46,7 @@ impl Noise {
         resonance_hz: f64,
     ) -> Self {
         let sensing = &model.sensing;
-        let count = TAU / f64::from(sensing.encoder_counts_per_turn);
-        let angle = count * count / 12.0;
-        let current = sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0;
+        let (angle, current) = (angle_noise(sensing), current_noise(sensing));
         let step = |column: &[f64]| {
             let sum: f64 = column.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
             (0.5 * sum / column.len() as f64).max(1e-12)

@@ -4,11 +4,11 @@ use crate::machines::Machine;
 use crate::signal::along::Along;
 use crate::signal::fourier::{Fourier, Spectrum, slope};
 use plant::Axis;
-use plant::model::Model;
+use plant::model::{Model, SensingModel};
 use plant::recording::Recording;
 use std::f64::consts::TAU;
 
-/// Bandwidth of the speeds in laws of friction and back-EMF, Hz. The encoder's quantisation at this bandwidth is below
+/// Bandwidth of the speeds in laws of friction, Hz. The encoder's quantisation at this bandwidth is below
 /// 1 % of the slowest speed of a feed.
 pub const SPEED_BANDWIDTH_HZ: f64 = 200.0;
 /// Bandwidth of currents where their sign or their product with an effect matters, Hz: the current loop's.
@@ -50,6 +50,10 @@ pub struct MotorSignals {
     pub speed: Spectrum,
     /// Second derivative of the angle, rad/s^2.
     pub acceleration: Spectrum,
+    /// What of it is above the encoder's resolution.
+    pub acceleration_told: Spectrum,
+    /// Step of the q current's reference from the row before, as far as it is above the currents' noise, A.
+    pub reference_step: Spectrum,
     /// First derivatives of the currents, A/s.
     pub i_d_rate: Spectrum,
     /// First derivatives of the currents, A/s.
@@ -111,6 +115,17 @@ fn peak(values: &[f64]) -> f64 {
     *sizes.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
+/// Variance of an angle's reading by an encoder's resolution, rad^2.
+pub(crate) fn angle_noise(sensing: &SensingModel) -> f64 {
+    let count = TAU / f64::from(sensing.encoder_counts_per_turn);
+    count * count / 12.0
+}
+
+/// Variance of a phase current's reading, A^2; of currents in the rotor's frame it is twice that.
+pub(crate) fn current_noise(sensing: &SensingModel) -> f64 {
+    sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0
+}
+
 impl MotorSignals {
     fn new(recording: &Recording, axis: Axis, model: &Model, fourier: &Fourier, rate: f64) -> Self {
         let record = recording.axis(axis);
@@ -149,11 +164,26 @@ impl MotorSignals {
                 })
                 .collect()
         });
+        let acceleration = fourier.curvature(&travel);
+        let sensing = &model.sensing;
+        let acceleration_told = fourier.above_noise(&acceleration, |hz| {
+            angle_noise(sensing) * (TAU * hz).powi(4)
+        });
+        let reference = &record.iq_ref_a;
+        let step: Vec<f64> = (0..reference.len())
+            .map(|k| reference[k] - reference[k.saturating_sub(1)])
+            .collect();
+        // Of a drive that does not say its reference it is the measured current.
+        let reference_step = fourier.above_noise(&fourier.spectrum(&step), |hz| {
+            2.0 * current_noise(sensing) * (2.0 * (0.5 * TAU * hz / rate).sin()).powi(2)
+        });
         MotorSignals {
+            acceleration_told,
+            reference_step,
             peak_a: peak(&i_q),
             top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
             speed: fourier.slope(&travel),
-            acceleration: fourier.curvature(&travel),
+            acceleration,
             i_d_rate: fourier.slope(&i_d),
             i_q_rate: fourier.slope(&i_q),
             travel,

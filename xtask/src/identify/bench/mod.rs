@@ -41,7 +41,7 @@ pub(super) fn run(options: &BenchOptions) -> Result<()> {
     } = Sample::of(options);
     let mut more = json!({ "blind": blind });
     if is_asked(Part::Clean) {
-        more["clean"] = clean::measure(clean);
+        more["clean"] = clean::measure(options.first as u64, clean);
     }
     if is_asked(Part::Pmsm) {
         let drawn = alone::drawn(pmsm[0], pmsm[1]);
@@ -118,7 +118,7 @@ impl Sample {
                 pmsm: [11, 8],
                 outside: 59,
                 wrong: [1, 4],
-                clean: [24, 2, 4],
+                clean: [24, 2, 16],
             },
         }
     }

@@ -10,8 +10,9 @@ use plant::effects::Place;
 use std::f64::consts::TAU;
 
 /// Smallest amplitude of an error of angle or travel in encoder counts (through the lead): what quantisation itself makes
-/// is below.
+/// is below. That of an encoder whose motor rests all along does not average out: half a count.
 const LEAST_COUNTS: f64 = 0.25;
+const LEAST_AT_REST: f64 = 0.5;
 /// Smallest flux harmonic, of the flux: what currents and voltages that are no means of the same period make of a
 /// torque ripple is below.
 const LEAST_FLUX: f64 = 1e-3;
@@ -50,8 +51,13 @@ pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
 pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
     let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
     let count = TAU / f64::from(balance.model.sensing.encoder_counts_per_turn);
+    let rests = |reference: &Vec<f64>| reference.iter().all(|speed| *speed == 0.0);
+    let least = match balance.signals.references.iter().any(rests) {
+        true => LEAST_AT_REST,
+        false => LEAST_COUNTS,
+    };
     match trial.hypothesis.family {
-        Family::LeadError => size > LEAST_COUNTS * count * balance.lead,
+        Family::LeadError => size > least * count * balance.lead.abs(),
         Family::EncoderEccentricity => size > LEAST_COUNTS * count,
         Family::FluxHarmonic => size > LEAST_FLUX,
         Family::DeadTime => size > LEAST_DEAD_TIME_V,
