@@ -7,11 +7,12 @@ use crate::search::forward::Contender;
 use crate::search::select::Trial;
 use plant::Axis;
 use plant::effects::Place;
-use std::f64::consts::TAU;
+use std::f64::consts::{FRAC_1_PI, TAU};
 
-/// Smallest amplitude of an error of angle or travel in encoder counts (through the lead): what quantisation itself makes
-/// is below. That of an encoder whose motor rests all along does not average out: half a count.
-const LEAST_COUNTS: f64 = 0.25;
+/// Smallest amplitude of an error of angle or travel in encoder counts (through the lead): of a shaft that turns the reading's error
+/// is a sawtooth of one count over the angle, whose first harmonic has an amplitude of 1/pi, the largest line that it can make of
+/// any order where rows meet it. That of an encoder whose motor rests all along does not average out: half a count.
+const LEAST_COUNTS: f64 = FRAC_1_PI;
 const LEAST_AT_REST: f64 = 0.5;
 /// Smallest flux harmonic, of the flux: what currents and voltages that are no means of the same period make of a
 /// torque ripple is below.
