@@ -7,6 +7,7 @@ use crate::seam::{Seam, Straight};
 use crate::sensors::Sensors;
 use crate::vrf::vrf_percent;
 use control::coordinator::CommandError;
+use control::fault::Fault;
 use control::format::Misfit;
 use control::plate::{DrivePlate, Tuning};
 use control::supervisor::State;
@@ -51,6 +52,21 @@ pub enum ExperimentError {
         base_rpm: f64,
         /// What the drive is doing.
         state: State,
+    },
+    /// A fault ended a record.
+    #[error(
+        "at {velocity_mm_s} mm/s and nut {base_rpm:.0} rpm the drive stopped while it was recorded, of the fault `{}`: lower the load, \
+         or record for less time. A motor that stands for minutes may make no more than its rated torque over sqrt(2), for one \
+         phase then takes twice its share of the heat, and the drive folds its torque back",
+        fault.name()
+    )]
+    Faulted {
+        /// Asked table velocity, mm/s.
+        velocity_mm_s: f64,
+        /// Asked nut speed, rpm.
+        base_rpm: f64,
+        /// Why it stopped.
+        fault: Fault,
     },
 }
 
@@ -198,6 +214,21 @@ pub fn settle_through<E: From<ExperimentError>>(
         base_rpm: point.base / RPM,
         state: drive.state(),
     }))
+}
+
+/// A drive that is recorded at a point has no fault.
+///
+/// # Errors
+/// [`ExperimentError::Faulted`].
+pub fn driven(drive: &Drive, point: OperatingPoint) -> Result<(), ExperimentError> {
+    match drive.state() {
+        State::Fault(fault) => Err(ExperimentError::Faulted {
+            velocity_mm_s: point.velocity * 1e3,
+            base_rpm: point.base / RPM,
+            fault,
+        }),
+        _ => Ok(()),
+    }
 }
 
 /// [`settle`] with nobody watching.

@@ -215,6 +215,19 @@ fn nonsense_is_refused_in_a_sentence() {
             vec!["simulate", "--load", "5"],
             "the drive is still not steady",
         ),
+        // The nut stands with a torque at which its worst phase is too warm for ever.
+        (
+            vec![
+                "simulate",
+                "--load",
+                "1.2",
+                "--nut-rpm",
+                "0",
+                "--duration",
+                "200",
+            ],
+            "stopped while it was recorded, of the fault",
+        ),
         (
             vec!["simulate", "--out", "file"],
             "the output folder file cannot be written",

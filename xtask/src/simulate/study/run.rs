@@ -9,7 +9,8 @@ use anyhow::{Context, Result, ensure};
 use hal_sim::analytic::{Sensitivity, ripple_percent};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{
-    OperatingPoint, RECORD_HZ, RPM, Recorder, Setup, record_periods, settle, table_velocities,
+    OperatingPoint, RECORD_HZ, RPM, Recorder, Setup, driven, record_periods, settle,
+    table_velocities,
 };
 use hal_sim::response;
 use hal_sim::vrf::{spectrum, vrf_percent};
@@ -65,8 +66,10 @@ pub fn run(options: &Options) -> Result<()> {
             progress.set_message(format!("nut at {:.0} rpm", point.base / RPM));
             settle(&mut drive, *point, |drive| rows.take(drive)).context("settling failed")?;
             let periods = record_periods(&setup.board);
-            let velocities =
-                table_velocities(&mut drive, seconds, periods, |drive| rows.take(drive))?;
+            let velocities = table_velocities(&mut drive, seconds, periods, |drive| {
+                driven(drive, *point)?;
+                rows.take(drive)
+            })?;
             runs.push(run_report(&setup, *point, is_paper, &velocities));
             progress.inc(1);
         }

@@ -10,7 +10,8 @@ use anyhow::{Result, ensure};
 use control::plate::DrivePlate;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{
-    ExperimentError, OperatingPoint, Setup, record_periods, settle_quietly, table_velocities,
+    ExperimentError, OperatingPoint, Setup, driven, record_periods, settle_quietly,
+    table_velocities,
 };
 use hal_sim::parallel::on_all_cores;
 use hal_sim::smooth::known::Known;
@@ -99,7 +100,7 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     Ok(())
 }
 
-/// Ripple of a drive with this plate at a point, %; none if it does not reach it.
+/// Ripple of a drive with this plate at a point, %; none if it does not reach it, or does not stay there.
 fn ripple(
     setup: &Setup,
     plate: &DrivePlate,
@@ -113,10 +114,11 @@ fn ripple(
         Err(error) => return Err(error),
     }
     let periods = record_periods(&setup.board);
-    let velocities = table_velocities(&mut drive, seconds, periods, |_| {
-        Ok::<(), ExperimentError>(())
-    })?;
-    Ok(Some(vrf_percent(&velocities, point.velocity)))
+    match table_velocities(&mut drive, seconds, periods, |drive| driven(drive, point)) {
+        Ok(velocities) => Ok(Some(vrf_percent(&velocities, point.velocity))),
+        Err(ExperimentError::Faulted { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
 }
 
 fn print(report: &SweepReport) {
