@@ -56,7 +56,7 @@ pub enum ExperimentError {
     /// A fault ended a record.
     #[error(
         "at {velocity_mm_s} mm/s and nut {base_rpm:.0} rpm the drive stopped while it was recorded, of the fault `{}`: lower the load, \
-         or record for less time. A motor that stands for minutes may make no more than its rated torque over sqrt(2), for one \
+         or record for less time. If a motor stands there: for minutes it may make no more than its rated torque over sqrt(2), for one \
          phase then takes twice its share of the heat, and the drive folds its torque back",
         fault.name()
     )]

@@ -1,6 +1,9 @@
 //! Whatever bytes a file has, it is read or refused with a sentence: no panic, no memory beyond a multiple of the file.
 //! `FUZZ_EXECUTIONS` sets how many files of each kind are damaged in each way, `FUZZ_SEED` which.
 
+mod asked;
+
+use asked::asked;
 use identify::records::{How, Mapping, OnFault, load};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -173,15 +176,6 @@ fn damaged(random: &mut Xoshiro256PlusPlus, sound: &[u8]) -> Vec<u8> {
         }
     }
     bytes
-}
-
-/// A number that the environment sets.
-fn asked(name: &str, usual: u64) -> u64 {
-    std::env::var(name).map_or(usual, |number| {
-        number
-            .parse()
-            .unwrap_or_else(|_| panic!("{name} is {number}, expected a number"))
-    })
 }
 
 #[test]

@@ -1,7 +1,10 @@
 //! Whatever a model's or a mapping's text says, it is read or refused with a sentence. `FUZZ_EXECUTIONS` sets how many damaged
 //! texts each test takes, `FUZZ_SEED` which.
 
-use identify::machines::feed_axis::Axis;
+mod asked;
+
+use asked::asked;
+use identify::machines::feed_axis::{Axis, Term};
 use identify::records::Mapping;
 use plant::model::Model;
 use rand::{RngExt, SeedableRng};
@@ -61,15 +64,6 @@ const PIECES: &[&str] = &[
     "order",
 ];
 const VALUES: usize = 20;
-
-/// A number that the environment sets.
-fn asked(name: &str, usual: u64) -> u64 {
-    std::env::var(name).map_or(usual, |number| {
-        number
-            .parse()
-            .unwrap_or_else(|_| panic!("{name} is {number}, expected a number"))
-    })
-}
 
 /// A text with up to four of its pieces changed, left out, exchanged or twice.
 fn damaged(random: &mut Xoshiro256PlusPlus, sound: &str) -> String {
@@ -161,16 +155,24 @@ fn any_text_as_a_model() {
 
 #[test]
 fn any_text_as_a_feed_axis() {
-    let effects = "\n[[effects]]\nkind = \"cogging\"\norder = 36\namplitude = 1\n";
-    let texts = [
-        Axis::published().to_toml(),
-        Axis::published().to_toml() + effects,
-    ];
-    each_is_read_or_refused("model of a feed axis", &texts[..1], |text| {
+    let more = Axis {
+        terms: vec![
+            (Term::Stribeck, vec![3.5, 0.02]),
+            (Term::Periodic(36.0), vec![1.0, -0.5]),
+        ],
+        ..Axis::published()
+    };
+    let texts = [Axis::published().to_toml(), more.to_toml()];
+    each_is_read_or_refused("model of a feed axis", &texts, |text| {
         let axis = Axis::parse(text, "model.toml").map_err(|error| error.to_string())?;
         let again = Axis::parse(&axis.to_toml(), "again.toml");
         assert!(again.is_ok(), "{text}\n{again:?}");
-        assert!(axis.parameters().iter().all(|v| v.is_finite()), "{text}");
+        let orders = axis.terms.iter().filter_map(|(term, _)| match term {
+            Term::Periodic(order) => Some(*order),
+            _ => None,
+        });
+        let mut numbers = axis.parameters().into_iter().chain(orders);
+        assert!(numbers.all(f64::is_finite), "{text}");
         Ok(())
     });
 }

@@ -68,34 +68,34 @@ impl Kind {
     fn run(
         machine: &'static str,
         starts: usize,
-        of: impl Fn(u64) -> Start + Sync,
+        of: impl Fn(u64) -> Start,
         tell: impl Fn(String) + Copy,
     ) -> Result<Self> {
-        let (mut seeds, mut held, mut loose) = (Vec::new(), 0, 0);
+        let (mut drawn, mut held, mut loose) = (Vec::new(), 0, 0);
         for seed in 1.. {
             if held == starts {
                 break;
             }
-            if of(seed).margin_nm() > 0.0 {
-                held += 1;
-                seeds.push(seed);
-            } else if loose < starts.div_ceil(8) {
-                loose += 1;
-                seeds.push(seed);
+            let start = of(seed);
+            let holds = start.margin_nm() > 0.0;
+            let (count, most) = match holds {
+                true => (&mut held, starts),
+                false => (&mut loose, starts.div_ceil(8)),
+            };
+            if *count < most {
+                *count += 1;
+                drawn.push((seed, holds, start));
             }
         }
-        let outcomes = on_all_cores(&seeds, |&seed| {
-            let start = of(seed);
-            start.run().map(|outcome| (start.margin_nm(), outcome))
-        });
+        let outcomes = on_all_cores(&drawn, |(_, _, start)| start.run());
         let mut kind = Self {
             machine,
             held: Starts::default(),
             loose: Starts::default(),
         };
-        for (seed, outcome) in seeds.into_iter().zip(outcomes) {
-            let (margin_nm, outcome) = outcome?;
-            if margin_nm > 0.0 {
+        for ((seed, holds, _), outcome) in drawn.into_iter().zip(outcomes) {
+            let outcome = outcome?;
+            if holds {
                 if !outcome.is_ready() {
                     tell(format!(
                         "{machine}, start {seed} refused: {}",

@@ -358,12 +358,7 @@ impl Alignment {
                             let reversed = helps.is_some_and(|found| found.reversed);
                             let places = current.get_mut(other).zip(config.motors.get(other));
                             if let Some((current, motor)) = places {
-                                let i = probe::current(motor.limit, level);
-                                *current = torque(if other_up == reversed {
-                                    i.saturating_neg()
-                                } else {
-                                    i
-                                });
+                                *current = part(motor, level, other_up != reversed);
                             }
                         }
                         LocateStep::Found(found) => {
@@ -402,8 +397,7 @@ impl Alignment {
                 PairStep::Ramp(level, signs) => {
                     let asked = current.iter_mut().zip(&config.motors).zip(signs);
                     for ((current, motor), sign) in asked {
-                        let i = probe::current(motor.limit, level);
-                        *current = torque(if sign < 0 { i.saturating_neg() } else { i });
+                        *current = part(motor, level, sign > 0);
                     }
                 }
                 PairStep::Right => {
@@ -603,6 +597,12 @@ const SHORT: CurrentReference = CurrentReference {
     i_d: Current::ZERO,
     i_q: Current::ZERO,
 };
+
+/// The part `level`, 2^-16, of a motor's torque limit, forwards or backwards.
+fn part(motor: &MotorAlignment, level: u16, forwards: bool) -> CurrentReference {
+    let i = probe::current(motor.limit, level);
+    torque(if forwards { i } else { i.saturating_neg() })
+}
 
 /// A torque-making current in the rotor's frame.
 fn torque(i_q: Current) -> CurrentReference {

@@ -60,22 +60,15 @@ impl Axis {
     pub fn parse(text: &str, origin: &str) -> Result<Self, ModelFileError> {
         let fault = |reason| ModelFileError::new(origin, format!("{reason}; {EXPECTED}"));
         let File { axis, effects } = toml::from_str(text).map_err(|e| fault(e.to_string()))?;
-        let terms: Vec<(Term, Vec<f64>)> = effects
+        let terms = effects
             .iter()
             .map(|effect| term(effect).map_err(fault))
             .collect::<Result<_, _>>()?;
-        let friction = [axis.viscous_n_s_per_m, axis.coulomb_n, axis.offset_n];
-        let mut numbers = friction
-            .iter()
-            .chain(terms.iter().flat_map(|(_, values)| values));
-        if !numbers.all(|v| v.is_finite()) {
-            return Err(fault("a number is nan or inf".to_owned()));
-        }
         let plate = [axis.mass_kg, axis.lead_m, axis.limit_v];
         if !plate.iter().all(|v| v.is_finite() && *v > 0.0) {
             return Err(fault("mass_kg, lead_m and limit_v must be positive".into()));
         }
-        Ok(Axis {
+        let axis = Axis {
             base: [
                 axis.mass_kg,
                 axis.viscous_n_s_per_m,
@@ -89,7 +82,11 @@ impl Axis {
             law: axis
                 .difference_periods
                 .map_or(Law::Ideal, |periods| Law::Difference(periods.clamp(1, 64))),
-        })
+        };
+        if !axis.parameters().iter().all(|v| v.is_finite()) {
+            return Err(fault("a number is nan, inf or as good as inf".into()));
+        }
+        Ok(axis)
     }
 
     /// As a model file has it.
@@ -136,7 +133,8 @@ fn term(effect: &Table) -> Result<(Term, Vec<f64>), String> {
         effect
             .get(name)
             .and_then(|v| v.as_float().or(v.as_integer().map(|v| v as f64)))
-            .ok_or_else(|| format!("an effect lacks the number `{name}`"))
+            .filter(|v| v.is_finite())
+            .ok_or_else(|| format!("an effect lacks the finite number `{name}`"))
     };
     let kind = effect
         .get("kind")
