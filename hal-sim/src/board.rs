@@ -153,7 +153,8 @@ pub struct Board {
     step_s: f64,
     /// Where legs and channels of a motor are not in their places.
     miswired: [Option<MotorWiring>; 2],
-    /// Duty of a compare count.
+    /// Top of the counters, see [`BoardConfig::period`], and the duty of a compare count.
+    period: u16,
     duty_per_count: f64,
     /// Part of the bus voltage that a phase loses to the dead time.
     dead_part: f64,
@@ -191,6 +192,7 @@ impl Board {
                 .wiring
                 .motors
                 .map(|wiring| Some(wiring).filter(|wiring| !wiring.is_straight())),
+            period: config.period(),
             duty_per_count: f64::from(config.period()).recip(),
             dead_part: config.dead_time_s / config.pwm_period_s(),
         }
@@ -269,19 +271,20 @@ impl Board {
         let active = bridge.active;
 
         let readings = to_legs(self.machine.current_readings(axis));
-        let [a, b, c] = miswired.map_or(readings, |wiring| wiring.channels(readings));
-        let Sensors { current, bus, .. } = self.config.sensors;
-        // At the top, where the samples are taken.
-        let closed = active.enable && !bridge.broken && !bridge.held_open;
-        let leg = |k: usize| match (closed, active.compare[k]) {
-            (false, _) => Leg::Open,
-            (true, compare) if compare >= self.config.period() => Leg::High,
-            (true, _) => Leg::Low,
-        };
-        let sensing = self.config.sensing;
-        let leg_of = |channel: usize| miswired.map_or(channel, |wiring| wiring.channels[channel]);
-        let mut amps = [(a, 0), (b, 1), (c, 2)]
-            .map(|(amps, channel)| sensing.seen(amps, leg(leg_of(channel))));
+        let mut amps = miswired.map_or(readings, |wiring| wiring.channels(readings));
+        if self.config.sensing != CurrentSensing::InLine {
+            // At the top, where the samples are taken.
+            let closed = active.enable && !bridge.broken && !bridge.held_open;
+            for (channel, amps) in amps.iter_mut().enumerate() {
+                let at = miswired.map_or(channel, |wiring| wiring.channels[channel]);
+                let leg = match active.compare[at] {
+                    _ if !closed => Leg::Open,
+                    compare if compare >= self.period => Leg::High,
+                    _ => Leg::Low,
+                };
+                *amps = self.config.sensing.seen(*amps, leg);
+            }
+        }
         seam.currents(axis, &mut amps);
         let sensed = match self.config.shunts {
             Shunts::Two => &amps[..2],
@@ -295,6 +298,8 @@ impl Board {
         self.driven[axis.index()] = driven;
         self.machine.set_bridge(axis, driven);
 
+        let encoder = self.frames[axis.index()].unwrap_or_else(|| self.encoder_word(axis, 0.0));
+        let Sensors { current, bus, .. } = &self.config.sensors;
         let [a, b, c] = amps;
         let mut convert = |i| current.convert(i, &mut self.random);
         MotorSample {
@@ -308,13 +313,14 @@ impl Board {
                 },
             ],
             bus: bus.convert(self.bus_v, &mut self.random),
-            encoder: self.frames[axis.index()].unwrap_or_else(|| self.encoder_word(axis, 0.0)),
+            encoder,
             broken,
         }
     }
 
     /// The raw word of the encoder of `axis`, of a reading that is for a sample `later_s` from now.
     #[must_use]
+    #[inline]
     pub fn encoder_word(&self, axis: Axis, later_s: f64) -> u32 {
         let encoder = &self.config.sensors.encoders[axis.index()];
         let there = self.config.wiring.encoder_at(axis);
@@ -428,23 +434,24 @@ impl Board {
     }
 
     /// Mean phase voltages over a period, to the middle of the bus.
+    #[inline(always)]
     fn voltages(&self, axis: Axis, command: PwmCommand, open: bool, currents: [f64; 3]) -> Bridge {
         if !command.enable || open {
             return Bridge::Open;
         }
         // At 0 and from the period on a leg does not switch (RM0440, PWM mode: OCxREF is held).
-        let [a, b, c] = command
-            .compare
-            .map(|compare| compare >= self.config.period());
-        if command.compare == [0; 3] || a && b && c {
+        let [a, b, c] = command.compare;
+        if a.max(b).max(c) == 0 || a.min(b).min(c) >= self.period {
             return Bridge::Shorted;
         }
-        let phase = |k: usize| {
-            let duty = (f64::from(command.compare[k]) * self.duty_per_count).min(1.0);
-            let sign = (currents[k] * DEAD_TIME_SLOPE).clamp(-1.0, 1.0);
-            self.bus_v * (duty - 0.5 - self.dead_part * sign)
-        };
-        let legs = [phase(0), phase(1), phase(2)];
+        let over_middle = |compare| (f64::from(compare) * self.duty_per_count).min(1.0) - 0.5;
+        let mut legs = [a, b, c].map(over_middle);
+        if self.dead_part > 0.0 {
+            for (leg, amps) in legs.iter_mut().zip(currents) {
+                *leg -= self.dead_part * (amps * DEAD_TIME_SLOPE).clamp(-1.0, 1.0);
+            }
+        }
+        let legs = legs.map(|part| self.bus_v * part);
         Bridge::Driven(match &self.miswired[axis.index()] {
             None => legs,
             Some(wiring) => wiring.windings(legs),

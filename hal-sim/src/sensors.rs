@@ -46,6 +46,7 @@ impl Adc {
     }
 
     /// One conversion of `value`: rounded, and cut at the ends of the range.
+    #[inline]
     pub fn convert(&self, value: f64, random: &mut Xoshiro256PlusPlus) -> u16 {
         let noise = if self.noise > 0.0 {
             let unit: f64 = StandardNormal.sample(random);
@@ -83,6 +84,7 @@ pub enum Leg {
 impl CurrentSensing {
     /// What the sensor of a phase sees of a current into the motor, A.
     #[must_use]
+    #[inline]
     pub fn seen(self, amps: f64, leg: Leg) -> f64 {
         match (self, leg) {
             (Self::InLine, _) | (Self::LowSide, Leg::Low) => amps,
@@ -182,6 +184,7 @@ pub fn incremental(counts_per_turn: u32) -> [EncoderPlate; 2] {
 
 /// The raw word of an encoder at a shaft angle, rad.
 #[must_use]
+#[inline]
 pub fn encoder_word(encoder: &EncoderPlate, angle: f64) -> u32 {
     let counts = encoder_counts(angle, encoder.counts_per_turn);
     match encoder.interface {
@@ -192,6 +195,7 @@ pub fn encoder_word(encoder: &EncoderPlate, angle: f64) -> u32 {
 
 /// Encoder counts at a shaft angle in rad, modulo a turn.
 #[must_use]
+#[inline]
 pub fn encoder_counts(angle: f64, counts_per_turn: u32) -> u32 {
     let turns = angle / std::f64::consts::TAU;
     // Cut by a cast: without SSE4.1, which x86-64 does not promise, `floor` is a call.

@@ -44,7 +44,7 @@ fn drive(model: &Model, steps: usize) -> Machine {
 
 fn see(machine: &Machine) -> Seen {
     Seen {
-        states: Axis::ALL.map(|axis| *machine.motor(axis)),
+        states: Axis::ALL.map(|axis| machine.motor(axis)),
         table: machine.table_position(),
         readings: Axis::ALL.map(|axis| machine.current_readings(axis)),
         encoders: Axis::ALL.map(|axis| machine.encoder_angle(axis)),

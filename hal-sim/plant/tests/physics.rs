@@ -123,7 +123,7 @@ fn friction_holds_below_coulomb_and_slides_above() {
         let mut machine = Machine::new(&model, Coupling::Lumped);
         machine.set_disturbance_torque(Axis::Screw, torque);
         advance_for(&mut machine, 0.1, DT);
-        let state = *machine.motor(Axis::Screw);
+        let state = machine.motor(Axis::Screw);
         if moves {
             let expected = (torque - 0.04 * torque.signum()) / model.screw.inertia_kg_m2 * 0.1;
             assert!(
@@ -297,7 +297,7 @@ fn torque_balance_has_the_signs_of_the_recordings() {
         let relative = middle.motor(Axis::Screw).omega - middle.motor(Axis::Nut).omega;
         assert!(relative.abs() > 1.0, "both motors must move for this test");
         for (axis, side) in [(Axis::Screw, 1.0), (Axis::Nut, -1.0)] {
-            let (motor, state) = (model.motor(axis), *middle.motor(axis));
+            let (motor, state) = (model.motor(axis), middle.motor(axis));
             let theta_e = f64::from(motor.pole_pairs) * state.theta;
             let i_q = theta_e.cos() * state.i_beta - theta_e.sin() * state.i_alpha;
             let harmonics: f64 = motor

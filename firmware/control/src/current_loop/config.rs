@@ -39,6 +39,7 @@ pub struct CurrentLoopConfig {
 impl CurrentLoopConfig {
     /// How the board that it was made for reads its motor.
     #[must_use]
+    #[inline]
     pub const fn sensing(&self) -> Sensing {
         Sensing {
             encoder: self.encoder,

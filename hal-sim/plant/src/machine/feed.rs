@@ -1,7 +1,7 @@
 //! Screw-nut pair, table and guideway.
 
 use super::friction::{Axial, Kick, Velocities};
-use super::motor::sum;
+use super::motors::sum;
 use crate::effects::{Coordinate, Law, Place, Site, Term};
 use crate::model::Model;
 use std::f64::consts::TAU;
@@ -13,7 +13,7 @@ pub(super) struct Feed {
     pub(super) acceleration: f64,
     pub(super) load: f64,
     /// Mass and viscous friction over a step.
-    pub(super) kick: Kick,
+    pub(super) kick: Kick<f64>,
     coupling: CouplingStep,
     mass: f64,
     viscous: f64,

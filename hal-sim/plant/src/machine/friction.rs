@@ -4,6 +4,9 @@
 //! sliding that is the exact impulse; at rest it is whatever holds. The axial coupling is linear in the new velocities
 //! and solved with them.
 
+use super::pair::{Pair, each};
+use std::ops::{Add, Mul};
+
 /// Velocities of screw (rad/s), nut (rad/s) and table (m/s).
 pub(super) type Velocities = [f64; 3];
 
@@ -29,14 +32,14 @@ fn dot(a: &Velocities, b: &Velocities) -> f64 {
 
 /// Response of an inertia with viscous friction, which takes the mean of the velocities before and after, to a step.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Kick {
+pub(super) struct Kick<T> {
     /// What is left of the velocity.
-    keep: f64,
+    keep: T,
     /// Change of the velocity per impulse.
-    pub(super) mobility: f64,
+    pub(super) mobility: T,
 }
 
-impl Kick {
+impl Kick<f64> {
     pub(super) fn new(inertia: f64, viscous: f64, dt: f64) -> Self {
         let loss = 0.5 * dt * viscous;
         Kick {
@@ -44,10 +47,21 @@ impl Kick {
             mobility: 1.0 / (inertia + loss),
         }
     }
+}
 
+impl Kick<Pair> {
+    pub(super) fn side_by_side(of: [Kick<f64>; 2]) -> Self {
+        Kick {
+            keep: each(|k| of[k].keep),
+            mobility: each(|k| of[k].mobility),
+        }
+    }
+}
+
+impl<T: Copy + Add<Output = T> + Mul<Output = T>> Kick<T> {
     /// Velocity after the step.
     #[inline]
-    pub(super) fn apply(&self, velocity: f64, impulse: f64) -> f64 {
+    pub(super) fn apply(&self, velocity: T, impulse: T) -> T {
         self.keep * velocity + self.mobility * impulse
     }
 }
@@ -92,6 +106,9 @@ impl Step {
     /// The velocities after the step. `impulses` holds the friction of the last step as a first guess, and is updated.
     #[inline]
     pub(super) fn solve(&self, impulses: &mut [f64; 4]) -> Velocities {
+        if self.limit.into_iter().sum::<f64>() == 0.0 {
+            return self.with_axial(self.free);
+        }
         // Everything slides on in its direction: one pass, no search.
         let before = rubbing(&self.before);
         let sliding = [0, 1, 2, 3].map(|k: usize| {

@@ -21,18 +21,20 @@ mod clarke;
 mod feed;
 mod friction;
 mod harmonics;
-mod motor;
+mod motors;
+mod pair;
 mod winding;
 
-pub use motor::MotorState;
+pub use motors::MotorState;
 pub use winding::Bridge;
 
 use crate::Axis;
 use crate::model::Model;
 use feed::Feed;
 use friction::Step;
-use harmonics::Phasor;
-use motor::Motor;
+use harmonics::Phasors;
+use motors::Motors;
+use pair::Pair;
 
 /// Bus voltage until [`Machine::set_bus_voltage`] is called, V. It acts on open bridges only.
 pub const DEFAULT_BUS_VOLTAGE: f64 = 310.0;
@@ -54,7 +56,7 @@ pub enum Coupling {
 /// Starts at rest at angles 0 with the axial spring relaxed, the table at 0, bridges open, the model's load on.
 #[derive(Debug, Clone)]
 pub struct Machine {
-    motors: [Motor; 2],
+    motors: Motors,
     feed: Feed,
     coupling: Coupling,
     time: f64,
@@ -72,7 +74,7 @@ impl Machine {
     /// `-r * load` on the nut, as action and reaction in the pair.
     pub fn new(model: &Model, coupling: Coupling) -> Self {
         let mut machine = Machine {
-            motors: Axis::ALL.map(|axis| Motor::new(model, axis)),
+            motors: Motors::new(model),
             feed: Feed::new(model),
             coupling,
             time: 0.0,
@@ -88,12 +90,12 @@ impl Machine {
     /// Sets what drives the windings of one motor from now on.
     #[inline]
     pub fn set_bridge(&mut self, axis: Axis, bridge: Bridge) {
-        self.motors[axis.index()].set_bridge(bridge);
+        self.motors.set_bridge(axis.index(), bridge);
     }
 
     /// Opens the lead of one phase (0 to 2 for a to c) of one motor, or closes all.
     pub fn set_open_phase(&mut self, axis: Axis, phase: Option<usize>) {
-        self.motors[axis.index()].set_open_phase(phase);
+        self.motors.set_open_phase(axis.index(), phase);
     }
 
     /// Sets the bus voltage against which the diodes of an open bridge work, V.
@@ -105,7 +107,7 @@ impl Machine {
     /// Puts one motor at an angle, rad; the table stays where it is and the axial spring as it is.
     pub fn set_motor_angle(&mut self, axis: Axis, theta: f64) {
         let before = self.feed.travel(self.relative_angle());
-        self.motors[axis.index()].state.theta = theta;
+        self.motors.theta.as_mut_array()[axis.index()] = theta;
         self.feed.origin += self.feed.travel(self.relative_angle()) - before;
     }
 
@@ -114,25 +116,26 @@ impl Machine {
         self.feed.load = newtons;
         if self.coupling == Coupling::Lumped {
             let torque = self.feed.ratio(self.relative_angle()) * newtons;
-            self.motors[0].load_torque = torque;
-            self.motors[1].load_torque = -torque;
+            self.motors.load_torque = Pair::new([torque, -torque]);
         }
     }
 
     /// Sets a constant torque against the positive direction of one motor, N m: `T_L` of Eq 3.
     pub fn set_load_torque(&mut self, axis: Axis, newton_metres: f64) {
-        self.motors[axis.index()].load_torque = newton_metres;
+        self.motors.load_torque.as_mut_array()[axis.index()] = newton_metres;
     }
 
     /// Sets an extra torque in the positive direction of one motor, N m, held until the next call.
     pub fn set_disturbance_torque(&mut self, axis: Axis, newton_metres: f64) {
-        self.motors[axis.index()].disturbance_torque = newton_metres;
+        self.motors.disturbance_torque.as_mut_array()[axis.index()] = newton_metres;
     }
 
     /// Changes the winding of one motor from its model, relative, until the next call: its resistance, and its flux in
     /// back-EMF and torque alike.
     pub fn set_winding_change(&mut self, axis: Axis, resistance: f64, flux: f64) {
-        self.motors[axis.index()].change = [resistance, flux];
+        let [of_resistance, of_flux] = &mut self.motors.change;
+        of_resistance.as_mut_array()[axis.index()] = resistance;
+        of_flux.as_mut_array()[axis.index()] = flux;
     }
 
     /// One step of integration over `dt` seconds with the bridges held.
@@ -147,43 +150,32 @@ impl Machine {
             );
             self.dt = dt;
             self.rate = dt.recip();
-            self.motors.iter_mut().for_each(|motor| motor.prepare(dt));
+            self.motors.prepare(dt);
             self.feed.prepare(dt);
         }
-        let half = 0.5 * dt;
-        let middle = self.time + half;
-        let theta = self
-            .motors
-            .each_ref()
-            .map(|motor| motor.state.theta + half * motor.state.omega);
-        let [screw, nut] = &mut self.motors;
-        let electrical = [
-            Phasor::new(screw.pole_pairs * theta[0]),
-            Phasor::new(nut.pole_pairs * theta[1]),
-        ];
-        let mut torque = [
-            screw.step_currents(dt, middle, theta[0], electrical[0], self.half_bus),
-            nut.step_currents(dt, middle, theta[1], electrical[1], self.half_bus),
-        ];
+        let (half, motors) = (0.5 * dt, &mut self.motors);
+        let theta = motors.theta + motors.omega * half;
+        let electrical = Phasors::new(motors.pole_pairs * theta);
+        let mut torque =
+            motors.step_currents(dt, self.time + half, theta, &electrical, self.half_bus);
 
-        let before = [screw.state.omega, nut.state.omega, self.feed.velocity];
+        let [screw, nut] = motors.omega.to_array();
+        let before = [screw, nut, self.feed.velocity];
         let position = self.feed.position + half * self.feed.velocity;
-        let bearings = [
-            screw.friction_level(half) * dt,
-            nut.friction_level(half) * dt,
-        ];
+        let [screw, nut] = motors.kick.mobility.to_array();
+        let bearings = [0, 1].map(|k| motors.friction_level(k, half) * dt);
         let mut step = Step {
             before,
             free: [0.0; 3],
-            mobility: [screw.kick.mobility, nut.kick.mobility, 0.0],
+            mobility: [screw, nut, 0.0],
             limit: [bearings[0], bearings[1], 0.0, 0.0],
             axial: None,
         };
         if self.coupling == Coupling::Coupled {
-            let relative = theta[0] - theta[1];
+            let [screw, nut] = theta.to_array();
+            let relative = screw - nut;
             let pair = self.feed.pair_torque(relative);
-            torque[0] -= pair;
-            torque[1] += pair;
+            torque += Pair::new([-pair, pair]);
             step.free[2] = self
                 .feed
                 .kick
@@ -193,18 +185,16 @@ impl Machine {
             step.limit[3] = self.feed.pair_coulomb * dt;
             step.axial = self.feed.axial(relative, position, before);
         }
-        step.free[0] = screw.kick.apply(before[0], dt * torque[0]);
-        step.free[1] = nut.kick.apply(before[1], dt * torque[1]);
-        let after = step.solve(&mut self.friction_impulses);
+        [step.free[0], step.free[1]] = motors.kick.apply(motors.omega, torque * dt).to_array();
+        let [screw, nut, table] = step.solve(&mut self.friction_impulses);
 
-        for (k, motor) in self.motors.iter_mut().enumerate() {
-            motor.acceleration = (after[k] - before[k]) * self.rate;
-            motor.state.omega = after[k];
-            motor.state.theta = theta[k] + half * after[k];
-        }
-        self.feed.acceleration = (after[2] - before[2]) * self.rate;
-        self.feed.velocity = after[2];
-        self.feed.position = position + half * after[2];
+        let after = Pair::new([screw, nut]);
+        motors.acceleration = (after - motors.omega) * self.rate;
+        motors.omega = after;
+        motors.theta = theta + after * half;
+        self.feed.acceleration = (table - before[2]) * self.rate;
+        self.feed.velocity = table;
+        self.feed.position = position + half * table;
         self.time += dt;
     }
 
@@ -216,26 +206,26 @@ impl Machine {
 
     /// The state of one motor.
     #[inline]
-    pub fn motor(&self, axis: Axis) -> &MotorState {
-        &self.motors[axis.index()].state
+    pub fn motor(&self, axis: Axis) -> MotorState {
+        self.motors.state(axis.index())
     }
 
     /// True currents of the phases a, b, c, A; positive into the motor.
-    #[inline]
+    #[inline(always)]
     pub fn phase_currents(&self, axis: Axis) -> [f64; 3] {
-        self.motors[axis.index()].phase_currents()
+        self.motors.phase_currents(axis.index())
     }
 
     /// Currents of the phases a, b, c as an otherwise ideal sensor with the model's offset and gain errors reads them, A.
-    #[inline]
+    #[inline(always)]
     pub fn current_readings(&self, axis: Axis) -> [f64; 3] {
-        self.motors[axis.index()].current_readings()
+        self.motors.current_readings(axis.index())
     }
 
     /// Angle as an otherwise ideal encoder with the model's eccentricity reads it, rad, many turns.
-    #[inline]
+    #[inline(always)]
     pub fn encoder_angle(&self, axis: Axis) -> f64 {
-        self.motors[axis.index()].encoder_angle()
+        self.motors.encoder_angle(axis.index())
     }
 
     /// Position of the table, m, from where it started.
@@ -268,10 +258,12 @@ impl Machine {
     }
 
     fn relative_angle(&self) -> f64 {
-        self.motors[0].state.theta - self.motors[1].state.theta
+        let [screw, nut] = self.motors.theta.to_array();
+        screw - nut
     }
 
     fn relative_speed(&self) -> f64 {
-        self.motors[0].state.omega - self.motors[1].state.omega
+        let [screw, nut] = self.motors.omega.to_array();
+        screw - nut
     }
 }

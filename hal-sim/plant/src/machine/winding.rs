@@ -1,6 +1,8 @@
-//! The windings of one motor over one step: exact for constant voltage and back-EMF.
+//! The windings of a motor over one step: exact for constant voltage and back-EMF.
 
 use super::clarke::{clarke, inverse_clarke};
+use super::pair::{Pair, each};
+use std::ops::{Add, Mul};
 
 /// What drives the windings.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -17,18 +19,18 @@ pub enum Bridge {
 
 /// Response of an R-L winding over one step.
 #[derive(Debug, Clone, Copy, Default)]
-pub(super) struct Response {
+pub(super) struct Response<T> {
     /// What is left of the current after the step.
-    decay: f64,
+    decay: T,
     /// Current after the step per volt held.
-    gain: f64,
+    gain: T,
     /// What the initial current contributes to the step's mean.
-    mean_decay: f64,
+    mean_decay: T,
     /// Mean current per volt held.
-    mean_gain: f64,
+    mean_gain: T,
 }
 
-impl Response {
+impl Response<f64> {
     pub(super) fn new(resistance: f64, inductance: f64, dt: f64) -> Self {
         let ratio = resistance * dt / inductance;
         let loss = -(-ratio).exp_m1();
@@ -42,15 +44,40 @@ impl Response {
     }
 }
 
-/// Currents after a step and their mean over it.
-pub(super) struct Stepped {
-    pub(super) current: [f64; 2],
-    pub(super) mean: [f64; 2],
+impl Response<Pair> {
+    pub(super) fn side_by_side(of: [Response<f64>; 2]) -> Self {
+        Response {
+            decay: each(|k| of[k].decay),
+            gain: each(|k| of[k].gain),
+            mean_decay: each(|k| of[k].mean_decay),
+            mean_gain: each(|k| of[k].mean_gain),
+        }
+    }
+
+    /// That of one motor.
+    pub(super) fn of(&self, k: usize) -> Response<f64> {
+        Response {
+            decay: self.decay.to_array()[k],
+            gain: self.gain.to_array()[k],
+            mean_decay: self.mean_decay.to_array()[k],
+            mean_gain: self.mean_gain.to_array()[k],
+        }
+    }
+}
+
+/// Currents after a step and their mean over it, alpha and beta.
+pub(super) struct Stepped<T> {
+    pub(super) current: [T; 2],
+    pub(super) mean: [T; 2],
 }
 
 /// Steps the currents under a held voltage less the back-EMF.
 #[inline]
-pub(super) fn driven(current: [f64; 2], voltage: [f64; 2], response: &Response) -> Stepped {
+pub(super) fn driven<T: Copy + Add<Output = T> + Mul<Output = T>>(
+    current: [T; 2],
+    voltage: [T; 2],
+    response: &Response<T>,
+) -> Stepped<T> {
     let end = |k: usize| response.decay * current[k] + response.gain * voltage[k];
     let mean = |k: usize| response.mean_decay * current[k] + response.mean_gain * voltage[k];
     Stepped {
@@ -67,8 +94,8 @@ pub(super) fn driven_with_loss(
     current: [f64; 2],
     voltage: [f64; 2],
     lost: f64,
-    response: &Response,
-) -> Stepped {
+    response: &Response<f64>,
+) -> Stepped<f64> {
     const SWEEPS: usize = 40;
     let free = inverse_clarke(driven(current, voltage, response).current);
     // A volt in one phase moves its current by 2/3 of the gain and the others by -1/3, since their sum is zero.
@@ -100,8 +127,8 @@ pub(super) fn open(
     current: [f64; 2],
     emf: [f64; 2],
     half_bus: f64,
-    response: &Response,
-) -> Stepped {
+    response: &Response<f64>,
+) -> Stepped<f64> {
     let before = inverse_clarke(current);
     if before == [0.0; 3] {
         return Stepped {
