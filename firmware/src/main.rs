@@ -33,7 +33,7 @@ mod app {
     use crate::hw::motor_io::Registers;
     use crate::hw::watchdog::{Watchdog, reset_reason};
     use crate::hw::{
-        amplifier, analog, clock, cycles, deadman, encoder, protection, pwm, serial, stack_guard,
+        analog, clock, cycles, deadman, encoder, protection, pwm, serial, stack_guard,
     };
     use crate::lines::{Lines, RTT_DOWN_BYTES, RTT_UP_BYTES};
     use crate::motor_loop::{MOTORS, MotorLoop};
@@ -126,7 +126,6 @@ mod app {
             device.TIM4,
             encoder::InputFilter::of_scale(start.plate.feed.velocity_max, start.scale_count_m),
         );
-        amplifier::start(&device.OPAMP, pins.amplifiers, board::AMPLIFIER_GAIN);
         protection::start(
             &device.COMP,
             &device.DAC3,
@@ -158,7 +157,6 @@ mod app {
                 breaks,
                 screw_encoder: &screw_encoder,
                 nut_encoder: &nut_encoder,
-                amplified: pins.amplifiers.iter().any(Option::is_some),
                 channel: channels.up.1,
             });
         }

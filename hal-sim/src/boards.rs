@@ -24,7 +24,7 @@ pub enum BoardKind {
     Nucleo,
     /// The same with its bridges at 40 kHz.
     Nucleo40kHz,
-    /// `mains_310v`: on-chip amplifiers, two shunts, the screw's encoder on SPI, the nut's with an index.
+    /// `mains_310v`: external amplifiers, three shunts, the screw's encoder on SPI, the nut's with an index.
     Mains,
 }
 

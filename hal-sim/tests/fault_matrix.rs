@@ -3,7 +3,7 @@
 use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::boards::BoardKind;
-use hal_sim::faults::{Cell, Defect, Hazard, Input, Matrix, Outcome, Situation};
+use hal_sim::faults::{Cell, Defect, Input, Matrix, Outcome, Situation};
 use plant::Axis;
 
 fn outcomes(cells: &[Cell]) -> Vec<Outcome> {
@@ -13,7 +13,7 @@ fn outcomes(cells: &[Cell]) -> Vec<Outcome> {
 /// Each so-many-th cell, prime to the number of situations, so that all are among them.
 const EVERY: usize = 19;
 /// Unsafe cells of these.
-const UNSAFE: usize = 4;
+const UNSAFE: usize = 2;
 
 #[test]
 fn unsafe_cells_do_not_become_more() {
@@ -90,18 +90,34 @@ fn a_current_sensor_that_is_wrong_is_named_by_the_sum_of_three() {
     }
 }
 
-/// With two sensors only the voltage shows it: late, but not named after an angle that is right.
+/// Two sensors show no sum: with two, channels of the mains board that died or froze left up to 46 A for up to 85 periods.
 #[test]
-fn a_dead_current_sensor_of_two_is_no_wrong_angle() {
-    for (axis, fault) in [
-        (Axis::Screw, Fault::ScrewVoltage),
-        (Axis::Nut, Fault::NutVoltage),
-    ] {
-        let input = Input::Current(axis, 1);
-        let cell = cell(BoardKind::Mains, input, Defect::Missing, Situation::Cdfs);
-        let outcome = ends_in(cell, fault);
-        assert!(!outcome.hazards.contains(&Hazard::WrongCause));
+fn a_channel_of_the_mains_board_that_dies_or_freezes_at_speed_leaves_no_over_current() {
+    let mut cells = Vec::new();
+    for axis in Axis::ALL {
+        for phase in 0..3 {
+            for defect in [Defect::Missing, Defect::Frozen] {
+                let input = Input::Current(axis, phase);
+                cells.push(cell(BoardKind::Mains, input, defect, Situation::Ddfs));
+            }
+        }
     }
+    for (cell, outcome) in cells.iter().zip(outcomes(&cells)) {
+        assert_eq!(outcome.hazards, [], "{}: {outcome:?}", cell.name());
+    }
+}
+
+/// Where a bus that reads nothing makes currents that the comparators see first, it is named all the same.
+#[test]
+fn a_bus_that_reads_nothing_is_named_in_place_of_the_break_that_it_causes() {
+    let input = Input::Bus(Axis::Nut);
+    let cell = cell(
+        BoardKind::Mains,
+        input,
+        Defect::StuckLow,
+        Situation::Stopping,
+    );
+    ends_in(cell, Fault::UnderVoltage);
 }
 
 /// A bus that reads nothing is named before the alignment misreads what follows from it.

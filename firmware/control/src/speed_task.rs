@@ -778,17 +778,16 @@ impl SpeedTask {
     }
 }
 
-/// A bus that reads too little makes all voltages too large, and with them the currents: it is named in their place.
+/// A bus that reads too little makes all voltages too large, and with them the currents: it is named in place of what found those, the
+/// comparators among it.
 fn likelier(state: State, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> State {
     let loops = exchanges.into_iter().zip(&config.current_loops);
     let mut read_nothing =
         loops.map(|(exchange, config)| exchange.bus() < config.modulation.bus_counts_min);
     match state {
-        State::Fault(Fault::ScrewOverCurrent | Fault::NutOverCurrent)
-            if read_nothing.any(|it| it) =>
-        {
-            State::Fault(Fault::UnderVoltage)
-        }
+        State::Fault(
+            Fault::ScrewOverCurrent | Fault::NutOverCurrent | Fault::ScrewBreak | Fault::NutBreak,
+        ) if read_nothing.any(|it| it) => State::Fault(Fault::UnderVoltage),
         state => state,
     }
 }

@@ -238,8 +238,6 @@ words! {
         bus_microvolts: u32,
         /// Over-current threshold of the comparators, DAC counts.
         threshold: u32,
-        /// Times that an amplifier inside the chip takes a shunt's pin before the ADC; 1: none does.
-        gain: u32,
         /// What the power stage's inputs have to ground beside the gate driver's own resistor, ohm; 0: nothing.
         gate_pull_down_ohm: u32,
         /// Heat sinks' sensors: screw, nut.

@@ -1,28 +1,30 @@
-//! A board for 310 V from the mains: an STM32G474RE with its own power stages, current amplifiers inside the chip, an
+//! A board for 310 V from the mains: an STM32G474RE with its own power stages and current amplifiers, an
 //! absolute encoder on the screw's motor and an incremental one with index on the nut's. Its chip, and all that is wired
 //! to it, is at mains potential: see `firmware/boards/mains_310v.md` before a cable is plugged in.
 //!
 //! | what | screw | nut |
 //! | --- | --- | --- |
 //! | high sides a, b, c | PC0, PC1, PC2 (TIM1) | PC6, PC7, PC8 (TIM8) |
-//! | low sides a, b, c | PA11, PA12, PB15 | PC10, PC11, PB1 |
-//! | shunts a, b | PA1 (OPAMP1), PA7 (OPAMP2) | PB13 (OPAMP6), PB0 (OPAMP3) |
-//! | bus voltage | PC3 | PB14 |
-//! | heat sink's temperature | PA0 | PC4 |
+//! | low sides a, b, c | PA11, PA12, PB9 | PC10, PC11, PB1 |
+//! | shunts a, b, c | PA0, PA1, PA7 | PB14, PB0, PB13 |
+//! | bus voltage | PC3 | PB15 |
+//! | heat sink's temperature | PB11 | PC4 |
 //! | gate driver: fault, low | PB10 (TIM1_BKIN) | PD2 (TIM8_BKIN) |
 //! | gate driver: enable, high; pull-downs | PA4 | PC5 |
 //! | encoder | PA5, PA6, PB5 (SPI1), PA15 (chip select by TIM2) | PB2, PC12, index PB12 (TIM5) |
 //!
 //! The table's scale is on PB6 and PB7 (TIM4). PA13 and PA14 are the debugger's, PF0 and PF1 the 24 MHz crystal's.
 //!
-//! Phase c is not measured. Each amplifier's output goes to its ADC inside the chip, so its pin is free.
+//! All three phases are measured, so that a channel that is dead shows in their sum. The amplifiers are
+//! outside the chip: of its own one reaches ADC3 and one ADC4, which sample the nut (`stm32g4xx-hal`, `adc/g4.rs` and `opamp.rs`, after
+//! ST's tables), and a sum wants three that are alike. So the shunts are where the default board has them, and TIM1_CH3N is on PB9,
+//! which leaves PB15 to the nut's bus.
 
 use super::paper_machine;
 use super::pins::{
-    Bridge, EncoderParts, Pins, Ports, amplified, comparator, converted, converted_output,
-    driver_fault, encoder, framed_spi, index, serial,
+    Bridge, EncoderParts, Pins, Ports, comparator, converted, driver_fault, encoder, framed_spi,
+    index, serial,
 };
-use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
 use crate::hw::encoder::mt6835::{LEAD_S, Mt6835};
 use crate::hw::encoder::{Flags, Incremental, InputFilter, TopOf};
@@ -30,9 +32,8 @@ use crate::hw::inputs::{Inputs, contact};
 use crate::hw::outputs::{Level, Outputs, output};
 use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
-use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP4, COMP5};
+use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP3, COMP4, COMP5, COMP7};
 use stm32g4xx_hal::gpio::Pull;
-use stm32g4xx_hal::opamp::{InternalOutput, Locked, Opamp1, Opamp2, Opamp3, Opamp6};
 use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, LPUART1, SPI1, TIM1, TIM2, TIM4, TIM5, TIM8};
 
 #[path = "mains_plate.rs"]
@@ -40,16 +41,15 @@ mod plate;
 pub(crate) use plate::GUARDS;
 pub(crate) use plate::{PLATE, SCALE_COUNT_M};
 
-/// Comparators of each motor: before the amplifiers. They see phases a and b: what c carries is for the driver's
-/// fault, which comes first.
+/// Comparators of each motor, one for each phase.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
     OverCurrent::past(
-        &[1, 2],
+        &[3, 1, 2],
         plate::pin_counts(plate::OVER_CURRENT_A),
         plate::pin_counts(0.0),
     ),
     OverCurrent::past(
-        &[5, 4],
+        &[7, 4, 5],
         plate::pin_counts(plate::OVER_CURRENT_A),
         plate::pin_counts(0.0),
     ),
@@ -75,25 +75,21 @@ pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
 /// Limits of the analog watchdogs.
 pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
     current: watch_limits(
-        plate::amplified_counts(-plate::WATCH_CURRENT_A),
-        plate::amplified_counts(plate::WATCH_CURRENT_A),
+        plate::pin_counts(-plate::WATCH_CURRENT_A),
+        plate::pin_counts(plate::WATCH_CURRENT_A),
     ),
     bus: GUARD.bus_most,
     shunts: PLATE.board.shunts,
 };
 
-/// An amplifier's output needs 200 ns (RM0440 25.3; memory).
-const CURRENT_SAMPLING: Sampling = Sampling::of_at_least(200e-9);
+/// The amplifiers' outputs have 2.2 nF behind a resistor, as the default board's.
+const CURRENT_SAMPLING: Sampling = Sampling::of_at_least(250e-9);
 /// The bus divider has 100 nF at the pin.
 const BUS_SAMPLING: Sampling = Sampling::behind(100e-9);
 /// The heat sink's divider has 100 nF at the pin.
 const HEAT_SAMPLING: Sampling = Sampling::behind(100e-9);
 
-/// Gain of the on-chip amplifiers.
-pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X4;
-
-// The numbers of the plate are those of the hardware.
-const _: () = assert!(AMPLIFIER_GAIN.times() == plate::AMPLIFIER_GAIN);
+// The number of the plate is that of the hardware.
 const _: () = assert!(LEAD_S == plate::FRAME_LEAD_S);
 
 /// What holds each input of the gate drivers low while the chip starts, ohm: a resistor at the power stage.
@@ -137,7 +133,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         (
             a.pa11.into_alternate::<6>(),
             a.pa12.into_alternate::<6>(),
-            b.pb15.into_alternate::<4>(),
+            b.pb9.into_alternate::<12>(),
         ),
     );
     Bridge::<TIM8>::claim(
@@ -170,43 +166,50 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE),
     ];
 
-    let (screw_a, screw_b) = (a.pa1.into_analog(), a.pa7.into_analog());
-    let (nut_a, nut_b) = (b.pb13.into_analog(), b.pb0.into_analog());
-    comparator::<COMP1, _>(&screw_a);
-    comparator::<COMP2, _>(&screw_b);
-    comparator::<COMP5, _>(&nut_a);
+    let (screw_a, screw_b, screw_c) = (
+        a.pa0.into_analog(),
+        a.pa1.into_analog(),
+        a.pa7.into_analog(),
+    );
+    let (nut_a, nut_b, nut_c) = (
+        b.pb14.into_analog(),
+        b.pb0.into_analog(),
+        b.pb13.into_analog(),
+    );
+    comparator::<COMP3, _>(&screw_a);
+    comparator::<COMP1, _>(&screw_b);
+    comparator::<COMP2, _>(&screw_c);
+    comparator::<COMP7, _>(&nut_a);
     comparator::<COMP4, _>(&nut_b);
-    let amplifiers = [
-        amplified::<Opamp1, _>(&screw_a, 1),
-        amplified::<Opamp2, _>(&screw_b, 2),
-        amplified::<Opamp3, _>(&nut_b, 3),
-        amplified::<Opamp6, _>(&nut_a, 6),
-    ];
+    comparator::<COMP5, _>(&nut_c);
 
-    let (screw_bus, nut_bus) = (c.pc3.into_analog(), b.pb14.into_analog());
-    let (screw_heat, nut_heat) = (a.pa0.into_analog(), c.pc4.into_analog());
-    let screw_b = converted_output::<ADC2, Locked<Opamp2, InternalOutput>>(CURRENT_SAMPLING);
-    let nut_b = converted_output::<ADC3, Locked<Opamp3, InternalOutput>>(CURRENT_SAMPLING);
+    let (screw_bus, nut_bus) = (c.pc3.into_analog(), b.pb15.into_analog());
+    let (screw_heat, nut_heat) = (b.pb11.into_analog(), c.pc4.into_analog());
     let channels = [
         Channels {
             injected: [
-                converted_output::<ADC1, Locked<Opamp1, InternalOutput>>(CURRENT_SAMPLING),
+                converted::<ADC1, _>(&screw_a, CURRENT_SAMPLING),
                 converted::<ADC1, _>(&screw_bus, BUS_SAMPLING),
             ],
             regular: Some(converted::<ADC1, _>(&screw_heat, HEAT_SAMPLING)),
         },
-        // Phase c has no sensor: phase b again, which the control code does not read.
         Channels {
-            injected: [screw_b, screw_b],
+            injected: [
+                converted::<ADC2, _>(&screw_b, CURRENT_SAMPLING),
+                converted::<ADC2, _>(&screw_c, CURRENT_SAMPLING),
+            ],
             regular: Some(converted::<ADC2, _>(&nut_heat, HEAT_SAMPLING)),
         },
         Channels {
-            injected: [nut_b, nut_b],
+            injected: [
+                converted::<ADC3, _>(&nut_b, CURRENT_SAMPLING),
+                converted::<ADC3, _>(&nut_c, CURRENT_SAMPLING),
+            ],
             regular: None,
         },
         Channels {
             injected: [
-                converted_output::<ADC4, Locked<Opamp6, InternalOutput>>(CURRENT_SAMPLING),
+                converted::<ADC4, _>(&nut_a, CURRENT_SAMPLING),
                 converted::<ADC4, _>(&nut_bus, BUS_SAMPLING),
             ],
             regular: None,
@@ -214,12 +217,11 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     ];
     Pins {
         channels,
-        amplifiers: amplifiers.map(Some),
         fault_lines,
         inputs: Inputs {
             enable: contact(c.pc9),
-            end_forward: contact(b.pb9),
-            end_backward: contact(b.pb11),
+            end_forward: contact(a.pa8),
+            end_backward: contact(a.pa10),
         },
         outputs: Outputs {
             drivers: [

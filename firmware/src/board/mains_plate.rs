@@ -1,4 +1,4 @@
-//! Plate data of the mains board: the paper's motors on on-chip amplifiers and other encoders, screw first.
+//! Plate data of the mains board: the paper's motors on other amplifiers and other encoders, screw first.
 //!
 //! Numbers only, no hardware: the emulator's tests build the same drive on the host from this very file.
 
@@ -16,13 +16,13 @@ use control::thermometer::{Side, TemperaturePlate, Thermometer};
 
 /// Shunts, ohm.
 const SHUNT_OHM: f64 = 0.075;
-/// From the shunt's 0 to the pin: 1 kohm to the shunt and 7 kohm to the supply lift the signal into the amplifier's
-/// range, and take an eighth of it.
+/// From the shunt's 0 to the amplifier: 1 kohm to the shunt and 7 kohm to the supply lift the signal into its range, and take an
+/// eighth of it.
 const PASSED: f64 = 7.0 / 8.0;
 /// Analog supply and reference, V.
 const SUPPLY_V: f64 = 3.3;
-/// Gain of the on-chip amplifiers.
-pub(crate) const AMPLIFIER_GAIN: f64 = 4.0;
+/// Gain of the amplifiers.
+const AMPLIFIER_GAIN: f64 = 4.0;
 /// Counts of the ADCs and DACs.
 const COUNTS: f64 = 4096.0;
 /// How long before the top the sensor latches its angle: see the firmware's `hw::encoder::mt6835`.
@@ -32,16 +32,10 @@ pub(crate) const FRAME_LEAD_S: f64 = 5.5e-6;
 pub(crate) const OVER_CURRENT_A: f64 = 4.5;
 pub(crate) const WATCH_CURRENT_A: f64 = 4.75;
 
-/// What the pin of a shunt is at with `amps` into the motor, in counts of a 12-bit converter. Such a current comes up from
-/// minus through the shunt and lowers its upper end (SimpleFOC issue 386: all gains negative on a G431 with its own
-/// amplifiers; ST's kit computes `Ia = offset - ADC`).
+/// What an amplifier's output is at with `amps` into the motor, in counts of a 12-bit converter. Such a current comes up from
+/// minus through the shunt and lowers its upper end (SimpleFOC issue 386: all gains negative behind amplifiers that do not invert;
+/// ST's kit computes `Ia = offset - ADC`).
 pub(crate) const fn pin_counts(amps: f64) -> f64 {
-    let volts = SUPPLY_V * (1.0 - PASSED) - amps * SHUNT_OHM * PASSED;
-    volts / SUPPLY_V * COUNTS
-}
-
-/// What the ADC reads behind the amplifier at `amps`.
-pub(crate) const fn amplified_counts(amps: f64) -> f64 {
     PLATE.board.zero_counts + amps / PLATE.board.amps_per_count
 }
 
@@ -70,7 +64,7 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         timer_hz: 170e6,
         pwm_hz: 20e3,
         speed_divider: 4,
-        shunts: Shunts::Two,
+        shunts: Shunts::Three,
         amps_per_count: -SUPPLY_V / COUNTS / (SHUNT_OHM * PASSED * AMPLIFIER_GAIN),
         zero_counts: (1.0 - PASSED) * AMPLIFIER_GAIN * COUNTS,
         bus_volts_per_count: 0.11,

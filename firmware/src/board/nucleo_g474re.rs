@@ -10,7 +10,6 @@ use super::paper_machine;
 use super::pins::{
     Bridge, EncoderParts, Pins, Ports, comparator, converted, driver_fault, encoder, serial,
 };
-use crate::hw::amplifier::Gain;
 use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
 use crate::hw::encoder::{Flags, Incremental, InputFilter, TopOf};
 use crate::hw::inputs::{Inputs, contact};
@@ -83,9 +82,6 @@ const CURRENT_SAMPLING: Sampling = Sampling::of_at_least(250e-9);
 const BUS_SAMPLING: Sampling = Sampling::behind(47e-9);
 /// The thermistors' dividers have 100 nF at the pin.
 const HEAT_SAMPLING: Sampling = Sampling::behind(100e-9);
-
-/// Gain of the on-chip amplifiers, of which this board uses none: its power stages have their own.
-pub(crate) const AMPLIFIER_GAIN: Gain = Gain::X2;
 
 /// What the stages put to ground at each input of their gate drivers beside the driver's own 100 kohm, ohm: nothing (the
 /// wiring page, pull-downs).
@@ -209,7 +205,6 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     ];
     Pins {
         channels,
-        amplifiers: [None; 4],
         fault_lines,
         inputs: Inputs {
             enable: contact(c.pc9),

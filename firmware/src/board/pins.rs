@@ -1,7 +1,6 @@
 //! Bounds that a board's pins must meet: what does not fit its peripheral does not compile.
 
 use super::claimed::{Owned, claim};
-use crate::hw::amplifier::Amplifier;
 use crate::hw::analog::{Channels, Input, Sampling};
 use crate::hw::inputs::{FaultLine, Inputs};
 use crate::hw::outputs::{Level, Outputs};
@@ -15,7 +14,6 @@ use stm32g4xx_hal::comparator::PositiveInput;
 use stm32g4xx_hal::gpio::{
     AF2, PinExt, PinPull, PinSpeed, Pull, Speed, gpioa, gpiob, gpioc, gpiod,
 };
-use stm32g4xx_hal::opamp::NonInverting;
 use stm32g4xx_hal::pwm::{
     C1, C2, C3, ComplementaryDisabled, ComplementaryImpossible, FaultPins, NPins, Pins as TimerPin,
 };
@@ -36,8 +34,6 @@ pub(crate) struct Ports {
 pub(crate) struct Pins {
     /// The ADC channels that the measurements are on: ADC1 to ADC4.
     pub(crate) channels: [Channels; 4],
-    /// The on-chip amplifiers before them.
-    pub(crate) amplifiers: [Option<Amplifier>; 4],
     /// What it switches.
     pub(crate) outputs: Outputs,
     /// Its contacts.
@@ -156,26 +152,4 @@ where
     claim::<T>(&miso, PinUse::DataIn);
     claim::<T>(&mosi.speed(Speed::High), PinUse::DataOut);
     claim::<T>(&select.speed(Speed::High), PinUse::Select);
-}
-
-/// The amplifier `O`, number `number`, with this pin as its non-inverting input.
-#[allow(dead_code, reason = "not every board has one")]
-pub(crate) fn amplified<O, P>(_pin: &P, number: usize) -> Amplifier
-where
-    P: NonInverting<O>,
-    P::VP_SEL: Into<u8>,
-{
-    Amplifier {
-        number,
-        input: P::VP_SEL.into(),
-    }
-}
-
-/// The channel that an amplifier's output is on `A`, inside the chip.
-#[allow(dead_code, reason = "not every board has one")]
-pub(crate) fn converted_output<A, O: Channel<Ad<A>, ID = u8>>(sampling: Sampling) -> Input {
-    Input {
-        channel: O::channel(),
-        sampling,
-    }
 }

@@ -52,8 +52,6 @@ pub(crate) struct Started<'a> {
     pub(crate) breaks: [u32; 2],
     pub(crate) screw_encoder: &'a board::ScrewEncoder,
     pub(crate) nut_encoder: &'a board::NutEncoder,
-    /// The shunts' pins go through the amplifiers inside the chip.
-    pub(crate) amplified: bool,
     pub(crate) channel: UpChannel,
 }
 
@@ -79,7 +77,6 @@ pub(crate) fn begin() -> bool {
 /// Reads the board, and waits for a reset.
 pub(crate) fn run(mut started: Started<'_>) -> ! {
     let report = &BRINGUP_REPORT;
-    put(&report.expected.gain, gain(started.amplified));
     clock::read(&report.clock);
 
     enter(Stage::Converters);
@@ -181,13 +178,6 @@ fn expect() {
         put(&words.range[0], range.least.into());
         put(&words.range[1], range.most.into());
     }
-}
-
-/// How often its pin an ADC sees.
-fn gain(amplified: bool) -> u32 {
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let times = const { board::AMPLIFIER_GAIN.times() as u32 };
-    if amplified { times } else { 1 }
 }
 
 /// Counts of the bus above which the bring-up refuses.

@@ -1,7 +1,6 @@
 //! What touches registers. One file a function of the board; nothing above this module names a register,
 //! but the bring-up, which asks them.
 
-pub(crate) mod amplifier;
 pub(crate) mod analog;
 pub(crate) mod clock;
 pub(crate) mod cycles;

@@ -89,7 +89,7 @@ impl Comparators {
         let dacs = [0, 1, 0, 1, 2, 3, 2];
         let mut outputs = 0;
         for &(number, phase) in wiring.comparators(index) {
-            let current = wiring.at_comparator(currents[phase]);
+            let current = currents[phase];
             let control = self.control[number - 1];
             if self.dead >> number & 1 == 1 {
                 continue;

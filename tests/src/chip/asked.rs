@@ -5,15 +5,12 @@ use super::adc::Source;
 use super::capture::{self, Clocks};
 use super::faults;
 use super::outside::{Circuit, Inside, Pin, gates};
-use super::wiring::Input;
 use super::{Chip, Motor};
 use hal_sim::sensors::Leg;
 
 /// The pull-up resistor of a fault line on the power stage, ohm.
 const FAULT_PULL_UP_OHM: f64 = 10e3;
 
-/// What an amplifier inside the chip settles as, ohm: in 200 ns of sampling (DS12288, OPAMP characteristics; memory).
-const AMPLIFIER_OHM: f64 = 385.0;
 /// The pull-downs of a USB-C device without a battery (RM0440 6.4.3, PWR_CR3.UCPD1_DBDIS), ohm: PB6 has one while PA9 is
 /// high, PB4 while PA10 is.
 const DEAD_BATTERY_OHM: f64 = 5100.0;
@@ -131,28 +128,19 @@ impl Chip {
     pub(super) fn source(&self, index: usize, channel: u32) -> Option<Source> {
         const NOISE: f64 = 0.5;
         let by_software = self.adcs[index].by_software();
-        let input = if by_software {
+        let counts = if by_software {
             let machine = self.machine.borrow();
             let still = [Motor::Screw, Motor::Nut].map(|motor| machine.still(motor));
             self.wiring.input(index, channel, &still)?
         } else {
             self.wiring.input(index, channel, &self.sensors)?
         };
-        let (counts, ohm) = match input {
-            // Amplifiers and capacitors outside the chip.
-            Input::Pin(counts) => (counts, 0.0),
-            Input::Amplifier(number, counts) => {
-                if !self.amplifiers.works(self.wiring, number) {
-                    return None;
-                }
-                (counts, AMPLIFIER_OHM)
-            }
-        };
         let name = (index + 1, channel);
         let noise = faults::of(&self.faults.noise, name);
         Some(Source {
             counts: f64::from(faults::of(&self.faults.stuck_channel, name).unwrap_or(counts)),
-            ohm: faults::of(&self.faults.source_ohm, name).unwrap_or(ohm),
+            // Amplifiers and capacitors outside the chip.
+            ohm: faults::of(&self.faults.source_ohm, name).unwrap_or(0.0),
             noise: noise.unwrap_or(if by_software { NOISE } else { 0.0 }),
         })
     }

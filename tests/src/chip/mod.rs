@@ -14,7 +14,6 @@ pub mod encoder;
 pub mod faults;
 pub mod flash;
 pub mod nvic;
-pub mod opamp;
 pub mod outside;
 pub mod power;
 pub mod pwm;
@@ -36,7 +35,6 @@ use encoder::{EncoderTimer, Frame};
 use faults::Faults;
 use flash::Flash;
 use nvic::Nvic;
-use opamp::Amplifiers;
 use outside::Outside;
 use power::{PowerFault, PowerStage};
 use pwm::{PwmTimer, Turn};
@@ -91,8 +89,6 @@ pub struct Chip {
     pub dacs: [Dac; 2],
     /// COMP1 to COMP7.
     pub comparators: Comparators,
-    /// OPAMP1 to OPAMP6.
-    pub amplifiers: Amplifiers,
     /// DMA1 and its multiplexer.
     pub dma: Dma,
     /// SPI1.
@@ -186,7 +182,6 @@ impl Chip {
             adcs: [1, 2, 3, 4].map(Adc::new),
             dacs: [Dac::new("DAC3"), Dac::new("DAC4")],
             comparators: Comparators::new(),
-            amplifiers: Amplifiers::new(),
             dma: Dma::new(),
             spi: Spi::new(),
             serial: Serial::new(),
@@ -729,7 +724,6 @@ impl Chip {
             }
             0x5000_1000 => self.dacs[0].read(offset),
             0x5000_1400 => self.dacs[1].read(offset),
-            0x4001_0000 if offset >= 0x300 => self.amplifiers.read(offset - 0x300),
             0x4001_0000 if offset >= 0x200 => {
                 // VALUE (RM0440 24.6.1).
                 let number = (offset - 0x200) / 4 + 1;
@@ -842,7 +836,6 @@ impl Chip {
                 self.watch_gates();
                 Ok(())
             }
-            0x4001_0000 if offset >= 0x300 => self.amplifiers.write(offset - 0x300, value),
             0x4001_0000 if offset >= 0x200 => self.comparators.write(offset - 0x200, value),
             0x4001_3000 => self.spi.write(offset, value),
             0x4000_8000 => self.serial.write(offset, value),

@@ -48,8 +48,14 @@ pub struct Outside {
     charges: HashMap<Pin, bool>,
 }
 
-/// The contacts of both boards, closed to ground while all is well: enable, forward and backward end switch.
-pub const CONTACTS: [Pin; 3] = [(2, 9), (1, 9), (1, 11)];
+/// The contacts of a board, closed to ground while all is well: enable, forward and backward end switch.
+#[must_use]
+pub const fn contacts(board: Wiring) -> [Pin; 3] {
+    match board {
+        Wiring::Nucleo | Wiring::Nucleo40kHz => [(2, 9), (1, 9), (1, 11)],
+        Wiring::Mains => [(2, 9), (0, 8), (0, 10)],
+    }
+}
 
 /// A gate driver's input: its pin, the alternate function that is its timer's output, and the timer, 0 for TIM1.
 pub type Gate = (Pin, u32, usize);
@@ -57,19 +63,20 @@ pub type Gate = (Pin, u32, usize);
 /// The twelve gate drivers' inputs of a board.
 #[must_use]
 pub fn gates(board: Wiring) -> [Gate; 12] {
-    const LOW_TIM1: [Gate; 3] = [((0, 11), 6, 0), ((0, 12), 6, 0), ((1, 15), 4, 0)];
-    let [high, last] = match board {
+    let [high, low, last] = match board {
         Wiring::Nucleo | Wiring::Nucleo40kHz => [
             [((0, 8), 6, 0), ((0, 9), 6, 0), ((0, 10), 6, 0)],
+            [((0, 11), 6, 0), ((0, 12), 6, 0), ((1, 15), 4, 0)],
             [((2, 10), 4, 1), ((2, 11), 4, 1), ((1, 5), 3, 1)],
         ],
         Wiring::Mains => [
             [((2, 0), 2, 0), ((2, 1), 2, 0), ((2, 2), 2, 0)],
+            [((0, 11), 6, 0), ((0, 12), 6, 0), ((1, 9), 12, 0)],
             [((2, 10), 4, 1), ((2, 11), 4, 1), ((1, 1), 4, 1)],
         ],
     };
     let high_tim8 = [((2, 6), 4, 1), ((2, 7), 4, 1), ((2, 8), 4, 1)];
-    let all = [high, LOW_TIM1, high_tim8, last];
+    let all = [high, low, high_tim8, last];
     std::array::from_fn(|k| all[k / 3][k % 3])
 }
 
@@ -106,7 +113,7 @@ impl Outside {
         let encoders = encoders
             .iter()
             .map(|(pin, level)| (*pin, Circuit::Driven(*level)));
-        let contacts = CONTACTS.map(|pin| (pin, Circuit::Driven(false)));
+        let contacts = contacts(board).map(|pin| (pin, Circuit::Driven(false)));
         Self {
             circuits: gates.chain(encoders).chain(contacts).collect(),
             ..Self::default()

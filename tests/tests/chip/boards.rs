@@ -390,20 +390,9 @@ fn the_boards_pins_carry_what_they_must() -> Result<(), String> {
         assert_eq!(once.len(), carried.len(), "{board:?}: twice: {carried:?}");
         assert_eq!(once, needed.iter().copied().collect(), "{board:?}");
 
-        // What the ADCs convert is on a pin that is analog, or inside the chip: amplifiers' outputs.
-        let inside = [
-            ("ADC1", 13),
-            ("ADC2", 16),
-            ("ADC2", 18),
-            ("ADC3", 13),
-            ("ADC4", 17),
-            ("ADC5", 5),
-        ];
+        // What the ADCs convert is on a pin that is analog.
         for (index, adc) in ["ADC1", "ADC2", "ADC3", "ADC4"].into_iter().enumerate() {
             for channel in chip.adcs[index].channels() {
-                if inside.contains(&(adc, channel)) {
-                    continue;
-                }
                 let signal = format!("IN{channel}");
                 let pin = peripheral(adc)
                     .pins

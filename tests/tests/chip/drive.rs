@@ -26,7 +26,7 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
     for (board, model, coupling) in [
         (Wiring::Nucleo, Model::paper(), Coupling::Lumped),
         (Wiring::Nucleo, Model::coupled(), Coupling::Coupled),
-        // The screw's encoder on SPI, the nut's with index, the current amplifiers inside the chip.
+        // The screw's encoder on SPI, the nut's with index.
         (Wiring::Mains, Model::coupled(), Coupling::Coupled),
     ] {
         let mut bench = Bench::on(board, &model, coupling)?;

@@ -7,7 +7,7 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
 use tests::bench::{Bench, FAULT, READY, RUNNING, plate_of};
-use tests::chip::outside::CONTACTS;
+use tests::chip::outside::contacts;
 use tests::chip::wiring::Wiring;
 
 fn running(board: Wiring, velocity: f64) -> Result<Bench, String> {
@@ -29,8 +29,8 @@ fn speeds(bench: &Bench) -> [f64; 2] {
 /// torn.
 #[test]
 fn each_input_and_a_lost_command_stop_the_machine() -> Result<(), String> {
-    let [enable, forward, backward] = CONTACTS;
     for board in [Wiring::Nucleo, Wiring::Mains] {
+        let [enable, forward, backward] = contacts(board);
         for (pin, velocity, fault) in [
             (Some(enable), 2.5e-3, Fault::Disabled),
             (Some(forward), 2.5e-3, Fault::EndForward),

@@ -121,7 +121,7 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
         (Wiring::Nucleo, Model::paper(), Coupling::Lumped),
         (Wiring::Nucleo, Model::coupled(), Coupling::Coupled),
         (Wiring::Nucleo40kHz, Model::paper(), Coupling::Lumped),
-        // The screw's encoder on SPI, the nut's with index, the current amplifiers inside the chip, the shunts' other sign.
+        // The screw's encoder on SPI, the nut's with index, the shunts' other sign.
         (Wiring::Mains, Model::coupled(), Coupling::Coupled),
     ] {
         let what = format!("{board:?}, {coupling:?}");

@@ -115,12 +115,10 @@ fn comparator(words: &ReportWords, one: &ComparatorWords, dead: &[&str]) -> Item
     let counts = f64::from(expected.adc_counts.max(1));
     let signal = Signal::of_word(one.signal);
     let name = signal.map_or("unknown", Signal::name);
+    // A phase that is compared but not converted: where it should be.
     let pin = signal
         .and_then(|signal| level(words, signal))
-        .map(|level| level / f64::from(expected.gain.max(1)));
-    // A phase that is compared but not converted: where it should be.
-    let pin =
-        pin.unwrap_or(f64::from(expected.zero_sixteenths) / 16.0 / f64::from(expected.gain.max(1)));
+        .unwrap_or(f64::from(expected.zero_sixteenths) / 16.0);
     let volts = |dac: f64| dac / counts * REFERENCE_V;
     let item = Item::new(
         COMPARATORS,
@@ -165,11 +163,7 @@ fn comparator(words: &ReportWords, one: &ComparatorWords, dead: &[&str]) -> Item
     if off.abs() <= OFF_V {
         return item;
     }
-    let amperes = off / REFERENCE_V
-        * counts
-        * f64::from(expected.gain.max(1))
-        * f64::from(expected.microamperes)
-        * 1e-6;
+    let amperes = off / REFERENCE_V * counts * f64::from(expected.microamperes) * 1e-6;
     item.finding(
         format!(
             "It trips {:+.0} mV from where the ADC sees its pin, so the over-current threshold is off by {:.2} A.",

@@ -34,7 +34,6 @@ fn healthy() -> Readings {
         microamperes: 2441,
         bus_microvolts: 110_000,
         threshold: 3891,
-        gain: 1,
         gate_pull_down_ohm: 10_000,
         sensors: [SensorWords {
             platinum: 0,
