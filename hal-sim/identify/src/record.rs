@@ -58,10 +58,12 @@ impl Base {
     pub fn new(balance: &Balance) -> Self {
         let machine = balance.signals.machine;
         let feed = machine.has_feed();
+        let counts = balance.model.sensing.encoder_counts_per_turn;
+        let count_m = balance.lead.abs() * TAU / f64::from(counts);
         let rounding = rests(balance.signals).into_iter().flat_map(|(from, to)| {
             [
-                Parameter::RestOffset { from, to },
-                Parameter::RestDrift { from, to },
+                Parameter::RestOffset { from, to, count_m },
+                Parameter::RestDrift { from, to, count_m },
             ]
         });
         let origin = feed.then(|| Parameter::TableOrigin {

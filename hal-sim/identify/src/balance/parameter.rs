@@ -105,11 +105,11 @@ impl Balance<'_> {
                 });
             }
             Parameter::Load => sum = self.guideway(|_| feed.load_n),
-            Parameter::RestOffset { from, to } => {
+            Parameter::RestOffset { from, to, .. } => {
                 let inside = |k: usize| if (from..to).contains(&k) { 1.0 } else { 0.0 };
                 sum.add(Channel::Table, 1.0, &self.spectrum_of(SMOOTH, inside));
             }
-            Parameter::RestDrift { from, to } => {
+            Parameter::RestDrift { from, to, .. } => {
                 let part = |k: usize| match (from..to).contains(&k) {
                     true => (k - from) as f64 / (to - from) as f64 - 0.5,
                     false => 0.0,

@@ -27,6 +27,8 @@ pub enum Parameter {
         from: usize,
         /// Row after the last.
         to: usize,
+        /// One count of its encoder, m of the table.
+        count_m: f64,
     },
     /// The shaft moves within the count that is read: by so much from the first to the last of those rows, m.
     RestDrift {
@@ -34,6 +36,8 @@ pub enum Parameter {
         from: usize,
         /// Row after the last.
         to: usize,
+        /// One count of its encoder, m of the table.
+        count_m: f64,
     },
 }
 
@@ -133,7 +137,7 @@ impl Parameter {
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
             Parameter::Load => 0.005,
             Parameter::TableOrigin { within } => within,
-            Parameter::RestOffset { .. } | Parameter::RestDrift { .. } => 1e-6,
+            Parameter::RestOffset { count_m, .. } | Parameter::RestDrift { count_m, .. } => count_m,
         }
     }
 
@@ -142,11 +146,14 @@ impl Parameter {
         Prior::within(self.spread(), self.bound())
     }
 
-    /// Standard deviation of the parameter before the record is seen: that of an even spread over its bounds.
+    /// Standard deviation of the parameter before the record is seen: that of an even spread over its bounds. What a count rounds
+    /// is spread evenly over it, so that its variance is a twelfth of the count's square, and the difference of two that are
+    /// rounded has twice that.
     fn spread(self) -> f64 {
         match self {
             Parameter::TableOrigin { within } => 0.2 * within,
-            Parameter::RestOffset { .. } | Parameter::RestDrift { .. } => 1.5e-8,
+            Parameter::RestOffset { count_m, .. } => count_m / 12.0_f64.sqrt(),
+            Parameter::RestDrift { count_m, .. } => count_m / 6.0_f64.sqrt(),
             _ => self.bound() / 3.0_f64.sqrt(),
         }
     }

@@ -14,9 +14,6 @@ use std::f64::consts::{FRAC_1_PI, TAU};
 /// any order where rows meet it. That of an encoder whose motor rests all along does not average out: half a count.
 const LEAST_COUNTS: f64 = FRAC_1_PI;
 const LEAST_AT_REST: f64 = 0.5;
-/// Smallest flux harmonic, of the flux: what currents and voltages that are no means of the same period make of a
-/// torque ripple is below.
-const LEAST_FLUX: f64 = 1e-3;
 /// Smallest dead time, V: 8 ns of a bridge at 310 V and 20 kHz, and no more than a current's ripple between two samples
 /// makes.
 const LEAST_DEAD_TIME_V: f64 = 0.05;
@@ -60,7 +57,6 @@ pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
     match trial.hypothesis.family {
         Family::LeadError => size > least * count * balance.lead.abs(),
         Family::EncoderEccentricity => size > LEAST_COUNTS * count,
-        Family::FluxHarmonic => size > LEAST_FLUX,
         Family::DeadTime => size > LEAST_DEAD_TIME_V,
         _ => true,
     }
