@@ -92,8 +92,8 @@ impl Figures {
             },
             "emps": self.axis.as_ref().map(|study| json!({
                 "published": errors(&study.first().test),
-                "ours": errors(&study.last().test),
-                "ours_homed": errors(&study.last().homed),
+                "ours": errors(&study.best().test),
+                "ours_homed": errors(&study.best().homed),
                 "fitted_to_test": errors(&study.fitted_to_test),
                 "ours_check_friction": study.own_friction.as_ref().map(|own| errors(&own.errors)),
             })),

@@ -1,6 +1,7 @@
 //! A feed axis whose friction is another in the check record.
 
-use identify::machines::feed_axis::{Axis, Law, OwnFriction, Record, Study};
+use identify::machines::feed_axis::{Axis, Law, OwnFriction, Record, Study, Term};
+use identify::records::DataQuality;
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -58,4 +59,27 @@ fn another_viscous_friction_of_the_check_record_is_told() {
 fn the_same_friction_is_not_told_to_differ() {
     let told = (2..6).filter(|seed| own(*seed, 0.0).is_some()).count();
     assert_eq!(told, 0, "of 4 records with the friction of the fit record");
+}
+
+/// The model that a report leaves is declared for the next one.
+#[test]
+fn what_the_declared_model_has_is_no_finding() {
+    let axis = Axis {
+        law: Law::Difference(2),
+        terms: vec![(Term::Asymmetry, vec![-30.0])],
+        ..Axis::published()
+    };
+    let [fit, check] = [record(&axis, 7), record(&axis, 8)];
+    let study = Study::new(&axis, &fit, &check);
+    let report = identify::report::feed_axis(
+        &study,
+        &fit,
+        [DataQuality::default(), DataQuality::default()],
+    );
+    let kinds: Vec<&str> = report
+        .effects
+        .iter()
+        .map(|effect| effect.kind.as_str())
+        .collect();
+    assert!(kinds.is_empty(), "{kinds:?} are in the declared model");
 }

@@ -27,7 +27,7 @@ const LEAST_TRAVEL: f64 = 0.1;
 /// Dead time of a bridge in its bus voltage: 5 us of 50 us.
 const MOST_DEAD_TIME: f64 = 0.1;
 /// A sensor whose gain is off by more is broken.
-const MOST_GAIN: f64 = 0.3;
+pub(crate) const MOST_GAIN: f64 = 0.3;
 /// By how much the gains of two sensors must differ, of their sum.
 const LEAST_APART: f64 = 0.2;
 /// An offset in the range of the current measurement, or in the record's own greatest current where that is not known.

@@ -120,6 +120,7 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
         stages: study
             .stages
             .iter()
+            .chain(&study.corrected)
             .chain([&study.ideal])
             .map(|stage| Stage {
                 added: stage.added.clone(),
@@ -131,7 +132,7 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
         records: accounts.into(),
         channels: vec![channel],
         time,
-        model: last.axis.to_toml(),
+        model: study.best().axis.to_toml(),
     }
 }
 
@@ -150,9 +151,9 @@ fn effects(study: &Study) -> Vec<Effect> {
     let mut at = axis.base.len();
     let mut order_at = study.covariance.nrows() - axis.orders().len();
     let mut effects = Vec::new();
+    // Those that the declared model has come first, and are no findings.
+    let known = study.first().axis.terms.len();
     for (k, (term, values)) in axis.terms.iter().enumerate() {
-        let stages = &study.stages[study.refitted + k..];
-        let fall = stages[0].estimate.force_n.powi(2) - stages[1].estimate.force_n.powi(2);
         let estimates = match term {
             Term::Periodic(order) => {
                 order_at += 1;
@@ -166,7 +167,11 @@ fn effects(study: &Study) -> Vec<Effect> {
             _ => plain(*term, values, &study.covariance, at),
         };
         at += values.len();
-        effects.push(effect(*term, &estimates, fall / declared));
+        if let Some(found) = k.checked_sub(known) {
+            let [before, after] = [0, 1].map(|next| &study.stages[study.refitted + found + next]);
+            let fall = before.estimate.force_n.powi(2) - after.estimate.force_n.powi(2);
+            effects.push(effect(*term, &estimates, fall / declared));
+        }
     }
     effects
 }

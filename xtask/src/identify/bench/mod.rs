@@ -161,7 +161,12 @@ fn print(figures: &Figures, blind: &Value) {
             "{:52}{:>10}{:>10}{:>10}",
             "in closed-loop simulation", "fit", "test", "homed"
         );
-        for stage in study.stages.iter().chain([&study.ideal]) {
+        for stage in study
+            .stages
+            .iter()
+            .chain(&study.corrected)
+            .chain([&study.ideal])
+        {
             println!(
                 "  {:50}{:>10.2}{:>10.2}{:>10.2}",
                 stage.added,

@@ -21,6 +21,20 @@ pub enum Term {
     PositionFriction,
     /// Load that grows with position: N/m.
     PositionLoad,
+    /// Force per volt that differs by direction, as that of brushes off their neutral does: more of it forth and as much less back, a
+    /// share.
+    DirectionGain,
+    /// A force over the travel that no hypothesis is the cause of: a cosine series, N for each number of half waves.
+    Travel {
+        /// Whether it is friction, against the motion, or a load.
+        friction: bool,
+        /// Position at which the cosines start, m.
+        from_m: f64,
+        /// Length of the first one's half wave, m.
+        length_m: f64,
+        /// How many there are.
+        half_waves: usize,
+    },
 }
 
 impl Term {
@@ -31,6 +45,7 @@ impl Term {
             Term::Stribeck => vec![3.0, 0.02],
             Term::Presliding => vec![4e6],
             Term::Periodic(_) => vec![0.1, 0.1],
+            Term::Travel { half_waves, .. } => vec![0.0; half_waves],
             _ => vec![0.0],
         }
     }
@@ -45,6 +60,8 @@ impl Term {
             Term::Presliding => vec![2e6],
             Term::Periodic(_) => vec![1.0, 1.0],
             Term::PositionFriction | Term::PositionLoad => vec![5.0],
+            Term::DirectionGain => vec![0.01],
+            Term::Travel { half_waves, .. } => vec![1.0; half_waves],
         }
     }
 
@@ -59,6 +76,9 @@ impl Term {
             Term::Periodic(_) => "angle_periodic",
             Term::PositionFriction => "position_friction",
             Term::PositionLoad => "position_load",
+            Term::DirectionGain => "gain_by_direction",
+            Term::Travel { friction: true, .. } => "friction_over_travel",
+            Term::Travel { .. } => "load_over_travel",
         }
     }
 
@@ -80,6 +100,8 @@ impl Term {
             Term::Presliding => &[("stiffness", "N/m")],
             Term::Periodic(_) => &[("cosine", "N"), ("sine", "N")],
             Term::PositionFriction | Term::PositionLoad => &[("value", "N/m")],
+            Term::DirectionGain => &[("value", "")],
+            Term::Travel { .. } => &[],
         }
     }
 
@@ -97,6 +119,8 @@ impl Term {
             ),
             Term::PositionFriction => "friction over position".into(),
             Term::PositionLoad => "load over position".into(),
+            Term::DirectionGain => "force per volt by direction".into(),
+            Term::Travel { .. } => "shape over the travel".into(),
         }
     }
 }

@@ -115,17 +115,40 @@ impl Axis {
     }
 }
 
+/// Key of a shape's values, N, from one half wave on.
+const COSINES: &str = "cosines_n";
+
 fn entry(term: Term, values: &[f64]) -> Table {
     let mut table = Table::new();
     table.insert("kind".into(), term.kind().into());
     table.insert("where".into(), term.place().into());
-    if let Term::Periodic(order) = term {
-        table.insert("order".into(), order.into());
+    match term {
+        Term::Periodic(order) => {
+            table.insert("order".into(), order.into());
+        }
+        Term::Travel {
+            from_m, length_m, ..
+        } => {
+            table.insert("from_m".into(), from_m.into());
+            table.insert("length_m".into(), length_m.into());
+            table.insert(COSINES.into(), values.to_vec().into());
+        }
+        _ => {}
     }
     for ((name, _), value) in term.names().iter().zip(values) {
         table.insert((*name).into(), (*value).into());
     }
     table
+}
+
+/// A shape over the travel, to be filled in.
+fn over_travel(friction: bool) -> Term {
+    Term::Travel {
+        friction,
+        from_m: 0.0,
+        length_m: 1.0,
+        half_waves: 0,
+    }
 }
 
 fn term(effect: &Table) -> Result<(Term, Vec<f64>), String> {
@@ -149,13 +172,35 @@ fn term(effect: &Table) -> Result<(Term, Vec<f64>), String> {
         Term::Periodic(1.0),
         Term::PositionFriction,
         Term::PositionLoad,
+        Term::DirectionGain,
+        over_travel(true),
+        over_travel(false),
     ];
     let mut term = known
         .into_iter()
         .find(|term| term.kind() == kind)
         .ok_or_else(|| format!("the effect `{kind}` is unknown to an axis"))?;
-    if let Term::Periodic(order) = &mut term {
-        *order = number("order")?;
+    match &mut term {
+        Term::Periodic(order) => *order = number("order")?,
+        Term::Travel {
+            from_m,
+            length_m,
+            half_waves,
+            ..
+        } => {
+            let list = effect.get(COSINES).and_then(Value::as_array);
+            let values: Option<Vec<f64>> =
+                list.and_then(|list| list.iter().map(Value::as_float).collect());
+            let values =
+                values.ok_or_else(|| format!("an effect lacks the list of numbers `{COSINES}`"))?;
+            (*from_m, *length_m) = (number("from_m")?, number("length_m")?);
+            *half_waves = values.len();
+            return match *length_m > 0.0 {
+                true => Ok((term, values)),
+                false => Err("length_m of a shape over the travel must be positive".into()),
+            };
+        }
+        _ => {}
     }
     let values = term
         .names()
@@ -173,15 +218,24 @@ mod tests {
     fn a_model_file_is_read_as_it_was_written() {
         let mut axis = Axis::published();
         axis.law = Law::Difference(2);
+        let shape = Term::Travel {
+            friction: true,
+            from_m: 0.1,
+            length_m: 0.2,
+            half_waves: 3,
+        };
         axis.terms = vec![
             (Term::Stribeck, vec![3.5, 0.02]),
             (Term::Periodic(17.25), vec![0.1, -0.2]),
+            (shape, vec![0.5, 0.0, -0.25]),
         ];
-        let again = Axis::parse(&axis.to_toml(), "model.toml").expect("its own text");
+        let text = axis.to_toml();
+        let again = Axis::parse(&text, "model.toml").expect("its own text");
         assert_eq!(again.parameters(), axis.parameters());
         assert_eq!(again.law, axis.law);
-        assert_eq!(again.terms[1].0, Term::Periodic(17.25));
-        let error = Axis::parse(&axis.to_toml().replace("stribeck", "stribek"), "model.toml");
+        let [again, axis] = [&again, &axis].map(|axis| axis.terms.iter().map(|(term, _)| *term));
+        assert!(again.eq(axis));
+        let error = Axis::parse(&text.replace("stribeck", "stribek"), "model.toml");
         assert!(error.unwrap_err().to_string().contains("stribek_friction"));
     }
 }

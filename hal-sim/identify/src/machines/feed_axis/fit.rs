@@ -24,12 +24,17 @@ pub(super) enum Free {
     Orders,
     /// The homing only.
     Homing,
-    /// Viscous friction, Coulomb friction and offset only.
-    Friction,
+    /// These only, of the model.
+    Only {
+        /// First.
+        from: usize,
+        /// After the last.
+        to: usize,
+    },
 }
 
-/// Which of the base parameters are friction and offset.
-pub(super) const FRICTION: std::ops::Range<usize> = 1..4;
+/// Viscous friction, Coulomb friction and offset.
+pub(super) const FRICTION: Free = Free::Only { from: 1, to: 4 };
 
 struct Problem<'a> {
     axis: Axis,
@@ -62,9 +67,9 @@ impl<'a> Problem<'a> {
                 homing: parameters[0],
                 ..self.axis.clone()
             },
-            Free::Friction => {
+            Free::Only { from, to } => {
                 let mut own = self.axis.parameters();
-                own[FRICTION].copy_from_slice(parameters.as_slice());
+                own[from..to].copy_from_slice(parameters.as_slice());
                 self.axis.with(&own)
             }
         }
@@ -148,7 +153,7 @@ fn start(axis: &Axis, free: Free) -> DVector<f64> {
     let mut start = match free {
         Free::Model | Free::Orders => axis.parameters(),
         Free::Homing => vec![axis.homing],
-        Free::Friction => axis.parameters()[FRICTION].to_vec(),
+        Free::Only { from, to } => axis.parameters()[from..to].to_vec(),
     };
     if free == Free::Orders {
         start.extend(axis.orders().iter().map(|_| 0.0));
@@ -178,8 +183,8 @@ pub(super) fn covariance(axis: &Axis, record: &Record, free: Free, rows: &[usize
     let problem = Problem::new(axis, record, free, rows);
     let count = problem.parameters.len();
     let mut scales = axis.scales();
-    if free == Free::Friction {
-        scales = scales[FRICTION].to_vec();
+    if let Free::Only { from, to } = free {
+        scales = scales[from..to].to_vec();
     }
     scales.resize(count, 1.0);
     let left = problem.errors(&problem.parameters);

@@ -2,7 +2,7 @@
 
 use super::axis::{Axis, Term};
 use super::record::Record;
-use crate::effects::limits::{CONSTANT, FEEDS_IN, MOST_OF_TOP};
+use crate::effects::limits::{CONSTANT, FEEDS_IN, MOST_GAIN, MOST_OF_TOP};
 
 /// Whether a term with given parameters can be on an axis, as a record shows it.
 pub(super) fn plausible_on_axis(
@@ -12,7 +12,7 @@ pub(super) fn plausible_on_axis(
     record: &Record,
 ) -> Result<(), &'static str> {
     let force_n = axis.limit_v * record.force_per_volt.abs();
-    let (coulomb_n, travel_m) = (axis.base[2], record.travel());
+    let (coulomb_n, travel_m) = (axis.base[2], record.travelled().1);
     let size = values.iter().map(|v| v * v).sum::<f64>().sqrt();
     let (positive, below) = match term {
         // Friction may be lower at rest, where a spring before sliding takes its place.
@@ -26,7 +26,8 @@ pub(super) fn plausible_on_axis(
         Term::Saturation if values[0] < 0.0 => {
             return Err("friction that grows more than the speed is of another law");
         }
-        Term::Saturation | Term::Asymmetry => (true, true),
+        Term::DirectionGain => (true, size <= MOST_GAIN),
+        Term::Saturation | Term::Asymmetry | Term::Travel { .. } => (true, true),
     };
     match (positive, below) {
         (true, true) => Ok(()),

@@ -97,11 +97,11 @@ impl Record {
         self.position.len()
     }
 
-    /// Way between the ends of the travel, m.
-    pub(super) fn travel(&self) -> f64 {
+    /// Where the travel begins, and how long it is, m.
+    pub(super) fn travelled(&self) -> (f64, f64) {
         let ends = |(low, high): (f64, f64), x: &f64| (low.min(*x), high.max(*x));
         let (low, high) = self.position.iter().fold((f64::MAX, f64::MIN), ends);
-        (high - low).max(0.0)
+        (low, (high - low).max(0.0))
     }
 
     /// Greatest speed that is asked for, m/s.

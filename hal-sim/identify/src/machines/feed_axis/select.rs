@@ -47,6 +47,11 @@ const TERMS: [Term; 7] = [
     Term::PositionFriction,
     Term::PositionLoad,
 ];
+/// Half waves of a shape over the travel at most, and how many more a step adds.
+const MOST_HALF_WAVES: usize = 16;
+const STEP_OF_HALF_WAVES: usize = 2;
+/// Blocks of rows by which corrections are cross-validated, s: several times what a loop of 100 Hz is correlated over.
+const BLOCK_S: f64 = 0.25;
 
 /// Speeds over which Stribeck friction may decay, m/s, and stiffnesses of friction's spring before sliding, N/m, from which
 /// a fit begins.
@@ -130,13 +135,16 @@ impl<'a> Linearised<'a> {
         }
     }
 
+    /// What a further term with given parameters adds, per `by` of them.
+    fn column(&self, term: Term, values: Vec<f64>, by: f64) -> Vec<f64> {
+        let mut axis = self.axis.clone();
+        axis.terms.push((term, values));
+        difference(&simulated(&axis, self.record), &self.force, by)
+    }
+
     /// What a further term adds per unit of its linear parameters. One that is not linear is its whole difference.
     fn further(&self, start: &Start) -> Vec<Vec<f64>> {
-        let with = |values: Vec<f64>, by: f64| {
-            let mut axis = self.axis.clone();
-            axis.terms.push((start.term, values));
-            difference(&simulated(&axis, self.record), &self.force, by)
-        };
+        let with = |values: Vec<f64>, by: f64| self.column(start.term, values, by);
         match start.term {
             Term::Stribeck => vec![with(vec![1.0, start.shape], 1.0)],
             Term::Presliding => vec![with(vec![start.shape], 1.0)],
@@ -226,16 +234,21 @@ impl Linearised<'_> {
         })
     }
 
+    /// Columns fitted on either fold and held against the other one.
+    fn validated(&self, columns: &[Vec<f64>], prior: Prior) -> Validated {
+        let columns = [0, 1].map(|fold: usize| cut_all(columns, &self.folds[fold]));
+        let sides = SIDES.map(|sides| sides.map(|fold| columns[fold].as_slice()));
+        Validated::new(self.holdouts.iter().zip(sides), prior)
+    }
+
     fn judged(&self, start: Start) -> Judged {
         let further = self.further(&start);
-        let columns = [0, 1].map(|fold: usize| cut_all(&further, &self.folds[fold]));
-        let sides = SIDES.map(|sides| sides.map(|fold| columns[fold].as_slice()));
         let prior = match start.term {
             // Its column is the whole difference to a jump: it is there or it is not.
             Term::Presliding => Prior::fixed(1.0),
             _ => Prior::FREE,
         };
-        let validated = Validated::new(self.holdouts.iter().zip(sides), prior);
+        let validated = self.validated(&further, prior);
         let values = start.values(&validated.values);
         let stands = plausible_on_axis(start.term, &values, &self.axis, self.record)
             .and_then(|()| validated.stands(start.best_of(), MATERIAL_OF_ERROR));
@@ -372,6 +385,42 @@ pub(super) fn tried(axis: &Axis, record: &Record) -> Vec<Trial> {
     taken
 }
 
+/// Corrections for which no hypothesis stands: the force per volt by direction, and load and friction over the travel with as many half
+/// waves as lower the error most on what they are not fitted to. A travel's parts have an operating point each, which folds of
+/// operating points would make extrapolate; these are of blocks in time, longer than the residual is correlated (h-block
+/// cross-validation; Burman, Chow and Nolan, *Biometrika* 81, 1994).
+pub(super) fn corrections(axis: &Axis, record: &Record) -> Option<[Term; 3]> {
+    let (from_m, length_m) = record.travelled();
+    let shape = |friction, half_waves| Term::Travel {
+        friction,
+        from_m,
+        length_m,
+        half_waves,
+    };
+    let record = &record.first((LENGTH_S * record.rate) as usize);
+    let block = (BLOCK_S * record.rate) as usize;
+    let rows = MARGIN..record.len() - MARGIN;
+    let folds = [0, 1].map(|fold| rows.clone().filter(|row| row / block % 2 == fold).collect());
+    let here = Linearised::new(axis.clone(), record, &folds);
+    let unit = 0.1 * Term::DirectionGain.scale()[0];
+    let mut columns = vec![here.column(Term::DirectionGain, vec![unit], unit)];
+    columns.extend((1..=MOST_HALF_WAVES).flat_map(|half_waves| {
+        let mut values = vec![0.0; half_waves];
+        values[half_waves - 1] = 0.1;
+        [false, true].map(|friction| here.column(shape(friction, half_waves), values.clone(), 0.1))
+    }));
+    let fall = |half_waves: usize| {
+        let first = &columns[..=2 * half_waves];
+        here.validated(first, Prior::FREE).fall()
+    };
+    (0..=MOST_HALF_WAVES)
+        .step_by(STEP_OF_HALF_WAVES)
+        .map(|half_waves| (fall(half_waves), half_waves))
+        .filter(|(fall, _)| *fall > MATERIAL_OF_ERROR)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, n)| [Term::DirectionGain, shape(false, n), shape(true, n)])
+}
+
 /// The order per turn of the screw at which most is left, of those that the model does not have yet.
 fn strongest_order(axis: &Axis, record: &Record) -> Option<Term> {
     // Half of the rows' rate is where the filter ends: a row shows the orders that the filter leaves at its speed.
@@ -437,6 +486,43 @@ mod tests {
                 "seed {seed}, {kept} kept: expected none, {taken:?}"
             );
         }
+    }
+
+    /// A force per volt that is 3 % more forth and less back, and a load over the travel, of an axis on which no cause is known.
+    #[test]
+    fn corrections_are_those_of_the_axis_and_a_clean_one_has_none() {
+        let clean = Axis {
+            law: Law::Difference(2),
+            ..Axis::published()
+        };
+        let strokes = [9.0, -6.0, 5.0, -8.0];
+        let mut real = clean.clone();
+        let load = Term::Travel {
+            friction: false,
+            from_m: 0.0,
+            length_m: 9.0 * clean.lead_m,
+            half_waves: 2,
+        };
+        real.terms = vec![(Term::DirectionGain, vec![0.03]), (load, vec![0.0, 4.0])];
+        let noisy = |axis: &Axis, seed| {
+            let record = record(axis, strokes);
+            let noise = coloured(seed, record.len(), 0.9);
+            record.with_force(|row| 0.7 * noise[row])
+        };
+        let none = corrections(&clean, &noisy(&clean, 1));
+        assert!(none.is_none(), "{none:?}");
+        let record = noisy(&real, 2);
+        let terms = corrections(&clean, &record).expect("corrections");
+        let mut with = clean.clone();
+        with.terms.extend(terms.map(|term| (term, term.start())));
+        let (from, to) = (4, with.parameters().len());
+        let rows: Vec<usize> = (MARGIN..record.len() - MARGIN).collect();
+        let found = fitted(&with, &record, Free::Only { from, to }, &rows);
+        let gain = found.one(Term::DirectionGain);
+        assert!((gain - 0.03).abs() < 6e-3, "{gain}");
+        let [load, friction] = [1, 2].map(|k: usize| &found.terms[k].1);
+        assert!((load[1] - 4.0).abs() < 0.8, "{load:?}");
+        assert!(friction.iter().all(|n| n.abs() < 0.8), "{friction:?}");
     }
 
     /// At 50 turns a second and 1000 rows, 20.07 periods a turn look like 3.5 Hz.

@@ -2,7 +2,7 @@
 
 use super::axis::{Axis, Term};
 use super::record::{Law, Record};
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
 /// Integration steps per row.
 const SUBSTEPS: usize = 4;
@@ -49,6 +49,7 @@ impl Axis {
             self.one(Term::PositionLoad),
         );
         let lag = self.one(Term::Lag).max(0.0);
+        let by_direction = self.one(Term::DirectionGain);
         let periodic: Vec<(f64, f64, f64)> = self
             .terms
             .iter()
@@ -95,14 +96,15 @@ impl Axis {
                 .iter()
                 .map(|(order, c, s)| c * (order * theta).cos() + s * (order * theta).sin())
                 .sum();
+            let [load, rub] = [false, true].map(|friction| self.over_travel(friction, x));
             for step in 0..SUBSTEPS {
                 if inside {
                     force = asked(x, v, step as f64 / SUBSTEPS as f64);
                 }
                 applied += (force - applied) * follow;
-                let level =
-                    (coulomb + stribeck.0 * (-(v.abs() / stribeck.1)).exp() + friction_slope * x)
-                        .max(0.1);
+                let decay = stribeck.0 * (-(v.abs() / stribeck.1)).exp();
+                let level = (coulomb + decay + friction_slope * x + rub).max(0.1);
+                let way = (v / 5e-4).tanh();
                 let dry = match stiffness {
                     Some(stiffness) => {
                         // LuGre without its own damping: the bristle follows exactly over a step of constant speed.
@@ -117,20 +119,40 @@ impl Axis {
                         stiffness * bristle
                             + 0.6 * (stiffness * mass).sqrt() * v * (-(v.abs() / 2e-3)).exp()
                     }
-                    None => level * (v / 5e-4).tanh(),
+                    None => level * way,
                 };
                 let drag = viscous * v - saturation * v * v.abs() + asymmetry * v.abs();
-                let own = drag + dry + offset + ripple + load_slope * x;
+                let own = drag + dry + offset + ripple + load_slope * x + load;
                 let moment = Moment {
                     time_s: (k * SUBSTEPS + step) as f64 * dt,
                     position_m: x,
                     velocity_m_s: v,
                     force_n: applied,
                 };
-                v += dt / mass * (applied - own - further(&moment));
+                v += dt / mass * (applied * (1.0 + by_direction * way) - own - further(&moment));
                 x += dt * v;
             }
         }
         run
+    }
+
+    /// Friction or load of the shapes over the travel at a position, N.
+    fn over_travel(&self, wanted: bool, x: f64) -> f64 {
+        let of = |(term, values): &(Term, Vec<f64>)| match *term {
+            Term::Travel {
+                friction,
+                from_m,
+                length_m,
+                ..
+            } if friction == wanted => {
+                let angle = PI * (x - from_m) / length_m;
+                (1..)
+                    .zip(values)
+                    .map(|(k, n)| n * (f64::from(k) * angle).cos())
+                    .sum()
+            }
+            _ => 0.0,
+        };
+        self.terms.iter().map(of).sum()
     }
 }

@@ -4,7 +4,7 @@ use super::axis::{Axis, Term};
 use super::fit::{FRICTION, Free, MARGIN, converged, covariance, fitted};
 use super::left::{remnants, unsound};
 use super::record::{Law, Record};
-use super::select::{Trial, tried};
+use super::select::{Trial, corrections, tried};
 use crate::conclusion::rest::Remnant;
 use crate::search::selection::MATERIAL_OF_ERROR;
 use crate::signal::filter::{butterworth_100, decimated};
@@ -59,10 +59,10 @@ impl OwnFriction {
     fn new(homed: &Axis, test: &Record, of_fit: &DMatrix<f64>, without: &Errors) -> Option<Self> {
         let quarter = &test.first(test.len() / 4);
         let rows: Vec<usize> = (MARGIN..quarter.len() - MARGIN).collect();
-        let own = fitted(homed, quarter, Free::Friction, &rows);
-        let of_test = covariance(&own, quarter, Free::Friction, &rows);
+        let own = fitted(homed, quarter, FRICTION, &rows);
+        let of_test = covariance(&own, quarter, FRICTION, &rows);
         let changes = [0, 1, 2].map(|k: usize| {
-            let at = FRICTION.start + k;
+            let at = 1 + k;
             let variance = of_fit[(at, at)] + of_test[(k, k)];
             [own.base[at] - homed.base[at], variance.sqrt()]
         });
@@ -109,6 +109,8 @@ pub struct Study {
     pub stopped_early: Vec<String>,
     /// The declared model first, then with the controller's own derivative, then effect by effect.
     pub stages: Vec<Stage>,
+    /// The last stage with corrections for which no hypothesis stands: they make the simulation better and are no effects.
+    pub corrected: Option<Stage>,
     /// The stage in which nothing is added yet but mass and friction are fitted.
     pub refitted: usize,
     /// How the effects were chosen.
@@ -274,6 +276,17 @@ impl Study {
                 .take(1)
                 .for_each(|trial| trial.lost = Some(reason));
         };
+        let corrected = corrections(&axis, estimate).map(|terms| {
+            let mut with = axis.clone();
+            let from = with.parameters().len();
+            with.terms.extend(terms.map(|term| (term, term.start())));
+            let to = with.parameters().len();
+            let with = fitted(&with, estimate, Free::Only { from, to }, &rows);
+            stage("corrections without a name".into(), with)
+        });
+        // As each effect, they must lower the check record's error.
+        let uncorrected_n = stages.last().map_or(f64::NAN, |last| last.homed.force_n);
+        let corrected = corrected.filter(|with| with.homed.force_n < uncorrected_n);
         let ideal = Axis {
             law: Law::Ideal,
             ..axis.clone()
@@ -301,6 +314,7 @@ impl Study {
             lap_to_lap_n,
             stopped_early,
             stages,
+            corrected,
             refitted,
             search,
             ideal: stage("all of it with dq/dt as it is".into(), ideal),
@@ -311,6 +325,11 @@ impl Study {
     /// The declared model.
     pub fn first(&self) -> &Stage {
         &self.stages[0]
+    }
+
+    /// The model that simulates best, and what it leaves.
+    pub fn best(&self) -> &Stage {
+        self.corrected.as_ref().unwrap_or_else(|| self.last())
     }
 
     /// The model with all effects.
