@@ -216,10 +216,9 @@ impl Task {
             told,
         )?;
         let accounts = front.accounts();
-        let (fit, check) = (
-            records::double_drive(front.fit)?,
-            records::double_drive(front.check)?,
-        );
+        let read =
+            |record: Record| records::double_drive(record).map(|read| referred(read, &declared));
+        let (fit, check) = (read(front.fit)?, read(front.check)?);
         told("tracing the residual", None);
         let sticks = drive.and_then(|drive| stick_slip::traced(&declared, &fit, &check, drive));
         let outcome = sticks.unwrap_or_else(|| analyse(&declared, &fit, &check));
@@ -361,4 +360,20 @@ fn longest(records: Vec<Record>) -> Option<Record> {
 fn reading<'a>(name: &'a str, told: &'a mut Told) -> impl FnMut(f64) + 'a {
     let what = format!("reading the {name}");
     move |share| told(&what, Some(share))
+}
+
+/// A recording in which the q current stands for its reference where a log has none.
+fn referred(mut recording: Recording, model: &Model) -> Recording {
+    for (axis, own) in plant::Axis::ALL.into_iter().zip(&mut recording.axes) {
+        if own.iq_ref_a.is_empty() {
+            let pole_pairs = f64::from(model.motor(axis).pole_pairs);
+            let phases = own.ia_a.iter().zip(&own.ib_a);
+            let q = |((a, b), angle): ((&f64, &f64), &f64)| {
+                let (sin, cos) = (pole_pairs * angle).sin_cos();
+                (a + 2.0 * b) / 2f64.sqrt() * cos - 1.5f64.sqrt() * a * sin
+            };
+            own.iq_ref_a = phases.zip(&own.angle_rad).map(q).collect();
+        }
+    }
+    recording
 }

@@ -5,13 +5,14 @@ use identify::bench::measured_pairs;
 use identify::machines::feed_axis::{Axis, Law, Record, Study};
 use identify::machines::motor;
 use identify::records::{How, Mapping, OnFault, Table, load};
+use identify::run::Task;
 use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::TAU;
 use std::path::Path;
 
 given::shared_tests! {
-    "recordings" => what_is_found_brings_the_residual_to_the_noise;
+    "recordings" => what_is_found_brings_the_residual_to_the_noise, a_log_without_references_says_the_same;
     "measured" => measured_files_load_as_they_are, a_plain_fit_of_measured_motors_is_no_better;
     "measured/emps" => emps_is_simulated_better_effect_by_effect;
     "measured/laas" => laas_current_is_explained_by_the_orders_of_its_map, the_half_that_counts_is_the_rough_one;
@@ -51,6 +52,43 @@ fn what_is_found_brings_the_residual_to_the_noise(folder: &Path) {
     }
 }
 
+/// Many drives log no reference of the current: the measured one stands for it.
+fn a_log_without_references_says_the_same(folder: &Path) {
+    let at = folder.join("open-04");
+    let stripped = tempfile::tempdir().expect("a temporary folder");
+    let without = |name: &str| {
+        let file = std::fs::File::open(at.join(name)).expect("a recording");
+        let mut text = String::new();
+        std::io::Read::read_to_string(&mut flate2::read::GzDecoder::new(file), &mut text)
+            .expect("a text");
+        let named: Vec<&str> = text.lines().next().expect("names").split(',').collect();
+        let line = |line: &str| -> String {
+            let cells = line.split(',').zip(&named);
+            let kept = cells.filter(|(_, name)| !name.ends_with("iq_ref_a"));
+            kept.map(|(cell, _)| cell).collect::<Vec<_>>().join(",") + "\n"
+        };
+        let path = stripped.path().join(name.trim_end_matches(".gz"));
+        std::fs::write(&path, text.lines().map(line).collect::<String>())
+            .expect("a temporary file");
+        path
+    };
+    let names = |fit, check| -> Vec<(String, String)> {
+        let task = Task {
+            model: at.join("model.toml"),
+            fit: vec![fit],
+            check: vec![check],
+            mapping: Mapping::default(),
+            on_fault: OnFault::Refuse,
+        };
+        let done = task.run(&mut |_, _| ()).expect("a report");
+        let effects = done.report.effects.into_iter();
+        effects.map(|effect| (effect.kind, effect.place)).collect()
+    };
+    let whole = names(at.join("fit.csv.gz"), at.join("check.csv.gz"));
+    assert!(!whole.is_empty(), "nothing is named with the references");
+    assert_eq!(names(without("fit.csv.gz"), without("check.csv.gz")), whole);
+}
+
 /// One search: the study of the axis takes half a minute.
 fn emps_is_simulated_better_effect_by_effect(folder: &Path) {
     let load = |name: &str| Record::emps(&folder.join(name)).expect("a file of the benchmark");
@@ -73,6 +111,9 @@ fn emps_is_simulated_better_effect_by_effect(folder: &Path) {
     let last = study.last();
     assert!(last.homed.force_percent < 2.9, "{:?}", last.homed);
     assert!(last.test.force_percent < 3.5, "{:?}", last.test);
+    let best = study.best();
+    assert!(best.homed.force_percent < 2.6, "{:?}", best.homed);
+    assert!(best.test.force_percent < 3.0, "{:?}", best.test);
     let own = study.own_friction.as_ref();
     let own = own.expect("the test file's viscous friction is another");
     println!("{}", own.sentence([last.axis.base[1], last.axis.base[2]]));

@@ -202,7 +202,10 @@ impl Machine {
                         14 => "position of the table's linear scale",
                         _ => DRIVE_ABOUT[k % 7],
                     };
-                    required(name, about)
+                    match name.ends_with("iq_ref_a") {
+                        true => optional(name, about),
+                        false => required(name, about),
+                    }
                 })
                 .collect(),
             Machine::FeedAxis => FEED_AXIS.to_vec(),

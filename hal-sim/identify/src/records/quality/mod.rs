@@ -236,7 +236,7 @@ fn drive_motor<'a>(record: &'a Record, prefix: &'static str, model: &'a Model) -
         phases: Some([of("ia_a"), of("ib_a")]),
         dq: None,
         voltages: Some([of("ud_v"), of("uq_v")]),
-        iq_ref: Some(of("iq_ref_a")),
+        iq_ref: (record.get(&format!("{prefix}iq_ref_a"))).map(Cow::Borrowed),
         speed_ref: Some(of("speed_ref_rad_s")),
         plate: model.motor(axis),
         current_noise: sensing
