@@ -26,6 +26,14 @@ static WAY: [[AtomicBool; 2]; 2] = [const { [const { AtomicBool::new(false) }; 2
 /// How the last move or homing is going: a [`Travel`](link::message::Travel)'s word.
 pub(crate) static TRAVEL: AtomicU32 = AtomicU32::new(0);
 
+/// What the table moves in a period by its scale; see [`interlock::Inputs::table_step`]. The least word: nobody knows.
+static TABLE_STEP: AtomicI32 = AtomicI32::new(i32::MIN);
+
+/// What the supervision sees of the table.
+pub(crate) fn tell_table(step: Option<i32>) {
+    TABLE_STEP.store(step.unwrap_or(i32::MIN), Relaxed);
+}
+
 /// What the contacts say, with what the orders say of the table's way.
 #[inline(always)]
 pub(crate) fn with_way(inputs: interlock::Inputs) -> interlock::Inputs {
@@ -35,6 +43,7 @@ pub(crate) fn with_way(inputs: interlock::Inputs) -> interlock::Inputs {
     interlock::Inputs {
         blocked,
         homing,
+        table_step: Some(TABLE_STEP.load(Relaxed)).filter(|step| *step != i32::MIN),
         ..inputs
     }
 }

@@ -2,12 +2,13 @@
 //! the watchdog, report.
 
 use crate::board;
-use crate::config::configured;
+use crate::config::{PLATE, configured};
 use crate::debug_view::{DRIVE_VIEW, count};
 use crate::hw::analog;
 use crate::hw::inputs::Inputs;
 use crate::hw::watchdog::Watchdog;
 use crate::motor_view;
+use crate::orders;
 use crate::speed::FOUND;
 use control::fault::{self, Fault, FaultSet};
 use control::guard::{Guard, Look};
@@ -89,6 +90,7 @@ impl Supervision {
             bus: analog::bus(),
             temperatures: analog::temperatures(),
             theta: motor_view::angles(),
+            enabled: inputs.enabled,
             ends_open: [inputs.end_forward, inputs.end_backward],
             scale: view.scale.load(Relaxed).cast_unsigned(),
             current_sum: motor_view::current_sums(),
@@ -97,6 +99,10 @@ impl Supervision {
         };
         let found = self.guard.step(&configured().guard, &look).or(found);
         FOUND.store(fault::word(found), Relaxed);
+        // Periods of the supervision's millisecond.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        const PERIODS: u32 = (PLATE.board.pwm_hz * 1e-3 + 0.5) as u32;
+        orders::tell_table(self.guard.table_step(PERIODS));
         if let Some(fault) = found
             && found != self.found
         {

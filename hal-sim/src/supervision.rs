@@ -91,6 +91,12 @@ impl Supervision {
         self.guard.values(&self.config, &look, fault)
     }
 
+    /// What the table moves in a period by its scale, as a turn of screw against nut, 2^-32 turn.
+    #[must_use]
+    pub fn table_step(&self) -> Option<i32> {
+        self.guard.table_step(self.every)
+    }
+
     /// What the speed task hears of it.
     pub fn take(&mut self) -> Option<Fault> {
         let [screw, nut] = std::mem::take(&mut self.currents_past);

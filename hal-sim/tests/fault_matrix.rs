@@ -13,7 +13,7 @@ fn outcomes(cells: &[Cell]) -> Vec<Outcome> {
 /// Each so-many-th cell, prime to the number of situations, so that all are among them.
 const EVERY: usize = 19;
 /// Unsafe cells of these.
-const UNSAFE: usize = 2;
+const UNSAFE: usize = 0;
 
 #[test]
 fn unsafe_cells_do_not_become_more() {
@@ -25,17 +25,12 @@ fn unsafe_cells_do_not_become_more() {
         .filter(|(_, outcome)| !outcome.hazards.is_empty())
         .map(|(cell, outcome)| format!("{}: {:?}", cell.name(), outcome.hazards))
         .collect();
-    let count = hazardous.len();
-    assert!(
-        count <= UNSAFE,
-        "{count} of {} cells are unsafe, {UNSAFE} were:\n{}",
+    assert_eq!(
+        hazardous.len(),
+        UNSAFE,
+        "of {} cells, unsafe are:\n{}",
         cells.len(),
         hazardous.join("\n")
-    );
-    assert!(
-        count == UNSAFE,
-        "{count} of {} cells are unsafe, {UNSAFE} were: lower the number here",
-        cells.len()
     );
     // What is counted can be dangerous at all.
     let detected = outcomes.iter().filter(|o| o.detected_s.is_some()).count();
@@ -118,6 +113,70 @@ fn a_bus_that_reads_nothing_is_named_in_place_of_the_break_that_it_causes() {
         Situation::Stopping,
     );
     ends_in(cell, Fault::UnderVoltage);
+}
+
+/// With both bridges open the two motors coast apart, 2.6 mm in the first of these; the nut's shaft that seizes leaves 5.7 mm.
+#[test]
+fn the_motor_that_is_left_brings_the_table_to_rest() {
+    for (board, input, defect, situation) in [
+        (
+            BoardKind::Mains,
+            Input::DriverFault(Axis::Nut),
+            Defect::Missing,
+            Situation::Reversing,
+        ),
+        (
+            BoardKind::Mains,
+            Input::Encoder(Axis::Nut),
+            Defect::WrongSign,
+            Situation::Ready,
+        ),
+        (
+            BoardKind::Nucleo,
+            Input::Encoder(Axis::Screw),
+            Defect::Missing,
+            Situation::Ddfs,
+        ),
+    ] {
+        let cell = cell(board, input, defect, situation);
+        let outcome = outcomes(&[cell]).remove(0);
+        assert!(
+            outcome.hazards.is_empty() && outcome.travel_m < 0.5e-3,
+            "{}: {outcome:?}",
+            cell.name()
+        );
+    }
+}
+
+/// One of the enable switch's contacts is welded, and the switch is opened: with one contact the table went on, 21 mm and more.
+#[test]
+fn an_enable_switch_with_a_welded_contact_stops_the_drive() {
+    for board in [BoardKind::Nucleo, BoardKind::Mains] {
+        for contact in [0, 1] {
+            let cell = cell(
+                board,
+                Input::Enable(contact),
+                Defect::StuckLow,
+                Situation::Ddfs,
+            );
+            assert_eq!(outcomes(&[cell])[0].hazards, [], "{}", cell.name());
+        }
+    }
+}
+
+/// A homed table has soft limits, which stop it where a welded end switch does not: without them it went on, 20 mm and more.
+#[test]
+fn a_welded_end_switch_leaves_the_soft_limit() {
+    for board in [BoardKind::Nucleo, BoardKind::Mains] {
+        for (input, situation) in [
+            (Input::EndForward, Situation::Ddfs),
+            (Input::EndBackward, Situation::Reversing),
+        ] {
+            let cell = cell(board, input, Defect::StuckLow, situation);
+            let outcome = outcomes(&[cell]).remove(0);
+            assert_eq!(outcome.hazards, [], "{}: {outcome:?}", cell.name());
+        }
+    }
 }
 
 /// A bus that reads nothing is named before the alignment misreads what follows from it.

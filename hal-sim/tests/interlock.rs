@@ -48,7 +48,7 @@ fn each_stops_both_motors_and_is_named() {
             (|drive| drive.attended = false) as fn(&mut Drive),
         ),
         (Fault::Disabled, 1e-3, |drive| {
-            drive.request.inputs.enabled = false;
+            drive.request.inputs.enabled[1] = false;
         }),
         (Fault::EndForward, 1e-3, |drive| {
             drive.request.inputs.end_forward = true;

@@ -11,21 +11,13 @@ use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 
-/// Those that end past a limit, and why: where the nut is held at once, the screw's kinetic energy goes on into the table.
-const PAST: [(BoardKind, Scenario); 2] = [
-    (BoardKind::Nucleo, Scenario::NutSeized),
-    (BoardKind::Mains, Scenario::NutSeized),
-];
-
 #[test]
 fn each_scenario_keeps_its_limits() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
         for scenario in Scenario::ALL {
             let story = run_scenario(board, scenario).unwrap();
-            let expected = !PAST.contains(&(board, scenario));
-            assert_eq!(
+            assert!(
                 story.within(),
-                expected,
                 "{board:?}, {}: {:.2} mm of {} mm, {:.1} A of {} A, {:.0} V of {} V, ended as {:?}",
                 scenario.name(),
                 1e3 * story.travel_m,

@@ -119,6 +119,9 @@ codes! {
         NutDriver = 46, "driver, nut",
             "The fault line at the nut's break input is pulled: a gate driver found a short circuit, heat or a supply that is missing \
              in its stage. If the nut's stage is well, look whether the lines of both drivers are exchanged.";
+        EnableApart = 47, "enable contacts apart",
+            "One contact of the enable switch is open and the other is not, or only one has opened: look for a contact that is welded or \
+             a broken wire, then open the switch, so that both open.";
     }
 }
 
@@ -153,12 +156,15 @@ impl Fault {
 /// What the pair does when a fault stops it. The reasons are energies: a bridge that opens leaves its motor to friction, and
 /// two motors that coast from speed `omega` come to rest `J omega^2 / 2` over their friction torques later, each by itself, so
 /// that the table moves by the lead times the difference: 8 mm from 800 rpm on the mains board's machine. So whatever leaves
-/// both motors in hand ends in a stop of both, whose references keep the difference; the bridges open at once only where going
-/// on would break a part or turn a motor the wrong way.
+/// both motors in hand ends in a stop of both, whose references keep the difference; what is wrong with one motor opens its bridge at once,
+/// and the other brings the table to rest; both bridges open at once only where going on would break a part or turn a motor the wrong way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reaction {
     /// Both motors come to rest within their limits, the table too; then both bridges open. Stop category 1 of IEC 60204-1.
     Rest,
+    /// The bridge of its motor opens at once, and the other motor brings the table to rest by its scale: see `follow.rs`. Where
+    /// there is no scale, both open.
+    Follow,
     /// Both bridges open at once, and the motors coast. Stop category 0.
     Open,
 }
@@ -169,6 +175,7 @@ impl Reaction {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Rest => "both come to rest",
+            Self::Follow => "its bridge opens, the other motor brings the table to rest",
             Self::Open => "both bridges open",
         }
     }
@@ -180,7 +187,9 @@ impl Fault {
     pub const fn corrects(self, first: Self) -> bool {
         matches!(
             (self, first),
-            (Self::ScrewStalled, Self::ScrewEncoder) | (Self::NutStalled, Self::NutEncoder)
+            (Self::ScrewStalled, Self::ScrewEncoder)
+                | (Self::NutStalled, Self::NutEncoder)
+                | (Self::EnableApart, Self::Disabled)
         )
     }
 
@@ -215,9 +224,7 @@ impl Fault {
     /// Whose it is: 0 is the screw's motor, 1 the nut's; `None`: the pair's.
     #[must_use]
     pub fn motor(self) -> Option<usize> {
-        [", screw", ", nut"]
-            .iter()
-            .position(|whose| self.name().ends_with(whose))
+        FaultSet::OF_MOTOR.iter().position(|own| own.has(self))
     }
 
     /// What the pair does. A stop that is on its way is not waited for by a fault that opens the bridges.
@@ -227,6 +234,7 @@ impl Fault {
             // Nobody commands, or may: currents, angles and voltages are in hand.
             Self::CommandLost
             | Self::Disabled
+            | Self::EnableApart
             | Self::EndForward
             | Self::EndBackward
             | Self::EndsExchanged
@@ -239,20 +247,18 @@ impl Fault {
             | Self::NutHeat
             // The control interrupts above it go on.
             | Self::SupervisionLate => Reaction::Rest,
-            // A short circuit, or a current that is not in hand.
+            // A short circuit, or a current that is not in hand, in one motor.
             Self::ScrewBreak
             | Self::NutBreak
             | Self::ScrewDriver
             | Self::NutDriver
             | Self::ScrewOverCurrent
             | Self::NutOverCurrent
-            | Self::ScrewCurrentZero
-            | Self::NutCurrentZero
             | Self::ScrewCurrentError
             | Self::NutCurrentError
             | Self::ScrewCurrentSum
             | Self::NutCurrentSum
-            // A torque at an angle that is not there turns the motor any way.
+            // A torque at an angle that is not there turns the motor any way: that motor has none then.
             | Self::ScrewEncoder
             | Self::NutEncoder
             | Self::ScrewAngle
@@ -264,7 +270,11 @@ impl Fault {
             | Self::ScrewFollowing
             | Self::NutFollowing
             | Self::ScrewStalled
-            | Self::NutStalled
+            | Self::NutStalled => Reaction::Follow,
+            // Nothing moves yet when a zero is measured.
+            Self::ScrewCurrentZero
+            | Self::NutCurrentZero
+            // Which of the three is wrong is not known.
             | Self::Scale
             // A bus that is too high takes no braking; one that is too low makes no torque.
             | Self::OverVoltage
@@ -302,6 +312,28 @@ impl FaultSet {
         }
         set
     };
+
+    /// Those of one motor: the screw's, the nut's.
+    pub const OF_MOTOR: [Self; 2] = [Self::named(", screw"), Self::named(", nut")];
+
+    /// Those whose name ends so.
+    #[allow(clippy::indexing_slicing, reason = "computed by the compiler")]
+    const fn named(end: &str) -> Self {
+        let (mut set, mut k) = (Self::EMPTY, 0);
+        while k < Fault::ALL.len() {
+            let (mut name, mut end) = (Fault::ALL[k].name().as_bytes(), end.as_bytes());
+            while let ([names @ .., a], [ends @ .., b]) = (name, end)
+                && *a == *b
+            {
+                (name, end) = (names, ends);
+            }
+            if end.is_empty() {
+                set = set.with(Fault::ALL[k]);
+            }
+            k = k.saturating_add(1);
+        }
+        set
+    }
 
     /// Those that doubt the table's homed position: of an encoder, or of the scale.
     pub const DOUBTS_POSITION: Self = Self::DOUBTS_ANGLE.with(Fault::Scale);

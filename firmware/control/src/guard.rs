@@ -10,8 +10,10 @@
 //! | three currents that do not add up to nothing while the bridges are on | one look up to twice the limit, none past it | `...CurrentSum` |
 //! | scale and motors further apart than the limit: see [`scale_watch`](crate::scale_watch) | none | `Scale` |
 //! | an encoder whose shaft stood with it, once the bridges are open: see [`seizure_watch`](crate::seizure_watch) | | `...Stalled` |
+//! | an enable switch of which one contact opens alone: see [`enable_watch`](crate::enable_watch) | half a second | `EnableApart` |
 //! | end switches that are exchanged: see [`ends_watch`](crate::ends_watch) | one look | `EndsExchanged` |
 
+use crate::enable_watch::EnableWatch;
 use crate::ends_watch::EndsWatch;
 use crate::fault::Fault;
 use crate::format::Misfit;
@@ -135,6 +137,8 @@ pub struct Look {
     pub temperatures: [u16; 2],
     /// Mechanical angles in the rotors' sense, 2^-32 turn: screw, nut.
     pub theta: [u32; 2],
+    /// The enable switch's contacts are closed.
+    pub enabled: [bool; 2],
     /// The end switches are open: ahead of positive velocity, and of negative.
     pub ends_open: [bool; 2],
     /// The table's scale, counts, which wrap.
@@ -172,7 +176,10 @@ pub struct Guard {
     scale: ScaleWatch,
     seizure: SeizureWatch,
     last_scale: u32,
+    /// What the table moved in the last look, as a turn of screw against nut, 2^-32 turn.
+    table: i64,
     ends: EndsWatch,
+    enable: EnableWatch,
 }
 
 impl Guard {
@@ -197,8 +204,20 @@ impl Guard {
             scale: ScaleWatch::new(),
             seizure: SeizureWatch::new(),
             last_scale: 0,
+            table: 0,
             ends: EndsWatch::new(),
+            enable: EnableWatch::new(),
         }
+    }
+
+    /// What the table moved by its scale in the last look, as a turn of screw against nut in one of its `parts`, 2^-32 turn; `None`: the
+    /// scale has not counted yet, or there is none.
+    #[must_use]
+    #[allow(clippy::cast_possible_truncation)]
+    pub fn table_step(&self, parts: u32) -> Option<i32> {
+        let table = self.table.clamp(i32::MIN.into(), i32::MAX.into()) as i32;
+        let step = table.checked_div(parts.cast_signed())?;
+        self.scale.is_there().then_some(step)
     }
 
     /// Errors of the incremental encoders since the start: screw, nut.
@@ -288,6 +307,7 @@ impl Guard {
             if let Some(seized) = seized {
                 first(true, seized);
             }
+            self.table = config.turned_by(counted);
         }
         self.last_scale = look.scale;
         let exchanged = self.ends.step(moved, look.ends_open);
@@ -304,6 +324,7 @@ impl Guard {
             *before = now;
             first(tally.step(SELDOM, events), name);
         }
+        first(self.enable.step(look.enabled), Fault::EnableApart);
         fault
     }
 }
@@ -368,6 +389,7 @@ mod tests {
         bus: [2818; 2],
         temperatures: [1500; 2],
         theta: [0; 2],
+        enabled: [true; 2],
         ends_open: [false; 2],
         scale: 0,
         current_sum: [0; 2],

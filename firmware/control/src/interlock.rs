@@ -3,7 +3,7 @@
 //! | what | when it is one | fault |
 //! | --- | --- | --- |
 //! | nobody commands | run is asked, and the heartbeat's word has not changed for the plate's time: a probe that was pulled, a host that hangs | `CommandLost` |
-//! | enable | run is asked, and the input does not allow it | `Disabled` |
+//! | enable | run is asked, and one of the switch's two contacts is open | `Disabled` |
 //! | end switch | run is asked with the table's velocity towards a switch that is open; away from it the drive runs | `EndForward`, `EndBackward` |
 //!
 //! Each is a stop category 1 (IEC 60204-1, 9.2.2): both references go to rest within their limits, then the bridges open and
@@ -13,7 +13,7 @@
 //!
 //! While [`homing`](crate::homing) looks for a switch, that one is no fault, for homing stops at it. The other one is.
 //!
-//! The switches and the enable contact are closed while all is well, so that a broken wire stops too (normally closed, as
+//! The end switches and the enable switch's contacts are closed while all is well, so that a broken wire stops too (normally closed, as
 //! IEC 60204-1, 9.4.3 and ISO 13850 ask of stops). A level counts once it was seen in [`SETTLED`] looks in a row.
 
 use crate::fault::Fault;
@@ -25,8 +25,8 @@ pub const SETTLED: u8 = 2;
 /// What the inputs say now.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Inputs {
-    /// The enable contact is closed.
-    pub enabled: bool,
+    /// The enable switch's two contacts are closed: either that is open forbids to move.
+    pub enabled: [bool; 2],
     /// The end switch ahead of positive table velocity is open.
     pub end_forward: bool,
     /// The end switch ahead of negative table velocity is open.
@@ -35,16 +35,19 @@ pub struct Inputs {
     pub blocked: [bool; 2],
     /// An end switch is looked for, forwards, backwards: ahead it is no fault.
     pub homing: [bool; 2],
+    /// What the table moves in a PWM period by its scale, as a turn of screw against nut, 2^-32 turn; `None`: nobody knows.
+    pub table_step: Option<i32>,
 }
 
 impl Inputs {
     /// All is well: a board without inputs.
     pub const CLEAR: Self = Self {
-        enabled: true,
+        enabled: [true; 2],
         end_forward: false,
         end_backward: false,
         blocked: [false; 2],
         homing: [false; 2],
+        table_step: None,
     };
 }
 
@@ -88,7 +91,8 @@ impl Interlock {
             0
         };
         self.homing = inputs.homing;
-        let levels = [!inputs.enabled, inputs.end_forward, inputs.end_backward];
+        let [one, other] = inputs.enabled;
+        let levels = [!(one & other), inputs.end_forward, inputs.end_backward];
         for (looks, against) in self.against.iter_mut().zip(levels) {
             *looks = if against {
                 looks.saturating_add(1).min(SETTLED)
@@ -170,7 +174,7 @@ mod tests {
     fn an_input_counts_once_it_has_settled_and_a_switch_in_its_direction() {
         let well = Inputs::CLEAR;
         let torn = Inputs {
-            enabled: false,
+            enabled: [true, false],
             end_forward: true,
             end_backward: true,
             ..Inputs::CLEAR

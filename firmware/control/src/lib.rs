@@ -71,11 +71,13 @@ pub mod coordinator;
 pub mod current_limit;
 pub mod current_loop;
 pub mod disturbance;
+pub mod enable_watch;
 pub mod encoder;
 pub mod encoder_watch;
 pub mod ends_watch;
 pub mod exchange;
 pub mod fault;
+mod follow;
 pub mod format;
 pub mod friction;
 #[allow(clippy::float_arithmetic)]

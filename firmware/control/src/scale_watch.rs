@@ -38,6 +38,8 @@ impl ScaleWatchPlate {
 pub struct ScaleWatchConfig {
     /// Counts a turn, 2^-8.
     pub counts_a_turn: i32,
+    /// A turn of a count, 2^-40 turn.
+    pub turn_a_count: i64,
     /// Furthest apart, 2^-8 counts.
     pub apart_max: i64,
 }
@@ -48,6 +50,12 @@ impl ScaleWatchConfig {
     pub const fn counts_of(&self, turned: i64) -> i64 {
         // 256 turns and 2^31 counts a turn are within the word.
         (turned >> 8).saturating_mul(self.counts_a_turn as i64) >> 24
+    }
+
+    /// What so many counts of the table are as a turn of the screw against the nut, 2^-32 turn.
+    #[must_use]
+    pub const fn turned_by(&self, counted: i64) -> i64 {
+        counted.saturating_mul(self.turn_a_count) >> 8
     }
 }
 
@@ -72,6 +80,7 @@ impl ScaleWatchPlate {
         }
         Ok(ScaleWatchConfig {
             counts_a_turn: turn as i32,
+            turn_a_count: (281_474_976_710_656.0 / turn) as i64,
             apart_max: apart as i64,
         })
     }

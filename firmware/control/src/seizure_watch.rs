@@ -69,8 +69,8 @@ impl SeizureWatch {
         let [screw, nut] = self.turned;
         let accused = if motor == 0 { screw } else { nut };
         let expected = config.counts_of(screw.saturating_sub(nut));
-        // Far enough that what scale and motors may be apart is a quarter of it.
-        let enough = expected.unsigned_abs() > config.apart_max.unsigned_abs().saturating_mul(4);
+        // As far as scale and motors may be apart on the whole way, of which these few turns show little.
+        let enough = expected.unsigned_abs() > config.apart_max.unsigned_abs();
         if !enough || accused.unsigned_abs() > STANDS {
             return None;
         }

@@ -9,6 +9,7 @@ use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::disturbance::Disturbance;
 use crate::exchange::{MotorExchange, MotorStatus};
 use crate::fault::{self, Fault, FaultSet, Reaction};
+use crate::follow::Follow;
 use crate::format::{Angle, Current, Speed, SpeedChange};
 use crate::friction::Friction;
 use crate::interlock::Interlock;
@@ -65,6 +66,9 @@ pub struct SpeedTask {
     rests_for: Option<Fault>,
     /// What was found since the drive last left a fault, the first cause among them.
     latched: FaultSet,
+    /// The motor that brings the table to rest in a fault, and what the table moves in a period by its scale.
+    follow: Option<Follow>,
+    table_step: Option<i32>,
     /// What it leaves of the torque currents.
     current_max: [Current; 2],
     too_hot: [bool; 2],
@@ -108,6 +112,8 @@ impl SpeedTask {
             brake: Brake::new(),
             rests_for: None,
             latched: FaultSet::EMPTY,
+            follow: None,
+            table_step: None,
             current_max: [screw_loop.i_max, nut_loop.i_max],
             too_hot: [false; 2],
             compensation: Compensation::new(&config.compensation),
@@ -330,12 +336,21 @@ impl SpeedTask {
         if self.rests_for.is_some() || matches!(self.state, State::Fault(_)) {
             self.settle(before, config, exchanges);
         } else {
+            let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE);
+            if self.follow.take().is_some() && doubted {
+                self.forget_angles(config, exchanges);
+            }
             self.latched = FaultSet::EMPTY;
         }
         let target = match self.state {
             State::Running | State::Holding if self.brake.is_open(&config.brake) => self.command,
             State::Running | State::Holding | State::Stopping => Command::rest(),
-            _ => return Some(self.rest(config, request, exchanges, before)),
+            _ => {
+                return Some(match self.follow {
+                    Some(follow) => self.bring_to_rest(config, request, exchanges, follow),
+                    None => self.rest(config, request, exchanges, before),
+                });
+            }
         };
         self.reversed = exchanges.map(|exchange| {
             exchange
@@ -397,6 +412,80 @@ impl SpeedTask {
         }
         SpeedTaskOutput {
             current,
+            state: self.state,
+            ..SpeedTaskOutput::default()
+        }
+    }
+
+    /// A step in a fault of one motor, in which the other brings the table to rest.
+    #[cold]
+    #[inline(never)]
+    fn bring_to_rest(
+        &mut self,
+        config: &DriveConfig,
+        request: Request,
+        exchanges: [&MotorExchange; 2],
+        follow: Follow,
+    ) -> SpeedTaskOutput {
+        self.found = None;
+        let rests = CurrentReference {
+            mode: self.state.mode(request),
+            ..CurrentReference::default()
+        };
+        let mut asked = [rests; 2];
+        let motors = exchanges.into_iter().zip(&config.current_loops);
+        let motors = motors.zip(&config.speed_loops).zip(&config.regeneration);
+        let motors = motors.zip(&config.runaway).zip(self.current_max);
+        let states = self.speed_loops.iter_mut().zip(&mut self.runaway);
+        let mut motors = motors.zip(states.zip(&mut asked));
+        let motor = motors.nth(follow.motor()).zip(self.table_step);
+        self.follow = None;
+        if let Some(((motor, ((state, watch), asked)), table_step)) = motor {
+            let (((((exchange, current_loop), speed_loop), regeneration), runaway), most) = motor;
+            let theta_step = exchange.theta_step();
+            let omega_e = current_loop.observer.omega_e(theta_step);
+            let table = current_loop.observer.omega_e(table_step);
+            self.follow = follow.goes_on(self.latched, [omega_e, table], runaway.stall);
+            let reference = SpeedReference {
+                omega_e: follow.reference(omega_e, table),
+                ..SpeedReference::default()
+            };
+            let voltage_limited = exchange.voltage_limited();
+            let wanted = state.wanted(speed_loop, reference, omega_e);
+            let range = regeneration.range(most, exchange.bus(), theta_step);
+            let output = state.limit(speed_loop, wanted, voltage_limited, range);
+            if self.follow.is_some() {
+                *asked = CurrentReference {
+                    mode: Mode::Drive,
+                    i_q: output.i_q,
+                    ..CurrentReference::default()
+                };
+            }
+            // It has no reference of its own to follow.
+            let motion = Motion {
+                reference: omega_e,
+                omega_e,
+                torque_limited: false,
+                theta_step,
+                voltage_limited,
+            };
+            // As often as that of a drive that runs.
+            if u32::from(self.look).is_multiple_of(STEPS_PER_LOOK) {
+                let induced = &current_loop.regulator.induced;
+                let sign = watch.step(runaway, induced, exchange, motion);
+                self.found = sign.map(|sign| match follow.motor() {
+                    0 => sign.of_screw(),
+                    _ => sign.of_nut(),
+                });
+            }
+        }
+        let loops = exchanges.into_iter().zip(&config.current_loops);
+        for ((exchange, current_loop), asked) in loops.zip(asked) {
+            exchange.ask(asked, current_loop);
+            exchange.expect_bus(current_loop);
+        }
+        SpeedTaskOutput {
+            current: asked,
             state: self.state,
             ..SpeedTaskOutput::default()
         }
@@ -597,8 +686,11 @@ impl SpeedTask {
             (None, _) => return,
         };
         self.latched = self.latched.with(first);
+        if before.is_driven() && matches!(self.state, State::Fault(_)) {
+            self.follow = Follow::after(first, self.latched);
+        }
         let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE);
-        if doubted && matches!(self.state, State::Fault(_)) {
+        if doubted && self.follow.is_none() && matches!(self.state, State::Fault(_)) {
             self.forget_angles(config, exchanges);
         }
     }
@@ -634,6 +726,7 @@ impl SpeedTask {
     #[inline(always)]
     fn interlock(&mut self, config: &DriveConfig, request: Request) {
         self.interlock.look(request.heartbeat, request.inputs);
+        self.table_step = request.inputs.table_step;
         if request.inputs.blocked != self.blocked {
             cold_path();
             self.blocked = request.inputs.blocked;

@@ -137,11 +137,12 @@ fn stretch() -> impl Strategy<Value = Stretch> {
                     reset,
                     heartbeat,
                     inputs: Inputs {
-                        enabled: !off,
+                        enabled: [!off, !off || homing],
                         end_forward: forward,
                         end_backward: backward,
                         blocked: [no_way, no_way_back],
                         homing: [homing, !homing],
+                        table_step: (!no_way).then_some(heartbeat.cast_signed()),
                     },
                     scale: heartbeat.is_multiple_of(3).then_some(heartbeat),
                 }
@@ -290,6 +291,7 @@ fn through(
                         running: matches!(states.last(), Some(State::Running)),
                         driven: matches!(states.last(), Some(State::Running)),
                         stopped_by: states.last().and_then(|state| state.fault()),
+                        enabled: stretch.request.inputs.enabled,
                         ends_open: [
                             stretch.request.inputs.end_forward,
                             stretch.request.inputs.end_backward,

@@ -219,7 +219,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         channels,
         fault_lines,
         inputs: Inputs {
-            enable: contact(c.pc9),
+            enable: [contact(c.pc9), contact(a.pa9)],
             end_forward: contact(a.pa8),
             end_backward: contact(a.pa10),
         },

@@ -207,7 +207,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         channels,
         fault_lines,
         inputs: Inputs {
-            enable: contact(c.pc9),
+            enable: [contact(c.pc9), contact(c.pc4)],
             end_forward: contact(b.pb9),
             end_backward: contact(b.pb11),
         },

@@ -21,8 +21,8 @@ pub(crate) struct Contact {
 /// The contacts of a board. Where a machine has none, a wire to ground stands for it (wiring page).
 #[derive(Clone, Copy)]
 pub(crate) struct Inputs {
-    /// Closed: the drive may run.
-    pub(crate) enable: Contact,
+    /// Closed, both: the drive may run.
+    pub(crate) enable: [Contact; 2],
     /// Open: the table is at its end, ahead of positive velocity.
     pub(crate) end_forward: Contact,
     /// Open: the table is at its other end.
@@ -83,7 +83,7 @@ impl Inputs {
     #[inline(always)]
     pub(crate) fn read(&self) -> interlock::Inputs {
         interlock::Inputs {
-            enabled: !self.enable.is_open(),
+            enabled: self.enable.map(|contact| !contact.is_open()),
             end_forward: self.end_forward.is_open(),
             end_backward: self.end_backward.is_open(),
             ..interlock::Inputs::CLEAR

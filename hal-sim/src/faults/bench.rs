@@ -14,6 +14,7 @@ use control::format::Misfit;
 use control::plate::DrivePlate;
 use control::sense::Shunts;
 use control::supervisor::Request;
+use control::travel::{Travel, TravelConfig, TravelLook, TravelSeen};
 use plant::Axis;
 use plant::machine::Machine;
 use std::f64::consts::TAU;
@@ -33,6 +34,37 @@ pub(super) struct Ends {
     pub(super) stop: f64,
 }
 
+/// The soft limits of a homed table, as the firmware's orders look at them once a millisecond.
+#[derive(Clone, Debug)]
+pub(super) struct Soft {
+    config: TravelConfig,
+    travel: Travel,
+    /// The scale's count in the middle.
+    origin: i32,
+    seen: TravelSeen,
+}
+
+impl Soft {
+    /// The table may go so far to either side of where it is, m.
+    pub(super) fn new(plate: &DrivePlate, scale_count_m: f64, way_m: f64, scale: u32) -> Self {
+        let mut plate = *plate;
+        plate.travel.soft_m = [-way_m, way_m];
+        Self {
+            config: plate.travel_config(scale_count_m),
+            travel: Travel::new(),
+            origin: scale.cast_signed(),
+            seen: TravelSeen::default(),
+        }
+    }
+
+    /// A look.
+    pub(super) fn look(&mut self, look: TravelLook) {
+        let origin = Some(self.origin);
+        let look = TravelLook { origin, ..look };
+        self.seen = self.travel.step(&self.config, &look);
+    }
+}
+
 /// What is seen on the machine itself since the fault.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Seen {
@@ -48,8 +80,10 @@ pub(super) struct Bench {
     pub(super) spoiled: Vec<Spoiled>,
     pub(super) supervision: Supervision,
     pub(super) ends: Ends,
+    /// Where the table comes near an end of its way.
+    pub(super) soft: Option<Soft>,
     pub(super) seen: Seen,
-    /// Somebody has opened the enable contact.
+    /// Somebody has opened the enable switch.
     pub(super) enable_opened: bool,
     pub(super) position: f64,
     pub(super) load_n: f64,
@@ -62,7 +96,8 @@ pub(super) struct Bench {
     index_off: [f64; 2],
     temperatures: [u16; 2],
     scale_count_m: f64,
-    /// The end switches as they were last read.
+    /// The enable switch's contacts and the end switches as they were last read.
+    pub(super) enabled: [bool; 2],
     pub(super) ends_open: [bool; 2],
 }
 
@@ -87,6 +122,7 @@ impl Bench {
                 switch: f64::INFINITY,
                 stop: f64::INFINITY,
             },
+            soft: None,
             seen: Seen::default(),
             enable_opened: false,
             position: 0.0,
@@ -96,6 +132,7 @@ impl Bench {
             bus: [0.0; 2],
             index_off: [0.0; 2],
             temperatures: board.counts_at(WARM),
+            enabled: [true; 2],
             ends_open: [false; 2],
             scale_count_m: board.scale_count_m(),
         })
@@ -333,13 +370,19 @@ impl Seam for Bench {
             from_middle < -self.ends.switch,
         ];
         let inputs = &mut request.inputs;
-        inputs.enabled = !self.enable_opened;
+        inputs.enabled = [!self.enable_opened; 2];
         [inputs.end_forward, inputs.end_backward] = truth;
+        inputs.table_step = self.supervision.table_step();
+        if let Some(soft) = &self.soft {
+            inputs.blocked = soft.seen.blocked;
+        }
         for one in &mut self.spoiled {
             match one.input {
                 Input::EndForward => inputs.end_forward = one.contact(truth[0], truth[1]),
                 Input::EndBackward => inputs.end_backward = one.contact(truth[1], truth[0]),
-                Input::Enable => inputs.enabled = !one.contact(self.enable_opened, false),
+                Input::Enable(contact) => {
+                    inputs.enabled[contact] = !one.contact(self.enable_opened, false);
+                }
                 Input::Heartbeat => {
                     let now = f64::from(request.heartbeat);
                     let held = one.read(Reading {
@@ -371,10 +414,12 @@ impl Seam for Bench {
                 }
             }
         }
+        self.enabled = inputs.enabled;
         self.ends_open = [inputs.end_forward, inputs.end_backward];
     }
 
     fn found(&mut self) -> Option<Fault> {
-        self.supervision.take()
+        let past = self.soft.as_ref().and_then(|soft| soft.seen.fault);
+        self.supervision.take().or(past)
     }
 }

@@ -101,7 +101,7 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
         Input::Scale => fault == F::Scale,
         Input::EndForward => matches!(fault, F::EndForward | F::EndsExchanged),
         Input::EndBackward => matches!(fault, F::EndBackward | F::EndsExchanged),
-        Input::Enable => fault == F::Disabled,
+        Input::Enable(_) => matches!(fault, F::Disabled | F::EnableApart),
         // Of a line that says nothing the open bridge shows, as phases that carry no current.
         // Which of two lines is whose nobody knows while both bridges are open: either sentence sends a person to both.
         Input::DriverFault(_) if matches!(fault, F::ScrewDriver | F::NutDriver) => true,

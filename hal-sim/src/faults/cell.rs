@@ -27,8 +27,8 @@ pub enum Input {
     EndForward,
     /// The end switch ahead of negative velocity.
     EndBackward,
-    /// The enable contact, which somebody opens 0.1 s after its fault.
-    Enable,
+    /// One of the enable switch's two contacts. Somebody opens the switch 0.1 s after its fault.
+    Enable(usize),
     /// A gate driver's fault line. The driver finds a fault 0.1 s after the drive was asked.
     DriverFault(Axis),
     /// What velocity is asked.
@@ -176,7 +176,8 @@ impl Input {
             Self::Scale,
             Self::EndForward,
             Self::EndBackward,
-            Self::Enable,
+            Self::Enable(0),
+            Self::Enable(1),
             Self::Command,
             Self::Heartbeat,
         ]);
@@ -208,7 +209,7 @@ impl Input {
                     Missing | StuckLow | Noisy | Late | WrongSign | Swapped
                 )
             }
-            Self::Enable => matches!(defect, Missing | StuckLow | Noisy | Late | WrongSign),
+            Self::Enable(_) => matches!(defect, Missing | StuckLow | Noisy | Late | WrongSign),
             Self::DriverFault(_) => matches!(defect, Missing | StuckLow | Noisy | Swapped),
             Self::Command => matches!(
                 defect,
@@ -232,7 +233,7 @@ impl Input {
             Self::Scale => "scale".into(),
             Self::EndForward => "end switch, forwards".into(),
             Self::EndBackward => "end switch, backwards".into(),
-            Self::Enable => "enable".into(),
+            Self::Enable(contact) => format!("enable, contact {}", contact + 1),
             Self::DriverFault(axis) => format!("driver fault, {}", axis.name()),
             Self::Command => "command".into(),
             Self::Heartbeat => "heartbeat".into(),

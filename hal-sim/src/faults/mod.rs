@@ -9,6 +9,9 @@
 //!   and 21.25 mm from 100 mm/s, by the feed's 0.25 m/s^2 and 10 m/s^3),
 //! - where the fault that the drive names sends a person to another part.
 //!
+//! Where the table comes near an end switch, it is homed and has soft limits behind the switches: without them a switch that is welded
+//! shows nowhere.
+//!
 //! A wrong command is not a wrong sensor: the table may go where it is asked, and only the way after the reaction counts.
 
 mod bench;

@@ -1,6 +1,6 @@
 //! A cell, run: the drive brought into the situation, the fault put in, and what comes of it.
 
-use super::bench::{Bench, Ends};
+use super::bench::{Bench, Ends, Soft};
 use super::cause::names;
 use super::cell::{Defect, Input, Situation};
 use super::spoiled::Spoiled;
@@ -10,9 +10,11 @@ use crate::board::{BoardConfig, Comparators};
 use crate::boards::BoardKind;
 use crate::drive::Drive;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM};
+use control::format::TableVelocity;
 use control::guard::Look;
 use control::plate::DrivePlate;
 use control::supervisor::State;
+use control::travel::TravelLook;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -42,7 +44,10 @@ const AT_REST: (f64, f64) = (1e-4, 0.2);
 const FAR_M: f64 = 30e-3;
 /// How far ahead the switch is where it is to be reached, m.
 const NEAR_M: f64 = 1e-3;
-/// The enable contact is opened, or a driver finds a fault, so long after the drive was asked, s.
+/// How far behind a switch the table's soft limit is, m: as far as a stop from 20 mm/s takes, and half as much again, so that the switch
+/// is what a healthy drive stops for.
+const SOFT_M: f64 = 1.6e-3;
+/// The enable switch is opened, or a driver finds a fault, so long after the drive was asked, s.
 const OPENED_S: f64 = 0.1;
 
 /// What happens beside the fault: a healthy drive has it too.
@@ -51,7 +56,7 @@ pub(super) enum Event {
     None,
     /// The table comes to the end of its way.
     End,
-    /// Somebody opens the enable contact.
+    /// Somebody opens the enable switch.
     Opened,
     /// A motor's gate driver finds a fault of its stage: it opens the bridge by itself, and pulls its line down.
     DriverFault(Axis),
@@ -62,7 +67,7 @@ impl Event {
         let any = |which: fn(&Input) -> bool| faults.iter().any(|(input, _)| which(input));
         if any(|input| matches!(input, Input::EndForward | Input::EndBackward)) {
             Self::End
-        } else if any(|input| *input == Input::Enable) {
+        } else if any(|input| matches!(input, Input::Enable(_))) {
             Self::Opened
         } else {
             let driver = faults.iter().find_map(|(input, _)| match input {
@@ -110,6 +115,8 @@ pub(super) struct Run {
     failed_driver: Option<Axis>,
     /// Energy that has gone into the bus, J.
     returned_j: f64,
+    /// The table velocity that was last asked.
+    asked: TableVelocity,
 }
 
 /// Part of the paper's torque ripple, 6 and 2 % of rated, that is there without a current: cogging. What flux harmonics make of
@@ -176,6 +183,7 @@ impl Run {
             index: [false; 2],
             failed_driver: None,
             returned_j: 0.0,
+            asked: TableVelocity::ZERO,
         };
         run.prepare(situation)?;
         Ok(run)
@@ -223,6 +231,7 @@ impl Run {
 
     pub(super) fn ask(&mut self, point: OperatingPoint) -> Result<(), ExperimentError> {
         self.drive.command(point.velocity, point.base)?;
+        self.asked = TableVelocity::saturating_from_num(point.velocity);
         self.drive.request.run = true;
         Ok(())
     }
@@ -297,13 +306,27 @@ impl Run {
         let stopped_by = self.drive.state().fault();
         let temperatures = self.bench.temperatures();
         let scale = self.bench.scale_counts();
-        let ends_open = self.bench.ends_open;
+        let (enabled, ends_open) = (self.bench.enabled, self.bench.ends_open);
+        let reference = self.drive.planned();
+        let each_ms = (1e-3 / self.period_s).round() as u64;
+        if let Some(soft) = &mut self.bench.soft
+            && self.drive.periods().is_multiple_of(each_ms)
+        {
+            soft.look(TravelLook {
+                scale: scale.cast_signed(),
+                driven,
+                reference,
+                asked: self.asked,
+                ..TravelLook::default()
+            });
+        }
         let (drive, index) = (&self.drive, &mut self.index);
         self.bench.supervision.period(|| Look {
             running,
             driven,
             stopped_by,
             temperatures,
+            enabled,
             ends_open,
             scale,
             current_sum: drive.current_sums(),
@@ -373,6 +396,10 @@ pub(super) fn run(
         // A tenth more than the stop takes: see the interlock.
         stop: switch + 1.1 * stop_m(&plate, plate.feed.velocity_max),
     };
+    if event == Event::End {
+        let (scale, count_m) = (run.bench.scale_counts(), board.scale_count_m());
+        run.bench.soft = Some(Soft::new(&plate, count_m, switch + SOFT_M, scale));
+    }
     run.bench.break_down();
     run.returned_j = 0.0;
     let judged = !faults.iter().any(|(input, _)| *input == Input::Command);

@@ -147,7 +147,12 @@ pub fn soak(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, Experim
 fn recover(run: &mut Run, told: &mut Soaked) {
     run.drive.request.run = false;
     run.drive.request.reset = true;
-    let mut waited = 0.0;
+    // The enable switch is opened and closed, as a fault of one of its contacts asks.
+    run.bench.enable_opened = true;
+    run.pass(0.05);
+    run.bench.enable_opened = false;
+    run.pass(0.05);
+    let mut waited = 0.1;
     while run.drive.state() != State::Ready && waited < RECOVERS_S {
         // An alignment can be refused by a table that still coasts; the reset stays asked.
         run.pass(0.05);

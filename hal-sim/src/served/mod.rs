@@ -242,8 +242,10 @@ impl SimulatedDrive {
         self.drive.period_through(&mut self.world);
         let running = self.drive.state().is_driven();
         let (drive, temperatures) = (&self.drive, self.world.temperatures);
+        let enabled = self.world.inputs.enabled;
         self.world.supervision.period(|| Look {
             running,
+            enabled,
             temperatures,
             theta: Axis::ALL.map(|axis| drive.estimate(axis).theta.0),
             ..Look::default()
@@ -647,7 +649,7 @@ impl Served for SimulatedDrive {
                 within(-1e5, 1e5)?;
                 world.load_n = amount;
             }
-            Injected::EnableOpen => world.inputs.enabled = false,
+            Injected::EnableOpen => world.inputs.enabled = [false; 2],
             Injected::EndForward => world.inputs.end_forward = true,
             Injected::EndBackward => world.inputs.end_backward = true,
             Injected::CurrentOffset => {

@@ -150,6 +150,7 @@ impl Seam for World {
         request.inputs = Inputs {
             end_forward,
             end_backward,
+            table_step: self.supervision.table_step(),
             ..self.inputs
         };
     }

@@ -48,12 +48,12 @@ pub struct Outside {
     charges: HashMap<Pin, bool>,
 }
 
-/// The contacts of a board, closed to ground while all is well: enable, forward and backward end switch.
+/// The contacts of a board, closed to ground while all is well: the enable switch's two, forward and backward end switch.
 #[must_use]
-pub const fn contacts(board: Wiring) -> [Pin; 3] {
+pub const fn contacts(board: Wiring) -> [Pin; 4] {
     match board {
-        Wiring::Nucleo | Wiring::Nucleo40kHz => [(2, 9), (1, 9), (1, 11)],
-        Wiring::Mains => [(2, 9), (0, 8), (0, 10)],
+        Wiring::Nucleo | Wiring::Nucleo40kHz => [(2, 9), (2, 4), (1, 9), (1, 11)],
+        Wiring::Mains => [(2, 9), (0, 9), (0, 8), (0, 10)],
     }
 }
 

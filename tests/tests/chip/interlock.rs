@@ -30,9 +30,10 @@ fn speeds(bench: &Bench) -> [f64; 2] {
 #[test]
 fn each_input_and_a_lost_command_stop_the_machine() -> Result<(), String> {
     for board in [Wiring::Nucleo, Wiring::Mains] {
-        let [enable, forward, backward] = contacts(board);
+        let [enable, second, forward, backward] = contacts(board);
         for (pin, velocity, fault) in [
             (Some(enable), 2.5e-3, Fault::Disabled),
+            (Some(second), 2.5e-3, Fault::Disabled),
             (Some(forward), 2.5e-3, Fault::EndForward),
             (Some(backward), 2.5e-3, Fault::EndsExchanged),
             (None, 2.5e-3, Fault::CommandLost),
