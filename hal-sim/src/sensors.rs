@@ -197,9 +197,10 @@ pub fn encoder_word(encoder: &EncoderPlate, angle: f64) -> u32 {
 #[must_use]
 #[inline]
 pub fn encoder_counts(angle: f64, counts_per_turn: u32) -> u32 {
+    // 1.5 * 2^52: a sum with it is rounded to a whole number. Without SSE4.1, which x86-64 does not promise, `floor` is a call.
+    const WHOLE: f64 = 6_755_399_441_055_744.0;
     let turns = angle / std::f64::consts::TAU;
-    // Cut by a cast: without SSE4.1, which x86-64 does not promise, `floor` is a call.
-    let past = turns - turns as i64 as f64;
+    let past = turns - ((turns + WHOLE) - WHOLE);
     let fraction = if past < 0.0 { past + 1.0 } else { past };
     let counts = fraction * f64::from(counts_per_turn);
     // A fraction just below one may round up to the whole turn.

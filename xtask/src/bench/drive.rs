@@ -95,6 +95,11 @@ pub(super) fn run(options: &DriveOptions) -> Result<()> {
         "\nboth motors, simulated seconds a second of CPU: {:.0} lumped, {:.0} coupled (goal: at least {SPEED_GOAL})",
         bench.simulated_seconds_per_second, bench.simulated_seconds_per_second_coupled
     );
+    if cfg!(debug_assertions) {
+        println!(
+            "this build checks its arithmetic; the goal is for one that does not: cargo run --release --package xtask -- bench drive"
+        );
+    }
     Ok(())
 }
 

@@ -108,6 +108,7 @@ impl Feed {
     }
 
     /// Computes what depends on the length of the step.
+    #[cold]
     pub(super) fn prepare(&mut self, dt: f64) {
         self.kick = Kick::new(self.mass, self.viscous, dt);
         let push = dt * self.stiffness;

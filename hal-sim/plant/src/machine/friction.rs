@@ -157,6 +157,7 @@ impl Step {
     }
 
     /// Projected Gauss-Seidel: each surface in turn takes the impulse that stops it, within its limit.
+    #[inline(never)]
     fn search(&self, impulses: &mut [f64; 4]) -> Velocities {
         const SWEEPS: usize = 60;
         let surfaces = self.surfaces();

@@ -48,8 +48,7 @@ fn sin_cos(angle: Pair) -> (Pair, Pair) {
     // 1.5 * 2^52: the unit of a number of this size is 1, so a sum with it is rounded to a whole number.
     const WHOLE: f64 = 6_755_399_441_055_744.0;
     if !angle.abs().simd_le(Pair::splat(REDUCIBLE)).all() {
-        let [screw, nut] = angle.to_array().map(f64::sin_cos);
-        return (Pair::new([screw.0, nut.0]), Pair::new([screw.1, nut.1]));
+        return library_sin_cos(angle);
     }
     let shifted = angle * (2.0 / PI) + WHOLE;
     let quarters = shifted - WHOLE;
@@ -71,6 +70,12 @@ fn sin_cos(angle: Pair) -> (Pair, Pair) {
         pair(bits(sin) ^ change ^ sign(quarter)),
         pair(bits(cos) ^ change ^ sign(quarter + Bits::splat(1))),
     )
+}
+
+#[cold]
+fn library_sin_cos(angle: Pair) -> (Pair, Pair) {
+    let [screw, nut] = angle.to_array().map(f64::sin_cos);
+    (Pair::new([screw.0, nut.0]), Pair::new([screw.1, nut.1]))
 }
 
 /// `(sin x - x) / x^3` over `x^2`, to an eighth of a turn.

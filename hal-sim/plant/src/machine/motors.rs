@@ -199,6 +199,7 @@ impl Motors {
     }
 
     /// Computes what depends on the length of the step.
+    #[cold]
     pub(super) fn prepare(&mut self, dt: f64) {
         self.set_resistance([0.0; 2], dt);
         self.kick = Kick::side_by_side(
@@ -209,6 +210,7 @@ impl Motors {
     }
 
     /// Takes relative changes of the resistances.
+    #[inline(never)]
     fn set_resistance(&mut self, change: [f64; 2], dt: f64) {
         self.response = Response::side_by_side([0, 1].map(|k| {
             let plate = &self.plates[k];
@@ -266,6 +268,7 @@ impl Motors {
     }
 
     /// Steps the currents of motors of which one does not simply follow the voltage that its bridge holds.
+    #[inline(never)]
     fn step_one_by_one(&self, net: [Pair; 2], emf: [Pair; 2], half_bus: f64) -> Stepped<Pair> {
         let stepped = [0, 1].map(|k| {
             let of = |pair: [Pair; 2]| pair.map(|part| part.to_array()[k]);
