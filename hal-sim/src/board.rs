@@ -260,8 +260,12 @@ impl Board {
     /// The same with `seam` behind the current amplifiers.
     pub fn turn_through(&mut self, axis: Axis, seam: &mut impl Seam) -> MotorSample {
         let miswired = self.miswired[axis.index()].as_ref();
-        let to_legs = |windings| miswired.map_or(windings, |wiring| wiring.legs(windings));
-        let true_currents = to_legs(self.machine.phase_currents(axis));
+        let mut true_currents = self.machine.phase_currents(axis);
+        let mut amps = self.machine.current_readings(axis);
+        if let Some(wiring) = miswired {
+            true_currents = wiring.legs(true_currents);
+            amps = wiring.channels(wiring.legs(amps));
+        }
         let break_a = self.config.break_a;
         let bridge = &mut self.bridges[axis.index()];
         // A break holds until it is cleared.
@@ -270,8 +274,6 @@ impl Board {
         bridge.active = bridge.written;
         let active = bridge.active;
 
-        let readings = to_legs(self.machine.current_readings(axis));
-        let mut amps = miswired.map_or(readings, |wiring| wiring.channels(readings));
         if self.config.sensing != CurrentSensing::InLine {
             // At the top, where the samples are taken.
             let closed = active.enable && !bridge.broken && !bridge.held_open;

@@ -46,7 +46,7 @@ struct Registers<'a> {
     board: &'a mut Board,
     axis: Axis,
     sample: MotorSample,
-    command: &'a mut PwmCommand,
+    command: PwmCommand,
     config: &'a CurrentLoopConfig,
 }
 
@@ -370,7 +370,7 @@ impl Drive {
             board: &mut self.board,
             axis,
             sample,
-            command: &mut self.compares[k],
+            command: self.compares[k],
             config: &self.config.current_loops[k],
         };
         self.current_loops[k].period(
@@ -379,7 +379,11 @@ impl Drive {
             &self.exchanges[k],
             || (),
         );
-        self.board.write(axis, self.compares[k]);
+        // By its parts: a load of the whole would wait for the stores of them.
+        let PwmCommand { compare, enable } = registers.command;
+        let command = PwmCommand { compare, enable };
+        self.compares[k] = command;
+        self.board.write(axis, command);
         self.samples[k] = sample;
     }
 
