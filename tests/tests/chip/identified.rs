@@ -4,6 +4,7 @@
 use anyhow::Context;
 use control::encoder::Interface;
 use control::plate::DrivePlate;
+use control::sense::Shunts;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM, settle_quietly};
 use identify::records::{Mapping, OnFault};
@@ -31,10 +32,12 @@ const REQUEST: Request = Request {
 const COGGING: (f64, f64) = (24.0, 0.03);
 
 /// The drive of the paper's motors with fine encoders, and with bridges that need no dead time: what is left of its
-/// compensation is no effect that is looked for here.
+/// compensation is no effect that is looked for here. It measures two phases, which are what telemetry has: of three, the drive takes out
+/// noise that the record keeps.
 fn plate() -> DrivePlate {
     let mut plate = plate_of(Wiring::Mains);
     plate.board.dead_time_s = 0.0;
+    plate.board.shunts = Shunts::Two;
     for motor in &mut plate.motors {
         motor.encoder.interface = Interface::Incremental;
         motor.encoder.counts_per_turn = 1 << 20;
@@ -102,6 +105,7 @@ fn record(machine: &Model, holds: &[(f64, f64)], folder: &Path, name: &str) -> a
     const SECONDS: f64 = 1.6;
     let mut board = board_config(Wiring::Mains);
     board.dead_time_s = plate().board.dead_time_s;
+    board.shunts = plate().board.shunts;
     board.sensors.encoders = plate().motors.map(|motor| motor.encoder);
     let mut drive = Drive::aligned(machine, Coupling::Coupled, board, &plate())
         .map_err(|misfit| anyhow::anyhow!("{misfit}"))?;
