@@ -22,19 +22,18 @@
 
 use super::paper_machine;
 use super::pins::{
-    Bridge, EncoderParts, Pins, Ports, comparator, converted, driver_fault, encoder, framed_spi,
-    index, serial,
+    Bridge, EncoderParts, Pins, Ports, converted, driver_fault, encoder, framed_spi, index, serial,
 };
-use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
+use super::shunts::{self, Shunts};
+use crate::hw::analog::{Sampling, WatchLimits};
 use crate::hw::encoder::mt6835::{LEAD_S, Mt6835};
 use crate::hw::encoder::{Flags, Incremental, InputFilter, TopOf};
 use crate::hw::inputs::{Inputs, contact};
 use crate::hw::outputs::{Level, Outputs, output};
 use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
-use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP3, COMP4, COMP5, COMP7};
 use stm32g4xx_hal::gpio::Pull;
-use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, LPUART1, SPI1, TIM1, TIM2, TIM4, TIM5, TIM8};
+use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC4, LPUART1, SPI1, TIM1, TIM2, TIM4, TIM5, TIM8};
 
 #[path = "mains_plate.rs"]
 mod plate;
@@ -42,18 +41,8 @@ pub(crate) use plate::GUARDS;
 pub(crate) use plate::{PLATE, SCALE_COUNT_M};
 
 /// Comparators of each motor, one for each phase.
-pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
-    OverCurrent::past(
-        &[3, 1, 2],
-        plate::pin_counts(plate::OVER_CURRENT_A),
-        plate::pin_counts(0.0),
-    ),
-    OverCurrent::past(
-        &[7, 4, 5],
-        plate::pin_counts(plate::OVER_CURRENT_A),
-        plate::pin_counts(0.0),
-    ),
-];
+pub(crate) const OVER_CURRENT: [OverCurrent; 2] =
+    shunts::over_current(&PLATE.board, plate::OVER_CURRENT_A);
 
 /// The power stages' drivers pull their fault lines low.
 const FAULT_LINE: DriverFault = DriverFault { level: Level::Low };
@@ -73,14 +62,8 @@ pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
 };
 
 /// Limits of the analog watchdogs.
-pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
-    current: watch_limits(
-        plate::pin_counts(-plate::WATCH_CURRENT_A),
-        plate::pin_counts(plate::WATCH_CURRENT_A),
-    ),
-    bus: GUARD.bus_most,
-    shunts: PLATE.board.shunts,
-};
+pub(crate) const WATCH_LIMITS: WatchLimits =
+    shunts::watched(&PLATE.board, plate::WATCH_CURRENT_A, GUARD.bus_most);
 
 /// The amplifiers' outputs have 2.2 nF behind a resistor, as the default board's.
 const CURRENT_SAMPLING: Sampling = Sampling::of_at_least(250e-9);
@@ -166,55 +149,21 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE),
     ];
 
-    let (screw_a, screw_b, screw_c) = (
-        a.pa0.into_analog(),
-        a.pa1.into_analog(),
-        a.pa7.into_analog(),
+    let shunts = Shunts {
+        screw: (a.pa0, a.pa1, a.pa7),
+        nut: (b.pb14, b.pb0, b.pb13),
+        sampling: CURRENT_SAMPLING,
+    };
+    let channels = shunts.claim(
+        [
+            converted::<ADC1, _>(&c.pc3.into_analog(), BUS_SAMPLING),
+            converted::<ADC4, _>(&b.pb15.into_analog(), BUS_SAMPLING),
+        ],
+        [
+            converted::<ADC1, _>(&b.pb11.into_analog(), HEAT_SAMPLING),
+            converted::<ADC2, _>(&c.pc4.into_analog(), HEAT_SAMPLING),
+        ],
     );
-    let (nut_a, nut_b, nut_c) = (
-        b.pb14.into_analog(),
-        b.pb0.into_analog(),
-        b.pb13.into_analog(),
-    );
-    comparator::<COMP3, _>(&screw_a);
-    comparator::<COMP1, _>(&screw_b);
-    comparator::<COMP2, _>(&screw_c);
-    comparator::<COMP7, _>(&nut_a);
-    comparator::<COMP4, _>(&nut_b);
-    comparator::<COMP5, _>(&nut_c);
-
-    let (screw_bus, nut_bus) = (c.pc3.into_analog(), b.pb15.into_analog());
-    let (screw_heat, nut_heat) = (b.pb11.into_analog(), c.pc4.into_analog());
-    let channels = [
-        Channels {
-            injected: [
-                converted::<ADC1, _>(&screw_a, CURRENT_SAMPLING),
-                converted::<ADC1, _>(&screw_bus, BUS_SAMPLING),
-            ],
-            regular: Some(converted::<ADC1, _>(&screw_heat, HEAT_SAMPLING)),
-        },
-        Channels {
-            injected: [
-                converted::<ADC2, _>(&screw_b, CURRENT_SAMPLING),
-                converted::<ADC2, _>(&screw_c, CURRENT_SAMPLING),
-            ],
-            regular: Some(converted::<ADC2, _>(&nut_heat, HEAT_SAMPLING)),
-        },
-        Channels {
-            injected: [
-                converted::<ADC3, _>(&nut_b, CURRENT_SAMPLING),
-                converted::<ADC3, _>(&nut_c, CURRENT_SAMPLING),
-            ],
-            regular: None,
-        },
-        Channels {
-            injected: [
-                converted::<ADC4, _>(&nut_a, CURRENT_SAMPLING),
-                converted::<ADC4, _>(&nut_bus, BUS_SAMPLING),
-            ],
-            regular: None,
-        },
-    ];
     Pins {
         channels,
         fault_lines,

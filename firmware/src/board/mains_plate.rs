@@ -32,13 +32,6 @@ pub(crate) const FRAME_LEAD_S: f64 = 5.5e-6;
 pub(crate) const OVER_CURRENT_A: f64 = 4.5;
 pub(crate) const WATCH_CURRENT_A: f64 = 4.75;
 
-/// What an amplifier's output is at with `amps` into the motor, in counts of a 12-bit converter. Such a current comes up from
-/// minus through the shunt and lowers its upper end (SimpleFOC issue 386: all gains negative behind amplifiers that do not invert;
-/// ST's kit computes `Ia = offset - ADC`).
-pub(crate) const fn pin_counts(amps: f64) -> f64 {
-    PLATE.board.zero_counts + amps / PLATE.board.amps_per_count
-}
-
 /// The drive that the firmware is built for.
 pub(crate) const PLATE: DrivePlate = DrivePlate {
     motors: [
@@ -65,6 +58,8 @@ pub(crate) const PLATE: DrivePlate = DrivePlate {
         pwm_hz: 20e3,
         speed_divider: 4,
         shunts: Shunts::Three,
+        // Negative: a current into the motor comes up from minus through the shunt and lowers its upper end (SimpleFOC issue 386: all
+        // gains negative behind amplifiers that do not invert; ST's kit computes `Ia = offset - ADC`).
         amps_per_count: -SUPPLY_V / COUNTS / (SHUNT_OHM * PASSED * AMPLIFIER_GAIN),
         zero_counts: (1.0 - PASSED) * AMPLIFIER_GAIN * COUNTS,
         bus_volts_per_count: 0.11,

@@ -7,7 +7,8 @@
 //! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `SCALE_COUNT_M`, `OVER_CURRENT`, `DRIVER_FAULT`,
 //!    `DRIVER_WAKE_S`, `BREAK_FILTER_S`, `GUARD`, `GUARDS`, `WATCH_LIMITS`, `GATE_PULL_DOWN_OHM`,
 //!    `ScrewEncoder`, `NutEncoder`, `start_encoders`, `take_encoder_flags`, `claim`. In `claim` each pin goes once, by value,
-//!    through a function of [`pins`] whose bounds only the right pin in the right alternate function meets.
+//!    through a function of [`pins`] whose bounds only the right pin in the right alternate function meets; three shunts a motor have
+//!    their places in [`shunts`].
 //! 3. A feature in `Cargo.toml`, and two lines below.
 //! 4. `cargo check --package firmware --target thumbv7em-none-eabihf --no-default-features --features board-yours`: a pin
 //!    used twice is a use of a moved value, a wrong alternate function an unmet bound that names the pin.
@@ -18,6 +19,7 @@
 mod claimed;
 mod paper_machine;
 mod pins;
+mod shunts;
 pub(crate) use claimed::{Claimed, claimed};
 pub(crate) use pins::{EncoderParts, Ports};
 

@@ -7,17 +7,15 @@
 //! meets: a pin used twice, or with a wrong function, does not compile.
 
 use super::paper_machine;
-use super::pins::{
-    Bridge, EncoderParts, Pins, Ports, comparator, converted, driver_fault, encoder, serial,
-};
-use crate::hw::analog::{Channels, Sampling, WatchLimits, watch_limits};
+use super::pins::{Bridge, EncoderParts, Pins, Ports, converted, driver_fault, encoder, serial};
+use super::shunts::{self, Shunts};
+use crate::hw::analog::{Sampling, WatchLimits};
 use crate::hw::encoder::{Flags, Incremental, InputFilter, TopOf};
 use crate::hw::inputs::{Inputs, contact};
 use crate::hw::outputs::{Level, Outputs, output};
 use crate::hw::protection::{DriverFault, OverCurrent};
 use control::guard::GuardConfig;
-use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP3, COMP4, COMP5, COMP7};
-use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, LPUART1, TIM1, TIM2, TIM4, TIM5, TIM8};
+use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC4, LPUART1, TIM1, TIM2, TIM4, TIM5, TIM8};
 
 #[path = "nucleo_plate.rs"]
 mod plate;
@@ -28,24 +26,9 @@ pub(crate) use plate::PLATE;
 pub(crate) use plate::PLATE_40_KHZ as PLATE;
 pub(crate) use plate::SCALE_COUNT_M;
 
-/// What the comparators' pins, which are the ADCs', read at a phase current.
-const fn pin_counts(amps: f64) -> f64 {
-    PLATE.board.zero_counts + amps / PLATE.board.amps_per_count
-}
-
 /// Comparators of each motor, one for each phase.
-pub(crate) const OVER_CURRENT: [OverCurrent; 2] = [
-    OverCurrent::past(
-        &[3, 1, 2],
-        pin_counts(plate::OVER_CURRENT_A),
-        pin_counts(0.0),
-    ),
-    OverCurrent::past(
-        &[7, 4, 5],
-        pin_counts(plate::OVER_CURRENT_A),
-        pin_counts(0.0),
-    ),
-];
+pub(crate) const OVER_CURRENT: [OverCurrent; 2] =
+    shunts::over_current(&PLATE.board, plate::OVER_CURRENT_A);
 
 /// The power stages' drivers pull their fault lines low.
 const FAULT_LINE: DriverFault = DriverFault { level: Level::Low };
@@ -65,14 +48,8 @@ pub(crate) const GUARD: GuardConfig = match GUARDS.config() {
 };
 
 /// Limits of the analog watchdogs.
-pub(crate) const WATCH_LIMITS: WatchLimits = WatchLimits {
-    current: watch_limits(
-        pin_counts(-plate::WATCH_CURRENT_A),
-        pin_counts(plate::WATCH_CURRENT_A),
-    ),
-    bus: GUARD.bus_most,
-    shunts: PLATE.board.shunts,
-};
+pub(crate) const WATCH_LIMITS: WatchLimits =
+    shunts::watched(&PLATE.board, plate::WATCH_CURRENT_A, GUARD.bus_most);
 
 /// The amplifiers' outputs have 2.2 nF behind a resistor: what the sampling takes of it is the same in each period, and in
 /// the measured zeros too, once most of it is given back.
@@ -154,55 +131,21 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE),
     ];
 
-    let (screw_a, screw_b, screw_c) = (
-        a.pa0.into_analog(),
-        a.pa1.into_analog(),
-        a.pa7.into_analog(),
+    let shunts = Shunts {
+        screw: (a.pa0, a.pa1, a.pa7),
+        nut: (b.pb14, b.pb0, b.pb13),
+        sampling: CURRENT_SAMPLING,
+    };
+    let channels = shunts.claim(
+        [
+            converted::<ADC1, _>(&c.pc0.into_analog(), BUS_SAMPLING),
+            converted::<ADC4, _>(&b.pb12.into_analog(), BUS_SAMPLING),
+        ],
+        [
+            converted::<ADC1, _>(&c.pc1.into_analog(), HEAT_SAMPLING),
+            converted::<ADC2, _>(&c.pc2.into_analog(), HEAT_SAMPLING),
+        ],
     );
-    let (nut_a, nut_b, nut_c) = (
-        b.pb14.into_analog(),
-        b.pb0.into_analog(),
-        b.pb13.into_analog(),
-    );
-    comparator::<COMP3, _>(&screw_a);
-    comparator::<COMP1, _>(&screw_b);
-    comparator::<COMP2, _>(&screw_c);
-    comparator::<COMP7, _>(&nut_a);
-    comparator::<COMP4, _>(&nut_b);
-    comparator::<COMP5, _>(&nut_c);
-
-    let (screw_bus, nut_bus) = (c.pc0.into_analog(), b.pb12.into_analog());
-    let (screw_heat, nut_heat) = (c.pc1.into_analog(), c.pc2.into_analog());
-    let channels = [
-        Channels {
-            injected: [
-                converted::<ADC1, _>(&screw_a, CURRENT_SAMPLING),
-                converted::<ADC1, _>(&screw_bus, BUS_SAMPLING),
-            ],
-            regular: Some(converted::<ADC1, _>(&screw_heat, HEAT_SAMPLING)),
-        },
-        Channels {
-            injected: [
-                converted::<ADC2, _>(&screw_b, CURRENT_SAMPLING),
-                converted::<ADC2, _>(&screw_c, CURRENT_SAMPLING),
-            ],
-            regular: Some(converted::<ADC2, _>(&nut_heat, HEAT_SAMPLING)),
-        },
-        Channels {
-            injected: [
-                converted::<ADC3, _>(&nut_b, CURRENT_SAMPLING),
-                converted::<ADC3, _>(&nut_c, CURRENT_SAMPLING),
-            ],
-            regular: None,
-        },
-        Channels {
-            injected: [
-                converted::<ADC4, _>(&nut_a, CURRENT_SAMPLING),
-                converted::<ADC4, _>(&nut_bus, BUS_SAMPLING),
-            ],
-            regular: None,
-        },
-    ];
     Pins {
         channels,
         fault_lines,

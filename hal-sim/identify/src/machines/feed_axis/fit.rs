@@ -33,8 +33,13 @@ pub(super) enum Free {
     },
 }
 
-/// Viscous friction, Coulomb friction and offset.
-pub(super) const FRICTION: Free = Free::Only { from: 1, to: 4 };
+/// The first of viscous friction, Coulomb friction and offset.
+pub(super) const FRICTION_FROM: usize = 1;
+/// These three.
+pub(super) const FRICTION: Free = Free::Only {
+    from: FRICTION_FROM,
+    to: FRICTION_FROM + 3,
+};
 
 struct Problem<'a> {
     axis: Axis,

@@ -1,7 +1,7 @@
 //! The effects of an axis one by one, each with the error on a record that nothing was fitted to.
 
 use super::axis::{Axis, Term};
-use super::fit::{FRICTION, Free, MARGIN, converged, covariance, fitted};
+use super::fit::{FRICTION, FRICTION_FROM, Free, MARGIN, converged, covariance, fitted};
 use super::left::{remnants, unsound};
 use super::record::{Law, Record};
 use super::select::{Trial, corrections, tried};
@@ -62,7 +62,7 @@ impl OwnFriction {
         let own = fitted(homed, quarter, FRICTION, &rows);
         let of_test = covariance(&own, quarter, FRICTION, &rows);
         let changes = [0, 1, 2].map(|k: usize| {
-            let at = 1 + k;
+            let at = FRICTION_FROM + k;
             let variance = of_fit[(at, at)] + of_test[(k, k)];
             [own.base[at] - homed.base[at], variance.sqrt()]
         });
