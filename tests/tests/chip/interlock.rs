@@ -7,7 +7,7 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
 use tests::bench::{Bench, FAULT, READY, RUNNING, plate_of};
-use tests::chip::outside::contacts;
+use tests::chip::outside::{Circuit, contacts};
 use tests::chip::wiring::Wiring;
 
 fn running(board: Wiring, velocity: f64) -> Result<Bench, String> {
@@ -64,6 +64,43 @@ fn each_input_and_a_lost_command_stop_the_machine() -> Result<(), String> {
                 "{said}: the bridges opened at {after:?} rad/s, of {before:?} rad/s, expected at rest"
             );
         }
+    }
+    Ok(())
+}
+
+/// One contact of the enable switch opens and the other does not, as where it is welded: the drive is not armed again before both were
+/// seen open.
+#[test]
+fn an_enable_contact_that_opens_alone_is_told_and_must_open_with_the_other() -> Result<(), String> {
+    for board in [Wiring::Nucleo, Wiring::Mains] {
+        let [one, other, ..] = contacts(board);
+        let mut bench = running(board, 2.5e-3)?;
+        let wire = |bench: &mut Bench, pin, closed| {
+            let circuits = &mut bench.emulator.chip().outside.circuits;
+            match closed {
+                true => circuits.insert(pin, Circuit::Driven(false)),
+                false => circuits.remove(&pin),
+            };
+        };
+        wire(&mut bench, one, false);
+        bench.wait_for(FAULT, 0.6)?;
+        assert_eq!(bench.status()?.fault, Fault::Disabled.word(), "{board:?}");
+        bench.pass(0.6)?;
+        let apart = (FAULT, Fault::EnableApart.word());
+        let said = |bench: &mut Bench| bench.status().map(|status| (status.state, status.fault));
+        assert_eq!(said(&mut bench)?, apart, "{board:?}: open alone");
+
+        wire(&mut bench, one, true);
+        bench.run(Run::Reset.word())?;
+        bench.pass(0.05)?;
+        assert_eq!(said(&mut bench)?, apart, "{board:?}: closed again");
+
+        for closed in [false, true] {
+            wire(&mut bench, one, closed);
+            wire(&mut bench, other, closed);
+            bench.pass(0.02)?;
+        }
+        bench.wait_for(READY, 0.2)?;
     }
     Ok(())
 }
