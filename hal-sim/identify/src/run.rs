@@ -12,6 +12,7 @@ use crate::records::{
     self, DataQuality, How, LoadError, Machine, Mapping, OnFault, Record, load, load_map,
 };
 use crate::report::{self, Report};
+use crate::signal::frames::{clarke, park};
 use plant::model::Model;
 use plant::recording::{AxisRecord, Recording};
 use std::path::PathBuf;
@@ -370,10 +371,52 @@ fn referred(mut recording: Recording, model: &Model) -> Recording {
             let phases = own.ia_a.iter().zip(&own.ib_a);
             let q = |((a, b), angle): ((&f64, &f64), &f64)| {
                 let (sin, cos) = (pole_pairs * angle).sin_cos();
-                (a + 2.0 * b) / 2f64.sqrt() * cos - 1.5f64.sqrt() * a * sin
+                park(clarke(*a, *b), (cos, sin)).1
             };
             own.iq_ref_a = phases.zip(&own.angle_rad).map(q).collect();
         }
     }
     recording
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Currents of 0.3 A along d and 1.2 A along q, by the inverse of Clarke and Park in closed form: phase a is `sqrt(2/3)` times what
+    /// the vector has along it, phase b the same a third of a turn on.
+    #[test]
+    fn the_measured_q_current_stands_for_a_reference_that_is_missing() {
+        let model = Model::paper();
+        let (mut recording, turns) = (Recording::default(), [0.1, 1.7, -3.2, 40.0]);
+        for (axis, own) in plant::Axis::ALL.into_iter().zip(&mut recording.axes) {
+            own.angle_rad = turns.to_vec();
+            let phase = |behind: f64| {
+                let pole_pairs = f64::from(model.motor(axis).pole_pairs);
+                let along = |angle: &f64| {
+                    let at = pole_pairs * angle - behind;
+                    (2.0_f64 / 3.0).sqrt() * (0.3 * at.cos() - 1.2 * at.sin())
+                };
+                turns.iter().map(along).collect()
+            };
+            own.ia_a = phase(0.0);
+            own.ib_a = phase(std::f64::consts::TAU / 3.0);
+        }
+        let had = Recording {
+            axes: recording.axes.clone().map(|axis| AxisRecord {
+                iq_ref_a: vec![0.7; turns.len()],
+                ..axis
+            }),
+            ..Recording::default()
+        };
+        assert_eq!(referred(had.clone(), &model), had);
+        for own in referred(recording, &model).axes {
+            assert_eq!(own.iq_ref_a.len(), turns.len());
+            assert!(
+                own.iq_ref_a.iter().all(|q| (q - 1.2).abs() < 1e-9),
+                "{:?}",
+                own.iq_ref_a
+            );
+        }
+    }
 }

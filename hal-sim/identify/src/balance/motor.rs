@@ -2,7 +2,8 @@
 
 use super::{Balance, Contribution, brake, shaped};
 use crate::signal::channel::Channel;
-use crate::signal::signals::{SMOOTH_HZ, clarke, park, rounded_sign};
+use crate::signal::frames::{clarke, park};
+use crate::signal::signals::{SMOOTH_HZ, rounded_sign};
 use plant::Axis;
 use plant::effects::{Coordinate, Law, Site, Term};
 use std::f64::consts::TAU;

@@ -2,6 +2,7 @@
 
 use super::record::{Channel, Origin};
 use super::{Machine, Record};
+use crate::signal::frames;
 
 /// Bandwidth of a speed that is derived from a position, Hz: what a drive's speed loop sees, and at most an eighth of the
 /// rate, so that the noise of the counts stays below the slope's.
@@ -157,22 +158,21 @@ fn electrical(record: &mut Record, pole_pairs: Option<f64>, amplitude_invariant:
     }
 }
 
-/// Power-invariant Clarke of two phases whose third is minus their sum.
+/// Clarke of two phases whose third is minus their sum.
 fn clarke(a: &[f64], b: &[f64]) -> Vec<(f64, f64)> {
     a.iter()
         .zip(b)
-        .map(|(a, b)| (1.5_f64.sqrt() * a, (a + 2.0 * b) * 0.5_f64.sqrt()))
+        .map(|(a, b)| frames::clarke(*a, *b))
         .collect()
 }
 
-/// Power-invariant Clarke of three phases against their mean.
+/// Clarke of three phases against their mean.
 fn star(a: &[f64], b: &[f64], c: &[f64], unit: impl Fn(usize) -> f64) -> Vec<(f64, f64)> {
     (0..a.len())
         .map(|k| {
             let mean = (a[k] + b[k] + c[k]) / 3.0;
             let scale = unit(k);
-            let (a, b) = (scale * (a[k] - mean), scale * (b[k] - mean));
-            (1.5_f64.sqrt() * a, (a + 2.0 * b) * 0.5_f64.sqrt())
+            frames::clarke(scale * (a[k] - mean), scale * (b[k] - mean))
         })
         .collect()
 }
@@ -181,7 +181,7 @@ fn park(vector: &[(f64, f64)], rotor: &[(f64, f64)]) -> (Vec<f64>, Vec<f64>) {
     vector
         .iter()
         .zip(rotor)
-        .map(|((alpha, beta), (sin, cos))| (alpha * cos + beta * sin, beta * cos - alpha * sin))
+        .map(|(vector, (sin, cos))| frames::park(*vector, (*cos, *sin)))
         .unzip()
 }
 

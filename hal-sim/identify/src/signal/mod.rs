@@ -4,6 +4,7 @@ pub(crate) mod along;
 pub mod channel;
 pub(crate) mod filter;
 pub mod fourier;
+pub(crate) mod frames;
 pub(crate) mod leftover;
 pub mod noise;
 pub mod scan;

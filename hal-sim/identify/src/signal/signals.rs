@@ -3,6 +3,7 @@
 use crate::machines::Machine;
 use crate::signal::along::Along;
 use crate::signal::fourier::{Fourier, Spectrum, slope};
+use crate::signal::frames::{clarke, park};
 use plant::Axis;
 use plant::model::{Model, SensingModel};
 use plant::recording::Recording;
@@ -93,16 +94,6 @@ pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
     } else {
         speed.signum()
     }
-}
-
-/// Power-invariant Clarke of two phase currents whose third is minus their sum.
-pub fn clarke(a: f64, b: f64) -> (f64, f64) {
-    (1.5_f64.sqrt() * a, (a + 2.0 * b) * 0.5_f64.sqrt())
-}
-
-/// To the rotor's frame; `rotor` is (cos, sin) of the electrical angle.
-pub fn park((alpha, beta): (f64, f64), (cos, sin): (f64, f64)) -> (f64, f64) {
-    (alpha * cos + beta * sin, beta * cos - alpha * sin)
 }
 
 /// See [`MotorSignals::peak_a`].

@@ -4,6 +4,7 @@
 
 use super::regress::{fit, rms};
 use super::{Finding, Limits};
+use crate::signal::frames::{clarke, park};
 use nalgebra::{Complex, Matrix3, Vector3};
 use plant::model::MotorModel;
 use std::borrow::Cow;
@@ -171,7 +172,8 @@ impl<'a> Motor<'a> {
         let mut rows = Vec::with_capacity(LOOKED_AT);
         for k in (0..a.len()).step_by(step) {
             let turn = Complex::from_polar(1.0, -pole_pairs * self.angle[k]);
-            let vector = Complex::new(1.5f64.sqrt() * a[k], (a[k] + 2.0 * b[k]) * 0.5f64.sqrt());
+            let (alpha, beta) = clarke(a[k], b[k]);
+            let vector = Complex::new(alpha, beta);
             // The reference is along q, a quarter turn ahead of d.
             let z = vector * turn * Complex::from_polar(1.0, -FRAC_PI_2);
             let columns = Vector3::new(r[k].into(), turn, turn * turn * r[k]);
@@ -575,10 +577,7 @@ impl<'a> Motor<'a> {
             let (sin, cos) = (pole_pairs * self.angle[k]).sin_cos();
             let (d, q) = match (&self.dq, &self.phases) {
                 (Some([d, q]), _) => (d[k], q[k]),
-                (None, Some([a, b])) => {
-                    let (alpha, beta) = (1.5f64.sqrt() * a[k], (a[k] + 2.0 * b[k]) * 0.5f64.sqrt());
-                    (alpha * cos + beta * sin, beta * cos - alpha * sin)
-                }
+                (None, Some([a, b])) => park(clarke(a[k], b[k]), (cos, sin)),
                 (None, None) => (0.0, 0.0),
             };
             // A dead time's voltage is along the signs of the phases' currents.
