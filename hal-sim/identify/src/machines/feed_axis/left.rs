@@ -3,7 +3,7 @@
 use super::axis::{Axis, Term};
 use super::fit::MARGIN;
 use super::record::Record;
-use super::study::Stage;
+use super::stage::Stage;
 use crate::conclusion::rest::{ABOVE, Place, Remnant, Rest, TIME};
 use crate::search::selection::{ANOTHER_LAW, LACK_OF_FIT, MODEST, NOT_BORNE_OUT, TOO_MODEST};
 use crate::signal::filter::butterworth_100;

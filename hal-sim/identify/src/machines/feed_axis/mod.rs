@@ -10,10 +10,12 @@ mod limits;
 mod record;
 mod select;
 mod simulate;
+mod stage;
 mod study;
 
 pub use axis::{Axis, Term};
 pub use record::{Law, Record};
 pub use select::Trial;
 pub use simulate::{Moment, Run};
-pub use study::{Errors, OwnFriction, Stage, Study};
+pub use stage::{Errors, Stage};
+pub use study::{OwnFriction, Study};
