@@ -23,6 +23,11 @@ pub(crate) fn angles() -> [u32; 2] {
     })
 }
 
+/// The bridges are closed for currents in their rotors' frames, screw and nut: also in a fault, where one motor brings the table to rest.
+pub(crate) fn closed() -> [bool; 2] {
+    MOTORS.each_ref().map(|motor| motor.exchange.is_closed())
+}
+
 /// How far the three currents of a motor are from adding up to nothing, screw and nut: see [`sum_events`].
 pub(crate) fn current_sums() -> [u32; 2] {
     core::array::from_fn(|k| {

@@ -8,6 +8,7 @@ use crate::hw::deadman;
 use crate::hw::encoder::Scale;
 use crate::hw::inputs::{FaultLine, Inputs};
 use crate::hw::outputs::Output;
+use crate::hw::pwm;
 use crate::motor_loop::MOTORS;
 use crate::orders::{self, ARRIVED, PLANNED};
 use crate::telemetry::Sampler;
@@ -120,7 +121,7 @@ impl Speed {
             let begins = !matches!(self.shown, State::Fault(_));
             if begins && matches!(output.state, State::Fault(_)) {
                 let pulled = self.fault_lines.map(FaultLine::is_pulled);
-                output.state = control.tell_lines(pulled);
+                output.state = control.tell_lines(pulled, pwm::controller_broke());
             }
             self.shown = output.state;
             debug_view::show(output.state);

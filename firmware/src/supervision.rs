@@ -77,7 +77,7 @@ impl Supervision {
         // The speed task may come between the two; a fault of no word is one all the same.
         let state = State::of_words(words[0], words[1]).unwrap_or_default();
         let look = Look {
-            running: state.has_bridges_on(),
+            running: motor_view::closed().map(|closed| closed || state.has_bridges_on()),
             driven: state.is_driven(),
             stopped_by: state.fault(),
             missed: [

@@ -123,6 +123,8 @@ struct BridgeState {
     broken: bool,
     /// The gate driver's line has done that, and not the comparators.
     pulled: bool,
+    /// The chip itself has done that: its supply.
+    system: bool,
     /// Its gate driver holds it open.
     held_open: bool,
 }
@@ -158,6 +160,10 @@ pub struct Board {
     duty_per_count: f64,
     /// Part of the bus voltage that a phase loses to the dead time.
     dead_part: f64,
+    /// The ADC's reference, of what it should be.
+    reference: f64,
+    /// The factor by which the chip's clock is slow.
+    slow: f64,
 }
 
 /// Sum of the products.
@@ -195,6 +201,8 @@ impl Board {
             period: config.period(),
             duty_per_count: f64::from(config.period()).recip(),
             dead_part: config.dead_time_s / config.pwm_period_s(),
+            reference: 1.0,
+            slow: 1.0,
         }
     }
 
@@ -266,7 +274,8 @@ impl Board {
             true_currents = wiring.legs(true_currents);
             amps = wiring.channels(wiring.legs(amps));
         }
-        let break_a = self.config.break_a;
+        // The comparators' DACs have the ADC's reference.
+        let break_a = self.config.break_a * self.reference;
         let bridge = &mut self.bridges[axis.index()];
         // A break holds until it is cleared.
         bridge.broken |= self.config.comparators == Comparators::Ideal
@@ -302,7 +311,8 @@ impl Board {
 
         let encoder = self.frames[axis.index()].unwrap_or_else(|| self.encoder_word(axis, 0.0));
         let Sensors { current, bus, .. } = &self.config.sensors;
-        let [a, b, c] = amps;
+        let gain = self.reference.recip();
+        let [a, b, c] = amps.map(|amps| amps * gain);
         let mut convert = |i| current.convert(i, &mut self.random);
         MotorSample {
             // A phase without a sensor reads 0.
@@ -314,7 +324,7 @@ impl Board {
                     Shunts::Three => convert(c),
                 },
             ],
-            bus: bus.convert(self.bus_v, &mut self.random),
+            bus: bus.convert(self.bus_v * gain, &mut self.random),
             encoder,
             broken,
         }
@@ -354,6 +364,15 @@ impl Board {
         self.bridges[axis.index()].written = command;
     }
 
+    /// Switches the outputs of `axis` off now: its timer's main output enable is no compare value, and waits for no turn of the
+    /// counter. On the chip that is some microseconds after the sample, in the interrupt.
+    pub fn open(&mut self, axis: Axis) {
+        let bridge = &mut self.bridges[axis.index()];
+        (bridge.written.enable, bridge.active.enable) = (false, false);
+        self.driven[axis.index()] = Bridge::Open;
+        self.machine.set_bridge(axis, Bridge::Open);
+    }
+
     /// Trips the break input of `axis`, as its gate driver's fault line does: the bridge opens now.
     pub fn trip_break(&mut self, axis: Axis) {
         let bridge = &mut self.bridges[axis.index()];
@@ -370,7 +389,52 @@ impl Board {
     /// Clears the break latch of `axis`.
     pub fn clear_break(&mut self, axis: Axis) {
         let bridge = &mut self.bridges[axis.index()];
-        (bridge.broken, bridge.pulled) = (false, false);
+        (bridge.broken, bridge.pulled, bridge.system) = (false, false, false);
+    }
+
+    /// The chip breaks both timers for a fault of its own: the bridges open now.
+    pub fn break_system(&mut self) {
+        for axis in Axis::ALL {
+            self.open(axis);
+            let bridge = &mut self.bridges[axis.index()];
+            (bridge.broken, bridge.system) = (true, true);
+        }
+    }
+
+    /// The chip itself has broken the timers since the breaks were cleared.
+    #[must_use]
+    pub fn broken_by_system(&self) -> bool {
+        self.bridges.iter().any(|bridge| bridge.system)
+    }
+
+    /// The chip is reset: its outputs are off, its breaks cleared, and incremental counts begin at zero when it starts.
+    pub fn reset(&mut self) {
+        for axis in Axis::ALL {
+            self.open(axis);
+            self.clear_break(axis);
+        }
+        self.wake_encoders();
+    }
+
+    /// The chip's clock runs slow by this factor, or fast: all its times with it.
+    pub fn set_clock(&mut self, slow: f64) {
+        if slow != self.slow {
+            self.slow = slow;
+            self.half_s = self.config.pwm_period_s() / 2.0 * slow;
+            self.step_s = self.half_s / f64::from(self.config.substeps.max(1));
+        }
+    }
+
+    /// The ADC's reference is this part of what it should be: so much more it reads of what does not go with it. The current
+    /// amplifiers' zeros go with it on both boards.
+    pub fn set_reference(&mut self, part: f64) {
+        self.reference = part;
+    }
+
+    /// A PWM period as it is now, s.
+    #[must_use]
+    pub fn period_s(&self) -> f64 {
+        2.0 * self.half_s
     }
 
     /// The gate drivers' fault lines that have tripped a break since it was cleared: screw, nut.

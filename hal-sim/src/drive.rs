@@ -81,6 +81,7 @@ impl MotorIo for Registers<'_> {
 
     fn open(&mut self) {
         self.command.enable = false;
+        self.board.open(self.axis);
     }
 
     fn clear_break(&mut self) {
@@ -90,6 +91,11 @@ impl MotorIo for Registers<'_> {
     fn in_time(&mut self) -> bool {
         true
     }
+}
+
+fn exchanges(config: &DriveConfig) -> [MotorExchange; 2] {
+    let loops = config.current_loops.each_ref();
+    loops.map(|motor| MotorExchange::new(motor, config.speed_divider))
 }
 
 /// The whole drive: control code, board, machine.
@@ -156,16 +162,39 @@ impl Drive {
             attended: true,
             current_loops: config.current_loops.each_ref().map(CurrentLoop::new),
             speed_task: SpeedTask::new(&config),
-            exchanges: config
-                .current_loops
-                .each_ref()
-                .map(|motor| MotorExchange::new(motor, config.speed_divider)),
+            exchanges: exchanges(&config),
             compares: [PwmCommand::default(); 2],
             samples: [MotorSample::default(); 2],
             speed: SpeedTaskOutput::default(),
             config,
             pole_pairs: plate.motors.map(|motor| motor.pole_pairs),
             periods: 0,
+        }
+    }
+
+    /// The chip is reset: its code begins anew, with nothing known and nothing asked; the machine goes on as it was.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a gain of `plate` does not fit its format.
+    pub fn reset(&mut self, plate: &DrivePlate) -> Result<(), Misfit> {
+        self.config = plate.config()?;
+        let config = &self.config;
+        self.current_loops = config.current_loops.each_ref().map(CurrentLoop::new);
+        self.speed_task = SpeedTask::new(config);
+        self.exchanges = exchanges(config);
+        self.compares = [PwmCommand::default(); 2];
+        self.samples = [MotorSample::default(); 2];
+        self.speed = SpeedTaskOutput::default();
+        self.request = Request::default();
+        self.board.reset();
+        Ok(())
+    }
+
+    /// One PWM period in which the chip does nothing: its outputs are off.
+    pub fn period_in_reset(&mut self, seam: &mut impl Seam) {
+        for half in 0..2 {
+            seam.machine(&mut self.board.machine, half);
+            self.board.advance();
         }
     }
 
@@ -281,6 +310,15 @@ impl Drive {
     #[must_use]
     pub fn state(&self) -> State {
         self.speed.state
+    }
+
+    /// The bridges of screw and nut are on, as the supervision takes them to be.
+    #[must_use]
+    pub fn bridges_on(&self) -> [bool; 2] {
+        let on = self.state().has_bridges_on();
+        self.exchanges
+            .each_ref()
+            .map(|exchange| on || exchange.is_closed())
     }
 
     /// What the current loop of `axis` knew after its last step.
@@ -433,7 +471,9 @@ impl Drive {
             seam.found(),
         );
         if before.fault().is_none() && self.speed.state.fault().is_some() {
-            self.speed.state = self.speed_task.tell_lines(self.board.fault_lines());
+            self.speed.state = self
+                .speed_task
+                .tell_lines(self.board.fault_lines(), self.board.broken_by_system());
         }
         if self.speed.state.is_driven() {
             self.add_currents(seam);

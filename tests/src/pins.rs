@@ -48,7 +48,7 @@ pub trait Machine {
     /// The table's scale, counts.
     fn scale(&mut self) -> u32;
 
-    /// The bridge of `motor` was stopped by its break input, between two tops.
+    /// The bridge of `motor` was opened between two tops: by its break input, or by the code.
     fn stopped(&mut self, motor: Motor);
 
     /// The chip was reset: both bridges are open, and the next top comes when the firmware has started again.

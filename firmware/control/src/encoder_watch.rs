@@ -10,7 +10,9 @@
 //! frame is ridden through on the observer's prediction, which full torque takes off by `a/2 * (n*T)^2` in `n` periods:
 //! 2e-4 rad in eight of 50 us at 2.8e3 rad/s^2, a hundredth of what the currents notice. So eight in a row are
 //! tolerated, and a rate of one in sixteen; past that the encoder has failed. A jump is counted in the same tally: an
-//! index that corrects a lost count makes one.
+//! index that corrects a lost count makes one. A count that an index has put right before has no more to be put right than what
+//! was lost within a turn: where a jump turns the electrical angle by more than the voltage may be off by, either the counts
+//! before it were wrong or those after it are, and the encoder has failed.
 
 use crate::observer::Motion;
 use crate::tolerance::{Tally, Tolerance};
@@ -32,6 +34,9 @@ pub struct EncoderWatchConfig {
     /// The same while the drive is aligned, with less torque: an index that moves the count by less than [`jump_max`](Self::jump_max)
     /// looked like a speed, to which the speed loop answered with all the torque there is.
     pub jump_max_aligning: u32,
+    /// Most that an index may put right, 2^-32 mechanical turn; a reading that did not jump by itself, but arrived wrong, may be off by
+    /// any angle.
+    pub lost_max: u32,
     /// Readings can be wrong; otherwise only a standing count is looked for.
     pub checked: bool,
 }
@@ -85,15 +90,18 @@ impl EncoderWatch {
         let mut seen = Seen::default();
         if config.checked {
             // A jump is one, however long the observer takes to follow it.
-            let jump_max = if aligning() {
+            let aligning = aligning();
+            let jump_max = if aligning {
                 config.jump_max_aligning
             } else {
                 config.jump_max
             };
-            let off = drive && motion.innovation.unsigned_abs() > jump_max;
+            let jump = motion.innovation.unsigned_abs();
+            let off = drive && jump > jump_max;
             seen.wrong = counts.is_none() || off && !self.off;
             self.off = off;
-            let failed = self.wrong.step(WRONG_READINGS, u32::from(seen.wrong));
+            let failed = self.wrong.step(WRONG_READINGS, u32::from(seen.wrong))
+                || off && !aligning && jump > config.lost_max;
             self.failed = failed || drive && self.failed;
             seen.failed = self.failed;
         }
@@ -271,5 +279,19 @@ mod tests {
             |_| true,
         );
         assert_eq!(seen, (None, 1));
+    }
+
+    /// What an index puts right was lost within a turn: past that one of both counts is wrong.
+    #[test]
+    fn a_jump_past_what_can_be_lost_fails_an_encoder_with_an_index() {
+        let jumping = |t: f64| 5.0 * t + if t < 0.05 { 0.02 } else { 0.0 };
+        for (interface, counts_per_turn, fired) in [
+            (Interface::IncrementalWithIndex, 10_000, Some(1000)),
+            // A frame that passes its check and is wrong is followed by one that is right.
+            (Interface::Mt6835, 1 << 21, None),
+        ] {
+            let (seen, _) = watch(interface, counts_per_turn, 4000, jumping, |_| true);
+            assert_eq!(seen, fired, "{interface:?}");
+        }
     }
 }

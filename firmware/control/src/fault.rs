@@ -122,6 +122,8 @@ codes! {
         EnableApart = 47, "enable contacts apart",
             "One contact of the enable switch is open and the other is not, or only one has opened: look for a contact that is welded or \
              a broken wire, then open the switch, so that both open.";
+        ControllerSupply = 48, "controller's supply",
+            "The controller's own supply fell below 2.9 V, which opens both bridges: check its 3.3 V and what feeds and loads it.";
     }
 }
 
@@ -193,11 +195,13 @@ impl Fault {
         )
     }
 
-    /// The same of a break input on which a gate driver's fault line is pulled; all other faults as they are. A break by comparators
-    /// is over with its current, a driver holds its line for milliseconds.
+    /// The same of a break input on which a gate driver's fault line is pulled, or of a break that was the `controller`'s own; all other
+    /// faults as they are. A break by comparators is over with its current, a driver holds its line for milliseconds. Of the controller's
+    /// own breaks one by its supply is told here: those by clock, memory and a core that locked up end in a reset.
     #[must_use]
-    pub const fn by_line(self, [screw, nut]: [bool; 2]) -> Self {
+    pub const fn by_line(self, [screw, nut]: [bool; 2], controller: bool) -> Self {
         match self {
+            Self::ScrewBreak | Self::NutBreak if controller => Self::ControllerSupply,
             Self::ScrewBreak if screw => Self::ScrewDriver,
             Self::NutBreak if nut => Self::NutDriver,
             other => other,
@@ -279,6 +283,8 @@ impl Fault {
             // A bus that is too high takes no braking; one that is too low makes no torque.
             | Self::OverVoltage
             | Self::UnderVoltage
+            // It opens both bridges by itself.
+            | Self::ControllerSupply
             // Who would control the stop is late itself.
             | Self::SpeedTaskLate
             | Self::ScrewLoopLate

@@ -5,16 +5,27 @@
 //! other coasts. The table's scale needs to know neither: the healthy motor's speed loop is asked to leave no velocity of the table,
 //! so it brakes beside a shaft that stands and slows down with one that coasts. Its own angle, currents and bridge are not in doubt.
 //!
-//! It ends, and this bridge opens too, when all is at rest, after [`LONGEST`], with any fault that is not the first motor's, and where the
-//! scale says nothing.
+//! It ends, and this bridge opens too, when all is at rest, after [`LONGEST`], with any fault that is not the first motor's (its own
+//! currents, their sum and the bus are watched as before), and where the scale says nothing. A scale that died together with the first
+//! motor says that the table rests, whatever the table does, and the shaft keeps its speed beside one that slows down. Beside a shaft
+//! that stands, the worst of all, the table goes by a lead each time this one has turned once: so the scale is taken for dead, and the
+//! bridge opens, where the shaft has turned by [`BLIND_M`] of the table and the scale has not counted once. One that is late makes the
+//! loop swing: it ends where the table turns round more than [`SWINGS`] times.
 
 use crate::fault::{Fault, FaultSet, Reaction};
 use crate::format::Speed;
+
+/// Furthest that the table may go, m, beside a shaft that stands, while its scale does not count: half of what no fault may move it by.
+/// Beside one that coasts the scale counts long before: a count of 0.1 um needs `sqrt(2 count / r a)`, 0.8 ms with the 350 rad/s^2 of the
+/// mains board's motors, and this motor turns by so much in 15 ms at 800 rpm.
+pub(crate) const BLIND_M: f64 = 1e-3;
 
 /// Steps of the speed task that it takes at most: 5 s at 5 kHz, twice what the longest coasts.
 const LONGEST: u32 = 25_000;
 /// Steps in a row in which all has to be at rest.
 const RESTED: u32 = 250;
+/// Times that the table may turn round while it is fast: a loop that is stable overshoots once or twice.
+const SWINGS: u8 = 3;
 
 /// A motor that brings the table to rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +34,32 @@ pub(crate) struct Follow {
     motor: usize,
     left: u32,
     rested: u32,
+    /// What may be latched beside it.
+    known: FaultSet,
+    /// What its shaft has turned since the scale last counted, 2^-32 turn.
+    blind: u32,
+    /// Which way the table last went while it was fast, and how often it turned round.
+    way: i32,
+    swings: u8,
+}
+
+/// What a step of following sees.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Followed {
+    /// What is latched.
+    pub(crate) latched: FaultSet,
+    /// The speed of the shaft and the table's, as one of the same shaft.
+    pub(crate) speeds: [Speed; 2],
+    /// What is slow.
+    pub(crate) slow: Speed,
+    /// What the shaft has turned since the last step, 2^-32 turn.
+    pub(crate) turned: u32,
+    /// Its three currents add up.
+    pub(crate) adds_up: bool,
+    /// The scale has counted in its last look.
+    pub(crate) counted: bool,
+    /// Furthest that the shaft may turn while it does not, 2^-32 turn.
+    pub(crate) blind_max: u32,
 }
 
 impl Follow {
@@ -30,10 +67,21 @@ impl Follow {
     pub(crate) fn after(first: Fault, latched: FaultSet) -> Option<Self> {
         let faulty = first.motor()?;
         let motor = 1usize.checked_sub(faulty)?;
+        let [screw, nut] = FaultSet::OF_MOTOR;
+        let others = if motor == 0 { nut } else { screw };
         let follow = Self {
             motor,
             left: LONGEST,
             rested: 0,
+            // An encoder that is wrong is apart from the scale too.
+            known: if first.doubts_angle() {
+                others.with(Fault::Scale)
+            } else {
+                others
+            },
+            blind: 0,
+            way: 0,
+            swings: 0,
         };
         (first.reaction() == Reaction::Follow && follow.is_healthy(latched)).then_some(follow)
     }
@@ -46,19 +94,20 @@ impl Follow {
 
     /// All that is latched is the other motor's.
     fn is_healthy(self, latched: FaultSet) -> bool {
-        let [screw, nut] = FaultSet::OF_MOTOR;
-        let others = if self.motor == 0 { nut } else { screw };
-        latched.without(others).is_empty()
+        latched.without(self.known).is_empty()
     }
 
-    /// A step, with the speed of its shaft and the table's, as one of the same shaft, and what is slow: it goes on.
-    pub(crate) fn goes_on(
-        self,
-        latched: FaultSet,
-        speeds: [Speed; 2],
-        slow: Speed,
-    ) -> Option<Self> {
-        let rests = speeds.iter().all(|speed| speed.saturating_abs() < slow);
+    /// A step: it goes on.
+    pub(crate) fn goes_on(self, seen: &Followed) -> Option<Self> {
+        let slow = |speed: &Speed| speed.saturating_abs() < seen.slow;
+        let rests = seen.speeds.iter().all(slow);
+        let [_, table] = seen.speeds;
+        let way = if slow(&table) {
+            self.way
+        } else {
+            table.signum().to_bits()
+        };
+        let turned_round = self.way != 0 && way != self.way;
         let next = Self {
             left: self.left.checked_sub(1)?,
             rested: if rests {
@@ -66,9 +115,17 @@ impl Follow {
             } else {
                 0
             },
+            blind: if seen.counted {
+                0
+            } else {
+                self.blind.saturating_add(seen.turned)
+            },
+            way,
+            swings: self.swings.saturating_add(turned_round.into()),
             ..self
         };
-        (next.rested < RESTED && self.is_healthy(latched)).then_some(next)
+        let sees = seen.adds_up && next.blind <= seen.blind_max && next.swings <= SWINGS;
+        (sees && next.rested < RESTED && self.is_healthy(seen.latched)).then_some(next)
     }
 
     /// What its shaft is asked, electrical rad/s, so that the table rests: it turns with the other.

@@ -123,8 +123,8 @@ impl GuardPlate {
 /// What the guard looks at.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Look {
-    /// The bridges are on.
-    pub running: bool,
+    /// The bridges are on: screw, nut.
+    pub running: [bool; 2],
     /// And both motors follow their references.
     pub driven: bool,
     /// What has stopped the drive.
@@ -257,7 +257,7 @@ impl Guard {
             .over_voltage
             .step(ONCE, look.bus.iter().any(past).into());
         let short = |bus: &u16| *bus < config.bus_least;
-        let under = look.running && look.bus.iter().any(short);
+        let under = look.running.contains(&true) && look.bus.iter().any(short);
         let under = self.under_voltage.step(ONCE, under.into());
 
         let before = self.theta.replace(look.theta).unwrap_or(look.theta);
@@ -282,8 +282,8 @@ impl Guard {
         }
         let names = [Fault::ScrewCurrentSum, Fault::NutCurrentSum];
         let sums = self.sums.iter_mut().zip(look.current_sum).zip(names);
-        for ((tally, events), name) in sums {
-            let events = if look.running { events } else { 0 };
+        for (((tally, events), name), running) in sums.zip(look.running) {
+            let events = if running { events } else { 0 };
             first(tally.step(ONCE, events), name);
         }
         let shafts = look.theta.into_iter().zip(look.index).zip(config.index);
@@ -382,7 +382,7 @@ mod tests {
     };
 
     const HEALTHY: Look = Look {
-        running: true,
+        running: [true; 2],
         driven: true,
         stopped_by: None,
         missed: [0; 4],
@@ -443,7 +443,7 @@ mod tests {
             assert_eq!(found(200, once), None, "{fault:?}");
         }
         let empty = |_| Look {
-            running: false,
+            running: [false; 2],
             bus: [0; 2],
             ..HEALTHY
         };

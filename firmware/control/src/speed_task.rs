@@ -9,14 +9,14 @@ use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::disturbance::Disturbance;
 use crate::exchange::{MotorExchange, MotorStatus};
 use crate::fault::{self, Fault, FaultSet, Reaction};
-use crate::follow::Follow;
+use crate::follow::{Follow, Followed};
 use crate::format::{Angle, Current, Speed, SpeedChange};
 use crate::friction::Friction;
 use crate::interlock::Interlock;
 use crate::notch::Notch;
 use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
-use crate::runaway::{CurrentSum, Motion, Runaway, Sign};
+use crate::runaway::{CurrentSum, Motion, Runaway, Sign, sum_events};
 use crate::speed_loop::{SpeedLoop, SpeedReference, Wanted};
 use crate::supervisor::{Request, State, faults};
 use crate::thermal::Heat;
@@ -208,12 +208,13 @@ impl SpeedTask {
         self.latched
     }
 
-    /// After a step that began a fault: which gate drivers' fault lines are pulled, screw's and nut's. A break is told apart by it.
+    /// After a step that began a fault: which gate drivers' fault lines are pulled, screw's and nut's, and whether the controller itself
+    /// has broken the timers. A break is told apart by it.
     #[cold]
     #[inline(never)]
-    pub fn tell_lines(&mut self, pulled: [bool; 2]) -> State {
+    pub fn tell_lines(&mut self, pulled: [bool; 2], controller: bool) -> State {
         if let State::Fault(fault) = self.state {
-            let named = fault.by_line(pulled);
+            let named = fault.by_line(pulled, controller);
             self.latched = self
                 .latched
                 .without(FaultSet::EMPTY.with(fault))
@@ -439,13 +440,24 @@ impl SpeedTask {
         let states = self.speed_loops.iter_mut().zip(&mut self.runaway);
         let mut motors = motors.zip(states.zip(&mut asked));
         let motor = motors.nth(follow.motor()).zip(self.table_step);
+        let adds_up = Self::adds_up(config, exchanges, follow.motor());
         self.follow = None;
         if let Some(((motor, ((state, watch), asked)), table_step)) = motor {
             let (((((exchange, current_loop), speed_loop), regeneration), runaway), most) = motor;
             let theta_step = exchange.theta_step();
             let omega_e = current_loop.observer.omega_e(theta_step);
             let table = current_loop.observer.omega_e(table_step);
-            self.follow = follow.goes_on(self.latched, [omega_e, table], runaway.stall);
+            self.follow = follow.goes_on(&Followed {
+                latched: self.latched,
+                speeds: [omega_e, table],
+                slow: runaway.stall,
+                turned: theta_step
+                    .unsigned_abs()
+                    .saturating_mul(config.speed_divider),
+                adds_up,
+                counted: table_step != 0,
+                blind_max: config.blind_max,
+            });
             let reference = SpeedReference {
                 omega_e: follow.reference(omega_e, table),
                 ..SpeedReference::default()
@@ -687,7 +699,8 @@ impl SpeedTask {
         };
         self.latched = self.latched.with(first);
         if before.is_driven() && matches!(self.state, State::Fault(_)) {
-            self.follow = Follow::after(first, self.latched);
+            let adds_up = |follow: &Follow| Self::adds_up(config, exchanges, follow.motor());
+            self.follow = Follow::after(first, self.latched).filter(adds_up);
         }
         let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE);
         if doubted && self.follow.is_none() && matches!(self.state, State::Fault(_)) {
@@ -828,6 +841,18 @@ impl SpeedTask {
         } else {
             None
         }
+    }
+
+    /// The three currents of a motor add up, but for noise: in this sample.
+    #[cold]
+    fn adds_up(config: &DriveConfig, exchanges: [&MotorExchange; 2], motor: usize) -> bool {
+        let loops = exchanges.into_iter().zip(&config.current_loops);
+        let mut loops = loops.zip(&config.runaway);
+        loops
+            .nth(motor)
+            .is_some_and(|((exchange, current_loop), limits)| {
+                sum_events(limits, &current_loop.sense, exchange.codes_of_one_period()) < 2
+            })
     }
 
     #[inline(always)]

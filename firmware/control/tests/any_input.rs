@@ -274,9 +274,10 @@ fn through(
                     // What the gate drivers' lines say where a fault begins.
                     let begins = states.last().is_none_or(|last| last.fault().is_none());
                     let state = match output.state {
-                        State::Fault(_) if begins => {
-                            task.tell_lines([stretch.found % 3 == 1, stretch.found % 5 == 1])
-                        }
+                        State::Fault(_) if begins => task.tell_lines(
+                            [stretch.found % 3 == 1, stretch.found % 5 == 1],
+                            stretch.found % 7 == 1,
+                        ),
                         state => state,
                     };
                     if states.last() != Some(&state) {
@@ -288,7 +289,7 @@ fn through(
                 found = guard.step(
                     &limits,
                     &Look {
-                        running: matches!(states.last(), Some(State::Running)),
+                        running: [matches!(states.last(), Some(State::Running)); 2],
                         driven: matches!(states.last(), Some(State::Running)),
                         stopped_by: states.last().and_then(|state| state.fault()),
                         enabled: stretch.request.inputs.enabled,

@@ -77,6 +77,14 @@ pub(crate) const fn bdtr(plan: &PwmPlan) -> u32 {
 /// Main output enable.
 pub(crate) const MOE: u32 = 1 << 15;
 
+/// The chip itself has broken the timers since their flags were cleared (RM0440 29.6.5, TIM_SR.SBIF).
+pub(crate) fn controller_broke() -> bool {
+    const SBIF: u32 = 1 << 13;
+    // SAFETY: a register is read, which changes nothing.
+    let timer = unsafe { &*TIM1::ptr() };
+    timer.sr().read().bits() & SBIF != 0
+}
+
 /// `BDTR.DTG` for a dead time of at most 1008 timer counts, rounded up (RM0440, TIMx_BDTR.DTG).
 const fn dead_time_code(counts: u32) -> u32 {
     match counts {

@@ -20,7 +20,7 @@ use plant::machine::Machine;
 use std::f64::consts::TAU;
 
 /// Stiffness of an end stop, N/m, and its damping, of that of the table's mass on it: a rubber buffer on a casting.
-const STOP_N_PER_M: f64 = 2e7;
+pub(super) const STOP_N_PER_M: f64 = 2e7;
 const STOP_DAMPING: f64 = 0.3;
 
 /// Where the table's way ends, m.
@@ -76,6 +76,7 @@ pub(super) struct Seen {
 }
 
 pub(super) struct Bench {
+    board: BoardKind,
     pub(super) plate: DrivePlate,
     pub(super) spoiled: Vec<Spoiled>,
     pub(super) supervision: Supervision,
@@ -114,6 +115,7 @@ impl Bench {
         let plate = board.plate();
         Ok(Self {
             supervision: Supervision::new(&board.guards(), &plate.board)?,
+            board,
             adc_counts: f64::from(plate.board.adc_counts),
             plate,
             spoiled,
@@ -136,6 +138,12 @@ impl Bench {
             ends_open: [false; 2],
             scale_count_m: board.scale_count_m(),
         })
+    }
+
+    /// The chip begins anew.
+    pub(super) fn restart_supervision(&mut self) -> Result<(), Misfit> {
+        self.supervision = Supervision::new(&self.board.guards(), &self.plate.board)?;
+        Ok(())
     }
 
     /// The faults are there.

@@ -114,6 +114,9 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
         // A wrong command ends at the end of the way.
         Input::Command => matches!(fault, F::CommandLost | F::EndForward | F::EndBackward),
         Input::Heartbeat => fault == F::CommandLost,
+        // Whether it stops or is off, the chip's reset says it, and no fault.
+        Input::Clock => false,
+        Input::Supply => fault == F::ControllerSupply,
     }
 }
 

@@ -7,8 +7,8 @@ use plant::Axis;
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 
-/// An input of the drive that the simulated board has. Supply, clock, a task that hangs and what a pin does between two
-/// samples are the emulated chip's: `tests/tests/chip/supply.rs`, `faults.rs`, `power_stage.rs`, `settling.rs`.
+/// An input of the drive that the simulated board has. A task that hangs, bits of memory that are wrong and what a pin does between two
+/// samples are the emulated chip's: `tests/tests/chip/faults.rs`, `supply.rs`, `power_stage.rs`, `settling.rs`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Input {
     /// A current channel: motor, phase (0 to 2 for a to c).
@@ -35,6 +35,10 @@ pub enum Input {
     Command,
     /// The word that changes while somebody commands.
     Heartbeat,
+    /// The controller's crystal.
+    Clock,
+    /// The controller's supply, 3.3 V.
+    Supply,
 }
 
 /// What is wrong with an input, for good.
@@ -58,11 +62,15 @@ pub enum Defect {
     WrongSign,
     /// It shows its neighbour.
     Swapped,
+    /// Gone for some milliseconds, and back.
+    Dips,
+    /// It falls to nothing in seconds.
+    Falls,
 }
 
 impl Defect {
     /// All of them.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 11] = [
         Self::Missing,
         Self::Frozen,
         Self::StuckLow,
@@ -72,6 +80,8 @@ impl Defect {
         Self::Late,
         Self::WrongSign,
         Self::Swapped,
+        Self::Dips,
+        Self::Falls,
     ];
 
     /// Its name in a few words.
@@ -87,6 +97,8 @@ impl Defect {
             Self::Late => "late",
             Self::WrongSign => "wrong sign",
             Self::Swapped => "swapped",
+            Self::Dips => "dips",
+            Self::Falls => "falls",
         }
     }
 }
@@ -180,6 +192,8 @@ impl Input {
             Self::Enable(1),
             Self::Command,
             Self::Heartbeat,
+            Self::Clock,
+            Self::Supply,
         ]);
         inputs
     }
@@ -188,8 +202,12 @@ impl Input {
     #[must_use]
     pub fn can_be(self, defect: Defect, board: BoardKind) -> bool {
         use Defect::{
-            Frozen, Late, Missing, Noisy, Offset, StuckHigh, StuckLow, Swapped, WrongSign,
+            Dips, Falls, Frozen, Late, Missing, Noisy, Offset, StuckHigh, StuckLow, Swapped,
+            WrongSign,
         };
+        if matches!(defect, Dips | Falls) {
+            return self == Self::Supply;
+        }
         match self {
             // Of two channels, each is the other's neighbour.
             Self::Current(_, phase) => {
@@ -216,6 +234,10 @@ impl Input {
                 Frozen | StuckLow | StuckHigh | Offset | Noisy | Late | WrongSign
             ),
             Self::Heartbeat => matches!(defect, Missing | Noisy | Late),
+            // Frozen or stuck at either end it has no edges: missing. Offset it is fast, late it is slow.
+            Self::Clock => matches!(defect, Missing | Offset | Noisy | Late),
+            // Offset it is low, and above what the chip watches; stuck low it is below that, and above what resets it.
+            Self::Supply => matches!(defect, Missing | StuckLow | Offset | Noisy),
         }
     }
 
@@ -237,6 +259,8 @@ impl Input {
             Self::DriverFault(axis) => format!("driver fault, {}", axis.name()),
             Self::Command => "command".into(),
             Self::Heartbeat => "heartbeat".into(),
+            Self::Clock => "clock".into(),
+            Self::Supply => "controller's supply".into(),
         }
     }
 }

@@ -17,6 +17,7 @@
 mod bench;
 mod cause;
 mod cell;
+mod controller;
 mod run;
 mod scenario;
 mod soak;

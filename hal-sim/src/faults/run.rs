@@ -3,6 +3,7 @@
 use super::bench::{Bench, Ends, Soft};
 use super::cause::names;
 use super::cell::{Defect, Input, Situation};
+use super::controller::{Controller, Doing};
 use super::spoiled::Spoiled;
 use super::{Hazard, Limits, Outcome};
 use crate::alignment::{held_load_n, settle};
@@ -109,6 +110,9 @@ pub(super) struct Run {
     pub(super) drive: Drive,
     pub(super) bench: Bench,
     pub(super) period_s: f64,
+    pub(super) controller: Controller,
+    /// It was reset.
+    was_reset: bool,
     /// An index was seen since the supervision's last look.
     index: [bool; 2],
     /// The gate driver that has found a fault of its stage.
@@ -180,6 +184,8 @@ impl Run {
             period_s: config.pwm_period_s(),
             drive,
             bench,
+            controller: Controller::default(),
+            was_reset: false,
             index: [false; 2],
             failed_driver: None,
             returned_j: 0.0,
@@ -286,7 +292,45 @@ impl Run {
         }
     }
 
+    /// The chip's part of a period: it does not run in this one.
+    fn stands(&mut self) -> bool {
+        let before = self.controller.stands();
+        let seconds = self.drive.board.period_s();
+        match self.controller.period(&mut self.bench.spoiled, seconds) {
+            Doing::Runs { slow, supply } => {
+                self.drive.board.set_clock(slow);
+                self.drive.board.set_reference(supply);
+            }
+            Doing::Breaks { slow, supply } => {
+                self.drive.board.set_clock(slow);
+                self.drive.board.set_reference(supply);
+                self.drive.board.break_system();
+            }
+            Doing::Stands => {
+                if !before {
+                    self.was_reset = true;
+                    self.begin_anew();
+                }
+                self.drive.period_in_reset(&mut self.bench);
+                return true;
+            }
+            Doing::Starts => self.begin_anew(),
+        }
+        false
+    }
+
+    /// Nothing that the chip knew is left, and nothing is asked.
+    fn begin_anew(&mut self) {
+        let (plate, bench) = (self.bench.plate, &mut self.bench);
+        let fits = self.drive.reset(&plate).is_ok() && bench.restart_supervision().is_ok();
+        assert!(fits, "the plate fitted before");
+        self.asked = TableVelocity::ZERO;
+    }
+
     pub(super) fn period(&mut self) {
+        if self.stands() {
+            return;
+        }
         self.drivers();
         self.drive.period_through(&mut self.bench);
         for axis in Axis::ALL {
@@ -301,7 +345,7 @@ impl Run {
             .iter()
             .sum();
         self.returned_j += (-power).max(0.0) * self.period_s;
-        let running = self.drive.state().has_bridges_on();
+        let running = self.drive.bridges_on();
         let driven = self.drive.state().is_driven();
         let stopped_by = self.drive.state().fault();
         let temperatures = self.bench.temperatures();
@@ -347,7 +391,7 @@ impl Run {
         match self.drive.state() {
             State::Fault(_) => true,
             State::Stopping => self.drive.request.run,
-            _ => false,
+            _ => self.was_reset,
         }
     }
 
@@ -403,12 +447,12 @@ pub(super) fn run(
     run.bench.break_down();
     run.returned_j = 0.0;
     let judged = !faults.iter().any(|(input, _)| *input == Input::Command);
-    // Since it was last asked: periods, and where it was.
+    // Since it was last asked: seconds, and where it was.
     let moves = !matches!(
         situation,
         Situation::Boot | Situation::Aligning | Situation::Ready
     );
-    let mut asked = moves.then_some((0usize, position));
+    let mut asked = moves.then_some((0.0, position));
     let (mut ready, mut still, mut now) = (0.0, 0.0, 0.0);
     let (mut off, mut since, mut reacted) = (0.0f64, 0.0f64, None::<(f64, f64)>);
     let mut regular = 0.0;
@@ -416,30 +460,32 @@ pub(super) fn run(
     loop {
         run.spoil_command(path.len());
         run.period();
-        now += run.period_s;
+        let period_s = run.drive.board.period_s();
+        now += period_s;
         let x = run.bench.position;
         if run.drive.state() == State::Ready && asked.is_none() {
-            ready += run.period_s;
-            if ready > 0.2 {
+            ready += period_s;
+            if ready > 0.2 && !run.was_reset {
                 run.ask(CDFS)?;
-                asked = Some((0, x));
+                asked = Some((0.0, x));
             }
         }
-        let since_asked = asked.as_ref().map_or(0.0, |(periods, _)| *periods as f64) * run.period_s;
+        let since_asked = asked.as_ref().map_or(0.0, |(seconds, _)| *seconds);
         let comes = since_asked > OPENED_S;
         run.bench.enable_opened = event == Event::Opened && comes;
         run.failed_driver = match event {
             Event::DriverFault(axis) if comes => Some(axis),
             _ => None,
         };
-        if let Some((periods, origin)) = &mut asked {
+        if let Some((seconds, origin)) = &mut asked {
             let moved = x - *origin;
             path.push(moved);
             let expected = healthy.map_or(moved, |healthy| {
                 let last = healthy.path.last().copied().unwrap_or_default();
-                healthy.path.get(*periods).copied().unwrap_or(last)
+                let at = (*seconds / run.period_s).round() as usize;
+                healthy.path.get(at).copied().unwrap_or(last)
             });
-            *periods += 1;
+            *seconds += period_s;
             if reacted.is_none() {
                 off = off.max((moved - expected).abs());
             }
@@ -452,16 +498,18 @@ pub(super) fn run(
                 regular = stop_m(&plate, run.drive.board.machine.table_velocity());
             }
         }
-        still = if run.at_rest() {
-            still + run.period_s
-        } else {
-            0.0
-        };
+        still = if run.at_rest() { still + period_s } else { 0.0 };
         let over = match reacted {
             Some((at, from)) => {
                 since = since.max((x - from).abs());
-                let faulty = matches!(run.drive.state(), State::Fault(_));
-                faulty && still > 0.05 || now - at > REST_S
+                // After a reset it is to be ready again, or to stand for good.
+                let ended = match run.drive.state() {
+                    State::Fault(_) => true,
+                    State::Ready => run.was_reset,
+                    _ => run.controller.stands(),
+                };
+                let longest = if run.was_reset { START_S } else { REST_S };
+                ended && still > 0.05 || now - at > longest
             }
             None => since_asked > WATCHED_S || asked.is_none() && now > START_S,
         };

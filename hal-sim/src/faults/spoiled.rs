@@ -8,6 +8,8 @@
 //! | encoder | a turn | 45 electrical degrees | half a mechanical degree | 4 periods |
 //! | scale | 1 m | 10 mm | 1 mm | 20 steps |
 //! | contacts | | | closed or open at random, anew each 0.4 ms | 20 ms |
+//! | controller's supply | 2.85 V is its low end | -0.35 V of 3.3 V | 3 % of 3.3 V | |
+//! | clock | | fast by 1.5 % | each period anew, as much | slow by 1.5 % |
 //!
 //! The figures are ours: large enough to do harm, small enough not to be seen at once.
 
@@ -92,6 +94,8 @@ impl Spoiled {
             Defect::Late => old,
             Defect::WrongSign => -now,
             Defect::Swapped => neighbour,
+            // A supply's: see `controller.rs`.
+            Defect::Dips | Defect::Falls => now,
         }
     }
 

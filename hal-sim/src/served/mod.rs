@@ -240,11 +240,10 @@ impl SimulatedDrive {
                 .any(|axis| !self.drive.compare(*axis).enable);
         }
         self.drive.period_through(&mut self.world);
-        let running = self.drive.state().is_driven();
         let (drive, temperatures) = (&self.drive, self.world.temperatures);
         let enabled = self.world.inputs.enabled;
         self.world.supervision.period(|| Look {
-            running,
+            running: self.drive.bridges_on(),
             enabled,
             temperatures,
             theta: Axis::ALL.map(|axis| drive.estimate(axis).theta.0),

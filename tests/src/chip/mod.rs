@@ -440,6 +440,16 @@ impl Chip {
         self.reschedule();
     }
 
+    /// A write to a motor's timer: one that takes its outputs off opens the bridge now.
+    fn write_pwm(&mut self, index: usize, offset: u32, value: u32, now: u64) -> Result<(), String> {
+        let was = self.pwm[index].bridge().enabled;
+        self.pwm[index].write(offset, value, now)?;
+        if was && !self.pwm[index].bridge().enabled {
+            self.machine.borrow_mut().stopped(Self::motor(index));
+        }
+        Ok(())
+    }
+
     /// A fault of the chip breaks both timers; it lasts or is over at once.
     fn system_break(&mut self, lasts: bool) {
         for index in 0..2 {
@@ -793,7 +803,7 @@ impl Chip {
             0x4001_4400 => self.capture.write(offset, value, now),
             0x4001_2C00 => {
                 let ran = self.pwm[0].running();
-                self.pwm[0].write(offset, value, now)?;
+                self.write_pwm(0, offset, value, now)?;
                 // TIM8 starts with TIM1: trigger mode on ITR0.
                 if self.pwm[0].trigger_output() == pwm::Output::Enable && self.pwm[0].running() {
                     self.pwm[1].start_by_trigger(0, now);
@@ -805,7 +815,7 @@ impl Chip {
                 Ok(())
             }
             0x4001_3400 => {
-                self.pwm[1].write(offset, value, now)?;
+                self.write_pwm(1, offset, value, now)?;
                 self.breaks_written(offset);
                 Ok(())
             }

@@ -105,7 +105,7 @@ fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() ->
     let status = bench.status()?;
     assert_eq!(
         (status.state, status.fault),
-        (FAULT, Fault::ScrewBreak.word())
+        (FAULT, Fault::ControllerSupply.word())
     );
     // Nothing closes them while it lasts.
     bench.run(2)?;

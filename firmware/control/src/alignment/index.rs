@@ -19,8 +19,10 @@ const FOLLOWED: u8 = 64;
 /// The count of an encoder from its index on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Index {
-    /// What is more than motion, 2^-32 turn; `None`: the index was passed, or there is none.
+    /// What is more than motion, 2^-32 turn; `None`: there is no index.
     jump_max: Option<u32>,
+    /// The index was not yet passed.
+    awaited: bool,
     last: Option<Angle>,
     /// By how much the count jumped.
     jumped: Angle,
@@ -35,6 +37,7 @@ impl Index {
     pub(super) const fn new(jump_max: Option<u32>) -> Self {
         Self {
             jump_max,
+            awaited: jump_max.is_some(),
             last: None,
             jumped: Angle(0),
             turned: 0,
@@ -44,17 +47,20 @@ impl Index {
 
     /// The index was not yet passed.
     pub(super) const fn awaited(&self) -> bool {
-        self.jump_max.is_some()
+        self.awaited
     }
 
-    /// A step: gives `seen` the encoder's angle as if its count had not jumped.
-    pub(super) fn step(&mut self, seen: &mut MotorSeen) {
+    /// A step: gives `seen` the encoder's angle as if its count had not jumped. `true`: the count jumped after its index was passed,
+    /// which no index does. Nothing is looked for while the shaft may still `coast` after a reset: the observer does not know its
+    /// speed, and nothing of its angle has been found yet.
+    pub(super) fn step(&mut self, seen: &mut MotorSeen, coasts: bool) -> bool {
         let last = self.last.replace(seen.theta).unwrap_or(seen.theta);
-        if let Some(jump_max) = self.jump_max {
-            self.look(jump_max, last, seen);
-        }
+        let again = self
+            .jump_max
+            .is_some_and(|jump_max| !coasts && self.look(jump_max, last, seen));
         seen.theta = Angle(seen.theta.0.wrapping_sub(self.jumped.0));
         self.following = self.following.saturating_sub(1);
+        again
     }
 
     /// The speed that is seen may be that of an observer which follows the jump.
@@ -62,12 +68,16 @@ impl Index {
         self.following > 0
     }
 
-    /// Looks for the jump.
-    fn look(&mut self, jump_max: u32, last: Angle, seen: &MotorSeen) {
+    /// Looks for the jump: `true` if it is not the first.
+    fn look(&mut self, jump_max: u32, last: Angle, seen: &MotorSeen) -> bool {
         let jump = seen.theta.minus(last.turned(seen.theta_step));
-        let motion = if jump.unsigned_abs() > jump_max {
+        let jumps = jump.unsigned_abs() > jump_max && !self.followed();
+        if !self.awaited {
+            return jumps;
+        }
+        let motion = if jumps {
             self.jumped = self.jumped.turned(jump);
-            self.jump_max = None;
+            self.awaited = false;
             self.following = FOLLOWED;
             seen.theta_step
         } else {
@@ -75,8 +85,9 @@ impl Index {
         };
         self.turned = self.turned.saturating_add(motion.into());
         if self.turned.unsigned_abs() > PASSED.unsigned_abs() {
-            self.jump_max = None;
+            self.awaited = false;
         }
+        false
     }
 
     /// What was found of the angle of [`Index::step`], of the encoder's own.

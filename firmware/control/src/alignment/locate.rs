@@ -135,6 +135,8 @@ pub(super) enum LocateStep {
     Found(EncoderAlignment),
     /// Not to be found.
     Failed(Reason),
+    /// Not to be found while encoders move although no current flows: which.
+    Moves([bool; 2]),
 }
 
 impl Locate {
@@ -196,7 +198,7 @@ impl Locate {
                 match self.probe.step(probes, theta) {
                     ProbeStep::Rest => LocateStep::Rest,
                     ProbeStep::Ramp(level) => LocateStep::Vector(at, current(config.limit, level)),
-                    ProbeStep::Moves => LocateStep::Failed(Reason::LoadMoves),
+                    ProbeStep::Moves(moving) => LocateStep::Moves(moving),
                     ProbeStep::Found(broken) => {
                         self.probe = Probe::default();
                         let taken = self.take(config, probes, motor, &broken, theta, away);
@@ -214,7 +216,7 @@ impl Locate {
                 self.go(config, probes, [own, other], theta, omega_e, away)
             }
             Phase::Arriving | Phase::Returned => match self.probe.step(probes, theta) {
-                ProbeStep::Moves => LocateStep::Failed(Reason::LoadMoves),
+                ProbeStep::Moves(moving) => LocateStep::Moves(moving),
                 ProbeStep::Found(_) => {
                     self.probe = Probe::default();
                     self.count = 0;
@@ -444,7 +446,7 @@ impl Locate {
                 let along = Angle(if up { 0 } else { 1 << 31 });
                 LocateStep::Against(self.axis.plus(along), level, up)
             }
-            ProbeStep::Moves => LocateStep::Failed(Reason::LoadMoves),
+            ProbeStep::Moves(moving) => LocateStep::Moves(moving),
             ProbeStep::Found(_) => {
                 self.probe = Probe::default();
                 self.return_to_start.go_on(away, near);

@@ -260,10 +260,25 @@ impl Alignment {
     /// One step of the speed task.
     #[inline(never)]
     pub fn step(&mut self, config: &AlignmentConfig, mut seen: [MotorSeen; 2]) -> AlignmentStep {
-        for (index, seen) in self.index.iter_mut().zip(&mut seen) {
-            index.step(seen);
+        let mut again = None;
+        let coasts = matches!(self.stage, Stage::Still(_));
+        for (motor, (index, seen)) in self.index.iter_mut().zip(&mut seen).enumerate() {
+            if index.step(seen, coasts) {
+                again = Some(motor);
+            }
         }
         let theta = seen.map(|motor| motor.theta);
+        let ends = matches!(
+            self.stage,
+            Stage::Done | Stage::Braking(..) | Stage::Failed(_)
+        );
+        if let (false, Some(motor)) = (ends, again) {
+            let failed = Misalignment {
+                part: Part::motor(motor),
+                reason: Reason::Unsteady,
+            };
+            self.stop(theta, failed);
+        }
         let from = *self.from.get_or_insert(theta);
         let mut current = [CurrentReference::default(); 2];
         let drives = matches!(
@@ -383,6 +398,9 @@ impl Alignment {
                             self.fail(theta, Part::Pair, Reason::Exchanged);
                         }
                         LocateStep::Failed(reason) => self.fail(theta, Part::motor(index), reason),
+                        LocateStep::Moves(moving) => {
+                            self.fail(theta, moves_by_itself(index, moving), Reason::LoadMoves);
+                        }
                     }
                 }
             }
@@ -426,7 +444,7 @@ impl Alignment {
             }
             Stage::Braking(failed, rest) => match rest.step(&config.probes, theta) {
                 ProbeStep::Rest | ProbeStep::Ramp(_) => current = [SHORT; 2],
-                ProbeStep::Found(_) | ProbeStep::Moves => self.stage = Stage::Failed(*failed),
+                ProbeStep::Found(_) | ProbeStep::Moves(_) => self.stage = Stage::Failed(*failed),
             },
             Stage::Done | Stage::Failed(_) => {}
         }
@@ -498,6 +516,10 @@ impl Alignment {
         } else {
             Misalignment { part, reason }
         };
+        self.stop(theta, failed);
+    }
+
+    fn stop(&mut self, theta: [Angle; 2], failed: Misalignment) {
         self.stage = match self.stage {
             Stage::Locate(..) | Stage::Pair(_) => Stage::Braking(failed, Probe::resting(theta)),
             _ => Stage::Failed(failed),
@@ -562,6 +584,12 @@ const ATTEMPTED: u32 = 2;
 /// How far the screw is ahead of the nut: the table's travel.
 const fn apart([screw, nut]: [Angle; 2]) -> Angle {
     Angle(screw.0.wrapping_sub(nut.0))
+}
+
+/// What goes on moving while the motor `index` is located and no current flows: the other, if that one stands.
+fn moves_by_itself(index: usize, moving: [bool; 2]) -> Part {
+    let own = moving.get(index).copied().unwrap_or(true);
+    Part::motor(if own { index } else { index ^ 1 })
 }
 
 /// Where both stand once their windings are shorted.

@@ -65,7 +65,7 @@ impl Pair {
         match self.probe.step(probes, theta) {
             ProbeStep::Rest => PairStep::Rest,
             ProbeStep::Ramp(level) => PairStep::Ramp(level, signs),
-            ProbeStep::Moves => PairStep::Wrong(Reason::LoadMoves),
+            ProbeStep::Moves(_) => PairStep::Wrong(Reason::LoadMoves),
             ProbeStep::Found(broken) => {
                 self.probe = Probe::default();
                 if away.is_some() {

@@ -73,8 +73,8 @@ pub(super) enum ProbeStep {
     Rest,
     /// No torque, and everything stands: what was found.
     Found(Broken),
-    /// Something still moves after the longest rest.
-    Moves,
+    /// Something still moves after the longest rest: which of both encoders.
+    Moves([bool; 2]),
 }
 
 impl Probe {
@@ -114,8 +114,8 @@ impl Probe {
         if self.step < config.rest_steps {
             return ProbeStep::Rest;
         }
-        let mut each = moved.into_iter();
-        if each.all(|moved| moved.unsigned_abs() <= config.motion >> 3) {
+        let goes_on = moved.map(|moved| moved.unsigned_abs() > config.motion >> 3);
+        if goes_on == [false; 2] {
             return ProbeStep::Found(found);
         }
         self.step = 0;
@@ -124,7 +124,7 @@ impl Probe {
         if self.rests < config.rests_max {
             ProbeStep::Rest
         } else {
-            ProbeStep::Moves
+            ProbeStep::Moves(goes_on)
         }
     }
 }

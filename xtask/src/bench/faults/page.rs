@@ -20,7 +20,7 @@ const GAP: usize = 8;
 pub(super) fn page(report: &Report, cells: &[Cell], outcomes: &[Outcome]) -> String {
     let limits = Limits::OF_THE_MATRIX;
     let mut body = format!(
-        "<p class=\"result\">{} of {} cells are unsafe.</p>\n<p>A cell is an input (row) that is wrong in one of nine ways while the \
+        "<p class=\"result\">{} of {} cells are unsafe.</p>\n<p>A cell is an input (row) that is wrong in one way while the \
          drive is in a situation (column): {}. A filled square: unsafe; a hollow one: detected in time; a dot: harmless, without a \
          fault of its own; nothing: there is no such cell. Point at a cell to read what came of it.</p>\n<p>Unsafe is a phase current \
          above the board's limit for more than {} PWM period after a sensor could see it, a table that moves by more than {} mm \
@@ -113,6 +113,8 @@ const fn letter(defect: Defect) -> char {
         Defect::Late => 'd',
         Defect::WrongSign => 's',
         Defect::Swapped => 'x',
+        Defect::Dips => 'p',
+        Defect::Falls => 'r',
     }
 }
 

@@ -18,6 +18,7 @@ use crate::coordinator::{CoordinatorConfig, WanderConfig};
 use crate::current_limit::RegenerationConfig;
 use crate::current_loop::CurrentLoopConfig;
 use crate::disturbance::DisturbanceConfig;
+use crate::follow::BLIND_M;
 use crate::format::{
     CurrentScale, Gain, MechanicalSpeed, Misfit, SpeedChange, TableVelocity, Voltage, quantise,
 };
@@ -75,6 +76,8 @@ pub struct DriveConfig {
     pub heartbeat_looks: u32,
     /// Current-loop periods per step of the speed task.
     pub speed_divider: u32,
+    /// Furthest that a motor which brings the table to rest may turn while the scale does not count, 2^-32 turn.
+    pub blind_max: u32,
     /// What repeats with an angle and is compensated.
     pub compensation: CompensationConfig,
     /// The alignment of both rotors.
@@ -106,6 +109,7 @@ impl DrivePlate {
             brake: attempt!(self.brake()),
             heartbeat_looks: attempt!(self.heartbeat_looks()),
             speed_divider: self.board.speed_divider,
+            blind_max: self.blind_max(),
         })
     }
 
@@ -129,6 +133,7 @@ impl DrivePlate {
             brake,
             heartbeat_looks,
             speed_divider,
+            blind_max,
         } = config;
         self.bounds()?;
         put(current_loops, || self.current_loops())?;
@@ -145,6 +150,7 @@ impl DrivePlate {
         put(brake, || self.brake())?;
         put(heartbeat_looks, || self.heartbeat_looks())?;
         *speed_divider = self.board.speed_divider;
+        *blind_max = self.blind_max();
         Ok(())
     }
 
@@ -224,6 +230,12 @@ impl DrivePlate {
             closing_steps: (brake.closing_s / step + 0.5) as u32,
             opening_steps: (brake.opening_s / step + 0.5) as u32,
         })
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    const fn blind_max(&self) -> u32 {
+        // The cast saturates; a turn or more never ends it.
+        (BLIND_M / self.feed.lead_m * 4_294_967_296.0) as u32
     }
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]

@@ -83,7 +83,8 @@ impl MotorPlate {
 
     /// Travel: twice what a reversal at full torque lets the observer turn within one count (see
     /// [`encoder_watch`](crate::encoder_watch)), and four counts. Jump: four times the observer's lag at full torque,
-    /// `a / omega_0^2`, and eight counts; while aligning, at the larger of the alignment's torques.
+    /// `a / omega_0^2`, and eight counts; while aligning, at the larger of the alignment's torques. What an index may put right: the
+    /// electrical angle that the watch of the voltage lets pass.
     pub(super) const fn encoder_watch(&self, drive: &DrivePlate) -> EncoderWatchConfig {
         let tuning = &drive.tuning;
         let [screw_nm, nut_nm] = drive.alignment.torque_nm;
@@ -102,6 +103,14 @@ impl MotorPlate {
             travel_max: (turns * 4_294_967_296.0) as u32,
             jump_max: (jump * 4_294_967_296.0) as u32,
             jump_max_aligning: (jump_aligning * 4_294_967_296.0) as u32,
+            lost_max: match self.encoder.interface {
+                Interface::IncrementalWithIndex => {
+                    (drive.runaway.angle_deg / 360.0 / self.pole_pairs as f64 * 4_294_967_296.0)
+                        as u32
+                }
+                // Without an index a count is not put right; a frame that passes its check may be wrong, and the next one is right.
+                Interface::Incremental | Interface::Mt6835 => u32::MAX,
+            },
             checked: self.encoder.interface.is_checked(),
         }
     }
