@@ -18,7 +18,7 @@ fn each_scenario_keeps_its_limits() {
             let story = run_scenario(board, scenario).unwrap();
             assert!(
                 story.within(),
-                "{board:?}, {}: {:.2} mm of {} mm, {:.1} A of {} A, {:.0} V of {} V, ended as {:?}",
+                "{board:?}, {}: {:.2} mm of {} mm, {:.1} A of {} A, {:.0} V of {} V, {:.0} N of {:.0} N, ended as {:?}",
                 scenario.name(),
                 1e3 * story.travel_m,
                 1e3 * story.travel_max_m,
@@ -26,6 +26,8 @@ fn each_scenario_keeps_its_limits() {
                 story.peak_max_a,
                 story.bus_v,
                 story.bus_max_v,
+                story.end_force_n,
+                story.end_force_max_n,
                 story.state
             );
         }

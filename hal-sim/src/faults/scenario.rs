@@ -2,6 +2,7 @@
 //!
 //! On the machine of the matrix and the bus that the board's wiring page asks for; the stop from full speed has a smaller one.
 
+use super::bench::{Ends, STOP_N_PER_M};
 use super::run::{Run, stop_m};
 use super::{Limits, Situation};
 use crate::boards::BoardKind;
@@ -17,6 +18,8 @@ const SMALL_BUS_J: f64 = 5.0;
 const SEIZED: (f64, f64) = (8.0, 1.0);
 /// Table velocity below which the force against it falls, m/s.
 const CUTS_M_S: f64 = 1e-3;
+/// How far the stop is ahead where the table goes on to it, m.
+const TO_STOP_M: f64 = 1e-3;
 /// How long a mains dip lasts, s.
 const DIP_S: f64 = 20e-3;
 /// Watched before and, at most, after the event, s.
@@ -43,17 +46,20 @@ pub enum Scenario {
     FullStop,
     /// Whoever commands is gone, at 100 mm/s.
     LinkPulled,
+    /// An axis that is not homed, whose end switch is welded, goes on to its stop.
+    EndStop,
 }
 
 impl Scenario {
     /// All of them.
-    pub const ALL: [Self; 6] = [
+    pub const ALL: [Self; 7] = [
         Self::MotorLost,
         Self::NutSeized,
         Self::MainsDip,
         Self::LoadStep,
         Self::FullStop,
         Self::LinkPulled,
+        Self::EndStop,
     ];
 
     /// Its name in a few words.
@@ -66,6 +72,7 @@ impl Scenario {
             Self::LoadStep => "load step to twice the rated force",
             Self::FullStop => "stop from full speed, bus takes 5 J",
             Self::LinkPulled => "link pulled at 100 mm/s",
+            Self::EndStop => "onto an end stop at 20 mm/s",
         }
     }
 
@@ -77,7 +84,7 @@ impl Scenario {
                 let table = velocity * TAU / plate.feed.lead_m;
                 [velocity, 0.98 * plate.motors[0].speed_max() - table]
             }
-            Self::NutSeized | Self::LoadStep => [velocity, slow],
+            Self::NutSeized | Self::LoadStep | Self::EndStop => [velocity, slow],
             Self::LinkPulled => [plate.feed.velocity_max * 0.999, slow],
         };
         OperatingPoint { velocity, base }
@@ -114,6 +121,10 @@ pub struct Story {
     pub bus_v: f64,
     /// The guard's limit.
     pub bus_max_v: f64,
+    /// Largest force on an end stop, N.
+    pub end_force_n: f64,
+    /// What both motors' torque and the energy of what moves make on a buffer.
+    pub end_force_max_n: f64,
     /// After how long it was at rest, or was watched no longer, s.
     pub seconds: f64,
     /// What the drive did in the end.
@@ -129,6 +140,7 @@ impl Story {
         self.travel_m <= self.travel_max_m
             && self.peak_a <= self.peak_max_a
             && self.bus_v <= self.bus_max_v
+            && self.end_force_n <= self.end_force_max_n
     }
 }
 
@@ -162,6 +174,13 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
         Scenario::MainsDip => run.drive.board.set_supply(0.0),
         Scenario::FullStop => run.drive.request.run = false,
         Scenario::LinkPulled => run.drive.attended = false,
+        Scenario::EndStop => {
+            run.bench.ends = Ends {
+                middle: run.bench.position,
+                switch: f64::INFINITY,
+                stop: TO_STOP_M,
+            };
+        }
     }
     let (origin, load_n) = (run.bench.position, run.bench.load_n);
     let mut told = Story {
@@ -171,6 +190,8 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
         peak_max_a: plate.board.over_current_a,
         bus_v: 0.0,
         bus_max_v: board.guards().bus_max_v,
+        end_force_n: 0.0,
+        end_force_max_n: end_force_max_n(&plate, point.velocity),
         seconds: 0.0,
         state: run.drive.state(),
         points: Vec::new(),
@@ -232,11 +253,23 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
             0.0
         };
         let runs_on = reacted.is_none() && told.seconds > RUNS_ON_S;
-        if still > 0.05 || runs_on || told.seconds > AFTER_S {
+        let rests = still > 0.05 && !run.drive.state().is_driven();
+        if rests || runs_on || told.seconds > AFTER_S {
             break;
         }
     }
     told.travel_m = off + (since - regular).max(0.0);
     told.state = run.drive.state();
+    told.end_force_n = run.bench.seen.end_force_n;
     Ok(told)
+}
+
+/// What the larger torque limit makes of axial force, and the energy of table and rotors against each other, all of it in the buffer's
+/// spring.
+fn end_force_max_n(plate: &DrivePlate, velocity: f64) -> f64 {
+    let radians = TAU / plate.feed.lead_m;
+    let [screw, nut] = &plate.motors;
+    let torque = screw.torque_max_nm.max(nut.torque_max_nm);
+    let rotors = 1.0 / (1.0 / screw.inertia_kg_m2 + 1.0 / nut.inertia_kg_m2);
+    torque * radians + velocity * (STOP_N_PER_M * rotors * radians * radians).sqrt()
 }

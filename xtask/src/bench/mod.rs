@@ -81,9 +81,12 @@ pub struct FaultsOptions {
     /// So many random pairs of faults besides.
     #[arg(long, default_value_t = 200)]
     pub pairs: usize,
-    /// And long runs of so many simulated seconds each: healthy, and with faults and resets, on both boards.
+    /// And long runs of so many simulated seconds each, on both boards: with random commands, faults and resets.
     #[arg(long, value_name = "SECONDS")]
     pub soak: Option<f64>,
+    /// The same of hard but healthy running, in which no watch may stop the drive.
+    #[arg(long, value_name = "SECONDS")]
+    pub healthy: Option<f64>,
     /// Writes the matrix as a page into this folder.
     #[arg(long)]
     pub out: Option<std::path::PathBuf>,

@@ -147,10 +147,7 @@ pub(super) fn run(options: &FaultsOptions) -> Result<()> {
             0 => None,
             count => Some(story::pairs(count)?),
         },
-        soak: match options.soak {
-            Some(seconds) => story::soaks(seconds)?,
-            None => Vec::new(),
-        },
+        soak: story::long_runs(options.healthy, options.soak)?,
         ..Report::of(&cells, &outcomes)
     };
     if options.json {

@@ -3,6 +3,7 @@
 use super::board_name;
 use anyhow::Result;
 use hal_sim::boards::BoardKind;
+use hal_sim::experiment::ExperimentError;
 use hal_sim::faults::{
     Hazard, Matrix, Outcome, Pair, Scenario, Soaked, Story, healthy, run_scenario, soak,
 };
@@ -27,6 +28,8 @@ pub(super) struct Told {
     peak_limit_a: f64,
     bus_v: f64,
     bus_limit_v: f64,
+    end_stop_n: f64,
+    end_stop_limit_n: f64,
     seconds: f64,
     state: &'static str,
     first_cause: Option<&'static str>,
@@ -55,6 +58,8 @@ pub(super) fn scenarios() -> Result<Vec<Told>> {
                 peak_limit_a: story.peak_max_a,
                 bus_v: story.bus_v,
                 bus_limit_v: story.bus_max_v,
+                end_stop_n: story.end_force_n,
+                end_stop_limit_n: story.end_force_max_n,
                 seconds: story.seconds,
                 state: story.state.name(),
                 first_cause: super::cause(story.state),
@@ -68,7 +73,7 @@ pub(super) fn scenarios() -> Result<Vec<Told>> {
 pub(super) fn tell_scenarios(all: &[Told]) {
     for t in all {
         println!(
-            "{:<14} {:<38} {:>7.2} mm (limit {}) {:>6.2} A ({:.1}) {:>6.1} V ({:.0}) {:>6.2} s  {}{}",
+            "{:<14} {:<38} {:>7.2} mm (limit {}) {:>6.2} A ({:.1}) {:>6.1} V ({:.0}) {:>5.0} N ({:.0}) {:>6.2} s  {}{}",
             t.board,
             t.scenario,
             t.travel_mm,
@@ -77,6 +82,8 @@ pub(super) fn tell_scenarios(all: &[Told]) {
             t.peak_limit_a,
             t.bus_v,
             t.bus_limit_v,
+            t.end_stop_n,
+            t.end_stop_limit_n,
             t.seconds,
             t.first_cause.unwrap_or(t.state),
             if t.within { "" } else { "  PAST A LIMIT" }
@@ -130,7 +137,7 @@ pub(super) fn page(all: &[Told]) -> String {
         };
         let _ = write!(
             html,
-            "<h3>{}, {}</h3>\n<p>Ended as: {}. Table {:.2} mm (limit {}), current {:.2} A ({:.1}), bus {:.1} V ({:.0}){}. Watched for {:.1} s.</p>\n",
+            "<h3>{}, {}</h3>\n<p>Ended as: {}. Table {:.2} mm (limit {}), current {:.2} A ({:.1}), bus {:.1} V ({:.0}), end stop {:.0} N ({:.0}){}. Watched for {:.1} s.</p>\n",
             escape(told.scenario),
             told.board,
             escape(told.first_cause.unwrap_or(told.state)),
@@ -140,6 +147,8 @@ pub(super) fn page(all: &[Told]) -> String {
             told.peak_limit_a,
             told.bus_v,
             told.bus_limit_v,
+            told.end_stop_n,
+            told.end_stop_limit_n,
             if told.within { "" } else { ": past a limit" },
             told.seconds
         );
@@ -256,23 +265,25 @@ pub(super) struct Long {
     overcurrents: u32,
 }
 
-/// Each kind on both boards for `seconds`.
-pub(super) fn soaks(seconds: f64) -> Result<Vec<Long>> {
-    let kinds: [(&'static str, bool); 2] = [("healthy", false), ("faults and resets", true)];
-    let all: Vec<_> = BOARDS
-        .into_iter()
-        .flat_map(|board| kinds.map(|(name, faulty)| (board, name, faulty)))
-        .collect();
-    let soaked = on_all_cores(&all, |(board, _, faulty)| {
-        if *faulty {
-            soak(*board, seconds, 1)
-        } else {
-            healthy(*board, seconds, 1)
+/// A run of a board for so many seconds, from a seed.
+type LongRun = fn(BoardKind, f64, u64) -> Result<Soaked, ExperimentError>;
+
+/// Each kind that is asked, on both boards, for so many seconds.
+pub(super) fn long_runs(of_healthy: Option<f64>, of_faults: Option<f64>) -> Result<Vec<Long>> {
+    let kinds: [(&'static str, LongRun, Option<f64>); 2] = [
+        ("healthy", healthy, of_healthy),
+        ("faults and resets", soak, of_faults),
+    ];
+    let mut all = Vec::new();
+    for (name, run, seconds) in kinds {
+        for board in BOARDS {
+            all.extend(seconds.map(|seconds| (board, name, run, seconds)));
         }
-    });
+    }
+    let soaked = on_all_cores(&all, |(board, _, run, seconds)| run(*board, *seconds, 1));
     all.into_iter()
         .zip(soaked)
-        .map(|((board, kind, _), soaked)| {
+        .map(|((board, kind, ..), soaked)| {
             let Soaked {
                 seconds,
                 commands,
