@@ -3,7 +3,7 @@
 //! Twenty machines as a test; `DDFEED_BLIND=240 cargo test -p tests --test blind` for a long run, of
 //! seeds from `DDFEED_BLIND_SEED` on, and `DDFEED_BLIND_CLEAN=200` for as many clean machines after them: one false alarm
 //! in a hundred is not seen on thirty. It writes `blind.json` (what `cargo xtask bench identify` reads), `table.txt` (each
-//! machine that was not told right, and why) and `confusion.svg` into the target folder's `blind`.
+//! machine that was not told right, and why), `intervals.csv` and `confusion.svg` into the target folder's `blind`.
 
 mod alias;
 mod kinds;
@@ -24,6 +24,8 @@ const SHORT: u64 = 20;
 const FIRST_SEED: u64 = 10_000;
 /// Least share of right machines whose effects are above the noise floor.
 const RIGHT: f64 = 0.95;
+/// Least share of 95 % intervals that hold the truth.
+const COVERED: f64 = 0.83;
 /// Greatest share of false alarms on clean machines.
 const FALSE_ALARMS: f64 = 0.01;
 
@@ -64,9 +66,10 @@ fn unseen_machines_are_told_apart() {
     };
     write("blind.json", table.json());
     write("table.txt", table.to_string());
+    write("intervals.csv", table.intervals());
     write("confusion.svg", table.matrix().svg());
 
-    let (visible, clean) = (table.visible(), table.clean());
+    let (visible, clean, covered) = (table.visible(), table.clean(), table.covered());
     // A short run holds too few machines for a share of 95 %: it may miss one.
     let missed = f64::from(visible.of - visible.right);
     assert!(
@@ -74,6 +77,13 @@ fn unseen_machines_are_told_apart() {
         "{} of {} machines above the noise floor right",
         visible.right,
         visible.of
+    );
+    // Of 40 intervals that each hold the truth with a chance of 95 % fewer do so once in 300 times.
+    assert!(
+        f64::from(covered.right) >= COVERED * f64::from(covered.of),
+        "{} of {} intervals hold the truth",
+        covered.right,
+        covered.of
     );
     assert!(
         f64::from(clean.of - clean.right) <= f64::from(clean.of) * FALSE_ALARMS,

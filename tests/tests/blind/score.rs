@@ -75,10 +75,31 @@ pub fn score(truth: &[EffectModel], outcome: &Outcome) -> Score {
     }
 }
 
-/// Of the values that are named right: how many 95 % intervals hold the truth, and how many there are. Phases and what is
-/// not estimated have none.
-pub fn coverage(truth: &[EffectModel], outcome: &Outcome) -> [u32; 2] {
-    let mut counted = [0; 2];
+/// A value that is named right, beside its 95 % interval.
+pub struct Told {
+    /// Kind and parameter.
+    pub name: String,
+    pub truth: f64,
+    pub value: f64,
+    pub interval: [f64; 2],
+}
+
+impl Told {
+    /// The interval holds the truth.
+    pub fn holds(&self) -> bool {
+        let [low, high] = self.interval;
+        (low..=high).contains(&self.truth)
+    }
+
+    /// How far the value is off, as a share of the interval's half width: above 1 the interval misses the truth.
+    pub fn off(&self) -> f64 {
+        (self.value - self.truth) / (0.5 * (self.interval[1] - self.interval[0]))
+    }
+}
+
+/// The values that are named right. Phases and what is not estimated have no interval.
+pub fn told(truth: &[EffectModel], outcome: &Outcome) -> Vec<Told> {
+    let mut told = Vec::new();
     for effect in truth {
         let named = outcome
             .effects
@@ -87,13 +108,17 @@ pub fn coverage(truth: &[EffectModel], outcome: &Outcome) -> [u32; 2] {
         for estimate in named.flat_map(estimates) {
             let [low, high] = estimate.interval;
             let known = parameter(effect, &estimate.name);
-            if let Some(value) = known.filter(|_| estimate.name != "phase" && high > low) {
-                counted[0] += u32::from((low..=high).contains(&value));
-                counted[1] += 1;
+            if let Some(truth) = known.filter(|_| estimate.name != "phase" && high > low) {
+                told.push(Told {
+                    name: format!("{} {}", effect.effect().kind(), estimate.name),
+                    truth,
+                    value: estimate.value,
+                    interval: estimate.interval,
+                });
             }
         }
     }
-    counted
+    told
 }
 
 /// The greatest share of a channel's noise floor that an effect makes up, both as rms in the band that is used.

@@ -2,7 +2,7 @@
 
 use crate::matrix::Matrix;
 use crate::oracle::{self, Oracle};
-use crate::score::{self, Score};
+use crate::score::{self, Score, Told};
 use hal_sim::draw::Machine;
 use identify::analysis::{Outcome, Unexplained};
 use identify::record::Record;
@@ -20,8 +20,8 @@ pub struct Row {
     left: Vec<String>,
     /// Of each effect: its greatest share of a channel's noise floor.
     floors: Vec<f64>,
-    /// Intervals that hold the truth, and all.
-    covered: [u32; 2],
+    /// Values that are named right, with their intervals.
+    told: Vec<Told>,
     /// Asked only where the machine was not told right.
     oracle: Option<Oracle>,
 }
@@ -52,7 +52,7 @@ impl Row {
                 .iter()
                 .map(|effect| score::above_floor(&machine.declared, &record, effect))
                 .collect(),
-            covered: score::coverage(&machine.effects, outcome),
+            told: score::told(&machine.effects, outcome),
             oracle: (!score.right)
                 .then(|| oracle::ask(&machine.declared, &record, &machine.effects, &found)),
             score,
@@ -190,6 +190,15 @@ impl Table {
         self.count(Row::is_clean)
     }
 
+    /// Intervals that hold the truth, of those of values that are named right.
+    pub fn covered(&self) -> Count {
+        let told = || self.0.iter().flat_map(|row| &row.told);
+        Count {
+            right: told().filter(|told| told.holds()).count() as u32,
+            of: told().count() as u32,
+        }
+    }
+
     /// What was there and what was told.
     pub fn matrix(&self) -> Matrix {
         let mut matrix = Matrix::default();
@@ -209,17 +218,37 @@ impl Table {
         rows.filter(|row| !row.left.is_empty()).count()
     }
 
+    /// The intervals, one a line: which kinds are told too narrowly, and which too widely.
+    pub fn intervals(&self) -> String {
+        let lines = self.0.iter().flat_map(|row| {
+            row.told.iter().map(|told| {
+                let [low, high] = told.interval;
+                format!(
+                    "{},{},{},{},{low},{high},{:.2}\n",
+                    row.seed,
+                    told.name,
+                    told.truth,
+                    told.value,
+                    told.off()
+                )
+            })
+        });
+        std::iter::once("seed,value of,truth,told,low,high,off by half widths\n".into())
+            .chain(lines)
+            .collect()
+    }
+
     /// What `cargo xtask bench identify` reads.
     pub fn json(&self) -> String {
         let (visible, clean) = (self.visible(), self.clean());
         let all = self.count(|row| !row.is_clean());
-        let all_of = |k: usize| self.0.iter().map(|row| row.covered[k]).sum::<u32>();
+        let covered = self.covered();
         let percent = |right: u32, of: u32| 100.0 * f64::from(right) / f64::from(of.max(1));
         let figures = serde_json::json!({
             "machines": all.of,
             "right_percent": percent(visible.right, visible.of),
-            "coverage_percent": percent(all_of(0), all_of(1)),
-            "intervals": all_of(1),
+            "coverage_percent": percent(covered.right, covered.of),
+            "intervals": covered.of,
             "right": visible.right,
             "of": visible.of,
             "false_alarms": clean.of - clean.right,

@@ -4,6 +4,7 @@ use super::linear::linear;
 use super::{Balance, Contribution, Spring, brake, shaped};
 use crate::signal::channel::Channel;
 use crate::signal::signals::rounded_sign;
+use fft::Complex64;
 use plant::Axis;
 
 /// What is measured has content up to the record's own rate.
@@ -72,19 +73,22 @@ impl Balance<'_> {
     pub fn residual(&self) -> Contribution {
         let mut residual = self.torque_residual();
         residual.add_all(1.0, &self.voltage_residual());
-        residual.add_all(1.0, &self.table(&self.declared));
+        residual.add_all(
+            1.0,
+            &self.table(&self.declared, &self.relative_acceleration),
+        );
         for effect in &self.model.effects {
             residual.add_all(-1.0, &self.effect(&linear(effect)));
         }
         residual
     }
 
-    /// Residual of the table on a given screw.
-    pub(super) fn table(&self, screw: &Spring) -> Contribution {
+    /// Residual of the table on a given screw that accelerates so.
+    pub(super) fn table(&self, screw: &Spring, acceleration: &[Complex64]) -> Contribution {
         let mut residual = Contribution::default();
         residual.add(Channel::Table, 1.0, &self.rigid);
         let mass = self.model.feed.table_mass_kg;
-        let dynamic = shaped(&self.relative_acceleration, &screw.compliance);
+        let dynamic = shaped(acceleration, &screw.compliance);
         residual.add(Channel::Table, self.lead * mass / screw.stiffness, &dynamic);
         let force = shaped(&self.table_force_spectrum, &screw.compliance);
         residual.add(Channel::Table, 1.0 / screw.stiffness, &force);

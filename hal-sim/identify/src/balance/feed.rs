@@ -64,12 +64,14 @@ impl Balance<'_> {
         sum
     }
 
-    /// The declared screw's residual of the table less that of one with another resonance.
+    /// The declared screw's residual of the table less that of one with another resonance, as far as it is told: a screw that
+    /// is taken for stiffer than it is amplifies less of the encoders' noise.
     fn softer(&self, hz: f64) -> Contribution {
         let feed = &self.model.feed;
         let softer = Spring::swinging(self.model, self.fourier, hz, self.damping);
-        let mut difference = self.table(&self.declared);
-        difference.add_all(-1.0, &self.table(&softer));
+        let acceleration = &self.relative_acceleration_told;
+        let mut difference = self.table(&self.declared, acceleration);
+        difference.add_all(-1.0, &self.table(&softer, acceleration));
         let inertia = feed.table_mass_kg * self.lead * self.lead;
         let change: Spectrum = softer
             .compliance
@@ -77,7 +79,7 @@ impl Balance<'_> {
             .zip(&self.declared.compliance)
             .map(|(new, old)| new - old)
             .collect();
-        let table = shaped(&self.relative_acceleration, &change);
+        let table = shaped(acceleration, &change);
         for axis in Axis::ALL {
             let table = self.seen_by(axis, &table);
             difference.add(Channel::Torque(axis), brake(axis) * inertia, &table);
@@ -96,7 +98,7 @@ impl Balance<'_> {
             .map(|(more, less)| (more - less) * 10.0)
             .collect();
         let mut sum = Contribution::default();
-        let acceleration = shaped(&self.relative_acceleration, &change);
+        let acceleration = shaped(&self.relative_acceleration_told, &change);
         let scale = self.lead * feed.table_mass_kg / stiffness;
         sum.add(Channel::Table, -scale, &acceleration);
         let force = shaped(&self.table_force_spectrum, &change);

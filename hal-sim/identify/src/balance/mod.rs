@@ -18,12 +18,18 @@ use crate::effects::refusals::Refusals;
 use crate::signal::channel::Channel;
 use crate::signal::fourier::{Fourier, Spectrum};
 use crate::signal::noise::declared_resonance_hz;
-use crate::signal::signals::{Signals, rounded_sign};
+use crate::signal::signals::{Signals, angle_noise, rounded_sign};
 use fft::Complex64;
 use plant::Axis;
 use plant::effects::{EffectModel, Place};
 use plant::model::Model;
 use std::f64::consts::TAU;
+
+/// Power in that of the encoders' resolution from which a bin tells what the screw's compliance makes of the shafts' motion. Noise
+/// that the compliance amplifies draws it, bin by bin, by noise over signal towards the stiffer screw, and the bins add up: of 34
+/// drawn machines (seeds 700018 on, every 19th) the resonance was 2.3 standard deviations too high on average with 7 times, and 0.5 with
+/// 100 and 0.4 with 1000, which tells it four times as uncertainly.
+const CLEAR: f64 = 100.0;
 
 /// What one quantity adds to the residuals: a spectrum for each channel that it reaches.
 #[derive(Clone, Default)]
@@ -132,6 +138,8 @@ pub struct Balance<'a> {
     rigid: Spectrum,
     /// Second derivative of the relative angle when the table's scale is read.
     relative_acceleration: Spectrum,
+    /// What of it is above the encoders' resolution.
+    relative_acceleration_told: Spectrum,
     /// How much later than the angles that is, s.
     pub(crate) lags: [f64; 2],
     pub(crate) memory: Memory,
@@ -208,6 +216,7 @@ impl<'a> Balance<'a> {
             let acceleration = &signals.motors[axis.index()].acceleration;
             delayed(fourier, acceleration, -assumed.lags[axis.index()])
         };
+        let relative_acceleration = difference(&later(Axis::Screw), &later(Axis::Nut), 1.0);
         Balance {
             model,
             signals,
@@ -226,7 +235,10 @@ impl<'a> Balance<'a> {
             lags: assumed.lags,
             memory: Memory::default(),
             refusals: Refusals::default(),
-            relative_acceleration: difference(&later(Axis::Screw), &later(Axis::Nut), 1.0),
+            relative_acceleration_told: fourier.above_noise(&relative_acceleration, CLEAR, |hz| {
+                2.0 * angle_noise(&model.sensing) * (TAU * hz).powi(4)
+            }),
+            relative_acceleration,
         }
     }
 

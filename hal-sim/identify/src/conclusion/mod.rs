@@ -288,12 +288,14 @@ fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
     }
 }
 
-/// Parameters of an effect that is a share of a plate's value, of that value as the record has it: the regression counts
-/// them of the declared one.
+/// Parameters of an effect that is a share of a plate's value, or shows by the torque that the plate's flux makes of it, by that value
+/// as the record has it: the regression counts them of the declared one.
 fn refined(case: &Case, solution: &Solution, hypothesis: &Hypothesis, values: &[f64]) -> Vec<f64> {
     let of = match hypothesis.family {
         Family::ResistanceDrift => MotorParameter::Resistance,
-        Family::FluxDrift | Family::FluxHarmonic => MotorParameter::Flux,
+        Family::CurrentOffset | Family::CurrentGain | Family::FluxDrift | Family::FluxHarmonic => {
+            MotorParameter::Flux
+        }
         _ => return values.to_vec(),
     };
     let own = |(parameter, _): &(Parameter, _)| {

@@ -1,15 +1,17 @@
 //! What is left of both records before and after, in the channels' units.
 
-use crate::balance::Contribution;
+use crate::balance::{Balance, Contribution};
 use crate::conclusion::verdict::Level;
 use crate::effects::hypothesis::Hypothesis;
-use crate::regression::column::{Column, dot};
+use crate::effects::parameter::Parameter;
+use crate::regression::column::{Column, counted, dot};
 use crate::regression::design::Whitener;
 use crate::regression::normal::{Normal, Solution};
 use crate::search::case::Case;
 use crate::search::select::Search;
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
+use crate::signal::signals::angle_noise;
 
 /// Below it the table's residual is not judged by frequency, Hz.
 const SLOW_TABLE_HZ: f64 = 12.0;
@@ -22,6 +24,34 @@ pub(crate) fn judged_hz(channel: Channel, noise: &Noise) -> [f64; 2] {
         _ => 0.0,
     };
     [from, noise.top(channel)]
+}
+
+/// Decimated rows of a record at which one of the motors rests.
+fn resting(case: &Case) -> Vec<bool> {
+    let step = case.balance.fourier.step();
+    let mut resting = vec![false; case.balance.fourier.decimated_rows()];
+    for (parameter, _) in &case.base.parameters {
+        if let Parameter::RestOffset { from, to, .. } = *parameter {
+            let rows = resting.len();
+            resting[(from / step).min(rows)..to.div_ceil(step).min(rows)].fill(true);
+        }
+    }
+    resting
+}
+
+/// How much more power than white noise of the sensors' resolution the table's residual may have up to `top` Hz while a motor rests. The
+/// rounding of an encoder that turns is spread over all frequencies up to half the sampling rate (Widrow's model of quantisation). One
+/// that rests moves within its count as slowly as its shaft: all of the rounding's power may be below `top`, and in any band.
+fn rounding_at_rest(case: &Case, top: f64) -> f64 {
+    let Balance {
+        model,
+        signals,
+        lead,
+        ..
+    } = case.balance;
+    let table = model.sensing.table_noise_m.powi(2);
+    let encoder = lead * lead * angle_noise(&model.sensing);
+    (table + encoder * (1.0 + 0.5 * signals.rate / top)) / (table + 2.0 * encoder).max(1e-300)
 }
 
 pub(crate) fn rms(signal: &[f64], mask: &[bool]) -> f64 {
@@ -178,6 +208,7 @@ impl Fixed {
                 })
                 .collect()
         };
+        let resting = resting(check);
         let levels = |white: &Column| -> Vec<Level> {
             let rate = check.balance.signals.rate / check.balance.fourier.step() as f64;
             Channel::ALL
@@ -185,7 +216,21 @@ impl Fixed {
                 .map(|&channel| {
                     let part = white.parts[channel.index()].as_deref().unwrap_or_default();
                     let band = judged_hz(channel, noise);
-                    Level::new(part, whitener.rows(channel), rate, band)
+                    let open = whitener.mask(channel);
+                    if channel != Channel::Table || !resting.contains(&true) {
+                        return Level::new(channel, part, counted(open), rate, band);
+                    }
+                    let at = |rests: bool| -> (Vec<f64>, usize) {
+                        let rows = part.iter().zip(&resting);
+                        let own = |(x, own): (&f64, &bool)| if *own == rests { *x } else { 0.0 };
+                        let open = open.iter().zip(&resting);
+                        let count = open.filter(|(open, own)| **open && **own == rests).count();
+                        (rows.map(own).collect(), count)
+                    };
+                    let ((turning, rows), (rest, rest_rows)) = (at(false), at(true));
+                    let power = dot(&rest, &rest) / rest_rows.max(1) as f64;
+                    Level::new(channel, &turning, rows, rate, band)
+                        .beside(power / rounding_at_rest(check, band[1]), rest_rows)
                 })
                 .collect()
         };

@@ -5,9 +5,18 @@ use crate::effects::family::Family;
 
 /// Half-width of a 95 % interval in standard deviations.
 const NORMAL_95: f64 = 1.96;
-/// Relative error of the balances themselves (sampled voltages, currents between samples), added to every size's
-/// standard deviation.
-const BALANCE_ERROR: f64 = 0.01;
+
+/// Relative error of the balances themselves (sampled voltages, currents between samples, products of what is small), added to a
+/// size's standard deviation: by how much the sizes of each family are off on drawn machines beyond what the covariance says (848 values,
+/// seeds 600000 and 610000 on). Those machines are simulated: nothing is known of a real one's.
+fn balance_error(family: Family) -> f64 {
+    match family {
+        Family::StribeckFriction => 0.02,
+        Family::CurrentGain | Family::FluxHarmonic => 0.01,
+        Family::DeadTime => 0.004,
+        _ => 0.002,
+    }
+}
 
 /// A parameter with its 95 % interval.
 pub struct Estimate {
@@ -41,13 +50,15 @@ pub fn estimates(found: &Found) -> Vec<Estimate> {
 fn sigma(found: &Found, name: &str, value: f64) -> f64 {
     let n = found.values.len();
     let variance = |k: usize| found.covariance[k * n + k].max(0.0);
-    let size = |own: f64| own.hypot(BALANCE_ERROR * value);
+    let family = found.hypothesis.family;
+    let size = |own: f64| own.hypot(balance_error(family) * value);
     match name {
-        "order" if found.hypothesis.family == Family::AngleTorque => {
+        "order" if family == Family::AngleTorque => {
             // Torque harmonics count per electrical turn what was traced per mechanical turn.
             found.shape_sigma * value / found.hypothesis.shape
         }
-        "order" | "hz" | "speed" => found.shape_sigma,
+        "order" | "hz" => found.shape_sigma,
+        "speed" => size(found.shape_sigma),
         "amplitude" if n == 2 => {
             let [a, b] = [found.values[0], found.values[1]];
             let square = a * a + b * b;
@@ -62,7 +73,7 @@ fn sigma(found: &Found, name: &str, value: f64) -> f64 {
             let own = (b * b * variance(0) - 2.0 * a * b * found.covariance[1]
                 + a * a * variance(n - 1))
                 / (square * square);
-            own.max(0.0).sqrt().hypot(BALANCE_ERROR)
+            own.max(0.0).sqrt().hypot(balance_error(family))
         }
         // A share of the current, from the reading's share of which the variance is.
         "gain_a" => size((1.0 + value).powi(2) * variance(0).sqrt()),

@@ -169,6 +169,11 @@ impl Normal {
         self.priors.is_empty()
     }
 
+    /// What was known of each parameter before the record was seen, as the inverse of its variance.
+    pub(crate) fn known(&self) -> Vec<f64> {
+        self.priors.iter().map(|prior| prior.precision()).collect()
+    }
+
     fn sums(&self, without: Option<usize>) -> (DMatrix<f64>, DVector<f64>) {
         let n = self.len();
         let (mut gram, mut rhs) = (DMatrix::zeros(n, n), DVector::zeros(n));

@@ -29,7 +29,9 @@ fn correlated(left: &[f64]) -> f64 {
 
 /// Covariance of some of a regression's parameters, robust to a residual that is no white noise over time and not the same
 /// in all channels: the scatter of their influence functions over stretches (Newey and West 1987), all channels of one
-/// instant together.
+/// instant together. What was known of the others before, a plate's tolerance, pulls on the parameters as a row of a record
+/// does whose noise is that tolerance (mixed estimation; Theil and Goldberger 1961): what only a plate tells apart from a parameter
+/// leaves that parameter as uncertain as the plate.
 pub(crate) fn robust(normal: &Normal, solution: &Solution, parameters: &[usize]) -> DMatrix<f64> {
     let left = normal.residual(&solution.values);
     let parts = || left.parts.iter().flatten();
@@ -60,7 +62,15 @@ pub(crate) fn robust(normal: &Normal, solution: &Solution, parameters: &[usize])
             }
         }
     }
-    long_run(&influence, stretch)
+    let known = normal.known();
+    let told = DMatrix::from_fn(n, n, |k, j| {
+        let rows = known.iter().enumerate().map(|(row, precision)| {
+            let weight = |parameter: usize| solution.covariance[(parameter, row)];
+            precision * weight(parameters[k]) * weight(parameters[j])
+        });
+        rows.sum::<f64>()
+    });
+    long_run(&influence, stretch) + told
 }
 
 /// Covariance of the sums of influences that are correlated over less than `stretch` rows (Newey and West 1987): the
@@ -181,6 +191,8 @@ impl Wave {
 #[cfg(test)]
 pub(crate) mod tests {
     use super::*;
+    use crate::regression::column::Column;
+    use crate::regression::normal::Prior;
     use rand::{RngExt, SeedableRng};
     use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -233,6 +245,37 @@ pub(crate) mod tests {
             println!("{kept}: {covered:.3}");
             assert!((0.91..0.99).contains(&covered), "{kept}: {covered}");
         }
+    }
+
+    /// A parameter that the record does not tell from one that a plate gives within a tolerance, beside noise: its interval holds it
+    /// for plates that are as far off as they may be.
+    #[test]
+    fn what_a_plate_alone_tells_apart_is_as_uncertain_as_the_plate() {
+        const ROWS: usize = 2000;
+        const TRIALS: u64 = 200;
+        const TOLERANCE: f64 = 0.1;
+        let wave: Vec<f64> = (0..ROWS).map(|k| (0.05 * k as f64).cos()).collect();
+        let mut random = Xoshiro256PlusPlus::seed_from_u64(1);
+        let mut inside = 0;
+        for seed in 0..TRIALS {
+            let plate_off = TOLERANCE * 12f64.sqrt() * (random.random::<f64>() - 0.5);
+            let noise = coloured(seed, ROWS, 0.5);
+            let target = wave.iter().zip(&noise);
+            let target = target.map(|(w, e)| (1.0 + plate_off) * w + e).collect();
+            let rows = std::iter::once(0..ROWS).collect();
+            let mut normal = Normal::new(Column::alone(target), &rows);
+            normal.push(Column::alone(wave.clone()), Prior::within(TOLERANCE, 1.0));
+            normal.push(Column::alone(wave.clone()), Prior::FREE);
+            let solution = normal.solve(None);
+            let variance = robust(&normal, &solution, &[1])[(0, 0)];
+            let [low, high] = interval(solution.values[1], variance);
+            inside += u64::from((low..=high).contains(&1.0));
+        }
+        let held = inside as f64 / TRIALS as f64;
+        assert!(
+            (0.92..=1.0).contains(&held),
+            "{held} of the intervals hold the truth, expected 0.95"
+        );
     }
 
     #[test]

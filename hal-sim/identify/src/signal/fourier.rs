@@ -167,16 +167,21 @@ impl Fourier {
 
 /// Power in that of noise from which a bin of a spectrum is more than noise: noise alone exceeds it in one bin of a thousand,
 /// as its power is distributed exponentially.
-const ABOVE_NOISE: f64 = 7.0;
+pub(crate) const ABOVE_NOISE: f64 = 7.0;
 
 impl Fourier {
     /// What of a record's spectrum is above noise with a variance a row of `density` over frequency (Hz). Noise in a regressor
     /// draws its parameter to where it explains the residual's noise, which is the same (errors in variables; Söderström,
-    /// *Automatica* 43, 2007): what a record tells of the parameter is in the bins that stand out of it.
-    pub fn above_noise(&self, spectrum: &[Complex64], density: impl Fn(f64) -> f64) -> Spectrum {
+    /// *Automatica* 43, 2007): what a record tells of the parameter is in the bins that stand out of it, by so many `times` its power.
+    pub fn above_noise(
+        &self,
+        spectrum: &[Complex64],
+        times: f64,
+        density: impl Fn(f64) -> f64,
+    ) -> Spectrum {
         let rows = self.rows as f64;
         let told = |(bin, value): (usize, &Complex64)| {
-            let least = ABOVE_NOISE * rows * density(self.hz(bin));
+            let least = times * rows * density(self.hz(bin));
             value * f64::from(u8::from(value.norm_sqr() > least))
         };
         spectrum.iter().enumerate().map(told).collect()
@@ -313,7 +318,7 @@ mod tests {
         };
         let variance = noise.iter().map(|n| n * n).sum::<f64>() / ROWS as f64;
         let whole = parameter(&regressor);
-        let told = parameter(&fourier.above_noise(&regressor, |_| variance));
+        let told = parameter(&fourier.above_noise(&regressor, ABOVE_NOISE, |_| variance));
         assert!(
             whole < -0.3 && (told - 0.02).abs() < 0.02,
             "with the noise {whole}, without {told}, expected less than -0.3, and 0.02"

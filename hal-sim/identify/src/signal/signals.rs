@@ -2,7 +2,7 @@
 
 use crate::machines::Machine;
 use crate::signal::along::Along;
-use crate::signal::fourier::{Fourier, Spectrum, slope};
+use crate::signal::fourier::{ABOVE_NOISE, Fourier, Spectrum, slope};
 use crate::signal::frames::{clarke, park};
 use plant::Axis;
 use plant::model::{Model, SensingModel};
@@ -157,7 +157,7 @@ impl MotorSignals {
         });
         let acceleration = fourier.curvature(&travel);
         let sensing = &model.sensing;
-        let acceleration_told = fourier.above_noise(&acceleration, |hz| {
+        let acceleration_told = fourier.above_noise(&acceleration, ABOVE_NOISE, |hz| {
             angle_noise(sensing) * (TAU * hz).powi(4)
         });
         let reference = &record.iq_ref_a;
@@ -165,7 +165,7 @@ impl MotorSignals {
             .map(|k| reference[k] - reference[k.saturating_sub(1)])
             .collect();
         // Of a drive that does not say its reference it is the measured current.
-        let reference_step = fourier.above_noise(&fourier.spectrum(&step), |hz| {
+        let reference_step = fourier.above_noise(&fourier.spectrum(&step), ABOVE_NOISE, |hz| {
             2.0 * current_noise(sensing) * (2.0 * (0.5 * TAU * hz / rate).sin()).powi(2)
         });
         MotorSignals {
