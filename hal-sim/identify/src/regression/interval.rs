@@ -6,16 +6,22 @@ use crate::effects::family::Family;
 /// Half-width of a 95 % interval in standard deviations.
 const NORMAL_95: f64 = 1.96;
 
-/// Relative error of the balances themselves (sampled voltages, currents between samples, products of what is small), added to a
-/// size's standard deviation: by how much the sizes of each family are off on drawn machines beyond what the covariance says (848 values,
-/// seeds 600000 and 610000 on). Those machines are simulated: nothing is known of a real one's.
-fn balance_error(family: Family) -> f64 {
-    match family {
+/// Standard deviation of a size that the balances themselves make (sampled voltages, currents between samples, products of what is
+/// small): by how much the sizes of each family are off on drawn machines beyond what the covariance says (848 values, seeds
+/// 600000 and 610000 on). Those machines are simulated: nothing is known of a real one's.
+fn balance_error(family: Family, size: f64) -> f64 {
+    let share = match family {
         Family::StribeckFriction => 0.02,
-        Family::CurrentGain | Family::FluxHarmonic => 0.01,
+        Family::FluxHarmonic | Family::ResistanceDrift => 0.01,
         Family::DeadTime => 0.004,
         _ => 0.002,
-    }
+    };
+    let least = match family {
+        // What the gains of both sensors have in common is told by the flux, and by what the balances are off in it.
+        Family::CurrentGain => 5e-4,
+        _ => 0.0,
+    };
+    (share * size).hypot(least)
 }
 
 /// A parameter with its 95 % interval.
@@ -51,7 +57,7 @@ fn sigma(found: &Found, name: &str, value: f64) -> f64 {
     let n = found.values.len();
     let variance = |k: usize| found.covariance[k * n + k].max(0.0);
     let family = found.hypothesis.family;
-    let size = |own: f64| own.hypot(balance_error(family) * value);
+    let size = |own: f64| own.hypot(balance_error(family, value));
     match name {
         "order" if family == Family::AngleTorque => {
             // Torque harmonics count per electrical turn what was traced per mechanical turn.
@@ -73,7 +79,7 @@ fn sigma(found: &Found, name: &str, value: f64) -> f64 {
             let own = (b * b * variance(0) - 2.0 * a * b * found.covariance[1]
                 + a * a * variance(n - 1))
                 / (square * square);
-            own.max(0.0).sqrt().hypot(balance_error(family))
+            own.max(0.0).sqrt().hypot(balance_error(family, 1.0))
         }
         // A share of the current, from the reading's share of which the variance is.
         "gain_a" => size((1.0 + value).powi(2) * variance(0).sqrt()),

@@ -190,14 +190,26 @@ impl Normal {
         (gram, rhs)
     }
 
+    /// Covariance of the parameters under white noise of variance 1, as if none were at its bound: one that is there may be off by what
+    /// its prior and the record let it, towards the inside.
+    pub(crate) fn covariance(&self) -> DMatrix<f64> {
+        let (gram, rhs) = self.sums(None);
+        solve_holding(&gram, &rhs, &self.fixed()).covariance
+    }
+
+    /// Columns that count with a given value.
+    fn fixed(&self) -> Vec<(usize, f64)> {
+        let priors = self.priors.iter().enumerate();
+        priors
+            .filter_map(|(k, prior)| Some((k, prior.fixed?)))
+            .collect()
+    }
+
     /// Least squares within the bounds over all operating points, or all but one.
     pub fn solve(&self, without: Option<usize>) -> Solution {
         let (gram, rhs) = self.sums(without);
         let bounds: Vec<f64> = self.priors.iter().map(|prior| prior.bound).collect();
-        let fixed: Vec<(usize, f64)> = (0..self.len())
-            .filter_map(|k| Some((k, self.priors[k].fixed?)))
-            .collect();
-        solve_within(&gram, &rhs, &bounds, &fixed)
+        solve_within(&gram, &rhs, &bounds, &self.fixed())
     }
 
     /// The regression with further columns.

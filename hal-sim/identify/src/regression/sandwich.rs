@@ -34,6 +34,7 @@ fn correlated(left: &[f64]) -> f64 {
 /// leaves that parameter as uncertain as the plate.
 pub(crate) fn robust(normal: &Normal, solution: &Solution, parameters: &[usize]) -> DMatrix<f64> {
     let left = normal.residual(&solution.values);
+    let free = normal.covariance();
     let parts = || left.parts.iter().flatten();
     let rows = parts().map(Vec::len).max().unwrap_or(0);
     let n = parameters.len();
@@ -49,7 +50,7 @@ pub(crate) fn robust(normal: &Normal, solution: &Solution, parameters: &[usize])
             let Some(residual) = residual else { continue };
             let mut regressor = vec![0.0; residual.len()];
             for (k, column) in normal.columns.iter().enumerate() {
-                let weight = solution.covariance[(parameter, k)];
+                let weight = free[(parameter, k)];
                 if let Some(part) = column.parts[channel].as_ref().filter(|_| weight != 0.0) {
                     regressor
                         .iter_mut()
@@ -65,7 +66,7 @@ pub(crate) fn robust(normal: &Normal, solution: &Solution, parameters: &[usize])
     let known = normal.known();
     let told = DMatrix::from_fn(n, n, |k, j| {
         let rows = known.iter().enumerate().map(|(row, precision)| {
-            let weight = |parameter: usize| solution.covariance[(parameter, row)];
+            let weight = |parameter: usize| free[(parameter, row)];
             precision * weight(parameters[k]) * weight(parameters[j])
         });
         rows.sum::<f64>()
