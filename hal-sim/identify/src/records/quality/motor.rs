@@ -2,17 +2,21 @@
 //! reference, voltages and the motor's equation. Where a relation fails, the errors that people make are tried on the
 //! record; one that mends the relation is named.
 
-use super::regress::{fit, rms};
+use super::regress::{Fit, fit, rms};
 use super::{Finding, Limits};
 use crate::signal::frames::{clarke, park};
 use nalgebra::{Complex, Matrix3, Vector3};
 use plant::model::MotorModel;
 use std::borrow::Cow;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
-use std::ops::Range;
+use std::ops::{Range, RangeInclusive};
 
 /// Length of the stretches that are averaged, s: noise of sensors and PWM is gone, ramps are not.
 const BLOCK_S: f64 = 5e-3;
+/// Share of the voltages' squares by which a value of the plate must matter. At one speed resistance and flux are told apart by next to
+/// nothing, and a little that no equation has moves either by a multiple: of 200 sound machines eight, whose records show one speed or two, were called wrong without
+/// this. A resistance of a hundredth, where little current flows, matters by a thousandth.
+const MATTERS: f64 = 2e-4;
 /// Rows that a fit of the currents looks at: enough for a hundredth.
 const LOOKED_AT: usize = 6000;
 /// Stretches that a regression looks at.
@@ -611,7 +615,49 @@ impl<'a> Motor<'a> {
     }
 
     /// Resistance, inductance, flux and dead time by the voltage equation, over those that are declared; dead time in V.
-    fn equation(&self) -> Option<super::regress::Fit> {
+    fn equation(&self) -> Option<Fit> {
+        let (columns, voltages) = self.equation_rows()?;
+        fit(&columns, &voltages)
+    }
+
+    /// Whether values within their ranges explain as much of the voltages as any.
+    fn explained_within(&self, free: &Fit, ranges: [&RangeInclusive<f64>; 3]) -> bool {
+        let Some((columns, voltages)) = self.equation_rows() else {
+            return true;
+        };
+        let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
+        let whole = squares(&voltages);
+        let mut held: Vec<(usize, f64)> = Vec::new();
+        let mut values = free.values.clone();
+        // What leaves its range is held at the end of it, and the others have another go.
+        while let Some(k) = (0..ranges.len()).find(|&k| !ranges[k].contains(&values[k])) {
+            held.push((k, values[k].clamp(*ranges[k].start(), *ranges[k].end())));
+            let rest: Vec<f64> = (0..voltages.len())
+                .map(|row| {
+                    voltages[row] - held.iter().map(|(k, v)| v * columns[*k][row]).sum::<f64>()
+                })
+                .collect();
+            let open: Vec<usize> = (0..columns.len())
+                .filter(|k| held.iter().all(|(h, _)| h != k))
+                .collect();
+            let own: Vec<Vec<f64>> = open.iter().map(|&k| columns[k].clone()).collect();
+            let Some(fit) = fit(&own, &rest) else {
+                return true;
+            };
+            let left = (1.0 - fit.explained) * squares(&rest);
+            if left > (1.0 - free.explained + MATTERS) * whole {
+                return false;
+            }
+            held.iter().for_each(|(k, v)| values[*k] = *v);
+            open.iter()
+                .zip(&fit.values)
+                .for_each(|(&k, v)| values[k] = *v);
+        }
+        true
+    }
+
+    /// Columns of the voltage equation and the voltages, d and q of each stretch.
+    fn equation_rows(&self) -> Option<([Vec<f64>; 4], Vec<f64>)> {
         let [ud, uq] = self.voltages.as_ref()?;
         if !self.has_currents() {
             return None;
@@ -640,10 +686,10 @@ impl<'a> Motor<'a> {
             pair(&|_| 0.0, &|k| plate.flux_wb * speed[k]),
             pair(&|k| sd[k], &|k| sq[k]),
         ];
-        fit(&columns, &pair(&|k| md[k], &|k| mq[k]))
+        Some((columns, pair(&|k| md[k], &|k| mq[k])))
     }
 
-    fn equation_sound(&self, fit: &super::regress::Fit, limits: &Limits) -> bool {
+    fn equation_sound(&self, fit: &Fit, limits: &Limits) -> bool {
         fit.explained > limits.fixed
             && limits.flux_ratio.contains(&fit.values[2])
             && limits.resistance_ratio.contains(&fit.values[0])
@@ -661,18 +707,18 @@ impl<'a> Motor<'a> {
         };
         let names = ["ud_v", "uq_v"].map(|name| self.name(name));
         let [ud, uq] = &names;
-        let outside = |k: usize, range: &std::ops::RangeInclusive<f64>| {
-            let (value, error) = (own.values[k], limits.sigmas * own.errors[k]);
-            value + error < *range.start() || value - error > *range.end()
-        };
-        let [r, l, f] = [own.values[0], own.values[1], own.values[2]];
-        let wrong = [
-            outside(0, &limits.resistance_ratio),
-            outside(1, &limits.inductance_ratio),
-            outside(2, &limits.flux_ratio),
+        let ranges = [
+            &limits.resistance_ratio,
+            &limits.inductance_ratio,
+            &limits.flux_ratio,
         ];
-        let unexplained = own.explained < limits.voltage_explained;
-        if !wrong.contains(&true) && !unexplained {
+        let wrong = [0, 1, 2].map(|k| {
+            let (value, error) = (own.values[k], limits.sigmas * own.errors[k]);
+            value + error < *ranges[k].start() || value - error > *ranges[k].end()
+        });
+        let [r, l, f] = [own.values[0], own.values[1], own.values[2]];
+        let is_wrong = wrong.contains(&true) && !self.explained_within(&own, ranges);
+        if !is_wrong && own.explained >= limits.voltage_explained {
             return true;
         }
         let statistic = [f, *limits.flux_ratio.end()];
