@@ -93,9 +93,31 @@ impl MotorIo for Registers<'_> {
     }
 }
 
-fn exchanges(config: &DriveConfig) -> [MotorExchange; 2] {
-    let loops = config.current_loops.each_ref();
-    loops.map(|motor| MotorExchange::new(motor, config.speed_divider))
+/// What the chip's code knows: gone in a reset.
+#[derive(Debug)]
+struct Code {
+    config: DriveConfig,
+    current_loops: [CurrentLoop; 2],
+    speed_task: SpeedTask,
+    exchanges: [MotorExchange; 2],
+    compares: [PwmCommand; 2],
+    samples: [MotorSample; 2],
+    speed: SpeedTaskOutput,
+}
+
+impl Code {
+    fn new(config: DriveConfig) -> Self {
+        let loops = config.current_loops.each_ref();
+        Self {
+            current_loops: loops.map(CurrentLoop::new),
+            speed_task: SpeedTask::new(&config),
+            exchanges: loops.map(|motor| MotorExchange::new(motor, config.speed_divider)),
+            compares: [PwmCommand::default(); 2],
+            samples: [MotorSample::default(); 2],
+            speed: SpeedTaskOutput::default(),
+            config,
+        }
+    }
 }
 
 /// The whole drive: control code, board, machine.
@@ -107,13 +129,7 @@ pub struct Drive {
     pub request: Request,
     /// Someone commands, and says so at each step of the speed task.
     pub attended: bool,
-    config: DriveConfig,
-    current_loops: [CurrentLoop; 2],
-    speed_task: SpeedTask,
-    exchanges: [MotorExchange; 2],
-    compares: [PwmCommand; 2],
-    samples: [MotorSample; 2],
-    speed: SpeedTaskOutput,
+    code: Code,
     pole_pairs: [u32; 2],
     periods: u64,
 }
@@ -160,13 +176,7 @@ impl Drive {
                 ..Request::default()
             },
             attended: true,
-            current_loops: config.current_loops.each_ref().map(CurrentLoop::new),
-            speed_task: SpeedTask::new(&config),
-            exchanges: exchanges(&config),
-            compares: [PwmCommand::default(); 2],
-            samples: [MotorSample::default(); 2],
-            speed: SpeedTaskOutput::default(),
-            config,
+            code: Code::new(config),
             pole_pairs: plate.motors.map(|motor| motor.pole_pairs),
             periods: 0,
         }
@@ -177,14 +187,7 @@ impl Drive {
     /// # Errors
     /// [`Misfit`] if a gain of `plate` does not fit its format.
     pub fn reset(&mut self, plate: &DrivePlate) -> Result<(), Misfit> {
-        self.config = plate.config()?;
-        let config = &self.config;
-        self.current_loops = config.current_loops.each_ref().map(CurrentLoop::new);
-        self.speed_task = SpeedTask::new(config);
-        self.exchanges = exchanges(config);
-        self.compares = [PwmCommand::default(); 2];
-        self.samples = [MotorSample::default(); 2];
-        self.speed = SpeedTaskOutput::default();
+        self.code = Code::new(plate.config()?);
         self.request = Request::default();
         self.board.reset();
         Ok(())
@@ -207,7 +210,7 @@ impl Drive {
             velocity: TableVelocity::saturating_from_num(velocity),
             base: MechanicalSpeed::saturating_from_num(base),
         };
-        self.speed_task.command(&self.config, command)
+        self.code.speed_task.command(&self.code.config, command)
     }
 
     /// Asks the motor of `axis`, while it runs, for a current along d, A: it makes no torque, and ends with the run.
@@ -215,12 +218,12 @@ impl Drive {
     /// # Errors
     /// The largest, A, if more is asked.
     pub fn ask_d(&self, axis: Axis, amps: Current) -> Result<(), Current> {
-        let most = self.config.speed_loops[axis.index()].i_max;
+        let most = self.code.config.speed_loops[axis.index()].i_max;
         if amps.saturating_abs() > most {
             return Err(most);
         }
         self.exchange(axis)
-            .ask_d(amps, &self.config.current_loops[axis.index()]);
+            .ask_d(amps, &self.code.config.current_loops[axis.index()]);
         Ok(())
     }
 
@@ -239,7 +242,7 @@ impl Drive {
         self.current_interrupt(Axis::Screw, seam);
         if self
             .periods
-            .is_multiple_of(u64::from(self.config.speed_divider))
+            .is_multiple_of(u64::from(self.code.config.speed_divider))
         {
             self.speed_interrupt(seam);
         }
@@ -254,19 +257,19 @@ impl Drive {
     /// What the table's share turns the screw by against the nut by its plan, and the change of that a step.
     #[must_use]
     pub fn planned(&self) -> (Speed, SpeedChange) {
-        self.speed_task.planned()
+        self.code.speed_task.planned()
     }
 
     /// The brake is told to let go.
     #[must_use]
     pub fn releases_brake(&self) -> bool {
-        self.speed_task.releases_brake()
+        self.code.speed_task.releases_brake()
     }
 
     /// The references are at the commanded targets.
     #[must_use]
     pub fn arrived(&self) -> bool {
-        self.speed_task.arrived()
+        self.code.speed_task.arrived()
     }
 
     /// Electrical turns a mechanical turn of `axis`.
@@ -284,39 +287,41 @@ impl Drive {
     /// Why the last alignment failed; `None` if it did not.
     #[must_use]
     pub fn misalignment(&self) -> Option<Misalignment> {
-        self.speed_task.misalignment()
+        self.code.speed_task.misalignment()
     }
 
     /// What was found since it last left a fault.
     #[must_use]
     pub fn latched(&self) -> FaultSet {
-        self.speed_task.latched()
+        self.code.speed_task.latched()
     }
 
     /// What limits it.
     #[must_use]
     pub fn limits(&self) -> ActiveLimits {
-        self.speed_task
-            .limits(&self.config, self.exchanges.each_ref())
+        self.code
+            .speed_task
+            .limits(&self.code.config, self.code.exchanges.each_ref())
     }
 
     /// What it compensates, with what it has learned.
     #[must_use]
     pub fn compensation(&self) -> &Compensation {
-        self.speed_task.compensation()
+        self.code.speed_task.compensation()
     }
 
     /// What the drive is doing.
     #[must_use]
     pub fn state(&self) -> State {
-        self.speed.state
+        self.code.speed.state
     }
 
     /// The bridges of screw and nut are on, as the supervision takes them to be.
     #[must_use]
     pub fn bridges_on(&self) -> [bool; 2] {
         let on = self.state().has_bridges_on();
-        self.exchanges
+        self.code
+            .exchanges
             .each_ref()
             .map(|exchange| on || exchange.is_closed())
     }
@@ -325,12 +330,12 @@ impl Drive {
     #[must_use]
     pub fn estimate(&self, axis: Axis) -> MotorEstimate {
         let (exchange, sense) = (
-            &self.exchanges[axis.index()],
-            &self.config.current_loops[axis.index()].sense,
+            &self.code.exchanges[axis.index()],
+            &self.code.config.current_loops[axis.index()].sense,
         );
         let current = exchange.current();
         MotorEstimate {
-            theta: self.current_loops[axis.index()].shaft().0,
+            theta: self.code.current_loops[axis.index()].shaft().0,
             phases: sense.phases(exchange.codes()),
             current: DirectQuadrature {
                 d: sense.scale.current(current.d),
@@ -343,28 +348,28 @@ impl Drive {
 
     /// Puts the electrical angle of `axis` wrong by `turns` from now on, as a slipped rotor or encoder does.
     pub fn misalign(&mut self, axis: Axis, turns: f64) {
-        let exchange = &self.exchanges[axis.index()];
+        let exchange = &self.code.exchanges[axis.index()];
         let alignment = exchange.alignment().map(|alignment| EncoderAlignment {
             theta_e_at_zero: alignment.theta_e_at_zero.plus(Angle::from_turns(turns)),
             ..alignment
         });
         exchange.align(exchange.alignment(), alignment);
-        self.current_loops[axis.index()].take_alignment(alignment);
+        self.code.current_loops[axis.index()].take_alignment(alignment);
     }
 
     /// Knows of `axis` what `other` knew of how its encoder lies.
     pub fn keep_alignment(&mut self, axis: Axis, other: &Self) {
         let alignment = other.exchange(axis).alignment();
-        self.exchanges[axis.index()].align(None, alignment);
-        self.current_loops[axis.index()].take_alignment(alignment);
+        self.code.exchanges[axis.index()].align(None, alignment);
+        self.code.current_loops[axis.index()].take_alignment(alignment);
     }
 
     /// How far the three currents of each motor are from adding up to nothing: see [`sum_events`].
     #[must_use]
     pub fn current_sums(&self) -> [u32; 2] {
         Axis::ALL.map(|axis| {
-            let (k, config) = (axis.index(), &self.config);
-            let codes = self.exchanges[k].codes_of_one_period();
+            let (k, config) = (axis.index(), &self.code.config);
+            let codes = self.code.exchanges[k].codes_of_one_period();
             sum_events(&config.runaway[k], &config.current_loops[k].sense, codes)
         })
     }
@@ -372,32 +377,32 @@ impl Drive {
     /// The words between the current loop of `axis` and the speed task.
     #[must_use]
     pub fn exchange(&self, axis: Axis) -> &MotorExchange {
-        &self.exchanges[axis.index()]
+        &self.code.exchanges[axis.index()]
     }
 
     /// What the board last read for `axis`.
     #[must_use]
     pub fn sample(&self, axis: Axis) -> &MotorSample {
-        &self.samples[axis.index()]
+        &self.code.samples[axis.index()]
     }
 
     /// Voltage that was commanded for the control period of `axis` that ended with its last sample.
     #[must_use]
     pub fn ended_voltage(&self, axis: Axis) -> DirectQuadrature<Voltage> {
-        let exchange = &self.exchanges[axis.index()];
+        let exchange = &self.code.exchanges[axis.index()];
         exchange.voltage(exchange.periods().wrapping_sub(2))
     }
 
     /// What the current loop of `axis` last wrote to its timer.
     #[must_use]
     pub fn compare(&self, axis: Axis) -> PwmCommand {
-        self.compares[axis.index()]
+        self.code.compares[axis.index()]
     }
 
     /// What the speed task last decided.
     #[must_use]
     pub fn speed(&self) -> &SpeedTaskOutput {
-        &self.speed
+        &self.code.speed
     }
 
     fn current_interrupt(&mut self, axis: Axis, seam: &mut impl Seam) {
@@ -408,29 +413,29 @@ impl Drive {
             board: &mut self.board,
             axis,
             sample,
-            command: self.compares[k],
-            config: &self.config.current_loops[k],
+            command: self.code.compares[k],
+            config: &self.code.config.current_loops[k],
         };
-        self.current_loops[k].period(
-            &self.config.current_loops[k],
+        self.code.current_loops[k].period(
+            &self.code.config.current_loops[k],
             &mut registers,
-            &self.exchanges[k],
+            &self.code.exchanges[k],
             || (),
         );
         // By its parts: a load of the whole would wait for the stores of them.
         let PwmCommand { compare, enable } = registers.command;
         let command = PwmCommand { compare, enable };
-        self.compares[k] = command;
+        self.code.compares[k] = command;
         self.board.write(axis, command);
-        self.samples[k] = sample;
+        self.code.samples[k] = sample;
     }
 
     /// What another controller adds to the references of a drive that runs.
     fn add_currents(&mut self, seam: &mut impl Seam) {
         for axis in Axis::ALL {
             let k = axis.index();
-            let (config, exchange) = (&self.config.current_loops[k], &self.exchanges[k]);
-            let i_q = self.speed.current[k].i_q;
+            let (config, exchange) = (&self.code.config.current_loops[k], &self.code.exchanges[k]);
+            let i_q = self.code.speed.current[k].i_q;
             let omega_e = config
                 .observer
                 .omega_e(exchange.theta_step())
@@ -439,16 +444,16 @@ impl Drive {
                 turn: f64::from(exchange.encoder())
                     / f64::from(config.observer.encoder.counts_per_turn),
                 omega_e,
-                error: self.speed.speed[k].omega_e.to_num::<f64>() - omega_e,
+                error: self.code.speed.speed[k].omega_e.to_num::<f64>() - omega_e,
                 i_q: i_q.to_num(),
             };
             if let Some(more) = seam.current(axis, &seen) {
-                let i_max = self.config.speed_loops[k].i_max;
+                let i_max = self.code.config.speed_loops[k].i_max;
                 let asked = i_q
                     .saturating_add(Current::saturating_from_num(more))
                     .clamp(-i_max, i_max);
                 exchange.ask_on(asked, config);
-                self.speed.current[k].i_q = asked;
+                self.code.speed.current[k].i_q = asked;
             }
         }
     }
@@ -458,24 +463,25 @@ impl Drive {
             self.request.heartbeat = self.request.heartbeat.wrapping_add(1);
         }
         let mut request = self.request;
-        if self.config.compensation.scale.is_some() {
+        if self.code.config.compensation.scale.is_some() {
             // The counter's own width, which the control knows to wrap.
             request.scale = Some(self.board.scale_counts() as u32);
         }
         seam.request(&mut request);
-        let before = self.speed.state;
-        self.speed = self.speed_task.step(
-            &self.config,
+        let before = self.code.speed.state;
+        self.code.speed = self.code.speed_task.step(
+            &self.code.config,
             request,
-            self.exchanges.each_ref(),
+            self.code.exchanges.each_ref(),
             seam.found(),
         );
-        if before.fault().is_none() && self.speed.state.fault().is_some() {
-            self.speed.state = self
+        if before.fault().is_none() && self.code.speed.state.fault().is_some() {
+            self.code.speed.state = self
+                .code
                 .speed_task
                 .tell_lines(self.board.fault_lines(), self.board.broken_by_system());
         }
-        if self.speed.state.is_driven() {
+        if self.code.speed.state.is_driven() {
             self.add_currents(seam);
         }
     }

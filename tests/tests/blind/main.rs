@@ -78,7 +78,7 @@ fn unseen_machines_are_told_apart() {
         visible.right,
         visible.of
     );
-    // Of 40 intervals that each hold the truth with a chance of 95 % fewer do so once in 300 times.
+    // The short run has 32 intervals: of so many that each hold the truth with a chance of 95 % fewer do so once in 220 times.
     assert!(
         f64::from(covered.right) >= COVERED * f64::from(covered.of),
         "{} of {} intervals hold the truth",

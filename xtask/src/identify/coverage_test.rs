@@ -47,6 +47,13 @@ fn a_resonance_is_within_its_interval() {
     holds(70_035, &["axial_compliance"], "hz");
 }
 
+/// Near the declared resonance the encoders' rounding, which a soft screw amplifies, drew it towards the stiffer one: by five standard
+/// deviations.
+#[test]
+fn a_resonance_near_the_declared_one_is_within_its_interval() {
+    holds(600_154, &["axial_compliance"], "hz");
+}
+
 /// Both angles are read at instants of their own, so that their difference depends on the base speed.
 #[test]
 fn an_order_of_screw_against_nut_is_within_its_interval() {

@@ -26,6 +26,38 @@ pub(crate) fn judged_hz(channel: Channel, noise: &Noise) -> [f64; 2] {
     [from, noise.top(channel)]
 }
 
+/// How loud a channel of a whitened residual is in a band, Hz. A table beside a motor that rests is judged by its power alone.
+pub(crate) fn level(
+    case: &Case,
+    whitener: &Whitener,
+    white: &Column,
+    channel: Channel,
+    band: [f64; 2],
+) -> Level {
+    let rate = case.balance.signals.rate / case.balance.fourier.step() as f64;
+    let open = whitener.mask(channel);
+    let mut turning = white.parts[channel.index()].clone().unwrap_or_default();
+    let resting = match channel {
+        Channel::Table => resting(case),
+        _ => Vec::new(),
+    };
+    let (mut power, mut rows) = (0.0, 0);
+    for (k, x) in turning.iter_mut().enumerate() {
+        if resting.get(k) == Some(&true) && open[k] {
+            power += std::mem::take(x).powi(2);
+            rows += 1;
+        }
+    }
+    let level = Level::new(channel, &turning, counted(open) - rows, rate, band);
+    match rows {
+        0 => level,
+        _ => level.beside(
+            power / (rows as f64 * rounding_at_rest(case, band[1])),
+            rows,
+        ),
+    }
+}
+
 /// Decimated rows of a record at which one of the motors rests.
 fn resting(case: &Case) -> Vec<bool> {
     let step = case.balance.fourier.step();
@@ -208,30 +240,9 @@ impl Fixed {
                 })
                 .collect()
         };
-        let resting = resting(check);
         let levels = |white: &Column| -> Vec<Level> {
-            let rate = check.balance.signals.rate / check.balance.fourier.step() as f64;
-            Channel::ALL
-                .iter()
-                .map(|&channel| {
-                    let part = white.parts[channel.index()].as_deref().unwrap_or_default();
-                    let band = judged_hz(channel, noise);
-                    let open = whitener.mask(channel);
-                    if channel != Channel::Table || !resting.contains(&true) {
-                        return Level::new(channel, part, counted(open), rate, band);
-                    }
-                    let at = |rests: bool| -> (Vec<f64>, usize) {
-                        let rows = part.iter().zip(&resting);
-                        let own = |(x, own): (&f64, &bool)| if *own == rests { *x } else { 0.0 };
-                        let open = open.iter().zip(&resting);
-                        let count = open.filter(|(open, own)| **open && **own == rests).count();
-                        (rows.map(own).collect(), count)
-                    };
-                    let ((turning, rows), (rest, rest_rows)) = (at(false), at(true));
-                    let power = dot(&rest, &rest) / rest_rows.max(1) as f64;
-                    Level::new(channel, &turning, rows, rate, band)
-                        .beside(power / rounding_at_rest(check, band[1]), rest_rows)
-                })
+            let each = Channel::ALL.into_iter();
+            each.map(|channel| level(check, &whitener, white, channel, judged_hz(channel, noise)))
                 .collect()
         };
         let (before, after) = (left(plain, &[]), left(full, found));

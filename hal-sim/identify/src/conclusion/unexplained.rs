@@ -2,8 +2,8 @@
 
 use crate::balance::{Balance, Contribution};
 use crate::conclusion::outcome::{ChannelRest, Unexplained};
+use crate::conclusion::remains::level;
 use crate::conclusion::rest::{self, NO_SHAPE, Rest};
-use crate::conclusion::verdict::Level;
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::regression::column::Column;
@@ -73,13 +73,8 @@ impl Left<'_> {
             .whiteners
             .map(|whitener| whitener.rows(loud.channel).max(1) as f64);
         let power = |k: usize| values[k].iter().map(|x| x * x).sum::<f64>() / rows[k];
-        let of_fit = Level::new(
-            loud.channel,
-            &values[0],
-            rows[0] as usize,
-            rate,
-            loud.band_hz,
-        );
+        let ([case, _], [whitener, _], [white, _]) = (self.cases, self.whiteners, self.white);
+        let of_fit = level(case, whitener, white, loud.channel, loud.band_hz);
         let excess = [of_fit.excess, loud.levels[1].excess];
         // What is no excess in any band is the floor.
         let floor = [0, 1].map(|k| (power(k) - excess[k] / rows[k]).max(0.0).sqrt());

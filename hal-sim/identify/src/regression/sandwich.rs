@@ -64,14 +64,14 @@ pub(crate) fn robust(normal: &Normal, solution: &Solution, parameters: &[usize])
         }
     }
     let known = normal.known();
-    let told = DMatrix::from_fn(n, n, |k, j| {
+    let by_plates = DMatrix::from_fn(n, n, |k, j| {
         let rows = known.iter().enumerate().map(|(row, precision)| {
             let weight = |parameter: usize| free[(parameter, row)];
             precision * weight(parameters[k]) * weight(parameters[j])
         });
         rows.sum::<f64>()
     });
-    long_run(&influence, stretch) + told
+    long_run(&influence, stretch) + by_plates
 }
 
 /// Covariance of the sums of influences that are correlated over less than `stretch` rows (Newey and West 1987): the

@@ -4,8 +4,9 @@
 
 use super::regress::{Fit, fit, rms};
 use super::{Finding, Limits};
+use crate::regression::bounded::solve_within;
 use crate::signal::frames::{clarke, park};
-use nalgebra::{Complex, Matrix3, Vector3};
+use nalgebra::{Complex, DMatrix, DVector, Matrix3, Vector3};
 use plant::model::MotorModel;
 use std::borrow::Cow;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -14,8 +15,8 @@ use std::ops::{Range, RangeInclusive};
 /// Length of the stretches that are averaged, s: noise of sensors and PWM is gone, ramps are not.
 const BLOCK_S: f64 = 5e-3;
 /// Share of the voltages' squares by which a value of the plate must matter. At one speed resistance and flux are told apart by next to
-/// nothing, and a little that no equation has moves either by a multiple: of 200 sound machines eight, whose records show one speed or two, were called wrong without
-/// this. A resistance of a hundredth, where little current flows, matters by a thousandth.
+/// nothing, and a little that no equation has moves either by a multiple: of 200 sound machines eight, whose records show one speed or
+/// two, were called wrong without this. A resistance of a hundredth, where little current flows, matters by a thousandth.
 const MATTERS: f64 = 2e-4;
 /// Rows that a fit of the currents looks at: enough for a hundredth.
 const LOOKED_AT: usize = 6000;
@@ -625,35 +626,21 @@ impl<'a> Motor<'a> {
         let Some((columns, voltages)) = self.equation_rows() else {
             return true;
         };
-        let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
-        let whole = squares(&voltages);
-        let mut held: Vec<(usize, f64)> = Vec::new();
-        let mut values = free.values.clone();
-        // What leaves its range is held at the end of it, and the others have another go.
-        while let Some(k) = (0..ranges.len()).find(|&k| !ranges[k].contains(&values[k])) {
-            held.push((k, values[k].clamp(*ranges[k].start(), *ranges[k].end())));
-            let rest: Vec<f64> = (0..voltages.len())
-                .map(|row| {
-                    voltages[row] - held.iter().map(|(k, v)| v * columns[*k][row]).sum::<f64>()
-                })
-                .collect();
-            let open: Vec<usize> = (0..columns.len())
-                .filter(|k| held.iter().all(|(h, _)| h != k))
-                .collect();
-            let own: Vec<Vec<f64>> = open.iter().map(|&k| columns[k].clone()).collect();
-            let Some(fit) = fit(&own, &rest) else {
-                return true;
-            };
-            let left = (1.0 - fit.explained) * squares(&rest);
-            if left > (1.0 - free.explained + MATTERS) * whole {
-                return false;
-            }
-            held.iter().for_each(|(k, v)| values[*k] = *v);
-            open.iter()
-                .zip(&fit.values)
-                .for_each(|(&k, v)| values[k] = *v);
-        }
-        true
+        let design = DMatrix::from_fn(voltages.len(), columns.len(), |row, k| columns[k][row]);
+        let voltages = DVector::from_vec(voltages);
+        // A dead time may be any. Within bounds about the middle of each range.
+        let middle = DVector::from_fn(columns.len(), |k, _| {
+            ranges.get(k).map_or(0.0, |r| 0.5 * (r.start() + r.end()))
+        });
+        let bounds = [0, 1, 2, 3].map(|k| {
+            let range = ranges.get(k);
+            range.map_or(f64::INFINITY, |r| 0.5 * (r.end() - r.start()))
+        });
+        let left = &voltages - &design * middle;
+        let (gram, rhs) = (design.tr_mul(&design), design.tr_mul(&left));
+        let within = solve_within(&gram, &rhs, &bounds, &[]).values;
+        let left = (left - design * within).norm_squared();
+        left <= (1.0 - free.explained + MATTERS) * voltages.norm_squared()
     }
 
     /// Columns of the voltage equation and the voltages, d and q of each stretch.
