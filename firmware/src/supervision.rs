@@ -26,7 +26,8 @@ pub(crate) struct Supervision {
     watchdog: Watchdog<3>,
     guard: Guard,
     inputs: Inputs,
-    found: Option<Fault>,
+    /// What the log was last told of.
+    logged: Option<Fault>,
     recorder: Recorder,
 }
 
@@ -36,7 +37,7 @@ impl Supervision {
             watchdog,
             inputs,
             guard: Guard::new(),
-            found: None,
+            logged: None,
             recorder: Recorder::new(),
         }
     }
@@ -60,16 +61,29 @@ impl Supervision {
             count(&view.supervision_missed);
         }
         motor_view::refresh();
-        self.look(inputs, found, journal);
+        let found = self.look(inputs, found, journal);
         let [screw, nut] = &view.motors;
         let progress =
             [&screw.steps, &nut.steps, &view.speed_steps].map(|steps| steps.load(Relaxed));
-        if let Err(task) = self.watchdog.feed(progress) {
+        // One line at most, which takes half of the longest way; what makes no progress says so again.
+        let fed = self.watchdog.feed(progress);
+        if found != self.logged {
+            self.logged = found;
+            if let Some(fault) = found {
+                defmt::error!("{=str}", fault.sentence());
+            }
+        } else if let Err(task) = fed {
             defmt::error!("no progress in a millisecond: {=str}", TASKS[task]);
         }
     }
 
-    fn look(&mut self, inputs: interlock::Inputs, found: Option<Fault>, journal: &mut Journal) {
+    /// What was found, in this look or by the orders.
+    fn look(
+        &mut self,
+        inputs: interlock::Inputs,
+        found: Option<Fault>,
+        journal: &mut Journal,
+    ) -> Option<Fault> {
         let view = &DRIVE_VIEW;
         let [screw, nut] = &view.motors;
         let flags = board::take_encoder_flags();
@@ -88,6 +102,7 @@ impl Supervision {
             ]
             .map(|missed| missed.load(Relaxed)),
             bus: analog::bus(),
+            supply: analog::supply(),
             temperatures: analog::temperatures(),
             theta: motor_view::angles(),
             enabled: inputs.enabled,
@@ -103,12 +118,6 @@ impl Supervision {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         const PERIODS: u32 = (PLATE.board.pwm_hz * 1e-3 + 0.5) as u32;
         orders::tell_table(self.guard.table_step(PERIODS));
-        if let Some(fault) = found
-            && found != self.found
-        {
-            defmt::error!("{=str}", fault.sentence());
-        }
-        self.found = found;
         let latched = view.latched.each_ref().map(|word| word.load(Relaxed));
         self.recorder.look(
             journal,
@@ -117,9 +126,11 @@ impl Supervision {
             FaultSet::of_words(latched),
             |fault| self.guard.values(&configured().guard, &look, fault),
         );
+        view.supply.store(look.supply.millivolts().into(), Relaxed);
         store(&view.temperatures, look.temperatures.map(u32::from));
         store(&view.bus, look.bus.map(u32::from));
         store(&view.encoder_errors, self.guard.encoder_errors());
+        found
     }
 }
 

@@ -7,6 +7,7 @@
 use crate::seam::{Seam, Straight};
 use crate::sensors::{CurrentSensing, Leg, Sensors, encoder_word};
 use crate::wiring::{MotorWiring, Wiring};
+use control::controller_supply::SupplyReading;
 use control::current_loop::{MotorSample, PwmCommand};
 use control::encoder::Interface;
 use control::sense::Shunts;
@@ -17,6 +18,14 @@ use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::SeedableRng;
 use std::f64::consts::TAU;
+
+/// The controller's supply, V.
+const SUPPLY_V: f64 = 3.3;
+/// Its internal reference, V (datasheet, embedded voltage reference: typical; memory), the supply at which the maker read it, and the
+/// ADC's counts.
+const REFERENCE_V: f64 = 1.212;
+const CALIBRATED_AT_V: f64 = 3.0;
+const REFERENCE_COUNTS: f64 = 4096.0;
 
 /// What the comparators on a break input see.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -429,6 +438,16 @@ impl Board {
     /// amplifiers' zeros go with it on both boards.
     pub fn set_reference(&mut self, part: f64) {
         self.reference = part;
+    }
+
+    /// The controller's supply as its ADC reads it.
+    #[must_use]
+    pub fn supply(&self) -> SupplyReading {
+        let counts = |supply: f64| (REFERENCE_V / supply * REFERENCE_COUNTS).round() as u16;
+        SupplyReading {
+            reference: counts(SUPPLY_V * self.reference),
+            calibrated: counts(CALIBRATED_AT_V),
+        }
     }
 
     /// A PWM period as it is now, s.

@@ -7,7 +7,7 @@ mod profile;
 pub use profile::{Cost, Profile};
 
 use crate::chip::wiring::Wiring;
-use crate::chip::{Chip, Reset, flash};
+use crate::chip::{Chip, Reset, adc, flash};
 use crate::image::Image;
 use crate::pins::Machine;
 use crate::timing::{Decoder, REFILL};
@@ -20,6 +20,9 @@ use unicorn_engine::{Arch, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error}
 const FLASH: (u64, u64) = (0x0800_0000, flash::START as u64 - 0x0800_0000);
 const RAM: (u64, u64) = (0x2000_0000, 0x1_8000);
 const CCM: (u64, u64) = (0x1000_0000, 0x8000);
+/// What the maker wrote of the chip, and where in it what ADC4 read of its internal reference at 3.0 V is (`stm32g4xx-hal`, `signature.rs`).
+const SYSTEM_MEMORY: (u64, u64) = (0x1FFF_7000, 0x1000);
+const VREFINT_CAL: u64 = 0x1FFF_75AA;
 const BIT_BAND: u64 = 0x4200_0000;
 /// Peripheral regions: start and size.
 const PERIPHERALS: [(u64, u64); 5] = [
@@ -154,6 +157,14 @@ impl Emulator {
             .map_err(engine)?;
         unicorn.mem_map(RAM.0, RAM.1, Prot::ALL).map_err(engine)?;
         unicorn.mem_map(CCM.0, CCM.1, Prot::ALL).map_err(engine)?;
+        unicorn
+            .mem_map(SYSTEM_MEMORY.0, SYSTEM_MEMORY.1, Prot::READ)
+            .map_err(engine)?;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let calibrated = adc::reference(3.0).counts.round() as u16;
+        unicorn
+            .mem_write(VREFINT_CAL, &calibrated.to_le_bytes())
+            .map_err(engine)?;
         for (start, data) in &image.segments {
             unicorn.mem_write(u64::from(*start), data).map_err(|_| {
                 format!(

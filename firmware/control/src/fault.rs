@@ -123,7 +123,8 @@ codes! {
             "One contact of the enable switch is open and the other is not, or only one has opened: look for a contact that is welded or \
              a broken wire, then open the switch, so that both open.";
         ControllerSupply = 48, "controller's supply",
-            "The controller's own supply fell below 2.9 V, which opens both bridges: check its 3.3 V and what feeds and loads it.";
+            "The controller's own supply is outside 3.1 to 3.5 V, or fell below 2.9 V, which opens both bridges: check its 3.3 V and what \
+             feeds and loads it.";
     }
 }
 
@@ -216,6 +217,7 @@ impl Fault {
             | Self::UnderVoltage
             | Self::ScrewTemperature
             | Self::NutTemperature => Some("ADC counts"),
+            Self::ControllerSupply => Some("mV"),
             Self::ScrewLoopLate
             | Self::NutLoopLate
             | Self::SpeedTaskLate
@@ -249,6 +251,8 @@ impl Fault {
             | Self::NutTemperature
             | Self::ScrewHeat
             | Self::NutHeat
+            // Found while it is 0.2 V above what opens both bridges by itself.
+            | Self::ControllerSupply
             // The control interrupts above it go on.
             | Self::SupervisionLate => Reaction::Rest,
             // A short circuit, or a current that is not in hand, in one motor.
@@ -283,8 +287,6 @@ impl Fault {
             // A bus that is too high takes no braking; one that is too low makes no torque.
             | Self::OverVoltage
             | Self::UnderVoltage
-            // It opens both bridges by itself.
-            | Self::ControllerSupply
             // Who would control the stop is late itself.
             | Self::SpeedTaskLate
             | Self::ScrewLoopLate

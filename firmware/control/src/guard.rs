@@ -5,6 +5,7 @@
 //! | a current loop late, the speed task late, supervision late | five in a row, and one in 100 ms | `...LoopLate`, `SpeedTaskLate`, `SupervisionLate` |
 //! | bus voltage above its limit | one look | `OverVoltage` |
 //! | bus voltage below its limit while the bridges are on | one look | `UnderVoltage` |
+//! | the controller's supply out of its range: see [`controller_supply`](crate::controller_supply) | one look in twenty | `ControllerSupply` |
 //! | a heat sink out of its range: too hot, or its sensor torn or shorted | eight looks | `...Temperature` |
 //! | an encoder that should have passed its index and did not, or whose channels changed together | five in a row, and one in 100 ms | `...Encoder` |
 //! | three currents that do not add up to nothing while the bridges are on | one look up to twice the limit, none past it | `...CurrentSum` |
@@ -13,6 +14,7 @@
 //! | an enable switch of which one contact opens alone: see [`enable_watch`](crate::enable_watch) | half a second | `EnableApart` |
 //! | end switches that are exchanged: see [`ends_watch`](crate::ends_watch) | one look | `EndsExchanged` |
 
+use crate::controller_supply::{SUPPLY_MV, SupplyReading};
 use crate::enable_watch::EnableWatch;
 use crate::ends_watch::EndsWatch;
 use crate::fault::Fault;
@@ -30,6 +32,11 @@ const SELDOM: Tolerance = Tolerance {
 /// Of the bus voltage.
 const ONCE: Tolerance = Tolerance {
     weight: 2,
+    events: 1,
+};
+/// Of the controller's supply: two looks of twenty.
+const SPARSELY: Tolerance = Tolerance {
+    weight: 20,
     events: 1,
 };
 /// Of a temperature.
@@ -133,6 +140,8 @@ pub struct Look {
     pub missed: [u32; 4],
     /// ADC counts of the bus voltage: at the screw's bridge, at the nut's.
     pub bus: [u16; 2],
+    /// The controller's supply.
+    pub supply: SupplyReading,
     /// ADC counts of the heat sinks: screw, nut.
     pub temperatures: [u16; 2],
     /// Mechanical angles in the rotors' sense, 2^-32 turn: screw, nut.
@@ -169,6 +178,7 @@ pub struct Guard {
     late: [Tally; 4],
     over_voltage: Tally,
     under_voltage: Tally,
+    supply: Tally,
     temperatures: [Tally; 2],
     encoders: [IndexWatch; 2],
     sums: [Tally; 2],
@@ -197,6 +207,7 @@ impl Guard {
             late: [Tally::new(); 4],
             over_voltage: Tally::new(),
             under_voltage: Tally::new(),
+            supply: Tally::new(),
             temperatures: [Tally::new(); 2],
             encoders: [NONE; 2],
             sums: [Tally::new(); 2],
@@ -233,13 +244,14 @@ impl Guard {
         let [screw_missed, nut_missed, speed_missed, supervision_missed] = look.missed;
         let [screw_errors, nut_errors] = self.encoder_errors();
         let [screw_range, nut_range] = &config.temperatures;
-        let heat = |counts: u16, range: &Range| [counts, range.nearest(counts)].map(i32::from);
+        let within = |value: u16, range: &Range| [value, range.nearest(value)].map(i32::from);
         let count = |events: u32| [events.cast_signed(), 0];
         match fault {
             Fault::OverVoltage => [screw_bus.max(nut_bus), config.bus_most].map(i32::from),
             Fault::UnderVoltage => [screw_bus.min(nut_bus), config.bus_least].map(i32::from),
-            Fault::ScrewTemperature => heat(screw_heat, screw_range),
-            Fault::NutTemperature => heat(nut_heat, nut_range),
+            Fault::ControllerSupply => within(look.supply.millivolts(), &SUPPLY_MV),
+            Fault::ScrewTemperature => within(screw_heat, screw_range),
+            Fault::NutTemperature => within(nut_heat, nut_range),
             Fault::ScrewLoopLate => count(screw_missed),
             Fault::NutLoopLate => count(nut_missed),
             Fault::SpeedTaskLate => count(speed_missed),
@@ -273,6 +285,10 @@ impl Guard {
                 fault = Some(name);
             }
         };
+        // All that is measured is measured against it.
+        let ill = !SUPPLY_MV.has(look.supply.millivolts());
+        let supply = self.supply.step(SPARSELY, ill.into());
+        first(supply, Fault::ControllerSupply);
         first(over, Fault::OverVoltage);
         first(under, Fault::UnderVoltage);
         let sinks = self.temperatures.iter_mut().zip(&config.temperatures);
@@ -387,6 +403,10 @@ mod tests {
         stopped_by: None,
         missed: [0; 4],
         bus: [2818; 2],
+        supply: SupplyReading {
+            reference: 1504,
+            calibrated: 1655,
+        },
         temperatures: [1500; 2],
         theta: [0; 2],
         enabled: [true; 2],
@@ -436,6 +456,11 @@ mod tests {
                 Fault::ScrewEncoder,
             ),
             (|look| look.current_sum[1] = 1, 101, Fault::NutCurrentSum),
+            (
+                |look| look.supply.reference = 1620,
+                101,
+                Fault::ControllerSupply,
+            ),
         ] {
             assert_eq!(found(200, |k| from(k, spoil)), Some((at, fault)));
             // A single look is tolerated.

@@ -67,6 +67,7 @@ pub mod alignment;
 pub mod brake;
 pub mod codes;
 pub mod compensation;
+pub mod controller_supply;
 pub mod coordinator;
 pub mod current_limit;
 pub mod current_loop;

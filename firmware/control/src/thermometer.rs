@@ -46,26 +46,26 @@ pub struct TemperaturePlate {
     pub min_celsius: f64,
 }
 
-/// Counts between which, both included, a temperature is well.
+/// Between which values, both included, what is measured is well: counts of a temperature, a supply's mV.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Range {
-    /// Least counts.
+    /// The least.
     pub least: u16,
-    /// Most counts.
+    /// The most.
     pub most: u16,
 }
 
 impl Range {
-    /// Whether `counts` is in it.
+    /// Whether `value` is in it.
     #[must_use]
-    pub const fn has(&self, counts: u16) -> bool {
-        self.least <= counts && counts <= self.most
+    pub const fn has(&self, value: u16) -> bool {
+        self.least <= value && value <= self.most
     }
 
-    /// The end that `counts` are nearer to.
+    /// The end that `value` is nearer to.
     #[must_use]
-    pub const fn nearest(&self, counts: u16) -> u16 {
-        if counts.abs_diff(self.least) < counts.abs_diff(self.most) {
+    pub const fn nearest(&self, value: u16) -> u16 {
+        if value.abs_diff(self.least) < value.abs_diff(self.most) {
             self.least
         } else {
             self.most

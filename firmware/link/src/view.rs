@@ -132,6 +132,8 @@ words! {
         origin: i32,
         /// Heat sinks, ADC counts: screw, nut.
         temperatures: [u32; 2],
+        /// The controller's own supply, mV.
+        supply: u32,
         /// Commands that were taken.
         taken: u32,
         /// Commands that were refused.

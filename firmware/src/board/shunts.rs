@@ -7,10 +7,11 @@
 //! | b | PA1: ADC2, COMP1 | PB0: ADC3, COMP4 |
 //! | c | PA7: ADC2, COMP2 | PB13: ADC3, COMP5 |
 //!
-//! The other channel of ADC1 and ADC4 at the top is the bus; ADC1 and ADC2 convert the heat sinks' temperatures between.
+//! The other channel of ADC1 and ADC4 at the top is the bus; ADC1 and ADC2 convert the heat sinks' temperatures between, ADC4 the chip's
+//! internal reference.
 
 use super::pins::{comparator, converted};
-use crate::hw::analog::{Channels, Input, Sampling, WatchLimits, watch_limits};
+use crate::hw::analog::{Channels, Input, REFERENCE, Sampling, WatchLimits, watch_limits};
 use crate::hw::protection::OverCurrent;
 use control::plate::BoardPlate;
 use stm32g4xx_hal::comparator::{COMP1, COMP2, COMP3, COMP4, COMP5, COMP7};
@@ -90,7 +91,7 @@ impl Shunts {
             },
             Channels {
                 injected: [converted::<ADC4, _>(&nut_a, self.sampling), nut_bus],
-                regular: None,
+                regular: Some(REFERENCE),
             },
         ]
     }

@@ -3,7 +3,8 @@
 //! ADC1 and ADC2 serve the screw, ADC3 and ADC4 the nut: two injected conversions each, started together by the
 //! motor's timer at its top (ES0430 2.7.11: ADCs that run at the same time disturb each other unless they start
 //! together). The two heat sinks' temperatures are regular conversions of ADC1 and ADC2, started by the nut's timer
-//! half a period away from their injected ones, and taken by DMA.
+//! half a period away from their injected ones, and taken by DMA. So is the chip's internal reference of ADC4, started by the screw's,
+//! whose last conversion is read where it is.
 //!
 //! The analog watchdogs hold each conversion of the bus voltage and of the currents, of either sign, against limits. Their
 //! flags stay set until the speed task takes them: nothing slips through between two of its steps, and it costs the
@@ -12,9 +13,11 @@
 //! external trigger but no break input, and ADC1's and ADC2's interrupt is the current loop's.)
 
 use crate::hw::clock::CORE_HZ;
+use control::controller_supply::SupplyReading;
 use control::fault::Fault;
 use control::sense::Shunts;
 use core::sync::atomic::{AtomicU16, Ordering};
+use stm32g4xx_hal::signature::VrefCal;
 use stm32g4xx_hal::stm32::{
     ADC1, ADC2, ADC3, ADC4, ADC12_COMMON, ADC345_COMMON, DMA1, DMAMUX, adc1,
 };
@@ -92,15 +95,20 @@ pub(crate) struct Channels {
     pub(crate) regular: Option<Input>,
 }
 
-/// What starts an ADC's injected sequence (`JEXTSEL`).
-#[derive(Clone, Copy)]
-enum Trigger {
-    Tim1Trgo2 = 8,
-    Tim8Trgo2 = 10,
-}
+/// The chip's internal reference (RM0440 21.4.11: of ADC1, ADC3, ADC4 and ADC5; `stm32g4xx-hal`, `adc/g4.rs`). It wants at least 4 us
+/// (datasheet, embedded voltage reference; memory), and is done a third of the period of 40 kHz before the next top.
+pub(crate) const REFERENCE: Input = Input {
+    channel: 18,
+    sampling: Sampling::of_at_least(4e-6),
+};
 
-/// `EXTSEL` of TIM8's TRGO2 for regular conversions of ADC1 and ADC2 (RM0440 table 163).
-const REGULAR_TIM8_TRGO2: u32 = 8;
+/// Whose top starts an ADC's injected conversions; the other motor's starts its regular one. Either by the same code: TIM1's TRGO2
+/// is 8 in `JEXTSEL` and 10 in `EXTSEL`, TIM8's 10 and 8 (RM0440 tables 163 and 166; `stm32g4xx-hal`, `adc/config.rs`, alike for all).
+#[derive(Clone, Copy)]
+enum Top {
+    Screw = 8,
+    Nut = 10,
+}
 
 /// What the analog watchdogs compare with, ADC counts.
 #[derive(Clone, Copy)]
@@ -147,17 +155,21 @@ impl Converters<'_> {
         // All from the bus clock divided by 4 (CKMODE 3): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs.
         // SAFETY: a value of the field (RM0440, ADCx_CCR).
         self.common.0.ccr().write(|w| unsafe { w.ckmode().bits(3) });
+        // The internal reference takes up to 12 us to start (datasheet, t_start_vrefint; memory): the calibrations take longer.
         // SAFETY: as above.
-        self.common.1.ccr().write(|w| unsafe { w.ckmode().bits(3) });
+        self.common
+            .1
+            .ccr()
+            .write(|w| unsafe { w.ckmode().bits(3).vrefen().set_bit() });
         self.start_dma();
         let (x1, y1) = self.screw;
         let (x2, y2) = self.nut;
         let [c1, c2, c3, c4] = channels;
         let ready = enable(x1) & enable(y1) & enable(x2) & enable(y2);
-        sequence(x1, c1, Trigger::Tim1Trgo2);
-        sequence(y1, c2, Trigger::Tim1Trgo2);
-        sequence(y2, c3, Trigger::Tim8Trgo2);
-        sequence(x2, c4, Trigger::Tim8Trgo2);
+        sequence(x1, c1, Top::Screw);
+        sequence(y1, c2, Top::Screw);
+        sequence(y2, c3, Top::Nut);
+        sequence(x2, c4, Top::Nut);
         let [(bus1, a1), (bus2, a2)] =
             [c1, c4].map(|c| (c.injected[1].channel, c.injected[0].channel));
         watch(x1, &[a1], Some(bus1), limits);
@@ -193,8 +205,8 @@ impl Converters<'_> {
         for adc in [x1 as &adc1::RegisterBlock, y1, x2, y2] {
             adc.cr().modify(|_, w| w.jadstart().set_bit());
         }
-        // Their regular conversions are the temperatures.
-        for adc in [x1 as &adc1::RegisterBlock, y1] {
+        // Their regular conversions are the temperatures and the internal reference.
+        for adc in [x1 as &adc1::RegisterBlock, y1, x2] {
             adc.cr().modify(|_, w| w.adstart().set_bit());
         }
     }
@@ -234,6 +246,17 @@ pub(crate) fn temperatures() -> [u16; 2] {
     ]
 }
 
+/// The internal reference as last converted, and as the chip's maker read it.
+#[allow(clippy::cast_possible_truncation)]
+pub(crate) fn supply() -> SupplyReading {
+    // SAFETY: a data register is read, which clears a flag that nobody looks at.
+    let adc4: &adc1::RegisterBlock = unsafe { &*ADC4::ptr() };
+    SupplyReading {
+        reference: adc4.dr().read().bits() as u16,
+        calibrated: VrefCal::get().read(),
+    }
+}
+
 /// Power up, calibrate, enable (RM0440 21.4.6 and 21.4.8).
 fn enable(adc: &adc1::RegisterBlock) -> bool {
     const LOOKS: u32 = 100_000;
@@ -269,7 +292,7 @@ fn convert_for_nothing(adc: &adc1::RegisterBlock) {
     }
 }
 
-fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {
+fn sequence(adc: &adc1::RegisterBlock, channels: Channels, top: Top) {
     const RISING: u32 = 1;
     let all = channels.injected.into_iter().chain(channels.regular);
     let (mut low, mut high) = (0, 0);
@@ -282,7 +305,7 @@ fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {
     }
     let [first, second] = channels.injected.map(|input| u32::from(input.channel));
     // JL = 1 (two conversions), JEXTSEL, JEXTEN, JSQ1, JSQ2.
-    let jsqr = 1 | (trigger as u32) << 2 | RISING << 7 | first << 9 | second << 15;
+    let jsqr = 1 | (top as u32) << 2 | RISING << 7 | first << 9 | second << 15;
     // SAFETY: values of the fields (RM0440, ADC_SMPRx, ADC_JSQR).
     unsafe {
         adc.smpr1().write(|w| w.bits(low));
@@ -290,14 +313,18 @@ fn sequence(adc: &adc1::RegisterBlock, channels: Channels, trigger: Trigger) {
         adc.jsqr().write(|w| w.bits(jsqr));
     }
     if let Some(regular) = channels.regular {
-        // SAFETY: values of the fields (RM0440, ADC_SQR1, ADC_CFGR): one conversion; DMA, circular, overwritten, started by
-        // TIM8's TRGO2; queue off (JQDIS).
+        // What a channel of it follows: see `start_dma`.
+        let dma = match top {
+            Top::Screw => 0b11,
+            Top::Nut => 0,
+        };
+        // SAFETY: values of the fields (RM0440, ADC_SQR1, ADC_CFGR): one conversion; DMA, circular; overwritten; queue off
+        // (JQDIS).
         unsafe {
             adc.sqr1()
                 .write(|w| w.bits(u32::from(regular.channel) << 6));
-            adc.cfgr().write(|w| {
-                w.bits(1 << 31 | 1 << 12 | RISING << 10 | REGULAR_TIM8_TRGO2 << 5 | 0b11)
-            });
+            adc.cfgr()
+                .write(|w| w.bits(1 << 31 | 1 << 12 | RISING << 10 | (top as u32) << 5 | dma));
         }
     }
 }

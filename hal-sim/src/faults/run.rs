@@ -366,6 +366,7 @@ impl Run {
         }
         let (drive, index) = (&self.drive, &mut self.index);
         self.bench.supervision.period(|| Look {
+            supply: drive.board.supply(),
             running,
             driven,
             stopped_by,

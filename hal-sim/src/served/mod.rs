@@ -243,6 +243,7 @@ impl SimulatedDrive {
         let (drive, temperatures) = (&self.drive, self.world.temperatures);
         let enabled = self.world.inputs.enabled;
         self.world.supervision.period(|| Look {
+            supply: drive.board.supply(),
             running: self.drive.bridges_on(),
             enabled,
             temperatures,

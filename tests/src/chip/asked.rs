@@ -1,7 +1,7 @@
 //! What a bring-up asks of the chip that a running drive does not: levels of pins, outputs of comparators, clocks against
 //! each other, conversions by software.
 
-use super::adc::Source;
+use super::adc::{self, Source};
 use super::capture::{self, Clocks};
 use super::faults;
 use super::outside::{Circuit, Inside, Pin, gates};
@@ -127,6 +127,11 @@ impl Chip {
     /// What a channel of ADC `index` + 1 is connected to. What the board samples at the timers' tops has its noise in it.
     pub(super) fn source(&self, index: usize, channel: u32) -> Option<Source> {
         const NOISE: f64 = 0.5;
+        if (index, channel) == adc::REFERENCE {
+            return self.adcs[index]
+                .has_reference()
+                .then(|| adc::reference(self.system.supply_v));
+        }
         let by_software = self.adcs[index].by_software();
         let counts = if by_software {
             let machine = self.machine.borrow();

@@ -490,6 +490,7 @@ impl Chip {
 
     /// The supply is at `volts` from now on.
     pub fn set_supply(&mut self, volts: f64) {
+        self.system.supply_v = volts;
         match self.system.supply(volts) {
             Supply::Enough => self.pwm.iter_mut().for_each(PwmTimer::end_system_break),
             Supply::Break => self.system_break(true),

@@ -64,6 +64,8 @@ pub struct System {
     debug: Registers,
     ports: Vec<Registers>,
     reset_flags: u32,
+    /// The supply, V.
+    pub supply_v: f64,
     /// The crystal swings.
     pub crystal: bool,
     /// The clock security system does nothing, whatever is asked of it.
@@ -143,6 +145,7 @@ impl System {
             debug: Registers::new("DBGMCU", &[("APB1LFZR", 0x08, 0), ("APB2FZR", 0x10, 0)]),
             ports: ports.collect(),
             reset_flags: POWER_ON,
+            supply_v: 3.3,
             crystal: true,
             security_off: false,
             no_boost: false,

@@ -1,9 +1,9 @@
 //! Crystal, supply and core voltage that fail: the bridges open, whatever the code is doing.
 
-use link::codes::{Fault, ResetReason};
+use link::codes::{Fault, ResetReason, State};
 use plant::machine::Coupling;
 use plant::model::Model;
-use tests::bench::{Bench, FAULT, READY};
+use tests::bench::{Bench, FAULT, READY, RUNNING};
 use tests::chip::Reset;
 use tests::chip::system::Checked;
 
@@ -96,7 +96,7 @@ fn wrong_bits_of_the_second_banks_code_are_not_taken_for_the_stores() -> Result<
 fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() -> Result<(), String>
 {
     let mut bench = running()?;
-    // The PVD's 2.9 V.
+    // The PVD's 2.9 V; the bench ends before the firmware looks.
     bench.emulator.chip().set_supply(2.95);
     assert_eq!(enabled(&mut bench), [true; 2]);
     bench.emulator.chip().set_supply(2.85);
@@ -123,6 +123,28 @@ fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() ->
     assert_eq!(enabled(&mut bench), [false; 2]);
     bench.wait_for(READY, 0.2)?;
     assert_eq!(bench.look()?.reset_reason(), Some(ResetReason::Power));
+    Ok(())
+}
+
+/// What the internal reference shows is found while the drive can still stop: both motors come to rest, and only then the bridges open.
+#[test]
+fn a_supply_that_falls_slowly_stops_the_drive_before_it_breaks() -> Result<(), String> {
+    let mut bench = running()?;
+    bench.emulator.chip().set_supply(3.15);
+    bench.pass(0.1)?;
+    assert_eq!(bench.status()?.state, RUNNING, "4.5 % low is a regulator's");
+    let millivolts = f64::from(bench.look()?.words().supply);
+    assert!((millivolts / 3150.0 - 1.0).abs() < 1e-3, "{millivolts} mV");
+    bench.emulator.chip().set_supply(3.05);
+    bench.pass(4e-3)?;
+    let status = bench.status()?;
+    assert_eq!(
+        (status.state, enabled(&mut bench)),
+        (State::Stopping.word(), [true; 2]),
+        "it stops, and both bridges drive"
+    );
+    bench.wait_for(FAULT, 1.0)?;
+    assert_eq!(bench.status()?.fault, Fault::ControllerSupply.word());
     Ok(())
 }
 
