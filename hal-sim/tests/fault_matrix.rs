@@ -318,6 +318,22 @@ fn a_late_scale_is_not_followed_for_long() {
     assert_eq!(outcome.hazards, [], "{outcome:?}");
 }
 
+/// A scale that is wrong while both motors turn fast costs no more than a stop of both; with both bridges open they coast apart, 9.4 mm on
+/// the mains board.
+#[test]
+fn a_scale_that_is_wrong_at_speed_ends_in_a_stop_of_both() {
+    for (board, situation) in [
+        (BoardKind::Nucleo, Situation::Ddfs),
+        (BoardKind::Mains, Situation::Ddfs),
+        (BoardKind::Mains, Situation::Reversing),
+    ] {
+        let cell = cell(board, Input::Scale, Defect::Offset, situation);
+        let outcome = ends_in(cell, Fault::Scale);
+        let name = cell.name();
+        assert!(outcome.travel_m < 0.1e-3, "{name}: {outcome:?}");
+    }
+}
+
 /// As the chip's manual has it, and the emulated chip's tests hold the firmware to it.
 #[test]
 fn a_controller_that_fails_opens_both_bridges_and_begins_anew_where_it_can() {

@@ -1,5 +1,6 @@
 //! What may happen at work, and short samples of the long runs: `cargo xtask bench faults --soak` makes them longer.
 
+use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::alignment::held_load_n;
 use hal_sim::board::BoardConfig;
@@ -31,6 +32,20 @@ fn each_scenario_keeps_its_limits() {
                 story.state
             );
         }
+    }
+}
+
+/// Nothing else tells a drive that is not homed, and whose end switch is welded, that its table is at the stop.
+#[test]
+fn a_table_that_stands_at_its_stop_is_let_go() {
+    for board in [BoardKind::Nucleo, BoardKind::Mains] {
+        let story = run_scenario(board, Scenario::EndStop).unwrap();
+        let stalled = [Fault::ScrewStalled, Fault::NutStalled].map(State::Fault);
+        assert!(
+            stalled.contains(&story.state),
+            "{board:?}: {:?}",
+            story.state
+        );
     }
 }
 

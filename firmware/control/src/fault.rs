@@ -282,7 +282,8 @@ impl Fault {
             // Nothing moves yet when a zero is measured.
             Self::ScrewCurrentZero
             | Self::NutCurrentZero
-            // Which of the three is wrong is not known.
+            // Which of the three is wrong is not known. Where both motors turn so fast that their voltages would show a wrong angle, both
+            // come to rest all the same: see `SpeedTask`.
             | Self::Scale
             // A bus that is too high takes no braking; one that is too low makes no torque.
             | Self::OverVoltage
@@ -314,6 +315,19 @@ impl FaultSet {
         let (mut set, mut k) = (Self::EMPTY, 0);
         while k < Fault::ALL.len() {
             if Fault::ALL[k].doubts_angle() {
+                set = set.with(Fault::ALL[k]);
+            }
+            k += 1;
+        }
+        set
+    };
+
+    /// Those for which the pair comes to rest: [`Reaction::Rest`].
+    #[allow(clippy::indexing_slicing, reason = "computed by the compiler")]
+    pub const RESTS: Self = {
+        let (mut set, mut k) = (Self::EMPTY, 0);
+        while k < Fault::ALL.len() {
+            if matches!(Fault::ALL[k].reaction(), Reaction::Rest) {
                 set = set.with(Fault::ALL[k]);
             }
             k += 1;

@@ -10,7 +10,8 @@
 //! motor says that the table rests, whatever the table does, and the shaft keeps its speed beside one that slows down. Beside a shaft
 //! that stands, the worst of all, the table goes by a lead each time this one has turned once: so the scale is taken for dead, and the
 //! bridge opens, where the shaft has turned by [`BLIND_M`] of the table and the scale has not counted once. One that is late makes the
-//! loop swing: it ends where the table turns round more than [`SWINGS`] times.
+//! loop swing: it ends where the table turns round more than [`SWINGS`] times. One that counts the wrong way makes the
+//! shaft run away: it ends where that is faster than either was, for both only slow down, but for what an axis that was pressed gives back.
 
 use crate::fault::{Fault, FaultSet, Reaction};
 use crate::format::Speed;
@@ -26,6 +27,8 @@ const LONGEST: u32 = 25_000;
 const RESTED: u32 = 250;
 /// Times that the table may turn round while it is fast: a loop that is stable overshoots once or twice.
 const SWINGS: u8 = 3;
+/// By so much of what is slow the shaft may be faster than either was at the start: what the axis and a stop have stored of a press.
+const FASTER: i32 = 4;
 
 /// A motor that brings the table to rest.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -41,6 +44,8 @@ pub(crate) struct Follow {
     /// Which way the table last went while it was fast, and how often it turned round.
     way: i32,
     swings: u8,
+    /// The fastest that its shaft may turn: as the faster of both did at the start.
+    fastest: Option<Speed>,
 }
 
 /// What a step of following sees.
@@ -82,6 +87,7 @@ impl Follow {
             blind: 0,
             way: 0,
             swings: 0,
+            fastest: None,
         };
         (first.reaction() == Reaction::Follow && follow.is_healthy(latched)).then_some(follow)
     }
@@ -101,6 +107,10 @@ impl Follow {
     pub(crate) fn goes_on(self, seen: &Followed) -> Option<Self> {
         let slow = |speed: &Speed| speed.saturating_abs() < seen.slow;
         let rests = seen.speeds.iter().all(slow);
+        let [shaft, table] = seen.speeds.map(Speed::saturating_abs);
+        let more = seen.slow.saturating_mul_int(FASTER);
+        let at_start = shaft.saturating_add(table).saturating_add(more);
+        let fastest = self.fastest.unwrap_or(at_start);
         let [_, table] = seen.speeds;
         let way = if slow(&table) {
             self.way
@@ -120,11 +130,13 @@ impl Follow {
             } else {
                 self.blind.saturating_add(seen.turned)
             },
+            fastest: Some(fastest),
             way,
             swings: self.swings.saturating_add(turned_round.into()),
             ..self
         };
-        let sees = seen.adds_up && next.blind <= seen.blind_max && next.swings <= SWINGS;
+        let slows = next.swings <= SWINGS && shaft <= fastest;
+        let sees = seen.adds_up && next.blind <= seen.blind_max && slows;
         (sees && next.rested < RESTED && self.is_healthy(seen.latched)).then_some(next)
     }
 
@@ -136,5 +148,45 @@ impl Follow {
         } else {
             omega_e.saturating_add(table)
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn seen(shaft: f64, table: f64) -> Followed {
+        Followed {
+            latched: FaultSet::EMPTY.with(Fault::ScrewEncoder),
+            speeds: [shaft, table].map(Speed::from_num),
+            slow: Speed::ONE,
+            turned: 0,
+            adds_up: true,
+            counted: true,
+            blind_max: 0,
+        }
+    }
+
+    /// A scale that counts the wrong way asks for ever more speed; with one that is right, both slow down.
+    #[test]
+    fn a_shaft_that_gets_faster_than_both_were_is_let_go() {
+        let latched = FaultSet::EMPTY.with(Fault::ScrewEncoder);
+        let begun = Follow::after(Fault::ScrewEncoder, latched).unwrap();
+        let begun = begun.goes_on(&seen(100.0, 20.0)).unwrap();
+
+        let last_of = |change: f64| {
+            let (mut follow, mut shaft) = (begun, 100.0);
+            for _ in 0..1000 {
+                shaft += change;
+                match follow.goes_on(&seen(shaft, 20.0)) {
+                    Some(next) => follow = next,
+                    None => return Some(shaft),
+                }
+            }
+            None
+        };
+        let fastest = 100.0 + 20.0 + f64::from(FASTER);
+        assert_eq!(last_of(0.5), Some(fastest + 0.5));
+        assert_eq!(last_of(-0.05), None);
     }
 }

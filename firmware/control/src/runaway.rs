@@ -9,7 +9,7 @@
 //! | current error | `i_d` is further from its reference than its limit; `i_q` too, unless the voltage circle cut the voltage, which serves d first | `...CurrentError` |
 //! | angle | the voltage that acted is not the one that the motor's equations (Eqs 1 and 2) give at the encoder's angle and speed: an angle wrong by `delta` turns the back-EMF, and leaves `2 * sin(delta / 2)` of it over | `...Angle` |
 //! | voltage | the same, but not by a back-EMF of its own size that is only turned, or now and then, which a wrong angle is not: a current sensor, the encoder's signals, a phase, the bus's measurement. By much more than any angle explains (three times the back-EMF) it is found in half the time | `...Voltage` |
-//! | stall | the motor is at its torque limit and hardly turns: what blocks it, or an angle wrong by a quarter turn, whose current makes no torque and no speed, so that none of the others sees it | `...Stalled` |
+//! | stall | the motor is at its torque limit and hardly turns: what blocks it, or an angle wrong by a quarter turn, whose current makes no torque and no speed, so that none of the others sees it; or the table hardly moves although it is asked to, while both motors may turn on together | `...Stalled` |
 //!
 //! And where a motor has three current sensors: currents that do not add up to nothing in two steps in a row
 //! while it is aligned or comes to rest (`...CurrentSum`).

@@ -8,7 +8,7 @@ use crate::coordinator::{Command, CommandError, Coordinator, Following};
 use crate::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::disturbance::Disturbance;
 use crate::exchange::{MotorExchange, MotorStatus};
-use crate::fault::{self, Fault, FaultSet, Reaction};
+use crate::fault::{self, Fault, FaultSet};
 use crate::follow::{Follow, Followed};
 use crate::format::{Angle, Current, Speed, SpeedChange};
 use crate::friction::Friction;
@@ -16,10 +16,11 @@ use crate::interlock::Interlock;
 use crate::notch::Notch;
 use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
-use crate::runaway::{CurrentSum, Motion, Runaway, Sign, sum_events};
+use crate::runaway::{CurrentSum, Motion, Runaway, RunawayConfig, Sign, sum_events};
 use crate::speed_loop::{SpeedLoop, SpeedReference, Wanted};
 use crate::supervisor::{Request, State, faults};
 use crate::thermal::Heat;
+use crate::tolerance::Tally;
 use core::hint::cold_path;
 
 /// What the speed task decided in a step.
@@ -47,6 +48,9 @@ pub struct SpeedTask {
     /// What the coordinator was last told.
     followed: Command,
     state: State,
+    /// What [`decide`](Self::decide) sees to has come from this task itself: a command to follow, or something found. Kept as one word,
+    /// as to ask each of them took 19 cycles of each step.
+    due: bool,
     alignment: Alignment,
     /// What it shall see in its next step, and what it has asked in its last.
     seen: Option<[MotorSeen; 2]>,
@@ -56,6 +60,8 @@ pub struct SpeedTask {
     aligned: Progress,
     runaway: [Runaway; 2],
     sums: [CurrentSum; 2],
+    /// How long a motor at its torque limit has not moved the table.
+    pressed: Tally,
     /// What the watch found in the last step.
     found: Option<Fault>,
     /// Heat of windings and bridges, running or not.
@@ -99,6 +105,7 @@ impl SpeedTask {
             blocked: [false; 2],
             followed: Command::rest(),
             state: State::Boot,
+            due: false,
             alignment: Alignment::new(),
             seen: None,
             asked: AlignmentStep::new(),
@@ -106,6 +113,7 @@ impl SpeedTask {
             aligned: Progress::Working,
             runaway: [Runaway::new(); 2],
             sums: [CurrentSum::new(); 2],
+            pressed: Tally::new(),
             found: None,
             heat: [Heat::starting(screw_heat), Heat::starting(nut_heat)],
             interlock: Interlock::new(),
@@ -140,6 +148,7 @@ impl SpeedTask {
         Coordinator::new().command(&config.coordinator, command)?;
         self.asked_for = command;
         self.command = command.within(self.blocked);
+        self.due = true;
         Ok(())
     }
 
@@ -254,27 +263,28 @@ impl SpeedTask {
         self.look = self.look.wrapping_add(1);
         match look {
             Look::ScrewHeat | Look::NutHeat => self.warm(config, look, exchanges),
-            Look::Interlock => self.interlock(config, request),
+            Look::Interlock => {
+                self.interlock(config, request);
+                self.look_at_table(config, exchanges);
+            }
             Look::ScrewMotion | Look::NutMotion => (),
         }
         let [screw, nut] = exchanges;
         // What `decide` would leave as it is. All that may have come in one word, as each branch would cost more than its look.
-        let [screw_hot, nut_hot] = self.too_hot;
-        let came = self.command.differs(self.followed)
-            | fault::word(self.rests_for)
-            | fault::word(found)
-            | fault::word(self.found)
-            | u32::from(screw_hot | nut_hot)
-            | screw.faults()
-            | nut.faults();
+        let came = u32::from(self.due) | fault::word(found) | screw.faults() | nut.faults();
         let goes_on = self.state == State::Running
             && !(look == Look::Interlock && self.holds())
             && request.run
             && came == 0;
         if !goes_on
-            && let Some(output) = self.decide(config, request.run, request.reset, exchanges, found)
+            && let Some(undriven) =
+                self.decide(config, request.run, request.reset, exchanges, found)
         {
-            return output;
+            return SpeedTaskOutput {
+                current: self.stand(config, undriven, exchanges),
+                state: self.state,
+                ..SpeedTaskOutput::default()
+            };
         }
         let output = self.drive(config, request.scale, exchanges, look);
         let ([to_screw, to_nut], [screw_loop, nut_loop]) = (output.current, &config.current_loops);
@@ -289,8 +299,8 @@ impl SpeedTask {
         output
     }
 
-    /// The next state, and what is asked where it does not drive; `None` where it does. It takes run and reset by themselves:
-    /// the compiler would write a whole request to memory in each step, for this call alone.
+    /// The next state, and what the coordinator is asked where that drives. It takes run and reset by themselves: the compiler would
+    /// write a whole request to memory in each step, for this call alone.
     #[cold]
     #[inline(never)]
     fn decide(
@@ -300,13 +310,17 @@ impl SpeedTask {
         reset: bool,
         exchanges: [&MotorExchange; 2],
         found: Option<Fault>,
-    ) -> Option<SpeedTaskOutput> {
+    ) -> Option<Undriven> {
         let [screw, nut] = exchanges;
         let motors = [screw.status(), nut.status()];
         let sums = self.add_up(config, exchanges);
-        let seen = [found, self.found, sums, self.heat_fault()];
+        let seen = [found, self.found.take(), sums, self.heat_fault()];
         let says = screw.says_fault() || nut.says_fault() || seen.iter().any(Option::is_some);
-        let found = if says { self.judge(motors, seen) } else { None };
+        let found = if says {
+            self.judge(config, exchanges, motors, seen)
+        } else {
+            None
+        };
         // What the last look saw forbids a start too, which need not wait for the next.
         self.ask_interlock(config, run);
         let request = Request {
@@ -347,9 +361,9 @@ impl SpeedTask {
             State::Running | State::Holding if self.brake.is_open(&config.brake) => self.command,
             State::Running | State::Holding | State::Stopping => Command::rest(),
             _ => {
-                return Some(match self.follow {
-                    Some(follow) => self.bring_to_rest(config, request, exchanges, follow),
-                    None => self.rest(config, request, exchanges, before),
+                return Some(Undriven {
+                    mode: self.state.mode(request),
+                    tests_itself: self.state == State::SelfTest && before != State::SelfTest,
                 });
             }
         };
@@ -363,23 +377,41 @@ impl SpeedTask {
             let _ = self.coordinator.command(&config.coordinator, target);
             self.followed = target;
         }
+        self.due = self.command.differs(self.followed) != 0
+            || self.rests_for.is_some()
+            || self.too_hot != [false; 2];
         None
+    }
+
+    /// A step in which the pair is not driven. Not a part of [`decide`](Self::decide), after which it may be: the longest way through
+    /// a step is then that of the one or of the other.
+    #[cold]
+    #[inline(never)]
+    fn stand(
+        &mut self,
+        config: &DriveConfig,
+        undriven: Undriven,
+        exchanges: [&MotorExchange; 2],
+    ) -> [CurrentReference; 2] {
+        match self.follow {
+            Some(follow) => self.bring_to_rest(config, undriven.mode, exchanges, follow),
+            None => self.rest(config, undriven, exchanges),
+        }
     }
 
     /// A step in which nothing is driven, or only by the alignment.
     fn rest(
         &mut self,
         config: &DriveConfig,
-        request: Request,
+        undriven: Undriven,
         exchanges: [&MotorExchange; 2],
-        before: State,
-    ) -> SpeedTaskOutput {
+    ) -> [CurrentReference; 2] {
         // First of all, so that the next period of either loop sees it.
         let current = if self.state == State::Aligning {
             self.align(config, exchanges)
         } else {
             [CurrentReference {
-                mode: self.state.mode(request),
+                mode: undriven.mode,
                 ..CurrentReference::default()
             }; 2]
         };
@@ -401,9 +433,10 @@ impl SpeedTask {
         self.notches = [Notch::new(); 2];
         self.torque_limited = [false; 2];
         self.runaway = [Runaway::new(); 2];
+        self.pressed = Tally::new();
         self.found = None;
         // After the currents are asked, for it takes as long as a current loop.
-        if self.state == State::SelfTest && before != State::SelfTest {
+        if undriven.tests_itself {
             self.alignment = Alignment::begin(&config.alignment);
             (self.asked, self.seen) = (AlignmentStep::default(), None);
             self.aligned = Progress::Working;
@@ -411,11 +444,7 @@ impl SpeedTask {
         if self.seen.is_some() {
             self.compute_alignment(config);
         }
-        SpeedTaskOutput {
-            current,
-            state: self.state,
-            ..SpeedTaskOutput::default()
-        }
+        current
     }
 
     /// A step in a fault of one motor, in which the other brings the table to rest.
@@ -424,13 +453,13 @@ impl SpeedTask {
     fn bring_to_rest(
         &mut self,
         config: &DriveConfig,
-        request: Request,
+        mode: Mode,
         exchanges: [&MotorExchange; 2],
         follow: Follow,
-    ) -> SpeedTaskOutput {
+    ) -> [CurrentReference; 2] {
         self.found = None;
         let rests = CurrentReference {
-            mode: self.state.mode(request),
+            mode,
             ..CurrentReference::default()
         };
         let mut asked = [rests; 2];
@@ -496,11 +525,7 @@ impl SpeedTask {
             exchange.ask(asked, current_loop);
             exchange.expect_bus(current_loop);
         }
-        SpeedTaskOutput {
-            current: asked,
-            state: self.state,
-            ..SpeedTaskOutput::default()
-        }
+        asked
     }
 
     /// A step of the coordinator and both speed loops.
@@ -635,7 +660,7 @@ impl SpeedTask {
             i_q: output.i_q,
             ..CurrentReference::default()
         });
-        self.found = self.watch(
+        let sign = self.watch(
             config,
             look,
             exchanges,
@@ -656,6 +681,11 @@ impl SpeedTask {
                 },
             ],
         );
+        if sign.is_some() {
+            cold_path();
+            self.found = sign;
+            self.due = true;
+        }
         SpeedTaskOutput {
             current,
             speed,
@@ -666,19 +696,44 @@ impl SpeedTask {
     /// Latches what was found, and says what of it opens the bridges: what does not is what the drive comes to rest for.
     #[cold]
     #[inline(never)]
-    fn judge(&mut self, motors: [MotorStatus; 2], seen: [Option<Fault>; 4]) -> Option<Fault> {
+    fn judge(
+        &mut self,
+        config: &DriveConfig,
+        exchanges: [&MotorExchange; 2],
+        motors: [MotorStatus; 2],
+        seen: [Option<Fault>; 4],
+    ) -> Option<Fault> {
         self.latched = self.latched.and(faults(motors));
-        let drives = self.state.is_driven();
+        let rests_for = self.rests(config, exchanges, seen);
         let mut opens = None;
         for fault in seen.into_iter().flatten() {
             self.latched = self.latched.with(fault);
-            if drives && fault.reaction() == Reaction::Rest {
+            if rests_for.has(fault) {
                 self.rests_for.get_or_insert(fault);
             } else if opens.is_none() {
                 opens = Some(fault);
             }
         }
         opens
+    }
+
+    /// What the pair comes to rest for, where `seen` begins with what the board's guard found.
+    #[inline(always)]
+    fn rests(
+        &self,
+        config: &DriveConfig,
+        exchanges: [&MotorExchange; 2],
+        [of_board, ..]: [Option<Fault>; 4],
+    ) -> FaultSet {
+        // A stop for it goes on below the speed at which it begins.
+        let in_hand = || self.rests_for == of_board || angles_show(config, exchanges);
+        if !self.state.is_driven() {
+            FaultSet::EMPTY
+        } else if of_board == Some(Fault::Scale) && in_hand() {
+            FaultSet::RESTS.with(Fault::Scale)
+        } else {
+            FaultSet::RESTS
+        }
     }
 
     /// Names the first cause of a fault, also where another did not let the drive come to rest for it.
@@ -744,6 +799,7 @@ impl SpeedTask {
             cold_path();
             self.blocked = request.inputs.blocked;
             self.command = self.asked_for.within(self.blocked);
+            self.due = true;
         }
         self.ask_interlock(config, request.run);
     }
@@ -754,9 +810,14 @@ impl SpeedTask {
         let moves = self.state == State::Ready || self.state.is_driven();
         if moves && self.rests_for.is_none() {
             let velocity = self.command.velocity;
-            self.rests_for = self
+            let forbidden = self
                 .interlock
                 .forbids(config.heartbeat_looks, run, velocity);
+            if forbidden.is_some() {
+                cold_path();
+                self.rests_for = forbidden;
+                self.due = true;
+            }
         }
     }
 
@@ -795,6 +856,43 @@ impl SpeedTask {
         }
     }
 
+    /// Counts how long a motor at its torque limit has not moved the table, where there is something to count.
+    #[inline(always)]
+    fn look_at_table(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
+        let [screw_limited, nut_limited] = self.torque_limited;
+        if screw_limited | nut_limited | (self.pressed != Tally::new()) {
+            self.press(config, exchanges);
+        }
+    }
+
+    /// A table that stands although it is asked to move, with a motor at its torque limit, is stalled: both motors may turn on together.
+    #[cold]
+    #[inline(never)]
+    fn press(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
+        if !self.state.is_driven() {
+            self.pressed = Tally::new();
+            return;
+        }
+        let [screw_loop, _] = &config.current_loops;
+        let [screw_watch, _] = &config.runaway;
+        let [.., patience] = screw_watch.tolerances;
+        let [screw, nut] = exchanges.map(MotorExchange::theta_step);
+        let goes = screw_loop.observer.omega_e(screw.wrapping_sub(nut));
+        let (planned, _) = self.planned();
+        let asked = planned.saturating_mul_int(screw_watch.pole_pairs);
+        let stands = goes.saturating_abs().saturating_mul_int(STANDS) < asked.saturating_abs();
+        let [screw_limited, nut_limited] = self.torque_limited;
+        let events = u32::from(stands && (screw_limited || nut_limited));
+        if self.pressed.step(patience, events) {
+            self.found = Some(if screw_limited {
+                Fault::ScrewStalled
+            } else {
+                Fault::NutStalled
+            });
+            self.due = true;
+        }
+    }
+
     /// One motor's current warms its winding and its bridge for a look.
     #[inline(always)]
     fn warm(&mut self, config: &DriveConfig, look: Look, exchanges: [&MotorExchange; 2]) {
@@ -812,6 +910,7 @@ impl SpeedTask {
             );
             *screw_max = screw_loop.i_max.min(screw_heat.current_max(screw_config));
             *screw_hot = screw_heat.trips(screw_config);
+            self.due |= *screw_hot;
         } else {
             nut_heat.step(
                 nut_config,
@@ -820,6 +919,7 @@ impl SpeedTask {
             );
             *nut_max = nut_loop.i_max.min(nut_heat.current_max(nut_config));
             *nut_hot = nut_heat.trips(nut_config);
+            self.due |= *nut_hot;
         }
     }
 
@@ -896,6 +996,30 @@ impl SpeedTask {
     }
 }
 
+/// What a step asks in which the pair is not driven.
+#[derive(Clone, Copy, Debug)]
+struct Undriven {
+    /// What the current loops do.
+    mode: Mode,
+    /// The self-test begins.
+    tests_itself: bool,
+}
+
+/// Both motors turn so fast that their voltages would show a wrong angle, and have not: neither encoder is what is wrong, or it will be
+/// found in a stop.
+#[inline(always)]
+fn angles_show(config: &DriveConfig, [screw, nut]: [&MotorExchange; 2]) -> bool {
+    let [screw_loop, nut_loop] = &config.current_loops;
+    let [screw_limits, nut_limits] = &config.runaway;
+    let shows = |limits: &RunawayConfig, current_loop: &CurrentLoopConfig, theta_step: i32| {
+        let theta_e_step = theta_step.wrapping_mul(limits.pole_pairs);
+        let emf = current_loop.regulator.induced.back_emf(theta_e_step);
+        emf.unsigned_abs() > limits.emf_floor
+    };
+    shows(screw_limits, screw_loop, screw.theta_step())
+        && shows(nut_limits, nut_loop, nut.theta_step())
+}
+
 /// A bus that reads too little makes all voltages too large, and with them the currents: it is named in place of what found those, the
 /// comparators among it.
 fn likelier(state: State, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> State {
@@ -920,6 +1044,9 @@ fn shaft_angle(exchange: &MotorExchange, config: &CurrentLoopConfig, reversed: b
         angle
     }
 }
+
+/// A table that goes by less than this part of what is asked stands.
+const STANDS: i32 = 8;
 
 /// Steps from one look at a motor's motion to the next, and from one at the interlock.
 pub const STEPS_PER_LOOK: u32 = 4;

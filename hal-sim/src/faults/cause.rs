@@ -99,6 +99,15 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                 || fault == of(axis, F::ScrewOverSpeed, F::NutOverSpeed)
         }
         Input::Scale => fault == F::Scale,
+        // A table that is past its soft limit or at its stop: what let it go there, and what blocks it, is looked for.
+        Input::EndForward | Input::EndBackward | Input::Command
+            if matches!(
+                fault,
+                F::ScrewStalled | F::NutStalled | F::TravelForward | F::TravelBackward
+            ) =>
+        {
+            true
+        }
         Input::EndForward => matches!(fault, F::EndForward | F::EndsExchanged),
         Input::EndBackward => matches!(fault, F::EndBackward | F::EndsExchanged),
         Input::Enable(_) => matches!(fault, F::Disabled | F::EnableApart),
