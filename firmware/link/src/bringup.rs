@@ -95,6 +95,7 @@ codes! {
         NutC = 8, "nut phase c", "Current of the nut's phase c.";
         NutBus = 9, "bus at the nut's bridge", "Bus voltage at the nut's bridge.";
         NutHeatSink = 10, "nut heat sink", "Temperature of the nut's heat sink.";
+        Reference = 11, "internal reference", "The chip's internal reference, which shows its supply.";
     }
 }
 
@@ -240,6 +241,8 @@ words! {
         threshold: u32,
         /// What the power stage's inputs have to ground beside the gate driver's own resistor, ohm; 0: nothing.
         gate_pull_down_ohm: u32,
+        /// What the chip's maker read of its internal reference at 3.0 V, counts.
+        calibrated: u32,
         /// Heat sinks' sensors: screw, nut.
         sensors: [SensorWords; 2],
     }

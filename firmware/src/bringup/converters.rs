@@ -26,7 +26,11 @@ const SIGNALS: [[Option<Signal>; 3]; 4] = [
         Some(Signal::NutHeatSink),
     ],
     [Some(Signal::NutB), Some(Signal::NutC), None],
-    [Some(Signal::NutA), Some(Signal::NutBus), None],
+    [
+        Some(Signal::NutA),
+        Some(Signal::NutBus),
+        Some(Signal::Reference),
+    ],
 ];
 
 fn adcs() -> [&'static adc1::RegisterBlock; 4] {

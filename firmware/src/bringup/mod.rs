@@ -20,6 +20,7 @@ mod pins;
 mod stream;
 
 use crate::board;
+use crate::hw::analog;
 use crate::hw::clock::CORE_HZ;
 use crate::hw::encoder::Encoder;
 use crate::hw::pwm::PwmPlan;
@@ -156,6 +157,7 @@ fn expect() {
         u32::from(board::OVER_CURRENT[0].threshold),
     );
     put(&expected.gate_pull_down_ohm, board::GATE_PULL_DOWN_OHM);
+    put(&expected.calibrated, analog::calibrated().into());
     let sensors = board::GUARDS.temperatures;
     for ((words, sensor), range) in expected
         .sensors

@@ -246,15 +246,20 @@ pub(crate) fn temperatures() -> [u16; 2] {
     ]
 }
 
-/// The internal reference as last converted, and as the chip's maker read it.
+/// The internal reference as last converted, and as it was at the maker.
 #[allow(clippy::cast_possible_truncation)]
 pub(crate) fn supply() -> SupplyReading {
     // SAFETY: a data register is read, which clears a flag that nobody looks at.
     let adc4: &adc1::RegisterBlock = unsafe { &*ADC4::ptr() };
     SupplyReading {
         reference: adc4.dr().read().bits() as u16,
-        calibrated: VrefCal::get().read(),
+        calibrated: calibrated(),
     }
+}
+
+/// The internal reference as the chip's maker read it.
+pub(crate) fn calibrated() -> u16 {
+    VrefCal::get().read()
 }
 
 /// Power up, calibrate, enable (RM0440 21.4.6 and 21.4.8).

@@ -222,6 +222,10 @@ impl Chip {
         self.flash = old.flash;
         self.flash.reset();
         self.system.crystal = old.system.crystal;
+        // A brown-out's reset ends when the supply is back.
+        if reason != Reset::BrownOut {
+            self.system.supply_v = old.system.supply_v;
+        }
         self.system.no_boost = old.system.no_boost;
         self.system.set_reset_reason(reason);
         self.nvic.set_time_zero(old.now);

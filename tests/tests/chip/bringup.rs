@@ -170,6 +170,13 @@ fn analog_channels() -> Result<(), String> {
         (ohms / 50.0 - 1.0).abs() < 0.1,
         "50 kohm were put in, {ohms} kohm are said"
     );
+    // Above what the voltage detector opens both bridges by.
+    finds(
+        Wiring::Nucleo,
+        |bench| bench.emulator.chip().set_supply(3.0),
+        &["drive.state", "supply.controller"],
+        "not 3.3 V",
+    )?;
     finds(
         Wiring::Nucleo,
         |bench| bench.emulator.chip().faults.noise.push(((4, 4), 12.0)),

@@ -1,6 +1,7 @@
-//! ADC channels: bus, zeros, settling, noise, temperatures.
+//! ADC channels: supply, bus, zeros, settling, noise, temperatures.
 
 use super::Item;
+use control::controller_supply::{SUPPLY_MV, SupplyReading};
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
 use link::bringup::{
     BUS_LIMIT_V, CONVERSIONS, ChannelWords, ExpectedWords, ReportWords, SAMPLING_HALVES,
@@ -64,21 +65,26 @@ pub(super) fn items(words: &ReportWords) -> Vec<Item> {
                 Signal::ScrewBus | Signal::NutBus => bus(expected, signal, level),
                 Signal::ScrewHeatSink => temperature(expected, 0, signal, level),
                 Signal::NutHeatSink => temperature(expected, 1, signal, level),
+                Signal::Reference => supply(expected, level),
                 _ => zero(expected, signal, level),
             }
         })
         .collect();
     let order = |item: &Item| match item.group {
-        BUS => 0,
-        ZEROS => 1,
-        _ => 2,
+        SUPPLY => 0,
+        BUS => 1,
+        ZEROS => 2,
+        _ => 3,
     };
     items.sort_by_key(order);
-    items.extend(channels(words).map(|(channel, signal)| settles(words, channel, signal)));
+    // The reference is on no pin, and its sampling time is the datasheet's.
+    let at_pins = channels(words).filter(|(_, signal)| *signal != Signal::Reference);
+    items.extend(at_pins.map(|(channel, signal)| settles(words, channel, signal)));
     items.extend(channels(words).map(|(channel, signal)| noise(expected, channel, signal)));
     items
 }
 
+const SUPPLY: &str = "Controller's supply";
 const BUS: &str = "Bus voltage";
 const ZEROS: &str = "Current channels, no current";
 const HEAT: &str = "Heat sinks";
@@ -103,6 +109,38 @@ fn bus(expected: &ExpectedWords, signal: Signal, level: f64) -> Item {
             "There is {volts:.0} V on the bus: a bring-up pulls at gate drivers and enables timers, and is done without."
         ),
         "Switch the bus off, let its capacitors discharge, and start again.",
+    )
+}
+
+fn supply(expected: &ExpectedWords, level: f64) -> Item {
+    let counts = |value: f64| value.round().clamp(0.0, u16::MAX.into()) as u16;
+    let reading = SupplyReading {
+        reference: counts(level),
+        calibrated: counts(expected.calibrated.into()),
+    };
+    let volts = |millivolts: u16| f64::from(millivolts) / 1e3;
+    let item = Item::new(
+        SUPPLY,
+        "supply.controller",
+        Signal::Reference.name(),
+        "`control::controller_supply`; the chip's own calibration",
+    )
+    .expected(format!(
+        "{:.1} to {:.1} V",
+        volts(SUPPLY_MV.least),
+        volts(SUPPLY_MV.most)
+    ))
+    .read(format!(
+        "{:.2} V ({level:.0} counts, {} at 3.0 V)",
+        volts(reading.millivolts()),
+        expected.calibrated
+    ));
+    if SUPPLY_MV.has(reading.millivolts()) {
+        return item;
+    }
+    item.finding(
+        "The chip's supply is not 3.3 V, or its maker has not written what the reference reads: the drive would not leave its fault.",
+        "Measure 3.3 V at the chip, VDDA and VREF+ too; where they are right, the chip is a copy or damaged: take another.",
     )
 }
 
@@ -331,7 +369,11 @@ fn noise(expected: &ExpectedWords, channel: &ChannelWords, signal: Signal) -> It
     let amperes = counts * f64::from(expected.microamperes).abs() * 1e-6;
     let is_current = !matches!(
         signal,
-        Signal::ScrewBus | Signal::NutBus | Signal::ScrewHeatSink | Signal::NutHeatSink
+        Signal::ScrewBus
+            | Signal::NutBus
+            | Signal::ScrewHeatSink
+            | Signal::NutHeatSink
+            | Signal::Reference
     );
     let worth = match is_current {
         true => format!(" ({:.0} mA)", 1e3 * amperes),

@@ -35,6 +35,7 @@ fn healthy() -> Readings {
         bus_microvolts: 110_000,
         threshold: 3891,
         gate_pull_down_ohm: 10_000,
+        calibrated: 1655,
         sensors: [SensorWords {
             platinum: 0,
             ohm: 10_000,
@@ -69,6 +70,7 @@ fn healthy() -> Readings {
         (Signal::NutC, 3, 5, 12, 2046),
         (Signal::NutA, 4, 4, 3, 2049),
         (Signal::NutBus, 4, 3, 4, 1),
+        (Signal::Reference, 4, 18, 3, 1504),
     ];
     for (channel, (signal, adc, number, before, level)) in words.channels.iter_mut().zip(signals) {
         *channel = ChannelWords {
@@ -278,6 +280,16 @@ fn each_fault_is_named_and_nothing_else_is() {
             |r| r.report.channels[2].samples = [samples(1); 8],
             &["temperature.screwheatsink"],
             "wires are shorted",
+        ),
+        (
+            |r| r.report.channels[10].samples = [samples(1655); 8],
+            &["supply.controller"],
+            "3.0",
+        ),
+        (
+            |r| r.report.expected.calibrated = 0xFFFF,
+            &["supply.controller"],
+            "maker has not written",
         ),
         (
             // Through 20 kohm from 2050 towards 2.
