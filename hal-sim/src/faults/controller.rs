@@ -41,8 +41,8 @@ pub(super) enum Doing {
     Breaks { slow: f64, supply: f64 },
     /// It is in reset, or starts.
     Stands,
-    /// Its code begins anew.
-    Starts,
+    /// Its code begins anew, and runs.
+    Starts { slow: f64, supply: f64 },
 }
 
 /// State of the chip.
@@ -94,6 +94,7 @@ impl Controller {
             self.starts_s = Some(START_S);
             return Doing::Stands;
         }
+        let supply = supply_v / NOMINAL_V;
         if let Some(left) = &mut self.starts_s {
             if supply_v >= BREAK_V {
                 *left -= seconds;
@@ -102,13 +103,37 @@ impl Controller {
                 return Doing::Stands;
             }
             self.starts_s = None;
-            return Doing::Starts;
+            return Doing::Starts { slow, supply };
         }
-        let supply = supply_v / NOMINAL_V;
         if supply_v < BREAK_V {
             Doing::Breaks { slow, supply }
         } else {
             Doing::Runs { slow, supply }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// And not with the one that it was reset by, with which the bus would read too much.
+    #[test]
+    fn a_chip_starts_with_the_supply_of_then() {
+        const PERIOD_S: f64 = 50e-6;
+        let mut controller = Controller::default();
+        let mut falls = Spoiled::new(Input::Supply, Defect::Falls, 1);
+        falls.on = true;
+        let mut spoiled = [falls];
+        let reset = (0..20_000).any(|_| controller.period(&mut spoiled, PERIOD_S) == Doing::Stands);
+        assert!(reset && controller.stands());
+        let starts = (0..20_000)
+            .map(|_| controller.period(&mut [], PERIOD_S))
+            .find(|doing| *doing != Doing::Stands);
+        let expected = Doing::Starts {
+            slow: 1.0,
+            supply: 1.0,
+        };
+        assert_eq!(starts, Some(expected));
     }
 }

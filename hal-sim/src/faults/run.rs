@@ -314,7 +314,11 @@ impl Run {
                 self.drive.period_in_reset(&mut self.bench);
                 return true;
             }
-            Doing::Starts => self.begin_anew(),
+            Doing::Starts { slow, supply } => {
+                self.drive.board.set_clock(slow);
+                self.drive.board.set_reference(supply);
+                self.begin_anew();
+            }
         }
         false
     }

@@ -154,7 +154,8 @@ fn recover(run: &mut Run, told: &mut Soaked) {
     run.pass(0.05);
     let mut waited = 0.1;
     while run.drive.state() != State::Ready && waited < RECOVERS_S {
-        // An alignment can be refused by a table that still coasts; the reset stays asked.
+        // An alignment can be refused by a table that still coasts; the reset stays asked, also of a chip that has begun anew.
+        run.drive.request.reset = true;
         run.pass(0.05);
         waited += 0.05;
     }
