@@ -7,7 +7,7 @@
 use crate::seam::{Seam, Straight};
 use crate::sensors::{CurrentSensing, Leg, Sensors, encoder_word};
 use crate::wiring::{MotorWiring, Wiring};
-use control::controller_supply::SupplyReading;
+use control::controller_supply::{CALIBRATED_AT_MV, SupplyReading};
 use control::current_loop::{MotorSample, PwmCommand};
 use control::encoder::Interface;
 use control::sense::Shunts;
@@ -20,12 +20,11 @@ use rand_xoshiro::rand_core::SeedableRng;
 use std::f64::consts::TAU;
 
 /// The controller's supply, V.
-const SUPPLY_V: f64 = 3.3;
-/// Its internal reference, V (datasheet, embedded voltage reference: typical; memory), the supply at which the maker read it, and the
-/// ADC's counts.
-const REFERENCE_V: f64 = 1.212;
-const CALIBRATED_AT_V: f64 = 3.0;
-const REFERENCE_COUNTS: f64 = 4096.0;
+pub(crate) const SUPPLY_V: f64 = 3.3;
+/// Its internal reference, V (datasheet, embedded voltage reference: typical; memory).
+pub const REFERENCE_V: f64 = 1.212;
+/// Counts of its ADCs.
+const ADC_COUNTS: f64 = 4096.0;
 
 /// What the comparators on a break input see.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -443,10 +442,10 @@ impl Board {
     /// The controller's supply as its ADC reads it.
     #[must_use]
     pub fn supply(&self) -> SupplyReading {
-        let counts = |supply: f64| (REFERENCE_V / supply * REFERENCE_COUNTS).round() as u16;
+        let counts = |supply: f64| (REFERENCE_V / supply * ADC_COUNTS).round() as u16;
         SupplyReading {
             reference: counts(SUPPLY_V * self.reference),
-            calibrated: counts(CALIBRATED_AT_V),
+            calibrated: counts(f64::from(CALIBRATED_AT_MV) * 1e-3),
         }
     }
 

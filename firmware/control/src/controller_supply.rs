@@ -7,8 +7,8 @@
 
 use crate::thermometer::Range;
 
-/// What the ADC read at the makers, mV.
-const CALIBRATED_AT_MV: u32 = 3000;
+/// The supply at which the maker read the reference, mV (`stm32g4xx-hal`, `signature.rs`: `VDDA_CALIB`).
+pub const CALIBRATED_AT_MV: u32 = 3000;
 
 /// Between which the supply is well, mV: 3.3 V and 6 % of either sign. A regulator of 3.3 V is good for 3 % over load and temperature, the
 /// calibration for 10 mV of 3 V, and the reference for 1 % over temperature (memory: datasheets of LD39050 and of the chip, embedded

@@ -165,6 +165,9 @@ impl Fault {
 pub enum Reaction {
     /// Both motors come to rest within their limits, the table too; then both bridges open. Stop category 1 of IEC 60204-1.
     Rest,
+    /// The same where both motors turn so fast that their voltages would show a wrong angle: it is found in the stop then. Slower, both
+    /// bridges open at once.
+    RestAtSpeed,
     /// The bridge of its motor opens at once, and the other motor brings the table to rest by its scale: see `follow.rs`. Where
     /// there is no scale, both open.
     Follow,
@@ -178,6 +181,7 @@ impl Reaction {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Rest => "both come to rest",
+            Self::RestAtSpeed => "both come to rest; where they turn slowly, both bridges open",
             Self::Follow => "its bridge opens, the other motor brings the table to rest",
             Self::Open => "both bridges open",
         }
@@ -255,6 +259,8 @@ impl Fault {
             | Self::ControllerSupply
             // The control interrupts above it go on.
             | Self::SupervisionLate => Reaction::Rest,
+            // Which of the three is wrong is not known.
+            Self::Scale => Reaction::RestAtSpeed,
             // A short circuit, or a current that is not in hand, in one motor.
             Self::ScrewBreak
             | Self::NutBreak
@@ -282,9 +288,6 @@ impl Fault {
             // Nothing moves yet when a zero is measured.
             Self::ScrewCurrentZero
             | Self::NutCurrentZero
-            // Which of the three is wrong is not known. Where both motors turn so fast that their voltages would show a wrong angle, both
-            // come to rest all the same: see `SpeedTask`.
-            | Self::Scale
             // A bus that is too high takes no braking; one that is too low makes no torque.
             | Self::OverVoltage
             | Self::UnderVoltage
@@ -301,6 +304,31 @@ impl Fault {
     }
 }
 
+/// The set of all faults for which it holds.
+macro_rules! all_that {
+    (|$fault:ident| $holds:expr) => {{
+        let (mut set, mut left): (FaultSet, &[Fault]) = (FaultSet::EMPTY, Fault::ALL);
+        while let [$fault, others @ ..] = left {
+            if $holds {
+                set = set.with(*$fault);
+            }
+            left = others;
+        }
+        set
+    }};
+}
+
+/// `text` ends with `end`.
+const fn ends_with(text: &str, end: &str) -> bool {
+    let (mut text, mut end) = (text.as_bytes(), end.as_bytes());
+    while let ([texts @ .., a], [ends @ .., b]) = (text, end)
+        && *a == *b
+    {
+        (text, end) = (texts, ends);
+    }
+    end.is_empty()
+}
+
 /// Faults that were found since the drive last left one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct FaultSet(u64);
@@ -310,52 +338,20 @@ impl FaultSet {
     pub const EMPTY: Self = Self(0);
 
     /// Those that doubt an angle: [`Fault::doubts_angle`].
-    #[allow(clippy::indexing_slicing, reason = "computed by the compiler")]
-    pub const DOUBTS_ANGLE: Self = {
-        let (mut set, mut k) = (Self::EMPTY, 0);
-        while k < Fault::ALL.len() {
-            if Fault::ALL[k].doubts_angle() {
-                set = set.with(Fault::ALL[k]);
-            }
-            k += 1;
-        }
-        set
-    };
+    pub const DOUBTS_ANGLE: Self = all_that!(|fault| fault.doubts_angle());
 
     /// Those for which the pair comes to rest: [`Reaction::Rest`].
-    #[allow(clippy::indexing_slicing, reason = "computed by the compiler")]
-    pub const RESTS: Self = {
-        let (mut set, mut k) = (Self::EMPTY, 0);
-        while k < Fault::ALL.len() {
-            if matches!(Fault::ALL[k].reaction(), Reaction::Rest) {
-                set = set.with(Fault::ALL[k]);
-            }
-            k += 1;
-        }
-        set
-    };
+    pub const RESTS: Self = all_that!(|fault| matches!(fault.reaction(), Reaction::Rest));
+
+    /// Those for which it does at speed: [`Reaction::RestAtSpeed`].
+    pub const RESTS_AT_SPEED: Self =
+        all_that!(|fault| matches!(fault.reaction(), Reaction::RestAtSpeed));
 
     /// Those of one motor: the screw's, the nut's.
-    pub const OF_MOTOR: [Self; 2] = [Self::named(", screw"), Self::named(", nut")];
-
-    /// Those whose name ends so.
-    #[allow(clippy::indexing_slicing, reason = "computed by the compiler")]
-    const fn named(end: &str) -> Self {
-        let (mut set, mut k) = (Self::EMPTY, 0);
-        while k < Fault::ALL.len() {
-            let (mut name, mut end) = (Fault::ALL[k].name().as_bytes(), end.as_bytes());
-            while let ([names @ .., a], [ends @ .., b]) = (name, end)
-                && *a == *b
-            {
-                (name, end) = (names, ends);
-            }
-            if end.is_empty() {
-                set = set.with(Fault::ALL[k]);
-            }
-            k = k.saturating_add(1);
-        }
-        set
-    }
+    pub const OF_MOTOR: [Self; 2] = [
+        all_that!(|fault| ends_with(fault.name(), ", screw")),
+        all_that!(|fault| ends_with(fault.name(), ", nut")),
+    ];
 
     /// Those that doubt the table's homed position: of an encoder, or of the scale.
     pub const DOUBTS_POSITION: Self = Self::DOUBTS_ANGLE.with(Fault::Scale);

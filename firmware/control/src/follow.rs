@@ -44,7 +44,7 @@ pub(crate) struct Follow {
     /// Which way the table last went while it was fast, and how often it turned round.
     way: i32,
     swings: u8,
-    /// The fastest that its shaft may turn: as the faster of both did at the start.
+    /// The fastest that its shaft may turn: what it and the table did at the start together, which is at least what the other did.
     fastest: Option<Speed>,
 }
 
@@ -107,11 +107,14 @@ impl Follow {
     pub(crate) fn goes_on(self, seen: &Followed) -> Option<Self> {
         let slow = |speed: &Speed| speed.saturating_abs() < seen.slow;
         let rests = seen.speeds.iter().all(slow);
-        let [shaft, table] = seen.speeds.map(Speed::saturating_abs);
+        let [shaft, table] = seen.speeds;
         let more = seen.slow.saturating_mul_int(FASTER);
-        let at_start = shaft.saturating_add(table).saturating_add(more);
-        let fastest = self.fastest.unwrap_or(at_start);
-        let [_, table] = seen.speeds;
+        let fastest = self.fastest.unwrap_or_else(|| {
+            let both = shaft
+                .saturating_abs()
+                .saturating_add(table.saturating_abs());
+            both.saturating_add(more)
+        });
         let way = if slow(&table) {
             self.way
         } else {
@@ -135,7 +138,7 @@ impl Follow {
             swings: self.swings.saturating_add(turned_round.into()),
             ..self
         };
-        let slows = next.swings <= SWINGS && shaft <= fastest;
+        let slows = next.swings <= SWINGS && shaft.saturating_abs() <= fastest;
         let sees = seen.adds_up && next.blind <= seen.blind_max && slows;
         (sees && next.rested < RESTED && self.is_healthy(seen.latched)).then_some(next)
     }

@@ -725,12 +725,13 @@ impl SpeedTask {
         exchanges: [&MotorExchange; 2],
         [of_board, ..]: [Option<Fault>; 4],
     ) -> FaultSet {
+        let at_speed = of_board.is_some_and(|fault| FaultSet::RESTS_AT_SPEED.has(fault));
         // A stop for it goes on below the speed at which it begins.
         let in_hand = || self.rests_for == of_board || angles_show(config, exchanges);
         if !self.state.is_driven() {
             FaultSet::EMPTY
-        } else if of_board == Some(Fault::Scale) && in_hand() {
-            FaultSet::RESTS.with(Fault::Scale)
+        } else if at_speed && in_hand() {
+            FaultSet::RESTS.and(FaultSet::RESTS_AT_SPEED)
         } else {
             FaultSet::RESTS
         }

@@ -3,8 +3,8 @@
 //! ADC1 and ADC2 serve the screw, ADC3 and ADC4 the nut: two injected conversions each, started together by the
 //! motor's timer at its top (ES0430 2.7.11: ADCs that run at the same time disturb each other unless they start
 //! together). The two heat sinks' temperatures are regular conversions of ADC1 and ADC2, started by the nut's timer
-//! half a period away from their injected ones, and taken by DMA. So is the chip's internal reference of ADC4, started by the screw's,
-//! whose last conversion is read where it is.
+//! half a period away from their injected ones, and taken by DMA. The chip's internal reference is the regular conversion of ADC4, started by the
+//! screw's timer, and read from its data register.
 //!
 //! The analog watchdogs hold each conversion of the bus voltage and of the currents, of either sign, against limits. Their
 //! flags stay set until the speed task takes them: nothing slips through between two of its steps, and it costs the

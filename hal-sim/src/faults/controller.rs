@@ -8,22 +8,22 @@
 //! | crystal fast or slow | nothing: what a bring-up lets pass | all times by that factor |
 //! | supply below 2.9 V | voltage detector on the timers' break | both bridges open at once and are held open; fault `ControllerSupply` |
 //! | supply below 2.8 V | brown-out reset | all pins released; a new start above 2.9 V (datasheet, level 4 rising; memory) |
-//! | supply low and above that | nothing: it is the ADC's reference | what does not go with it reads more |
+//! | supply low and above that | the firmware, by the chip's internal reference: `control::controller_supply` | it is the ADC's reference, and what does not go with it reads more, until both motors have stopped |
 //!
 //! A clock that stands inside the chip behind a crystal that runs is not modelled: the watchdog's own clock ends that.
 
 use super::cell::{Defect, Input};
 use super::spoiled::{Reading, Spoiled};
+use crate::board::SUPPLY_V;
 
-/// Nominal supply, and what breaks and resets, V.
-const NOMINAL_V: f64 = 3.3;
+/// What breaks and resets, V.
 const BREAK_V: f64 = 2.9;
 const RESET_V: f64 = 2.8;
 /// A supply that is low, V: stuck between the two, or offset by so much to above both.
 const LOW_V: f64 = 2.85;
 const OFFSET_V: f64 = -0.35;
 /// Standard deviation of its noise: 3 % of it, as of the other inputs.
-const NOISE_V: f64 = 0.03 * NOMINAL_V;
+const NOISE_V: f64 = 0.03 * SUPPLY_V;
 /// How long it is gone where it dips, s, and how fast it falls, V/s.
 const DIP_S: f64 = 20e-3;
 const FALLS_V_S: f64 = 1.0;
@@ -35,14 +35,23 @@ const START_S: f64 = 8e-3;
 /// What the chip does in a period.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Doing {
-    /// It runs, its clock slow by a factor, its supply as a part of the nominal.
-    Runs { slow: f64, supply: f64 },
-    /// The same, with both bridges held open.
-    Breaks { slow: f64, supply: f64 },
     /// It is in reset, or starts.
     Stands,
-    /// Its code begins anew, and runs.
-    Starts { slow: f64, supply: f64 },
+    /// It runs, its clock slow by a factor, its supply as a part of the nominal.
+    Runs {
+        slow: f64,
+        supply: f64,
+        change: Option<Change>,
+    },
+}
+
+/// What else becomes of a chip that runs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Change {
+    /// Its code begins anew.
+    Starts,
+    /// Both bridges are held open.
+    Breaks,
 }
 
 /// State of the chip.
@@ -62,7 +71,7 @@ impl Controller {
 
     /// A period of so many seconds.
     pub(super) fn period(&mut self, spoiled: &mut [Spoiled], seconds: f64) -> Doing {
-        let (mut supply_v, mut slow, mut crystal) = (NOMINAL_V, 1.0, true);
+        let (mut supply_v, mut slow, mut crystal) = (SUPPLY_V, 1.0, true);
         let mut wrong = false;
         for one in spoiled.iter_mut().filter(|one| one.on) {
             match (one.input, one.defect) {
@@ -74,15 +83,15 @@ impl Controller {
                     wrong = true;
                     supply_v = match defect {
                         Defect::Dips if self.wrong_s < DIP_S => 0.0,
-                        Defect::Falls => NOMINAL_V - FALLS_V_S * self.wrong_s,
+                        Defect::Falls => SUPPLY_V - FALLS_V_S * self.wrong_s,
                         _ => one.read(Reading {
-                            now: NOMINAL_V,
+                            now: SUPPLY_V,
                             missing: 0.0,
-                            span: [LOW_V, NOMINAL_V],
+                            span: [LOW_V, SUPPLY_V],
                             offset: OFFSET_V,
                             sigma: NOISE_V,
                             late: 0,
-                            neighbour: NOMINAL_V,
+                            neighbour: SUPPLY_V,
                         }),
                     };
                 }
@@ -94,7 +103,7 @@ impl Controller {
             self.starts_s = Some(START_S);
             return Doing::Stands;
         }
-        let supply = supply_v / NOMINAL_V;
+        let mut change = (supply_v < BREAK_V).then_some(Change::Breaks);
         if let Some(left) = &mut self.starts_s {
             if supply_v >= BREAK_V {
                 *left -= seconds;
@@ -103,12 +112,12 @@ impl Controller {
                 return Doing::Stands;
             }
             self.starts_s = None;
-            return Doing::Starts { slow, supply };
+            change = Some(Change::Starts);
         }
-        if supply_v < BREAK_V {
-            Doing::Breaks { slow, supply }
-        } else {
-            Doing::Runs { slow, supply }
+        Doing::Runs {
+            slow,
+            supply: supply_v / SUPPLY_V,
+            change,
         }
     }
 }
@@ -130,9 +139,10 @@ mod tests {
         let starts = (0..20_000)
             .map(|_| controller.period(&mut [], PERIOD_S))
             .find(|doing| *doing != Doing::Stands);
-        let expected = Doing::Starts {
+        let expected = Doing::Runs {
             slow: 1.0,
             supply: 1.0,
+            change: Some(Change::Starts),
         };
         assert_eq!(starts, Some(expected));
     }

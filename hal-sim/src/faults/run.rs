@@ -3,7 +3,7 @@
 use super::bench::{Bench, Ends, Soft};
 use super::cause::names;
 use super::cell::{Defect, Input, Situation};
-use super::controller::{Controller, Doing};
+use super::controller::{Change, Controller, Doing};
 use super::spoiled::Spoiled;
 use super::{Hazard, Limits, Outcome};
 use crate::alignment::{held_load_n, settle};
@@ -297,15 +297,6 @@ impl Run {
         let before = self.controller.stands();
         let seconds = self.drive.board.period_s();
         match self.controller.period(&mut self.bench.spoiled, seconds) {
-            Doing::Runs { slow, supply } => {
-                self.drive.board.set_clock(slow);
-                self.drive.board.set_reference(supply);
-            }
-            Doing::Breaks { slow, supply } => {
-                self.drive.board.set_clock(slow);
-                self.drive.board.set_reference(supply);
-                self.drive.board.break_system();
-            }
             Doing::Stands => {
                 if !before {
                     self.was_reset = true;
@@ -314,10 +305,18 @@ impl Run {
                 self.drive.period_in_reset(&mut self.bench);
                 return true;
             }
-            Doing::Starts { slow, supply } => {
+            Doing::Runs {
+                slow,
+                supply,
+                change,
+            } => {
                 self.drive.board.set_clock(slow);
                 self.drive.board.set_reference(supply);
-                self.begin_anew();
+                match change {
+                    Some(Change::Starts) => self.begin_anew(),
+                    Some(Change::Breaks) => self.drive.board.break_system(),
+                    None => {}
+                }
             }
         }
         false

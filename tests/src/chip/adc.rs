@@ -1,6 +1,7 @@
 //! ADC1 to ADC4: power-up, calibration, injected sequences on a trigger, regular conversions for DMA (RM0440 21).
 
 use super::registers::Registers;
+use hal_sim::board::REFERENCE_V;
 
 const ISR: u32 = 0x00;
 const IER: u32 = 0x04;
@@ -44,12 +45,12 @@ const SAMPLING_HALVES: [u64; 8] = [5, 13, 25, 49, 95, 185, 495, 1281];
 /// ADC4's channel of the internal reference, which ADC1, ADC3 and ADC5 have too (RM0440 21.4.11).
 pub const REFERENCE: (usize, u32) = (3, 18);
 
-/// The internal reference at a supply of `supply_v`. Typically 1.212 V; it settles to half a count in the 4 us that the datasheet asks
+/// The internal reference at a supply of `supply_v`. It settles to half a count in the 4 us that the datasheet asks
 /// for (embedded voltage reference; memory; `link::bringup::time_constant_s`).
 #[must_use]
 pub fn reference(supply_v: f64) -> Source {
     Source {
-        counts: 4096.0 * 1.212 / supply_v,
+        counts: 4096.0 * REFERENCE_V / supply_v,
         ohm: 12.2e3,
         noise: 0.0,
     }

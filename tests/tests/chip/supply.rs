@@ -96,7 +96,7 @@ fn wrong_bits_of_the_second_banks_code_are_not_taken_for_the_stores() -> Result<
 fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() -> Result<(), String>
 {
     let mut bench = running()?;
-    // The PVD's 2.9 V; the bench ends before the firmware looks.
+    // Above the PVD's 2.9 V; no instruction runs until the next.
     bench.emulator.chip().set_supply(2.95);
     assert_eq!(enabled(&mut bench), [true; 2]);
     bench.emulator.chip().set_supply(2.85);
