@@ -1,8 +1,9 @@
 # The drive in gdb: `gdb-multiarch -x firmware/debug/drive.gdb target/thumbv7em-none-eabihf/firmware/firmware`, then
 # `target extended-remote :1337` (probe-rs gdb) or `:3333` (OpenOCD).
 #
-# Connecting halts the core: switch the drive's bridges off before (`cargo xtask command --stop`). With OpenOCD
-# `drive-watch` reads the view of a running drive (`continue &`); `cargo xtask attach` does it with any probe.
+# Connecting halts the core: bring the drive to rest before (`drive stop` over the link). gdb observes the drive; commands come over the
+# link, which arms and takes a heartbeat. With OpenOCD `drive-watch` reads the view of a running drive (`continue &`);
+# `cargo xtask attach` does it with any probe.
 
 set language rust
 
@@ -41,30 +42,6 @@ define drive-view
 end
 document drive-view
 The debug view, by its fields' names. firmware/link/src/view.rs says their units, codes.rs what state and fault mean.
-end
-
-define drive-run
-  set var firmware::debug_view::DRIVE_COMMAND.velocity.v.value = ($arg0 * 268435.456) as i32
-  set var firmware::debug_view::DRIVE_COMMAND.base.v.value = ($arg1 * 27451.65548608809) as i32
-  set var firmware::debug_view::DRIVE_COMMAND.sequence.v.value = firmware::debug_view::DRIVE_COMMAND.sequence.v.value + 1
-  set var firmware::debug_view::DRIVE_COMMAND.run.v.value = 1
-end
-document drive-run
-drive-run MM_S RPM: table velocity and nut speed, and run. `continue` lets the drive take it.
-end
-
-define drive-stop
-  set var firmware::debug_view::DRIVE_COMMAND.run.v.value = 0
-end
-document drive-stop
-Come to rest and switch the bridges off.
-end
-
-define drive-reset
-  set var firmware::debug_view::DRIVE_COMMAND.run.v.value = 2
-end
-document drive-reset
-Leave a fault whose cause is gone.
 end
 
 define drive-crash

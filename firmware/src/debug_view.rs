@@ -1,22 +1,17 @@
-//! What a probe session reads and writes while the drive runs: two structures of words at known symbols.
+//! The words that a probe session reads while the drive runs, at a known symbol. [`link::view`] defines them.
 //!
-//! `DRIVE_VIEW` is for reading, `DRIVE_COMMAND` is how the drive is told what to do. [`link`] says what their words are.
+//! A debugger observes. Commands come over the link, which arms and takes a heartbeat.
 
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity, Voltage};
 use control::supervisor::State;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::scale;
-use link::view::{DriveCommand, DriveView};
+use link::view::DriveView;
 
 /// At a symbol that a debugger knows: [`link::VIEW_SYMBOL`].
 #[used]
 #[unsafe(no_mangle)]
 pub(crate) static DRIVE_VIEW: DriveView = DriveView::new();
-
-/// At a symbol that a debugger knows: [`link::COMMAND_SYMBOL`].
-#[used]
-#[unsafe(no_mangle)]
-pub(crate) static DRIVE_COMMAND: DriveCommand = DriveCommand::zero();
 
 /// The words are passed on as the control law has them.
 const _: () = assert!(

@@ -4,12 +4,12 @@
 //! shares with the supervision is locked against that alone.
 
 use crate::config::{self, Configured, PLATE, config, configured};
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW};
+use crate::debug_view::{DRIVE_VIEW, count};
 use crate::hw::cycles;
 use crate::hw::flash::SettingsPages;
 use crate::hw::serial::Serial;
 use crate::motor_loop::MOTORS;
-use crate::orders::Orders;
+use crate::orders::{COMMANDED, Orders};
 use crate::speed::{ALL_LEARNED, LEARNED};
 use crate::telemetry::LinkStream;
 use control::compensation::line::Phasor;
@@ -21,9 +21,9 @@ use control::observer::EncoderAlignment;
 use control::plate::DriveConfig;
 use control::table_move::{MoveError, MovePlan};
 use core::mem::MaybeUninit;
-use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::Ordering::Relaxed;
 use cortex_m::peripheral::SCB;
-use link::codes::{Run, State};
+use link::codes::{Demand, State};
 use link::frame::{FRAME_MAX, encode};
 use link::message::{Aligned, DriveFrame, Injected, Injection, MotorStatus, Refusal, Status};
 use link::scale;
@@ -33,8 +33,8 @@ use link::settings::keep::Keeper;
 use rtic::Mutex;
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
 
-/// Bytes of the link's RTT channels: to the host, telemetry for 35 ms at 5 kHz; from the host, a few commands.
-pub(crate) const RTT_UP_BYTES: usize = 8 * 1024;
+/// Bytes of the link's RTT channels: to the host, telemetry for 80 ms at 5 kHz; from the host, a few commands.
+pub(crate) const RTT_UP_BYTES: usize = 20 * 1024;
 pub(crate) const RTT_DOWN_BYTES: usize = 512;
 
 /// How long an answer may take to reach its host before the drive starts anew, ms.
@@ -292,10 +292,6 @@ fn origin() -> Option<i32> {
     (view.homed.load(Relaxed) != 0).then(|| view.origin.load(Relaxed))
 }
 
-fn count(word: &AtomicU32) {
-    word.store(word.load(Relaxed).wrapping_add(1), Relaxed);
-}
-
 impl<O, J> Served for Drive<'_, O, J>
 where
     O: Mutex<T = Orders>,
@@ -417,12 +413,12 @@ where
         Ok(())
     }
 
-    fn run(&mut self, run: Run) {
-        self.orders.lock(|orders| orders.run(run));
+    fn demand(&mut self, demand: Demand) {
+        self.orders.lock(|orders| orders.demand(demand));
     }
 
     fn renew(&mut self) {
-        count(&DRIVE_COMMAND.heartbeat);
+        count(&COMMANDED.heartbeat);
     }
 
     fn settings(&self) -> &Settings {

@@ -24,7 +24,7 @@ mod speed;
 mod supervision;
 mod telemetry;
 
-#[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG, CRS])]
+#[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG])]
 mod app {
     use crate::board::{self, EncoderParts, Ports};
     use crate::config::BOARD;
@@ -40,7 +40,7 @@ mod app {
     use crate::orders::Orders;
     use crate::speed::{Speed, Wired};
     use crate::supervision::Supervision;
-    use crate::telemetry::{CHANNEL_BYTES, Sampler, Sender};
+    use crate::telemetry::Sampler;
     use crate::{bringup, config, crash, journal, log, schedule};
     use control::journal::{Journal, Kind, Warning};
     use core::mem::MaybeUninit;
@@ -66,7 +66,6 @@ mod app {
         nut: MotorLoop<1, TIM8, ADC4, ADC3, board::NutEncoder>,
         speed: Speed,
         supervision: Supervision,
-        sender: Sender,
         lines: &'static mut Lines,
         off: u32,
     }
@@ -81,8 +80,7 @@ mod app {
         let channels = rtt_target::rtt_init! {
             up: {
                 0: { size: 1024, name: "defmt" }
-                1: { size: CHANNEL_BYTES, name: "telemetry", section: ".uninit.telemetry" }
-                2: { size: RTT_UP_BYTES, name: "link", section: ".uninit.link" }
+                1: { size: RTT_UP_BYTES, name: "link", section: ".uninit.link" }
             }
             down: {
                 0: { size: RTT_DOWN_BYTES, name: "link" }
@@ -173,7 +171,6 @@ mod app {
         };
         Mono::start(core.SYST, clock::CORE_HZ);
         supervise::spawn().expect("spawned once");
-        send_telemetry::spawn().expect("spawned once");
 
         let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs);
         let journal = journal::take_up(reason, keeper.found());
@@ -191,7 +188,7 @@ mod app {
         let lines = cx.local.kept;
         lines.start(
             serial::Serial::start(device.LPUART1, &device.DMAMUX),
-            channels.up.2,
+            channels.up.1,
             channels.down.0,
             keeper,
         );
@@ -220,7 +217,6 @@ mod app {
             )),
             speed,
             supervision,
-            sender: Sender::new(channels.up.1),
             lines,
             off: bdtr,
         };
@@ -273,16 +269,6 @@ mod app {
             cx.shared
                 .journal
                 .lock(|journal| supervision.step(late, inputs, found, journal));
-        }
-    }
-
-    #[task(priority = 1, local = [sender])]
-    async fn send_telemetry(cx: send_telemetry::Context) {
-        let mut next = Mono::now();
-        loop {
-            next += 1.millis();
-            Mono::delay_until(next).await;
-            cx.local.sender.step();
         }
     }
 

@@ -1,7 +1,7 @@
 //! What the link asks of the drive's motion: the supervision tells the speed task, once a millisecond.
 
 use crate::config::{PLATE, configured};
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW};
+use crate::debug_view::{DRIVE_VIEW, count};
 use control::fault::{Fault, FaultSet};
 use control::format::{Speed, SpeedChange, TableVelocity};
 use control::homing::HomePlan;
@@ -10,11 +10,35 @@ use control::speed_task::STEPS_PER_LOOK;
 use control::table_move::MovePlan;
 use control::travel::{Travel, TravelLook};
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
-use link::codes::{Run, State};
+use link::codes::{Demand, State};
 use link::motion::{Motion, Seen};
 
 /// Time from one step to the next, s.
 pub(crate) const STEP_S: f64 = 1e-3;
+
+/// The commander's words, from the code below the tasks to the speed task. Each word has one writer: the supervision's lock orders
+/// those of the speeds and the demand.
+pub(crate) struct Commanded {
+    /// Table velocity, 2^-28 m/s.
+    pub(crate) velocity: AtomicI32,
+    /// Common speed, 2^-18 rad/s, mechanical.
+    pub(crate) base: AtomicI32,
+    /// Counts new speeds: the speed task takes the two words above with each.
+    pub(crate) sequence: AtomicU32,
+    /// A [`Demand`]'s word.
+    pub(crate) demand: AtomicU32,
+    /// Changes while the commander is there.
+    pub(crate) heartbeat: AtomicU32,
+}
+
+/// See [`Commanded`].
+pub(crate) static COMMANDED: Commanded = Commanded {
+    velocity: AtomicI32::new(0),
+    base: AtomicI32::new(0),
+    sequence: AtomicU32::new(0),
+    demand: AtomicU32::new(Demand::Rest.word()),
+    heartbeat: AtomicU32::new(0),
+};
 
 /// The references are at the command; the speed task says so when it looks at its inputs, in less than a millisecond.
 pub(crate) static ARRIVED: AtomicBool = AtomicBool::new(false);
@@ -48,11 +72,10 @@ pub(crate) fn with_way(inputs: interlock::Inputs) -> interlock::Inputs {
     }
 }
 
-/// The link's motion, and what of it the speed task was last told; the soft limits.
+/// The link's motion and the soft limits.
 pub struct Orders {
     motion: Motion,
     travel: Travel,
-    told: Run,
 }
 
 impl Orders {
@@ -60,7 +83,6 @@ impl Orders {
         Self {
             motion: Motion::new(STEP_S, 2.0 * STEPS_PER_LOOK as f64 * PLATE.speed_step()),
             travel: Travel::new(),
-            told: Run::Rest,
         }
     }
 
@@ -85,12 +107,11 @@ impl Orders {
         TRAVEL.store(self.motion.progress().word(), Relaxed);
     }
 
-    /// Run, come to rest, or leave a fault.
-    pub(crate) fn run(&mut self, run: Run) {
-        self.motion.run(run);
-        if run != Run::Run {
-            // At once, whoever asked it to run.
-            self.tell(Run::Rest);
+    /// Takes a demand. Rest acts at once, and so does what a reset ends.
+    pub(crate) fn demand(&mut self, demand: Demand) {
+        self.motion.demand(demand);
+        if matches!(demand, Demand::Rest | Demand::Reset) {
+            tell(Demand::Rest);
         }
     }
 
@@ -106,10 +127,7 @@ impl Orders {
             ends_open: [inputs.end_forward, inputs.end_backward],
         };
         let asked = self.motion.step(&seen);
-        // A debug probe's word stays as long as the link asks nothing new.
-        if asked.run != self.told {
-            self.tell(asked.run);
-        }
+        tell(asked.demand);
         if let Some([velocity, base]) = asked.speeds {
             tell_speeds(velocity, base);
         }
@@ -124,7 +142,7 @@ impl Orders {
             origin,
             driven: seen.state.is_driven(),
             reference: (Speed::from_bits(speed), SpeedChange::from_bits(change)),
-            asked: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
+            asked: TableVelocity::from_bits(COMMANDED.velocity.load(Relaxed)),
         };
         let travel = self.travel.step(&configured().travel, &look);
         let ways = WAY.as_flattened().iter();
@@ -133,17 +151,14 @@ impl Orders {
         }
         travel.fault
     }
+}
 
-    fn tell(&mut self, run: Run) {
-        self.told = run;
-        DRIVE_COMMAND.run.store(run.word(), Relaxed);
-    }
+fn tell(demand: Demand) {
+    COMMANDED.demand.store(demand.word(), Relaxed);
 }
 
 fn tell_speeds(velocity: i32, base: i32) {
-    let command = &DRIVE_COMMAND;
-    command.velocity.store(velocity, Relaxed);
-    command.base.store(base, Relaxed);
-    let next = command.sequence.load(Relaxed).wrapping_add(1);
-    command.sequence.store(next, Relaxed);
+    COMMANDED.velocity.store(velocity, Relaxed);
+    COMMANDED.base.store(base, Relaxed);
+    count(&COMMANDED.sequence);
 }

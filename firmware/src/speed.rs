@@ -1,7 +1,7 @@
 //! What the speed task does: read what the current loops found, step, tell them.
 
 use crate::config::{self, config};
-use crate::debug_view::{self, DRIVE_COMMAND, DRIVE_VIEW, count, keep_max};
+use crate::debug_view::{self, DRIVE_VIEW, count, keep_max};
 use crate::hw::analog::Watches;
 use crate::hw::cycles;
 use crate::hw::deadman;
@@ -10,7 +10,7 @@ use crate::hw::inputs::{FaultLine, Inputs};
 use crate::hw::outputs::Output;
 use crate::hw::pwm;
 use crate::motor_loop::MOTORS;
-use crate::orders::{self, ARRIVED, PLANNED};
+use crate::orders::{self, ARRIVED, COMMANDED, PLANNED};
 use crate::telemetry::Sampler;
 use control::compensation::LINES;
 use control::coordinator::Command;
@@ -18,7 +18,7 @@ use control::fault::Fault;
 use control::format::{MechanicalSpeed, TableVelocity};
 use control::interlock;
 use control::speed_task::SpeedTask;
-use control::supervisor::{Request, State};
+use control::supervisor::{Demand, Request, State};
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
 use cortex_m::peripheral::NVIC;
 use stm32g4xx_hal::stm32::Interrupt;
@@ -83,20 +83,19 @@ impl Speed {
         // SAFETY: written before there was a `Speed`, of which there is one, borrowed for as long.
         let control = unsafe { config::task().assume_init_mut() };
         self.take_command(control);
-        let [run, reset] = DRIVE_COMMAND.run_or_reset();
+        let demand = Demand::of_word(COMMANDED.demand.load(Relaxed));
         let scale = self.scale.position();
         let exchanges = MOTORS.each_ref().map(|motor| &motor.exchange);
         let found = match self.watches.take() {
-            _ if deadman::has_run_out(reset) => Some(Fault::LoopHung),
+            _ if deadman::has_run_out(demand == Demand::Reset) => Some(Fault::LoopHung),
             None => Fault::of_word(FOUND.load(Relaxed)),
             tripped => tripped,
         };
         // Just before the step, which branches by the same.
         let looks = control.looks_at_inputs();
         let request = Request {
-            run,
-            reset,
-            heartbeat: DRIVE_COMMAND.heartbeat.load(Relaxed),
+            demand,
+            heartbeat: COMMANDED.heartbeat.load(Relaxed),
             inputs: if looks {
                 orders::with_way(self.inputs.read())
             } else {
@@ -181,14 +180,14 @@ impl Speed {
     }
 
     fn take_command(&mut self, control: &mut SpeedTask) {
-        let sequence = DRIVE_COMMAND.sequence.load(Relaxed);
+        let sequence = COMMANDED.sequence.load(Relaxed);
         if sequence == self.taken {
             return;
         }
         self.taken = sequence;
         let command = Command {
-            velocity: TableVelocity::from_bits(DRIVE_COMMAND.velocity.load(Relaxed)),
-            base: MechanicalSpeed::from_bits(DRIVE_COMMAND.base.load(Relaxed)),
+            velocity: TableVelocity::from_bits(COMMANDED.velocity.load(Relaxed)),
+            base: MechanicalSpeed::from_bits(COMMANDED.base.load(Relaxed)),
         };
         match control.command(config(), command) {
             Ok(()) => count(&DRIVE_VIEW.taken),

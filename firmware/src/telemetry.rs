@@ -1,34 +1,27 @@
-//! Telemetry: the speed task leaves rows in a queue, the lowest task sends them through RTT channel 1.
+//! Telemetry: the speed task leaves rows in a queue, the code below all tasks sends them over the line that asked for them.
 //!
 //! The current loops do nothing for it but leave their words where every task below finds them. The speed task runs right after the screw's loop and between two steps of the nut's, so it finds both motors' words whole; a
 //! nut's step that comes between is noticed by its count. While the channel is full, rows stay in the queue; once that is
 //! full too they are dropped and counted, and the host sees by their period that they are missing.
 
 use crate::config::{config, configured};
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
+use crate::debug_view::{DRIVE_VIEW, count};
 use crate::motor_loop::MOTORS;
 use crate::rows::{ROWS, Rows, WORDS};
 use control::current_loop::CurrentLoopConfig;
 use control::exchange::MotorExchange;
 use control::speed_task::SpeedTaskOutput;
-use core::sync::atomic::{AtomicBool, AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::frame;
 use link::message::DriveFrame;
 use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
-use link::telemetry::{FRAME_MAX, Frame, Header, MotorSample, Request, Sample, rounded};
-use rtt_target::{ChannelMode, UpChannel};
-
-/// Bytes of the channel: a host that looks away for 80 ms loses nothing at 5 kHz.
-pub(crate) const CHANNEL_BYTES: usize = 20 * 1024;
+use link::telemetry::{Frame, Header, MotorSample, Request, Sample, rounded};
 
 /// Between the two.
 static QUEUE: Rows = Rows::new();
 
-/// The word of the [`Request`] that the speed task serves; 0: none. Only the lowest task writes it.
+/// The word of the [`Request`] that the speed task serves; 0: none. Only the code below all tasks writes it.
 static SERVED: AtomicU32 = AtomicU32::new(0);
-
-/// The rows are the link's, and not the debug probe's: see [`LinkStream`]. Only the code below all tasks writes it.
-static LINKED: AtomicBool = AtomicBool::new(false);
 
 /// The speed task's end.
 pub(crate) struct Sampler {
@@ -140,59 +133,6 @@ fn sample(row: [u32; WORDS]) -> Sample {
     }
 }
 
-/// The lowest task's end.
-pub(crate) struct Sender {
-    channel: UpChannel,
-    answered: u32,
-}
-
-impl Sender {
-    pub(crate) const fn new(channel: UpChannel) -> Self {
-        Self {
-            channel,
-            answered: 0,
-        }
-    }
-
-    /// Once a millisecond: answers a new request, and sends what the queue holds and the channel takes.
-    pub(crate) fn step(&mut self) {
-        if LINKED.load(Relaxed) {
-            return;
-        }
-        let asked = DRIVE_COMMAND.record.load(Relaxed);
-        if asked != self.answered {
-            // The speed task is above this one: from here on it adds no row of the old stream.
-            SERVED.store(0, Relaxed);
-            QUEUE.clear();
-            if !self.send(&Frame::Header(header(asked))) {
-                return;
-            }
-            self.answered = asked;
-            let wanted = Request::of_word(asked).divider != 0;
-            SERVED.store(if wanted { asked } else { 0 }, Relaxed);
-        }
-        // As many as the queue holds, and no more: what comes meanwhile is the next millisecond's.
-        for _ in 0..ROWS {
-            let Some(row) = QUEUE.first() else { return };
-            if !self.send(&Frame::Sample(sample(row))) {
-                return;
-            }
-            QUEUE.drop_first();
-        }
-    }
-
-    /// Sends a frame, whole; `false` if the channel has no room for it.
-    fn send(&mut self, frame: &Frame) -> bool {
-        let mut buffer = [0; FRAME_MAX];
-        let Some(bytes) = frame.encode(&mut buffer) else {
-            return true;
-        };
-        // A debugger may have told the channel to wait for room.
-        self.channel.set_mode(ChannelMode::NoBlockSkip);
-        self.channel.write(bytes) == bytes.len()
-    }
-}
-
 /// What the host must know to read the rows.
 fn header(request: u32) -> Header {
     Header {
@@ -201,49 +141,27 @@ fn header(request: u32) -> Header {
     }
 }
 
-/// The link's end, below the lowest task: a stream that a host asked over its line. The latest that was asked has the rows,
-/// be it by a line or by a debug probe.
+/// The stream that a host asked for over its line. The latest request has the rows.
 pub(crate) struct LinkStream {
     /// A header that is yet to be sent.
     header: Option<u32>,
-    /// The debug probe's request when the stream began: a new one ends it.
-    probe: u32,
 }
 
 impl LinkStream {
     pub(crate) const fn new() -> Self {
-        Self {
-            header: None,
-            probe: 0,
-        }
+        Self { header: None }
     }
 
     /// Begins the stream of a [`Request`]'s word, or ends it.
     pub(crate) fn start(&mut self, request: u32) {
-        // The task above is between two of its steps: from here on it takes no row.
-        LINKED.store(true, Relaxed);
+        // The speed task is above this code: from here on it adds no row of the old stream.
         SERVED.store(0, Relaxed);
         QUEUE.clear();
-        self.probe = DRIVE_COMMAND.record.load(Relaxed);
         self.header = Some(request);
-    }
-
-    fn end(&mut self) {
-        self.header = None;
-        SERVED.store(0, Relaxed);
-        QUEUE.clear();
-        LINKED.store(false, Relaxed);
     }
 
     /// Sends what the queue holds and the line takes: `send` is given whole frames, and says whether it took them.
     pub(crate) fn step(&mut self, mut send: impl FnMut(&[u8]) -> bool) {
-        if !LINKED.load(Relaxed) {
-            return;
-        }
-        if DRIVE_COMMAND.record.load(Relaxed) != self.probe {
-            self.end();
-            return;
-        }
         let mut send = |frame: Frame| {
             let mut buffer = [0; frame::FRAME_MAX];
             match frame::encode(&DriveFrame::Telemetry(frame), &mut buffer) {
@@ -256,11 +174,8 @@ impl LinkStream {
                 return;
             }
             self.header = None;
-            if Request::of_word(request).divider == 0 {
-                self.end();
-                return;
-            }
-            SERVED.store(request, Relaxed);
+            let wanted = Request::of_word(request).divider != 0;
+            SERVED.store(if wanted { request } else { 0 }, Relaxed);
         }
         for _ in 0..ROWS {
             let Some(row) = QUEUE.first() else { return };

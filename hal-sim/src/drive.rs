@@ -20,7 +20,7 @@ use control::observer::EncoderAlignment;
 use control::plate::{DriveConfig, DrivePlate};
 use control::runaway::sum_events;
 use control::speed_task::{SpeedTask, SpeedTaskOutput};
-use control::supervisor::{Request, State};
+use control::supervisor::{Demand, Request, State};
 use control::transform::DirectQuadrature;
 use plant::Axis;
 use plant::machine::{Coupling, Machine};
@@ -135,7 +135,7 @@ pub struct Drive {
 }
 
 impl Drive {
-    /// A drive at rest whose rotors are aligned, asked to run: as it is when it has started before.
+    /// A drive at rest whose rotors are aligned, with run demanded: as after a start and an alignment.
     ///
     /// # Errors
     /// [`Misfit`] if a gain of `plate` does not fit its format.
@@ -146,10 +146,12 @@ impl Drive {
         plate: &DrivePlate,
     ) -> Result<Self, Misfit> {
         let config = plate.config()?.aligned(plate);
-        Ok(Self::with(model, coupling, board, plate, config))
+        let mut drive = Self::with(model, coupling, board, plate, config);
+        drive.request.demand = Demand::Run;
+        Ok(drive)
     }
 
-    /// A drive that has just been switched on, asked to run: it aligns its rotors first.
+    /// A drive that has just been switched on. It does not know its rotor angles, and nothing is demanded.
     ///
     /// # Errors
     /// [`Misfit`] if a gain of `plate` does not fit its format.
@@ -171,10 +173,7 @@ impl Drive {
     ) -> Self {
         Self {
             board: Board::new(model, coupling, board),
-            request: Request {
-                run: true,
-                ..Request::default()
-            },
+            request: Request::default(),
             attended: true,
             code: Code::new(config),
             pole_pairs: plate.motors.map(|motor| motor.pole_pairs),

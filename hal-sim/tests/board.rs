@@ -5,7 +5,7 @@ use control::encoder::Interface;
 use control::fault::Fault;
 use control::mt6835;
 use control::sense::Shunts;
-use control::supervisor::{Request, State};
+use control::supervisor::{Demand, Request, State};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{
     OperatingPoint, RPM, Recorder, Setup, ripple_percent, settle_quietly, table_velocities,
@@ -251,8 +251,7 @@ fn a_break_opens_both_bridges_and_names_the_motor() {
     run(&mut drive, 0.001, |_| ());
     assert_eq!(drive.state(), State::Fault(Fault::NutDriver));
     drive.request = Request {
-        run: false,
-        reset: true,
+        demand: Demand::Reset,
         ..drive.request
     };
     run(&mut drive, 0.2, |_| ());
@@ -322,7 +321,7 @@ fn stops_when_asked_and_rests() {
     setup.model.feed.load_n = 0.0;
     let mut drive = setup.drive().unwrap();
     settle_quietly(&mut drive, CREEP).unwrap();
-    drive.request.run = false;
+    drive.request.demand = Demand::Rest;
     run(&mut drive, 1.0, |_| ());
     assert_eq!(drive.state(), State::Ready);
     assert!(

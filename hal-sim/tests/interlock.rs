@@ -3,7 +3,7 @@
 
 use control::fault::Fault;
 use control::interlock::Inputs;
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{RPM, Setup};
 use hal_sim::runaway::until_safe;
@@ -76,8 +76,7 @@ fn each_stops_both_motors_and_is_named() {
         assert_eq!(later.state, State::Fault(fault));
         (0..10_000).for_each(|_| drive.period());
         assert_eq!(drive.state(), State::Fault(fault), "half a second later");
-        drive.request.run = false;
-        drive.request.reset = true;
+        drive.request.demand = Demand::Reset;
         (0..4_000).for_each(|_| drive.period());
         assert_eq!(drive.state(), State::Ready);
     }
@@ -111,12 +110,10 @@ fn the_drive_runs_away_from_an_end_switch_and_not_towards_it() {
         let outcome = until_safe(&mut drive, 1.0);
         assert_eq!(outcome.state, State::Fault(fault));
         // Asked again from rest, nothing moves.
-        drive.request.run = false;
-        drive.request.reset = true;
+        drive.request.demand = Demand::Reset;
         (0..4_000).for_each(|_| drive.period());
         assert_eq!(drive.state(), State::Ready);
-        drive.request.reset = false;
-        drive.request.run = true;
+        drive.request.demand = Demand::Run;
         for period in 0..200 {
             drive.period();
             let closed = Axis::ALL.map(|axis| drive.compare(axis).enable);

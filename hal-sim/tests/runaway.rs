@@ -2,7 +2,7 @@
 //! something holds at its torque limit is stopped; a stop does not lift the bus to its limit.
 
 use control::fault::Fault;
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use hal_sim::board::BoardConfig;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{RPM, Setup};
@@ -112,7 +112,7 @@ fn a_stop_from_full_speed_does_not_lift_the_bus_to_its_limit() {
             run.state == State::Running && speed > 2900.0,
             "{run:?}, {speed} rpm"
         );
-        drive.request.run = false;
+        drive.request.demand = Demand::Rest;
         let mut seconds = 0.0;
         while drive.state() != State::Ready && seconds < 20.0 && *highest < TRIP {
             drive.period();

@@ -1,7 +1,7 @@
 //! What may happen at work, and short samples of the long runs: `cargo xtask bench faults --soak` makes them longer.
 
 use control::fault::Fault;
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use hal_sim::alignment::held_load_n;
 use hal_sim::board::BoardConfig;
 use hal_sim::boards::BoardKind;
@@ -131,7 +131,7 @@ fn a_chopper_takes_the_stop_from_full_speed() {
     let highest = [config.chopper, None].map(|chopper| {
         let mut drive = with_bus(board, BoardConfig { chopper, ..config }, 2900.0);
         pass(&mut drive, 1.5);
-        drive.request.run = false;
+        drive.request.demand = Demand::Rest;
         let mut highest = 0.0f64;
         for _ in 0..20_000 {
             drive.period();

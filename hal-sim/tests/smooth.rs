@@ -3,7 +3,7 @@
 use control::compensation::fit::TableFit;
 use control::compensation::{LINES, TORQUES};
 use control::plate::{CompensationPlate, OrderPlate};
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
 use hal_sim::parallel::on_all_cores;
@@ -268,7 +268,7 @@ fn a_table_that_was_moved_at_rest_teaches_nothing() {
     drive.board.trip_break(Axis::Nut);
     drive.period();
     drive.command(0.0, 0.0).unwrap();
-    (drive.request.run, drive.request.reset) = (false, true);
+    drive.request.demand = Demand::Reset;
     for _ in 0..100_000 {
         drive.period();
     }
@@ -279,7 +279,7 @@ fn a_table_that_was_moved_at_rest_teaches_nothing() {
         lines.collect::<Vec<_>>()
     };
     let before = learned(&drive);
-    (drive.request.run, drive.request.reset) = (true, false);
+    drive.request.demand = Demand::Run;
     for _ in 0..80 {
         drive.period();
     }

@@ -1,9 +1,10 @@
-//! The emulated drive on its bench: built, joined to a machine, and used through its debug structures, as a person with
-//! a probe would.
+//! The emulated drive on its bench: built, joined to a machine, observed in its debug view and commanded over RTT's link, as by a
+//! person with a probe.
 
 use crate::chip::CORE_HZ;
 use crate::chip::power::PowerStage;
 use crate::chip::wiring::Wiring;
+use crate::commander::Commander;
 use crate::emulator::Emulator;
 use crate::image::Image;
 use crate::joint::Joint;
@@ -14,9 +15,11 @@ use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
 use hal_sim::experiment::RPM;
 use hal_sim::sensors::CurrentSensing;
-use link::codes::{Run, State};
+use link::codes::{Demand, Fault, State};
 use link::host::{Drive, View};
-use link::telemetry::Request;
+use link::message::{Command as LinkCommand, Refusal, Reply};
+use link::scale;
+use link::telemetry::{Frame, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
@@ -220,8 +223,16 @@ pub struct Bench {
     pub image: Rc<Image>,
     /// Where its debug structures are.
     pub drive: Drive,
-    /// Someone commands, and says so: see [`Drive::keep_alive`].
+    /// Someone commands, and sends heartbeats.
     pub attended: bool,
+    /// The session, once something was commanded.
+    commander: Option<Commander>,
+    /// Speeds that the next run is commanded with: 2^-28 m/s and 2^-18 rad/s.
+    speeds: [i32; 2],
+    /// Number of the last stream of telemetry.
+    stream: u32,
+    /// When the last heartbeat was sent, cycles.
+    beaten: u64,
 }
 
 impl Bench {
@@ -247,8 +258,7 @@ impl Bench {
     /// It is not ready in time, or does not run at the end.
     pub fn running(mut self, seconds: f64) -> Result<Self, String> {
         self.wait_for(READY, 0.2)?;
-        self.ask(2.5e-3, 300.0 * RPM)?;
-        self.run(1)?;
+        self.start(2.5e-3, 300.0 * RPM)?;
         self.pass(seconds)?;
         match self.status()?.state {
             RUNNING => Ok(self),
@@ -284,6 +294,10 @@ impl Bench {
             image,
             drive,
             attended: true,
+            commander: None,
+            speeds: [0; 2],
+            stream: 0,
+            beaten: 0,
         })
     }
 
@@ -295,15 +309,30 @@ impl Bench {
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let cycles = (seconds * CORE_HZ as f64).round() as u64;
         let until = self.emulator.chip().now + cycles;
-        while self.attended {
-            self.drive.keep_alive(&mut self.emulator).map_err(said)?;
-            let renewed = self.emulator.chip().now + CORE_HZ / 4;
-            if renewed >= until {
+        // Twice in the shortest time that a board lets the commander be silent.
+        const BEAT: u64 = CORE_HZ / 5;
+        while self.attended && self.commander.is_some() {
+            let due = self.beaten + BEAT;
+            if due > until {
                 break;
             }
-            self.emulator.run_until(renewed)?;
+            if due > self.emulator.chip().now {
+                self.emulator.run_until(due)?;
+            }
+            self.beat()?;
         }
         self.emulator.run_until(until)
+    }
+
+    /// Sends a heartbeat.
+    fn beat(&mut self) -> Result<(), String> {
+        self.beaten = self.emulator.chip().now;
+        if let Some(commander) = &mut self.commander {
+            commander
+                .put(&mut self.emulator, LinkCommand::Heartbeat)
+                .map_err(said)?;
+        }
+        Ok(())
     }
 
     /// Lets time pass to shortly before the screw's next top, where all tasks have done their work.
@@ -403,6 +432,30 @@ impl Bench {
         self.drive.look(&mut self.emulator).map_err(said)
     }
 
+    /// Lets time pass period by period until the view is `there`: the screw's period whose speed task did that. It must do so within
+    /// 20 ms, and the record of tops must be kept.
+    ///
+    /// # Errors
+    /// It did not come.
+    pub fn wait_for_step(&mut self, there: impl Fn(&View) -> bool) -> Result<u64, String> {
+        /// Periods of the fastest board in 20 ms.
+        const PERIODS: u32 = 800;
+        for _ in 0..PERIODS {
+            // All tasks of a period have done their work shortly before the next top.
+            let tops = self.settle()?;
+            if there(&self.look()?) {
+                return Ok(tops.saturating_sub(1));
+            }
+            let period = self.emulator.chip().pwm[0].period();
+            let until = self.emulator.time() + period / 2;
+            self.emulator.run_until(until)?;
+        }
+        Err(format!(
+            "no step of the speed task did that: {:?}",
+            self.status()
+        ))
+    }
+
     /// Lets time pass until the drive is in `state`, for at most `seconds`.
     ///
     /// # Errors
@@ -442,31 +495,131 @@ impl Bench {
         Ok(passed)
     }
 
-    /// Asks for a table velocity, m/s, and a base speed, rad/s.
+    /// Commands over RTT's link, and waits for the answer. A session is opened first where there is none, or where the firmware has
+    /// started anew.
     ///
     /// # Errors
-    /// The numbers are beyond the command's formats.
-    pub fn ask(&mut self, velocity: f64, base: f64) -> Result<(), String> {
-        self.drive
-            .ask(&mut self.emulator, velocity, base)
-            .map_err(said)
+    /// The firmware refuses it, or does not answer within 50 ms.
+    pub fn tell(&mut self, command: LinkCommand) -> Result<Reply, String> {
+        if self.commander.is_none() {
+            self.open()?;
+        }
+        match self.ask(command)? {
+            Reply::Refused(word) if word == Refusal::Session.word() => {
+                self.open()?;
+                accepted(self.ask(command)?)
+            }
+            reply => accepted(reply),
+        }
     }
 
-    /// Asks to run (1), to come to rest (0), or to leave a fault (2).
-    ///
-    /// # Errors
-    /// There is no such request.
-    pub fn run(&mut self, run: u32) -> Result<(), String> {
-        let run = Run::of_word(run).ok_or_else(|| format!("there is no request {run}"))?;
-        self.drive.run(&mut self.emulator, run).map_err(said)
+    fn open(&mut self) -> Result<(), String> {
+        let commander = Commander::new(&mut self.emulator, self.drive.rtt).map_err(said)?;
+        self.commander = Some(commander);
+        self.ask(LinkCommand::Hello).and_then(accepted).map(|_| ())
     }
 
-    /// Asks for telemetry at every `divider`th step of the speed task; 0: none.
+    fn ask(&mut self, command: LinkCommand) -> Result<Reply, String> {
+        /// Time of a look at the channel, s.
+        const LOOK_S: f64 = 20e-6;
+        /// A reply takes no longer, s.
+        const PATIENCE_S: f64 = 50e-3;
+        let commander = self.commander.as_mut().ok_or("there is no session")?;
+        let number = commander.put(&mut self.emulator, command).map_err(said)?;
+        self.beaten = self.emulator.chip().now;
+        let mut reply = None;
+        // The heartbeats of `pass` come no closer than its renewals.
+        let attended = std::mem::replace(&mut self.attended, false);
+        let waited = self.until("an answer over RTT", PATIENCE_S, LOOK_S, |bench| {
+            if let Some(commander) = &mut bench.commander {
+                reply = commander.reply(&mut bench.emulator, number).map_err(said)?;
+            }
+            Ok(reply.is_some())
+        });
+        self.attended = attended;
+        waited?;
+        reply.ok_or_else(|| "no answer".to_owned())
+    }
+
+    /// Arms the drive, and has it follow a table velocity, m/s, and a common speed, rad/s. The drive runs some milliseconds later.
     ///
     /// # Errors
-    /// Never, while the command is in RAM.
+    /// The numbers are beyond the command's formats, or the firmware refuses.
+    pub fn start(&mut self, velocity: f64, base: f64) -> Result<(), String> {
+        let word = |value, bits| {
+            scale::word(value, bits).ok_or_else(|| format!("{value} is beyond the format"))
+        };
+        self.speeds = [
+            word(velocity, scale::TABLE_VELOCITY)?,
+            word(base, scale::BASE_SPEED)?,
+        ];
+        self.demand(Demand::Run)
+    }
+
+    /// Demands rest, an alignment, a run at the last speeds, or a reset.
+    ///
+    /// # Errors
+    /// The firmware refuses it.
+    pub fn demand(&mut self, demand: Demand) -> Result<(), String> {
+        let [velocity, base] = self.speeds;
+        let base = Some(base);
+        let command = match demand {
+            Demand::Rest => LinkCommand::Stop,
+            Demand::Align => LinkCommand::Arm,
+            Demand::Reset => LinkCommand::Reset,
+            Demand::Run => {
+                self.tell(LinkCommand::Arm)?;
+                LinkCommand::Run { velocity, base }
+            }
+        };
+        self.tell(command).map(|_| ())
+    }
+
+    /// Waits until the drive is unaligned, and aligns it within `seconds`.
+    ///
+    /// # Errors
+    /// It is not ready by then.
+    pub fn align(&mut self, seconds: f64) -> Result<(), String> {
+        self.wait_for(State::Unaligned.word(), 0.5)?;
+        self.demand(Demand::Align)?;
+        self.until("an aligned drive", seconds, 200e-6, |bench| {
+            let status = bench.status()?;
+            match Fault::of_word(status.fault) {
+                Some(fault) => Err(format!("a fault ended the alignment: {}", fault.name())),
+                None => Ok(status.state == READY),
+            }
+        })
+        .map(|_| ())
+    }
+
+    /// Demands telemetry at every `divider`th step of the speed task, in a new stream; 0: none.
+    ///
+    /// # Errors
+    /// The firmware refuses it.
     pub fn record(&mut self, divider: u8) -> Result<Request, String> {
-        self.drive.record(&mut self.emulator, divider).map_err(said)
+        self.stream += 1;
+        let stream = self.stream;
+        let request = Request { divider, stream };
+        self.tell(LinkCommand::Record(request.word()))?;
+        Ok(request)
+    }
+
+    /// The telemetry that has come since it was last taken.
+    ///
+    /// # Errors
+    /// The channel is not as the firmware has it.
+    pub fn take_telemetry(&mut self) -> Result<Vec<Frame>, String> {
+        let Some(commander) = &mut self.commander else {
+            return Ok(Vec::new());
+        };
+        commander.take_telemetry(&mut self.emulator).map_err(said)
+    }
+}
+
+fn accepted(reply: Reply) -> Result<Reply, String> {
+    match reply {
+        Reply::Refused(word) => Err(format!("refused: {:?}", Refusal::of_word(word))),
+        reply => Ok(reply),
     }
 }
 

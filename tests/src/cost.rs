@@ -7,6 +7,7 @@ use crate::emulator::Cost;
 use crate::graph::{Graph, LoopBound};
 use crate::image::Image;
 use crate::timing::{ENTRY, EXIT, MODEL_ERROR_PERCENT};
+use link::codes::Demand;
 use plant::machine::Coupling;
 use plant::model::Model;
 use serde_json::{Value, json};
@@ -209,8 +210,7 @@ pub fn measure_smooth() -> Result<Report, String> {
 fn measure_on(mut bench: Bench) -> Result<Report, String> {
     bench.emulator.profile().keep = true;
     bench.wait_for(READY, 0.2)?;
-    bench.ask(2.5e-3, 0.0)?;
-    bench.run(1)?;
+    bench.start(2.5e-3, 0.0)?;
     bench.pass(0.3)?;
     let script = [
         (2.5e-3, 800.0),
@@ -219,12 +219,12 @@ fn measure_on(mut bench: Bench) -> Result<Report, String> {
         (2.5e-3, 300.0),
     ];
     for (velocity, rpm) in script {
-        bench.ask(velocity, rpm * TAU / 60.0)?;
+        bench.start(velocity, rpm * TAU / 60.0)?;
         bench.pass(0.5)?;
     }
     // Telemetry at its full rate, which the speed task pays for.
     bench.record(1)?;
-    bench.run(0)?;
+    bench.demand(Demand::Rest)?;
     bench.pass(0.5)?;
     let image = Rc::clone(&bench.image);
     let mut graph = Graph::new(&image);

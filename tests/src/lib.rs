@@ -8,6 +8,7 @@
 
 pub mod bench;
 pub mod chip;
+pub mod commander;
 pub mod cost;
 pub mod emulator;
 pub mod graph;

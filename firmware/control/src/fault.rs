@@ -139,6 +139,15 @@ impl Fault {
         }
     }
 
+    /// The rotors could not be found.
+    #[must_use]
+    pub const fn is_misalignment(self) -> bool {
+        matches!(
+            self,
+            Self::ScrewAlignment | Self::NutAlignment | Self::PairAlignment
+        )
+    }
+
     /// After it nobody knows where the rotors stand, as far as their encoders do not say so themselves: counts may be lost.
     #[must_use]
     pub const fn doubts_angle(self) -> bool {

@@ -1,20 +1,24 @@
-//! What must hold for the machine to go on moving: someone who commands it, its enable input, no end switch ahead.
+//! Conditions for motion: somebody commands, the enable contacts are closed, no end switch is ahead.
 //!
-//! | what | when it is one | fault |
+//! | condition | violated when | fault |
 //! | --- | --- | --- |
-//! | nobody commands | run is asked, and the heartbeat's word has not changed for the plate's time: a probe that was pulled, a host that hangs | `CommandLost` |
-//! | enable | run is asked, and one of the switch's two contacts is open | `Disabled` |
-//! | end switch | run is asked with the table's velocity towards a switch that is open; away from it the drive runs | `EndForward`, `EndBackward` |
+//! | command | motion is demanded, and the heartbeat word has not changed for the configured time (a host that hangs, a line that is cut) | `CommandLost` |
+//! | enable | motion is demanded, and one of the switch's two contacts is open | `Disabled` |
+//! | end switch, run | the table's commanded velocity points towards an open switch; away from it the drive runs | `EndForward`, `EndBackward` |
+//! | end switch, alignment | a switch opens that was closed when the alignment began | `EndForward`, `EndBackward` |
 //!
-//! Each is a stop category 1 (IEC 60204-1, 9.2.2): both references go to rest within their limits, then the bridges open and
-//! the fault is named. It takes a reset to run again, so nothing restarts by itself. An end switch must stand as far before
+//! Each ends in a stop category 1 (IEC 60204-1, 9.2.2): both motors come to rest within their limits, then the bridges open and
+//! the fault is reported. Running again takes a reset, so nothing restarts by itself. An end switch must stand as far before
 //! the mechanical end as the stop takes: `v^2 / (2 a)` and `v a / (2 j)` with the feed's largest velocity, acceleration and
 //! jerk.
 //!
-//! While [`homing`](crate::homing) looks for a switch, that one is no fault, for homing stops at it. The other one is.
+//! An alignment moves the table by less than its travel limit in either direction. A table that stands on a switch may therefore be
+//! aligned, and then be moved off.
 //!
-//! The end switches and the enable switch's contacts are closed while all is well, so that a broken wire stops too (normally closed, as
-//! IEC 60204-1, 9.4.3 and ISO 13850 ask of stops). A level counts once it was seen in [`SETTLED`] looks in a row.
+//! While [`homing`](crate::homing) looks for a switch, that switch is no fault, for homing stops at it. The other one is.
+//!
+//! The end switches and the enable contacts are normally closed, so that a broken wire stops too (IEC 60204-1, 9.4.3; ISO 13850).
+//! A level counts once [`SETTLED`] looks in a row have seen it.
 
 use crate::fault::Fault;
 use crate::format::TableVelocity;
@@ -57,6 +61,15 @@ impl Default for Inputs {
     }
 }
 
+/// Motion that the interlock is asked about.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motion {
+    /// Small motion that finds the rotor angles.
+    Alignment,
+    /// The table follows this velocity.
+    Table(TableVelocity),
+}
+
 /// State of the interlock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Interlock {
@@ -67,6 +80,8 @@ pub struct Interlock {
     against: [u8; 3],
     /// An end switch is looked for, forwards, backwards.
     homing: [bool; 2],
+    /// End switches that an alignment may find open, forwards, backwards: they were open before it began.
+    left_open: [bool; 2],
 }
 
 impl Interlock {
@@ -78,7 +93,20 @@ impl Interlock {
             silent: 0,
             against: [0; 3],
             homing: [false; 2],
+            left_open: [false; 2],
         }
+    }
+
+    /// An alignment begins: end switches that are open now do not forbid it.
+    pub fn begin_alignment(&mut self) {
+        let [_, forward, backward] = self.settled();
+        self.left_open = [forward, backward];
+    }
+
+    /// Each level that has been against motion long enough: enable, forward end, backward end.
+    #[inline(always)]
+    fn settled(&self) -> [bool; 3] {
+        self.against.map(|looks| looks >= SETTLED)
     }
 
     /// One look: `heartbeat` changes while someone commands.
@@ -109,28 +137,28 @@ impl Interlock {
         forward.max(backward) >= SETTLED
     }
 
-    /// What forbids to go on, or to start, by the last look, while run is asked with the table at `velocity` and a command
-    /// must be renewed in `heartbeat_looks`.
+    /// The condition of `motion` that the last look found violated. The command must be renewed within `heartbeat_looks`.
     #[inline(always)]
     #[must_use]
-    pub fn forbids(
-        &self,
-        heartbeat_looks: u32,
-        run: bool,
-        velocity: TableVelocity,
-    ) -> Option<Fault> {
-        if !run {
-            return None;
-        }
-        let [disabled, forward, backward] = self.against.map(|looks| looks >= SETTLED);
-        let [seeks_forward, seeks_backward] = self.homing;
+    pub fn forbids(&self, heartbeat_looks: u32, motion: Motion) -> Option<Fault> {
+        let [disabled, forward, backward] = self.settled();
+        let [forward_ahead, backward_ahead] = match motion {
+            Motion::Alignment => self.left_open.map(|left_open| !left_open),
+            Motion::Table(velocity) => {
+                let [seeks_forward, seeks_backward] = self.homing;
+                [
+                    velocity > TableVelocity::ZERO && !seeks_forward,
+                    velocity < TableVelocity::ZERO && !seeks_backward,
+                ]
+            }
+        };
         if disabled {
             Some(Fault::Disabled)
         } else if self.silent > heartbeat_looks {
             Some(Fault::CommandLost)
-        } else if forward && !seeks_forward && velocity > TableVelocity::ZERO {
+        } else if forward && forward_ahead {
             Some(Fault::EndForward)
-        } else if backward && !seeks_backward && velocity < TableVelocity::ZERO {
+        } else if backward && backward_ahead {
             Some(Fault::EndBackward)
         } else {
             None
@@ -153,21 +181,20 @@ mod tests {
     const BACKWARDS: TableVelocity = TableVelocity::from_bits(-(1 << 20));
 
     #[test]
-    fn a_heartbeat_must_come_while_run_is_asked() {
+    fn a_heartbeat_must_come_while_motion_is_demanded() {
         let mut interlock = Interlock::new();
-        let mut step = |beat: u32, run: bool| {
+        let mut step = |beat: u32| {
             interlock.look(beat, Inputs::CLEAR);
-            interlock.forbids(LOOKS, run, TableVelocity::ZERO)
+            interlock.forbids(LOOKS, Motion::Alignment)
         };
         // Renewed at the last moment, over the word's wrap.
         for beat in (0..6u32).map(|k| k.wrapping_sub(3)) {
             for _ in 0..=LOOKS {
-                assert_eq!(step(beat, true), None);
+                assert_eq!(step(beat), None);
             }
         }
-        assert_eq!(step(2, true), Some(Fault::CommandLost));
-        assert_eq!(step(2, false), None, "run is not asked");
-        assert_eq!(step(3, true), None, "someone is there again");
+        assert_eq!(step(2), Some(Fault::CommandLost));
+        assert_eq!(step(3), None, "someone is there again");
     }
 
     #[test]
@@ -243,7 +270,7 @@ mod tests {
             let mut interlock = Interlock::new();
             let mut step = |inputs| {
                 interlock.look(0, inputs);
-                interlock.forbids(LOOKS, true, velocity)
+                interlock.forbids(LOOKS, Motion::Table(velocity))
             };
             for _ in 0..10 {
                 // It bounces.
@@ -257,5 +284,33 @@ mod tests {
             }
             assert_eq!(step(inputs), expected, "{inputs:?} at {velocity}");
         }
+    }
+
+    #[test]
+    fn an_end_switch_that_opens_during_an_alignment_forbids_it() {
+        let open = |forward, backward| Inputs {
+            end_forward: forward,
+            end_backward: backward,
+            ..Inputs::CLEAR
+        };
+        let mut interlock = Interlock::new();
+        let mut look = |inputs, begins: bool| {
+            for _ in 0..SETTLED {
+                interlock.look(0, inputs);
+            }
+            if begins {
+                interlock.begin_alignment();
+            }
+            interlock.forbids(LOOKS, Motion::Alignment)
+        };
+        assert_eq!(
+            look(open(true, false), true),
+            None,
+            "it stood on the switch"
+        );
+        assert_eq!(look(open(false, false), false), None);
+        assert_eq!(look(open(true, true), false), Some(Fault::EndBackward));
+        assert_eq!(look(open(false, false), true), None);
+        assert_eq!(look(open(true, false), false), Some(Fault::EndForward));
     }
 }

@@ -12,13 +12,13 @@ use crate::fault::{self, Fault, FaultSet};
 use crate::follow::{Follow, Followed};
 use crate::format::{Angle, Current, Speed, SpeedChange};
 use crate::friction::Friction;
-use crate::interlock::Interlock;
+use crate::interlock::{self, Interlock};
 use crate::notch::Notch;
 use crate::observer::EncoderAlignment;
 use crate::plate::DriveConfig;
 use crate::runaway::{CurrentSum, Motion, Runaway, RunawayConfig, Sign, sum_events};
 use crate::speed_loop::{SpeedLoop, SpeedReference, Wanted};
-use crate::supervisor::{Request, State, faults};
+use crate::supervisor::{Demand, Request, State, faults};
 use crate::thermal::Heat;
 use crate::tolerance::Tally;
 use core::hint::cold_path;
@@ -86,6 +86,8 @@ pub struct SpeedTask {
     notches: [Notch; 2],
     /// The encoders count backwards: screw, nut.
     reversed: [bool; 2],
+    /// A fault has doubted the angles that are stored.
+    stored_doubted: bool,
     /// Which of the [`Look`]s is due.
     look: u8,
 }
@@ -130,6 +132,7 @@ impl SpeedTask {
             unknown: [Current::ZERO; 2],
             notches: [Notch::new(); 2],
             reversed: [false; 2],
+            stored_doubted: false,
             look: 0,
         }
     }
@@ -238,7 +241,7 @@ impl SpeedTask {
     pub const fn misalignment(&self) -> Option<Misalignment> {
         match self.aligned {
             Progress::Failed(failed) => Some(failed),
-            Progress::Working | Progress::Done => None,
+            Progress::Working | Progress::Done | Progress::Interrupted => None,
         }
     }
 
@@ -274,12 +277,9 @@ impl SpeedTask {
         let came = u32::from(self.due) | fault::word(found) | screw.faults() | nut.faults();
         let goes_on = self.state == State::Running
             && !(look == Look::Interlock && self.holds())
-            && request.run
+            && request.demand == Demand::Run
             && came == 0;
-        if !goes_on
-            && let Some(undriven) =
-                self.decide(config, request.run, request.reset, exchanges, found)
-        {
+        if !goes_on && let Some(undriven) = self.decide(config, request.demand, exchanges, found) {
             return SpeedTaskOutput {
                 current: self.stand(config, undriven, exchanges),
                 state: self.state,
@@ -299,15 +299,14 @@ impl SpeedTask {
         output
     }
 
-    /// The next state, and what the coordinator is asked where that drives. It takes run and reset by themselves: the compiler would
+    /// The next state, and the coordinator's command where that state drives. It takes the demand by itself: the compiler would
     /// write a whole request to memory in each step, for this call alone.
     #[cold]
     #[inline(never)]
     fn decide(
         &mut self,
         config: &DriveConfig,
-        run: bool,
-        reset: bool,
+        demand: Demand,
         exchanges: [&MotorExchange; 2],
         found: Option<Fault>,
     ) -> Option<Undriven> {
@@ -322,15 +321,14 @@ impl SpeedTask {
             None
         };
         // What the last look saw forbids a start too, which need not wait for the next.
-        self.ask_interlock(config, run);
-        let request = Request {
-            run: run && self.rests_for.is_none(),
-            reset,
-            ..Request::default()
-        };
-        let (coordinator, brake) = (&self.coordinator, &self.brake);
+        self.ask_interlock(config, demand);
         let before = self.state;
-        self.state = before.next(request, motors, found, self.aligned, || {
+        let demand = self.permitted(config, demand);
+        if before == State::Aligning && demand != Demand::Align {
+            self.alignment.interrupt();
+        }
+        let (coordinator, brake) = (&self.coordinator, &self.brake);
+        self.state = before.next(demand, motors, found, self.aligned, || {
             // The motors hold until the brake does.
             coordinator.at_rest() && (before != State::Stopping || brake.is_closed(&config.brake))
         });
@@ -362,8 +360,8 @@ impl SpeedTask {
             State::Running | State::Holding | State::Stopping => Command::rest(),
             _ => {
                 return Some(Undriven {
-                    mode: self.state.mode(request),
-                    tests_itself: self.state == State::SelfTest && before != State::SelfTest,
+                    mode: self.state.mode(demand),
+                    entered: self.state != before,
                 });
             }
         };
@@ -436,10 +434,14 @@ impl SpeedTask {
         self.pressed = Tally::new();
         self.found = None;
         // After the currents are asked, for it takes as long as a current loop.
-        if undriven.tests_itself {
-            self.alignment = Alignment::begin(&config.alignment);
-            (self.asked, self.seen) = (AlignmentStep::default(), None);
-            self.aligned = Progress::Working;
+        match self.state {
+            State::SelfTest if undriven.entered => self.restore_angles(config, exchanges),
+            State::Unaligned if undriven.entered => {
+                self.alignment = Alignment::begin(&config.alignment);
+                (self.asked, self.seen) = (AlignmentStep::default(), None);
+                self.aligned = Progress::Working;
+            }
+            _ => {}
         }
         if self.seen.is_some() {
             self.compute_alignment(config);
@@ -728,7 +730,9 @@ impl SpeedTask {
         let at_speed = of_board.is_some_and(|fault| FaultSet::RESTS_AT_SPEED.has(fault));
         // A stop for it goes on below the speed at which it begins.
         let in_hand = || self.rests_for == of_board || angles_show(config, exchanges);
-        if !self.state.is_driven() {
+        if self.state == State::Aligning {
+            FaultSet::RESTS
+        } else if !self.state.is_driven() {
             FaultSet::EMPTY
         } else if at_speed && in_hand() {
             FaultSet::RESTS.and(FaultSet::RESTS_AT_SPEED)
@@ -745,7 +749,8 @@ impl SpeedTask {
             self.state = likelier(self.state, config, exchanges);
         }
         let first = match (self.rests_for, self.state) {
-            (Some(fault), State::Ready | State::Fault(_)) | (None, State::Fault(fault)) => {
+            (Some(fault), State::Ready | State::Unaligned | State::Fault(_))
+            | (None, State::Fault(fault)) => {
                 self.rests_for = None;
                 self.state = State::Fault(fault);
                 fault
@@ -758,15 +763,43 @@ impl SpeedTask {
             let adds_up = |follow: &Follow| Self::adds_up(config, exchanges, follow.motor());
             self.follow = Follow::after(first, self.latched).filter(adds_up);
         }
-        let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE);
-        if doubted && self.follow.is_none() && matches!(self.state, State::Fault(_)) {
+        let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE) && self.follow.is_none();
+        // An alignment that did not end has found its angles in part.
+        let unfinished = before == State::Aligning;
+        if (doubted || unfinished) && matches!(self.state, State::Fault(_)) {
             self.forget_angles(config, exchanges);
+        }
+    }
+
+    /// What of the demand may begin or go on. A drive that comes to rest for a fault takes no motion; an alignment waits for the brake to
+    /// hold.
+    fn permitted(&self, config: &DriveConfig, demand: Demand) -> Demand {
+        let moves = matches!(demand, Demand::Align | Demand::Run);
+        let brake_opens = self.state == State::Unaligned && !self.brake.is_closed(&config.brake);
+        if moves && (self.rests_for.is_some() || brake_opens) {
+            Demand::Rest
+        } else {
+            demand
+        }
+    }
+
+    /// Absolute encoders whose angles are stored tell where both rotors stand: no motion is needed. After a fault that doubts an
+    /// angle, an alignment verifies them first.
+    #[cold]
+    #[inline(never)]
+    fn restore_angles(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
+        let [screw, nut] = &config.alignment.motors;
+        if let (Some(screw), Some(nut), false) = (screw.stored, nut.stored, self.stored_doubted) {
+            let [of_screw, of_nut] = exchanges;
+            of_screw.align(of_screw.alignment(), Some(screw));
+            of_nut.align(of_nut.alignment(), Some(nut));
         }
     }
 
     /// What alignment has found is not true any more.
     #[cold]
     fn forget_angles(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
+        self.stored_doubted = true;
         let last = self.alignments.iter_mut().zip(&config.current_loops);
         for (exchange, (last, current_loop)) in exchanges.into_iter().zip(last) {
             if current_loop.alignment.is_none() && exchange.alignment().is_some() {
@@ -802,18 +835,28 @@ impl SpeedTask {
             self.command = self.asked_for.within(self.blocked);
             self.due = true;
         }
-        self.ask_interlock(config, request.run);
+        self.ask_interlock(config, request.demand);
     }
 
-    /// What the interlock forbids is what the drive comes to rest for, if it moves or may start to.
-    #[inline(always)]
-    fn ask_interlock(&mut self, config: &DriveConfig, run: bool) {
-        let moves = self.state == State::Ready || self.state.is_driven();
-        if moves && self.rests_for.is_none() {
-            let velocity = self.command.velocity;
-            let forbidden = self
-                .interlock
-                .forbids(config.heartbeat_looks, run, velocity);
+    /// Every closed bridge passes here: each state says which motion it may have, and the interlock is asked about that. A drive that
+    /// violates a condition comes to rest for it.
+    #[inline(never)]
+    fn ask_interlock(&mut self, config: &DriveConfig, demand: Demand) {
+        use interlock::Motion::{Alignment, Table};
+        let motion = match self.state {
+            // Open bridges, which no demand closes. In a fault a motor may bring the table to rest: see `follow`.
+            State::Boot | State::SelfTest | State::Fault(_) => return,
+            State::Unaligned => {
+                self.interlock.begin_alignment();
+                (demand == Demand::Align).then_some(Alignment)
+            }
+            State::Aligning => (demand == Demand::Align).then_some(Alignment),
+            State::Ready | State::Running | State::Holding | State::Stopping => {
+                (demand == Demand::Run).then_some(Table(self.command.velocity))
+            }
+        };
+        if let (Some(motion), None) = (motion, self.rests_for) {
+            let forbidden = self.interlock.forbids(config.heartbeat_looks, motion);
             if forbidden.is_some() {
                 cold_path();
                 self.rests_for = forbidden;
@@ -1002,8 +1045,8 @@ impl SpeedTask {
 struct Undriven {
     /// What the current loops do.
     mode: Mode,
-    /// The self-test begins.
-    tests_itself: bool,
+    /// The state is a new one.
+    entered: bool,
 }
 
 /// Both motors turn so fast that their voltages would show a wrong angle, and have not: neither encoder is what is wrong, or it will be
@@ -1137,7 +1180,7 @@ mod tests {
             let steps = (0..100_000).find(|_| {
                 beat += 1;
                 let request = Request {
-                    run: true,
+                    demand: Demand::Run,
                     heartbeat: beat,
                     ..Request::default()
                 };

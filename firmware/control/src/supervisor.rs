@@ -1,22 +1,29 @@
-//! What the drive is doing and may do next.
+//! The drive's states and the transitions between them.
 //!
 //! | from | to | when |
 //! | --- | --- | --- |
-//! | `Boot` | `SelfTest` | at once: the bridges are off, so no current flows |
-//! | `SelfTest` | `Aligning` | both motors' current zeros are measured |
-//! | `SelfTest` | `Ready` | and both rotors' angles are known |
+//! | `Boot` | `SelfTest` | at once: the bridges are open, so no current flows |
+//! | `SelfTest` | `Unaligned` | both motors' current zeros are measured |
+//! | `SelfTest` | `Ready` | and both rotor angles are known |
+//! | `Unaligned` | `Aligning` | alignment is demanded |
+//! | `Unaligned` | `Ready` | both rotor angles are known |
 //! | `Aligning` | `Ready` | both rotors are found: see [`alignment`](crate::alignment) |
-//! | `Ready` | `Running` | run is asked |
-//! | `Running` | `Holding` | the command is rest, or a [`brake`](crate::brake) has yet to let go, and both references are there: both motors hold the table |
-//! | `Holding` | `Running` | it is not any more |
-//! | `Running`, `Holding` | `Stopping` | run is no longer asked |
-//! | `Stopping` | `Running` | run is asked again |
-//! | `Stopping` | `Ready` | both references have come to rest, and the brake holds |
-//! | `Ready`, `Stopping` | `Fault` | both references have come to rest for a fault that [rests](crate::fault::Reaction) |
+//! | `Aligning` | `Unaligned` | the alignment was interrupted, and both motors have stopped |
+//! | `Ready` | `Running` | run is demanded |
+//! | `Running` | `Holding` | the command is rest or the [`brake`](crate::brake) is not open yet, and both references are there |
+//! | `Holding` | `Running` | the command is not rest any more |
+//! | `Running`, `Holding` | `Stopping` | run is not demanded any more |
+//! | `Stopping` | `Running` | run is demanded again |
+//! | `Stopping` | `Ready` | both references are at rest, and the brake holds |
+//! | `Ready`, `Unaligned`, `Stopping` | `Fault` | both references have come to rest for a fault that [rests](crate::fault::Reaction) |
 //! | any but `Fault` | `Fault` | a fault |
-//! | `Fault` | `Boot` | the fault's cause is gone and a reset is asked while run is not |
+//! | `Fault` | `Boot` | the cause of the fault is gone, and a reset is demanded |
 //!
-//! No other transition exists: [`State::may_become`] is this table, and a step that would leave it stays where it is.
+//! No other transition exists. [`State::may_become`] is this table. A step that would leave the table stays where it is.
+//!
+//! No state closes a bridge without a [`Demand`]: after power-up, a reset or an encoder fault the drive waits in `Unaligned` or `Ready`
+//! with open bridges (protection against unexpected start-up, ISO 14118). The speed task asks the [`interlock`](crate::interlock)
+//! before each of these transitions and while a bridge is closed.
 
 use crate::alignment::Progress;
 use crate::current_loop::{Calibration, Mode};
@@ -30,9 +37,11 @@ pub enum State {
     /// Just started; bridges off.
     #[default]
     Boot,
-    /// Bridges off, current zeros being measured.
+    /// Bridges open, current zeros being measured.
     SelfTest,
-    /// Bridges on for small motion: both rotors being found.
+    /// Bridges open. The angle of a rotor is not known: alignment must be demanded before a motor can run.
+    Unaligned,
+    /// Bridges closed for small motion: the rotor angles are being found.
     Aligning,
     /// Bridges off, all is known that running needs; the current zeros are measured again and again.
     Ready,
@@ -58,6 +67,7 @@ impl State {
             Self::Stopping => 4,
             Self::Aligning => 6,
             Self::Holding => 7,
+            Self::Unaligned => 8,
             Self::Fault(_) => Self::FAULT_WORD,
         }
     }
@@ -82,6 +92,7 @@ impl State {
             4 => Self::Stopping,
             6 => Self::Aligning,
             7 => Self::Holding,
+            8 => Self::Unaligned,
             Self::FAULT_WORD => match Fault::of_word(fault) {
                 Some(fault) => Self::Fault(fault),
                 None => return None,
@@ -130,11 +141,14 @@ impl State {
     /// The table of transitions. A fault is one state, whichever it is; a state may stay.
     #[must_use]
     pub const fn may_become(self, next: Self) -> bool {
-        use State::{Aligning, Boot, Fault, Holding, Ready, Running, SelfTest, Stopping};
+        use State::{
+            Aligning, Boot, Fault, Holding, Ready, Running, SelfTest, Stopping, Unaligned,
+        };
         match self {
             Boot => matches!(next, Boot | SelfTest | Fault(_)),
-            SelfTest => matches!(next, SelfTest | Aligning | Ready | Fault(_)),
-            Aligning => matches!(next, Aligning | Ready | Fault(_)),
+            SelfTest => matches!(next, SelfTest | Unaligned | Ready | Fault(_)),
+            Unaligned => matches!(next, Unaligned | Aligning | Ready | Fault(_)),
+            Aligning => matches!(next, Aligning | Unaligned | Ready | Fault(_)),
             Ready => matches!(next, Ready | Running | Fault(_)),
             Running => matches!(next, Running | Holding | Stopping | Fault(_)),
             Holding => matches!(next, Holding | Running | Stopping | Fault(_)),
@@ -155,6 +169,7 @@ impl State {
         match self {
             Self::Boot => "boot",
             Self::SelfTest => "self-test",
+            Self::Unaligned => "unaligned",
             Self::Aligning => "aligning",
             Self::Ready => "ready",
             Self::Running => "running",
@@ -165,13 +180,47 @@ impl State {
     }
 }
 
-/// What is asked of the drive.
+/// What the commander demands of the drive's motion.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Demand {
+    /// Come to rest and open the bridges.
+    #[default]
+    Rest,
+    /// Find the rotor angles. A drive that knows them does nothing.
+    Align,
+    /// Follow the commanded speeds. A drive that is not aligned does nothing.
+    Run,
+    /// Come to rest, and leave a fault whose cause is gone.
+    Reset,
+}
+
+impl Demand {
+    /// Its word between two tasks.
+    #[must_use]
+    #[inline(always)]
+    pub const fn word(self) -> u32 {
+        self as u32
+    }
+
+    /// The demand of a word. A word that is none demands rest.
+    #[must_use]
+    #[inline(always)]
+    pub const fn of_word(word: u32) -> Self {
+        match word {
+            1 => Self::Align,
+            2 => Self::Run,
+            3 => Self::Reset,
+            _ => Self::Rest,
+        }
+    }
+}
+
+/// Inputs of a step of the speed task.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Request {
-    /// Run, or come to rest.
-    pub run: bool,
-    /// Leave a fault.
-    pub reset: bool,
+    /// Demanded motion.
+    pub demand: Demand,
     /// Changes while someone commands.
     pub heartbeat: u32,
     /// What the board's inputs say.
@@ -186,33 +235,37 @@ impl State {
     #[inline(always)]
     pub fn next(
         self,
-        request: Request,
+        demand: Demand,
         motors: [MotorStatus; 2],
         found: Option<Fault>,
         alignment: Progress,
         at_rest: impl Fn() -> bool,
     ) -> Self {
         let fault = fault(motors).or(found);
+        let angles_known = || motors.iter().all(|motor| motor.angle_known);
         let next = match (self, fault) {
-            (Self::Fault(_), None) if request.reset && !request.run => Self::Boot,
+            (Self::Fault(_), None) if demand == Demand::Reset => Self::Boot,
             (Self::Fault(first), _) => Self::Fault(first),
             (_, Some(fault)) => Self::Fault(fault),
             (Self::Boot, None) => Self::SelfTest,
             (Self::SelfTest, None) if motors.iter().all(|m| m.calibration == Calibration::Done) => {
-                if motors.iter().all(|m| m.angle_known) {
+                if angles_known() {
                     Self::Ready
                 } else {
-                    Self::Aligning
+                    Self::Unaligned
                 }
             }
+            (Self::Unaligned, None) if angles_known() => Self::Ready,
+            (Self::Unaligned, None) if demand == Demand::Align => Self::Aligning,
             (Self::Aligning, None) => match alignment {
                 Progress::Working => Self::Aligning,
+                Progress::Interrupted => Self::Unaligned,
                 Progress::Failed(failed) => Self::Fault(Fault::misaligned(failed.part)),
-                Progress::Done if motors.iter().all(|m| m.angle_known) => Self::Ready,
+                Progress::Done if angles_known() => Self::Ready,
                 Progress::Done => Self::Aligning,
             },
-            (Self::Ready | Self::Stopping, None) if request.run => Self::Running,
-            (Self::Running | Self::Holding, None) if !request.run => Self::Stopping,
+            (Self::Ready | Self::Stopping, None) if demand == Demand::Run => Self::Running,
+            (Self::Running | Self::Holding, None) if demand != Demand::Run => Self::Stopping,
             (Self::Running | Self::Holding, None) if at_rest() => Self::Holding,
             (Self::Holding, None) => Self::Running,
             (Self::Stopping, None) if at_rest() => Self::Ready,
@@ -223,11 +276,11 @@ impl State {
 
     /// What the current loops do in this state.
     #[must_use]
-    pub const fn mode(self, request: Request) -> Mode {
+    pub const fn mode(self, demand: Demand) -> Mode {
         match self {
-            Self::Fault(_) if request.reset && !request.run => Mode::Reset,
+            Self::Fault(_) if matches!(demand, Demand::Reset) => Mode::Reset,
             // So each start has zeros that were just measured.
-            Self::SelfTest | Self::Ready => Mode::Calibrate,
+            Self::SelfTest | Self::Unaligned | Self::Ready => Mode::Calibrate,
             Self::Aligning | Self::Running | Self::Holding | Self::Stopping => Mode::Drive,
             Self::Boot | Self::Fault(_) => Mode::Off,
         }
@@ -298,12 +351,16 @@ mod tests {
 
     #[test]
     fn only_the_transitions_of_the_table_exist() {
-        use State::{Aligning, Boot, Holding, Ready, Running, SelfTest, Stopping};
+        use State::{Aligning, Boot, Holding, Ready, Running, SelfTest, Stopping, Unaligned};
         let table = HashSet::from(
             [
                 (Boot, SelfTest),
                 (SelfTest, Ready),
-                (SelfTest, Aligning),
+                (SelfTest, Unaligned),
+                (Unaligned, Aligning),
+                (Unaligned, Ready),
+                (Unaligned, FAULT),
+                (Aligning, Unaligned),
                 (Aligning, Ready),
                 (Aligning, FAULT),
                 (Aligning, State::Fault(Fault::ScrewAlignment)),
@@ -325,18 +382,26 @@ mod tests {
             .map(|pair| std::format!("{pair:?}")),
         );
         let mut seen = HashSet::new();
-        for from in [
-            Holding, Boot, SelfTest, Aligning, Ready, Running, Stopping, FAULT,
-        ] {
+        let all = [
+            Boot, SelfTest, Unaligned, Aligning, Ready, Running, Holding, Stopping, FAULT,
+        ];
+        for from in all {
             for bits in 0..=u8::MAX {
                 let on = |n: u8| bits >> n & 1 == 1;
+                let demand = match (on(2), on(3)) {
+                    (false, false) => Demand::Rest,
+                    (false, true) => Demand::Align,
+                    (true, false) => Demand::Run,
+                    (true, true) => Demand::Reset,
+                };
                 let calibration = if on(0) {
                     Calibration::Done
                 } else {
                     Calibration::Pending
                 };
                 let alignment = match (on(5), on(6)) {
-                    (false, _) => Progress::Working,
+                    (false, false) => Progress::Working,
+                    (false, true) => Progress::Interrupted,
                     (true, false) => Progress::Done,
                     (true, true) => Progress::Failed(Misalignment {
                         part: Part::Screw,
@@ -352,17 +417,7 @@ mod tests {
                     broken: on(1),
                     ..healthy
                 };
-                let to = from.next(
-                    Request {
-                        run: on(2),
-                        reset: on(3),
-                        ..Request::default()
-                    },
-                    [healthy, nut],
-                    None,
-                    alignment,
-                    || on(4),
-                );
+                let to = from.next(demand, [healthy, nut], None, alignment, || on(4));
                 if to != from {
                     seen.insert(std::format!("{:?}", (from, to)));
                 }
@@ -371,9 +426,6 @@ mod tests {
         assert_eq!(seen, table);
 
         // And each that is not among them is refused.
-        let all = [
-            Boot, SelfTest, Aligning, Ready, Running, Holding, Stopping, FAULT,
-        ];
         let mut refused = 0;
         for from in all {
             for to in all.into_iter().filter(|to| *to != from) {
@@ -384,7 +436,7 @@ mod tests {
                 refused += usize::from(!allowed);
             }
         }
-        assert_eq!(refused, 56 - 19, "of 56 pairs the table has 19");
+        assert_eq!(refused, 72 - 23, "of 72 pairs the table has 23");
     }
 
     #[test]
@@ -394,46 +446,31 @@ mod tests {
             ..MotorStatus::default()
         };
         let state = State::Running.next(
-            Request {
-                run: true,
-                reset: true,
-                ..Request::default()
-            },
+            Demand::Run,
             [MotorStatus::default(), broken],
             Some(Fault::OverVoltage),
             Progress::Working,
             || false,
         );
         assert_eq!(state, FAULT);
-        assert_eq!(state.mode(Request::default()), Mode::Off);
-        let still_asked = Request {
-            run: true,
-            reset: true,
-            ..Request::default()
-        };
-        assert_eq!(
-            state.next(
-                still_asked,
-                [MotorStatus::default(); 2],
-                None,
-                Progress::Working,
-                || false
-            ),
-            FAULT,
-            "a reset while run is asked"
-        );
+        assert_eq!(state.mode(Demand::Rest), Mode::Off);
+        for demand in [Demand::Rest, Demand::Align, Demand::Run] {
+            let healthy = [MotorStatus::default(); 2];
+            let next = state.next(demand, healthy, None, Progress::Working, || false);
+            assert_eq!(next, FAULT, "only a reset leaves a fault, not {demand:?}");
+        }
         let zero = MotorStatus {
             calibration: Calibration::OutOfRange,
             ..MotorStatus::default()
         };
-        let asked = Request::default();
+        let rest = Demand::Rest;
         assert_eq!(
-            state.next(asked, [zero, broken], None, Progress::Working, || true),
+            state.next(rest, [zero, broken], None, Progress::Working, || true),
             FAULT
         );
         assert_eq!(
             State::SelfTest.next(
-                asked,
+                rest,
                 [zero, MotorStatus::default()],
                 None,
                 Progress::Working,
@@ -447,16 +484,9 @@ mod tests {
     fn what_the_guard_finds_is_a_fault_until_it_is_gone() {
         let healthy = [MotorStatus::default(); 2];
         let hot = Some(Fault::NutTemperature);
-        let state =
-            State::Running.next(Request::default(), healthy, hot, Progress::Working, || {
-                false
-            });
+        let state = State::Running.next(Demand::Rest, healthy, hot, Progress::Working, || false);
         assert_eq!(state, State::Fault(Fault::NutTemperature));
-        let reset = Request {
-            run: false,
-            reset: true,
-            ..Request::default()
-        };
+        let reset = Demand::Reset;
         assert_eq!(
             state.next(reset, healthy, hot, Progress::Working, || true),
             state
@@ -469,9 +499,9 @@ mod tests {
 
     #[test]
     fn words_are_those_of_the_states() {
-        use State::{Aligning, Boot, Holding, Ready, Running, SelfTest, Stopping};
+        use State::{Aligning, Boot, Holding, Ready, Running, SelfTest, Stopping, Unaligned};
         for (word, state) in [
-            Boot, SelfTest, Ready, Running, Stopping, FAULT, Aligning, Holding,
+            Boot, SelfTest, Ready, Running, Stopping, FAULT, Aligning, Holding, Unaligned,
         ]
         .into_iter()
         .enumerate()
@@ -483,6 +513,6 @@ mod tests {
             );
         }
         assert_eq!(State::of_words(State::FAULT_WORD, 0), None);
-        assert_eq!(State::of_words(8, 0), None);
+        assert_eq!(State::of_words(9, 0), None);
     }
 }

@@ -17,7 +17,7 @@ use control::interlock::Inputs;
 use control::motor_io::{MotorIo, Sensing};
 use control::plate::{CompensationPlate, DrivePlate};
 use control::speed_task::SpeedTask;
-use control::supervisor::{Request, State};
+use control::supervisor::{Demand, Request, State};
 use proptest::prelude::*;
 
 #[path = "../../src/board/mains_plate.rs"]
@@ -126,16 +126,14 @@ fn motor() -> impl Strategy<Value = MotorWords> {
 
 fn stretch() -> impl Strategy<Value = Stretch> {
     let request = (
-        prop::bool::weighted(0.7),
-        prop::bool::weighted(0.3),
+        prop_oneof![1 => Just(Demand::Rest), 2 => Just(Demand::Align), 6 => Just(Demand::Run), 2 => Just(Demand::Reset)],
         any::<u32>(),
         prop::array::uniform6(prop::bool::weighted(0.1)),
     )
         .prop_map(
-            |(run, reset, heartbeat, [off, forward, backward, no_way, no_way_back, homing])| {
+            |(demand, heartbeat, [off, forward, backward, no_way, no_way_back, homing])| {
                 Request {
-                    run,
-                    reset,
+                    demand,
                     heartbeat,
                     inputs: Inputs {
                         enabled: [!off, !off || homing],
@@ -360,7 +358,7 @@ fn the_property_sees_a_drive_that_runs_and_one_that_stops() {
         motors: [motor; 2],
         noise: 0,
         request: Request {
-            run: true,
+            demand: Demand::Run,
             heartbeat: 1,
             ..Request::default()
         },

@@ -6,7 +6,7 @@ use control::codes;
 pub use control::compensation::fit::{TableFit, TableFits};
 pub use control::fault::{Fault, FaultSet, Reaction};
 pub use control::journal::{Kind as EventKind, Warning};
-pub use control::supervisor::State;
+pub use control::supervisor::{Demand, State};
 
 codes! {
     /// Why the chip was last reset.
@@ -26,14 +26,5 @@ codes! {
         Own = 1, "its own", "The drive runs on its board's own settings: none are stored.";
         Stored = 2, "stored", "The drive runs on the settings that are stored in its flash.";
         Unfit = 3, "its own, as those that are stored do not fit", "The drive runs on its board's own settings: those that are stored do not fit it. Set them anew.";
-    }
-}
-
-codes! {
-    /// What is asked of the drive, in the command's word `run`.
-    Run {
-        Rest = 0, "rest", "Come to rest and switch the bridges off.";
-        Run = 1, "run", "Follow the commanded speeds.";
-        Reset = 2, "reset", "Come to rest, and leave a fault whose cause is gone.";
     }
 }

@@ -4,9 +4,7 @@
 //! | --- | --- | --- |
 //! | [`codes`]: state, fault, reset reason | in the view | |
 //! | [`view::DriveView`], at the symbol [`VIEW_SYMBOL`] | the drive's RAM | the host reads, at any time, without halting |
-//! | [`view::DriveCommand`], at the symbol [`COMMAND_SYMBOL`] | the drive's RAM | the host writes |
 //! | [`bringup`]: a request that survives a reset, and a report of raw readings | the drive's RAM | both |
-//! | [`telemetry`]: a header, then samples | RTT up-channel [`TELEMETRY_CHANNEL`] | the drive writes |
 //! | [`message`]s in [`frame`]s: commands, answers, settings, telemetry | a serial port at [`SERIAL_BAUD`], RTT channels [`LINK_UP_CHANNEL`] and [`LINK_DOWN_CHANNEL`], TCP | both |
 //! | [`settings`]: what a person may set, by number | in the messages | |
 //! | the log, in defmt's frames | RTT up-channel [`LOG_CHANNEL`] | the drive writes |
@@ -32,12 +30,10 @@ pub mod view;
 
 /// Number of the layout of everything here. Raise it with every change of a word, a code's meaning or a frame: a host
 /// of another layout then says so instead of reading nonsense.
-pub const LAYOUT: u32 = 15;
+pub const LAYOUT: u32 = 16;
 
 /// Symbol of the firmware's [`view::DriveView`].
 pub const VIEW_SYMBOL: &str = "DRIVE_VIEW";
-/// Symbol of the firmware's [`view::DriveCommand`].
-pub const COMMAND_SYMBOL: &str = "DRIVE_COMMAND";
 /// Symbol of RTT's control block, as every RTT host knows it.
 pub const RTT_SYMBOL: &str = "_SEGGER_RTT";
 /// Symbol of the firmware's record of its last crash: a magic word, the text's length, and the text.
@@ -48,10 +44,8 @@ pub const JOURNAL_SYMBOL: &str = "DRIVE_JOURNAL";
 pub const CRASH_TEXT: usize = 120;
 /// RTT up-channel of the log.
 pub const LOG_CHANNEL: usize = 0;
-/// RTT up-channel of the telemetry.
-pub const TELEMETRY_CHANNEL: usize = 1;
-/// RTT up-channel of the frames.
-pub const LINK_UP_CHANNEL: usize = 2;
+/// RTT up-channel of the frames, and of the bring-up's readings.
+pub const LINK_UP_CHANNEL: usize = 1;
 /// RTT down-channel of the frames.
 pub const LINK_DOWN_CHANNEL: usize = 0;
 /// Bits a second of the serial port: the highest that operating systems know by a name (Linux, `termios.h`, `B4000000`). The

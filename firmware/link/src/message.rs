@@ -39,7 +39,8 @@ pub enum Command {
         /// So many of the latest are left out.
         after: u8,
     },
-    /// Lets the drive be moved, until it stops, has a fault, or is not moved for [`ARMED_MS`](crate::server::ARMED_MS).
+    /// Lets the drive be moved, until it stops, has a fault, or is not moved for [`ARMED_MS`](crate::server::ARMED_MS). A drive in
+    /// [`State::Unaligned`](crate::codes::State::Unaligned) begins to align: both motors move, and the session must send heartbeats.
     Arm,
     /// Follow these speeds.
     Run {
@@ -184,6 +185,7 @@ codes! {
         Angle = 15, "angle", "There is no such motor, its angle is not known, or it is further off than an alignment can be: 30 electrical degrees.";
         NotStored = 16, "not stored", "The settings fit, but no page of the flash could be written and read back: it is worn out, locked, or not in two banks (option byte DBANK). What held before still holds.";
         SoftLimit = 17, "soft limit", "The table would end beyond a soft limit: see the settings travel.soft_least_mm and travel.soft_most_mm.";
+        Unaligned = 19, "unaligned", "The rotor angles are not known: `arm` aligns the motors first.";
         Interface = 18, "encoder interface", "This board's pins read another kind of encoder: leave the settings screw.encoder_interface and nut.encoder_interface as they are.";
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A step is made at a fixed rate: that of the speed task, or slower.
 
-use crate::codes::{FaultSet, Run, State};
+use crate::codes::{Demand, FaultSet, State};
 use crate::message::Travel;
 use control::homing::{HomePlan, HomeProgress, Homing};
 use control::table_move::{MovePlan, MoveProgress, TableMove};
@@ -13,8 +13,8 @@ const RESET_S: f64 = 0.1;
 /// What the drive is asked in a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Asked {
-    /// Run, rest, or leave a fault.
-    pub run: Run,
+    /// Demanded motion.
+    pub demand: Demand,
     /// New speeds: table velocity, 2^-28 m/s, and base speed, 2^-18 rad/s.
     pub speeds: Option<[i32; 2]>,
     /// An end switch is looked for, forwards, backwards: it is no fault.
@@ -93,10 +93,10 @@ struct Underway {
 /// What is asked of the drive's motion, and how far that is.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
-    /// Steps until a run is asked, and of a reset.
+    /// Steps until motion is demanded, and of a reset.
     start_steps: u32,
     reset_steps: u32,
-    run: Run,
+    demand: Demand,
     /// Steps that are left of the two.
     left: u32,
     underway: Option<Underway>,
@@ -105,7 +105,7 @@ pub struct Motion {
 }
 
 impl Motion {
-    /// Of a drive at rest. A run is asked `start_s` after it was commanded: the interlock forbids a start by its last look,
+    /// Of a drive at rest. Motion is demanded `start_s` after its command: the interlock forbids a start by its last look,
     /// which must have seen the heartbeat that came with the command.
     #[must_use]
     #[allow(
@@ -117,24 +117,25 @@ impl Motion {
         Self {
             start_steps: (start_s / step_s + 0.5) as u32,
             reset_steps: (RESET_S / step_s) as u32,
-            run: Run::Rest,
+            demand: Demand::Rest,
             left: 0,
             underway: None,
             origin: None,
         }
     }
 
-    /// Runs, comes to rest, or leaves a fault.
-    pub fn run(&mut self, run: Run) {
-        // A drive that runs goes on.
-        if run == Run::Run && self.run == Run::Run && self.left == 0 {
+    /// Takes a demand from the commander.
+    pub fn demand(&mut self, demand: Demand) {
+        let moves = matches!(demand, Demand::Run | Demand::Align);
+        // A drive that moves goes on.
+        if moves && self.demand == demand && self.left == 0 {
             return;
         }
-        self.run = run;
-        self.left = match run {
-            Run::Run => self.start_steps,
-            Run::Rest => 0,
-            Run::Reset => self.reset_steps,
+        self.demand = demand;
+        self.left = match demand {
+            Demand::Run | Demand::Align => self.start_steps,
+            Demand::Rest => 0,
+            Demand::Reset => self.reset_steps,
         };
     }
 
@@ -188,14 +189,19 @@ impl Motion {
         if seen.latched.has_any(FaultSet::DOUBTS_POSITION) {
             self.origin = None;
         }
-        let run = match self.run {
-            Run::Run if self.left > 0 => Run::Rest,
-            Run::Reset if self.left == 0 || !matches!(state, State::Fault(_)) => {
-                self.run = Run::Rest;
-                Run::Rest
-            }
-            run => run,
+        // A reset ends with the fault or after its time, an alignment with its end.
+        let over = match self.demand {
+            Demand::Reset => self.left == 0 || !matches!(state, State::Fault(_)),
+            Demand::Align => !matches!(state, State::Unaligned | State::Aligning),
+            // A fault takes the demand away: nothing moves again after a reset.
+            Demand::Run => matches!(state, State::Fault(_)),
+            Demand::Rest => false,
         };
+        if over {
+            self.demand = Demand::Rest;
+        }
+        let starts = self.left > 0 && matches!(self.demand, Demand::Run | Demand::Align);
+        let demand = if starts { Demand::Rest } else { self.demand };
         self.left = self.left.saturating_sub(1);
         let speeds = self.travel_on(seen);
         let homing = match &self.underway {
@@ -207,7 +213,7 @@ impl Motion {
             _ => [false; 2],
         };
         Asked {
-            run,
+            demand,
             speeds,
             homing,
         }
@@ -258,22 +264,42 @@ mod tests {
             arrived: true,
             ..Seen::default()
         };
-        let asks = |motion: &mut Motion| motion.step(&seen).run != Run::Rest;
+        let asks = |motion: &mut Motion| motion.step(&seen).demand != Demand::Rest;
         (0..count).map(|_| u32::from(asks(motion))).sum()
     }
 
     #[test]
     fn a_run_waits_for_the_interlock_s_look_and_a_reset_ends() {
         let mut motion = Motion::new(1e-3, 3e-3);
-        motion.run(Run::Run);
+        motion.demand(Demand::Run);
         assert_eq!(steps(&mut motion, State::Ready, 10), 7);
         // A drive that runs is not asked to rest by a second command.
-        motion.run(Run::Run);
+        motion.demand(Demand::Run);
         assert_eq!(steps(&mut motion, State::Running, 10), 10);
-        motion.run(Run::Reset);
+        motion.demand(Demand::Reset);
         let fault = State::Fault(Fault::OverVoltage);
         assert_eq!(steps(&mut motion, fault, 300), 100);
-        motion.run(Run::Reset);
+        motion.demand(Demand::Reset);
         assert_eq!(steps(&mut motion, State::Ready, 10), 0);
+    }
+
+    #[test]
+    fn an_alignment_is_demanded_until_it_ends_and_a_fault_takes_each_demand() {
+        let mut motion = Motion::new(1e-3, 3e-3);
+        motion.demand(Demand::Align);
+        assert_eq!(steps(&mut motion, State::Unaligned, 10), 7);
+        assert_eq!(steps(&mut motion, State::Aligning, 10), 10);
+        assert_eq!(steps(&mut motion, State::Ready, 10), 0);
+        let fault = State::Fault(Fault::Disabled);
+        for (demand, state) in [
+            (Demand::Align, State::Aligning),
+            (Demand::Run, State::Running),
+        ] {
+            motion.demand(demand);
+            assert!(steps(&mut motion, state, 10) > 0);
+            assert_eq!(steps(&mut motion, fault, 10), 0);
+            assert_eq!(steps(&mut motion, State::Unaligned, 10), 0, "{demand:?}");
+            assert_eq!(steps(&mut motion, State::Ready, 10), 0, "{demand:?}");
+        }
     }
 }

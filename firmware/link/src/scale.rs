@@ -42,7 +42,6 @@ pub fn word(value: f64, bits: u32) -> Option<i32> {
 mod tests {
     extern crate std;
     use super::*;
-    use core::f64::consts::TAU;
 
     #[test]
     fn a_word_is_the_nearest_and_none_beyond_the_format() {
@@ -52,22 +51,5 @@ mod tests {
         for beyond in [8.0, -8.1, f64::NAN, f64::INFINITY] {
             assert_eq!(word(beyond, TABLE_VELOCITY), None);
         }
-    }
-
-    /// gdb cannot read these numbers, so its script repeats two of them.
-    #[test]
-    fn the_debugger_s_script_has_the_same_steps() {
-        let script = include_str!("../../debug/drive.gdb");
-        let steps = |bits: u32, unit: f64| std::format!("* {})", unit * (1u64 << bits) as f64);
-        assert!(
-            script.contains(&steps(TABLE_VELOCITY, 1e-3)),
-            "no {:?} in:\n{script}",
-            &steps(TABLE_VELOCITY, 1e-3)
-        );
-        assert!(
-            script.contains(&steps(BASE_SPEED, TAU / 60.0)),
-            "no {:?} in:\n{script}",
-            &steps(BASE_SPEED, TAU / 60.0)
-        );
     }
 }

@@ -3,7 +3,7 @@
 //! A [`Server`] stands at each line (RTT, a serial port, a TCP connection); the [`Commander`] is one for all, so that only
 //! one session moves the drive. What is asked is done by a [`Served`] drive, simulated or not.
 
-use crate::codes::{Run, State};
+use crate::codes::{Demand, State};
 use crate::frame::{Decoder, FRAME_MAX, count, encode};
 use crate::message::{
     Command, DriveFrame, EVENTS_A_FRAME, Event, FAULTS, HostFrame, Injection, Recorded, Refusal,
@@ -87,8 +87,8 @@ pub trait Served {
     /// # Errors
     /// [`Refusal::Angle`].
     fn angle(&mut self, motor: u8, behind: i32) -> Result<(), Refusal>;
-    /// Runs, comes to rest, or leaves a fault.
-    fn run(&mut self, run: Run);
+    /// Takes a demand: see [`Demand`].
+    fn demand(&mut self, demand: Demand);
     /// Who commands is still there.
     fn renew(&mut self);
     /// The settings that hold.
@@ -167,8 +167,8 @@ impl Commander {
     /// Once a millisecond: what the drive is doing. A change of state, if there is one.
     pub fn look(&mut self, state: State, now_ms: u32) -> Option<Event> {
         if at_rest(state) {
-            // Not one that has just been asked to run.
-            if state != self.before {
+            // Motion has ended. A session that has just commanded it keeps the drive until it begins.
+            if !at_rest(self.before) || matches!(state, State::Fault(_)) {
                 self.owner = None;
             }
         } else if self.armed.is_some() {
@@ -341,11 +341,11 @@ impl Server {
                 });
                 return Reply::Events(some);
             }
-            Command::Arm => runnable(drive.state()).map(|()| commander.armed = Some(now_ms)),
+            Command::Arm => self.arm(now_ms, commander, drive),
             Command::Run { velocity, base } => self
                 .may_move(commander, drive)
                 .and_then(|()| drive.command(velocity, base_or(base, drive.settings(), velocity)))
-                .map(|()| self.start(commander, drive)),
+                .map(|()| self.start(commander, drive, Demand::Run)),
             Command::Move {
                 distance_nm,
                 velocity,
@@ -356,7 +356,7 @@ impl Server {
                     let base = base_or(base, drive.settings(), velocity);
                     drive.travel(distance_nm, velocity, base)
                 })
-                .map(|()| self.start(commander, drive)),
+                .map(|()| self.start(commander, drive, Demand::Run)),
             Command::Home { base } => self
                 .may_move(commander, drive)
                 .and_then(|()| {
@@ -366,7 +366,7 @@ impl Server {
                     let base = base_or(base, settings, velocity.unwrap_or(i32::MAX));
                     drive.home(base)
                 })
-                .map(|()| self.start(commander, drive)),
+                .map(|()| self.start(commander, drive, Demand::Run)),
             Command::DirectCurrent { motor, current } => {
                 self.may_move(commander, drive)
                     .and_then(|()| match drive.state() {
@@ -381,11 +381,11 @@ impl Server {
             },
             Command::Stop => {
                 (commander.armed, commander.owner) = (None, None);
-                drive.run(Run::Rest);
+                drive.demand(Demand::Rest);
                 Ok(())
             }
             Command::Reset => {
-                drive.run(Run::Reset);
+                drive.demand(Demand::Reset);
                 Ok(())
             }
             Command::Record(request) => {
@@ -420,6 +420,26 @@ impl Server {
         }
     }
 
+    /// Lets the drive be moved. A drive that does not know its rotor angles begins to align.
+    fn arm(
+        &self,
+        now_ms: u32,
+        commander: &mut Commander,
+        drive: &mut impl Served,
+    ) -> Result<(), Refusal> {
+        let aligns = drive.state() == State::Unaligned;
+        if !aligns {
+            runnable(drive.state())?;
+        } else if commander.owner.is_some() && commander.owner != self.session {
+            return Err(Refusal::Commanded);
+        }
+        commander.armed = Some(now_ms);
+        if aligns {
+            self.start(commander, drive, Demand::Align);
+        }
+        Ok(())
+    }
+
     fn may_move(&self, commander: &Commander, drive: &impl Served) -> Result<(), Refusal> {
         runnable(drive.state())?;
         if commander.owner.is_some() && commander.owner != self.session {
@@ -431,10 +451,10 @@ impl Server {
         Ok(())
     }
 
-    fn start(&self, commander: &mut Commander, drive: &mut impl Served) {
+    fn start(&self, commander: &mut Commander, drive: &mut impl Served, demand: Demand) {
         commander.owner = self.session;
         drive.renew();
-        drive.run(Run::Run);
+        drive.demand(demand);
     }
 }
 
@@ -442,6 +462,7 @@ fn runnable(state: State) -> Result<(), Refusal> {
     match state {
         State::Ready | State::Running | State::Holding | State::Stopping => Ok(()),
         State::Fault(_) => Err(Refusal::Fault),
+        State::Unaligned => Err(Refusal::Unaligned),
         State::Boot | State::SelfTest | State::Aligning => Err(Refusal::NotReady),
     }
 }
@@ -546,14 +567,15 @@ mod tests {
         fn angle(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
             Ok(())
         }
-        fn run(&mut self, run: Run) {
-            match run {
-                Run::Run => {
+        fn demand(&mut self, demand: Demand) {
+            match demand {
+                Demand::Run => {
                     self.runs += 1;
                     self.state = State::Running;
                 }
-                Run::Rest => self.state = State::Ready,
-                Run::Reset => {}
+                Demand::Align => self.state = State::Aligning,
+                Demand::Rest => self.state = State::Ready,
+                Demand::Reset => {}
             }
         }
         fn renew(&mut self) {
@@ -694,6 +716,53 @@ mod tests {
             line.ask(RUN, &mut commander, &mut drive),
             refused(Refusal::NotArmed)
         );
+    }
+
+    /// A host that commands within the millisecond in which the drive becomes ready is heard before that look.
+    #[test]
+    fn who_commands_as_the_drive_becomes_ready_keeps_it() {
+        let (mut commander, mut drive, mut line) = (Commander::new(0), Fake::new(), Line::new());
+        commander.look(State::SelfTest, 1);
+        line.ask(Command::Hello, &mut commander, &mut drive);
+        line.ask(Command::Arm, &mut commander, &mut drive);
+        line.ask(RUN, &mut commander, &mut drive);
+        let renewed = drive.renewed;
+        commander.look(State::Ready, 2);
+        line.ask(Command::Heartbeat, &mut commander, &mut drive);
+        assert_eq!(drive.renewed, renewed + 1, "its heartbeat counts");
+        for (state, kept) in [(State::Running, 1), (State::Ready, 0)] {
+            commander.look(state, 3);
+            let renewed = drive.renewed;
+            line.ask(Command::Heartbeat, &mut commander, &mut drive);
+            assert_eq!(drive.renewed, renewed + kept, "{state:?}");
+        }
+    }
+
+    /// An unaligned drive is aligned by who arms it, whose heartbeat counts until it is done.
+    #[test]
+    fn an_unaligned_drive_is_aligned_by_arming_and_takes_no_run() {
+        let (mut commander, mut drive, mut line) = (Commander::new(0), Fake::new(), Line::new());
+        drive.state = State::Unaligned;
+        line.ask(Command::Hello, &mut commander, &mut drive);
+        let reply = line.ask(RUN, &mut commander, &mut drive);
+        assert_eq!(reply, refused(Refusal::Unaligned));
+        assert_eq!(
+            line.ask(Command::Arm, &mut commander, &mut drive),
+            Reply::Done
+        );
+        assert_eq!(drive.state, State::Aligning);
+        commander.look(State::Aligning, 1);
+        let reply = line.ask(RUN, &mut commander, &mut drive);
+        assert_eq!(reply, refused(Refusal::NotReady));
+        let renewed = drive.renewed;
+        line.ask(Command::Heartbeat, &mut commander, &mut drive);
+        assert_eq!(drive.renewed, renewed + 1);
+        let mut other = Line::new();
+        other.ask(Command::Hello, &mut commander, &mut drive);
+        other.ask(Command::Heartbeat, &mut commander, &mut drive);
+        assert_eq!(drive.renewed, renewed + 1, "another's heartbeat does not");
+        other.ask(Command::Stop, &mut commander, &mut drive);
+        assert!(!commander.is_armed(), "any session stops it");
     }
 
     #[test]

@@ -1,11 +1,10 @@
-//! The drive's debug structures: words in its RAM that a probe reads and writes while the drive runs.
+//! The debug view: words in the drive's RAM that a probe reads while the drive runs.
 //!
 //! Every word is whole by itself, so nothing has to be halted or locked. Each structure is declared once; of it come the
 //! live one of atomics, which the firmware has, and the plain one that a host makes of the words that it read. The order
 //! of the words is the order of the fields.
 
-use crate::codes::Run;
-use core::sync::atomic::{AtomicI32, AtomicU32, Ordering::Relaxed};
+use core::sync::atomic::{AtomicI32, AtomicU32};
 
 /// First word of the view: `DDFV`, little-endian.
 pub const MAGIC: u32 = u32::from_le_bytes(*b"DDFV");
@@ -161,26 +160,6 @@ words! {
     }
 }
 
-words! {
-    /// What is asked of the drive. Write `velocity` and `base` first, then count `sequence` up; `run` and `record` act
-    /// at once.
-    DriveCommand, CommandWords {
-        /// Table velocity, 2^-28 m/s.
-        velocity: i32,
-        /// Base speed, 2^-18 rad/s, mechanical.
-        base: i32,
-        /// A new value makes the drive take the two words above.
-        sequence: u32,
-        /// A [`Run`].
-        run: u32,
-        /// What telemetry to send: see [`telemetry::Request`](crate::telemetry::Request).
-        record: u32,
-        /// A new value says that whoever commands is still there: without one for the plate's time (half a second) a drive
-        /// that runs comes to rest.
-        heartbeat: u32,
-    }
-}
-
 impl DriveView {
     /// A view that says what it is, and nothing yet of the drive.
     #[must_use]
@@ -196,15 +175,6 @@ impl DriveView {
 impl Default for DriveView {
     fn default() -> Self {
         Self::new()
-    }
-}
-
-impl DriveCommand {
-    /// The drive is asked to run, and to leave a fault; a word that is neither asks nothing.
-    #[inline(always)]
-    pub fn run_or_reset(&self) -> [bool; 2] {
-        let asked = self.run.load(Relaxed);
-        [Run::Run, Run::Reset].map(|run| asked == run.word())
     }
 }
 

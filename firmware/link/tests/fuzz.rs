@@ -2,7 +2,7 @@
 //! one that a host can read. `FUZZ_EXECUTIONS` sets how many frames, values or pairs of pages each test takes, `FUZZ_SEED` which.
 
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use link::codes::{Run, State};
+use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, encode};
 use link::message::{Command, DriveFrame, HostFrame, Injection, Refusal, Reply, Status};
 use link::server::{Commander, NotSet, Served, Server};
@@ -141,9 +141,9 @@ impl Served for Fake {
     fn angle(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
         Ok(())
     }
-    fn run(&mut self, run: Run) {
-        match run {
-            Run::Run => {
+    fn demand(&mut self, demand: Demand) {
+        match demand {
+            Demand::Run | Demand::Align => {
                 self.runs += 1;
                 self.state = State::Running;
             }

@@ -204,6 +204,10 @@ impl<L: Line> Session<L> {
             self.uptime_ms = status.uptime_ms;
             match State::of_words(status.state, status.fault) {
                 Some(State::Ready) => break status,
+                Some(State::Unaligned) => {
+                    let stop = Arc::clone(&self.stop);
+                    self.client.arm(|_| !stop.load(Relaxed))?;
+                }
                 // The same twice is no chance.
                 Some(State::Fault(fault)) if is_misaligned(fault) && tries > 1 => {
                     tries -= 1;

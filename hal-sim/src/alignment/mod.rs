@@ -15,7 +15,7 @@ use control::encoder::Interface;
 use control::fault::Fault;
 use control::format::Misfit;
 use control::plate::DrivePlate;
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use plant::Axis;
 use plant::effects::{
     AnyEffect, Cogging, DeadTime, EffectModel, LeadError, Place, StribeckFriction,
@@ -294,7 +294,7 @@ impl Start {
     /// [`Misfit`] if a gain does not fit its format.
     pub fn run_with(&self, mut each: impl FnMut(&Drive)) -> Result<Outcome, Misfit> {
         let mut drive = Drive::new(&self.model, Coupling::Coupled, self.board, &self.plate)?;
-        drive.request.run = false;
+        drive.request.demand = Demand::Align;
         settle(&mut drive.board, self.angles);
         let start = drive.board.machine.table_position();
         let (mut travel_m, mut torque_nm) = (0.0f64, 0.0f64);

@@ -14,7 +14,7 @@ use crate::experiment::{ExperimentError, OperatingPoint, RPM};
 use control::format::TableVelocity;
 use control::guard::Look;
 use control::plate::DrivePlate;
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use control::travel::TravelLook;
 use plant::Axis;
 use plant::machine::Coupling;
@@ -171,7 +171,7 @@ impl Run {
         } else {
             Drive::aligned(&model, Coupling::Coupled, config, &plate)?
         };
-        drive.request.run = false;
+        drive.request.demand = if starts { Demand::Align } else { Demand::Rest };
         if starts {
             settle(&mut drive.board, [1.0, 4.0]);
         }
@@ -227,7 +227,7 @@ impl Run {
                     })?;
                     self.pass(0.04);
                 } else if situation == Situation::Stopping {
-                    self.drive.request.run = false;
+                    self.drive.request.demand = Demand::Rest;
                     self.pass(0.05);
                 }
                 Ok(())
@@ -238,7 +238,7 @@ impl Run {
     pub(super) fn ask(&mut self, point: OperatingPoint) -> Result<(), ExperimentError> {
         self.drive.command(point.velocity, point.base)?;
         self.asked = TableVelocity::saturating_from_num(point.velocity);
-        self.drive.request.run = true;
+        self.drive.request.demand = Demand::Run;
         Ok(())
     }
 
@@ -394,7 +394,7 @@ impl Run {
     pub(super) fn reacts(&self) -> bool {
         match self.drive.state() {
             State::Fault(_) => true,
-            State::Stopping => self.drive.request.run,
+            State::Stopping => self.drive.request.demand == Demand::Run,
             _ => self.was_reset,
         }
     }

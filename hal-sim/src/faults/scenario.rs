@@ -8,7 +8,7 @@ use super::{Limits, Situation};
 use crate::boards::BoardKind;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM};
 use control::plate::DrivePlate;
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use plant::Axis;
 use std::f64::consts::TAU;
 
@@ -172,7 +172,7 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
         Scenario::MotorLost => run.drive.board.trip_break(Axis::Screw),
         Scenario::NutSeized | Scenario::LoadStep => {}
         Scenario::MainsDip => run.drive.board.set_supply(0.0),
-        Scenario::FullStop => run.drive.request.run = false,
+        Scenario::FullStop => run.drive.request.demand = Demand::Rest,
         Scenario::LinkPulled => run.drive.attended = false,
         Scenario::EndStop => {
             run.bench.ends = Ends {

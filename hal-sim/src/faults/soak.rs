@@ -6,7 +6,7 @@ use super::run::Run;
 use super::{Limits, Situation};
 use crate::boards::BoardKind;
 use crate::experiment::{ExperimentError, OperatingPoint, RPM};
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
 use std::collections::BTreeMap;
@@ -145,8 +145,7 @@ pub fn soak(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, Experim
 
 /// Comes to rest, leaves a fault, and is ready again.
 fn recover(run: &mut Run, told: &mut Soaked) {
-    run.drive.request.run = false;
-    run.drive.request.reset = true;
+    run.drive.request.demand = Demand::Reset;
     // The enable switch is opened and closed, as a fault of one of its contacts asks.
     run.bench.enable_opened = true;
     run.pass(0.05);
@@ -154,12 +153,15 @@ fn recover(run: &mut Run, told: &mut Soaked) {
     run.pass(0.05);
     let mut waited = 0.1;
     while run.drive.state() != State::Ready && waited < RECOVERS_S {
-        // An alignment can be refused by a table that still coasts; the reset stays asked, also of a chip that has begun anew.
-        run.drive.request.reset = true;
+        // An alignment can be refused by a table that still coasts. A chip that has begun anew is aligned again.
+        run.drive.request.demand = match run.drive.state() {
+            State::Unaligned | State::Aligning => Demand::Align,
+            _ => Demand::Reset,
+        };
         run.pass(0.05);
         waited += 0.05;
     }
     told.seconds += waited;
     told.stuck += u32::from(run.drive.state() != State::Ready);
-    run.drive.request.reset = false;
+    run.drive.request.demand = Demand::Rest;
 }

@@ -29,8 +29,8 @@ use control::speed_task::STEPS_PER_LOOK;
 use control::supervisor::State;
 use control::table_move::{MoveError, MovePlan};
 use control::travel::{Travel, TravelConfig, TravelLook};
+use link::codes::Demand;
 use link::codes::ResetReason;
-use link::codes::Run;
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
 use link::motion::{Motion, Seen};
 use link::scale;
@@ -65,7 +65,7 @@ impl Begin {
             Self::Cold => Drive::new,
         };
         let mut drive = make(&setup.model, setup.coupling, setup.board, plate)?;
-        drive.request.run = false;
+        drive.request.demand = Demand::Rest;
         drive.attended = false;
         Ok(drive)
     }
@@ -313,8 +313,7 @@ impl SimulatedDrive {
             ends_open: self.world.ends_open(),
         };
         let asked = self.motion.step(&seen);
-        drive.request.run = asked.run == Run::Run;
-        drive.request.reset = asked.run == Run::Reset;
+        drive.request.demand = asked.demand;
         if let Some([velocity, base]) = asked.speeds {
             // The plan's velocity was tried when it was made.
             let _ = self.ask(velocity, base);
@@ -555,9 +554,11 @@ impl Served for SimulatedDrive {
         Ok(())
     }
 
-    fn run(&mut self, run: Run) {
-        self.motion.run(run);
-        self.drive.request.run &= run == Run::Run;
+    fn demand(&mut self, demand: Demand) {
+        self.motion.demand(demand);
+        if matches!(demand, Demand::Rest | Demand::Reset) {
+            self.drive.request.demand = Demand::Rest;
+        }
     }
 
     fn renew(&mut self) {

@@ -1,7 +1,7 @@
 //! The firmware as it is flashed finds its rotors on the emulated chip, wherever they stand, as the host does, bit for bit;
 //! and a reset takes it back to where it must find them again.
 
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use hal_sim::alignment::{Start, settle};
 use hal_sim::drive::Drive;
 use plant::Axis;
@@ -56,6 +56,10 @@ fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
     for board in [Wiring::Nucleo, Wiring::Mains] {
         let mut bench = bench(board)?;
         bench.emulator.chip().tops = Some(Vec::new());
+        bench.wait_for(State::Unaligned.word(), 0.5)?;
+        bench.demand(Demand::Align)?;
+        // The step that begins to align, by the count of the screw's tops.
+        let begun = bench.wait_for_step(|view| view.state() == Some(State::Aligning))?;
         bench
             .wait_for(READY, LONGEST_S)
             .map_err(|error| format!("{board:?}: {error}"))?;
@@ -78,9 +82,11 @@ fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
         let mut drive = Drive::new(&machine, Coupling::Coupled, board_config(board), &plate)
             .map_err(|misfit| misfit.to_string())?;
         settle(&mut drive.board, ANGLES);
-        drive.request.run = false;
         let (mut closed, mut aligning) = (0, 0);
         for period in 0..streams[1].len() - 1 {
+            if period as u64 == begun {
+                drive.request.demand = Demand::Align;
+            }
             drive.period();
             aligning += usize::from(drive.state() == State::Aligning);
             assert_period(&format!("{board:?}"), period, &streams, &drive);
@@ -101,19 +107,22 @@ fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
 #[test]
 fn a_watchdog_reset_ends_in_a_drive_that_aligns_again() -> Result<(), String> {
     let mut bench = bench(Wiring::Nucleo)?;
-    bench.wait_for(READY, LONGEST_S)?;
-    bench.ask(2.5e-3, 30.0)?;
-    bench.run(1)?;
+    bench.align(LONGEST_S)?;
+    bench.start(2.5e-3, 30.0)?;
     bench.wait_for(RUNNING, 0.1)?;
     bench.pass(0.5)?;
     bench.hang("FMAC")?;
     bench.pass(50e-3)?;
-    bench.run(0)?;
-    // The counters begin at zero anew, wherever the rotors have come to rest.
-    bench.wait_for(State::Aligning.word(), 1.0)?;
-    bench.wait_for(READY, LONGEST_S)?;
-    bench.ask(2.5e-3, 30.0)?;
-    bench.run(1)?;
+    // The counters begin at zero anew, wherever the rotors have come to rest. Nothing moves before it is demanded.
+    bench.wait_for(State::Unaligned.word(), 1.0)?;
+    bench.pass(1.0)?;
+    let speeds = Axis::ALL.map(|axis| bench.joint.borrow().board.machine.motor(axis).omega);
+    assert!(
+        speeds.iter().all(|speed| speed.abs() < 1e-3),
+        "{speeds:?} rad/s"
+    );
+    bench.align(LONGEST_S)?;
+    bench.start(2.5e-3, 30.0)?;
     bench.pass(1.0)?;
     assert_eq!(bench.status()?.state, RUNNING);
     let before = bench.joint.borrow().board.machine.table_position();

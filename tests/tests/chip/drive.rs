@@ -1,5 +1,6 @@
 //! The flashed ELF turns the motors of the simulated machine.
 
+use link::codes::Demand;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -33,8 +34,7 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
         bench.wait_for(READY, 0.2)?;
         for base_rpm in [0.0, 300.0] {
             let base = base_rpm * TAU / 60.0;
-            bench.ask(2.5e-3, base)?;
-            bench.run(1)?;
+            bench.start(2.5e-3, base)?;
             bench.pass(0.5)?;
             let status = bench.status()?;
             assert_eq!(
@@ -54,7 +54,7 @@ fn boots_calibrates_runs_in_both_modes_and_stops() -> Result<(), String> {
                 "{board:?}, {coupling:?}: the nut turns at {nut} rad/s, not {base}"
             );
         }
-        bench.run(0)?;
+        bench.demand(Demand::Rest)?;
         bench.wait_for(READY, 1.0)?;
         // The current loops follow the supervisor in their next periods.
         bench.pass(100e-6)?;

@@ -1,6 +1,7 @@
 //! Encoders that do not say the truth: an absolute one's frames, an incremental one's counts and index.
 
 use control::encoder::Interface;
+use link::codes::Demand;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -118,9 +119,9 @@ fn past_the_limit_wrong_frames_open_the_bridge() -> Result<(), String> {
     assert_eq!((status.state, status.fault), (FAULT, SCREW_ENCODER));
     assert_eq!(encoder_wrong(&mut bench)?, [9, 0]);
     // The frames are well again: after a while a reset leaves the fault, and the drive runs.
-    bench.run(2)?;
+    bench.demand(Demand::Reset)?;
     bench.wait_for(READY, 20e-3)?;
-    bench.run(1)?;
+    bench.demand(Demand::Run)?;
     bench.pass(20e-3)?;
     assert_eq!(bench.status()?.state, RUNNING);
     assert_eq!(encoder_wrong(&mut bench)?, [9, 0]);

@@ -1,6 +1,6 @@
 //! Faults, provoked: the bridge's output enable falls in time, and the state says why.
 
-use link::codes::{EventKind, Fault, Origin, ResetReason, State};
+use link::codes::{Demand, EventKind, Fault, Origin, ResetReason, State};
 use link::host::Memory;
 use link::view::DriveView;
 use plant::machine::Coupling;
@@ -85,14 +85,14 @@ fn an_over_current_opens_the_bridge_in_hardware() -> Result<(), String> {
         // The other motor brings the table to rest: `hal-sim/tests/fault_matrix.rs`.
         assert!(enabled(&mut bench, other) && !enabled(&mut bench, motor));
         // It stays off while the current is there, whatever is asked.
-        bench.run(2)?;
+        bench.demand(Demand::Reset)?;
         bench.pass(1e-3)?;
         assert_cause(&mut bench, cause)?;
         assert!(!enabled(&mut bench, motor));
         // Once it is gone a reset leaves the fault, and the drive runs again.
         bench.emulator.chip().end_short_circuit(motor);
         bench.wait_for(READY, 0.2)?;
-        bench.run(1)?;
+        bench.demand(Demand::Run)?;
         bench.pass(10e-3)?;
         assert_eq!(bench.status()?.state, RUNNING);
         assert!(enabled(&mut bench, motor));
@@ -135,7 +135,7 @@ fn a_drivers_fault_opens_its_bridge_in_hardware() -> Result<(), String> {
         assert_cause(&mut bench, cause)?;
         assert!(enabled(&mut bench, other) && !enabled(&mut bench, motor));
         bench.emulator.chip().driver_fault(motor, false);
-        bench.run(2)?;
+        bench.demand(Demand::Reset)?;
         bench.wait_for(READY, 0.2)?;
     }
     Ok(())

@@ -1,6 +1,6 @@
 //! What the supervision and the analog watchdogs guard, provoked.
 
-use link::codes::Fault;
+use link::codes::{Demand, Fault};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
@@ -42,9 +42,9 @@ fn opens(bench: &mut Bench, motor: Motor, cause: Fault, at_most: f64) -> Result<
 
 /// The cause is gone: a reset leaves the fault and the drive runs again.
 fn runs_again(bench: &mut Bench) -> Result<(), String> {
-    bench.run(2)?;
+    bench.demand(Demand::Reset)?;
     bench.wait_for(READY, 1.0)?;
-    bench.run(1)?;
+    bench.demand(Demand::Run)?;
     bench.pass(20e-3)?;
     let status = bench.status()?;
     assert_eq!(
@@ -160,7 +160,7 @@ fn a_missing_index_is_counted_and_past_a_limit_a_fault() -> Result<(), String> {
     let mut bench = running_on(Wiring::Mains)?;
     let nut_errors = |bench: &mut Bench| bench.look().map(|view| view.words().encoder_errors[1]);
     // Faster, for each turn has one index: 25 turns/s.
-    bench.ask(2.5e-3, 1500.0 * TAU / 60.0)?;
+    bench.start(2.5e-3, 1500.0 * TAU / 60.0)?;
     bench.pass(0.5)?;
     assert_eq!(nut_errors(&mut bench)?, 0);
     bench.emulator.chip().provoked.no_index[1] = true;

@@ -17,7 +17,6 @@ fn no_handler_uses_floats_or_can_panic() -> Result<(), String> {
         for expected in [
             "SysTick",
             "RNG",
-            "CRS",
             "TIM7",
             "NonMaskableInt",
             "HardFault",

@@ -1,7 +1,7 @@
 //! A command that nobody renews, an open enable, an end switch ahead: the emulated drive comes to rest with both motors, and
 //! then opens its bridges and says why, as the host's does (`hal-sim/tests/interlock.rs`).
 
-use link::codes::{Fault, Run};
+use link::codes::{Demand, Fault};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -13,8 +13,7 @@ use tests::chip::wiring::Wiring;
 fn running(board: Wiring, velocity: f64) -> Result<Bench, String> {
     let mut bench = Bench::on(board, &Model::coupled(), Coupling::Coupled)?;
     bench.wait_for(READY, 0.3)?;
-    bench.ask(velocity, 300.0 * TAU / 60.0)?;
-    bench.run(Run::Run.word())?;
+    bench.start(velocity, 300.0 * TAU / 60.0)?;
     bench.wait_for(RUNNING, 0.01)?;
     bench.pass(0.25)?;
     Ok(bench)
@@ -91,7 +90,7 @@ fn an_enable_contact_that_opens_alone_is_told_and_must_open_with_the_other() -> 
         assert_eq!(said(&mut bench)?, apart, "{board:?}: open alone");
 
         wire(&mut bench, one, true);
-        bench.run(Run::Reset.word())?;
+        bench.demand(Demand::Reset)?;
         bench.pass(0.05)?;
         assert_eq!(said(&mut bench)?, apart, "{board:?}: closed again");
 

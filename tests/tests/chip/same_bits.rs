@@ -4,6 +4,7 @@ use control::compensation::line::Phasor;
 use control::compensation::{ANGLES, LINES, TORQUES};
 use control::plate::DrivePlate;
 use hal_sim::drive::Drive;
+use link::codes::{Demand, State};
 use link::settings::Settings;
 use plant::Axis;
 use plant::machine::Coupling;
@@ -13,28 +14,34 @@ use std::path::Path;
 use tests::bench::{
     Bench, board_config, firmware_of, machine_of, plate_of, scale_count_m, smooth_firmware,
 };
-use tests::chip::Top;
 use tests::chip::wiring::Wiring;
+use tests::chip::{CORE_HZ, Top};
 use tests::same::{assert_period, by_motor};
 
-/// What the drive is asked, and when, s after its first period. At 40 kHz the first is seen by the step that comes just then, and its first compare
-/// values show a zero whose mean began a period late.
-const SCRIPT: [(f64, u32, f64, f64); 4] = [
-    (0.055, 1, 2.5e-3, 300.0),
-    (0.7, 1, -2.5e-3, 500.0),
-    (1.2, 1, 2.5e-3, 0.0),
-    (1.5, 0, 0.0, 0.0),
+/// Commands, and when they are sent, s after the first period.
+const SCRIPT: [(f64, Demand, f64, f64); 4] = [
+    (0.055, Demand::Run, 2.5e-3, 300.0),
+    (0.7, Demand::Run, -2.5e-3, 500.0),
+    (1.2, Demand::Run, 2.5e-3, 0.0),
+    (1.5, Demand::Rest, 2.5e-3, 0.0),
 ];
+
+/// What a step of the speed task took: a command, or a demand.
+#[derive(Clone, Copy, Debug)]
+enum Taken {
+    Speeds(f64, f64),
+    Demand(Demand),
+}
 const END: f64 = 1.7;
 
-/// Runs the script in the emulator: every top of both timers, and how many of the screw's came before each command.
+/// Runs the script in the emulator: every top of both timers, and before which period of the screw the speed task took what.
 fn emulated(
     elf: &Path,
     board: Wiring,
     model: &Model,
     coupling: Coupling,
     stored: Option<&Settings>,
-) -> Result<(Vec<Top>, Vec<u64>), String> {
+) -> Result<(Vec<Top>, Vec<(u64, Taken)>), String> {
     let mut bench = Bench::with(elf, board, model, coupling)?;
     if let Some(settings) = stored {
         bench.emulator.chip().flash.memory = crate::settings::stored(settings);
@@ -43,24 +50,35 @@ fn emulated(
     bench.until("the first period", 0.5, 100e-6, |bench| {
         Ok(bench.emulator.chip().pwm[0].next_top().is_some())
     })?;
-    let mut before = Vec::new();
-    let mut now = 0.0;
-    for (at, run, velocity, base_rpm) in SCRIPT {
-        bench.pass(at - now)?;
-        now = at;
-        before.push(bench.settle()?);
-        bench.ask(velocity, base_rpm * TAU / 60.0)?;
-        bench.run(run)?;
+    let mut taken = Vec::new();
+    let first = bench.emulator.time();
+    let until = |bench: &mut Bench, at: f64| {
+        let passed = (bench.emulator.time() - first) as f64 / CORE_HZ as f64;
+        bench.pass(at - passed)
+    };
+    for (at, demand, velocity, base_rpm) in SCRIPT {
+        until(&mut bench, at)?;
+        let before = bench.look()?;
+        let base = base_rpm * TAU / 60.0;
+        match demand {
+            Demand::Run => bench.start(velocity, base)?,
+            other => bench.demand(other)?,
+        }
+        if demand == Demand::Run {
+            let step = bench.wait_for_step(|view| view.words().taken != before.words().taken)?;
+            taken.push((step, Taken::Speeds(velocity, base)));
+        }
+        if before.state() == Some(State::Ready) || demand == Demand::Rest {
+            let step = bench.wait_for_step(|view| view.state() != before.state())?;
+            taken.push((step, Taken::Demand(demand)));
+        }
     }
-    bench.pass(END - now)?;
+    until(&mut bench, END)?;
     for motor in bench.look()?.words().motors {
         assert_eq!(motor.missed, 0, "{board:?}: deadlines missed");
     }
     assert_eq!(bench.look()?.words().speed_missed, 0, "{board:?}");
-    Ok((
-        bench.emulator.chip().tops.take().unwrap_or_default(),
-        before,
-    ))
+    Ok((bench.emulator.chip().tops.take().unwrap_or_default(), taken))
 }
 
 /// Runs the script on chip and host, and holds one against the other.
@@ -71,7 +89,7 @@ fn same(
     (board, model, coupling): (Wiring, &Model, Coupling),
     stored: Option<&Settings>,
 ) -> Result<Drive, String> {
-    let (tops, before) = emulated(elf, board, model, coupling, stored)?;
+    let (tops, taken) = emulated(elf, board, model, coupling, stored)?;
     let streams = by_motor(&tops);
     let periods = streams[1].len() - 1;
     assert!(
@@ -84,17 +102,17 @@ fn same(
     config.sensors.scale_noise_m = 0.0;
     let mut drive = Drive::aligned(&machine_of(board, model, coupling), coupling, config, plate)
         .map_err(|misfit| misfit.to_string())?;
-    drive.request.run = false;
-    let mut script = before.iter().zip(SCRIPT).peekable();
+    drive.request.demand = Demand::Rest;
+    let mut script = taken.into_iter().peekable();
     let (mut driven, mut turned) = (0, [0.0; 2]);
     for period in 0..periods {
-        if let Some((_, (_, run, velocity, base_rpm))) =
-            script.next_if(|(at, _)| **at == period as u64)
-        {
-            drive
-                .command(velocity, base_rpm * TAU / 60.0)
-                .map_err(|error| error.to_string())?;
-            drive.request.run = run == 1;
+        while let Some((_, taken)) = script.next_if(|(at, _)| *at == period as u64) {
+            match taken {
+                Taken::Speeds(velocity, base) => drive
+                    .command(velocity, base)
+                    .map_err(|error| error.to_string())?,
+                Taken::Demand(demand) => drive.request.demand = demand,
+            }
         }
         drive.period();
         assert_period(what, period, &streams, &drive);

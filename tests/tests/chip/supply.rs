@@ -1,6 +1,6 @@
 //! Crystal, supply and core voltage that fail: the bridges open, whatever the code is doing.
 
-use link::codes::{Fault, ResetReason, State};
+use link::codes::{Demand, Fault, ResetReason, State};
 use plant::machine::Coupling;
 use plant::model::Model;
 use tests::bench::{Bench, FAULT, READY, RUNNING};
@@ -108,12 +108,12 @@ fn a_supply_that_sags_opens_the_bridges_and_below_its_limit_resets_the_chip() ->
         (FAULT, Fault::ControllerSupply.word())
     );
     // Nothing closes them while it lasts.
-    bench.run(2)?;
+    bench.demand(Demand::Reset)?;
     bench.pass(1e-3)?;
     assert_eq!(bench.status()?.state, FAULT);
     bench.emulator.chip().set_supply(3.3);
     bench.wait_for(READY, 0.2)?;
-    bench.run(1)?;
+    bench.demand(Demand::Run)?;
     bench.pass(20e-3)?;
     assert_eq!(enabled(&mut bench), [true; 2]);
     // Brown-out level 4.

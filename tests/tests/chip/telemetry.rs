@@ -2,9 +2,8 @@
 
 use hal_sim::drive::Drive;
 use identify::records::{How, Mapping, OnFault, double_drive, load};
-use link::TELEMETRY_CHANNEL;
-use link::host::rtt::Channel;
-use link::telemetry::Request;
+use link::codes::{Demand, State};
+use link::telemetry::{FRAME_MAX, Request};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -33,9 +32,8 @@ impl Recorded {
         let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
         bench.emulator.chip().tops = Some(Vec::new());
         bench.wait_for(READY, 0.2)?;
-        let asked = bench.settle()?;
-        bench.ask(VELOCITY, BASE)?;
-        bench.run(1)?;
+        bench.start(VELOCITY, BASE)?;
+        let asked = bench.wait_for_step(|view| view.state() != Some(State::Ready))?;
         bench.pass(0.1)?;
         Ok(Self { bench, asked })
     }
@@ -48,20 +46,16 @@ impl Recorded {
         looks: impl IntoIterator<Item = f64>,
     ) -> Result<(Summary, Request), String> {
         let said = |error: anyhow::Error| format!("{error:#}");
-        let Bench {
-            emulator, drive, ..
-        } = &mut self.bench;
-        let channel = Channel::find(emulator, drive.rtt, TELEMETRY_CHANNEL)
-            .map_err(said)?
-            .ok_or("the firmware has not set its channels up")?;
         let request = self.bench.record(divider)?;
         let folder = Folder::open(folder).map_err(said)?;
         let bench = &mut self.bench;
         let mut look = |recorder: &mut Recorder, seconds: f64| {
             bench.pass(seconds).map_err(anyhow::Error::msg)?;
-            let mut bytes = Vec::new();
-            channel.drain(&mut bench.emulator, &mut bytes)?;
-            recorder.take(&bytes)
+            let mut buffer = [0; FRAME_MAX];
+            for frame in bench.take_telemetry().map_err(anyhow::Error::msg)? {
+                recorder.take(frame.encode(&mut buffer).unwrap_or_default())?;
+            }
+            Ok(())
         };
         let rate = 5000.0 / f64::from(divider);
         let (summary, outcome) = save(&folder, "record", rate, |recorder| {
@@ -111,7 +105,7 @@ fn host(asked: u64, seconds: f64) -> Result<Vec<Row>, String> {
     let machine = machine_of(Wiring::Nucleo, &Model::paper(), Coupling::Lumped);
     let mut drive = Drive::aligned(&machine, Coupling::Lumped, board, &plate)
         .map_err(|misfit| misfit.to_string())?;
-    drive.request.run = false;
+    drive.request.demand = Demand::Rest;
     let known = |drive: &Drive, axis: Axis| {
         let (estimate, voltage) = (drive.estimate(axis), drive.ended_voltage(axis));
         let [a, b, _] = estimate.phases.map(|i| i.to_num());
@@ -128,7 +122,7 @@ fn host(asked: u64, seconds: f64) -> Result<Vec<Row>, String> {
             drive
                 .command(VELOCITY, BASE)
                 .map_err(|error| error.to_string())?;
-            drive.request.run = true;
+            drive.request.demand = Demand::Run;
         }
         let table = drive.board.machine.table_position();
         drive.period();

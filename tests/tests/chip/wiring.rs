@@ -1,6 +1,7 @@
 //! The pins that the firmware claims are those of the default board's wiring page, in the functions that it names. What the
 //! page says of connectors and chip is tested in `xtask/tests/wiring.rs`.
 
+use link::codes::Demand;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::path::Path;
@@ -89,7 +90,7 @@ fn the_scale_is_not_loaded_by_the_bridges_pulses() -> Result<(), String> {
     let outside = &mut bench.emulator.chip().outside;
     outside.circuits.insert(PB6, Circuit::PullUp(10e3));
     bench.wait_for(READY, 0.2)?;
-    bench.run(1)?;
+    bench.demand(Demand::Run)?;
     bench.pass(10e-3)?;
     let mut pulses = 0;
     for _ in 0..200 {

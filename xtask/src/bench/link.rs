@@ -232,7 +232,7 @@ fn ready(drive: &mut Drive) -> Result<()> {
     loop {
         let status = drive.status()?;
         match State::of_words(status.state, status.fault) {
-            Some(State::Ready) => return Ok(()),
+            Some(State::Ready | State::Unaligned) => return Ok(()),
             state if Instant::now() > until => bail!("the drive is not ready: {state:?}"),
             _ => drive.listen(Duration::from_millis(10))?,
         }
@@ -270,7 +270,7 @@ fn stream(line: &mut Counted, drive_speed: f64, divider: u8, seconds: f64) -> Re
         divider,
         stream: *streams,
     };
-    drive.tell(Asked::Arm)?;
+    drive.arm(|_| true)?;
     drive.tell(speeds(
         0.0,
         Some(TURNING_RPM / 60.0 * std::f64::consts::TAU),

@@ -6,7 +6,7 @@ use super::status::{Seen, look};
 use crate::interrupt::ctrl_c;
 use anyhow::{Context, Result, bail};
 use indicatif::{ProgressBar, ProgressStyle};
-use link::codes::{Fault, State};
+use link::codes::{Fault, Misalignment, State};
 use link::message::{Command, Injected, Injection, Travel};
 use link::scale;
 use link::settings::Settings;
@@ -26,17 +26,18 @@ const LOOK: Duration = Duration::from_millis(200);
 /// How long it may take to come to rest.
 const REST: Duration = Duration::from_secs(30);
 
-/// A fault has stopped the drive.
+/// A fault has stopped the drive; the reason of a misalignment, if it is one.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Stopped(pub Fault);
+pub struct Stopped(pub Fault, pub Option<Misalignment>);
 
 impl fmt::Display for Stopped {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self(fault, misalignment) = self;
+        let sentence = misalignment.map_or(fault.sentence(), Misalignment::sentence);
         write!(
             f,
-            "the drive was stopped by a fault: {}. {}",
-            self.0.name(),
-            self.0.sentence()
+            "the drive was stopped by a fault: {}. {sentence}",
+            fault.name()
         )
     }
 }
@@ -45,9 +46,52 @@ impl std::error::Error for Stopped {}
 
 /// Arms the drive.
 pub fn arm(drive: &mut Drive) -> Result<()> {
-    drive.tell(Command::Arm)?;
+    let stop = caught()?;
+    ready(drive, &stop)?;
     println!("armed");
     Ok(())
+}
+
+/// Arms a drive, and aligns it first where it does not know its rotor angles. What will move is printed before.
+pub fn ready(drive: &mut Drive, stop: &AtomicBool) -> Result<()> {
+    if look(drive)?.state == Some(State::Unaligned) {
+        println!("{}", alignment_notice(&drive.settings()?));
+    }
+    match drive.arm(|_| !stop.load(Relaxed))? {
+        State::Fault(fault) => {
+            let misalignment = look(drive)?.misalignment();
+            bail!(Stopped(
+                fault,
+                misalignment.filter(|_| fault.is_misalignment())
+            ))
+        }
+        State::Unaligned => {
+            bail!("the alignment was interrupted: the drive is unaligned, and its bridges are open")
+        }
+        _ => Ok(()),
+    }
+}
+
+/// What an alignment will move: how fast, how far and for how long.
+fn alignment_notice(settings: &Settings) -> String {
+    let Settings {
+        alignment,
+        screw,
+        nut,
+        ..
+    } = settings;
+    format!(
+        "The drive does not know its rotor angles and aligns its motors now:\n  \
+         each motor moves by itself by up to {:.1} degrees, then both turn together at up to {} rpm, once each way;\n  \
+         torque at most {} N m (screw) and {} N m (nut); the table moves by at most {} um;\n  \
+         it takes 3 to 15 s, at most {} s. Ctrl-C, the enable switch or `drive stop` interrupt it.",
+        alignment.travel_um * 1e-3 / settings.feed.lead_mm * 360.0,
+        alignment.speed_rpm,
+        screw.alignment_torque_nm,
+        nut.alignment_torque_nm,
+        alignment.travel_um,
+        control::alignment::LONGEST_S,
+    )
 }
 
 /// Brings it to rest.
@@ -61,18 +105,23 @@ pub fn stop(drive: &mut Drive) -> Result<()> {
 pub fn reset(drive: &mut Drive) -> Result<()> {
     drive.tell(Command::Reset)?;
     let until = Instant::now() + REST;
-    // It measures its current zeros, and aligns its rotors where it has to.
+    // It measures its current zeros.
     let begun = Instant::now();
     loop {
         match look(drive)?.state {
-            Some(State::Ready) => break,
-            Some(State::Fault(fault)) if begun.elapsed() > LOOK => bail!(Stopped(fault)),
+            Some(State::Ready) => {
+                println!("ready");
+                return Ok(());
+            }
+            Some(State::Unaligned) => {
+                println!("unaligned: `arm` aligns the motors");
+                return Ok(());
+            }
+            Some(State::Fault(fault)) if begun.elapsed() > LOOK => bail!(Stopped(fault, None)),
             _ if Instant::now() > until => bail!("the drive does not become ready again"),
             _ => drive.listen(BEAT)?,
         }
     }
-    println!("ready");
-    Ok(())
 }
 
 /// The nut speed that a motion is asked with, rad/s.
@@ -86,7 +135,7 @@ pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
     let command = speeds(options.table_speed * 1e-3, base(&options.lead))?;
     let stop = caught()?;
     if options.lead.arm {
-        drive.tell(Command::Arm)?;
+        ready(drive, &stop)?;
     }
     drive.tell(command)?;
     let longest = options.duration.map(Duration::from_secs_f64);
@@ -109,7 +158,7 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
     let stop = caught()?;
     let before = look(drive)?.position_mm(&settings);
     if options.lead.arm {
-        drive.tell(Command::Arm)?;
+        ready(drive, &stop)?;
     }
     drive.tell(Command::Move {
         distance_nm,
@@ -162,7 +211,7 @@ pub fn home(drive: &mut Drive, options: &HomeOptions) -> Result<()> {
     };
     let stop = caught()?;
     if options.lead.arm {
-        drive.tell(Command::Arm)?;
+        ready(drive, &stop)?;
     }
     drive.tell(Command::Home { base })?;
     let mut ended = None;
@@ -253,7 +302,7 @@ fn led(
                 bar.set_message(seen.line(settings));
                 bar.tick();
                 if let Some(State::Fault(fault)) = seen.state {
-                    bail!(Stopped(fault));
+                    bail!(Stopped(fault, None));
                 }
                 if over(&seen, begun.elapsed())? {
                     break;
@@ -276,11 +325,13 @@ pub fn rest(drive: &mut Drive) -> Result<()> {
     let until = Instant::now() + REST;
     loop {
         match look(drive)?.state {
-            Some(state) if state.is_driven() && Instant::now() < until => drive.listen(BEAT)?,
-            Some(state) if state.is_driven() => {
+            Some(state) if state.has_bridges_on() && Instant::now() < until => {
+                drive.listen(BEAT)?
+            }
+            Some(state) if state.has_bridges_on() => {
                 bail!("the drive does not come to rest: open its enable contact")
             }
-            Some(State::Fault(fault)) => bail!(Stopped(fault)),
+            Some(State::Fault(fault)) => bail!(Stopped(fault, None)),
             _ => return Ok(()),
         }
     }

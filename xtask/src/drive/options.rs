@@ -48,7 +48,8 @@ pub enum Task {
         #[arg(long)]
         json: bool,
     },
-    /// Let it be moved, until it stops, has a fault, or has not been moved for ten minutes.
+    /// Let it be moved, until it stops, has a fault, or has not been moved for ten minutes. A drive that does not know its rotor angles
+    /// is aligned first: both motors move.
     Arm,
     /// Run at a table velocity and a nut speed until Ctrl-C, which brings it to rest.
     Jog(JogOptions),
@@ -191,7 +192,7 @@ pub struct LeadOptions {
     /// 0 until one is set.
     #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
     pub nut_rpm: Option<f64>,
-    /// Arm it first.
+    /// Arm it first, as `arm` does.
     #[arg(long)]
     pub arm: bool,
 }
@@ -292,7 +293,7 @@ pub struct RecordOptions {
     /// How much to keep of what came before the trigger, s.
     #[arg(long, value_name = "S", default_value_t = 0.5, requires = "trigger")]
     pub past: f64,
-    /// Arm it first.
+    /// Arm it first, as `arm` does.
     #[arg(long)]
     pub arm: bool,
 }

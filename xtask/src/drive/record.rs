@@ -1,7 +1,7 @@
 //! `drive record`: the drive's telemetry into a recording.
 
 use super::connect::Drive;
-use super::motion::{BEAT, Stopped, caught, rest, speeds};
+use super::motion::{BEAT, Stopped, caught, ready, rest, speeds};
 use super::options::RecordOptions;
 use super::status::look;
 use crate::output::Folder;
@@ -31,7 +31,7 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     };
     let stop = caught()?;
     if options.arm && !options.hold.is_empty() {
-        drive.tell(Command::Arm)?;
+        ready(drive, &stop)?;
     }
     let aligned = drive.status()?.motors.map(|motor| motor.alignment);
     let (summary, outcome) = save(

@@ -52,7 +52,8 @@ impl Seen {
         self.state.map_or("unknown", State::name)
     }
 
-    fn misalignment(&self) -> Option<Misalignment> {
+    /// Why the last alignment failed.
+    pub fn misalignment(&self) -> Option<Misalignment> {
         Misalignment::of_word(self.status.misalignment)
     }
 

@@ -1,5 +1,6 @@
 //! A session with the chip through a debug probe.
 
+mod attach;
 mod bringup;
 mod chip;
 mod choose;
@@ -8,8 +9,6 @@ mod image;
 pub mod line;
 mod memory;
 mod patience;
-mod record;
-mod tell;
 
 use crate::interrupt::ctrl_c;
 use crate::session::{Session as Task, Which};
@@ -41,8 +40,6 @@ const START: Duration = Duration::from_secs(2);
 pub fn run(task: Task) -> Result<()> {
     let which = match &task {
         Task::Flash(which) | Task::Run(which) | Task::Attach(which) => which,
-        Task::Command(options) => &options.which,
-        Task::Record(options) => &options.which,
         Task::Bringup(options) => &options.which,
     };
     // First, so that a missing probe is said at once and not after a build.
@@ -55,9 +52,7 @@ pub fn run(task: Task) -> Result<()> {
             flash(probe.clone(), &elf)?;
             follow(probe, &image)
         }
-        Task::Attach(_) => tell::attach(probe, image.drive()?),
-        Task::Command(options) => tell::command(probe, image.drive()?, &options),
-        Task::Record(options) => record::record(probe, image.drive()?, &options),
+        Task::Attach(_) => attach::attach(probe, image.drive()?),
         Task::Bringup(options) => {
             flash(probe.clone(), &elf)?;
             bringup::bringup(probe, &image, &options)

@@ -82,6 +82,9 @@ pub struct MotorAlignment {
     pub least_emf: Voltage,
 }
 
+/// Longest that an alignment may take, s: two to four times what slow machines take.
+pub const LONGEST_S: f64 = 30.0;
+
 /// What an alignment needs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AlignmentConfig {
@@ -107,6 +110,8 @@ pub struct AlignmentConfig {
     pub turn_steps: u16,
     /// Below this a motor is at rest, electrical rad/s.
     pub still_speed: Speed,
+    /// Steps within which all of it must end: [`LONGEST_S`].
+    pub longest_steps: u32,
 }
 
 /// What the alignment sees of a motor.
@@ -165,6 +170,8 @@ pub enum Progress {
     Done,
     /// It cannot be done.
     Failed(Misalignment),
+    /// It was interrupted, and both motors have stopped.
+    Interrupted,
 }
 
 /// What an alignment asks in a step.
@@ -211,9 +218,10 @@ enum Stage {
     Pair(Pair),
     Turn(Turn),
     Done,
-    /// Both windings shorted, until what moves stands.
-    Braking(Misalignment, Probe),
-    Failed(Misalignment),
+    /// Both windings shorted, until what moves stands. Without a reason: interrupted.
+    Braking(Option<Misalignment>, Probe),
+    /// Without a reason: interrupted.
+    Failed(Option<Misalignment>),
 }
 
 /// State of an alignment.
@@ -221,6 +229,8 @@ enum Stage {
 pub struct Alignment {
     stage: Stage,
     step: u16,
+    /// Steps since it began.
+    total: u32,
     /// Where the encoders stood at the start.
     from: Option<[Angle; 2]>,
     found: [Option<EncoderAlignment>; 2],
@@ -230,6 +240,7 @@ pub struct Alignment {
     same: i8,
     /// Where the encoders have an index.
     index: [Index; 2],
+    interrupted: bool,
 }
 
 impl Alignment {
@@ -239,12 +250,20 @@ impl Alignment {
         Self {
             stage: Stage::Still(0),
             step: 0,
+            total: 0,
             from: None,
             found: [None; 2],
             located: [None; 2],
             same: 0,
             index: [const { Index::new(None) }; 2],
+            interrupted: false,
         }
+    }
+
+    /// Ends the alignment: the next step begins to stop what moves. Both motors come to rest together where they turn; else the windings
+    /// are shorted until the rotors stand, or the bridges open at once where no rotor moves.
+    pub fn interrupt(&mut self) {
+        self.interrupted = true;
     }
 
     /// The same, of a drive whose encoders may have an index.
@@ -277,7 +296,18 @@ impl Alignment {
                 part: Part::motor(motor),
                 reason: Reason::Unsteady,
             };
-            self.stop(theta, failed);
+            self.stop(theta, Some(failed));
+        }
+        self.total = self.total.saturating_add(1);
+        if self.total == config.longest_steps && !ends {
+            self.fail(theta, Part::Pair, Reason::TimedOut);
+        }
+        if self.interrupted {
+            match &mut self.stage {
+                Stage::Turn(turn) => turn.interrupt(),
+                Stage::Done | Stage::Braking(..) | Stage::Failed(_) => {}
+                _ => self.stop(theta, None),
+            }
         }
         let from = *self.from.get_or_insert(theta);
         let mut current = [CurrentReference::default(); 2];
@@ -436,6 +466,7 @@ impl Alignment {
                         current = turning.map(|turning| torque(turning.i_q));
                     }
                     TurnStep::Found(found) => self.finish(config, theta, found),
+                    TurnStep::Interrupted => self.stop(theta, None),
                     TurnStep::Failed(_, Reason::Travel) => {
                         self.fail(theta, Part::Pair, Reason::Travel)
                     }
@@ -458,7 +489,8 @@ impl Alignment {
             alignment,
             progress: match self.stage {
                 Stage::Done => Progress::Done,
-                Stage::Failed(failed) => Progress::Failed(failed),
+                Stage::Failed(Some(failed)) => Progress::Failed(failed),
+                Stage::Failed(None) => Progress::Interrupted,
                 _ => Progress::Working,
             },
         }
@@ -516,10 +548,10 @@ impl Alignment {
         } else {
             Misalignment { part, reason }
         };
-        self.stop(theta, failed);
+        self.stop(theta, Some(failed));
     }
 
-    fn stop(&mut self, theta: [Angle; 2], failed: Misalignment) {
+    fn stop(&mut self, theta: [Angle; 2], failed: Option<Misalignment>) {
         self.stage = match self.stage {
             Stage::Locate(..) | Stage::Pair(_) => Stage::Braking(failed, Probe::resting(theta)),
             _ => Stage::Failed(failed),

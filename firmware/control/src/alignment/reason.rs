@@ -76,6 +76,8 @@ codes! {
             "Positive torques turn the motors against each other: swap two phases and the encoder's channels of one.";
         Travel = 25, "table moved",
             "The table moved further than alignment may move it: check coupling and encoders, and that the load is held.";
+        TimedOut = 26, "not found in time",
+            "The rotors were not found within 30 s: check that the load is held and that nothing moves the table, and reset.";
     }
 }
 

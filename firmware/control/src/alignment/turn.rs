@@ -70,6 +70,7 @@ pub(super) struct Turn {
     tracks: [Track; 2],
     /// Found on the way: both come to rest together first.
     failed: Option<(usize, Reason)>,
+    interrupted: bool,
 }
 
 /// What a motor is asked while it turns.
@@ -90,6 +91,8 @@ pub(super) enum TurnStep {
     Found([EncoderAlignment; 2]),
     /// Not to be found: 0 is the screw.
     Failed(usize, Reason),
+    /// At rest after an interruption.
+    Interrupted,
 }
 
 impl Turn {
@@ -104,7 +107,13 @@ impl Turn {
                 ..Track::default()
             }),
             failed: None,
+            interrupted: false,
         }
+    }
+
+    /// Both come to rest together, and nothing is found then.
+    pub(super) fn interrupt(&mut self) {
+        self.interrupted = true;
     }
 
     /// Both come to rest together, and have failed then.
@@ -206,7 +215,7 @@ impl Turn {
                 return still.then(|| self.conclude());
             }
             Phase::Stop => return None,
-            _ if self.failed.is_some() => Phase::Stop,
+            _ if self.failed.is_some() || self.interrupted => Phase::Stop,
             Phase::Up if self.coordinator.arrived() && judged => Phase::MeasureUp,
             Phase::Down if self.coordinator.arrived() => Phase::MeasureDown,
             Phase::MeasureUp if self.step >= config.measure_steps => Phase::Down,
@@ -222,6 +231,9 @@ impl Turn {
     }
 
     fn conclude(&self) -> TurnStep {
+        if self.interrupted {
+            return TurnStep::Interrupted;
+        }
         if let Some((motor, reason)) = self.failed {
             return TurnStep::Failed(motor, reason);
         }

@@ -7,7 +7,7 @@ use crate::bringup::{
     ReportWords, Stage, stream_byte,
 };
 use crate::view::Words;
-use crate::{CRASH_SYMBOL, CRASH_TEXT, LAYOUT, TELEMETRY_CHANNEL};
+use crate::{CRASH_SYMBOL, CRASH_TEXT, LAYOUT, LINK_UP_CHANNEL};
 use anyhow::{Context, Result, bail, ensure};
 use std::mem::{offset_of, size_of};
 
@@ -255,7 +255,7 @@ impl Bringup {
     }
 
     fn stream(&self, bench: &mut impl Bench, seconds: f64) -> Result<Stream> {
-        let channel = Channel::find(bench, self.drive.rtt, TELEMETRY_CHANNEL)?
+        let channel = Channel::find(bench, self.drive.rtt, LINK_UP_CHANNEL)?
             .context("the chip has not set RTT up")?;
         let mut stream = Stream::default();
         let (mut due, mut bytes) = (0u32, Vec::new());

@@ -1,5 +1,6 @@
 //! A host's session with a drive over a line of bytes.
 
+use crate::codes::State;
 use crate::frame::{Decoder, FRAME_MAX, encode};
 use crate::message::{Command, DriveFrame, Event, HostFrame, Recorded, Refusal, Reply, Status};
 use crate::settings::{Setting, Settings};
@@ -16,6 +17,12 @@ pub const PATIENCE: Duration = Duration::from_secs(1);
 const STARTS: Duration = Duration::from_secs(5);
 /// How often what may be asked again is asked.
 const TRIES: u32 = 3;
+
+/// Between two heartbeats of an alignment: far below the shortest time that a drive may be set to.
+const BEAT: Duration = Duration::from_millis(20);
+/// Longest that an alignment may take by the drive's clock, ms: its own limit and the self-test.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+const ALIGNS_MS: u32 = (control::alignment::LONGEST_S * 1e3) as u32 + 2000;
 
 /// A line of bytes to a drive.
 pub trait Line {
@@ -164,6 +171,41 @@ impl<L: Line> Client<L> {
     #[must_use]
     pub fn speed_hz(&self) -> f64 {
         self.speed_hz
+    }
+
+    /// Lets the drive be moved. A drive in [`State::Unaligned`] is aligned: both motors move, and heartbeats go out until that ends.
+    /// `go_on` sees each status; `false` interrupts the alignment. Gives the state that the drive is left in: a fault or
+    /// [`State::Unaligned`] where it is not aligned.
+    ///
+    /// # Errors
+    /// The drive refuses, is lost, or does not end its alignment in time.
+    pub fn arm(&mut self, mut go_on: impl FnMut(&Status) -> bool) -> Result<State> {
+        let before = self.status()?;
+        let state = |status: &Status| State::of_words(status.state, status.fault);
+        self.tell(Command::Arm)?;
+        match state(&before) {
+            Some(State::Unaligned) => {}
+            Some(other) => return Ok(other),
+            None => bail!("the drive is in a state that this program does not know"),
+        }
+        let mut began = false;
+        loop {
+            self.beat()?;
+            let status = self.status()?;
+            match state(&status) {
+                Some(state @ (State::Ready | State::Fault(_))) => return Ok(state),
+                Some(State::Unaligned) if began => return Ok(State::Unaligned),
+                Some(State::Aligning) => began = true,
+                _ => {}
+            }
+            if status.uptime_ms.wrapping_sub(before.uptime_ms) > ALIGNS_MS {
+                bail!("the drive has not aligned its motors in {ALIGNS_MS} ms");
+            }
+            if !go_on(&status) {
+                self.tell(Command::Stop)?;
+            }
+            self.listen(BEAT)?;
+        }
     }
 
     /// Asks, and waits for the answer. What may be asked twice is asked again where no answer comes.

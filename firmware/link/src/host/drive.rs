@@ -1,14 +1,13 @@
-//! The drive's debug structures, read and written.
+//! The debug view as a host reads it.
 
 use super::Memory;
-use crate::codes::{Fault, Misalignment, ResetReason, Run, State};
-use crate::telemetry::Request;
-use crate::view::{DriveCommand, DriveView, DriveWords, MAGIC, Words};
-use crate::{COMMAND_SYMBOL, LAYOUT, RTT_SYMBOL, VIEW_SYMBOL, scale};
-use anyhow::{Context, Result, ensure};
+use crate::codes::{Fault, Misalignment, ResetReason, State};
+use crate::view::{DriveView, DriveWords, MAGIC, Words};
+use crate::{LAYOUT, RTT_SYMBOL, VIEW_SYMBOL, scale};
+use anyhow::{Result, ensure};
 use std::f64::consts::TAU;
 use std::fmt;
-use std::mem::{offset_of, size_of};
+use std::mem::size_of;
 
 /// Words of the view.
 const VIEW_WORDS: usize = size_of::<DriveView>() / 4;
@@ -17,7 +16,6 @@ const VIEW_WORDS: usize = size_of::<DriveView>() / 4;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Drive {
     view: u32,
-    command: u32,
     /// RTT's control block.
     pub rtt: u32,
 }
@@ -30,7 +28,6 @@ impl Drive {
     pub fn locate<E>(mut symbol: impl FnMut(&str) -> Result<u32, E>) -> Result<Self, E> {
         Ok(Self {
             view: symbol(VIEW_SYMBOL)?,
-            command: symbol(COMMAND_SYMBOL)?,
             rtt: symbol(RTT_SYMBOL)?,
         })
     }
@@ -51,73 +48,6 @@ impl Drive {
             view.layout
         );
         Ok(View(view))
-    }
-
-    /// Asks for a table velocity, m/s, and a base speed, mechanical rad/s.
-    ///
-    /// # Errors
-    /// The memory cannot be written, or the numbers are beyond the command's formats.
-    pub fn ask(&self, memory: &mut impl Memory, velocity: f64, base: f64) -> Result<()> {
-        let velocity = scale::word(velocity, scale::TABLE_VELOCITY).with_context(|| {
-            format!("a table velocity of {velocity} m/s cannot be said: 8 m/s are the end")
-        })?;
-        let base = scale::word(base, scale::BASE_SPEED).with_context(|| {
-            format!("a base speed of {base} rad/s cannot be said: 8192 rad/s are the end")
-        })?;
-        let [sequence] = memory.words(self.field(offset_of!(DriveCommand, sequence)))?;
-        memory.write(
-            self.field(offset_of!(DriveCommand, velocity)),
-            velocity.cast_unsigned(),
-        )?;
-        memory.write(
-            self.field(offset_of!(DriveCommand, base)),
-            base.cast_unsigned(),
-        )?;
-        memory.write(
-            self.field(offset_of!(DriveCommand, sequence)),
-            sequence.wrapping_add(1),
-        )
-    }
-
-    /// Says that who commands is still there: a drive that runs comes to rest when this is not said every half second.
-    ///
-    /// # Errors
-    /// The memory cannot be reached.
-    pub fn keep_alive(&self, memory: &mut impl Memory) -> Result<()> {
-        let at = self.field(offset_of!(DriveCommand, heartbeat));
-        let [beat] = memory.words(at)?;
-        memory.write(at, beat.wrapping_add(1))
-    }
-
-    /// Asks to run, to rest, or to leave a fault.
-    ///
-    /// # Errors
-    /// The memory cannot be reached.
-    pub fn run(&self, memory: &mut impl Memory, run: Run) -> Result<()> {
-        if run == Run::Run {
-            self.keep_alive(memory)?;
-        }
-        memory.write(self.field(offset_of!(DriveCommand, run)), run.word())
-    }
-
-    /// Asks for telemetry at every `divider`th step of the speed task, 0 for none, in a new stream.
-    ///
-    /// # Errors
-    /// The memory cannot be reached.
-    pub fn record(&self, memory: &mut impl Memory, divider: u8) -> Result<Request> {
-        let at = self.field(offset_of!(DriveCommand, record));
-        let [last] = memory.words(at)?;
-        let stream = Request::of_word(last).stream.wrapping_add(1) & 0xFF_FFFF;
-        let request = Request { divider, stream };
-        memory.write(at, request.word())?;
-        Ok(request)
-    }
-
-    fn field(&self, offset: usize) -> u32 {
-        // A structure of a few words.
-        #[allow(clippy::cast_possible_truncation)]
-        let offset = offset as u32;
-        self.command + offset
     }
 }
 

@@ -1,7 +1,7 @@
 //! The alignment's plate -> its limits, times and thresholds in the formats of its steps.
 
 use super::{attempt, positive, profile, within};
-use crate::alignment::{AlignmentConfig, MotorAlignment, ProbeConfig, WiringConfig};
+use crate::alignment::{AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, WiringConfig};
 use crate::coordinator::CoordinatorConfig;
 use crate::encoder::Interface;
 use crate::format::{Current, MechanicalSpeed, Misfit, Speed, Voltage, quantise};
@@ -140,6 +140,7 @@ impl DrivePlate {
                 STILL_SPEED * speed * slowest as f64,
                 16
             ))),
+            longest_steps: (LONGEST_S / step) as u32,
         })
     }
 
