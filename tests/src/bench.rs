@@ -138,7 +138,7 @@ pub fn cargo_on_firmware(command: &str) -> Command {
 }
 
 fn build(features: &[&str]) -> Result<PathBuf, String> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let root = xtask::tools::root().map_err(|error| format!("{error:#}"))?;
     let output = cargo_on_firmware("build")
         .args(features)
         .current_dir(&root)
