@@ -4,6 +4,10 @@
 use crate::steps::{Step, prepare, run_all};
 use anyhow::Result;
 
+/// The tests of the drive that run it on drawn machines and through faults.
+const DRIVE: &str = "--test alignment --test commission --test fault_matrix --test interlock --test rejection --test runaway \
+                     --test scenarios --test smooth";
+
 /// Runs the quick checks; stops at the first that fails.
 pub fn run() -> Result<()> {
     prepare()?;
@@ -12,6 +16,7 @@ pub fn run() -> Result<()> {
         Step::cargo("clippy --all-targets -- -D warnings"),
         Step::documentation(""),
         Step::cargo("test --package control --package link --package plant --package hal-sim"),
+        Step::cargo(format!("test --package bench {DRIVE}")),
     ])?;
     println!("The quick checks passed.");
     Ok(())

@@ -1,7 +1,7 @@
 //! `cargo xtask bench drive`: ripple of the simulated drive, and the simulator's speed.
 
-use super::DriveOptions;
 use anyhow::Result;
+use clap::Args;
 use cpu_time::ThreadTime;
 use ddfeed::simulate::{PAPER_MEASURED, analytic_percent};
 use hal_sim::experiment::{OperatingPoint, RPM, Setup, ripple_percent, settle_quietly};
@@ -39,8 +39,16 @@ const SPEED_GOAL: f64 = 200.0;
 
 const PAPER_VELOCITY: f64 = 2.5e-3;
 
+/// How to say it.
+#[derive(Args)]
+pub struct DriveOptions {
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Measures and prints.
-pub(super) fn run(options: &DriveOptions) -> Result<()> {
+pub fn run(options: &DriveOptions) -> Result<()> {
     let mut vrf = Vec::new();
     for (sensors, _) in GOALS {
         let setup = setup(sensors);

@@ -3,8 +3,8 @@
 //! The drive is served by this very program, in a process of its own, as a person serves it. What a probe or a board's serial port
 //! takes is not measured here.
 
-use super::LinkOptions;
 use anyhow::{Context, Result, bail, ensure};
+use clap::Args;
 use ddfeed::drive::connect::{Drive, by_serial, by_tcp};
 use ddfeed::drive::motion::{BEAT, rest, speeds};
 use link::codes::State;
@@ -58,8 +58,22 @@ struct Rate {
     line_bytes_per_s: f64,
 }
 
+/// How many, how long, and how to say it.
+#[derive(Args)]
+pub struct LinkOptions {
+    /// Status commands of each transport.
+    #[arg(long, value_name = "N", default_value = "1000")]
+    pub round_trips: std::num::NonZeroUsize,
+    /// How long each rate of telemetry is taken, s.
+    #[arg(long, value_name = "S", default_value_t = 5.0)]
+    pub duration: f64,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
 /// Measures and prints.
-pub(super) fn run(options: &LinkOptions) -> Result<()> {
+pub fn run(options: &LinkOptions) -> Result<()> {
     ensure!(
         (0.1..=600.0).contains(&options.duration),
         "--duration is {} s, but 0.1 to 600 s are possible",

@@ -1,6 +1,6 @@
 //! Motors alone: drawn machines with and without effects, told from currents and voltages.
 
-use hal_sim::draw::{self, Machine};
+use crate::draw::{self, Machine};
 use identify::analysis::Outcome;
 use identify::machines::pmsm;
 use plant::Axis;

@@ -1,7 +1,7 @@
 //! Clean motors and feed axes, made from their own laws, and clean double drives that run at one speed or for four seconds:
 //! whatever is named on them is a false alarm.
 
-use hal_sim::draw::{self, profile::Profile};
+use crate::draw::{self, profile::Profile};
 use identify::analysis::analyse;
 use identify::machines::feed_axis::{self, Axis, Study};
 use identify::machines::motor;

@@ -1,6 +1,6 @@
 //! Intervals of parameters in which a record is not linear: a resonance, an order, a frequency, a gain.
 
-use hal_sim::draw::draw;
+use crate::draw::draw;
 use identify::analysis::analyse;
 use identify::regression::interval::estimates;
 

@@ -63,7 +63,7 @@ pub enum Part {
 }
 
 /// Measures and prints.
-pub(super) fn run(options: &BenchOptions) -> Result<()> {
+pub fn run(options: &BenchOptions) -> Result<()> {
     let shared = match std::env::var_os("DDFEED_SHARED") {
         Some(folder) => PathBuf::from(folder),
         None => root()?.join("../shared"),

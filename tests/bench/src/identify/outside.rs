@@ -2,7 +2,7 @@
 //! wrong.
 
 use super::{alone, outside_axes};
-use hal_sim::draw::{self, profile};
+use crate::draw::{self, profile};
 use identify::analysis::{Outcome, analyse};
 use plant::Axis;
 use plant::machine::Machine as Plant;

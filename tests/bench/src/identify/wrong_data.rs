@@ -1,9 +1,9 @@
 //! Data that is wrong, and what is made of it: columns, units, signs, plates and files as people get them wrong, each put
 //! into sound records of drawn machines.
 
+use crate::draw::draw;
 use anyhow::Result;
 use ddfeed::identify::demo;
-use hal_sim::draw::draw;
 use identify::analysis::analyse;
 use identify::records::Record;
 use identify::records::quality::{Finding, Plate, wrong_data};

@@ -1,61 +1,112 @@
-//! What sets the ripple that is left, by machine and mode.
+//! What sets the ripple that is left: each imperfection switched off alone.
 
-use super::mode;
-use anyhow::Result;
-use hal_sim::parallel::on_all_cores;
-use hal_sim::smooth::floor::{Without, floor};
-use hal_sim::smooth::{Machine, Smoothness};
-use serde_json::{Value, json};
+use super::bench::{COLD_S, LEARNING_S};
+use super::{Machine, Smoothness, drive, orders, setup, smoothness};
+use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
+use hal_sim::sensors::Sensors;
+use plant::effects::AnyEffect;
 
-/// Where it is looked at: machine, and nut speed, rpm.
-const POINTS: [(Machine, f64); 2] = [(Machine::Lumped, 0.0), (Machine::Lumped, 800.0)];
-
-/// Ripple with one thing switched off, at each point.
-pub(super) type Floor = Vec<(Without, Vec<Smoothness>)>;
-
-/// All, on all cores.
-pub(super) fn measure() -> Result<Floor> {
-    let runs: Vec<_> = Without::ALL
-        .into_iter()
-        .flat_map(|without| POINTS.map(|point| (without, point)))
-        .collect();
-    let left = on_all_cores(&runs, |&(without, (machine, nut_rpm))| {
-        floor(machine, nut_rpm, without)
-    });
-    let left = left.into_iter().collect::<Result<Vec<_>, _>>()?;
-    let of_each = left.chunks(POINTS.len()).map(<[_]>::to_vec);
-    Ok(Without::ALL.into_iter().zip(of_each).collect())
+/// What is switched off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Without {
+    /// Nothing.
+    Nothing,
+    /// Noise of the current sensors' converters.
+    CurrentNoise,
+    /// The same and their counts: 16 bits.
+    Adc,
+    /// The encoders' counts: 30 bits.
+    Encoders,
+    /// Counts and noise of the table's scale.
+    Scale,
+    /// The timer's counts: three times as many a period: the formats hold no more.
+    Pwm,
+    /// The bridges' dead time.
+    DeadTime,
+    /// What is left of the ripple that the orders compensate: no defect of motors and feed but the load.
+    Defects,
+    /// All of these but the last.
+    Sensors,
 }
 
-pub(super) fn json(floor: &Floor) -> Value {
-    let of = |without: Without, left: &[Smoothness]| -> Vec<Value> {
-        let points = POINTS.iter().zip(left);
-        points
-            .map(|((machine, nut_rpm), left)| {
-                json!({
-                    "without": without.name(),
-                    "machine": machine.name(),
-                    "nut_rpm": nut_rpm,
-                    "vrf": left.vrf,
-                })
-            })
-            .collect()
-    };
-    let all = floor.iter().flat_map(|(without, left)| of(*without, left));
-    all.collect()
-}
+impl Without {
+    /// All.
+    pub const ALL: [Self; 9] = [
+        Self::Nothing,
+        Self::CurrentNoise,
+        Self::Adc,
+        Self::Encoders,
+        Self::Scale,
+        Self::Pwm,
+        Self::DeadTime,
+        Self::Defects,
+        Self::Sensors,
+    ];
 
-pub(super) fn print(floor: &Floor) {
-    let points = POINTS.map(|(machine, rpm)| format!("{}, {}", machine.name(), mode(rpm)));
-    println!(
-        "\nWhat sets the floor at 2.5 mm/s: ours without one thing, %; {}",
-        points.join("; ")
-    );
-    for (without, left) in floor {
-        let left: Vec<String> = left
-            .iter()
-            .map(|left| format!("{:>7.2}", left.vrf))
-            .collect();
-        println!("  {:<60} {}", without.name(), left.join(" "));
+    /// As a report calls it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nothing => "nothing",
+            Self::CurrentNoise => "noise of the current sensors",
+            Self::Adc => "noise and counts of the current sensors",
+            Self::Encoders => "counts of the encoders",
+            Self::Scale => "counts and noise of the scale",
+            Self::Pwm => "two thirds of the counts of the PWM",
+            Self::DeadTime => "dead time",
+            Self::Defects => "all harmonics and errors of motors and feed",
+            Self::Sensors => "all of these: sensors, PWM, dead time",
+        }
     }
+
+    fn apply(self, setup: &mut Setup) {
+        let ideal = Sensors::ideal();
+        let (board, all) = (&mut setup.board, self == Self::Sensors);
+        let sensors = &mut board.sensors;
+        if self == Self::CurrentNoise {
+            sensors.current.noise = 0.0;
+        }
+        if all || self == Self::Adc {
+            // One converter for both.
+            (sensors.current, sensors.bus) = (ideal.current, ideal.bus);
+        }
+        if all || self == Self::Encoders {
+            sensors.encoders = ideal.encoders;
+        }
+        if all || self == Self::Scale {
+            sensors.scale_count_m = 1e-9;
+            sensors.scale_noise_m = 0.0;
+        }
+        if all || self == Self::Pwm {
+            board.timer_hz *= 3.0;
+        }
+        let effects = &mut setup.model.effects;
+        if all || self == Self::DeadTime {
+            effects.retain(|effect| !matches!(effect.effect(), AnyEffect::DeadTime(_)));
+        }
+        if self == Self::Defects {
+            effects.clear();
+            setup.model.screw.torque_harmonics.clear();
+            setup.model.nut.torque_harmonics.clear();
+        }
+    }
+}
+
+/// What ours leaves at 2.5 mm/s after it has learned, with one thing switched off.
+///
+/// # Errors
+/// [`ExperimentError`] if the drive cannot be configured, or leaves the point by a fault.
+pub fn floor(
+    machine: Machine,
+    nut_rpm: f64,
+    without: Without,
+) -> Result<Smoothness, ExperimentError> {
+    let mut setup = setup(machine, 1);
+    without.apply(&mut setup);
+    let plate = orders(&setup, LEARNING_S, true);
+    let point = OperatingPoint {
+        velocity: 2.5e-3,
+        base: nut_rpm * RPM,
+    };
+    smoothness(&mut drive(&setup, plate)?, point, COLD_S)
 }

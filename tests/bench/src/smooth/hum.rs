@@ -1,133 +1,126 @@
-//! From a hum to silence: machines with effects drawn at random are recorded, identified, compensated, and heard again.
+//! From a hum to silence: a machine that nobody has seen, and what its ripple becomes once its effects are known.
 
-use hal_sim::parallel::on_all_cores;
-use hal_sim::smooth::hum::{Hum, Silence};
-use identify::analysis::analyse;
-use plant::effects::EffectModel;
-use serde_json::{Value, json};
+use super::smoothness;
+use crate::draw::{self, between, pick};
+use control::plate::CompensationPlate;
+use hal_sim::drive::Drive;
+use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
+use hal_sim::smooth::known::Known;
+use plant::effects::AnyEffect;
+use plant::machine::Coupling;
+use plant::model::Model;
+use rand::RngExt;
+use rand_xoshiro::Xoshiro256PlusPlus;
+use rand_xoshiro::rand_core::SeedableRng;
 
-/// Machines of the bench.
-const MACHINES: u64 = 20;
-/// First seed; no other test draws from it on.
-const FIRST_SEED: u64 = 77_000;
+/// Table velocity at which a hum is heard, m/s.
+const VELOCITY: f64 = 2.5e-3;
+/// Time that the drive learns on, from what identification found, s.
+const LEARNS_S: f64 = 8.0;
 
-/// What became of a machine.
-pub(super) struct Told {
+/// A machine with its records, and where it hums.
+pub struct Hum {
+    /// The machine.
+    pub machine: draw::Machine,
+    /// Where its ripple is looked at.
+    pub point: OperatingPoint,
     seed: u64,
-    effects: Vec<EffectModel>,
-    found: Vec<EffectModel>,
-    nut_rpm: f64,
-    silence: Result<Silence, String>,
 }
 
-/// Records, identifies, compensates and records again.
-fn told(seed: u64) -> Told {
-    let hum = Hum::draw(seed);
-    let machine = &hum.machine;
-    let outcome = analyse(&machine.declared, &machine.fit, &machine.check);
-    Told {
-        seed,
-        effects: machine.effects.clone(),
-        found: outcome
-            .effects
-            .iter()
-            .map(|found| found.effect.clone())
-            .collect(),
-        nut_rpm: hum.point.base / hal_sim::experiment::RPM,
-        silence: hum
-            .silence(&outcome.model)
-            .map_err(|error| error.to_string()),
+/// A machine's ripple (Eq 19), %.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Silence {
+    /// Of the machine under the drive that its plate gives.
+    pub before: f64,
+    /// With what the plate declares as orders: its torque harmonics.
+    pub declared: f64,
+    /// With what identification found as orders, which do not learn.
+    pub after: f64,
+    /// With the same as orders that learn on.
+    pub learned: f64,
+    /// What the identified model says of the first three.
+    pub predicted: [f64; 3],
+}
+
+impl Hum {
+    /// Draws one or two effects of kinds and sizes of the machine's own, and records it.
+    #[must_use]
+    pub fn draw(seed: u64) -> Self {
+        let mut rng = Xoshiro256PlusPlus::seed_from_u64(!seed);
+        let mut kinds = vec![*pick(&mut rng, AnyEffect::KINDS)];
+        let other = *pick(&mut rng, AnyEffect::KINDS);
+        if rng.random::<bool>() && other != kinds[0] {
+            kinds.push(other);
+        }
+        let base = if rng.random::<bool>() {
+            between(&mut rng, 150.0, 900.0) * RPM
+        } else {
+            0.0
+        };
+        Self {
+            machine: draw::draw(seed, &kinds),
+            point: OperatingPoint {
+                velocity: VELOCITY,
+                base,
+            },
+            seed,
+        }
     }
-}
 
-/// All machines, on all cores.
-pub(super) fn measure() -> Vec<Told> {
-    let seeds: Vec<u64> = (FIRST_SEED..FIRST_SEED + MACHINES).collect();
-    on_all_cores(&seeds, |&seed| told(seed))
-}
-
-fn names(effects: &[EffectModel]) -> String {
-    let names: Vec<String> = effects
-        .iter()
-        .map(|effect| format!("{} ({})", effect.effect().kind(), effect.place().name()))
-        .collect();
-    if names.is_empty() {
-        "nothing".into()
-    } else {
-        names.join(", ")
-    }
-}
-
-impl Told {
-    pub(super) fn json(&self) -> Value {
-        let silence = self.silence.as_ref().ok();
-        json!({
-            "machine": self.seed,
-            "effects": names(&self.effects),
-            "found": names(&self.found),
-            "nut_rpm": self.nut_rpm,
-            "vrf_before": silence.map(|s| s.before),
-            "vrf_with_declared": silence.map(|s| s.declared),
-            "vrf_after": silence.map(|s| s.learned),
-            "vrf_after_without_learning": silence.map(|s| s.after),
-            "vrf_predicted": silence.map(|s| s.predicted),
-            "fall_predicted": silence.map(Silence::fall_predicted),
-            "failed": self.silence.as_ref().err(),
+    /// What its ripple was and becomes, with the model that identification left.
+    ///
+    /// # Errors
+    /// [`ExperimentError`] if a drive cannot be configured or leaves the point by a fault.
+    pub fn silence(&self, identified: &Model) -> Result<Silence, ExperimentError> {
+        let [declared, known] = [&self.machine.declared, identified].map(|model| {
+            let feed = &model.feed;
+            Known::of(model, feed.load_n * feed.travel_per_radian()).compensation
+        });
+        let none = CompensationPlate::NONE;
+        let learns = CompensationPlate {
+            learning_s: super::bench::LEARNING_S,
+            scale_count_m: self.setup().board.sensors.scale_count_m,
+            ..known
+        };
+        let real = |plate, learns_s| self.ripple(&self.machine.real, plate, learns_s);
+        let model = |plate| self.ripple(identified, plate, 0.0);
+        Ok(Silence {
+            before: real(none, 0.0)?,
+            declared: real(declared, 0.0)?,
+            after: real(known, 0.0)?,
+            learned: real(learns, LEARNS_S)?,
+            predicted: [model(none)?, model(declared)?, model(known)?],
         })
     }
-}
 
-/// Prints a line for each machine.
-pub(super) fn print(told: &[Told]) {
-    println!(
-        "\nFrom a hum to silence, coupled, 2.5 mm/s: ripple before, with what the plate declares, with what identification \
-         found, learning on from it; part of the fall that it predicted; what there was, what was found"
-    );
-    for one in told {
-        match &one.silence {
-            Ok(silence) => println!(
-                "  {} nut {:>4.0} rpm {:>7.2} % {:>7.2} % {:>7.2} % {:>7.2} % {:>6.0} %   {} -> {}",
-                one.seed,
-                one.nut_rpm,
-                silence.before,
-                silence.declared,
-                silence.after,
-                silence.learned,
-                silence.fall_predicted(),
-                names(&one.effects),
-                names(&one.found)
-            ),
-            Err(error) => println!("  {} {}: {error}", one.seed, names(&one.effects)),
-        }
+    fn ripple(
+        &self,
+        machine: &Model,
+        compensation: CompensationPlate,
+        learns_s: f64,
+    ) -> Result<f64, ExperimentError> {
+        let setup = self.setup();
+        let mut plate = setup.plate();
+        plate.compensation = compensation;
+        let mut drive = Drive::aligned(machine, setup.coupling, setup.board, &plate)?;
+        Ok(smoothness(&mut drive, self.point, learns_s)?.vrf)
+    }
+
+    /// The drive that the plate gives, as the machine was recorded with it.
+    fn setup(&self) -> Setup {
+        let mut setup = Setup::declared(self.machine.declared.clone(), Coupling::Coupled);
+        setup.board.seed = self.seed;
+        // An offset that the drive measures before it starts would be none.
+        setup.board.measure_zeros = false;
+        setup
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Machines that the bench does not draw: record, identify, compensate, record again.
-    #[test]
-    fn a_hum_becomes_silence_and_identification_says_by_how_much() {
-        let seeds: Vec<u64> = (79_000..79_005).collect();
-        let told = on_all_cores(&seeds, |&seed| told(seed));
-        print(&told);
-        let mut ratios = Vec::new();
-        for one in &told {
-            let silence = one.silence.as_ref().unwrap();
-            let predicted = silence.fall_predicted();
-            assert!(
-                (90.0..110.0).contains(&predicted),
-                "machine {}: identification predicted {predicted:.0} % of the fall, expected 90 to 110",
-                one.seed
-            );
-            ratios.push(silence.learned / silence.before);
-        }
-        ratios.sort_by(f64::total_cmp);
-        let median = ratios[ratios.len() / 2];
-        assert!(
-            median < 0.1,
-            "half of the machines keep {median} of their ripple or more, expected less than a tenth"
-        );
+impl Silence {
+    /// Part of the measured fall that the identified model predicted, %: 100 is all of it, and no more than that fell.
+    #[must_use]
+    pub fn fall_predicted(&self) -> f64 {
+        let [before, _, after] = self.predicted;
+        100.0 * (before - after) / (self.before - self.after)
     }
 }
