@@ -1,8 +1,12 @@
-//! The linker finds `memory.x` at the workspace's root, and the firmware is linked again when it changes.
+//! Puts `memory.x` where the linker finds it. The firmware is linked again when it changes.
 
-fn main() {
-    let root = std::path::Path::new(&std::env::var("CARGO_MANIFEST_DIR").expect("cargo sets it"))
-        .join("..");
-    println!("cargo:rustc-link-search={}", root.display());
-    println!("cargo:rerun-if-changed={}", root.join("memory.x").display());
+use std::path::PathBuf;
+
+fn main() -> std::io::Result<()> {
+    // Cargo runs this in the package's folder, and names its output folder.
+    let out = PathBuf::from(std::env::var_os("OUT_DIR").expect("cargo sets it"));
+    std::fs::copy("../memory.x", out.join("memory.x"))?;
+    println!("cargo:rustc-link-search={}", out.display());
+    println!("cargo:rerun-if-changed=../memory.x");
+    Ok(())
 }

@@ -55,7 +55,7 @@ define drive-journal
   p firmware::journal::DRIVE_JOURNAL.value.value.0
 end
 document drive-journal
-What happened: the last starts, states and faults. It outlives resets, but not the power. `cargo xtask drive faults` says it in words.
+What happened: the last starts, states and faults. It outlives resets, but not the power. `ddfeed drive faults` says it in words.
 end
 
 define drive-watch

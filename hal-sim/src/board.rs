@@ -20,7 +20,7 @@ use rand_xoshiro::rand_core::SeedableRng;
 use std::f64::consts::TAU;
 
 /// The controller's supply, V.
-pub(crate) const SUPPLY_V: f64 = 3.3;
+pub const SUPPLY_V: f64 = 3.3;
 /// Its internal reference, V (datasheet, embedded voltage reference: typical; memory).
 pub const REFERENCE_V: f64 = 1.212;
 /// Counts of its ADCs.

@@ -8,16 +8,12 @@
 //! - [`wiring`]: how motors, current channels and encoders are connected.
 //! - [`mt6835`]: an absolute encoder's frames.
 //! - [`plates`]: the plate data that the control code gets for a model of a machine.
-//! - [`alignment`]: starts of a drive that does not know where its rotors stand.
-//! - [`faults`]: the fault matrix: each input, wrong in each way, in each situation, and what comes of it.
 //! - [`flash`]: the chip's flash as a store of settings sees it, with power that may be cut.
-//! - [`runaway`]: wrong electrical angles, and what they do until the bridges are off.
 //! - [`served`]: the drive behind the link, for hosts that command it.
+//! - [`start`]: a drive that does not know where its rotors stand.
 //! - [`smooth`]: how smooth the table moves, with what the drive compensates and without.
-//! - [`commissioning`]: drawn machines commissioned over their link, beside the truth.
 //! - [`drive`]: the control code on the board, with the interrupts' order and rates.
 //! - [`parallel`]: independent runs on all cores.
-//! - [`draw`]: machines drawn at random, for tests of what looks at their records.
 //! - [`experiment`]: profiles, records, and what is measured on them.
 //! - [`replay`]: a recording driven again, beside what was recorded.
 //! - [`vrf`], [`response`], [`analytic`]: velocity ripple, measured sensitivity, and the paper's own formulas.
@@ -25,26 +21,22 @@
 //! A run has one thread and one seed: the same call gives the same bits.
 #![forbid(unsafe_code)]
 
-pub mod alignment;
 pub mod analytic;
 pub mod board;
 pub mod boards;
-pub mod commissioning;
-pub mod draw;
 pub mod drive;
 pub mod experiment;
-pub mod faults;
 pub mod flash;
 pub mod mt6835;
 pub mod parallel;
 pub mod plates;
 pub mod replay;
 pub mod response;
-pub mod runaway;
 pub mod seam;
 pub mod sensors;
 pub mod served;
 pub mod smooth;
+pub mod start;
 pub mod supervision;
 pub mod vrf;
 pub mod wiring;

@@ -42,7 +42,8 @@ impl MotorWiring {
     }
 
     /// What the windings carry -> what the legs carry.
-    pub(crate) fn legs(&self, windings: [f64; 3]) -> [f64; 3] {
+    #[must_use]
+    pub fn legs(&self, windings: [f64; 3]) -> [f64; 3] {
         let mut legs = [0.0; 3];
         for (leg, winding) in self.legs.into_iter().zip(windings) {
             legs[leg] = winding;

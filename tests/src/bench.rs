@@ -141,7 +141,7 @@ pub fn cargo_on_firmware(command: &str) -> Command {
 }
 
 fn build(features: &[&str]) -> Result<PathBuf, String> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    let root = xtask::tools::root().map_err(|error| format!("{error:#}"))?;
     let output = cargo_on_firmware("build")
         .args(features)
         .current_dir(&root)
@@ -233,6 +233,8 @@ pub struct Bench {
     stream: u32,
     /// When the last heartbeat was sent, cycles.
     beaten: u64,
+    /// Periods of the screw in a step of the speed task.
+    speed_divider: u64,
 }
 
 impl Bench {
@@ -298,6 +300,7 @@ impl Bench {
             speeds: [0; 2],
             stream: 0,
             beaten: 0,
+            speed_divider: plate_of(board).board.speed_divider.into(),
         })
     }
 
@@ -444,7 +447,9 @@ impl Bench {
             // All tasks of a period have done their work shortly before the next top.
             let tops = self.settle()?;
             if there(&self.look()?) {
-                return Ok(tops.saturating_sub(1));
+                // A step may end some periods after it began.
+                let period = tops.saturating_sub(1);
+                return Ok(period - period % self.speed_divider);
             }
             let period = self.emulator.chip().pwm[0].period();
             let until = self.emulator.time() + period / 2;

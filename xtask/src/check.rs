@@ -4,14 +4,19 @@
 use crate::steps::{Step, prepare, run_all};
 use anyhow::Result;
 
+/// The tests of the drive that run it on drawn machines and through faults.
+const DRIVE: &str = "--test alignment --test commission --test fault_matrix --test interlock --test rejection --test runaway \
+                     --test scenarios --test smooth";
+
 /// Runs the quick checks; stops at the first that fails.
 pub fn run() -> Result<()> {
     prepare()?;
     run_all(&[
         Step::cargo("fmt --all --check"),
-        Step::cargo("clippy --all-targets --features xtask/identify,xtask/bringup -- -D warnings"),
-        Step::documentation("--features xtask/identify,xtask/bringup"),
+        Step::cargo("clippy --all-targets -- -D warnings"),
+        Step::documentation(""),
         Step::cargo("test --package control --package link --package plant --package hal-sim"),
+        Step::cargo(format!("test --package bench {DRIVE}")),
     ])?;
     println!("The quick checks passed.");
     Ok(())

@@ -1,9 +1,9 @@
 //! `cargo xtask build | cost | sizes`: the firmware, and what it takes.
 
+use crate::program::Program;
 use crate::tools::{emulator_environment, root, target_folder};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use launch::Program;
 use std::ffi::OsString;
 use std::path::PathBuf;
 use std::process::Command;
@@ -47,7 +47,7 @@ pub fn build() -> Result<PathBuf> {
         ],
         &[],
     )?;
-    let elf = target_folder()
+    let elf = target_folder()?
         .join(TARGET)
         .join("firmware")
         .join("firmware");
@@ -70,29 +70,23 @@ pub fn sizes(options: &SizesOptions) -> Result<()> {
 /// Runs one of the emulator's programs.
 fn report<const N: usize>(program: &str, flags: [(bool, &str); N]) -> Result<()> {
     let emulator = Program {
-        package: "tests",
-        build: &["--bin", program],
-        environment: &emulator_environment(&target_folder())?,
+        build: &["--package", "tests", "--bin", program],
+        environment: &emulator_environment(&target_folder()?)?,
     };
     let flags = flags.into_iter().filter(|(on, _)| *on);
-    let status = emulator
-        .run(flags.map(|(_, flag)| flag.into()))
-        .context("cargo could not be started")?;
-    ensure!(status.success(), "`{program}` failed ({status})");
-    Ok(())
+    emulator.run(flags.map(|(_, flag)| flag.into()))
 }
 
 /// The identification's blind test on so many machines.
-#[cfg(feature = "identify")]
 pub fn blind(machines: u32) -> Result<()> {
-    let mut environment = emulator_environment(&target_folder())?;
+    let mut environment = emulator_environment(&target_folder()?)?;
     environment.push(("DDFEED_BLIND", machines.to_string().into()));
     let test = ["test", "--quiet", "--package", "tests", "--test", "blind"];
     // What it says belongs beside the figures, not among them.
     let status = Command::new("cargo")
         .args(test)
         .envs(environment)
-        .current_dir(root())
+        .current_dir(root()?)
         .stdout(std::io::stderr())
         .status()
         .context("the blind test could not be started")?;
@@ -106,7 +100,7 @@ fn cargo(arguments: &[&str], environment: &[(&str, OsString)]) -> Result<()> {
     let status = Command::new("cargo")
         .args(arguments)
         .envs(environment.iter().map(|(name, value)| (name, value)))
-        .current_dir(root())
+        .current_dir(root()?)
         .status()
         .with_context(|| format!("`{line}` could not be started"))?;
     ensure!(status.success(), "`{line}` failed ({status})");

@@ -1,13 +1,7 @@
-//! What of the project's one door others use too: result folders, recordings from a drive's telemetry, the wiring page, and
-//! what a bring-up's readings mean.
+//! What `cargo xtask` knows of the workspace: where it lies, how its programs are built, and the wiring page.
 #![forbid(unsafe_code)]
 
-#[cfg(feature = "bringup")]
-pub mod bringup;
-pub mod hold;
-pub mod output;
-#[cfg(feature = "record")]
-pub mod record;
-#[cfg(feature = "record")]
-pub mod trigger;
+pub mod firmware;
+pub mod program;
+pub mod tools;
 pub mod wiring;

@@ -1,33 +1,18 @@
-//! The one door to the project: `cargo xtask <command>`.
+//! `cargo xtask`: builds, checks and tests the project.
 #![forbid(unsafe_code)]
 
-mod bench;
 mod check;
-mod compensate;
-mod completions;
-mod drive;
-mod firmware;
-mod identify;
-#[cfg(any(feature = "drive", feature = "probe"))]
-mod interrupt;
-#[cfg(feature = "probe")]
-mod probe;
-mod serve;
-mod session;
-mod simulate;
 mod steps;
 mod test;
-mod tools;
-mod with;
 
-#[cfg(any(feature = "drive", feature = "simulate"))]
-use xtask::output;
-use xtask::wiring;
-
-use clap::{CommandFactory, Parser, Subcommand};
+use anyhow::{Result, bail};
+use clap::{Args, Parser, Subcommand};
+use std::ffi::OsString;
 use std::process::ExitCode;
+use xtask::program::Program;
+use xtask::{firmware, tools, wiring};
 
-/// Drive software for a double-drive differential feed.
+/// Builds, checks and tests the project. `cargo ddfeed` runs the product.
 #[derive(Parser)]
 #[command(name = "cargo xtask", bin_name = "cargo xtask")]
 struct Arguments {
@@ -37,75 +22,104 @@ struct Arguments {
 
 #[derive(Subcommand)]
 enum Task {
-    /// Run the drive on a simulated machine and report how smoothly the table moves.
-    Simulate(Box<simulate::Options>),
-    /// Hold a model against a recording, and trace what the model lacks.
-    Identify(identify::IdentifyOptions),
+    /// Check within a minute: format, lints, documentation, tests of control, plant and drive.
+    Check,
+    /// Check everything: format, lints, tests, the firmware's build.
+    Test,
     /// Measure the project against its goals.
-    Bench {
-        #[command(subcommand)]
-        what: bench::Bench,
-    },
-    /// Turn what a model knows of a machine into what its drive compensates, and predict the ripple with it.
-    Compensate(compensate::CompensateOptions),
+    #[command(disable_help_flag = true)]
+    Bench(Words),
     /// Build the firmware as it is flashed.
     Build,
+    /// Build the firmware and write it to the chip's flash.
+    #[command(disable_help_flag = true)]
+    Flash(Words),
+    /// Flash, start, and print the firmware's log.
+    #[command(disable_help_flag = true)]
+    Run(Words),
+    /// Show the debug structure of a running drive, without halting it.
+    #[command(disable_help_flag = true)]
+    Attach(Words),
+    /// With no voltage on the bus: flash, let the firmware check the board, and report.
+    #[command(disable_help_flag = true)]
+    Bringup(Words),
     /// Run the firmware on an emulated chip and print what its interrupts cost.
     Cost(firmware::CostOptions),
     /// Print what the firmware takes of the chip's flash, RAM, CCM and stack, and its largest symbols.
     Sizes(firmware::SizesOptions),
     /// Draw the default board's wiring from the table on its page.
     Wiring,
-    #[command(flatten)]
-    Session(session::Session),
-    /// A simulated drive behind its link, in real time: what `drive --sim` commands.
-    Serve(serve::ServeOptions),
-    /// Command a drive over its link: one that `serve` simulates, or one at a serial port.
-    Drive(drive::DriveOptions),
-    /// Print a script by which a shell completes this command line.
-    Completions(completions::CompletionsOptions),
-    /// What can be told within a minute: format, lints, documentation, tests of control, plant and drive.
-    Check,
-    /// Everything that must hold: format, lints, tests, the firmware's build.
-    Test,
+    #[command(external_subcommand)]
+    Other(Vec<OsString>),
 }
 
-/// Does what needs a probe with the one that is there.
-#[cfg(feature = "probe")]
-fn with_probe(session: session::Session) -> anyhow::Result<()> {
-    probe::run(session)
+/// The words of a command that another program reads.
+#[derive(Args)]
+struct Words {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    words: Vec<OsString>,
 }
 
-/// Hands over to an xtask with probe-rs.
-#[cfg(not(feature = "probe"))]
-fn with_probe(_: session::Session) -> anyhow::Result<()> {
-    with::With::Probe.take_over()
+/// Commands of `ddfeed` that `cargo xtask` once had.
+const MOVED: [&str; 7] = [
+    "simulate",
+    "identify",
+    "serve",
+    "drive",
+    "compensate",
+    "record",
+    "completions",
+];
+
+/// Builds a package's program and hands a command over to it.
+fn hand_over(build: &[&str], command: Option<&str>, words: Vec<OsString>) -> Result<()> {
+    let program = Program {
+        build,
+        environment: &[],
+    };
+    program.run(command.map(OsString::from).into_iter().chain(words))
+}
+
+/// A board at a debug probe. Not for release: the probe's library takes minutes to optimise.
+fn board(command: &str, words: Words) -> Result<()> {
+    hand_over(&["--package", "board"], Some(command), words.words)
+}
+
+/// Names the command that is meant.
+fn other(words: &[OsString]) -> Result<()> {
+    let name = words[0].to_string_lossy();
+    if MOVED.contains(&&*name) {
+        bail!("`{name}` is a command of the program ddfeed: run `cargo ddfeed {name}`");
+    }
+    bail!("there is no command `{name}`: `cargo xtask --help` lists all")
+}
+
+fn run(task: Task) -> Result<()> {
+    match task {
+        Task::Check => check::run(),
+        Task::Test => test::run(),
+        Task::Bench(words) => hand_over(&["--release", "--package", "bench"], None, words.words),
+        Task::Build => firmware::build().map(|_| ()),
+        Task::Flash(words) => board("flash", words),
+        Task::Run(words) => board("run", words),
+        Task::Attach(words) => board("attach", words),
+        Task::Bringup(words) => board("bringup", words),
+        Task::Cost(options) => firmware::cost(&options),
+        Task::Sizes(options) => firmware::sizes(&options),
+        Task::Wiring => {
+            println!("{}", wiring::draw(&tools::root()?)?.display());
+            Ok(())
+        }
+        Task::Other(words) => other(&words),
+    }
 }
 
 fn main() -> ExitCode {
-    // Whose reader goes, ends: `cargo xtask ... | head`.
-    sigpipe::reset();
-    let result = match Arguments::parse().command {
-        Task::Simulate(options) => simulate::run(&options),
-        Task::Identify(options) => identify::run(&options),
-        Task::Bench { what } => bench::run(&what),
-        Task::Compensate(options) => compensate::run(&options),
-        Task::Build => firmware::build().map(|_| ()),
-        Task::Cost(options) => firmware::cost(&options),
-        Task::Sizes(options) => firmware::sizes(&options),
-        Task::Wiring => wiring::draw(&tools::root()).map(|path| println!("{}", path.display())),
-        Task::Serve(options) => serve::run(&options),
-        Task::Drive(options) => drive::run(&options),
-        Task::Session(session) => session.check().and_then(|()| with_probe(session)),
-        Task::Completions(options) => completions::run(&options, Arguments::command()),
-        Task::Check => check::run(),
-        Task::Test => test::run(),
-    };
-    match result {
+    match run(Arguments::parse().command) {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
             eprintln!("error: {error:#}");
-            drive::exit_code(&error)
+            ExitCode::FAILURE
         }
     }
 }

@@ -1,11 +1,11 @@
 //! Checks that are other programs' runs, one after the other.
 
-use crate::firmware::TARGET;
-use crate::tools::root;
 use anyhow::{Context, Result, ensure};
 use std::ffi::OsString;
 use std::process::Command;
 use std::time::Instant;
+use xtask::firmware::TARGET;
+use xtask::tools::root;
 
 /// One program's run.
 pub struct Step {
@@ -46,7 +46,7 @@ impl Step {
         let status = Command::new(self.program)
             .args(self.arguments.split_whitespace())
             .envs(self.environment.iter().map(|(name, value)| (name, value)))
-            .current_dir(root())
+            .current_dir(root()?)
             .status()
             .with_context(|| {
                 format!(

@@ -66,15 +66,34 @@ pub fn cross_compiler() {
 }
 
 /// The folder that cargo builds into.
-#[must_use]
-pub fn target_folder() -> PathBuf {
-    env::var_os("CARGO_TARGET_DIR").map_or_else(|| root().join("target"), PathBuf::from)
+///
+/// # Errors
+/// The workspace is not found.
+pub fn target_folder() -> Result<PathBuf> {
+    match env::var_os("CARGO_TARGET_DIR") {
+        Some(folder) => Ok(std::path::absolute(folder)?),
+        None => Ok(root()?.join("target")),
+    }
 }
 
-/// The workspace's root.
-#[must_use]
-pub fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+/// The workspace's root: above the package that cargo runs, or else above the current folder.
+///
+/// # Errors
+/// Neither lies in this workspace.
+pub fn root() -> Result<PathBuf> {
+    let start = match env::var_os("CARGO_MANIFEST_DIR") {
+        Some(package) => PathBuf::from(package),
+        None => env::current_dir()?,
+    };
+    let root = start
+        .ancestors()
+        .find(|folder| folder.join("xtask/src/tools.rs").is_file());
+    root.map(Path::to_path_buf).with_context(|| {
+        format!(
+            "{} is not in a clone of this project: run the command in the clone's folder",
+            start.display()
+        )
+    })
 }
 
 fn runs(program: &str) -> bool {

@@ -3,7 +3,7 @@
 //! emulated chip, in `tests/tests/chip/wiring.rs`.
 
 use std::collections::HashSet;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use stm32_metapac::metadata::METADATA;
 use xtask::wiring::{Row, committed, drawing, rows};
 
@@ -94,7 +94,7 @@ const TAKEN: [&str; 12] = [
 ];
 
 fn root() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
+    xtask::tools::root().unwrap()
 }
 
 fn table() -> Vec<Row> {

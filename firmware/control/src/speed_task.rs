@@ -791,8 +791,10 @@ impl SpeedTask {
         let [screw, nut] = &config.alignment.motors;
         if let (Some(screw), Some(nut), false) = (screw.stored, nut.stored, self.stored_doubted) {
             let [of_screw, of_nut] = exchanges;
-            of_screw.align(of_screw.alignment(), Some(screw));
-            of_nut.align(of_nut.alignment(), Some(nut));
+            if of_screw.alignment().is_none() || of_nut.alignment().is_none() {
+                of_screw.align(None, Some(screw));
+                of_nut.align(None, Some(nut));
+            }
         }
     }
 

@@ -25,10 +25,15 @@ pub const VARIABLE: &str = "DDFEED_SHARED";
 /// The folder of the shared data: `../shared`, or where [`VARIABLE`] points. It need not be there.
 #[must_use]
 pub fn shared() -> PathBuf {
-    std::env::var_os(VARIABLE).map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
-        PathBuf::from,
-    )
+    if let Some(folder) = std::env::var_os(VARIABLE) {
+        return PathBuf::from(folder);
+    }
+    // Cargo runs a test in its package's folder.
+    let here = std::env::current_dir().unwrap_or_default();
+    let root = here
+        .ancestors()
+        .find(|folder| folder.join("Cargo.lock").is_file());
+    root.unwrap_or(&here).join("../shared")
 }
 
 /// A test that needs something given.

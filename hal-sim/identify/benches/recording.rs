@@ -4,7 +4,7 @@
 use criterion::{Criterion, criterion_group, criterion_main};
 use plant::model::Model;
 use plant::recording::Recording;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 fn read(folder: &Path) -> Option<(Model, Recording, Recording)> {
     Some((
@@ -15,10 +15,7 @@ fn read(folder: &Path) -> Option<(Model, Recording, Recording)> {
 }
 
 fn recording(criterion: &mut Criterion) {
-    let shared = std::env::var_os("DDFEED_SHARED").map_or_else(
-        || PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("../../../shared"),
-        PathBuf::from,
-    );
+    let shared = given::shared();
     let mut group = criterion.benchmark_group("identify");
     group.sample_size(10);
     for name in ["open-05", "open-01", "open-09"] {

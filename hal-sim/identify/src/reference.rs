@@ -1,5 +1,5 @@
 //! All keys of mapping and model files, as a page made from the code: the structs that the files are read into, with their
-//! documentation, and the channels of each machine. `cargo xtask identify --reference` prints it; `REFERENCE.md` holds it.
+//! documentation, and the channels of each machine. `ddfeed identify --reference` prints it; `REFERENCE.md` holds it.
 
 use crate::records::{Machine, Need, unit_names};
 use std::fmt::Write;
@@ -122,7 +122,7 @@ fn pascal(kind: &str) -> String {
 /// The page.
 pub fn page() -> String {
     let mut page = String::from(
-        "# Keys of mapping and model files\n\nMade from the code by `cargo xtask identify --reference`; a test holds this page \
+        "# Keys of mapping and model files\n\nMade from the code by `ddfeed identify --reference`; a test holds this page \
          equal to it.\n\n## Mapping file\n\nWhich column of a log is which channel, in which unit, and how it was \
          sampled.\n\n",
     );
@@ -216,7 +216,7 @@ mod tests {
         let committed = include_str!("../REFERENCE.md");
         assert!(
             committed == page(),
-            "REFERENCE.md is not what the code makes: cargo xtask identify --reference > hal-sim/identify/REFERENCE.md"
+            "REFERENCE.md is not what the code makes: cargo ddfeed identify --reference > hal-sim/identify/REFERENCE.md"
         );
     }
 

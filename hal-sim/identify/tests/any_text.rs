@@ -179,7 +179,7 @@ fn any_text_as_a_feed_axis() {
 
 #[test]
 fn any_text_as_a_mapping() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("mappings");
+    let folder = Path::new("mappings");
     let texts: Vec<String> = [
         "emps",
         "laas",

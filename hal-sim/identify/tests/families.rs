@@ -42,8 +42,8 @@ fn each_kind_of_the_plant_has_a_family() {
 
 #[test]
 fn each_file_of_the_plants_effects_is_a_kind() {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../plant/src/effects");
-    let files: BTreeSet<String> = std::fs::read_dir(&folder)
+    let folder = Path::new("../plant/src/effects");
+    let files: BTreeSet<String> = std::fs::read_dir(folder)
         .expect("the plant's effects")
         .map(|file| file.expect("a file").path())
         .filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()))

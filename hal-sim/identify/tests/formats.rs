@@ -5,9 +5,7 @@ use std::f64::consts::{PI, TAU};
 use std::path::Path;
 
 fn mapping(name: &str) -> Mapping {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("mappings")
-        .join(name);
+    let path = Path::new("mappings").join(name);
     Mapping::load(&path).expect("a mapping of the project")
 }
 

@@ -3,6 +3,7 @@
 use identify::records::{DataQuality, How, LoadError, Mapping, OnFault, double_drive, load};
 use plant::recording::{COLUMNS, Recording};
 use std::path::{Path, PathBuf};
+#[cfg(feature = "parquet")]
 use std::sync::Arc;
 
 const RATE: f64 = 5000.0;
@@ -95,6 +96,7 @@ fn every_format_holds_the_same_record() {
             &zip.finish().expect("memory"),
         ),
         put(folder.path(), "record.mat", &mat()),
+        #[cfg(feature = "parquet")]
         parquet(folder.path()),
     ];
     let all = files
@@ -136,7 +138,18 @@ fn mat() -> Vec<u8> {
     file
 }
 
+/// A program without the feature says so.
+#[test]
+#[cfg(not(feature = "parquet"))]
+fn a_parquet_file_is_refused_with_the_feature_that_reads_it() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = put(folder.path(), "record.parquet", b"PAR1");
+    let error = read(&path, &Mapping::default(), OnFault::Refuse).expect_err("no Parquet");
+    assert!(error.to_string().contains("feature `parquet`"), "{error}");
+}
+
 /// Written by the library, compressed by snappy as most are.
+#[cfg(feature = "parquet")]
 fn parquet(folder: &Path) -> PathBuf {
     use parquet::basic::Compression;
     use parquet::data_type::DoubleType;

@@ -177,9 +177,7 @@ fn the_half_that_counts_is_the_rough_one(folder: &Path) {
 }
 
 fn mapping(name: &str) -> Mapping {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("mappings")
-        .join(name);
+    let path = Path::new("mappings").join(name);
     Mapping::load(&path).expect("a mapping of the project")
 }
 

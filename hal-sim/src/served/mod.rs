@@ -13,11 +13,11 @@ mod world;
 pub use lines::{LineId, Serving};
 pub use within::Within;
 
-use crate::alignment::{Start, settle};
 use crate::drive::Drive;
 use crate::experiment::Setup;
 use crate::flash::SimulatedFlash;
-use crate::smooth::bench::learned;
+use crate::smooth::learned;
+use crate::start::{Start, settle};
 use control::coordinator::CommandError;
 use control::format::{Current, Misfit, TableVelocity};
 use control::guard::Look;

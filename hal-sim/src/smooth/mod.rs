@@ -1,17 +1,6 @@
-//! How smooth the table moves: the machine with its defects, and what a controller leaves of its ripple.
+//! How smooth the table moves, and what a drive compensates of its ripple.
 
-pub mod bench;
-pub mod floor;
-pub mod hum;
 pub mod known;
-mod lugre;
-mod machine;
-pub mod rejection;
-pub mod reversal;
-mod rivals;
-
-pub use machine::{Machine, orders, setup, torque_orders};
-pub use rivals::{Compensator, Rival};
 
 use crate::drive::Drive;
 use crate::experiment::{
@@ -20,6 +9,7 @@ use crate::experiment::{
 };
 use crate::seam::{Seam, Straight};
 use crate::vrf::vrf_percent;
+use control::compensation::LINES;
 use control::plate::CompensationPlate;
 use fft::Complex64;
 
@@ -40,7 +30,10 @@ pub struct Smoothness {
 pub const BANDS_HZ: [f64; 2] = [1000.0, 100.0];
 
 /// True table velocities as the reference figures are measured: 10 kHz, no filter.
-fn velocities(
+///
+/// # Errors
+/// [`ExperimentError`] if a fault stops the drive.
+pub fn velocities(
     drive: &mut Drive,
     seconds: f64,
     seam: &mut impl Seam,
@@ -117,13 +110,17 @@ fn following(velocities: &[f64], sample_s: f64) -> [f64; 2] {
 }
 
 /// Time between two of the true velocities, s.
-fn sample_s(drive: &Drive) -> f64 {
+#[must_use]
+pub fn sample_s(drive: &Drive) -> f64 {
     let board = drive.board.config();
     f64::from(record_periods(board)) * board.pwm_period_s()
 }
 
 /// Commands an operating point and lets the drive come to it.
-fn settle(
+///
+/// # Errors
+/// [`ExperimentError`] if the drive does not reach the point.
+pub fn settle(
     drive: &mut Drive,
     point: OperatingPoint,
     seam: &mut impl Seam,
@@ -132,7 +129,14 @@ fn settle(
 }
 
 /// A drive that a fault has stopped has no ripple, and no error either.
-fn still_runs(drive: &Drive, point: OperatingPoint, seconds: f64) -> Result<(), ExperimentError> {
+///
+/// # Errors
+/// [`ExperimentError::NotSteady`] of such a drive.
+pub fn still_runs(
+    drive: &Drive,
+    point: OperatingPoint,
+    seconds: f64,
+) -> Result<(), ExperimentError> {
     match drive.state() {
         state if state.is_driven() => Ok(()),
         state => Err(ExperimentError::NotSteady {
@@ -186,6 +190,15 @@ pub fn drive(setup: &Setup, compensation: CompensationPlate) -> Result<Drive, Ex
         setup.board,
         &plate,
     )?)
+}
+
+/// What a drive has learned, as its plate would say it.
+#[must_use]
+pub fn learned(drive: &Drive, mut plate: CompensationPlate) -> CompensationPlate {
+    for line in 0..LINES {
+        plate.keep(line, drive.compensation().coefficient(line));
+    }
+    plate
 }
 
 #[cfg(test)]

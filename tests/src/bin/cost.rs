@@ -1,7 +1,6 @@
 //! Measures what the firmware's interrupts cost and prints it, as a table or with `--json` as JSON. `--keep` makes the
 //! figures the baseline that the tests hold the firmware to; `--smooth` measures the firmware that compensates ripple.
 
-use std::path::Path;
 use std::process::ExitCode;
 use tests::cost::{BASELINE, Report, measure, measure_smooth};
 use tests::timing::MODEL_ERROR_PERCENT;
@@ -44,10 +43,13 @@ fn main() -> ExitCode {
         table(&report);
     }
     if has("--keep") {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(BASELINE);
         let text = format!("{:#}\n", report.json());
-        if let Err(error) = std::fs::write(&path, text) {
-            eprintln!("error: cannot write {}: {error}", path.display());
+        let written = xtask::tools::root().and_then(|root| {
+            let path = root.join("tests").join(BASELINE);
+            Ok(std::fs::write(path, text)?)
+        });
+        if let Err(error) = written {
+            eprintln!("error: the baseline is not written: {error:#}");
             return ExitCode::FAILURE;
         }
     }

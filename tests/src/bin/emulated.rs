@@ -1,4 +1,4 @@
-//! The flashed ELF on the emulated chip behind a TCP port: `cargo xtask drive --sim ADDRESS` commands it as it would a board. The
+//! The flashed ELF on the emulated chip behind a TCP port: `ddfeed drive --sim ADDRESS` commands it as it would a board. The
 //! bytes go over the wires of its serial port, or with `--rtt` through RTT in its memory. Its time passes slower than real.
 
 use plant::machine::Coupling;
@@ -50,7 +50,7 @@ fn serve(rtt: bool) -> anyhow::Result<()> {
     let listener = TcpListener::bind("127.0.0.1:0")?;
     listener.set_nonblocking(true)?;
     println!(
-        "`cargo xtask drive --sim {} status` asks the emulated drive; Ctrl-C ends it",
+        "`ddfeed drive --sim {} status` asks the emulated drive; Ctrl-C ends it",
         listener.local_addr()?
     );
     let mut connection: Option<TcpStream> = None;

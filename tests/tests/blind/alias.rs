@@ -1,7 +1,7 @@
 //! What repeats with the angle and what repeats in time are all but one at one speed: only the ripple of the speed itself
 //! tells them apart, and a small effect not at all. Several speeds do.
 
-use hal_sim::draw::profile::{self, Profile};
+use bench::draw::profile::{self, Profile};
 use identify::analysis::{Found, analyse};
 use plant::Axis;
 use plant::machine::Machine as Plant;
@@ -14,7 +14,7 @@ fn found(amplitude: f64, profiles: [Profile; 2]) -> Vec<Found> {
         let angle = machine.motor(Axis::Screw).theta;
         machine.set_disturbance_torque(Axis::Screw, amplitude * (ORDER * angle).cos());
     };
-    let machine = hal_sim::draw::acted_on(73, &cogs, profiles);
+    let machine = bench::draw::acted_on(73, &cogs, profiles);
     let effects = analyse(&machine.declared, &machine.fit, &machine.check).effects;
     for found in &effects {
         println!("{:?}, not told from {:?}", found.effect, found.inseparable);

@@ -37,7 +37,7 @@ fn setting(name: &str, otherwise: u64) -> u64 {
 }
 
 fn told(seed: u64, kinds: &[&str]) -> Row {
-    let machine = hal_sim::draw::draw(seed, kinds);
+    let machine = bench::draw::draw(seed, kinds);
     let outcome = analyse(&machine.declared, &machine.fit, &machine.check);
     Row::new(seed, &machine, &outcome)
 }

@@ -1,7 +1,7 @@
 //! What acts on a machine and is of no kind that the identification knows: it is described, and no cause is named.
 
-use hal_sim::draw::Machine;
-use hal_sim::draw::profile::{self, Profile};
+use bench::draw::Machine;
+use bench::draw::profile::{self, Profile};
 use identify::analysis::{Outcome, Unexplained, analyse};
 use identify::signal::channel::Channel;
 use plant::Axis;
@@ -32,7 +32,7 @@ fn a_torque_over_the_other_motors_angle_is_described() {
         let angle = machine.motor(Axis::Nut).theta;
         machine.set_disturbance_torque(Axis::Screw, AMPLITUDE * (ORDER * angle).cos());
     };
-    let outcome = told(&hal_sim::draw::acted_on(71, &shake, profiles()));
+    let outcome = told(&bench::draw::acted_on(71, &shake, profiles()));
     assert_eq!(outcome.verdict(), "unexplained");
     assert!(outcome.effects.is_empty());
     let left = &outcome.unexplained[0];
@@ -60,7 +60,7 @@ fn a_force_at_one_place_of_the_guideway_is_described() {
         let force = 30.0 * (std::f64::consts::PI * inside).sin().powi(2);
         machine.set_load_force(load + force * machine.table_velocity().signum());
     };
-    let outcome = told(&hal_sim::draw::acted_on(72, &squeeze, profiles()));
+    let outcome = told(&bench::draw::acted_on(72, &squeeze, profiles()));
     assert_eq!(outcome.verdict(), "unexplained");
     assert!(outcome.effects.is_empty());
     let tight = |left: &Unexplained| {

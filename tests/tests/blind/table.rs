@@ -3,7 +3,7 @@
 use crate::matrix::Matrix;
 use crate::oracle::{self, Oracle};
 use crate::score::{self, Score, Told};
-use hal_sim::draw::Machine;
+use bench::draw::Machine;
 use identify::analysis::{Outcome, Unexplained};
 use identify::record::Record;
 use plant::effects::EffectModel;

@@ -1,9 +1,10 @@
 //! The firmware as it is flashed finds its rotors on the emulated chip, wherever they stand, as the host does, bit for bit;
 //! and a reset takes it back to where it must find them again.
 
+use bench::alignment::margin_nm;
 use control::supervisor::{Demand, State};
-use hal_sim::alignment::{Start, settle};
 use hal_sim::drive::Drive;
+use hal_sim::start::{Start, settle};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -41,7 +42,7 @@ fn bench(board: Wiring) -> Result<Bench, String> {
         angles: ANGLES,
     };
     assert!(
-        start.margin_nm() > 0.0,
+        margin_nm(&start) > 0.0,
         "{board:?}: friction does not hold it"
     );
     let elf = aligning_firmware_of(board)?;

@@ -1,5 +1,6 @@
 //! The bring-up on the emulated chip: a healthy board has no finding, and each fault that is put in is named, alone.
 
+use board::bringup::{Report, Verdict, judge};
 use embedded_storage::nor_flash::NorFlash;
 use hal_sim::flash::PAGE;
 use link::bringup::Stage;
@@ -10,7 +11,6 @@ use tests::bench::{Bench, READY};
 use tests::chip::flash::SIZE;
 use tests::chip::outside::Circuit;
 use tests::chip::wiring::Wiring;
-use xtask::bringup::{Report, Verdict, judge};
 
 const OPTIONS: Options = Options {
     listen_s: 20e-3,
@@ -44,7 +44,7 @@ fn keep_page(report: &Report, name: &str) -> Result<(), String> {
         return Ok(());
     };
     let path = std::path::Path::new(&folder).join(format!("{name}.html"));
-    std::fs::write(&path, xtask::bringup::page(report))
+    std::fs::write(&path, board::bringup::page(report))
         .map_err(|error| format!("cannot write {}: {error}", path.display()))
 }
 

@@ -14,9 +14,9 @@ const FALL: f64 = 0.95;
 
 #[test]
 fn costs_are_those_of_the_baseline() -> Result<(), String> {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(BASELINE);
+    let path = Path::new(BASELINE);
     let text =
-        std::fs::read_to_string(&path).map_err(|error| format!("{}: {error}", path.display()))?;
+        std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
     let kept: Value =
         serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
     let report = measure()?;

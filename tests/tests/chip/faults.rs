@@ -82,7 +82,7 @@ fn an_over_current_opens_the_bridge_in_hardware() -> Result<(), String> {
         );
         bench.pass(6.0 * PERIOD_S)?;
         assert_cause(&mut bench, cause)?;
-        // The other motor brings the table to rest: `hal-sim/tests/fault_matrix.rs`.
+        // The other motor brings the table to rest: `tests/bench/tests/fault_matrix.rs`.
         assert!(enabled(&mut bench, other) && !enabled(&mut bench, motor));
         // It stays off while the current is there, whatever is asked.
         bench.demand(Demand::Reset)?;

@@ -5,6 +5,8 @@ use anyhow::Context;
 use control::encoder::Interface;
 use control::plate::DrivePlate;
 use control::sense::Shunts;
+use ddfeed::output::Folder;
+use ddfeed::record::save;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM, settle_quietly};
 use identify::records::{Mapping, OnFault};
@@ -20,8 +22,6 @@ use plant::model::Model;
 use std::path::Path;
 use tests::bench::{board_config, plate_of, scale_count_m};
 use tests::chip::wiring::Wiring;
-use xtask::output::Folder;
-use xtask::record::save;
 
 /// What is asked of the stream.
 const REQUEST: Request = Request {
@@ -148,7 +148,7 @@ fn record(machine: &Model, holds: &[(f64, f64)], folder: &Path, name: &str) -> a
 fn an_undeclared_effect_is_found_in_a_drive_s_telemetry() -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;
     let at = |name: &str| folder.path().join(name);
-    let mut machine = xtask::record::model(&header(), 1.0 / 5000.0);
+    let mut machine = ddfeed::record::model(&header(), 1.0 / 5000.0);
     let cogging: AnyEffect = Cogging {
         order: COGGING.0,
         amplitude: COGGING.1,

@@ -1,5 +1,7 @@
 //! A recording taken from the emulated chip's memory, as a probe would take it, against the control code on the host.
 
+use ddfeed::output::Folder;
+use ddfeed::record::{Recorder, Summary, save};
 use hal_sim::drive::Drive;
 use identify::records::{How, Mapping, OnFault, double_drive, load};
 use link::codes::{Demand, State};
@@ -14,8 +16,6 @@ use tests::bench::{Bench, READY, board_config, machine_of, plate, scale_count_m}
 use tests::chip::wiring::Wiring;
 use tests::cost::INTERRUPTS;
 use tests::emulator::Profile;
-use xtask::output::Folder;
-use xtask::record::{Recorder, Summary, save};
 
 /// A drive that turns its nut at 300 rpm, and how many periods of it came before it was asked to.
 const VELOCITY: f64 = 2.5e-3;

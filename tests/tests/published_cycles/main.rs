@@ -47,10 +47,7 @@ fn sources() -> Option<PathBuf> {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
     let output = Command::new(cargo)
         .args(["metadata", "--format-version", "1", "--offline"])
-        .args([
-            "--manifest-path",
-            concat!(env!("CARGO_MANIFEST_DIR"), "/Cargo.toml"),
-        ])
+        .args(["--manifest-path", "Cargo.toml"])
         .output()
         .ok()?;
     let metadata: serde_json::Value = serde_json::from_slice(&output.stdout).ok()?;
@@ -61,7 +58,7 @@ fn sources() -> Option<PathBuf> {
 }
 
 fn build(sources: &Path) -> PathBuf {
-    let here = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/published_cycles");
+    let here = Path::new("tests/published_cycles");
     let elf = Path::new(env!("CARGO_TARGET_TMPDIR")).join("p256.elf");
     let Output { status, stderr, .. } = Command::new(COMPILER)
         .args([

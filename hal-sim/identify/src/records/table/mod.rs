@@ -3,6 +3,7 @@
 mod csv;
 mod mat;
 mod npy;
+#[cfg(feature = "parquet")]
 mod parquet;
 mod sniff;
 
@@ -107,6 +108,19 @@ fn format(start: &[u8], name: &str) -> Format {
     }
 }
 
+#[cfg(feature = "parquet")]
+use parquet::read as read_parquet;
+
+#[cfg(not(feature = "parquet"))]
+fn read_parquet(_: File, origin: &str, _: &mut Progress) -> Result<Table, LoadError> {
+    Err(damaged(
+        origin,
+        "Parquet",
+        "this program was built without the feature `parquet`. In a clone run `cargo ddfeed-full` in place of `cargo ddfeed`, \
+         or write the record as .csv, .npy or .mat",
+    ))
+}
+
 impl Table {
     /// Reads a file. Its format is told by its first bytes; `text` says what is known of a text's layout.
     ///
@@ -148,8 +162,7 @@ impl Table {
             Format::Npz => npy::read_zip(&whole()?, &origin)?,
             Format::Parquet => {
                 drop(counted);
-                let file = File::open(path).map_err(open)?;
-                parquet::read(file, &origin, progress)?
+                read_parquet(File::open(path).map_err(open)?, &origin, progress)?
             }
             Format::Zipped => {
                 let unpacked = flate2::read::MultiGzDecoder::new(counted);

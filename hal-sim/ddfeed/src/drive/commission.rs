@@ -1,0 +1,116 @@
+//! `drive commission`: the machine measured step by step, set and tuned, with a report of one page.
+
+use super::connect::Drive;
+use super::motion::caught;
+use super::options::CommissionOptions;
+use super::settings::header;
+use crate::output::Folder;
+use crate::record::measured_model_file;
+use anyhow::{Context, Result};
+use commission::Session;
+use commission::procedure::{Done, Options, Step, run as measure};
+use indicatif::{ProgressBar, ProgressStyle};
+use std::fmt::Write;
+use std::fs;
+
+const REPORT: &str = "report.json";
+
+/// Measures, sets and tunes.
+pub fn run(drive: Drive, options: &CommissionOptions) -> Result<()> {
+    let folder = Folder::open(&options.out)?;
+    let mut done = if options.again {
+        Vec::new()
+    } else {
+        kept(&folder)?
+    };
+    let stop = caught()?;
+    let bar = ProgressBar::new(1000).with_style(ProgressStyle::with_template("{bar:40} {msg}")?);
+    let mut session = Session::open(drive, stop)?;
+    let result = measure(
+        &mut session,
+        &Options {
+            travel_m: options.travel * 1e-3,
+            speed_rad_s: options.loops.speed_loop,
+            margin_deg: options.loops.margin,
+        },
+        &mut done,
+        &mut |step, part| {
+            bar.set_message(format!("{}: {}", step.name(), step.about()));
+            #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+            bar.set_position((part.clamp(0.0, 1.0) * 1e3) as u64);
+        },
+        &mut |done| keep(&folder, done),
+    );
+    bar.finish_and_clear();
+    if result.is_err() && !done.is_empty() {
+        eprintln!(
+            "what was done until then is kept in {}: the same command goes on from there",
+            folder.path(REPORT).display()
+        );
+    }
+    result?;
+    let mut drive = session.into_client();
+    if let Some(machine) = done.iter().find_map(|done| done.machine) {
+        let interval_s = 1.0 / drive.speed_hz();
+        let model = measured_model_file(&header(&mut drive)?, interval_s, &machine);
+        folder.put_text("model.toml", &model)?;
+    }
+    if options.json {
+        println!("{}", serde_json::to_string_pretty(&done)?);
+    } else {
+        print!("{}", page(&done));
+        println!("\n{}", folder.path("report.md").display());
+    }
+    Ok(())
+}
+
+/// The steps that an earlier run has done.
+fn kept(folder: &Folder) -> Result<Vec<Done>> {
+    let path = folder.path(REPORT);
+    if !path.exists() {
+        return Ok(Vec::new());
+    }
+    let text = fs::read_to_string(&path)?;
+    let done: Vec<Done> = serde_json::from_str(&text).with_context(|| {
+        format!(
+            "{} is no report of a commissioning: name another folder with --out",
+            path.display()
+        )
+    })?;
+    // One that is complete is no beginning of another.
+    let complete = Step::ALL
+        .iter()
+        .all(|step| done.iter().any(|done| done.step == *step));
+    Ok(if complete { Vec::new() } else { done })
+}
+
+fn keep(folder: &Folder, done: &[Done]) -> Result<()> {
+    folder.put_text(REPORT, &serde_json::to_string_pretty(done)?)?;
+    folder.put_text("report.md", &page(done))
+}
+
+/// The report of one page.
+fn page(done: &[Done]) -> String {
+    let mut text = String::from("# Commissioning\n");
+    for done in done {
+        // Writing to a string does not fail.
+        let _ = writeln!(
+            text,
+            "\n## {}: {:.0} s\n\n{}\n",
+            done.step.name(),
+            done.seconds,
+            done.step.about()
+        );
+        for quantity in &done.quantities {
+            let _ = writeln!(text, "    {quantity}");
+        }
+        for limited in &done.limits {
+            let _ = writeln!(
+                text,
+                "    {:<39} {:>12.3e} of {:.3e} {} allowed",
+                limited.name, limited.reached, limited.limit, limited.unit
+            );
+        }
+    }
+    text
+}

@@ -1,0 +1,409 @@
+//! What a person may ask of a drive. Quantities have the flags that they have in `simulate` and `record`.
+
+use crate::hold::Hold;
+use crate::session::{FULL_RATE, divider};
+use anyhow::{Result, ensure};
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Where the drive is, and what it is asked.
+#[derive(Args, Debug)]
+pub struct DriveOptions {
+    /// Where the drive is.
+    #[command(flatten)]
+    pub line: LineOptions,
+    /// Bits a second of the serial port. [default: 4000000, the firmware's]
+    #[arg(long, requires = "serial")]
+    pub baud: Option<u32>,
+    /// What it is asked.
+    #[command(subcommand)]
+    pub task: Task,
+}
+
+/// A recording by itself.
+#[derive(Args, Debug)]
+pub struct RecordCommand {
+    /// The drive.
+    #[command(flatten)]
+    pub line: LineOptions,
+    /// Bits a second of the serial port. [default: 4000000, the firmware's]
+    #[arg(long, requires = "serial")]
+    pub baud: Option<u32>,
+    /// The recording.
+    #[command(flatten)]
+    pub record: RecordOptions,
+}
+
+impl From<RecordCommand> for DriveOptions {
+    fn from(command: RecordCommand) -> Self {
+        Self {
+            line: command.line,
+            baud: command.baud,
+            task: Task::Record(command.record),
+        }
+    }
+}
+
+/// Where the drive is.
+#[derive(Args, Debug)]
+#[group(required = true, multiple = false)]
+pub struct LineOptions {
+    /// A drive that `ddfeed serve` simulates, at this address: 127.0.0.1:7474.
+    #[arg(long, value_name = "ADDRESS")]
+    pub sim: Option<String>,
+    /// A drive at this serial port: /dev/ttyACM0.
+    #[arg(long, value_name = "PORT")]
+    pub serial: Option<String>,
+    /// A drive at a debug probe: the only one, or the one with this in its line.
+    #[arg(long, value_name = "SELECTOR", num_args = 0..=1, require_equals = true)]
+    pub probe: Option<Option<String>>,
+}
+
+/// What it is asked.
+#[derive(Subcommand, Debug)]
+pub enum Task {
+    /// Its state, faults and limits: of the drive, both motors and the table.
+    Status {
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// The fault that has stopped it, and the last ones.
+    Faults {
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Let it be moved, until it stops, has a fault, or has not been moved for ten minutes. A drive that does not know its rotor angles
+    /// is aligned first: both motors move.
+    Arm,
+    /// Run at a table velocity and a nut speed until Ctrl-C, which brings it to rest.
+    Jog(JogOptions),
+    /// Move the table by a distance, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its way.
+    Move(MoveOptions),
+    /// Find the table's place: to its end switch and off it again, as the settings `travel` say, and come to rest. Soft limits act
+    /// from then on. Ctrl-C ends it on its way.
+    Home(HomeOptions),
+    /// Come to rest, switch the bridges off, and be armed no longer.
+    Stop,
+    /// Leave a fault whose cause is gone.
+    Reset,
+    /// Put a fault into a simulated drive.
+    Inject(InjectOptions),
+    /// What it is set to.
+    Settings {
+        #[command(subcommand)]
+        what: SettingsTask,
+    },
+    /// Record it into a folder that `ddfeed identify` reads.
+    Record(RecordOptions),
+    /// Measure its motors and feed, set what was found, and tune its loops: both motors turn, and the table moves to and fro.
+    Commission(CommissionOptions),
+    /// Propose gains for a bandwidth and a phase margin, computed from the settings that hold; nothing turns. `commission` does the
+    /// same at its end.
+    Tune(TuneOptions),
+}
+
+/// What is wanted of the loops.
+#[derive(Args, Debug)]
+pub struct LoopOptions {
+    /// Cutoff of the speed loops, rad/s: `commission` takes a lower one where this has not the margin, `tune` refuses it. [default:
+    /// at most the setting tuning.speed_rad_s]
+    #[arg(long, value_name = "RAD_S")]
+    pub speed_loop: Option<f64>,
+    /// Least phase margin of all loops, degrees.
+    #[arg(long, value_name = "DEG", default_value_t = 45.0)]
+    pub margin: f64,
+}
+
+impl LoopOptions {
+    fn check(&self) -> Result<()> {
+        ensure!(
+            (20.0..=80.0).contains(&self.margin),
+            "--margin is {} degrees, but 20 to 80 are possible",
+            self.margin
+        );
+        let speed_loop = self.speed_loop.unwrap_or(1.0);
+        ensure!(
+            (1.0..=10_000.0).contains(&speed_loop),
+            "--speed-loop is {speed_loop} rad/s, but 1 to 10000 rad/s are possible"
+        );
+        Ok(())
+    }
+}
+
+/// A tuning.
+#[derive(Args, Debug)]
+pub struct TuneOptions {
+    #[command(flatten)]
+    pub loops: LoopOptions,
+    /// Make it hold: the drive, which must be at rest, starts anew with it. Without this it is proposed only.
+    #[arg(long)]
+    pub set: bool,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A commissioning.
+#[derive(Args, Debug)]
+pub struct CommissionOptions {
+    /// Folder for report.md, report.json and model.toml; an interrupted commissioning goes on from there.
+    #[arg(long, default_value = "out/commission")]
+    pub out: PathBuf,
+    /// Furthest that the table may move to each side, mm: put it where it has that way.
+    #[arg(long, value_name = "MM", default_value_t = 10.0)]
+    pub travel: f64,
+    #[command(flatten)]
+    pub loops: LoopOptions,
+    /// Measure again what is in the folder already.
+    #[arg(long)]
+    pub again: bool,
+    /// Let it be moved: without this nothing is done.
+    #[arg(long)]
+    pub arm: bool,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// Speeds.
+#[derive(Args, Debug)]
+pub struct JogOptions {
+    /// Table velocity, mm/s.
+    #[arg(
+        long,
+        value_name = "MM_S",
+        default_value_t = 0.0,
+        allow_negative_numbers = true
+    )]
+    pub table_speed: f64,
+    #[command(flatten)]
+    pub lead: LeadOptions,
+    /// For so long, s, instead of until Ctrl-C.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+}
+
+/// A distance.
+#[derive(Args, Debug)]
+pub struct MoveOptions {
+    /// How far, mm.
+    #[arg(value_name = "MM", allow_negative_numbers = true)]
+    pub distance: f64,
+    /// Largest table velocity on the way, mm/s.
+    #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
+    pub table_speed: f64,
+    #[command(flatten)]
+    pub lead: LeadOptions,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A homing.
+#[derive(Args, Debug)]
+pub struct HomeOptions {
+    #[command(flatten)]
+    pub lead: LeadOptions,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// What every motion is asked with.
+#[derive(Args, Debug)]
+pub struct LeadOptions {
+    /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
+    /// 0 until one is set.
+    #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
+    pub nut_rpm: Option<f64>,
+    /// Arm it first, as `arm` does.
+    #[arg(long)]
+    pub arm: bool,
+}
+
+/// A fault.
+#[derive(Args, Debug)]
+pub struct InjectOptions {
+    /// Which; `clear` takes all of them out. A name that there is none of lists them.
+    pub fault: String,
+    /// Whose it is.
+    #[arg(long, value_enum, default_value_t = Motor::Screw)]
+    pub motor: Motor,
+    /// How much, in the fault's unit.
+    #[arg(long, allow_negative_numbers = true)]
+    pub amount: Option<f64>,
+}
+
+/// A motor.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Motor {
+    /// The motor that turns the screw.
+    Screw,
+    /// The motor that turns the nut.
+    Nut,
+}
+
+/// What to do with settings.
+#[derive(Subcommand, Debug)]
+pub enum SettingsTask {
+    /// Print settings with unit and meaning: all, or those whose names begin with one of these.
+    Get {
+        /// Names or their beginnings: nut.pole_pairs, feed.
+        names: Vec<String>,
+        /// As JSON.
+        #[arg(long)]
+        json: bool,
+    },
+    /// Set some, all or none: feed.lead_mm=10 screw.torque_constant_nm_per_a_rms=1.2.
+    Set {
+        /// Names and values.
+        #[arg(required = true, value_name = "NAME=VALUE")]
+        settings: Vec<String>,
+    },
+    /// Write all into a TOML file.
+    Export {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Set what stands in a TOML file, all or nothing.
+    Import {
+        /// The file.
+        file: PathBuf,
+    },
+    /// What the drive has learned of its ripple, beside what is set.
+    Learned {
+        /// Set it, so that the next start begins with it; the drive must be at rest.
+        #[arg(long)]
+        save: bool,
+    },
+    /// What a TOML file would change.
+    Diff {
+        /// The file.
+        file: PathBuf,
+    },
+    /// Write the model.toml that `identify` and `simulate` take of a machine with these settings.
+    Model {
+        /// The file.
+        file: PathBuf,
+    },
+}
+
+/// How long to record from a trigger on, if nothing is said, s.
+const AFTER_TRIGGER_S: f64 = 1.0;
+/// Most that is kept of what came before a trigger, s: 300,000 rows.
+const MOST_PAST_S: f64 = 60.0;
+
+/// A recording.
+#[derive(Args, Debug)]
+pub struct RecordOptions {
+    /// The folder.
+    pub dir: PathBuf,
+    /// The recording's name in it: `fit` and `check` are what `identify` is usually given.
+    #[arg(long, default_value = "record")]
+    pub name: String,
+    /// Samples a second: 5000, or that divided by a whole number.
+    #[arg(long, default_value_t = FULL_RATE)]
+    pub rate: u32,
+    /// How long, s; by default as long as the holds, and with a trigger 1 s from it on.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Run at table mm/s, nut rpm for seconds, and then the next; and come to rest at the end. For example 2.5,300,3.
+    #[arg(long, value_name = "MM_S,RPM,S", allow_hyphen_values = true)]
+    pub hold: Vec<Hold>,
+    /// Begin when the drive has a fault (`fault`), or when a column of the recording is above or below a level: screw_ia_a>3. Then
+    /// `--duration` counts from there; until then it waits, at most as long as the holds.
+    #[arg(long, value_name = "WHAT")]
+    pub trigger: Option<String>,
+    /// How much to keep of what came before the trigger, s.
+    #[arg(long, value_name = "S", default_value_t = 0.5, requires = "trigger")]
+    pub past: f64,
+    /// Arm it first, as `arm` does.
+    #[arg(long)]
+    pub arm: bool,
+}
+
+impl RecordOptions {
+    /// How long its holds take, s.
+    pub fn holds_s(&self) -> f64 {
+        self.hold.iter().map(|hold| hold.seconds).sum()
+    }
+
+    /// How long to record, s; from the trigger on if it has one.
+    pub fn seconds(&self) -> f64 {
+        let otherwise = match self.trigger {
+            Some(_) => AFTER_TRIGGER_S,
+            None => self.holds_s(),
+        };
+        self.duration.unwrap_or(otherwise)
+    }
+}
+
+impl DriveOptions {
+    /// What can be said against it before the drive is looked for.
+    pub fn check(&self) -> Result<()> {
+        let finite = |name: &str, value: f64| {
+            ensure!(
+                value.is_finite(),
+                "{name} is {value}, but a number is needed"
+            );
+            Ok(())
+        };
+        match &self.task {
+            Task::Jog(jog) => {
+                finite("--table-speed", jog.table_speed)?;
+                finite("--nut-rpm", jog.lead.nut_rpm.unwrap_or_default())?;
+                let seconds = jog.duration.unwrap_or(1.0);
+                ensure!(
+                    seconds > 0.0 && seconds.is_finite(),
+                    "--duration is {seconds} s, but a time above 0 is needed"
+                );
+            }
+            Task::Move(travel) => {
+                finite("the distance", travel.distance)?;
+                finite("--nut-rpm", travel.lead.nut_rpm.unwrap_or_default())?;
+                ensure!(
+                    travel.table_speed > 0.0 && travel.table_speed.is_finite(),
+                    "--table-speed is {} mm/s, but one above 0 is needed: the distance says which way",
+                    travel.table_speed
+                );
+            }
+            Task::Home(home) => finite("--nut-rpm", home.lead.nut_rpm.unwrap_or_default())?,
+            Task::Record(record) => {
+                divider(record.rate)?;
+                let seconds = record.seconds();
+                ensure!(
+                    seconds.is_finite() && seconds > 0.0,
+                    "nothing to record for {seconds} s: give --duration, or --hold MM_S,RPM,S for each operating point"
+                );
+                ensure!(
+                    (0.0..=MOST_PAST_S).contains(&record.past),
+                    "--past is {} s, but 0 to {MOST_PAST_S} s are possible",
+                    record.past
+                );
+                ensure!(
+                    !record.name.is_empty() && !record.name.contains(['/', '\\']),
+                    "--name is `{}`, but a name within the folder is needed",
+                    record.name
+                );
+            }
+            Task::Commission(commission) => {
+                ensure!(
+                    commission.arm,
+                    "both motors will turn, and the table will move by up to {} mm to each side: see that it can, and give --arm",
+                    commission.travel
+                );
+                ensure!(
+                    (0.1..=1000.0).contains(&commission.travel),
+                    "--travel is {} mm, but 0.1 to 1000 mm are possible",
+                    commission.travel
+                );
+                commission.loops.check()?;
+            }
+            Task::Tune(tune) => tune.loops.check()?,
+            _ => {}
+        }
+        Ok(())
+    }
+}

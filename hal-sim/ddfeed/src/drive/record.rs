@@ -1,0 +1,156 @@
+//! `drive record`: the drive's telemetry into a recording.
+
+use super::connect::Drive;
+use super::motion::{BEAT, Stopped, caught, ready, rest, speeds};
+use super::options::RecordOptions;
+use super::status::look;
+use crate::output::Folder;
+use crate::record::{Recorder, save};
+use crate::session::divider;
+use crate::trigger::{Gate, Trigger};
+use anyhow::{Context, Result, anyhow, bail};
+use indicatif::{ProgressBar, ProgressStyle};
+use link::codes::State;
+use link::message::Command;
+use link::telemetry::{FRAME_MAX, Request};
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
+use std::time::{Duration, Instant};
+
+/// How often the drive's state is looked at.
+const LOOK: Duration = Duration::from_millis(250);
+/// How long a sample may be away.
+const SILENT: Duration = Duration::from_secs(2);
+
+/// Records.
+pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
+    let trigger = trigger(options)?;
+    let folder = Folder::open(&options.dir)?;
+    let request = Request {
+        divider: divider(options.rate)?,
+        stream: 1,
+    };
+    let stop = caught()?;
+    if options.arm && !options.hold.is_empty() {
+        ready(drive, &stop)?;
+    }
+    let aligned = drive.status()?.motors.map(|motor| motor.alignment);
+    let (summary, outcome) = save(
+        &folder,
+        &options.name,
+        f64::from(options.rate),
+        |recorder| {
+            recorder.start(request);
+            recorder.align(aligned);
+            if let Some(trigger) = trigger {
+                recorder.wait_for(Gate::new(trigger, past_rows(options)));
+            }
+            let streamed = stream(drive, request, options, trigger, recorder, &stop);
+            let rested = if options.hold.is_empty() {
+                Ok(())
+            } else {
+                rest(drive)
+            };
+            let quiet = drive.tell(Command::Record(
+                Request {
+                    divider: 0,
+                    ..request
+                }
+                .word(),
+            ));
+            // The first that failed is the cause.
+            streamed.and(rested).and(quiet)
+        },
+    )?;
+    println!(
+        "{}: {summary}",
+        folder.path(&format!("{}.csv.gz", options.name)).display()
+    );
+    outcome.context("the recording ended early, and what came before is kept")
+}
+
+/// What the recording waits for.
+fn trigger(options: &RecordOptions) -> Result<Option<Trigger>> {
+    let parsed = options.trigger.as_deref().map(str::parse).transpose();
+    parsed.map_err(|error: String| anyhow!("--trigger: {error}"))
+}
+
+/// Rows that are kept from before a trigger.
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+fn past_rows(options: &RecordOptions) -> usize {
+    (options.past * f64::from(options.rate)) as usize
+}
+
+/// Moves the drive through its holds, by the recording's own time, and takes what comes.
+fn stream(
+    drive: &mut Drive,
+    request: Request,
+    options: &RecordOptions,
+    trigger: Option<Trigger>,
+    recorder: &mut Recorder,
+    stop: &AtomicBool,
+) -> Result<()> {
+    let seconds = options.seconds();
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    let bar = ProgressBar::new((seconds * 1e3) as u64)
+        .with_style(ProgressStyle::with_template("{bar:40} {msg}")?);
+    drive.tell(Command::Record(request.word()))?;
+    let (mut holds, mut hold_until) = (options.hold.iter(), 0.0);
+    let (mut beaten, mut looked) = (Instant::now(), Instant::now());
+    let (mut last, mut silent) = (0, Instant::now());
+    while !stop.load(Relaxed) {
+        let now = recorder.streamed_s();
+        let waits = recorder.gate().is_some();
+        let taken = match waits {
+            true => 0.0,
+            false => recorder.since_trigger_s().unwrap_or(now),
+        };
+        if taken >= seconds {
+            break;
+        }
+        if waits && !options.hold.is_empty() && now >= options.holds_s() {
+            bail!("the trigger did not fire in {now:.1} s of holds");
+        }
+        if now >= hold_until
+            && let Some(hold) = holds.next()
+        {
+            drive.tell(speeds(hold.velocity, Some(hold.base))?)?;
+            hold_until += hold.seconds;
+        }
+        if !options.hold.is_empty() && beaten.elapsed() > BEAT {
+            beaten = Instant::now();
+            drive.beat()?;
+        }
+        drive.listen(Duration::from_millis(5))?;
+        let mut buffer = [0; FRAME_MAX];
+        while let Some(frame) = drive.take_telemetry() {
+            if let Some(bytes) = frame.encode(&mut buffer) {
+                recorder.take(bytes)?;
+            }
+        }
+        let count = recorder.count();
+        if count.rows != last {
+            (last, silent) = (count.rows, Instant::now());
+        } else if silent.elapsed() > SILENT {
+            bail!("the drive sends no telemetry any more");
+        }
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        bar.set_position((taken * 1e3) as u64);
+        bar.set_message(match waits {
+            true => format!("waits for its trigger, {now:.1} s"),
+            false => format!("{taken:.1} s, {} lost", count.lost),
+        });
+        if looked.elapsed() > LOOK {
+            looked = Instant::now();
+            if let Some(State::Fault(fault)) = look(drive)?.state {
+                if let Some(gate) = recorder.gate() {
+                    gate.fault();
+                }
+                if !options.hold.is_empty() && trigger != Some(Trigger::Fault) {
+                    bail!(Stopped(fault, None));
+                }
+            }
+        }
+    }
+    bar.finish_and_clear();
+    Ok(())
+}

@@ -1,0 +1,150 @@
+//! `drive settings`.
+
+use super::connect::Drive;
+use super::options::SettingsTask;
+use crate::output::put_new;
+use crate::record::model_file;
+use anyhow::{Context, Result, bail, ensure};
+use link::host::client::Lost;
+use link::host::settings::{of_toml, of_words, to_toml};
+use link::message::Command;
+use link::settings::{Setting, Settings, Value};
+use link::telemetry::{Frame, Header, Request};
+use serde_json::{Map, json};
+use std::fs;
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// Does it.
+pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
+    let settings = drive.settings()?;
+    match what {
+        SettingsTask::Get { names, json } => get(&settings, names, *json),
+        SettingsTask::Set { settings: words } => {
+            let mut new = settings;
+            for word in words {
+                let (name, value) = word
+                    .split_once('=')
+                    .with_context(|| format!("`{word}` is no NAME=VALUE, as in feed.lead_mm=10"))?;
+                let (setting, value) = of_words(name.trim(), value.trim())?;
+                new.set(setting.id, value)?;
+            }
+            change(drive, &settings, &new)
+        }
+        SettingsTask::Export { file } => {
+            put_new(file, &to_toml(&settings))?;
+            println!("{}", file.display());
+            Ok(())
+        }
+        SettingsTask::Import { file } => {
+            let new = read(&settings, file)?;
+            change(drive, &settings, &new)
+        }
+        SettingsTask::Learned { save } => {
+            let learned = drive.learned()?;
+            if *save {
+                change(drive, &settings, &learned)
+            } else {
+                tell(&settings, &learned);
+                Ok(())
+            }
+        }
+        SettingsTask::Diff { file } => {
+            tell(&settings, &read(&settings, file)?);
+            Ok(())
+        }
+        SettingsTask::Model { file } => {
+            put_new(file, &model_file(&header(drive)?, 1.0 / drive.speed_hz()))?;
+            println!("{}", file.display());
+            Ok(())
+        }
+    }
+}
+
+fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
+    let asked = |setting: &Setting| {
+        let full = setting.to_string();
+        names.is_empty() || names.iter().any(|name| full.starts_with(name.as_str()))
+    };
+    let some: Vec<Setting> = Settings::all().filter(asked).collect();
+    ensure!(
+        !some.is_empty(),
+        "there is no setting whose name begins with {}: `settings get` prints all",
+        names.join(" or ")
+    );
+    let mut object = Map::new();
+    for setting in some {
+        let (Some(value), entry) = (settings.get(setting.id), setting.entry) else {
+            continue;
+        };
+        let shown = value.shown(setting);
+        if as_json {
+            object.insert(
+                setting.to_string(),
+                match value {
+                    Value::Real(x) => json!(x.get()),
+                    Value::Whole(x) => json!(x),
+                    Value::Choice(_) => json!(shown.to_string()),
+                },
+            );
+        } else {
+            let space = if entry.unit.is_empty() { "" } else { " " };
+            println!("{setting} = {shown}{space}{}", entry.unit);
+            println!("    {} ({} possible)", entry.doc, setting.possible());
+        }
+    }
+    if as_json {
+        println!("{:#}", serde_json::Value::Object(object));
+    }
+    Ok(())
+}
+
+/// Sets what differs, and says so.
+fn change(drive: &mut Drive, before: &Settings, after: &Settings) -> Result<()> {
+    drive.configure(after)?;
+    tell(before, after);
+    Ok(())
+}
+
+fn tell(before: &Settings, after: &Settings) {
+    let mut none = true;
+    for (setting, ours, theirs) in before.differences(after) {
+        none = false;
+        println!(
+            "{setting}: {} -> {}",
+            ours.shown(setting),
+            theirs.shown(setting)
+        );
+    }
+    if none {
+        println!("nothing differs");
+    }
+}
+
+fn read(settings: &Settings, file: &Path) -> Result<Settings> {
+    let text =
+        fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?;
+    of_toml(settings, &text).with_context(|| format!("{} is not taken", file.display()))
+}
+
+/// What the drive says of itself before a stream, of none.
+pub fn header(drive: &mut Drive) -> Result<Header> {
+    let request = Request {
+        divider: 0,
+        stream: 1,
+    };
+    drive.tell(Command::Record(request.word()))?;
+    let until = Instant::now() + Duration::from_secs(2);
+    while Instant::now() < until {
+        // Samples of an earlier stream may stand before it.
+        while let Some(frame) = drive.take_telemetry() {
+            if let Frame::Header(header) = frame
+                && header.request == request.word()
+            {
+                return Ok(header);
+            }
+        }
+        drive.listen(Duration::from_millis(50))?;
+    }
+    bail!(Lost("the drive does not say what it is set to".to_owned()))
+}

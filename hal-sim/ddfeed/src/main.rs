@@ -1,0 +1,55 @@
+//! The program `ddfeed`.
+#![forbid(unsafe_code)]
+
+mod completions;
+
+use clap::{CommandFactory, Parser, Subcommand};
+use ddfeed::{compensate, drive, identify, serve, simulate};
+use std::process::ExitCode;
+
+/// Drive software for a double-drive differential feed.
+#[derive(Parser)]
+#[command(name = "ddfeed", version)]
+struct Arguments {
+    #[command(subcommand)]
+    command: Task,
+}
+
+#[derive(Subcommand)]
+enum Task {
+    /// Run the drive on a simulated machine and report how smoothly the table moves.
+    Simulate(Box<simulate::Options>),
+    /// Compare a model with a recording, and find the effect that the model lacks.
+    Identify(identify::IdentifyOptions),
+    /// Simulate a drive behind its link, in real time. `drive --sim` commands it.
+    Serve(serve::ServeOptions),
+    /// Command a drive over its link: a simulated one, or one at a serial port or a debug probe.
+    Drive(drive::DriveOptions),
+    /// Turn a model's effects into settings that compensate them, and predict the ripple.
+    Compensate(compensate::CompensateOptions),
+    /// Record a drive over its link, into a folder that `identify` reads: the same as `drive ... record`.
+    Record(drive::RecordCommand),
+    /// Print a script that completes this command line in a shell.
+    Completions(completions::CompletionsOptions),
+}
+
+fn main() -> ExitCode {
+    // Ends quietly on a broken pipe: `ddfeed ... | head`.
+    sigpipe::reset();
+    let result = match Arguments::parse().command {
+        Task::Simulate(options) => simulate::run(&options),
+        Task::Identify(options) => identify::run(&options),
+        Task::Serve(options) => serve::run(&options),
+        Task::Drive(options) => drive::run(&options),
+        Task::Compensate(options) => compensate::run(&options),
+        Task::Record(options) => drive::run(&options.into()),
+        Task::Completions(options) => completions::run(&options, Arguments::command()),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            drive::exit_code(&error)
+        }
+    }
+}

@@ -1,0 +1,20 @@
+//! `ddfeed simulate`: the drive on a simulated machine.
+
+mod options;
+mod setup;
+mod study;
+
+pub use options::{MachineOptions, Options, Preset};
+pub use study::{PAPER_MEASURED, analytic_percent};
+
+use anyhow::Result;
+
+/// Runs what the options ask.
+pub fn run(options: &Options) -> Result<()> {
+    use options::Kind;
+    match &options.kind {
+        None => study::run(options),
+        Some(Kind::Sweep(sweep)) => study::sweep(sweep),
+        Some(Kind::Replay(replay)) => study::replay(replay),
+    }
+}

@@ -1,0 +1,129 @@
+//! What a person may ask of a simulation.
+
+use clap::{Args, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+/// Length of a record, s, where none is asked: as long as the bench's.
+pub const RECORD_S: f64 = 4.0;
+
+/// Without a subcommand: the paper's experiment, or the same at other speeds, loads, machines and sensors.
+#[derive(Args, Debug)]
+#[command(args_conflicts_with_subcommands = true)]
+pub struct Options {
+    /// Another kind of simulation.
+    #[command(subcommand)]
+    pub kind: Option<Kind>,
+    /// Table velocity, mm/s.
+    #[arg(long, default_value_t = 2.5, allow_negative_numbers = true)]
+    pub table_speed: f64,
+    /// Nut speeds, rpm; 0 is the single drive (CDFS).
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "0,300,500,800",
+        allow_negative_numbers = true
+    )]
+    pub nut_rpm: Vec<f64>,
+    /// Length of each record, s.
+    #[arg(long, default_value_t = RECORD_S, allow_negative_numbers = true)]
+    pub duration: f64,
+    /// Which machine, with which sensors.
+    #[command(flatten)]
+    pub machine: MachineOptions,
+    /// Folder for report.html, report.json, model.toml and recording.csv.gz.
+    #[arg(long, default_value = "out/simulate")]
+    pub out: PathBuf,
+}
+
+/// Other kinds of simulation.
+#[derive(Subcommand, Debug)]
+pub enum Kind {
+    /// Ripple over a grid of table and nut speeds: where the double drive beats the single drive and where not.
+    Sweep(SweepOptions),
+    /// Re-simulate a recording's profile with a model, and lay the ripple beside the recorded one.
+    Replay(ReplayOptions),
+}
+
+/// A sweep.
+#[derive(Args, Debug)]
+pub struct SweepOptions {
+    /// Table velocities, mm/s.
+    #[arg(long, value_delimiter = ',', default_value = "0.2,0.5,1,2.5,5,10,20")]
+    pub table_speed: Vec<f64>,
+    /// Nut speeds besides 0, rpm.
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "25,50,100,200,300,400,500,600,700,800,1000,1200"
+    )]
+    pub nut_rpm: Vec<f64>,
+    /// Length of each record, s.
+    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    pub duration: f64,
+    /// Beside it the same of a drive that compensates what the model says repeats.
+    #[arg(long)]
+    pub compensated: bool,
+    /// `coupled` unless said otherwise.
+    #[command(flatten)]
+    pub machine: MachineOptions,
+    /// Folder for sweep.html and sweep.json.
+    #[arg(long, default_value = "out/sweep")]
+    pub out: PathBuf,
+}
+
+/// A replay.
+#[derive(Args, Debug)]
+pub struct ReplayOptions {
+    /// The recording (.csv or .csv.gz) whose profile is driven.
+    #[arg(long)]
+    pub recording: PathBuf,
+    /// The machine to drive it on (model.toml).
+    #[arg(long)]
+    pub model: PathBuf,
+    /// Seed of all noise.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Folder for report.json.
+    #[arg(long, default_value = "out/replay")]
+    pub out: PathBuf,
+}
+
+/// Which machine, with which sensors.
+#[derive(Args, Debug, Clone)]
+pub struct MachineOptions {
+    /// A preset: the paper's own simplification, or the coupled machine. [default: paper; coupled for a sweep]
+    #[arg(long, value_enum, conflicts_with = "model")]
+    pub machine: Option<Preset>,
+    /// A machine of your own (model.toml), coupled.
+    #[arg(long)]
+    pub model: Option<PathBuf>,
+    /// Load at each motor, N m. [default: the machine's own, 1 N m on the paper's]
+    #[arg(long, allow_negative_numbers = true)]
+    pub load: Option<f64>,
+    /// What measures the machine.
+    #[arg(long, value_enum, default_value = "real")]
+    pub sensors: Sensing,
+    /// Seed of all noise.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+}
+
+/// A preset of the machine.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Preset {
+    /// Table 1, everything lumped into the inertia of each motor, the table the kinematic difference.
+    Paper,
+    /// Screw and nut coupled through lead, stiffness and the table's mass, with friction.
+    Coupled,
+}
+
+/// What measures the machine.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sensing {
+    /// So fine and fast that the sensors add nothing.
+    Ideal,
+    /// 20-bit encoders, 12-bit currents with half a count of noise, observer at 1000 rad/s.
+    Real,
+    /// What the model file declares.
+    Declared,
+}

@@ -1,0 +1,79 @@
+//! From what was asked to a drive's set-up; what cannot be is refused before anything is run.
+
+use super::options::{MachineOptions, Preset, RECORD_S, Sensing};
+use anyhow::{Context, Result};
+use hal_sim::experiment::Setup;
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::TAU;
+
+const _: () = assert!(RECORD_S == hal_sim::experiment::RECORD_S);
+
+impl MachineOptions {
+    /// The set-up, and the machine's name. `preset` is used where none is asked.
+    pub fn setup(&self, preset: Preset) -> Result<(Setup, String)> {
+        let (mut model, coupling, name) = match (&self.model, self.machine.unwrap_or(preset)) {
+            (Some(path), _) => (
+                Model::load(path)?,
+                Coupling::Coupled,
+                path.display().to_string(),
+            ),
+            (None, Preset::Paper) => (Model::paper(), Coupling::Lumped, "paper".to_owned()),
+            (None, Preset::Coupled) => (Model::coupled(), Coupling::Coupled, "coupled".to_owned()),
+        };
+        if let Some(load) = self.load {
+            finite("--load", "N m", load, -1e3, 1e3)?;
+            model.feed.load_n = load * TAU / model.feed.lead_m;
+        }
+        let mut setup = match self.sensors {
+            Sensing::Ideal => Setup::ideal(model, coupling),
+            Sensing::Real => Setup::real(model, coupling),
+            Sensing::Declared => Setup::declared(model, coupling),
+        };
+        setup.board.seed = self.seed;
+        Ok((setup, name))
+    }
+}
+
+/// Checks a table velocity in mm/s against what the feed allows, before anything is run.
+pub fn table_speed(value: f64, setup: &Setup) -> Result<f64> {
+    let limit = setup.plate().feed.velocity_max * 1e3;
+    finite("--table-speed", "mm/s", value, -limit, limit)?;
+    anyhow::ensure!(
+        value.abs() >= 1e-3,
+        "--table-speed is {value} mm/s, but ripple is measured against the table's velocity: give at least 0.001 mm/s"
+    );
+    Ok(value * 1e-3)
+}
+
+/// Checks a nut speed in rpm against the motor, before anything is run; mechanical rad/s.
+pub fn nut_speed(value: f64, velocity: f64, setup: &Setup) -> Result<f64> {
+    let plate = setup.plate();
+    let [screw, nut] = plate.motors.map(|motor| motor.speed_max_rpm);
+    finite("--nut-rpm", "rpm", value, -nut, nut)?;
+    let screw_rpm =
+        value + velocity / setup.model.feed.travel_per_radian() / hal_sim::experiment::RPM;
+    finite(
+        "the screw's speed, --nut-rpm plus the table's share,",
+        "rpm",
+        screw_rpm,
+        -screw,
+        screw,
+    )?;
+    Ok(value * hal_sim::experiment::RPM)
+}
+
+/// Checks a record's length.
+pub fn duration(value: f64) -> Result<f64> {
+    finite("--duration", "s", value, 0.01, 1000.0)?;
+    Ok(value)
+}
+
+fn finite(name: &str, unit: &str, value: f64, low: f64, high: f64) -> Result<()> {
+    Some(value)
+        .filter(|v| (low..=high).contains(v))
+        .map(drop)
+        .with_context(|| {
+            format!("{name} is {value} {unit}, but {low} to {high} {unit} is possible")
+        })
+}

@@ -1,0 +1,170 @@
+//! Ripple over a grid of table and nut speeds.
+
+use super::options::{Preset, SweepOptions};
+use super::run::{progress_bar, sensor_name};
+use super::sweep_html;
+use super::sweep_report::{Proposed, SweepReport};
+use crate::output::Folder;
+use crate::simulate::setup::{duration, nut_speed, table_speed};
+use anyhow::{Result, ensure};
+use control::plate::DrivePlate;
+use hal_sim::drive::Drive;
+use hal_sim::experiment::{
+    ExperimentError, OperatingPoint, Setup, driven, record_periods, settle_quietly,
+    table_velocities,
+};
+use hal_sim::parallel::on_all_cores;
+use hal_sim::smooth::known::Known;
+use hal_sim::vrf::vrf_percent;
+use link::host::settings::some_to_toml;
+use link::settings::{Setting, Settings};
+
+/// Runs the sweep and writes its report.
+pub fn run(options: &SweepOptions) -> Result<()> {
+    let (setup, machine) = options.machine.setup(Preset::Coupled)?;
+    let seconds = duration(options.duration)?;
+    ensure!(
+        !options.table_speed.is_empty(),
+        "--table-speed is empty: give at least one table velocity, such as 2.5"
+    );
+    let mut nut_rpm = vec![0.0];
+    nut_rpm.extend(options.nut_rpm.iter().copied().filter(|rpm| *rpm != 0.0));
+    let mut grid = Vec::new();
+    for &speed in &options.table_speed {
+        let velocity = table_speed(speed, &setup)?;
+        for &rpm in &nut_rpm {
+            grid.push(OperatingPoint {
+                velocity,
+                base: nut_speed(rpm, velocity, &setup)?,
+            });
+        }
+    }
+    let folder = Folder::open(&options.out)?;
+
+    let runs = grid.len() * if options.compensated { 2 } else { 1 };
+    let progress = progress_bar(runs);
+    let measure = |plate: &DrivePlate| -> Result<Vec<Vec<Option<f64>>>> {
+        let vrf = on_all_cores(&grid, |&point| {
+            let vrf = ripple(&setup, plate, point, seconds);
+            progress.inc(1);
+            vrf
+        });
+        let vrf = vrf.into_iter().collect::<Result<Vec<_>, _>>()?;
+        Ok(vrf.chunks(nut_rpm.len()).map(<[_]>::to_vec).collect())
+    };
+    let plate = setup.plate();
+    let vrf_percent = measure(&plate)?;
+    let compensated_percent = if options.compensated {
+        let feed = &setup.model.feed;
+        let known = Known::of(&setup.model, feed.load_n * feed.travel_per_radian());
+        Some(measure(&DrivePlate {
+            compensation: known.compensation,
+            friction: known.friction,
+            ..plate
+        })?)
+    } else {
+        None
+    };
+    progress.finish_and_clear();
+
+    let report = SweepReport {
+        machine,
+        sensors: sensor_name(options.machine.sensors).to_owned(),
+        table_mm_s: options.table_speed.clone(),
+        vrf_percent,
+        compensated_percent,
+        nut_rpm,
+        proposed: Vec::new(),
+    }
+    .with_proposals();
+    folder.put_text("sweep.json", &serde_json::to_string_pretty(&report)?)?;
+    folder.put_text("sweep.html", &sweep_html::page(&report))?;
+    print(&report);
+    if let Some(compensated) = report.compensated() {
+        println!("\nThe same with what the model says repeats compensated:\n");
+        print(&compensated);
+    }
+    print_proposed(&report);
+    let (base, left_out) = report.base_table();
+    let of_base = |setting: &Setting| setting.group == "base";
+    let settings = Settings::of_plate(&DrivePlate { base, ..plate }, 0.0);
+    folder.put_text("base.toml", &some_to_toml(&settings, of_base))?;
+    println!(
+        "\n`ddfeed drive settings import {}` makes them the drive's own, for commands that give none.",
+        folder.path("base.toml").display()
+    );
+    if left_out > 0 {
+        println!("The fastest {left_out} found no room in the drive's table.");
+    }
+    println!("\nThe picture is {}.", folder.path("sweep.html").display());
+    Ok(())
+}
+
+/// Ripple of a drive with this plate at a point, %; none if it does not reach it, or does not stay there.
+fn ripple(
+    setup: &Setup,
+    plate: &DrivePlate,
+    point: OperatingPoint,
+    seconds: f64,
+) -> Result<Option<f64>, ExperimentError> {
+    let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, plate)?;
+    match settle_quietly(&mut drive, point) {
+        Ok(()) => {}
+        Err(ExperimentError::NotSteady { .. }) => return Ok(None),
+        Err(error) => return Err(error),
+    }
+    let periods = record_periods(&setup.board);
+    match table_velocities(&mut drive, seconds, periods, |drive| driven(drive, point)) {
+        Ok(velocities) => Ok(Some(vrf_percent(&velocities, point.velocity))),
+        Err(ExperimentError::Faulted { .. }) => Ok(None),
+        Err(error) => Err(error),
+    }
+}
+
+fn print(report: &SweepReport) {
+    println!(
+        "Velocity ripple factor (Eq 19), %, on the {} machine with {} sensors; * marks where DDFS beats CDFS\n",
+        report.machine, report.sensors
+    );
+    print!("{:>12}", "mm/s \\ rpm");
+    report.nut_rpm.iter().for_each(|rpm| print!("{rpm:>9.0}"));
+    println!();
+    for (speed, row) in report.table_mm_s.iter().zip(&report.vrf_percent) {
+        print!("{speed:>12}");
+        let single = row.first().copied().flatten();
+        for (k, vrf) in row.iter().enumerate() {
+            let mark = if k > 0
+                && vrf
+                    .zip(single)
+                    .is_some_and(|(double, single)| double < single)
+            {
+                "*"
+            } else {
+                " "
+            };
+            match vrf {
+                Some(vrf) => print!("{vrf:>8.2}{mark}"),
+                None => print!("{:>9}", "-"),
+            }
+        }
+        println!();
+    }
+}
+
+/// The smoothest base speeds.
+fn print_proposed(report: &SweepReport) {
+    let how = if report.compensated_percent.is_some() {
+        "compensated"
+    } else {
+        "without compensation"
+    };
+    println!("\nSmoothest nut speed for each table velocity, {how}; 0 is the single drive (CDFS):");
+    for Proposed {
+        table_mm_s,
+        nut_rpm,
+        vrf_percent,
+    } in &report.proposed
+    {
+        println!("{table_mm_s:>12} mm/s {nut_rpm:>9.0} rpm {vrf_percent:>8.2} %");
+    }
+}

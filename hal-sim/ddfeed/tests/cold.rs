@@ -1,0 +1,161 @@
+//! From cold to a recording that `identify` explains, by commands alone: a machine of which the drive knows a rough datasheet, and
+//! nobody an effect.
+
+use plant::model::Model;
+use std::fs;
+use std::io::{BufRead, BufReader};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+
+fn ddfeed() -> Command {
+    Command::new(env!("CARGO_BIN_EXE_ddfeed"))
+}
+
+/// Ends with the test.
+struct Served(Child);
+
+impl Drop for Served {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Runs it, expects success, and gives what was printed.
+#[track_caller]
+fn printed(command: &mut Command) -> String {
+    let output = command.output().unwrap();
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{command:?}: {said}");
+    String::from_utf8(output.stdout).unwrap()
+}
+
+/// The machine: the coupled one, whose friction holds its load, with a screw that cogs.
+fn machine() -> String {
+    let mut model = Model::coupled();
+    model.feed.load_n = 40.0;
+    for motor in [&mut model.screw, &mut model.nut] {
+        motor.torque_harmonics.clear();
+    }
+    model.to_toml()
+        + "\n[[effects]]\nkind = \"cogging\"\nwhere = \"screw\"\norder = 36\namplitude = 0.03\nphase = 0.4\n"
+}
+
+/// What is known of it: resistance and inductance to a fifth, the voltage constant to a tenth, inertia to a half. The heartbeat
+/// allows for a computer that is busy: the drive's time goes faster than the host's.
+const ROUGH: &str = "[screw]\nresistance_phase_ohm = 2.0\ninductance_phase_mh = 5.0\n\
+    voltage_constant_v_rms_per_krpm = 52.0\ninertia_kg_cm2 = 10.0\nencoder_direction = \"unknown\"\n\
+    [nut]\nresistance_phase_ohm = 1.4\ninductance_phase_mh = 7.0\n\
+    voltage_constant_v_rms_per_krpm = 63.0\ninertia_kg_cm2 = 5.0\n\
+    [command]\nheartbeat_ms = 5000\n";
+
+#[test]
+fn from_cold_to_the_effect_that_nobody_knew() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    fs::write(path("real.toml"), machine()).unwrap();
+    fs::write(path("rough.toml"), ROUGH).unwrap();
+    let mut child = ddfeed()
+        .args([
+            "serve",
+            "--cold",
+            "--speed",
+            "4",
+            "--listen",
+            "127.0.0.1:0",
+            "--model",
+        ])
+        .arg(path("real.toml"))
+        .arg("--settings")
+        .arg(path("rough.toml"))
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
+    let served = Served(child);
+    let first = lines.next().unwrap().unwrap();
+    let (_, rest) = first.split_once("--sim ").unwrap();
+    let address = rest.split_whitespace().next().unwrap().to_owned();
+    let drive = |arguments: &[&str], out: &Path| {
+        let mut command = ddfeed();
+        command.args(["drive", "--sim", &address]).args(arguments);
+        command.arg(out);
+        printed(&mut command)
+    };
+
+    let report = drive(&["commission", "--arm", "--out"], &path("found"));
+    for step in ["start", "electrical", "mechanical", "tuning", "angle"] {
+        assert!(
+            report.contains(&format!("## {step}")),
+            "no step {step}: {report}"
+        );
+    }
+    let found = Model::load(&path("found").join("model.toml")).unwrap();
+    let real = Model::load(&path("real.toml")).unwrap();
+    for (name, measured, truth) in [
+        (
+            "screw's resistance",
+            found.screw.resistance_ohm,
+            real.screw.resistance_ohm,
+        ),
+        (
+            "nut's inductance",
+            found.nut.inductance_h,
+            real.nut.inductance_h,
+        ),
+        ("screw's flux", found.screw.flux_wb, real.screw.flux_wb),
+        (
+            "screw's inertia",
+            found.screw.inertia_kg_m2,
+            real.screw.inertia_kg_m2,
+        ),
+        (
+            "nut's inertia",
+            found.nut.inertia_kg_m2,
+            real.nut.inertia_kg_m2,
+        ),
+    ] {
+        let off = 100.0 * (measured / truth - 1.0);
+        assert!(
+            off.abs() < 5.0,
+            "{name}: measured {measured:e}, true {truth:e}, {off:.1} % off"
+        );
+    }
+
+    let holds = [
+        "--hold",
+        "2.5,0,2",
+        "--hold=-2.5,0,2",
+        "--hold",
+        "2.5,300,2",
+        "--hold=-5,300,2",
+        "--hold",
+        "8,600,2",
+    ];
+    drive(
+        &[&["record", "--arm", "--name", "fit"], &holds[..]].concat(),
+        &path("rec"),
+    );
+    let holds = ["--hold", "3.5,0,2", "--hold=-2,200,2", "--hold", "6,450,2"];
+    drive(
+        &[&["record", "--arm", "--name", "check"], &holds[..]].concat(),
+        &path("rec"),
+    );
+    drop(served);
+
+    let said = printed(
+        ddfeed()
+            .args(["identify", "--model"])
+            .arg(path("found").join("model.toml"))
+            .arg("--fit")
+            .arg(path("rec").join("fit.csv.gz"))
+            .arg("--check")
+            .arg(path("rec").join("check.csv.gz"))
+            .arg("--out")
+            .arg(path("out")),
+    );
+    let line = said
+        .lines()
+        .find(|line| line.starts_with("cogging at screw"));
+    assert!(line.is_some_and(|line| line.contains("order 36")), "{said}");
+}

@@ -1,0 +1,109 @@
+//! Motors alone: drawn machines with and without effects, told from currents and voltages.
+
+use crate::draw::{self, Machine};
+use identify::analysis::Outcome;
+use identify::machines::pmsm;
+use plant::Axis;
+use plant::effects::EffectModel;
+use plant::machine::Machine as Plant;
+use serde_json::{Value, json};
+
+/// Kinds that a motor alone can have.
+const KINDS: [&str; 11] = [
+    "current_offset",
+    "current_gain",
+    "dead_time",
+    "resistance_drift",
+    "flux_drift",
+    "torque_harmonic",
+    "flux_harmonic",
+    "cogging",
+    "angle_periodic",
+    "time_periodic",
+    "encoder_eccentricity",
+];
+/// Values may be off by this share.
+const TOLERANCE: f64 = 0.15;
+
+/// What is said of a drawn motor.
+pub(super) fn told(machine: &Machine) -> Outcome {
+    let own = |record: &plant::recording::Recording| record.axis(Axis::Nut).clone();
+    let (fit, check) = (own(&machine.fit), own(&machine.check));
+    pmsm::identify(
+        &machine.declared.nut,
+        &machine.declared.sensing,
+        &fit,
+        &check,
+    )
+}
+
+fn value(effect: &EffectModel, name: &str) -> Option<f64> {
+    let parameters = effect.effect().parameters();
+    parameters
+        .into_iter()
+        .find(|(known, _)| known == name)
+        .map(|(_, value)| value)
+}
+
+/// Whether what was found is what is there.
+fn right(truth: &[EffectModel], outcome: &Outcome) -> bool {
+    let same = |a: &EffectModel, b: &EffectModel| {
+        a.effect().kind() == b.effect().kind()
+            && a.effect()
+                .parameters()
+                .iter()
+                .all(|(name, x)| match name.as_str() {
+                    "phase" | "duration_s" => true,
+                    "order" | "hz" => value(b, name).is_some_and(|y| (x - y).abs() <= 0.02 * x),
+                    _ => value(b, name).is_some_and(|y| (x - y).abs() <= TOLERANCE * x.abs()),
+                })
+    };
+    truth.len() == outcome.effects.len()
+        && truth
+            .iter()
+            .all(|t| outcome.effects.iter().any(|f| same(t, &f.effect)))
+}
+
+/// Drawn motors with one or two effects: machines, and those told right; then clean ones, and those on which something is
+/// named.
+pub(super) fn drawn(machines: u64, clean: u64) -> Value {
+    let mut count = 0;
+    for seed in 0..machines {
+        let first = (seed as usize) % KINDS.len();
+        let second = (first + 1 + (seed as usize / KINDS.len()) % (KINDS.len() - 1)) % KINDS.len();
+        let kinds = match seed % 3 {
+            2 => vec![KINDS[first], KINDS[second]],
+            _ => vec![KINDS[first]],
+        };
+        let machine = draw::alone(40_000 + seed, &kinds, &|_: &mut Plant| ());
+        let outcome = told(&machine);
+        let is_right = right(&machine.effects, &outcome);
+        count += u64::from(is_right);
+        if !is_right {
+            eprintln!("pmsm {seed}: has {:?}", machine.effects);
+            for found in &outcome.effects {
+                eprintln!(
+                    "    found {:?} fall {:.0} check {:.0}",
+                    found.effect, found.fall, found.check_fall
+                );
+            }
+        }
+        eprintln!(
+            "pmsm {seed} {kinds:?} right {is_right}: {}",
+            outcome.verdict()
+        );
+    }
+    let alarms = (0..clean)
+        .filter(|seed| {
+            let outcome = told(&draw::alone(50_000 + seed, &[], &|_: &mut Plant| ()));
+            eprintln!("clean pmsm {seed}: {}", outcome.judged().sentence);
+            !outcome.effects.is_empty()
+        })
+        .count();
+    json!({
+        "machines": machines,
+        "right_percent": 100.0 * count as f64 / machines.max(1) as f64,
+        "clean": clean,
+        "false_alarms": alarms,
+    })
+}

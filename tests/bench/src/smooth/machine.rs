@@ -1,0 +1,178 @@
+//! The machine that smoothness is measured on: the paper's, with the defects of real drives.
+
+use control::compensation::TORQUES;
+use control::plate::{CompensationPlate, OrderPlate};
+use hal_sim::board::BoardConfig;
+use hal_sim::experiment::Setup;
+use hal_sim::plates::PAPER_TUNING;
+use hal_sim::sensors::Sensors;
+use plant::Axis;
+use plant::effects::{
+    AnyEffect, Cogging, CurrentGain, CurrentOffset, DeadTime, EffectModel, EncoderEccentricity,
+    LeadError, Place,
+};
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::f64::consts::{PI, TAU};
+
+/// Which machine.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Machine {
+    /// As the paper has it: all inertia in the motors, no friction.
+    Lumped,
+    /// With friction, an elastic screw and a table of 503 Hz on it.
+    Coupled,
+}
+
+/// Rated torque of the paper's motors, N m.
+const RATED_NM: f64 = 1.3;
+
+/// Errors of the current sensors: offsets A, gains; and of the phase voltage, V: 0.5 us of dead time on 310 V.
+const OFFSETS_A: [f64; 2] = [0.010, -0.006];
+const GAIN: f64 = 0.01;
+const DEAD_V: f64 = 3.1;
+/// An encoder's eccentricity, rad.
+const ECCENTRICITY: f64 = 20.0 / 3600.0 * PI / 180.0;
+/// Wobble of the lead, m per relative turn.
+const WOBBLE_M: f64 = 6e-6;
+/// Cogging, repetitions a turn.
+const SLOTS: f64 = 36.0;
+
+impl Machine {
+    /// All.
+    pub const ALL: [Self; 2] = [Self::Lumped, Self::Coupled];
+
+    /// As a report calls it.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Lumped => "lumped",
+            Self::Coupled => "coupled",
+        }
+    }
+
+    /// Its model, with 1 N m of load at each motor.
+    #[must_use]
+    pub fn model(self) -> Model {
+        let mut model = match self {
+            Self::Lumped => Model::paper(),
+            Self::Coupled => Model::coupled(),
+        };
+        model.feed.load_n = TAU / model.feed.lead_m;
+        let motors: [AnyEffect; 5] = [
+            CurrentOffset {
+                off_a: OFFSETS_A[0],
+                off_b: OFFSETS_A[1],
+            }
+            .into(),
+            CurrentGain {
+                gain_a: GAIN,
+                gain_b: 0.0,
+            }
+            .into(),
+            DeadTime { value: DEAD_V }.into(),
+            EncoderEccentricity {
+                order: 1.0,
+                amplitude: ECCENTRICITY,
+                phase: 0.0,
+            }
+            .into(),
+            Cogging {
+                order: SLOTS,
+                amplitude: 0.003 * RATED_NM,
+                phase: 0.0,
+            }
+            .into(),
+        ];
+        let lead = LeadError {
+            order: 1.0,
+            amplitude: WOBBLE_M,
+            phase: 0.0,
+        };
+        model.effects = motors
+            .into_iter()
+            .filter_map(|effect| EffectModel::new(Place::Both, effect))
+            .chain(EffectModel::new(Place::Feed, lead))
+            .collect();
+        model
+    }
+
+    /// How screw and nut meet.
+    #[must_use]
+    pub fn coupling(self) -> Coupling {
+        match self {
+            Self::Lumped => Coupling::Lumped,
+            Self::Coupled => Coupling::Coupled,
+        }
+    }
+}
+
+/// The machine on a drive with 20-bit encoders, a 12-bit ADC of 5 A with half a count of noise, and a table scale of 20 nm a
+/// count with 10 nm of noise.
+#[must_use]
+pub fn setup(machine: Machine, seed: u64) -> Setup {
+    let sensors = Sensors {
+        scale_count_m: 20e-9,
+        scale_noise_m: 10e-9,
+        ..Sensors::real()
+    };
+    let mut model = machine.model();
+    model.sensing = sensors.described(model.sensing);
+    Setup {
+        model,
+        coupling: machine.coupling(),
+        board: BoardConfig {
+            sensors,
+            seed,
+            ..BoardConfig::default()
+        },
+        tuning: PAPER_TUNING,
+    }
+}
+
+/// Orders of a motor's torque, a mechanical turn.
+#[must_use]
+pub fn torque_orders(pole_pairs: u32) -> [f64; 5] {
+    let p = f64::from(pole_pairs);
+    [p, 2.0 * p, 6.0 * p, 12.0 * p, SLOTS]
+}
+
+/// The orders of such a machine, of which nothing is known yet: once and twice an electrical turn (offset and gain of current
+/// sensors), six and twelve times (current and flux harmonics, dead time), its slots; once a turn of each encoder and of the
+/// lead, if there is a scale.
+#[must_use]
+pub fn orders(setup: &Setup, learning_s: f64, scale: bool) -> CompensationPlate {
+    let torque = |pole_pairs: u32| {
+        let mut plates = [OrderPlate::NONE; TORQUES];
+        for (plate, order) in plates.iter_mut().zip(torque_orders(pole_pairs)) {
+            *plate = OrderPlate::unknown(order);
+        }
+        plates
+    };
+    let once = if scale { [1.0, 0.0] } else { [0.0; 2] }.map(OrderPlate::unknown);
+    CompensationPlate {
+        torque: [
+            torque(setup.model.screw.pole_pairs),
+            torque(setup.model.nut.pole_pairs),
+        ],
+        angle: [once; 2],
+        travel: once,
+        learning_s,
+        scale_count_m: if scale {
+            setup.board.sensors.scale_count_m
+        } else {
+            0.0
+        },
+    }
+}
+
+/// The coupled machine with nothing that ripples.
+pub(super) fn still(seed: u64) -> Setup {
+    let mut setup = setup(Machine::Coupled, seed);
+    let model = &mut setup.model;
+    model.effects.clear();
+    for axis in Axis::ALL {
+        model.motor_mut(axis).torque_harmonics.clear();
+    }
+    setup
+}

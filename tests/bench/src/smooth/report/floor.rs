@@ -1,0 +1,62 @@
+//! What sets the ripple that is left, by machine and mode.
+
+use super::mode;
+use crate::smooth::Machine;
+use crate::smooth::floor::{Without, floor};
+use anyhow::Result;
+use hal_sim::parallel::on_all_cores;
+use hal_sim::smooth::Smoothness;
+use serde_json::{Value, json};
+
+/// Where it is looked at: machine, and nut speed, rpm.
+const POINTS: [(Machine, f64); 2] = [(Machine::Lumped, 0.0), (Machine::Lumped, 800.0)];
+
+/// Ripple with one thing switched off, at each point.
+pub(super) type Floor = Vec<(Without, Vec<Smoothness>)>;
+
+/// All, on all cores.
+pub(super) fn measure() -> Result<Floor> {
+    let runs: Vec<_> = Without::ALL
+        .into_iter()
+        .flat_map(|without| POINTS.map(|point| (without, point)))
+        .collect();
+    let left = on_all_cores(&runs, |&(without, (machine, nut_rpm))| {
+        floor(machine, nut_rpm, without)
+    });
+    let left = left.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let of_each = left.chunks(POINTS.len()).map(<[_]>::to_vec);
+    Ok(Without::ALL.into_iter().zip(of_each).collect())
+}
+
+pub(super) fn json(floor: &Floor) -> Value {
+    let of = |without: Without, left: &[Smoothness]| -> Vec<Value> {
+        let points = POINTS.iter().zip(left);
+        points
+            .map(|((machine, nut_rpm), left)| {
+                json!({
+                    "without": without.name(),
+                    "machine": machine.name(),
+                    "nut_rpm": nut_rpm,
+                    "vrf": left.vrf,
+                })
+            })
+            .collect()
+    };
+    let all = floor.iter().flat_map(|(without, left)| of(*without, left));
+    all.collect()
+}
+
+pub(super) fn print(floor: &Floor) {
+    let points = POINTS.map(|(machine, rpm)| format!("{}, {}", machine.name(), mode(rpm)));
+    println!(
+        "\nWhat sets the floor at 2.5 mm/s: ours without one thing, %; {}",
+        points.join("; ")
+    );
+    for (without, left) in floor {
+        let left: Vec<String> = left
+            .iter()
+            .map(|left| format!("{:>7.2}", left.vrf))
+            .collect();
+        println!("  {:<60} {}", without.name(), left.join(" "));
+    }
+}

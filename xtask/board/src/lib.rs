@@ -1,0 +1,4 @@
+//! What a bring-up's readings mean.
+#![forbid(unsafe_code)]
+
+pub mod bringup;

@@ -1,0 +1,52 @@
+//! `cargo xtask bringup | flash | run | attach`: a board at a debug probe. `cargo xtask` builds and starts this program.
+#![forbid(unsafe_code)]
+
+mod ask;
+mod flash;
+mod session;
+
+use anyhow::Result;
+use clap::Parser;
+use ddfeed::probe::{Image, attach, find};
+use session::Session;
+use std::process::ExitCode;
+
+/// A board at a debug probe.
+#[derive(Parser)]
+#[command(name = "cargo xtask", bin_name = "cargo xtask")]
+struct Arguments {
+    #[command(subcommand)]
+    session: Session,
+}
+
+fn run(session: Session) -> Result<()> {
+    session.check()?;
+    // First, so that a missing probe is said at once and not after a build.
+    let probe = find(session.which())?;
+    let elf = xtask::firmware::build()?;
+    let image = Image::read(&elf)?;
+    match session {
+        Session::Flash(_) => flash::flash(probe, &elf),
+        Session::Run(_) => {
+            flash::flash(probe.clone(), &elf)?;
+            flash::follow(probe, &image)
+        }
+        Session::Attach(_) => attach::attach(probe, image.drive()?),
+        Session::Bringup(options) => {
+            flash::flash(probe.clone(), &elf)?;
+            ask::bringup(probe, &image, &options)
+        }
+    }
+}
+
+fn main() -> ExitCode {
+    // Ends quietly on a broken pipe.
+    sigpipe::reset();
+    match run(Arguments::parse().session) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}

@@ -1,0 +1,85 @@
+//! What a session with a board can be asked.
+
+use anyhow::{Result, ensure};
+use clap::{Args, Subcommand};
+use ddfeed::session::Which;
+use std::path::PathBuf;
+
+/// A command that needs a debug probe.
+#[derive(Clone, Debug, PartialEq, Subcommand)]
+pub enum Session {
+    /// With no voltage on the bus: flash, let the firmware ask the board itself, and say what it found.
+    Bringup(BringupOptions),
+    /// Build the firmware and write it to the chip's flash.
+    Flash(Which),
+    /// Flash, start, and print the firmware's log.
+    Run(Which),
+    /// Show the debug structure of a running drive, without halting it.
+    Attach(Which),
+}
+
+/// What `bringup` can be asked.
+#[derive(Args, Clone, Debug, PartialEq)]
+pub struct BringupOptions {
+    /// The probe.
+    #[command(flatten)]
+    pub which: Which,
+    /// Listen to the encoders for so long, s, while a person turns both shafts by hand.
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(f64))]
+    pub turn: Option<f64>,
+    /// Where the page goes: `bringup.html`, and `bringup.json`.
+    #[arg(long, default_value = "out/bringup")]
+    pub out: PathBuf,
+    /// Print JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl Session {
+    /// The probe.
+    pub fn which(&self) -> &Which {
+        match self {
+            Self::Flash(which) | Self::Run(which) | Self::Attach(which) => which,
+            Self::Bringup(options) => &options.which,
+        }
+    }
+
+    /// Refuses arguments before a probe is looked for.
+    pub fn check(&self) -> Result<()> {
+        if let Self::Bringup(options) = self
+            && let Some(seconds) = options.turn
+        {
+            ensure!(
+                (0.1..=600.0).contains(&seconds),
+                "--turn is {seconds} s, but 0.1 to 600 s are possible"
+            );
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(subcommand)]
+        session: Session,
+    }
+
+    #[test]
+    fn what_cannot_be_done_is_said_before_a_probe_is_looked_for() {
+        for (line, expected) in [
+            ("xtask bringup --turn 0", "0.1 to 600"),
+            ("xtask bringup --turn nan", "0.1 to 600"),
+        ] {
+            let error = match Line::try_parse_from(line.split(' ')) {
+                Ok(line) => line.session.check().unwrap_err().to_string(),
+                Err(error) => error.to_string(),
+            };
+            assert!(error.contains(expected), "{line}: {error}");
+        }
+    }
+}
