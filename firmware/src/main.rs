@@ -30,6 +30,7 @@ mod app {
     use crate::config::BOARD;
     use crate::debug_view::DRIVE_VIEW;
     use crate::hw::flash::SettingsPages;
+    use crate::hw::gate_drivers::GateDrivers;
     use crate::hw::motor_io::Registers;
     use crate::hw::watchdog::{Watchdog, reset_reason};
     use crate::hw::{
@@ -97,6 +98,10 @@ mod app {
         let reason = reset_reason(&mut rcc);
         DRIVE_VIEW.reset_reason.store(reason.word(), Relaxed);
         defmt::info!("started after a reset by {=str}", reason.name());
+        defmt::info!(
+            "silicon revision {=u16:#06x}",
+            clock::revision(&device.DBGMCU)
+        );
         clock::report_option_bytes(&device.FLASH);
         // SAFETY: once, and no task has a state yet. Before wrong bits in the flash break the timers.
         let keeper = unsafe { config::take_up(cx.local.keeper) };
@@ -172,7 +177,8 @@ mod app {
         Mono::start(core.SYST, clock::CORE_HZ);
         supervise::spawn().expect("spawned once");
 
-        let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs);
+        let drivers = GateDrivers::new(pins.outputs.drivers, pins.fault_lines);
+        let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs, drivers);
         let journal = journal::take_up(reason, keeper.found());
         if let Some(warning) = Warning::of(&start.plate.brake) {
             defmt::warn!("{=str}", warning.sentence());

@@ -3,8 +3,9 @@
 
 use crate::board;
 use crate::config::{PLATE, configured};
-use crate::debug_view::{DRIVE_VIEW, count};
+use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
 use crate::hw::analog;
+use crate::hw::gate_drivers::GateDrivers;
 use crate::hw::inputs::Inputs;
 use crate::hw::watchdog::Watchdog;
 use crate::motor_view;
@@ -14,6 +15,7 @@ use control::fault::{self, Fault, FaultSet};
 use control::guard::{Guard, Look};
 use control::interlock;
 use control::journal::{Journal, Recorder};
+use control::power_stage;
 use control::supervisor::State;
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
@@ -26,16 +28,21 @@ pub(crate) struct Supervision {
     watchdog: Watchdog<3>,
     guard: Guard,
     inputs: Inputs,
+    gate_drivers: GateDrivers,
+    /// Looks in a row with a stage that is unpowered.
+    unpowered: u32,
     /// What the log was last told of.
     logged: Option<Fault>,
     recorder: Recorder,
 }
 
 impl Supervision {
-    pub(crate) fn new(watchdog: Watchdog<3>, inputs: Inputs) -> Self {
+    pub(crate) fn new(watchdog: Watchdog<3>, inputs: Inputs, gate_drivers: GateDrivers) -> Self {
         Self {
             watchdog,
             inputs,
+            gate_drivers,
+            unpowered: 0,
             guard: Guard::new(),
             logged: None,
             recorder: Recorder::new(),
@@ -77,6 +84,26 @@ impl Supervision {
         }
     }
 
+    /// A stage that sleeps or has no supply in two looks, unless the drive itself has put it to sleep.
+    fn unpowered(&mut self, asleep: [bool; 2]) -> Option<Fault> {
+        /// Least bus of a stage that works, ADC counts.
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        const BUS_LEAST: u16 = (PLATE.board.bus_min_v / PLATE.board.bus_volts_per_count) as u16;
+        let mut stages = analog::stages();
+        for (stage, asleep) in stages.iter_mut().zip(asleep) {
+            if asleep {
+                stage.current = [u16::MAX; 3];
+            }
+        }
+        let found = power_stage::unpowered(&stages, BUS_LEAST);
+        self.unpowered = if found.is_some() {
+            self.unpowered.saturating_add(1)
+        } else {
+            0
+        };
+        found.filter(|_| self.unpowered > 1)
+    }
+
     /// What was found, in this look or by the orders.
     fn look(
         &mut self,
@@ -90,6 +117,9 @@ impl Supervision {
         let words = [&view.state, &view.fault].map(|word| word.load(Relaxed));
         // The speed task may come between the two; a fault of no word is one all the same.
         let state = State::of_words(words[0], words[1]).unwrap_or_default();
+        let [_, reset] = DRIVE_COMMAND.run_or_reset();
+        let asleep = self.gate_drivers.step(state.fault().is_some(), reset);
+        let unpowered = self.unpowered(asleep);
         let look = Look {
             running: motor_view::closed().map(|closed| closed || state.has_bridges_on()),
             driven: state.is_driven(),
@@ -113,7 +143,10 @@ impl Supervision {
             transition_error: flags.map(|flags| flags.transition_error),
         };
         let found = self.guard.step(&configured().guard, &look).or(found);
-        FOUND.store(fault::word(found), Relaxed);
+        let found = unpowered.or(found);
+        // A reset waits until the drivers are awake.
+        let held = state.fault().filter(|_| asleep.contains(&true));
+        FOUND.store(fault::word(found.or(held)), Relaxed);
         // Periods of the supervision's millisecond.
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         const PERIODS: u32 = (PLATE.board.pwm_hz * 1e-3 + 0.5) as u32;

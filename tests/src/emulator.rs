@@ -6,6 +6,7 @@ mod profile;
 
 pub use profile::{Cost, Profile};
 
+use crate::chip::system::Checked;
 use crate::chip::wiring::Wiring;
 use crate::chip::{Chip, Reset, adc, flash};
 use crate::image::Image;
@@ -23,6 +24,8 @@ const CCM: (u64, u64) = (0x1000_0000, 0x8000);
 /// What the maker wrote of the chip, and where in it what ADC4 read of its internal reference at 3.0 V is (`stm32g4xx-hal`, `signature.rs`).
 const SYSTEM_MEMORY: (u64, u64) = (0x1FFF_7000, 0x1000);
 const VREFINT_CAL: u64 = 0x1FFF_75AA;
+/// And how many KB of flash it has (RM0440 48.2, flash size data register).
+const FLASH_SIZE: u64 = 0x1FFF_75E0;
 const BIT_BAND: u64 = 0x4200_0000;
 /// Peripheral regions: start and size.
 const PERIPHERALS: [(u64, u64); 5] = [
@@ -32,6 +35,8 @@ const PERIPHERALS: [(u64, u64); 5] = [
     (0x5000_0000, 0x2000),
     (0xE000_0000, 0x10_0000),
 ];
+/// What parity guards (RM0440 2.4.1; ST's HAL, `OB_SRAM_PARITY_ENABLE`): the first 32 KB of SRAM1, and CCM SRAM.
+const PARITY: [(u64, u64); 2] = [(RAM.0, 0x8000), CCM];
 /// What unused RAM holds at the start, to see how deep the stack went.
 const PAINT: u8 = 0xCD;
 
@@ -44,6 +49,37 @@ enum Stop {
     ExceptionReturn,
     /// The core has written to memory that the protection unit closes.
     Fault,
+}
+
+/// What of the memory that parity guards was written.
+struct Written([Vec<bool>; 2]);
+
+impl Default for Written {
+    fn default() -> Self {
+        Self(PARITY.map(|(_, size)| vec![false; size as usize]))
+    }
+}
+
+impl Written {
+    /// Places of bytes in their memory; others are not guarded.
+    fn places(address: u64, size: usize) -> impl Iterator<Item = (usize, usize)> {
+        (address..address + size as u64).filter_map(|at| {
+            PARITY.iter().enumerate().find_map(|(k, (start, bytes))| {
+                let place = at.checked_sub(*start).filter(|place| place < bytes)?;
+                Some((k, place as usize))
+            })
+        })
+    }
+
+    fn write(&mut self, address: u64, size: usize) {
+        for (memory, place) in Self::places(address, size) {
+            self.0[memory][place] = true;
+        }
+    }
+
+    fn has(&self, address: u64, size: usize) -> bool {
+        Self::places(address, size).all(|(memory, place)| self.0[memory][place])
+    }
 }
 
 /// A run of instructions that is entered at its top only.
@@ -64,9 +100,18 @@ struct Inside {
     limit: u64,
     stop: Option<Stop>,
     profile: Profile,
+    /// What was written since the power came, of the memory that parity guards; `None`: nobody looks.
+    written: Option<Written>,
 }
 
 impl Inside {
+    /// `size` bytes at `address` are written.
+    fn write(&mut self, address: u64, size: usize) {
+        if let Some(written) = &mut self.written {
+            written.write(address, size);
+        }
+    }
+
     /// The block under way has run and went on to `next`, if that is known: its time passes.
     fn settle(&mut self, next: Option<u32>) {
         let Some((address, block)) = self.current.take() else {
@@ -94,6 +139,7 @@ fn write_memory(unicorn: &mut Unicorn<'_, Inside>) -> Result<(), String> {
         unicorn
             .mem_write(u64::from(address), &value.to_le_bytes()[..bytes])
             .map_err(engine)?;
+        unicorn.get_data_mut().write(address.into(), bytes);
     }
     Ok(())
 }
@@ -146,6 +192,7 @@ impl Emulator {
             limit: 0,
             stop: None,
             profile: Profile::default(),
+            written: None,
         };
         let mut unicorn =
             Unicorn::new_with_data(Arch::ARM, Mode::MCLASS, inside).map_err(engine)?;
@@ -164,6 +211,9 @@ impl Emulator {
         let calibrated = adc::reference(3.0).counts.round() as u16;
         unicorn
             .mem_write(VREFINT_CAL, &calibrated.to_le_bytes())
+            .map_err(engine)?;
+        unicorn
+            .mem_write(FLASH_SIZE, &512_u16.to_le_bytes())
             .map_err(engine)?;
         for (start, data) in &image.segments {
             unicorn.mem_write(u64::from(*start), data).map_err(|_| {
@@ -352,9 +402,20 @@ impl Emulator {
     /// # Errors
     /// There is no memory.
     pub fn set_word(&mut self, address: u32, value: u32) -> Result<(), String> {
+        self.unicorn.get_data_mut().write(address.into(), 4);
         self.unicorn
             .mem_write(u64::from(address), &value.to_le_bytes())
             .map_err(|_| format!("no memory at {address:#010x}"))
+    }
+
+    /// The chip has so many KB of flash, before it starts.
+    ///
+    /// # Errors
+    /// Never, while the chip has a system memory.
+    pub fn set_flash_size(&mut self, kilobytes: u16) -> Result<(), String> {
+        self.unicorn
+            .mem_write(FLASH_SIZE, &kilobytes.to_le_bytes())
+            .map_err(engine)
     }
 
     /// Changes an instruction in memory.
@@ -467,6 +528,34 @@ impl Emulator {
             .map_err(engine)?;
         // What was translated before does not look.
         self.unicorn.ctl_flush_tb().map_err(engine)
+    }
+
+    /// From here on a byte that parity guards and that was not written since is a wrong bit when it is read. It costs a look at each
+    /// access, so it is for tests of just that; called before the chip runs, as a power-on leaves its memory.
+    ///
+    /// # Errors
+    /// The engine fails.
+    pub fn enforce_parity(&mut self) -> Result<(), String> {
+        self.unicorn.get_data_mut().written = Some(Written::default());
+        for (start, size) in PARITY {
+            let end = start + size - 1;
+            self.unicorn
+                .add_mem_hook(HookType::MEM_WRITE, start, end, |uc, _, at, size, _| {
+                    uc.get_data_mut().write(at, size);
+                    true
+                })
+                .map_err(engine)?;
+            self.unicorn
+                .add_mem_hook(HookType::MEM_READ, start, end, |uc, _, at, size, _| {
+                    let inside = uc.get_data_mut();
+                    if inside.written.as_ref().is_some_and(|it| !it.has(at, size)) {
+                        inside.chip.read_wrong_bits(Checked::Ram);
+                    }
+                    true
+                })
+                .map_err(engine)?;
+        }
+        Ok(())
     }
 
     /// Moves the stack of the code that runs, as one that has used it up.

@@ -125,6 +125,14 @@ codes! {
         ControllerSupply = 48, "controller's supply",
             "The controller's own supply is outside 3.1 to 3.5 V, or fell below 2.9 V, which opens both bridges: check its 3.3 V and what \
              feeds and loads it.";
+        EmergencyStop = 49, "emergency stop",
+            "Both power stages sleep while their bus is on: an emergency stop holds their ENABLE low. Release it, then reset.";
+        ScrewAsleep = 50, "stage asleep, screw",
+            "The screw's power stage sleeps while its bus is on: look for a torn ENABLE wire, or a gate driver without supply, then reset.";
+        NutAsleep = 51, "stage asleep, nut",
+            "The nut's power stage sleeps while its bus is on: look for a torn ENABLE wire, or a gate driver without supply, then reset.";
+        StageSupply = 52, "stage without supply",
+            "A power stage has no supply: its amplifiers give 0 V, and its bus reads nothing. Switch the supply on, then reset.";
     }
 }
 
@@ -200,12 +208,32 @@ impl Reaction {
 impl Fault {
     /// It was found later than `first`, and says better what that was.
     #[must_use]
+    #[cold]
+    #[inline(never)]
     pub const fn corrects(self, first: Self) -> bool {
         matches!(
             (self, first),
             (Self::ScrewStalled, Self::ScrewEncoder)
                 | (Self::NutStalled, Self::NutEncoder)
                 | (Self::EnableApart, Self::Disabled)
+                // It explains the break and the zero that were found before it.
+                | (
+                    Self::EmergencyStop | Self::StageSupply,
+                    Self::ScrewBreak
+                        | Self::NutBreak
+                        | Self::ScrewDriver
+                        | Self::NutDriver
+                        | Self::ScrewCurrentZero
+                        | Self::NutCurrentZero
+                )
+                | (
+                    Self::ScrewAsleep,
+                    Self::ScrewBreak | Self::ScrewDriver | Self::ScrewCurrentZero
+                )
+                | (
+                    Self::NutAsleep,
+                    Self::NutBreak | Self::NutDriver | Self::NutCurrentZero
+                )
         )
     }
 
@@ -275,6 +303,8 @@ impl Fault {
             | Self::NutBreak
             | Self::ScrewDriver
             | Self::NutDriver
+            | Self::ScrewAsleep
+            | Self::NutAsleep
             | Self::ScrewOverCurrent
             | Self::NutOverCurrent
             | Self::ScrewCurrentError
@@ -300,6 +330,9 @@ impl Fault {
             // A bus that is too high takes no braking; one that is too low makes no torque.
             | Self::OverVoltage
             | Self::UnderVoltage
+            // The gate drivers have opened both bridges already.
+            | Self::EmergencyStop
+            | Self::StageSupply
             // Who would control the stop is late itself.
             | Self::SpeedTaskLate
             | Self::ScrewLoopLate

@@ -93,6 +93,7 @@ pub mod notch;
 pub mod observer;
 #[allow(clippy::float_arithmetic)]
 pub mod plate;
+pub mod power_stage;
 pub mod profile;
 pub mod regulator;
 pub mod runaway;

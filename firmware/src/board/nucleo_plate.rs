@@ -127,7 +127,7 @@ pub(crate) const PLATE_40_KHZ: DrivePlate = DrivePlate {
     ..PLATE
 };
 
-/// TDK B57703M0103G040 (memory) beside each stage's switches: to ground, 4.7 kohm to the reference.
+/// TDK B57703M0103A017 (EPCOS B57703M: B25/100 3988 K) beside each stage's switches: to ground, 4.7 kohm to the reference.
 const HEAT_SINK: TemperaturePlate = TemperaturePlate {
     sensor: Thermometer::Ntc {
         r25_ohm: 10e3,

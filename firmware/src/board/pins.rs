@@ -60,7 +60,7 @@ pub(crate) struct Bridge<T>(PhantomData<T>);
 
 impl<T: Owned> Bridge<T> {
     /// Takes the high sides and the low sides of phases a, b, c. Their edges are those of a pin of medium speed: a gate
-    /// driver's input threshold is passed in 10 ns instead of 25 and more (datasheet, I/O AC characteristics; memory), and
+    /// driver's input threshold is passed in 10 ns instead of 25 and more (DS12288 Rev 6, I/O AC characteristics), and
     /// the dead time is what the timer makes it.
     pub(crate) fn claim<A, B, C, AN, BN, CN>((a, b, c): (A, B, C), (an, bn, cn): (AN, BN, CN))
     where
@@ -117,7 +117,7 @@ where
 }
 
 /// Takes the pins of the serial port `U`: sends, receives. The pull-up holds an open line at rest; edges of a few megabits need
-/// more than the lowest speed's 5 MHz at 50 pF (datasheet, I/O AC characteristics; memory).
+/// more than the lowest speed's 5 MHz at 50 pF (DS12288 Rev 6, I/O AC characteristics).
 pub(crate) fn serial<U, T, R>(sends: T, receives: R)
 where
     T: TxPin<U> + PinSpeed,
@@ -147,7 +147,7 @@ where
     O: PinMosi<S> + PinExt + PinSpeed,
     N: TimerPin<T, C1, ComplementaryImpossible> + PinExt + PinSpeed,
 {
-    // A clock of 10.6 MHz is beyond the lowest speed's 5 MHz at 50 pF (datasheet, I/O AC characteristics; memory).
+    // A clock of 10.6 MHz is beyond the lowest speed's 5 MHz at 50 pF (DS12288 Rev 6, I/O AC characteristics).
     claim::<T>(&sck.speed(Speed::High), PinUse::Clock);
     claim::<T>(&miso, PinUse::DataIn);
     claim::<T>(&mosi.speed(Speed::High), PinUse::DataOut);

@@ -1,10 +1,10 @@
 //! Clocks and power as the drive has set them up, and the core's clock against the two oscillators inside the chip.
 //!
 //! TIM16 captures edges (RM0440 31.4.5; TI1SEL: MCO is 2, LSI is 6) at the core's clock. HSI16 goes there as MCO / 16, with
-//! no pin taking part. HSI16 is trimmed to 1 %, LSI to 5 % (DS12288, features): the first tells a wrong crystal, the second
+//! no pin taking part. HSI16 is trimmed to 1 % (DS12288, features): it tells a wrong crystal. LSI is 29.5 to 34 kHz (DS12288, LSI): it
 //! says how far the watchdog's time is off.
 
-use super::{put, wait_until};
+use super::{pause, put, wait_until};
 use link::bringup::{ClockReading, EDGES_A_CAPTURE, HSI_CAPTURES, LSI_CAPTURES};
 use stm32g4xx_hal::stm32::{FLASH, PWR, RCC, TIM16, rcc, tim16};
 
@@ -46,17 +46,19 @@ fn hsi(rcc: &rcc::RegisterBlock, timer: &tim16::RegisterBlock) -> u32 {
 }
 
 fn lsi(rcc: &rcc::RegisterBlock, timer: &tim16::RegisterBlock) -> u32 {
-    // It starts within 130 us (DS12288, LSI; memory); a look is about ten cycles.
+    // It starts within 130 us, and is stable after 180 us (DS12288, LSI); a look is about ten cycles.
     const LOOKS: u32 = 10_000;
+    const STABLE_US: u32 = 180;
     rcc.csr().modify(|_, w| w.lsion().set_bit());
     let there = wait_until(LOOKS, || rcc.csr().read().lsirdy().bit_is_set());
+    pause(STABLE_US);
     let counts = captured(timer, TI1_LSI, LSI_CAPTURES);
     if there { counts } else { 0 }
 }
 
 /// Timer counts from the first capture to the last, `captures` later; 0 if one does not come.
 fn captured(timer: &tim16::RegisterBlock, input: u32, captures: u32) -> u32 {
-    // Longest wait: eight periods of LSI, 250 us or 42 500 cycles.
+    // Longest wait: eight periods of LSI, 271 us or 46 100 cycles.
     const LOOKS: u32 = 20_000;
     const CC1IF: u32 = 1 << 1;
     const { assert!(EDGES_A_CAPTURE == 8) };

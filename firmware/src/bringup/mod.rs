@@ -21,7 +21,7 @@ mod stream;
 
 use crate::board;
 use crate::hw::analog;
-use crate::hw::clock::CORE_HZ;
+use crate::hw::clock::{ADC_HZ, CORE_HZ};
 use crate::hw::encoder::Encoder;
 use crate::hw::pwm::PwmPlan;
 use control::plate::MotorPlate;
@@ -138,7 +138,7 @@ fn expect() {
     let signed = |value: f64| value as i32;
     put(&expected.core_hz, CORE_HZ);
     put(&expected.crystal_hz, crate::hw::clock::CRYSTAL_HZ);
-    put(&expected.adc_hz, CORE_HZ / 4);
+    put(&expected.adc_hz, ADC_HZ);
     put(&expected.adc_counts, board.adc_counts);
     put(&expected.zero_sixteenths, whole(16.0 * board.zero_counts));
     put(

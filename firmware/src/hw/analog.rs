@@ -1,8 +1,8 @@
 //! The ADCs.
 //!
 //! ADC1 and ADC2 serve the screw, ADC3 and ADC4 the nut: two injected conversions each, started together by the
-//! motor's timer at its top (ES0430 2.7.11: ADCs that run at the same time disturb each other unless they start
-//! together). The two heat sinks' temperatures are regular conversions of ADC1 and ADC2, started by the nut's timer
+//! motor's timer at its top. All four have one clock of 42.5 MHz, the PLL's, without a divider: ADCs that convert at the same time by
+//! divided clocks disturb each other, by 8 counts on one public board (ES0430 2.7.9 or 2.7.11 by revision, quoted by others). The two heat sinks' temperatures are regular conversions of ADC1 and ADC2, started by the nut's timer
 //! half a period away from their injected ones, and taken by DMA. The chip's internal reference is the regular conversion of ADC4, started by the
 //! screw's timer, and read from its data register.
 //!
@@ -12,9 +12,10 @@
 //! comparators on the break inputs, which see positive currents only. (An analog watchdog of this chip reaches a timer's
 //! external trigger but no break input, and ADC1's and ADC2's interrupt is the current loop's.)
 
-use crate::hw::clock::CORE_HZ;
+use crate::hw::clock::{ADC_HZ, CORE_HZ};
 use control::controller_supply::SupplyReading;
 use control::fault::Fault;
+use control::power_stage::{NOTHING, StageLook};
 use control::sense::Shunts;
 use core::sync::atomic::{AtomicU16, Ordering};
 use stm32g4xx_hal::signature::VrefCal;
@@ -49,16 +50,14 @@ impl Sampling {
         Self::Cycles247,
         Self::Cycles640,
     ];
-    /// The ADCs' clock, Hz.
-    const ADC_HZ: f64 = CORE_HZ as f64 / 4.0;
-    /// The sampling capacitor, F (DS12288, ADC characteristics: C_ADC; memory).
+    /// The sampling capacitor, F (DS12288, ADC characteristics: C_ADC).
     const CAPACITOR_F: f64 = 5e-12;
 
     /// The shortest that is at least so long, s: an amplifier's settling, for one.
     pub(crate) const fn of_at_least(seconds: f64) -> Self {
         let mut index = 0;
         while index < 8 {
-            if Self::HALF_CYCLES[index] as f64 / 2.0 / Self::ADC_HZ >= seconds {
+            if Self::HALF_CYCLES[index] as f64 / 2.0 / ADC_HZ as f64 >= seconds {
                 return Self::ALL[index];
             }
             index += 1;
@@ -96,7 +95,7 @@ pub(crate) struct Channels {
 }
 
 /// The chip's internal reference (RM0440 21.4.11: of ADC1, ADC3, ADC4 and ADC5; `stm32g4xx-hal`, `adc/g4.rs`). It wants at least 4 us
-/// (datasheet, embedded voltage reference; memory), and is done a third of the period of 40 kHz before the next top.
+/// (DS12288 Rev 6, embedded voltage reference), and is done a third of the period of 40 kHz before the next top.
 pub(crate) const REFERENCE: Input = Input {
     channel: 18,
     sampling: Sampling::of_at_least(4e-6),
@@ -152,15 +151,16 @@ impl Converters<'_> {
     /// Sets up and calibrates all four, with the channels of ADC1 to ADC4. Interrupts at the end of the injected
     /// sequence of ADC1 and of ADC4. `false` if an ADC did not answer.
     pub(crate) fn prepare(&self, channels: [Channels; 4], limits: &WatchLimits) -> bool {
-        // All from the bus clock divided by 4 (CKMODE 3): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs.
-        // SAFETY: a value of the field (RM0440, ADCx_CCR).
-        self.common.0.ccr().write(|w| unsafe { w.ckmode().bits(3) });
-        // The internal reference takes up to 12 us to start (datasheet, t_start_vrefint; memory): the calibrations take longer.
+        // All from their kernel clock (CKMODE 0), undivided (PRESC 0): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs. A trigger
+        // starts them within an ADC clock of each other.
+        // SAFETY: values of the fields (RM0440, ADCx_CCR).
+        self.common.0.ccr().write(|w| unsafe { w.bits(0) });
+        // The internal reference takes up to 12 us to start (DS12288 Rev 6, t_start_vrefint): the calibrations take longer.
         // SAFETY: as above.
         self.common
             .1
             .ccr()
-            .write(|w| unsafe { w.ckmode().bits(3).vrefen().set_bit() });
+            .write(|w| unsafe { w.bits(0).vrefen().set_bit() });
         self.start_dma();
         let (x1, y1) = self.screw;
         let (x2, y2) = self.nut;
@@ -382,14 +382,44 @@ impl Watches {
             adc.isr()
                 .write(|w| unsafe { w.bits(Self::BUS | Self::CURRENT) });
         }
-        Some(if (a | d) & Self::BUS != 0 {
-            Fault::OverVoltage
-        } else if (a | b) & Self::CURRENT != 0 {
-            Fault::ScrewOverCurrent
+        if (a | d) & Self::BUS != 0 {
+            Some(Fault::OverVoltage)
+        } else if (a | b) & Self::CURRENT != 0 && !is_silent(adcs[0], adcs[1]) {
+            Some(Fault::ScrewOverCurrent)
+        } else if (c | d) & Self::CURRENT != 0 && !is_silent(adcs[3], adcs[2]) {
+            Some(Fault::NutOverCurrent)
         } else {
-            Fault::NutOverCurrent
-        })
+            None
+        }
     }
+}
+
+/// The amplifiers of phases a and b give 0 V, which no current does: it would return through phase c beyond its range. The supervision
+/// says why.
+#[cold]
+#[inline(never)]
+fn is_silent(x: &adc1::RegisterBlock, y: &adc1::RegisterBlock) -> bool {
+    let silent = |adc: &adc1::RegisterBlock| adc.jdr1().read().bits() < u32::from(NOTHING);
+    silent(x) && silent(y)
+}
+
+/// What was last converted of both power stages: screw's, nut's.
+#[allow(clippy::cast_possible_truncation)]
+pub(crate) fn stages() -> [StageLook; 2] {
+    // SAFETY: data registers are read, which changes nothing.
+    let [a, b, c, d]: [&adc1::RegisterBlock; 4] =
+        unsafe { [&*ADC1::ptr(), &*ADC2::ptr(), &*ADC3::ptr(), &*ADC4::ptr()] };
+    [(a, b), (d, c)].map(|(x, y)| {
+        let third = match crate::config::PLATE.board.shunts {
+            Shunts::Two => 0,
+            Shunts::Three => y.jdr2().read().bits(),
+        };
+        StageLook {
+            current: [x.jdr1().read().bits(), y.jdr1().read().bits(), third]
+                .map(|code| code as u16),
+            bus: x.jdr2().read().bits() as u16,
+        }
+    })
 }
 
 /// The bus voltage at the screw's and at the nut's bridge as last converted, ADC counts.

@@ -11,13 +11,19 @@
 //! | flash or RAM with a wrong bit | ECC and parity locks (SYSCFG_CFGR2.ECCL, SPL) | breaks TIM1 and TIM8, NMI |
 
 use crate::crash;
+use crate::hw::flash::two_banks;
 use stm32g4xx_hal::pwr::{PwrExt, VoltageScale};
-use stm32g4xx_hal::rcc::{Config, PllConfig, PllMDiv, PllNMul, PllRDiv, PllSrc, Rcc, RccExt};
-use stm32g4xx_hal::stm32::{FLASH, PWR, RCC};
+use stm32g4xx_hal::rcc::{
+    Config, PllConfig, PllMDiv, PllNMul, PllPDiv, PllRDiv, PllSrc, Rcc, RccExt,
+};
+use stm32g4xx_hal::signature::FlashSize;
+use stm32g4xx_hal::stm32::{DBGMCU, FLASH, PWR, RCC};
 use stm32g4xx_hal::time::RateExtU32;
 
 /// Core and timer clock, Hz.
 pub(crate) const CORE_HZ: u32 = 170_000_000;
+/// The ADCs' clock, Hz: the PLL's P output, undivided; see [`crate::hw::analog`].
+pub(crate) const ADC_HZ: u32 = CORE_HZ / 4;
 /// The board's crystal, Hz.
 pub(crate) const CRYSTAL_HZ: u32 = 24_000_000;
 
@@ -32,13 +38,13 @@ pub(crate) fn start(rcc: RCC, pwr: PWR, flash: &FLASH) -> Rcc {
     let _ = rcc.apb1enr1().read();
     // UCPD1's dead-battery pull-downs load PB4 and PB6 while PA10 and PA9 are high (RM0440 6.4.3, PWR_CR3.UCPD1_DBDIS).
     pwr.cr3().modify(|_, w| w.ucpd1_dbdis().set_bit());
-    // PVD level 6, 2.9 V falling (datasheet, embedded reset characteristics; memory).
+    // PVD level 6, 2.9 V falling (DS12288 Rev 6: 2.84 to 2.96 V).
     // SAFETY: a value of the field (RM0440 6.4.2, PWR_CR2.PVDLS).
     pwr.cr2()
         .modify(|_, w| unsafe { w.pvdls().bits(6).pvde().set_bit() });
 
     rcc.cr().modify(|_, w| w.hseon().set_bit());
-    // A crystal takes 2 ms at most (datasheet, HSE characteristics; memory); this is 60 ms and more at the HSI's 16 MHz.
+    // A crystal of 8 MHz takes 2 ms, typically (DS12288 Rev 6, HSE; no maximum is given); this is 60 ms and more at the HSI's 16 MHz.
     const LOOKS: u32 = 200_000;
     let starts = (0..LOOKS).any(|_| rcc.cr().read().hserdy().bit_is_set());
     if !starts {
@@ -55,7 +61,8 @@ pub(crate) fn start(rcc: RCC, pwr: PWR, flash: &FLASH) -> Rcc {
         n: PllNMul::MUL_85,
         r: Some(PllRDiv::DIV_2),
         q: None,
-        p: None,
+        // 340 MHz by 8: the ADCs'.
+        p: Some(PllPDiv::DIV_8),
     };
     let rcc = rcc.freeze(Config::pll().pll_cfg(pll), boost);
     if !boosted() {
@@ -87,30 +94,49 @@ pub(crate) fn crystal_failed() -> bool {
     failed
 }
 
-/// Says what the option bytes leave open (RM0440 3.7.8, FLASH_OPTR): they are the chip's, not the firmware's.
+/// Says what the option bytes leave open (RM0440 3.7.8, FLASH_OPTR), each with the word that `STM32_Programmer_CLI -c port=SWD -ob` sets
+/// it by: they are the chip's, not the firmware's.
 pub(crate) fn report_option_bytes(flash: &FLASH) {
     const BROWN_OUT_LEVEL_4: u8 = 4;
     let options = flash.optr().read();
     let level = options.bor_lev().bits();
     if level != BROWN_OUT_LEVEL_4 {
         defmt::warn!(
-            "brown-out level {=u8}, not 4: below 2.8 V the pins are undefined; set the option byte BOR_LEV",
+            "brown-out level {=u8}, not 4: below 2.8 V the pins are undefined; set the option bytes by `-ob BOR_LEV=4`",
             level
         );
     }
     // 0: the check is on.
     if options.sram2_pe().bit_is_set() {
-        defmt::warn!("SRAM parity is not checked: clear the option byte SRAM2_PE");
+        defmt::warn!("SRAM parity is not checked; set the option bytes by `-ob SRAM_PE=0`");
     }
     if options.n_swboot0().bit_is_set() {
-        defmt::warn!("PB8 picks what boots: pull it down, or clear the option byte nSWBOOT0");
+        defmt::warn!(
+            "PB8 picks what boots: pull it down, or set the option bytes by `-ob nSWBOOT0=0 nBOOT0=1`"
+        );
     }
+    if !two_banks() {
+        defmt::warn!(
+            "the flash has {=u16} KB in one bank, not 512 in two: settings cannot be stored; set `-ob DBANK=1`, or take an STM32G474RE",
+            FlashSize::get().kilo_bytes()
+        );
+    }
+}
+
+/// The chip's silicon revision, on which the errata depend (RM0440, DBGMCU_IDCODE.REV_ID).
+pub(crate) fn revision(debug: &DBGMCU) -> u16 {
+    debug.idcode().read().rev_id().bits()
 }
 
 /// Clocks of what this firmware uses and the HAL does not switch on.
 pub(crate) fn enable_peripherals(rcc: &Rcc) {
     rcc.ahb1enr()
         .modify(|_, w| w.dma1en().set_bit().dmamux1en().set_bit());
+    // The PLL's P output (RM0440, RCC_CCIPR.ADC12SEL and ADC345SEL).
+    const PLL_P: u8 = 1;
+    // SAFETY: a value of the fields.
+    rcc.ccipr()
+        .modify(|_, w| unsafe { w.adc12sel().bits(PLL_P).adc345sel().bits(PLL_P) });
     rcc.ahb2enr().modify(|_, w| {
         w.adc12en()
             .set_bit()

@@ -2,11 +2,12 @@
 //! first, where all lies that interrupts call (RM0440 3.3.5 to 3.3.8; `memory.x`).
 //!
 //! A page takes 22 ms, at most 24.5, to erase, a double word 82 us, at most 83.4, to program (DS12288, flash memory
-//! characteristics; memory). With one bank (option byte DBANK 0) each fetch would wait for that, longer than the watchdog does:
+//! characteristics). With one bank (option byte DBANK 0) each fetch would wait for that, longer than the watchdog does:
 //! there is no store then.
 //!
 //! A double word that lost power while it was programmed may have two wrong bits, which raise the NMI when it is read (RM0440
-//! 3.3.8, FLASH_ECCR.ECCD): see [`forgive_torn`].
+//! 3.3.8, FLASH_ECCR.ECCD). What FLASH_ECCR then says of bank and address may be wrong (ES0430 2.2.3, quoted by others). So
+//! [`forgive_torn`] asks who reads, not that register.
 
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use cortex_m::asm;
@@ -14,6 +15,7 @@ use embedded_storage::nor_flash::{
     ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash, check_erase, check_read, check_write,
 };
 use link::settings::store::{PAGE, PAGES};
+use stm32g4xx_hal::signature::FlashSize;
 use stm32g4xx_hal::stm32::{FLASH, flash as registers};
 
 const BANK_2: u32 = 0x0804_0000;
@@ -43,18 +45,16 @@ fn interface() -> &'static registers::RegisterBlock {
     unsafe { &*FLASH::ptr() }
 }
 
-/// The flash has two banks.
+/// The flash has two banks, and the second is where the settings are: a smaller chip's is elsewhere.
 pub(crate) fn two_banks() -> bool {
-    interface().optr().read().bits() & DBANK != 0
+    const KILOBYTES: u16 = 512;
+    FlashSize::get().kilo_bytes() == KILOBYTES && interface().optr().read().bits() & DBANK != 0
 }
 
-/// In the NMI: it is for wrong bits of the second bank that were read as data. Who reads them asks.
+/// In the NMI: it is for wrong bits that were found while the settings' pages were read. Who reads them asks. A wrong bit of the
+/// code that runs in these two reads and their barriers would be forgiven too; the lock of SYSCFG_CFGR2 opens the bridges all the same.
 pub(crate) fn forgive_torn() -> bool {
-    let ecc = interface().eccr().read();
-    let ours = ecc.eccd().bit_is_set()
-        && ecc.bk_ecc().bit_is_set()
-        && ecc.sysf_ecc().bit_is_clear()
-        && READING.load(Relaxed);
+    let ours = interface().eccr().read().eccd().bit_is_set() && READING.load(Relaxed);
     if ours {
         TORN.store(true, Relaxed);
         interface().eccr().modify(|_, w| w.eccd().set_bit());

@@ -1,7 +1,7 @@
 //! Contacts that the speed task reads: enable, end switches; and the gate drivers' fault lines.
 //!
 //! Each is closed to ground while all is well, against the chip's pull-up: a broken wire or a plug that is out reads as an
-//! open contact. The pull-up is 25 to 55 kohm (datasheet, I/O static characteristics; memory), too little for a long cable
+//! open contact. The pull-up is 25 to 55 kohm (DS12288 Rev 6, I/O static characteristics), too little for a long cable
 //! beside a motor's: the wiring page asks for a stronger one and a capacitor.
 
 use super::outputs::Level;

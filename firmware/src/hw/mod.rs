@@ -7,6 +7,7 @@ pub(crate) mod cycles;
 pub(crate) mod deadman;
 pub(crate) mod encoder;
 pub(crate) mod flash;
+pub(crate) mod gate_drivers;
 pub(crate) mod inputs;
 pub(crate) mod motor_io;
 pub(crate) mod outputs;

@@ -36,8 +36,14 @@ const ADVREGEN: u32 = 1 << 28;
 const DEEPPWD: u32 = 1 << 29;
 const ADCAL: u32 = 1 << 31;
 
-/// Core cycles of an ADC clock: the bus clock divided by 4, the only setting that the model has.
+/// Core cycles of an ADC clock, 42.5 MHz: the bus clock divided by 4, or the PLL's P output. The model has no other.
 const CLOCK: u64 = 4;
+/// CKMODE: the kernel clock of RCC_CCIPR, and the bus clock divided by 4.
+const KERNEL: u32 = 0;
+const BUS_BY_4: u32 = 3;
+/// What conversions of another ADC add to one under way where their clocks are divided and not in step, counts (ES0430 2.7.9 or 2.7.11
+/// by revision; the size is what a public board with this chip reports): even between these of either sign.
+pub const DISTURBANCE: f64 = 8.0;
 /// Half ADC clocks of the approximation, and of the sampling by the code of SMPRx (RM0440 21.4.12).
 const APPROXIMATION_HALVES: u64 = 25;
 const SAMPLING_HALVES: [u64; 8] = [5, 13, 25, 49, 95, 185, 495, 1281];
@@ -53,6 +59,7 @@ pub fn reference(supply_v: f64) -> Source {
         counts: 4096.0 * REFERENCE_V / supply_v,
         ohm: 12.2e3,
         noise: 0.0,
+        disturbance: 0.0,
     }
 }
 
@@ -74,6 +81,8 @@ pub struct Source {
     pub ohm: f64,
     /// Standard deviation of its noise, counts.
     pub noise: f64,
+    /// What the other ADCs put into it, counts of either sign at most.
+    pub disturbance: f64,
 }
 
 /// An ADC.
@@ -83,7 +92,12 @@ pub struct Adc {
     flags: u32,
     control: u32,
     calibrated: bool,
+    /// CKMODE of its pair.
     common_clock: u32,
+    /// PRESC of its pair.
+    prescaler: u32,
+    /// The last injected and the last regular sequence: when it began, when it ends.
+    sequences: [[u64; 2]; 2],
     /// VREFEN of its pair.
     reference: bool,
     results: [u16; 4],
@@ -126,6 +140,8 @@ impl Adc {
             control: DEEPPWD,
             calibrated: false,
             common_clock: 0,
+            prescaler: 0,
+            sequences: [[0; 2]; 2],
             reference: false,
             results: [0; 4],
             injected_done: None,
@@ -177,7 +193,9 @@ impl Adc {
                 .into_iter()
                 .map(|channel| self.conversion_halves(channel))
                 .sum();
-            self.injected_done = Some(now + halves * CLOCK / 2);
+            let done = now + halves * CLOCK / 2;
+            self.injected_done = Some(done);
+            self.sequences[0] = [now, done];
             self.starts(now);
         }
         let cfgr = self.registers.get("CFGR");
@@ -187,7 +205,9 @@ impl Adc {
             && cfgr >> 5 & 31 == [10, 8][timer]
         {
             let channel = self.registers.get("SQR1") >> 6 & 31;
-            self.regular_done = Some(now + self.conversion_halves(channel) * CLOCK / 2);
+            let done = now + self.conversion_halves(channel) * CLOCK / 2;
+            self.regular_done = Some(done);
+            self.sequences[1] = [now, done];
             self.starts(now);
         }
     }
@@ -212,9 +232,32 @@ impl Adc {
                 .map(|channel| self.conversion_halves(channel))
                 .sum();
             self.software = true;
-            self.regular_done = Some(now + halves * CLOCK / 2);
+            let done = now + halves * CLOCK / 2;
+            self.regular_done = Some(done);
+            self.sequences[1] = [now, done];
             self.starts(now);
         }
+    }
+
+    /// Its clock is divided, so that the phase of two ADCs' clocks is any (the erratum's workaround is PRESC and CKMODE /1).
+    #[must_use]
+    pub fn clock_is_divided(&self) -> bool {
+        self.prescaler != 0 || self.common_clock > 1
+    }
+
+    /// The sequence that ends at `now`, the injected one first: when it began.
+    #[must_use]
+    pub fn began(&self, now: u64) -> u64 {
+        let mut sequences = self.sequences.iter();
+        let ends = sequences.find(|[_, end]| *end == now);
+        ends.map_or(now, |[begin, _]| *begin)
+    }
+
+    /// It converts at a time between `from` and `to`.
+    #[must_use]
+    pub fn converts_between(&self, from: u64, to: u64) -> bool {
+        let mut sequences = self.sequences.iter();
+        sequences.any(|[begin, end]| *begin < to && from < *end)
     }
 
     /// The regular sequence under way was started by software.
@@ -237,7 +280,8 @@ impl Adc {
             0.0 => 0.0,
             noise => noise * self.deviate(),
         };
-        let noisy = self.held + noise;
+        let disturbed = source.disturbance * 3.0_f64.sqrt().recip() * self.deviate();
+        let noisy = self.held + noise + disturbed.clamp(-source.disturbance, source.disturbance);
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let counts = noisy.round().clamp(0.0, 4095.0) as u16;
         counts
@@ -394,11 +438,8 @@ impl Adc {
             if !self.calibrated {
                 return Err(format!("ADC{} is enabled without calibration", self.number));
             }
-            if self.common_clock != 3 {
-                return Err(format!(
-                    "ADC{} is not clocked by the bus clock / 4",
-                    self.number
-                ));
+            if self.prescaler != 0 || ![KERNEL, BUS_BY_4].contains(&self.common_clock) {
+                return Err(format!("ADC{} is not clocked by 42.5 MHz", self.number));
             }
             self.flags |= ADRDY;
         }
@@ -432,7 +473,10 @@ fn split(address: u32) -> (usize, u32) {
 pub fn read(adcs: &mut [Adc; 4], address: u32) -> Result<u32, String> {
     let (index, offset) = split(address);
     match offset {
-        COMMON_CCR => Ok(adcs[index].common_clock << 16 | u32::from(adcs[index].reference) << 22),
+        COMMON_CCR => {
+            let adc = &adcs[index];
+            Ok(adc.common_clock << 16 | adc.prescaler << 18 | u32::from(adc.reference) << 22)
+        }
         _ => adcs[index].read(offset),
     }
 }
@@ -446,6 +490,7 @@ pub fn write(adcs: &mut [Adc; 4], address: u32, value: u32, now: u64) -> Result<
     if offset == COMMON_CCR {
         for adc in &mut adcs[index..index + 2] {
             adc.common_clock = value >> 16 & 3;
+            adc.prescaler = value >> 18 & 0xF;
             adc.reference = value >> 22 & 1 == 1;
         }
         return Ok(());

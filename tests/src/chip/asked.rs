@@ -62,11 +62,11 @@ impl Chip {
                 let (port, number, _) = self.wiring.driver(*index).fault;
                 pin == (port, number)
             })?;
-            let enable = self.wiring.driver(index).enable;
-            let awake = self.system.output(enable.0, enable.1) == Some(true);
-            Some(match awake && !self.provoked.driver_fault[index] {
-                true => Circuit::PullUp(FAULT_PULL_UP_OHM),
-                false => Circuit::Driven(false),
+            let pulled =
+                self.stages[index].pulls_fault(self.now) || self.provoked.driver_fault[index];
+            Some(match pulled {
+                false => Circuit::PullUp(FAULT_PULL_UP_OHM),
+                true => Circuit::Driven(false),
             })
         };
         self.outside.reads(pin, |pin| self.inside(pin), fault_line)
@@ -124,6 +124,14 @@ impl Chip {
         }
     }
 
+    /// The sequence that ADC `index` + 1 ends now was converted beside another ADC's, with clocks that are not in step.
+    fn is_disturbed(&self, index: usize) -> bool {
+        let adc = &self.adcs[index];
+        let began = adc.began(self.now);
+        let mut others = self.adcs.iter().enumerate().filter(|(k, _)| *k != index);
+        adc.clock_is_divided() && others.any(|(_, other)| other.converts_between(began, self.now))
+    }
+
     /// What a channel of ADC `index` + 1 is connected to. What the board samples at the timers' tops has its noise in it.
     pub(super) fn source(&self, index: usize, channel: u32) -> Option<Source> {
         const NOISE: f64 = 0.5;
@@ -147,6 +155,11 @@ impl Chip {
             // Amplifiers and capacitors outside the chip.
             ohm: faults::of(&self.faults.source_ohm, name).unwrap_or(0.0),
             noise: noise.unwrap_or(if by_software { NOISE } else { 0.0 }),
+            disturbance: if self.is_disturbed(index) {
+                adc::DISTURBANCE
+            } else {
+                0.0
+            },
         })
     }
 

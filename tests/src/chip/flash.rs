@@ -41,10 +41,12 @@ const LOCK: u32 = 1 << 31;
 /// ECCR: two wrong bits, in the second bank.
 const ECCD: u32 = 1 << 31;
 const BK_ECC: u32 = 1 << 21;
+/// ECCR: in the system memory.
+const SYSF_ECC: u32 = 1 << 22;
 
 const KEYS: [u32; 2] = [0x4567_0123, 0xCDEF_89AB];
 
-/// Longest times (DS12288, flash memory characteristics; memory): a page, a double word.
+/// Longest times (DS12288, flash memory characteristics): a page, a double word.
 const ERASE: u64 = CORE_HZ * 2447 / 100_000;
 const PROGRAM: u64 = CORE_HZ * 8335 / 100_000_000;
 
@@ -70,6 +72,8 @@ pub struct Flash {
     half: Option<(u32, u32)>,
     /// Faults put in from outside.
     pub worn: Worn,
+    /// ECCR says another bank and another address of a word that lost power (ES0430 2.2.3).
+    pub wrong_ecc: bool,
 }
 
 impl Flash {
@@ -85,6 +89,7 @@ impl Flash {
             busy_until: 0,
             half: None,
             worn: Worn::default(),
+            wrong_ecc: false,
         }
     }
 
@@ -95,6 +100,7 @@ impl Flash {
         *self = Self {
             memory,
             worn: self.worn,
+            wrong_ecc: self.wrong_ecc,
             ..Self::new()
         };
     }
@@ -184,6 +190,10 @@ impl Flash {
         let torn = self.memory.read(at, &mut bytes).is_err();
         if torn {
             self.tear(START + at);
+            if self.wrong_ecc {
+                // The first bank's first word, in the system's memory.
+                self.ecc = ECCD | SYSF_ECC;
+            }
         }
         let word = u64::from_le_bytes(bytes) >> (8 * (address & 4));
         #[allow(clippy::cast_possible_truncation)]

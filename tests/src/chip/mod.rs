@@ -20,6 +20,7 @@ pub mod pwm;
 pub mod registers;
 pub mod serial;
 pub mod spi;
+pub mod stage;
 pub mod system;
 pub mod watchdog;
 pub mod wiring;
@@ -40,6 +41,7 @@ use power::{PowerFault, PowerStage};
 use pwm::{PwmTimer, Turn};
 use serial::Serial;
 use spi::Spi;
+use stage::Stage;
 use std::cell::RefCell;
 use std::rc::Rc;
 use system::{Checked, Supply, System};
@@ -105,6 +107,8 @@ pub struct Chip {
     pub faults: Faults,
     /// IWDG.
     pub watchdog: Watchdog,
+    /// The power stages' gate drivers: screw's, nut's.
+    stages: [Stage; 2],
     /// The board that it is on.
     wiring: Wiring,
     /// What is in its flash.
@@ -190,6 +194,7 @@ impl Chip {
             outside: Outside::of(wiring),
             faults: Faults::default(),
             watchdog: Watchdog::new(),
+            stages: [Stage::new(); 2],
             wiring,
             image,
             machine,
@@ -219,6 +224,7 @@ impl Chip {
         self.outside = old.outside;
         self.faults = old.faults;
         self.provoked = old.provoked;
+        self.stages = old.stages;
         self.flash = old.flash;
         self.flash.reset();
         self.system.crystal = old.system.crystal;
@@ -230,6 +236,36 @@ impl Chip {
         self.system.set_reset_reason(reason);
         self.nvic.set_time_zero(old.now);
         self.now = old.now;
+        self.drive_enables();
+    }
+
+    /// Changes a power stage's supply, its ENABLE wire or its driver's fault, now.
+    pub fn change_stage(&mut self, motor: Motor, change: impl FnOnce(&mut Stage)) {
+        change(&mut self.stages[motor as usize]);
+        self.drive_enables();
+        self.look_at_breaks();
+        self.reschedule();
+    }
+
+    /// The levels of the ENABLE pins reach the drivers; a pin that floats is held low (wiring page).
+    fn drive_enables(&mut self) {
+        for (index, stage) in self.stages.iter_mut().enumerate() {
+            let (port, pin) = self.wiring.driver(index).enable;
+            let high = self.system.output(port, pin) == Some(true);
+            stage.drive_enable(high, self.now);
+        }
+    }
+
+    /// What a stage gives in place of what is measured: the bus of one without supply, and the amplifiers of a driver that sleeps, where
+    /// they are the driver's.
+    fn as_stage_gives(&self, index: usize, sensors: &mut Sensors) {
+        let stage = &self.stages[index];
+        if !stage.supplied {
+            sensors.bus = 0;
+        }
+        if self.wiring.amplifiers_sleep() && !stage.is_awake(self.now) {
+            sensors.current = [0; 3];
+        }
     }
 
     /// Joins TIM1 (0) or TIM8 (1) to its motor.
@@ -267,7 +303,7 @@ impl Chip {
             .filter(|_| !self.frozen);
         self.next_event = clocked
             .into_iter()
-            .chain(self.watchdog.bites_at())
+            .chain(self.watchdog.bites_at(self.faults.lsi_hz))
             .min()
             .unwrap_or(u64::MAX);
     }
@@ -301,7 +337,7 @@ impl Chip {
         if !self.frozen {
             self.happen_clocked();
         }
-        if self.watchdog.bites_at() == Some(self.now) {
+        if self.watchdog.bites_at(self.faults.lsi_hz) == Some(self.now) {
             self.reset.get_or_insert(Reset::Watchdog);
             self.watchdog.stop();
         }
@@ -365,6 +401,7 @@ impl Chip {
             if let Some(counts) = self.provoked.over_current[index] {
                 sensors.current = [counts; 3];
             }
+            self.as_stage_gives(index, &mut sensors);
             self.sensors[index] = sensors;
             let lost = std::mem::take(&mut self.provoked.lost_counts[index]);
             let counts = self.encoders[index].counts_per_turn();
@@ -828,6 +865,7 @@ impl Chip {
             0x4000_0C00 => self.encoders[1].write(offset, value),
             0x4000_0800 => self.encoders[2].write(offset, value),
             0x5000_0000 | 0x5000_0400 => {
+                self.system.kernel_clocks_adcs(block == 0x5000_0000)?;
                 adc::write(&mut self.adcs, address, value, now)?;
                 self.adcs
                     .iter_mut()
@@ -846,6 +884,7 @@ impl Chip {
             // A driver's enable may be among them.
             0x4800_0000..=0x4800_1400 => {
                 self.system.write(address, value)?;
+                self.drive_enables();
                 self.charge_pins();
                 self.look_at_breaks();
                 self.watch_gates();

@@ -6,7 +6,7 @@ use std::collections::HashMap;
 /// A pin: port (0 is A) and number.
 pub type Pin = (usize, u32);
 
-/// The chip's own pull resistors, ohm (DS12288, I/O static characteristics: 25 to 55 kohm; memory).
+/// The chip's own pull resistors, ohm (DS12288, I/O static characteristics: 25 to 55 kohm).
 const PULL_OHM: f64 = 40e3;
 /// A driven output, here or elsewhere, ohm.
 const DRIVEN_OHM: f64 = 50.0;

@@ -142,7 +142,15 @@ impl System {
                 &[("ACR", 0x00, 0x0004_0600), ("OPTR", 0x20, 0xFAEF_FCAA)],
             ),
             configuration: Registers::new("SYSCFG", &[("CFGR2", SYSCFG_CFGR2, 0)]),
-            debug: Registers::new("DBGMCU", &[("APB1LFZR", 0x08, 0), ("APB2FZR", 0x10, 0)]),
+            debug: Registers::new(
+                "DBGMCU",
+                // Device 0x469, silicon revision X (RM0440 47.6.1; memory).
+                &[
+                    ("IDCODE", 0x00, 0x2003_0469),
+                    ("APB1LFZR", 0x08, 0),
+                    ("APB2FZR", 0x10, 0),
+                ],
+            ),
             ports: ports.collect(),
             reset_flags: POWER_ON,
             supply_v: 3.3,
@@ -294,6 +302,24 @@ impl System {
     #[must_use]
     pub fn hsi_on_mco(&self) -> bool {
         self.rcc.get("CFGR") >> 24 & 0x7F == 0x43 && self.rcc.get("CR") >> 8 & 1 == 1
+    }
+
+    /// Whether RCC gives ADC1 and ADC2, or ADC3 and ADC4, a kernel clock of 42.5 MHz: the PLL's 340 MHz by 8 (RM0440 7.4.4, PLLPEN and
+    /// PLLPDIV; 7.4.27, ADC12SEL and ADC345SEL). Without one their registers can be written, but nothing that the clock runs.
+    ///
+    /// # Errors
+    /// Another clock is picked.
+    pub fn kernel_clocks_adcs(&self, first_pair: bool) -> Result<(), String> {
+        let (pll, picked) = (self.rcc.get("PLLCFGR"), self.rcc.get("CCIPR"));
+        let picked = picked >> if first_pair { 28 } else { 30 } & 3;
+        let by_8 = pll >> 16 & 1 == 1 && pll >> 27 == 8;
+        match picked {
+            0 => Ok(()),
+            1 if by_8 => Ok(()),
+            _ => Err(format!(
+                "the ADCs' kernel clock {picked} is not 42.5 MHz: RCC_PLLCFGR is {pll:#010x}"
+            )),
+        }
     }
 
     /// LSI is on.

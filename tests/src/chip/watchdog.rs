@@ -1,8 +1,6 @@
-//! The independent watchdog (RM0440 42), on its 32 kHz clock.
+//! The independent watchdog (RM0440 42), on the LSI.
 
 use super::CORE_HZ;
-
-const LSI_HZ: u64 = 32_000;
 
 /// IWDG.
 pub struct Watchdog {
@@ -26,13 +24,13 @@ impl Watchdog {
         }
     }
 
-    /// When it resets the chip unless it is fed.
+    /// When it resets the chip unless it is fed, where the LSI has `lsi_hz`.
     #[must_use]
-    pub fn bites_at(&self) -> Option<u64> {
-        let ticks = u64::from(self.reload) + 1;
-        let divider = 4u64 << self.prescaler.min(6);
-        self.running
-            .then_some(self.fed + ticks * divider * CORE_HZ / LSI_HZ)
+    pub fn bites_at(&self, lsi_hz: f64) -> Option<u64> {
+        let ticks = (u64::from(self.reload) + 1) * (4 << self.prescaler.min(6));
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let cycles = (ticks as f64 * CORE_HZ as f64 / lsi_hz) as u64;
+        self.running.then_some(self.fed + cycles)
     }
 
     /// It has bitten.

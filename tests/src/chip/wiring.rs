@@ -52,6 +52,12 @@ impl Wiring {
         })
     }
 
+    /// The current amplifiers are the gate drivers' own, and sleep with them.
+    #[must_use]
+    pub const fn amplifiers_sleep(self) -> bool {
+        matches!(self, Self::Nucleo | Self::Nucleo40kHz)
+    }
+
     /// The gate driver of motor `index`; both boards have them on the same pins.
     #[must_use]
     pub fn driver(self, index: usize) -> Driver {

@@ -282,11 +282,12 @@ fn reset_values_are_those_of_the_svd() {
         "ADC4" "TR1": adc1::tr1::TR1rs;
         "ADC4" "TR2": adc1::tr2::TR2rs;
     }
-    // The option bytes are what a person has programmed; TIM4 and TIM7 count 16 bits, which the SVD's shared type does not
+    // The option bytes are what a person has programmed, and the chip's revision is what was delivered; TIM4 and TIM7 count 16 bits, which the SVD's shared type does not
     // say; the SVD leaves out FLASH_ACR's bit 18 (RM0440 3.7.1: 0x0004_0600; memory) and TIMx_AF1's BKINE (RM0440 29.6.26:
     // 0x0000_0001; memory), and nothing here depends on them: the firmware writes both registers.
     let apart = [
         ("FLASH", "OPTR"),
+        ("DBGMCU", "IDCODE"),
         ("FLASH", "ACR"),
         ("TIM1", "AF1"),
         ("TIM8", "AF1"),

@@ -8,12 +8,21 @@ use tests::bench::{Bench, READY};
 fn the_log_names_the_reason_of_each_reset() -> Result<(), String> {
     let mut bench = Bench::new(&Model::paper(), Coupling::Lumped)?;
     bench.wait_for(READY, 0.2)?;
-    assert_eq!(bench.log()?, ["started after a reset by power"]);
+    assert_eq!(
+        bench.log()?,
+        ["started after a reset by power", "silicon revision 0x2003"]
+    );
     assert_eq!(bench.log()?, [""; 0], "a line is read once");
     bench.hang("FMAC")?;
     bench.pass(40e-3)?;
     // The supervision is below the speed task and cannot speak while that one hangs.
-    assert_eq!(bench.log()?, ["started after a reset by watchdog"]);
+    assert_eq!(
+        bench.log()?,
+        [
+            "started after a reset by watchdog",
+            "silicon revision 0x2003"
+        ]
+    );
     Ok(())
 }
 

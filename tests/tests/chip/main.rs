@@ -21,6 +21,7 @@ mod settings;
 mod settling;
 mod sizes;
 mod stack;
+mod stages;
 mod supply;
 mod telemetry;
 mod wiring;

@@ -154,6 +154,33 @@ fn a_flash_that_does_not_take_them_is_said() -> Result<()> {
     Ok(())
 }
 
+/// Power is cut at each erase and each word of a save, and ECCR says another place of the word that lost power: each start comes to its
+/// end, without a reset of its own.
+#[test]
+fn a_wrong_ecc_register_after_a_power_cut_is_no_reset_loop() -> Result<()> {
+    let mut session = Session::open(LINES[0].1)?;
+    session.bench.borrow_mut().emulator.chip().flash.wrong_ecc = true;
+    let before = memory(&session, |memory| memory.operations());
+    let mut held = with(own(), &[("feed.velocity_max_mm_s", 49.0)])?;
+    session.client.configure(&held)?;
+    let save = memory(&session, |memory| memory.operations()) - before;
+    for cut in 0..save {
+        let settings = with(held, &[("feed.velocity_max_mm_s", 50.0 + f64::from(cut))])?;
+        memory(&session, |memory| memory.cut_after(cut));
+        let resets = session.bench.borrow().emulator.resets.len();
+        // The answer is lost with the power.
+        let _ = session.client.configure(&settings);
+        let line: Box<dyn Line> = Box::new(Wires::new(&session.bench));
+        session.client = Client::open(line)?;
+        held = session.client.settings()?;
+        let resets = session.bench.borrow().emulator.resets[resets..].to_vec();
+        let by_itself = resets.iter().filter(|reset| **reset != Reset::BrownOut);
+        ensure!(by_itself.count() <= 1, "cut {cut}: {resets:?}");
+        memory(&session, SimulatedFlash::power_up);
+    }
+    Ok(())
+}
+
 /// Power is cut at erases and words of a save, again and again; words with wrong bits raise the NMI when they are read.
 #[test]
 fn a_power_cut_while_they_are_stored_leaves_the_old_ones_or_the_new() -> Result<()> {

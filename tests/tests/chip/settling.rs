@@ -73,6 +73,43 @@ fn each_channel_settles_within_its_sampling_time() -> Result<(), String> {
     Ok(())
 }
 
+/// Standard deviation of what the ADCs read less what their pins are at, counts, over all currents, while everything converts.
+fn noise(bench: &mut Bench, board: Wiring) -> Result<f64, String> {
+    let (mut squares, mut n) = (0.0, 0.0);
+    for _ in 0..100 {
+        for (_, read, pin) in read_and_true(bench, board)? {
+            squares += (f64::from(read) - f64::from(pin)).powi(2);
+            n += 1.0;
+        }
+        bench.pass(200e-6)?;
+    }
+    Ok(f64::sqrt(squares / n))
+}
+
+/// ES0430 2.7.9 or 2.7.11: ADCs whose clocks are divided and not in step disturb each other. The drive's are not divided; by the bus
+/// clock divided by four, the noise would be past what is allowed.
+#[test]
+fn conversions_at_the_same_time_do_not_disturb_each_other() -> Result<(), String> {
+    /// CKMODE 3 of a pair, with the internal reference.
+    const BUS_BY_4: u32 = 3 << 16 | 1 << 22;
+    for board in [Wiring::Nucleo, Wiring::Nucleo40kHz, Wiring::Mains] {
+        let mut bench = Bench::on(board, &Model::paper(), Coupling::Lumped)?;
+        bench.emulator.chip().tops = Some(Vec::new());
+        bench.wait_for(READY, 0.2)?;
+        let alone = noise(&mut bench, board)?;
+        assert!(alone <= 0.5, "{board:?}: {alone} counts more than the pins");
+        let chip = bench.emulator.chip();
+        let now = chip.now;
+        for pair in [0x5000_0308, 0x5000_0708] {
+            adc::write(&mut chip.adcs, pair, BUS_BY_4, now)?;
+        }
+        let disturbed = noise(&mut bench, board)?;
+        println!("{board:?}: {alone:.2} counts, by the divided clock {disturbed:.2}");
+        assert!(disturbed > 0.5, "the test sees {disturbed} counts only");
+    }
+    Ok(())
+}
+
 /// Half ADC clocks of a conversion's approximation, and of its sampling by the code of SMPRx (RM0440 21.4.12).
 const APPROXIMATION: u64 = 25;
 const SAMPLING: [u64; 8] = [5, 13, 25, 49, 95, 185, 495, 1281];
@@ -89,7 +126,7 @@ fn sampled_at(bench: &mut Bench, adc: usize, channels: u32) -> Vec<u64> {
             ("SMPR2", channel - 10)
         };
         let sampling = SAMPLING[(registers.get(name) >> (3 * at) & 7) as usize];
-        // Two core cycles are half an ADC clock: the bus clock divided by 4.
+        // Two core cycles are half an ADC clock of 42.5 MHz.
         all.push(2 * (time + sampling));
         time += sampling + APPROXIMATION;
     }

@@ -177,14 +177,55 @@ fn option_bytes_that_leave_the_brown_out_low_are_told() -> Result<(), String> {
     bench.wait_for(READY, 0.2)?;
     let log = bench.log()?.join("\n");
     for sentence in [
-        "brown-out level 0, not 4",
-        "SRAM parity",
-        "PB8 picks what boots",
+        "-ob BOR_LEV=4",
+        "-ob SRAM_PE=0",
+        "-ob nSWBOOT0=0",
+        "silicon revision 0x2003",
     ] {
         assert!(
             log.contains(sentence),
             "`{sentence}` is not in the log: {log}"
         );
     }
+    Ok(())
+}
+
+/// RAM holds anything after a power-on, and parity finds that wrong when it is read. A later reset keeps what was written.
+#[test]
+fn a_start_reads_no_memory_that_parity_finds_wrong() -> Result<(), String> {
+    let mut bench = Bench::new(&Model::coupled(), Coupling::Coupled)?;
+    bench.emulator.enforce_parity()?;
+    bench.wait_for(READY, 0.2)?;
+    assert_eq!(bench.emulator.resets, [], "a wrong bit resets the chip");
+    bench.emulator.chip().reset = Some(Reset::Software);
+    bench.pass(1e-3)?;
+    bench.wait_for(READY, 0.2)?;
+    assert_eq!(bench.emulator.resets, [Reset::Software]);
+    Ok(())
+}
+
+/// LSI, the watchdog's clock, is 29.5 to 34 kHz (DS12288): a drive that works is not reset, and one that hangs is.
+#[test]
+fn the_watchdog_bites_in_time_over_the_range_of_its_clock() -> Result<(), String> {
+    for lsi_hz in [29.5e3, 34e3] {
+        let mut bench = Bench::new(&Model::coupled(), Coupling::Coupled)?;
+        bench.emulator.chip().faults.lsi_hz = lsi_hz;
+        bench = bench.running(0.2)?;
+        assert_eq!(bench.emulator.resets, [], "{lsi_hz} Hz");
+        bench.hang("FMAC")?;
+        bench.pass(24e-3)?;
+        assert_eq!(bench.emulator.resets, [Reset::Watchdog], "{lsi_hz} Hz");
+    }
+    Ok(())
+}
+
+/// A NUCLEO-G474RE was delivered with an STM32G474RB: 128 KB.
+#[test]
+fn a_chip_without_room_for_the_settings_is_told() -> Result<(), String> {
+    let mut bench = Bench::new(&Model::coupled(), Coupling::Coupled)?;
+    bench.emulator.set_flash_size(128)?;
+    bench.wait_for(READY, 0.2)?;
+    let log = bench.log()?.join("\n");
+    assert!(log.contains("the flash has 128 KB in one bank"), "{log}");
     Ok(())
 }

@@ -39,7 +39,7 @@ fn page(words: &ReportWords) -> Item {
         GROUP,
         "flash.page",
         format!("the reserved page at {:#010x}", page.address),
-        "RM0440 5.3.6, 5.3.7; times: DS12288, flash memory characteristics (memory)",
+        "RM0440 5.3.6, 5.3.7; times: DS12288, flash memory characteristics",
     )
     .expected(format!(
         "erased in {:.0} ms, {FLASH_DOUBLE_WORDS} double words right, {:.0} us each, at most",

@@ -4,7 +4,8 @@ use super::Item;
 use link::bringup::{Owner, PinUse, PinWords, ReportWords, level};
 
 const GROUP: &str = "Pins";
-const SOURCE: &str = "DS12288, I/O static characteristics: pull resistors of 25 to 55 kohm (memory); the board's plate";
+const SOURCE: &str =
+    "DS12288, I/O static characteristics: pull resistors of 25 to 55 kohm; the board's plate";
 
 /// How a pin behaves.
 #[derive(Clone, Copy, PartialEq, Eq)]
