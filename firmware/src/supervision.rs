@@ -3,20 +3,20 @@
 
 use crate::board;
 use crate::config::{PLATE, configured};
-use crate::debug_view::{DRIVE_COMMAND, DRIVE_VIEW, count};
+use crate::debug_view::{DRIVE_VIEW, count};
 use crate::hw::analog;
 use crate::hw::gate_drivers::GateDrivers;
 use crate::hw::inputs::Inputs;
 use crate::hw::watchdog::Watchdog;
 use crate::motor_view;
-use crate::orders;
+use crate::orders::{self, COMMANDED};
 use crate::speed::FOUND;
 use control::fault::{self, Fault, FaultSet};
 use control::guard::{Guard, Look};
 use control::interlock;
 use control::journal::{Journal, Recorder};
 use control::power_stage;
-use control::supervisor::State;
+use control::supervisor::{Demand, State};
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
 
@@ -117,7 +117,7 @@ impl Supervision {
         let words = [&view.state, &view.fault].map(|word| word.load(Relaxed));
         // The speed task may come between the two; a fault of no word is one all the same.
         let state = State::of_words(words[0], words[1]).unwrap_or_default();
-        let [_, reset] = DRIVE_COMMAND.run_or_reset();
+        let reset = COMMANDED.demand.load(Relaxed) == Demand::Reset.word();
         let asleep = self.gate_drivers.step(state.fault().is_some(), reset);
         let unpowered = self.unpowered(asleep);
         let look = Look {

@@ -1,6 +1,6 @@
 //! Power stages that sleep, have no supply, or hold a gate-drive fault: what the drive says of them, and how it leaves that.
 
-use link::codes::Fault;
+use link::codes::{Demand, Fault};
 use plant::machine::Coupling;
 use plant::model::Model;
 use tests::bench::{Bench, FAULT, READY, RUNNING};
@@ -45,14 +45,14 @@ fn a_stage_without_supply_is_told_and_a_reset_leaves_it_once_the_supply_is_there
     bench.pass(20e-3)?;
     says(&mut bench, Fault::StageSupply)?;
     // A reset does not leave it while the cause is there.
-    bench.run(2)?;
+    bench.demand(Demand::Reset)?;
     bench.pass(20e-3)?;
     says(&mut bench, Fault::StageSupply)?;
-    bench.run(0)?;
+    bench.demand(Demand::Rest)?;
     change(&mut bench, &BOTH, |stage| stage.supplied = true);
     bench.pass(20e-3)?;
     says(&mut bench, Fault::StageSupply)?;
-    bench.run(2)?;
+    bench.demand(Demand::Reset)?;
     bench.wait_for(READY, 0.2)
 }
 
@@ -62,20 +62,19 @@ fn an_emergency_stop_is_told_from_an_over_current() -> Result<(), String> {
         let mut bench = starting()?;
         bench.wait_for(READY, 0.2)?;
         if runs {
-            bench.ask(2.5e-3, 30.0)?;
-            bench.run(1)?;
+            bench.start(2.5e-3, 30.0)?;
             bench.pass(0.1)?;
             assert_eq!(bench.status()?.state, RUNNING);
         }
         change(&mut bench, &BOTH, |stage| stage.enable_cut = true);
         bench.pass(4e-3)?;
         says(&mut bench, Fault::EmergencyStop)?;
-        bench.run(0)?;
+        bench.demand(Demand::Rest)?;
         bench.pass(20e-3)?;
         change(&mut bench, &BOTH, |stage| stage.enable_cut = false);
         bench.pass(20e-3)?;
         says(&mut bench, Fault::EmergencyStop)?;
-        bench.run(2)?;
+        bench.demand(Demand::Reset)?;
         bench.wait_for(READY, 0.2)?;
     }
     Ok(())
@@ -116,11 +115,11 @@ fn a_reset_clears_a_latched_gate_drive_fault() -> Result<(), String> {
         bench.pass(0.3)?;
         says(&mut bench, fault)?;
         let asked = bench.emulator.chip().now;
-        bench.run(2)?;
+        bench.demand(Demand::Reset)?;
         bench.wait_for(READY, 0.2)?;
         let took = (bench.emulator.chip().now - asked) as f64 / CORE_HZ as f64;
         println!("{motor:?}: ready {:.1} ms after the reset", 1e3 * took);
-        bench.run(1)?;
+        bench.demand(Demand::Run)?;
         bench.pass(20e-3)?;
         assert_eq!(bench.status()?.state, RUNNING);
     }
