@@ -117,7 +117,7 @@ impl Supervision {
         let words = [&view.state, &view.fault].map(|word| word.load(Relaxed));
         // The speed task may come between the two; a fault of no word is one all the same.
         let state = State::of_words(words[0], words[1]).unwrap_or_default();
-        let reset = Demand::of_word(COMMANDED.demand.load(Relaxed)) == Demand::Reset;
+        let reset = COMMANDED.demand.load(Relaxed) == Demand::Reset.word();
         let asleep = self.gate_drivers.step(state.fault().is_some(), reset);
         let unpowered = self.unpowered(asleep);
         let look = Look {
