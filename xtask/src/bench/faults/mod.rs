@@ -145,7 +145,7 @@ pub(super) fn run(options: &FaultsOptions) -> Result<()> {
         scenarios: story::scenarios()?,
         pairs: match options.pairs {
             0 => None,
-            count => Some(story::pairs(count)?),
+            count => Some(story::pairs(count, options.pair_seed)?),
         },
         soak: story::long_runs(options.healthy, options.soak)?,
         ..Report::of(&cells, &outcomes)
