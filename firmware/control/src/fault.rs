@@ -50,7 +50,7 @@ codes! {
             "Screw and nut do not go together: `misalignment` says why.";
         ScrewAngle = 21, "angle, screw",
             "The screw's voltage is not the one of its encoder's angle: check the encoder's coupling and alignment, the motor's \
-             phases and its plate data.";
+             phases and its plate data, and whether two of its current sensors have failed.";
         ScrewCurrentError = 22, "current error, screw",
             "The screw's currents stay away from their references: look for an open phase, a current sensor that is wrong, or \
              wrong plate data.";
@@ -60,7 +60,7 @@ codes! {
             "The screw's speed stays away from its reference: check its encoder and its load.";
         NutAngle = 25, "angle, nut",
             "The nut's voltage is not the one of its encoder's angle: check the encoder's coupling and alignment, the motor's \
-             phases and its plate data.";
+             phases and its plate data, and whether two of its current sensors have failed.";
         NutCurrentError = 26, "current error, nut",
             "The nut's currents stay away from their references: look for an open phase, a current sensor that is wrong, or \
              wrong plate data.";

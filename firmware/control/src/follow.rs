@@ -2,8 +2,9 @@
 //!
 //! Left alone the two coast apart, and the table moves by the difference: `J omega^2 / 2` over each one's own friction. A shaft that seizes is
 //! the worst of it, a dead encoder looks the same at first, and holding the healthy motor would make the table move by all that the
-//! other coasts. The table's scale needs to know neither: the healthy motor's speed loop is asked to leave no velocity of the table,
-//! so it brakes beside a shaft that stands and slows down with one that coasts. Its own angle, currents and bridge are not in doubt.
+//! other coasts. The [table's speed](crate::table_speed) needs to know neither: the healthy motor's speed loop is asked to leave no velocity
+//! of the table, so it brakes beside a shaft that stands and slows down with one that coasts. Its own angle, currents and bridge are not in
+//! doubt.
 //!
 //! It ends, and this bridge opens too, when all is at rest, after [`LONGEST`], with any fault that is not the first motor's (its own
 //! currents, their sum and the bus are watched as before), and where the scale says nothing. A scale that died together with the first
@@ -15,6 +16,7 @@
 
 use crate::fault::{Fault, FaultSet, Reaction};
 use crate::format::Speed;
+use crate::table_speed::{Reading, Table, TableSpeed};
 
 /// Furthest that the table may go, m, beside a shaft that stands, while its scale does not count: half of what no fault may move it by.
 /// Beside one that coasts the scale counts long before: a count of 0.1 um needs `sqrt(2 count / r a)`, 0.8 ms with the 350 rad/s^2 of the
@@ -44,6 +46,8 @@ pub(crate) struct Follow {
     /// Which way the table last went while it was fast, and how often it turned round.
     way: i32,
     swings: u8,
+    /// What the table's speed is taken from.
+    table: TableSpeed,
     /// The fastest that its shaft may turn: what it and the table did at the start together, which is at least what the other did.
     fastest: Option<Speed>,
 }
@@ -61,15 +65,20 @@ pub(crate) struct Followed {
     pub(crate) turned: u32,
     /// Its three currents add up.
     pub(crate) adds_up: bool,
-    /// The scale has counted in its last look.
+    /// The table's speed is the encoders', or the scale has counted in its last look.
     pub(crate) counted: bool,
     /// Furthest that the shaft may turn while it does not, 2^-32 turn.
     pub(crate) blind_max: u32,
 }
 
 impl Follow {
-    /// After `first`, with these faults latched: the motor that is left, if there is one that is healthy.
-    pub(crate) fn after(first: Fault, latched: FaultSet) -> Option<Self> {
+    /// After `first`, with these faults latched: the motor that is left, if there is one that is healthy. `planned` is the table's
+    /// planned speed as an electrical speed of a motor.
+    pub(crate) fn after(
+        first: Fault,
+        latched: FaultSet,
+        planned: impl FnOnce(usize) -> Speed,
+    ) -> Option<Self> {
         let faulty = first.motor()?;
         let motor = 1usize.checked_sub(faulty)?;
         let [screw, nut] = FaultSet::OF_MOTOR;
@@ -87,6 +96,7 @@ impl Follow {
             blind: 0,
             way: 0,
             swings: 0,
+            table: TableSpeed::after(first, planned(motor)),
             fastest: None,
         };
         (first.reaction() == Reaction::Follow && follow.is_healthy(latched)).then_some(follow)
@@ -96,6 +106,11 @@ impl Follow {
     #[inline(always)]
     pub(crate) const fn motor(self) -> usize {
         self.motor
+    }
+
+    /// The table's speed; `None`: nobody knows it.
+    pub(crate) fn table(&mut self, reading: &Reading) -> Option<Table> {
+        self.table.step(reading)
     }
 
     /// All that is latched is the other motor's.
@@ -174,7 +189,7 @@ mod tests {
     #[test]
     fn a_shaft_that_gets_faster_than_both_were_is_let_go() {
         let latched = FaultSet::EMPTY.with(Fault::ScrewEncoder);
-        let begun = Follow::after(Fault::ScrewEncoder, latched).unwrap();
+        let begun = Follow::after(Fault::ScrewEncoder, latched, |_| Speed::ZERO).unwrap();
         let begun = begun.goes_on(&seen(100.0, 20.0)).unwrap();
 
         let last_of = |change: f64| {

@@ -106,6 +106,7 @@ pub mod speed_loop;
 pub mod speed_task;
 pub mod supervisor;
 pub mod table_move;
+mod table_speed;
 pub mod thermal;
 #[allow(clippy::float_arithmetic)]
 pub mod thermometer;

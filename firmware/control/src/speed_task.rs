@@ -19,6 +19,7 @@ use crate::plate::DriveConfig;
 use crate::runaway::{CurrentSum, Motion, Runaway, RunawayConfig, Sign, sum_events};
 use crate::speed_loop::{SpeedLoop, SpeedReference, Wanted};
 use crate::supervisor::{Demand, Request, State, faults};
+use crate::table_speed::Reading;
 use crate::thermal::Heat;
 use crate::tolerance::Tally;
 use core::hint::cold_path;
@@ -457,7 +458,7 @@ impl SpeedTask {
         config: &DriveConfig,
         mode: Mode,
         exchanges: [&MotorExchange; 2],
-        follow: Follow,
+        mut follow: Follow,
     ) -> [CurrentReference; 2] {
         self.found = None;
         let rests = CurrentReference {
@@ -470,27 +471,38 @@ impl SpeedTask {
         let motors = motors.zip(&config.runaway).zip(self.current_max);
         let states = self.speed_loops.iter_mut().zip(&mut self.runaway);
         let mut motors = motors.zip(states.zip(&mut asked));
-        let motor = motors.nth(follow.motor()).zip(self.table_step);
+        let motor = motors.nth(follow.motor());
         let adds_up = Self::adds_up(config, exchanges, follow.motor());
         self.follow = None;
-        if let Some(((motor, ((state, watch), asked)), table_step)) = motor {
+        let [screw_step, nut_step] = exchanges.map(MotorExchange::theta_step);
+        if let Some((motor, ((state, watch), asked))) = motor {
             let (((((exchange, current_loop), speed_loop), regeneration), runaway), most) = motor;
             let theta_step = exchange.theta_step();
             let omega_e = current_loop.observer.omega_e(theta_step);
-            let table = current_loop.observer.omega_e(table_step);
-            self.follow = follow.goes_on(&Followed {
-                latched: self.latched,
-                speeds: [omega_e, table],
+            let as_speed = |step: i32| current_loop.observer.omega_e(step);
+            let table = follow.table(&Reading {
+                scale: self.table_step.map(as_speed),
+                encoders: as_speed(screw_step.wrapping_sub(nut_step)),
+                shaft: omega_e,
+                doubted: self.latched.has_any(FaultSet::DOUBTS_ANGLE),
                 slow: runaway.stall,
-                turned: theta_step
-                    .unsigned_abs()
-                    .saturating_mul(config.speed_divider),
-                adds_up,
-                counted: table_step != 0,
-                blind_max: config.blind_max,
+            });
+            let speed = table.map_or(Speed::ZERO, |table| table.speed);
+            self.follow = table.and_then(|table| {
+                follow.goes_on(&Followed {
+                    latched: self.latched,
+                    speeds: [omega_e, table.speed],
+                    slow: runaway.stall,
+                    turned: theta_step
+                        .unsigned_abs()
+                        .saturating_mul(config.speed_divider),
+                    adds_up,
+                    counted: !table.by_scale || self.table_step != Some(0),
+                    blind_max: config.blind_max,
+                })
             });
             let reference = SpeedReference {
-                omega_e: follow.reference(omega_e, table),
+                omega_e: follow.reference(omega_e, speed),
                 ..SpeedReference::default()
             };
             let voltage_limited = exchange.voltage_limited();
@@ -729,7 +741,7 @@ impl SpeedTask {
     ) -> FaultSet {
         let at_speed = of_board.is_some_and(|fault| FaultSet::RESTS_AT_SPEED.has(fault));
         // A stop for it goes on below the speed at which it begins.
-        let in_hand = || self.rests_for == of_board || angles_show(config, exchanges);
+        let in_hand = || self.rests_for == of_board || an_angle_shows(config, exchanges);
         if self.state == State::Aligning {
             FaultSet::RESTS
         } else if !self.state.is_driven() {
@@ -761,7 +773,15 @@ impl SpeedTask {
         self.latched = self.latched.with(first);
         if before.is_driven() && matches!(self.state, State::Fault(_)) {
             let adds_up = |follow: &Follow| Self::adds_up(config, exchanges, follow.motor());
-            self.follow = Follow::after(first, self.latched).filter(adds_up);
+            let (planned, _) = self.planned();
+            let planned = |motor: usize| {
+                let pole_pairs = config
+                    .runaway
+                    .get(motor)
+                    .map_or(0, |limits| limits.pole_pairs);
+                planned.saturating_mul_int(pole_pairs)
+            };
+            self.follow = Follow::after(first, self.latched, planned).filter(adds_up);
         }
         let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE) && self.follow.is_none();
         // An alignment that did not end has found its angles in part.
@@ -898,8 +918,38 @@ impl SpeedTask {
                     nut_motion,
                 )
                 .map(Sign::of_nut),
-            Look::ScrewHeat | Look::NutHeat | Look::Interlock => None,
+            Look::ScrewHeat => self.add_up_screw(config, exchanges),
+            Look::NutHeat => self.add_up_nut(config, exchanges),
+            Look::Interlock => self
+                .add_up_screw(config, exchanges)
+                .or_else(|| self.add_up_nut(config, exchanges)),
         }
+    }
+
+    /// Adds up the screw's currents.
+    #[inline(always)]
+    fn add_up_screw(
+        &mut self,
+        config: &DriveConfig,
+        [exchange, _]: [&MotorExchange; 2],
+    ) -> Option<Fault> {
+        let ([sum, _], [limits, _]) = (&mut self.sums, &config.runaway);
+        let [current_loop, _] = &config.current_loops;
+        let found = sum.step(limits, &current_loop.sense, exchange);
+        found.then_some(Fault::ScrewCurrentSum)
+    }
+
+    /// Adds up the nut's currents.
+    #[inline(always)]
+    fn add_up_nut(
+        &mut self,
+        config: &DriveConfig,
+        [_, exchange]: [&MotorExchange; 2],
+    ) -> Option<Fault> {
+        let ([_, sum], [_, limits]) = (&mut self.sums, &config.runaway);
+        let [_, current_loop] = &config.current_loops;
+        let found = sum.step(limits, &current_loop.sense, exchange);
+        found.then_some(Fault::NutCurrentSum)
     }
 
     /// Counts how long a motor at its torque limit has not moved the table, where there is something to count.
@@ -969,23 +1019,19 @@ impl SpeedTask {
         }
     }
 
-    /// Adds up the currents of motors that are aligned or come to rest. While they run there are no cycles left for it: there the voltage
-    /// shows a sensor that is wrong.
+    /// Adds up the currents of motors that are aligned or come to rest, in each step. While they run, the [`Look`]s have time for it that
+    /// do not look at motion.
     fn add_up(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> Option<Fault> {
-        if !matches!(self.state, State::Aligning | State::Stopping) {
-            self.sums = [CurrentSum::new(); 2];
-            return None;
-        }
-        let [screw, nut] = exchanges;
-        let [screw_sum, nut_sum] = &mut self.sums;
-        let [screw_limits, nut_limits] = &config.runaway;
-        let [screw_loop, nut_loop] = &config.current_loops;
-        if screw_sum.step(screw_limits, &screw_loop.sense, screw) {
-            Some(Fault::ScrewCurrentSum)
-        } else if nut_sum.step(nut_limits, &nut_loop.sense, nut) {
-            Some(Fault::NutCurrentSum)
-        } else {
-            None
+        match self.state {
+            State::Aligning | State::Stopping => {
+                let screw = self.add_up_screw(config, exchanges);
+                screw.or_else(|| self.add_up_nut(config, exchanges))
+            }
+            State::Running | State::Holding => None,
+            _ => {
+                self.sums = [CurrentSum::new(); 2];
+                None
+            }
         }
     }
 
@@ -1051,10 +1097,10 @@ struct Undriven {
     entered: bool,
 }
 
-/// Both motors turn so fast that their voltages would show a wrong angle, and have not: neither encoder is what is wrong, or it will be
-/// found in a stop.
+/// A motor turns so fast that its voltage would show a wrong angle. If the other's encoder is wrong, its voltage shows it once that
+/// motor is as fast, and a stop with it costs less than a fast motor that coasts.
 #[inline(always)]
-fn angles_show(config: &DriveConfig, [screw, nut]: [&MotorExchange; 2]) -> bool {
+fn an_angle_shows(config: &DriveConfig, [screw, nut]: [&MotorExchange; 2]) -> bool {
     let [screw_loop, nut_loop] = &config.current_loops;
     let [screw_limits, nut_limits] = &config.runaway;
     let shows = |limits: &RunawayConfig, current_loop: &CurrentLoopConfig, theta_step: i32| {
@@ -1063,7 +1109,7 @@ fn angles_show(config: &DriveConfig, [screw, nut]: [&MotorExchange; 2]) -> bool 
         emf.unsigned_abs() > limits.emf_floor
     };
     shows(screw_limits, screw_loop, screw.theta_step())
-        && shows(nut_limits, nut_loop, nut.theta_step())
+        || shows(nut_limits, nut_loop, nut.theta_step())
 }
 
 /// A bus that reads too little makes all voltages too large, and with them the currents: it is named in place of what found those, the

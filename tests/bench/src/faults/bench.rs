@@ -84,6 +84,8 @@ pub(super) struct Bench {
     /// Where the table comes near an end of its way.
     pub(super) soft: Option<Soft>,
     pub(super) seen: Seen,
+    /// The table was past the end switches since the fault: forwards, backwards.
+    passed: [bool; 2],
     /// Somebody has opened the enable switch.
     pub(super) enable_opened: bool,
     pub(super) position: f64,
@@ -126,6 +128,7 @@ impl Bench {
             },
             soft: None,
             seen: Seen::default(),
+            passed: [false; 2],
             enable_opened: false,
             position: 0.0,
             load_n,
@@ -150,6 +153,17 @@ impl Bench {
     pub(super) fn break_down(&mut self) {
         self.spoiled.iter_mut().for_each(|one| one.on = true);
         self.seen = Seen::default();
+        self.passed = [false; 2];
+    }
+
+    /// `fault` names an end switch that the table really was past.
+    pub(super) fn is_at_end(&self, fault: Fault) -> bool {
+        let [forwards, backwards] = self.passed;
+        match fault {
+            Fault::EndForward => forwards,
+            Fault::EndBackward => backwards,
+            _ => false,
+        }
     }
 
     /// One more fault is there from now on.
@@ -377,6 +391,9 @@ impl Seam for Bench {
             from_middle > self.ends.switch,
             from_middle < -self.ends.switch,
         ];
+        for (passed, now) in self.passed.iter_mut().zip(truth) {
+            *passed |= now;
+        }
         let inputs = &mut request.inputs;
         inputs.enabled = [!self.enable_opened; 2];
         [inputs.end_forward, inputs.end_backward] = truth;

@@ -114,12 +114,17 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
         // Of a line that says nothing the open bridge shows, as phases that carry no current.
         // Which of two lines is whose nobody knows while both bridges are open: either sentence sends a person to both.
         Input::DriverFault(_) if matches!(fault, F::ScrewDriver | F::NutDriver) => true,
-        Input::DriverFault(axis) => of(
-            axis,
-            [F::ScrewVoltage, F::ScrewCurrentError],
-            [F::NutVoltage, F::NutCurrentError],
-        )
-        .contains(&fault),
+        Input::DriverFault(axis) => {
+            let running = of(
+                axis,
+                [F::ScrewVoltage, F::ScrewCurrentError],
+                [F::NutVoltage, F::NutCurrentError],
+            );
+            // Its sentence sends a person to the gate driver.
+            running.contains(&fault)
+                || misaligned(axis, misalignment) == Some(Reason::NoCurrent)
+                    && fault == of(axis, F::ScrewAlignment, F::NutAlignment)
+        }
         // A wrong command ends at the end of the way.
         Input::Command => matches!(fault, F::CommandLost | F::EndForward | F::EndBackward),
         Input::Heartbeat => fault == F::CommandLost,
@@ -127,6 +132,17 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
         Input::Clock => false,
         Input::Supply => fault == F::ControllerSupply,
     }
+}
+
+/// `fault` sends a person to the current sensors of a motor of which two are wrong: two that stand hide their phases' currents, which turn
+/// the voltage as a wrong angle does. One alone shows in the sum of three.
+#[must_use]
+pub fn names_two_channels(inputs: impl Iterator<Item = Input> + Clone, fault: Fault) -> bool {
+    Axis::ALL.into_iter().any(|axis| {
+        let of_axis = |input: &Input| matches!(input, Input::Current(at, _) if *at == axis);
+        fault == of(axis, Fault::ScrewAngle, Fault::NutAngle)
+            && inputs.clone().filter(of_axis).count() == 2
+    })
 }
 
 /// Why this motor or the pair could not be aligned.

@@ -1,7 +1,7 @@
 //! A cell, run: the drive brought into the situation, the fault put in, and what comes of it.
 
 use super::bench::{Bench, Ends, Soft};
-use super::cause::names;
+use super::cause::{names, names_two_channels};
 use super::cell::{Defect, Input, Situation};
 use super::controller::{Change, Controller, Doing};
 use super::spoiled::Spoiled;
@@ -88,7 +88,6 @@ pub(super) struct Healthy {
     path: Vec<f64>,
     /// When it comes to rest for the event, s after the fault of the others.
     reacted_s: Option<f64>,
-    state: State,
 }
 
 /// The way of a regular stop from a velocity, m.
@@ -542,8 +541,9 @@ pub(super) fn run(
         wrong_cause: match state {
             State::Fault(fault) => {
                 let named = |input| names(input, fault, misalignment);
-                let event = by_event && healthy.is_some_and(|healthy| healthy.state == state);
-                !event && !faults.iter().any(|(input, _)| named(*input))
+                let inputs = || faults.iter().map(|(input, _)| *input);
+                let named = inputs().any(named) || names_two_channels(inputs(), fault);
+                !run.bench.is_at_end(fault) && !named
             }
             _ => false,
         },
@@ -567,14 +567,7 @@ pub(super) fn run(
         }
     }
     let reacted_s = reacted.map(|(at, _)| at);
-    Ok((
-        outcome,
-        Healthy {
-            path,
-            reacted_s,
-            state,
-        },
-    ))
+    Ok((outcome, Healthy { path, reacted_s }))
 }
 
 /// The seed of the noise of a cell of that name.

@@ -145,6 +145,9 @@ pub struct FaultsOptions {
     /// So many random pairs of faults besides.
     #[arg(long, default_value_t = 200)]
     pub pairs: usize,
+    /// Seed of their draw: other seeds draw other pairs.
+    #[arg(long, value_name = "SEED", default_value_t = 1)]
+    pub pair_seed: u64,
     /// And long runs of so many simulated seconds each, on both boards: with random commands, faults and resets.
     #[arg(long, value_name = "SECONDS")]
     pub soak: Option<f64>,
@@ -168,7 +171,7 @@ pub fn run(options: &FaultsOptions) -> Result<()> {
         scenarios: story::scenarios()?,
         pairs: match options.pairs {
             0 => None,
-            count => Some(story::pairs(count)?),
+            count => Some(story::pairs(count, options.pair_seed)?),
         },
         soak: story::long_runs(options.healthy, options.soak)?,
         ..Report::of(&cells, &outcomes)

@@ -203,8 +203,8 @@ pub(super) struct Pairs {
     unsafe_pairs: Vec<String>,
 }
 
-pub(super) fn pairs(count: usize) -> Result<Pairs> {
-    let drawn = Pair::drawn(count, 1);
+pub(super) fn pairs(count: usize, seed: u64) -> Result<Pairs> {
+    let drawn = Pair::drawn(count, seed);
     let matrix = Matrix::of_pairs(&drawn)?;
     let outcomes = on_all_cores(&drawn, |pair| matrix.run_pair(pair));
     let outcomes: Vec<Outcome> = outcomes.into_iter().collect::<Result<_, _>>()?;
@@ -218,7 +218,14 @@ pub(super) fn pairs(count: usize) -> Result<Pairs> {
         .filter(|(_, outcome)| !outcome.hazards.is_empty())
         .map(|(pair, outcome)| {
             let by: Vec<_> = outcome.hazards.iter().map(|h| h.name()).collect();
-            format!("{}: {}", pair.name(), by.join(", "))
+            format!(
+                "{}: {}: {:.1} mm, {:.1} periods, {}",
+                pair.name(),
+                by.join(", "),
+                1e3 * outcome.travel_m,
+                outcome.over_current_periods,
+                super::cause(outcome.state).unwrap_or(outcome.state.name())
+            )
         })
         .collect();
     let worst = |value: fn(&Outcome) -> f64| outcomes.iter().map(value).fold(0.0, f64::max);
