@@ -8,6 +8,7 @@ mod cost;
 mod drive;
 mod encoders;
 mod faults;
+mod first_power_up;
 mod guards;
 mod handlers;
 mod identified;

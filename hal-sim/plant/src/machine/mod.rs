@@ -98,6 +98,11 @@ impl Machine {
         self.motors.set_open_phase(axis.index(), phase);
     }
 
+    /// Unplugs one motor from its bridge, or plugs it in: no current flows in an unplugged winding.
+    pub fn set_disconnected(&mut self, axis: Axis, disconnected: bool) {
+        self.motors.set_disconnected(axis.index(), disconnected);
+    }
+
     /// Sets the bus voltage against which the diodes of an open bridge work, V.
     #[inline]
     pub fn set_bus_voltage(&mut self, volts: f64) {

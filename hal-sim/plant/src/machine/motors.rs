@@ -290,6 +290,12 @@ impl Motors {
         }
     }
 
+    /// Opens the leads of all phases, or closes all.
+    pub(super) fn set_disconnected(&mut self, k: usize, disconnected: bool) {
+        self.open_phase[k] = disconnected.then_some([0.0; 2]);
+        self.set_bridge(k, self.bridges[k]);
+    }
+
     /// The part of a vector in which current can flow.
     #[inline]
     fn flowing(&self, k: usize, vector: [f64; 2]) -> [f64; 2] {
