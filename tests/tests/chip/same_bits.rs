@@ -34,6 +34,9 @@ enum Taken {
 }
 const END: f64 = 1.7;
 
+/// Tops of both timers, and before which period of the screw the speed task took what.
+type Traced = (Vec<Top>, Vec<(u64, Taken)>);
+
 /// Runs the script in the emulator: every top of both timers, and before which period of the screw the speed task took what.
 fn emulated(
     elf: &Path,
@@ -41,7 +44,7 @@ fn emulated(
     model: &Model,
     coupling: Coupling,
     stored: Option<&Settings>,
-) -> Result<(Vec<Top>, Vec<(u64, Taken)>), String> {
+) -> Result<Traced, String> {
     let mut bench = Bench::with(elf, board, model, coupling)?;
     if let Some(settings) = stored {
         bench.emulator.chip().flash.memory = crate::settings::stored(settings);
