@@ -9,7 +9,7 @@ use control::fault::Fault;
 use control::format::Misfit;
 use control::plate::DrivePlate;
 use control::sense::Shunts;
-use control::supervisor::Request;
+use control::supervisor::{Demand, Request};
 use control::travel::{Travel, TravelConfig, TravelLook, TravelSeen};
 use hal_sim::boards::BoardKind;
 use hal_sim::seam::Seam;
@@ -86,6 +86,8 @@ pub(super) struct Bench {
     pub(super) seen: Seen,
     /// The table was past the end switches since the fault: forwards, backwards.
     passed: [bool; 2],
+    /// What is demanded, as the drive reads it.
+    pub(super) demand: Demand,
     /// Somebody has opened the enable switch.
     pub(super) enable_opened: bool,
     pub(super) position: f64,
@@ -129,6 +131,7 @@ impl Bench {
             soft: None,
             seen: Seen::default(),
             passed: [false; 2],
+            demand: Demand::Rest,
             enable_opened: false,
             position: 0.0,
             load_n,
@@ -394,6 +397,14 @@ impl Seam for Bench {
         for (passed, now) in self.passed.iter_mut().zip(truth) {
             *passed |= now;
         }
+        for one in self
+            .spoiled
+            .iter_mut()
+            .filter(|one| one.on && one.input == Input::Demand)
+        {
+            request.demand = one.demand(request.demand);
+        }
+        self.demand = request.demand;
         let inputs = &mut request.inputs;
         inputs.enabled = [!self.enable_opened; 2];
         [inputs.end_forward, inputs.end_backward] = truth;

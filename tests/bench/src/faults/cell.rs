@@ -35,6 +35,10 @@ pub enum Input {
     Command,
     /// The word that changes while somebody commands.
     Heartbeat,
+    /// What is demanded: stuck low it is rest, stuck high a reset, noisy anything.
+    Demand,
+    /// The controller's reset: by its pin, a debugger, a stored setting or a watchdog. Stuck low it stays, as while it is flashed.
+    Reset,
     /// The controller's crystal.
     Clock,
     /// The controller's supply, 3.3 V.
@@ -108,6 +112,8 @@ impl Defect {
 pub enum Situation {
     /// The fault is there before power comes up.
     Boot,
+    /// Bridges open, the rotor angles not known. Alignment is demanded 0.2 s after the fault.
+    Unaligned,
     /// One second into the alignment.
     Aligning,
     /// Bridges off, aligned.
@@ -124,8 +130,9 @@ pub enum Situation {
 
 impl Situation {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Boot,
+        Self::Unaligned,
         Self::Aligning,
         Self::Ready,
         Self::Cdfs,
@@ -139,6 +146,7 @@ impl Situation {
     pub const fn name(self) -> &'static str {
         match self {
             Self::Boot => "boot",
+            Self::Unaligned => "unaligned",
             Self::Aligning => "aligning",
             Self::Ready => "ready",
             Self::Cdfs => "CDFS 2.5 mm/s",
@@ -192,6 +200,8 @@ impl Input {
             Self::Enable(1),
             Self::Command,
             Self::Heartbeat,
+            Self::Demand,
+            Self::Reset,
             Self::Clock,
             Self::Supply,
         ]);
@@ -206,7 +216,7 @@ impl Input {
             WrongSign,
         };
         if matches!(defect, Dips | Falls) {
-            return self == Self::Supply;
+            return self == Self::Supply || (self, defect) == (Self::Reset, Dips);
         }
         match self {
             // Of two channels, each is the other's neighbour.
@@ -234,6 +244,8 @@ impl Input {
                 Frozen | StuckLow | StuckHigh | Offset | Noisy | Late | WrongSign
             ),
             Self::Heartbeat => matches!(defect, Missing | Noisy | Late),
+            Self::Demand => matches!(defect, StuckLow | StuckHigh | Noisy),
+            Self::Reset => matches!(defect, StuckLow),
             // Frozen or stuck at either end it has no edges: missing. Offset it is fast, late it is slow.
             Self::Clock => matches!(defect, Missing | Offset | Noisy | Late),
             // Offset it is low, and above what the chip watches; stuck low it is below that, and above what resets it.
@@ -259,6 +271,8 @@ impl Input {
             Self::DriverFault(axis) => format!("driver fault, {}", axis.name()),
             Self::Command => "command".into(),
             Self::Heartbeat => "heartbeat".into(),
+            Self::Demand => "demand".into(),
+            Self::Reset => "reset".into(),
             Self::Clock => "clock".into(),
             Self::Supply => "controller's supply".into(),
         }

@@ -8,6 +8,7 @@
 //! | crystal fast or slow | nothing: what a bring-up lets pass | all times by that factor |
 //! | supply below 2.9 V | voltage detector on the timers' break | both bridges open at once and are held open; fault `ControllerSupply` |
 //! | supply below 2.8 V | brown-out reset | all pins released; a new start above 2.9 V (datasheet, level 4 rising; memory) |
+//! | reset by its pin, a debugger, a stored setting, a watchdog | the same, for a millisecond or, while it is flashed, for good | all pins released; a new start |
 //! | supply low and above that | the firmware, by the chip's internal reference: `control::controller_supply` | it is the ADC's reference, and what does not go with it reads more, until both motors have stopped |
 //!
 //! A clock that stands inside the chip behind a crystal that runs is not modelled: the watchdog's own clock ends that.
@@ -24,6 +25,8 @@ const LOW_V: f64 = 2.85;
 const OFFSET_V: f64 = -0.35;
 /// Standard deviation of its noise: 3 % of it, as of the other inputs.
 const NOISE_V: f64 = 0.03 * SUPPLY_V;
+/// How long a reset is held that is no flashing, s: the chip holds its own pin for 20 us at least (datasheet; memory).
+const PULSE_S: f64 = 1e-3;
 /// How long it is gone where it dips, s, and how fast it falls, V/s.
 const DIP_S: f64 = 20e-3;
 const FALLS_V_S: f64 = 1.0;
@@ -72,13 +75,17 @@ impl Controller {
     /// A period of so many seconds.
     pub(super) fn period(&mut self, spoiled: &mut [Spoiled], seconds: f64) -> Doing {
         let (mut supply_v, mut slow, mut crystal) = (SUPPLY_V, 1.0, true);
-        let mut wrong = false;
+        let (mut wrong, mut reset) = (false, false);
         for one in spoiled.iter_mut().filter(|one| one.on) {
             match (one.input, one.defect) {
                 (Input::Clock, Defect::Missing) => crystal = false,
                 (Input::Clock, Defect::Offset) => slow = 1.0 - CLOCK_OFF,
                 (Input::Clock, Defect::Late) => slow = 1.0 + CLOCK_OFF,
                 (Input::Clock, _) => slow = 1.0 + CLOCK_OFF * one.random(),
+                (Input::Reset, defect) => {
+                    wrong = true;
+                    reset |= defect != Defect::Dips || self.wrong_s < PULSE_S;
+                }
                 (Input::Supply, defect) => {
                     wrong = true;
                     supply_v = match defect {
@@ -99,7 +106,7 @@ impl Controller {
             }
         }
         self.wrong_s = if wrong { self.wrong_s + seconds } else { 0.0 };
-        if !crystal || supply_v < RESET_V {
+        if !crystal || reset || supply_v < RESET_V {
             self.starts_s = Some(START_S);
             return Doing::Stands;
         }

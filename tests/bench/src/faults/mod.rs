@@ -12,12 +12,13 @@
 //! Where the table comes near an end switch, it is homed and has soft limits behind the switches: without them a switch that is welded
 //! shows nowhere.
 //!
-//! A wrong command is not a wrong sensor: the table may go where it is asked, and only the way after the reaction counts.
+//! A wrong command or demand is not a wrong sensor: the table may go where it is asked, and only the way after the reaction counts.
 
 mod bench;
 mod cause;
 mod cell;
 mod controller;
+mod interrupted;
 pub mod report;
 mod run;
 mod scenario;
@@ -25,6 +26,7 @@ mod soak;
 mod spoiled;
 
 pub use cell::{Cell, Defect, Input, Pair, Situation};
+pub use interrupted::{Interrupted, Interruption, alignment_s, interrupt};
 pub use scenario::{Point, Scenario, Story, run as run_scenario};
 pub use soak::{Soaked, healthy, soak};
 

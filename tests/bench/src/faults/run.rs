@@ -142,7 +142,7 @@ fn model(board: BoardKind) -> Model {
 
 impl Run {
     /// The drive in its situation, the faults not there yet.
-    fn new(
+    pub(super) fn new(
         board: BoardKind,
         situation: Situation,
         faults: &[(Input, Defect)],
@@ -165,13 +165,19 @@ impl Run {
             ..config
         };
         let plate = board.plate();
-        let starts = matches!(situation, Situation::Boot | Situation::Aligning);
+        let starts = matches!(
+            situation,
+            Situation::Boot | Situation::Unaligned | Situation::Aligning
+        );
         let mut drive = if starts {
             Drive::new(&model, Coupling::Coupled, config, &plate)?
         } else {
             Drive::aligned(&model, Coupling::Coupled, config, &plate)?
         };
-        drive.request.demand = if starts { Demand::Align } else { Demand::Rest };
+        drive.request.demand = match situation {
+            Situation::Boot | Situation::Aligning => Demand::Align,
+            _ => Demand::Rest,
+        };
         if starts {
             settle(&mut drive.board, [1.0, 4.0]);
         }
@@ -199,6 +205,11 @@ impl Run {
         const RAMPED_S: f64 = 0.6;
         match situation {
             Situation::Boot => Ok(()),
+            Situation::Unaligned => {
+                self.until(State::Unaligned)?;
+                self.pass(0.1);
+                Ok(())
+            }
             Situation::Aligning => {
                 self.until(State::Aligning)?;
                 self.pass(1.0);
@@ -394,7 +405,7 @@ impl Run {
     pub(super) fn reacts(&self) -> bool {
         match self.drive.state() {
             State::Fault(_) => true,
-            State::Stopping => self.drive.request.demand == Demand::Run,
+            State::Stopping => self.bench.demand == Demand::Run,
             _ => self.was_reset,
         }
     }
@@ -450,14 +461,18 @@ pub(super) fn run(
     }
     run.bench.break_down();
     run.returned_j = 0.0;
-    let judged = !faults.iter().any(|(input, _)| *input == Input::Command);
+    let judged = !faults
+        .iter()
+        .any(|(input, _)| matches!(input, Input::Command | Input::Demand));
+    let demanded = faults.iter().any(|(input, _)| *input == Input::Demand);
+    let mut faulted = false;
     // Since it was last asked: seconds, and where it was.
     let moves = !matches!(
         situation,
-        Situation::Boot | Situation::Aligning | Situation::Ready
+        Situation::Boot | Situation::Unaligned | Situation::Aligning | Situation::Ready
     );
     let mut asked = moves.then_some((0.0, position));
-    let (mut ready, mut still, mut now) = (0.0, 0.0, 0.0);
+    let (mut unaligned, mut ready, mut still, mut now) = (0.0, 0.0, 0.0, 0.0);
     let (mut off, mut since, mut reacted) = (0.0f64, 0.0f64, None::<(f64, f64)>);
     let mut regular = 0.0;
     let mut path = Vec::new();
@@ -467,6 +482,12 @@ pub(super) fn run(
         let period_s = run.drive.board.period_s();
         now += period_s;
         let x = run.bench.position;
+        if run.drive.state() == State::Unaligned && !run.was_reset {
+            unaligned += period_s;
+            if unaligned > 0.2 {
+                run.drive.request.demand = Demand::Align;
+            }
+        }
         if run.drive.state() == State::Ready && asked.is_none() {
             ready += period_s;
             if ready > 0.2 && !run.was_reset {
@@ -506,14 +527,18 @@ pub(super) fn run(
         let over = match reacted {
             Some((at, from)) => {
                 since = since.max((x - from).abs());
-                // After a reset it is to be ready again, or to stand for good.
+                // After a reset it waits with open bridges, or stands for good.
                 let ended = match run.drive.state() {
                     State::Fault(_) => true,
-                    State::Ready => run.was_reset,
+                    State::Unaligned | State::Ready => run.was_reset,
                     _ => run.controller.stands(),
                 };
+                // A demand that is wrong may leave the fault and run again, as is demanded.
+                let faulty = matches!(run.drive.state(), State::Fault(_));
+                let runs_again = demanded && faulted && !faulty;
+                faulted |= faulty;
                 let longest = if run.was_reset { START_S } else { REST_S };
-                ended && still > 0.05 || now - at > longest
+                runs_again || ended && still > 0.05 || now - at > longest
             }
             None => since_asked > WATCHED_S || asked.is_none() && now > START_S,
         };

@@ -38,6 +38,13 @@ pub struct Soaked {
     pub over_currents: u32,
 }
 
+impl Soaked {
+    fn recover(&mut self, run: &mut Run) {
+        self.seconds += recover(run);
+        self.stuck += u32::from(run.drive.state() != State::Ready);
+    }
+}
+
 struct Dice(Xoshiro256PlusPlus);
 
 impl Dice {
@@ -100,7 +107,7 @@ pub fn healthy(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, Expe
         dice.hold(&mut run, middle, &mut told)?;
         if let State::Fault(fault) = run.drive.state() {
             *told.stopped.entry(fault.name()).or_default() += 1;
-            recover(&mut run, &mut told);
+            told.recover(&mut run);
         }
     }
     Ok(told)
@@ -138,13 +145,13 @@ pub fn soak(board: BoardKind, seconds: f64, seed: u64) -> Result<Soaked, Experim
             *told.stopped.entry(fault.name()).or_default() += 1;
         }
         run.bench.spoiled.clear();
-        recover(&mut run, &mut told);
+        told.recover(&mut run);
     }
     Ok(told)
 }
 
-/// Comes to rest, leaves a fault, and is ready again.
-fn recover(run: &mut Run, told: &mut Soaked) {
+/// Comes to rest, leaves a fault, and is ready again: how long that took, s.
+pub(super) fn recover(run: &mut Run) -> f64 {
     run.drive.request.demand = Demand::Reset;
     // The enable switch is opened and closed, as a fault of one of its contacts asks.
     run.bench.enable_opened = true;
@@ -161,7 +168,6 @@ fn recover(run: &mut Run, told: &mut Soaked) {
         run.pass(0.05);
         waited += 0.05;
     }
-    told.seconds += waited;
-    told.stuck += u32::from(run.drive.state() != State::Ready);
     run.drive.request.demand = Demand::Rest;
+    waited
 }

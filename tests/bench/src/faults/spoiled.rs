@@ -9,11 +9,14 @@
 //! | scale | 1 m | 10 mm | 1 mm | 20 steps |
 //! | contacts | | | closed or open at random, anew each 0.4 ms | 20 ms |
 //! | controller's supply | 2.85 V is its low end | -0.35 V of 3.3 V | 3 % of 3.3 V | |
+//! | demand | rest, reset | | another each 20 ms | |
+//! | reset | held | | | |
 //! | clock | | fast by 1.5 % | each period anew, as much | slow by 1.5 % |
 //!
 //! The figures are ours: large enough to do harm, small enough not to be seen at once.
 
 use super::cell::{Defect, Input};
+use control::supervisor::Demand;
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use rand_xoshiro::rand_core::{Rng, SeedableRng};
@@ -122,6 +125,23 @@ impl Spoiled {
             late: 100,
             neighbour: level(neighbour),
         }) > 0.5
+    }
+
+    /// What is demanded instead.
+    pub(super) fn demand(&mut self, demand: Demand) -> Demand {
+        match self.defect {
+            Defect::StuckLow => Demand::Rest,
+            Defect::StuckHigh => Demand::Reset,
+            Defect::Noisy => {
+                // Another each 20 ms.
+                if self.noise.0.is_multiple_of(100) {
+                    self.noise.1 = f64::from(self.random.next_u32() % 4);
+                }
+                self.noise.0 += 1;
+                Demand::of_word(self.noise.1 as u32)
+            }
+            _ => demand,
+        }
     }
 
     /// The value from before the fault, or this one.

@@ -1,5 +1,6 @@
 //! `cargo xtask bench faults`: each input, wrong in each way, in each situation, and what comes of it.
 
+mod interruptions;
 mod page;
 mod story;
 
@@ -25,6 +26,8 @@ struct Report {
     scenarios: Vec<story::Told>,
     #[serde(skip_serializing_if = "Option::is_none")]
     pairs: Option<story::Pairs>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    interruptions: Vec<interruptions::Row>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     soak: Vec<story::Long>,
 }
@@ -123,6 +126,7 @@ impl Report {
                 .collect(),
             scenarios: Vec::new(),
             pairs: None,
+            interruptions: Vec::new(),
             soak: Vec::new(),
         }
     }
@@ -148,6 +152,9 @@ pub struct FaultsOptions {
     /// Seed of their draw: other seeds draw other pairs.
     #[arg(long, value_name = "SEED", default_value_t = 1)]
     pub pair_seed: u64,
+    /// And alignments that each of six causes interrupts at so many random moments, on both boards. 1,000 take 25 minutes of CPU.
+    #[arg(long, value_name = "MOMENTS", default_value_t = 20)]
+    pub interruptions: u64,
     /// And long runs of so many simulated seconds each, on both boards: with random commands, faults and resets.
     #[arg(long, value_name = "SECONDS")]
     pub soak: Option<f64>,
@@ -173,6 +180,7 @@ pub fn run(options: &FaultsOptions) -> Result<()> {
             0 => None,
             count => Some(story::pairs(count, options.pair_seed)?),
         },
+        interruptions: interruptions::rows(options.interruptions)?,
         soak: story::long_runs(options.healthy, options.soak)?,
         ..Report::of(&cells, &outcomes)
     };
@@ -182,6 +190,7 @@ pub fn run(options: &FaultsOptions) -> Result<()> {
         tell(&report, &cells, &outcomes);
         story::tell_scenarios(&report.scenarios);
         report.pairs.iter().for_each(story::tell_pairs);
+        interruptions::tell(&report.interruptions);
         story::tell_soaks(&report.soak);
     }
     if let Some(out) = &options.out {
