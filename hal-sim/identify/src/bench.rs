@@ -99,7 +99,7 @@ impl Figures {
             })),
             "laas": self.motor.as_ref().map(|motor| json!({
                 "before_percent": motor.study.before_percent(),
-                "after_percent": motor.study.after_percent(),
+                "after_percent": motor.study.curved_percent(),
             })),
             "odrive": self.odrive,
             "seconds_per_recording": self.seconds_per_recording,
@@ -242,7 +242,7 @@ pub fn measured_pairs(folder: &Path) -> Vec<MeasuredPair> {
             fit: fit.into(),
             check: check.into(),
             before_percent: study.before_percent(),
-            after_percent: study.after_percent(),
+            after_percent: study.curved_percent(),
             names: study.orders.len() + usize::from(study.lag.is_some()),
         })
     };

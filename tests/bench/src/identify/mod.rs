@@ -244,7 +244,7 @@ fn print(figures: &Figures, blind: &Value) {
             println!(
                 "  {:>4} per turn: {}",
                 order.order,
-                order.suggests(motor.model.pole_pairs)
+                order.suggests(Some(motor.model.pole_pairs))
             );
         }
     }
