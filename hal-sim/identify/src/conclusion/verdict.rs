@@ -273,8 +273,8 @@ impl Judged {
 
 impl Judged {
     /// Of a residual that a model-free judge was asked about: `does_not_carry` where it predicts the check record from itself
-    /// alone, `share` of the drive quantity's rms.
-    pub(crate) fn predicted(mut self, does_not_carry: bool, share: f64, shapes: usize) -> Self {
+    /// alone, `is_judged` where the records are long enough, `share` of the drive quantity's rms.
+    pub(crate) fn predicted(mut self, does_not_carry: bool, is_judged: bool, share: f64) -> Self {
         match self.verdict {
             Verdict::NothingMissing | Verdict::Explained if does_not_carry => {
                 self.verdict = match self.verdict {
@@ -284,7 +284,7 @@ impl Judged {
                 self.sentence += " But the check record's operating points predict each other, and the fit record does not predict \
                                   them: something does not carry over.";
             }
-            Verdict::Unexplained if !does_not_carry && shapes == 0 && share < SMALL => {
+            Verdict::Unexplained if is_judged && !does_not_carry && share < SMALL => {
                 self.verdict = Verdict::NothingMissing;
                 self.sentence = format!(
                     "Nothing predicts what the declared model leaves, {:.2} % of the drive quantity's rms. Nothing is missing above that.",

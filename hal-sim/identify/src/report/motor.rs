@@ -4,7 +4,7 @@ use super::{
     Calibrated, Channel, Coordinate, Effect, Left, Measured, Report, Residual, Selection, Tried,
 };
 use crate::conclusion::remains::whiteness;
-use crate::conclusion::rest::{self, NO_SHAPE};
+use crate::conclusion::rest;
 use crate::conclusion::verdict::{CheckChannel, Floor};
 use crate::effects::refusals::Refusal;
 use crate::machines::feed_axis::Axis;
@@ -108,10 +108,6 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
         .iter()
         .map(|remnant| Left::of(remnant, name, unit))
         .collect();
-    let shapes = unexplained
-        .iter()
-        .filter(|left| left.coordinate != NO_SHAPE)
-        .count();
     let judged = CheckChannel::of_rows(
         subject.channel,
         [&study.before.left[1], &study.curved.left[1]],
@@ -120,11 +116,15 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
         study.noise,
     )
     .judged(effects.len(), unexplained.len(), Floor::Spectrum)
-    .predicted(study.does_not_carry, study.curved_percent() / 100.0, shapes)
+    .predicted(
+        study.does_not_carry,
+        study.is_judged,
+        study.curved_percent() / 100.0,
+    )
     .excited(&[(study.excitation.clone(), subject.shaft)]);
     Report {
         verdict: judged.verdict.name(),
-        summary: judged.sentence,
+        summary: format!("{}{}", judged.sentence, allowed_for(study)),
         refused: refused(study, subject),
         residual: vec![Residual {
             channel: name.into(),
@@ -203,6 +203,19 @@ fn refused(study: &Study, subject: Subject) -> Vec<Refusal> {
         .collect()
 }
 
+/// A nuisance of time that the fit allows for, as a sentence.
+fn allowed_for(study: &Study) -> String {
+    let nuisance = study.lag.as_ref().filter(|lag| !lag.is_named);
+    nuisance.map_or_else(String::new, |lag| {
+        let [value, _] = lag.value_s;
+        let kind = if value < 0.0 { "delay" } else { "lag" };
+        format!(
+            " A {kind} of {:.2} ms between motion and drive quantity is allowed for.",
+            1e3 * value.abs()
+        )
+    })
+}
+
 /// Inertia and friction as the record has them, and the nuisances: nothing is declared of them.
 fn calibration(study: &Study) -> Vec<Calibrated> {
     let of = |parameter: &str, value, sigma, unit| Calibrated {
@@ -218,12 +231,11 @@ fn calibration(study: &Study) -> Vec<Calibrated> {
         of(name, study.after.values[k], sigma, unit)
     });
     let lag = study.lag.iter().filter(|lag| !lag.is_named).map(|lag| {
-        of(
-            "lag of the drive quantity, a nuisance",
-            lag.value_s[0],
-            lag.value_s[1],
-            "s",
-        )
+        let (name, value) = match lag.value_s[0] < 0.0 {
+            true => ("delay of the drive quantity, a nuisance", -lag.value_s[0]),
+            false => ("lag of the drive quantity, a nuisance", lag.value_s[0]),
+        };
+        of(name, value, lag.value_s[1], "s")
     });
     let width = study.base.contains(&Base::Coulomb).then(|| {
         of(

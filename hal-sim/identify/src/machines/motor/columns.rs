@@ -125,6 +125,17 @@ fn accelerations(angle: &[f64], rate: f64, top: f64, noise: impl Fn(f64) -> f64)
     }
 }
 
+/// A signal later by `rows`, by straight lines; its first value is held before it.
+fn delayed(values: &[f64], rows: f64) -> Vec<f64> {
+    let at = |row: usize| {
+        let from = (row as f64 - rows).max(0.0);
+        let (k, share) = (from as usize, from.fract());
+        let next = values[(k + 1).min(values.len() - 1)];
+        values[k] + share * (next - values[k])
+    };
+    (0..values.len()).map(at).collect()
+}
+
 impl Stretch {
     fn new(record: &Record, rate: f64) -> Self {
         let hz = BAND_HZ.min(BAND_OF_RATE * rate);
@@ -172,10 +183,15 @@ impl Stretch {
         cut
     }
 
-    /// Behind a first-order filter with the time constant `lag_s`, and through the common filter.
+    /// Behind a first-order filter with the time constant `lag_s`, or, where that is below 0, later by as much; and through the
+    /// common filter.
     fn reported(&self, values: &[f64], lag_s: f64) -> Vec<f64> {
-        if lag_s <= 0.0 {
+        if lag_s == 0.0 {
             return self.cut(&butterworth(values, self.rate, self.hz));
+        }
+        if lag_s < 0.0 {
+            let late = delayed(values, -lag_s * self.rate);
+            return self.cut(&butterworth(&late, self.rate, self.hz));
         }
         let keep = (-1.0 / (self.rate * lag_s)).exp();
         let mut last = values[0];
@@ -253,6 +269,11 @@ impl Columns {
         self.stretches
             .first()
             .map_or(1.0, |own| own.rate / own.step as f64)
+    }
+
+    /// Rows a second of the record.
+    pub(super) fn sample_hz(&self) -> f64 {
+        self.stretches.first().map_or(1.0, |own| own.rate)
     }
 
     /// Bandwidth of what is compared, Hz.

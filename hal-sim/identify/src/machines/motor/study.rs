@@ -11,7 +11,7 @@ use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};
 use crate::predict::basis::{At, ORDERS};
 use crate::predict::curve::Curve;
 use crate::predict::excitation::Excitation;
-use crate::predict::judge::{Judged, Side, judge};
+use crate::predict::judge::{Judged, LEAST_BLOCKS, Side, judge};
 use crate::regression::column::{Column, counted};
 use crate::regression::normal::Prior;
 use crate::search::forward::{Choice, Contender, Forward, search};
@@ -30,6 +30,12 @@ const NEXT_LAG: f64 = 2.0;
 const FINER: [f64; 4] = [0.35, 0.17, 0.08, 0.04];
 /// How often orders are looked for again beside a lag that was followed.
 const MOST_ROUNDS: usize = 3;
+/// Delays that are tried, rows: of a log and of a control period.
+const DELAYS_ROWS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
+/// A named lag in rows of the record; delays beside which it is held, in lags; share of their squares that it must leave.
+const LAG_ROWS: f64 = 3.0;
+const DELAYS_OF_LAG: [f64; 5] = [0.3, 0.5, 0.7, 0.85, 1.0];
+const RIVAL: f64 = 0.5;
 /// Standard deviation of a lag that is named, of it; and share of the current's rms that is left then.
 const WELL_TOLD: f64 = 0.2;
 const LITTLE_LEFT: f64 = 0.1;
@@ -48,7 +54,7 @@ const LEAST_LAG: f64 = 0.1;
 /// A first-order filter on the current that is reported.
 #[derive(Debug, Clone, Copy)]
 pub struct Lag {
-    /// Time constant, s, and its standard deviation.
+    /// Time constant, s, and its standard deviation; below 0 a delay of as much.
     pub value_s: [f64; 2],
     /// Share of the check record's square that it takes beside the orders.
     pub explained: f64,
@@ -106,6 +112,8 @@ pub struct Study {
     pub curves: Vec<Curve>,
     /// Whether something predicts what is left within the check record and does not carry over from the fit record.
     pub does_not_carry: bool,
+    /// Whether the records are long enough for a judgement of what predicts the rest.
+    pub is_judged: bool,
     /// Speed over which friction changes its sign, rad/s: a nuisance, fitted.
     pub width_rad_s: f64,
     /// What the check record excites.
@@ -118,6 +126,26 @@ pub struct Study {
     pub not_tried: (usize, &'static str),
     /// What the orders leave of both records above it.
     pub remnants: Vec<Remnant>,
+}
+
+/// Whether a lag is named: the record tells it well, little is left with it, it is longer than what sampling makes, and a
+/// delay of any such time leaves more.
+fn is_lag(
+    records: [&Columns; 2],
+    base: &[Base],
+    orders: &[u32],
+    late: [f64; 2],
+    after: &Fit,
+) -> bool {
+    let [value, sigma] = late;
+    let told = value > 0.0 && sigma < WELL_TOLD * value && value < 0.9 * LONGEST_LAG_S;
+    let little = rms(&after.left[1]) < LITTLE_LEFT * rms(&records[1].current());
+    if !told || !little || value < LAG_ROWS / records[0].sample_hz() {
+        return false;
+    }
+    let square = |late: f64| Both::new(records, base, orders, late).squares()[0];
+    let rivals = DELAYS_OF_LAG.map(|share| square(-share * value));
+    square(value) < RIVAL * rivals.into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// The lag with which inertia, friction and orders, fitted together, predict the check record best.
@@ -133,8 +161,9 @@ fn lag(records: [&Columns; 2], base: &[Base], orders: &[u32], lags_s: &[f64]) ->
 
 /// Follows a lag to where the orders that were found leave least of the fit record.
 fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -> [f64; 2] {
-    let square = |log: f64| Both::new(records, base, orders, log.exp()).squares()[0];
-    let (mut least, mut at) = (square(start.ln()), start.ln());
+    let way = start.signum();
+    let square = |log: f64| Both::new(records, base, orders, way * log.exp()).squares()[0];
+    let (mut least, mut at) = (square(start.abs().ln()), start.abs().ln());
     for step in FINER {
         for log in [at - step, at + step] {
             if log > LONGEST_LAG_S.ln() {
@@ -155,7 +184,7 @@ fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -
         // No minimum: the record does not tell the lag.
         false => f64::INFINITY,
     };
-    [at.exp(), at.exp() * relative]
+    [way * at.exp(), at.exp() * relative]
 }
 
 /// White noise of the quietest stretch after the filter.
@@ -283,6 +312,8 @@ impl Study {
         let lags_s: Vec<f64> = std::iter::once(0.0)
             .chain(lags.take_while(|lag| *lag < LONGEST_LAG_S))
             .collect();
+        let delays = DELAYS_ROWS.map(|rows| -rows / rate);
+        let nuisances: Vec<f64> = lags_s.iter().copied().chain(delays).collect();
         let mut sides = [Columns::new(estimate), Columns::new(check)];
         // Of inertia alone: records at other speeds are what friction and orders are checked by.
         let [fitted, other] = &mut sides;
@@ -347,9 +378,9 @@ impl Study {
         let orders =
             |taken: &[(u32, f64)]| taken.iter().map(|(order, _)| *order).collect::<Vec<u32>>();
         let search_in = |base: &[Base]| {
-            let found = at_lag(base, lag(records, base, &lowest, &lags_s));
+            let found = at_lag(base, lag(records, base, &lowest, &nuisances));
             // Higher orders that were found may tell another lag.
-            match lag(records, base, &orders(&found.1), &lags_s) {
+            match lag(records, base, &orders(&found.1), &nuisances) {
                 same if same == found.0 => found,
                 other => at_lag(base, other),
             }
@@ -365,12 +396,11 @@ impl Study {
         if base.len() > known {
             (late, taken, lost_orders) = search_in(&base);
         }
-        let before = Both::new(records, &base, &[], 0.0).fit(Vec::new()).0;
         let mut numbers = orders(&taken);
         let mut late = [late, 0.0];
         // Between two lags that were tried, what is left is the lag's error: weak orders show beside the right one.
         for _ in 0..MOST_ROUNDS {
-            if late[0] <= 0.0 {
+            if late[0] == 0.0 {
                 break;
             }
             late = followed(records, &base, &numbers, late[0]);
@@ -391,13 +421,16 @@ impl Study {
             Column::alone(records[0].slope_by_order(*order, wave, late[0]))
         });
         let (after, steps) = last.fit(slopes.collect());
+        let is_named = is_lag([records[0], records[1]], &base, &numbers, late, &after);
+        // A nuisance is no name: it is there before.
+        let before = Both::new(records, &base, &[], if is_named { 0.0 } else { late[0] });
+        let before = before.fit(Vec::new()).0;
         let of_check = rms(&before.left[1]).powi(2);
-        let lag = (late[0] > 0.0).then(|| {
+        let lag = (late[0] != 0.0).then(|| {
             let without = Both::new(records, &base, &numbers, 0.0).squares()[1];
-            let told = late[1] < WELL_TOLD * late[0] && late[0] < 0.9 * LONGEST_LAG_S;
             Lag {
                 value_s: late,
-                is_named: told && rms(&after.left[1]) < LITTLE_LEFT * rms(&records[1].current()),
+                is_named,
                 explained: ((without - rms(&after.left[1]).powi(2)) / of_check).clamp(0.0, 1.0),
             }
         });
@@ -438,6 +471,7 @@ impl Study {
             band_hz: records[1].band_hz(),
             excitation,
             does_not_carry: judged.own,
+            is_judged: judged.blocks >= LEAST_BLOCKS,
             curves,
 
             freed: numbers
