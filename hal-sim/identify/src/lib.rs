@@ -9,6 +9,7 @@ pub mod effects;
 pub mod html;
 pub mod machines;
 pub mod paper;
+pub(crate) mod predict;
 pub mod record;
 pub mod records;
 pub mod reference;

@@ -180,16 +180,18 @@ impl Task {
                     .collect(),
             })));
         }
-        let [fit, check] = [fit, check].map(longest);
-        let fit =
-            fit.ok_or_else(|| RunError::Split("no record to identify from: give --fit".into()))?;
-        if let Some(check) = check {
+        let [whole, other] = [&fit, &check].map(|records| longest(records.clone()));
+        let whole = whole
+            .ok_or_else(|| RunError::Split("no record to identify from: give --fit".into()))?;
+        if let Some(other) = other {
             return Ok(Front {
-                fit,
-                check,
+                stretches: [fit, check].map(stretches),
+                fit: whole,
+                check: other,
                 split: None,
             });
         }
+        let fit = whole;
         let split = records::split(&fit).ok_or_else(|| {
             RunError::Split(format!(
                 "{}: {:.2} s are too short to hold some of it back, expected 4 s; give another record with --check",
@@ -198,6 +200,7 @@ impl Task {
             ))
         })?;
         Ok(Front {
+            stretches: [&split.fit, &split.check].map(|part| part.clone().pieces()),
             fit: split.fit,
             check: split.check,
             split: Some(split.sentence),
@@ -240,6 +243,10 @@ impl Task {
             mass_kg: declared.base[0],
         };
         let front = self.records(&self.mapping, None, plate, told)?;
+        let all = front.stretches.iter().flatten();
+        if !all.clone().all(feed_axis::Record::has_law) {
+            return axis_by_balance(&declared, front, told);
+        }
         let accounts = front.accounts();
         let [fit, check] = [front.fit, front.check].map(feed_axis::Record::new);
         told("tracing the residual", None);
@@ -302,8 +309,13 @@ impl Task {
     fn motor(&self, told: &mut Told) -> Result<Done, RunError> {
         let model = MotorModel::load(&self.model)?;
         let front = self.records(&self.mapping, None, Plate::Motor, told)?;
-        let accounts = front.accounts();
-        let [fit, check] = [front.fit, front.check].map(motor::Record::new);
+        let accounts = front.joined();
+        let [fit, check] = front.stretches.map(|stretches| {
+            stretches
+                .into_iter()
+                .map(motor::Record::new)
+                .collect::<Vec<_>>()
+        });
         let map = match (&self.mapping.map, self.fit.first()) {
             (Some(name), Some(fit)) => Some(load_map(
                 &fit.with_file_name(name),
@@ -313,7 +325,7 @@ impl Task {
             _ => None,
         };
         told("tracing the residual", None);
-        let study = motor::Study::new(&fit, &check, map.as_ref());
+        let study = motor::Study::of_stretches([&fit, &check], map.as_ref());
         Ok(Done {
             report: report::motor(&study, model, accounts),
             split: front.split,
@@ -324,6 +336,8 @@ impl Task {
 
 /// Fit and check record, and how one record became both.
 struct Front {
+    /// All stretches without a gap of both, at one rate each.
+    stretches: [Vec<Record>; 2],
     fit: Record,
     check: Record,
     split: Option<String>,
@@ -336,6 +350,64 @@ impl Front {
         accounts[0].notes.extend(self.split.clone());
         accounts
     }
+
+    /// The same where all stretches are used.
+    fn joined(&self) -> [DataQuality; 2] {
+        let mut accounts = [0, 1].map(|k: usize| {
+            let parts = &self.stretches[k];
+            let mut account = parts
+                .first()
+                .map(|part| part.quality.clone())
+                .unwrap_or_default();
+            if parts.len() > 1 {
+                account.used = parts.iter().map(Record::len).sum();
+                account.notes.push(format!(
+                    "{} stretches without a gap are used together",
+                    parts.len()
+                ));
+            }
+            account
+        });
+        accounts[0].notes.extend(self.split.clone());
+        accounts
+    }
+}
+
+/// A feed axis whose control law is not known: its force by inertia, friction and what predicts the rest.
+///
+/// # Errors
+/// [`RunError::Split`] without a force.
+fn axis_by_balance(declared: &Axis, front: Front, told: &mut Told) -> Result<Done, RunError> {
+    let accounts = front.joined();
+    let mut sides = [Vec::new(), Vec::new()];
+    for (side, stretches) in sides.iter_mut().zip(front.stretches) {
+        for record in stretches {
+            let file = record.quality.file.clone();
+            let balance = feed_axis::balance_record(record, declared.lead_m).ok_or_else(|| {
+                RunError::Split(format!(
+                    "{file}: it has no force: expected `force_n`, or `output_v` with the constant `force_per_volt_n`"
+                ))
+            })?;
+            side.push(balance);
+        }
+    }
+    told("tracing the residual", None);
+    let [fit, check] = &sides;
+    let study = motor::Study::of_stretches([fit, check], None);
+    Ok(Done {
+        report: report::axis_by_balance(&study, declared, accounts),
+        split: front.split,
+        replay: None,
+    })
+}
+
+/// All stretches of several records that have the rate of the longest one, within a hundredth.
+fn stretches(records: Vec<Record>) -> Vec<Record> {
+    let mut pieces: Vec<Record> = records.into_iter().flat_map(Record::pieces).collect();
+    let longest = pieces.iter().max_by_key(|piece| piece.len());
+    let rate = longest.map_or(1.0, |piece| piece.rate);
+    pieces.retain(|piece| (piece.rate / rate - 1.0).abs() < 0.01);
+    pieces
 }
 
 /// The longest stretch of several records; what is not used is said.

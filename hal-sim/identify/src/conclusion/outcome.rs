@@ -4,9 +4,12 @@ use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Level, judge};
 use crate::effects::hypothesis::Hypothesis;
 use crate::effects::refusals::Refusal;
 use crate::machines::Machine;
+use crate::predict::basis::At;
+use crate::predict::excitation::Excitation;
 use crate::search::select::Trial;
 use crate::signal::channel::Channel;
 use crate::signal::signals::Signals;
+use plant::Axis;
 use plant::effects::EffectModel;
 use plant::model::Model;
 
@@ -218,6 +221,34 @@ impl Outcome {
             self.unexplained.len(),
             Floor::Sensors,
         )
+        .excited(&self.excitation())
+    }
+
+    /// What the fit record excites of each motor, with its name.
+    fn excitation(&self) -> Vec<(Excitation, &'static str)> {
+        let own = &self.coordinates;
+        let rate = match own.time[..] {
+            [first, .., last] if last > first => (own.time.len() - 1) as f64 / (last - first),
+            _ => 1.0,
+        };
+        let of = |axis: &Axis| {
+            let k = axis.index();
+            let rows = own.angle[k]
+                .iter()
+                .zip(&own.speed[k])
+                .map(|(angle, speed)| At {
+                    angle: *angle,
+                    speed: *speed,
+                    ..At::default()
+                });
+            let name = match (self.machine.has_feed(), axis) {
+                (false, _) => "motor",
+                (true, Axis::Screw) => "screw's motor",
+                (true, Axis::Nut) => "nut's motor",
+            };
+            (Excitation::new(&rows.collect::<Vec<_>>(), rate), name)
+        };
+        self.machine.axes().iter().map(of).collect()
     }
 
     /// See [`Outcome::judged`].

@@ -1,5 +1,6 @@
 //! What may be said of a machine: from the check record alone, and never more than it bears out.
 
+use crate::predict::excitation::Excitation;
 use crate::signal::channel::Channel;
 use crate::signal::noise::{BANDS_HZ, power_spectrum};
 use serde::Serialize;
@@ -16,6 +17,12 @@ const QUIET_BAND_Q: f64 = 1.8;
 /// another cause: a resistance that stepped was called explained by one that drifts, which took 60 %; right ones took 96 % or more.
 const WHOLE: f64 = 0.9;
 
+/// Share of a zero-phase Butterworth filter's bandwidth in which it passes all.
+const FLAT: f64 = 0.6;
+/// Residual over the drive quantity's rms up to which a residual that nothing predicts is small, whatever its floor:
+/// `identification.md`, step 6.
+const SMALL: f64 = 0.03;
+
 /// What may be said.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
 pub enum Verdict {
@@ -31,6 +38,9 @@ pub enum Verdict {
     /// Something is left, and no cause of it is named.
     #[serde(rename = "unexplained")]
     Unexplained,
+    /// The records cannot tell: too little moved.
+    #[serde(rename = "not excited")]
+    NotExcited,
     /// The records are not what they are said to be.
     #[serde(rename = "wrong data")]
     WrongData,
@@ -44,6 +54,7 @@ impl Verdict {
             Verdict::Explained => "explained",
             Verdict::PartlyExplained => "partly explained",
             Verdict::Unexplained => "unexplained",
+            Verdict::NotExcited => "not excited",
             Verdict::WrongData => "wrong data",
         }
     }
@@ -185,6 +196,49 @@ impl CheckChannel {
         }
     }
 
+    /// Of rows: the residual before and after of the rows that count, at `rate` rows a second and filtered below `top_hz`.
+    /// Besides the rms each frequency band counts, so that a slow misfit does not hide beneath noise of other frequencies.
+    pub(crate) fn of_rows(
+        named: (&'static str, &'static str),
+        residuals: [&[f64]; 2],
+        open: &[bool],
+        [rate, top_hz]: [f64; 2],
+        floor: f64,
+    ) -> Self {
+        let counted = |values: &[f64]| -> Vec<f64> {
+            let rows = values.iter().zip(open).filter(|(_, open)| **open);
+            rows.map(|(x, _)| *x).collect()
+        };
+        let residuals = residuals.map(counted);
+        let size = |values: &[f64]| {
+            (values.iter().map(|x| x * x).sum::<f64>() / values.len().max(1) as f64).sqrt()
+        };
+        let rms = [size(&residuals[0]), size(&residuals[1])];
+        let mut channel = Self::of_rms(named, rms, floor);
+        if !(floor.is_finite() && floor > 0.0) {
+            return channel;
+        }
+        // The floor is that of a band up to `top_hz`; at this rate white noise of its density has so much more.
+        let per_row = floor * (0.5 * rate / top_hz).sqrt();
+        for (level, values) in channel.levels.iter_mut().zip(&residuals) {
+            let white: Vec<f64> = values.iter().map(|x| x / per_row).collect();
+            let banded = Level::new(
+                Channel::Table,
+                &white,
+                white.len(),
+                rate,
+                [0.0, FLAT * top_hz],
+            );
+            if banded.band > 0.0 {
+                *level = Level {
+                    power: level.power,
+                    ..banded
+                };
+            }
+        }
+        channel
+    }
+
     /// Judges a machine that has no other.
     pub(crate) fn judged(self, names: usize, left: usize, floor: Floor) -> Judged {
         judge(&[self], names, left, floor)
@@ -215,6 +269,69 @@ impl Judged {
             false => 0.0,
         }
     }
+}
+
+impl Judged {
+    /// Of a residual that a model-free judge was asked about: `does_not_carry` where it predicts the check record from itself
+    /// alone, `is_judged` where the records are long enough, `share` of the drive quantity's rms.
+    pub(crate) fn predicted(mut self, does_not_carry: bool, is_judged: bool, share: f64) -> Self {
+        match self.verdict {
+            Verdict::NothingMissing | Verdict::Explained if does_not_carry => {
+                self.verdict = match self.verdict {
+                    Verdict::Explained => Verdict::PartlyExplained,
+                    _ => Verdict::Unexplained,
+                };
+                self.sentence += " But the check record's operating points predict each other, and the fit record does not predict \
+                                  them: something does not carry over.";
+            }
+            Verdict::Unexplained if is_judged && !does_not_carry && share < SMALL => {
+                self.verdict = Verdict::NothingMissing;
+                self.sentence = format!(
+                    "Nothing predicts what the declared model leaves, {:.2} % of the drive quantity's rms. Nothing is missing above that.",
+                    100.0 * share
+                );
+            }
+            _ => {}
+        }
+        self
+    }
+
+    /// Beside what the records excite of each shaft.
+    pub(crate) fn excited(mut self, shafts: &[(Excitation, &str)]) -> Self {
+        let lacks: Vec<String> = shafts
+            .iter()
+            .filter_map(|(own, shaft)| own.sentence(shaft))
+            .collect();
+        if lacks.is_empty() {
+            return self;
+        }
+        let lacks = lacks.join(" ");
+        let stands = shafts.iter().all(|(own, _)| own.stands());
+        let cannot_tell = match self.verdict {
+            Verdict::NothingMissing => shafts.iter().any(|(own, _)| own.is_thin()),
+            Verdict::Unexplained => stands,
+            _ => false,
+        };
+        if cannot_tell {
+            self.verdict = Verdict::NotExcited;
+            self.sentence = lacks;
+            return self;
+        }
+        if self.verdict == Verdict::Explained && stands {
+            self.verdict = Verdict::PartlyExplained;
+        }
+        self.sentence = format!("{} {lacks}", self.sentence);
+        self
+    }
+}
+
+/// What is left of each channel, in words.
+fn left_in_words(channels: &[CheckChannel]) -> String {
+    let left = channels.iter().map(|channel| {
+        let [_, after] = channel.rms;
+        format!("{} {after:.3e} {} rms", channel.name, channel.unit)
+    });
+    left.collect::<Vec<_>>().join(", ")
 }
 
 /// Share of an excess that has gone, of before and after.
@@ -255,7 +372,9 @@ pub fn judge(channels: &[CheckChannel], names: usize, left: usize, floor: Floor)
     });
     let sentence = match verdict {
         Verdict::NothingMissing => format!(
-            "With its plate values refined, the declared model explains the check record to {floor_words}."
+            "With its plate values refined, the declared model explains the check record to {floor_words}. Nothing is missing above \
+             what is left: {}.",
+            left_in_words(channels)
         ),
         Verdict::Explained => format!(
             "What is named takes {percent:.0} % of what the check record has beyond {floor_words}; what is left is at it."
@@ -279,7 +398,7 @@ pub fn judge(channels: &[CheckChannel], names: usize, left: usize, floor: Floor)
         Verdict::Unexplained => {
             format!("No effect is borne out by both records, beside {floor_words}.")
         }
-        Verdict::WrongData => String::new(),
+        Verdict::NotExcited | Verdict::WrongData => String::new(),
     };
     Judged {
         verdict,

@@ -47,6 +47,7 @@ pub fn picture(report: &Report) -> Option<String> {
 fn title(report: &Report) -> &'static str {
     match report.verdict {
         "nothing missing" => "Nothing is missing",
+        "not excited" => "The record cannot tell",
         "unexplained" => "Something is left that is not explained",
         "wrong data" => "The data are not what they are said to be",
         "partly explained" => "A part of what the model lacks",
@@ -200,6 +201,7 @@ mod tests {
             fit_after: after,
             check_before: 0.0312,
             check_after: after,
+            check_signal: None,
             noise_floor: f64::NAN,
             whiteness: 0.94,
         };
@@ -222,6 +224,7 @@ mod tests {
                 unit: BTreeMap::from([("amplitude".to_owned(), "N m".to_owned())]),
                 explained: 0.97,
                 held_back: vec![0.93, 0.99],
+                curve: None,
                 not_separable: vec![Alias {
                     kind: "flux_harmonic".into(),
                     place: "screw".into(),

@@ -82,6 +82,17 @@ fn times(order: f64) -> String {
     }
 }
 
+/// What a unit is of.
+fn unit_word(unit: &str) -> &'static str {
+    match unit {
+        "N" => "force",
+        "N m" => "torque",
+        "V" => "voltage",
+        "A" => "current",
+        _ => "share",
+    }
+}
+
 /// What an effect is, as a sentence.
 pub(super) fn sentence(effect: &Effect) -> String {
     let value = |name: &str| effect.parameters.get(name).copied().unwrap_or(f64::NAN);
@@ -184,6 +195,11 @@ pub(super) fn sentence(effect: &Effect) -> String {
         "reported_current_lag" => format!(
             "has a current that is reported through a filter with a time constant of {}: an effect of the measurement",
             of("value")
+        ),
+        "measured" => format!(
+            "has a {} of {} rms that no name explains",
+            unit_word(unit("rms")),
+            of("rms")
         ),
         "force_lag" => format!("has a force that follows {} late", of("value")),
         "viscous_saturation" => "has a viscous friction that grows less than the speed".into(),

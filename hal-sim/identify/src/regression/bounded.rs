@@ -4,6 +4,7 @@
 //! Parker's BVLS, 1995). It starts from the free solution with the parameters that leave their bounds held there one by
 //! one, and then releases every bound whose multiplier says that the cost falls inwards.
 
+use crate::regression::inverse::of_gram;
 use nalgebra::{DMatrix, DVector};
 
 /// A multiplier counts as of the wrong sign beyond this share of the gradient's own size.
@@ -22,15 +23,10 @@ pub struct Solution {
     pub held: Vec<(usize, f64)>,
 }
 
-/// Inverse of a Gram matrix; of one whose columns say the same, the least-norm one.
+/// Inverse of a Gram matrix; zeros where it has none: its parameters then stay 0.
 fn inverse(gram: DMatrix<f64>) -> DMatrix<f64> {
     let n = gram.nrows();
-    match gram.clone().cholesky() {
-        Some(factor) => factor.inverse(),
-        None => gram
-            .pseudo_inverse(1e-12)
-            .unwrap_or_else(|_| DMatrix::zeros(n, n)),
-    }
+    of_gram(&gram).unwrap_or_else(|| DMatrix::zeros(n, n))
 }
 
 /// Least squares with given parameters held.

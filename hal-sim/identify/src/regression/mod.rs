@@ -5,5 +5,6 @@ pub(crate) mod column;
 pub mod design;
 pub mod gain;
 pub mod interval;
+pub(crate) mod inverse;
 pub mod normal;
 pub(crate) mod sandwich;

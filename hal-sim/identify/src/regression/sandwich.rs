@@ -7,6 +7,7 @@
 
 use crate::regression::bounded::Solution;
 use crate::regression::column::dot;
+use crate::regression::inverse::of_gram;
 use crate::regression::normal::Normal;
 use nalgebra::{DMatrix, DVector};
 
@@ -20,7 +21,7 @@ const LENGTHS: f64 = 8.0;
 const LEAST_STRETCHES: usize = 3;
 
 /// Rows over which a signal is correlated: one and twice the sum of its squared autocorrelation, over a tenth of it.
-fn correlated(left: &[f64]) -> f64 {
+pub(crate) fn correlated(left: &[f64]) -> f64 {
     let rows = left.len();
     let energy = dot(left, left).max(1e-300);
     let square = |lag: usize| (dot(&left[..rows - lag], &left[lag..]) / energy).powi(2);
@@ -121,7 +122,7 @@ impl<'a> Linear<'a> {
             return None;
         }
         Some(Linear {
-            inverse: curvature.pseudo_inverse(1e-12).ok()?,
+            inverse: of_gram(&curvature)?,
             unit: jacobian,
             norms,
             left,

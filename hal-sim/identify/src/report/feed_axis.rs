@@ -106,6 +106,7 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
             fit_after: last.estimate.force_n,
             check_before: refitted.test.force_n,
             check_after: last.homed.force_n,
+            check_signal: None,
             noise_floor: study.lap_to_lap_n,
             whiteness: whiteness(&every),
         }],

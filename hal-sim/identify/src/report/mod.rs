@@ -6,7 +6,7 @@ mod traced;
 mod write;
 
 pub use feed_axis::feed_axis;
-pub use motor::motor;
+pub use motor::{axis_by_balance, motor};
 pub use traced::traced;
 pub use write::{WriteError, write};
 
@@ -21,7 +21,7 @@ use std::collections::BTreeMap;
 /// A report. What serde skips is for the page and the other files.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
-    /// `nothing missing`, `explained`, `partly explained`, `unexplained` or `wrong data`.
+    /// `nothing missing`, `explained`, `partly explained`, `unexplained`, `not excited` or `wrong data`.
     pub verdict: &'static str,
     /// The verdict in a sentence: how much of what the check record has beyond its noise floor is gone.
     pub summary: String,
@@ -107,9 +107,27 @@ pub struct Effect {
     /// Other effects that the record does not tell from it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub not_separable: Vec<Alias>,
+    /// Of an effect without a name: the curve that was measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub curve: Option<Measured>,
     /// What its order suggests, where the record cannot tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub suggests: Option<String>,
+}
+
+/// A curve without a name, point by point.
+#[derive(Debug, Clone, Serialize)]
+pub struct Measured {
+    /// What it is over.
+    pub coordinate: String,
+    /// Range of the coordinate in which it was learnt; outside of it nothing is added.
+    pub range: [f64; 2],
+    /// Coordinates.
+    pub at: Vec<f64>,
+    /// Values there.
+    pub value: Vec<f64>,
+    /// 95 % interval of each.
+    pub interval: Vec<[f64; 2]>,
 }
 
 /// An effect that explains all but as much as the one that was named.
@@ -143,6 +161,9 @@ pub struct Residual {
     pub check_before: f64,
     /// Check record with the effects.
     pub check_after: f64,
+    /// Rms of the measured quantity itself on the check record, where it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub check_signal: Option<f64>,
     /// What sensors alone leave.
     pub noise_floor: f64,
     /// Share of the lags of what is left whose correlation is within the 95 % band of white noise.
@@ -362,6 +383,7 @@ impl Effect {
             explained,
             held_back: Vec::new(),
             not_separable: Vec::new(),
+            curve: None,
             suggests: None,
         };
         for (estimate, unit) in estimates {

@@ -1,21 +1,71 @@
-//! The report of a bare motor.
+//! The report of a machine with one balance: a bare motor's current, or a feed axis' force whose control law is not known.
 
-use super::{Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried};
+use super::{
+    Calibrated, Channel, Coordinate, Effect, Left, Measured, Report, Residual, Selection, Tried,
+};
 use crate::conclusion::remains::whiteness;
 use crate::conclusion::rest;
 use crate::conclusion::verdict::{CheckChannel, Floor};
 use crate::effects::refusals::Refusal;
-use crate::machines::motor::{Fit, Lag, MotorModel, Study};
+use crate::machines::feed_axis::Axis;
+use crate::machines::motor::{Base, Fit, Lag, MotorModel, Order, Study};
+use crate::predict::curve::Curve;
 use crate::records::DataQuality;
 use crate::regression::column::counted;
-use crate::regression::sandwich::Wave;
+use crate::regression::sandwich::{Wave, interval};
+
+/// What a report of one balance is of.
+#[derive(Clone, Copy)]
+struct Subject {
+    /// The drive quantity and its unit.
+    channel: (&'static str, &'static str),
+    /// What turns, and the place of its effects.
+    shaft: &'static str,
+    place: &'static str,
+    /// Pole pairs, where they are known.
+    pole_pairs: Option<u32>,
+}
 
 /// Of what was found with a motor, from the records `accounts`.
 pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Report {
+    let subject = Subject {
+        channel: ("current", "A"),
+        shaft: "motor",
+        place: "motor",
+        pole_pairs: Some(model.pole_pairs),
+    };
+    let mut report = of_balance(study, subject, accounts);
+    report.model =
+        format!("[motor]\npole_pairs = {}\n", model.pole_pairs) + &effects_toml(&report.effects);
+    report
+}
+
+/// Of what was found with a feed axis by its balance of forces alone: its control law is not known.
+pub fn axis_by_balance(study: &Study, declared: &Axis, accounts: [DataQuality; 2]) -> Report {
+    let subject = Subject {
+        channel: ("force", "N"),
+        shaft: "screw",
+        place: "feed",
+        pole_pairs: None,
+    };
+    let mut report = of_balance(study, subject, accounts);
+    report.model = study.refined(declared).to_toml();
+    report
+}
+
+fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Report {
+    let (name, unit) = subject.channel;
     let mut effects: Vec<Effect> = (0..study.orders.len())
-        .map(|k| effect(study, model, k))
+        .map(|k| effect(study, subject, k))
         .collect();
-    effects.extend(study.lag.as_ref().map(late));
+    let lag = study.lag.as_ref().filter(|lag| lag.is_named);
+    effects.extend(lag.map(late));
+    effects.extend(
+        study
+            .curves
+            .iter()
+            .map(|curve| measured(study, subject, curve)),
+    );
     let names: Vec<String> = effects.iter().map(|e| e.kind.replace('_', " ")).collect();
     let marks = study
         .orders
@@ -28,51 +78,62 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
     let rate = study.rate;
     let rows = study.position[0].len();
     let time: Vec<f64> = (0..rows).map(|k| k as f64 / rate).collect();
-    let speed = crate::signal::fourier::slope(&study.position[0], rate);
     let coordinate = |title: &str, folded, values: Vec<f64>| Coordinate {
         title: title.into(),
         folded,
         values,
     };
     let channel = Channel {
-        name: "current".into(),
-        unit: "A".into(),
-        residual: [study.before.left[0].clone(), study.after.left[0].clone()],
+        name: name.into(),
+        unit: unit.into(),
+        residual: [study.before.left[0].clone(), study.curved.left[0].clone()],
         open: study.open[0].clone(),
-        turn: coordinate("Angle of the motor, turns", true, study.position[0].clone()),
+        turn: coordinate(
+            &format!("Angle of the {}, turns", subject.shaft),
+            true,
+            study.position[0].clone(),
+        ),
         marks,
         over: vec![
-            coordinate("Speed, rad/s", false, speed),
+            coordinate("Speed, rad/s", false, study.velocity[0].clone()),
             coordinate("Time, s", false, time.clone()),
         ],
     };
     // A band of 100 Hz is white at 200 values a second only.
     let step = ((rate / 200.0) as usize).max(1);
-    let every: Vec<f64> = study.after.left[0].iter().copied().step_by(step).collect();
+    let every: Vec<f64> = study.curved.left[0].iter().copied().step_by(step).collect();
     let left = |fit: &Fit, k: usize| study.left_rms(fit, k);
     let unexplained: Vec<Left> = study
         .remnants
         .iter()
-        .map(|remnant| Left::of(remnant, "current", "A"))
+        .map(|remnant| Left::of(remnant, name, unit))
         .collect();
-    // By the check record's current error against the current's own noise above the dynamics.
-    let judged = CheckChannel::of_rms(
-        ("current", "A"),
-        [left(&study.before, 1), left(&study.after, 1)],
+    let judged = CheckChannel::of_rows(
+        subject.channel,
+        [&study.before.left[1], &study.curved.left[1]],
+        &study.open[1],
+        [rate, study.band_hz],
         study.noise,
     )
-    .judged(effects.len(), unexplained.len(), Floor::Spectrum);
+    .judged(effects.len(), unexplained.len(), Floor::Spectrum)
+    .predicted(
+        study.does_not_carry,
+        study.is_judged,
+        study.curved_percent() / 100.0,
+    )
+    .excited(&[(study.excitation.clone(), subject.shaft)]);
     Report {
         verdict: judged.verdict.name(),
-        summary: judged.sentence,
-        refused: refused(study),
+        summary: format!("{}{}", judged.sentence, allowed_for(study)),
+        refused: refused(study, subject),
         residual: vec![Residual {
-            channel: "current".into(),
-            unit: "A".into(),
+            channel: name.into(),
+            unit: unit.into(),
             fit_before: left(&study.before, 0),
-            fit_after: left(&study.after, 0),
+            fit_after: left(&study.curved, 0),
             check_before: left(&study.before, 1),
-            check_after: left(&study.after, 1),
+            check_after: left(&study.curved, 1),
+            check_signal: Some(study.signal_rms(1)),
             noise_floor: study.noise,
             whiteness: whiteness(&every),
         }],
@@ -85,12 +146,13 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
             rule: format!(
                 "An order is taken that explains most of the fit record, more than chance makes of a residual of that colour \
                  (Newey and West), and that the check record bears out: regressed there on the order as the fit record has it, \
-                 the coefficient is near 1 and more than three standard deviations from 0. The current passes a 100 Hz \
+                 the coefficient is near 1 and more than three standard deviations from 0. What predicts the rest, trained on the \
+                 fit record and tested on the check record, is added as a curve without a name. The {name} passes a 100 Hz \
                  zero-phase filter; its error on the record that was not fitted falls from {:.1} to {:.2} % of its rms; {:.0} % of \
                  its rows, whose speed and acceleration are outside of what the fit record has, do not count. At one speed an order and a frequency are one; a record at another speed tells them apart. One order can have \
                  several causes, which a record of the current alone cannot tell apart. {}",
                 study.before_percent(),
-                study.after_percent(),
+                study.curved_percent(),
                 100.0 * (1.0 - counted(&study.open[1]) as f64 / study.open[1].len().max(1) as f64),
                 rest::rule()
             ),
@@ -101,11 +163,11 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
                 .orders
                 .iter()
                 .map(|order| Tried {
-                    hypothesis: order.kind(model.pole_pairs).into(),
-                    place: "motor".into(),
+                    hypothesis: ORDER.into(),
+                    place: subject.place.into(),
                     shape: Some(f64::from(order.order)),
                     fall: order.amplitude_a,
-                    outcome: format!("found; {}", order.suggests(model.pole_pairs)),
+                    outcome: format!("found; {}", order.suggests(subject.pole_pairs)),
                 })
                 .chain(study.lost.iter().map(|lost| Tried {
                     hypothesis: "order of the turn".into(),
@@ -121,16 +183,16 @@ pub fn motor(study: &Study, model: MotorModel, accounts: [DataQuality; 2]) -> Re
         records: accounts.into(),
         channels: vec![channel],
         time,
-        model: model_toml(model, &effects),
+        model: String::new(),
         effects,
     }
 }
 
 /// What was not fitted or not tried.
-fn refused(study: &Study) -> Vec<Refusal> {
+fn refused(study: &Study, subject: Subject) -> Vec<Refusal> {
     let of = |name: &str, reason, trials| Refusal {
         hypothesis: name.into(),
-        place: "motor".into(),
+        place: subject.place.into(),
         reason,
         trials,
     };
@@ -141,21 +203,49 @@ fn refused(study: &Study) -> Vec<Refusal> {
         .collect()
 }
 
-/// Inertia and friction as the record has them: nothing is declared of them.
+/// A nuisance of time that the fit allows for, as a sentence.
+fn allowed_for(study: &Study) -> String {
+    let nuisance = study.lag.as_ref().filter(|lag| !lag.is_named);
+    nuisance.map_or_else(String::new, |lag| {
+        let [value, _] = lag.value_s;
+        let kind = if value < 0.0 { "delay" } else { "lag" };
+        format!(
+            " A {kind} of {:.2} ms between motion and drive quantity is allowed for.",
+            1e3 * value.abs()
+        )
+    })
+}
+
+/// Inertia and friction as the record has them, and the nuisances: nothing is declared of them.
 fn calibration(study: &Study) -> Vec<Calibrated> {
-    let named = study.base.iter().enumerate();
-    named
-        .map(|(k, base)| {
-            let (name, unit) = base.name();
-            Calibrated {
-                parameter: name.into(),
-                relative_change: f64::NAN,
-                sigma: study.after.covariance[(k, k)].max(0.0).sqrt(),
-                value: Some(study.after.values[k]),
-                unit: Some(unit),
-            }
-        })
-        .collect()
+    let of = |parameter: &str, value, sigma, unit| Calibrated {
+        parameter: parameter.into(),
+        relative_change: f64::NAN,
+        sigma,
+        value: Some(value),
+        unit: Some(unit),
+    };
+    let named = study.base.iter().enumerate().map(|(k, base)| {
+        let (name, unit) = base.name();
+        let sigma = study.after.covariance[(k, k)].max(0.0).sqrt();
+        of(name, study.after.values[k], sigma, unit)
+    });
+    let lag = study.lag.iter().filter(|lag| !lag.is_named).map(|lag| {
+        let (name, value) = match lag.value_s[0] < 0.0 {
+            true => ("delay of the drive quantity, a nuisance", -lag.value_s[0]),
+            false => ("lag of the drive quantity, a nuisance", lag.value_s[0]),
+        };
+        of(name, value, lag.value_s[1], "s")
+    });
+    let width = study.base.contains(&Base::Coulomb).then(|| {
+        of(
+            "speed over which friction changes its sign, a nuisance",
+            study.width_rad_s,
+            f64::NAN,
+            "rad/s",
+        )
+    });
+    named.chain(lag).chain(width).collect()
 }
 
 /// A current that is reported late: an effect of the measurement and not of the motor.
@@ -165,7 +255,10 @@ fn late(lag: &Lag) -> Effect {
     Effect::fitted("reported_current_lag", "motor", lag.explained, [parameter])
 }
 
-fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
+/// Kind of an order of the turn. A record of the current alone does not tell its cause.
+const ORDER: &str = "angle_periodic";
+
+fn effect(study: &Study, subject: Subject, k: usize) -> Effect {
     let order = study.orders[k];
     let at = study.base.len() + 2 * k;
     let covariance = &study.after.covariance;
@@ -178,19 +271,59 @@ fn effect(study: &Study, model: MotorModel, k: usize) -> Effect {
     // of it. What the record says of the order where that is not used shows whether it is so.
     let estimates = [
         ("order", study.freed[k], "per turn"),
-        ("amplitude", wave.amplitude, "A"),
+        ("amplitude", wave.amplitude, subject.channel.1),
         ("phase", wave.phase, "rad"),
     ];
-    let kind = order.kind(model.pole_pairs);
     Effect {
         order: Some(f64::from(order.order)),
-        suggests: Some(order.suggests(model.pole_pairs)),
-        ..Effect::fitted(kind, "motor", study.explained[k], estimates)
+        suggests: Some(order.suggests(subject.pole_pairs)),
+        ..Effect::fitted(ORDER, subject.place, study.explained[k], estimates)
     }
 }
 
-fn model_toml(model: MotorModel, effects: &[Effect]) -> String {
-    let mut text = format!("[motor]\npole_pairs = {}\n", model.pole_pairs);
+/// A curve without a name.
+fn measured(study: &Study, subject: Subject, curve: &Curve) -> Effect {
+    let before = study.left_rms(&study.before, 1);
+    let share = (curve.size / before.max(1e-300)).powi(2).clamp(0.0, 1.0);
+    let mean = curve.sigmas.iter().map(|s| s * s).sum::<f64>() / curve.sigmas.len().max(1) as f64;
+    Effect {
+        order: curve.order,
+        curve: Some(Measured {
+            coordinate: curve.along.clone(),
+            range: curve.range,
+            at: curve.at.clone(),
+            value: curve.values.clone(),
+            interval: curve
+                .values
+                .iter()
+                .zip(&curve.sigmas)
+                .map(|(v, s)| interval(*v, s * s))
+                .collect(),
+        }),
+        suggests: Some(match curve.order {
+            Some(order) if curve.is_order && order.fract() == 0.0 => Order {
+                order: order as u32,
+                amplitude_a: curve.size,
+            }
+            .suggests(subject.pole_pairs),
+            Some(order) if curve.is_order => {
+                format!(
+                    "order {order:.3} is not whole; candidates: balls or rollers that pass, a gear, a belt"
+                )
+            }
+            _ => format!("no cause is named; a curve over {}", curve.along),
+        }),
+        ..Effect::fitted(
+            "measured",
+            subject.place,
+            share,
+            [("rms", [curve.size, mean], subject.channel.1)],
+        )
+    }
+}
+
+fn effects_toml(effects: &[Effect]) -> String {
+    let mut text = String::new();
     for effect in effects {
         text += &format!(
             "\n[[effects]]\nkind = \"{}\"\nwhere = \"motor\"\n",
@@ -203,6 +336,12 @@ fn model_toml(model: MotorModel, effects: &[Effect]) -> String {
         let order = effect.order.iter().map(|order| ("order", order));
         for (name, value) in order.chain(fitted.map(|(name, value)| (name.as_str(), value))) {
             text += &format!("{name} = {value:?}\n");
+        }
+        if let Some(curve) = &effect.curve {
+            text += &format!(
+                "coordinate = {:?}\nat = {:?}\nvalue = {:?}\n",
+                curve.coordinate, curve.at, curve.value
+            );
         }
     }
     text

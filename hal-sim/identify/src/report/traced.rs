@@ -101,6 +101,7 @@ fn residual(name: &str, unit: &str, figures: &Figures) -> Residual {
         fit_after: figures.fit_after,
         check_before: figures.check_before,
         check_after: figures.check_after,
+        check_signal: None,
         noise_floor: figures.noise_floor,
         whiteness: figures.whiteness,
     }

@@ -1,7 +1,6 @@
 //! The benchmark's zero-phase filters, by their magnitude over frequency.
 
-use crate::signal::fourier::curvature;
-use fft::Planner;
+use crate::signal::fourier::{curvature, inverse, smooth_length, transform};
 use std::f64::consts::PI;
 
 /// Rows that are mirrored at either end, so that the filters see no step there.
@@ -15,10 +14,14 @@ fn warped(hz: f64, rate: f64) -> f64 {
 /// A zero-phase filter of a gain over frequency.
 fn zero_phase(signal: &[f64], rate: f64, gain: impl Fn(f64) -> f64) -> Vec<f64> {
     let n = signal.len();
+    if n < 2 {
+        return signal.to_vec();
+    }
     let mirror = MIRROR.min(n - 1);
+    let behind = (smooth_length(n + 2 * mirror, 1) - n - mirror).min(n - 1);
     // Odd reflection keeps value and slope.
     let before = (1..=mirror).rev().map(|k| 2.0 * signal[0] - signal[k]);
-    let after = (1..=mirror).map(|k| 2.0 * signal[n - 1] - signal[n - 1 - k]);
+    let after = (1..=behind).map(|k| 2.0 * signal[n - 1] - signal[n - 1 - k]);
     let mut long: Vec<f64> = before.chain(signal.iter().copied()).chain(after).collect();
     // What remains of a step from end to start is a ramp, which filters leave alone.
     let rows = long.len();
@@ -26,8 +29,7 @@ fn zero_phase(signal: &[f64], rate: f64, gain: impl Fn(f64) -> f64) -> Vec<f64> 
     long.iter_mut()
         .enumerate()
         .for_each(|(k, x)| *x -= start + slope * k as f64);
-    let mut planner = Planner::new();
-    let (forward, backward) = (planner.forward(rows), planner.inverse(rows));
+    let (forward, backward) = (transform(rows), inverse(rows));
     let mut spectrum = forward.make_output_vec();
     forward
         .process(&mut long, &mut spectrum)

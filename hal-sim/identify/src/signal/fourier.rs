@@ -17,6 +17,11 @@ pub fn transform(length: usize) -> Arc<dyn RealToComplex<f64>> {
     PLANNER.with(|planner| planner.borrow_mut().forward(length))
 }
 
+/// The inverse transform to a length; planned once on each thread.
+pub(crate) fn inverse(length: usize) -> Arc<dyn ComplexToReal<f64>> {
+    PLANNER.with(|planner| planner.borrow_mut().inverse(length))
+}
+
 /// Transforms of records of one length, and back at a lower rate.
 pub struct Fourier {
     rows: usize,
@@ -30,7 +35,7 @@ pub struct Fourier {
 }
 
 /// The next length of the form 2^a 3^b 5^c that `step` divides and whose quotient is even.
-fn smooth_length(at_least: usize, step: usize) -> usize {
+pub(crate) fn smooth_length(at_least: usize, step: usize) -> usize {
     let smooth = |mut n: usize| {
         for p in [2, 3, 5] {
             while n.is_multiple_of(p) {

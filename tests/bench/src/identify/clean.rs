@@ -85,7 +85,7 @@ fn motors(runs: u64) -> Value {
         let [fit, check] = [2, 3].map(|k| motor_record(60_000 + 2 * run + k, kind, kept, counts));
         let study = motor::Study::new(&fit, &check, None);
         let names: Vec<u32> = study.orders.iter().map(|order| order.order).collect();
-        let alarm = !names.is_empty() || study.lag.is_some();
+        let alarm = !names.is_empty() || study.lag.is_some_and(|lag| lag.is_named);
         if alarm {
             eprintln!(
                 "clean motor {run}, kind {kind}, kept {kept}, {counts} counts: {names:?}, {:?}",

@@ -60,6 +60,12 @@ pub enum Part {
     Outside,
     /// Wrong data.
     Wrong,
+    /// Real machines of other people.
+    Real,
+    /// Thin records.
+    Thin,
+    /// Attacks, and curves that are added.
+    Attacks,
 }
 
 /// Measures and prints.
@@ -88,7 +94,10 @@ pub fn run(options: &BenchOptions) -> Result<()> {
         outside,
         wrong,
         clean,
+        thin,
+        attacks: [rounds, every],
     } = Sample::of(options);
+    let every = every as usize;
     let mut more = json!({ "blind": blind });
     if is_asked(Part::Clean) {
         more["clean"] = clean::measure(options.first as u64, clean);
@@ -104,6 +113,17 @@ pub fn run(options: &BenchOptions) -> Result<()> {
     }
     if is_asked(Part::Wrong) {
         more["wrong_data"] = json!(wrong_data::measure(wrong[0], wrong[1])?);
+    }
+    if is_asked(Part::Real) {
+        more["real"] = json!(identify::bench::real::real(&shared.join("measured")));
+    }
+    if is_asked(Part::Thin) {
+        more["thin"] = json!(identify::bench::attacks::thin(options.first as u64, thin));
+    }
+    if is_asked(Part::Attacks) {
+        let (attacks, curves) =
+            identify::bench::attacks::attacks(options.first as u64, rounds, every);
+        (more["attacks"], more["curves"]) = (json!(attacks), json!(curves));
     }
     let json = figures.as_ref().map_or_else(|| json!({}), Figures::json);
     if options.json {
@@ -144,6 +164,10 @@ struct Sample {
     wrong: [u64; 2],
     /// Clean motors, feed axes and double drives.
     clean: [u64; 3],
+    /// Thin records.
+    thin: u64,
+    /// Machines of each attack, and of how many kinds one is tried.
+    attacks: [u64; 2],
 }
 
 impl Sample {
@@ -155,6 +179,8 @@ impl Sample {
                 outside: runs as usize,
                 wrong: [runs; 2],
                 clean: [runs; 3],
+                thin: runs,
+                attacks: [runs, 1],
             };
         }
         match options.long {
@@ -163,12 +189,16 @@ impl Sample {
                 outside: 354,
                 wrong: [5, 200],
                 clean: [300, 300, 300],
+                thin: 200,
+                attacks: [10, 1],
             },
             false => Sample {
                 pmsm: [11, 8],
                 outside: 59,
                 wrong: [1, 4],
                 clean: [24, 2, 16],
+                thin: 10,
+                attacks: [1, 4],
             },
         }
     }
@@ -244,7 +274,7 @@ fn print(figures: &Figures, blind: &Value) {
             println!(
                 "  {:>4} per turn: {}",
                 order.order,
-                order.suggests(motor.model.pole_pairs)
+                order.suggests(Some(motor.model.pole_pairs))
             );
         }
     }

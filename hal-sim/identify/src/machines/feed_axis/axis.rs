@@ -1,6 +1,7 @@
 //! The axis as a model: mass, friction, what repeats with the screw, the amplifier's lag.
 
 use super::record::Law;
+use crate::predict::curve::Over;
 
 /// A part of the model that can be added.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -35,6 +36,16 @@ pub enum Term {
         /// How many there are.
         half_waves: usize,
     },
+    /// A force that was measured and has no name: points at equal distances over a coordinate, N; straight lines between them,
+    /// nothing outside.
+    Measured {
+        /// Over what: m, m/s, m since the reversal, or rad of the screw.
+        over: Over,
+        /// Coordinate of the first and the last point.
+        range: [f64; 2],
+        /// How many points.
+        points: usize,
+    },
 }
 
 impl Term {
@@ -46,6 +57,7 @@ impl Term {
             Term::Presliding => vec![4e6],
             Term::Periodic(_) => vec![0.1, 0.1],
             Term::Travel { half_waves, .. } => vec![0.0; half_waves],
+            Term::Measured { points, .. } => vec![0.0; points],
             _ => vec![0.0],
         }
     }
@@ -62,6 +74,7 @@ impl Term {
             Term::PositionFriction | Term::PositionLoad => vec![5.0],
             Term::DirectionGain => vec![0.01],
             Term::Travel { half_waves, .. } => vec![1.0; half_waves],
+            Term::Measured { points, .. } => vec![1.0; points],
         }
     }
 
@@ -79,6 +92,7 @@ impl Term {
             Term::DirectionGain => "gain_by_direction",
             Term::Travel { friction: true, .. } => "friction_over_travel",
             Term::Travel { .. } => "load_over_travel",
+            Term::Measured { .. } => "measured",
         }
     }
 
@@ -101,7 +115,7 @@ impl Term {
             Term::Periodic(_) => &[("cosine", "N"), ("sine", "N")],
             Term::PositionFriction | Term::PositionLoad => &[("value", "N/m")],
             Term::DirectionGain => &[("value", "")],
-            Term::Travel { .. } => &[],
+            Term::Travel { .. } | Term::Measured { .. } => &[],
         }
     }
 
@@ -121,6 +135,7 @@ impl Term {
             Term::PositionLoad => "load over position".into(),
             Term::DirectionGain => "force per volt by direction".into(),
             Term::Travel { .. } => "shape over the travel".into(),
+            Term::Measured { over, .. } => format!("measured force over {}", over.name()),
         }
     }
 }

@@ -3,6 +3,7 @@
 use super::axis::{Axis, Term};
 use super::record::Law;
 use crate::machines::ModelFileError;
+use crate::predict::curve::Over;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 use toml::{Table, Value};
@@ -133,12 +134,56 @@ fn entry(term: Term, values: &[f64]) -> Table {
             table.insert("length_m".into(), length_m.into());
             table.insert(COSINES.into(), values.to_vec().into());
         }
+        Term::Measured { over, range, .. } => {
+            table.insert("over".into(), over.name().into());
+            table.insert("range".into(), range.to_vec().into());
+            table.insert(VALUES.into(), values.to_vec().into());
+        }
         _ => {}
     }
     for ((name, _), value) in term.names().iter().zip(values) {
         table.insert((*name).into(), (*value).into());
     }
     table
+}
+
+/// Key of a measured force's values, N.
+const VALUES: &str = "values_n";
+
+/// A measured force from its table.
+fn measured(effect: &Table) -> Result<(Term, Vec<f64>), String> {
+    let list = |name: &str| -> Option<Vec<f64>> {
+        let list = effect.get(name)?.as_array()?;
+        let numbers: Option<Vec<f64>> = list.iter().map(Value::as_float).collect();
+        numbers.filter(|numbers| numbers.iter().all(|x| x.is_finite()))
+    };
+    let named = effect
+        .get("over")
+        .and_then(Value::as_str)
+        .unwrap_or_default();
+    let over = Over::ALL
+        .into_iter()
+        .find(|over| over.name() == named)
+        .ok_or_else(|| {
+            let names = Over::ALL.map(Over::name).join("`, `");
+            format!("a measured force has `over` = `{named}`, expected one of `{names}`")
+        })?;
+    match (list("range").as_deref(), list(VALUES)) {
+        (Some([low, high]), Some(values)) if low < high && values.len() > 1 => {
+            let points = values.len();
+            Ok((
+                Term::Measured {
+                    over,
+                    range: [*low, *high],
+                    points,
+                },
+                values,
+            ))
+        }
+        _ => Err(format!(
+            "a measured force lacks `range` (two finite numbers, the smaller first) or `{VALUES}` (two finite numbers or more)"
+        )),
+    }
 }
 
 /// A shape over the travel, to be filled in.
@@ -163,6 +208,9 @@ fn term(effect: &Table) -> Result<(Term, Vec<f64>), String> {
         .get("kind")
         .and_then(Value::as_str)
         .unwrap_or_default();
+    if kind == "measured" {
+        return measured(effect);
+    }
     let known = [
         Term::Lag,
         Term::Stribeck,
@@ -224,10 +272,16 @@ mod tests {
             length_m: 0.2,
             half_waves: 3,
         };
+        let measured = Term::Measured {
+            over: Over::PositionByDirection,
+            range: [0.1, 0.3],
+            points: 3,
+        };
         axis.terms = vec![
             (Term::Stribeck, vec![3.5, 0.02]),
             (Term::Periodic(17.25), vec![0.1, -0.2]),
             (shape, vec![0.5, 0.0, -0.25]),
+            (measured, vec![0.0, 2.5, -1.0]),
         ];
         let text = axis.to_toml();
         let again = Axis::parse(&text, "model.toml").expect("its own text");

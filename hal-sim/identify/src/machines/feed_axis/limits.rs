@@ -27,7 +27,9 @@ pub(super) fn plausible_on_axis(
             return Err("friction that grows more than the speed is of another law");
         }
         Term::DirectionGain => (true, size <= MOST_GAIN),
-        Term::Saturation | Term::Asymmetry | Term::Travel { .. } => (true, true),
+        Term::Saturation | Term::Asymmetry | Term::Travel { .. } | Term::Measured { .. } => {
+            (true, true)
+        }
     };
     match (positive, below) {
         (true, true) => Ok(()),

@@ -3,6 +3,7 @@
 //! simulation of another.
 
 mod axis;
+mod balance;
 mod file;
 mod fit;
 mod left;
@@ -14,6 +15,7 @@ mod stage;
 mod study;
 
 pub use axis::{Axis, Term};
+pub(crate) use record::balance_record;
 pub use record::{Law, Record};
 pub use select::Trial;
 pub use simulate::{Moment, Run};

@@ -1,8 +1,10 @@
 //! The record of an axis.
 
+use crate::machines::motor;
 use crate::records::{DataQuality, How, LoadError, Mapping, Record as Loaded, load};
 use crate::signal::filter::butterworth_100;
 use crate::signal::fourier::slope;
+use std::f64::consts::TAU;
 use std::path::Path;
 
 /// How a controller takes dq/dt.
@@ -37,7 +39,42 @@ pub struct Record {
     pub account: DataQuality,
 }
 
+/// An axis' record as that of a motor: the angle of the screw, rad, and the force, N, in the place of the current. `None`
+/// where no force is known.
+pub(crate) fn balance_record(loaded: Loaded, lead_m: f64) -> Option<motor::Record> {
+    let mut loaded = loaded.longest();
+    let position = loaded.take("position_m").into_iter();
+    let per_volt = loaded
+        .constant("force_per_volt_n")
+        .filter(|gain| gain.is_finite());
+    let force = match (loaded.take("force_n"), per_volt) {
+        (force, _) if !force.is_empty() => force,
+        (_, Some(gain)) => loaded
+            .take("output_v")
+            .into_iter()
+            .map(|v| v * gain)
+            .collect(),
+        _ => return None,
+    };
+    let position: Vec<f64> = position.map(|x| TAU * x / lead_m).collect();
+    (force.len() == position.len() && !force.is_empty()).then(|| motor::Record {
+        rate: loaded.rate,
+        position,
+        current: force,
+        account: loaded.quality,
+    })
+}
+
 impl Record {
+    /// Whether the log tells the control law, so that the loop can be simulated: output, reference, gains.
+    pub(crate) fn has_law(loaded: &Loaded) -> bool {
+        let constants = ["force_per_volt_n", "kp_per_s", "kv_v_s_per_m"];
+        let known = |name: &&str| loaded.constant(name).is_some_and(f64::is_finite);
+        constants.iter().all(known)
+            && loaded.get("output_v").is_some()
+            && loaded.get("reference_m").is_some()
+    }
+
     /// Reads a file of the benchmark.
     ///
     /// # Errors

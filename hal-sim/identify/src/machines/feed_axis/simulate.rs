@@ -2,6 +2,7 @@
 
 use super::axis::{Axis, Term};
 use super::record::{Law, Record};
+use crate::predict::curve::Over;
 use std::f64::consts::{PI, TAU};
 
 /// Integration steps per row.
@@ -27,6 +28,33 @@ pub struct Moment {
     pub velocity_m_s: f64,
     /// Motor force, N.
     pub force_n: f64,
+}
+
+/// Where the motion turned round last.
+struct SinceReversal {
+    from: f64,
+    sign: f64,
+}
+
+impl SinceReversal {
+    /// Way since then, m; slower than 0.1 mm/s nothing turns round.
+    fn way(&mut self, x: f64, v: f64) -> f64 {
+        if v.abs() > 1e-4 && v.signum() != self.sign {
+            (self.from, self.sign) = (x, v.signum());
+        }
+        (x - self.from).abs()
+    }
+}
+
+/// Straight lines between values at equal distances over a range; 0 outside of it.
+fn between(values: &[f64], [low, high]: [f64; 2], at: f64) -> f64 {
+    let last = values.len().saturating_sub(1);
+    let place = (at - low) / (high - low) * last as f64;
+    if !(0.0..=last as f64).contains(&place) || last == 0 {
+        return 0.0;
+    }
+    let k = (place as usize).min(last - 1);
+    values[k] + (place - k as f64) * (values[k + 1] - values[k])
 }
 
 impl Axis {
@@ -68,6 +96,7 @@ impl Axis {
         };
         let (mut x, mut v) = (record.position[0], 0.0_f64);
         let mut bristle = 0.0_f64;
+        let mut since = SinceReversal { from: x, sign: 0.0 };
         let mut applied = record.output[0] * record.force_per_volt;
         let follow = if lag > 0.0 {
             1.0 - (-dt / lag).exp()
@@ -96,6 +125,7 @@ impl Axis {
                 .iter()
                 .map(|(order, c, s)| c * (order * theta).cos() + s * (order * theta).sin())
                 .sum();
+            let measured = self.measured(x, v, since.way(x, v), theta);
             let [load, rub] = [false, true].map(|friction| self.over_travel(friction, x));
             for step in 0..SUBSTEPS {
                 if inside {
@@ -122,7 +152,7 @@ impl Axis {
                     None => level * way,
                 };
                 let drag = viscous * v - saturation * v * v.abs() + asymmetry * v.abs();
-                let own = drag + dry + offset + ripple + load_slope * x + load;
+                let own = drag + dry + offset + ripple + measured + load_slope * x + load;
                 let moment = Moment {
                     time_s: (k * SUBSTEPS + step) as f64 * dt,
                     position_m: x,
@@ -134,6 +164,27 @@ impl Axis {
             }
         }
         run
+    }
+
+    /// Force of the measured curves, N.
+    fn measured(&self, x: f64, v: f64, since: f64, theta: f64) -> f64 {
+        let of = |(term, values): &(Term, Vec<f64>)| match *term {
+            Term::Measured { over, range, .. } => {
+                let way = (v / 5e-4).tanh();
+                let at = |coordinate: f64| between(values, range, coordinate);
+                match over {
+                    Over::Speed => at(v),
+                    Over::SinceReversal => way * at(since),
+                    Over::Position => at(x),
+                    Over::PositionByDirection => way * at(x),
+                    Over::Turn => at(theta.rem_euclid(TAU)),
+                    Over::Period => at(theta.rem_euclid(range[1])),
+                    Over::TurnBySpeed => v * at(theta.rem_euclid(TAU)),
+                }
+            }
+            _ => 0.0,
+        };
+        self.terms.iter().map(of).sum()
     }
 
     /// Friction or load of the shapes over the travel at a position, N.

@@ -3,7 +3,9 @@
 
 use super::record::Record;
 use crate::effects::limits::SHOWN;
+use crate::predict::basis::At;
 use crate::regression::column::Column;
+use crate::regression::inverse::of_gram;
 use crate::regression::normal::{Normal, Prior};
 use crate::signal::filter::{butterworth, second_derivative};
 use crate::signal::fourier::slope;
@@ -36,6 +38,12 @@ const RESTS: f64 = 0.2;
 /// Share of a regressor's own weight that must be left beside the others: a variance inflation of 10 (Marquardt,
 /// *Technometrics* 12, 1970).
 const LEAST_OWN: f64 = 0.1;
+/// Rows that a stretch must have for filters and noise.
+const LEAST_ROWS: usize = 16;
+/// Widths of friction that are tried: by which factor the next one is wider, up to which share of the top speed, how many.
+const WIDER: f64 = 1.6;
+const WIDEST: f64 = 0.2;
+const MOST_WIDTHS: usize = 16;
 /// Gain of the filter down to which an order shows.
 const LEAST_GAIN: f64 = 0.1;
 
@@ -67,8 +75,8 @@ impl Base {
     }
 }
 
-/// One record, filtered.
-pub(super) struct Columns {
+/// One stretch without a gap, filtered.
+struct Stretch {
     rate: f64,
     hz: f64,
     step: usize,
@@ -82,6 +90,13 @@ pub(super) struct Columns {
     current: Vec<f64>,
     /// Standard deviation of the speed's noise, rad/s.
     speed_noise: f64,
+}
+
+/// A record of one or more stretches, filtered.
+pub(super) struct Columns {
+    stretches: Vec<Stretch>,
+    /// Speed over which friction changes its sign, rad/s.
+    width: f64,
 }
 
 /// The value that a share of the sizes is below.
@@ -110,9 +125,19 @@ fn accelerations(angle: &[f64], rate: f64, top: f64, noise: impl Fn(f64) -> f64)
     }
 }
 
-impl Columns {
-    pub(super) fn new(record: &Record) -> Self {
-        let rate = record.rate;
+/// A signal later by `rows`, by straight lines; its first value is held before it.
+fn delayed(values: &[f64], rows: f64) -> Vec<f64> {
+    let at = |row: usize| {
+        let from = (row as f64 - rows).max(0.0);
+        let (k, share) = (from as usize, from.fract());
+        let next = values[(k + 1).min(values.len() - 1)];
+        values[k] + share * (next - values[k])
+    };
+    (0..values.len()).map(at).collect()
+}
+
+impl Stretch {
+    fn new(record: &Record, rate: f64) -> Self {
         let hz = BAND_HZ.min(BAND_OF_RATE * rate);
         let position = match ANGLE_OF_BAND * hz < 0.5 * rate {
             true => butterworth(&record.position, rate, ANGLE_OF_BAND * hz),
@@ -128,7 +153,7 @@ impl Columns {
         };
         let [from, to] = MARGIN_S.map(|s| (s * rate) as usize);
         let rows = record.position.len();
-        Columns {
+        Stretch {
             rate,
             hz,
             step: ((rate / (ROWS_OF_BAND * hz)) as usize).max(1),
@@ -143,12 +168,7 @@ impl Columns {
         }
     }
 
-    /// Rows a second that are kept.
-    pub(super) fn rate(&self) -> f64 {
-        self.rate / self.step as f64
-    }
-
-    /// Rows that are kept, of a signal of the record's length.
+    /// Rows that are kept, of a signal of the stretch's length.
     fn kept<T: Copy>(&self, values: &[T]) -> Vec<T> {
         let rows = self.rows.clone().step_by(self.step);
         rows.map(|row| values[row]).collect()
@@ -157,14 +177,158 @@ impl Columns {
     /// Rows that are kept; 0 where they do not count.
     fn cut(&self, values: &[f64]) -> Vec<f64> {
         let mut cut = self.kept(values);
-        let closed = cut.iter_mut().zip(self.open()).filter(|(_, open)| !open);
+        let open = self.kept(&self.open);
+        let closed = cut.iter_mut().zip(open).filter(|(_, open)| !open);
         closed.for_each(|(value, _)| *value = 0.0);
         cut
     }
 
+    /// Behind a first-order filter with the time constant `lag_s`, or, where that is below 0, later by as much; and through the
+    /// common filter.
+    fn reported(&self, values: &[f64], lag_s: f64) -> Vec<f64> {
+        if lag_s == 0.0 {
+            return self.cut(&butterworth(values, self.rate, self.hz));
+        }
+        if lag_s < 0.0 {
+            let late = delayed(values, -lag_s * self.rate);
+            return self.cut(&butterworth(&late, self.rate, self.hz));
+        }
+        let keep = (-1.0 / (self.rate * lag_s)).exp();
+        let mut last = values[0];
+        let late: Vec<f64> = values
+            .iter()
+            .map(|x| {
+                last = keep * last + (1.0 - keep) * x;
+                last
+            })
+            .collect();
+        self.cut(&butterworth(&late, self.rate, self.hz))
+    }
+
+    /// A regressor, with friction that changes its sign over `width`, rad/s.
+    fn base(&self, base: Base, lag_s: f64, width: f64) -> Vec<f64> {
+        match base {
+            Base::Inertia => self.reported(&self.acceleration, lag_s),
+            Base::Offset => self.cut(&vec![1.0; self.position.len()]),
+            Base::Coulomb => self.reported(&self.way(width), lag_s),
+            Base::Viscous => self.reported(&slope(&self.position, self.rate), lag_s),
+        }
+    }
+
+    /// Smooth sign of the speed.
+    fn way(&self, width: f64) -> Vec<f64> {
+        self.velocity.iter().map(|w| (w / width).tanh()).collect()
+    }
+
+    /// Where the motor is, in each row of the stretch.
+    fn at(&self, width: f64) -> Vec<At> {
+        let way = self.way(width);
+        let least = (TURNS_ROUND_IN_NOISE * self.speed_noise).max(1e-9);
+        let (mut from, mut last) = (self.position.first().copied().unwrap_or(0.0), 0.0);
+        let rows = self.position.iter().zip(&self.velocity).zip(way);
+        rows.map(|((angle, speed), way)| {
+            if speed.abs() > least && speed.signum() != last {
+                if last != 0.0 {
+                    from = *angle;
+                }
+                last = speed.signum();
+            }
+            At {
+                angle: *angle,
+                speed: *speed,
+                way,
+                since: (angle - from).abs(),
+            }
+        })
+        .collect()
+    }
+}
+
+impl Columns {
+    /// Of the stretches of a record, all at one rate.
+    pub(super) fn new(records: &[Record]) -> Self {
+        let stretches: Vec<Stretch> = records
+            .iter()
+            .filter(|record| record.position.len() > LEAST_ROWS)
+            .map(|record| Stretch::new(record, record.rate))
+            .collect();
+        let noises = stretches.iter().map(|stretch| stretch.speed_noise);
+        Columns {
+            width: (TURNS_ROUND_IN_NOISE * noises.fold(0.0, f64::max)).max(1e-9),
+            stretches,
+        }
+    }
+
+    /// Signals of all stretches, one behind the other.
+    fn all<T>(&self, of: impl FnMut(&Stretch) -> Vec<T>) -> Vec<T> {
+        self.stretches.iter().flat_map(of).collect()
+    }
+
+    /// Rows a second that are kept.
+    pub(super) fn rate(&self) -> f64 {
+        self.stretches
+            .first()
+            .map_or(1.0, |own| own.rate / own.step as f64)
+    }
+
+    /// Rows a second of the record.
+    pub(super) fn sample_hz(&self) -> f64 {
+        self.stretches.first().map_or(1.0, |own| own.rate)
+    }
+
+    /// Bandwidth of what is compared, Hz.
+    pub(super) fn band_hz(&self) -> f64 {
+        self.stretches.first().map_or(BAND_HZ, |own| own.hz)
+    }
+
     /// Which of the rows that are kept count.
     pub(super) fn open(&self) -> Vec<bool> {
-        self.kept(&self.open)
+        self.all(|own| own.kept(&own.open))
+    }
+
+    /// Rows that are kept, stretch by stretch.
+    pub(super) fn stretches(&self) -> Vec<std::ops::Range<usize>> {
+        let mut first = 0;
+        let of = |own: &Stretch| {
+            let rows = own.rows.clone().step_by(own.step).len();
+            first += rows;
+            first - rows..first
+        };
+        self.stretches.iter().map(of).collect()
+    }
+
+    /// Where the motor is in the rows that are kept.
+    pub(super) fn at(&self) -> Vec<At> {
+        self.all(|own| own.kept(&own.at(self.width)))
+    }
+
+    /// A function of where the motor is, as the current shows it.
+    pub(super) fn shown(&self, lag_s: f64, of: impl Fn(&At) -> f64) -> Vec<f64> {
+        self.all(|own| {
+            let values: Vec<f64> = own.at(self.width).iter().map(&of).collect();
+            own.reported(&values, lag_s)
+        })
+    }
+
+    /// Speeds over which friction may change its sign: from the speed's noise to a fifth of the top speed.
+    pub(super) fn widths(&self) -> Vec<f64> {
+        let top = quantile(self.moving(), 0.95);
+        let widths = std::iter::successors(Some(self.width), |width| Some(WIDER * width));
+        widths
+            .take_while(|width| *width < WIDEST * top)
+            .take(MOST_WIDTHS)
+            .collect()
+    }
+
+    /// With another width of the friction.
+    pub(super) fn set_width(&mut self, width: f64) {
+        self.width = width;
+    }
+
+    /// Slow speeds of the rows that are used.
+    fn moving(&self) -> impl Iterator<Item = f64> {
+        self.all(|own| own.slow[own.rows.clone()].to_vec())
+            .into_iter()
     }
 
     /// Closes the rows at which regressors are outside of what a record that is fitted has, by their leverage, whatever
@@ -180,7 +344,7 @@ impl Columns {
             let gram = of_fit.tr_mul(&of_fit);
             let scale =
                 DMatrix::from_diagonal(&gram.diagonal().map(|x| x.max(1e-300).sqrt().recip()));
-            let Ok(inverse) = (&scale * gram * &scale).pseudo_inverse(1e-9) else {
+            let Some(inverse) = of_gram(&(&scale * gram * &scale)) else {
                 continue;
             };
             let weight = &scale * inverse * &scale;
@@ -191,10 +355,13 @@ impl Columns {
                     .collect()
             };
             let most = leverages(&of_fit).into_iter().fold(0.0, f64::max);
-            let kept = self.rows.clone().step_by(self.step);
-            for (row, leverage) in kept.zip(leverages(&own)) {
-                if leverage > most {
-                    self.open[row] = false;
+            let mut leverages = leverages(&own).into_iter();
+            for stretch in &mut self.stretches {
+                let kept = stretch.rows.clone().step_by(stretch.step);
+                for (row, leverage) in kept.zip(leverages.by_ref()) {
+                    if leverage > most {
+                        stretch.open[row] = false;
+                    }
                 }
             }
         }
@@ -202,34 +369,22 @@ impl Columns {
 
     /// The current, A.
     pub(super) fn current(&self) -> Vec<f64> {
-        self.cut(&self.current)
+        self.all(|own| own.cut(&own.current))
     }
 
     /// The angle, rad.
     pub(super) fn position(&self) -> Vec<f64> {
-        self.kept(&self.position)
+        self.all(|own| own.kept(&own.position))
     }
 
-    /// Behind a first-order filter with the time constant `lag_s`, and through the common filter.
-    fn reported(&self, values: &[f64], lag_s: f64) -> Vec<f64> {
-        if lag_s <= 0.0 {
-            return self.cut(&butterworth(values, self.rate, self.hz));
-        }
-        let keep = (-1.0 / (self.rate * lag_s)).exp();
-        let mut last = values[0];
-        let late: Vec<f64> = values
-            .iter()
-            .map(|x| {
-                last = keep * last + (1.0 - keep) * x;
-                last
-            })
-            .collect();
-        self.cut(&butterworth(&late, self.rate, self.hz))
+    /// The speed, rad/s.
+    pub(super) fn velocity(&self) -> Vec<f64> {
+        self.all(|own| own.kept(&own.velocity))
     }
 
     /// The median speed, rad/s.
     fn median_speed(&self) -> f64 {
-        quantile(self.slow[self.rows.clone()].iter().copied(), 0.5)
+        quantile(self.moving(), 0.5)
     }
 
     /// Which kinds of friction the record tells from inertia and a constant current, and which not, with the reason.
@@ -264,58 +419,56 @@ impl Columns {
     /// The highest whole order that the filter leaves where the motor turns slowest, on enough of the rows.
     pub(super) fn highest_order(&self) -> u32 {
         let rests = RESTS * self.median_speed();
-        let speeds = self.slow[self.rows.clone()].iter().copied();
-        let slowest = quantile(speeds.filter(|w| w.abs() > rests), SHOWN);
-        let hz = self.hz * (LEAST_GAIN.recip() - 1.0).powf(0.125);
+        let slowest = quantile(self.moving().filter(|w| w.abs() > rests), SHOWN);
+        let hz = self.stretches.first().map_or(0.0, |own| own.hz)
+            * (LEAST_GAIN.recip() - 1.0).powf(0.125);
         (TAU * hz / slowest.max(1e-9)).min(1e6) as u32
     }
 
     /// Turns that the record covers.
     pub(super) fn turns(&self) -> f64 {
-        let inside = self.position[self.rows.clone()].iter();
-        let (low, high) = inside.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
+        let inside = self.all(|own| own.position[own.rows.clone()].to_vec());
+        let (low, high) = inside
+            .iter()
+            .fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(*x), b.max(*x)));
         ((high - low) / TAU).max(0.0)
     }
 
     /// A regressor.
     pub(super) fn base(&self, base: Base, lag_s: f64) -> Vec<f64> {
-        match base {
-            Base::Inertia => self.reported(&self.acceleration, lag_s),
-            Base::Offset => self.cut(&vec![1.0; self.position.len()]),
-            Base::Coulomb => {
-                let round = (TURNS_ROUND_IN_NOISE * self.speed_noise).max(1e-9);
-                let sign: Vec<f64> = self.velocity.iter().map(|w| (w / round).tanh()).collect();
-                self.reported(&sign, lag_s)
-            }
-            Base::Viscous => self.reported(&slope(&self.position, self.rate), lag_s),
-        }
+        self.all(|own| own.base(base, lag_s, self.width))
     }
 
     /// Cosine and sine of an order of the turn.
     pub(super) fn wave(&self, order: u32, lag_s: f64) -> [Vec<f64>; 2] {
-        let (cos, sin): (Vec<f64>, Vec<f64>) = self
-            .position
-            .iter()
-            .map(|p| {
-                let (sin, cos) = (f64::from(order) * p).sin_cos();
-                (cos, sin)
+        let wave = |of: fn(f64) -> f64| {
+            self.all(|own| {
+                let values: Vec<f64> = own
+                    .position
+                    .iter()
+                    .map(|p| of(f64::from(order) * p))
+                    .collect();
+                own.reported(&values, lag_s)
             })
-            .unzip();
-        [self.reported(&cos, lag_s), self.reported(&sin, lag_s)]
+        };
+        [wave(f64::cos), wave(f64::sin)]
     }
 
     /// A wave's derivative by its order, about the record's middle: what is linear in the angle is then not the phase once
     /// more.
     pub(super) fn slope_by_order(&self, order: u32, [c, s]: [f64; 2], lag_s: f64) -> Vec<f64> {
-        let middle = self.position.iter().sum::<f64>() / self.position.len().max(1) as f64;
-        let slope: Vec<f64> = self
-            .position
-            .iter()
-            .map(|p| {
-                let (sin, cos) = (f64::from(order) * p).sin_cos();
-                (p - middle) * (s * cos - c * sin)
-            })
-            .collect();
-        self.reported(&slope, lag_s)
+        let all = self.all(|own| own.position.clone());
+        let middle = all.iter().sum::<f64>() / all.len().max(1) as f64;
+        self.all(|own| {
+            let slope: Vec<f64> = own
+                .position
+                .iter()
+                .map(|p| {
+                    let (sin, cos) = (f64::from(order) * p).sin_cos();
+                    (p - middle) * (s * cos - c * sin)
+                })
+                .collect();
+            own.reported(&slope, lag_s)
+        })
     }
 }

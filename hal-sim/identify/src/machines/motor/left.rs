@@ -19,6 +19,7 @@ pub(super) fn remnants(
     open: [Vec<bool>; 2],
     rate: f64,
     noise: f64,
+    highest: u32,
 ) -> Vec<Remnant> {
     let clock = |position: &Vec<f64>| {
         (0..position.len())
@@ -29,7 +30,7 @@ pub(super) fn remnants(
         Place {
             name: "angle of the motor",
             values: positions.map(Vec::clone),
-            form: Form::Repeats(LOWEST..f64::from(HIGHEST)),
+            form: Form::Repeats(LOWEST..f64::from(HIGHEST.min(highest.max(1)))),
             in_time: false,
             signs: None,
         },

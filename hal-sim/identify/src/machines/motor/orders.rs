@@ -15,37 +15,57 @@ pub struct Order {
 }
 
 impl Order {
-    /// What kind of effect has such an order, by the names of a model file.
-    pub fn kind(self, pole_pairs: u32) -> &'static str {
-        if self.order.is_multiple_of(2 * pole_pairs) {
-            "cogging"
-        } else if self.order.is_multiple_of(pole_pairs) {
-            "torque_harmonic"
-        } else {
-            "angle_periodic"
-        }
-    }
-
-    /// What an order suggests. A record of the current alone cannot tell the causes of one order apart.
-    pub fn suggests(self, pole_pairs: u32) -> String {
+    /// Candidates for the cause of a torque of this order. A record of the current alone cannot tell them apart: a coupling and
+    /// a rotor off its axis both make order 1, magnets and sensors the orders of the pole pairs.
+    pub fn suggests(self, pole_pairs: Option<u32>) -> String {
         let Order { order, .. } = self;
-        if !order.is_multiple_of(pole_pairs) {
-            let share = f64::from(order) / f64::from(pole_pairs);
-            return format!(
-                "{:.2} per electrical turn, so not the magnets alone: slots, or mechanics",
-                share
-            );
-        }
-        let cause = match order / pole_pairs {
-            1 => "offset of a current sensor".to_owned(),
-            2 => format!("gains of the current sensors that differ, or cogging of the {} poles", 2 * pole_pairs),
-            n if n.is_multiple_of(6) => {
-                "flux harmonics of a three-phase winding, or cogging where the slots have a multiple there".to_owned()
-            }
-            n if n.is_multiple_of(2) => format!("cogging of the {} poles, or saturation", 2 * pole_pairs),
-            _ => "magnets or phases that differ, or saturation".to_owned(),
+        let mechanics: &[&str] = match order {
+            1 => &[
+                "unbalance or eccentric load",
+                "eccentric rotor",
+                "misaligned coupling",
+                "eccentric encoder",
+            ],
+            2 => &[
+                "misaligned coupling or universal joint",
+                "oval bearing seat",
+                "encoder disc that is bent",
+            ],
+            _ => &[
+                "cogging of the slots",
+                "bearing, belt, gear or balls that pass",
+            ],
         };
-        format!("{} per electrical turn: {cause}", order / pole_pairs)
+        let mut candidates: Vec<String> = mechanics.iter().map(|text| (*text).to_owned()).collect();
+        let electrical = pole_pairs
+            .filter(|pairs| *pairs > 0 && order.is_multiple_of(*pairs))
+            .map(|pairs| (order / pairs, pairs));
+        if let Some((share, pairs)) = electrical {
+            candidates.extend(match share {
+                1 => vec!["offset of a current sensor".to_owned()],
+                2 => vec![
+                    "gains of the current sensors that differ".to_owned(),
+                    format!("cogging of the {} poles", 2 * pairs),
+                ],
+                n if n.is_multiple_of(6) => {
+                    vec!["flux harmonics".to_owned(), "dead time".to_owned()]
+                }
+                n if n.is_multiple_of(2) => {
+                    vec!["cogging of the poles".to_owned(), "saturation".to_owned()]
+                }
+                _ => vec!["magnets or phases that differ".to_owned()],
+            });
+        }
+        let separates = match electrical {
+            Some(_) => {
+                "the same turn with the current off (driven or coasting) separates cogging and mechanics from sensors and flux"
+            }
+            None => "another load, and the shaft uncoupled, separate them",
+        };
+        format!(
+            "torque of order {order}; candidates: {}; {separates}",
+            candidates.join(", ")
+        )
     }
 }
 
@@ -121,16 +141,27 @@ mod tests {
     }
 
     #[test]
-    fn an_order_suggests_what_its_share_of_the_pole_pairs_says() {
-        let suggests = |order| {
+    fn an_order_has_candidates_and_no_single_cause() {
+        let suggests = |order, pole_pairs| {
             Order {
                 order,
                 amplitude_a: 1.0,
             }
-            .suggests(12)
+            .suggests(pole_pairs)
         };
-        assert!(suggests(12).contains("1 per electrical turn: offset"));
-        assert!(suggests(18).contains("1.50 per electrical turn"));
-        assert!(suggests(72).contains("6 per electrical turn: flux"));
+        for (text, candidates) in [
+            (
+                suggests(12, Some(12)),
+                ["offset of a current sensor", "cogging"],
+            ),
+            (suggests(72, Some(12)), ["flux harmonics", "cogging"]),
+            (suggests(1, None), ["coupling", "eccentric rotor"]),
+        ] {
+            assert!(
+                candidates.iter().all(|name| text.contains(name)),
+                "{text}: expected {candidates:?}"
+            );
+        }
+        assert!(!suggests(18, Some(12)).contains("flux"));
     }
 }

@@ -8,11 +8,17 @@ use super::orders::{Order, of_map};
 use super::record::Record;
 use crate::conclusion::rest::Remnant;
 use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};
+use crate::predict::basis::{At, ORDERS};
+use crate::predict::curve::Curve;
+use crate::predict::excitation::Excitation;
+use crate::predict::judge::{Judged, LEAST_BLOCKS, Side, judge};
 use crate::regression::column::{Column, counted};
 use crate::regression::normal::Prior;
 use crate::search::forward::{Choice, Contender, Forward, search};
 use crate::search::holdout::{Holdout, Validated};
 use crate::search::selection::{MATERIAL_OF_CURRENT, MOST_NAMES, VOUCHED_OF_CURRENT};
+use crate::signal::fourier::slope;
+use crate::signal::leftover::{Form, Over, Residual};
 use crate::signal::noise::white_below_100;
 
 /// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
@@ -24,19 +30,37 @@ const NEXT_LAG: f64 = 2.0;
 const FINER: [f64; 4] = [0.35, 0.17, 0.08, 0.04];
 /// How often orders are looked for again beside a lag that was followed.
 const MOST_ROUNDS: usize = 3;
+/// Delays that are tried, rows: of a log and of a control period.
+const DELAYS_ROWS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
+/// A named lag in rows of the record; delays beside which it is held, in lags; share of their squares that it must leave.
+const LAG_ROWS: f64 = 3.0;
+const DELAYS_OF_LAG: [f64; 5] = [0.3, 0.5, 0.7, 0.85, 1.0];
+const RIVAL: f64 = 0.5;
+/// Standard deviation of a lag that is named, of it; and share of the current's rms that is left then.
+const WELL_TOLD: f64 = 0.2;
+const LITTLE_LEFT: f64 = 0.1;
+/// Orders without a name at most beside the lowest whole ones, the highest of them, and how near to a whole one they are that.
+const FURTHER: usize = 12;
+const HIGHEST_FURTHER: u32 = 60;
+const WHOLE: f64 = 0.015;
 /// Orders that are fitted beside a lag, and rows for each.
 const BESIDE_LAG: u32 = 40;
 const ROWS_PER_ORDER: usize = 24;
+/// Share by which a width of friction must lower the fit record's square error to be taken for a narrower one.
+const LEAST_WIDTH: f64 = 0.02;
 /// Share by which a lag must lower the check record's square error.
 const LEAST_LAG: f64 = 0.1;
 
 /// A first-order filter on the current that is reported.
 #[derive(Debug, Clone, Copy)]
 pub struct Lag {
-    /// Time constant, s, and its standard deviation.
+    /// Time constant, s, and its standard deviation; below 0 a delay of as much.
     pub value_s: [f64; 2],
     /// Share of the check record's square that it takes beside the orders.
     pub explained: f64,
+    /// Whether it is named: the record tells it well, and with it little is left. Otherwise it is a nuisance that may stand for
+    /// any smooth misfit.
+    pub is_named: bool,
 }
 
 /// A candidate that was not taken, and why.
@@ -76,8 +100,24 @@ pub struct Study {
     pub open: [Vec<bool>; 2],
     /// Rate of the fit record's rows, Hz.
     pub rate: f64,
-    /// What the current's sensor alone leaves after the filter, A.
+    /// What the current's sensor alone leaves of the check record after the filter, A.
     pub noise: f64,
+    /// Bandwidth of the rows, Hz.
+    pub band_hz: f64,
+    /// Speeds of the same rows, rad/s.
+    pub velocity: [Vec<f64>; 2],
+    /// With the curve that predicts what is left; as `after` where none does.
+    pub curved: Fit,
+    /// That curve, part by part.
+    pub curves: Vec<Curve>,
+    /// Whether something predicts what is left within the check record and does not carry over from the fit record.
+    pub does_not_carry: bool,
+    /// Whether the records are long enough for a judgement of what predicts the rest.
+    pub is_judged: bool,
+    /// Speed over which friction changes its sign, rad/s: a nuisance, fitted.
+    pub width_rad_s: f64,
+    /// What the check record excites.
+    pub(crate) excitation: Excitation,
     /// Candidates that lost.
     pub lost: Vec<Lost>,
     /// Candidates tried.
@@ -86,6 +126,26 @@ pub struct Study {
     pub not_tried: (usize, &'static str),
     /// What the orders leave of both records above it.
     pub remnants: Vec<Remnant>,
+}
+
+/// Whether a lag is named: the record tells it well, little is left with it, it is longer than what sampling makes, and a
+/// delay of any such time leaves more.
+fn is_lag(
+    records: [&Columns; 2],
+    base: &[Base],
+    orders: &[u32],
+    late: [f64; 2],
+    after: &Fit,
+) -> bool {
+    let [value, sigma] = late;
+    let told = value > 0.0 && sigma < WELL_TOLD * value && value < 0.9 * LONGEST_LAG_S;
+    let little = rms(&after.left[1]) < LITTLE_LEFT * rms(&records[1].current());
+    if !told || !little || value < LAG_ROWS / records[0].sample_hz() {
+        return false;
+    }
+    let square = |late: f64| Both::new(records, base, orders, late).squares()[0];
+    let rivals = DELAYS_OF_LAG.map(|share| square(-share * value));
+    square(value) < RIVAL * rivals.into_iter().fold(f64::INFINITY, f64::min)
 }
 
 /// The lag with which inertia, friction and orders, fitted together, predict the check record best.
@@ -101,10 +161,14 @@ fn lag(records: [&Columns; 2], base: &[Base], orders: &[u32], lags_s: &[f64]) ->
 
 /// Follows a lag to where the orders that were found leave least of the fit record.
 fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -> [f64; 2] {
-    let square = |log: f64| Both::new(records, base, orders, log.exp()).squares()[0];
-    let (mut least, mut at) = (square(start.ln()), start.ln());
+    let way = start.signum();
+    let square = |log: f64| Both::new(records, base, orders, way * log.exp()).squares()[0];
+    let (mut least, mut at) = (square(start.abs().ln()), start.abs().ln());
     for step in FINER {
         for log in [at - step, at + step] {
+            if log > LONGEST_LAG_S.ln() {
+                continue;
+            }
             let here = square(log);
             if here < least {
                 (least, at) = (here, log);
@@ -115,22 +179,146 @@ fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -
     let beside = 0.1;
     let curvature = (square(at + beside) + square(at - beside) - 2.0 * least) / (beside * beside);
     let rows = records[0].current().len() as f64;
-    let relative = (2.0 * least / (rows * curvature).max(1e-300)).sqrt();
-    [at.exp(), at.exp() * relative]
+    let relative = match curvature > 0.0 {
+        true => (2.0 * least / (rows * curvature)).sqrt(),
+        // No minimum: the record does not tell the lag.
+        false => f64::INFINITY,
+    };
+    [way * at.exp(), at.exp() * relative]
+}
+
+/// White noise of the quietest stretch after the filter.
+fn noise(records: &[Record]) -> f64 {
+    let of = |record: &Record| white_below_100(&record.current, record.rate);
+    records.iter().map(of).fold(f64::INFINITY, f64::min)
+}
+
+/// The width of the friction with which inertia, friction and offset leave least of the fit record, rad/s; both records get
+/// it.
+fn widen(fitted: &mut Columns, other: &mut Columns) -> f64 {
+    let narrow = fitted.widths();
+    let mut best = (f64::INFINITY, narrow.first().copied().unwrap_or(1e-9));
+    for width in narrow {
+        fitted.set_width(width);
+        let base = [Base::Inertia, Base::Offset, Base::Coulomb, Base::Viscous];
+        let both = Both::new([fitted, fitted], &base, &[], 0.0);
+        let square = both.squares()[0];
+        // A wider one must be worth it.
+        if square < (1.0 - LEAST_WIDTH) * best.0 {
+            best = (square, width);
+        }
+    }
+    fitted.set_width(best.1);
+    other.set_width(best.1);
+    best.1
+}
+
+/// Orders of the turn, whole or not, that are loudest in what is left of the fit record, one after the other.
+fn loudest_orders(side: &Side, angle: Vec<f64>, highest: u32) -> Vec<f64> {
+    let range = 0.3..f64::from(highest.min(HIGHEST_FURTHER));
+    let over = Over {
+        values: &angle,
+        form: Form::Repeats(range.clone()),
+    };
+    let mut left = side.left.clone();
+    let mut orders: Vec<f64> = Vec::new();
+    for _ in 0..FURTHER {
+        let residual = Residual {
+            values: &left,
+            open: &side.open,
+            rate: side.rate,
+        };
+        let Some(shape) = residual.shape(&over).filter(|_| range.end > range.start) else {
+            break;
+        };
+        let shape = residual.sharpened(&over, shape);
+        left = residual.without(&over, &shape);
+        orders.extend(shape.order);
+    }
+    let is_whole = |order: &f64| order.fract() == 0.0 && *order <= ORDERS.into();
+    let whole = orders
+        .into_iter()
+        .map(|order| match (order - order.round()).abs() < WHOLE {
+            true => order.round(),
+            false => order,
+        });
+    let mut orders: Vec<f64> = whole
+        .filter(|order| *order > 0.0 && !is_whole(order))
+        .collect();
+    orders.dedup();
+    orders
+}
+
+/// What predicts the check record beside inertia, friction, orders, and a small delay of the current.
+fn judged(records: [&Columns; 2], last: &Both, after: &Fit, orders: &[u32], lag_s: f64) -> Judged {
+    let side = |k: usize| {
+        let record = records[k];
+        let current = record.current();
+        let stretches = record.stretches();
+        let fitted: Vec<f64> = current
+            .iter()
+            .zip(&after.left[k])
+            .map(|(i, left)| i - left)
+            .collect();
+        // A delay adds the derivative of what is fitted, to first order.
+        let late = stretches.iter().flat_map(|rows| match rows.len() > 2 {
+            true => slope(&fitted[rows.clone()], record.rate()),
+            false => vec![0.0; rows.len()],
+        });
+        let open = record.open();
+        let late = late
+            .zip(&open)
+            .map(|(x, open)| x * f64::from(*open))
+            .collect();
+        let known = last.columns[k].iter().map(|column| column.only().to_vec());
+        Side {
+            left: after.left[k].clone(),
+            known: known.chain([late]).collect(),
+            at: record.at(),
+            drive_rms: rms(&current),
+            rate: record.rate(),
+            open,
+            stretches,
+        }
+    };
+    let sides = [side(0), side(1)];
+    let highest = records
+        .map(Columns::highest_order)
+        .into_iter()
+        .min()
+        .unwrap_or(0);
+    let angles = sides[0].at.iter().map(|at| at.angle).collect();
+    let further = loudest_orders(&sides[0], angles, highest);
+    judge(
+        [&sides[0], &sides[1]],
+        highest,
+        &further,
+        orders,
+        |k, group, function| records[k].shown(lag_s, |at| group.value(function, at)),
+    )
 }
 
 impl Study {
     /// Fits on `estimate`, checks on `check`. The candidates are all orders that the filter leaves at the
     /// records' speeds; those of the slow turn `map` (position, current) need less proof.
     pub fn new(estimate: &Record, check: &Record, map: Option<&[Vec<f64>; 2]>) -> Self {
-        let lags = std::iter::successors(Some(1.0 / estimate.rate), |lag| Some(NEXT_LAG * lag));
+        Self::of_stretches([estimate, check].map(std::slice::from_ref), map)
+    }
+
+    /// The same of records of several stretches each, all at one rate.
+    pub fn of_stretches([estimate, check]: [&[Record]; 2], map: Option<&[Vec<f64>; 2]>) -> Self {
+        let rate = estimate.first().map_or(1.0, |first| first.rate);
+        let lags = std::iter::successors(Some(1.0 / rate), |lag| Some(NEXT_LAG * lag));
         let lags_s: Vec<f64> = std::iter::once(0.0)
             .chain(lags.take_while(|lag| *lag < LONGEST_LAG_S))
             .collect();
+        let delays = DELAYS_ROWS.map(|rows| -rows / rate);
+        let nuisances: Vec<f64> = lags_s.iter().copied().chain(delays).collect();
         let mut sides = [Columns::new(estimate), Columns::new(check)];
         // Of inertia alone: records at other speeds are what friction and orders are checked by.
         let [fitted, other] = &mut sides;
         other.close_beyond(fitted, &Base::ALWAYS, &lags_s);
+        let width_rad_s = widen(fitted, other);
         let records = [&sides[0], &sides[1]];
         let mut base = Base::ALWAYS.to_vec();
         let (mut frictions, mut not_told_apart) = records[0].told_apart();
@@ -190,9 +378,9 @@ impl Study {
         let orders =
             |taken: &[(u32, f64)]| taken.iter().map(|(order, _)| *order).collect::<Vec<u32>>();
         let search_in = |base: &[Base]| {
-            let found = at_lag(base, lag(records, base, &lowest, &lags_s));
+            let found = at_lag(base, lag(records, base, &lowest, &nuisances));
             // Higher orders that were found may tell another lag.
-            match lag(records, base, &orders(&found.1), &lags_s) {
+            match lag(records, base, &orders(&found.1), &nuisances) {
                 same if same == found.0 => found,
                 other => at_lag(base, other),
             }
@@ -208,12 +396,11 @@ impl Study {
         if base.len() > known {
             (late, taken, lost_orders) = search_in(&base);
         }
-        let before = Both::new(records, &base, &[], 0.0).fit(Vec::new()).0;
         let mut numbers = orders(&taken);
         let mut late = [late, 0.0];
         // Between two lags that were tried, what is left is the lag's error: weak orders show beside the right one.
         for _ in 0..MOST_ROUNDS {
-            if late[0] <= 0.0 {
+            if late[0] == 0.0 {
                 break;
             }
             late = followed(records, &base, &numbers, late[0]);
@@ -234,11 +421,16 @@ impl Study {
             Column::alone(records[0].slope_by_order(*order, wave, late[0]))
         });
         let (after, steps) = last.fit(slopes.collect());
+        let is_named = is_lag([records[0], records[1]], &base, &numbers, late, &after);
+        // A nuisance is no name: it is there before.
+        let before = Both::new(records, &base, &[], if is_named { 0.0 } else { late[0] });
+        let before = before.fit(Vec::new()).0;
         let of_check = rms(&before.left[1]).powi(2);
-        let lag = (late[0] > 0.0).then(|| {
+        let lag = (late[0] != 0.0).then(|| {
             let without = Both::new(records, &base, &numbers, 0.0).squares()[1];
             Lag {
                 value_s: late,
+                is_named,
                 explained: ((without - rms(&after.left[1]).powi(2)) / of_check).clamp(0.0, 1.0),
             }
         });
@@ -254,9 +446,34 @@ impl Study {
                 amplitude_a: amplitude(k),
             })
             .collect();
-        let noise = white_below_100(&estimate.current, estimate.rate);
+        let noises = [estimate, check].map(noise);
         let position = records.map(Columns::position);
+        let judged = judged(records, &last, &after, &numbers, late[0]);
+        let curves = judged.curves();
+        let curved = Fit {
+            left: match judged.carries {
+                true => [0, 1].map(|k: usize| {
+                    let rows = after.left[k].iter().zip(&judged.predicted[k]);
+                    rows.map(|(left, by)| left - by).collect()
+                }),
+                false => after.left.clone(),
+            },
+            ..after.clone()
+        };
+        let excitation = {
+            let open = records[1].open();
+            let rows = records[1].at().into_iter().zip(open);
+            let counted: Vec<At> = rows.filter(|(_, open)| *open).map(|(at, _)| at).collect();
+            Excitation::new(&counted, records[1].rate())
+        };
         Study {
+            width_rad_s,
+            band_hz: records[1].band_hz(),
+            excitation,
+            does_not_carry: judged.own,
+            is_judged: judged.blocks >= LEAST_BLOCKS,
+            curves,
+
             freed: numbers
                 .iter()
                 .zip(steps)
@@ -268,8 +485,11 @@ impl Study {
                 [&position[0], &position[1]],
                 records.map(Columns::open),
                 records[0].rate(),
-                noise,
+                noises[0].max(noises[1]),
+                shown,
             ),
+            curved,
+            velocity: records.map(Columns::velocity),
             orders,
             base,
             not_told_apart,
@@ -277,7 +497,7 @@ impl Study {
             before,
             after,
             rate: records[0].rate(),
-            noise,
+            noise: noises[1],
             current: records.map(Columns::current),
             position,
             open: records.map(Columns::open),
@@ -298,6 +518,12 @@ impl Study {
         rms(&fit.left[record]) * (fit.left[record].len() as f64 / rows).sqrt()
     }
 
+    /// Rms of the current of the rows of a record that count, A.
+    pub fn signal_rms(&self, record: usize) -> f64 {
+        let rows = counted(&self.open[record]).max(1) as f64;
+        rms(&self.current[record]) * (self.current[record].len() as f64 / rows).sqrt()
+    }
+
     /// Without the orders, %.
     pub fn before_percent(&self) -> f64 {
         self.percent(&self.before)
@@ -307,10 +533,15 @@ impl Study {
     pub fn after_percent(&self) -> f64 {
         self.percent(&self.after)
     }
+
+    /// With the curve too, %.
+    pub fn curved_percent(&self) -> f64 {
+        self.percent(&self.curved)
+    }
 }
 
 /// Turns that a record must cover for its orders to be looked for.
-const LEAST_TURNS: f64 = 0.5;
+const LEAST_TURNS: f64 = 0.75;
 
 /// A search for orders, which are counted among the candidates.
 struct Orders<'a> {

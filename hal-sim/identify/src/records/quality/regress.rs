@@ -1,5 +1,6 @@
 //! Small regressions over stretches of a record, with errors that hold whatever the residual's colour.
 
+use crate::regression::inverse::eigenvalue_range;
 use nalgebra::{DMatrix, DVector};
 
 /// Groups of neighbouring rows that are left out in turn.
@@ -57,8 +58,7 @@ pub(super) fn fit(columns: &[Vec<f64>], measured: &[f64]) -> Option<Fit> {
         )
     };
     let solve = |(normal, right): (DMatrix<f64>, DVector<f64>)| {
-        let condition = normal.symmetric_eigenvalues();
-        let (least, most) = (condition.min(), condition.max());
+        let [least, most] = eigenvalue_range(&normal)?;
         (least > 1e-7 * most).then(|| normal.cholesky().map(|c| c.solve(&right)))?
     };
     let all = solve(sum(None))?;

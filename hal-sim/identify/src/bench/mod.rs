@@ -1,5 +1,8 @@
 //! The figures that the tool is held to, on the data beside the project.
 
+pub mod attacks;
+pub mod real;
+
 use crate::analysis::{Outcome, analyse};
 use crate::conclusion::judge::right;
 use crate::machines::feed_axis::{self, Axis};
@@ -99,7 +102,7 @@ impl Figures {
             })),
             "laas": self.motor.as_ref().map(|motor| json!({
                 "before_percent": motor.study.before_percent(),
-                "after_percent": motor.study.after_percent(),
+                "after_percent": motor.study.curved_percent(),
             })),
             "odrive": self.odrive,
             "seconds_per_recording": self.seconds_per_recording,
@@ -197,9 +200,9 @@ fn motor_figures(folder: &Path) -> Option<MotorFigures> {
 /// Fits and checks on the records in `folder`, an ODrive's and LAAS's; what is not there is skipped and named.
 pub fn measured_pairs(folder: &Path) -> Vec<MeasuredPair> {
     let (drive, map, laas) = (
-        include_str!("../mappings/odrive.toml"),
-        include_str!("../mappings/odrive-map.toml"),
-        include_str!("../mappings/laas-acc.toml"),
+        include_str!("../../mappings/odrive.toml"),
+        include_str!("../../mappings/odrive-map.toml"),
+        include_str!("../../mappings/laas-acc.toml"),
     );
     let pairs = [
         (
@@ -242,8 +245,9 @@ pub fn measured_pairs(folder: &Path) -> Vec<MeasuredPair> {
             fit: fit.into(),
             check: check.into(),
             before_percent: study.before_percent(),
-            after_percent: study.after_percent(),
-            names: study.orders.len() + usize::from(study.lag.is_some()),
+            after_percent: study.curved_percent(),
+            names: study.orders.len()
+                + usize::from(study.lag.as_ref().is_some_and(|lag| lag.is_named)),
         })
     };
     let told = |pair| {

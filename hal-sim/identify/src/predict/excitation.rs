@@ -1,0 +1,180 @@
+//! What a record excites, and which record would excite the rest.
+
+use super::basis::At;
+use std::f64::consts::TAU;
+
+/// Least length, s; turns; speed classes: `identification.md`, step 1, asks for 4 s, a turn and 4 classes. A record that
+/// goes up and down once passes 3.
+const LEAST_S: f64 = 3.0;
+const LEAST_TURNS: f64 = 1.0;
+const LEAST_CLASSES: usize = 3;
+/// Ratio of two speeds that are two classes, and share of the moving rows that one has.
+const CLASS: f64 = 1.3;
+const SHARE: f64 = 0.03;
+/// Speed below which a shaft creeps, rad/s: 5 rpm.
+pub(crate) const CREEPS_RAD_S: f64 = 0.5;
+/// Ratio of two speeds by which viscous friction is told from an offset.
+const VISCOUS: f64 = 2.0;
+
+/// See the module.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Excitation {
+    seconds: f64,
+    turns: f64,
+    /// Speed classes, the direction counted.
+    classes: usize,
+    both_ways: bool,
+    /// Speed that all but one row in twenty are below, rad/s.
+    top: f64,
+}
+
+impl Excitation {
+    /// Of the rows of a record.
+    pub(crate) fn new(rows: &[At], rate: f64) -> Self {
+        let mut speeds: Vec<f64> = rows.iter().map(|at| at.speed.abs()).collect();
+        speeds.sort_by(f64::total_cmp);
+        let quantile = |share: f64| {
+            speeds
+                .get((share * speeds.len() as f64) as usize)
+                .copied()
+                .unwrap_or(0.0)
+        };
+        let top = quantile(0.95);
+        let mut classes = std::collections::BTreeMap::<(bool, i32), usize>::new();
+        let mut moving = 0;
+        for at in rows
+            .iter()
+            .filter(|at| at.speed.abs() > 0.02 * top && at.speed != 0.0)
+        {
+            moving += 1;
+            let class = (at.speed.abs().ln() / CLASS.ln()).floor() as i32;
+            *classes.entry((at.speed > 0.0, class)).or_default() += 1;
+        }
+        let of_way = |way: bool| -> usize {
+            classes
+                .iter()
+                .filter(|((w, _), _)| *w == way)
+                .map(|(_, n)| n)
+                .sum()
+        };
+        let least = SHARE * f64::from(moving);
+        Excitation {
+            seconds: rows.len() as f64 / rate,
+            turns: quantile_range(rows) / TAU,
+            classes: classes
+                .values()
+                .filter(|count| **count as f64 >= least)
+                .count(),
+            both_ways: [true, false]
+                .into_iter()
+                .all(|way| of_way(way) as f64 > least),
+            top,
+        }
+    }
+
+    /// Whether nothing moves, or creeps only.
+    pub(crate) fn stands(&self) -> bool {
+        self.top < CREEPS_RAD_S
+    }
+
+    /// Whether there is too little of it to say that nothing is missing.
+    pub(crate) fn is_thin(&self) -> bool {
+        self.stands()
+            || self.seconds < LEAST_S
+            || self.turns < LEAST_TURNS
+            || self.classes < LEAST_CLASSES
+    }
+
+    /// What it cannot tell, and the record that would, of a `shaft`; nothing where it tells all.
+    pub(crate) fn sentence(&self, shaft: &str) -> Option<String> {
+        let rpm = |speed: f64| speed * 60.0 / TAU;
+        let mut lacks: Vec<String> = Vec::new();
+        if self.stands() {
+            lacks.push(format!(
+                "the {shaft} moves at {:.2} rpm at most, so inertia, friction, flux and ripple are not excited: record speeds above {:.0} rpm",
+                rpm(self.top),
+                rpm(CREEPS_RAD_S)
+            ));
+        }
+        if self.seconds < LEAST_S {
+            lacks.push(format!(
+                "{:.1} s are too short: record {LEAST_S:.0} s or more",
+                self.seconds
+            ));
+        }
+        if self.turns < LEAST_TURNS {
+            lacks.push(format!("the {shaft} covers {:.2} turns, so orders of the turn are not excited: record at least {LEAST_TURNS:.0} turn", self.turns));
+        }
+        if self.classes < LEAST_CLASSES && !self.stands() {
+            lacks.push(format!(
+                "the {shaft} shows {} of the {LEAST_CLASSES} speed classes needed, so friction over speed and viscous friction are not \
+                 excited: record at least {LEAST_CLASSES} speeds a factor of {VISCOUS:.0} apart, for example {:.0}, {:.0} and {:.0} rpm",
+                self.classes,
+                rpm(self.top),
+                rpm(self.top / VISCOUS),
+                rpm(self.top / VISCOUS / VISCOUS)
+            ));
+        }
+        if !self.both_ways && !lacks.is_empty() {
+            lacks.push(format!(
+                "the {shaft} turns one way only, so Coulomb friction is not told from an offset: record both directions"
+            ));
+        }
+        (!lacks.is_empty()).then(|| format!("Not excited: {}.", lacks.join("; ")))
+    }
+}
+
+fn quantile_range(rows: &[At]) -> f64 {
+    let ends = |(low, high): (f64, f64), at: &At| (low.min(at.angle), high.max(at.angle));
+    let (low, high) = rows.iter().fold((f64::MAX, f64::MIN), ends);
+    (high - low).max(0.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn record(seconds: f64, speed: impl Fn(f64) -> f64) -> Excitation {
+        let mut angle = 0.0;
+        let rows: Vec<At> = (0..(seconds * 100.0) as usize)
+            .map(|k| {
+                let speed = speed(k as f64 / 100.0);
+                angle += speed / 100.0;
+                At {
+                    angle,
+                    speed,
+                    ..At::default()
+                }
+            })
+            .collect();
+        Excitation::new(&rows, 100.0)
+    }
+
+    #[test]
+    fn thin_records_say_what_to_record() {
+        for (thin, asks) in [
+            (record(10.0, |_| 0.0), "speeds above 5 rpm"),
+            (record(10.0, |_| 0.3), "speeds above 5 rpm"),
+            (record(10.0, |_| 50.0), "3 speeds"),
+            (record(1.0, |t| 50.0 * (9.0 * t).sin()), "3 s or more"),
+        ] {
+            assert!(thin.is_thin(), "{thin:?}");
+            let sentence = thin.sentence("motor").expect("a sentence");
+            assert!(sentence.contains(asks), "{sentence}: expected {asks}");
+        }
+    }
+
+    #[test]
+    fn a_record_of_many_speeds_is_not_thin() {
+        let full = record(10.0, |t| 50.0 * (0.9 * t).sin());
+        assert!(
+            !full.is_thin() && full.sentence("motor").is_none(),
+            "{full:?}"
+        );
+    }
+
+    #[test]
+    fn no_rows_are_thin() {
+        assert!(Excitation::new(&[], 100.0).is_thin());
+    }
+}

@@ -1,0 +1,392 @@
+//! The judge: whether what is left of a fit record predicts what is left of a check record.
+
+use super::basis::{Along, At, Group};
+use super::ridge::Products;
+use crate::regression::column::dot;
+use crate::regression::inverse::of_gram;
+use crate::regression::sandwich::correlated;
+use nalgebra::DMatrix;
+use std::ops::Range;
+
+/// Folds into which blocks are dealt in turn.
+const FOLDS: usize = 4;
+/// Length of a block in correlation times: what reaches into the next is then small. From `identification.md`, step 5.
+const BLOCK_OF_CORRELATED: f64 = 12.0;
+/// Shortest block, s: some periods of a speed loop of 10 Hz.
+const BLOCK_S: f64 = 0.4;
+/// Blocks that a statistic needs.
+pub(crate) const LEAST_BLOCKS: usize = 8;
+/// Share of the residual's power that a group must take of blocks to which it was not fitted.
+const LEAST_SHARE: f64 = 0.02;
+/// Groups at most: the search's budget.
+const MOST_GROUPS: usize = 16;
+/// Share of the check record's rows that may be outside of what a group learnt.
+const OUTSIDE: f64 = 0.05;
+/// Quantiles of a normal deviate at 1 %, 5 % and 0.1 %.
+const CARRIES: f64 = 2.326;
+const WITHIN: f64 = 1.645;
+const CARRIES_ORDER: f64 = 3.090;
+/// Rms of a prediction over that of the drive quantity, below which nothing is missing that matters: smooth shapes, orders.
+const LEAST_SIZE: f64 = 0.01;
+const LEAST_ORDER: f64 = 0.002;
+/// Share of a function that must be left beside the declared regressors, or it says the same as they.
+const LEAST_OWN: f64 = 0.03;
+/// Rows over which a correlation time is taken.
+const CORRELATED_ROWS: usize = 2000;
+
+/// One record's side: rows in which it counts are not 0.
+pub(crate) struct Side {
+    /// What the declared and named regressors leave of the drive quantity.
+    pub(crate) left: Vec<f64>,
+    /// Those regressors, and nuisances.
+    pub(crate) known: Vec<Vec<f64>>,
+    /// Where the machine is.
+    pub(crate) at: Vec<At>,
+    /// Rows that count.
+    pub(crate) open: Vec<bool>,
+    /// Rows of each stretch without a gap.
+    pub(crate) stretches: Vec<Range<usize>>,
+    /// Rows a second.
+    pub(crate) rate: f64,
+    /// Rms of the drive quantity.
+    pub(crate) drive_rms: f64,
+}
+
+/// What the judge says.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Judged {
+    /// The groups that predict, the strongest first, with the coefficients of their functions.
+    pub(crate) groups: Vec<(Group, Vec<f64>)>,
+    /// Their rms on the check record, all together, and one by one.
+    pub(crate) size: f64,
+    pub(crate) sizes: Vec<f64>,
+    /// Covariance of all coefficients.
+    pub(crate) covariance: Option<DMatrix<f64>>,
+    /// The prediction of both records beside the known regressors.
+    pub(crate) predicted: [Vec<f64>; 2],
+    /// Deviations from 0: fit to check, and within the check record.
+    pub(crate) deviations: [f64; 2],
+    /// Blocks of the check record.
+    pub(crate) blocks: usize,
+    /// Whether anything predicts: fit to check, and within the check record.
+    pub(crate) carries: bool,
+    /// Whether something predicts within the check record and does not carry over.
+    pub(crate) own: bool,
+}
+
+/// A side without what the known regressors explain.
+struct Partialled {
+    left: Vec<f64>,
+    columns: Vec<Vec<f64>>,
+    /// Rms of each column after over before.
+    own: Vec<f64>,
+    /// Coefficients of the known regressors in each column.
+    of_known: Vec<Vec<f64>>,
+}
+
+fn rms(values: &[f64]) -> f64 {
+    (dot(values, values) / values.len().max(1) as f64).sqrt()
+}
+
+impl Side {
+    /// Blocks of rows, none across a gap.
+    fn blocks(&self, length: usize) -> Vec<Range<usize>> {
+        let of = |stretch: &Range<usize>| {
+            let count = (stretch.len() / length).max(1);
+            let at = |k: usize, stretch: &Range<usize>| stretch.start + k * stretch.len() / count;
+            (0..count)
+                .map(|k| at(k, stretch)..at(k + 1, stretch))
+                .collect::<Vec<_>>()
+        };
+        let counts = |rows: &Range<usize>| {
+            2 * self.open[rows.clone()].iter().filter(|open| **open).count() > rows.len()
+        };
+        self.stretches.iter().flat_map(of).filter(counts).collect()
+    }
+
+    /// Rows of a block: longer than what a residual is correlated over.
+    fn block_length(&self, left: &[f64]) -> usize {
+        let longest = self.stretches.iter().max_by_key(|rows| rows.len());
+        let left = longest.map_or(&[][..], |rows| &left[rows.clone()]);
+        let length = correlated(&left[..left.len().min(CORRELATED_ROWS)]);
+        ((BLOCK_OF_CORRELATED * length).max(BLOCK_S * self.rate) as usize).max(1)
+    }
+
+    /// Columns without what the known regressors explain of them.
+    fn partialled(&self, columns: Vec<Vec<f64>>) -> Option<Partialled> {
+        let sizes: Vec<f64> = self
+            .known
+            .iter()
+            .map(|column| rms(column).max(1e-300))
+            .collect();
+        let n = sizes.len();
+        let gram = DMatrix::from_fn(n, n, |k, j| {
+            dot(&self.known[k], &self.known[j]) / sizes[k] / sizes[j]
+        });
+        let inverse = of_gram(&gram)?;
+        let of_known = |values: &[f64]| -> Vec<f64> {
+            let pairs = self.known.iter().zip(&sizes);
+            let products: Vec<f64> = pairs
+                .map(|(column, size)| dot(column, values) / size)
+                .collect();
+            (0..n)
+                .map(|k| (0..n).map(|j| inverse[(k, j)] * products[j]).sum::<f64>() / sizes[k])
+                .collect()
+        };
+        let less = |values: &[f64], of_known: &[f64]| -> Vec<f64> {
+            let mut left = values.to_vec();
+            for (value, column) in of_known.iter().zip(&self.known) {
+                left.iter_mut()
+                    .zip(column)
+                    .for_each(|(x, c)| *x -= value * c);
+            }
+            left
+        };
+        let before: Vec<f64> = columns.iter().map(|column| rms(column)).collect();
+        let coefficients: Vec<Vec<f64>> = columns.iter().map(|column| of_known(column)).collect();
+        let columns: Vec<Vec<f64>> = columns
+            .iter()
+            .zip(&coefficients)
+            .map(|(column, own)| less(column, own))
+            .collect();
+        let own = columns
+            .iter()
+            .zip(&before)
+            .map(|(after, before)| rms(after) / before.max(1e-300));
+        Some(Partialled {
+            left: less(&self.left, &of_known(&self.left)),
+            own: own.collect(),
+            columns,
+            of_known: coefficients,
+        })
+    }
+
+    /// A prediction as it is on a record that nothing was fitted to: the known regressors' shares are the fit record's.
+    fn untouched(
+        &self,
+        own: &Partialled,
+        fit: &Partialled,
+        chosen: &[usize],
+        values: &[f64],
+    ) -> Vec<f64> {
+        let mut sum = predicted(&own.columns, chosen, values, self.left.len());
+        for (k, column) in self.known.iter().enumerate() {
+            let shares = chosen
+                .iter()
+                .zip(values)
+                .map(|(c, value)| value * (own.of_known[*c][k] - fit.of_known[*c][k]));
+            let share: f64 = shares.sum();
+            sum.iter_mut()
+                .zip(column)
+                .for_each(|(s, x)| *s += share * x);
+        }
+        sum
+    }
+}
+
+/// Quantile of Student's t from that of the normal distribution (Cornish and Fisher's expansion; Abramowitz and Stegun
+/// 26.7.5).
+fn student(z: f64, freedom: f64) -> f64 {
+    z + (z.powi(3) + z) / (4.0 * freedom)
+        + (5.0 * z.powi(5) + 16.0 * z.powi(3) + 3.0 * z) / (96.0 * freedom * freedom)
+}
+
+/// Deviations of the mean of products from 0, by their scatter from block to block.
+fn deviations(left: &[f64], predicted: &[f64], blocks: &[Range<usize>]) -> f64 {
+    let sums: Vec<f64> = blocks
+        .iter()
+        .map(|rows| dot(&left[rows.clone()], &predicted[rows.clone()]))
+        .collect();
+    let count = sums.len() as f64;
+    let mean = sums.iter().sum::<f64>() / count;
+    let variance =
+        sums.iter().map(|sum| (sum - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
+    mean / (variance / count).max(1e-300).sqrt()
+}
+
+fn predicted(columns: &[Vec<f64>], chosen: &[usize], values: &[f64], rows: usize) -> Vec<f64> {
+    let mut sum = vec![0.0; rows];
+    for (column, value) in chosen.iter().zip(values) {
+        sum.iter_mut()
+            .zip(&columns[*column])
+            .for_each(|(s, x)| *s += value * x);
+    }
+    sum
+}
+
+/// Judges a check record by a fit record. `column` gives a function of the coordinates as it shows in a record's drive
+/// quantity: through the filters and lags that this has.
+pub(crate) fn judge(
+    sides: [&Side; 2],
+    highest_order: u32,
+    further: &[f64],
+    except: &[u32],
+    column: impl Fn(usize, &Group, usize) -> Vec<f64>,
+) -> Judged {
+    let mut judged = Judged {
+        predicted: sides.map(|side| vec![0.0; side.left.len()]),
+        ..Judged::default()
+    };
+    let blocks = sides.map(|side| side.blocks(((BLOCK_S * side.rate) as usize).max(1)));
+    judged.blocks = blocks[1].len();
+    if blocks.iter().any(|blocks| blocks.len() < LEAST_BLOCKS) {
+        return judged;
+    }
+    let rows: Vec<At> = (sides[0].at.iter().zip(&sides[0].open))
+        .filter(|(_, open)| **open)
+        .map(|(at, _)| *at)
+        .collect();
+    let mut groups = Group::all(&rows, highest_order, further);
+    groups.retain(|group| {
+        let counted = sides[1].at.iter().zip(&sides[1].open).filter(|(_, open)| **open);
+        let (outside, all) = counted.fold((0, 0), |(outside, all), (at, _)| {
+            (outside + usize::from(group.is_outside(at)), all + 1)
+        });
+        let named = matches!(group.along, Along::Order(order) if except.iter().any(|known| f64::from(*known) == order));
+        !named && outside as f64 <= OUTSIDE * all as f64
+    });
+    let of_groups = |record: usize| -> Vec<Vec<f64>> {
+        groups
+            .iter()
+            .flat_map(|group| (0..group.len()).map(move |k| (group, k)))
+            .map(|(group, k)| column(record, group, k))
+            .collect()
+    };
+    let (Some(fit), Some(check)) = (
+        sides[0].partialled(of_groups(0)),
+        sides[1].partialled(of_groups(1)),
+    ) else {
+        return judged;
+    };
+    let mut first = 0;
+    let members: Vec<Vec<usize>> = groups
+        .iter()
+        .map(|group| {
+            let own = first..first + group.len();
+            first = own.end;
+            own.filter(|k| fit.own[*k] > LEAST_OWN).collect()
+        })
+        .collect();
+    let folds = |blocks: &[Range<usize>]| -> Vec<Vec<Range<usize>>> {
+        (0..FOLDS)
+            .map(|fold| blocks.iter().skip(fold).step_by(FOLDS).cloned().collect())
+            .collect()
+    };
+    let products = Products::new(&fit.columns, &fit.left, &folds(&blocks[0]));
+    let energy = products.held_back(&[]);
+    let (mut chosen, mut taken, mut least): (Vec<usize>, Vec<usize>, f64) =
+        (Vec::new(), Vec::new(), energy);
+    while taken.len() < MOST_GROUPS {
+        let with = |group: usize| [chosen.as_slice(), &members[group]].concat();
+        let open =
+            (0..groups.len()).filter(|group| !taken.contains(group) && !members[*group].is_empty());
+        let best = open
+            .map(|group| (products.held_back(&with(group)), group))
+            .min_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((left, group)) if least - left > LEAST_SHARE * least.min(energy) => {
+                chosen = with(group);
+                taken.push(group);
+                least = left;
+            }
+            _ => break,
+        }
+    }
+    let Some(values) = products
+        .fitted(&chosen, None)
+        .filter(|values| !values.is_empty())
+    else {
+        return judged;
+    };
+    let values: Vec<f64> = values.iter().copied().collect();
+    let beside = predicted(&check.columns, &chosen, &values, check.left.len());
+    judged.predicted = [
+        predicted(&fit.columns, &chosen, &values, fit.left.len()),
+        sides[1].untouched(&check, &fit, &chosen, &values),
+    ];
+    let of_check = Products::new(&check.columns, &check.left, &folds(&blocks[1]));
+    let mut within = vec![0.0; check.left.len()];
+    for (fold, stretches) in folds(&blocks[1]).iter().enumerate() {
+        let Some(own) = of_check.fitted(&chosen, Some(fold)) else {
+            continue;
+        };
+        for rows in stretches {
+            for row in rows.clone() {
+                within[row] = chosen
+                    .iter()
+                    .zip(&own)
+                    .map(|(k, value)| value * check.columns[*k][row])
+                    .sum();
+            }
+        }
+    }
+    // What is left beside the prediction is what noise and the rest of the misfit are correlated over.
+    let rest: Vec<f64> = check.left.iter().zip(&beside).map(|(x, p)| x - p).collect();
+    let tested = sides[1].blocks(sides[1].block_length(&rest));
+    judged.blocks = tested.len();
+    if tested.len() < LEAST_BLOCKS {
+        return judged;
+    }
+    judged.deviations = [&beside, &within].map(|by| deviations(&check.left, by, &tested));
+    let freedom = tested.len() as f64 - 1.0;
+    let orders_alone = taken
+        .iter()
+        .all(|group| groups[*group].along.order().is_some());
+    let (carries, size) = match orders_alone {
+        true => (CARRIES_ORDER, LEAST_ORDER),
+        false => (CARRIES, LEAST_SIZE),
+    };
+    judged.size = rms(&beside);
+    let falls = {
+        let pairs = sides[1].left.iter().zip(&judged.predicted[1]);
+        let after: Vec<f64> = pairs.map(|(x, p)| x - p).collect();
+        rms(&after) < rms(&sides[1].left)
+    };
+    let repeats = judged.deviations[1] > student(WITHIN, freedom);
+    let matters = judged.size > size * sides[1].drive_rms;
+    judged.carries =
+        falls && matters && repeats && judged.deviations[0] > student(carries, freedom);
+    judged.own = !judged.carries
+        && judged.deviations[1] > student(CARRIES_ORDER, freedom)
+        && rms(&within) > size * sides[1].drive_rms;
+    judged.covariance = products.inverse(&chosen).map(|inverse| {
+        let after: Vec<f64> = fit
+            .left
+            .iter()
+            .zip(&judged.predicted[0])
+            .map(|(x, p)| x - p)
+            .collect();
+        let n = chosen.len();
+        let mut spread = DMatrix::zeros(n, n);
+        for rows in &blocks[0] {
+            let pull: Vec<f64> = chosen
+                .iter()
+                .map(|k| dot(&fit.columns[*k][rows.clone()], &after[rows.clone()]))
+                .collect();
+            for k in 0..n {
+                for j in 0..n {
+                    spread[(k, j)] += pull[k] * pull[j];
+                }
+            }
+        }
+        let count = blocks[0].len() as f64;
+        &inverse * spread * &inverse * (count / (count - 1.0))
+    });
+    let mut at = 0;
+    for group in taken {
+        let own = &members[group];
+        let part = &values[at..at + own.len()];
+        let first = members[..group].len();
+        let offset: usize = groups[..first].iter().map(Group::len).sum();
+        let mut whole = vec![0.0; groups[group].len()];
+        own.iter()
+            .zip(part)
+            .for_each(|(k, value)| whole[k - offset] = *value);
+        judged
+            .sizes
+            .push(rms(&predicted(&check.columns, own, part, check.left.len())));
+        judged.groups.push((groups[group].clone(), whole));
+        at += own.len();
+    }
+    judged
+}

@@ -1,0 +1,22 @@
+//! A sample of the attacks; `cargo xtask bench identify --only attacks --long` runs all of them on several machines.
+
+use identify::bench::attacks::{attacks, thin};
+
+#[test]
+fn nothing_is_said_too_surely() {
+    let (attacks, curves) = attacks(11, 1, 6);
+    println!("{attacks:?} {curves:?}");
+    assert_eq!(attacks.sure_and_wrong, 0, "{attacks:?}");
+    assert_eq!(attacks.clean[2], 0, "{attacks:?}");
+    assert_eq!(curves.made_worse, 0, "{curves:?}");
+}
+
+#[test]
+fn thin_records_are_told_what_to_record() {
+    let thin = thin(500, 10);
+    assert_eq!(
+        (thin.sure_and_wrong, thin.advised),
+        (0, thin.runs),
+        "{thin:?}"
+    );
+}
