@@ -45,7 +45,9 @@ fn a_force_column_is_answered_whatever_it_holds() {
     let moved = |t: f64, k: f64| 0.02 * (k * t).sin() + 0.01 * (0.37 * t).sin();
     type Row = fn(f64, f64) -> f64;
     let forces: [(&str, Row); 5] = [
-        ("friction", |t, k| 20.0 * (k * t).cos().signum() + 0.1 * (997.0 * t * k).sin()),
+        ("friction", |t, k| {
+            20.0 * (k * t).cos().signum() + 0.1 * (997.0 * t * k).sin()
+        }),
         ("nothing", |_, _| 0.0),
         ("a constant", |_, _| 7.0),
         ("the largest numbers", |t, _| 1e5 * (9.0 * t).sin()),
@@ -63,7 +65,11 @@ fn a_force_column_is_answered_whatever_it_holds() {
 fn a_carriage_that_stands_is_not_excited() {
     let folder = tempfile::tempdir().expect("a folder");
     let noise = |t: f64, k: f64| (1e4 * (k * t * 1.618).sin()).fract();
-    let of = |k: f64| table(6.0, |t| [1e-7 * noise(t, k).round(), 5.0 + 0.2 * noise(t, k + 1.0)]);
+    let of = |k: f64| {
+        table(6.0, |t| {
+            [1e-7 * noise(t, k).round(), 5.0 + 0.2 * noise(t, k + 1.0)]
+        })
+    };
     let said = said(folder.path(), [of(2.0), of(3.0)]);
     assert!(matches!(said, Ok("not excited") | Err(_)), "{said:?}");
 }
