@@ -160,6 +160,9 @@ mod app {
                 breaks,
                 screw_encoder: &screw_encoder,
                 nut_encoder: &nut_encoder,
+                converters: &converters,
+                outputs: &pins.outputs,
+                fault_lines: pins.fault_lines,
                 channel: channels.up.1,
             });
         }

@@ -1,4 +1,6 @@
-//! The bring-up: what the firmware asks of itself on a board that it has not met, before any bus voltage is on.
+//! The bring-up: what the firmware asks of itself on a board that it has not met.
+//!
+//! The first stage runs before any bus voltage is on. The second runs at 12 V, with the gate drivers awake and the bridges off.
 //!
 //! The host writes a [`BringupRequest`] into RAM that a reset keeps, and resets the chip. The firmware then starts as it
 //! always does, but instead of arming its bridges it reads the board, item by item, into a [`BringupReport`]; the bridges'
@@ -22,6 +24,15 @@ pub const REPORT_MAGIC: u32 = u32::from_le_bytes(*b"DDFR");
 /// Above this the firmware refuses to go on, V. A power stage's gate drivers lock out well above it (8 V and more for
 /// 10 V gates), so that no transistor can be on.
 pub const BUS_LIMIT_V: f64 = 5.0;
+
+/// Between these the second stage runs, V: a driver works from 8 V on, and 30 V are little for its transistors.
+pub const POWERED_V: [f64; 2] = [8.0, 30.0];
+/// An amplifier that gives fewer counts gives 0 V.
+pub const NOTHING: u32 = control::power_stage::NOTHING as u32;
+/// Conversions of each current channel in the second stage.
+pub const POWERED_CONVERSIONS: u32 = 512;
+/// Bins of a histogram, a count each. The outer two hold what is farther away too.
+pub const BINS: usize = 17;
 
 /// Conversions of each channel at each sampling time.
 pub const CONVERSIONS: u32 = 32;
@@ -78,7 +89,8 @@ codes! {
         Flash = 9, "flash", "The reserved page of the flash is erased and written.";
         Stream = 10, "stream", "A pattern is sent through RTT until the host has had enough.";
         Done = 11, "done", "All has been read; a reset starts the drive.";
-        Refused = 12, "refused", "There is a voltage on the bus, so nothing more is tried.";
+        Refused = 12, "refused", "The bus voltage is not that of this stage, so nothing more is tried.";
+        Powered = 13, "powered", "The drivers sleep, wake and sleep again; the timers convert the currents.";
     }
 }
 
@@ -197,6 +209,8 @@ words! {
         listen_ms: u32,
         /// 1: the host reads the stream. 0 ends it.
         stream: u32,
+        /// 1: the second stage. 0: the first.
+        powered: u32,
     }
 }
 
@@ -237,8 +251,8 @@ words! {
         microamperes: i32,
         /// Bus voltage of a count, uV.
         bus_microvolts: u32,
-        /// Over-current threshold of the comparators, DAC counts.
-        threshold: u32,
+        /// 1: the current amplifiers are the gate drivers', and sleep with them.
+        amplifiers_sleep: u32,
         /// What the power stage's inputs have to ground beside the gate driver's own resistor, ohm; 0: nothing.
         gate_pull_down_ohm: u32,
         /// What the chip's maker read of its internal reference at 3.0 V, counts.
@@ -263,6 +277,8 @@ words! {
         flash_acr: u32,
         /// FLASH_OPTR.
         flash_optr: u32,
+        /// DBGMCU_IDCODE.
+        idcode: u32,
         /// RCC_CR.
         rcc_cr: u32,
         /// RCC_CFGR.
@@ -303,6 +319,34 @@ words! {
         sampling: u32,
         /// By the sampling time's code.
         samples: [SampleWords; 8],
+    }
+}
+
+words! {
+    /// A current channel in the second stage.
+    CurrentReading, CurrentWords {
+        /// Mean while the driver sleeps, is awake, and sleeps again, counts.
+        levels: [u32; 3],
+        /// [`POWERED_CONVERSIONS`] of an awake driver by their distance from `levels[1]`; that itself is in the middle.
+        histogram: [u32; BINS],
+        /// Sum of these distances.
+        sum: i32,
+        /// Sum of their squares, at most 2^32 - 1.
+        squares: u32,
+    }
+}
+
+words! {
+    /// A power stage in the second stage.
+    StageReading, StageWords {
+        /// Phases a, b, c.
+        currents: [CurrentWords; 3],
+        /// Sum of [`POWERED_CONVERSIONS`] conversions of the bus.
+        bus: u32,
+        /// The fault line is at its fault level: bit 0 asleep, 1 awake, 2 asleep again.
+        pulled: u32,
+        /// Periods in which the currents were converted; 0: it did not come to that.
+        conversions: u32,
     }
 }
 
@@ -430,6 +474,8 @@ words! {
         clock: ClockWords,
         /// ADC channels.
         channels: [ChannelWords; CHANNELS],
+        /// The power stages in the second stage: screw's, nut's.
+        stages: [StageWords; 2],
         /// Comparators.
         comparators: [ComparatorWords; COMPARATORS],
         /// Breaks.

@@ -118,6 +118,8 @@ pub struct Commander {
     armed: Option<u32>,
     /// The session that moves it.
     owner: Option<u32>,
+    /// The motion that the owner commanded has begun.
+    began: bool,
     /// Sessions up to this one are over.
     ended: u32,
     before: State,
@@ -133,6 +135,7 @@ impl Commander {
             next: sessions,
             armed: None,
             owner: None,
+            began: false,
             ended: sessions,
             before: State::Boot,
             faults: Vec::new(),
@@ -168,11 +171,14 @@ impl Commander {
     pub fn look(&mut self, state: State, now_ms: u32) -> Option<Event> {
         if at_rest(state) {
             // Motion has ended. A session that has just commanded it keeps the drive until it begins.
-            if !at_rest(self.before) || matches!(state, State::Fault(_)) {
-                self.owner = None;
+            if self.began || matches!(state, State::Fault(_)) {
+                (self.owner, self.began) = (None, false);
             }
-        } else if self.armed.is_some() {
-            self.armed = Some(now_ms);
+        } else {
+            self.began = true;
+            if self.armed.is_some() {
+                self.armed = Some(now_ms);
+            }
         }
         let expired = |since: u32| now_ms.wrapping_sub(since) > ARMED_MS;
         if matches!(state, State::Fault(_)) || self.armed.is_some_and(expired) {
@@ -452,7 +458,7 @@ impl Server {
     }
 
     fn start(&self, commander: &mut Commander, drive: &mut impl Served, demand: Demand) {
-        commander.owner = self.session;
+        (commander.owner, commander.began) = (self.session, false);
         drive.renew();
         drive.demand(demand);
     }
@@ -722,19 +728,18 @@ mod tests {
     #[test]
     fn who_commands_as_the_drive_becomes_ready_keeps_it() {
         let (mut commander, mut drive, mut line) = (Commander::new(0), Fake::new(), Line::new());
-        commander.look(State::SelfTest, 1);
-        line.ask(Command::Hello, &mut commander, &mut drive);
-        line.ask(Command::Arm, &mut commander, &mut drive);
-        line.ask(RUN, &mut commander, &mut drive);
-        let renewed = drive.renewed;
-        commander.look(State::Ready, 2);
-        line.ask(Command::Heartbeat, &mut commander, &mut drive);
-        assert_eq!(drive.renewed, renewed + 1, "its heartbeat counts");
-        for (state, kept) in [(State::Running, 1), (State::Ready, 0)] {
-            commander.look(state, 3);
-            let renewed = drive.renewed;
-            line.ask(Command::Heartbeat, &mut commander, &mut drive);
-            assert_eq!(drive.renewed, renewed + kept, "{state:?}");
+        for before in [State::SelfTest, State::Aligning] {
+            drive.state = State::Ready;
+            commander.look(before, 1);
+            line.ask(Command::Hello, &mut commander, &mut drive);
+            line.ask(Command::Arm, &mut commander, &mut drive);
+            line.ask(RUN, &mut commander, &mut drive);
+            for (state, kept) in [(State::Ready, 1), (State::Running, 1), (State::Ready, 0)] {
+                commander.look(state, 2);
+                let renewed = drive.renewed;
+                line.ask(Command::Heartbeat, &mut commander, &mut drive);
+                assert_eq!(drive.renewed, renewed + kept, "{before:?}, then {state:?}");
+            }
         }
     }
 

@@ -51,6 +51,8 @@ pub(crate) const DRIVER_FAULT: Option<DriverFault> = Some(FAULT_LINE);
 
 /// How long the drivers take to wake, s.
 pub(crate) const DRIVER_WAKE_S: f64 = 1e-3;
+/// Whether the current amplifiers sleep with the drivers: the amplifiers have the controller's supply.
+pub(crate) const AMPLIFIERS_SLEEP: bool = false;
 
 /// How long a fault must last until the bridge opens, s.
 pub(crate) const BREAK_FILTER_S: f64 = 0.7e-6;

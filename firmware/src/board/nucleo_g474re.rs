@@ -37,6 +37,8 @@ pub(crate) const DRIVER_FAULT: Option<DriverFault> = Some(FAULT_LINE);
 
 /// How long the drivers take to wake, s: the wiring page's source 6.
 pub(crate) const DRIVER_WAKE_S: f64 = 1e-3;
+/// Whether the current amplifiers sleep with the drivers: the amplifiers are the drivers' own.
+pub(crate) const AMPLIFIERS_SLEEP: bool = true;
 
 /// How long a fault must last until the bridge opens, s: the edges ring for some hundred nanoseconds.
 pub(crate) const BREAK_FILTER_S: f64 = 0.7e-6;

@@ -6,7 +6,7 @@
 
 use super::{pause, put, wait_until};
 use link::bringup::{ClockReading, EDGES_A_CAPTURE, HSI_CAPTURES, LSI_CAPTURES};
-use stm32g4xx_hal::stm32::{FLASH, PWR, RCC, TIM16, rcc, tim16};
+use stm32g4xx_hal::stm32::{DBGMCU, FLASH, PWR, RCC, TIM16, rcc, tim16};
 
 const TI1_MCO: u32 = 2;
 const TI1_LSI: u32 = 6;
@@ -24,6 +24,9 @@ pub(super) fn read(words: &ClockReading) {
     put(&words.pwr_sr2, power.sr2().read().bits());
     put(&words.flash_acr, flash.acr().read().bits());
     put(&words.flash_optr, flash.optr().read().bits());
+    // SAFETY: a register is read, which changes nothing.
+    let debug = unsafe { &*DBGMCU::ptr() };
+    put(&words.idcode, debug.idcode().read().bits());
     put(&words.rcc_cr, rcc.cr().read().bits());
     put(&words.rcc_cfgr, rcc.cfgr().read().bits());
     put(&words.rcc_pllcfgr, rcc.pllcfgr().read().bits());

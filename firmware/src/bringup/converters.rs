@@ -3,7 +3,7 @@
 //! A sampling time that is too short shows only if the sampling capacitor comes from somewhere else. So each conversion of
 //! a channel follows, in one sequence, one of that channel of its ADC whose level is farthest away, sampled long.
 
-use super::{BUS_LIMIT, put, wait_until};
+use super::{put, wait_until};
 use core::sync::atomic::Ordering::Relaxed;
 use link::bringup::{CHANNELS, CONVERSIONS, ChannelReading, SampleReading, Signal};
 use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, adc1};
@@ -12,6 +12,8 @@ use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, adc1};
 const LONG: u32 = 6;
 /// 640.5 ADC clocks.
 const LONGEST: u32 = 7;
+/// Flags of a regular sequence.
+const EOC_EOS_OVR: u32 = 1 << 2 | 1 << 3 | 1 << 4;
 
 /// The signals of an ADC: first and second injected, regular. See `hw::analog`.
 const SIGNALS: [[Option<Signal>; 3]; 4] = [
@@ -81,16 +83,20 @@ pub(super) fn read(words: &[ChannelReading; CHANNELS]) {
     }
 }
 
-/// Whether a voltage is on the bus, by either bridge's divider at the longest sampling time.
-pub(super) fn bus_is_up(words: &[ChannelReading; CHANNELS]) -> bool {
-    words.iter().any(|entry| {
+/// The bus by the divider that gives more, counts at the longest sampling time.
+pub(super) fn bus(words: &[ChannelReading; CHANNELS]) -> i64 {
+    let buses = words.iter().filter(|entry| {
         let signal = Signal::of_word(entry.signal.load(Relaxed));
-        let [.., longest] = &entry.samples;
-        let first = i64::from(longest.first.load(Relaxed));
-        let sum = i64::from(longest.sum.load(Relaxed));
-        let mean = first + sum / i64::from(CONVERSIONS);
-        matches!(signal, Some(Signal::ScrewBus | Signal::NutBus)) && mean > i64::from(BUS_LIMIT)
-    })
+        matches!(signal, Some(Signal::ScrewBus | Signal::NutBus))
+    });
+    buses
+        .map(|entry| {
+            let [.., longest] = &entry.samples;
+            let first = i64::from(longest.first.load(Relaxed));
+            first + i64::from(longest.sum.load(Relaxed)) / i64::from(CONVERSIONS)
+        })
+        .max()
+        .unwrap_or(0)
 }
 
 /// The channel whose level is farthest from `level`.
@@ -127,7 +133,6 @@ fn field(word: u32, index: u32, code: u32) -> u32 {
 fn convert(adc: &adc1::RegisterBlock, before: u32, channel: u32) -> u32 {
     // Two conversions of at most 653 ADC clocks.
     const LOOKS: u32 = 10_000;
-    const EOC_EOS_OVR: u32 = 1 << 2 | 1 << 3 | 1 << 4;
     // SAFETY: values of the fields (RM0440, ADC_SQR1: L 1; ADC_ISR: flags are cleared by writing one).
     unsafe {
         adc.sqr1()
@@ -181,8 +186,9 @@ impl Kept {
 
     fn give_back(&self, adc: &adc1::RegisterBlock) {
         let [low, high] = self.smpr;
-        // SAFETY: what these registers held.
+        // SAFETY: what these registers held; flags are cleared by writing ones.
         unsafe {
+            adc.isr().write(|w| w.bits(EOC_EOS_OVR));
             adc.cfgr().write(|w| w.bits(self.cfgr));
             adc.smpr1().write(|w| w.bits(low));
             adc.smpr2().write(|w| w.bits(high));

@@ -5,9 +5,9 @@
 //! in RAM that a reset keeps and a power cycle does not; two words must match, and the first thing that it does is to take
 //! the request back. From then on interrupts stay masked, and nothing returns to the drive but a reset.
 //!
-//! The gate drivers stay asleep, and the bridges' pins are inputs until the last item but two, so that what the timers do
+//! In the first stage the gate drivers stay asleep, and the bridges' pins are inputs until the last item but two, so that what the timers do
 //! meanwhile does not reach the power stage; then the timers drive them to their idle level, both switches off. With a
-//! voltage on the bus it refuses.
+//! voltage on the bus it refuses. The second stage is `powered`.
 //! Everything waited for has a bound.
 
 mod breaks;
@@ -17,19 +17,22 @@ mod converters;
 mod encoders;
 mod flash;
 mod pins;
+mod powered;
 mod stream;
 
 use crate::board;
-use crate::hw::analog;
+use crate::hw::analog::{self, Converters};
 use crate::hw::clock::{ADC_HZ, CORE_HZ};
 use crate::hw::encoder::Encoder;
+use crate::hw::inputs::FaultLine;
+use crate::hw::outputs::Outputs;
 use crate::hw::pwm::PwmPlan;
 use control::plate::MotorPlate;
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
 use cortex_m::peripheral::DWT;
 use link::bringup::{
-    BUS_LIMIT_V, BringupReport, BringupRequest, REPORT_MAGIC, REQUEST_MAGIC, Stage,
+    BUS_LIMIT_V, BringupReport, BringupRequest, POWERED_V, REPORT_MAGIC, REQUEST_MAGIC, Stage,
 };
 use rtt_target::UpChannel;
 
@@ -53,6 +56,9 @@ pub(crate) struct Started<'a> {
     pub(crate) breaks: [u32; 2],
     pub(crate) screw_encoder: &'a board::ScrewEncoder,
     pub(crate) nut_encoder: &'a board::NutEncoder,
+    pub(crate) converters: &'a Converters<'a>,
+    pub(crate) outputs: &'a Outputs,
+    pub(crate) fault_lines: [FaultLine; 2],
     pub(crate) channel: UpChannel,
 }
 
@@ -82,8 +88,20 @@ pub(crate) fn run(mut started: Started<'_>) -> ! {
 
     enter(Stage::Converters);
     converters::read(&report.channels);
-    if converters::bus_is_up(&report.channels) {
+    let powered = BRINGUP_REQUEST.powered.load(Relaxed) != 0;
+    let bus = converters::bus(&report.channels);
+    let allowed = match powered {
+        true => const { bus_counts(POWERED_V[0])..=bus_counts(POWERED_V[1]) },
+        false => const { i64::MIN..=bus_counts(BUS_LIMIT_V) },
+    };
+    if !allowed.contains(&bus) {
         enter(Stage::Refused);
+        wait_for_reset();
+    }
+    if powered {
+        enter(Stage::Powered);
+        powered::read(report, &started);
+        enter(Stage::Done);
         wait_for_reset();
     }
 
@@ -152,10 +170,7 @@ fn expect() {
         &expected.bus_microvolts,
         whole(1e6 * board.bus_volts_per_count),
     );
-    put(
-        &expected.threshold,
-        u32::from(board::OVER_CURRENT[0].threshold),
-    );
+    put(&expected.amplifiers_sleep, board::AMPLIFIERS_SLEEP.into());
     put(&expected.gate_pull_down_ohm, board::GATE_PULL_DOWN_OHM);
     put(&expected.calibrated, analog::calibrated().into());
     let sensors = board::GUARDS.temperatures;
@@ -182,14 +197,14 @@ fn expect() {
     }
 }
 
-/// Counts of the bus above which the bring-up refuses.
-const BUS_LIMIT: u32 = {
-    let counts = BUS_LIMIT_V / board::PLATE.board.bus_volts_per_count;
+/// Counts of the bus at a voltage, V.
+const fn bus_counts(volts: f64) -> i64 {
+    let counts = volts / board::PLATE.board.bus_volts_per_count;
     assert!(counts >= 2.0, "the bus divider does not see the limit");
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    let counts = counts as u32;
+    #[allow(clippy::cast_possible_truncation)]
+    let counts = counts as i64;
     counts
-};
+}
 
 fn put(word: &AtomicU32, value: u32) {
     word.store(value, Relaxed);

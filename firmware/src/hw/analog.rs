@@ -18,6 +18,7 @@ use control::fault::Fault;
 use control::power_stage::{NOTHING, StageLook};
 use control::sense::Shunts;
 use core::sync::atomic::{AtomicU16, Ordering};
+use link::bringup::SAMPLING_HALVES;
 use stm32g4xx_hal::signature::VrefCal;
 use stm32g4xx_hal::stm32::{
     ADC1, ADC2, ADC3, ADC4, ADC12_COMMON, ADC345_COMMON, DMA1, DMAMUX, adc1,
@@ -38,8 +39,6 @@ pub(crate) enum Sampling {
 }
 
 impl Sampling {
-    /// ADC clock cycles, doubled (RM0440 21.4.12).
-    const HALF_CYCLES: [u32; 8] = [5, 13, 25, 49, 95, 185, 495, 1281];
     const ALL: [Self; 8] = [
         Self::Cycles2,
         Self::Cycles6,
@@ -57,7 +56,7 @@ impl Sampling {
     pub(crate) const fn of_at_least(seconds: f64) -> Self {
         let mut index = 0;
         while index < 8 {
-            if Self::HALF_CYCLES[index] as f64 / 2.0 / ADC_HZ as f64 >= seconds {
+            if SAMPLING_HALVES[index] as f64 / 2.0 / ADC_HZ as f64 >= seconds {
                 return Self::ALL[index];
             }
             index += 1;

@@ -108,6 +108,9 @@ impl Chip {
                     current[phase] = stage.counts(fault, phase, leg);
                 }
             }
+            if self.amplifiers_are_silent(index) {
+                current = [0; 3];
+            }
             outputs
                 | self
                     .comparators
@@ -143,7 +146,10 @@ impl Chip {
         let by_software = self.adcs[index].by_software();
         let counts = if by_software {
             let machine = self.machine.borrow();
-            let still = [Motor::Screw, Motor::Nut].map(|motor| machine.still(motor));
+            let mut still = [Motor::Screw, Motor::Nut].map(|motor| machine.still(motor));
+            for (stage, sensors) in still.iter_mut().enumerate() {
+                self.as_stage_gives(stage, sensors);
+            }
             self.wiring.input(index, channel, &still)?
         } else {
             self.wiring.input(index, channel, &self.sensors)?

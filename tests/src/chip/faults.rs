@@ -24,6 +24,10 @@ pub struct Faults {
     pub noise: Vec<(Channel, f64)>,
     /// What a channel reads whatever is measured.
     pub stuck_channel: Vec<(Channel, u16)>,
+    /// What a current amplifier that works adds to its zero, counts: screw's and nut's phases.
+    pub zero_off: [[i16; 3]; 2],
+    /// What the bus divider of the screw's and the nut's stage gives, of what it should.
+    pub divider: [f64; 2],
     /// The reserved page of the flash.
     pub worn: Worn,
 }
@@ -39,6 +43,8 @@ impl Default for Faults {
             source_ohm: Vec::new(),
             noise: Vec::new(),
             stuck_channel: Vec::new(),
+            zero_off: [[0; 3]; 2],
+            divider: [1.0; 2],
             worn: Worn::default(),
         }
     }

@@ -233,6 +233,7 @@ impl Chip {
             self.system.supply_v = old.system.supply_v;
         }
         self.system.no_boost = old.system.no_boost;
+        self.system.set_option_bytes(old.system.option_bytes());
         self.system.set_reset_reason(reason);
         self.nvic.set_time_zero(old.now);
         self.now = old.now;
@@ -259,13 +260,25 @@ impl Chip {
     /// What a stage gives in place of what is measured: the bus of one without supply, and the amplifiers of a driver that sleeps, where
     /// they are the driver's.
     fn as_stage_gives(&self, index: usize, sensors: &mut Sensors) {
-        let stage = &self.stages[index];
-        if !stage.supplied {
-            sensors.bus = 0;
-        }
-        if self.wiring.amplifiers_sleep() && !stage.is_awake(self.now) {
+        let given = match self.stages[index].supplied {
+            true => f64::from(sensors.bus) * self.faults.divider[index],
+            false => 0.0,
+        };
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let bus = given.round() as u16;
+        sensors.bus = bus;
+        if self.amplifiers_are_silent(index) {
             sensors.current = [0; 3];
+        } else {
+            for (current, off) in sensors.current.iter_mut().zip(self.faults.zero_off[index]) {
+                *current = current.saturating_add_signed(off).min(4095);
+            }
         }
+    }
+
+    /// A stage's amplifiers give 0 V: they are those of a driver that sleeps.
+    fn amplifiers_are_silent(&self, index: usize) -> bool {
+        self.wiring.amplifiers_sleep() && !self.stages[index].is_awake(self.now)
     }
 
     /// Joins TIM1 (0) or TIM8 (1) to its motor.

@@ -271,8 +271,14 @@ impl System {
         self.flash.set("OPTR", word);
     }
 
+    /// The option bytes: a reset keeps them.
+    #[must_use]
+    pub fn option_bytes(&self) -> u32 {
+        self.flash.get("OPTR")
+    }
+
     fn brown_out_level(&self) -> u32 {
-        self.flash.get("OPTR") >> 8 & 7
+        self.option_bytes() >> 8 & 7
     }
 
     /// The pull-downs that UCPD1 puts on PB4 and PB6 while PA10 and PA9 are high are off (RM0440 6.4.3).

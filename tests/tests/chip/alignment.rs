@@ -2,6 +2,7 @@
 //! and a reset takes it back to where it must find them again.
 
 use bench::alignment::margin_nm;
+use control::fault::Fault;
 use control::supervisor::{Demand, State};
 use hal_sim::drive::Drive;
 use hal_sim::start::{Start, settle};
@@ -125,7 +126,8 @@ fn a_watchdog_reset_ends_in_a_drive_that_aligns_again() -> Result<(), String> {
     bench.align(LONGEST_S)?;
     bench.start(2.5e-3, 30.0)?;
     bench.pass(1.0)?;
-    assert_eq!(bench.status()?.state, RUNNING);
+    let status = bench.status()?;
+    assert_eq!(status.state, RUNNING, "{:?}", Fault::of_word(status.fault));
     let before = bench.joint.borrow().board.machine.table_position();
     bench.pass(1.0)?;
     let moved = bench.joint.borrow().board.machine.table_position() - before;

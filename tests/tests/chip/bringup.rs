@@ -4,6 +4,7 @@ use board::bringup::{Report, Verdict, judge};
 use embedded_storage::nor_flash::NorFlash;
 use hal_sim::flash::PAGE;
 use link::bringup::Stage;
+use link::codes::Demand;
 use link::host::bringup::{Bringup, Options, Readings};
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -11,11 +12,20 @@ use tests::bench::{Bench, READY};
 use tests::chip::flash::SIZE;
 use tests::chip::outside::Circuit;
 use tests::chip::wiring::Wiring;
+use tests::pins::Motor;
+
+const BOTH: [Motor; 2] = [Motor::Screw, Motor::Nut];
 
 const OPTIONS: Options = Options {
     listen_s: 20e-3,
     stream_s: 20e-3,
+    meter_v: None,
     drive_s: 0.12,
+};
+/// The second stage.
+const POWERED: Options = Options {
+    meter_v: Some(12.1),
+    ..OPTIONS
 };
 
 fn bench(board: Wiring) -> Result<Bench, String> {
@@ -28,11 +38,11 @@ fn bench(board: Wiring) -> Result<Bench, String> {
     Ok(bench)
 }
 
-fn ask(bench: &mut Bench) -> Result<(Readings, Report), String> {
+fn ask(bench: &mut Bench, options: &Options) -> Result<(Readings, Report), String> {
     let said = |error: anyhow::Error| format!("{error:#}");
     let place = Bringup::locate(|name| bench.image.symbol(name))?;
     let readings = place
-        .run(&mut bench.emulator, &OPTIONS, |_| ())
+        .run(&mut bench.emulator, options, |_| ())
         .map_err(said)?;
     let report = judge(&readings);
     Ok((readings, report))
@@ -55,9 +65,22 @@ fn finds(
     ids: &[&str],
     says: &str,
 ) -> Result<Report, String> {
+    finds_in(&OPTIONS, board, fault, ids, says)
+}
+
+/// The same in a stage.
+fn finds_in(
+    options: &Options,
+    board: Wiring,
+    fault: impl FnOnce(&mut Bench),
+    ids: &[&str],
+    says: &str,
+) -> Result<Report, String> {
     let mut bench = bench(board)?;
+    let volts = options.meter_v.unwrap_or(0.0);
+    bench.joint.borrow_mut().board.set_bus_voltage(volts);
     fault(&mut bench);
-    let (_, report) = ask(&mut bench)?;
+    let (_, report) = ask(&mut bench, options)?;
     keep_page(&report, ids.last().unwrap_or(&"open"))?;
     let mut found: Vec<_> = report
         .of(Verdict::Finding)
@@ -77,18 +100,34 @@ fn finds(
 fn a_healthy_board_has_no_finding_and_its_drive_starts() -> Result<(), String> {
     for board in [Wiring::Nucleo, Wiring::Mains] {
         let mut bench = bench(board)?;
+        // Amplifiers that sleep without supply.
+        let supplied = !board.amplifiers_sleep();
+        for motor in BOTH {
+            let chip = bench.emulator.chip();
+            chip.change_stage(motor, |stage| stage.supplied = supplied);
+        }
         let began = std::time::Instant::now();
-        let (readings, report) = ask(&mut bench)?;
+        let (readings, report) = ask(&mut bench, &OPTIONS)?;
         println!("{board:?}: {:?}\n{}", began.elapsed(), report.text());
         keep_page(&report, &format!("{board:?}"))?;
         assert_eq!(readings.stage(), Some(Stage::Done));
         assert_eq!(report.findings, 0, "{}", report.text());
         assert!(
-            report.items.len() > 60,
+            report.items.len() > 40,
             "{} readings of {board:?}",
             report.items.len()
         );
+        let asleep = report.text().matches("asleep, as expected").count();
+        assert_eq!(asleep, if supplied { 0 } else { 6 }, "{}", report.text());
         // The request held for one start.
+        if !supplied {
+            for motor in BOTH {
+                let chip = bench.emulator.chip();
+                chip.change_stage(motor, |stage| stage.supplied = true);
+            }
+            bench.pass(20e-3)?;
+            bench.demand(Demand::Reset)?;
+        }
         bench.wait_for(READY, 0.2)?;
         assert_eq!(bench.emulator.resets.len(), 2);
     }
@@ -106,7 +145,7 @@ fn a_power_up_and_a_reset_without_a_request_start_the_drive() -> Result<(), Stri
 fn with_a_voltage_on_the_bus_it_refuses_before_it_touches_a_pin() -> Result<(), String> {
     let mut bench = bench(Wiring::Nucleo)?;
     bench.joint.borrow_mut().board.set_bus_voltage(24.0);
-    let (readings, report) = ask(&mut bench)?;
+    let (readings, report) = ask(&mut bench, &OPTIONS)?;
     assert_eq!(readings.stage(), Some(Stage::Refused));
     let ids: Vec<_> = report.of(Verdict::Finding).map(|item| &item.id).collect();
     assert_eq!(ids, ["bus.screwbus", "bus.nutbus"], "{}", report.text());
@@ -179,12 +218,6 @@ fn analog_channels() -> Result<(), String> {
     )?;
     finds(
         Wiring::Nucleo,
-        |bench| bench.emulator.chip().faults.noise.push(((4, 4), 12.0)),
-        &["noise.nuta"],
-        "noisier",
-    )?;
-    finds(
-        Wiring::Nucleo,
         |bench| {
             let faults = &mut bench.emulator.chip().faults;
             faults.stuck_channel.push(((1, 7), 4095));
@@ -199,19 +232,19 @@ fn analog_channels() -> Result<(), String> {
 #[test]
 fn comparators_and_breaks() -> Result<(), String> {
     finds(
-        Wiring::Nucleo,
+        Wiring::Mains,
         |bench| bench.emulator.chip().faults.dead_comparators = 1 << 1,
         &["comparator.1"],
         "always low",
     )?;
     finds(
-        Wiring::Nucleo,
+        Wiring::Mains,
         |bench| bench.emulator.chip().faults.dead_dacs[0] = true,
         &["dac.dac3-channel-1", "dac.dac3-channel-2"],
         "these comparators stop nothing",
     )?;
     finds(
-        Wiring::Nucleo,
+        Wiring::Mains,
         |bench| bench.emulator.chip().faults.unwired_breaks = 1 << 4,
         &["break.nut.comparator4"],
         "not wired to the timer's break",
@@ -342,5 +375,88 @@ fn encoders_flash_and_probe() -> Result<(), String> {
         &["flash.page"],
         "something else keeps data there",
     )?;
+    Ok(())
+}
+
+#[test]
+fn a_healthy_board_passes_the_second_stage() -> Result<(), String> {
+    for board in [Wiring::Nucleo, Wiring::Mains] {
+        let report = finds_in(&POWERED, board, |_| (), &[], "No finding.")?;
+        println!("{board:?}\n{}", report.text());
+        let open: Vec<_> = report.of(Verdict::Open).collect();
+        assert!(open.is_empty(), "{open:?}");
+        for id in ["zero.screwa", "noise.nutc", "comparator.5", "silicon"] {
+            assert!(report.items.iter().any(|item| item.id == id), "{id}");
+        }
+    }
+    Ok(())
+}
+
+#[test]
+fn the_second_stage_refuses_a_bus_that_is_not_its_own() -> Result<(), String> {
+    for (volts, says) in [(40.0, "Set the bus to 12 V, and"), (6.0, "check the wire")] {
+        finds_in(
+            &POWERED,
+            Wiring::Nucleo,
+            |bench| bench.joint.borrow_mut().board.set_bus_voltage(volts),
+            &["bus.nutbus", "bus.screwbus"],
+            says,
+        )?;
+    }
+    Ok(())
+}
+
+#[test]
+fn each_defect_of_the_second_stage_is_named() -> Result<(), String> {
+    type Defect = (fn(&mut Bench), &'static [&'static str], &'static str);
+    let defects: [Defect; 7] = [
+        (
+            |bench| bench.emulator.chip().faults.zero_off[0][1] = -400,
+            &["zero.screwb"],
+            "zero is not where",
+        ),
+        (
+            |bench| bench.emulator.chip().faults.noise.push(((4, 4), 12.0)),
+            &["noise.nuta"],
+            "noisier",
+        ),
+        (
+            |bench| {
+                let chip = bench.emulator.chip();
+                chip.change_stage(Motor::Nut, |stage| stage.enable_cut = true);
+            },
+            &["enable.nut"],
+            "ENABLE does not reach",
+        ),
+        (
+            |bench| {
+                // The chip's own pull-up is all that holds the pin.
+                let circuits = &mut bench.emulator.chip().outside.circuits;
+                circuits.insert((1, 10), Circuit::PullUp(1e9));
+            },
+            &["nfault.screw"],
+            "wire is torn",
+        ),
+        (
+            |bench| bench.emulator.chip().faults.divider[1] = 0.9,
+            &["bus.nutbus"],
+            "0.9",
+        ),
+        (
+            |bench| bench.emulator.chip().system.set_option_bytes(0xFFEF_F8AA),
+            &["options.boot", "options.bor", "options.parity"],
+            "-ob BOR_LEV=4",
+        ),
+        (
+            |bench| bench.emulator.chip().faults.dead_comparators = 1 << 1,
+            &["comparator.1"],
+            "It stops nothing",
+        ),
+    ];
+    for board in [Wiring::Nucleo, Wiring::Mains] {
+        for (defect, ids, says) in defects {
+            finds_in(&POWERED, board, defect, ids, says)?;
+        }
+    }
     Ok(())
 }

@@ -58,6 +58,7 @@ pub fn bringup(probe: DebugProbeInfo, image: &Image, options: &BringupOptions) -
     let place = Bringup::locate(|name| image.symbol(name))?;
     let asked = Options {
         listen_s: options.turn.unwrap_or(Options::default().listen_s),
+        meter_v: options.bus_volts,
         ..Options::default()
     };
     let turning = options.turn;
@@ -96,7 +97,7 @@ pub fn bringup(probe: DebugProbeInfo, image: &Image, options: &BringupOptions) -
     let findings = report.of(Verdict::Finding).count();
     anyhow::ensure!(
         findings == 0,
-        "the board is not ready for a bus voltage: {}",
+        "the board is not ready for the next step: {}",
         report.result
     );
     Ok(())

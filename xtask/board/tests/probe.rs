@@ -15,7 +15,14 @@ fn without_the_probe_each_command_says_so_within_five_seconds() {
         vec!["run", PROBE],
         vec!["attach", PROBE],
         vec!["bringup", PROBE, "--out", &folder],
-        vec!["command", PROBE, "--stop"],
+        vec![
+            "bringup",
+            PROBE,
+            "--powered",
+            "--bus-volts=12.1",
+            "--out",
+            &folder,
+        ],
     ] {
         let start = Instant::now();
         let output = Command::new(env!("CARGO_BIN_EXE_board"))

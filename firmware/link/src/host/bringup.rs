@@ -44,6 +44,8 @@ pub struct Options {
     pub listen_s: f64,
     /// How long to read the stream, s.
     pub stream_s: f64,
+    /// The second stage, at so many volts on the bus by the user's meter; `None`: the first.
+    pub meter_v: Option<f64>,
     /// How long the drive runs afterwards, with its bridges off, s: its zeros take 51 ms.
     pub drive_s: f64,
 }
@@ -53,6 +55,7 @@ impl Default for Options {
         Self {
             listen_s: 0.1,
             stream_s: 1.0,
+            meter_v: None,
             drive_s: 0.5,
         }
     }
@@ -74,6 +77,8 @@ pub struct Stream {
 pub struct Readings {
     /// The firmware's report.
     pub report: ReportWords,
+    /// The bus by the user's meter, V, in the second stage.
+    pub meter_v: Option<f64>,
     /// RTT's stream; `None` if it did not come to that.
     pub stream: Option<Stream>,
     /// The drive as it runs afterwards, with its bridges off; `None` if it did not come to that.
@@ -133,7 +138,8 @@ impl Bringup {
         }
         let report = self.look(bench)?;
         let crash = self.crashed(bench)?;
-        let finished = Stage::of_word(report.stage) == Some(Stage::Done);
+        let finished =
+            options.meter_v.is_none() && Stage::of_word(report.stage) == Some(Stage::Done);
         // What did not end by itself hangs; either way the chip is left in its drive.
         reset(bench);
         let drive = match finished {
@@ -145,6 +151,7 @@ impl Bringup {
         };
         Ok(Readings {
             report,
+            meter_v: options.meter_v,
             stream,
             drive,
             crash,
@@ -177,6 +184,10 @@ impl Bringup {
         for (field, word) in [
             (offset_of!(BringupRequest, listen_ms), listen_ms),
             (offset_of!(BringupRequest, stream), 1),
+            (
+                offset_of!(BringupRequest, powered),
+                options.meter_v.is_some().into(),
+            ),
             (offset_of!(BringupRequest, magic), REQUEST_MAGIC),
             (offset_of!(BringupRequest, complement), !REQUEST_MAGIC),
         ] {

@@ -1,11 +1,11 @@
-//! ADC channels: supply, bus, zeros, settling, noise, temperatures.
+//! ADC channels: supply, bus, zeros, settling, temperatures; and the noise of the currents, for the second stage.
 
 use super::Item;
 use control::controller_supply::{SUPPLY_MV, SupplyReading};
 use control::thermometer::{Side, TemperaturePlate, Thermometer};
 use link::bringup::{
-    BUS_LIMIT_V, CONVERSIONS, ChannelWords, ExpectedWords, ReportWords, SAMPLING_HALVES,
-    SampleWords, SensorWords, Signal, time_constant_s,
+    BUS_LIMIT_V, CONVERSIONS, ChannelWords, CurrentWords, ExpectedWords, NOTHING, ReportWords,
+    SAMPLING_HALVES, SampleWords, SensorWords, Signal, StageWords, time_constant_s,
 };
 
 /// The longest sampling time's code: what the others are held against.
@@ -32,17 +32,50 @@ fn mean(samples: &SampleWords) -> f64 {
     f64::from(samples.first) + f64::from(samples.sum) / f64::from(CONVERSIONS)
 }
 
-/// Standard deviation, counts.
-fn deviation(samples: &SampleWords) -> f64 {
-    let n = f64::from(CONVERSIONS);
-    let sum = f64::from(samples.sum);
-    ((f64::from(samples.squares) - sum * sum / n) / (n - 1.0))
+/// Standard deviation of conversions, counts.
+fn deviation(conversions: u32, sum: i32, squares: u32) -> f64 {
+    let (n, sum) = (f64::from(conversions), f64::from(sum));
+    ((f64::from(squares) - sum * sum / n) / (n - 1.0))
         .max(0.0)
         .sqrt()
 }
 
-/// What a signal reads at the longest sampling time, counts.
+/// The currents of both motors: screw's, nut's.
+pub(super) const PHASES: [[Signal; 3]; 2] = [
+    [Signal::ScrewA, Signal::ScrewB, Signal::ScrewC],
+    [Signal::NutA, Signal::NutB, Signal::NutC],
+];
+
+/// A current channel in the second stage, and its power stage.
+pub(super) fn current(words: &ReportWords, signal: Signal) -> Option<(&StageWords, &CurrentWords)> {
+    let stages = words.stages.iter().zip(PHASES);
+    stages
+        .flat_map(|(stage, phases)| {
+            phases
+                .into_iter()
+                .zip(&stage.currents)
+                .map(move |c| (stage, c))
+        })
+        .find(|(_, (other, _))| *other == signal)
+        .map(|(stage, (_, current))| (stage, current))
+}
+
+/// The amplifiers of motor 0 or 1 give more than 0 V: their driver is awake, or they have another supply.
+pub(super) fn amplifiers_work(words: &ReportWords, motor: usize) -> bool {
+    let mut levels = PHASES[motor]
+        .iter()
+        .filter_map(|signal| level(words, *signal));
+    words.expected.amplifiers_sleep == 0 || levels.any(|level| level >= f64::from(NOTHING))
+}
+
+/// What a signal reads, counts: at the longest sampling time, or a current in the second stage with its driver awake.
 pub(super) fn level(words: &ReportWords, signal: Signal) -> Option<f64> {
+    if let Some((stage, current)) = current(words, signal)
+        && stage.conversions > 0
+    {
+        let off = f64::from(current.sum) / f64::from(stage.conversions);
+        return Some(f64::from(current.levels[1]) + off);
+    }
     channels(words)
         .find(|(_, other)| *other == signal)
         .map(|(channel, _)| mean(&channel.samples[LONGEST]))
@@ -52,7 +85,7 @@ fn sampling_ns(expected: &ExpectedWords, code: usize) -> f64 {
     f64::from(SAMPLING_HALVES[code & 7]) / 2.0 / f64::from(expected.adc_hz.max(1)) * 1e9
 }
 
-fn slug(signal: Signal) -> String {
+pub(super) fn slug(signal: Signal) -> String {
     format!("{signal:?}").to_lowercase()
 }
 
@@ -66,7 +99,13 @@ pub(super) fn items(words: &ReportWords) -> Vec<Item> {
                 Signal::ScrewHeatSink => temperature(expected, 0, signal, level),
                 Signal::NutHeatSink => temperature(expected, 1, signal, level),
                 Signal::Reference => supply(expected, level),
-                _ => zero(expected, signal, level),
+                _ => {
+                    let motor = usize::from(!PHASES[0].contains(&signal));
+                    match amplifiers_work(words, motor) {
+                        true => zero(expected, signal, level),
+                        false => asleep(signal),
+                    }
+                }
             }
         })
         .collect();
@@ -80,7 +119,6 @@ pub(super) fn items(words: &ReportWords) -> Vec<Item> {
     // The reference is on no pin, and its sampling time is the datasheet's.
     let at_pins = channels(words).filter(|(_, signal)| *signal != Signal::Reference);
     items.extend(at_pins.map(|(channel, signal)| settles(words, channel, signal)));
-    items.extend(channels(words).map(|(channel, signal)| noise(expected, channel, signal)));
     items
 }
 
@@ -144,7 +182,19 @@ fn supply(expected: &ExpectedWords, level: f64) -> Item {
     )
 }
 
-fn zero(expected: &ExpectedWords, signal: Signal, level: f64) -> Item {
+/// A current channel in the first stage, whose driver sleeps.
+fn asleep(signal: Signal) -> Item {
+    Item::new(
+        ZEROS,
+        format!("zero.{}", slug(signal)),
+        signal.name(),
+        "the board's AMPLIFIERS_SLEEP; the second stage reads the zeros",
+    )
+    .expected("asleep: 0 V")
+    .read("asleep, as expected without supply")
+}
+
+pub(super) fn zero(expected: &ExpectedWords, signal: Signal, level: f64) -> Item {
     let nominal = f64::from(expected.zero_sixteenths) / 16.0;
     let tolerance = f64::from(expected.zero_tolerance);
     let amperes = f64::from(expected.microamperes) * 1e-6;
@@ -310,7 +360,9 @@ fn settles(words: &ReportWords, channel: &ChannelWords, signal: Signal) -> Item 
         .find(|(other, _)| other.adc == channel.adc && other.channel == channel.before)
         .map_or(last, |(other, _)| mean(&other.samples[LONGEST]));
     // Four standard deviations of a difference of two means.
-    let noise = 4.0 * (2.0 / f64::from(CONVERSIONS)).sqrt() * deviation(&channel.samples[LONGEST]);
+    let longest = &channel.samples[LONGEST];
+    let deviation = deviation(CONVERSIONS, longest.sum, longest.squares);
+    let noise = 4.0 * (2.0 / f64::from(CONVERSIONS)).sqrt() * deviation;
     let settled = SETTLED.max(noise);
     if errors[code].abs() > settled {
         let enough =
@@ -363,22 +415,25 @@ fn source_ohms(expected: &ExpectedWords, channel: u32, errors: &[f64], start: f6
         .find(|ohms| *ohms > 0.0)
 }
 
-fn noise(expected: &ExpectedWords, channel: &ChannelWords, signal: Signal) -> Item {
-    let code = (channel.sampling & 7) as usize;
-    let counts = deviation(&channel.samples[code]);
-    let amperes = counts * f64::from(expected.microamperes).abs() * 1e-6;
-    let is_current = !matches!(
-        signal,
-        Signal::ScrewBus
-            | Signal::NutBus
-            | Signal::ScrewHeatSink
-            | Signal::NutHeatSink
-            | Signal::Reference
-    );
-    let worth = match is_current {
-        true => format!(" ({:.0} mA)", 1e3 * amperes),
-        false => String::new(),
-    };
+/// Noise of a current by the drive's own triggers, while everything else converts.
+pub(super) fn noise(
+    expected: &ExpectedWords,
+    signal: Signal,
+    stage: &StageWords,
+    current: &CurrentWords,
+) -> Item {
+    const BARS: [char; 9] = [
+        ' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}',
+        '\u{2588}',
+    ];
+    let counts = deviation(stage.conversions, current.sum, current.squares);
+    let milliamperes = counts * f64::from(expected.microamperes).abs() * 1e-3;
+    let most = current.histogram.iter().copied().max().unwrap_or(0).max(1);
+    let histogram: String = current
+        .histogram
+        .iter()
+        .map(|bin| BARS[(bin * 8).div_ceil(most).min(8) as usize])
+        .collect();
     let item = Item::new(
         NOISES,
         format!("noise.{}", slug(signal)),
@@ -386,7 +441,9 @@ fn noise(expected: &ExpectedWords, channel: &ChannelWords, signal: Signal) -> It
         "our limit, twice what the simulated boards are tested with and more",
     )
     .expected(format!("at most {NOISE:.0} counts"))
-    .read(format!("{counts:.1} counts{worth}"));
+    .read(format!(
+        "{counts:.1} counts ({milliamperes:.0} mA) |{histogram}|"
+    ));
     if counts <= NOISE {
         return item;
     }

@@ -7,12 +7,13 @@ mod encoders;
 mod memory;
 mod page;
 mod pins;
+mod powered;
 mod protection;
 
 pub use page::page;
 
 use link::bringup::Stage;
-use link::codes::State;
+use link::codes::{Fault, State};
 use link::host::bringup::Readings;
 use serde::Serialize;
 
@@ -169,29 +170,33 @@ pub fn judge(readings: &Readings) -> Report {
     let mut items = Vec::new();
     let mut settling = Vec::new();
     items.extend(reached(readings));
-    let begun = |stage: Stage| words.stage >= stage.word();
-    if begun(Stage::Converters) {
-        items.extend(clock::items(words));
-    }
-    if begun(Stage::Pins) {
-        items.extend(analog::items(words));
-        settling = analog::settling(words);
-    }
-    let refused = readings.stage() == Some(Stage::Refused);
-    if begun(Stage::Comparators) && !refused {
-        items.extend(pins::items(words));
-    }
-    if begun(Stage::Encoders) && !refused {
-        items.extend(protection::items(words));
-    }
-    if begun(Stage::Idle) && !refused {
-        items.extend(encoders::items(words));
-    }
-    if begun(Stage::Stream) && !refused {
-        items.extend(memory::items(readings));
-    }
-    if let Some(view) = &readings.drive {
-        items.extend(drive(view));
+    if let Some(meter_v) = readings.meter_v {
+        items.extend(powered::items(readings, meter_v));
+    } else {
+        let begun = |stage: Stage| words.stage >= stage.word();
+        if begun(Stage::Converters) {
+            items.extend(clock::items(words));
+        }
+        if begun(Stage::Pins) {
+            items.extend(analog::items(words));
+            settling = analog::settling(words);
+        }
+        let refused = readings.stage() == Some(Stage::Refused);
+        if begun(Stage::Comparators) && !refused {
+            items.extend(pins::items(words));
+        }
+        if begun(Stage::Encoders) && !refused {
+            items.extend(protection::items(words));
+        }
+        if begun(Stage::Idle) && !refused {
+            items.extend(encoders::items(words));
+        }
+        if begun(Stage::Stream) && !refused {
+            items.extend(memory::items(readings));
+        }
+        if let Some(view) = &readings.drive {
+            items.extend(drive(view));
+        }
     }
     let findings = items
         .iter()
@@ -214,10 +219,10 @@ pub fn judge(readings: &Readings) -> Report {
     ];
     let result = format!(
         "{} Of {} readings {}.",
-        if findings == 0 {
-            "No finding."
-        } else {
-            "Do not switch the bus on yet."
+        match (findings, readings.meter_v) {
+            (0, _) => "No finding.",
+            (_, None) => "Do not switch the bus on yet.",
+            (_, Some(_)) => "Switch the bus off.",
         },
         items.len(),
         parts.into_iter().flatten().collect::<Vec<_>>().join(", ")
@@ -323,6 +328,9 @@ fn drive(view: &link::host::View) -> Vec<Item> {
     )
     .expected("no fault");
     items.push(match view.fault() {
+        Some(Fault::StageSupply) => item
+            .expected("no fault, or stages without supply")
+            .read("stages without supply, as expected"),
         Some(fault) => item
             .read(format!("{state}: {}", fault.name()))
             .finding(fault.sentence(), "`cargo xtask attach` shows the rest."),

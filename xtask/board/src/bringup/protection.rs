@@ -1,7 +1,7 @@
 //! Comparators, their DACs, and the timers' breaks.
 
 use super::Item;
-use super::analog::level;
+use super::analog::{PHASES, amplifiers_work, level};
 use link::bringup::{
     BreakSource, BreakWords, ComparatorWords, Owner, PinUse, ReportWords, Signal,
     level as pin_level, seen,
@@ -33,14 +33,17 @@ fn dac(comparator: &ComparatorWords) -> &'static str {
     DACS[(comparator.number as usize - 1) % DACS.len()]
 }
 
+/// Those whose amplifiers work: at 0 V a comparator does not trip.
 fn comparators(words: &ReportWords) -> impl Iterator<Item = &ComparatorWords> + Clone {
-    words
-        .comparators
-        .iter()
-        .filter(|comparator| (1..=7).contains(&comparator.number))
+    let work = [0, 1].map(|motor| amplifiers_work(words, motor));
+    words.comparators.iter().filter(move |comparator| {
+        let of_screw = PHASES[0].map(Signal::word).contains(&comparator.signal);
+        (1..=7).contains(&comparator.number) && work[usize::from(!of_screw)]
+    })
 }
 
-pub(super) fn items(words: &ReportWords) -> Vec<Item> {
+/// Comparators and their DACs.
+pub(super) fn comparator_items(words: &ReportWords) -> Vec<Item> {
     let mut items: Vec<Item> = Vec::new();
     let mut dacs: Vec<&str> = comparators(words).map(dac).collect();
     dacs.sort_unstable();
@@ -56,6 +59,26 @@ pub(super) fn items(words: &ReportWords) -> Vec<Item> {
         .collect();
     items.extend(dacs.iter().map(|name| converter(words, name, &dead)));
     items.extend(comparators(words).map(|one| comparator(words, one, &dead)));
+    if [0, 1].iter().any(|motor| !amplifiers_work(words, *motor)) {
+        let item = Item::new(
+            COMPARATORS,
+            "comparators",
+            "comparators of amplifiers that sleep",
+            "the board's AMPLIFIERS_SLEEP",
+        )
+        .expected("asleep: 0 V")
+        .read("asleep");
+        items.push(item.open(
+            "At 0 V a comparator does not trip.",
+            "`cargo xtask bringup --powered` asks those whose driver wakes.",
+        ));
+    }
+    items
+}
+
+/// Comparators, their DACs, and the breaks.
+pub(super) fn items(words: &ReportWords) -> Vec<Item> {
+    let mut items = comparator_items(words);
     let asked = words.breaks.iter().filter_map(|one| {
         Some((
             one,
@@ -66,6 +89,10 @@ pub(super) fn items(words: &ReportWords) -> Vec<Item> {
     let mut any = false;
     for (one, owner, source) in asked {
         any = true;
+        let by_comparator = matches!(source, BreakSource::Comparator | BreakSource::Configured);
+        if by_comparator && !amplifiers_work(words, usize::from(owner != Owner::Screw)) {
+            continue;
+        }
         items.push(breaks(words, one, owner, source));
     }
     if !any {

@@ -33,7 +33,7 @@ fn healthy() -> Readings {
         zero_tolerance: 256,
         microamperes: 2441,
         bus_microvolts: 110_000,
-        threshold: 3891,
+        amplifiers_sleep: 0,
         gate_pull_down_ohm: 10_000,
         calibrated: 1655,
         sensors: [SensorWords {
@@ -51,7 +51,8 @@ fn healthy() -> Readings {
         pwr_cr5: 0,
         pwr_sr2: 0,
         flash_acr: 7 << 8 | 4,
-        flash_optr: 0xFFEF_F8AA,
+        flash_optr: 0xFAEF_FCAA,
+        idcode: 0x2003_0469,
         rcc_cr: 0b11 << 24 | 0b11 << 16,
         rcc_cfgr: 0b1111,
         rcc_pllcfgr: 3,
@@ -173,6 +174,7 @@ fn healthy() -> Readings {
     };
     Readings {
         report: words,
+        meter_v: None,
         stream: Some(Stream {
             bytes: 500_000,
             seconds: 1.0,
@@ -215,14 +217,6 @@ fn each_fault_is_named_and_nothing_else_is() {
     let faults: &[Fault] = &[
         (
             |r| {
-                r.report.clock.hsi /= 3;
-                r.report.clock.lsi /= 3;
-            },
-            &["clock.crystal"],
-            "8 MHz",
-        ),
-        (
-            |r| {
                 r.report.clock.hsi = 256 * 177;
                 r.report.clock.lsi = 32 * 5533;
             },
@@ -259,22 +253,9 @@ fn each_fault_is_named_and_nothing_else_is() {
             "not clocked as",
         ),
         (
-            |r| {
-                r.report.stage = Stage::Refused.word();
-                r.report.channels[1].samples = [samples(218); 8];
-            },
-            &["bus.screwbus"],
-            "There is 24 V on the bus",
-        ),
-        (
             |r| r.report.channels[3].samples = [samples(0); 8],
             &["comparator.1", "zero.screwb"],
             "reads ground",
-        ),
-        (
-            |r| r.report.channels[2].samples = [samples(4094); 8],
-            &["temperature.screwheatsink"],
-            "torn off",
         ),
         (
             |r| r.report.channels[2].samples = [samples(1); 8],
@@ -282,61 +263,14 @@ fn each_fault_is_named_and_nothing_else_is() {
             "wires are shorted",
         ),
         (
-            |r| r.report.channels[10].samples = [samples(1655); 8],
-            &["supply.controller"],
-            "3.0",
-        ),
-        (
             |r| r.report.expected.calibrated = 0xFFFF,
             &["supply.controller"],
             "maker has not written",
         ),
         (
-            // Through 20 kohm from 2050 towards 2.
-            |r| {
-                let tau = time_constant_s(r.report.channels[1].channel, 20e3);
-                let samples = &mut r.report.channels[1].samples;
-                for (samples, halves) in samples.iter_mut().zip(SAMPLING_HALVES).take(7) {
-                    let seconds = f64::from(halves) / 2.0 / 42.5e6;
-                    let off = 2048.0 * (-seconds / tau).exp();
-                    samples.first += off as u32;
-                }
-            },
-            &["settling.screwbus"],
-            "about 20.",
-        ),
-        (
-            |r| r.report.channels[0].samples[1].squares = 32 * 100,
-            &["noise.screwa"],
-            "noisier",
-        ),
-        (
-            |r| {
-                r.report.comparators[1].changes = 0;
-                r.report.breaks[2].seen &= !seen::CLEARED;
-            },
-            &["comparator.1"],
-            "always high",
-        ),
-        (
-            |r| {
-                for k in [0, 1] {
-                    r.report.comparators[k].changes = 0;
-                    r.report.breaks[k + 1].seen &= !seen::CLEARED;
-                }
-            },
-            &["dac.dac3-channel-1"],
-            "these comparators stop nothing",
-        ),
-        (
             |r| (r.report.comparators[1].up, r.report.comparators[1].down) = (2200, 2176),
             &["comparator.1"],
             "off by 0.3",
-        ),
-        (
-            |r| r.report.breaks[2].seen &= !seen::CLEARED,
-            &["break.screw.comparator1"],
-            "not wired to the timer's break",
         ),
         (
             |r| r.report.breaks[0].seen &= !seen::CLEARED,
@@ -349,50 +283,9 @@ fn each_fault_is_named_and_nothing_else_is() {
             "other motor's timer too",
         ),
         (
-            |r| r.report.pins[0].levels = HELD_HIGH,
-            &["pin.PA8"],
-            "shorted to the supply",
-        ),
-        (
-            |r| r.report.pins[0].levels = FOLLOWS,
-            &["pin.PA8"],
-            "pull-down is missing",
-        ),
-        (
             |r| r.report.pins[0].levels |= level::DRIVEN_HIGH,
             &["pin.PA8"],
             "it reads high",
-        ),
-        (
-            |r| {
-                r.report.pins[2].raised = 1 << 3;
-                r.report.pins[3].levels = FOLLOWS;
-            },
-            &["pin.PA15", "pin.PB3"],
-            "the two are connected",
-        ),
-        (
-            |r| r.report.pins[2].levels = FOLLOWS,
-            &["pin.PA15"],
-            "encoder is not connected",
-        ),
-        (
-            |r| r.report.pins[4].levels = HELD_LOW,
-            &["pin.PA6"],
-            "shorted to ground",
-        ),
-        (
-            |r| {
-                r.report.encoders[1].bad_checks = 2000;
-                r.report.encoders[1].bad_frame = u32::MAX;
-            },
-            &["encoder.nut"],
-            "does not answer",
-        ),
-        (
-            |r| r.report.encoders[1].first = 0,
-            &["encoder.nut"],
-            "shorted to ground",
         ),
         (
             |r| r.report.encoders[1].bad_checks = 40,
@@ -421,19 +314,6 @@ fn each_fault_is_named_and_nothing_else_is() {
             |r| (r.report.encoders[0].most, r.report.encoders[0].indices) = (1, 0),
             &["encoder.screw"],
             "to and fro",
-        ),
-        (
-            |r| r.report.flash.done = 0,
-            &["flash.page"],
-            "something else keeps data",
-        ),
-        (
-            |r| {
-                r.report.flash.done = flash::WAS_OURS;
-                r.report.flash.status[0] = 1 << 4;
-            },
-            &["flash.page"],
-            "write-protected",
         ),
         (
             |r| r.report.flash.right = 7,
