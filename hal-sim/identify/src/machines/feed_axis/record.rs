@@ -57,7 +57,7 @@ pub(crate) fn balance_record(loaded: Loaded, lead_m: f64) -> Option<motor::Recor
         _ => return None,
     };
     let position: Vec<f64> = position.map(|x| TAU * x / lead_m).collect();
-    (force.len() == position.len() && !force.is_empty()).then(|| motor::Record {
+    (force.len() == position.len() && !force.is_empty()).then_some(motor::Record {
         rate: loaded.rate,
         position,
         current: force,
