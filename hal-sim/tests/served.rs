@@ -588,3 +588,29 @@ fn a_brake_holds_the_load_until_the_motors_do_and_they_until_it_does() {
     let fell = bench.position() - rest;
     assert!(fell.abs() < 5e-6, "it fell by {fell} m");
 }
+
+/// The default machine, just switched on: its load is held, arming aligns it, and it moves.
+#[test]
+fn a_cold_drive_is_aligned_by_arming_and_keeps_its_table() {
+    let setup = Setup::real(Model::coupled(), Coupling::Coupled);
+    let start = hal_sim::start::Start::anywhere(&setup);
+    let drive = SimulatedDrive::cold(&start).unwrap();
+    let serving = Rc::new(RefCell::new(Serving::new(drive)));
+    let client = open(&serving);
+    let mut bench = Bench { serving, client };
+    bench.until(State::Unaligned, 1000);
+    let before = bench.position();
+    bench.pass(2000);
+    assert_eq!(bench.state(), State::Unaligned, "nothing is demanded");
+    assert_eq!(
+        refusal(bench.run(2.5, 0.0)),
+        Some(Refused::For(Refusal::Unaligned))
+    );
+    let state = bench.client.arm(|_| true).unwrap();
+    assert_eq!(state, State::Ready);
+    let moved = bench.position() - before;
+    assert!(moved.abs() < 50e-6, "the table moved by {moved} m");
+    bench.run(2.5, 300.0).unwrap();
+    bench.pass(1000);
+    assert_eq!(bench.state(), State::Running);
+}

@@ -4,7 +4,7 @@
 //! one thread: the same bytes in the same milliseconds give the same bytes back.
 //!
 //! The machine has a brake that carries the load, as an axis needs whose load can drive the screw back: the one that the settings
-//! say, with its times, or else an ideal one that holds while a bridge is off.
+//! say, with its times, or else an ideal one that holds while the motors do not drive the table.
 
 mod lines;
 mod within;
@@ -132,6 +132,9 @@ impl SimulatedDrive {
             tuning: start.plate.tuning,
         };
         let mut drive = Self::of(setup, &start.plate, Begin::Cold)?;
+        // The brake carries the load while the drive is off.
+        let machine = &mut drive.drive.board.machine;
+        machine.set_load_force(0.0);
         settle(&mut drive.drive.board, start.angles);
         Ok(drive)
     }
@@ -235,9 +238,11 @@ impl SimulatedDrive {
                 .step(released, self.setup.board.pwm_period_s());
             self.world.braked = self.world.brake.holds(&self.plate.brake);
         } else {
-            self.world.braked = Axis::ALL
-                .iter()
-                .any(|axis| !self.drive.compare(*axis).enable);
+            // An ideal brake: an alignment leaves it closed too.
+            self.world.braked = !self.drive.state().is_driven()
+                || Axis::ALL
+                    .iter()
+                    .any(|axis| !self.drive.compare(*axis).enable);
         }
         self.drive.period_through(&mut self.world);
         let (drive, temperatures) = (&self.drive, self.world.temperatures);
