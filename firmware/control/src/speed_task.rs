@@ -437,11 +437,7 @@ impl SpeedTask {
         // After the currents are asked, for it takes as long as a current loop.
         match self.state {
             State::SelfTest if undriven.entered => self.restore_angles(config, exchanges),
-            State::Unaligned if undriven.entered => {
-                self.alignment = Alignment::begin(&config.alignment);
-                (self.asked, self.seen) = (AlignmentStep::default(), None);
-                self.aligned = Progress::Working;
-            }
+            State::Unaligned if undriven.entered => self.prepare_alignment(config),
             _ => {}
         }
         if self.seen.is_some() {
@@ -801,6 +797,15 @@ impl SpeedTask {
         } else {
             demand
         }
+    }
+
+    /// The next alignment begins with nothing known.
+    #[cold]
+    #[inline(never)]
+    fn prepare_alignment(&mut self, config: &DriveConfig) {
+        self.alignment = Alignment::begin(&config.alignment);
+        (self.asked, self.seen) = (AlignmentStep::default(), None);
+        self.aligned = Progress::Working;
     }
 
     /// Absolute encoders whose angles are stored tell where both rotors stand: no motion is needed. After a fault that doubts an

@@ -11,7 +11,7 @@ fn without_the_probe_each_command_says_so_within_five_seconds() {
     let out = tempfile::tempdir().unwrap();
     let folder = out.path().display().to_string();
     for arguments in [
-        vec!["record", PROBE, "--seconds", "1", "--out", &folder],
+        vec!["record", PROBE, "--duration", "1", &folder],
         vec!["drive", PROBE, "status"],
     ] {
         let start = Instant::now();

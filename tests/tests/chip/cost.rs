@@ -12,6 +12,10 @@ use tests::timing::MODEL_ERROR_PERCENT;
 const RISE: f64 = 1.02;
 const FALL: f64 = 0.95;
 
+/// Cycles that each interrupt may run from flash. The dither of the common speed (`Coordinator::wander`) does: CCM is full on the mains
+/// board. The bounds include its wait states.
+const FROM_FLASH: [u64; 3] = [0, 0, 100];
+
 #[test]
 fn costs_are_those_of_the_baseline() -> Result<(), String> {
     let path = Path::new(BASELINE);
@@ -42,11 +46,12 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
             "{figure} fell from {kept} to {now}: keep it, with `cargo xtask cost --keep`"
         );
     }
-    for row in &report.rows {
-        assert_eq!(
-            row.worst.from_flash, 0,
-            "the {} runs from flash",
-            row.interrupt.name
+    for (row, allowed) in report.rows.iter().zip(FROM_FLASH) {
+        assert!(
+            row.worst.from_flash <= allowed,
+            "the {} runs for {} cycles from flash, expected at most {allowed}",
+            row.interrupt.name,
+            row.worst.from_flash
         );
         assert!(
             row.worst.cycles <= row.bound,
