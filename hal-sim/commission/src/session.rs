@@ -209,7 +209,7 @@ impl<L: Line> Session<L> {
                     self.client.arm(|_| !stop.load(Relaxed))?;
                 }
                 // The same twice is no chance.
-                Some(State::Fault(fault)) if is_misaligned(fault) && tries > 1 => {
+                Some(State::Fault(fault)) if fault.is_misalignment() && tries > 1 => {
                     tries -= 1;
                     self.repeated += 1;
                     first.get_or_insert_with(|| stopped(fault, &status));
@@ -459,17 +459,10 @@ fn point(row: &Row, settings: &Settings, aligned: [(f64, f64); 2]) -> Point {
     }
 }
 
-fn is_misaligned(fault: Fault) -> bool {
-    matches!(
-        fault,
-        Fault::ScrewAlignment | Fault::NutAlignment | Fault::PairAlignment
-    )
-}
-
 /// What a fault says of what is measured.
 fn stopped(fault: Fault, status: &Status) -> Failure {
     match Misalignment::of_word(status.misalignment) {
-        Some(reason) if is_misaligned(fault) => Failure {
+        Some(reason) if fault.is_misalignment() => Failure {
             measured: format!("{}: {}", fault.name(), reason.name()),
             expected: "both rotors found".to_owned(),
             check: reason.sentence().to_owned(),

@@ -453,10 +453,10 @@ fn a_supply_that_falls_or_is_noisy_ends_in_a_stop_of_both() {
     }
 }
 
-/// Pairs of which none is unsafe.
 /// Two faults on a board in a situation.
 type Named = (BoardKind, [(Input, Defect); 2], Situation);
 
+/// Pairs of which none is unsafe.
 fn assert_safe(pairs: &[Named]) {
     for (board, faults, situation) in pairs {
         let outcome = of_pair(*board, *faults, *situation);

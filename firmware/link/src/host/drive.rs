@@ -99,12 +99,8 @@ impl View {
     /// Why the rotors could not be aligned, if that is what stopped the drive.
     #[must_use]
     pub fn misalignment(&self) -> Option<Misalignment> {
-        let alignment = matches!(
-            self.fault(),
-            Some(Fault::ScrewAlignment | Fault::NutAlignment | Fault::PairAlignment)
-        );
         let reason = Misalignment::of_word(self.0.misalignment)?;
-        alignment.then_some(reason)
+        self.fault()?.is_misalignment().then_some(reason)
     }
 }
 

@@ -7,7 +7,6 @@ pub use miswirings::{Miswiring, miswirings, turned_round};
 
 use control::alignment::Misalignment;
 use control::encoder::Interface;
-use control::fault::Fault;
 use control::format::Misfit;
 use control::supervisor::{Demand, State};
 use hal_sim::board::{BoardConfig, Comparators};
@@ -290,9 +289,7 @@ pub fn switch_on_with(start: &Start, mut each: impl FnMut(&Drive)) -> Result<Out
     Ok(Outcome {
         state: drive.state(),
         misalignment: match drive.state() {
-            State::Fault(Fault::ScrewAlignment | Fault::NutAlignment | Fault::PairAlignment) => {
-                drive.misalignment()
-            }
+            State::Fault(fault) if fault.is_misalignment() => drive.misalignment(),
             _ => None,
         },
         error_deg: Axis::ALL.map(|axis| error_deg(start, &drive, axis)),

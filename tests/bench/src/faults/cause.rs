@@ -83,11 +83,7 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                 )
             };
             motion.contains(&fault)
-                || misaligned(axis, misalignment).is_some_and(reason)
-                    && matches!(
-                        fault,
-                        F::ScrewAlignment | F::NutAlignment | F::PairAlignment
-                    )
+                || misaligned(axis, misalignment).is_some_and(reason) && fault.is_misalignment()
         }
         Input::Index(axis) => {
             // Counts that an index has moved are a wrong angle, and are not where the scale says.
