@@ -300,6 +300,7 @@ impl Coordinator {
     /// A step of the wander, while the base speed stands at a target that is not rest; else the profile goes on from where the
     /// wander is.
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn wander(&mut self, config: &CoordinatorConfig, limited: bool) {
         let stands = self.base.value == self.target_base
             && self.base.change == SpeedChange::ZERO
@@ -364,6 +365,7 @@ impl Coordinator {
     /// rest: else a stop from there would never end.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn wait(&mut self, config: &CoordinatorConfig) {
         let gives_way = self.given != ProfileState::ZERO;
         let slows = |profile: &Profile, target: ProfileState| {
@@ -390,6 +392,7 @@ impl Coordinator {
     /// The speeds of base and table, less what is given way.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn give_way(
         &mut self,
         config: &CoordinatorConfig,

@@ -38,6 +38,7 @@ impl RegenerationConfig {
 
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn fading_range(&self, i_max: Current, bus: u16, theta_step: i32) -> CurrentRange {
         CurrentRange::new(i_max, self.braking_max(i_max, bus, theta_step), theta_step)
     }

@@ -439,6 +439,7 @@ impl MotorExchange {
     /// Current loop, in a period whose compare values came too late.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     pub fn publish_missed(&self) {
         count(&self.missed);
     }

@@ -122,6 +122,7 @@ impl Gain {
     #[must_use]
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     pub(crate) fn shifted_seldom(shift: u32, d: i32, q: i32) -> (i32, i32) {
         let end = 1i32.wrapping_shl(30u32.wrapping_sub(shift));
         let shifted = |x: i32| {
@@ -148,6 +149,7 @@ impl Gain {
 #[cold]
 #[inline(never)]
 #[allow(clippy::arithmetic_side_effects)]
+#[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
 fn end_of(x: i32, bits: u32) -> i32 {
     (i32::MAX >> (31 - bits)) ^ (x >> 31)
 }
@@ -296,6 +298,7 @@ pub fn square_root(x: u64) -> u32 {
 
 /// Whole roots of 64 to 255: of a number whose uppermost byte it is, the root's first four bits.
 #[allow(clippy::indexing_slicing, reason = "computed by the compiler")]
+#[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
 static ROOTS: [u8; 192] = {
     let mut roots = [8; 192];
     let mut k = 0;

@@ -39,7 +39,7 @@
 //!
 //! Equations named `Eq n` are those of Wang et al., Mech. Sci. 11, 163-172, 2020.
 #![no_std]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 #![deny(
     clippy::arithmetic_side_effects,
     clippy::float_arithmetic,

@@ -108,6 +108,7 @@ impl Profile {
 /// The largest change a step that still stops in `distance`, 2^-28 rad/s, which is below the distance that the limit needs.
 #[cold]
 #[inline(never)]
+#[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
 fn stopping_change(distance: u64, config: &ProfileConfig) -> SpeedChange {
     let jerk = config.jerk.to_bits().unsigned_abs();
     if distance <= u64::from(jerk) {

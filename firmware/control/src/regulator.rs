@@ -169,6 +169,7 @@ impl Regulator {
     /// integral is then the voltage that was realised, so that nothing is left to unwind.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn follow_limit(
         &mut self,
         wanted: DirectQuadrature<Voltage>,

@@ -213,6 +213,7 @@ impl Runaway {
 
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn count(
         &mut self,
         config: &RunawayConfig,

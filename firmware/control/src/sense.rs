@@ -95,6 +95,7 @@ impl CurrentSense {
 
     /// The phase currents, for records: the loop itself does not need them.
     #[must_use]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     pub fn phases(&self, codes: Codes) -> [Current; 3] {
         let ([a, b, c], [ga, gb, gc]) = (codes, self.amperes);
         let current = |code, gain| {

@@ -13,6 +13,7 @@ const POINTS: usize = 1 << POINT_BITS;
 const REACH: f64 = PI / POINTS as f64;
 
 /// Cosine (lower word) and sine of each point, 2^-31: a word each, but loaded as one.
+#[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
 static CIRCLE: [u64; POINTS] = circle();
 
 /// Half an interval in 2^-32 rad, as the upper word of its product with a full word.

@@ -181,6 +181,7 @@ impl SpeedTask {
     #[must_use]
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     pub fn limits(&self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> ActiveLimits {
         let driven = self.state.is_driven();
         let mut limits = ActiveLimits::NONE
@@ -304,6 +305,7 @@ impl SpeedTask {
     /// write a whole request to memory in each step, for this call alone.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn decide(
         &mut self,
         config: &DriveConfig,
@@ -328,11 +330,10 @@ impl SpeedTask {
         if before == State::Aligning && demand != Demand::Align {
             self.alignment.interrupt();
         }
-        let (coordinator, brake) = (&self.coordinator, &self.brake);
-        self.state = before.next(demand, motors, found, self.aligned, || {
-            // The motors hold until the brake does.
-            coordinator.at_rest() && (before != State::Stopping || brake.is_closed(&config.brake))
-        });
+        // The motors hold until the brake does.
+        let held = before != State::Stopping || self.brake.is_closed(&config.brake);
+        let at_rest = self.coordinator.at_rest() && held;
+        self.state = before.next(demand, motors, found, self.aligned, at_rest);
         if config.brake.fitted {
             self.brake.step(match self.state {
                 State::Running | State::Holding => {
@@ -386,6 +387,7 @@ impl SpeedTask {
     /// a step is then that of the one or of the other.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn stand(
         &mut self,
         config: &DriveConfig,
@@ -868,6 +870,7 @@ impl SpeedTask {
     /// Every closed bridge passes here: each state says which motion it may have, and the interlock is asked about that. A drive that
     /// violates a condition comes to rest for it.
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn ask_interlock(&mut self, config: &DriveConfig, demand: Demand) {
         use interlock::Motion::{Alignment, Table};
         let motion = match self.state {

@@ -239,7 +239,7 @@ impl State {
         motors: [MotorStatus; 2],
         found: Option<Fault>,
         alignment: Progress,
-        at_rest: impl Fn() -> bool,
+        at_rest: bool,
     ) -> Self {
         let fault = fault(motors).or(found);
         let angles_known = || motors.iter().all(|motor| motor.angle_known);
@@ -266,9 +266,12 @@ impl State {
             },
             (Self::Ready | Self::Stopping, None) if demand == Demand::Run => Self::Running,
             (Self::Running | Self::Holding, None) if demand != Demand::Run => Self::Stopping,
-            (Self::Running | Self::Holding, None) if at_rest() => Self::Holding,
-            (Self::Holding, None) => Self::Running,
-            (Self::Stopping, None) if at_rest() => Self::Ready,
+            (Self::Running | Self::Holding | Self::Stopping, None) => match (self, at_rest) {
+                (Self::Stopping, true) => Self::Ready,
+                (Self::Stopping, false) => Self::Stopping,
+                (_, true) => Self::Holding,
+                (_, false) => Self::Running,
+            },
             (same, None) => same,
         };
         self.become_if_it_may(next)
@@ -417,7 +420,7 @@ mod tests {
                     broken: on(1),
                     ..healthy
                 };
-                let to = from.next(demand, [healthy, nut], None, alignment, || on(4));
+                let to = from.next(demand, [healthy, nut], None, alignment, on(4));
                 if to != from {
                     seen.insert(std::format!("{:?}", (from, to)));
                 }
@@ -450,13 +453,13 @@ mod tests {
             [MotorStatus::default(), broken],
             Some(Fault::OverVoltage),
             Progress::Working,
-            || false,
+            false,
         );
         assert_eq!(state, FAULT);
         assert_eq!(state.mode(Demand::Rest), Mode::Off);
         for demand in [Demand::Rest, Demand::Align, Demand::Run] {
             let healthy = [MotorStatus::default(); 2];
-            let next = state.next(demand, healthy, None, Progress::Working, || false);
+            let next = state.next(demand, healthy, None, Progress::Working, false);
             assert_eq!(next, FAULT, "only a reset leaves a fault, not {demand:?}");
         }
         let zero = MotorStatus {
@@ -465,7 +468,7 @@ mod tests {
         };
         let rest = Demand::Rest;
         assert_eq!(
-            state.next(rest, [zero, broken], None, Progress::Working, || true),
+            state.next(rest, [zero, broken], None, Progress::Working, true),
             FAULT
         );
         assert_eq!(
@@ -474,7 +477,7 @@ mod tests {
                 [zero, MotorStatus::default()],
                 None,
                 Progress::Working,
-                || true
+                true
             ),
             State::Fault(Fault::ScrewCurrentZero)
         );
@@ -484,15 +487,15 @@ mod tests {
     fn what_the_guard_finds_is_a_fault_until_it_is_gone() {
         let healthy = [MotorStatus::default(); 2];
         let hot = Some(Fault::NutTemperature);
-        let state = State::Running.next(Demand::Rest, healthy, hot, Progress::Working, || false);
+        let state = State::Running.next(Demand::Rest, healthy, hot, Progress::Working, false);
         assert_eq!(state, State::Fault(Fault::NutTemperature));
         let reset = Demand::Reset;
         assert_eq!(
-            state.next(reset, healthy, hot, Progress::Working, || true),
+            state.next(reset, healthy, hot, Progress::Working, true),
             state
         );
         assert_eq!(
-            state.next(reset, healthy, None, Progress::Working, || true),
+            state.next(reset, healthy, None, Progress::Working, true),
             State::Boot
         );
     }

@@ -188,6 +188,7 @@ impl Line {
 
     /// Learns from the error at that angle, within 2^25: `learned += error * e^(-j angle) * learns / 2`.
     #[inline(always)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     pub fn learn(&mut self, (cos, sin): (Unit, Unit), error: i32) {
         let (cos, sin) = (cos.to_bits(), sin.to_bits());
         let Phasor { re, im } = self.learns;

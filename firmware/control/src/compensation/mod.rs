@@ -176,6 +176,7 @@ impl Compensation {
     /// What was learned by one of the [`LINES`], in their order: 2^-17 A of a torque, 2^-27 of a speed.
     #[must_use]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     pub fn coefficient(&self, line: usize) -> Phasor {
         const ANGLES_FROM: usize = 2 * TORQUES;
         const TRAVELS_FROM: usize = ANGLES_FROM + 2 * ANGLES;
@@ -229,6 +230,7 @@ impl Compensation {
 
     /// What is added to the speed references, from here on.
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn give(
         &mut self,
         config: &CompensationConfig,
@@ -379,6 +381,7 @@ const fn starting<const N: usize>(configs: &[LineConfig; N]) -> [Line; N] {
 /// It and [`learn`] are one loop each: of two that take the cosine in one function the compiler would keep its constant in 64
 /// bits, and multiply by such a one in three instructions.
 #[inline(never)]
+#[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
 fn sum<const N: usize>(lines: &[Line; N], turned: u64) -> i32 {
     let mut sum = 0i32;
     for line in lines {
@@ -392,6 +395,7 @@ fn sum<const N: usize>(lines: &[Line; N], turned: u64) -> i32 {
 
 /// The same of lines that learn from an error.
 #[inline(never)]
+#[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
 fn learn<const N: usize>(lines: &mut [Line; N], turned: u64, error: i32) -> i32 {
     let mut sum = 0i32;
     for line in lines {

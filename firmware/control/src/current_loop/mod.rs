@@ -175,6 +175,7 @@ impl CurrentLoop {
     /// A period with the bridge off, or with currents in a commanded frame.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn any_other_period(
         &mut self,
         config: &CurrentLoopConfig,
@@ -198,6 +199,7 @@ impl CurrentLoop {
     /// that was measured forbids it, and the frame of the currents is known.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn close_or_rest(
         &mut self,
         config: &CurrentLoopConfig,
@@ -402,6 +404,7 @@ impl CurrentLoop {
     /// their supply. `true` in those periods.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn shorts(
         &mut self,
         config: &CurrentLoopConfig,
@@ -437,6 +440,7 @@ impl CurrentLoop {
         }
     }
 
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn calibrate(&mut self, sense: &CurrentSense, counts: [u16; 3]) {
         let Some(zeros) = self.zero_calibration.take(sense, counts) else {
             return;
