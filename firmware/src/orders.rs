@@ -6,7 +6,7 @@ use control::fault::{Fault, FaultSet};
 use control::format::{Speed, SpeedChange, TableVelocity};
 use control::homing::HomePlan;
 use control::interlock;
-use control::speed_task::STEPS_PER_LOOK;
+use control::rates::STEPS_PER_LOOK;
 use control::table_move::MovePlan;
 use control::travel::{Travel, TravelLook};
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};

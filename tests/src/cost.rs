@@ -64,12 +64,12 @@ pub const LOOPS: [LoopBound; 8] = [
         because: "one for each of those who find faults",
     },
     LoopBound {
-        function: "control::compensation",
+        function: "control::speed::compensation",
         rounds: 8,
         because: "the orders of a motor: `control::compensation::TORQUES`",
     },
     LoopBound {
-        function: "control::alignment",
+        function: "control::speed::alignment",
         rounds: 0,
         because: "while it aligns the drive does nothing else; what its steps take is measured in tests/alignment.rs",
     },
@@ -272,12 +272,12 @@ pub fn hung_loop_cycles() -> Result<u64, String> {
 /// Loops of the handlers below the control, and where their ways end.
 const BELOW: [LoopBound; 19] = [
     LoopBound {
-        function: "control::guard",
+        function: "control::watch::guard",
         rounds: 4,
         because: "four tasks, two motors",
     },
     LoopBound {
-        function: "control::journal",
+        function: "control::drive::journal",
         rounds: 48,
         because: "fewer faults than that",
     },

@@ -1,5 +1,16 @@
 //! The control law of a double-drive differential feed, in fixed point.
 //!
+//! Each folder uses only those before it:
+//!
+//! | folder | what it has |
+//! | --- | --- |
+//! | [`base`] | formats, codes of faults, rates |
+//! | [`current`] | the current loop of one motor |
+//! | [`speed`] | the parts of the speed task |
+//! | [`watch`] | what finds that something is wrong |
+//! | [`plate`] | plate data into gains |
+//! | [`drive`] | the drive as a whole: states, the speed task, moves |
+//!
 //! The way of the data is the order of the modules:
 //!
 //! | step | module | rate |
@@ -62,54 +73,25 @@
 #[cfg(test)]
 extern crate std;
 
-pub mod active_limit;
-pub mod alignment;
-pub mod brake;
-pub mod codes;
-pub mod compensation;
-pub mod controller_supply;
-pub mod coordinator;
-pub mod current_limit;
-pub mod current_loop;
-pub mod disturbance;
-pub mod enable_watch;
-pub mod encoder;
-pub mod encoder_watch;
-pub mod ends_watch;
-pub mod exchange;
-pub mod fault;
-mod follow;
-pub mod format;
-pub mod friction;
-#[allow(clippy::float_arithmetic)]
-pub mod guard;
-pub mod homing;
-pub mod interlock;
-pub mod journal;
-pub mod modulation;
-pub mod motor_io;
-pub mod mt6835;
-pub mod notch;
-pub mod observer;
+pub mod base;
+pub mod current;
+pub mod drive;
 #[allow(clippy::float_arithmetic)]
 pub mod plate;
-pub mod power_stage;
-pub mod profile;
-pub mod regulator;
-pub mod runaway;
-#[allow(clippy::float_arithmetic)]
-pub mod scale_watch;
-pub mod seizure_watch;
-pub mod sense;
-mod sine;
-pub mod speed_loop;
-pub mod speed_task;
-pub mod supervisor;
-pub mod table_move;
-mod table_speed;
-pub mod thermal;
-#[allow(clippy::float_arithmetic)]
-pub mod thermometer;
-pub mod tolerance;
-pub mod transform;
-pub mod travel;
+pub mod speed;
+pub mod watch;
+
+pub use base::{codes, fault, format, rates, tolerance};
+pub use current::{
+    current_loop, encoder, encoder_watch, exchange, modulation, motor_io, mt6835, observer,
+    regulator, sense, transform,
+};
+pub use drive::{homing, journal, speed_task, supervisor, table_move};
+pub use speed::{
+    alignment, brake, compensation, coordinator, current_limit, disturbance, friction, notch,
+    profile, speed_loop, thermal,
+};
+pub use watch::{
+    active_limit, controller_supply, enable_watch, ends_watch, guard, interlock, power_stage,
+    runaway, scale_watch, seizure_watch, thermometer, travel,
+};

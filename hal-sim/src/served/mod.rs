@@ -25,7 +25,7 @@ use control::homing::HomePlan;
 use control::interlock::Inputs;
 use control::journal::{Journal, Kind, Recorder};
 use control::plate::{BoardPlate, DrivePlate};
-use control::speed_task::STEPS_PER_LOOK;
+use control::rates::STEPS_PER_LOOK;
 use control::supervisor::State;
 use control::table_move::{MoveError, MovePlan};
 use control::travel::{Travel, TravelConfig, TravelLook};

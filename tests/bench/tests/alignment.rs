@@ -3,8 +3,9 @@
 use bench::alignment::{
     drawn, loose, margin_nm, miswirings, of_board, switch_on, switch_on_with, turned_round,
 };
-use control::alignment::{Part, Reason};
+use control::alignment::Reason;
 use control::encoder::Interface;
+use control::fault::Part;
 use hal_sim::boards::BoardKind;
 use plant::Axis;
 

@@ -15,12 +15,12 @@ pub mod tuning;
 pub use scaling::DriveConfig;
 pub use tuning::{Gains, Tuning};
 
-use crate::compensation::line::Phasor;
-use crate::compensation::{ANGLES, SPEED_BITS, TORQUE_BITS, TORQUES, TRAVELS};
-use crate::encoder::Interface;
-use crate::format::Angle;
-use crate::observer::EncoderAlignment;
-use crate::sense::Shunts;
+use crate::base::format::Angle;
+use crate::current::encoder::Interface;
+use crate::current::observer::EncoderAlignment;
+use crate::current::sense::Shunts;
+use crate::speed::compensation::line::Phasor;
+use crate::speed::compensation::{ANGLES, SPEED_BITS, TORQUE_BITS, TORQUES, TRAVELS};
 use core::f64::consts::TAU;
 
 /// One motor as its plate and its encoder's plate give it.
@@ -266,8 +266,8 @@ impl CompensationPlate {
 }
 
 impl CompensationPlate {
-    /// Keeps what one of the [`LINES`](crate::compensation::LINES) has learned: see
-    /// [`coefficient`](crate::compensation::Compensation::coefficient).
+    /// Keeps what one of the [`LINES`](crate::speed::compensation::LINES) has learned: see
+    /// [`coefficient`](crate::speed::compensation::Compensation::coefficient).
     pub fn keep(&mut self, line: usize, learned: Phasor) {
         let torques = self.torque.as_flattened_mut().iter_mut();
         let speeds = self

@@ -1,7 +1,8 @@
 //! What a person may connect wrongly, and what the drive must say of it.
 
 use super::drawn;
-use control::alignment::{Misalignment, Part, Reason};
+use control::alignment::{Misalignment, Reason};
+use control::fault::Part;
 use control::sense::Shunts;
 use hal_sim::start::Start;
 use hal_sim::wiring::{MotorWiring, Wiring};

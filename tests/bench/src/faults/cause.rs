@@ -1,8 +1,9 @@
 //! Which faults name the cause of a cell rightly: those whose sentence sends a person to this input.
 
 use super::cell::Input;
-use control::alignment::{Misalignment, Part, Reason};
+use control::alignment::{Misalignment, Reason};
 use control::fault::Fault;
+use control::fault::Part;
 use plant::Axis;
 
 /// The one of screw and nut.

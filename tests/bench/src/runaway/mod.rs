@@ -4,7 +4,7 @@ pub mod report;
 
 use control::fault::Fault;
 use control::plate::{DrivePlate, MotorPlate};
-use control::speed_task::STEPS_PER_LOOK;
+use control::rates::STEPS_PER_LOOK;
 use control::supervisor::State;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{ExperimentError, RPM, Setup};

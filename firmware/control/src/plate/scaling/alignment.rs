@@ -1,12 +1,14 @@
 //! The alignment's plate -> its limits, times and thresholds in the formats of its steps.
 
 use super::{attempt, positive, profile, within};
-use crate::alignment::{AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, WiringConfig};
-use crate::coordinator::CoordinatorConfig;
-use crate::encoder::Interface;
-use crate::format::{Current, MechanicalSpeed, Misfit, Speed, Voltage, quantise};
+use crate::base::format::{Current, MechanicalSpeed, Misfit, Speed, Voltage, quantise};
+use crate::current::encoder::Interface;
 use crate::plate::{DrivePlate, MotorPlate};
-use crate::speed_loop::SpeedLoopConfig;
+use crate::speed::alignment::{
+    AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, WiringConfig,
+};
+use crate::speed::coordinator::CoordinatorConfig;
+use crate::speed::speed_loop::SpeedLoopConfig;
 use core::f64::consts::TAU;
 use fixed::types::I4F28;
 

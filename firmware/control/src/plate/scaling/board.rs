@@ -1,11 +1,11 @@
 //! A board's plate -> the scales of its ADC channels and of its PWM.
 
 use super::{SQRT_3, attempt, positive, power_of_two, rounded, within};
-use crate::format::{CurrentScale, Misfit, TableVelocity, quantise};
-use crate::modulation::{DeadTime, ModulationConfig};
+use crate::base::format::{CurrentScale, Misfit, TableVelocity, quantise};
+use crate::current::modulation::{DeadTime, ModulationConfig};
+use crate::current::sense::{BusSense, CurrentSense, Shunts};
+use crate::current::transform::AlphaBeta;
 use crate::plate::BoardPlate;
-use crate::sense::{BusSense, CurrentSense, Shunts};
-use crate::transform::AlphaBeta;
 use core::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 impl BoardPlate {

@@ -7,14 +7,14 @@
 use super::elementary::{Complex, decay, inverse};
 use super::rejection::NotchGains;
 use super::{attempt, half, positive, power_of_two, within};
-use crate::compensation::line::{Order, Phasor};
-use crate::compensation::response::{POINTS, Response, ResponsePoint};
-use crate::compensation::{
+use crate::base::format::Misfit;
+use crate::plate::{DrivePlate, MotorPlate, OrderPlate};
+use crate::speed::compensation::line::{Order, Phasor};
+use crate::speed::compensation::response::{POINTS, Response, ResponsePoint};
+use crate::speed::compensation::{
     CHECK_STEPS, CompensationConfig, FAST_DROPS, LineConfig, RateConfig, SPEED_BITS, SPEED_STEPS,
     ScaleConfig, TORQUE_BITS, TORQUE_STEPS,
 };
-use crate::format::Misfit;
-use crate::plate::{DrivePlate, MotorPlate, OrderPlate};
 use core::f64::consts::TAU;
 
 /// The fastest ripple that is compensated, of the speed task's rate: a hold of three tenths of a turn leaves 86 % of it, and

@@ -1,7 +1,7 @@
 //! What a `const fn` has not: complex numbers, and functions by their series.
 
 use super::{half, power_of_two};
-use crate::compensation::line::Phasor;
+use crate::speed::compensation::line::Phasor;
 
 /// A complex number.
 #[derive(Clone, Copy)]

@@ -1,9 +1,9 @@
 //! Friction -> the currents that are fed forward against it.
 
 use super::{attempt, within};
-use crate::format::{Current, Misfit, SpeedGain, quantise};
-use crate::friction::{FrictionConfig, RubbingConfig, STEPS};
+use crate::base::format::{Current, Misfit, SpeedGain, quantise};
 use crate::plate::{DrivePlate, RubbingPlate};
+use crate::speed::friction::{FrictionConfig, RubbingConfig, STEPS};
 
 /// Where the line that stands for `e^-x^2` ends, so that it has the same area: the root of pi.
 const LINE_ENDS: f64 = 1.772_453_850_905_516;

@@ -1,11 +1,11 @@
 //! What a motor and its bridge bear for long, and where braking fades out -> squares, counts, parts of a look.
 
 use super::{attempt, positive, power_of_two, within};
-use crate::current_limit::RegenerationConfig;
-use crate::format::{Current, CurrentScale, Gain, Misfit, quantise};
+use crate::base::format::{Current, CurrentScale, Gain, Misfit, quantise};
+use crate::base::rates::STEPS_PER_HEAT;
 use crate::plate::{DrivePlate, MotorPlate, ThermalPlate};
-use crate::speed_task::STEPS_PER_HEAT;
-use crate::thermal::{HeatConfig, ThermalConfig};
+use crate::speed::current_limit::RegenerationConfig;
+use crate::speed::thermal::{HeatConfig, ThermalConfig};
 use core::f64::consts::TAU;
 
 /// Part of the rated heat at which folding back begins.

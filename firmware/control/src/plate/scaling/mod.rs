@@ -11,25 +11,25 @@ mod rejection;
 mod runaway;
 mod travel;
 
-use crate::alignment::AlignmentConfig;
-use crate::brake::BrakeConfig;
-use crate::compensation::CompensationConfig;
-use crate::coordinator::{CoordinatorConfig, WanderConfig};
-use crate::current_limit::RegenerationConfig;
-use crate::current_loop::CurrentLoopConfig;
-use crate::disturbance::DisturbanceConfig;
-use crate::follow::BLIND_M;
-use crate::format::{
+use crate::base::format::{
     CurrentScale, Gain, MechanicalSpeed, Misfit, SpeedChange, TableVelocity, Voltage, quantise,
 };
-use crate::friction::FrictionConfig;
-use crate::notch::NotchConfig;
+use crate::base::rates::STEPS_PER_LOOK;
+use crate::current::current_loop::CurrentLoopConfig;
 use crate::plate::{BasePoint, DrivePlate};
-use crate::profile::ProfileConfig;
-use crate::runaway::RunawayConfig;
-use crate::speed_loop::SpeedLoopConfig;
-use crate::speed_task::STEPS_PER_LOOK;
-use crate::thermal::HeatConfig;
+use crate::speed::alignment::AlignmentConfig;
+use crate::speed::brake::BrakeConfig;
+use crate::speed::compensation::CompensationConfig;
+use crate::speed::coordinator::{CoordinatorConfig, WanderConfig};
+use crate::speed::current_limit::RegenerationConfig;
+use crate::speed::disturbance::DisturbanceConfig;
+use crate::speed::friction::FrictionConfig;
+use crate::speed::notch::NotchConfig;
+use crate::speed::profile::ProfileConfig;
+use crate::speed::speed_loop::SpeedLoopConfig;
+use crate::speed::thermal::HeatConfig;
+use crate::watch::follow::BLIND_M;
+use crate::watch::runaway::RunawayConfig;
 use core::f64::consts::TAU;
 use fixed::types::I20F12;
 

@@ -1,14 +1,14 @@
 //! A motor's plate -> its current loop's and its speed loop's configuration.
 
 use super::{attempt, gain, positive, power_of_two, square_root, within};
-use crate::current_loop::CurrentLoopConfig;
-use crate::encoder::Interface;
-use crate::encoder_watch::EncoderWatchConfig;
-use crate::format::{Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
-use crate::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX, WideScale};
+use crate::base::format::{Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
+use crate::current::current_loop::CurrentLoopConfig;
+use crate::current::encoder::Interface;
+use crate::current::encoder_watch::EncoderWatchConfig;
+use crate::current::observer::{EncoderScale, ObserverConfig, SPEED_BITS_MAX, WideScale};
+use crate::current::regulator::{Induced, RegulatorConfig};
 use crate::plate::{DrivePlate, MotorPlate, Tuning};
-use crate::regulator::{Induced, RegulatorConfig};
-use crate::speed_loop::SpeedLoopConfig;
+use crate::speed::speed_loop::SpeedLoopConfig;
 use core::f64::consts::TAU;
 
 impl MotorPlate {
@@ -166,7 +166,7 @@ impl MotorPlate {
             speed_bits = speed_bits.saturating_sub(1);
         }
         if matches!(self.encoder.interface, Interface::Mt6835) {
-            let counts = crate::mt6835::COUNTS_PER_TURN as f64;
+            let counts = crate::current::mt6835::COUNTS_PER_TURN as f64;
             attempt!(within(
                 "resolution of an MT6835",
                 "counts/turn",

@@ -2,10 +2,10 @@
 
 use super::elementary::{decay, sine_and_cosine};
 use super::{attempt, quantise, within};
-use crate::disturbance::DisturbanceConfig;
-use crate::format::{Current, Misfit, Ratio, SpeedGain};
-use crate::notch::NotchConfig;
+use crate::base::format::{Current, Misfit, Ratio, SpeedGain};
 use crate::plate::{DrivePlate, MotorPlate};
+use crate::speed::disturbance::DisturbanceConfig;
+use crate::speed::notch::NotchConfig;
 use core::f64::consts::PI;
 
 /// A notch's coefficients.

@@ -1,11 +1,11 @@
 //! Limits of a runaway: parts of what a motor may do -> counts, steps, looks.
 
 use super::{attempt, gain, power_of_two, within};
-use crate::format::{Misfit, Speed, quantise};
+use crate::base::format::{Misfit, Speed, quantise};
+use crate::base::rates::STEPS_PER_LOOK;
+use crate::base::tolerance::Tolerance;
 use crate::plate::{DrivePlate, MotorPlate};
-use crate::runaway::RunawayConfig;
-use crate::speed_task::STEPS_PER_LOOK;
-use crate::tolerance::Tolerance;
+use crate::watch::runaway::RunawayConfig;
 use core::f64::consts::TAU;
 
 impl MotorPlate {

@@ -1,9 +1,9 @@
 //! Soft limits and homing -> nanometres and words of the references.
 
 use super::{attempt, positive, power_of_two, within};
-use crate::format::{Misfit, Speed, SpeedChange};
+use crate::base::format::{Misfit, Speed, SpeedChange};
 use crate::plate::DrivePlate;
-use crate::travel::{
+use crate::watch::travel::{
     LATENCY_S, LENGTH_BITS, PER_ACCELERATION_BITS, SQUARED_BITS, STANDS_BEFORE_M, TIME_BITS,
     TIME_PER_WORD_BITS, TravelConfig,
 };

@@ -1,0 +1,114 @@
+//! Do the encoders belong to their motors, and do both motors mean the same direction?
+//!
+//! Equal torques are tried in four ways: against each other, and together, each both ways round. Against each other the
+//! screw-nut pair slips, and the encoders must see the screw go ahead of the nut; encoders that are exchanged see it
+//! fall back. (That matters where the pair's friction is above the bearings': one motor alone then takes the other
+//! along, and both encoders see the same.) And against each other the pair's friction and the guideway's come on top of
+//! the bearings', so that it takes more torque than together: with `b` and `p` of both,
+//! `(b + p) - b = p`, the load's parts cancelling between the two ways round. Where it takes less, positive torques do
+//! not turn both motors the same way: one has two phases and its encoder's channels swapped, which no look at one motor alone shows.
+
+use super::Reason;
+use super::back::Return;
+use super::probe::{Broken, Probe, ProbeConfig, ProbeStep};
+use crate::base::format::Angle;
+
+/// Signs of the torques: screw, nut.
+const WAYS: [[i32; 2]; 4] = [[1, -1], [-1, 1], [1, 1], [-1, -1]];
+
+/// State of a test of the pair.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Pair {
+    way: u8,
+    probe: Probe,
+    return_to_start: Return,
+    /// Ways in which screw against nut went as asked, and the other way.
+    right: u8,
+    wrong: u8,
+    /// Torques that it took, 2^-16 of the limit: against each other, together.
+    against: u32,
+    together: u32,
+}
+
+/// What the test asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum PairStep {
+    /// No torque.
+    Rest,
+    /// This part of the torques' limits, 2^-16, with these signs.
+    Ramp(u16, [i32; 2]),
+    /// All is as it should be.
+    Right,
+    /// It is not.
+    Wrong(Reason),
+}
+
+impl Pair {
+    /// One step, with both encoders' angles, each in its motor's direction, and whether positive torques turn both motors the
+    /// same way, if one took the other along before; `apart`: how far the table is from its start, which is `near` enough, 2^-32 turn.
+    pub(super) fn step(
+        &mut self,
+        probes: &ProbeConfig,
+        theta: [Angle; 2],
+        same_direction: Option<bool>,
+        apart: i32,
+        near: u32,
+    ) -> PairStep {
+        self.return_to_start.begin(apart, near);
+        let away = self.return_to_start.away();
+        let signs = match (away, WAYS.get(usize::from(self.way))) {
+            (Some(away), _) if away > 0 => [-1, 1],
+            (Some(_), _) => [1, -1],
+            (None, Some(&signs)) => signs,
+            (None, None) => return self.conclude(same_direction),
+        };
+        match self.probe.step(probes, theta) {
+            ProbeStep::Rest => PairStep::Rest,
+            ProbeStep::Ramp(level) => PairStep::Ramp(level, signs),
+            ProbeStep::Moves(_) => PairStep::Wrong(Reason::LoadMoves),
+            ProbeStep::Found(broken) => {
+                self.probe = Probe::default();
+                if away.is_some() {
+                    self.return_to_start.go_on(apart, near);
+                } else {
+                    self.take(probes, &broken, signs);
+                    self.way = self.way.saturating_add(1);
+                }
+                PairStep::Rest
+            }
+        }
+    }
+
+    fn take(&mut self, probes: &ProbeConfig, broken: &Broken, signs: [i32; 2]) {
+        let [screw, nut] = broken.moved;
+        let [sign, nut_sign] = signs;
+        if sign == nut_sign {
+            self.together = self.together.saturating_add(broken.level.into());
+            return;
+        }
+        self.against = self.against.saturating_add(broken.level.into());
+        let apart = screw.saturating_sub(nut);
+        if apart.unsigned_abs() >= probes.motion {
+            let as_asked = (apart > 0) == (sign > 0);
+            self.right = self.right.saturating_add(u8::from(as_asked));
+            self.wrong = self.wrong.saturating_add(u8::from(!as_asked));
+        }
+    }
+
+    fn conclude(&self, same_direction: Option<bool>) -> PairStep {
+        if self.right == 0 && self.wrong == 0 {
+            return PairStep::Wrong(Reason::Held);
+        }
+        if self.wrong > self.right {
+            return PairStep::Wrong(Reason::Exchanged);
+        }
+        // An eighth of the limit each way: cogging adds to one way and not to the other.
+        const MARGIN: u32 = 1 << 14;
+        let harder_together = self.together > self.against.saturating_add(MARGIN);
+        match same_direction {
+            Some(false) => PairStep::Wrong(Reason::Opposed),
+            None if harder_together => PairStep::Wrong(Reason::Opposed),
+            _ => PairStep::Right,
+        }
+    }
+}

@@ -1,0 +1,149 @@
+//! A probe: a torque that grows until something moves, then both windings shorted until all stands again.
+//!
+//! It grows by the same part each step. From the break-away on the motion is then the same in time whatever part of the
+//! current makes torque, and so the current at which it is seen is in proportion to one over that part: the rotor's inertia
+//! drops out of the ratio of two. Friction and the shorted windings stop what moves: a rotor whose friction a load takes up, and
+//! whose torque over its angle helps that load, creeps down instead of running away.
+
+use crate::base::format::{Angle, Current};
+
+/// Where a ramp begins, 2^-16 of the limit.
+const FIRST: u16 = 1 << 12;
+
+/// Times of a probe, and what counts as motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ProbeConfig {
+    /// By what the torque grows in a step, 2^-16 of it: from a sixteenth of the limit to the limit.
+    pub growth: u16,
+    /// What stands for so many steps, stands.
+    pub rest_steps: u16,
+    /// Rests until the load is taken to move by itself.
+    pub rests_max: u8,
+    /// The angle that is motion, 2^-32 turn.
+    pub motion: u32,
+}
+
+/// A probe on its way.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Probe {
+    level: u16,
+    step: u16,
+    rests: u8,
+    /// Angles at the start, and then at the start of each rest.
+    from: [Angle; 2],
+    found: Option<Broken>,
+}
+
+/// What a probe found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Broken {
+    /// How far each encoder had moved, 2^-32 turn; less than what is motion if nothing gave way to the whole torque.
+    pub(super) moved: [i32; 2],
+    /// The torque at which that was, 2^-16 of the limit.
+    pub(super) level: u16,
+}
+
+impl Broken {
+    /// Both moved, by half of what is motion at least: their signs are the same. `None` if one stood.
+    pub(super) fn together(&self, config: &ProbeConfig) -> Option<bool> {
+        let [screw, nut] = self.moved;
+        let mut both = self.moved.into_iter();
+        both.all(|moved| moved.unsigned_abs() >= config.motion >> 1)
+            .then_some((screw < 0) == (nut < 0))
+    }
+
+    /// The sign of the motion of `motor`; 0 if it held.
+    pub(super) fn sign(&self, config: &ProbeConfig, motor: usize) -> i32 {
+        let moved = self.moved.get(motor).copied().unwrap_or(0);
+        // Half of it: what takes the other along moves no further than that.
+        if moved.unsigned_abs() < config.motion >> 1 {
+            0
+        } else {
+            moved.signum()
+        }
+    }
+}
+
+/// What a probe asks for in a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum ProbeStep {
+    /// This torque, 2^-16 of the limit.
+    Ramp(u16),
+    /// No torque.
+    Rest,
+    /// No torque, and everything stands: what was found.
+    Found(Broken),
+    /// Something still moves after the longest rest: which of both encoders.
+    Moves([bool; 2]),
+}
+
+impl Probe {
+    /// A probe that only waits until everything stands.
+    pub(super) fn resting(theta: [Angle; 2]) -> Self {
+        Self {
+            from: theta,
+            found: Some(Broken::default()),
+            ..Self::default()
+        }
+    }
+
+    /// One step, with both encoders' angles. The first step of a fresh probe begins it.
+    pub(super) fn step(&mut self, config: &ProbeConfig, theta: [Angle; 2]) -> ProbeStep {
+        if self.level == 0 && self.found.is_none() {
+            self.from = theta;
+        }
+        let moved = moved(theta, self.from);
+        let gave_way = moves(config, moved);
+        let Some(found) = self.found else {
+            if gave_way || self.level == u16::MAX {
+                self.found = Some(Broken {
+                    moved,
+                    level: self.level,
+                });
+                self.from = theta;
+                return ProbeStep::Rest;
+            }
+            // A part of the level, and one: below 2^17.
+            let more = (u32::from(self.level).wrapping_mul(u32::from(config.growth)) >> 16)
+                .wrapping_add(1);
+            let level = u32::from(self.level.max(FIRST)).wrapping_add(more);
+            self.level = u16::try_from(level).unwrap_or(u16::MAX);
+            return ProbeStep::Ramp(self.level);
+        };
+        self.step = self.step.saturating_add(1);
+        if self.step < config.rest_steps {
+            return ProbeStep::Rest;
+        }
+        let goes_on = moved.map(|moved| moved.unsigned_abs() > config.motion >> 3);
+        if goes_on == [false; 2] {
+            return ProbeStep::Found(found);
+        }
+        self.step = 0;
+        self.from = theta;
+        self.rests = self.rests.saturating_add(1);
+        if self.rests < config.rests_max {
+            ProbeStep::Rest
+        } else {
+            ProbeStep::Moves(goes_on)
+        }
+    }
+}
+
+/// The part `level`, 2^-16, of a current.
+pub(super) fn current(limit: Current, level: u16) -> Current {
+    let wide = i64::from(limit.to_bits()).wrapping_mul(i64::from(level)) >> 16;
+    // A part of the limit.
+    #[allow(clippy::cast_possible_truncation)]
+    Current::from_bits(wide as i32)
+}
+
+/// How far both have moved.
+pub(super) fn moved([screw, nut]: [Angle; 2], [screw_from, nut_from]: [Angle; 2]) -> [i32; 2] {
+    [screw.minus(screw_from), nut.minus(nut_from)]
+}
+
+/// One of both has moved.
+pub(super) fn moves(config: &ProbeConfig, moved: [i32; 2]) -> bool {
+    let mut each = moved.into_iter();
+    each.any(|moved| moved.unsigned_abs() >= config.motion)
+}

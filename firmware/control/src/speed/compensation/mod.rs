@@ -1,0 +1,485 @@
+//! Harmonic compensation: the drive removes ripple that repeats with an angle, and learns it while it runs.
+//!
+//! | repeats with | is | corrected at | learned from |
+//! | --- | --- | --- | --- |
+//! | the shaft of a motor | torque: harmonics of current and flux, cogging, errors of current sensors and dead time | the current reference | the speed error of that motor |
+//! | the shaft of a motor | an error of its encoder, which that encoder cannot see | the speed reference | the table's scale |
+//! | the relative angle | an error of the lead | the screw's speed reference | the table's scale |
+//!
+//! Each order has a complex coefficient that does not depend on speed; [`response`] says what the loops make of it at the
+//! present one. Learning is adaptive feed-forward cancellation (Bodson, Sacks and Khosla, "Harmonic generation in adaptive
+//! feedforward cancellation schemes", IEEE Trans. Automatic Control, 1994): the error is correlated with the ripple's own cosine and sine, turned by the phase of the loops. That
+//! is an integrator at the order's frequency, and so equals a resonator there; its time constant is the same for all orders.
+//!
+//! It stands still while a speed changes, while a limit cuts a current, and where the order is beyond what the loops can do;
+//! each coefficient is bounded, so that nothing winds up. [`fit`] tells whether what was learned before still fits.
+
+pub mod fit;
+pub mod line;
+pub mod response;
+
+use crate::base::format::{Angle, Current, Speed, multiply_upper};
+use fit::TableChecks;
+use line::{Line, Order, Phasor};
+use response::Response;
+
+/// Orders of torque of a motor.
+pub const TORQUES: usize = 8;
+/// Orders of an encoder's error.
+pub const ANGLES: usize = 2;
+/// Orders of the lead's error.
+pub const TRAVELS: usize = 2;
+/// Fraction bits of a torque's coefficient, A.
+pub const TORQUE_BITS: u32 = 17;
+/// Fraction bits of an encoder's and the lead's coefficient: relative change of speed.
+pub const SPEED_BITS: u32 = 27;
+
+/// An order with its coefficient at the start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct LineConfig {
+    /// How often it repeats in a turn.
+    pub order: Order,
+    /// What it starts with.
+    pub start: Phasor,
+}
+
+/// How fast orders are learned from the table's scale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct RateConfig {
+    /// For a slow shaft: 2^-44 per 2^-16 rad/s.
+    pub slow: i32,
+    /// For a fast one the same over its speed: `fast / (theta_step >> FAST_DROPS) << fast_shift`.
+    pub fast: u32,
+    /// See `fast`.
+    pub fast_shift: u32,
+}
+
+/// Bits of a speed that a rate over speed does without.
+pub(crate) const FAST_DROPS: u32 = 10;
+
+/// The table's scale.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ScaleConfig {
+    /// Relative speed of screw and nut per count in [`SPEED_STEPS`] steps, 2^-24 rad/s.
+    pub per_count: i32,
+    /// Learning of the encoders' and the lead's errors.
+    pub rate: RateConfig,
+}
+
+/// Configuration of the compensation. In memory the lists, which only the start reads, come last.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[repr(C)]
+pub struct CompensationConfig {
+    /// There is an order to compensate.
+    pub active: bool,
+    /// It learns.
+    pub learns: bool,
+    /// The table's scale, if there is one.
+    pub scale: Option<ScaleConfig>,
+    /// Electrical turns a mechanical turn: screw, nut.
+    pub pole_pairs: [i32; 2],
+    /// Part of the full learning rate for a shaft that turns by 1 a PWM period, 2^-32 turn: 2^-47. A slow shaft is learned
+    /// by its turns, and not by time.
+    pub slow: i32,
+    /// Checks of a torque's table at the full learning rate, 2^-15, after which one that has not moved fits.
+    pub checked: u32,
+    /// Largest part of a torque's coefficient, 2^-17 A.
+    pub torque_max: i32,
+    /// How the loops answer: screw, nut.
+    pub response: [Response; 2],
+    /// Torque: screw, nut.
+    pub torque: [[LineConfig; TORQUES]; 2],
+    /// Errors of the encoders: screw, nut.
+    pub angle: [[LineConfig; ANGLES]; 2],
+    /// Errors of the lead.
+    pub travel: [LineConfig; TRAVELS],
+}
+
+impl CompensationConfig {
+    /// Part of the full learning rate for a shaft that turns by `theta_step` a PWM period, either way, 2^-31.
+    #[inline(always)]
+    fn part(&self, theta_step: u32) -> i32 {
+        // Within 2^28 times 2^31, in 2^-47; a part is in 2^-31.
+        let part = i64::from(theta_step).wrapping_mul(self.slow.into()) >> 16;
+        #[allow(clippy::cast_possible_truncation)]
+        let part = part.min(i32::MAX.into()) as i32;
+        part
+    }
+}
+
+/// What the compensation sees of a motor.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Turning {
+    /// Angle of the shaft.
+    pub theta: Angle,
+    /// Its turning in a PWM period, 2^-32 turn.
+    pub theta_step: i32,
+    /// Electrical speed.
+    pub omega_e: Speed,
+    /// It follows a steady reference without a limit.
+    pub steady: bool,
+}
+
+/// State of the compensation.
+#[derive(Clone, Copy, Debug)]
+pub struct Compensation {
+    torque: [[Line; TORQUES]; 2],
+    angle: [[Line; ANGLES]; 2],
+    travel: [Line; TRAVELS],
+    /// Angles over many turns, 2^-32 turn: screw, nut.
+    turned: [u64; 2],
+    /// The scale's last count.
+    counted: Option<u32>,
+    /// What is added to the speed references: screw, nut.
+    given: [Speed; 2],
+    /// Counts the steps.
+    step: u8,
+    /// The line that is tuned next.
+    next: u8,
+    /// Both motors are steady since as many steps as it takes to tune all lines.
+    steady_steps: u8,
+    checks: TableChecks,
+}
+
+/// Steps of the speed task in which each motor's torque learns once.
+pub(crate) const TORQUE_STEPS: u8 = 2;
+/// Steps in which the speed references are computed and learn once, and one line is tuned.
+pub(crate) const SPEED_STEPS: u8 = 4;
+
+/// Lines in all: torque of screw and nut, angles of both, lead.
+pub const LINES: usize = 2 * TORQUES + 2 * ANGLES + TRAVELS;
+/// Steps in which all lines are tuned once, and one table is checked.
+const ROUND_STEPS: u8 = SPEED_STEPS * (LINES as u8 + 1);
+/// Steps from one check of a table to its next.
+pub(crate) const CHECK_STEPS: u32 = ROUND_STEPS as u32 * fit::TABLES as u32;
+
+impl Compensation {
+    /// A compensation that gives what its configuration starts with.
+    #[must_use]
+    pub const fn new(config: &CompensationConfig) -> Self {
+        let [screw, nut] = &config.torque;
+        let [screw_angle, nut_angle] = &config.angle;
+        Self {
+            torque: [starting(screw), starting(nut)],
+            angle: [starting(screw_angle), starting(nut_angle)],
+            travel: starting(&config.travel),
+            turned: [0; 2],
+            counted: None,
+            given: [Speed::ZERO; 2],
+            step: 0,
+            next: 0,
+            steady_steps: 0,
+            checks: TableChecks::new(),
+        }
+    }
+
+    /// What was learned by one of the [`LINES`], in their order: 2^-17 A of a torque, 2^-27 of a speed.
+    #[must_use]
+    #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
+    pub fn coefficient(&self, line: usize) -> Phasor {
+        const ANGLES_FROM: usize = 2 * TORQUES;
+        const TRAVELS_FROM: usize = ANGLES_FROM + 2 * ANGLES;
+        let found = match line {
+            ..ANGLES_FROM => self.torque.as_flattened().get(line),
+            ANGLES_FROM..TRAVELS_FROM => {
+                let angles = self.angle.as_flattened();
+                angles.get(line.wrapping_sub(ANGLES_FROM))
+            }
+            _ => self.travel.get(line.wrapping_sub(TRAVELS_FROM)),
+        };
+        found.map_or(Phasor::ZERO, Line::coefficient)
+    }
+
+    /// A step in which nothing is driven: the table may be moved meanwhile. What was learned stays.
+    #[inline(always)]
+    pub fn rest(&mut self) {
+        (self.steady_steps, self.counted) = (0, None);
+    }
+
+    /// First in a step: both shafts, the scale's count and the relative speed that is asked, mechanical rad/s -> what is added
+    /// to the speed references.
+    #[inline(always)]
+    pub fn references(
+        &mut self,
+        config: &CompensationConfig,
+        shafts: [Turning; 2],
+        scale: Option<u32>,
+        relative: Speed,
+    ) -> [Speed; 2] {
+        let [screw, nut] = shafts;
+        let [screw_turned, nut_turned] = &mut self.turned;
+        *screw_turned = on(*screw_turned, screw.theta);
+        *nut_turned = on(*nut_turned, nut.theta);
+        self.steady_steps = if screw.steady && nut.steady {
+            self.steady_steps.saturating_add(1)
+        } else {
+            0
+        };
+        self.step = self.step.wrapping_add(1);
+        match self.step % SPEED_STEPS {
+            0 => {
+                let error = self.table_error(config, scale, relative);
+                self.give(config, [screw.omega_e, nut.omega_e], error, relative);
+            }
+            2 => self.tune(config, [screw.theta_step, nut.theta_step]),
+            _ => {}
+        }
+        self.given
+    }
+
+    /// What is added to the speed references, from here on.
+    #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
+    fn give(
+        &mut self,
+        config: &CompensationConfig,
+        omega_e: [Speed; 2],
+        error: i32,
+        relative: Speed,
+    ) {
+        let error = if self.learns() { held(error) } else { 0 };
+        let [screw_turned, nut_turned] = self.turned;
+        let [screw_lines, nut_lines] = &mut self.angle;
+        let to_screw = learn(screw_lines, screw_turned << 16, error);
+        let to_nut = learn(nut_lines, nut_turned << 16, error);
+        let turned = screw_turned.wrapping_sub(nut_turned);
+        let to_relative = learn(&mut self.travel, turned << 16, error);
+        let [pole_pairs, _] = config.pole_pairs;
+        let relative = relative.saturating_mul_int(pole_pairs);
+        let [screw, nut] = omega_e;
+        self.given = [
+            speed_part(screw, to_screw).saturating_add(speed_part(relative, to_relative)),
+            speed_part(nut, to_nut),
+        ];
+    }
+
+    /// Then: both speed errors -> what is added to the current references. The motors learn by turns.
+    #[inline(always)]
+    pub fn currents(&mut self, errors: [Speed; 2]) -> [Current; 2] {
+        let learns = self.learns();
+        let [screw_turned, nut_turned] = self.turned;
+        let [screw_lines, nut_lines] = &mut self.torque;
+        let [screw_error, nut_error] = errors.map(|error| held(error.to_bits()));
+        let screws_turn = self.step.is_multiple_of(TORQUE_STEPS);
+        let of_screw = if learns && screws_turn {
+            learn(screw_lines, screw_turned << 16, screw_error)
+        } else {
+            sum(screw_lines, screw_turned << 16)
+        };
+        let of_nut = if learns && !screws_turn {
+            learn(nut_lines, nut_turned << 16, nut_error)
+        } else {
+            sum(nut_lines, nut_turned << 16)
+        };
+        [of_screw, of_nut].map(|sum| Current::from_bits(sum.saturating_add(sum)))
+    }
+
+    /// All lines are tuned to speeds that have not changed since.
+    #[inline(always)]
+    fn learns(&self) -> bool {
+        self.steady_steps > ROUND_STEPS
+    }
+
+    /// How much slower the table is than asked, as a relative speed, 2^-16 mechanical rad/s.
+    #[inline(always)]
+    #[allow(clippy::cast_possible_truncation)]
+    fn table_error(
+        &mut self,
+        config: &CompensationConfig,
+        scale: Option<u32>,
+        relative: Speed,
+    ) -> i32 {
+        let (Some(scale_config), Some(count)) = (config.scale, scale) else {
+            self.counted = None;
+            return 0;
+        };
+        let Some(before) = self.counted.replace(count) else {
+            return 0;
+        };
+        let moved = i64::from(count.wrapping_sub(before).cast_signed());
+        let speed = moved.wrapping_mul(scale_config.per_count.into()) >> 8;
+        let error = i64::from(relative.to_bits()).wrapping_sub(speed);
+        error.clamp(i32::MIN.into(), i32::MAX.into()) as i32
+    }
+
+    /// Tunes one line to the present speeds; after the last a table is checked.
+    #[inline(never)]
+    fn tune(&mut self, config: &CompensationConfig, theta_steps: [i32; 2]) {
+        let next = usize::from(self.next);
+        if next >= LINES {
+            self.next = 0;
+            return self.check(config, theta_steps);
+        }
+        self.next = self.next.wrapping_add(1);
+        let motor = next & 1;
+        let index = next >> 1;
+        let (Some(response), Some(&theta_step)) =
+            (config.response.get(motor), theta_steps.get(motor))
+        else {
+            return;
+        };
+        if index < TORQUES {
+            let lines = self.torque.get_mut(motor);
+            if let Some(line) = lines.and_then(|lines| lines.get_mut(index))
+                && line.order().0 != 0
+            {
+                tune_torque(config, line, response, theta_step);
+            }
+            return;
+        }
+        let [screw, nut] = theta_steps;
+        let relative = screw.wrapping_sub(nut);
+        let index = index.wrapping_sub(TORQUES);
+        if index < ANGLES {
+            let lines = self.angle.get_mut(motor);
+            if let Some(line) = lines.and_then(|lines| lines.get_mut(index)) {
+                let slower = theta_step.unsigned_abs().min(relative.unsigned_abs());
+                let learns = learning(config, response, line.order(), theta_step, slower);
+                let learns = if motor == 0 { learns } else { negative(learns) };
+                line.tune(line.coefficient(), learns, SPEED_PART_MAX);
+            }
+        } else if let Some(line) = self.travel.get_mut(motor) {
+            let [response, _] = &config.response;
+            let slower = relative.unsigned_abs();
+            let learns = learning(config, response, line.order(), relative, slower);
+            line.tune(line.coefficient(), learns, SPEED_PART_MAX);
+        }
+    }
+}
+
+/// An error of an encoder or the lead changes the speed by no more than a sixteenth.
+const SPEED_PART_MAX: i32 = 1 << (SPEED_BITS - 4);
+
+/// An error within ±512 rad/s, so that the learning of as many steps as lie between two tunings of a line fits: see
+/// [`Line::learn`].
+#[inline(always)]
+fn held(error: i32) -> i32 {
+    const END: i32 = 1 << 25;
+    error.clamp(-END, END)
+}
+
+/// An angle over many turns, of which the lower word is the angle within one, moved on to `theta`.
+#[inline(always)]
+#[allow(clippy::cast_possible_truncation)]
+fn on(turned: u64, theta: Angle) -> u64 {
+    turned.wrapping_add_signed(theta.minus(Angle(turned as u32)).into())
+}
+
+const fn starting<const N: usize>(configs: &[LineConfig; N]) -> [Line; N] {
+    let mut lines = [Line::NONE; N];
+    let mut left: (&mut [Line], &[LineConfig]) = (&mut lines, configs);
+    while let ([line, lines @ ..], [config, configs @ ..]) = left {
+        *line = Line::starting(config.order, config.start);
+        left = (lines, configs);
+    }
+    lines
+}
+
+/// The sum of lines at an angle over many turns, shifted up by 16, in twice their unit.
+///
+/// It and [`learn`] are one loop each: of two that take the cosine in one function the compiler would keep its constant in 64
+/// bits, and multiply by such a one in three instructions.
+#[inline(never)]
+#[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
+fn sum<const N: usize>(lines: &[Line; N], turned: u64) -> i32 {
+    let mut sum = 0i32;
+    for line in lines {
+        if line.order().0 != 0 {
+            let at = line.order().angle_of_shifted(turned).cos_sin();
+            sum = sum.saturating_add(line.value(at));
+        }
+    }
+    sum
+}
+
+/// The same of lines that learn from an error.
+#[inline(never)]
+#[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
+fn learn<const N: usize>(lines: &mut [Line; N], turned: u64, error: i32) -> i32 {
+    let mut sum = 0i32;
+    for line in lines {
+        if line.order().0 != 0 {
+            let at = line.order().angle_of_shifted(turned).cos_sin();
+            sum = sum.saturating_add(line.value(at));
+            line.learn(at, error);
+        }
+    }
+    sum
+}
+
+/// A part of a speed, 2^-26.
+#[inline(always)]
+fn speed_part(speed: Speed, part: i32) -> Speed {
+    let wide = i64::from(speed.to_bits()).wrapping_mul(part.into()) >> (SPEED_BITS - 1);
+    #[allow(clippy::cast_possible_truncation)]
+    Speed::from_bits(wide.clamp(i32::MIN.into(), i32::MAX.into()) as i32)
+}
+
+#[inline(always)]
+fn tune_torque(config: &CompensationConfig, line: &mut Line, response: &Response, theta_step: i32) {
+    let Some(point) = response.at(line.order().frequency(theta_step)) else {
+        return line.tune(Phasor::ZERO, Phasor::ZERO, config.torque_max);
+    };
+    // 2^-17 A times 2^-27 is 2^-44; a current is in 2^-20 A.
+    let gives = line
+        .coefficient()
+        .times(point.realise.turned_by(theta_step), 8);
+    let learns = if config.learns {
+        let part = config.part(theta_step.unsigned_abs());
+        point.learn.turned_by(theta_step).part(part)
+    } else {
+        Phasor::ZERO
+    };
+    line.tune(gives, learns, config.torque_max);
+}
+
+/// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`; `slower` of the motions that tell it
+/// from others. Nothing without a scale, where encoders and lead stay what they are known to be.
+#[inline(never)]
+fn learning(
+    config: &CompensationConfig,
+    response: &Response,
+    order: Order,
+    theta_step: i32,
+    slower: u32,
+) -> Phasor {
+    match (config.scale, response.at(order.frequency(theta_step))) {
+        (Some(scale), Some(point)) if config.learns && order.0 != 0 => {
+            let turned = point.follow.turned_by(theta_step);
+            let rate = rate(scale.rate, theta_step, slower);
+            let times = |x| multiply_upper(x, rate).saturating_mul(8);
+            let learns = Phasor {
+                re: times(turned.re),
+                im: times(turned.im),
+            };
+            if theta_step < 0 {
+                negative(learns)
+            } else {
+                learns
+            }
+        }
+        _ => Phasor::ZERO,
+    }
+}
+
+fn negative(x: Phasor) -> Phasor {
+    Phasor {
+        re: x.re.wrapping_neg(),
+        im: x.im.wrapping_neg(),
+    }
+}
+
+/// The rate for a shaft that turns by `theta_step`, by the slower of the motions that tell it from others.
+#[inline(always)]
+#[allow(clippy::cast_possible_truncation)]
+fn rate(config: RateConfig, theta_step: i32, slower: u32) -> i32 {
+    let speed = theta_step.unsigned_abs() >> FAST_DROPS;
+    let fast = config.fast.checked_div(speed).unwrap_or(u32::MAX);
+    let fast = (u64::from(fast) << (config.fast_shift & 31)).min(i32::MAX as u64) as i32;
+    // Slow in the slower motion: as much less as that is slower than the shaft.
+    let part = (slower >> FAST_DROPS).min(u16::MAX.into()).wrapping_shl(16);
+    let part = part.checked_div(speed).unwrap_or(0).min(1 << 16);
+    let slow = i64::from(config.slow).wrapping_mul(part.into()) >> 16;
+    fast.min(slow as i32)
+}
