@@ -3,17 +3,17 @@
 use crate::board;
 use crate::hw::encoder::InputFilter;
 use crate::hw::flash::SettingsPages;
-use control::guard::{GuardConfig, GuardPlate};
+use application::configured::Configured;
+use application::keep::Keeper;
+use application::server::NotSet;
+use control::guard::GuardPlate;
 use control::plate::{DriveConfig, DrivePlate};
 use control::scale_watch::ScaleWatchPlate;
 use control::speed_task::SpeedTask;
-use control::travel::TravelConfig;
 use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use link::codes::Origin;
 use link::message::Refusal;
-use link::server::NotSet;
-use link::settings::keep::Keeper;
 use link::settings::plate::Unfit;
 use link::settings::{EncoderInterface, Settings};
 use link::telemetry::Header;
@@ -24,24 +24,6 @@ pub(crate) const PLATE: DrivePlate = if cfg!(feature = "smooth") {
 } else {
     board::PLATE
 };
-
-/// What the drive runs on: all that the tasks read. The control's comes first: see [`Held`].
-#[derive(Clone, Copy)]
-#[repr(C)]
-pub(crate) struct Configured {
-    /// The control's.
-    pub(crate) drive: DriveConfig,
-    /// The supervision's.
-    pub(crate) guard: GuardConfig,
-    /// What stands before each stream of telemetry.
-    pub(crate) header: Header,
-    /// The soft limits.
-    pub(crate) travel: TravelConfig,
-    /// What they come from.
-    pub(crate) plate: DrivePlate,
-    /// One count of the table's scale, m.
-    pub(crate) scale_count_m: f64,
-}
 
 /// Of the board's own plate, computed while compiling: a number that does not fit its format stops the build.
 pub(crate) const BOARD: Configured = Configured {
@@ -159,7 +141,7 @@ fn own() -> Settings {
 
 #[inline(never)]
 fn fits_instead_of_own(settings: &Settings, config: &mut DriveConfig) -> Result<(), NotSet> {
-    fits(settings, &own(), config)
+    config_fits(settings, &own(), config)
 }
 
 /// All but the control's configuration, of settings that fit.
@@ -189,7 +171,7 @@ fn guard_plate(settings: &Settings) -> GuardPlate {
 /// Whether a drive on this board can be configured with these settings, in the place of `before`: then `config` is the control's
 /// configuration.
 #[inline(never)]
-pub(crate) fn fits(
+pub(crate) fn config_fits(
     settings: &Settings,
     before: &Settings,
     config: &mut DriveConfig,

@@ -2,8 +2,8 @@
 //!
 //! A debugger observes. Commands come over the link, which arms and takes a heartbeat.
 
+pub(crate) use application::exchange::count;
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity, Voltage};
-use control::supervisor::State;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::scale;
 use link::view::DriveView;
@@ -22,25 +22,10 @@ const _: () = assert!(
         && TableVelocity::FRAC_NBITS == scale::TABLE_VELOCITY
 );
 
-/// Counts a word up. Only the word's one writer may call it.
-#[inline(always)]
-pub(crate) fn count(word: &AtomicU32) -> u32 {
-    let next = word.load(Relaxed).wrapping_add(1);
-    word.store(next, Relaxed);
-    next
-}
-
 /// Keeps the largest value. Only the word's one writer may call it.
 #[inline(always)]
 pub(crate) fn keep_max(word: &AtomicU32, value: u32) {
     if value > word.load(Relaxed) {
         word.store(value, Relaxed);
     }
-}
-
-/// Says what the drive is doing.
-#[inline(always)]
-pub(crate) fn show(state: State) {
-    DRIVE_VIEW.state.store(state.word(), Relaxed);
-    DRIVE_VIEW.fault.store(state.fault_word(), Relaxed);
 }

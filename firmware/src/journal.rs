@@ -1,9 +1,7 @@
 //! Where the journal is kept: RAM that no start clears, at a symbol that a debugger knows.
 
-use control::journal::{Journal, Kind};
+use control::journal::Journal;
 use core::mem::MaybeUninit;
-use link::codes::ResetReason;
-use link::settings::keep::Found;
 
 /// At [`link::JOURNAL_SYMBOL`].
 #[unsafe(no_mangle)]
@@ -11,13 +9,10 @@ use link::settings::keep::Found;
 static mut DRIVE_JOURNAL: MaybeUninit<Journal> = MaybeUninit::uninit();
 
 /// Takes it up after a start. Call it once, before interrupts are enabled.
-pub(crate) fn take_up(reason: ResetReason, found: Found) -> &'static mut Journal {
+pub(crate) fn take_up() -> &'static mut Journal {
     // SAFETY: this runs once, so the reference is the only one; every bit pattern of its integers is valid, and an event is
     // believed only with its check.
     let journal = unsafe { &mut *(&raw mut DRIVE_JOURNAL).cast::<Journal>() };
     journal.take_up();
-    journal.add(0, Kind::Start, reason.word(), [0; 2]);
-    let values = [found.unfit.into(), 0];
-    journal.add(0, Kind::Settings, found.origin.word(), values);
     journal
 }

@@ -16,13 +16,9 @@ mod lines;
 mod log;
 mod memory;
 mod motor_loop;
-mod motor_view;
-mod orders;
-mod rows;
 mod schedule;
 mod speed;
 mod supervision;
-mod telemetry;
 
 #[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG])]
 mod app {
@@ -38,16 +34,16 @@ mod app {
     };
     use crate::lines::{Lines, RTT_DOWN_BYTES, RTT_UP_BYTES};
     use crate::motor_loop::{MOTORS, MotorLoop};
-    use crate::orders::Orders;
     use crate::speed::{Speed, Wired};
     use crate::supervision::Supervision;
-    use crate::telemetry::Sampler;
     use crate::{bringup, config, crash, journal, log, schedule};
-    use control::journal::{Journal, Kind, Warning};
+    use application::keep::Keeper;
+    use application::orders::Orders;
+    use application::start::log_start;
+    use control::journal::Journal;
     use core::mem::MaybeUninit;
     use core::sync::atomic::Ordering::Relaxed;
     use cortex_m::peripheral::scb::SystemHandler;
-    use link::settings::keep::Keeper;
     use rtic_monotonics::Timebase as _;
     use rtic_monotonics::fugit::ExtU32 as _;
     use stm32g4xx_hal::gpio::GpioExt as _;
@@ -182,10 +178,10 @@ mod app {
 
         let drivers = GateDrivers::new(pins.outputs.drivers, pins.fault_lines);
         let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs, drivers);
-        let journal = journal::take_up(reason, keeper.found());
-        if let Some(warning) = Warning::of(&start.plate.brake) {
+        let journal = journal::take_up();
+        let warning = log_start(journal, reason, keeper.found(), &start.plate.brake);
+        if let Some(warning) = warning {
             defmt::warn!("{=str}", warning.sentence());
-            journal.add(0, Kind::Warning, warning.word(), [0; 2]);
         }
         let watches = analog::Watches::of(&converters);
         let wired = Wired {
@@ -193,7 +189,7 @@ mod app {
             fault_lines: pins.fault_lines,
             brake: pins.outputs.brake,
         };
-        let speed = Speed::new(scale, watches, Sampler::new(), &wired);
+        let speed = Speed::new(scale, watches, wired);
         let lines = cx.local.kept;
         lines.start(
             serial::Serial::start(device.LPUART1, &device.DMAMUX),
@@ -229,7 +225,7 @@ mod app {
             lines,
             off: bdtr,
         };
-        let orders = Orders::new();
+        let orders = Orders::new(&start.plate);
         (Shared { orders, journal }, local)
     }
 
@@ -274,7 +270,10 @@ mod app {
             let late = Mono::now() > next;
             let supervision = &mut *cx.local.supervision;
             let inputs = supervision.inputs();
-            let found = cx.shared.orders.lock(|orders| orders.step(inputs));
+            let found = cx
+                .shared
+                .orders
+                .lock(|orders| Supervision::order(orders, inputs));
             cx.shared
                 .journal
                 .lock(|journal| supervision.step(late, inputs, found, journal));

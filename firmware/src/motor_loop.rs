@@ -1,10 +1,11 @@
 //! What a current-loop interrupt does: [`CurrentLoop::period`] on the motor's registers, timed.
 
 use crate::config::{BOARD, config};
-use crate::debug_view::{self, keep_max};
+use crate::debug_view::{DRIVE_VIEW, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::Registers;
+use application::exchange::show;
 use control::current_loop::{CurrentLoop, CurrentLoopConfig};
 use control::exchange::MotorExchange;
 use control::fault::Fault;
@@ -44,6 +45,12 @@ impl Motor {
 /// Screw, nut.
 pub(crate) static MOTORS: [Motor; 2] = [Motor::new(0), Motor::new(1)];
 
+/// The words of both with the speed task.
+#[inline(always)]
+pub(crate) fn exchanges() -> [&'static MotorExchange; 2] {
+    MOTORS.each_ref().map(|motor| &motor.exchange)
+}
+
 /// One motor's loop, and its registers. `MOTOR` is its place in the configuration and among the [`MOTORS`].
 pub(crate) struct MotorLoop<const MOTOR: usize, T, X, Y, E> {
     registers: Registers<T, X, Y, E>,
@@ -82,5 +89,5 @@ where
 
 /// The speed task, which says what the drive is doing, cannot.
 fn say_stale() {
-    debug_view::show(State::Fault(Fault::SpeedTaskLate));
+    show(&DRIVE_VIEW, State::Fault(Fault::SpeedTaskLate));
 }

@@ -4,7 +4,7 @@
 //! below it in priority; half a period later the nut's counter turns and its current loop runs.
 
 use crate::board::{Board, BoardConfig};
-use crate::seam::{Disturbed, Seam, SpeedSeen, Straight};
+use crate::seam::{Disturbed, Seam, SpeedCall, SpeedSeen, Straight};
 use control::active_limit::ActiveLimits;
 use control::alignment::Misalignment;
 use control::compensation::Compensation;
@@ -458,6 +458,23 @@ impl Drive {
     }
 
     fn speed_interrupt(&mut self, seam: &mut impl Seam) {
+        let code = &mut self.code;
+        let stepped = seam.speed(SpeedCall {
+            task: &mut code.speed_task,
+            config: &code.config,
+            motors: code.exchanges.each_ref(),
+            board: &mut self.board,
+        });
+        match stepped {
+            Some(output) => self.code.speed = output,
+            None => self.step_by_request(seam),
+        }
+        if self.code.speed.state.is_driven() {
+            self.add_currents(seam);
+        }
+    }
+
+    fn step_by_request(&mut self, seam: &mut impl Seam) {
         if self.attended {
             self.request.heartbeat = self.request.heartbeat.wrapping_add(1);
         }
@@ -479,9 +496,6 @@ impl Drive {
                 .code
                 .speed_task
                 .tell_lines(self.board.fault_lines(), self.board.broken_by_system());
-        }
-        if self.code.speed.state.is_driven() {
-            self.add_currents(seam);
         }
     }
 }

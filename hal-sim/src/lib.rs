@@ -21,6 +21,7 @@
 //! A run has one thread and one seed: the same call gives the same bits.
 #![forbid(unsafe_code)]
 
+pub mod analog;
 pub mod analytic;
 pub mod board;
 pub mod boards;

@@ -1,7 +1,11 @@
 //! What may stand between the board and the control code, and act on the machine: the place of a sensor's fault.
 
+use crate::board::Board;
 use control::current_loop::MotorSample;
+use control::exchange::MotorExchange;
 use control::fault::Fault;
+use control::plate::DriveConfig;
+use control::speed_task::{SpeedTask, SpeedTaskOutput};
 use control::supervisor::Request;
 use plant::Axis;
 use plant::machine::Machine;
@@ -21,10 +25,27 @@ pub trait Seam {
     fn current(&mut self, _axis: Axis, _seen: &SpeedSeen) -> Option<f64> {
         None
     }
+    /// The speed task's step, where an application makes it. `None`: the drive makes it by its own request.
+    fn speed(&mut self, _call: SpeedCall<'_>) -> Option<SpeedTaskOutput> {
+        None
+    }
     /// What the supervision and the analog watchdogs have found, as the speed task begins.
     fn found(&mut self) -> Option<Fault> {
         None
     }
+}
+
+/// What a step of the speed task works on.
+#[derive(Debug)]
+pub struct SpeedCall<'a> {
+    /// The control's state.
+    pub task: &'a mut SpeedTask,
+    /// Its configuration.
+    pub config: &'a DriveConfig,
+    /// Screw, nut.
+    pub motors: [&'a MotorExchange; 2],
+    /// The board.
+    pub board: &'a mut Board,
 }
 
 /// What a speed loop has seen in a step.

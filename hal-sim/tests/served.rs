@@ -226,12 +226,11 @@ fn faults_put_in_are_found_and_named() {
         (EventKind::State.word(), state.word())
     });
     assert_eq!(
-        kinds[..4],
+        kinds[..3],
         [
             state(State::Fault(Fault::OverVoltage)),
             (kind(EventKind::Fault), Fault::OverVoltage.word()),
             state(State::Ready),
-            state(State::SelfTest),
         ],
         "{journal:#?}"
     );

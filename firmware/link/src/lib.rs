@@ -11,7 +11,6 @@
 //!
 //! With the feature `host`, [`host`] is the other end: it reads and decodes all of this through a chip's memory, be it
 //! behind a debug probe or emulated. [`scale`] says in which steps the fixed-point words count.
-//! [`server`] is the drive's end of the messages, [`motion`] what they ask of it.
 #![cfg_attr(not(feature = "host"), no_std)]
 #![forbid(unsafe_code)]
 
@@ -21,9 +20,7 @@ pub mod frame;
 #[cfg(feature = "host")]
 pub mod host;
 pub mod message;
-pub mod motion;
 pub mod scale;
-pub mod server;
 pub mod settings;
 pub mod telemetry;
 pub mod view;

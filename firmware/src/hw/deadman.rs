@@ -4,7 +4,8 @@
 //! Both loops have one priority, so a hung one holds the other up too, and one timer sees either. It waits two and a half
 //! periods: a single late period is counted and tolerated.
 
-use crate::debug_view;
+use crate::debug_view::DRIVE_VIEW;
+use application::exchange::show;
 use control::fault::Fault;
 use control::supervisor::State;
 use core::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -47,7 +48,7 @@ pub(crate) fn run_out(bdtr: u32) {
         (*TIM8::ptr()).bdtr().write(|w| w.bits(bdtr));
     }
     RAN_OUT.store(true, Relaxed);
-    debug_view::show(State::Fault(Fault::LoopHung));
+    show(&DRIVE_VIEW, State::Fault(Fault::LoopHung));
 }
 
 /// Whether it has run out; a reset that is asked forgives that.

@@ -1,14 +1,12 @@
 //! Lines of bytes to a simulated drive, and its time.
 
 use super::SimulatedDrive;
-use link::frame::{FRAME_MAX, encode};
-use link::message::DriveFrame;
-use link::server::{Commander, Server};
-use std::collections::{BTreeMap, VecDeque};
+use application::lines::Ports;
+use std::collections::VecDeque;
 
-/// Bytes of a line that are looked at in a millisecond: more than a serial port of 2 Mbaud brings, so that a flood on one
+/// Looks at the lines in a millisecond, of 64 bytes a line each: more than a serial port of 2 Mbaud brings, so that a flood on one
 /// line takes no time from the drive.
-const BYTES_A_MS: usize = 256;
+const LOOKS_A_MS: u32 = 4;
 /// Bytes that may wait on a line before it is read no further.
 const WAITING_IN: usize = 16 * 1024;
 /// Bytes that may wait for a host before telemetry waits too.
@@ -20,20 +18,61 @@ pub struct LineId(u32);
 
 #[derive(Debug, Default)]
 struct Line {
-    server: Server,
     came: VecDeque<u8>,
     goes: Vec<u8>,
+}
+
+/// The lines by number. A number whose host is gone has none, and is taken again.
+#[derive(Debug, Default)]
+struct Open(Vec<Option<(LineId, Line)>>);
+
+impl Open {
+    fn line(&self, id: LineId) -> Option<&Line> {
+        let mut lines = self.0.iter().flatten();
+        lines.find(|(other, _)| *other == id).map(|(_, line)| line)
+    }
+
+    fn line_mut(&mut self, id: LineId) -> Option<&mut Line> {
+        let mut lines = self.0.iter_mut().flatten();
+        lines.find(|(other, _)| *other == id).map(|(_, line)| line)
+    }
+
+    fn at(&mut self, line: usize) -> Option<&mut Line> {
+        self.0
+            .get_mut(line)
+            .and_then(|line| line.as_mut().map(|(_, line)| line))
+    }
+}
+
+impl Ports for Open {
+    fn take(&mut self, line: usize) -> Option<u8> {
+        self.at(line)?.came.pop_front()
+    }
+
+    fn has_room(&self, _: usize) -> bool {
+        true
+    }
+
+    fn put(&mut self, line: usize, frame: &[u8]) -> bool {
+        // What nobody hears is gone.
+        if let Some(line) = self.at(line) {
+            line.goes.extend_from_slice(frame);
+        }
+        true
+    }
+
+    fn put_telemetry(&mut self, line: usize, frame: &[u8]) -> bool {
+        let full = |line: &mut Line| line.goes.len() >= WAITING_OUT;
+        !self.at(line).is_some_and(full) && self.put(line, frame)
+    }
 }
 
 /// A simulated drive and the lines to it.
 #[derive(Debug)]
 pub struct Serving {
     drive: SimulatedDrive,
-    commander: Commander,
-    lines: BTreeMap<LineId, Line>,
+    lines: Open,
     next: u32,
-    /// The line that the telemetry goes to.
-    recorded_by: Option<LineId>,
     ms: u64,
 }
 
@@ -43,11 +82,8 @@ impl Serving {
     pub fn new(drive: SimulatedDrive) -> Self {
         Self {
             drive,
-            // A simulated drive is another with each start: nobody has frames of an earlier one.
-            commander: Commander::new(0),
-            lines: BTreeMap::new(),
+            lines: Open::default(),
             next: 0,
-            recorded_by: None,
             ms: 0,
         }
     }
@@ -56,25 +92,36 @@ impl Serving {
     pub fn open(&mut self) -> LineId {
         self.next += 1;
         let id = LineId(self.next);
-        self.lines.insert(id, Line::default());
+        let lines = &mut self.lines.0;
+        let free = lines.iter().position(Option::is_none);
+        let line = free.unwrap_or(lines.len());
+        if free.is_none() {
+            lines.push(None);
+        }
+        lines[line] = Some((id, Line::default()));
+        self.drive.open_line(line);
         id
     }
 
     /// A host is gone. What it asked goes on until its heartbeat is missed.
     pub fn close(&mut self, id: LineId) {
-        self.lines.remove(&id);
+        for line in &mut self.lines.0 {
+            if line.as_ref().is_some_and(|(other, _)| *other == id) {
+                *line = None;
+            }
+        }
     }
 
     /// How many more bytes of a line may come before it is to be read no further.
     #[must_use]
     pub fn room(&self, id: LineId) -> usize {
-        let waiting = self.lines.get(&id).map_or(0, |line| line.came.len());
+        let waiting = self.lines.line(id).map_or(0, |line| line.came.len());
         WAITING_IN.saturating_sub(waiting)
     }
 
     /// Bytes have come on a line.
     pub fn receive(&mut self, id: LineId, bytes: &[u8]) {
-        if let Some(line) = self.lines.get_mut(&id) {
+        if let Some(line) = self.lines.line_mut(id) {
             line.came.extend(bytes);
         }
     }
@@ -82,12 +129,12 @@ impl Serving {
     /// Bytes that go out on a line; what was sent is to be [`sent`](Self::sent).
     #[must_use]
     pub fn outgoing(&self, id: LineId) -> &[u8] {
-        self.lines.get(&id).map_or(&[], |line| &line.goes)
+        self.lines.line(id).map_or(&[], |line| &line.goes)
     }
 
     /// So many of them have gone.
     pub fn sent(&mut self, id: LineId, bytes: usize) {
-        if let Some(line) = self.lines.get_mut(&id) {
+        if let Some(line) = self.lines.line_mut(id) {
             line.goes.drain(..bytes.min(line.goes.len()));
         }
     }
@@ -95,9 +142,8 @@ impl Serving {
     /// A host takes its bytes slower than they come.
     #[must_use]
     pub fn is_full(&self) -> bool {
-        self.lines
-            .values()
-            .any(|line| line.goes.len() >= WAITING_OUT)
+        let mut lines = self.lines.0.iter().flatten();
+        lines.any(|(_, line)| line.goes.len() >= WAITING_OUT)
     }
 
     /// The drive.
@@ -111,55 +157,22 @@ impl Serving {
         &mut self.drive
     }
 
+    /// Milliseconds that have passed.
+    #[must_use]
+    pub fn ms(&self) -> u64 {
+        self.ms
+    }
+
     /// A millisecond: what came is answered, then the machine moves on.
     pub fn millisecond(&mut self) {
-        let Self {
-            drive,
-            commander,
-            lines,
-            recorded_by,
-            ..
-        } = self;
-        let now_ms = drive.uptime_ms();
-        for (id, line) in lines.iter_mut() {
-            let count = line.came.len().min(BYTES_A_MS);
-            for byte in line.came.drain(..count) {
-                let records = drive.records();
-                let goes = &mut line.goes;
-                line.server.take(byte, now_ms, commander, drive, |bytes| {
-                    goes.extend_from_slice(bytes);
-                });
-                if drive.records() != records {
-                    *recorded_by = Some(*id);
-                }
-            }
+        for _ in 0..LOOKS_A_MS {
+            self.drive.serve(&mut self.lines);
         }
         self.ms += 1;
         let until = self.drive.periods_until(self.ms);
         while self.drive.periods() < until {
             self.drive.period();
         }
-        let event = self
-            .commander
-            .look(self.drive.drive().state(), self.drive.uptime_ms());
-        if let Some(event) = event {
-            for line in self.lines.values_mut() {
-                put(&mut line.goes, &DriveFrame::Event(event));
-            }
-        }
-        let line = self.recorded_by.and_then(|id| self.lines.get_mut(&id));
-        if let Some(line) = line {
-            while line.goes.len() < WAITING_OUT
-                && let Some(frame) = self.drive.take_telemetry()
-            {
-                put(&mut line.goes, &DriveFrame::Telemetry(frame));
-            }
-        }
-    }
-}
-
-fn put(goes: &mut Vec<u8>, frame: &DriveFrame) {
-    if let Some(bytes) = encode(frame, &mut [0; FRAME_MAX]) {
-        goes.extend_from_slice(bytes);
+        self.drive.serve(&mut self.lines);
     }
 }

@@ -1,16 +1,18 @@
-//! What is around a simulated drive: its inputs and supervision, a brake, and the faults that are put in.
+//! The simulated machine around the application: contacts, brake, load, and the faults that are put in.
 
+use crate::analog::AnalogWatches;
 use crate::boards::BoardKind;
-use crate::seam::Seam;
-use crate::supervision::Supervision;
+use crate::seam::{Seam, SpeedCall};
+use application::exchange::DriveExchange;
+use application::speed::{SpeedBoard, SpeedParts, SpeedStep};
 use control::current_loop::MotorSample;
 use control::fault::Fault;
 use control::format::Misfit;
-use control::guard::GuardPlate;
+use control::guard::{GuardConfig, GuardPlate};
 use control::interlock::Inputs;
 use control::plate::{BoardPlate, BrakePlate};
-use control::supervisor::Request;
-use control::travel::TravelSeen;
+use control::speed_task::SpeedTaskOutput;
+use link::view::DriveView;
 use plant::Axis;
 use plant::machine::Machine;
 
@@ -50,18 +52,18 @@ impl MovingBrake {
     }
 }
 
-/// The seam of a served drive.
+/// What is around a served drive.
 #[derive(Clone, Debug)]
 pub(super) struct World {
-    pub(super) supervision: Supervision,
-    /// What is put in of the contacts, and what the orders say of the table's way.
+    pub(super) watches: AnalogWatches,
+    /// What is put in of the contacts.
     pub(super) inputs: Inputs,
     /// The table's place, m, by the machine, and where it was switched on.
     position: f64,
     begun: Option<f64>,
-    /// The table is past its soft limit.
-    past: Option<Fault>,
     pub(super) brake: MovingBrake,
+    /// The drive tells the brake to let go.
+    pub(super) releases: bool,
     /// The brake carries the load.
     pub(super) braked: bool,
     /// Against positive travel, N.
@@ -73,31 +75,36 @@ pub(super) struct World {
     pub(super) temperatures: [u16; 2],
 }
 
+/// What the guard of a drive of `board` bears with a supply of `bus_v`.
+pub(super) fn guards(board: &BoardPlate, bus_v: f64) -> GuardPlate {
+    let [least, most] = BUS.map(|part| part * bus_v);
+    GuardPlate {
+        bus_min_v: least,
+        bus_max_v: most,
+        bus_volts_per_count: board.bus_volts_per_count,
+        adc_counts: board.adc_counts,
+        index: [false; 2],
+        // Its lead and its encoders may not be known yet.
+        scale: None,
+        ..BoardKind::Mains.guards()
+    }
+}
+
 impl World {
     /// Around a drive of `board` with a supply of `bus_v` and a load of `load_n`.
     pub(super) fn new(board: &BoardPlate, bus_v: f64, load_n: f64) -> Result<Self, Misfit> {
-        let mains = BoardKind::Mains.guards();
-        let [least, most] = BUS.map(|part| part * bus_v);
-        let guards = GuardPlate {
-            bus_min_v: least,
-            bus_max_v: most,
-            bus_volts_per_count: board.bus_volts_per_count,
-            adc_counts: board.adc_counts,
-            index: [false; 2],
-            // Its lead and its encoders may not be known yet.
-            scale: None,
-            ..mains
-        };
+        let guards = guards(board, bus_v);
+        let GuardConfig { bus_most, .. } = guards.config()?;
         Ok(Self {
-            supervision: Supervision::new(&guards, board)?,
+            watches: AnalogWatches::new(board, bus_most),
             inputs: Inputs::CLEAR,
             position: 0.0,
             begun: None,
-            past: None,
             brake: MovingBrake {
                 released: false,
                 seconds: f64::MAX,
             },
+            releases: false,
             braked: true,
             load_n,
             frozen: [None; 2],
@@ -107,55 +114,95 @@ impl World {
                 .map(|plate| plate.counts(WARM, board.adc_counts) as u16),
         })
     }
-}
 
-impl World {
-    /// The end switches are open: ahead of positive velocity, and of negative.
-    pub(super) fn ends_open(&self) -> [bool; 2] {
+    /// Enable switch and end switches.
+    pub(super) fn contacts(&self) -> Inputs {
         let from_middle = self.position - self.begun.unwrap_or(self.position);
-        [
-            self.inputs.end_forward || from_middle > ENDS_M,
-            self.inputs.end_backward || from_middle < -ENDS_M,
-        ]
-    }
-
-    /// What the orders say of the table's way.
-    pub(super) fn travel(&mut self, seen: TravelSeen, homing: [bool; 2]) {
-        self.inputs.blocked = seen.blocked;
-        self.inputs.homing = homing;
-        self.past = seen.fault;
+        Inputs {
+            end_forward: self.inputs.end_forward || from_middle > ENDS_M,
+            end_backward: self.inputs.end_backward || from_middle < -ENDS_M,
+            ..self.inputs
+        }
     }
 }
 
-impl Seam for World {
+/// The world, with the application's step of the speed task.
+pub(super) struct Around<'a> {
+    pub(super) world: &'a mut World,
+    pub(super) step: &'a mut SpeedStep,
+    pub(super) words: &'a DriveExchange,
+    pub(super) view: &'a DriveView,
+}
+
+impl Seam for Around<'_> {
     fn machine(&mut self, machine: &mut Machine, _: u32) {
-        self.position = machine.table_position();
-        self.begun.get_or_insert(self.position);
-        machine.set_load_force(if self.braked { 0.0 } else { self.load_n });
+        let world = &mut *self.world;
+        world.position = machine.table_position();
+        world.begun.get_or_insert(world.position);
+        machine.set_load_force(if world.braked { 0.0 } else { world.load_n });
     }
 
     fn currents(&mut self, axis: Axis, amps: &mut [f64; 3]) {
-        amps[0] += self.offset_a[axis.index()];
+        amps[0] += self.world.offset_a[axis.index()];
     }
 
     fn sample(&mut self, axis: Axis, sample: &mut MotorSample) {
-        if let Some(word) = self.frozen[axis.index()] {
+        if let Some(word) = self.world.frozen[axis.index()] {
             sample.encoder = word;
         }
-        self.supervision.converted(axis, sample);
+        self.world.watches.converted(axis, sample);
     }
 
-    fn request(&mut self, request: &mut Request) {
-        let [end_forward, end_backward] = self.ends_open();
-        request.inputs = Inputs {
-            end_forward,
-            end_backward,
-            table_step: self.supervision.table_step(),
-            ..self.inputs
+    fn speed(&mut self, call: SpeedCall<'_>) -> Option<SpeedTaskOutput> {
+        let SpeedCall {
+            task,
+            config,
+            motors,
+            board,
+        } = call;
+        let parts = SpeedParts {
+            config,
+            words: self.words,
+            view: self.view,
+            motors,
         };
+        let mut board = SimulatedBoard {
+            world: self.world,
+            board,
+        };
+        Some(self.step.step(parts, task, &mut board))
+    }
+}
+
+/// What the speed task reads and switches.
+struct SimulatedBoard<'a> {
+    world: &'a mut World,
+    board: &'a mut crate::board::Board,
+}
+
+impl SpeedBoard for SimulatedBoard<'_> {
+    /// Counts wrap, as those of the chip's timer do.
+    fn scale(&mut self) -> i32 {
+        self.board.scale_counts() as i32
     }
 
-    fn found(&mut self) -> Option<Fault> {
-        self.supervision.take().or(self.past)
+    fn tripped(&mut self) -> Option<Fault> {
+        self.world.watches.take()
+    }
+
+    fn loop_hung(&mut self, _: bool) -> bool {
+        false
+    }
+
+    fn contacts(&mut self) -> Inputs {
+        self.world.contacts()
+    }
+
+    fn fault_lines(&mut self) -> ([bool; 2], bool) {
+        (self.board.fault_lines(), self.board.broken_by_system())
+    }
+
+    fn switch_brake(&mut self, release: bool) {
+        self.world.releases = release;
     }
 }

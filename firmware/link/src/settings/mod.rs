@@ -14,7 +14,6 @@
 //! fixed-point configuration from the settings by the code that the host runs too, so both refuse the same.
 
 pub mod datasheet;
-pub mod keep;
 pub mod plate;
 pub mod store;
 pub mod table;

@@ -2,11 +2,11 @@
 
 use crate::output::Folder;
 use anyhow::{Context, Result, ensure};
+use application::keep::Found;
 use hal_sim::flash::{PAGE, SimulatedFlash};
 use hal_sim::served::SimulatedDrive;
 use link::codes::Origin;
 use link::settings::Settings;
-use link::settings::keep::Found;
 use link::settings::store::PAGES;
 use std::fs;
 use std::path::{Path, PathBuf};

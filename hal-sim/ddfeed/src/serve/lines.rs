@@ -87,7 +87,6 @@ pub fn run(options: &ServeOptions) -> Result<()> {
     }
     .with_context(|| format!("no drive can be configured for the machine {name}"))?;
     if let Some(path) = &options.settings {
-        use link::server::Served;
         let text = std::fs::read_to_string(path)
             .with_context(|| format!("{} cannot be read", path.display()))?;
         let settings = link::host::settings::of_toml(drive.settings(), &text)
@@ -105,7 +104,7 @@ pub fn run(options: &ServeOptions) -> Result<()> {
         )
     })?;
     listener.set_nonblocking(true)?;
-    if let Some(warning) = link::server::Served::settings(&drive).warning() {
+    if let Some(warning) = drive.settings().warning() {
         eprintln!("warning: {}", warning.sentence());
     }
     let mut serving = Serving::new(drive);

@@ -73,7 +73,7 @@ pub fn commission(start: &Start, options: &Options) -> Result<Outcome, Misfit> {
         .map(|error| format!("{error:#}"));
     let serving = serving.borrow();
     let drive = serving.drive();
-    let settings = drive.held_settings();
+    let settings = drive.settings();
     let r = start.model.feed.travel_per_radian();
     let table = start.model.feed.table_mass_kg * r * r;
     let motors = [&settings.screw, &settings.nut];
@@ -116,7 +116,7 @@ pub fn commission(start: &Start, options: &Options) -> Result<Outcome, Misfit> {
         bandwidth_part,
         margin_deg,
         within_limits,
-        seconds: f64::from(drive.uptime_ms()) * 1e-3,
+        seconds: serving.ms() as f64 * 1e-3,
         done,
     })
 }

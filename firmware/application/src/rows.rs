@@ -10,6 +10,7 @@ pub(crate) const ROWS: usize = 64;
 const _: () = assert!(ROWS.is_power_of_two());
 
 /// One writer, one reader.
+#[derive(Debug)]
 pub(crate) struct Rows {
     rows: [[AtomicU32; WORDS]; ROWS],
     /// Rows written and read since the start. Their difference is what it holds.

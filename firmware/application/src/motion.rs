@@ -2,10 +2,10 @@
 //!
 //! A step is made at a fixed rate: that of the speed task, or slower.
 
-use crate::codes::{Demand, FaultSet, State};
-use crate::message::Travel;
 use control::homing::{HomePlan, HomeProgress, Homing};
 use control::table_move::{MovePlan, MoveProgress, TableMove};
+use link::codes::{Demand, FaultSet, State};
+use link::message::Travel;
 
 /// How long a reset is asked at most, s: a fault whose cause goes later stays, and so does the next one.
 const RESET_S: f64 = 0.1;
@@ -256,7 +256,7 @@ impl Motion {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::codes::Fault;
+    use link::codes::Fault;
 
     fn steps(motion: &mut Motion, state: State, count: u32) -> u32 {
         let seen = Seen {

@@ -3,13 +3,13 @@
 //! The firmware and the simulated drive do it by this code. A change is checked and stored, and holds when the drive starts
 //! anew.
 
-use super::Settings;
-use super::plate::Unfit;
-use super::store::{Loaded, Store};
-use crate::codes::Origin;
-use crate::message::Refusal;
 use crate::server::NotSet;
 use embedded_storage::nor_flash::NorFlash;
+use link::codes::Origin;
+use link::message::Refusal;
+use link::settings::Settings;
+use link::settings::plate::Unfit;
+use link::settings::store::{Loaded, Store};
 
 /// The settings that a drive runs on, and the store that they come from.
 #[derive(Clone, Debug)]

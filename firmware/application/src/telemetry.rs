@@ -4,12 +4,12 @@
 //! nut's step that comes between is noticed by its count. While the channel is full, rows stay in the queue; once that is
 //! full too they are dropped and counted, and the host sees by their period that they are missing.
 
-use crate::config::{config, configured};
-use crate::debug_view::{DRIVE_VIEW, count};
-use crate::motor_loop::MOTORS;
-use crate::rows::{ROWS, Rows, WORDS};
+use crate::configured::Configured;
+use crate::exchange::{DriveExchange, count};
+use crate::rows::{ROWS, WORDS};
 use control::current_loop::CurrentLoopConfig;
 use control::exchange::MotorExchange;
+use control::plate::DriveConfig;
 use control::speed_task::SpeedTaskOutput;
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::frame;
@@ -17,13 +17,8 @@ use link::message::DriveFrame;
 use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
 use link::telemetry::{Frame, Header, MotorSample, Request, Sample, rounded};
 
-/// Between the two.
-static QUEUE: Rows = Rows::new();
-
-/// The word of the [`Request`] that the speed task serves; 0: none. Only the code below all tasks writes it.
-static SERVED: AtomicU32 = AtomicU32::new(0);
-
 /// The speed task's end.
+#[derive(Clone, Debug)]
 pub(crate) struct Sampler {
     serving: u32,
     start: u32,
@@ -41,12 +36,19 @@ impl Sampler {
 
     /// After a step of the speed task: a row, if one is due.
     #[inline(always)]
-    pub(crate) fn step(&mut self, output: &SpeedTaskOutput, scale: i32) {
-        let asked = SERVED.load(Relaxed);
+    pub(crate) fn step(
+        &mut self,
+        exchange: &DriveExchange,
+        motors: [&MotorExchange; 2],
+        dropped: &AtomicU32,
+        output: &SpeedTaskOutput,
+        scale: i32,
+    ) {
+        let asked = exchange.served.load(Relaxed);
         if asked == 0 {
             return;
         }
-        let [screw, nut] = MOTORS.each_ref().map(|motor| &motor.exchange);
+        let [screw, nut] = motors;
         if asked != self.serving {
             self.serving = asked;
             self.left = 0;
@@ -79,8 +81,8 @@ impl Sampler {
             nut_speed,
             scale.cast_unsigned(),
         ];
-        if !QUEUE.push(row) {
-            count(&DRIVE_VIEW.telemetry_dropped);
+        if !exchange.rows.push(row) {
+            count(dropped);
         }
     }
 }
@@ -108,7 +110,7 @@ fn words(exchange: &MotorExchange) -> [u32; 5] {
 }
 
 /// A row as it is sent.
-fn sample(row: [u32; WORDS]) -> Sample {
+fn sample(config: &DriveConfig, row: [u32; WORDS]) -> Sample {
     let [period, motors @ .., scale] = row;
     let motor = |config: &CurrentLoopConfig, words: &[i32; 7]| {
         let [encoder, a, b, d, q, i_q_ref, speed_ref] = *words;
@@ -121,7 +123,7 @@ fn sample(row: [u32; WORDS]) -> Sample {
             speed_ref,
         }
     };
-    let [screw, nut] = &config().current_loops;
+    let [screw, nut] = &config.current_loops;
     let [s0, s1, s2, s3, s4, s5, s6, n0, n1, n2, n3, n4, n5, n6] = motors.map(u32::cast_signed);
     Sample {
         period,
@@ -133,15 +135,8 @@ fn sample(row: [u32; WORDS]) -> Sample {
     }
 }
 
-/// What the host must know to read the rows.
-fn header(request: u32) -> Header {
-    Header {
-        request,
-        ..configured().header
-    }
-}
-
 /// The stream that a host asked for over its line. The latest request has the rows.
+#[derive(Clone, Debug)]
 pub(crate) struct LinkStream {
     /// A header that is yet to be sent.
     header: Option<u32>,
@@ -153,15 +148,18 @@ impl LinkStream {
     }
 
     /// Begins the stream of a [`Request`]'s word, or ends it.
-    pub(crate) fn start(&mut self, request: u32) {
-        // The speed task is above this code: from here on it adds no row of the old stream.
-        SERVED.store(0, Relaxed);
-        QUEUE.clear();
+    pub(crate) fn start(&mut self, words: &DriveExchange, request: u32) {
+        words.end_telemetry();
         self.header = Some(request);
     }
 
     /// Sends what the queue holds and the line takes: `send` is given whole frames, and says whether it took them.
-    pub(crate) fn step(&mut self, mut send: impl FnMut(&[u8]) -> bool) {
+    pub(crate) fn step(
+        &mut self,
+        configured: &Configured,
+        words: &DriveExchange,
+        mut send: impl FnMut(&[u8]) -> bool,
+    ) {
         let mut send = |frame: Frame| {
             let mut buffer = [0; frame::FRAME_MAX];
             match frame::encode(&DriveFrame::Telemetry(frame), &mut buffer) {
@@ -170,19 +168,27 @@ impl LinkStream {
             }
         };
         if let Some(request) = self.header {
-            if !send(Frame::Header(header(request))) {
+            let header = Header {
+                request,
+                ..configured.header
+            };
+            if !send(Frame::Header(header)) {
                 return;
             }
             self.header = None;
             let wanted = Request::of_word(request).divider != 0;
-            SERVED.store(if wanted { request } else { 0 }, Relaxed);
+            words
+                .served
+                .store(if wanted { request } else { 0 }, Relaxed);
         }
         for _ in 0..ROWS {
-            let Some(row) = QUEUE.first() else { return };
-            if !send(Frame::Sample(sample(row))) {
+            let Some(row) = words.rows.first() else {
+                return;
+            };
+            if !send(Frame::Sample(sample(&configured.drive, row))) {
                 return;
             }
-            QUEUE.drop_first();
+            words.rows.drop_first();
         }
     }
 }

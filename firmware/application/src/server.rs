@@ -3,18 +3,18 @@
 //! A [`Server`] stands at each line (RTT, a serial port, a TCP connection); the [`Commander`] is one for all, so that only
 //! one session moves the drive. What is asked is done by a [`Served`] drive, simulated or not.
 
-use crate::codes::{Demand, State};
-use crate::frame::{Decoder, FRAME_MAX, count, encode};
-use crate::message::{
+use control::journal::Journal;
+use heapless::Vec;
+use link::codes::{Demand, State};
+use link::frame::{Decoder, FRAME_MAX, count, encode};
+use link::message::{
     Command, DriveFrame, EVENTS_A_FRAME, Event, FAULTS, HostFrame, Injection, Recorded, Refusal,
     Reply, SETTINGS_A_FRAME, Status, Text,
 };
-use crate::scale;
-use crate::settings::plate::Unfit;
-use crate::settings::{Settings, Value};
-use crate::telemetry::Real;
-use control::journal::Journal;
-use heapless::Vec;
+use link::scale;
+use link::settings::plate::Unfit;
+use link::settings::{Settings, Value};
+use link::telemetry::Real;
 
 /// How long a drive stays armed while it does not move, ms.
 pub const ARMED_MS: u32 = 600_000;
@@ -518,8 +518,8 @@ fn said(unfit: &Unfit) -> Reply {
 mod tests {
     extern crate std;
     use super::*;
-    use crate::codes::Fault;
-    use crate::message::Injected;
+    use link::codes::Fault;
+    use link::message::Injected;
     use proptest::prelude::*;
     use std::vec;
     use std::vec::Vec as Bytes;
@@ -885,11 +885,11 @@ mod tests {
     #[test]
     fn each_answer_fits_into_a_frame() {
         let most = u32::MAX;
-        let motor = crate::message::MotorStatus {
+        let motor = link::message::MotorStatus {
             current: [i32::MIN; 2],
             speed: i32::MIN,
             encoder: most,
-            alignment: crate::message::Aligned::Backwards { zero: most },
+            alignment: link::message::Aligned::Backwards { zero: most },
             bus_mv: most,
         };
         let event = Event {
@@ -909,7 +909,7 @@ mod tests {
                 dropped: most,
                 repeated: most,
                 refused: most,
-                frames: crate::frame::FrameCount {
+                frames: link::frame::FrameCount {
                     frames: most,
                     damaged: most,
                     too_long: most,

@@ -1,11 +1,11 @@
 //! Any bytes on a line, any value of a setting, any page of flash: nothing panics, nothing that is not armed runs, and each answer is
 //! one that a host can read. `FUZZ_EXECUTIONS` sets how many frames, values or pairs of pages each test takes, `FUZZ_SEED` which.
 
+use application::server::{Commander, NotSet, Served, Server};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, encode};
 use link::message::{Command, DriveFrame, HostFrame, Injection, Refusal, Reply, Status};
-use link::server::{Commander, NotSet, Served, Server};
 use link::settings::store::{PAGE, SLOT, Store};
 use link::settings::{Settings, Value};
 use link::telemetry::Real;

@@ -1,0 +1,302 @@
+//! The drive as the link commands it.
+
+use crate::configured::Configured;
+use crate::exchange::state;
+use crate::lines::{Access, LinesParts};
+use crate::orders::{Orders, STEP_S};
+use crate::server::{NotSet, Served};
+use control::compensation::line::Phasor;
+use control::coordinator::{Command, CommandError, Coordinator};
+use control::exchange::MotorExchange;
+use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
+use control::homing::HomePlan;
+use control::journal::Journal;
+use control::observer::EncoderAlignment;
+use control::table_move::{MoveError, MovePlan};
+use core::sync::atomic::Ordering::Relaxed;
+use embedded_storage::nor_flash::NorFlash;
+use link::codes::{Demand, State};
+use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
+use link::scale;
+use link::settings::Settings;
+
+/// The board, or the simulated machine: what only it knows.
+pub trait World {
+    /// It is a simulated machine.
+    const SIMULATED: bool;
+    /// Whether the drive can be configured with these settings, in the place of `before`.
+    ///
+    /// # Errors
+    /// [`NotSet`].
+    fn fits(
+        &mut self,
+        configured: &Configured,
+        settings: &Settings,
+        before: &Settings,
+    ) -> Result<(), NotSet>;
+    /// Puts a fault in, which is no [`Injected`] of a real drive.
+    ///
+    /// # Errors
+    /// [`Refusal::Real`] or [`Refusal::Injection`].
+    fn inject(&mut self, fault: Injected, injection: &Injection) -> Result<(), Refusal> {
+        let _ = (fault, injection);
+        Err(Refusal::Real)
+    }
+}
+
+/// What hosts have asked that is yet to be done.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Asked {
+    /// A stream that has not begun.
+    pub(crate) record: Option<u32>,
+    /// Since when the drive is to start anew, ms: settings were stored.
+    pub(crate) restart: Option<u32>,
+}
+
+impl Asked {
+    pub(crate) const fn new() -> Self {
+        Self {
+            record: None,
+            restart: None,
+        }
+    }
+}
+
+/// See the module.
+pub(crate) struct Commanded<'a, 'b, F, O, J, W> {
+    pub(crate) asked: &'a mut Asked,
+    pub(crate) parts: &'a mut LinesParts<'b, F, O, J, W>,
+}
+
+impl<F, O, J, W> Commanded<'_, '_, F, O, J, W> {
+    /// Whether feed and motors may move that fast.
+    fn allowed(&self, velocity: i32, base: i32) -> Result<(), Refusal> {
+        let command = Command {
+            velocity: TableVelocity::from_bits(velocity),
+            base: MechanicalSpeed::from_bits(base),
+        };
+        Coordinator::new()
+            .command(&self.parts.configured.drive.coordinator, command)
+            .map_err(|refused| match refused {
+                CommandError::Velocity { .. } => Refusal::Velocity,
+                CommandError::Speed { .. } => Refusal::MotorSpeed,
+            })
+    }
+
+    /// The scale's count at position zero; `None`: the drive is not homed.
+    fn origin(&self) -> Option<i32> {
+        let view = self.parts.view;
+        (view.homed.load(Relaxed) != 0).then(|| view.origin.load(Relaxed))
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    fn motor(&self, k: usize) -> MotorStatus {
+        let (view, exchange) = (&self.parts.view.motors[k], self.parts.motors[k]);
+        let [d, q] = &view.current;
+        let board = &self.parts.configured.plate.board;
+        // Bus voltage of an ADC count, uV.
+        let bus_uv = (board.bus_volts_per_count * 1e6 + 0.5) as u32;
+        MotorStatus {
+            current: [d.load(Relaxed), q.load(Relaxed)],
+            // From 2^-16 to 2^-18 rad/s.
+            speed: view.speed.load(Relaxed).saturating_mul(4),
+            encoder: exchange.encoder(),
+            alignment: match exchange.alignment() {
+                None => Aligned::Unknown,
+                Some(held) if held.reversed => Aligned::Backwards {
+                    zero: held.theta_e_at_zero.0,
+                },
+                Some(held) => Aligned::Forwards {
+                    zero: held.theta_e_at_zero.0,
+                },
+            },
+            bus_mv: u32::from(exchange.bus()) * (bus_uv / 10) / 100,
+        }
+    }
+
+    fn exchange(&self, motor: u8) -> Option<&MotorExchange> {
+        self.parts.motors.get(usize::from(motor)).copied()
+    }
+}
+
+impl<F, O, J, W> Served for Commanded<'_, '_, F, O, J, W>
+where
+    F: NorFlash,
+    O: Access<Orders>,
+    J: Access<Journal>,
+    W: World,
+{
+    fn status(&self) -> Status {
+        let view = self.parts.view;
+        let found = self.parts.keeper.found();
+        Status {
+            uptime_ms: view.uptime_ms.load(Relaxed),
+            state: view.state.load(Relaxed),
+            fault: view.fault.load(Relaxed),
+            misalignment: view.misalignment.load(Relaxed),
+            tables: view.tables.load(Relaxed),
+            latched: view.latched.each_ref().map(|word| word.load(Relaxed)),
+            limits: view.limits.load(Relaxed),
+            travel: self.parts.words.travel.load(Relaxed),
+            motors: [self.motor(0), self.motor(1)],
+            scale: view.scale.load(Relaxed),
+            origin: self.origin(),
+            runs_on: found.origin.word(),
+            unfit: found.unfit,
+            dropped: view.telemetry_dropped.load(Relaxed),
+            ..Status::default()
+        }
+    }
+
+    fn state(&self) -> State {
+        state(self.parts.view)
+    }
+
+    fn journal(&mut self, look: impl FnOnce(&Journal)) {
+        self.parts.journal.with(|journal| look(journal));
+    }
+
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    fn rates(&self) -> (u32, u32) {
+        let board = &self.parts.configured.plate.board;
+        ((board.pwm_hz + 0.5) as u32, board.speed_divider)
+    }
+
+    fn simulated(&self) -> bool {
+        W::SIMULATED
+    }
+
+    fn command(&mut self, velocity: i32, base: i32) -> Result<(), Refusal> {
+        self.allowed(velocity, base)?;
+        let words = self.parts.words;
+        self.parts
+            .orders
+            .with(|orders| orders.follow(words, velocity, base));
+        Ok(())
+    }
+
+    fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal> {
+        let configured = self.parts.configured;
+        let plan = MovePlan::new(
+            &configured.plate.feed,
+            configured.scale_count_m,
+            configured.plate.tuning.speed_rad_s,
+            STEP_S,
+            distance_nm as f64 * 1e-9,
+            f64::from(velocity) / f64::from(1 << scale::TABLE_VELOCITY),
+        )
+        .map_err(|error| match error {
+            MoveError::Distance => Refusal::Distance,
+            MoveError::Velocity => Refusal::Velocity,
+        })?;
+        // Whether the screw may turn as fast as the way takes, and as the common speed alone asks.
+        self.allowed(if distance_nm < 0 { -velocity } else { velocity }, base)?;
+        self.allowed(0, base)?;
+        let scale = self.parts.view.scale.load(Relaxed);
+        if !configured.travel.allows(scale, self.origin(), distance_nm) {
+            return Err(Refusal::SoftLimit);
+        }
+        let words = self.parts.words;
+        self.parts
+            .orders
+            .with(|orders| orders.travel(words, plan, scale, base));
+        Ok(())
+    }
+
+    fn home(&mut self, base: i32) -> Result<(), Refusal> {
+        let configured = self.parts.configured;
+        let home = &configured.plate.travel.home;
+        let plan = HomePlan::new(
+            &configured.plate.feed,
+            home,
+            configured.scale_count_m,
+            STEP_S,
+        );
+        for velocity in plan.velocities() {
+            self.allowed(velocity.to_bits(), base)?;
+        }
+        self.allowed(0, base)?;
+        let words = self.parts.words;
+        self.parts
+            .orders
+            .with(|orders| orders.home(words, plan, base));
+        Ok(())
+    }
+
+    fn direct_current(&mut self, motor: u8, current: i32) -> Result<(), Refusal> {
+        let config = &self.parts.configured.drive;
+        let k = usize::from(motor);
+        let (Some(limit), Some(config), Some(exchange)) = (
+            config.speed_loops.get(k),
+            config.current_loops.get(k),
+            self.exchange(motor),
+        ) else {
+            return Err(Refusal::Current);
+        };
+        let current = Current::from_bits(current);
+        if current.saturating_abs() > limit.i_max {
+            return Err(Refusal::Current);
+        }
+        exchange.ask_d(current, config);
+        Ok(())
+    }
+
+    fn angle(&mut self, motor: u8, behind: i32) -> Result<(), Refusal> {
+        let exchange = self.exchange(motor).ok_or(Refusal::Angle)?;
+        let held = exchange.alignment().ok_or(Refusal::Angle)?;
+        let right = EncoderAlignment {
+            theta_e_at_zero: held.theta_e_at_zero.plus(Angle(behind.cast_unsigned())),
+            ..held
+        };
+        exchange.align(Some(held), Some(right));
+        Ok(())
+    }
+
+    fn demand(&mut self, demand: Demand) {
+        let words = self.parts.words;
+        self.parts
+            .orders
+            .with(|orders| orders.demand(words, demand));
+    }
+
+    fn renew(&mut self) {
+        self.parts.words.renew();
+    }
+
+    fn settings(&self) -> &Settings {
+        self.parts.keeper.settings()
+    }
+
+    fn learned(&self) -> Settings {
+        let (configured, words) = (self.parts.configured, self.parts.words);
+        let settings = self.parts.keeper.settings();
+        if !configured.drive.compensation.active || !words.all_learned.load(Relaxed) {
+            return *settings;
+        }
+        let mut orders = configured.plate.compensation;
+        for (line, learned) in words.learned.iter().enumerate() {
+            let [re, im] = learned.each_ref().map(|part| part.load(Relaxed));
+            orders.keep(line, Phasor { re, im });
+        }
+        settings.with_orders(&orders)
+    }
+
+    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
+        let parts = &mut *self.parts;
+        parts
+            .world
+            .fits(parts.configured, settings, parts.keeper.settings())?;
+        parts.keeper.store(settings)?;
+        self.asked.restart = Some(parts.view.uptime_ms.load(Relaxed));
+        Ok(())
+    }
+
+    fn record(&mut self, request: u32) {
+        self.asked.record = Some(request);
+    }
+
+    fn inject(&mut self, injection: Injection) -> Result<(), Refusal> {
+        let fault = Injected::of_word(injection.fault).ok_or(Refusal::Injection)?;
+        self.parts.world.inject(fault, &injection)
+    }
+}

@@ -1,0 +1,147 @@
+//! The words between the parts of the application. Each word has one writer; none needs a lock.
+
+use crate::rows::Rows;
+use control::compensation::LINES;
+use control::fault::Fault;
+use control::interlock;
+use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
+use link::codes::{Demand, State};
+use link::view::DriveView;
+
+/// See the module. The words of each step come first: a load reaches 4 KB from one address.
+#[derive(Debug)]
+#[repr(C)]
+pub struct DriveExchange {
+    /// Word of the telemetry request that the speed task serves; 0: none.
+    pub(crate) served: AtomicU32,
+    /// Table velocity, 2^-28 m/s.
+    pub(crate) velocity: AtomicI32,
+    /// Common speed, 2^-18 rad/s, mechanical.
+    pub(crate) base: AtomicI32,
+    /// Counts new speeds: the speed task takes the two words above with each.
+    pub(crate) sequence: AtomicU32,
+    /// A [`Demand`]'s word.
+    pub(crate) demand: AtomicU32,
+    /// Changes while the commander is there.
+    pub(crate) heartbeat: AtomicU32,
+    /// The references are at the command.
+    pub(crate) arrived: AtomicBool,
+    /// The table's reference and its change a step, as planned.
+    pub(crate) planned: [AtomicI32; 2],
+    /// The table may not go forwards, backwards; an end switch is sought forwards, backwards.
+    pub(crate) way: [[AtomicBool; 2]; 2],
+    /// A [`Travel`](link::message::Travel)'s word.
+    pub(crate) travel: AtomicU32,
+    /// See [`interlock::Inputs::table_step`], with its sign bit turned; 0: nobody knows.
+    pub(crate) table_step: AtomicI32,
+    /// Word of the fault that the supervision has found; 0: none.
+    pub(crate) found: AtomicU32,
+    /// What each line of the compensation has learned, re and im.
+    pub(crate) learned: [[AtomicI32; 2]; LINES],
+    /// All lines have been shown since the start.
+    pub(crate) all_learned: AtomicBool,
+    /// Rows of telemetry.
+    pub(crate) rows: Rows,
+}
+
+impl DriveExchange {
+    /// Of a drive that has not begun.
+    #[must_use]
+    #[allow(clippy::new_without_default)]
+    pub const fn new() -> Self {
+        Self {
+            served: AtomicU32::new(0),
+            velocity: AtomicI32::new(0),
+            base: AtomicI32::new(0),
+            sequence: AtomicU32::new(0),
+            demand: AtomicU32::new(Demand::Rest.word()),
+            heartbeat: AtomicU32::new(0),
+            arrived: AtomicBool::new(false),
+            planned: [const { AtomicI32::new(0) }; 2],
+            way: [const { [const { AtomicBool::new(false) }; 2] }; 2],
+            travel: AtomicU32::new(0),
+            table_step: AtomicI32::new(0),
+            found: AtomicU32::new(0),
+            learned: [const { [const { AtomicI32::new(0) }; 2] }; LINES],
+            all_learned: AtomicBool::new(false),
+            rows: Rows::new(),
+        }
+    }
+
+    /// A reset is demanded.
+    #[must_use]
+    pub fn is_reset(&self) -> bool {
+        self.demand.load(Relaxed) == Demand::Reset.word()
+    }
+
+    /// The commander is there.
+    pub(crate) fn renew(&self) {
+        count(&self.heartbeat);
+    }
+
+    /// The speed task, above this code, adds no row from here on.
+    pub(crate) fn end_telemetry(&self) {
+        self.served.store(0, Relaxed);
+        self.rows.clear();
+    }
+
+    pub(crate) fn ask(&self, demand: Demand) {
+        self.demand.store(demand.word(), Relaxed);
+    }
+
+    pub(crate) fn ask_speeds(&self, velocity: i32, base: i32) {
+        self.velocity.store(velocity, Relaxed);
+        self.base.store(base, Relaxed);
+        count(&self.sequence);
+    }
+
+    pub(crate) fn tell_table(&self, step: Option<i32>) {
+        let word = step.map_or(0, |step| step ^ i32::MIN);
+        self.table_step.store(word, Relaxed);
+    }
+
+    /// What the contacts say, with what the supervision says of the table's way.
+    #[inline(always)]
+    pub(crate) fn with_way(&self, contacts: interlock::Inputs) -> interlock::Inputs {
+        let [blocked, homing] = self
+            .way
+            .each_ref()
+            .map(|both| both.each_ref().map(|way| way.load(Relaxed)));
+        interlock::Inputs {
+            blocked,
+            homing,
+            table_step: Some(self.table_step.load(Relaxed) ^ i32::MIN)
+                .filter(|step| *step != i32::MIN),
+            ..contacts
+        }
+    }
+
+    /// What the supervision has found.
+    #[inline(always)]
+    pub(crate) fn found(&self) -> Option<Fault> {
+        Fault::of_word(self.found.load(Relaxed))
+    }
+}
+
+/// What the view says that the drive is doing.
+#[must_use]
+pub fn state(view: &DriveView) -> State {
+    let look = || State::of_words(view.state.load(Relaxed), view.fault.load(Relaxed));
+    // A fault may go between the two words.
+    look().or_else(look).unwrap_or_default()
+}
+
+/// Says in the view what the drive is doing.
+#[inline(always)]
+pub fn show(view: &DriveView, state: State) {
+    view.state.store(state.word(), Relaxed);
+    view.fault.store(state.fault_word(), Relaxed);
+}
+
+/// Counts a word up. Only the word's one writer may call it.
+#[inline(always)]
+pub fn count(word: &AtomicU32) -> u32 {
+    let next = word.load(Relaxed).wrapping_add(1);
+    word.store(next, Relaxed);
+    next
+}

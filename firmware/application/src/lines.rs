@@ -1,0 +1,176 @@
+//! The lines to hosts. What came is answered, events are told, telemetry goes where it was asked.
+
+use crate::configured::Configured;
+use crate::drive::{Asked, Commanded, World};
+use crate::exchange::{DriveExchange, state};
+use crate::keep::Keeper;
+use crate::orders::Orders;
+use crate::server::{Commander, Server};
+use crate::telemetry::LinkStream;
+use control::exchange::MotorExchange;
+use control::journal::Journal;
+use core::sync::atomic::Ordering::Relaxed;
+use embedded_storage::nor_flash::NorFlash;
+use link::frame::{FRAME_MAX, encode};
+use link::message::DriveFrame;
+use link::view::DriveView;
+
+/// How long an answer may take to reach its host before the drive starts anew, ms.
+const RESTART_MS: u32 = 50;
+
+/// Bytes of a line that are looked at before its other work goes on.
+const BYTES_AT_ONCE: usize = 64;
+
+/// Lines of bytes, by number.
+pub trait Ports {
+    /// The next byte that has come on a line.
+    fn take(&mut self, line: usize) -> Option<u8>;
+    /// An answer will find room.
+    fn has_room(&self, line: usize) -> bool;
+    /// Sends a frame, whole; `false` if there is no room.
+    fn put(&mut self, line: usize, frame: &[u8]) -> bool;
+    /// The same, and room for an answer stays.
+    fn put_telemetry(&mut self, line: usize, frame: &[u8]) -> bool;
+    /// Begins to send what was put.
+    fn flush(&mut self) {}
+}
+
+/// Something that other tasks use too.
+pub trait Access<T> {
+    /// Alone with it.
+    fn with<R>(&mut self, look: impl FnOnce(&mut T) -> R) -> R;
+}
+
+impl<T> Access<T> for &mut T {
+    fn with<R>(&mut self, look: impl FnOnce(&mut T) -> R) -> R {
+        look(self)
+    }
+}
+
+/// What the lines work on beside their own state.
+#[derive(Debug)]
+pub struct LinesParts<'a, F, O, J, W> {
+    /// What the drive runs on.
+    pub configured: &'a Configured,
+    /// The words between the parts.
+    pub words: &'a DriveExchange,
+    /// The debug view.
+    pub view: &'a DriveView,
+    /// Screw, nut.
+    pub motors: [&'a MotorExchange; 2],
+    /// The settings.
+    pub keeper: &'a mut Keeper<F>,
+    /// The motion.
+    pub orders: &'a mut O,
+    /// The journal.
+    pub journal: &'a mut J,
+    /// The board or the simulated machine.
+    pub world: &'a mut W,
+}
+
+/// The drive's end of all lines.
+#[derive(Clone, Debug)]
+pub struct Lines<S> {
+    servers: S,
+    commander: Commander,
+    asked: Asked,
+    stream: LinkStream,
+    /// The line that the telemetry goes to.
+    recorded_by: usize,
+    /// When the commander last looked, ms.
+    looked: u32,
+}
+
+impl<S> Lines<S> {
+    /// With a server for each line.
+    pub const fn new(servers: S) -> Self {
+        Self {
+            servers,
+            commander: Commander::new(0),
+            asked: Asked::new(),
+            stream: LinkStream::new(),
+            recorded_by: 0,
+            looked: 0,
+        }
+    }
+}
+
+impl<S: AsMut<[Server]>> Lines<S> {
+    /// The servers.
+    pub fn servers(&mut self) -> &mut S {
+        &mut self.servers
+    }
+
+    /// The host of a line is gone: another may come.
+    pub fn hang_up(&mut self, line: usize, words: &DriveExchange) {
+        if let Some(server) = self.servers.as_mut().get_mut(line) {
+            *server = Server::new();
+        }
+        if line == self.recorded_by {
+            self.stream = LinkStream::new();
+            words.end_telemetry();
+        }
+    }
+
+    /// A look at all lines. `seed` is another with each byte. `true`: the drive is to start anew.
+    pub fn step<F, O, J, W>(
+        &mut self,
+        seed: impl Fn() -> u32,
+        ports: &mut impl Ports,
+        parts: &mut LinesParts<'_, F, O, J, W>,
+    ) -> bool
+    where
+        F: NorFlash,
+        O: Access<Orders>,
+        J: Access<Journal>,
+        W: World,
+    {
+        let view = parts.view;
+        let now_ms = view.uptime_ms.load(Relaxed);
+        if let Some(since) = self.asked.restart {
+            // What is asked meanwhile is asked again.
+            ports.flush();
+            return now_ms.wrapping_sub(since) > RESTART_MS && !state(view).has_bridges_on();
+        }
+        for (line, server) in self.servers.as_mut().iter_mut().enumerate() {
+            for _ in 0..BYTES_AT_ONCE {
+                if !ports.has_room(line) {
+                    break;
+                }
+                let Some(byte) = ports.take(line) else { break };
+                self.commander.stir(seed());
+                let now_ms = view.uptime_ms.load(Relaxed);
+                let mut drive = Commanded {
+                    asked: &mut self.asked,
+                    parts,
+                };
+                server.take(byte, now_ms, &mut self.commander, &mut drive, |bytes| {
+                    ports.put(line, bytes);
+                });
+            }
+            if let Some(request) = self.asked.record.take() {
+                self.recorded_by = line;
+                self.stream.start(parts.words, request);
+            }
+        }
+        if now_ms != self.looked {
+            self.looked = now_ms;
+            if let Some(event) = self.commander.look(state(view), now_ms) {
+                let mut buffer = [0; FRAME_MAX];
+                if let Some(bytes) = encode(&DriveFrame::Event(event), &mut buffer) {
+                    for (line, server) in self.servers.as_mut().iter().enumerate() {
+                        if server.has_session() {
+                            ports.put(line, bytes);
+                        }
+                    }
+                }
+            }
+        }
+        let line = self.recorded_by;
+        self.stream.step(parts.configured, parts.words, |bytes| {
+            ports.put_telemetry(line, bytes)
+        });
+        ports.flush();
+        false
+    }
+}
