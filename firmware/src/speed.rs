@@ -104,7 +104,7 @@ impl Speed {
             view,
             motors: exchanges(),
         };
-        self.step.step(parts, control, &mut self.board);
+        self.step.step(parts, control, &mut self.board, |_| ());
         if NVIC::is_pending(Interrupt::FMAC) {
             count(&view.speed_missed);
         }

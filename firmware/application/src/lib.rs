@@ -11,7 +11,7 @@
 //! The parts share [`exchange::DriveExchange`] and the debug view, words of one writer each. The current loops stay outside:
 //! [`control::exchange::MotorExchange`] lies between them and the speed task.
 #![no_std]
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 pub mod configured;
 pub mod drive;

@@ -66,21 +66,25 @@ impl SpeedStep {
         }
     }
 
-    /// One step.
+    /// One step; `look` sees what the control has decided.
     #[inline(always)]
     pub fn step(
         &mut self,
         parts: SpeedParts<'_>,
         control: &mut SpeedTask,
         board: &mut impl SpeedBoard,
-    ) -> SpeedTaskOutput {
+        look: impl FnOnce(&SpeedTaskOutput),
+    ) {
         let SpeedParts {
             config,
             words,
             view,
             motors,
         } = parts;
-        self.take_command(parts, control);
+        let sequence = words.sequence.load(Relaxed);
+        if sequence != self.taken {
+            self.take_command(parts, control, sequence);
+        }
         let demand = Demand::of_word(words.demand.load(Relaxed));
         let scale = board.scale();
         let found = match board.tripped() {
@@ -150,11 +154,12 @@ impl SpeedStep {
         }
         self.sampler
             .step(words, motors, &view.telemetry_dropped, &output, scale);
-        output
+        look(&output);
     }
 
     /// One line of what is learned, the next one each time: all of them every 0.3 s.
-    #[inline(always)]
+    #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn show_learned(&mut self, words: &DriveExchange, control: &SpeedTask) {
         let Some([re, im]) = words.learned.get(self.line) else {
             self.line = 0;
@@ -167,13 +172,10 @@ impl SpeedStep {
         self.line = self.line.wrapping_add(1);
     }
 
+    /// Takes the new speeds.
     #[inline(always)]
-    fn take_command(&mut self, parts: SpeedParts<'_>, control: &mut SpeedTask) {
+    fn take_command(&mut self, parts: SpeedParts<'_>, control: &mut SpeedTask, sequence: u32) {
         let words = parts.words;
-        let sequence = words.sequence.load(Relaxed);
-        if sequence == self.taken {
-            return;
-        }
         self.taken = sequence;
         let command = Command {
             velocity: TableVelocity::from_bits(words.velocity.load(Relaxed)),

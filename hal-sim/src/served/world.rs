@@ -170,7 +170,10 @@ impl Seam for Around<'_> {
             world: self.world,
             board,
         };
-        Some(self.step.step(parts, task, &mut board))
+        let mut decided = None;
+        self.step
+            .step(parts, task, &mut board, |output| decided = Some(*output));
+        decided
     }
 }
 
