@@ -4,6 +4,7 @@ use crate::board;
 use crate::hw::encoder::InputFilter;
 use crate::hw::flash::SettingsPages;
 use application::configured::Configured;
+use application::exchange::DriveExchange;
 use application::keep::Keeper;
 use application::server::NotSet;
 use control::guard::GuardPlate;
@@ -41,9 +42,11 @@ pub(crate) const BOARD: Configured = Configured {
     travel: PLATE.travel_config(board::SCALE_COUNT_M),
 };
 
-/// The speed task's state and what it is configured with, side by side, so that one address in a register serves for both.
+/// The words to and from the speed task, its state and what it is configured with, side by side, so that one address in a register
+/// serves for all.
 #[repr(C)]
 struct Held {
+    words: DriveExchange,
     task: UnsafeCell<MaybeUninit<SpeedTask>>,
     configured: UnsafeCell<Configured>,
 }
@@ -52,9 +55,16 @@ struct Held {
 unsafe impl Sync for Held {}
 
 static HELD: Held = Held {
+    words: DriveExchange::new(),
     task: UnsafeCell::new(MaybeUninit::uninit()),
     configured: UnsafeCell::new(BOARD),
 };
+
+/// The words between the application's parts.
+#[inline(always)]
+pub(crate) fn words() -> &'static DriveExchange {
+    &HELD.words
+}
 
 /// Where the speed task's state lies.
 ///

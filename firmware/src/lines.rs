@@ -1,6 +1,6 @@
 //! The lines to hosts: the serial port, and RTT's link channels. The application answers what comes.
 
-use crate::config::{config_fits, configured};
+use crate::config::{config_fits, configured, words};
 use crate::debug_view::DRIVE_VIEW;
 use crate::hw::cycles;
 use crate::hw::flash::SettingsPages;
@@ -8,7 +8,7 @@ use crate::hw::serial::Serial;
 use crate::motor_loop::exchanges;
 use application::configured::Configured;
 use application::drive::World;
-use application::exchange::DriveExchange;
+use application::exchange::TelemetryExchange;
 use application::keep::Keeper;
 use application::lines::{Access, LinesParts, Ports};
 use application::orders::Orders;
@@ -26,8 +26,8 @@ use rtt_target::{ChannelMode, DownChannel, UpChannel};
 pub(crate) const RTT_UP_BYTES: usize = 20 * 1024;
 pub(crate) const RTT_DOWN_BYTES: usize = 512;
 
-/// The words between the application's parts.
-pub(crate) static EXCHANGE: DriveExchange = DriveExchange::new();
+/// What the speed task tells the lines.
+pub(crate) static TELEMETRY: TelemetryExchange = TelemetryExchange::new();
 
 /// Line 0: the serial port. Line 1: RTT.
 struct Both {
@@ -145,7 +145,8 @@ impl Lines {
         };
         let mut parts = LinesParts {
             configured: configured(),
-            words: &EXCHANGE,
+            words: words(),
+            telemetry: &TELEMETRY,
             view: &DRIVE_VIEW,
             motors: exchanges(),
             keeper: *keeper,

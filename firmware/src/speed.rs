@@ -9,7 +9,7 @@ use crate::hw::encoder::Scale;
 use crate::hw::inputs::{FaultLine, Inputs};
 use crate::hw::outputs::Output;
 use crate::hw::pwm;
-use crate::lines::EXCHANGE;
+use crate::lines::TELEMETRY;
 use crate::motor_loop::exchanges;
 use application::speed::{SpeedBoard, SpeedParts, SpeedStep};
 use control::fault::Fault;
@@ -100,7 +100,8 @@ impl Speed {
         let control = unsafe { config::task().assume_init_mut() };
         let parts = SpeedParts {
             config: config(),
-            words: &EXCHANGE,
+            words: config::words(),
+            telemetry: &TELEMETRY,
             view,
             motors: exchanges(),
         };

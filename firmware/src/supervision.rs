@@ -1,13 +1,12 @@
 //! Once a millisecond: the application looks at what the board has read; the watchdog is fed; the log hears of faults.
 
 use crate::board;
-use crate::config::configured;
+use crate::config::{configured, words};
 use crate::debug_view::DRIVE_VIEW;
 use crate::hw::analog;
 use crate::hw::gate_drivers::GateDrivers;
 use crate::hw::inputs::Inputs;
 use crate::hw::watchdog::Watchdog;
-use crate::lines::EXCHANGE;
 use crate::motor_loop::{MOTORS, exchanges};
 use application::exchange::state;
 use application::orders::Orders;
@@ -48,7 +47,7 @@ impl Supervision {
 
     /// What the orders find at these contacts.
     pub(crate) fn order(orders: &mut Orders, contacts: interlock::Inputs) -> Option<Fault> {
-        orders.step(configured(), &EXCHANGE, &DRIVE_VIEW, contacts)
+        orders.step(configured(), words(), &DRIVE_VIEW, contacts)
     }
 
     /// One millisecond; `late` if it comes a millisecond late or more, what the contacts say, and what the orders have found.
@@ -67,7 +66,7 @@ impl Supervision {
         }
         let flags = board::take_encoder_flags();
         let fault = state(view).fault().is_some();
-        let asleep = self.gate_drivers.step(fault, EXCHANGE.is_reset());
+        let asleep = self.gate_drivers.step(fault, words().is_reset());
         let input = MillisecondIn {
             late,
             contacts,
@@ -81,7 +80,7 @@ impl Supervision {
         };
         let parts = SuperviseParts {
             configured: configured(),
-            words: &EXCHANGE,
+            words: words(),
             view,
             motors: exchanges(),
         };

@@ -183,7 +183,7 @@ fn a_host_that_falls_silent_stops_the_machine_within_its_time() {
         bench.serving.borrow_mut().millisecond();
     }
     assert_eq!(bench.state(), State::Fault(Fault::CommandLost));
-    // Another one's heartbeat would not have kept it running: see `link::server`. The fault is remembered and left.
+    // Another one's heartbeat would not have kept it running: see `application::server`. The fault is remembered and left.
     let mut other = open(&bench.serving);
     assert_eq!(other.faults().unwrap()[0].fault, Fault::CommandLost.word());
     other.tell(Command::Reset).unwrap();

@@ -268,13 +268,13 @@ where
     }
 
     fn learned(&self) -> Settings {
-        let (configured, words) = (self.parts.configured, self.parts.words);
+        let (configured, telemetry) = (self.parts.configured, self.parts.telemetry);
         let settings = self.parts.keeper.settings();
-        if !configured.drive.compensation.active || !words.all_learned.load(Relaxed) {
+        if !configured.drive.compensation.active || !telemetry.all_learned.load(Relaxed) {
             return *settings;
         }
         let mut orders = configured.plate.compensation;
-        for (line, learned) in words.learned.iter().enumerate() {
+        for (line, learned) in telemetry.learned.iter().enumerate() {
             let [re, im] = learned.each_ref().map(|part| part.load(Relaxed));
             orders.keep(line, Phasor { re, im });
         }

@@ -8,12 +8,9 @@ use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::{Demand, State};
 use link::view::DriveView;
 
-/// See the module. The words of each step come first: a load reaches 4 KB from one address.
+/// What commands and supervision tell the speed task, and the other way.
 #[derive(Debug)]
-#[repr(C)]
 pub struct DriveExchange {
-    /// Word of the telemetry request that the speed task serves; 0: none.
-    pub(crate) served: AtomicU32,
     /// Table velocity, 2^-28 m/s.
     pub(crate) velocity: AtomicI32,
     /// Common speed, 2^-18 rad/s, mechanical.
@@ -36,12 +33,40 @@ pub struct DriveExchange {
     pub(crate) table_step: AtomicI32,
     /// Word of the fault that the supervision has found; 0: none.
     pub(crate) found: AtomicU32,
+}
+
+/// What the speed task tells the lines.
+#[derive(Debug)]
+#[repr(C)]
+pub struct TelemetryExchange {
+    /// Word of the telemetry request that the speed task serves; 0: none.
+    pub(crate) served: AtomicU32,
+    /// All lines of the compensation have been shown since the start.
+    pub(crate) all_learned: AtomicBool,
     /// What each line of the compensation has learned, re and im.
     pub(crate) learned: [[AtomicI32; 2]; LINES],
-    /// All lines have been shown since the start.
-    pub(crate) all_learned: AtomicBool,
     /// Rows of telemetry.
     pub(crate) rows: Rows,
+}
+
+impl TelemetryExchange {
+    /// Of a drive that has not begun.
+    #[must_use]
+    #[allow(clippy::new_without_default)]
+    pub const fn new() -> Self {
+        Self {
+            served: AtomicU32::new(0),
+            all_learned: AtomicBool::new(false),
+            learned: [const { [const { AtomicI32::new(0) }; 2] }; LINES],
+            rows: Rows::new(),
+        }
+    }
+
+    /// The speed task, above this code, adds no row from here on.
+    pub(crate) fn end_stream(&self) {
+        self.served.store(0, Relaxed);
+        self.rows.clear();
+    }
 }
 
 impl DriveExchange {
@@ -50,7 +75,6 @@ impl DriveExchange {
     #[allow(clippy::new_without_default)]
     pub const fn new() -> Self {
         Self {
-            served: AtomicU32::new(0),
             velocity: AtomicI32::new(0),
             base: AtomicI32::new(0),
             sequence: AtomicU32::new(0),
@@ -62,9 +86,6 @@ impl DriveExchange {
             travel: AtomicU32::new(0),
             table_step: AtomicI32::new(0),
             found: AtomicU32::new(0),
-            learned: [const { [const { AtomicI32::new(0) }; 2] }; LINES],
-            all_learned: AtomicBool::new(false),
-            rows: Rows::new(),
         }
     }
 
@@ -77,12 +98,6 @@ impl DriveExchange {
     /// The commander is there.
     pub(crate) fn renew(&self) {
         count(&self.heartbeat);
-    }
-
-    /// The speed task, above this code, adds no row from here on.
-    pub(crate) fn end_telemetry(&self) {
-        self.served.store(0, Relaxed);
-        self.rows.clear();
     }
 
     pub(crate) fn ask(&self, demand: Demand) {

@@ -2,7 +2,7 @@
 
 use crate::configured::Configured;
 use crate::drive::{Asked, Commanded, World};
-use crate::exchange::{DriveExchange, state};
+use crate::exchange::{DriveExchange, TelemetryExchange, state};
 use crate::keep::Keeper;
 use crate::orders::Orders;
 use crate::server::{Commander, Server};
@@ -54,6 +54,8 @@ pub struct LinesParts<'a, F, O, J, W> {
     pub configured: &'a Configured,
     /// The words between the parts.
     pub words: &'a DriveExchange,
+    /// What the speed task tells.
+    pub telemetry: &'a TelemetryExchange,
     /// The debug view.
     pub view: &'a DriveView,
     /// Screw, nut.
@@ -102,13 +104,13 @@ impl<S: AsMut<[Server]>> Lines<S> {
     }
 
     /// The host of a line is gone: another may come.
-    pub fn hang_up(&mut self, line: usize, words: &DriveExchange) {
+    pub fn hang_up(&mut self, line: usize, telemetry: &TelemetryExchange) {
         if let Some(server) = self.servers.as_mut().get_mut(line) {
             *server = Server::new();
         }
         if line == self.recorded_by {
             self.stream = LinkStream::new();
-            words.end_telemetry();
+            telemetry.end_stream();
         }
     }
 
@@ -150,7 +152,7 @@ impl<S: AsMut<[Server]>> Lines<S> {
             }
             if let Some(request) = self.asked.record.take() {
                 self.recorded_by = line;
-                self.stream.start(parts.words, request);
+                self.stream.start(parts.telemetry, request);
             }
         }
         if now_ms != self.looked {
@@ -167,9 +169,10 @@ impl<S: AsMut<[Server]>> Lines<S> {
             }
         }
         let line = self.recorded_by;
-        self.stream.step(parts.configured, parts.words, |bytes| {
-            ports.put_telemetry(line, bytes)
-        });
+        self.stream
+            .step(parts.configured, parts.telemetry, |bytes| {
+                ports.put_telemetry(line, bytes)
+            });
         ports.flush();
         false
     }

@@ -1,6 +1,6 @@
 //! A step of the speed task: commands in, the control's step, state and telemetry out.
 
-use crate::exchange::{DriveExchange, count, show};
+use crate::exchange::{DriveExchange, TelemetryExchange, count, show};
 use crate::telemetry::Sampler;
 use control::coordinator::Command;
 use control::exchange::MotorExchange;
@@ -36,6 +36,8 @@ pub struct SpeedParts<'a> {
     pub config: &'a DriveConfig,
     /// The words between the parts.
     pub words: &'a DriveExchange,
+    /// What the lines hear.
+    pub telemetry: &'a TelemetryExchange,
     /// The debug view.
     pub view: &'a DriveView,
     /// Screw, nut.
@@ -78,6 +80,7 @@ impl SpeedStep {
         let SpeedParts {
             config,
             words,
+            telemetry,
             view,
             motors,
         } = parts;
@@ -150,20 +153,20 @@ impl SpeedStep {
         if count(&view.speed_steps) & 63 == 0 {
             let limits = control.limits(config, motors);
             view.limits.store(limits.word(), Relaxed);
-            self.show_learned(words, control);
+            self.show_learned(telemetry, control);
         }
         self.sampler
-            .step(words, motors, &view.telemetry_dropped, &output, scale);
+            .step(telemetry, motors, &view.telemetry_dropped, &output, scale);
         look(&output);
     }
 
     /// One line of what is learned, the next one each time: all of them every 0.3 s.
     #[inline(never)]
     #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
-    fn show_learned(&mut self, words: &DriveExchange, control: &SpeedTask) {
-        let Some([re, im]) = words.learned.get(self.line) else {
+    fn show_learned(&mut self, telemetry: &TelemetryExchange, control: &SpeedTask) {
+        let Some([re, im]) = telemetry.learned.get(self.line) else {
             self.line = 0;
-            words.all_learned.store(true, Relaxed);
+            telemetry.all_learned.store(true, Relaxed);
             return;
         };
         let learned = control.compensation().coefficient(self.line);

@@ -5,7 +5,7 @@
 //! full too they are dropped and counted, and the host sees by their period that they are missing.
 
 use crate::configured::Configured;
-use crate::exchange::{DriveExchange, count};
+use crate::exchange::{TelemetryExchange, count};
 use crate::rows::{ROWS, WORDS};
 use control::current_loop::CurrentLoopConfig;
 use control::exchange::MotorExchange;
@@ -38,13 +38,13 @@ impl Sampler {
     #[inline(always)]
     pub(crate) fn step(
         &mut self,
-        exchange: &DriveExchange,
+        telemetry: &TelemetryExchange,
         motors: [&MotorExchange; 2],
         dropped: &AtomicU32,
         output: &SpeedTaskOutput,
         scale: i32,
     ) {
-        let asked = exchange.served.load(Relaxed);
+        let asked = telemetry.served.load(Relaxed);
         if asked == 0 {
             return;
         }
@@ -81,7 +81,7 @@ impl Sampler {
             nut_speed,
             scale.cast_unsigned(),
         ];
-        if !exchange.rows.push(row) {
+        if !telemetry.rows.push(row) {
             count(dropped);
         }
     }
@@ -148,8 +148,8 @@ impl LinkStream {
     }
 
     /// Begins the stream of a [`Request`]'s word, or ends it.
-    pub(crate) fn start(&mut self, words: &DriveExchange, request: u32) {
-        words.end_telemetry();
+    pub(crate) fn start(&mut self, telemetry: &TelemetryExchange, request: u32) {
+        telemetry.end_stream();
         self.header = Some(request);
     }
 
@@ -157,7 +157,7 @@ impl LinkStream {
     pub(crate) fn step(
         &mut self,
         configured: &Configured,
-        words: &DriveExchange,
+        telemetry: &TelemetryExchange,
         mut send: impl FnMut(&[u8]) -> bool,
     ) {
         let mut send = |frame: Frame| {
@@ -177,18 +177,18 @@ impl LinkStream {
             }
             self.header = None;
             let wanted = Request::of_word(request).divider != 0;
-            words
+            telemetry
                 .served
                 .store(if wanted { request } else { 0 }, Relaxed);
         }
         for _ in 0..ROWS {
-            let Some(row) = words.rows.first() else {
+            let Some(row) = telemetry.rows.first() else {
                 return;
             };
             if !send(Frame::Sample(sample(&configured.drive, row))) {
                 return;
             }
-            words.rows.drop_first();
+            telemetry.rows.drop_first();
         }
     }
 }

@@ -20,7 +20,7 @@ use crate::flash::SimulatedFlash;
 use crate::start::{Start, settle};
 use crate::supervision::periods_per_ms;
 use application::configured::Configured;
-use application::exchange::DriveExchange;
+use application::exchange::{DriveExchange, TelemetryExchange};
 use application::keep::{Found, Keeper};
 use application::lines::{LinesParts, Ports};
 use application::orders::Orders;
@@ -73,6 +73,7 @@ impl Begin {
 struct Application {
     configured: Configured,
     words: DriveExchange,
+    telemetry: TelemetryExchange,
     view: DriveView,
     speed: SpeedStep,
     supervise: Supervise,
@@ -102,6 +103,7 @@ impl Application {
         view.reset_reason.store(reason.word(), Relaxed);
         Ok(Self {
             words: DriveExchange::new(),
+            telemetry: TelemetryExchange::new(),
             view,
             speed: SpeedStep::new(),
             supervise: Supervise::new(&configured),
@@ -279,6 +281,7 @@ impl SimulatedDrive {
         let Application {
             configured,
             words,
+            telemetry,
             view,
             orders,
             lines,
@@ -290,6 +293,7 @@ impl SimulatedDrive {
             &mut LinesParts {
                 configured,
                 words,
+                telemetry,
                 view,
                 motors: Axis::ALL.map(|axis| self.drive.exchange(axis)),
                 keeper: &mut self.keeper,
@@ -310,9 +314,11 @@ impl SimulatedDrive {
 
     /// A line to a host that is new, in the place of an older one or not.
     fn open_line(&mut self, line: usize) {
-        let Application { lines, words, .. } = &mut self.application;
+        let Application {
+            lines, telemetry, ..
+        } = &mut self.application;
         if line < lines.servers().len() {
-            lines.hang_up(line, words);
+            lines.hang_up(line, telemetry);
         } else {
             lines.servers().resize(line + 1, Server::new());
         }
@@ -333,12 +339,17 @@ impl SimulatedDrive {
                     .any(|axis| !self.drive.compare(*axis).enable);
         }
         let Application {
-            words, view, speed, ..
+            words,
+            telemetry,
+            view,
+            speed,
+            ..
         } = &mut self.application;
         self.drive.period_through(&mut Around {
             world: &mut self.world,
             step: speed,
             words,
+            telemetry,
             view,
         });
         self.periods += 1;

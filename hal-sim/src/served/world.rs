@@ -3,7 +3,7 @@
 use crate::analog::AnalogWatches;
 use crate::boards::BoardKind;
 use crate::seam::{Seam, SpeedCall};
-use application::exchange::DriveExchange;
+use application::exchange::{DriveExchange, TelemetryExchange};
 use application::speed::{SpeedBoard, SpeedParts, SpeedStep};
 use control::current_loop::MotorSample;
 use control::fault::Fault;
@@ -131,6 +131,7 @@ pub(super) struct Around<'a> {
     pub(super) world: &'a mut World,
     pub(super) step: &'a mut SpeedStep,
     pub(super) words: &'a DriveExchange,
+    pub(super) telemetry: &'a TelemetryExchange,
     pub(super) view: &'a DriveView,
 }
 
@@ -163,6 +164,7 @@ impl Seam for Around<'_> {
         let parts = SpeedParts {
             config,
             words: self.words,
+            telemetry: self.telemetry,
             view: self.view,
             motors,
         };
