@@ -21,7 +21,6 @@ use link::telemetry::{Frame, Header, MotorSample, Request, Sample, rounded};
 #[derive(Clone, Debug)]
 pub(crate) struct Sampler {
     serving: u32,
-    start: u32,
     left: u8,
 }
 
@@ -29,7 +28,6 @@ impl Sampler {
     pub(crate) const fn new() -> Self {
         Self {
             serving: 0,
-            start: 0,
             left: 0,
         }
     }
@@ -52,19 +50,17 @@ impl Sampler {
         if asked != self.serving {
             self.serving = asked;
             self.left = 0;
-            self.start = screw.periods();
         }
         if let Some(left) = self.left.checked_sub(1) {
             self.left = left;
             return;
         }
         self.left = Request::of_word(asked).divider.saturating_sub(1);
-        let period = screw.periods().wrapping_sub(self.start);
         let (s, n) = (words(screw), words(nut));
         let [to_screw, to_nut] = output.current.map(|c| c.i_q.to_bits().cast_unsigned());
         let [screw_speed, nut_speed] = output.speed.map(|s| s.omega_e.to_bits().cast_unsigned());
         let row = [
-            period,
+            screw.periods(),
             s[0],
             s[1],
             s[2],
@@ -109,8 +105,8 @@ fn words(exchange: &MotorExchange) -> [u32; 5] {
     }
 }
 
-/// A row as it is sent.
-fn sample(config: &DriveConfig, row: [u32; WORDS]) -> Sample {
+/// A row as it is sent. Its period counts from the stream's first row.
+fn sample(config: &DriveConfig, first: u32, row: [u32; WORDS]) -> Sample {
     let [period, motors @ .., scale] = row;
     let motor = |config: &CurrentLoopConfig, words: &[i32; 7]| {
         let [encoder, a, b, d, q, i_q_ref, speed_ref] = *words;
@@ -126,7 +122,7 @@ fn sample(config: &DriveConfig, row: [u32; WORDS]) -> Sample {
     let [screw, nut] = &config.current_loops;
     let [s0, s1, s2, s3, s4, s5, s6, n0, n1, n2, n3, n4, n5, n6] = motors.map(u32::cast_signed);
     Sample {
-        period,
+        period: period.wrapping_sub(first),
         motors: [
             motor(screw, &[s0, s1, s2, s3, s4, s5, s6]),
             motor(nut, &[n0, n1, n2, n3, n4, n5, n6]),
@@ -140,17 +136,22 @@ fn sample(config: &DriveConfig, row: [u32; WORDS]) -> Sample {
 pub(crate) struct LinkStream {
     /// A header that is yet to be sent.
     header: Option<u32>,
+    /// PWM period of the stream's first row.
+    first: Option<u32>,
 }
 
 impl LinkStream {
     pub(crate) const fn new() -> Self {
-        Self { header: None }
+        Self {
+            header: None,
+            first: None,
+        }
     }
 
     /// Begins the stream of a [`Request`]'s word, or ends it.
     pub(crate) fn start(&mut self, telemetry: &TelemetryExchange, request: u32) {
         telemetry.end_stream();
-        self.header = Some(request);
+        (self.header, self.first) = (Some(request), None);
     }
 
     /// Sends what the queue holds and the line takes: `send` is given whole frames, and says whether it took them.
@@ -185,7 +186,8 @@ impl LinkStream {
             let Some(row) = telemetry.rows.first() else {
                 return;
             };
-            if !send(Frame::Sample(sample(&configured.drive, row))) {
+            let first = *self.first.get_or_insert(row[0]);
+            if !send(Frame::Sample(sample(&configured.drive, first, row))) {
                 return;
             }
             telemetry.rows.drop_first();

@@ -142,6 +142,14 @@ impl SimulatedDrive {
         Self::of(setup.clone(), &setup.plate(), Begin::Aligned)
     }
 
+    /// The same, told what `plate` says.
+    ///
+    /// # Errors
+    /// [`Misfit`] if a gain does not fit its format.
+    pub fn with_plate(setup: &Setup, plate: &DrivePlate) -> Result<Self, Misfit> {
+        Self::of(setup.clone(), plate, Begin::Aligned)
+    }
+
     /// A drive that knows of its machine what its plate says, and has to find its rotors each time it starts.
     ///
     /// # Errors

@@ -18,6 +18,7 @@ mod log;
 mod pins;
 mod power_stage;
 mod same_bits;
+mod session;
 mod settings;
 mod settling;
 mod sizes;

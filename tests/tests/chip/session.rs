@@ -1,0 +1,264 @@
+//! One session with every command, over the link: to the ELF on the emulated chip, and to the simulated drive. Both host the same
+//! application, and answer the same.
+
+use crate::link::{LINES, Session, run};
+use anyhow::{Result, ensure};
+use hal_sim::experiment::Setup;
+use hal_sim::served::{Serving, SimulatedDrive, Within};
+use link::codes::{EventKind, State};
+use link::host::client::{Client, Line};
+use link::message::{Aligned, Command, Reply, Travel};
+use link::scale;
+use link::settings::{Settings, Value};
+use link::telemetry::{Real, Request};
+use plant::machine::Coupling;
+use plant::model::Model;
+use std::cell::RefCell;
+use std::rc::Rc;
+use std::time::Duration;
+use tests::bench::{board_config, machine_of, plate};
+use tests::chip::wiring::Wiring;
+
+/// A heartbeat each so many milliseconds.
+const BEAT_MS: u32 = 100;
+
+/// What is asked, after how many milliseconds with a heartbeat.
+fn script() -> Vec<(u32, Command)> {
+    let number = |name: &str| {
+        let setting = Settings::all().find(|setting| setting.to_string() == name);
+        setting.expect("a setting of that name").id
+    };
+    let draft = |name, value| Command::Draft {
+        id: number(name),
+        value: Value::Real(Real::new(value)),
+    };
+    let way = |distance_nm, mm_s: f64, base| Command::Move {
+        distance_nm,
+        velocity: scale::word(mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap(),
+        base,
+    };
+    // Faster than the screw, with the table's share, may turn.
+    let too_fast = scale::word(310.0, scale::BASE_SPEED);
+    vec![
+        (0, Command::Status),
+        (0, run(2.5, 300.0)),
+        (0, Command::Arm),
+        (0, Command::Status),
+        (0, run(1000.0, 300.0)),
+        (0, run(0.0, 30_000.0)),
+        (0, way(0, 5.0, Some(0))),
+        (0, way(1_000_000, 5.0, Some(i32::MAX))),
+        (0, way(-1_000_000, 100.0, too_fast)),
+        (
+            0,
+            Command::DirectCurrent {
+                motor: 0,
+                current: 1 << 20,
+            },
+        ),
+        (0, run(2.5, 300.0)),
+        (700, Command::Status),
+        (
+            0,
+            Command::DirectCurrent {
+                motor: 0,
+                current: 1 << 20,
+            },
+        ),
+        (
+            0,
+            Command::DirectCurrent {
+                motor: 2,
+                current: 0,
+            },
+        ),
+        (
+            0,
+            Command::DirectCurrent {
+                motor: 1,
+                current: i32::MAX,
+            },
+        ),
+        (
+            0,
+            Command::Angle {
+                motor: 0,
+                behind: 1 << 20,
+            },
+        ),
+        (0, Command::Commit),
+        (
+            0,
+            Command::Record(
+                Request {
+                    divider: 50,
+                    stream: 3,
+                }
+                .word(),
+            ),
+        ),
+        (0, Command::Record(0)),
+        (200, Command::Stop),
+        (800, Command::Status),
+        (0, run(2.5, 0.0)),
+        (
+            0,
+            Command::Angle {
+                motor: 0,
+                behind: 1 << 20,
+            },
+        ),
+        (
+            0,
+            Command::Angle {
+                motor: 1,
+                behind: i32::MIN,
+            },
+        ),
+        (0, Command::Arm),
+        (0, way(-500_000, 5.0, Some(0))),
+        (1500, Command::Status),
+        (0, Command::Home { base: Some(0) }),
+        (400, Command::Status),
+        (0, Command::Stop),
+        (800, Command::Status),
+        (0, Command::Reset),
+        (0, Command::Faults),
+        (0, Command::Settings { from: 0 }),
+        (0, Command::Learned { from: 0x0100 }),
+        (0, draft("feed.lead_mm", 4.5)),
+        (0, draft("feed.lead_mm", -1.0)),
+        (
+            0,
+            Command::Draft {
+                id: 0xFFFF,
+                value: Value::Whole(0),
+            },
+        ),
+        (0, Command::Discard),
+        (0, draft("command.heartbeat_ms", 1e9)),
+        (0, Command::Journal { after: 0 }),
+        (0, Command::Arm),
+        (0, run(1.0, 200.0)),
+        (300, Command::Status),
+    ]
+}
+
+/// The reply without what a measurement or the time decides.
+fn told(reply: &Reply) -> String {
+    match reply {
+        Reply::Status(status) => format!(
+            "state {} fault {} armed {} travel {} homed {} settings {} {} aligned {:?}",
+            status.state,
+            status.fault,
+            status.armed,
+            status.travel,
+            status.origin.is_some(),
+            status.runs_on,
+            status.unfit,
+            status
+                .motors
+                .map(|motor| matches!(motor.alignment, Aligned::Forwards { .. })),
+        ),
+        Reply::Faults(events) => {
+            let faults = events.iter().map(|event| (event.state, event.fault));
+            format!("{:?}", faults.collect::<Vec<_>>())
+        }
+        Reply::Events(events) => {
+            // What a start says is the reason of a reset, which differs.
+            let start = EventKind::Start.word();
+            let events = events.iter().filter(|event| event.kind != start);
+            let events = events.map(|event| (event.kind, event.code));
+            format!("{:?}", events.collect::<Vec<_>>())
+        }
+        Reply::Settings(values) => {
+            let values = values.iter().map(|(id, value)| match value {
+                // Boards state SI units, which a conversion rounds.
+                Value::Real(real) => format!("{id}: {:.12e}", real.get()),
+                other => format!("{id}: {other:?}"),
+            });
+            values.collect::<Vec<_>>().join(" ")
+        }
+        other => format!("{other:?}"),
+    }
+}
+
+/// The script's replies, and the table's scale at each status.
+fn replies<L: Line>(client: &mut Client<L>) -> Result<Vec<(String, Option<i32>)>> {
+    let mut replies = Vec::new();
+    for (ms, command) in script() {
+        let until = client.now() + Duration::from_millis(ms.into());
+        let mut beat = client.now();
+        while client.now() < until {
+            if client.now() >= beat {
+                client.beat()?;
+                beat += Duration::from_millis(BEAT_MS.into());
+            }
+            client.listen(Duration::from_millis(1))?;
+        }
+        let reply = client.ask(command)?;
+        let scale = match &reply {
+            Reply::Status(status) => Some(status.scale),
+            _ => None,
+        };
+        replies.push((told(&reply), scale));
+    }
+    Ok(replies)
+}
+
+#[test]
+fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
+    let mut model = Model::paper();
+    model.feed.load_n = 0.0;
+    let setup = Setup {
+        model: machine_of(Wiring::Nucleo, &model, Coupling::Lumped),
+        coupling: Coupling::Lumped,
+        board: board_config(Wiring::Nucleo),
+        tuning: plate().tuning,
+    };
+    let drive = SimulatedDrive::with_plate(&setup, &plate())?;
+    let serving = Rc::new(RefCell::new(Serving::new(drive)));
+    let mut simulated = Client::open(Within::open(&serving))?;
+    while simulated.status()?.state != State::Ready.word() {
+        ensure!(
+            serving.borrow().ms() < 1000,
+            "the simulated drive is not ready"
+        );
+    }
+    let simulated = replies(&mut simulated)?;
+    let mut session = Session::open(LINES[0].1)?;
+    let emulated = replies(&mut session.client)?;
+    let scale_count_m = tests::bench::scale_count_m(Wiring::Nucleo);
+    let mut differ = Vec::new();
+    for (k, ((_, command), (chip, host))) in script()
+        .iter()
+        .zip(emulated.iter().zip(&simulated))
+        .enumerate()
+    {
+        println!("{command:?}: {}", chip.0);
+        if chip.0 != host.0 {
+            differ.push(format!(
+                "{k}, {command:?}:\n  chip {}\n  host {}",
+                chip.0, host.0
+            ));
+        }
+        // The table is where it is asked to be, to what a reply's millisecond makes at 5 mm/s.
+        if let (Some(chip), Some(host)) = (chip.1, host.1) {
+            let apart = f64::from(chip.wrapping_sub(host)) * scale_count_m;
+            if apart.abs() > 20e-6 {
+                differ.push(format!(
+                    "{k}, {command:?}: the tables are {:.1} um apart",
+                    apart * 1e6
+                ));
+            }
+        }
+    }
+    ensure!(differ.is_empty(), "{}", differ.join("\n"));
+    let moved = Travel::Done.word();
+    let done = |(reply, _): &&(String, Option<i32>)| reply.contains(&format!("travel {moved} "));
+    ensure!(
+        simulated.iter().any(|reply| done(&reply)),
+        "no move was done: {simulated:?}"
+    );
+    Ok(())
+}
