@@ -11,6 +11,9 @@ use std::process::Command;
 /// The target that the firmware is built for.
 pub const TARGET: &str = "thumbv7em-none-eabihf";
 
+/// The target of a browser.
+pub const BROWSER: &str = "wasm32-unknown-unknown";
+
 /// What `cost` can be asked.
 #[derive(Args)]
 pub struct CostOptions {

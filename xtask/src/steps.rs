@@ -4,7 +4,7 @@ use anyhow::{Context, Result, ensure};
 use std::ffi::OsString;
 use std::process::Command;
 use std::time::Instant;
-use xtask::firmware::TARGET;
+use xtask::firmware::{BROWSER, TARGET};
 use xtask::tools::root;
 
 /// One program's run.
@@ -71,7 +71,7 @@ pub fn prepare() -> Result<()> {
     };
     run_all(&[
         rustup("component add clippy rustfmt"),
-        rustup(&format!("target add {TARGET}")),
+        rustup(&format!("target add {TARGET} {BROWSER}")),
     ])
 }
 

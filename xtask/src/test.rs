@@ -2,7 +2,7 @@
 
 use crate::steps::{Step, prepare, run_all};
 use anyhow::Result;
-use xtask::firmware::TARGET;
+use xtask::firmware::{BROWSER, TARGET};
 use xtask::tools::{cross_compiler, emulator_environment, target_folder};
 
 /// All that runs on this computer, in one go with all features, so that no library is built twice.
@@ -26,6 +26,8 @@ pub fn run() -> Result<()> {
         Step::cargo(format!("clippy {firmware} {mains} -- -D warnings")),
         Step::cargo(format!("clippy {firmware} -- -D warnings")),
         Step::documentation(&firmware),
+        // What a page in a browser will host.
+        Step::cargo(format!("check --package hal-sim --target {BROWSER}")),
     ])?;
     xtask::firmware::build()?;
     run_all(&[Step::cargo(format!("test {HOST}")).with(&emulator)])?;
