@@ -86,8 +86,8 @@ pub struct SpeedTask {
     /// What they see of the currents that were asked: without those that compensate what is known.
     unknown: [Current; 2],
     notches: [Notch; 2],
-    /// The encoders count backwards: screw, nut.
-    reversed: [bool; 2],
+    /// How the encoders lie to their rotors: screw, nut.
+    frames: [RotorFrame; 2],
     /// A fault has doubted the angles that are stored.
     stored_doubted: bool,
     /// Which of the [`Look`]s is due.
@@ -133,7 +133,7 @@ impl SpeedTask {
             disturbances: [Disturbance::new(); 2],
             unknown: [Current::ZERO; 2],
             notches: [Notch::new(); 2],
-            reversed: [false; 2],
+            frames: [RotorFrame::ENCODER; 2],
             stored_doubted: false,
             look: 0,
         }
@@ -335,6 +335,9 @@ impl SpeedTask {
         let held = before != State::Stopping || self.brake.is_closed(&config.brake);
         let at_rest = self.coordinator.at_rest() && held;
         self.state = before.next(demand, motors, found, self.aligned, at_rest);
+        if before == State::Aligning && self.state == State::Ready {
+            self.compensation.forget(&config.compensation);
+        }
         if config.brake.fitted {
             self.brake.step(match self.state {
                 State::Running | State::Holding => {
@@ -368,11 +371,11 @@ impl SpeedTask {
                 });
             }
         };
-        self.reversed = exchanges.map(|exchange| {
-            exchange
-                .alignment()
-                .is_some_and(|alignment| alignment.reversed)
-        });
+        let [screw_loop, nut_loop] = &config.current_loops;
+        self.frames = [
+            RotorFrame::of(screw.alignment(), screw_loop.observer.pole_pairs),
+            RotorFrame::of(nut.alignment(), nut_loop.observer.pole_pairs),
+        ];
         if target != self.followed {
             // Checked when it was given, and rest is always allowed; a refusal would leave the old target.
             let _ = self.coordinator.command(&config.coordinator, target);
@@ -575,7 +578,7 @@ impl SpeedTask {
         let [screw_config, nut_config] = &config.speed_loops;
         let [mut screw_reference, mut nut_reference] = speed;
         if config.compensation.active {
-            let [screw_reversed, nut_reversed] = self.reversed;
+            let [screw_frame, nut_frame] = self.frames;
             // Of one it is asked that both are.
             let limited = screw_voltage | screw_torque | nut_voltage | nut_torque;
             let steady = self.coordinator.steady() && !limited;
@@ -583,13 +586,13 @@ impl SpeedTask {
                 &config.compensation,
                 [
                     Turning {
-                        theta: shaft_angle(screw_exchange, screw_loop, screw_reversed),
+                        theta: screw_frame.rotor_angle(screw_exchange, screw_loop),
                         theta_step: screw_step,
                         omega_e: screw_omega_e,
                         steady,
                     },
                     Turning {
-                        theta: shaft_angle(nut_exchange, nut_loop, nut_reversed),
+                        theta: nut_frame.rotor_angle(nut_exchange, nut_loop),
                         theta_step: nut_step,
                         omega_e: nut_omega_e,
                         steady,
@@ -1135,14 +1138,47 @@ fn likelier(state: State, config: &DriveConfig, exchanges: [&MotorExchange; 2]) 
     }
 }
 
-/// Where a shaft is by its encoder's last count, in the rotor's sense.
-#[inline(always)]
-fn shaft_angle(exchange: &MotorExchange, config: &CurrentLoopConfig, reversed: bool) -> Angle {
-    let angle = config.observer.encoder.angle(exchange.encoder());
-    if reversed {
-        Angle(0).turned(Angle(0).minus(angle))
-    } else {
-        angle
+/// How an encoder lies to its rotor: `rotor angle = (encoder angle, or minus that) + zero`.
+///
+/// The alignment gives the electrical zero. So the rotor angle is known but for whole turns by the pole pairs. Recordings have the
+/// same angle (`Aligned::rotor_angle` of the link).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct RotorFrame {
+    reversed: bool,
+    zero: Angle,
+}
+
+impl RotorFrame {
+    /// The encoder's own angle.
+    const ENCODER: Self = Self {
+        reversed: false,
+        zero: Angle(0),
+    };
+
+    #[inline(always)]
+    fn of(alignment: Option<EncoderAlignment>, pole_pairs: u32) -> Self {
+        alignment.map_or(Self::ENCODER, |alignment| Self {
+            reversed: alignment.reversed,
+            zero: Angle(
+                alignment
+                    .theta_e_at_zero
+                    .0
+                    .checked_div(pole_pairs)
+                    .unwrap_or(0),
+            ),
+        })
+    }
+
+    /// Where the rotor is by its encoder's last count.
+    #[inline(always)]
+    fn rotor_angle(self, exchange: &MotorExchange, config: &CurrentLoopConfig) -> Angle {
+        let angle = config.observer.encoder.angle(exchange.encoder());
+        let angle = if self.reversed {
+            Angle(angle.0.wrapping_neg())
+        } else {
+            angle
+        };
+        angle.plus(self.zero)
     }
 }
 

@@ -18,6 +18,7 @@ codes! {
         Fits = 2, "fits", "What is learned is what was saved.";
         Discarded = 3, "does not fit", "The saved table did not fit and is not used any more: the drive learns from zero. Was the encoder homed elsewhere, turned or exchanged? `settings learned --save` keeps the new table.";
         Drifted = 4, "drifted", "The saved table did fit, and most of its orders have moved since: the drive goes on with what it learns. `settings learned --save` keeps it.";
+        Forgotten = 5, "not used", "The rotor was found anew, in one of as many places as it has pole pairs. No saved order repeats in each of them, so none is used: the drive learns from zero.";
     }
 }
 
@@ -60,6 +61,8 @@ pub(super) struct TableChecks {
     fits: TableFits,
     /// Checks at the full learning rate that each has had, 2^-15.
     learned: [u32; TABLES],
+    /// Lines of each whose start is not used, one bit a line.
+    forgotten: [u8; TABLES],
     next: u8,
 }
 
@@ -68,6 +71,7 @@ impl TableChecks {
         Self {
             fits: TableFits(0),
             learned: [0; TABLES],
+            forgotten: [0; TABLES],
             next: 0,
         }
     }
@@ -84,7 +88,7 @@ struct Found {
 }
 
 impl Found {
-    fn of(lines: &[Line], configs: &[LineConfig], floor: i32) -> Self {
+    fn of(lines: &[Line], configs: &[LineConfig], floor: i32, mut forgotten: u8) -> Self {
         let mut found = Self {
             saved: 0,
             learning: 0,
@@ -93,7 +97,9 @@ impl Found {
         let least = square(Phasor { re: floor, im: 0 });
         for (line, config) in lines.iter().zip(configs) {
             let start = square(config.start);
-            if start < least {
+            let is_forgotten = forgotten & 1 != 0;
+            forgotten >>= 1;
+            if start < least || is_forgotten {
                 continue;
             }
             found.saved = found.saved.saturating_add(1);
@@ -158,8 +164,9 @@ impl Compensation {
         } else {
             (SPEED_PART_MAX >> 12, SPEED_SLOWER)
         };
-        let found = Found::of(lines, starts, floor);
         let table = usize::from(table);
+        let forgotten = self.checks.forgotten.get(table).copied().unwrap_or(0);
+        let found = Found::of(lines, starts, floor, forgotten);
         let Some(learned) = self.checks.learned.get_mut(table) else {
             return;
         };
@@ -171,6 +178,7 @@ impl Compensation {
         let enough = config.checked.saturating_mul(slower);
         let moved = tells && *learned >= enough >> 2 && found.most_moved();
         let fit = match self.checks.fits.of(table) {
+            _ if found.saved == 0 && forgotten != 0 => TableFit::Forgotten,
             _ if found.saved == 0 => TableFit::None,
             Some(TableFit::Discarded) => return,
             Some(TableFit::Fits | TableFit::Drifted) if !tells => return,
@@ -184,6 +192,47 @@ impl Compensation {
             _ => TableFit::Fits,
         };
         self.checks.fits = self.checks.fits.with(table, fit);
+    }
+}
+
+/// Orders of a table that are not the same in each place of a rotor that `pole_pairs` give: they start at zero. A bit for each that
+/// had a start.
+fn forget(lines: &mut [Line], configs: &[LineConfig], pole_pairs: u32) -> u8 {
+    let mut forgotten = 0;
+    for (k, (line, config)) in lines.iter_mut().zip(configs).enumerate() {
+        let repeats = (line.order().0)
+            .checked_rem(pole_pairs.wrapping_shl(16))
+            .is_some_and(|rest| rest == 0);
+        if !repeats {
+            line.restart();
+            if config.start != Phasor::ZERO {
+                forgotten |= 1u8.wrapping_shl(k as u32);
+            }
+        }
+    }
+    forgotten
+}
+
+impl Compensation {
+    /// The rotors were found anew by their currents: each stands in one of as many places as it has pole pairs. Orders that are not
+    /// the same in each of them are learned from zero, and so are the lead's.
+    pub(crate) fn forget(&mut self, config: &CompensationConfig) {
+        let [screw_pairs, nut_pairs] = config.pole_pairs.map(i32::unsigned_abs);
+        let [screw_torque, nut_torque] = &mut self.torque;
+        let [screw_angle, nut_angle] = &mut self.angle;
+        let [screw_start, nut_start] = &config.torque;
+        let [screw_angle_start, nut_angle_start] = &config.angle;
+        self.checks = TableChecks {
+            forgotten: [
+                forget(screw_torque, screw_start, screw_pairs),
+                forget(nut_torque, nut_start, nut_pairs),
+                forget(screw_angle, screw_angle_start, screw_pairs),
+                forget(nut_angle, nut_angle_start, nut_pairs),
+                // A whole number of the lead's turns is no turn of a rotor.
+                forget(&mut self.travel, &config.travel, 0),
+            ],
+            ..TableChecks::new()
+        };
     }
 }
 
