@@ -243,3 +243,46 @@ const LAST: u8 = TABLES as u8 - 1;
 const LEAST_PART: u32 = 1 << 9;
 /// How much slower the errors of encoders and lead are learned than torque, at most.
 const SPEED_SLOWER: u32 = 4;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plate::{CompensationPlate, OrderPlate, test_plate};
+
+    #[test]
+    fn a_rotor_found_anew_keeps_the_orders_that_repeat_with_its_poles() {
+        let order = |order: f64| OrderPlate {
+            order,
+            re: 0.1,
+            im: -0.1,
+        };
+        let mut plate = test_plate();
+        // Five pole pairs: orders 30 and 5 are the same in each of five places, 1 and 7.5 are not.
+        let mut known = CompensationPlate::NONE;
+        known.learning_s = 0.5;
+        known.torque[0][0] = order(30.0);
+        known.torque[0][1] = order(7.5);
+        known.torque[0][2] = order(5.0);
+        known.angle[1][0] = OrderPlate {
+            order: 1.0,
+            re: 1e-3,
+            im: 0.0,
+        };
+        plate.compensation = known;
+        let config = plate.config().unwrap().compensation;
+        let mut compensation = Compensation::new(&config);
+        compensation.forget(&config);
+        let given = |line: usize| compensation.coefficient(line) != Phasor::ZERO;
+        assert_eq!([given(0), given(1), given(2)], [true, false, true]);
+        for table in 0..TABLES {
+            compensation.check(&config, [0; 2]);
+            let fit = compensation.tables().of(table);
+            let expected = match table {
+                0 => TableFit::Unchecked,
+                3 => TableFit::Forgotten,
+                _ => TableFit::None,
+            };
+            assert_eq!(fit, Some(expected), "{}", TableFits::NAMES[table]);
+        }
+    }
+}
