@@ -1,4 +1,4 @@
-//! No bridge closes without a command, and none stays closed past a stop: a random walk over demands, contacts, end switches,
+//! No motion begins and no bridge closes without a command, and none stays closed past a stop: a random walk over demands, contacts, end switches,
 //! heartbeats and faults, through both current loops and the speed task.
 //!
 //! ISO 14118 and IEC 60204-1 (5.4, 9.2) ask for protection against unexpected start-up.
@@ -9,7 +9,7 @@
 )]
 
 use control::coordinator::Command;
-use control::current_loop::CurrentLoop;
+use control::current_loop::{CurrentLoop, CurrentLoopConfig};
 use control::exchange::MotorExchange;
 use control::fault::Fault;
 use control::format::{MechanicalSpeed, TableVelocity};
@@ -37,12 +37,55 @@ const STOP_STEPS: u32 = 5000;
 /// Steps from a violated condition to its effect on a start: two looks, the look's own time and the current loops' periods.
 const LATE_STEPS: u32 = 4 * STEPS_PER_LOOK;
 
-/// The registers of a motor that stands, whose bus and current zeros are right.
+/// Bus voltage, V.
+const BUS_V: f64 = 36.0;
+
+/// The registers of a motor whose shaft stands, and its windings: so an alignment finds them well and takes its time.
 struct Registers {
     sensing: Sensing,
-    zero: u16,
+    zero_counts: f64,
+    amps_per_count: f64,
     bus: u32,
+    /// Compare value of an output that is always on.
+    top: f64,
+    ohm: f64,
+    /// How much a volt changes the current in a period, A.
+    amps_per_volt: f64,
+    /// Of the next period.
+    duty: [f64; 3],
+    amps: [f64; 3],
     closed: bool,
+}
+
+impl Registers {
+    fn of(motor: &CurrentLoopConfig) -> Self {
+        let (plate, board) = (&nucleo_plate::PLATE.motors[0], &nucleo_plate::PLATE.board);
+        Self {
+            sensing: motor.sensing(),
+            zero_counts: board.zero_counts,
+            amps_per_count: board.amps_per_count,
+            bus: (BUS_V / board.bus_volts_per_count) as u32,
+            top: f64::from(motor.modulation.period),
+            ohm: plate.resistance_ohm,
+            amps_per_volt: 1.0 / (board.pwm_hz * plate.inductance_h),
+            duty: [0.0; 3],
+            amps: [0.0; 3],
+            closed: false,
+        }
+    }
+
+    /// A period of the bridge passes. The windings' star point is at the mean of the phases.
+    fn pass(&mut self) {
+        let mean = self.duty.iter().sum::<f64>() / 3.0;
+        for (amps, duty) in self.amps.iter_mut().zip(self.duty) {
+            let volts = BUS_V * (duty - mean) - self.ohm * *amps;
+            *amps = if self.closed {
+                *amps + self.amps_per_volt * volts
+            } else {
+                0.0
+            };
+        }
+    }
 }
 
 impl MotorIo for Registers {
@@ -56,12 +99,15 @@ impl MotorIo for Registers {
         self.sensing
     }
     fn current(&mut self) -> [u16; 3] {
-        [self.zero; 3]
+        self.amps
+            .map(|amps| (self.zero_counts + amps / self.amps_per_count).round() as u16)
     }
     fn bus(&mut self) -> u32 {
         self.bus
     }
-    fn write(&mut self, _: [u16; 3]) {}
+    fn write(&mut self, compare: [u16; 3]) {
+        self.duty = compare.map(|counts| f64::from(counts) / self.top);
+    }
     fn close(&mut self) {
         self.closed = true;
     }
@@ -140,23 +186,22 @@ impl World {
     }
 }
 
+/// Steps for which the windings of an interrupted alignment are shorted, until rotors that stand are seen to.
+fn shorted_steps(config: &DriveConfig) -> u32 {
+    u32::from(config.alignment.probes.rest_steps)
+}
+
 /// How often each state was entered, by its name.
 type Visits = BTreeMap<&'static str, u32>;
 
 fn walk(config: &DriveConfig, seed: u64, steps: u32, visits: &mut Visits) {
-    let plate = &nucleo_plate::PLATE;
     let mut task = SpeedTask::new(config);
     let mut loops = config.current_loops.each_ref().map(CurrentLoop::new);
     let exchanges = config
         .current_loops
         .each_ref()
         .map(|motor| MotorExchange::new(motor, config.speed_divider));
-    let mut registers = config.current_loops.each_ref().map(|motor| Registers {
-        sensing: motor.sensing(),
-        zero: plate.board.zero_counts as u16,
-        bus: (36.0 / plate.board.bus_volts_per_count) as u32,
-        closed: false,
-    });
+    let mut registers = config.current_loops.each_ref().map(Registers::of);
     let mut world = World {
         random: Xoshiro256PlusPlus::seed_from_u64(seed),
         demand: Demand::Rest,
@@ -183,27 +228,39 @@ fn walk(config: &DriveConfig, seed: u64, steps: u32, visits: &mut Visits) {
             };
             task.command(config, command).unwrap();
         }
-        let rested = !state.has_bridges_on() && state.fault().is_none();
         let next = task
             .step(config, request, exchanges.each_ref(), fault)
             .state;
         if next != state {
             *visits.entry(next.name()).or_default() += 1;
         }
+        let begins = next.has_bridges_on() && !state.has_bridges_on();
+        assert!(
+            !begins || since.iter().all(|since| *since <= LATE_STEPS),
+            "seed {seed}, step {step}: {state:?} becomes {next:?}; steps since motion was demanded, the contacts were closed and \
+             somebody was there: {since:?}, {LATE_STEPS} at most"
+        );
         state = next;
-        let mut closed = false;
+        let (mut closed, mut closes) = (false, false);
         for _ in 0..config.speed_divider {
             for k in 0..2 {
                 let (motor, exchange) = (&config.current_loops[k], &exchanges[k]);
+                let before = registers[k].closed;
                 loops[k].period(motor, &mut registers[k], exchange, || ());
+                registers[k].pass();
                 closed |= registers[k].closed;
+                closes |= registers[k].closed && !before;
             }
         }
-        let within = if rested { LATE_STEPS } else { STOP_STEPS };
+        let within = match state {
+            _ if closes => LATE_STEPS,
+            State::Aligning => LATE_STEPS + shorted_steps(config),
+            _ => STOP_STEPS,
+        };
         assert!(
             !closed || since.iter().all(|since| *since <= within),
             "seed {seed}, step {step}: a bridge is closed in {state:?}; steps since motion was demanded, the contacts were closed \
-             and somebody was there: {since:?}"
+             and somebody was there: {since:?}, {within} at most"
         );
     }
 }
@@ -265,12 +322,7 @@ fn a_drive_that_is_switched_on_waits_for_a_demand() {
                 .state;
             for k in 0..2 {
                 let motor = &config.current_loops[k];
-                let mut registers = Registers {
-                    sensing: motor.sensing(),
-                    zero: plate.board.zero_counts as u16,
-                    bus: (36.0 / plate.board.bus_volts_per_count) as u32,
-                    closed: false,
-                };
+                let mut registers = Registers::of(motor);
                 for _ in 0..config.speed_divider {
                     loops[k].period(motor, &mut registers, &exchanges[k], || ());
                     assert!(!registers.closed, "{state:?}");
