@@ -20,6 +20,7 @@ use control::observer::EncoderAlignment;
 use control::plate::{DriveConfig, DrivePlate};
 use control::runaway::sum_events;
 use control::speed_task::{SpeedTask, SpeedTaskOutput};
+use control::standing_watch::asked_torque;
 use control::supervisor::{Demand, Request, State};
 use control::transform::DirectQuadrature;
 use plant::Axis;
@@ -370,6 +371,19 @@ impl Drive {
             let (k, config) = (axis.index(), &self.code.config);
             let codes = self.code.exchanges[k].codes_of_one_period();
             sum_events(&config.runaway[k], &config.current_loops[k].sense, codes)
+        })
+    }
+
+    /// The torque that is asked of each motor: see [`asked_torque`].
+    #[must_use]
+    pub fn asked_torques(&self) -> [i32; 2] {
+        Axis::ALL.map(|axis| {
+            let (k, config) = (axis.index(), &self.code.config);
+            asked_torque(
+                &self.code.exchanges[k],
+                &config.current_loops[k],
+                &config.speed_loops[k],
+            )
         })
     }
 

@@ -3,6 +3,7 @@
 use control::exchange::MotorExchange;
 use control::plate::DriveConfig;
 use control::runaway::sum_events;
+use control::standing_watch::asked_torque;
 use core::sync::atomic::Ordering::Relaxed;
 use link::view::DriveView;
 
@@ -25,6 +26,13 @@ pub(crate) fn current_sums(motors: [&MotorExchange; 2], config: &DriveConfig) ->
     core::array::from_fn(|k| {
         let codes = motors[k].codes_of_one_period();
         sum_events(&config.runaway[k], &config.current_loops[k].sense, codes)
+    })
+}
+
+/// The torque that is asked of each motor: see [`asked_torque`].
+pub(crate) fn asked_torques(motors: [&MotorExchange; 2], config: &DriveConfig) -> [i32; 2] {
+    core::array::from_fn(|k| {
+        asked_torque(motors[k], &config.current_loops[k], &config.speed_loops[k])
     })
 }
 

@@ -113,6 +113,7 @@ impl Supervise {
             supply: input.supply,
             temperatures: input.temperatures,
             theta: motors::angles(motors, &configured.drive),
+            torque: motors::asked_torques(motors, &configured.drive),
             enabled: input.contacts.enabled,
             ends_open: [input.contacts.end_forward, input.contacts.end_backward],
             scale: view.scale.load(Relaxed).cast_unsigned(),

@@ -93,5 +93,5 @@ pub use speed::{
 };
 pub use watch::{
     active_limit, controller_supply, enable_watch, ends_watch, guard, interlock, power_stage,
-    runaway, scale_watch, seizure_watch, thermometer, travel,
+    runaway, scale_watch, seizure_watch, standing_watch, thermometer, travel,
 };

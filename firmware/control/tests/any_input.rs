@@ -17,6 +17,7 @@ use control::interlock::Inputs;
 use control::motor_io::{MotorIo, Sensing};
 use control::plate::{CompensationPlate, DrivePlate};
 use control::speed_task::SpeedTask;
+use control::standing_watch::asked_torque;
 use control::supervisor::{Demand, Request, State};
 use proptest::prelude::*;
 
@@ -311,6 +312,10 @@ fn through(
                         bus: registers.map(|motor| motor.bus),
                         temperatures: stretch.temperatures,
                         theta: loops.each_ref().map(|one| one.shaft().0.0),
+                        torque: core::array::from_fn(|k| {
+                            let motor = &config.current_loops[k];
+                            asked_torque(&exchanges[k], motor, &config.speed_loops[k])
+                        }),
                         index: [period.is_multiple_of(60), false],
                         transition_error: [false, period.is_multiple_of(1000)],
                     },

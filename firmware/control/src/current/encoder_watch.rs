@@ -12,7 +12,7 @@
 //! tolerated, and a rate of one in sixteen; past that the encoder has failed. A jump is counted in the same tally: an
 //! index that corrects a lost count makes one. A count that an index has put right before has no more to be put right than what
 //! was lost within a turn: where a jump turns the electrical angle by more than the voltage may be off by, either the counts
-//! before it were wrong or those after it are, and the encoder has failed.
+//! before it were wrong or those after it are, and the encoder has failed. So it has while the bridge is open.
 
 use crate::base::tolerance::{Tally, Tolerance};
 use crate::current::observer::Motion;
@@ -23,6 +23,9 @@ pub const WRONG_READINGS: Tolerance = Tolerance {
     weight: 16,
     events: 8,
 };
+
+/// What fills the tally at once.
+const LOST: u32 = 2 * WRONG_READINGS.events;
 
 /// Configuration of an encoder's watch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,8 +103,10 @@ impl EncoderWatch {
             let off = drive && jump > jump_max;
             seen.wrong = counts.is_none() || off && !self.off;
             self.off = off;
-            let failed = self.wrong.step(WRONG_READINGS, u32::from(seen.wrong))
-                || off && !aligning && jump > config.lost_max;
+            // Also at rest, where nobody would look at the count again before a start: a tally that is full lasts for 128 samples.
+            let lost = !aligning && jump > config.lost_max;
+            let events = if lost { LOST } else { u32::from(seen.wrong) };
+            let failed = self.wrong.step(WRONG_READINGS, events);
             self.failed = failed || drive && self.failed;
             seen.failed = self.failed;
         }

@@ -7,8 +7,10 @@
 //! | an encoder, an angle, a voltage, a speed, a stalled shaft | scale | the motor's encoder may be the cause |
 //! | a current or a gate driver | encoders | both encoders counted well until now |
 //!
-//! While both agree, the preferred source is used. From [`DECIDES`] steps after the first disagreement on, one of them is chosen for good:
-//! the first that gives a speed which a table on its way to rest can have. That is a speed between the last agreed one and none. A scale that counts the wrong way has no such speed, and an encoder that stands has none.
+//! While both agree, the preferred source is used. A table on its way to rest can have a speed between the last agreed one and none. A
+//! source that gives another speed is wild. A scale that counts the wrong way is, and so is an encoder that stands or jumps. From the first
+//! disagreement on the preferred source is used, but not encoders that were wild in more steps than the scale. After [`DECIDES`] steps one
+//! that is not wild is chosen for good, of two the same.
 //!
 //! An encoder that is found to fail later is not preferred any more. Where both motors are slow, a disagreement ends it: both motors coast
 //! less far then than a wrong source could move the table.
@@ -81,6 +83,8 @@ pub(crate) struct TableSpeed {
     agreed: Speed,
     /// Steps since they disagree.
     apart: u8,
+    /// Of those, in how many each was wild: scale, encoders.
+    wild: [u8; 2],
 }
 
 impl TableSpeed {
@@ -91,13 +95,15 @@ impl TableSpeed {
             chosen: None,
             agreed: planned,
             apart: 0,
+            wild: [0; 2],
         }
     }
 
     /// A step. `None`: nobody knows the speed.
     pub(crate) fn step(&mut self, reading: &Reading) -> Option<Table> {
         if reading.doubted && self.preferred == Source::Encoders {
-            (self.preferred, self.chosen, self.apart) = (Source::Scale, None, 0);
+            (self.preferred, self.chosen) = (Source::Scale, None);
+            (self.apart, self.wild) = (0, [0; 2]);
         }
         let scale = reading.scale?;
         if self.chosen.is_none() {
@@ -108,7 +114,7 @@ impl TableSpeed {
         if self.apart > 0 && all.iter().all(|speed| speed.saturating_abs() < slow) {
             return None;
         }
-        Some(match self.chosen.unwrap_or(self.preferred) {
+        Some(match self.used() {
             Source::Scale => Table {
                 speed: scale,
                 by_scale: true,
@@ -133,21 +139,32 @@ impl TableSpeed {
             return;
         }
         self.apart = self.apart.saturating_add(1);
-        if self.apart < DECIDES {
-            return;
-        }
         let least = self.agreed.min(Speed::ZERO).saturating_sub(limit);
         let most = self.agreed.max(Speed::ZERO).saturating_add(limit);
         let may_be = |speed: Speed| speed >= least && speed <= most;
-        let (preferred, speed, other) = match self.preferred {
-            Source::Scale => (Source::Scale, scale, (Source::Encoders, encoders)),
-            Source::Encoders => (Source::Encoders, encoders, (Source::Scale, scale)),
-        };
-        if may_be(speed) {
-            self.chosen = Some(preferred);
-        } else if may_be(other.1) {
-            self.chosen = Some(other.0);
+        let now = [scale, encoders].map(may_be);
+        for (wild, may_be) in self.wild.iter_mut().zip(now) {
+            *wild = wild.saturating_add((!may_be).into());
         }
+        if self.apart >= DECIDES {
+            self.chosen = match now {
+                [false, false] => None,
+                [true, false] => Some(Source::Scale),
+                [false, true] => Some(Source::Encoders),
+                [true, true] => Some(self.used()),
+            };
+        }
+    }
+
+    /// What is used: until the choice is made, encoders only while they were not wild in more steps. A scale that is wild makes
+    /// the motor swing, which ends it: an encoder that is accused is no better.
+    fn used(&self) -> Source {
+        let [scale, encoders] = self.wild;
+        let used = match self.preferred {
+            Source::Encoders if encoders > scale => Source::Scale,
+            preferred => preferred,
+        };
+        self.chosen.unwrap_or(used)
     }
 }
 
@@ -196,6 +213,17 @@ mod tests {
         let stands = |step: u32| truth(step) + f64::from(step.min(4)) * 75.0;
         for first in [OF_CURRENT, OF_ENCODER] {
             let table = used(first, |step| (Some(truth(step)), stands(step)));
+            assert!(table.unwrap().by_scale, "{first:?}");
+        }
+    }
+
+    /// It has its cable's neighbour from now on, which turns as fast: the table seems to stand.
+    #[test]
+    fn an_encoder_that_jumps_is_not_used() {
+        let neighbour = |step: u32| if step < 5 { -400.0 } else { 0.0 };
+        let slow = |step: u32| 100.0 - f64::from(step) * 0.5;
+        for first in [OF_CURRENT, OF_ENCODER] {
+            let table = used(first, |step| (Some(slow(step)), neighbour(step)));
             assert!(table.unwrap().by_scale, "{first:?}");
         }
     }

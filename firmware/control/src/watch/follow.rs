@@ -6,8 +6,10 @@
 //! of the table, so it brakes beside a shaft that stands and slows down with one that coasts. Its own angle, currents and bridge are not in
 //! doubt.
 //!
-//! It ends, and this bridge opens too, when all is at rest, after [`LONGEST`], with any fault that is not the first motor's (its own
-//! currents, their sum and the bus are watched as before), and where the scale says nothing. A scale that died together with the first
+//! A stop of both may be on its way, for a contact that opened: the motor that is left brings it to its end.
+//!
+//! It ends, and this bridge opens too, when all is at rest, after [`LONGEST`], with any fault of this motor or the bus (its own
+//! currents and their sum are watched as before), and where the scale says nothing. A scale that died together with the first
 //! motor says that the table rests, whatever the table does, and the shaft keeps its speed beside one that slows down. Beside a shaft
 //! that stands, the worst of all, the table goes by a lead each time this one has turned once: so the scale is taken for dead, and the
 //! bridge opens, where the shaft has turned by [`BLIND_M`] of the table and the scale has not counted once. One that is late makes the
@@ -92,7 +94,8 @@ impl Follow {
                 others.with(Fault::Scale)
             } else {
                 others
-            },
+            }
+            .and(FaultSet::RESTS),
             blind: 0,
             way: 0,
             swings: 0,
@@ -113,7 +116,7 @@ impl Follow {
         self.table.step(reading)
     }
 
-    /// All that is latched is the other motor's.
+    /// All that is latched is the other motor's, or what both would come to rest for.
     fn is_healthy(self, latched: FaultSet) -> bool {
         latched.without(self.known).is_empty()
     }

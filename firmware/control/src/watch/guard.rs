@@ -8,6 +8,7 @@
 //! | the controller's supply out of its range: see [`controller_supply`](crate::controller_supply) | one look in twenty | `ControllerSupply` |
 //! | a heat sink out of its range: too hot, or its sensor torn or shorted | eight looks | `...Temperature` |
 //! | an encoder that should have passed its index and did not, or whose channels changed together | five in a row, and one in 100 ms | `...Encoder` |
+//! | an encoder whose count stands while the asked torque changes: see [`standing_watch`](crate::standing_watch) | three looks | `...Encoder` |
 //! | three currents that do not add up to nothing while the bridges are on | one look up to twice the limit, none past it | `...CurrentSum` |
 //! | scale and motors further apart than the limit: see [`scale_watch`](crate::scale_watch) | none | `Scale` |
 //! | an encoder whose shaft stood with it, once the bridges are open: see [`seizure_watch`](crate::seizure_watch) | | `...Stalled` |
@@ -22,6 +23,7 @@ use crate::watch::enable_watch::EnableWatch;
 use crate::watch::ends_watch::EndsWatch;
 use crate::watch::scale_watch::{ScaleWatch, ScaleWatchConfig, ScaleWatchPlate};
 use crate::watch::seizure_watch::SeizureWatch;
+use crate::watch::standing_watch::StandingWatch;
 use crate::watch::thermometer::{Range, TemperaturePlate};
 
 /// Of late tasks and of encoder errors.
@@ -146,6 +148,8 @@ pub struct Look {
     pub temperatures: [u16; 2],
     /// Mechanical angles in the rotors' sense, 2^-32 turn: screw, nut.
     pub theta: [u32; 2],
+    /// Asked torques, 2^-8 of the motors' limits: screw, nut.
+    pub torque: [i32; 2],
     /// The enable switch's contacts are closed.
     pub enabled: [bool; 2],
     /// The end switches are open: ahead of positive velocity, and of negative.
@@ -181,6 +185,7 @@ pub struct Guard {
     supply: Tally,
     temperatures: [Tally; 2],
     encoders: [IndexWatch; 2],
+    standing: [StandingWatch; 2],
     sums: [Tally; 2],
     theta: Option<[u32; 2]>,
     scale: ScaleWatch,
@@ -210,6 +215,7 @@ impl Guard {
             supply: Tally::new(),
             temperatures: [Tally::new(); 2],
             encoders: [NONE; 2],
+            standing: [StandingWatch::new(); 2],
             sums: [Tally::new(); 2],
             theta: None,
             scale: ScaleWatch::new(),
@@ -313,6 +319,10 @@ impl Guard {
             encoder.errors = encoder.errors.wrapping_add(events);
             first(encoder.tally.step(SELDOM, events), name);
         }
+        let shafts = look.theta.into_iter().zip(look.torque).zip(names);
+        for (watch, ((theta, torque), name)) in self.standing.iter_mut().zip(shafts) {
+            first(watch.step(look.driven, theta, torque), name);
+        }
         if let Some(config) = &config.scale {
             let apart = self.scale.step(config, look.driven, moved, look.scale);
             first(apart, Fault::Scale);
@@ -409,6 +419,7 @@ mod tests {
         },
         temperatures: [1500; 2],
         theta: [0; 2],
+        torque: [0; 2],
         enabled: [true; 2],
         ends_open: [false; 2],
         scale: 0,

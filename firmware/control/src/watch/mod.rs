@@ -13,6 +13,7 @@ pub mod runaway;
 #[allow(clippy::float_arithmetic)]
 pub mod scale_watch;
 pub mod seizure_watch;
+pub mod standing_watch;
 #[allow(clippy::float_arithmetic)]
 pub mod thermometer;
 pub mod travel;

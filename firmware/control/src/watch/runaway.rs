@@ -11,8 +11,8 @@
 //! | voltage | the same, but not by a back-EMF of its own size that is only turned, or now and then, which a wrong angle is not: a current sensor, the encoder's signals, a phase, the bus's measurement. By much more than any angle explains (three times the back-EMF) it is found in half the time | `...Voltage` |
 //! | stall | the motor is at its torque limit and hardly turns: what blocks it, or an angle wrong by a quarter turn, whose current makes no torque and no speed, so that none of the others sees it; or the table hardly moves although it is asked to, while both motors may turn on together | `...Stalled` |
 //!
-//! And where a motor has three current sensors: currents that do not add up to nothing in two looks in a row (`...CurrentSum`). It looks in
-//! three steps of eight while both run, and in each while they are aligned or come to rest.
+//! And where a motor has three current sensors: currents that do not add up to nothing in two looks in a row (`...CurrentSum`). While both
+//! run it looks in the steps that do not look at motion, but for one of the nut. It looks in each step while they are aligned or come to rest.
 //!
 //! Each is tolerated for a time: a [`Tally`] counts up in a look that shows it and down in one that does not.
 

@@ -61,6 +61,7 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                     F::ScrewVoltage,
                     F::ScrewFollowing,
                     F::ScrewOverSpeed,
+                    F::ScrewStalled,
                 ],
                 [
                     F::NutEncoder,
@@ -68,6 +69,7 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
                     F::NutVoltage,
                     F::NutFollowing,
                     F::NutOverSpeed,
+                    F::NutStalled,
                 ],
             );
             // Encoders, pole pairs, load, mechanics: the sentences of all of them name the encoder or its coupling.

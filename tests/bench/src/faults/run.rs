@@ -390,6 +390,7 @@ impl Run {
             scale,
             current_sum: drive.current_sums(),
             theta: Axis::ALL.map(|axis| drive.estimate(axis).theta.0),
+            torque: drive.asked_torques(),
             index: std::mem::take(index),
             ..Look::default()
         });

@@ -3,6 +3,7 @@
 //! On the machine of the matrix and the bus that the board's wiring page asks for; the stop from full speed has a smaller one.
 
 use super::bench::{Ends, STOP_N_PER_M};
+use super::cell::{Defect, Input};
 use super::run::{Run, stop_m};
 use super::{Limits, Situation};
 use control::plate::DrivePlate;
@@ -27,6 +28,8 @@ const BEFORE_S: f64 = 0.05;
 const AFTER_S: f64 = 20.0;
 /// Of a scenario that ends in no fault.
 const RUNS_ON_S: f64 = 1.5;
+/// Furthest that the table may move at a start with an encoder that is dead, m.
+const START_TRAVEL_M: f64 = 1e-3;
 /// Time between two points of a plot, s.
 const POINT_S: f64 = 2e-3;
 
@@ -48,11 +51,13 @@ pub enum Scenario {
     LinkPulled,
     /// An axis that is not homed, whose end switch is welded, goes on to its stop.
     EndStop,
+    /// A motor's encoder keeps its count from rest on, and both motors are to start to the largest table velocity.
+    DeadEncoder(Axis),
 }
 
 impl Scenario {
     /// All of them.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 9] = [
         Self::MotorLost,
         Self::NutSeized,
         Self::MainsDip,
@@ -60,6 +65,8 @@ impl Scenario {
         Self::FullStop,
         Self::LinkPulled,
         Self::EndStop,
+        Self::DeadEncoder(Axis::Screw),
+        Self::DeadEncoder(Axis::Nut),
     ];
 
     /// Its name in a few words.
@@ -73,6 +80,8 @@ impl Scenario {
             Self::FullStop => "stop from full speed, bus takes 5 J",
             Self::LinkPulled => "link pulled at 100 mm/s",
             Self::EndStop => "onto an end stop at 20 mm/s",
+            Self::DeadEncoder(Axis::Screw) => "start, screw's encoder dead",
+            Self::DeadEncoder(Axis::Nut) => "start, nut's encoder dead",
         }
     }
 
@@ -85,7 +94,7 @@ impl Scenario {
                 [velocity, 0.98 * plate.motors[0].speed_max() - table]
             }
             Self::NutSeized | Self::LoadStep | Self::EndStop => [velocity, slow],
-            Self::LinkPulled => [plate.feed.velocity_max * 0.999, slow],
+            Self::LinkPulled | Self::DeadEncoder(_) => [plate.feed.velocity_max * 0.999, slow],
         };
         OperatingPoint { velocity, base }
     }
@@ -159,10 +168,15 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
     }
     let mut run = Run::on(board, Situation::Ready, &[], 0, config)?;
     let point = scenario.point(&plate);
-    run.ask(point)?;
-    run.pass(3.0);
-    run.until(State::Running)?;
-    run.pass(BEFORE_S);
+    if let Scenario::DeadEncoder(axis) = scenario {
+        run.bench.put_in(Input::Encoder(axis), Defect::Frozen, 0);
+        run.ask(point)?;
+    } else {
+        run.ask(point)?;
+        run.pass(3.0);
+        run.until(State::Running)?;
+        run.pass(BEFORE_S);
+    }
 
     let motor = &plate.motors[0];
     let torque =
@@ -170,7 +184,7 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
     let rated_n = torque.min(motor.torque_max_nm) * TAU / plate.feed.lead_m;
     match scenario {
         Scenario::MotorLost => run.drive.board.trip_break(Axis::Screw),
-        Scenario::NutSeized | Scenario::LoadStep => {}
+        Scenario::NutSeized | Scenario::LoadStep | Scenario::DeadEncoder(_) => {}
         Scenario::MainsDip => run.drive.board.set_supply(0.0),
         Scenario::FullStop => run.drive.request.demand = Demand::Rest,
         Scenario::LinkPulled => run.drive.attended = false,
@@ -185,7 +199,10 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
     let (origin, load_n) = (run.bench.position, run.bench.load_n);
     let mut told = Story {
         travel_m: 0.0,
-        travel_max_m: Limits::OF_THE_MATRIX.travel_m,
+        travel_max_m: match scenario {
+            Scenario::DeadEncoder(_) => START_TRAVEL_M,
+            _ => Limits::OF_THE_MATRIX.travel_m,
+        },
         peak_a: 0.0,
         peak_max_a: plate.board.over_current_a,
         bus_v: 0.0,
@@ -233,6 +250,8 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
                 }
             }
             // A table that falls behind does no harm; one that goes ahead, or back, does.
+            // In a start all of it counts.
+            None if matches!(scenario, Scenario::DeadEncoder(_)) => off = off.max(x.abs()),
             None => off = off.max(x - point.velocity * told.seconds).max(-x),
             Some(from) => since = since.max((x - from).abs()),
         }
