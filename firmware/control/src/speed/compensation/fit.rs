@@ -197,6 +197,7 @@ impl Compensation {
 
 /// Orders of a table that are not the same in each place of a rotor that `pole_pairs` give: they start at zero. A bit for each that
 /// had a start.
+#[inline(never)]
 fn forget(lines: &mut [Line], configs: &[LineConfig], pole_pairs: u32) -> u8 {
     let mut forgotten = 0;
     for (k, (line, config)) in lines.iter_mut().zip(configs).enumerate() {
@@ -216,6 +217,8 @@ fn forget(lines: &mut [Line], configs: &[LineConfig], pole_pairs: u32) -> u8 {
 impl Compensation {
     /// The rotors were found anew by their currents: each stands in one of as many places as it has pole pairs. Orders that are not
     /// the same in each of them are learned from zero, and so are the lead's.
+    #[cold]
+    #[inline(never)]
     pub(crate) fn forget(&mut self, config: &CompensationConfig) {
         let [screw_pairs, nut_pairs] = config.pole_pairs.map(i32::unsigned_abs);
         let [screw_torque, nut_torque] = &mut self.torque;
