@@ -4,7 +4,6 @@
 
 use hal_sim::boards::BoardKind;
 use link::settings::{Setting, Settings, Value};
-use link::telemetry::Real;
 use std::fmt::Debug;
 
 /// FNV-1a of the values in a debug text. Names of types and fields do not count.
@@ -31,7 +30,7 @@ fn the_boards_configurations_stay() {
         [
             digest(&plate.config().unwrap()),
             digest(&board.guards().config().unwrap()),
-            digest(&plate.travel_config(board.scale_count_m())),
+            digest(&plate.travel_config()),
         ]
     });
     let expected = [
@@ -83,7 +82,7 @@ fn put(settings: &mut Settings, name: &str, value: Value) {
 /// Settings near the defaults, with orders, a table of base speeds and soft limits in some of them.
 fn drawn(random: &mut Random, board: BoardKind) -> Settings {
     let mut settings = Settings::DEFAULT;
-    let real = |x: f64| Value::Real(Real::new(x));
+    let real = |x: f64| Value::Real(x);
     // Of a bus, the voltage of the board's tests.
     for (name, part) in [
         ("bridge.bus_min_v", 0.1),
@@ -97,7 +96,7 @@ fn drawn(random: &mut Random, board: BoardKind) -> Settings {
             continue;
         }
         let value = match settings.get(setting.id).unwrap() {
-            Value::Real(x) => real(x.get() * random.within(0.97, 1.03)),
+            Value::Real(x) => real(x * random.within(0.97, 1.03)),
             Value::Whole(x) => Value::Whole(x + random.below(3) as u32),
             Value::Choice(_) => Value::Choice(random.below(2) as u8),
         };
@@ -194,7 +193,7 @@ fn the_configurations_of_drawn_settings_stay() {
             let plate = settings.plate(&board.plate().board);
             match plate.config() {
                 Ok(config) => {
-                    let travel = plate.travel_config(settings.scale_count_m());
+                    let travel = plate.travel_config();
                     all.push([digest(&config), digest(&travel)]);
                 }
                 Err(why) => misfit = Some(why),

@@ -179,7 +179,7 @@ where
         let configured = self.parts.configured;
         let plan = MovePlan::new(
             &configured.plate.feed,
-            configured.scale_count_m,
+            configured.plate.feed.scale_count_m,
             configured.plate.tuning.speed_rad_s,
             STEP_S,
             distance_nm as f64 * 1e-9,
@@ -209,7 +209,7 @@ where
         let plan = HomePlan::new(
             &configured.plate.feed,
             home,
-            configured.scale_count_m,
+            configured.plate.feed.scale_count_m,
             STEP_S,
         );
         for velocity in plan.velocities() {

@@ -7,9 +7,8 @@ use crate::server::NotSet;
 use embedded_storage::nor_flash::NorFlash;
 use link::codes::Origin;
 use link::message::Refusal;
-use link::settings::Settings;
-use link::settings::plate::Unfit;
 use link::settings::store::{Loaded, Store};
+use link::settings::{Settings, Unfit};
 
 /// The settings that a drive runs on, and the store that they come from.
 #[derive(Clone, Debug)]

@@ -12,8 +12,7 @@ use link::message::{
     Reply, SETTINGS_A_FRAME, Status, Text,
 };
 use link::scale;
-use link::settings::plate::Unfit;
-use link::settings::{Settings, Value};
+use link::settings::{Settings, Unfit, WireValue};
 use link::telemetry::Real;
 
 /// How long a drive stays armed while it does not move, ms.
@@ -367,7 +366,7 @@ impl Server {
                 .may_move(commander, drive)
                 .and_then(|()| {
                     let settings = drive.settings();
-                    let velocity = settings.travel.home_velocity_mm_s * 1e-3;
+                    let velocity = settings.travel.plate().home.velocity;
                     let velocity = scale::word(velocity, scale::TABLE_VELOCITY);
                     let base = base_or(base, settings, velocity.unwrap_or(i32::MAX));
                     drive.home(base)
@@ -401,7 +400,7 @@ impl Server {
             Command::Settings { from } => return settings(drive.settings(), from),
             Command::Learned { from } => return learned(drive, from),
             Command::Draft { id, value } => match &mut self.draft {
-                Some(draft) => draft.set(id, value).map_err(|_| Refusal::Setting),
+                Some(draft) => draft.set(id, value.into()).map_err(|_| Refusal::Setting),
                 None => Err(Refusal::Session),
             },
             Command::Discard => {
@@ -480,12 +479,12 @@ fn learned(drive: &impl Served, from: u16) -> Reply {
 }
 
 fn settings(settings: &Settings, from: u16) -> Reply {
-    let mut some: Vec<(u16, Value), SETTINGS_A_FRAME> = Vec::new();
+    let mut some: Vec<(u16, WireValue), SETTINGS_A_FRAME> = Vec::new();
     for setting in Settings::all().filter(|setting| setting.id >= from) {
         let Some(value) = settings.get(setting.id) else {
             continue;
         };
-        if some.push((setting.id, value)).is_err() {
+        if some.push((setting.id, value.into())).is_err() {
             break;
         }
     }
@@ -505,7 +504,7 @@ fn said(unfit: &Unfit) -> Reply {
     let misfit = &unfit.misfit;
     Reply::Unfit {
         id: unfit.setting.map_or(0, |(setting, _)| setting.id),
-        value: unfit.setting.map(|(_, value)| value),
+        value: unfit.setting.map(|(_, value)| value.into()),
         name: text(misfit.name),
         unit: text(misfit.unit),
         is: Real::new(misfit.value),
@@ -842,7 +841,7 @@ mod tests {
         line.ask(Command::Hello, &mut commander, &mut drive);
         let draft = |number, value| Command::Draft {
             id: number,
-            value: Value::Real(Real::new(value)),
+            value: WireValue::Real(Real::new(value)),
         };
         assert_eq!(
             line.ask(draft(0x0401, 10.0), &mut commander, &mut drive),
@@ -897,7 +896,7 @@ mod tests {
             state: most,
             fault: most,
         };
-        let value = Value::Real(Real::new(1.0));
+        let value = WireValue::Real(Real::new(1.0));
         let mut text = Text::new();
         while text.push('x').is_ok() {}
         let real = Real::new(0.1);
@@ -964,7 +963,7 @@ mod tests {
             any::<u16>().prop_map(|from| Command::Learned { from }),
             (0u16..0x1200, any::<f64>()).prop_map(|(id, x)| Command::Draft {
                 id,
-                value: Value::Real(Real::new(x))
+                value: WireValue::Real(Real::new(x))
             }),
             any::<(u32, u8)>().prop_map(|(fault, motor)| Command::Inject(Injection {
                 fault,

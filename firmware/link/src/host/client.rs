@@ -3,7 +3,7 @@
 use crate::codes::State;
 use crate::frame::{Decoder, FRAME_MAX, encode};
 use crate::message::{Command, DriveFrame, Event, HostFrame, Recorded, Refusal, Reply, Status};
-use crate::settings::{Setting, Settings};
+use crate::settings::{Setting, Settings, Value};
 use crate::telemetry::Frame;
 use anyhow::{Context, Result, bail};
 use std::collections::VecDeque;
@@ -344,7 +344,7 @@ impl<L: Line> Client<L> {
             (from, count) = (last.saturating_add(1), count + some.len());
             for (id, value) in &some {
                 settings
-                    .set(*id, *value)
+                    .set(*id, (*value).into())
                     .context("the drive has a setting that this program does not allow")?;
             }
         }
@@ -367,7 +367,7 @@ impl<L: Line> Client<L> {
         for (setting, _, value) in held.differences(settings) {
             self.tell(Command::Draft {
                 id: setting.id,
-                value,
+                value: value.into(),
             })
             .with_context(|| format!("{setting} was not taken"))?;
         }
@@ -446,10 +446,13 @@ fn unexpected(reply: &Reply) -> anyhow::Error {
             least,
             below,
         } => {
-            let setting = Settings::all().find(|setting: &Setting| setting.id == *id);
+            let setting = Setting::numbered(*id);
             let begin = match (setting, value) {
                 (Some(setting), Some(value)) => {
-                    format!("{setting} = {} does not fit: ", value.shown(setting))
+                    format!(
+                        "{setting} = {} does not fit: ",
+                        Value::from(*value).shown(setting)
+                    )
                 }
                 _ => "the settings do not fit: ".to_owned(),
             };

@@ -74,7 +74,7 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
     );
     let mut object = Map::new();
     for setting in some {
-        let (Some(value), entry) = (settings.get(setting.id), setting.entry) else {
+        let Some(value) = settings.get(setting.id) else {
             continue;
         };
         let shown = value.shown(setting);
@@ -82,15 +82,16 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
             object.insert(
                 setting.to_string(),
                 match value {
-                    Value::Real(x) => json!(x.get()),
+                    Value::Real(x) => json!(x),
                     Value::Whole(x) => json!(x),
                     Value::Choice(_) => json!(shown.to_string()),
                 },
             );
         } else {
-            let space = if entry.unit.is_empty() { "" } else { " " };
-            println!("{setting} = {shown}{space}{}", entry.unit);
-            println!("    {} ({} possible)", entry.doc, setting.possible());
+            let unit = setting.unit();
+            let space = if unit.is_empty() { "" } else { " " };
+            println!("{setting} = {shown}{space}{unit}");
+            println!("    {} ({} possible)", setting.doc(), setting.possible());
         }
     }
     if as_json {
