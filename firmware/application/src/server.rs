@@ -12,7 +12,7 @@ use link::message::{
     Reply, SETTINGS_A_FRAME, Status, Text,
 };
 use link::scale;
-use link::settings::{Settings, Unfit, WireValue};
+use link::settings::{Effect, Settings, Unfit, WireValue};
 use link::telemetry::Real;
 
 /// How long a drive stays armed while it does not move, ms.
@@ -94,11 +94,11 @@ pub trait Served {
     fn settings(&self) -> &Settings;
     /// The same with the orders that were learned since.
     fn learned(&self) -> Settings;
-    /// Starts anew with these settings.
+    /// Takes these settings, at once or by starting anew, and says which.
     ///
     /// # Errors
     /// [`NotSet`]; nothing is changed then.
-    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet>;
+    fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet>;
     /// Starts or ends the telemetry.
     fn record(&mut self, request: u32);
     /// Puts a fault in.
@@ -410,7 +410,8 @@ impl Server {
             Command::Commit if !at_rest(drive.state()) => Err(Refusal::Moving),
             Command::Commit => match self.draft.as_ref().map(|draft| drive.configure(draft)) {
                 None => Err(Refusal::Session),
-                Some(Ok(())) => {
+                Some(Ok(Effect::AtOnce)) => Ok(()),
+                Some(Ok(Effect::Restart)) => {
                     commander.start_anew();
                     Ok(())
                 }
@@ -592,9 +593,14 @@ mod tests {
         fn learned(&self) -> Settings {
             self.settings
         }
-        fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
+        fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
+            let at_once = self.settings.takes_at_once(settings);
             self.settings = *settings;
-            Ok(())
+            Ok(if at_once {
+                Effect::AtOnce
+            } else {
+                Effect::Restart
+            })
         }
         fn record(&mut self, _: u32) {}
         fn inject(&mut self, injection: Injection) -> Result<(), Refusal> {

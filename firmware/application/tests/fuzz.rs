@@ -7,7 +7,7 @@ use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, encode};
 use link::message::{Command, DriveFrame, HostFrame, Injection, Refusal, Reply, Status};
 use link::settings::store::{PAGE, SLOT, Store};
-use link::settings::{Settings, WireValue};
+use link::settings::{Effect, Settings, WireValue};
 use link::telemetry::Real;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 
@@ -157,9 +157,14 @@ impl Served for Fake {
     fn learned(&self) -> Settings {
         self.settings
     }
-    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
+    fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
+        let at_once = self.settings.takes_at_once(settings);
         self.settings = *settings;
-        Ok(())
+        Ok(if at_once {
+            Effect::AtOnce
+        } else {
+            Effect::Restart
+        })
     }
     fn record(&mut self, _: u32) {}
     fn inject(&mut self, _: Injection) -> Result<(), Refusal> {

@@ -2,8 +2,8 @@
 //!
 //! Pins, timers, shunts and dividers are the board's: see [`BoardPlate`](super::BoardPlate).
 
-use super::parameter::{Entry, Kind, PER_KRPM, Part, Row, Text, Unit, Value};
-use super::parameter::{choice, field, get, group, of_si, put, row, si, text};
+use super::parameter::{Effect, Entry, Kind, PER_KRPM, Part, Row, Text, Unit, Value};
+use super::parameter::{choice, effect, field, get, group, of_si, put, row, si, text};
 use super::{BASES, OrderPlate};
 use crate::current::encoder::Interface;
 use crate::speed::compensation::{ANGLES, TORQUES};
@@ -202,8 +202,8 @@ group! {
 group! {
     /// A base speed for table velocities.
     BasePointSettings => BasePoint {
-        0 Real table_mm_s "table_#_mm_s" => velocity = 0.0, (MillimetrePerS [0.0, 10_000.0]), "Largest table velocity of base speed #; 0: there is none.";
-        1 Real nut_rpm "nut_#_rpm" => base = 0.0, (RpmAsRadPerS [-60_000.0, 60_000.0]), "Base speed #.";
+        0 Real table_mm_s "table_#_mm_s" => velocity = 0.0, (MillimetrePerS [0.0, 10_000.0]), "Largest table velocity of base speed #; 0: there is none." at_once;
+        1 Real nut_rpm "nut_#_rpm" => base = 0.0, (RpmAsRadPerS [-60_000.0, 60_000.0]), "Base speed #." at_once;
     }
 }
 
@@ -251,11 +251,11 @@ group! {
 group! {
     /// How an end switch gives the scale its zero.
     HomeSettings => HomePlate {
-        0 Choice direction => forwards = Direction::Backwards, (Direction: bool), "Which end switch homing goes to.";
-        1 Real velocity_mm_s => velocity = 10.0, (MillimetrePerS [1e-3, 8000.0]), "Table velocity on the way to it, at most the feed's.";
-        2 Real leaving_mm_s => leaving_velocity = 1.0, (MillimetrePerS [1e-3, 8000.0]), "Table velocity off it again: what the table moves in a millisecond is what its place is uncertain by.";
-        3 Real furthest_mm => furthest_m = 1000.0, (Millimetre [1e-2, 1e5]), "Furthest that the switch is looked for.";
-        4 Real position_mm => position_m = 0.0, (Millimetre [-1e5, 1e5]), "Position of the table where the switch closes as it is left.";
+        0 Choice direction => forwards = Direction::Backwards, (Direction: bool), "Which end switch homing goes to." at_once;
+        1 Real velocity_mm_s => velocity = 10.0, (MillimetrePerS [1e-3, 8000.0]), "Table velocity on the way to it, at most the feed's." at_once;
+        2 Real leaving_mm_s => leaving_velocity = 1.0, (MillimetrePerS [1e-3, 8000.0]), "Table velocity off it again: what the table moves in a millisecond is what its place is uncertain by." at_once;
+        3 Real furthest_mm => furthest_m = 1000.0, (Millimetre [1e-2, 1e5]), "Furthest that the switch is looked for." at_once;
+        4 Real position_mm => position_m = 0.0, (Millimetre [-1e5, 1e5]), "Position of the table where the switch closes as it is left." at_once;
     }
 }
 

@@ -28,6 +28,15 @@ pub enum Kind {
     Choice(&'static [&'static str]),
 }
 
+/// When a change takes effect.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// With the next command that uses it.
+    AtOnce,
+    /// When the drive has restarted, as the tasks are configured with it.
+    Restart,
+}
+
 /// What only a person reads: empty on the chip, where it takes no room.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Text(#[cfg(not(target_os = "none"))] &'static str);
@@ -61,6 +70,8 @@ pub struct Entry {
     pub(super) number: u8,
     /// What it may be.
     pub kind: Kind,
+    /// When a change of it takes effect.
+    pub(super) effect: Effect,
     /// Name within the group; its end is the unit. `#` stands for the place in an array, from 1.
     pub(super) name: Text,
     pub(super) unit: Text,
@@ -203,13 +214,14 @@ macro_rules! choice {
 /// | `Part` | settings, SI struct, beginning of the names; numbers of the part are from 0 |
 /// | `Parts` | the same as an array, one after the other: numbers of each, then the places |
 ///
-/// With `in`, the SI struct is one that there is.
+/// With `in`, the SI struct is one that there is. A change takes effect when the drive has restarted; with `at_once` at the end,
+/// with the next command that uses it.
 macro_rules! group {
     ($(#[$about:meta])* $group:ident => $plate:ident { $($rows:tt)* }) => {
         group! { @plate $(#[$about])* $plate { $($rows)* } }
         group! { $(#[$about])* $group in $plate { $($rows)* } }
     };
-    (@plate $(#[$about:meta])* $plate:ident { $($number:literal $kind:ident $name:ident $($text:literal)? => $si:ident = $default:expr, ($($detail:tt)*), $doc:literal;)* }) => {
+    (@plate $(#[$about:meta])* $plate:ident { $($number:literal $kind:ident $name:ident $($text:literal)? => $si:ident = $default:expr, ($($detail:tt)*), $doc:literal $($effect:ident)?;)* }) => {
         $(#[$about])*
         ///
         /// In SI units.
@@ -218,7 +230,7 @@ macro_rules! group {
             $(#[doc = $doc] pub $si: field!(@si $kind $($detail)*),)*
         }
     };
-    ($(#[$about:meta])* $group:ident in $plate:ident { $($number:literal $kind:ident $name:ident $($text:literal)? => $si:ident = $default:expr, ($($detail:tt)*), $doc:literal;)* }) => {
+    ($(#[$about:meta])* $group:ident in $plate:ident { $($number:literal $kind:ident $name:ident $($text:literal)? => $si:ident = $default:expr, ($($detail:tt)*), $doc:literal $($effect:ident)?;)* }) => {
         $(#[$about])*
         ///
         /// In the units of datasheets, as a person sets them.
@@ -233,7 +245,7 @@ macro_rules! group {
             pub(super) const ROWS: &'static [Row] = {
                 // With a name, which places it: what has none lies with the control code's tables, in fast memory.
                 static ROWS: [Row; [$($number),*].len()] =
-                    [$(row!($kind $number [text!($name $($text)?)] $doc, $($detail)*),)*];
+                    [$(row!($kind $number [text!($name $($text)?), effect!($($effect)?)] $doc, $($detail)*),)*];
                 &ROWS
             };
 
@@ -284,30 +296,41 @@ macro_rules! text {
     };
 }
 
+/// When a change takes effect.
+macro_rules! effect {
+    () => {
+        Effect::Restart
+    };
+    (at_once) => {
+        Effect::AtOnce
+    };
+}
+
 /// Row of a table.
 macro_rules! row {
-    (Real $number:literal [$name:expr] $doc:literal, $unit:ident $(/ $per:ident)? [$least:expr, $most:expr]) => {
-        row!(@one $number [$name] $doc, $unit, Kind::Real([$least, $most]))
+    (Real $number:literal [$name:expr, $effect:expr] $doc:literal, $unit:ident $(/ $per:ident)? [$least:expr, $most:expr]) => {
+        row!(@one $number [$name, $effect] $doc, $unit, Kind::Real([$least, $most]))
     };
-    (Whole $number:literal [$name:expr] $doc:literal, $unit:ident [$least:expr, $most:expr]) => {
-        row!(@one $number [$name] $doc, $unit, Kind::Whole([$least, $most]))
+    (Whole $number:literal [$name:expr, $effect:expr] $doc:literal, $unit:ident [$least:expr, $most:expr]) => {
+        row!(@one $number [$name, $effect] $doc, $unit, Kind::Whole([$least, $most]))
     };
-    (Choice $number:literal [$name:expr] $doc:literal, $choice:ident: $si:ty) => {
-        row!(@one $number [$name] $doc, One, Kind::Choice($choice::WORDS))
+    (Choice $number:literal [$name:expr, $effect:expr] $doc:literal, $choice:ident: $si:ty) => {
+        row!(@one $number [$name, $effect] $doc, One, Kind::Choice($choice::WORDS))
     };
-    (@one $number:literal [$name:expr] $doc:literal, $unit:ident, $kind:expr) => {
+    (@one $number:literal [$name:expr, $effect:expr] $doc:literal, $unit:ident, $kind:expr) => {
         Row::One(Entry {
             number: $number,
             kind: $kind,
+            effect: $effect,
             name: Text::new($name),
             unit: Text::new(Unit::$unit.text()),
             doc: Text::new($doc),
         })
     };
-    (Part $number:literal [$name:expr] $doc:literal, $part:ident: $si:ident $prefix:literal) => {
+    (Part $number:literal [$name:expr, $effect:expr] $doc:literal, $part:ident: $si:ident $prefix:literal) => {
         row!(@part $number $part $prefix, 1)
     };
-    (Parts $number:literal [$name:expr] $doc:literal, $part:ident: $si:ident $step:literal; $($k:literal)*) => {
+    (Parts $number:literal [$name:expr, $effect:expr] $doc:literal, $part:ident: $si:ident $step:literal; $($k:literal)*) => {
         row!(@part $number $part "", [$($k),*].len() as u8)
     };
     (@part $number:literal $part:ident $prefix:literal, $count:expr) => {
@@ -405,4 +428,4 @@ macro_rules! put {
     };
 }
 
-pub(super) use {choice, field, get, group, of_si, put, row, si, text};
+pub(super) use {choice, effect, field, get, group, of_si, put, row, si, text};

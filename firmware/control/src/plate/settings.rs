@@ -5,7 +5,7 @@ use super::groups::{
     CompensationSettings, FeedSettings, FrictionSettings, MotorSettings, RejectionSettings,
     SpeedOrderSettings, TorqueOrderSettings, TravelSettings, TuningSettings, WatchSettings,
 };
-use super::parameter::{Entry, Kind, Row, Text, Value};
+use super::parameter::{Effect, Entry, Kind, Row, Text, Value};
 use core::fmt::{Display, Formatter, Result as Written};
 
 /// Declares the groups, each with its number.
@@ -185,6 +185,18 @@ impl Settings {
         self.put(id, value).ok_or(SettingError::Kind { id })
     }
 
+    /// The changes to `after` that take effect only when the drive has restarted.
+    pub fn changes_that_restart(&self, after: &Self) -> impl Iterator<Item = Setting> {
+        let changes = self.differences(after).map(|(setting, _, _)| setting);
+        changes.filter(|setting| setting.effect() == Effect::Restart)
+    }
+
+    /// Whether `after` takes effect without a restart.
+    #[must_use]
+    pub fn takes_at_once(&self, after: &Self) -> bool {
+        self.changes_that_restart(after).next().is_none()
+    }
+
     /// The settings in which `other` differs, in the order of their numbers.
     pub fn differences(&self, other: &Self) -> impl Iterator<Item = (Setting, Value, Value)> {
         Self::all().filter_map(|setting| {
@@ -201,6 +213,12 @@ impl Setting {
     pub fn numbered(id: u16) -> Option<Self> {
         let [group, number] = id.to_be_bytes();
         GROUPS.get(usize::from(group))?.setting(number)
+    }
+
+    /// When a change of it takes effect.
+    #[must_use]
+    pub const fn effect(&self) -> Effect {
+        self.entry.effect
     }
 
     /// It says what is compensated: friction, what repeats with an angle, disturbances, the axial mode.

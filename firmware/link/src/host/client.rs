@@ -357,7 +357,8 @@ impl<L: Line> Client<L> {
         Ok(settings)
     }
 
-    /// Makes `settings` hold, all of them or none: the drive starts anew with them, and this session goes on as another.
+    /// Makes `settings` hold, all of them or none. Where one takes effect only then, the drive starts anew, and this session goes on
+    /// as another.
     ///
     /// # Errors
     /// [`Refused`] with the setting that does not fit, or [`Lost`].
@@ -375,6 +376,9 @@ impl<L: Line> Client<L> {
             // Its answer was lost, and it was asked again after it has started anew.
             Err(error) if error.downcast_ref() == Some(&Refused::For(Refusal::Session)) => {}
             told => told?,
+        }
+        if held.takes_at_once(settings) {
+            return Ok(());
         }
         // What is said while it starts is lost.
         self.hello(STARTS / 50, 50)

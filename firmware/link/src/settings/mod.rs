@@ -17,7 +17,7 @@ pub use control::plate::Unfit;
 pub use control::plate::groups::{
     Direction, EncoderDirection, EncoderInterface, MotorSettings, Switch,
 };
-pub use control::plate::parameter::{Kind, PER_KRPM, Value};
+pub use control::plate::parameter::{Effect, Kind, PER_KRPM, Value};
 pub use control::plate::settings::{Setting, SettingError, Settings};
 
 use crate::telemetry::Real;
