@@ -65,11 +65,11 @@ impl Text {
 
 /// A parameter as its group declares it.
 #[derive(Clone, Copy, Debug)]
-pub struct Entry {
+pub(super) struct Entry {
     /// Number within the group or part.
     pub(super) number: u8,
     /// What it may be.
-    pub kind: Kind,
+    pub(super) kind: Kind,
     /// When a change of it takes effect.
     pub(super) effect: Effect,
     /// Name within the group; its end is the unit. `#` stands for the place in an array, from 1.

@@ -87,7 +87,7 @@ pub struct Setting {
     pub id: u16,
     group: Text,
     /// The declaration.
-    pub entry: &'static Entry,
+    entry: &'static Entry,
     /// What its name begins with.
     prefix: Text,
     /// Its place in an array, from 1.
@@ -215,6 +215,12 @@ impl Setting {
         GROUPS.get(usize::from(group))?.setting(number)
     }
 
+    /// What it may be.
+    #[must_use]
+    pub const fn kind(&self) -> Kind {
+        self.entry.kind
+    }
+
     /// When a change of it takes effect.
     #[must_use]
     pub const fn effect(&self) -> Effect {
@@ -233,7 +239,7 @@ impl Setting {
     /// # Errors
     /// [`SettingError`] with what is possible.
     pub fn check(&self, value: Value) -> Result<(), SettingError> {
-        let (held, value) = match (self.entry.kind, value) {
+        let (held, value) = match (self.kind(), value) {
             (Kind::Real([least, most]), Value::Real(x)) => (x >= least && x <= most, x),
             (Kind::Whole([least, most]), Value::Whole(x)) => {
                 ((least..=most).contains(&x), f64::from(x))
@@ -282,6 +288,18 @@ impl Setting {
         Name("", self.entry.doc.get(), self.place)
     }
 
+    /// Stands for its parameter at all places of an array: name and documentation have `#` instead of the place.
+    #[must_use]
+    pub const fn at_all_places(self) -> Self {
+        Self { place: 0, ..self }
+    }
+
+    /// Whether both are of the same parameter, at any place of an array and in any group.
+    #[must_use]
+    pub fn is_parameter_of(&self, other: &Self) -> bool {
+        core::ptr::eq(self.entry, other.entry)
+    }
+
     /// Whether that is its name within the group.
     #[must_use]
     pub fn is_called(&self, name: &str) -> bool {
@@ -305,6 +323,7 @@ struct Name(&'static str, &'static str, u8);
 impl Display for Name {
     fn fmt(&self, f: &mut Formatter<'_>) -> Written {
         match self.1.split_once('#') {
+            Some(_) if self.2 == 0 => write!(f, "{}{}", self.0, self.1),
             Some((begin, end)) => write!(f, "{}{begin}{}{end}", self.0, self.2),
             None => write!(f, "{}{}", self.0, self.1),
         }
@@ -327,7 +346,7 @@ impl Display for Possible {
     fn fmt(&self, f: &mut Formatter<'_>) -> Written {
         let unit = self.0.unit();
         let space = if unit.is_empty() { "" } else { " " };
-        match self.0.entry.kind {
+        match self.0.kind() {
             Kind::Real([least, most]) => write!(f, "{least} to {most}{space}{unit} are"),
             Kind::Whole([least, most]) => {
                 write!(f, "whole numbers from {least} to {most}{space}{unit} are")
@@ -354,7 +373,7 @@ impl Value {
 
 impl Display for Shown {
     fn fmt(&self, f: &mut Formatter<'_>) -> Written {
-        match (self.1, self.0.entry.kind) {
+        match (self.1, self.0.kind()) {
             (Value::Real(x), _) => write!(f, "{x}"),
             (Value::Whole(x), _) => write!(f, "{x}"),
             (Value::Choice(x), Kind::Choice(words)) => {

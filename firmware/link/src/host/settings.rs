@@ -90,7 +90,7 @@ pub fn of_words(name: &str, value: &str) -> Result<(Setting, Value)> {
 
 fn read(name: &str, value: &Toml) -> Result<(Setting, Value)> {
     let (setting, factor) = spelled(name).with_context(|| unknown(name))?;
-    let taken = match (setting.entry.kind, value) {
+    let taken = match (setting.kind(), value) {
         (Kind::Real(_), Toml::Float(x)) => Some(Value::Real(x * factor)),
         // A whole number is a convenient way to write it.
         (Kind::Real(_), Toml::Integer(x)) => Some(Value::Real(*x as f64 * factor)),

@@ -247,6 +247,14 @@ pub enum Motor {
     Nut,
 }
 
+/// The settings of any drive.
+#[derive(Args, Debug)]
+pub struct ReferenceOptions {
+    /// As a TOML file with the defaults, for `drive settings import`.
+    #[arg(long)]
+    pub template: bool,
+}
+
 /// Whether the drive may restart.
 #[derive(Args, Clone, Copy, Debug)]
 pub struct Restart {

@@ -1,7 +1,7 @@
 //! `drive settings`.
 
 use super::connect::Drive;
-use super::options::{Restart, SettingsTask};
+use super::options::{ReferenceOptions, Restart, SettingsTask};
 use crate::output::put_new;
 use crate::record::model_file;
 use anyhow::{Context, Result, bail, ensure};
@@ -63,6 +63,15 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
             println!("{}", file.display());
             Ok(())
         }
+    }
+}
+
+/// Prints all settings that there are, without a drive.
+pub fn reference(options: &ReferenceOptions) {
+    if options.template {
+        print!("{}", to_toml(&Settings::DEFAULT));
+    } else {
+        print!("{}", link::host::reference::page());
     }
 }
 
