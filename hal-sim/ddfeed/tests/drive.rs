@@ -216,7 +216,8 @@ fn settings_go_out_and_in_all_or_none() {
     ];
     let said = served.fails(3, &unfit);
     assert!(
-        said.contains("nut.resistance_line_to_line_ohm = 160 does not fit"),
+        said.contains("nut.resistance_line_to_line_ohm = 160 does not fit")
+            && said.contains("It fits with 3.4 ohm"),
         "{said}"
     );
     assert!(

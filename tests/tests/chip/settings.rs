@@ -343,3 +343,23 @@ fn what_is_learned_can_be_kept() -> Result<()> {
     ensure!(session.client.settings()? == learned);
     Ok(())
 }
+
+/// How the table is homed and the table of base speeds hold at once: the chip is not reset, and the flash has them.
+#[test]
+fn a_setting_that_only_commands_read_holds_without_a_restart() -> Result<()> {
+    let mut session = Session::open(LINES[0].1)?;
+    let asked = [
+        ("base.table_1_mm_s", 5.0),
+        ("travel.home_velocity_mm_s", 20.0),
+    ];
+    let settings = with(own(), &asked)?;
+    session.client.configure(&settings)?;
+    ensure!(session.client.settings()? == settings);
+    let mut bench = session.bench.borrow_mut();
+    ensure!(bench.emulator.resets.is_empty(), "it has started anew");
+    ensure!(
+        bench.emulator.chip().flash.memory.operations() > 0,
+        "the flash was not written"
+    );
+    Ok(())
+}

@@ -375,7 +375,7 @@ impl<L: Line> Client<L> {
         match self.tell(Command::Commit) {
             // Its answer was lost, and it was asked again after it has started anew.
             Err(error) if error.downcast_ref() == Some(&Refused::For(Refusal::Session)) => {}
-            told => told?,
+            told => told.map_err(|error| advised(error, &held, settings))?,
         }
         if held.takes_at_once(settings) {
             return Ok(());
@@ -431,6 +431,24 @@ impl<L: Line> Client<L> {
             .send(bytes)
             .map_err(|error| Lost(format!("the line to the drive is gone: {error}")).into())
     }
+}
+
+/// Where a setting does not fit: that it does with the value that it has.
+fn advised(error: anyhow::Error, held: &Settings, asked: &Settings) -> anyhow::Error {
+    let Some(Refused::Unfit(sentence)) = error.downcast_ref() else {
+        return error;
+    };
+    let unfit = held
+        .differences(asked)
+        .find(|(setting, ..)| sentence.starts_with(&format!("{setting} = ")));
+    let Some((setting, now, _)) = unfit else {
+        return error;
+    };
+    let (now, unit) = (now.shown(setting), setting.unit());
+    let space = if unit.is_empty() { "" } else { " " };
+    let advice =
+        format!("{sentence}. It fits with {now}{space}{unit}: choose a value nearer to that");
+    Refused::Unfit(advice).into()
 }
 
 fn unexpected(reply: &Reply) -> anyhow::Error {
