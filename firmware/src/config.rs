@@ -15,21 +15,22 @@ use core::cell::UnsafeCell;
 use core::mem::MaybeUninit;
 use link::codes::Origin;
 use link::message::Refusal;
-use link::settings::plate::Unfit;
-use link::settings::{EncoderInterface, Settings};
+use link::settings::{EncoderInterface, Setting, Settings, Unfit};
 use link::telemetry::Header;
 
-/// The board's own plate; with the feature `smooth` it learns the ripple that motors, encoders and lead usually have.
-pub(crate) const PLATE: DrivePlate = if cfg!(feature = "smooth") {
-    board::PLATE.smooth(board::SCALE_COUNT_M)
+/// The board's own settings; with the feature `smooth` the drive learns the ripple that motors, encoders and lead usually have.
+static OWN: Settings = if cfg!(feature = "smooth") {
+    board::SETTINGS.smooth()
 } else {
-    board::PLATE
+    board::SETTINGS
 };
+
+/// The plate that they make.
+pub(crate) const PLATE: DrivePlate = OWN.plate(&board::PLATE.board);
 
 /// Of the board's own plate, computed while compiling: a number that does not fit its format stops the build.
 pub(crate) const BOARD: Configured = Configured {
     plate: PLATE,
-    scale_count_m: board::SCALE_COUNT_M,
     drive: match PLATE.config() {
         Ok(config) if cfg!(feature = "encoders-at-zero") => config.aligned(&PLATE),
         Ok(config) => config,
@@ -38,8 +39,8 @@ pub(crate) const BOARD: Configured = Configured {
         }
     },
     guard: board::GUARD,
-    header: Header::of_plate(&PLATE, board::SCALE_COUNT_M),
-    travel: PLATE.travel_config(board::SCALE_COUNT_M),
+    header: Header::of_plate(&PLATE),
+    travel: PLATE.travel_config(),
 };
 
 /// The words to and from the speed task, its state and what it is configured with, side by side, so that one address in a register
@@ -100,9 +101,10 @@ pub(crate) unsafe fn take_up(
     // SAFETY: as is asked of the caller.
     let held = unsafe { &mut *HELD.configured.get() };
     let keeper = keep_own(place);
-    keeper.take_up(own, |settings| {
-        fits_instead_of_own(settings, &mut held.drive)
-    });
+    keeper.take_up(
+        || OWN,
+        |settings| fits_instead_of_own(settings, &mut held.drive),
+    );
     let found = keeper.found();
     let left_out = found.left_out;
     if left_out.unknown > 0 {
@@ -140,40 +142,33 @@ pub(crate) unsafe fn take_up(
 fn keep_own(
     place: &'static mut MaybeUninit<Keeper<SettingsPages>>,
 ) -> &'static mut Keeper<SettingsPages> {
-    place.write(Keeper::new(SettingsPages::new(), own()))
-}
-
-/// The board's own settings.
-#[inline(never)]
-fn own() -> Settings {
-    Settings::of_plate(&PLATE, board::SCALE_COUNT_M)
+    place.write(Keeper::new(SettingsPages::new(), OWN))
 }
 
 #[inline(never)]
 fn fits_instead_of_own(settings: &Settings, config: &mut DriveConfig) -> Result<(), NotSet> {
-    config_fits(settings, &own(), config)
+    config_fits(settings, &OWN, config)
 }
 
 /// All but the control's configuration, of settings that fit.
 #[inline(never)]
 fn configure_the_rest(settings: &Settings, held: &mut Configured) {
     held.plate = settings.plate(&PLATE.board);
-    held.scale_count_m = settings.scale_count_m();
     if cfg!(feature = "encoders-at-zero") {
         held.drive = held.drive.aligned(&held.plate);
     }
     if let Ok(guard) = guard_plate(settings).config() {
         held.guard = guard;
     }
-    held.header = Header::of_plate(&held.plate, held.scale_count_m);
-    held.travel = held.plate.travel_config(held.scale_count_m);
+    held.header = Header::of_plate(&held.plate);
+    held.travel = held.plate.travel_config();
 }
 
 /// The board's limits, with the scale that is set.
 fn guard_plate(settings: &Settings) -> GuardPlate {
-    let lead_m = settings.feed.lead_mm * 1e-3;
+    let feed = settings.feed.plate();
     GuardPlate {
-        scale: Some(ScaleWatchPlate::usual(settings.scale_count_m(), lead_m)),
+        scale: Some(ScaleWatchPlate::usual(feed.scale_count_m, feed.lead_m)),
         ..board::GUARDS
     }
 }
@@ -188,14 +183,14 @@ pub(crate) fn config_fits(
 ) -> Result<(), NotSet> {
     // Those of `before` are the board's.
     let interfaces = [settings, before]
-        .map(|settings| [&settings.screw, &settings.nut].map(|motor| motor.encoder_interface));
+        .map(|settings| [&settings.screw, &settings.nut].map(|motor| motor.encoder.interface));
     if interfaces[0] != interfaces[1] {
         return Err(NotSet::Refused(Refusal::Interface));
     }
     settings.fits(before, &PLATE.board, config)?;
     let unfit = |id: u16| {
         move |misfit| {
-            let setting = Settings::all().find(|setting| setting.id == id);
+            let setting = Setting::numbered(id);
             NotSet::Unfit(Unfit {
                 setting: setting.and_then(|setting| Some((setting, settings.get(id)?))),
                 misfit,
@@ -210,14 +205,14 @@ pub(crate) fn config_fits(
             SCREW_COUNTS,
             counts_per_s(
                 settings.screw.speed_max_rpm,
-                settings.screw.encoder_counts_per_turn,
+                settings.screw.encoder.counts_per_turn,
             ),
         ),
         (
             NUT_COUNTS,
             counts_per_s(
                 settings.nut.speed_max_rpm,
-                settings.nut.encoder_counts_per_turn,
+                settings.nut.encoder.counts_per_turn,
             ),
         ),
         (

@@ -112,7 +112,7 @@ mod app {
         });
         pins.outputs.keep();
 
-        let plan = const { pwm::PwmPlan::new(&board::PLATE.board, board::BREAK_FILTER_S) };
+        let plan = const { pwm::PwmPlan::new(&board::PLATE, board::BREAK_FILTER_S) };
         let (screw_encoder, nut_encoder) = board::start_encoders(EncoderParts {
             tim2: device.TIM2,
             tim5: device.TIM5,
@@ -123,7 +123,10 @@ mod app {
         });
         let scale = encoder::Scale::start(
             device.TIM4,
-            encoder::InputFilter::of_scale(start.plate.feed.velocity_max, start.scale_count_m),
+            encoder::InputFilter::of_scale(
+                start.plate.feed.velocity_max,
+                start.plate.feed.scale_count_m,
+            ),
         );
         protection::start(
             &device.COMP,

@@ -2,7 +2,7 @@
 
 use control::current_loop::MotorSample;
 use control::fault::Fault;
-use control::plate::BoardPlate;
+use control::plate::DrivePlate;
 use control::sense::Shunts;
 use plant::Axis;
 
@@ -24,11 +24,12 @@ pub struct AnalogWatches {
 }
 
 impl AnalogWatches {
-    /// Of a board whose bus may have `bus_most` counts.
+    /// Of a drive of `plate` whose bus may have `bus_most` counts.
     #[must_use]
-    pub fn new(board: &BoardPlate, bus_most: u16) -> Self {
+    pub fn new(plate: &DrivePlate, bus_most: u16) -> Self {
+        let (board, most) = (&plate.board, plate.bridge.over_current_a);
         let counts = |amps: f64| board.zero_counts + amps / board.amps_per_count;
-        let ends = [-board.over_current_a, board.over_current_a].map(counts);
+        let ends = [-most, most].map(counts);
         Self {
             bus: [0; 2],
             bus_most,

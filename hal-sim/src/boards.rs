@@ -3,7 +3,7 @@
 use crate::board::{BoardConfig, Chopper};
 use crate::sensors::{Adc, CurrentSensing, Sensors};
 use control::guard::GuardPlate;
-use control::plate::DrivePlate;
+use control::plate::{DrivePlate, Settings};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -32,6 +32,15 @@ pub enum BoardKind {
 pub const SENSING: CurrentSensing = CurrentSensing::LowSide;
 
 impl BoardKind {
+    /// The drive's own settings on it.
+    #[must_use]
+    pub const fn settings(self) -> Settings {
+        match self {
+            Self::Nucleo | Self::Nucleo40kHz => nucleo_plate::SETTINGS,
+            Self::Mains => mains_plate::SETTINGS,
+        }
+    }
+
     /// Plate data of the drive on it.
     #[must_use]
     pub fn plate(self) -> DrivePlate {
@@ -63,10 +72,7 @@ impl BoardKind {
     /// One count of its linear scale, m.
     #[must_use]
     pub fn scale_count_m(self) -> f64 {
-        match self {
-            Self::Nucleo | Self::Nucleo40kHz => nucleo_plate::SCALE_COUNT_M,
-            Self::Mains => mains_plate::SCALE_COUNT_M,
-        }
+        self.plate().feed.scale_count_m
     }
 
     /// Bus voltage that its tests run at, V.
@@ -143,8 +149,8 @@ impl BoardKind {
             bus_v: self.bus_v(),
             break_a: self.over_current_a(),
             shunts: board.shunts,
-            dead_time_s: board.dead_time_s,
-            measure_zeros: board.measure_zeros,
+            dead_time_s: plate.bridge.dead_time_s,
+            measure_zeros: plate.bridge.measure_zeros,
             sensing: SENSING,
             sensors: Sensors {
                 encoders: plate.motors.map(|motor| motor.encoder),

@@ -2,8 +2,9 @@
 
 use crate::board::BoardConfig;
 use control::plate::{
-    AlignmentPlate, BasePlate, BoardPlate, BrakePlate, CompensationPlate, DrivePlate, FeedPlate,
-    FrictionPlate, MotorPlate, RejectionPlate, RunawayPlate, ThermalPlate, TravelPlate, Tuning,
+    AlignmentPlate, BasePlate, BoardPlate, BrakePlate, BridgePlate, CommandPlate,
+    CompensationPlate, DrivePlate, FeedPlate, FrictionPlate, MotorPlate, RejectionPlate,
+    RunawayPlate, ThermalPlate, TravelPlate, Tuning,
 };
 use plant::Axis;
 use plant::machine::Coupling;
@@ -76,7 +77,10 @@ pub fn plates(
                     / (2.0 * f64::from(motor.pole_pairs) * motor.flux_wb.abs() * 3f64.sqrt()),
                 seconds: 60.0,
             },
-            current_gains: [1.0; 3],
+            alignment_torque_nm: 0.3 * PAPER_TORQUE_NM / 2.0,
+            current_gain_a: 1.0,
+            current_gain_b: 1.0,
+            current_gain_c: 1.0,
             encoder: board.sensors.encoders[axis.index()],
         }
     };
@@ -91,6 +95,8 @@ pub fn plates(
             zero_counts: board.sensors.current.zero,
             bus_volts_per_count: board.sensors.bus.per_count,
             adc_counts: board.sensors.current.counts.max(board.sensors.bus.counts),
+        },
+        bridge: BridgePlate {
             // The second line, behind the break.
             over_current_a: 1.2 * board.break_a,
             bus_min_v: 0.1 * board.bus_v,
@@ -103,11 +109,13 @@ pub fn plates(
                 rated_rms_a: 0.5 * board.break_a,
                 seconds: 20.0,
             },
-            regeneration_v: REGENERATION.map(|part| part * board.bus_v),
+            brake_fade_from_v: REGENERATION[0] * board.bus_v,
+            brake_fade_to_v: REGENERATION[1] * board.bus_v,
         },
         tuning,
         feed: FeedPlate {
             lead_m: model.feed.lead_m,
+            scale_count_m: board.sensors.scale_count_m,
             velocity_max: 0.1,
             acceleration_max: 0.25,
             jerk_max: 10.0,
@@ -117,7 +125,6 @@ pub fn plates(
         travel: TravelPlate::UNLIMITED,
         brake: BrakePlate::NONE,
         alignment: AlignmentPlate {
-            torque_nm: [0.3 * PAPER_TORQUE_NM / 2.0; 2],
             travel_m: 50e-6,
             speed_rpm: PAPER_SPEED_RPM / 10.0,
         },
@@ -126,7 +133,7 @@ pub fn plates(
         friction: FrictionPlate::NONE,
         rejection: RejectionPlate::NONE,
         base: BasePlate::NONE,
-        heartbeat_s: 0.5,
+        command: CommandPlate { heartbeat_s: 0.5 },
     }
 }
 

@@ -7,7 +7,7 @@ use control::current_loop::MotorSample;
 use control::fault::Fault;
 use control::format::Misfit;
 use control::guard::{Guard, GuardConfig, GuardPlate, Look};
-use control::plate::BoardPlate;
+use control::plate::{BoardPlate, DrivePlate};
 use plant::Axis;
 
 /// The supervision and what it has found.
@@ -24,18 +24,18 @@ pub struct Supervision {
 }
 
 impl Supervision {
-    /// Of a board that bears what `guards` says.
+    /// Of a drive of `plate` on a board that bears what `guards` says.
     ///
     /// # Errors
     /// [`Misfit`] naming the limit that the ADC cannot see.
-    pub fn new(guards: &GuardPlate, board: &BoardPlate) -> Result<Self, Misfit> {
+    pub fn new(guards: &GuardPlate, plate: &DrivePlate) -> Result<Self, Misfit> {
         let config = guards.config()?;
         Ok(Self {
             guard: Guard::new(),
             config,
-            watches: AnalogWatches::new(board, config.bus_most),
+            watches: AnalogWatches::new(plate, config.bus_most),
             periods: 0,
-            every: periods_per_ms(board),
+            every: periods_per_ms(&plate.board),
             found: None,
             look: Look::default(),
         })

@@ -389,10 +389,13 @@ fn a_calibrated_gain_takes_its_ripple_away() {
         setup.board.shunts = shunts;
         setup.model.effects.extend(effect);
         let mut plate = setup.plate();
-        plate
-            .motors
-            .iter_mut()
-            .for_each(|motor| motor.current_gains = gains);
+        plate.motors.iter_mut().for_each(|motor| {
+            [
+                motor.current_gain_a,
+                motor.current_gain_b,
+                motor.current_gain_c,
+            ] = gains;
+        });
         let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate).unwrap();
         settle_quietly(&mut drive, CREEP).unwrap();
         let velocities = table_velocities(&mut drive, 1.0, 2, |_| Ok::<(), ()>(())).unwrap();

@@ -272,7 +272,7 @@ fn settings_hold_after_a_restart_and_what_does_not_fit_changes_nothing() {
     let mut settings = bench.client.settings().unwrap();
     let set = |settings: &mut link::settings::Settings, name: &str, value: f64| {
         let id = Setting::named(name).unwrap().id;
-        settings.set(id, Value::Real(Real::new(value))).unwrap();
+        settings.set(id, Value::Real(value)).unwrap();
     };
     let mut wrong = settings;
     set(&mut wrong, "tuning.damping", 0.8);
@@ -389,8 +389,8 @@ fn homed() -> Bench {
     let mut bench = Bench::new();
     let mut settings = bench.client.settings().unwrap();
     let travel = &mut settings.travel;
-    (travel.home_velocity_mm_s, travel.home_leaving_mm_s) = (80.0, 2.0);
-    travel.home_position_mm = 5.0;
+    (travel.home.velocity_mm_s, travel.home.leaving_mm_s) = (80.0, 2.0);
+    travel.home.position_mm = 5.0;
     (travel.soft_least_mm, travel.soft_most_mm) = (10.0, 60.0);
     bench.client.configure(&settings).unwrap();
     bench.until(State::Ready, 1000);
@@ -495,7 +495,7 @@ fn a_table_that_is_pushed_past_its_limit_is_a_fault_and_homing_outlives_it_but_n
 fn a_switch_that_stays_closed_or_open_is_told_and_the_other_one_stops_it() {
     let mut bench = Bench::new();
     let mut settings = bench.client.settings().unwrap();
-    settings.travel.home_furthest_mm = 3.0;
+    settings.travel.home.furthest_mm = 3.0;
     bench.client.configure(&settings).unwrap();
     bench.until(State::Ready, 1000);
     for (fault, told) in [

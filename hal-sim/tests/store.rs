@@ -3,7 +3,6 @@
 use hal_sim::flash::SimulatedFlash;
 use link::settings::store::{Loaded, SLOT, Store};
 use link::settings::{Setting, Settings, Value};
-use link::telemetry::Real;
 
 /// Three slots.
 const PAGES: usize = 6;
@@ -34,7 +33,7 @@ fn settings(k: u32) -> Settings {
         ("command.heartbeat_ms", 100.0 + f64::from(k % 9000)),
     ] {
         let id = Setting::named(name).unwrap().id;
-        settings.set(id, Value::Real(Real::new(value))).unwrap();
+        settings.set(id, Value::Real(value)).unwrap();
     }
     settings
 }

@@ -19,6 +19,4 @@ pub struct Configured {
     pub travel: TravelConfig,
     /// The plate that they come from.
     pub plate: DrivePlate,
-    /// One count of the table's scale, m.
-    pub scale_count_m: f64,
 }

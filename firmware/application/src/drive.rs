@@ -18,7 +18,7 @@ use embedded_storage::nor_flash::NorFlash;
 use link::codes::{Demand, State};
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
 use link::scale;
-use link::settings::Settings;
+use link::settings::{Effect, Settings};
 
 /// The board, or the simulated machine: what only it knows.
 pub trait World {
@@ -179,7 +179,7 @@ where
         let configured = self.parts.configured;
         let plan = MovePlan::new(
             &configured.plate.feed,
-            configured.scale_count_m,
+            configured.plate.feed.scale_count_m,
             configured.plate.tuning.speed_rad_s,
             STEP_S,
             distance_nm as f64 * 1e-9,
@@ -205,11 +205,11 @@ where
 
     fn home(&mut self, base: i32) -> Result<(), Refusal> {
         let configured = self.parts.configured;
-        let home = &configured.plate.travel.home;
+        let home = self.parts.keeper.settings().travel.home.plate();
         let plan = HomePlan::new(
             &configured.plate.feed,
-            home,
-            configured.scale_count_m,
+            &home,
+            configured.plate.feed.scale_count_m,
             STEP_S,
         );
         for velocity in plan.velocities() {
@@ -281,14 +281,16 @@ where
         settings.with_orders(&orders)
     }
 
-    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
+    fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
         let parts = &mut *self.parts;
         parts
             .world
             .fits(parts.configured, settings, parts.keeper.settings())?;
-        parts.keeper.store(settings)?;
-        self.asked.restart = Some(parts.view.uptime_ms.load(Relaxed));
-        Ok(())
+        let effect = parts.keeper.store(settings)?;
+        if effect == Effect::Restart {
+            self.asked.restart = Some(parts.view.uptime_ms.load(Relaxed));
+        }
+        Ok(effect)
     }
 
     fn record(&mut self, request: u32) {

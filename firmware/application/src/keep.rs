@@ -1,15 +1,14 @@
 //! Which settings a drive runs on: those that its store holds, if they fit it, or its own.
 //!
-//! The firmware and the simulated drive do it by this code. A change is checked and stored, and holds when the drive starts
-//! anew.
+//! The firmware and the simulated drive do it by this code. A change is checked and stored. It holds at once, if each of its
+//! settings may; otherwise when the drive starts anew.
 
 use crate::server::NotSet;
 use embedded_storage::nor_flash::NorFlash;
 use link::codes::Origin;
 use link::message::Refusal;
-use link::settings::Settings;
-use link::settings::plate::Unfit;
 use link::settings::store::{Loaded, Store};
+use link::settings::{Effect, Settings, Unfit};
 
 /// The settings that a drive runs on, and the store that they come from.
 #[derive(Clone, Debug)]
@@ -30,17 +29,25 @@ pub struct Found {
     pub left_out: Loaded,
 }
 
+impl Found {
+    const NOTHING: Self = Self {
+        origin: Origin::Own,
+        unfit: 0,
+        left_out: Loaded {
+            unknown: 0,
+            refused: 0,
+            first_refused: 0,
+        },
+    };
+}
+
 impl<F: NorFlash> Keeper<F> {
     /// Of a drive with its `own` settings, which has not [taken up](Keeper::take_up) what the flash holds.
     pub fn new(flash: F, own: Settings) -> Self {
         Self {
             store: Store::open(flash),
             settings: own,
-            found: Found {
-                origin: Origin::Own,
-                unfit: 0,
-                left_out: Loaded::default(),
-            },
+            found: Found::NOTHING,
         }
     }
 
@@ -76,21 +83,30 @@ impl<F: NorFlash> Keeper<F> {
         self.found
     }
 
-    /// Stores settings that fit; they hold when the drive starts anew.
+    /// Stores settings that fit, and says when they hold: at once, or when the drive starts anew.
     ///
     /// # Errors
     /// [`NotSet`]; nothing is changed then.
-    pub fn store(&mut self, settings: &Settings) -> Result<(), NotSet> {
+    pub fn store(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
         // What the store holds already it need not bear once more.
         if self.found.origin == Origin::Stored
             && self.found.left_out == Loaded::default()
             && *settings == self.settings
         {
-            return Ok(());
+            return Ok(Effect::AtOnce);
         }
         self.store
             .save(settings)
-            .map_err(|_| NotSet::Refused(Refusal::NotStored))
+            .map_err(|_| NotSet::Refused(Refusal::NotStored))?;
+        if !self.settings.takes_at_once(settings) {
+            return Ok(Effect::Restart);
+        }
+        self.settings = *settings;
+        self.found = Found {
+            origin: Origin::Stored,
+            ..Found::NOTHING
+        };
+        Ok(Effect::AtOnce)
     }
 
     /// The flash.

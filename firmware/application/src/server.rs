@@ -12,8 +12,7 @@ use link::message::{
     Reply, SETTINGS_A_FRAME, Status, Text,
 };
 use link::scale;
-use link::settings::plate::Unfit;
-use link::settings::{Settings, Value};
+use link::settings::{Effect, Settings, Unfit, WireValue};
 use link::telemetry::Real;
 
 /// How long a drive stays armed while it does not move, ms.
@@ -95,11 +94,11 @@ pub trait Served {
     fn settings(&self) -> &Settings;
     /// The same with the orders that were learned since.
     fn learned(&self) -> Settings;
-    /// Starts anew with these settings.
+    /// Takes these settings, at once or by starting anew, and says which.
     ///
     /// # Errors
     /// [`NotSet`]; nothing is changed then.
-    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet>;
+    fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet>;
     /// Starts or ends the telemetry.
     fn record(&mut self, request: u32);
     /// Puts a fault in.
@@ -367,7 +366,7 @@ impl Server {
                 .may_move(commander, drive)
                 .and_then(|()| {
                     let settings = drive.settings();
-                    let velocity = settings.travel.home_velocity_mm_s * 1e-3;
+                    let velocity = settings.travel.plate().home.velocity;
                     let velocity = scale::word(velocity, scale::TABLE_VELOCITY);
                     let base = base_or(base, settings, velocity.unwrap_or(i32::MAX));
                     drive.home(base)
@@ -401,7 +400,7 @@ impl Server {
             Command::Settings { from } => return settings(drive.settings(), from),
             Command::Learned { from } => return learned(drive, from),
             Command::Draft { id, value } => match &mut self.draft {
-                Some(draft) => draft.set(id, value).map_err(|_| Refusal::Setting),
+                Some(draft) => draft.set(id, value.into()).map_err(|_| Refusal::Setting),
                 None => Err(Refusal::Session),
             },
             Command::Discard => {
@@ -411,7 +410,8 @@ impl Server {
             Command::Commit if !at_rest(drive.state()) => Err(Refusal::Moving),
             Command::Commit => match self.draft.as_ref().map(|draft| drive.configure(draft)) {
                 None => Err(Refusal::Session),
-                Some(Ok(())) => {
+                Some(Ok(Effect::AtOnce)) => Ok(()),
+                Some(Ok(Effect::Restart)) => {
                     commander.start_anew();
                     Ok(())
                 }
@@ -480,12 +480,12 @@ fn learned(drive: &impl Served, from: u16) -> Reply {
 }
 
 fn settings(settings: &Settings, from: u16) -> Reply {
-    let mut some: Vec<(u16, Value), SETTINGS_A_FRAME> = Vec::new();
+    let mut some: Vec<(u16, WireValue), SETTINGS_A_FRAME> = Vec::new();
     for setting in Settings::all().filter(|setting| setting.id >= from) {
         let Some(value) = settings.get(setting.id) else {
             continue;
         };
-        if some.push((setting.id, value)).is_err() {
+        if some.push((setting.id, value.into())).is_err() {
             break;
         }
     }
@@ -505,7 +505,7 @@ fn said(unfit: &Unfit) -> Reply {
     let misfit = &unfit.misfit;
     Reply::Unfit {
         id: unfit.setting.map_or(0, |(setting, _)| setting.id),
-        value: unfit.setting.map(|(_, value)| value),
+        value: unfit.setting.map(|(_, value)| value.into()),
         name: text(misfit.name),
         unit: text(misfit.unit),
         is: Real::new(misfit.value),
@@ -593,9 +593,14 @@ mod tests {
         fn learned(&self) -> Settings {
             self.settings
         }
-        fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
+        fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
+            let at_once = self.settings.takes_at_once(settings);
             self.settings = *settings;
-            Ok(())
+            Ok(if at_once {
+                Effect::AtOnce
+            } else {
+                Effect::Restart
+            })
         }
         fn record(&mut self, _: u32) {}
         fn inject(&mut self, injection: Injection) -> Result<(), Refusal> {
@@ -842,7 +847,7 @@ mod tests {
         line.ask(Command::Hello, &mut commander, &mut drive);
         let draft = |number, value| Command::Draft {
             id: number,
-            value: Value::Real(Real::new(value)),
+            value: WireValue::Real(Real::new(value)),
         };
         assert_eq!(
             line.ask(draft(0x0401, 10.0), &mut commander, &mut drive),
@@ -897,7 +902,7 @@ mod tests {
             state: most,
             fault: most,
         };
-        let value = Value::Real(Real::new(1.0));
+        let value = WireValue::Real(Real::new(1.0));
         let mut text = Text::new();
         while text.push('x').is_ok() {}
         let real = Real::new(0.1);
@@ -964,7 +969,7 @@ mod tests {
             any::<u16>().prop_map(|from| Command::Learned { from }),
             (0u16..0x1200, any::<f64>()).prop_map(|(id, x)| Command::Draft {
                 id,
-                value: Value::Real(Real::new(x))
+                value: WireValue::Real(Real::new(x))
             }),
             any::<(u32, u8)>().prop_map(|(fault, motor)| Command::Inject(Injection {
                 fault,

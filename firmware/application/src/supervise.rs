@@ -67,12 +67,12 @@ impl Supervise {
     #[must_use]
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     pub fn new(configured: &Configured) -> Self {
-        let board = &configured.plate.board;
+        let (board, bridge) = (&configured.plate.board, &configured.plate.bridge);
         Self {
             guard: Guard::new(),
             recorder: Recorder::new(),
             unpowered: 0,
-            bus_least: (board.bus_min_v / board.bus_volts_per_count) as u16,
+            bus_least: (bridge.bus_min_v / board.bus_volts_per_count) as u16,
             periods: (board.pwm_hz * 1e-3 + 0.5) as u32,
         }
     }

@@ -7,7 +7,7 @@ use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, encode};
 use link::message::{Command, DriveFrame, HostFrame, Injection, Refusal, Reply, Status};
 use link::settings::store::{PAGE, SLOT, Store};
-use link::settings::{Settings, Value};
+use link::settings::{Effect, Settings, WireValue};
 use link::telemetry::Real;
 use serde::ser::{Serialize, SerializeTuple, Serializer};
 
@@ -36,16 +36,16 @@ impl Random {
         }
     }
 
-    fn value(&mut self) -> Value {
+    fn value(&mut self) -> WireValue {
         match self.below(3) {
-            0 => Value::Real(Real::new(match self.below(4) {
+            0 => WireValue::Real(Real::new(match self.below(4) {
                 0 => f64::from_bits(self.number()),
                 1 => f64::INFINITY,
                 2 => (self.below(2000) as f64 - 1000.0) / 8.0,
                 _ => f64::NAN,
             })),
-            1 => Value::Whole(self.number() as u32),
-            _ => Value::Choice(self.number() as u8),
+            1 => WireValue::Whole(self.number() as u32),
+            _ => WireValue::Choice(self.number() as u8),
         }
     }
 
@@ -157,9 +157,14 @@ impl Served for Fake {
     fn learned(&self) -> Settings {
         self.settings
     }
-    fn configure(&mut self, settings: &Settings) -> Result<(), NotSet> {
+    fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
+        let at_once = self.settings.takes_at_once(settings);
         self.settings = *settings;
-        Ok(())
+        Ok(if at_once {
+            Effect::AtOnce
+        } else {
+            Effect::Restart
+        })
     }
     fn record(&mut self, _: u32) {}
     fn inject(&mut self, _: Injection) -> Result<(), Refusal> {
@@ -349,12 +354,12 @@ fn any_value_of_a_setting() {
             _ => ids[random.below(ids.len())],
         };
         let (before, value) = (settings, random.value());
-        match settings.set(id, value) {
+        match settings.set(id, value.into()) {
             Ok(()) => {
                 taken += 1;
                 assert_eq!(
                     settings.get(id),
-                    Some(value),
+                    Some(value.into()),
                     "seed {seed}, execution {execution}: setting {id:#x}"
                 );
             }

@@ -5,7 +5,7 @@
 //! an armed drive and a [`Command::Heartbeat`] within the drive's `command.heartbeat_ms`.
 
 use crate::frame::FrameCount;
-use crate::settings::Value;
+use crate::settings::WireValue;
 use crate::telemetry::{Frame, Real};
 use control::codes;
 use control::journal;
@@ -94,7 +94,7 @@ pub enum Command {
         /// The setting's number.
         id: u16,
         /// Its value.
-        value: Value,
+        value: WireValue,
     },
     /// Forgets the draft.
     Discard,
@@ -297,13 +297,13 @@ pub enum Reply {
     /// Events of the journal, the latest first; none if there are no more.
     Events(Vec<Recorded, EVENTS_A_FRAME>),
     /// Settings in the order of their numbers; none if there are none from there on.
-    Settings(Vec<(u16, Value), SETTINGS_A_FRAME>),
+    Settings(Vec<(u16, WireValue), SETTINGS_A_FRAME>),
     /// The draft does not fit the drive's formats.
     Unfit {
         /// The setting without whose change it would fit; 0: none by itself.
         id: u16,
         /// Its value.
-        value: Option<Value>,
+        value: Option<WireValue>,
         /// What of the configuration does not fit.
         name: Text,
         /// Its unit.

@@ -92,9 +92,9 @@ pub struct Header {
 }
 
 impl Header {
-    /// Of a drive of `plate` whose table's scale has counts of `scale_count_m`; the request is to be filled in.
+    /// Of a drive of `plate`; the request is to be filled in.
     #[must_use]
-    pub const fn of_plate(plate: &control::plate::DrivePlate, scale_count_m: f64) -> Self {
+    pub const fn of_plate(plate: &control::plate::DrivePlate) -> Self {
         const fn motor(plate: &control::plate::MotorPlate) -> MotorPlate {
             MotorPlate {
                 resistance_ohm: Real::new(plate.resistance_ohm),
@@ -112,7 +112,7 @@ impl Header {
             speed_divider: plate.board.speed_divider,
             period_s: Real::new(plate.board.sample_time()),
             current_lsb_a: Real::new(plate.board.amps_per_count.abs()),
-            scale_count_m: Real::new(scale_count_m),
+            scale_count_m: Real::new(plate.feed.scale_count_m),
             lead_m: Real::new(plate.feed.lead_m),
             motors: [motor(screw), motor(nut)],
         }

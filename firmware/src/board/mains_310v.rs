@@ -38,7 +38,7 @@ use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC4, LPUART1, SPI1, TIM1, TIM2, TIM4, TI
 #[path = "mains_plate.rs"]
 mod plate;
 pub(crate) use plate::GUARDS;
-pub(crate) use plate::{PLATE, SCALE_COUNT_M};
+pub(crate) use plate::{PLATE, SETTINGS};
 
 /// Comparators of each motor, one for each phase.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] =
@@ -75,7 +75,7 @@ const BUS_SAMPLING: Sampling = Sampling::behind(100e-9);
 const HEAT_SAMPLING: Sampling = Sampling::behind(100e-9);
 
 // The number of the plate is that of the hardware.
-const _: () = assert!(LEAD_S == plate::FRAME_LEAD_S);
+const _: () = assert!((LEAD_S * 1e6 - plate::FRAME_LEAD_US).abs() < 1e-9);
 
 /// What holds each input of the gate drivers low while the chip starts, ohm: a resistor at the power stage.
 pub(crate) const GATE_PULL_DOWN_OHM: u32 = 10_000;

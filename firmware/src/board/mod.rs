@@ -2,9 +2,9 @@
 //!
 //! To add a board, in this order:
 //!
-//! 1. A plate beside `mains_plate.rs`: motors, encoders, A and V per count with their signs, dead time, over-current, guards.
+//! 1. Numbers beside `mains_plate.rs`: the drive's own settings, A and V per count with their signs, guards.
 //!    Numbers only, each with its source; what does not fit its fixed-point format stops the build.
-//! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `SCALE_COUNT_M`, `OVER_CURRENT`, `DRIVER_FAULT`,
+//! 2. A module beside `mains_310v.rs` with the same public names: `PLATE`, `SETTINGS`, `OVER_CURRENT`, `DRIVER_FAULT`,
 //!    `DRIVER_WAKE_S`, `AMPLIFIERS_SLEEP`, `BREAK_FILTER_S`, `GUARD`, `GUARDS`, `WATCH_LIMITS`, `GATE_PULL_DOWN_OHM`,
 //!    `ScrewEncoder`, `NutEncoder`, `start_encoders`, `take_encoder_flags`, `claim`. In `claim` each pin goes once, by value,
 //!    through a function of [`pins`] whose bounds only the right pin in the right alternate function meets; three shunts a motor have

@@ -24,7 +24,7 @@ pub(crate) use plate::GUARDS;
 pub(crate) use plate::PLATE;
 #[cfg(feature = "pwm-40khz")]
 pub(crate) use plate::PLATE_40_KHZ as PLATE;
-pub(crate) use plate::SCALE_COUNT_M;
+pub(crate) use plate::SETTINGS;
 
 /// Comparators of each motor, one for each phase.
 pub(crate) const OVER_CURRENT: [OverCurrent; 2] =

@@ -9,7 +9,7 @@
 //! period of offset would put them there at rest.
 
 use crate::hw::encoder::FILTER_LENGTHS;
-use control::plate::BoardPlate;
+use control::plate::DrivePlate;
 use stm32g4xx_hal::stm32::{TIM1, TIM8, tim1};
 
 /// `BDTR.BKF` for a filter that waits `seconds` or a little longer. Fails to compile, in a constant, outside 0.3 to 1.5 us:
@@ -40,8 +40,9 @@ pub(crate) struct PwmPlan {
 
 impl PwmPlan {
     /// The plan of a board. Fails to compile, in a constant, if the dead time is beyond the generator's reach.
-    pub(crate) const fn new(board: &BoardPlate, break_filter_s: f64) -> Self {
-        let counts = board.dead_time_s * board.timer_hz;
+    pub(crate) const fn new(plate: &DrivePlate, break_filter_s: f64) -> Self {
+        let board = &plate.board;
+        let counts = plate.bridge.dead_time_s * board.timer_hz;
         assert!(
             counts >= 0.0 && counts <= 1008.0,
             "the dead-time generator reaches 1008 timer counts"

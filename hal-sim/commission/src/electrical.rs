@@ -71,8 +71,9 @@ pub struct Electrical {
 /// Largest current along d, A.
 fn largest(motor: &MotorSettings, settings: &Settings) -> f64 {
     let rated = motor
+        .thermal
         .rated_current_a_rms
-        .min(settings.bridge.rated_current_a_rms);
+        .min(settings.bridge.thermal.rated_current_a_rms);
     // A vector is sqrt(3) times the rms of a phase, sqrt(3/2) times its amplitude.
     (OF_RATED * 3f64.sqrt() * rated)
         .min(OF_LARGEST * current_max(motor))

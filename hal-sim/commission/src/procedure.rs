@@ -501,10 +501,10 @@ fn angle_step<L: Line>(
     // An absolute encoder has the same angle the next time.
     let mut new = old;
     for (k, motor) in [&mut new.screw, &mut new.nut].into_iter().enumerate() {
-        if motor.encoder_interface == EncoderInterface::Mt6835 {
+        if motor.encoder.interface == EncoderInterface::Mt6835 {
             let (zero_deg, backwards) = session.encoder_zero(k);
-            motor.encoder_zero_deg = zero_deg;
-            motor.encoder_direction = if backwards {
+            motor.encoder.zero_deg = zero_deg;
+            motor.encoder.direction = if backwards {
                 EncoderDirection::Backwards
             } else {
                 EncoderDirection::Forwards

@@ -437,7 +437,7 @@ fn point(row: &Row, settings: &Settings, aligned: [(f64, f64); 2]) -> Point {
         let pole_pairs = f64::from(plates[k].pole_pairs);
         let angle = direction * row.angle_rad;
         // The currents are newer than the angle.
-        let aged = pole_pairs * row.speed_ref_rad_s * plates[k].encoder_age_us * 1e-6;
+        let aged = pole_pairs * row.speed_ref_rad_s * plates[k].encoder.age_us * 1e-6;
         let (sin, cos) = (pole_pairs * angle + zero + aged).sin_cos();
         let [a, b] = row.phases_a;
         // Power invariant: a vector is sqrt(3/2) times as long as the amplitude of a phase.

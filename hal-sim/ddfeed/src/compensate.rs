@@ -84,7 +84,7 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
             rejection: rejection(&setup),
             ..setup.plate()
         };
-        let settings = Settings::of_plate(&plate, setup.board.sensors.scale_count_m);
+        let settings = Settings::of_plate(&plate);
         crate::output::put_new(file, &some_to_toml(&settings, Setting::compensates))?;
     }
     if options.json {

@@ -27,6 +27,8 @@ enum Task {
     Drive(drive::DriveOptions),
     /// Turn a model's effects into settings that compensate them, and predict the ripple.
     Compensate(compensate::CompensateOptions),
+    /// Print all settings of a drive with unit, range, default and meaning.
+    Settings(drive::ReferenceOptions),
     /// Record a drive over its link, into a folder that `identify` reads: the same as `drive ... record`.
     Record(drive::RecordCommand),
     /// Print a script that completes this command line in a shell.
@@ -42,6 +44,10 @@ fn main() -> ExitCode {
         Task::Serve(options) => serve::run(&options),
         Task::Drive(options) => drive::run(&options),
         Task::Compensate(options) => compensate::run(&options),
+        Task::Settings(options) => {
+            drive::reference(&options);
+            Ok(())
+        }
         Task::Record(options) => drive::run(&options.into()),
         Task::Completions(options) => completions::run(&options, Arguments::command()),
     };

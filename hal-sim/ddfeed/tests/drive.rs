@@ -210,12 +210,14 @@ fn settings_go_out_and_in_all_or_none() {
     let unfit = [
         "settings",
         "set",
+        "--yes",
         "feed.lead_mm=10",
         "nut.resistance_phase_ohm=80",
     ];
     let said = served.fails(3, &unfit);
     assert!(
-        said.contains("nut.resistance_line_to_line_ohm = 160 does not fit"),
+        said.contains("nut.resistance_line_to_line_ohm = 160 does not fit")
+            && said.contains("It fits with 3.4 ohm"),
         "{said}"
     );
     assert!(
@@ -227,6 +229,7 @@ fn settings_go_out_and_in_all_or_none() {
     served.printed(&[
         "settings",
         "set",
+        "--yes",
         "feed.lead_mm=10",
         "nut.torque_constant_nm_per_a_rms=0.9",
     ]);
@@ -235,7 +238,7 @@ fn settings_go_out_and_in_all_or_none() {
     assert_eq!(now["feed.lead_mm"], 10.0);
     let diff = served.printed(&["settings", "diff", &file]);
     assert!(diff.contains("feed.lead_mm: 10 -> 5"), "{diff}");
-    served.printed(&["settings", "import", &file]);
+    served.printed(&["settings", "import", "--yes", &file]);
     assert!(
         served
             .printed(&["settings", "diff", &file])
@@ -269,7 +272,7 @@ fn what_a_model_knows_becomes_settings() {
     assert!(said.contains("is there already"), "{said}");
 
     let served = Served::new(&[]);
-    served.printed(&["settings", "import", &file]);
+    served.printed(&["settings", "import", "--yes", &file]);
     let now: Value = serde_json::from_str(&served.printed(&[
         "settings",
         "get",
@@ -300,6 +303,7 @@ fn the_drive_s_table_gives_the_base_speed() {
     served.printed(&[
         "settings",
         "set",
+        "--yes",
         "base.table_1_mm_s=2",
         "base.nut_1_rpm=300",
         "base.table_2_mm_s=20",
@@ -331,6 +335,31 @@ fn the_drive_s_table_gives_the_base_speed() {
     assert!(said.contains("table velocity of a base speed"), "{said}");
 }
 
+/// A setting that needs a restart says what is lost and asks; one that needs none restarts nothing.
+#[test]
+fn a_restart_is_announced_and_a_setting_without_one_keeps_the_homed_position() {
+    let served = Served::new(&[]);
+    served.printed(&["home", "--arm"]);
+    served.printed(&[
+        "settings",
+        "set",
+        "base.table_1_mm_s=5",
+        "base.nut_1_rpm=100",
+    ]);
+    served.printed(&["settings", "set", "travel.home_velocity_mm_s=20"]);
+    assert_eq!(served.status()["table"]["homed"], true);
+    let said = served.fails(1, &["settings", "set", "feed.jerk_max_mm_s3=9000"]);
+    assert!(
+        said.contains("feed.jerk_max_mm_s3: takes effect when the drive restarts")
+            && said.contains("the homed position")
+            && said.contains("--yes"),
+        "{said}"
+    );
+    assert_eq!(served.status()["table"]["homed"], true);
+    served.printed(&["settings", "set", "--yes", "feed.jerk_max_mm_s3=9000"]);
+    assert_eq!(served.status()["table"]["homed"], false);
+}
+
 /// A drive that learns says what, and keeps it as settings.
 #[test]
 fn what_is_learned_is_kept() {
@@ -340,13 +369,13 @@ fn what_is_learned_is_kept() {
         let speeds = ["jog", "--table-speed", mm_s, "--nut-rpm", "200", "--arm"];
         served.printed(&[&speeds[..], &["--duration", seconds]].concat())
     };
-    served.printed(&["settings", "set", "compensation.learning_s=0.5"]);
+    served.printed(&["settings", "set", "--yes", "compensation.learning_s=0.5"]);
     served.until("ready");
     jog("5", "1");
     let said = served.printed(&["settings", "learned"]);
     assert!(said.contains("screw_torque.order_5: 0 -> 30"), "{said}");
     served.until("ready");
-    served.printed(&["settings", "learned", "--save"]);
+    served.printed(&["settings", "learned", "--save", "--yes"]);
     served.until("ready");
     let now = served.printed(&["settings", "get", "--json", "screw_torque"]);
     let now: Value = serde_json::from_str(&now).unwrap();
@@ -379,7 +408,7 @@ fn what_is_set_holds_when_the_drive_is_served_again() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("flash.bin").display().to_string();
     let served = Served::new(&["--flash", &file]);
-    served.printed(&["settings", "set", "feed.velocity_max_mm_s=42"]);
+    served.printed(&["settings", "set", "--yes", "feed.velocity_max_mm_s=42"]);
     // Written before the answer to what is asked next.
     served.printed(&["status"]);
     drop(served);
@@ -603,6 +632,7 @@ fn a_table_is_homed_and_stands_before_its_soft_limit() {
     served.printed(&[
         "settings",
         "set",
+        "--yes",
         "travel.home_velocity_mm_s=100",
         "travel.home_leaving_mm_s=5",
         "travel.home_position_mm=-10",
@@ -695,7 +725,7 @@ fn a_tuning_is_proposed_refused_and_set() {
     assert!(said.contains("20 to 80 are possible"), "{said}");
 
     // What the sentence says can be had is had, and holds.
-    let report_2 = report(&["--speed-loop", largest, "--set"]);
+    let report_2 = report(&["--speed-loop", largest, "--set", "--yes"]);
     assert_eq!(report_2["set"], true);
     served.until("ready");
     assert_eq!(held(cutoff).to_string(), largest);

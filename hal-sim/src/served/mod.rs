@@ -36,10 +36,9 @@ use control::supervisor::Demand;
 use injection::Possible;
 use link::codes::ResetReason;
 use link::message::{Injected, Injection, Refusal};
-use link::settings::plate::Unfit;
 use link::settings::store::PAGES;
-use link::settings::{Settings, Value};
-use link::telemetry::{Header, Real};
+use link::settings::{Settings, Unfit, Value};
+use link::telemetry::Header;
 use link::view::DriveView;
 use plant::Axis;
 use plant::machine::Coupling;
@@ -84,20 +83,17 @@ struct Application {
 impl Application {
     /// On these settings, with a server for each of so many lines.
     fn new(
-        settings: &Settings,
         plate: DrivePlate,
         setup: &Setup,
         lines: usize,
         reason: ResetReason,
     ) -> Result<Self, Misfit> {
-        let scale_count_m = settings.scale_count_m();
         let configured = Configured {
             drive: plate.config()?,
             guard: world::guards(&plate.board, setup.board.bus_v).config()?,
-            header: Header::of_plate(&plate, scale_count_m),
-            travel: plate.travel_config(scale_count_m),
+            header: Header::of_plate(&plate),
+            travel: plate.travel_config(),
             plate,
-            scale_count_m,
         };
         let view = DriveView::new();
         view.reset_reason.store(reason.word(), Relaxed);
@@ -170,18 +166,18 @@ impl SimulatedDrive {
     }
 
     fn of(setup: Setup, made: &DrivePlate, begin: Begin) -> Result<Self, Misfit> {
-        let own = tidy(Settings::of_plate(made, setup.board.sensors.scale_count_m));
+        let own = tidy(Settings::of_plate(made));
         // As it will be after a restart with the same settings.
         let plate = own.plate(&made.board);
         let mut simulated = Self {
             begin,
-            world: World::new(&plate.board, setup.board.bus_v, setup.model.feed.load_n)?,
+            world: World::new(&plate, setup.board.bus_v, setup.model.feed.load_n)?,
             drive: begin.drive(&setup, &plate)?,
             before: 0,
             board: made.board,
             own,
             keeper: keeper(SimulatedFlash::new(PAGES, 0), own, &made.board),
-            application: Application::new(&own, plate, &setup, 0, ResetReason::Power)?,
+            application: Application::new(plate, &setup, 0, ResetReason::Power)?,
             setup,
             journal: Journal::new(),
             periods: 0,
@@ -250,8 +246,7 @@ impl SimulatedDrive {
         let mut drive = self.begin.drive(&self.setup, &plate)?;
         let lines = self.application.lines.servers().len();
         let reason = ResetReason::Software;
-        let settings = self.keeper.settings();
-        let application = Application::new(settings, plate, &self.setup, lines, reason)?;
+        let application = Application::new(plate, &self.setup, lines, reason)?;
         // An encoder that is read as before has not lost its rotor: its counter went on.
         let before = &self.application.configured.plate;
         for axis in Axis::ALL {
@@ -461,10 +456,10 @@ fn fits(settings: &Settings, before: &Settings, board: &BoardPlate) -> Result<()
 fn tidy(mut settings: Settings) -> Settings {
     for setting in Settings::all() {
         if let Some(Value::Real(x)) = settings.get(setting.id)
-            && let Ok(tidy) = format!("{:.14e}", x.get()).parse()
+            && let Ok(tidy) = format!("{x:.14e}").parse()
         {
             // A value at an end of its range stays as it is.
-            let _ = settings.set(setting.id, Value::Real(Real::new(tidy)));
+            let _ = settings.set(setting.id, Value::Real(tidy));
         }
     }
     settings

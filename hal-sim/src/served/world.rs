@@ -10,7 +10,7 @@ use control::fault::Fault;
 use control::format::Misfit;
 use control::guard::{GuardConfig, GuardPlate};
 use control::interlock::Inputs;
-use control::plate::{BoardPlate, BrakePlate};
+use control::plate::{BoardPlate, BrakePlate, DrivePlate};
 use control::speed_task::SpeedTaskOutput;
 use link::view::DriveView;
 use plant::Axis;
@@ -91,12 +91,12 @@ pub(super) fn guards(board: &BoardPlate, bus_v: f64) -> GuardPlate {
 }
 
 impl World {
-    /// Around a drive of `board` with a supply of `bus_v` and a load of `load_n`.
-    pub(super) fn new(board: &BoardPlate, bus_v: f64, load_n: f64) -> Result<Self, Misfit> {
-        let guards = guards(board, bus_v);
+    /// Around a drive of `plate` with a supply of `bus_v` and a load of `load_n`.
+    pub(super) fn new(plate: &DrivePlate, bus_v: f64, load_n: f64) -> Result<Self, Misfit> {
+        let guards = guards(&plate.board, bus_v);
         let GuardConfig { bus_most, .. } = guards.config()?;
         Ok(Self {
-            watches: AnalogWatches::new(board, bus_most),
+            watches: AnalogWatches::new(plate, bus_most),
             inputs: Inputs::CLEAR,
             position: 0.0,
             begun: None,
@@ -111,7 +111,7 @@ impl World {
             offset_a: [0.0; 2],
             temperatures: guards
                 .temperatures
-                .map(|plate| plate.counts(WARM, board.adc_counts) as u16),
+                .map(|plate| plate.counts(WARM, guards.adc_counts) as u16),
         })
     }
 

@@ -44,7 +44,7 @@ fn each_stops_both_motors_and_is_named() {
     for (fault, wait_s, spoil) in [
         (
             Fault::CommandLost,
-            setup().plate().heartbeat_s,
+            setup().plate().command.heartbeat_s,
             (|drive| drive.attended = false) as fn(&mut Drive),
         ),
         (Fault::Disabled, 1e-3, |drive| {

@@ -102,7 +102,7 @@ fn a_stop_from_full_speed_does_not_lift_the_bus_to_its_limit() {
         let mut plate = setup.plate();
         if !folds {
             // Beyond what this bus can reach, but within what the ADC reads.
-            plate.board.regeneration_v = [440.0, 445.0];
+            (plate.bridge.brake_fade_from_v, plate.bridge.brake_fade_to_v) = (440.0, 445.0);
         }
         let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, &plate).unwrap();
         drive.command(0.0, 2950.0 * RPM).unwrap();

@@ -87,7 +87,7 @@ fn pass(drive: &mut Drive, seconds: f64) {
 #[test]
 fn a_pair_at_rest_starts_either_way_on_a_full_bus() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
-        let [_, full] = board.plate().board.regeneration_v;
+        let full = board.plate().bridge.brake_fade_to_v;
         for rpm in [300.0, -300.0] {
             let mut drive = with_bus(board, board.config(), rpm);
             drive.board.set_bus_voltage(full);
@@ -127,7 +127,7 @@ fn a_pair_that_holds_does_not_charge_its_bus() {
 fn a_chopper_takes_the_stop_from_full_speed() {
     let board = BoardKind::Mains;
     let config = board.config_on_its_bus();
-    let [from, _] = board.plate().board.regeneration_v;
+    let from = board.plate().bridge.brake_fade_from_v;
     let highest = [config.chopper, None].map(|chopper| {
         let mut drive = with_bus(board, BoardConfig { chopper, ..config }, 2900.0);
         pass(&mut drive, 1.5);

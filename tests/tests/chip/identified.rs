@@ -36,7 +36,7 @@ const COGGING: (f64, f64) = (24.0, 0.03);
 /// noise that the record keeps.
 fn plate() -> DrivePlate {
     let mut plate = plate_of(Wiring::Mains);
-    plate.board.dead_time_s = 0.0;
+    plate.bridge.dead_time_s = 0.0;
     plate.board.shunts = Shunts::Two;
     for motor in &mut plate.motors {
         motor.encoder.interface = Interface::Incremental;
@@ -104,7 +104,7 @@ fn period(drive: &mut Drive) -> Option<Sample> {
 fn record(machine: &Model, holds: &[(f64, f64)], folder: &Path, name: &str) -> anyhow::Result<()> {
     const SECONDS: f64 = 1.6;
     let mut board = board_config(Wiring::Mains);
-    board.dead_time_s = plate().board.dead_time_s;
+    board.dead_time_s = plate().bridge.dead_time_s;
     board.shunts = plate().board.shunts;
     board.sensors.encoders = plate().motors.map(|motor| motor.encoder);
     let mut drive = Drive::aligned(machine, Coupling::Coupled, board, &plate())

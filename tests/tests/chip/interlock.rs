@@ -40,7 +40,7 @@ fn each_input_and_a_lost_command_stop_the_machine() -> Result<(), String> {
         ] {
             let said = format!("{board:?}, {pin:?} at {velocity} m/s");
             let mut bench = running(board, velocity)?;
-            let heartbeat_s = plate_of(board).heartbeat_s;
+            let heartbeat_s = plate_of(board).command.heartbeat_s;
             match pin {
                 // A broken wire.
                 Some(pin) => drop(bench.emulator.chip().outside.circuits.remove(&pin)),

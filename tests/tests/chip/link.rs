@@ -6,7 +6,6 @@ use link::codes::State;
 use link::host::client::{Client, Line, Refused};
 use link::message::{Command, Refusal, Status, Travel};
 use link::scale;
-use link::settings::Settings;
 use link::telemetry::{Frame, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -14,7 +13,7 @@ use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::rc::Rc;
 use std::time::Duration;
-use tests::bench::{Bench, READY, plate, scale_count_m};
+use tests::bench::{Bench, READY, scale_count_m};
 use tests::chip::CORE_HZ;
 use tests::chip::wiring::Wiring;
 use tests::wire::{RttLine, Wires};
@@ -116,7 +115,7 @@ fn a_session_arms_runs_moves_and_stops() -> Result<()> {
         let mut session = Session::open(make)?;
         ensure!(!session.client.simulated() && session.client.pwm_hz() == 20e3);
         let settings = session.client.settings()?;
-        let built = Settings::of_plate(&plate(), scale_count_m(Wiring::Nucleo));
+        let built = Wiring::Nucleo.kind().settings();
         ensure!(settings == built, "{line}: other settings than the board's");
 
         ensure!(session.refused(run(2.5, 300.0))? == Refusal::NotArmed);

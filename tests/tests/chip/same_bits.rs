@@ -11,9 +11,7 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
 use std::path::Path;
-use tests::bench::{
-    Bench, board_config, firmware_of, machine_of, plate_of, scale_count_m, smooth_firmware,
-};
+use tests::bench::{Bench, board_config, firmware_of, machine_of, plate_of, smooth_firmware};
 use tests::chip::wiring::Wiring;
 use tests::chip::{CORE_HZ, Top};
 use tests::same::{assert_period, by_motor};
@@ -156,7 +154,7 @@ fn compare_values_and_samples_are_those_of_the_host() -> Result<(), String> {
 #[test]
 fn a_drive_with_stored_settings_is_the_hosts() -> Result<(), String> {
     let (board, model) = (Wiring::Nucleo, Model::paper());
-    let mut settings = Settings::of_plate(&plate_of(board), scale_count_m(board));
+    let mut settings = board.kind().settings();
     settings.screw.resistance_line_to_line_ohm *= 1.07;
     settings.nut.inertia_kg_cm2 *= 0.93;
     settings.nut.current_gain_b = 1.01;
@@ -164,7 +162,7 @@ fn a_drive_with_stored_settings_is_the_hosts() -> Result<(), String> {
     settings.bridge.dead_time_ns = 430.0;
     settings.feed.acceleration_max_mm_s2 = 200.0;
     settings.compensation.learning_s = 1.0;
-    settings.rejection.notch_hz = 503.0;
+    settings.rejection.notch.hz = 503.0;
     settings.rejection.disturbance_rad_s = 40.0;
     settings.feed_friction.coulomb_nm = 0.01;
     let plate = settings.plate(&plate_of(board).board);
@@ -178,7 +176,11 @@ fn a_drive_with_stored_settings_is_the_hosts() -> Result<(), String> {
 #[test]
 fn what_compensates_ripple_is_the_hosts() -> Result<(), String> {
     let (board, model) = (Wiring::Nucleo, Model::paper());
-    let plate = plate_of(board).smooth(scale_count_m(board));
+    let plate = board
+        .kind()
+        .settings()
+        .smooth()
+        .plate(&plate_of(board).board);
     let on = (board, &model, Coupling::Lumped);
     let drive = same("smooth", &smooth_firmware()?, &plate, on, None)?;
     let compensation = drive.compensation();

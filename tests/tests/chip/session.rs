@@ -9,7 +9,7 @@ use link::codes::{EventKind, State};
 use link::host::client::{Client, Line};
 use link::message::{Aligned, Command, Reply, Travel};
 use link::scale;
-use link::settings::{Settings, Value};
+use link::settings::{Setting, WireValue};
 use link::telemetry::{Real, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -24,13 +24,10 @@ const BEAT_MS: u32 = 100;
 
 /// What is asked, after how many milliseconds with a heartbeat.
 fn script() -> Vec<(u32, Command)> {
-    let number = |name: &str| {
-        let setting = Settings::all().find(|setting| setting.to_string() == name);
-        setting.expect("a setting of that name").id
-    };
+    let number = |name: &str| Setting::named(name).expect("a setting of that name").id;
     let draft = |name, value| Command::Draft {
         id: number(name),
-        value: Value::Real(Real::new(value)),
+        value: WireValue::Real(Real::new(value)),
     };
     let way = |distance_nm, mm_s: f64, base| Command::Move {
         distance_nm,
@@ -132,7 +129,7 @@ fn script() -> Vec<(u32, Command)> {
             0,
             Command::Draft {
                 id: 0xFFFF,
-                value: Value::Whole(0),
+                value: WireValue::Whole(0),
             },
         ),
         (0, Command::Discard),
@@ -173,8 +170,8 @@ fn told(reply: &Reply) -> String {
         }
         Reply::Settings(values) => {
             let values = values.iter().map(|(id, value)| match value {
-                // Boards state SI units, which a conversion rounds.
-                Value::Real(real) => format!("{id}: {:.12e}", real.get()),
+                // A model states SI units, which a conversion rounds.
+                WireValue::Real(real) => format!("{id}: {:.12e}", real.get()),
                 other => format!("{id}: {other:?}"),
             });
             values.collect::<Vec<_>>().join(" ")

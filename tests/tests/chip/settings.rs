@@ -8,22 +8,21 @@ use link::host::client::{Client, Line};
 use link::message::{Command, Refusal};
 use link::settings::store::{PAGES, Store};
 use link::settings::{Setting, Settings, Value};
-use link::telemetry::Real;
 use plant::machine::Coupling;
 use plant::model::Model;
-use tests::bench::{Bench, READY, firmware, plate, scale_count_m};
+use tests::bench::{Bench, READY, firmware};
 use tests::chip::Reset;
 use tests::chip::wiring::Wiring;
 use tests::wire::Wires;
 
 fn own() -> Settings {
-    Settings::of_plate(&plate(), scale_count_m(Wiring::Nucleo))
+    Wiring::Nucleo.kind().settings()
 }
 
 fn with(mut settings: Settings, values: &[(&str, f64)]) -> Result<Settings> {
     for (name, value) in values {
         let setting = Setting::named(name).ok_or_else(|| anyhow!("there is no {name}"))?;
-        settings.set(setting.id, Value::Real(Real::new(*value)))?;
+        settings.set(setting.id, Value::Real(*value))?;
     }
     Ok(settings)
 }
@@ -118,8 +117,8 @@ fn what_does_not_fit_is_named_and_changes_nothing() -> Result<()> {
         );
     }
     let mut wrong = own();
-    wrong.nut.encoder_interface = link::settings::EncoderInterface::Mt6835;
-    wrong.nut.encoder_counts_per_turn = 1 << 21;
+    wrong.nut.encoder.interface = link::settings::EncoderInterface::Mt6835;
+    wrong.nut.encoder.counts_per_turn = 1 << 21;
     let error = session.client.configure(&wrong).unwrap_err().to_string();
     ensure!(error == Refusal::Interface.sentence(), "{error}");
     ensure!(session.client.settings()? == own());
@@ -251,7 +250,7 @@ fn stored_settings_that_do_not_fit_leave_the_drive_its_own_and_are_named() -> Re
     let mut session = Session::of(bench, LINES[0].1)?;
     let status = session.client.status()?;
     ensure!(status.runs_on == Origin::Unfit.word(), "{}", status.runs_on);
-    let setting = Settings::all().find(|setting| setting.id == status.unfit);
+    let setting = Setting::numbered(status.unfit);
     let name = setting.map(|setting| setting.to_string());
     ensure!(
         name.as_deref() == Some("nut.resistance_line_to_line_ohm"),
@@ -336,11 +335,31 @@ fn what_is_learned_can_be_kept() -> Result<()> {
         return Err(anyhow!("no number"));
     };
     ensure!(
-        part.get() != 0.0 && part.get().abs() < 1.0,
+        part != 0.0 && part.abs() < 1.0,
         "screw_torque.re_1_a is {}",
-        part.get()
+        part
     );
     session.client.configure(&learned)?;
     ensure!(session.client.settings()? == learned);
+    Ok(())
+}
+
+/// How the table is homed and the table of base speeds hold at once: the chip is not reset, and the flash has them.
+#[test]
+fn a_setting_that_only_commands_read_holds_without_a_restart() -> Result<()> {
+    let mut session = Session::open(LINES[0].1)?;
+    let asked = [
+        ("base.table_1_mm_s", 5.0),
+        ("travel.home_velocity_mm_s", 20.0),
+    ];
+    let settings = with(own(), &asked)?;
+    session.client.configure(&settings)?;
+    ensure!(session.client.settings()? == settings);
+    let mut bench = session.bench.borrow_mut();
+    ensure!(bench.emulator.resets.is_empty(), "it has started anew");
+    ensure!(
+        bench.emulator.chip().flash.memory.operations() > 0,
+        "the flash was not written"
+    );
     Ok(())
 }

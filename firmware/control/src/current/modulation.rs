@@ -193,8 +193,8 @@ mod tests {
 
     fn plate(dead_time_s: f64, min_on_time_s: f64) -> DrivePlate {
         let mut plate = test_plate();
-        plate.board.dead_time_s = dead_time_s;
-        plate.board.min_on_time_s = min_on_time_s;
+        plate.bridge.dead_time_s = dead_time_s;
+        plate.bridge.min_on_time_s = min_on_time_s;
         plate
     }
 
@@ -249,7 +249,7 @@ mod tests {
             let config = config(&plate);
             let code = (i / plate.board.amps_per_count * 2f64.powi(19)) as i32;
             let compare = config.compare(vector(0.0, 0.0), [code, -code, 0], config.bus_scale(3000), 3000).map(f64::from);
-            let part = (i / plate.board.dead_time_fade_a).clamp(-1.0, 1.0);
+            let part = (i / plate.bridge.dead_time_fade_a).clamp(-1.0, 1.0);
             let counts = 4250.0 / 50.0 * part;
             prop_assert!(config.period == 4250);
             prop_assert!((compare[0] - compare[2] - counts).abs() < 1.1, "{compare:?} for {counts}");

@@ -266,7 +266,12 @@ mod tests {
         ) {
             for (shunts, range) in [(Shunts::Two, 10.0), (Shunts::Three, 10.0), (Shunts::Two, -10.0), (Shunts::Three, -10.0)] {
                 let mut plate = plate(12, range, shunts);
-                plate.motors[0].current_gains = gains;
+                let motor = &mut plate.motors[0];
+                [
+                    motor.current_gain_a,
+                    motor.current_gain_b,
+                    motor.current_gain_c,
+                ] = gains;
                 let sense = sense(&plate);
                 for zeros in [[0; 3], sense.zeros, [i32::MAX; 3]] {
                     let vector = sense.vector(sense.codes(counts, zeros));

@@ -2,75 +2,42 @@
 //!
 //! | part | module |
 //! | --- | --- |
-//! | motors, encoders, board, feed | here |
+//! | each parameter, declared once | [`groups`], in the language of [`parameter`] |
+//! | all settings, by number and name | [`settings`] |
+//! | settings -> the plate in SI | `conversion` |
+//! | board, orders, the plate as a whole | here |
 //! | loop tuning, and the gains that follow from it (Eqs 9 to 12) | [`tuning`] |
 //! | physical units -> the loops' fixed-point formats | [`scaling`] |
 //!
 //! Everything here is `const fn`, so a board's gains are computed while it is compiled: a gain that does not fit
 //! its format is then a build error, and no float reaches the firmware. A host computes the same at run time.
 
+mod conversion;
+pub mod groups;
+pub mod parameter;
 pub mod scaling;
+pub mod settings;
 pub mod tuning;
 
+pub use conversion::Unfit;
+pub use groups::{
+    AlignmentPlate, BasePlate, BasePoint, BrakePlate, BridgePlate, CommandPlate, EncoderPlate,
+    FeedPlate, HomePlate, MotorPlate, NotchPlate, RejectionPlate, RubbingPlate, RunawayPlate,
+    ThermalPlate, TravelPlate, Tuning,
+};
 pub use scaling::DriveConfig;
-pub use tuning::{Gains, Tuning};
+pub use settings::Settings;
+pub use tuning::Gains;
 
 use crate::base::format::Angle;
-use crate::current::encoder::Interface;
 use crate::current::observer::EncoderAlignment;
 use crate::current::sense::Shunts;
 use crate::speed::compensation::line::Phasor;
 use crate::speed::compensation::{ANGLES, SPEED_BITS, TORQUE_BITS, TORQUES, TRAVELS};
 use core::f64::consts::TAU;
-
-/// One motor as its plate and its encoder's plate give it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotorPlate {
-    /// Stator resistance, ohm, of one phase.
-    pub resistance_ohm: f64,
-    /// Stator inductance `L_d = L_q`, H.
-    pub inductance_h: f64,
-    /// Electrical turns a mechanical turn.
-    pub pole_pairs: u32,
-    /// Magnet flux, Wb, power invariant: torque is `pole_pairs * flux_wb * i_q`.
-    pub flux_wb: f64,
-    /// Inertia that the motor moves, kg m^2: `J_M` of Eq 3.
-    pub inertia_kg_m2: f64,
-    /// Largest speed, mechanical rpm.
-    pub speed_max_rpm: f64,
-    /// Largest torque, N m: limits the `i_q` reference.
-    pub torque_max_nm: f64,
-    /// What its winding bears for long.
-    pub thermal: ThermalPlate,
-    /// Gains of its current channels a, b, c relative to the board's: 1 where they are not calibrated.
-    pub current_gains: [f64; 3],
-    /// The encoder on its shaft.
-    pub encoder: EncoderPlate,
-}
-
-/// What a winding or a bridge bears for long: see [`thermal`](crate::thermal).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ThermalPlate {
-    /// Current that it bears for ever while the rotor turns, A rms in each phase.
-    pub rated_rms_a: f64,
-    /// Its thermal time constant, s.
-    pub seconds: f64,
-}
-
-/// An encoder.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct EncoderPlate {
-    /// How it is read.
-    pub interface: Interface,
-    /// Counts a mechanical turn, 2 to 2^30.
-    pub counts_per_turn: u32,
-    /// How much earlier than the currents the angle is taken, s: less than two PWM periods.
-    pub age_s: f64,
-    /// Electrical angle at count zero, electrical turns.
-    pub theta_e_at_zero_turns: f64,
-    /// It counts down while the rotor turns electrically forwards. `None`: not known, and alignment learns it.
-    pub reversed: Option<bool>,
-}
+use groups::{
+    BaseSettings, BrakeSettings, FrictionSettings, RejectionSettings, TravelSettings, WatchSettings,
+};
 
 impl EncoderPlate {
     /// How it lies to its rotor, as this plate says.
@@ -104,117 +71,17 @@ pub struct BoardPlate {
     pub bus_volts_per_count: f64,
     /// Counts of the ADC's full scale.
     pub adc_counts: u32,
-    /// Measured phase current, A, past which a current loop opens its bridge in the same period. No sensor that the ADC
-    /// cannot read further than this sees it.
-    pub over_current_a: f64,
-    /// Lowest bus voltage that the compensation divides by, V.
-    pub bus_min_v: f64,
-    /// Dead time of the timer, s; 0 switches its compensation off.
-    pub dead_time_s: f64,
-    /// Current at which the dead-time compensation is full, A.
-    pub dead_time_fade_a: f64,
-    /// Measure the current zeros before each start; otherwise the nominal ones are trusted.
-    pub measure_zeros: bool,
-    /// Shortest on-time of the low sides, s: what the shunts need to settle and be sampled.
-    pub min_on_time_s: f64,
-    /// How long the low sides are closed before a bridge is first driven, s: charges the high sides' bootstrap capacitors.
-    pub bootstrap_s: f64,
-    /// What a bridge bears for long.
-    pub thermal: ThermalPlate,
-    /// Bus voltages between which braking fades out, V: the first above what the supply or a chopper holds, the second below
-    /// the guard's limit.
-    pub regeneration_v: [f64; 2],
-}
-
-/// The feed: what turns two speeds into a table velocity, and how it may be moved.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct FeedPlate {
-    /// Lead of the screw, m a turn.
-    pub lead_m: f64,
-    /// Largest table velocity, m/s.
-    pub velocity_max: f64,
-    /// Largest table acceleration, m/s^2.
-    pub acceleration_max: f64,
-    /// Largest table jerk, m/s^3.
-    pub jerk_max: f64,
-    /// Largest acceleration of the base speed, mechanical rad/s^2.
-    pub base_acceleration_max: f64,
-    /// Largest jerk of the base speed, mechanical rad/s^3.
-    pub base_jerk_max: f64,
-}
-
-/// How both rotors may be moved to find where they stand.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct AlignmentPlate {
-    /// Largest torque of screw and nut, N m: three tenths of the rated one unless the axis is stiffer.
-    pub torque_nm: [f64; 2],
-    /// Furthest that the table may move, m.
-    pub travel_m: f64,
-    /// Speed at which both turn together, mechanical rpm: a fifteenth of the largest gives a back-EMF of a fifteenth of the
-    /// bus's, which is three times what a dead time of 2 % takes.
-    pub speed_rpm: f64,
-}
-
-/// The table's way: see [`travel`](crate::travel) and [`homing`](crate::homing).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct TravelPlate {
-    /// How its place is found.
-    pub home: HomePlate,
-    /// Least and most homed position, m; equal: there is no limit.
-    pub soft_m: [f64; 2],
-}
-
-/// How an end switch gives the scale its zero.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct HomePlate {
-    /// The switch is the one ahead of positive velocity.
-    pub forwards: bool,
-    /// Table velocity on the way to it, m/s, at most the feed's.
-    pub velocity: f64,
-    /// Off it, m/s: what the table moves in a look at the switch is what its place is uncertain by.
-    pub leaving_velocity: f64,
-    /// Furthest that it is looked for, m.
-    pub furthest_m: f64,
-    /// Where it closes, m.
-    pub position_m: f64,
 }
 
 impl TravelPlate {
     /// No soft limits; homing backwards, the switch is zero. The velocities are our choice: from the first the usual feed stops in
     /// 0.4 mm, at the second a look of a millisecond is a micrometre.
-    pub const UNLIMITED: Self = Self {
-        home: HomePlate {
-            forwards: false,
-            velocity: 10e-3,
-            leaving_velocity: 1e-3,
-            furthest_m: 1.0,
-            position_m: 0.0,
-        },
-        soft_m: [0.0; 2],
-    };
-}
-
-/// What holds the table while the bridges are off: see [`brake`](crate::brake).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BrakePlate {
-    /// There is one.
-    pub fitted: bool,
-    /// From when it is told until it holds, s.
-    pub closing_s: f64,
-    /// Until it has let go, s.
-    pub opening_s: f64,
-    /// The load drives the table while nothing holds it: more than the feed's friction.
-    pub load_drives_back: bool,
+    pub const UNLIMITED: Self = TravelSettings::DEFAULT.plate();
 }
 
 impl BrakePlate {
     /// An axis whose friction holds its load. The times are our choice until a brake's datasheet gives its own.
-    pub const NONE: Self = Self {
-        fitted: false,
-        closing_s: 50e-3,
-        opening_s: 100e-3,
-        load_drives_back: false,
-    };
+    pub const NONE: Self = BrakeSettings::DEFAULT.plate();
 
     /// The load drives the table back, and nothing holds it.
     #[must_use]
@@ -223,7 +90,7 @@ impl BrakePlate {
     }
 }
 
-/// What repeats with an angle and is compensated: see [`compensation`](crate::compensation).
+/// What repeats with an angle and is compensated: see [`compensation`](crate::speed::compensation).
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensationPlate {
     /// Torque of screw and nut, as currents, A. At most two thirds of the largest current each.
@@ -266,6 +133,22 @@ impl CompensationPlate {
 }
 
 impl CompensationPlate {
+    /// Whether any order is set.
+    const fn has_orders(&self) -> bool {
+        const fn any<const N: usize>(orders: &[OrderPlate; N]) -> bool {
+            let mut left: &[OrderPlate] = orders;
+            while let [order, more @ ..] = left {
+                if order.order != 0.0 {
+                    return true;
+                }
+                left = more;
+            }
+            false
+        }
+        let ([screw, nut], [screw_angle, nut_angle]) = (&self.torque, &self.angle);
+        any(screw) || any(nut) || any(screw_angle) || any(nut_angle) || any(&self.travel)
+    }
+
     /// Keeps what one of the [`LINES`](crate::speed::compensation::LINES) has learned: see
     /// [`coefficient`](crate::speed::compensation::Compensation::coefficient).
     pub fn keep(&mut self, line: usize, learned: Phasor) {
@@ -326,27 +209,9 @@ impl OrderPlate {
     }
 }
 
-/// Friction of one place: see [`friction`](crate::friction). Angles and speeds are mechanical, of its own surface.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RubbingPlate {
-    /// While it slides, N m.
-    pub coulomb_nm: f64,
-    /// What it takes more to break away, N m.
-    pub sticks_nm: f64,
-    /// Speed at which that has fallen to 1/e, rad/s.
-    pub stribeck_rad_s: f64,
-    /// Way over which it turns, at a slow speed, by all but 1/e, rad: the level that breaks away over the stiffness at rest.
-    pub presliding_rad: f64,
-}
-
 impl RubbingPlate {
     /// None.
-    pub const NONE: Self = Self {
-        coulomb_nm: 0.0,
-        sticks_nm: 0.0,
-        stribeck_rad_s: 0.0,
-        presliding_rad: 0.0,
-    };
+    pub const NONE: Self = FrictionSettings::DEFAULT.plate();
 
     /// There is some.
     #[must_use]
@@ -365,19 +230,6 @@ pub struct FrictionPlate {
 }
 
 impl FrictionPlate {
-    /// Less than bearings and a ball screw of any motor's size have, so that it helps each: our choice, until it is measured.
-    pub const LEAST: Self = {
-        let rubbing = RubbingPlate {
-            coulomb_nm: 0.002,
-            sticks_nm: 0.001,
-            stribeck_rad_s: 1.0,
-            presliding_rad: 5e-3,
-        };
-        Self {
-            bearings: [rubbing; 2],
-            feed: rubbing,
-        }
-    };
     /// Nothing is fed forward.
     pub const NONE: Self = Self {
         bearings: [RubbingPlate::NONE; 2],
@@ -385,60 +237,13 @@ impl FrictionPlate {
     };
 }
 
-/// What keeps a disturbance from the table: see [`disturbance`](crate::disturbance) and [`notch`](crate::notch).
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RejectionPlate {
-    /// Cutoff of the disturbance observers, rad/s; 0: none.
-    pub disturbance_rad_s: f64,
-    /// What of the current references is left out.
-    pub notch: NotchPlate,
-}
-
-/// A notch in both motors' current references.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct NotchPlate {
-    /// Its frequency, Hz: that of the axial mode, `sqrt(k / m) / (2 pi)`; 0: none.
-    pub hz: f64,
-    /// Damping of its poles: half its width over its frequency.
-    pub damping: f64,
-    /// What passes at its frequency.
-    pub depth: f64,
-}
-
 impl RejectionPlate {
     /// No observer and no notch.
-    pub const NONE: Self = Self {
-        disturbance_rad_s: 0.0,
-        notch: NotchPlate {
-            hz: 0.0,
-            damping: 0.3,
-            depth: 0.1,
-        },
-    };
+    pub const NONE: Self = RejectionSettings::DEFAULT.plate();
 }
 
 /// Points of the table of base speeds.
 pub const BASES: usize = 8;
-
-/// The base speed, where it is not commanded.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BasePlate {
-    /// By how much it wanders, mechanical rad/s, away from 0; 0: it does not.
-    pub wander_rad_s: f64,
-    /// Time of a wander to and fro, s.
-    pub wander_s: f64,
-    /// For the table velocities up to each, rising; the last for all above.
-    pub table: [BasePoint; BASES],
-}
-
-/// A base speed for table velocities.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct BasePoint {
-    /// Largest table velocity that it is for, m/s; 0: this point and those after it are none.
-    pub velocity: f64,
-    /// Base speed, mechanical rad/s.
-    pub base: f64,
-}
 
 impl RejectionPlate {
     /// What a model says: a notch at its axial mode, and observers of a quarter of the speed loop's cutoff, with which the paper's
@@ -477,64 +282,12 @@ impl BasePlate {
     }
 
     /// The single drive at all velocities.
-    pub const NONE: Self = Self {
-        wander_rad_s: 0.0,
-        wander_s: 10.0,
-        table: [BasePoint {
-            velocity: 0.0,
-            base: 0.0,
-        }; BASES],
-    };
-}
-
-/// When motion is not in hand: limits as parts of what each motor may do, and how long each is tolerated, s.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct RunawayPlate {
-    /// Fastest, of the motor's largest speed.
-    pub over_speed: f64,
-    /// Patience with it.
-    pub over_speed_s: f64,
-    /// Furthest of the speed from its reference, of the motor's largest speed.
-    pub following: f64,
-    /// Patience with it.
-    pub following_s: f64,
-    /// Furthest of a current from its reference, of the current of the largest torque.
-    pub current_error: f64,
-    /// Patience with it.
-    pub current_error_s: f64,
-    /// Furthest of the sum of three currents from zero, of the current of the largest torque, in two steps in a row.
-    pub current_sum: f64,
-    /// Angle error that must not be, electrical degrees: below 60, and as much above the plate's errors as is to be seen.
-    pub angle_deg: f64,
-    /// Voltage that the model may be off by at any speed, of the back-EMF at the largest speed.
-    pub angle_floor: f64,
-    /// By how much the resistance may be off: a hot winding's is 40 % above a cold one's.
-    pub resistance_error: f64,
-    /// Patience with it.
-    pub angle_s: f64,
-    /// Slowest that a motor at its torque limit must turn, of its largest speed.
-    pub stall: f64,
-    /// Patience with one that does not.
-    pub stall_s: f64,
+    pub const NONE: Self = BaseSettings::DEFAULT.plate();
 }
 
 impl RunawayPlate {
     /// What fits motors whose plate is right to a tenth.
-    pub const USUAL: Self = Self {
-        over_speed: 1.2,
-        over_speed_s: 1.6e-3,
-        following: 0.1,
-        following_s: 20e-3,
-        current_error: 0.35,
-        current_error_s: 8e-3,
-        current_sum: 0.15,
-        angle_deg: 25.0,
-        angle_floor: 0.06,
-        resistance_error: 0.4,
-        angle_s: 3.2e-3,
-        stall: 0.01,
-        stall_s: 0.5,
-    };
+    pub const USUAL: Self = WatchSettings::DEFAULT.plate();
 }
 
 /// All that the drive needs to know: screw first, nut second.
@@ -542,8 +295,10 @@ impl RunawayPlate {
 pub struct DrivePlate {
     /// Screw motor, nut motor.
     pub motors: [MotorPlate; 2],
-    /// The bridges, which are alike.
+    /// The board that the bridges and their sensors are on.
     pub board: BoardPlate,
+    /// The bridges, which are alike.
+    pub bridge: BridgePlate,
     /// Loop tuning.
     pub tuning: Tuning,
     /// The feed.
@@ -564,8 +319,8 @@ pub struct DrivePlate {
     pub rejection: RejectionPlate,
     /// The base speed, where it is not commanded.
     pub base: BasePlate,
-    /// How long the machine goes on moving by a command that nobody renews, s.
-    pub heartbeat_s: f64,
+    /// How the drive is commanded.
+    pub command: CommandPlate,
 }
 
 impl BoardPlate {
@@ -590,6 +345,16 @@ impl MotorPlate {
         self.speed_max_rpm * TAU / 60.0
     }
 
+    /// Gains of its current channels a, b, c.
+    #[must_use]
+    pub const fn current_gains(&self) -> [f64; 3] {
+        [
+            self.current_gain_a,
+            self.current_gain_b,
+            self.current_gain_c,
+        ]
+    }
+
     /// Current of the largest torque, A, as a vector.
     #[must_use]
     pub const fn current_max(&self) -> f64 {
@@ -598,17 +363,6 @@ impl MotorPlate {
 }
 
 impl DrivePlate {
-    /// The plate of a drive that learns what repeats with its angles in half a second, with a table's scale of so many m a count
-    /// (0: none), and feeds forward the least friction.
-    #[must_use]
-    pub const fn smooth(mut self, scale_count_m: f64) -> Self {
-        let [screw, nut] = &self.motors;
-        let pole_pairs = [screw.pole_pairs, nut.pole_pairs];
-        self.compensation = CompensationPlate::usual(pole_pairs, 0.5, scale_count_m);
-        self.friction = FrictionPlate::LEAST;
-        self
-    }
-
     /// Time between two steps of the speed task, s.
     #[must_use]
     pub const fn speed_step(&self) -> f64 {
@@ -622,6 +376,7 @@ pub(crate) use tests::test_plate;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::current::encoder::Interface;
     use std::format;
     use std::string::ToString;
 
@@ -639,7 +394,10 @@ mod tests {
                 rated_rms_a: 1.36,
                 seconds: 60.0,
             },
-            current_gains: [1.0; 3],
+            alignment_torque_nm: 0.39,
+            current_gain_a: 1.0,
+            current_gain_b: 1.0,
+            current_gain_c: 1.0,
             encoder: EncoderPlate {
                 interface: Interface::Incremental,
                 age_s: 0.0,
@@ -659,6 +417,8 @@ mod tests {
                 zero_counts: 2048.0,
                 bus_volts_per_count: 0.11,
                 adc_counts: 4096,
+            },
+            bridge: BridgePlate {
                 over_current_a: 4.9,
                 bus_min_v: 30.0,
                 dead_time_s: 0.0,
@@ -670,7 +430,8 @@ mod tests {
                     rated_rms_a: 3.0,
                     seconds: 20.0,
                 },
-                regeneration_v: [360.0, 384.0],
+                brake_fade_from_v: 360.0,
+                brake_fade_to_v: 384.0,
             },
             tuning: Tuning {
                 damping: 0.7,
@@ -681,6 +442,7 @@ mod tests {
             },
             feed: FeedPlate {
                 lead_m: 5e-3,
+                scale_count_m: 10e-9,
                 velocity_max: 0.1,
                 acceleration_max: 1.0,
                 jerk_max: 100.0,
@@ -690,7 +452,6 @@ mod tests {
             travel: TravelPlate::UNLIMITED,
             brake: BrakePlate::NONE,
             alignment: AlignmentPlate {
-                torque_nm: [0.39; 2],
                 travel_m: 50e-6,
                 speed_rpm: 200.0,
             },
@@ -699,7 +460,7 @@ mod tests {
             friction: FrictionPlate::NONE,
             rejection: RejectionPlate::NONE,
             base: BasePlate::NONE,
-            heartbeat_s: 0.5,
+            command: CommandPlate { heartbeat_s: 0.5 },
         }
     }
 
@@ -725,12 +486,16 @@ mod tests {
             shunts: Shunts::Three,
             amps_per_count: 0.02,
             bus_volts_per_count: 0.02,
+            ..plate.board
+        };
+        plate.bridge = BridgePlate {
             bus_min_v: 8.0,
             dead_time_s: 500e-9,
             dead_time_fade_a: 0.1,
             min_on_time_s: 1e-6,
-            regeneration_v: [60.0, 75.0],
-            ..plate.board
+            brake_fade_from_v: 60.0,
+            brake_fade_to_v: 75.0,
+            ..plate.bridge
         };
         match plate.config() {
             Ok(config) => config,
@@ -741,18 +506,20 @@ mod tests {
     #[test]
     fn a_configuration_put_in_the_place_of_another_is_the_whole_one() {
         let before = test_plate();
-        let mut after = test_plate().smooth(20e-9);
+        let mut after = test_plate();
+        after.compensation = CompensationPlate::usual([5; 2], 0.5, 20e-9);
+        after.friction.feed.coulomb_nm = 0.002;
         after.motors[0].resistance_ohm *= 1.3;
         after.motors[1].inertia_kg_m2 *= 0.8;
         after.motors[1].thermal.seconds = 40.0;
-        after.board.regeneration_v = [370.0, 380.0];
+        (after.bridge.brake_fade_from_v, after.bridge.brake_fade_to_v) = (370.0, 380.0);
         after.feed.lead_m *= 0.5;
         after.alignment.travel_m *= 0.5;
         after.runaway.stall_s *= 2.0;
         after.rejection.disturbance_rad_s = 40.0;
         after.rejection.notch.hz = 503.0;
         after.brake.fitted = !after.brake.fitted;
-        after.heartbeat_s *= 2.0;
+        after.command.heartbeat_s *= 2.0;
         let mut config = before.config().unwrap();
         after.configure(&mut config).unwrap();
         let whole = after.config().unwrap();
@@ -861,11 +628,11 @@ mod tests {
             ),
             (|p| p.feed.lead_m = -5e-3, "lead"),
             (
-                |p| p.motors[1].current_gains[2] = -1.0,
+                |p| p.motors[1].current_gain_c = -1.0,
                 "gain of a current channel",
             ),
             (|p| p.motors[0].inertia_kg_m2 = 0.0, "inertia"),
-            (|p| p.board.min_on_time_s = 40e-6, "minimum on-time"),
+            (|p| p.bridge.min_on_time_s = 40e-6, "minimum on-time"),
             (|p| p.motors[0].speed_max_rpm = 60_000.0, "largest speed"),
         ] {
             let mut plate = test_plate();

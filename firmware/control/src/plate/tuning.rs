@@ -1,21 +1,6 @@
-//! Loop tuning, and the gains of Eqs 9 to 12 that follow from it and a motor's plate.
+//! The gains of Eqs 9 to 12 that follow from the loops' tuning and a motor's plate.
 
-use super::MotorPlate;
-
-/// Damping and cutoff frequencies of the loops.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Tuning {
-    /// Damping coefficient `xi` of Eqs 9 and 11.
-    pub damping: f64,
-    /// Cutoff of the current loop, rad/s.
-    pub current_rad_s: f64,
-    /// Cutoff of the speed loop, rad/s.
-    pub speed_rad_s: f64,
-    /// Natural frequency of the tracking observer, rad/s.
-    pub observer_rad_s: f64,
-    /// Damping of the tracking observer.
-    pub observer_damping: f64,
-}
+use super::{MotorPlate, Tuning};
 
 /// Gains by Eqs 9 to 12, in the paper's units.
 #[derive(Clone, Copy, Debug, PartialEq)]

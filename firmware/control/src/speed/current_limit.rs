@@ -115,7 +115,7 @@ mod tests {
             let config = plate.config().unwrap();
             let i_max = Current::from_num(config.speed_loops[0].i_max.to_num::<f64>() * part);
             let got = config.regeneration[0].braking_max(i_max, counts, i32::MAX).to_num::<f64>();
-            let [from, full] = plate.board.regeneration_v;
+            let (from, full) = (plate.bridge.brake_fade_from_v, plate.bridge.brake_fade_to_v);
             let volts = f64::from(counts) * plate.board.bus_volts_per_count;
             let whole = plate.motors[0].torque_max_nm / (5.0 * 0.11);
             let line = whole * ((full - volts) / (full - from)).clamp(0.0, 1.0);

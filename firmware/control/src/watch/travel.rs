@@ -227,7 +227,7 @@ impl Side {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plate::{DrivePlate, TravelPlate, test_plate};
+    use crate::plate::{DrivePlate, test_plate};
     use crate::speed::coordinator::{Command, Coordinator, Following};
     use proptest::prelude::*;
 
@@ -239,10 +239,8 @@ mod tests {
     fn plate(acceleration: f64, jerk: f64, soft_m: [f64; 2]) -> DrivePlate {
         let mut plate = test_plate();
         (plate.feed.acceleration_max, plate.feed.jerk_max) = (acceleration, jerk);
-        plate.travel = TravelPlate {
-            soft_m,
-            ..TravelPlate::UNLIMITED
-        };
+        [plate.travel.soft_least_m, plate.travel.soft_most_m] = soft_m;
+        plate.feed.scale_count_m = COUNT_M;
         plate
     }
 
@@ -266,7 +264,7 @@ mod tests {
     impl Table {
         fn new(plate: DrivePlate, position: f64) -> Self {
             Self {
-                config: plate.travel_config(COUNT_M),
+                config: plate.travel_config(),
                 plate,
                 coordinator: Coordinator::new(),
                 travel: Travel::new(),
@@ -413,7 +411,7 @@ mod tests {
 
     #[test]
     fn past_a_limit_is_a_fault_unless_it_began_there_and_goes_away() {
-        let config = plate(0.25, 10.0, [0.0, 10e-3]).travel_config(COUNT_M);
+        let config = plate(0.25, 10.0, [0.0, 10e-3]).travel_config();
         let mut travel = Travel::new();
         let mut look = |mm: f64, driven: bool, asked: f64| {
             let look = TravelLook {

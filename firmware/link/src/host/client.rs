@@ -3,7 +3,7 @@
 use crate::codes::State;
 use crate::frame::{Decoder, FRAME_MAX, encode};
 use crate::message::{Command, DriveFrame, Event, HostFrame, Recorded, Refusal, Reply, Status};
-use crate::settings::{Setting, Settings};
+use crate::settings::{Setting, Settings, Value};
 use crate::telemetry::Frame;
 use anyhow::{Context, Result, bail};
 use std::collections::VecDeque;
@@ -344,7 +344,7 @@ impl<L: Line> Client<L> {
             (from, count) = (last.saturating_add(1), count + some.len());
             for (id, value) in &some {
                 settings
-                    .set(*id, *value)
+                    .set(*id, (*value).into())
                     .context("the drive has a setting that this program does not allow")?;
             }
         }
@@ -357,7 +357,8 @@ impl<L: Line> Client<L> {
         Ok(settings)
     }
 
-    /// Makes `settings` hold, all of them or none: the drive starts anew with them, and this session goes on as another.
+    /// Makes `settings` hold, all of them or none. Where one takes effect only then, the drive starts anew, and this session goes on
+    /// as another.
     ///
     /// # Errors
     /// [`Refused`] with the setting that does not fit, or [`Lost`].
@@ -367,14 +368,17 @@ impl<L: Line> Client<L> {
         for (setting, _, value) in held.differences(settings) {
             self.tell(Command::Draft {
                 id: setting.id,
-                value,
+                value: value.into(),
             })
             .with_context(|| format!("{setting} was not taken"))?;
         }
         match self.tell(Command::Commit) {
             // Its answer was lost, and it was asked again after it has started anew.
             Err(error) if error.downcast_ref() == Some(&Refused::For(Refusal::Session)) => {}
-            told => told?,
+            told => told.map_err(|error| advised(error, &held, settings))?,
+        }
+        if held.takes_at_once(settings) {
+            return Ok(());
         }
         // What is said while it starts is lost.
         self.hello(STARTS / 50, 50)
@@ -429,6 +433,24 @@ impl<L: Line> Client<L> {
     }
 }
 
+/// Where a setting does not fit: that it does with the value that it has.
+fn advised(error: anyhow::Error, held: &Settings, asked: &Settings) -> anyhow::Error {
+    let Some(Refused::Unfit(sentence)) = error.downcast_ref() else {
+        return error;
+    };
+    let unfit = held
+        .differences(asked)
+        .find(|(setting, ..)| sentence.starts_with(&format!("{setting} = ")));
+    let Some((setting, now, _)) = unfit else {
+        return error;
+    };
+    let (now, unit) = (now.shown(setting), setting.unit());
+    let space = if unit.is_empty() { "" } else { " " };
+    let advice =
+        format!("{sentence}. It fits with {now}{space}{unit}: choose a value nearer to that");
+    Refused::Unfit(advice).into()
+}
+
 fn unexpected(reply: &Reply) -> anyhow::Error {
     match reply {
         Reply::Refused(word) => match Refusal::of_word(*word) {
@@ -446,10 +468,13 @@ fn unexpected(reply: &Reply) -> anyhow::Error {
             least,
             below,
         } => {
-            let setting = Settings::all().find(|setting: &Setting| setting.id == *id);
+            let setting = Setting::numbered(*id);
             let begin = match (setting, value) {
                 (Some(setting), Some(value)) => {
-                    format!("{setting} = {} does not fit: ", value.shown(setting))
+                    format!(
+                        "{setting} = {} does not fit: ",
+                        Value::from(*value).shown(setting)
+                    )
                 }
                 _ => "the settings do not fit: ".to_owned(),
             };

@@ -5,6 +5,7 @@ pub mod client;
 mod drive;
 #[cfg(feature = "log")]
 pub mod log;
+pub mod reference;
 pub mod rtt;
 pub mod settings;
 mod stream;

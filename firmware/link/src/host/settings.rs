@@ -2,7 +2,6 @@
 
 use crate::settings::datasheet::spelled;
 use crate::settings::{Kind, Setting, Settings, Value};
-use crate::telemetry::Real;
 use anyhow::{Context, Result, bail, ensure};
 use std::collections::HashMap;
 use std::fmt::Write;
@@ -26,13 +25,17 @@ pub fn some_to_toml(settings: &Settings, some: impl Fn(&Setting) -> bool) -> Str
             continue;
         };
         // Writing to a string does not fail.
-        if setting.group != group {
-            group = setting.group;
+        if setting.group() != group {
+            group = setting.group();
             let _ = write!(text, "\n[{group}]\n");
         }
-        let entry = setting.entry;
-        let _ = writeln!(text, "# {} ({} possible)", entry.doc, setting.possible());
-        let _ = writeln!(text, "{} = {}", entry.name, written(setting, value));
+        let _ = writeln!(
+            text,
+            "# {} ({} possible)",
+            setting.doc(),
+            setting.possible()
+        );
+        let _ = writeln!(text, "{} = {}", setting.name(), written(setting, value));
     }
     text
 }
@@ -41,7 +44,7 @@ pub fn some_to_toml(settings: &Settings, some: impl Fn(&Setting) -> bool) -> Str
 #[must_use]
 pub fn written(setting: Setting, value: Value) -> String {
     match value {
-        Value::Real(x) => Toml::Float(x.get()).to_string(),
+        Value::Real(x) => Toml::Float(x).to_string(),
         Value::Whole(x) => x.to_string(),
         Value::Choice(_) => format!("\"{}\"", value.shown(setting)),
     }
@@ -87,10 +90,10 @@ pub fn of_words(name: &str, value: &str) -> Result<(Setting, Value)> {
 
 fn read(name: &str, value: &Toml) -> Result<(Setting, Value)> {
     let (setting, factor) = spelled(name).with_context(|| unknown(name))?;
-    let taken = match (setting.entry.kind, value) {
-        (Kind::Real(_), Toml::Float(x)) => Some(Value::Real(Real::new(x * factor))),
+    let taken = match (setting.kind(), value) {
+        (Kind::Real(_), Toml::Float(x)) => Some(Value::Real(x * factor)),
         // A whole number is a convenient way to write it.
-        (Kind::Real(_), Toml::Integer(x)) => Some(Value::Real(Real::new(*x as f64 * factor))),
+        (Kind::Real(_), Toml::Integer(x)) => Some(Value::Real(*x as f64 * factor)),
         (Kind::Whole(_), Toml::Integer(x)) => u32::try_from(*x).ok().map(Value::Whole),
         (Kind::Choice(words), Toml::String(word)) => words
             .iter()
@@ -225,7 +228,7 @@ mod tests {
         #[test]
         fn any_value_is_taken_within_its_range_or_refused(k in 0usize..70, x: f64) {
             if let Some(setting) = Settings::all().nth(k) {
-                let text = format!("[{}]\n{} = {}", setting.group, setting.entry.name, Toml::Float(x));
+                let text = format!("[{}]\n{} = {}", setting.group(), setting.name(), Toml::Float(x));
                 if let Ok(settings) = of_toml(&Settings::DEFAULT, &text) {
                     let value = settings.get(setting.id).unwrap();
                     prop_assert!(setting.check(value).is_ok());

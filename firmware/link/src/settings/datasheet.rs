@@ -88,7 +88,7 @@ pub fn spelled(name: &str) -> Option<(Setting, f64)> {
     }
     let spelling = SPELLINGS.iter().find(|spelling| spelling.name == name)?;
     let setting = Settings::all()
-        .find(|setting| setting.group == group && setting.entry.name == spelling.setting)?;
+        .find(|setting| setting.group() == group && setting.is_called(spelling.setting))?;
     Some((setting, spelling.factor))
 }
 
@@ -102,7 +102,7 @@ mod tests {
         let (volts, rpm) = (51.0, 1000.0);
         let kt = 60.0 * SQRT_3 * volts / (core::f64::consts::TAU * rpm);
         let (setting, factor) = spelled("nut.torque_constant_nm_per_a_rms").unwrap();
-        assert_eq!(setting.entry.name, "voltage_constant_v_rms_per_krpm");
+        assert!(setting.is_called("voltage_constant_v_rms_per_krpm"));
         assert!(
             (kt * factor - volts).abs() < 1e-9,
             "{kt} N m/A make {} V/krpm, expected {volts}",

@@ -19,7 +19,7 @@
 //!
 //! Nothing here holds more of a slot than a setting: the drive has its kilobytes on the stack of what else it does.
 
-use super::{Settings, Value};
+use super::{Settings, WireValue};
 use crc::{CRC_32_ISO_HDLC, Crc, Digest};
 use embedded_storage::nor_flash::NorFlash;
 
@@ -124,10 +124,11 @@ impl<F: NorFlash> Store<F> {
                 word += 1;
             }
             let held = window.get(..filled)?;
-            let Ok(((id, value), rest)) = postcard::take_from_bytes::<(u16, Value)>(held) else {
+            let Ok(((id, value), rest)) = postcard::take_from_bytes::<(u16, WireValue)>(held)
+            else {
                 return Some(loaded);
             };
-            match settings.set(id, value) {
+            match settings.set(id, value.into()) {
                 Ok(()) => {}
                 Err(super::SettingError::Unknown { .. }) => loaded.unknown += 1,
                 Err(_) => {
@@ -311,7 +312,7 @@ fn each_setting(settings: &Settings, mut take: impl FnMut(&[u8]) -> bool) -> Opt
     for setting in Settings::all() {
         let value = settings.get(setting.id)?;
         let mut buffer = [0; ENTRY];
-        let bytes = postcard::to_slice(&(setting.id, value), &mut buffer).ok()?;
+        let bytes = postcard::to_slice(&(setting.id, WireValue::from(value)), &mut buffer).ok()?;
         take(bytes).then_some(())?;
     }
     Some(())

@@ -10,7 +10,8 @@ mod status;
 mod tune;
 
 use options::Task;
-pub use options::{DriveOptions, RecordCommand};
+pub use options::{DriveOptions, RecordCommand, ReferenceOptions};
+pub use settings::reference;
 
 use anyhow::Result;
 use link::host::client::{Lost, Refused};

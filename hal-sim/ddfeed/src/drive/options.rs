@@ -140,6 +140,8 @@ pub struct TuneOptions {
     /// Make it hold: the drive, which must be at rest, starts anew with it. Without this it is proposed only.
     #[arg(long)]
     pub set: bool,
+    #[command(flatten)]
+    pub restart: Restart,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -245,6 +247,22 @@ pub enum Motor {
     Nut,
 }
 
+/// The settings of any drive.
+#[derive(Args, Debug)]
+pub struct ReferenceOptions {
+    /// As a TOML file with the defaults, for `drive settings import`.
+    #[arg(long)]
+    pub template: bool,
+}
+
+/// Whether the drive may restart.
+#[derive(Args, Clone, Copy, Debug)]
+pub struct Restart {
+    /// Restart the drive without a question, where a setting needs it.
+    #[arg(long)]
+    pub yes: bool,
+}
+
 /// What to do with settings.
 #[derive(Subcommand, Debug)]
 pub enum SettingsTask {
@@ -261,6 +279,8 @@ pub enum SettingsTask {
         /// Names and values.
         #[arg(required = true, value_name = "NAME=VALUE")]
         settings: Vec<String>,
+        #[command(flatten)]
+        restart: Restart,
     },
     /// Write all into a TOML file.
     Export {
@@ -271,12 +291,16 @@ pub enum SettingsTask {
     Import {
         /// The file.
         file: PathBuf,
+        #[command(flatten)]
+        restart: Restart,
     },
     /// What the drive has learned of its ripple, beside what is set.
     Learned {
         /// Set it, so that the next start begins with it; the drive must be at rest.
         #[arg(long)]
         save: bool,
+        #[command(flatten)]
+        restart: Restart,
     },
     /// What a TOML file would change.
     Diff {

@@ -1,17 +1,19 @@
 //! `drive settings`.
 
 use super::connect::Drive;
-use super::options::SettingsTask;
+use super::options::{ReferenceOptions, Restart, SettingsTask};
 use crate::output::put_new;
 use crate::record::model_file;
 use anyhow::{Context, Result, bail, ensure};
+use link::codes::State;
 use link::host::client::Lost;
 use link::host::settings::{of_toml, of_words, to_toml};
 use link::message::Command;
-use link::settings::{Setting, Settings, Value};
+use link::settings::{EncoderInterface, MotorSettings, Setting, Settings, Value};
 use link::telemetry::{Frame, Header, Request};
 use serde_json::{Map, json};
 use std::fs;
+use std::io::IsTerminal;
 use std::path::Path;
 use std::time::{Duration, Instant};
 
@@ -20,7 +22,10 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
     let settings = drive.settings()?;
     match what {
         SettingsTask::Get { names, json } => get(&settings, names, *json),
-        SettingsTask::Set { settings: words } => {
+        SettingsTask::Set {
+            settings: words,
+            restart,
+        } => {
             let mut new = settings;
             for word in words {
                 let (name, value) = word
@@ -29,21 +34,21 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
                 let (setting, value) = of_words(name.trim(), value.trim())?;
                 new.set(setting.id, value)?;
             }
-            change(drive, &settings, &new)
+            change(drive, &settings, &new, *restart)
         }
         SettingsTask::Export { file } => {
             put_new(file, &to_toml(&settings))?;
             println!("{}", file.display());
             Ok(())
         }
-        SettingsTask::Import { file } => {
+        SettingsTask::Import { file, restart } => {
             let new = read(&settings, file)?;
-            change(drive, &settings, &new)
+            change(drive, &settings, &new, *restart)
         }
-        SettingsTask::Learned { save } => {
+        SettingsTask::Learned { save, restart } => {
             let learned = drive.learned()?;
             if *save {
-                change(drive, &settings, &learned)
+                change(drive, &settings, &learned, *restart)
             } else {
                 tell(&settings, &learned);
                 Ok(())
@@ -61,6 +66,15 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
     }
 }
 
+/// Prints all settings that there are, without a drive.
+pub fn reference(options: &ReferenceOptions) {
+    if options.template {
+        print!("{}", to_toml(&Settings::DEFAULT));
+    } else {
+        print!("{}", link::host::reference::page());
+    }
+}
+
 fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
     let asked = |setting: &Setting| {
         let full = setting.to_string();
@@ -74,7 +88,7 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
     );
     let mut object = Map::new();
     for setting in some {
-        let (Some(value), entry) = (settings.get(setting.id), setting.entry) else {
+        let Some(value) = settings.get(setting.id) else {
             continue;
         };
         let shown = value.shown(setting);
@@ -82,15 +96,16 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
             object.insert(
                 setting.to_string(),
                 match value {
-                    Value::Real(x) => json!(x.get()),
+                    Value::Real(x) => json!(x),
                     Value::Whole(x) => json!(x),
                     Value::Choice(_) => json!(shown.to_string()),
                 },
             );
         } else {
-            let space = if entry.unit.is_empty() { "" } else { " " };
-            println!("{setting} = {shown}{space}{}", entry.unit);
-            println!("    {} ({} possible)", entry.doc, setting.possible());
+            let unit = setting.unit();
+            let space = if unit.is_empty() { "" } else { " " };
+            println!("{setting} = {shown}{space}{unit}");
+            println!("    {} ({} possible)", setting.doc(), setting.possible());
         }
     }
     if as_json {
@@ -100,10 +115,76 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
 }
 
 /// Sets what differs, and says so.
-fn change(drive: &mut Drive, before: &Settings, after: &Settings) -> Result<()> {
+fn change(drive: &mut Drive, before: &Settings, after: &Settings, restart: Restart) -> Result<()> {
+    announce_restart(drive, before, after, restart)?;
     drive.configure(after)?;
     tell(before, after);
     Ok(())
+}
+
+/// Says which of the changes restart the drive and what is lost then, and asks whether it may.
+pub fn announce_restart(
+    drive: &mut Drive,
+    before: &Settings,
+    after: &Settings,
+    restart: Restart,
+) -> Result<()> {
+    let names: Vec<String> = before
+        .changes_that_restart(after)
+        .map(|setting| setting.to_string())
+        .collect();
+    let Some((first, more)) = names.split_first() else {
+        return Ok(());
+    };
+    let more = match more {
+        [] => String::new(),
+        more => format!(" and {} more", more.len()),
+    };
+    let lost = lost_by_restart(drive, before)?;
+    eprintln!(
+        "{first}{more}: takes effect when the drive restarts. Lost with the restart: {}.",
+        if lost.is_empty() {
+            "nothing".to_owned()
+        } else {
+            lost.join(", ")
+        }
+    );
+    if lost.is_empty() || restart.yes {
+        return Ok(());
+    }
+    ensure!(
+        std::io::stdin().is_terminal(),
+        "nothing was set: give --yes, and the drive restarts without a question"
+    );
+    eprint!("Restart the drive? [y/N] ");
+    let mut answer = String::new();
+    std::io::stdin().read_line(&mut answer)?;
+    ensure!(
+        answer.trim().eq_ignore_ascii_case("y"),
+        "nothing was set: the drive may not restart"
+    );
+    Ok(())
+}
+
+/// What a restart takes from a drive that runs on these settings.
+fn lost_by_restart(drive: &mut Drive, settings: &Settings) -> Result<Vec<String>> {
+    let status = drive.status()?;
+    let mut lost = Vec::new();
+    if status.origin.is_some() {
+        lost.push("the homed position".to_owned());
+        if settings.soft_limits_mm().is_some() {
+            lost.push("the soft limits until the table is homed again".to_owned());
+        }
+    }
+    let motors = [&settings.screw, &settings.nut];
+    let counted = |motor: &&MotorSettings| motor.encoder.interface != EncoderInterface::Mt6835;
+    if status.state != State::Unaligned.word() && motors.iter().any(counted) {
+        lost.push("the alignment of rotors with incremental encoders".to_owned());
+    }
+    if drive.learned()? != *settings {
+        lost.push("the orders that were learned and not saved".to_owned());
+    }
+    Ok(lost)
 }
 
 fn tell(before: &Settings, after: &Settings) {

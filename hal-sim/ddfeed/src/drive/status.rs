@@ -63,7 +63,7 @@ impl Seen {
 
     /// The stored setting that does not fit.
     fn unfit(&self) -> Option<Setting> {
-        Settings::all().find(|setting| setting.id == self.status.unfit)
+        Setting::numbered(self.status.unfit)
     }
 
     /// The tables of compensation that were saved, and what was found of them.
@@ -164,7 +164,7 @@ impl Seen {
                 "limits": {
                     "speed_rpm": plate.speed_max_rpm,
                     "torque_nm": plate.torque_max_nm,
-                    "rated_current_a_rms": plate.rated_current_a_rms,
+                    "rated_current_a_rms": plate.thermal.rated_current_a_rms,
                     "over_current_a": settings.bridge.over_current_a,
                 },
             })

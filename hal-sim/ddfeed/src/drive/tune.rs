@@ -2,6 +2,7 @@
 
 use super::connect::Drive;
 use super::options::TuneOptions;
+use super::settings::announce_restart;
 use anyhow::{Result, ensure};
 use commission::procedure::Quantity;
 use commission::proposal::propose;
@@ -39,6 +40,7 @@ pub fn run(drive: &mut Drive, options: &TuneOptions) -> Result<()> {
         );
     }
     if options.set && proposal.settings != held {
+        announce_restart(drive, &held, &proposal.settings, options.restart)?;
         drive.configure(&proposal.settings)?;
     }
     if options.json {

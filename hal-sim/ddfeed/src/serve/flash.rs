@@ -6,7 +6,7 @@ use application::keep::Found;
 use hal_sim::flash::{PAGE, SimulatedFlash};
 use hal_sim::served::SimulatedDrive;
 use link::codes::Origin;
-use link::settings::Settings;
+use link::settings::Setting;
 use link::settings::store::PAGES;
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -14,7 +14,7 @@ use std::path::{Path, PathBuf};
 /// What a person should know of what was found in a flash, which may be erased.
 fn told(found: &Found, is_erased: bool) -> Vec<String> {
     let mut sentences = Vec::new();
-    let named = |id| Settings::all().find(|setting| setting.id == id);
+    let named = Setting::numbered;
     match found.origin {
         Origin::Own if !is_erased => sentences.push(
             "it holds no settings that can be read, for it was damaged or is no flash of settings; the drive runs on its own, and \

@@ -5,7 +5,6 @@ use hal_sim::board::BoardConfig;
 use hal_sim::plates::{REGENERATION, plates};
 use hal_sim::sensors::{Adc, incremental};
 use hal_sim::start::Start;
-use plant::Axis;
 use plant::effects::{
     Cogging, CurrentGain, DeadTime, EffectModel, EncoderEccentricity, Place, StribeckFriction,
 };
@@ -194,9 +193,8 @@ pub fn any_size(seed: u64) -> Start {
 fn know_roughly(start: &mut Start, draw: &mut Draw, drawn: [(f64, f64, f64); 2]) {
     let tuning = start.plate.tuning;
     let mut plate = plates(&start.model, Coupling::Coupled, &start.board, tuning);
-    for (k, axis) in Axis::ALL.into_iter().enumerate() {
+    for (k, motor) in plate.motors.iter_mut().enumerate() {
         let (speed_max_rpm, rated_nm, rated_a) = drawn[k];
-        let motor = &mut plate.motors[k];
         motor.resistance_ohm *= draw.between([0.75, 1.25]);
         motor.inductance_h *= draw.between([0.75, 1.25]);
         motor.flux_wb *= draw.between([0.9, 1.1]);
@@ -207,7 +205,7 @@ fn know_roughly(start: &mut Start, draw: &mut Draw, drawn: [(f64, f64, f64); 2])
         let reversed = draw.between([0.0, 1.0]) < 0.5;
         start.board.wiring.motors[k].encoder_reversed = reversed;
         motor.encoder.reversed = (draw.between([0.0, 1.0]) < 0.5).then_some(reversed);
-        plate.alignment.torque_nm[axis.index()] = 0.3 * rated_nm;
+        motor.alignment_torque_nm = 0.3 * rated_nm;
     }
     let motors = &plate.motors;
     let least = |of: &dyn Fn(&control::plate::MotorPlate) -> f64| {
@@ -218,14 +216,15 @@ fn know_roughly(start: &mut Start, draw: &mut Draw, drawn: [(f64, f64, f64); 2])
         least(&|motor| motor.speed_max_rpm),
         start.model.feed.travel_per_radian(),
     );
-    plate.board.thermal.rated_rms_a = 2.0
+    plate.bridge.thermal.rated_rms_a = 2.0
         * motors
             .iter()
             .map(|m| m.thermal.rated_rms_a)
             .fold(0.0, f64::max);
     // Several counts of the converters: their noise must not switch the compensation.
-    plate.board.dead_time_fade_a = (4.0 * plate.board.amps_per_count).max(0.02);
-    plate.board.regeneration_v = REGENERATION.map(|part| part * start.board.bus_v);
+    plate.bridge.dead_time_fade_a = (4.0 * plate.board.amps_per_count).max(0.02);
+    let [from, to] = REGENERATION.map(|part| part * start.board.bus_v);
+    (plate.bridge.brake_fade_from_v, plate.bridge.brake_fade_to_v) = (from, to);
     plate.alignment.speed_rpm = speed / 15.0;
     plate.alignment.travel_m = ALIGNMENT_TURN * start.model.feed.lead_m;
     plate.feed.base_acceleration_max = acceleration;

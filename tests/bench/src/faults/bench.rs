@@ -46,11 +46,11 @@ pub(super) struct Soft {
 
 impl Soft {
     /// The table may go so far to either side of where it is, m.
-    pub(super) fn new(plate: &DrivePlate, scale_count_m: f64, way_m: f64, scale: u32) -> Self {
+    pub(super) fn new(plate: &DrivePlate, way_m: f64, scale: u32) -> Self {
         let mut plate = *plate;
-        plate.travel.soft_m = [-way_m, way_m];
+        [plate.travel.soft_least_m, plate.travel.soft_most_m] = [-way_m, way_m];
         Self {
-            config: plate.travel_config(scale_count_m),
+            config: plate.travel_config(),
             travel: Travel::new(),
             origin: scale.cast_signed(),
             seen: TravelSeen::default(),
@@ -118,7 +118,7 @@ impl Bench {
     ) -> Result<Self, Misfit> {
         let plate = board.plate();
         Ok(Self {
-            supervision: Supervision::new(&board.guards(), &plate.board)?,
+            supervision: Supervision::new(&board.guards(), &plate)?,
             board,
             adc_counts: f64::from(plate.board.adc_counts),
             plate,
@@ -148,7 +148,7 @@ impl Bench {
 
     /// The chip begins anew.
     pub(super) fn restart_supervision(&mut self) -> Result<(), Misfit> {
-        self.supervision = Supervision::new(&self.board.guards(), &self.plate.board)?;
+        self.supervision = Supervision::new(&self.board.guards(), &self.plate)?;
         Ok(())
     }
 
@@ -311,7 +311,7 @@ const NONE: Reading = Reading {
 
 impl Seam for Bench {
     fn machine(&mut self, machine: &mut Machine, _: u32) {
-        let limit = self.plate.board.over_current_a;
+        let limit = self.plate.bridge.over_current_a;
         let peak = Axis::ALL
             .iter()
             .flat_map(|&axis| machine.phase_currents(axis))

@@ -162,7 +162,7 @@ pub fn interrupt(
     let mut dice = Xoshiro256PlusPlus::seed_from_u64(draw);
     let mut run = begun(board, seed)?;
     let from = run.bench.position;
-    let heartbeat_s = run.bench.plate.heartbeat_s;
+    let heartbeat_s = run.bench.plate.command.heartbeat_s;
     let silent_s = match interruption {
         Interruption::Heartbeat => heartbeat_s,
         _ => 0.0,

@@ -457,8 +457,8 @@ pub(super) fn run(
         stop: switch + 1.1 * stop_m(&plate, plate.feed.velocity_max),
     };
     if event == Event::End {
-        let (scale, count_m) = (run.bench.scale_counts(), board.scale_count_m());
-        run.bench.soft = Some(Soft::new(&plate, count_m, switch + SOFT_M, scale));
+        let scale = run.bench.scale_counts();
+        run.bench.soft = Some(Soft::new(&plate, switch + SOFT_M, scale));
     }
     run.bench.break_down();
     run.returned_j = 0.0;

@@ -160,7 +160,7 @@ impl Story {
 pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentError> {
     let bus_v = board.bus_v();
     let plate = board.plate();
-    let [_, full] = plate.board.regeneration_v;
+    let full = plate.bridge.brake_fade_to_v;
     let mut config = board.config_on_its_bus();
     if scenario == Scenario::FullStop {
         config.bus_f = 2.0 * SMALL_BUS_J / (full * full - bus_v * bus_v);
@@ -204,7 +204,7 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
             _ => Limits::OF_THE_MATRIX.travel_m,
         },
         peak_a: 0.0,
-        peak_max_a: plate.board.over_current_a,
+        peak_max_a: plate.bridge.over_current_a,
         bus_v: 0.0,
         bus_max_v: board.guards().bus_max_v,
         end_force_n: 0.0,

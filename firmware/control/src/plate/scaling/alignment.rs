@@ -83,7 +83,7 @@ impl DrivePlate {
     ) -> Result<AlignmentConfig, Misfit> {
         let (plate, step) = (&self.alignment, self.speed_step());
         let [screw, nut] = &self.motors;
-        let [screw_nm, nut_nm] = plate.torque_nm;
+        let (screw_nm, nut_nm) = (screw.alignment_torque_nm, nut.alignment_torque_nm);
         let [screw_loop, nut_loop] = speed_loops;
         let travel = plate.travel_m / self.feed.lead_m;
         attempt!(within("alignment's travel", "turns", travel, 1e-4, 0.1));
@@ -104,8 +104,8 @@ impl DrivePlate {
         let measured_s = MEASURED_TURNS * TAU / (slowest as f64 * speed);
         Ok(AlignmentConfig {
             motors: [
-                attempt!(self.motor_alignment(screw, screw_nm, *screw_loop, travel, speed)),
-                attempt!(self.motor_alignment(nut, nut_nm, *nut_loop, travel, speed)),
+                attempt!(self.motor_alignment(screw, *screw_loop, travel, speed)),
+                attempt!(self.motor_alignment(nut, *nut_loop, travel, speed)),
             ],
             probes: ProbeConfig {
                 growth: (65_536.0 * step / GROWTH_S) as u16,
@@ -150,8 +150,8 @@ impl DrivePlate {
     /// dead time's compensation is the noise's: within a period it moves a phase by the dead time's part of the bus over
     /// the inductance, and what is not clear of that says nothing of the wiring.
     const fn kick(&self, motor: &MotorPlate, limit: f64) -> (f64, f64) {
-        let [bus_v, _] = self.board.regeneration_v;
-        let by_dead_time = self.board.dead_time_s * bus_v / motor.inductance_h;
+        let bus_v = self.bridge.brake_fade_from_v;
+        let by_dead_time = self.bridge.dead_time_s * bus_v / motor.inductance_h;
         let clear = greater(KICK * limit / 4.0, by_dead_time);
         let kick = greater(KICK * limit, KICK_OF_CLEAR * clear);
         if kick > KICK_MOST * limit {
@@ -163,11 +163,11 @@ impl DrivePlate {
     const fn motor_alignment(
         &self,
         motor: &MotorPlate,
-        torque_nm: f64,
         speed_loop: SpeedLoopConfig,
         travel: f64,
         speed: f64,
     ) -> Result<MotorAlignment, Misfit> {
+        let torque_nm = motor.alignment_torque_nm;
         attempt!(positive("alignment's torque", "N m", torque_nm));
         attempt!(within(
             "alignment's torque",

@@ -5,12 +5,13 @@ use crate::base::format::{CurrentScale, Misfit, TableVelocity, quantise};
 use crate::current::modulation::{DeadTime, ModulationConfig};
 use crate::current::sense::{BusSense, CurrentSense, Shunts};
 use crate::current::transform::AlphaBeta;
-use crate::plate::BoardPlate;
+use crate::plate::{BoardPlate, BridgePlate};
 use core::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
 impl BoardPlate {
     pub(super) const fn modulation(
         &self,
+        bridge: &BridgePlate,
         sense: &CurrentSense,
     ) -> Result<ModulationConfig, Misfit> {
         let period = self.period();
@@ -28,7 +29,7 @@ impl BoardPlate {
             100.0,
             32_768.0
         ));
-        let low_side = self.min_on_time_s / self.sample_time();
+        let low_side = bridge.min_on_time_s / self.sample_time();
         attempt!(within(
             "minimum on-time",
             "PWM periods",
@@ -36,7 +37,7 @@ impl BoardPlate {
             -1e-9,
             0.5
         ));
-        let dead = self.dead_time_s / self.sample_time();
+        let dead = bridge.dead_time_s / self.sample_time();
         attempt!(within("dead time", "PWM periods", dead, -1e-9, 0.2));
         let circle = ((1.0 - low_side) * FRAC_1_SQRT_2 - 2.0 * dead) * 0.999;
         attempt!(within("voltage circle", "bus", circle, 0.0, 1.0));
@@ -49,7 +50,7 @@ impl BoardPlate {
             1024.0,
             2_097_152.0
         ));
-        let bus_counts_min = self.bus_min_v / self.bus_volts_per_count;
+        let bus_counts_min = bridge.bus_min_v / self.bus_volts_per_count;
         let per_count = per_bus_count * 32_768.0 * (SQRT_2 / SQRT_3);
         // At the lowest bus the quotient must be within a quarter of its word.
         let mut fraction = 7u32;
@@ -94,38 +95,35 @@ impl BoardPlate {
             },
             radius: (radius * 268_435_456.0) as u32,
             radius_square: (radius * radius * 17_179_869_184.0) as u32,
-            dead_time: attempt!(self.dead_time(sense, fraction)),
+            dead_time: attempt!(self.dead_time(bridge, sense, fraction)),
         })
     }
 
-    const fn dead_time(&self, sense: &CurrentSense, fraction: u32) -> Result<DeadTime, Misfit> {
+    const fn dead_time(
+        &self,
+        bridge: &BridgePlate,
+        sense: &CurrentSense,
+        fraction: u32,
+    ) -> Result<DeadTime, Misfit> {
         // Compare values are counted up to half a period.
-        let counts = self.dead_time_s * self.timer_hz / 2.0;
+        let counts = bridge.dead_time_s * self.timer_hz / 2.0;
         attempt!(within("dead time", "timer counts", counts, -1e-9, 256.0));
         attempt!(positive(
             "current of the full dead-time compensation",
             "A",
-            self.dead_time_fade_a
+            bridge.dead_time_fade_a
         ));
         let [a, b, c] = sense.amperes;
         Ok(DeadTime {
             shunts: self.shunts,
             slopes: [
-                self.dead_time_slope(a, sense.scale),
-                self.dead_time_slope(b, sense.scale),
-                self.dead_time_slope(c, sense.scale),
+                bridge.dead_time_slope(a, sense.scale),
+                bridge.dead_time_slope(b, sense.scale),
+                bridge.dead_time_slope(c, sense.scale),
             ],
             #[allow(clippy::cast_possible_truncation)]
             full: (counts * 65_536.0 * power_of_two(fraction)) as i32,
         })
-    }
-
-    /// Codes to 2^-16 of the full compensation; the cast saturates where the current fades in within a count or two.
-    #[allow(clippy::cast_possible_truncation)]
-    const fn dead_time_slope(&self, amperes: i32, scale: CurrentScale) -> i32 {
-        let ampere = power_of_two(scale.fraction);
-        let slope = amperes as f64 / ampere * 65_536.0 / self.dead_time_fade_a;
-        slope.clamp(-1_073_741_824.0, 1_073_741_824.0) as i32
     }
 
     #[allow(clippy::cast_possible_truncation)]
@@ -212,19 +210,6 @@ impl BoardPlate {
         })
     }
 
-    /// Whole periods, rounded up; a low side that is closed for longer than a second is a mistake of units.
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
-    pub(super) const fn bootstrap_periods(&self) -> Result<u32, Misfit> {
-        attempt!(within(
-            "time to charge the bootstrap capacitors",
-            "s",
-            self.bootstrap_s,
-            -1e-9,
-            1.0
-        ));
-        Ok((self.bootstrap_s / self.sample_time() + 0.999) as u32)
-    }
-
     pub(super) const fn bus_sense(&self) -> Result<BusSense, Misfit> {
         attempt!(within(
             "bus full scale",
@@ -242,5 +227,28 @@ impl BoardPlate {
         Ok(BusSense {
             gain: TableVelocity::from_bits(bits),
         })
+    }
+}
+
+impl BridgePlate {
+    /// Codes to 2^-16 of the full compensation; the cast saturates where the current fades in within a count or two.
+    #[allow(clippy::cast_possible_truncation)]
+    const fn dead_time_slope(&self, amperes: i32, scale: CurrentScale) -> i32 {
+        let ampere = power_of_two(scale.fraction);
+        let slope = amperes as f64 / ampere * 65_536.0 / self.dead_time_fade_a;
+        slope.clamp(-1_073_741_824.0, 1_073_741_824.0) as i32
+    }
+
+    /// Whole periods, rounded up; a low side that is closed for longer than a second is a mistake of units.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    pub(super) const fn bootstrap_periods(&self, sample_time: f64) -> Result<u32, Misfit> {
+        attempt!(within(
+            "time to charge the bootstrap capacitors",
+            "s",
+            self.bootstrap_s,
+            -1e-9,
+            1.0
+        ));
+        Ok((self.bootstrap_s / sample_time + 0.999) as u32)
     }
 }

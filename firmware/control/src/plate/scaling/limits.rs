@@ -15,9 +15,9 @@ const TRIPS: f64 = 1.05 * 1.05;
 
 impl MotorPlate {
     pub(super) const fn heat(&self, drive: &DrivePlate) -> Result<HeatConfig, Misfit> {
-        let scale = attempt!(drive.board.current_sense(self.current_gains)).scale;
+        let scale = attempt!(drive.board.current_sense(self.current_gains())).scale;
         let look = drive.speed_step() * STEPS_PER_HEAT as f64;
-        let bridge = &drive.board.thermal;
+        let bridge = &drive.bridge.thermal;
         let winding = &self.thermal;
         let shortest = if bridge.seconds < winding.seconds {
             bridge.seconds
@@ -39,13 +39,13 @@ impl MotorPlate {
         &self,
         drive: &DrivePlate,
     ) -> Result<RegenerationConfig, Misfit> {
-        let board = &drive.board;
-        let [from, full] = board.regeneration_v;
+        let (board, bridge) = (&drive.board, &drive.bridge);
+        let (from, full) = (bridge.brake_fade_from_v, bridge.brake_fade_to_v);
         attempt!(within(
             "bus at which braking begins to fade",
             "V",
             from,
-            board.bus_min_v,
+            bridge.bus_min_v,
             full
         ));
         let (from, full) = (

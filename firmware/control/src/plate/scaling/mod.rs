@@ -240,7 +240,7 @@ impl DrivePlate {
 
     #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     const fn heartbeat_looks(&self) -> Result<u32, Misfit> {
-        let looks = self.heartbeat_s / (self.speed_step() * STEPS_PER_LOOK as f64);
+        let looks = self.command.heartbeat_s / (self.speed_step() * STEPS_PER_LOOK as f64);
         attempt!(within(
             "time of the heartbeat",
             "looks of the speed task",

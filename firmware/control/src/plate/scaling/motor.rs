@@ -17,11 +17,12 @@ impl MotorPlate {
     /// # Errors
     /// [`Misfit`] if a number does not fit its format or is out of its physical range.
     pub const fn current_loop(&self, drive: &DrivePlate) -> Result<CurrentLoopConfig, Misfit> {
-        let (board, sample_time) = (&drive.board, drive.board.sample_time());
+        let (board, bridge) = (&drive.board, &drive.bridge);
+        let sample_time = board.sample_time();
         let gains = self.gains(&drive.tuning);
         attempt!(positive("current-loop gain Kpc (Eq 9)", "V/A", gains.k_pc));
         attempt!(within("flux", "Wb", self.flux_wb, -64.0, 64.0));
-        let sense = attempt!(board.current_sense(self.current_gains));
+        let sense = attempt!(board.current_sense(self.current_gains()));
         let scale = sense.scale;
         Ok(CurrentLoopConfig {
             bus: attempt!(board.bus_sense()),
@@ -29,7 +30,7 @@ impl MotorPlate {
             observer: attempt!(self.observer(&drive.tuning, sample_time)),
             alignment: None,
             encoder_watch: self.encoder_watch(drive),
-            current_max_square: attempt!(current_max_square(board.over_current_a, scale)),
+            current_max_square: attempt!(current_max_square(bridge.over_current_a, scale)),
             regulator: RegulatorConfig {
                 k_pc: attempt!(gain("Kpc (Eq 9)", gains.k_pc, scale)),
                 k_ic_step: attempt!(gain(
@@ -39,9 +40,9 @@ impl MotorPlate {
                 )),
                 induced: attempt!(self.induced(sample_time, scale)),
             },
-            modulation: attempt!(board.modulation(&sense)),
-            measure_zeros: board.measure_zeros,
-            bootstrap_periods: attempt!(board.bootstrap_periods()),
+            modulation: attempt!(board.modulation(bridge, &sense)),
+            measure_zeros: bridge.measure_zeros,
+            bootstrap_periods: attempt!(bridge.bootstrap_periods(sample_time)),
             sense,
         })
     }
@@ -87,8 +88,12 @@ impl MotorPlate {
     /// electrical angle that the watch of the voltage lets pass.
     pub(super) const fn encoder_watch(&self, drive: &DrivePlate) -> EncoderWatchConfig {
         let tuning = &drive.tuning;
-        let [screw_nm, nut_nm] = drive.alignment.torque_nm;
-        let aligning = screw_nm.max(nut_nm).min(self.torque_max_nm) / self.torque_max_nm;
+        let [screw, nut] = &drive.motors;
+        let aligning = screw
+            .alignment_torque_nm
+            .max(nut.alignment_torque_nm)
+            .min(self.torque_max_nm)
+            / self.torque_max_nm;
         let count = TAU / self.encoder.counts_per_turn as f64;
         let acceleration = self.torque_max_nm / self.inertia_kg_m2;
         let lag = 2.0 * tuning.observer_damping * acceleration / tuning.observer_rad_s;

@@ -12,7 +12,7 @@ impl MotorPlate {
     #[allow(clippy::cast_possible_truncation)]
     pub(super) const fn runaway(&self, drive: &DrivePlate) -> Result<RunawayConfig, Misfit> {
         let limits = &drive.runaway;
-        let sense = attempt!(drive.board.current_sense(self.current_gains));
+        let sense = attempt!(drive.board.current_sense(self.current_gains()));
         let ampere = power_of_two(sense.scale.fraction);
         let current_max = self.current_max();
         let speed_e = self.speed_max() * self.pole_pairs as f64;

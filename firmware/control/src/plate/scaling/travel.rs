@@ -24,7 +24,7 @@ impl DrivePlate {
             home.leaving_velocity
         ));
         attempt!(positive("way of homing", "m", home.furthest_m));
-        let [least, most] = self.travel.soft_m;
+        let (least, most) = (self.travel.soft_least_m, self.travel.soft_most_m);
         if least == most {
             return Ok(());
         }
@@ -45,10 +45,10 @@ impl DrivePlate {
         )
     }
 
-    /// The soft limits of a table whose scale has counts of `scale_count_m`, m; of a plate that has a configuration.
+    /// The soft limits, of a plate that has a configuration.
     #[must_use]
     #[allow(clippy::cast_possible_truncation)]
-    pub const fn travel_config(&self, scale_count_m: f64) -> TravelConfig {
+    pub const fn travel_config(&self) -> TravelConfig {
         let (feed, step) = (&self.feed, self.speed_step());
         let nm = 1e9;
         // Of a radian of screw against nut.
@@ -61,9 +61,9 @@ impl DrivePlate {
         let lag = 1.0 / self.tuning.speed_rad_s;
         // Squares are used without `2 * SQUARED_BITS + LENGTH_BITS`.
         let square = power_of_two(2 * SQUARED_BITS + LENGTH_BITS);
-        let [least, most] = self.travel.soft_m;
+        let (least, most) = (self.travel.soft_least_m, self.travel.soft_most_m);
         TravelConfig {
-            nm_per_count: (scale_count_m * nm * length) as i64,
+            nm_per_count: (feed.scale_count_m * nm * length) as i64,
             ends_nm: if least == most {
                 None
             } else {

@@ -86,8 +86,8 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     }
     print_proposed(&report);
     let (base, left_out) = report.base_table();
-    let of_base = |setting: &Setting| setting.group == "base";
-    let settings = Settings::of_plate(&DrivePlate { base, ..plate }, 0.0);
+    let of_base = |setting: &Setting| setting.group() == "base";
+    let settings = Settings::of_plate(&DrivePlate { base, ..plate });
     folder.put_text("base.toml", &some_to_toml(&settings, of_base))?;
     println!(
         "\n`ddfeed drive settings import {}` makes them the drive's own, for commands that give none.",
