@@ -12,9 +12,10 @@ use tests::timing::MODEL_ERROR_PERCENT;
 const RISE: f64 = 1.02;
 const FALL: f64 = 0.95;
 
-/// Instructions that each interrupt may run from flash: `SpeedTask::press`, of a motor at its torque limit.
+/// Instructions that each interrupt may run from flash: `SpeedTask::press`, of a motor at its torque limit, and `SpeedTask::limits`, for
+/// the view, in one step of 64. CCM has no room for them on the mains board.
 /// The bounds include its wait states.
-const FROM_FLASH: [u64; 3] = [0, 0, 100];
+const FROM_FLASH: [u64; 3] = [0, 0, 400];
 
 #[test]
 fn costs_are_those_of_the_baseline() -> Result<(), String> {
@@ -83,7 +84,7 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
          {period} together",
         speed.bound
     );
-    assert_takes(&report, 780, 12.0);
+    assert_takes(&report, 780, 12.1);
     assert!(
         f64::from(report.stack_bytes) * 1.5 < f64::from(report.stack_room),
         "half as much stack again is there"

@@ -182,7 +182,6 @@ impl SpeedTask {
     #[must_use]
     #[cold]
     #[inline(never)]
-    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     pub fn limits(&self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) -> ActiveLimits {
         let driven = self.state.is_driven();
         let mut limits = ActiveLimits::NONE
@@ -335,9 +334,6 @@ impl SpeedTask {
         let held = before != State::Stopping || self.brake.is_closed(&config.brake);
         let at_rest = self.coordinator.at_rest() && held;
         self.state = before.next(demand, motors, found, self.aligned, at_rest);
-        if before == State::Aligning && self.state == State::Ready {
-            self.compensation.forget(&config.compensation);
-        }
         if config.brake.fitted {
             self.brake.step(match self.state {
                 State::Running | State::Holding => {
@@ -368,6 +364,7 @@ impl SpeedTask {
                 return Some(Undriven {
                     mode: self.state.mode(demand),
                     entered: self.state != before,
+                    aligned: before == State::Aligning && self.state == State::Ready,
                 });
             }
         };
@@ -432,6 +429,9 @@ impl SpeedTask {
         self.coordinator = Coordinator::new();
         self.followed = Command::rest();
         self.compensation.rest();
+        if undriven.aligned {
+            self.compensation.forget(&config.compensation);
+        }
         self.friction = Friction::new();
         self.disturbances = [Disturbance::new(); 2];
         self.unknown = [Current::ZERO; 2];
@@ -1110,6 +1110,8 @@ struct Undriven {
     mode: Mode,
     /// The state is a new one.
     entered: bool,
+    /// An alignment has just found the rotors.
+    aligned: bool,
 }
 
 /// A motor turns so fast that its voltage would show a wrong angle. If the other's encoder is wrong, its voltage shows it once that
