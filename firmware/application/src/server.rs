@@ -8,15 +8,12 @@ use heapless::Vec;
 use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, count, encode};
 use link::message::{
-    Command, DriveFrame, EVENTS_A_FRAME, Event, FAULTS, HostFrame, Injection, Recorded, Refusal,
-    Reply, SETTINGS_A_FRAME, Status, Text,
+    ARMED_MS, Command, DriveFrame, EVENTS_A_FRAME, Event, FAULTS, HostFrame, Injection, Recorded,
+    Refusal, Reply, SETTINGS_A_FRAME, Status, Text,
 };
 use link::scale;
 use link::settings::{Effect, Settings, Unfit, WireValue};
 use link::telemetry::Real;
-
-/// How long a drive stays armed while it does not move, ms.
-pub const ARMED_MS: u32 = 600_000;
 
 /// Furthest that an angle may be put right at once, 2^-32 turn: a twelfth of a turn.
 const ANGLE_MAX: u32 = u32::MAX / 12;

@@ -12,6 +12,9 @@ use control::journal;
 use heapless::{String, Vec};
 use serde::{Deserialize, Serialize};
 
+/// How long a drive stays armed while it does not move, ms.
+pub const ARMED_MS: u32 = 600_000;
+
 /// A frame from the host.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct HostFrame {
@@ -39,7 +42,7 @@ pub enum Command {
         /// So many of the latest are left out.
         after: u8,
     },
-    /// Lets the drive be moved, until it stops, has a fault, or is not moved for [`ARMED_MS`](crate::server::ARMED_MS). A drive in
+    /// Lets the drive be moved, until it stops, has a fault, or is not moved for [`ARMED_MS`]. A drive in
     /// [`State::Unaligned`](crate::codes::State::Unaligned) begins to align: both motors move, and the session must send heartbeats.
     Arm,
     /// Follow these speeds.
