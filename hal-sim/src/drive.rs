@@ -357,13 +357,6 @@ impl Drive {
         self.code.current_loops[axis.index()].take_alignment(alignment);
     }
 
-    /// Knows of `axis` what `other` knew of how its encoder lies.
-    pub fn keep_alignment(&mut self, axis: Axis, other: &Self) {
-        let alignment = other.exchange(axis).alignment();
-        self.code.exchanges[axis.index()].align(None, alignment);
-        self.code.current_loops[axis.index()].take_alignment(alignment);
-    }
-
     /// How far the three currents of each motor are from adding up to nothing: see [`sum_events`].
     #[must_use]
     pub fn current_sums(&self) -> [u32; 2] {

@@ -247,16 +247,11 @@ impl SimulatedDrive {
         let lines = self.application.lines.servers().len();
         let reason = ResetReason::Software;
         let application = Application::new(plate, &self.setup, lines, reason)?;
-        // An encoder that is read as before has not lost its rotor: its counter went on.
-        let before = &self.application.configured.plate;
-        for axis in Axis::ALL {
-            let k = axis.index();
-            let [before, now] = [before, &plate].map(|plate| &plate.motors[k]);
-            if before.encoder == now.encoder && before.pole_pairs == now.pole_pairs {
-                drive.keep_alignment(axis, &self.drive);
-            }
-        }
         std::mem::swap(&mut drive.board, &mut self.drive.board);
+        if self.begin == Begin::Cold {
+            // A reset of the chip puts its counters to zero.
+            drive.board.wake_encoders();
+        }
         self.before += self.drive.periods();
         (self.drive, self.application, self.periods) = (drive, application, 0);
         self.world.releases = false;
