@@ -170,7 +170,7 @@ fn from_cold_to_the_effect_that_nobody_knew() {
     );
     let hold = ["record", "--arm", "--hold", "2.5,100,4", "--name"];
     drive(&[&hold[..], &["before"]].concat(), &path("rec"));
-    drive(&["settings", "import"], &path("known.toml"));
+    drive(&["settings", "import", "--yes"], &path("known.toml"));
     drive(&[&hold[..], &["after"]].concat(), &path("rec"));
     drop(served);
     let ripple = |name: &str| ripple(&path("rec").join(format!("{name}.csv.gz")));

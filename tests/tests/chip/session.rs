@@ -22,6 +22,9 @@ use tests::chip::wiring::Wiring;
 /// A heartbeat each so many milliseconds.
 const BEAT_MS: u32 = 100;
 
+/// A command has so many milliseconds for its reply. The next one follows then: what replies take differs, and does not add up.
+const TURN_MS: u32 = 20;
+
 /// What is asked, after how many milliseconds with a heartbeat.
 fn script() -> Vec<(u32, Command)> {
     let number = |name: &str| Setting::named(name).expect("a setting of that name").id;
@@ -183,9 +186,9 @@ fn told(reply: &Reply) -> String {
 /// The script's replies, and the table's scale at each status.
 fn replies<L: Line>(client: &mut Client<L>) -> Result<Vec<(String, Option<i32>)>> {
     let mut replies = Vec::new();
+    let (mut until, mut beat) = (client.now(), client.now());
     for (ms, command) in script() {
-        let until = client.now() + Duration::from_millis(ms.into());
-        let mut beat = client.now();
+        until += Duration::from_millis((TURN_MS + ms).into());
         while client.now() < until {
             if client.now() >= beat {
                 client.beat()?;
@@ -232,7 +235,7 @@ fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
         .zip(emulated.iter().zip(&simulated))
         .enumerate()
     {
-        println!("{command:?}: {}", chip.0);
+        println!("{command:?}: {} DBG {:?} {:?}", chip.0, chip.1, host.1);
         if chip.0 != host.0 {
             differ.push(format!(
                 "{k}, {command:?}:\n  chip {}\n  host {}",
