@@ -150,13 +150,7 @@ fn a_saved_table_that_does_not_fit_is_told_and_learned_anew() {
     let cases = [
         ("as it was", &setup, saved, 300.0, [fits_; 5]),
         // Tables count from the rotor's electrical zero, which does not move with the encoder's.
-        (
-            "encoders homed elsewhere",
-            &homed,
-            saved,
-            300.0,
-            [fits_; 5],
-        ),
+        ("encoders homed elsewhere", &homed, saved, 300.0, [fits_; 5]),
         (
             "wrong signs",
             &setup,
