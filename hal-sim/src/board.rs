@@ -5,7 +5,7 @@
 //! it was computed from. The nut's counter is half a period behind the screw's.
 
 use crate::seam::{Seam, Straight};
-use crate::sensors::{CurrentSensing, Leg, Sensors, encoder_word};
+use crate::sensors::{BUS_V, CurrentSensing, Leg, Sensors, encoder_word};
 use crate::wiring::{MotorWiring, Wiring};
 use control::controller_supply::{CALIBRATED_AT_MV, SupplyReading};
 use control::current_loop::{MotorSample, PwmCommand};
@@ -85,7 +85,7 @@ impl Default for BoardConfig {
         Self {
             timer_hz: 170e6,
             pwm_hz: 20e3,
-            bus_v: 310.0,
+            bus_v: BUS_V,
             bus_f: 0.0,
             chopper: None,
             dead_time_s: 0.0,

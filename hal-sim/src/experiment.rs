@@ -107,8 +107,10 @@ impl Setup {
     }
 
     /// With the board's sensors in the model's place: a recording is as good as they are.
-    fn on(mut model: Model, coupling: Coupling, board: BoardConfig, tuning: Tuning) -> Self {
+    fn on(mut model: Model, coupling: Coupling, mut board: BoardConfig, tuning: Tuning) -> Self {
         model.sensing = board.sensors.described(model.sensing);
+        model.installation.scale_count_m = board.sensors.scale_count_m;
+        board.bus_v = model.installation.bus_v;
         Self {
             model,
             coupling,
@@ -121,8 +123,9 @@ impl Setup {
     #[must_use]
     pub fn declared(model: Model, coupling: Coupling) -> Self {
         let board = BoardConfig {
-            sensors: Sensors::declared(&model.sensing),
+            sensors: Sensors::declared(&model),
             pwm_hz: model.sensing.control_hz,
+            bus_v: model.installation.bus_v,
             ..BoardConfig::default()
         };
         Self {

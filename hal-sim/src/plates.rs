@@ -8,7 +8,7 @@ use control::plate::{
 };
 use plant::Axis;
 use plant::machine::Coupling;
-use plant::model::Model;
+use plant::model::{Brake, Model};
 
 /// The paper's tuning (Table 1, `xi` = 0.7) with an observer of 1000 rad/s. The paper has no observer; a damping of 0.9
 /// is where the ripple of independently computed loops with such an observer is met at all four nut speeds.
@@ -27,6 +27,14 @@ pub const RECORDED_TUNING: Tuning = Tuning {
     observer_rad_s: 1500.0,
     observer_damping: 0.7,
     ..PAPER_TUNING
+};
+
+/// A brake as the settings have it, of a load that drives back.
+const FITTED: BrakePlate = BrakePlate {
+    fitted: true,
+    closing_s: 0.05,
+    opening_s: 0.1,
+    load_drives_back: true,
 };
 
 /// Rated speed of the paper's motors, rpm.
@@ -123,7 +131,10 @@ pub fn plates(
             base_jerk_max: 20_000.0,
         },
         travel: TravelPlate::UNLIMITED,
-        brake: BrakePlate::NONE,
+        brake: match model.installation.brake {
+            Brake::Ideal | Brake::None => BrakePlate::NONE,
+            Brake::Fitted => FITTED,
+        },
         alignment: AlignmentPlate {
             travel_m: 50e-6,
             speed_rpm: PAPER_SPEED_RPM / 10.0,

@@ -3,7 +3,7 @@
 use crate::mt6835;
 use control::encoder::Interface;
 use control::plate::EncoderPlate;
-use plant::model::SensingModel;
+use plant::model::{EncoderKind, Model, SensingModel};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
 
@@ -109,8 +109,10 @@ pub struct Sensors {
     pub scale_noise_m: f64,
 }
 
-/// Full scale of the bus divider, V.
-const BUS_RANGE_V: f64 = 450.0;
+/// The supply of a board that nothing else is said of, V.
+pub(crate) const BUS_V: f64 = 310.0;
+/// Full scale of the bus divider, of the supply: what regeneration lifts it to is below it.
+const BUS_RANGE: f64 = 450.0 / BUS_V;
 
 impl Sensors {
     /// So fine that they add nothing: 30-bit encoders, 16-bit converters without noise.
@@ -119,7 +121,7 @@ impl Sensors {
         Self {
             encoders: incremental(1 << 30),
             current: Adc::bipolar(16, 5.0, 0.0),
-            bus: Adc::unipolar(16, BUS_RANGE_V, 0.0),
+            bus: Adc::unipolar(16, BUS_RANGE * BUS_V, 0.0),
             scale_count_m: 1e-12,
             scale_noise_m: 0.0,
         }
@@ -131,7 +133,7 @@ impl Sensors {
         Self {
             encoders: incremental(1 << 20),
             current: Adc::bipolar(12, 5.0, 0.5),
-            bus: Adc::unipolar(12, BUS_RANGE_V, 0.5),
+            bus: Adc::unipolar(12, BUS_RANGE * BUS_V, 0.5),
             scale_count_m: 1e-9,
             scale_noise_m: 1e-9,
         }
@@ -140,8 +142,14 @@ impl Sensors {
     /// What a model file says of them, beside rates.
     #[must_use]
     pub fn described(&self, rates: SensingModel) -> SensingModel {
+        let [encoder, _] = &self.encoders;
         SensingModel {
-            encoder_counts_per_turn: self.encoders[0].counts_per_turn,
+            encoder_counts_per_turn: encoder.counts_per_turn,
+            encoder: match encoder.interface {
+                Interface::Incremental => EncoderKind::Incremental,
+                Interface::IncrementalWithIndex => EncoderKind::Index,
+                Interface::Mt6835 => EncoderKind::Absolute,
+            },
             current_lsb_a: self.current.per_count.abs(),
             current_noise_a: self.current.noise * self.current.per_count.abs(),
             table_noise_m: self.scale_noise_m,
@@ -149,9 +157,15 @@ impl Sensors {
         }
     }
 
-    /// What a model file declares. Its current count sets the range of a 12-bit converter.
+    /// What a model file declares. Its current count sets the range of a 12-bit converter, its supply that of the bus divider.
     #[must_use]
-    pub fn declared(sensing: &SensingModel) -> Self {
+    pub fn declared(model: &Model) -> Self {
+        let (sensing, installation) = (&model.sensing, &model.installation);
+        let interface = match sensing.encoder {
+            EncoderKind::Incremental => Interface::Incremental,
+            EncoderKind::Index => Interface::IncrementalWithIndex,
+            EncoderKind::Absolute => Interface::Mt6835,
+        };
         let current = if sensing.current_lsb_a > 0.0 {
             Adc::bipolar(
                 12,
@@ -162,8 +176,13 @@ impl Sensors {
             Self::ideal().current
         };
         Self {
-            encoders: incremental(sensing.encoder_counts_per_turn),
+            encoders: incremental(sensing.encoder_counts_per_turn).map(|encoder| EncoderPlate {
+                interface,
+                ..encoder
+            }),
             current,
+            bus: Adc::unipolar(12, BUS_RANGE * installation.bus_v, 0.5),
+            scale_count_m: installation.scale_count_m,
             scale_noise_m: sensing.table_noise_m,
             ..Self::real()
         }
@@ -227,7 +246,9 @@ mod tests {
     #[test]
     fn what_a_model_file_says_of_sensors_makes_the_same_sensors() {
         let real = Sensors::real();
-        let again = Sensors::declared(&real.described(plant::model::Model::coupled().sensing));
+        let mut model = Model::coupled();
+        model.sensing = real.described(model.sensing);
+        let again = Sensors::declared(&model);
         assert_eq!(again, real);
     }
 

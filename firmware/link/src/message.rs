@@ -348,7 +348,8 @@ impl Aligned {
             Self::Forwards { zero } => (1.0, zero),
             Self::Backwards { zero } => (-1.0, zero),
         };
-        let zero_e = f64::from(zero) / 4_294_967_296.0 * core::f64::consts::TAU;
+        // The drive's compensation takes it within half an electrical turn, too.
+        let zero_e = f64::from(zero.cast_signed()) / 4_294_967_296.0 * core::f64::consts::TAU;
         direction * encoder_rad + zero_e / f64::from(pole_pairs.max(1))
     }
 }

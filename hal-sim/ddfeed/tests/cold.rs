@@ -1,7 +1,7 @@
 //! From cold to a recording that `identify` explains, by commands alone: a machine of which the drive knows a rough datasheet, and
 //! nobody an effect.
 
-use plant::model::Model;
+use plant::model::{EncoderKind, Model};
 use plant::recording::Recording;
 use std::f64::consts::{PI, TAU};
 use std::fs;
@@ -32,10 +32,13 @@ fn printed(command: &mut Command) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// The machine: the coupled one, whose friction holds its load, with a screw that cogs.
+/// The machine: the coupled one, whose friction holds its load, with a screw that cogs. Its encoders have an index: without one, the
+/// phase of an order that is no multiple of the pole pairs would be lost in the restart.
 fn machine() -> String {
     let mut model = Model::coupled();
     model.feed.load_n = 40.0;
+    model.sensing.encoder = EncoderKind::Index;
+    model.sensing.encoder_counts_per_turn = 1 << 20;
     for motor in [&mut model.screw, &mut model.nut] {
         motor.torque_harmonics.clear();
     }

@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 const MAPPING: &str = include_str!("records/mapping.rs");
 const MODEL: &str = include_str!("../../plant/src/model/mod.rs");
+const INSTALLATION: &str = include_str!("../../plant/src/model/installation.rs");
 const AXIS: &str = include_str!("machines/feed_axis/file.rs");
 const PMSM: &str = include_str!("machines/pmsm_file.rs");
 const MOTOR: &str = include_str!("machines/motor/record.rs");
@@ -187,6 +188,8 @@ pub fn page() -> String {
         let _ = writeln!(page, "### {heading}\n");
         table(&mut page, &keys(MODEL, structure));
     }
+    page.push_str("### `[installation]`: may be left out\n\n");
+    table(&mut page, &keys(INSTALLATION, "InstallationModel"));
     page.push_str(
         "### `[[effects]]`: what it has beyond that\n\n`kind`, `where` (`screw`, `nut`, `both` or `feed`), and the parameters of \
          the kind:\n\n",

@@ -42,6 +42,7 @@ use link::telemetry::Header;
 use link::view::DriveView;
 use plant::Axis;
 use plant::machine::Coupling;
+use plant::model::Brake;
 use std::sync::atomic::Ordering::Relaxed;
 use world::{Around, World};
 
@@ -90,7 +91,7 @@ impl Application {
     ) -> Result<Self, Misfit> {
         let configured = Configured {
             drive: plate.config()?,
-            guard: world::guards(&plate.board, setup.board.bus_v).config()?,
+            guard: world::guards(&plate, setup.board.bus_v).config()?,
             header: Header::of_plate(&plate),
             travel: plate.travel_config(),
             plate,
@@ -158,9 +159,10 @@ impl SimulatedDrive {
             tuning: start.plate.tuning,
         };
         let mut drive = Self::of(setup, &start.plate, Begin::Cold)?;
-        // The brake carries the load while the drive is off.
-        let machine = &mut drive.drive.board.machine;
-        machine.set_load_force(0.0);
+        if start.model.installation.brake != Brake::None {
+            // The brake carries the load while the drive is off.
+            drive.drive.board.machine.set_load_force(0.0);
+        }
         settle(&mut drive.drive.board, start.angles);
         Ok(drive)
     }
@@ -171,7 +173,7 @@ impl SimulatedDrive {
         let plate = own.plate(&made.board);
         let mut simulated = Self {
             begin,
-            world: World::new(&plate, setup.board.bus_v, setup.model.feed.load_n)?,
+            world: World::new(&plate, &setup)?,
             drive: begin.drive(&setup, &plate)?,
             before: 0,
             board: made.board,
@@ -326,16 +328,12 @@ impl SimulatedDrive {
     pub fn period(&mut self) {
         let period_s = self.setup.board.pwm_period_s();
         let brake = &self.application.configured.plate.brake;
-        if brake.fitted {
-            self.world.brake.step(self.world.releases, period_s);
-            self.world.braked = self.world.brake.holds(brake);
-        } else {
-            // An ideal brake: an alignment leaves it closed too.
-            self.world.braked = !self.drive.state().is_driven()
-                || Axis::ALL
-                    .iter()
-                    .any(|axis| !self.drive.compare(*axis).enable);
-        }
+        // An alignment leaves the brake closed too.
+        let driven = self.drive.state().is_driven()
+            && Axis::ALL
+                .iter()
+                .all(|axis| self.drive.compare(*axis).enable);
+        self.world.hold(brake, driven, period_s);
         let Application {
             words,
             telemetry,
@@ -350,6 +348,9 @@ impl SimulatedDrive {
             telemetry,
             view,
         });
+        for (index, axis) in self.world.index.iter_mut().zip(Axis::ALL) {
+            *index |= self.drive.board.take_index_passed(axis);
+        }
         self.periods += 1;
         if self.periods == periods_per_ms(&self.board) {
             self.periods = 0;
@@ -375,7 +376,7 @@ impl SimulatedDrive {
             bus,
             supply: drive.board.supply(),
             temperatures: self.world.temperatures,
-            index: [false; 2],
+            index: std::mem::take(&mut self.world.index),
             transition_error: [false; 2],
             stages: Axis::ALL.map(|axis| StageLook {
                 current: drive.sample(axis).current,

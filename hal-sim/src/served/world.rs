@@ -2,24 +2,25 @@
 
 use crate::analog::AnalogWatches;
 use crate::boards::BoardKind;
+use crate::experiment::Setup;
 use crate::seam::{Seam, SpeedCall};
 use application::exchange::{DriveExchange, TelemetryExchange};
 use application::speed::{SpeedBoard, SpeedParts, SpeedStep};
 use control::current_loop::MotorSample;
+use control::encoder::Interface;
 use control::fault::Fault;
 use control::format::Misfit;
 use control::guard::{GuardConfig, GuardPlate};
 use control::interlock::Inputs;
-use control::plate::{BoardPlate, BrakePlate, DrivePlate};
+use control::plate::{BrakePlate, DrivePlate};
 use control::speed_task::SpeedTaskOutput;
 use link::view::DriveView;
 use plant::Axis;
 use plant::machine::Machine;
+use plant::model::{Brake, InstallationModel};
 
 /// Heat sinks are at so many degrees Celsius.
 const WARM: f64 = 40.0;
-/// Where the end switches are, to either side of where the table is switched on, m.
-const ENDS_M: f64 = 0.1;
 /// Bus voltages between which the drive runs, of the supply's.
 const BUS: [f64; 2] = [0.2, 1.26];
 
@@ -68,6 +69,9 @@ pub(super) struct World {
     pub(super) braked: bool,
     /// Against positive travel, N.
     pub(super) load_n: f64,
+    installation: InstallationModel,
+    /// Indices that were passed since the supervision's last look.
+    pub(super) index: [bool; 2],
     /// The words that frozen encoders go on reading.
     pub(super) frozen: [Option<u32>; 2],
     /// What the current channels a read too much, A.
@@ -76,14 +80,17 @@ pub(super) struct World {
 }
 
 /// What the guard of a drive of `board` bears with a supply of `bus_v`.
-pub(super) fn guards(board: &BoardPlate, bus_v: f64) -> GuardPlate {
+pub(super) fn guards(plate: &DrivePlate, bus_v: f64) -> GuardPlate {
+    let board = &plate.board;
     let [least, most] = BUS.map(|part| part * bus_v);
     GuardPlate {
         bus_min_v: least,
         bus_max_v: most,
         bus_volts_per_count: board.bus_volts_per_count,
         adc_counts: board.adc_counts,
-        index: [false; 2],
+        index: plate
+            .motors
+            .map(|motor| motor.encoder.interface == Interface::IncrementalWithIndex),
         // Its lead and its encoders may not be known yet.
         scale: None,
         ..BoardKind::Mains.guards()
@@ -91,9 +98,9 @@ pub(super) fn guards(board: &BoardPlate, bus_v: f64) -> GuardPlate {
 }
 
 impl World {
-    /// Around a drive of `plate` with a supply of `bus_v` and a load of `load_n`.
-    pub(super) fn new(plate: &DrivePlate, bus_v: f64, load_n: f64) -> Result<Self, Misfit> {
-        let guards = guards(&plate.board, bus_v);
+    /// Around a drive of `plate` on the machine of `setup`.
+    pub(super) fn new(plate: &DrivePlate, setup: &Setup) -> Result<Self, Misfit> {
+        let guards = guards(plate, setup.board.bus_v);
         let GuardConfig { bus_most, .. } = guards.config()?;
         Ok(Self {
             watches: AnalogWatches::new(plate, bus_most),
@@ -106,7 +113,9 @@ impl World {
             },
             releases: false,
             braked: true,
-            load_n,
+            load_n: setup.model.feed.load_n,
+            installation: setup.model.installation,
+            index: [false; 2],
             frozen: [None; 2],
             offset_a: [0.0; 2],
             temperatures: guards
@@ -115,12 +124,25 @@ impl World {
         })
     }
 
+    /// A period of a drive that is told of `brake`, and drives with both bridges on or does not.
+    pub(super) fn hold(&mut self, brake: &BrakePlate, driven: bool, seconds: f64) {
+        self.braked = match self.installation.brake {
+            Brake::None => false,
+            Brake::Ideal if !brake.fitted => !driven,
+            Brake::Ideal | Brake::Fitted => {
+                self.brake.step(self.releases, seconds);
+                self.brake.holds(brake)
+            }
+        };
+    }
+
     /// Enable switch and end switches.
     pub(super) fn contacts(&self) -> Inputs {
         let from_middle = self.position - self.begun.unwrap_or(self.position);
+        let end = 0.5 * self.installation.travel_m;
         Inputs {
-            end_forward: self.inputs.end_forward || from_middle > ENDS_M,
-            end_backward: self.inputs.end_backward || from_middle < -ENDS_M,
+            end_forward: self.inputs.end_forward || from_middle > end,
+            end_backward: self.inputs.end_backward || from_middle < -end,
             ..self.inputs
         }
     }

@@ -1170,12 +1170,15 @@ impl RotorFrame {
     fn of(alignment: Option<EncoderAlignment>, pole_pairs: u32) -> Self {
         alignment.map_or(Self::ENCODER, |alignment| Self {
             sense: if alignment.reversed { u32::MAX } else { 1 },
+            // Within half an electrical turn: an angle of zero is found a little above it or below.
             zero: Angle(
                 alignment
                     .theta_e_at_zero
                     .0
-                    .checked_div(pole_pairs)
-                    .unwrap_or(0),
+                    .cast_signed()
+                    .checked_div(pole_pairs.cast_signed())
+                    .unwrap_or(0)
+                    .cast_unsigned(),
             ),
         })
     }

@@ -2,6 +2,7 @@
 
 use super::ServeOptions;
 use super::flash::Flash;
+use super::machine::MachineLine;
 use crate::interrupt::ctrl_c;
 use crate::simulate::Preset;
 use anyhow::{Context, Result, ensure};
@@ -109,10 +110,12 @@ pub fn run(options: &ServeOptions) -> Result<()> {
     }
     let mut serving = Serving::new(drive);
     let mut lines = Vec::new();
+    let machine = MachineLine(&setup);
     println!(
         "machine {name}; `ddfeed drive --sim {} status` says what the drive does; Ctrl-C ends it",
         listener.local_addr()?
     );
+    println!("{machine}");
     #[cfg(unix)]
     let _kept = if options.pty {
         let (ours, theirs) = pseudo_terminal()?;

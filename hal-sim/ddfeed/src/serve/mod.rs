@@ -2,6 +2,7 @@
 
 mod flash;
 mod lines;
+mod machine;
 
 use crate::simulate::MachineOptions;
 use anyhow::Result;
@@ -11,6 +12,9 @@ use std::path::PathBuf;
 /// Which drive, and where it is to be found.
 #[derive(Args, Debug)]
 pub struct ServeOptions {
+    /// Prints a model file to begin with, and ends: `ddfeed serve --example > mine.toml`.
+    #[arg(long)]
+    pub example: bool,
     /// Which machine, with which sensors.
     #[command(flatten)]
     pub machine: MachineOptions,
@@ -37,5 +41,9 @@ pub struct ServeOptions {
 
 /// Serves until Ctrl-C.
 pub fn run(options: &ServeOptions) -> Result<()> {
+    if options.example {
+        print!("{}", machine::example());
+        return Ok(());
+    }
     lines::run(options)
 }

@@ -100,9 +100,9 @@ pub struct MachineOptions {
     /// Load at each motor, N m. [default: the machine's own, 1 N m on the paper's]
     #[arg(long, allow_negative_numbers = true)]
     pub load: Option<f64>,
-    /// What measures the machine.
-    #[arg(long, value_enum, default_value = "real")]
-    pub sensors: Sensing,
+    /// What measures the machine. [default: what a model file declares; real on a preset]
+    #[arg(long, value_enum)]
+    pub sensors: Option<Sensing>,
     /// Seed of all noise.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,

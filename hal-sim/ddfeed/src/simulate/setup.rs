@@ -4,12 +4,24 @@ use super::options::{MachineOptions, Preset, RECORD_S, Sensing};
 use anyhow::{Context, Result};
 use hal_sim::experiment::Setup;
 use plant::machine::Coupling;
-use plant::model::Model;
+use plant::model::{EncoderKind, Model};
 use std::f64::consts::TAU;
+
+/// Counts of the simulated absolute encoder, an MT6835: 21 bits.
+const ABSOLUTE_COUNTS: u32 = 1 << 21;
 
 const _: () = assert!(RECORD_S == hal_sim::experiment::RECORD_S);
 
 impl MachineOptions {
+    /// What measures the machine.
+    pub fn sensing(&self) -> Sensing {
+        let of_machine = match self.model {
+            Some(_) => Sensing::Declared,
+            None => Sensing::Real,
+        };
+        self.sensors.unwrap_or(of_machine)
+    }
+
     /// The set-up, and the machine's name. `preset` is used where none is asked.
     pub fn setup(&self, preset: Preset) -> Result<(Setup, String)> {
         let (mut model, coupling, name) = match (&self.model, self.machine.unwrap_or(preset)) {
@@ -25,7 +37,14 @@ impl MachineOptions {
             finite("--load", "N m", load, -1e3, 1e3)?;
             model.feed.load_n = load * TAU / model.feed.lead_m;
         }
-        let mut setup = match self.sensors {
+        let sensing = &model.sensing;
+        let counts = sensing.encoder_counts_per_turn;
+        anyhow::ensure!(
+            sensing.encoder != EncoderKind::Absolute || counts == ABSOLUTE_COUNTS,
+            "sensing.encoder_counts_per_turn is {counts} of an absolute encoder, but the simulated one is an MT6835 of {ABSOLUTE_COUNTS} \
+             counts: give as many, or another sensing.encoder"
+        );
+        let mut setup = match self.sensing() {
             Sensing::Ideal => Setup::ideal(model, coupling),
             Sensing::Real => Setup::real(model, coupling),
             Sensing::Declared => Setup::declared(model, coupling),

@@ -7,7 +7,7 @@ use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::signal::channel::Channel;
 use plant::Axis;
 use plant::effects::Place;
-use plant::model::{FeedModel, Model, MotorModel, SensingModel};
+use plant::model::{FeedModel, InstallationModel, Model, MotorModel, SensingModel};
 use plant::recording::{AxisRecord, Recording};
 use std::f64::consts::TAU;
 
@@ -73,6 +73,7 @@ pub fn model(motor: MotorModel, sensing: SensingModel) -> Model {
             load_n: 0.0,
         },
         sensing,
+        installation: InstallationModel::default(),
         effects: Vec::new(),
     }
 }

@@ -1,7 +1,7 @@
 //! The model file of a single permanent-magnet motor.
 
 use crate::machines::ModelFileError;
-use plant::model::{MotorModel, SensingModel};
+use plant::model::{EncoderKind, MotorModel, SensingModel};
 use serde::Deserialize;
 use std::path::Path;
 
@@ -79,6 +79,7 @@ impl PmsmModel {
             sample_hz: rate,
             control_hz: own.control_hz.unwrap_or(rate),
             encoder_counts_per_turn: own.encoder_counts_per_turn,
+            encoder: EncoderKind::Incremental,
             current_lsb_a: own.current_lsb_a,
             current_noise_a: own.current_noise_a,
             table_noise_m: 1e-6,

@@ -4,11 +4,13 @@
 //! file, line, key, what was read and what is allowed.
 
 mod error;
+mod installation;
 mod presets;
 mod read;
 mod write;
 
 pub use error::ModelError;
+pub use installation::{Brake, InstallationModel};
 
 use crate::Axis;
 use crate::effects::EffectModel;
@@ -26,6 +28,8 @@ pub struct Model {
     pub feed: FeedModel,
     /// What measures the machine.
     pub sensing: SensingModel,
+    /// Where it stands.
+    pub installation: InstallationModel,
     /// What the machine has beyond that: `[[effects]]`, in the order of the file.
     pub effects: Vec<EffectModel>,
 }
@@ -143,6 +147,9 @@ pub struct SensingModel {
     /// Counts per mechanical turn of either encoder; 1 to 2^31.
     #[serde(deserialize_with = "limits::counts")]
     pub encoder_counts_per_turn: u32,
+    /// Kind of either encoder: `incremental`, `index` or `absolute`, which has 2^21 counts. `incremental` if left out.
+    #[serde(default)]
+    pub encoder: EncoderKind,
     /// One count of the current measurement; 0 (ideal) or above.
     #[serde(deserialize_with = "limits::non_negative")]
     pub current_lsb_a: f64,
@@ -152,4 +159,17 @@ pub struct SensingModel {
     /// Standard deviation of the table scale's noise; 0 or above.
     #[serde(deserialize_with = "limits::non_negative")]
     pub table_noise_m: f64,
+}
+
+/// What an encoder knows of its shaft when power comes up.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum EncoderKind {
+    /// Nothing: it counts from where the shaft stands.
+    #[default]
+    Incremental,
+    /// Nothing, until the shaft passes its index: there the count is zero.
+    Index,
+    /// The shaft's angle.
+    Absolute,
 }

@@ -1,6 +1,8 @@
 //! Models that need no file.
 
-use super::{FeedModel, Model, MotorModel, SensingModel, TorqueHarmonic};
+use super::{
+    EncoderKind, FeedModel, InstallationModel, Model, MotorModel, SensingModel, TorqueHarmonic,
+};
 use crate::Axis;
 use std::f64::consts::TAU;
 
@@ -55,10 +57,12 @@ impl Model {
                 sample_hz: 10_000.0,
                 control_hz: 20_000.0,
                 encoder_counts_per_turn: 1 << 20,
+                encoder: EncoderKind::Incremental,
                 current_lsb_a: 10.0 / 4096.0,
                 current_noise_a: 5.0 / 4096.0,
                 table_noise_m: 0.0,
             },
+            installation: InstallationModel::default(),
             effects: Vec::new(),
         }
     }
@@ -84,6 +88,7 @@ impl Model {
             sample_hz: 5_000.0,
             control_hz: 20_000.0,
             encoder_counts_per_turn: 131_072,
+            encoder: EncoderKind::Incremental,
             current_lsb_a: 20.0 / 4096.0,
             current_noise_a: 0.004,
             table_noise_m: 1.0e-8,

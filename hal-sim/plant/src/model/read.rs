@@ -1,6 +1,6 @@
 //! `model.toml` to [`Model`].
 
-use super::{FeedModel, Model, ModelError, MotorModel, SensingModel};
+use super::{FeedModel, InstallationModel, Model, ModelError, MotorModel, SensingModel};
 use crate::document::{Fault, section};
 use crate::effects::EffectModel;
 use serde::Deserialize;
@@ -17,6 +17,8 @@ struct Declared {
     nut: MotorModel,
     feed: FeedModel,
     sensing: SensingModel,
+    #[serde(default)]
+    installation: InstallationModel,
 }
 
 impl Model {
@@ -71,12 +73,14 @@ fn read(document: Spanned<DeTable<'_>>) -> Result<Model, Fault> {
         nut,
         feed,
         sensing,
+        installation,
     } = section(Spanned::new(span, DeValue::Table(root)))?;
     Ok(Model {
         screw,
         nut,
         feed,
         sensing,
+        installation,
         effects,
     })
 }

@@ -14,6 +14,7 @@ impl Model {
             ("nut", table(&self.nut)),
             ("feed", table(&self.feed)),
             ("sensing", table(&self.sensing)),
+            ("installation", table(&self.installation)),
         ] {
             write_table(&mut text, &format!("[{name}]"), &section);
         }

@@ -8,6 +8,7 @@ use super::elementary::{Complex, decay, inverse};
 use super::rejection::NotchGains;
 use super::{attempt, half, positive, power_of_two, within};
 use crate::base::format::Misfit;
+use crate::current::encoder::Interface;
 use crate::plate::{DrivePlate, MotorPlate, OrderPlate};
 use crate::speed::compensation::line::{Order, Phasor};
 use crate::speed::compensation::response::{POINTS, Response, ResponsePoint};
@@ -62,6 +63,14 @@ impl Loops {
 }
 
 impl MotorPlate {
+    /// Places of a turn that an alignment cannot tell apart.
+    const fn places(&self) -> u32 {
+        match self.encoder.interface {
+            Interface::Incremental => self.pole_pairs,
+            Interface::IncrementalWithIndex | Interface::Mt6835 => 1,
+        }
+    }
+
     /// The loops at `angle` rad a PWM period.
     const fn loops(&self, drive: &DrivePlate, angle: f64) -> Loops {
         let (tuning, period) = (&drive.tuning, drive.board.sample_time());
@@ -243,6 +252,7 @@ impl DrivePlate {
             torque_max: (torque_max * power_of_two(TORQUE_BITS)) as i32,
             scale: attempt!(self.scale()),
             pole_pairs: [screw.pole_pairs.cast_signed(), nut.pole_pairs.cast_signed()],
+            places: [screw.places(), nut.places()],
         })
     }
 

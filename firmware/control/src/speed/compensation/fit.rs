@@ -195,14 +195,14 @@ impl Compensation {
     }
 }
 
-/// Orders of a table that are not the same in each place of a rotor that `pole_pairs` give: they start at zero. A bit for each that
+/// Orders of a table that are not the same in each of `places` of a turn: they start at zero. A bit for each that
 /// had a start.
 #[inline(never)]
-fn forget(lines: &mut [Line], configs: &[LineConfig], pole_pairs: u32) -> u8 {
+fn forget(lines: &mut [Line], configs: &[LineConfig], places: u32) -> u8 {
     let mut forgotten = 0;
     for (k, (line, config)) in lines.iter_mut().zip(configs).enumerate() {
         let repeats = (line.order().0)
-            .checked_rem(pole_pairs.wrapping_shl(16))
+            .checked_rem(places.wrapping_shl(16))
             .is_some_and(|rest| rest == 0);
         if !repeats {
             line.restart();
@@ -215,22 +215,22 @@ fn forget(lines: &mut [Line], configs: &[LineConfig], pole_pairs: u32) -> u8 {
 }
 
 impl Compensation {
-    /// The rotors were found anew by their currents: each stands in one of as many places as it has pole pairs. Orders that are not
-    /// the same in each of them are learned from zero, and so are the lead's.
+    /// The rotors were found anew by their currents. Orders that differ between the places where a rotor may stand are learned from zero,
+    /// and so are the lead's.
     #[cold]
     #[inline(never)]
     pub(crate) fn forget(&mut self, config: &CompensationConfig) {
-        let [screw_pairs, nut_pairs] = config.pole_pairs.map(i32::unsigned_abs);
+        let [screw, nut] = config.places;
         let [screw_torque, nut_torque] = &mut self.torque;
         let [screw_angle, nut_angle] = &mut self.angle;
         let [screw_start, nut_start] = &config.torque;
         let [screw_angle_start, nut_angle_start] = &config.angle;
         self.checks = TableChecks {
             forgotten: [
-                forget(screw_torque, screw_start, screw_pairs),
-                forget(nut_torque, nut_start, nut_pairs),
-                forget(screw_angle, screw_angle_start, screw_pairs),
-                forget(nut_angle, nut_angle_start, nut_pairs),
+                forget(screw_torque, screw_start, screw),
+                forget(nut_torque, nut_start, nut),
+                forget(screw_angle, screw_angle_start, screw),
+                forget(nut_angle, nut_angle_start, nut),
                 // A whole number of the lead's turns is no turn of a rotor.
                 forget(&mut self.travel, &config.travel, 0),
             ],
@@ -250,6 +250,7 @@ const SPEED_SLOWER: u32 = 4;
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::current::encoder::Interface;
     use crate::plate::{CompensationPlate, OrderPlate, test_plate};
 
     #[test]
@@ -286,6 +287,32 @@ mod tests {
                 _ => TableFit::None,
             };
             assert_eq!(fit, Some(expected), "{}", TableFits::NAMES[table]);
+        }
+    }
+
+    #[test]
+    fn an_encoder_that_knows_its_turn_keeps_whole_orders() {
+        for (interface, kept) in [
+            (Interface::Incremental, [false, false]),
+            (Interface::IncrementalWithIndex, [true, false]),
+            (Interface::Mt6835, [true, false]),
+        ] {
+            let mut plate = test_plate();
+            plate.motors[0].encoder.interface = interface;
+            plate.motors[0].encoder.counts_per_turn = 1 << 21;
+            plate.compensation.learning_s = 0.5;
+            for (line, order) in [36.0, 7.5].into_iter().enumerate() {
+                plate.compensation.torque[0][line] = OrderPlate {
+                    order,
+                    re: 0.1,
+                    im: -0.1,
+                };
+            }
+            let config = plate.config().unwrap().compensation;
+            let mut compensation = Compensation::new(&config);
+            compensation.forget(&config);
+            let given = |line: usize| compensation.coefficient(line) != Phasor::ZERO;
+            assert_eq!([given(0), given(1)], kept, "{interface:?}");
         }
     }
 }

@@ -78,6 +78,8 @@ pub struct CompensationConfig {
     pub scale: Option<ScaleConfig>,
     /// Electrical turns a mechanical turn: screw, nut.
     pub pole_pairs: [i32; 2],
+    /// Places of a turn that an alignment cannot tell apart: as many as pole pairs, 1 of an encoder that knows its turn.
+    pub places: [u32; 2],
     /// Part of the full learning rate for a shaft that turns by 1 a PWM period, 2^-32 turn: 2^-47. A slow shaft is learned
     /// by its turns, and not by time.
     pub slow: i32,

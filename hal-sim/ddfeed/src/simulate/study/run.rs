@@ -81,7 +81,7 @@ pub fn run(options: &Options) -> Result<()> {
     let report = Report {
         setup: SetupReport {
             machine,
-            sensors: sensor_name(options.machine.sensors).to_owned(),
+            sensors: sensor_name(options.machine.sensing()).to_owned(),
             table_mm_s: options.table_speed,
             load: load_name(&setup),
             record_s: seconds,

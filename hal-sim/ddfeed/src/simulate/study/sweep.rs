@@ -69,7 +69,7 @@ pub fn run(options: &SweepOptions) -> Result<()> {
 
     let report = SweepReport {
         machine,
-        sensors: sensor_name(options.machine.sensors).to_owned(),
+        sensors: sensor_name(options.machine.sensing()).to_owned(),
         table_mm_s: options.table_speed.clone(),
         vrf_percent,
         compensated_percent,
