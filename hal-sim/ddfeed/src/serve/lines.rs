@@ -110,12 +110,13 @@ pub fn run(options: &ServeOptions) -> Result<()> {
     }
     let mut serving = Serving::new(drive);
     let mut lines = Vec::new();
+    // To the other stream: a program reads the addresses.
     let machine = MachineLine(&setup);
     println!(
         "machine {name}; `ddfeed drive --sim {} status` says what the drive does; Ctrl-C ends it",
         listener.local_addr()?
     );
-    println!("{machine}");
+    eprintln!("{machine}");
     #[cfg(unix)]
     let _kept = if options.pty {
         let (ours, theirs) = pseudo_terminal()?;
