@@ -28,6 +28,7 @@ pub mod boards;
 pub mod drive;
 pub mod experiment;
 pub mod flash;
+pub mod hold_ripple;
 pub mod mt6835;
 pub mod parallel;
 pub mod plates;

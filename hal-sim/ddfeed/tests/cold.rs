@@ -174,7 +174,11 @@ fn from_cold_to_the_effect_that_nobody_knew() {
     let hold = ["record", "--arm", "--hold", "2.5,100,4", "--name"];
     drive(&[&hold[..], &["before"]].concat(), &path("rec"));
     drive(&["settings", "import", "--yes"], &path("known.toml"));
-    drive(&[&hold[..], &["after"]].concat(), &path("rec"));
+    let said = drive(&[&hold[..], &["after"]].concat(), &path("rec"));
+    assert!(
+        said.contains("% peak to peak (Eq 19)"),
+        "no ripple is printed: {said}"
+    );
     drop(served);
     let ripple = |name: &str| ripple(&path("rec").join(format!("{name}.csv.gz")));
     let (before, after) = (ripple("before"), ripple("after"));

@@ -9,10 +9,13 @@ use crate::record::{Recorder, save};
 use crate::session::divider;
 use crate::trigger::{Gate, Trigger};
 use anyhow::{Context, Result, anyhow, bail};
+use hal_sim::hold_ripple::{BANDWIDTH_HZ, Ripple, holds, interval_s, recorded};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::State;
 use link::message::Command;
 use link::telemetry::{FRAME_MAX, Request};
+use plant::recording::Recording;
+use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
@@ -61,11 +64,37 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
             streamed.and(rested).and(quiet)
         },
     )?;
-    println!(
-        "{}: {summary}",
-        folder.path(&format!("{}.csv.gz", options.name)).display()
-    );
+    let path = folder.path(&format!("{}.csv.gz", options.name));
+    println!("{}: {summary}", path.display());
+    if !options.hold.is_empty() {
+        let lead_m = drive.settings()?.feed.lead_mm * 1e-3;
+        print!("{}", ripples(&Recording::load(&path)?, lead_m / TAU));
+    }
     outcome.context("the recording ended early, and what came before is kept")
+}
+
+/// A line on the ripple of each hold in which the table moves.
+fn ripples(recording: &Recording, travel_per_radian: f64) -> String {
+    let mut text = String::new();
+    for hold in holds(recording, travel_per_radian) {
+        let velocities = recorded(recording, &hold);
+        let ripple = Ripple::of(&velocities, interval_s(recording), hold.point.velocity);
+        if text.is_empty() {
+            text = format!("ripple of the table by its scale, up to {BANDWIDTH_HZ:.0} Hz:\n");
+        }
+        text += &if ripple.rms_percent == 0.0 {
+            "  the table did not move by its scale, or there is none\n".to_owned()
+        } else {
+            format!(
+                "  {:7.3} mm/s, nut {:6.0} rpm: {:6.2} % peak to peak (Eq 19), {:6.3} % rms\n",
+                1e3 * hold.point.velocity,
+                hold.point.base * 60.0 / TAU,
+                ripple.vrf_percent,
+                ripple.rms_percent
+            )
+        };
+    }
+    text
 }
 
 /// What the recording waits for.
