@@ -184,7 +184,6 @@ impl Sensors {
             bus: Adc::unipolar(12, BUS_RANGE * installation.bus_v, 0.5),
             scale_count_m: installation.scale_count_m,
             scale_noise_m: sensing.table_noise_m,
-            ..Self::real()
         }
     }
 }
