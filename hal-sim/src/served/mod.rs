@@ -156,6 +156,7 @@ impl SimulatedDrive {
             coupling: Coupling::Coupled,
             board: start.board,
             tuning: start.plate.tuning,
+            shipped: None,
         };
         let mut drive = Self::of(setup, &start.plate, Begin::Cold)?;
         // The brake carries the load while the drive is off.

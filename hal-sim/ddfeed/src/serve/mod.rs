@@ -3,15 +3,16 @@
 mod flash;
 mod lines;
 
-use crate::simulate::MachineOptions;
+use crate::simulate::{BoardName, MachineOptions};
 use anyhow::Result;
 use clap::Args;
+use hal_sim::boards::BoardKind;
 use std::path::PathBuf;
 
 /// Which drive, and where it is to be found.
 #[derive(Args, Debug)]
 pub struct ServeOptions {
-    /// Which machine, with which sensors.
+    /// Which machine, with which sensors: the paper's where no board is named.
     #[command(flatten)]
     pub machine: MachineOptions,
     /// Where it listens.
@@ -33,6 +34,13 @@ pub struct ServeOptions {
     /// not there.
     #[arg(long, conflicts_with = "settings")]
     pub flash: Option<PathBuf>,
+}
+
+impl ServeOptions {
+    /// The board that is named; `None`: the paper's machine.
+    fn board(&self) -> Option<BoardKind> {
+        self.machine.board.and_then(BoardName::kind)
+    }
 }
 
 /// Serves until Ctrl-C.

@@ -91,6 +91,10 @@ pub struct ReplayOptions {
 /// Which machine, with which sensors.
 #[derive(Args, Debug, Clone)]
 pub struct MachineOptions {
+    /// A board as it ships, with its own sensors and motors; or the paper's ideal machine, which no board is. [default: mains; paper
+    /// where `--model` or `--sensors` is given, and for `serve`]
+    #[arg(long, value_enum)]
+    pub board: Option<BoardName>,
     /// A preset: the paper's own simplification, or the coupled machine. [default: paper; coupled for a sweep]
     #[arg(long, value_enum, conflicts_with = "model")]
     pub machine: Option<Preset>,
@@ -100,12 +104,23 @@ pub struct MachineOptions {
     /// Load at each motor, N m. [default: the machine's own, 1 N m on the paper's]
     #[arg(long, allow_negative_numbers = true)]
     pub load: Option<f64>,
-    /// What measures the machine.
-    #[arg(long, value_enum, default_value = "real")]
-    pub sensors: Sensing,
+    /// What measures the paper's machine or one of your own. [default: real]
+    #[arg(long, value_enum)]
+    pub sensors: Option<Sensing>,
     /// Seed of all noise.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+}
+
+/// A board.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BoardName {
+    /// `mains_310v`: the paper's motors on 310 V, an MT6835 on the screw, 40,000 counts on the nut.
+    Mains,
+    /// `nucleo_g474re`: two Hudson motors on 36 V, encoders of 16,000 counts.
+    Nucleo,
+    /// No board that ships: no dead time, sensors as `--sensors` says.
+    Paper,
 }
 
 /// A preset of the machine.
