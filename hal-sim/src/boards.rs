@@ -51,6 +51,12 @@ impl BoardKind {
         }
     }
 
+    /// The same of a drive that compensates: [`Settings::smooth`].
+    #[must_use]
+    pub fn smooth_plate(self) -> DrivePlate {
+        self.settings().smooth().plate(&self.plate().board)
+    }
+
     /// What it bears.
     #[must_use]
     pub fn guards(self) -> GuardPlate {

@@ -1,6 +1,7 @@
 //! Experiments on the drive: a set-up, profiles, records.
 
 use crate::board::BoardConfig;
+use crate::boards::BoardKind;
 use crate::drive::Drive;
 use crate::plates::{PAPER_TUNING, RECORDED_TUNING, deadbeat, plates};
 use crate::seam::{Seam, Straight};
@@ -87,9 +88,21 @@ pub struct Setup {
     pub board: BoardConfig,
     /// The loops' tuning.
     pub tuning: Tuning,
+    /// The board that ships with this plate; `None`: the control code is told what the model says.
+    pub shipped: Option<BoardKind>,
 }
 
 impl Setup {
+    /// A board as it ships, with its own sensors, motors and tuning: `template` is the machine around them.
+    #[must_use]
+    pub fn shipped(kind: BoardKind, template: &Model, coupling: Coupling) -> Self {
+        let (model, tuning) = (kind.machine(template, coupling), kind.plate().tuning);
+        Self {
+            shipped: Some(kind),
+            ..Self::on(model, coupling, kind.config(), tuning)
+        }
+    }
+
     /// `model` with ideal sensors: nothing between the machine and the control law but its sample time.
     #[must_use]
     pub fn ideal(model: Model, coupling: Coupling) -> Self {
@@ -116,6 +129,7 @@ impl Setup {
             coupling,
             board,
             tuning,
+            shipped: None,
         }
     }
 
@@ -133,13 +147,17 @@ impl Setup {
             coupling,
             board,
             tuning: RECORDED_TUNING,
+            shipped: None,
         }
     }
 
     /// What the control code is told.
     #[must_use]
     pub fn plate(&self) -> DrivePlate {
-        plates(&self.model, self.coupling, &self.board, self.tuning)
+        match self.shipped {
+            Some(kind) => kind.plate(),
+            None => plates(&self.model, self.coupling, &self.board, self.tuning),
+        }
     }
 
     /// The drive at rest, with its rotors aligned.
@@ -147,14 +165,29 @@ impl Setup {
     /// # Errors
     /// [`ExperimentError::Misfit`] if a gain does not fit its format.
     pub fn drive(&self) -> Result<Drive, ExperimentError> {
-        Ok(Drive::aligned(
-            &self.model,
-            self.coupling,
-            self.board,
-            &self.plate(),
-        )?)
+        self.drive_with(&self.plate())
+    }
+
+    /// The same, told what `plate` says. A shipped board measures its current zeros and charges its drivers before it holds a load:
+    /// a brake carries it until then.
+    ///
+    /// # Errors
+    /// [`ExperimentError::Misfit`] if a gain does not fit its format.
+    pub fn drive_with(&self, plate: &DrivePlate) -> Result<Drive, ExperimentError> {
+        let mut drive = Drive::aligned(&self.model, self.coupling, self.board, plate)?;
+        if self.shipped.is_some() {
+            drive.board.machine.set_load_force(0.0);
+            for _ in 0..(BRAKED_S / self.board.pwm_period_s()) as u32 {
+                drive.period();
+            }
+            drive.board.machine.set_load_force(self.model.feed.load_n);
+        }
+        Ok(drive)
     }
 }
+
+/// How long a brake carries the load of a shipped board's machine, s.
+const BRAKED_S: f64 = 0.3;
 
 /// A table velocity and a nut speed.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -215,10 +215,16 @@ fn nonsense_is_refused_in_a_sentence() {
             vec!["simulate", "--load", "5"],
             "the drive is still not steady",
         ),
+        (
+            vec!["simulate", "--board", "nucleo", "--sensors", "ideal"],
+            "--board names a board that ships",
+        ),
         // The nut stands with a torque at which its worst phase is too warm for ever.
         (
             vec![
                 "simulate",
+                "--board",
+                "paper",
                 "--load",
                 "1.2",
                 "--nut-rpm",

@@ -157,6 +157,7 @@ impl SimulatedDrive {
             coupling: Coupling::Coupled,
             board: start.board,
             tuning: start.plate.tuning,
+            shipped: None,
         };
         let mut drive = Self::of(setup, &start.plate, Begin::Cold)?;
         if start.model.installation.brake != Brake::None {

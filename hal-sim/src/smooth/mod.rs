@@ -184,12 +184,7 @@ pub fn smoothness(
 pub fn drive(setup: &Setup, compensation: CompensationPlate) -> Result<Drive, ExperimentError> {
     let mut plate = setup.plate();
     plate.compensation = compensation;
-    Ok(Drive::aligned(
-        &setup.model,
-        setup.coupling,
-        setup.board,
-        &plate,
-    )?)
+    setup.drive_with(&plate)
 }
 
 /// What a drive has learned, as its plate would say it.

@@ -1,7 +1,7 @@
 //! The fault matrix, of which no cell may be unsafe, and random pairs of its faults; and what its mends are for.
 
 use bench::faults::{
-    Cell, Defect, Hazard, Input, Interruption, Limits, Matrix, Outcome, Pair, Situation,
+    Cell, Defect, Hazard, Input, Interruption, Limits, Matrix, Outcome, Pair, PlateOf, Situation,
     alignment_s, interrupt,
 };
 use control::fault::Fault;
@@ -13,15 +13,30 @@ use plant::model::Model;
 use std::f64::consts::TAU;
 
 fn outcomes(cells: &[Cell]) -> Vec<Outcome> {
-    Matrix::of(cells).unwrap().run_all(cells).unwrap()
+    outcomes_of(cells, BoardKind::plate)
+}
+
+fn outcomes_of(cells: &[Cell], plate_of: PlateOf) -> Vec<Outcome> {
+    let matrix = Matrix::of(cells, plate_of).unwrap();
+    matrix.run_all(cells).unwrap()
 }
 
 #[test]
 fn no_cell_is_unsafe() {
-    let cells = Cell::all();
+    none_is_unsafe(&Cell::all(), BoardKind::plate);
+}
+
+/// A sample; `cargo xtask bench faults --compensated` runs all.
+#[test]
+fn no_cell_is_unsafe_with_compensation() {
+    let cells: Vec<Cell> = Cell::all().into_iter().step_by(11).collect();
+    none_is_unsafe(&cells, BoardKind::smooth_plate);
+}
+
+fn none_is_unsafe(cells: &[Cell], plate_of: PlateOf) {
     let hazardous: Vec<String> = cells
         .iter()
-        .zip(outcomes(&cells))
+        .zip(outcomes_of(cells, plate_of))
         .filter(|(_, outcome)| !outcome.hazards.is_empty())
         .map(|(cell, outcome)| format!("{}: {:?}", cell.name(), outcome.hazards))
         .collect();
@@ -320,7 +335,7 @@ fn of_pair(board: BoardKind, faults: [(Input, Defect); 2], situation: Situation)
         faults,
         situation,
     };
-    let matrix = Matrix::of_pairs(&[pair]).unwrap();
+    let matrix = Matrix::of_pairs(&[pair], BoardKind::plate).unwrap();
     matrix.run_pair(&pair).unwrap()
 }
 
@@ -781,7 +796,7 @@ fn is_explained(pair: &Pair) -> bool {
 #[test]
 fn of_random_pairs_at_most_one_is_unsafe_and_it_is_explained() {
     let pairs = Pair::drawn(1000, 1);
-    let matrix = Matrix::of_pairs(&pairs).unwrap();
+    let matrix = Matrix::of_pairs(&pairs, BoardKind::plate).unwrap();
     let outcomes = on_all_cores(&pairs, |pair| matrix.run_pair(pair).unwrap());
     let unsafe_pairs: Vec<(&Pair, Outcome)> = pairs
         .iter()

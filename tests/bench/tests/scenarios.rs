@@ -1,13 +1,14 @@
 //! What may happen at work, and short samples of the long runs: `cargo xtask bench faults --soak` makes them longer.
 
 use bench::alignment::held_load_n;
-use bench::faults::{Scenario, healthy, run_scenario, soak};
+use bench::faults::{PlateOf, Scenario, Steady, healthy, run_scenario, soak};
 use control::fault::Fault;
 use control::supervisor::{Demand, State};
 use hal_sim::board::BoardConfig;
 use hal_sim::boards::BoardKind;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::RPM;
+use hal_sim::parallel::on_all_cores;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -49,22 +50,39 @@ fn a_table_that_stands_at_its_stop_is_let_go() {
     }
 }
 
+/// Drives that compensate what repeats, and such that do not.
+const PLATES: [PlateOf; 2] = [BoardKind::plate, BoardKind::smooth_plate];
+
+/// The NUCLEO's drive once learned its encoder's counting at 800 rpm, and stopped by its voltage's watch after 9 to 14 s.
+#[test]
+fn steady_running_with_compensation_has_no_fault() {
+    let all = Steady::all();
+    let stopped = on_all_cores(&all, |steady| steady.run(BoardKind::smooth_plate, 16.0, 1));
+    for (steady, stopped) in all.iter().zip(stopped) {
+        assert_eq!(stopped.unwrap(), None, "{steady:?}");
+    }
+}
+
 #[test]
 fn hard_but_healthy_running_has_no_fault() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
-        let seen = healthy(board, 20.0, 3).unwrap();
-        assert!(
-            seen.stopped.is_empty() && seen.stuck == 0 && seen.commands > 10,
-            "{board:?}: {seen:?}"
-        );
+        for plate_of in PLATES {
+            let seen = healthy(board, plate_of, 20.0, 3).unwrap();
+            assert!(
+                seen.stopped.is_empty() && seen.stuck == 0 && seen.commands > 10,
+                "{board:?}: {seen:?}"
+            );
+        }
     }
 }
 
 #[test]
 fn after_each_fault_and_its_reset_it_is_ready_again() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
-        let seen = soak(board, 30.0, 3).unwrap();
-        assert!(seen.stuck == 0 && seen.faults > 4, "{board:?}: {seen:?}");
+        for plate_of in PLATES {
+            let seen = soak(board, plate_of, 30.0, 3).unwrap();
+            assert!(seen.stuck == 0 && seen.faults > 4, "{board:?}: {seen:?}");
+        }
     }
 }
 

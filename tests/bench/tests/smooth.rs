@@ -1,5 +1,6 @@
 //! The drive removes the ripple of the machine with its defects, from cold, and keeps what it has learned.
 
+use bench::smooth::bench::{Controller, Scale, cases};
 use bench::smooth::reversal::{Reversal, reversal};
 use bench::smooth::{Machine, orders, setup};
 use control::compensation::fit::TableFit;
@@ -279,4 +280,27 @@ fn a_table_that_was_moved_at_rest_teaches_nothing() {
     }
     assert_eq!(drive.state(), State::Holding);
     assert_eq!(learned(&drive), before, "after and before the start");
+}
+
+/// Both boards as they ship, with their own sensors and no load. The limits are a fifth above what was measured.
+#[test]
+fn the_boards_that_ship_are_rows_and_ripple_less_with_what_they_learn() {
+    let ours = Controller::Ours(Scale::There);
+    for (machine, nut_rpm, limit) in [
+        (Machine::Mains, 0.0, 5.3),
+        (Machine::Mains, 800.0, 4.6),
+        (Machine::Nucleo, 0.0, 18.3),
+        (Machine::Nucleo, 800.0, 6.5),
+    ] {
+        let case = cases()
+            .into_iter()
+            .find(|case| (case.machine, case.nut_rpm, case.controller) == (machine, nut_rpm, ours))
+            .unwrap();
+        let left = case.run(1).unwrap().vrf;
+        assert!(
+            left < limit,
+            "{}, {nut_rpm} rpm: {left:.2} % is left, expected less than {limit} %",
+            machine.name()
+        );
+    }
 }

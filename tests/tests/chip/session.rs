@@ -224,6 +224,7 @@ fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
         coupling: Coupling::Lumped,
         board: board_config(Wiring::Nucleo),
         tuning: plate().tuning,
+        shipped: None,
     };
     let drive = SimulatedDrive::with_plate(&setup, &plate())?;
     let serving = Rc::new(RefCell::new(Serving::new(drive)));

@@ -80,7 +80,7 @@ pub fn run(options: &ServeOptions) -> Result<()> {
         "--speed is {speed}, but 0.01 to 10 times real time are possible: the drive's own half second for a heartbeat \
          goes as fast"
     );
-    let (setup, name) = options.machine.setup(Preset::Coupled)?;
+    let (setup, name) = options.machine.setup_on(options.board(), Preset::Coupled)?;
     let mut drive = if options.cold {
         SimulatedDrive::cold(&Start::anywhere(&setup))
     } else {

@@ -4,9 +4,10 @@ mod flash;
 mod lines;
 mod machine;
 
-use crate::simulate::MachineOptions;
+use crate::simulate::{BoardName, MachineOptions};
 use anyhow::Result;
 use clap::Args;
+use hal_sim::boards::BoardKind;
 use std::path::PathBuf;
 
 /// Which drive, and where it is to be found.
@@ -15,7 +16,7 @@ pub struct ServeOptions {
     /// Prints a model file to begin with, and ends: `ddfeed serve --example > mine.toml`.
     #[arg(long)]
     pub example: bool,
-    /// Which machine, with which sensors.
+    /// Which machine, with which sensors: the paper's where no board is named.
     #[command(flatten)]
     pub machine: MachineOptions,
     /// Where it listens.
@@ -37,6 +38,13 @@ pub struct ServeOptions {
     /// not there.
     #[arg(long, conflicts_with = "settings")]
     pub flash: Option<PathBuf>,
+}
+
+impl ServeOptions {
+    /// The board that is named; `None`: the paper's machine.
+    fn board(&self) -> Option<BoardKind> {
+        self.machine.board.and_then(BoardName::kind)
+    }
 }
 
 /// Serves until Ctrl-C.

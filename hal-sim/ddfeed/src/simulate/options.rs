@@ -91,6 +91,10 @@ pub struct ReplayOptions {
 /// Which machine, with which sensors.
 #[derive(Args, Debug, Clone)]
 pub struct MachineOptions {
+    /// A board as it ships, with its own sensors and motors; or the paper's ideal machine, which no board is. [default: mains; paper
+    /// where `--model` or `--sensors` is given, and for `serve`]
+    #[arg(long, value_enum)]
+    pub board: Option<BoardName>,
     /// A preset: the paper's own simplification, or the coupled machine. [default: paper; coupled for a sweep]
     #[arg(long, value_enum, conflicts_with = "model")]
     pub machine: Option<Preset>,
@@ -106,6 +110,17 @@ pub struct MachineOptions {
     /// Seed of all noise.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+}
+
+/// A board.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BoardName {
+    /// `mains_310v`: the paper's motors on 310 V, an MT6835 on the screw, 40,000 counts on the nut.
+    Mains,
+    /// `nucleo_g474re`: two Hudson motors on 36 V, encoders of 16,000 counts.
+    Nucleo,
+    /// No board that ships: no dead time, sensors as `--sensors` says.
+    Paper,
 }
 
 /// A preset of the machine.

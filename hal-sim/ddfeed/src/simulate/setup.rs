@@ -1,7 +1,8 @@
 //! From what was asked to a drive's set-up; what cannot be is refused before anything is run.
 
-use super::options::{MachineOptions, Preset, RECORD_S, Sensing};
-use anyhow::{Context, Result};
+use super::options::{BoardName, MachineOptions, Preset, RECORD_S, Sensing};
+use anyhow::{Context, Result, ensure};
+use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
 use plant::machine::Coupling;
 use plant::model::{EncoderKind, Model};
@@ -11,6 +12,18 @@ use std::f64::consts::TAU;
 const ABSOLUTE_COUNTS: u32 = 1 << 21;
 
 const _: () = assert!(RECORD_S == hal_sim::experiment::RECORD_S);
+
+impl BoardName {
+    /// The board that ships; `None`: the paper's machine.
+    #[must_use]
+    pub fn kind(self) -> Option<BoardKind> {
+        match self {
+            Self::Mains => Some(BoardKind::Mains),
+            Self::Nucleo => Some(BoardKind::Nucleo),
+            Self::Paper => None,
+        }
+    }
+}
 
 impl MachineOptions {
     /// What measures the machine.
@@ -22,8 +35,27 @@ impl MachineOptions {
         self.sensors.unwrap_or(of_machine)
     }
 
+    /// The shipped board; `None`: the paper's machine.
+    pub fn board(&self) -> Option<BoardKind> {
+        let own = self.model.is_some() || self.sensors.is_some();
+        match self.board {
+            Some(board) => board.kind(),
+            None => (!own).then_some(BoardKind::Mains),
+        }
+    }
+
+    /// Its motors are not the paper's.
+    pub fn is_nucleo(&self) -> bool {
+        self.board() == Some(BoardKind::Nucleo)
+    }
+
     /// The set-up, and the machine's name. `preset` is used where none is asked.
     pub fn setup(&self, preset: Preset) -> Result<(Setup, String)> {
+        self.setup_on(self.board(), preset)
+    }
+
+    /// The same on a board.
+    pub fn setup_on(&self, board: Option<BoardKind>, preset: Preset) -> Result<(Setup, String)> {
         let (mut model, coupling, name) = match (&self.model, self.machine.unwrap_or(preset)) {
             (Some(path), _) => (
                 Model::load(path)?,
@@ -37,18 +69,30 @@ impl MachineOptions {
             finite("--load", "N m", load, -1e3, 1e3)?;
             model.feed.load_n = load * TAU / model.feed.lead_m;
         }
+        let own = self.model.is_some() || self.sensors.is_some();
+        ensure!(
+            board.is_none() || !own,
+            "--board names a board that ships, which has its own motors and sensors, but --model or --sensors is given too: leave one \
+             out, or give --board paper"
+        );
         let sensing = &model.sensing;
         let counts = sensing.encoder_counts_per_turn;
-        anyhow::ensure!(
-            sensing.encoder != EncoderKind::Absolute || counts == ABSOLUTE_COUNTS,
+        ensure!(
+            board.is_some()
+                || sensing.encoder != EncoderKind::Absolute
+                || counts == ABSOLUTE_COUNTS,
             "sensing.encoder_counts_per_turn is {counts} of an absolute encoder, but the simulated one is an MT6835 of {ABSOLUTE_COUNTS} \
              counts: give as many, or another sensing.encoder"
         );
-        let mut setup = match self.sensing() {
-            Sensing::Ideal => Setup::ideal(model, coupling),
-            Sensing::Real => Setup::real(model, coupling),
-            Sensing::Declared => Setup::declared(model, coupling),
+        let mut setup = match (board, self.sensing()) {
+            (Some(board), _) => Setup::shipped(board, &model, coupling),
+            (None, Sensing::Ideal) => Setup::ideal(model, coupling),
+            (None, Sensing::Real) => Setup::real(model, coupling),
+            (None, Sensing::Declared) => Setup::declared(model, coupling),
         };
+        if let (Some(_), Some(load)) = (board, self.load) {
+            setup.model.feed.load_n = load * TAU / setup.model.feed.lead_m;
+        }
         setup.board.seed = self.seed;
         Ok((setup, name))
     }

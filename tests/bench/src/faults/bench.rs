@@ -112,11 +112,11 @@ const WARM: f64 = 40.0;
 impl Bench {
     pub(super) fn new(
         board: BoardKind,
+        plate: DrivePlate,
         load_n: f64,
         mass_kg: f64,
         spoiled: Vec<Spoiled>,
     ) -> Result<Self, Misfit> {
-        let plate = board.plate();
         Ok(Self {
             supervision: Supervision::new(&board.guards(), &plate)?,
             board,

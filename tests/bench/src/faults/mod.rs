@@ -24,13 +24,16 @@ mod run;
 mod scenario;
 mod soak;
 mod spoiled;
+mod steady;
 
 pub use cell::{Cell, Defect, Input, Pair, Situation};
 pub use interrupted::{Interrupted, Interruption, alignment_s, interrupt};
 pub use scenario::{Point, Scenario, Story, run as run_scenario};
 pub use soak::{Soaked, healthy, soak};
+pub use steady::Steady;
 
 use control::alignment::Misalignment;
+use control::plate::DrivePlate;
 use control::supervisor::State;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::ExperimentError;
@@ -105,20 +108,25 @@ pub struct Outcome {
     pub hazards: Vec<Hazard>,
 }
 
+/// The plate of a board's drive: [`BoardKind::plate`], or [`BoardKind::smooth_plate`] of one that compensates.
+pub type PlateOf = fn(BoardKind) -> DrivePlate;
+
 /// What healthy drives do, to hold the others against.
 #[derive(Debug)]
 pub struct Matrix {
+    plate_of: PlateOf,
     healthy: HashMap<(BoardKind, Situation, Event), Healthy>,
 }
 
 impl Matrix {
-    /// Runs a healthy drive in each situation of `cells`.
+    /// Runs a healthy drive in each situation of `cells`; each drive has the plate that `plate_of` says.
     ///
     /// # Errors
     /// [`ExperimentError`] if it cannot be configured or does not come into its situation.
-    pub fn of(cells: &[Cell]) -> Result<Self, ExperimentError> {
+    pub fn of(cells: &[Cell], plate_of: PlateOf) -> Result<Self, ExperimentError> {
         let event = |cell: &Cell| Event::of(&[(cell.input, cell.defect)]);
         Self::with(
+            plate_of,
             cells
                 .iter()
                 .map(|cell| (cell.board, cell.situation, event(cell))),
@@ -129,9 +137,10 @@ impl Matrix {
     ///
     /// # Errors
     /// [`ExperimentError`] as for [`Matrix::of`].
-    pub fn of_pairs(pairs: &[Pair]) -> Result<Self, ExperimentError> {
+    pub fn of_pairs(pairs: &[Pair], plate_of: PlateOf) -> Result<Self, ExperimentError> {
         let event = |pair: &Pair| Event::of(&pair.faults);
         Self::with(
+            plate_of,
             pairs
                 .iter()
                 .map(|pair| (pair.board, pair.situation, event(pair))),
@@ -139,6 +148,7 @@ impl Matrix {
     }
 
     fn with(
+        plate_of: PlateOf,
         wanted: impl Iterator<Item = (BoardKind, Situation, Event)>,
     ) -> Result<Self, ExperimentError> {
         let mut keys: Vec<_> = Vec::new();
@@ -148,13 +158,14 @@ impl Matrix {
             }
         }
         let runs = on_all_cores(&keys, |(board, situation, event)| {
-            run::run(*board, *situation, &[], *event, 0, None)
+            let plate = plate_of(*board);
+            run::run(*board, &plate, *situation, &[], *event, 0, None)
         });
         let mut healthy = HashMap::new();
         for (key, run) in keys.into_iter().zip(runs) {
             healthy.insert(key, run?.1);
         }
-        Ok(Self { healthy })
+        Ok(Self { plate_of, healthy })
     }
 
     /// Runs a cell.
@@ -187,8 +198,8 @@ impl Matrix {
     ) -> Result<Outcome, ExperimentError> {
         let event = Event::of(faults);
         let healthy = self.healthy.get(&(board, situation, event));
-        run::run(board, situation, faults, event, run::seed(name), healthy)
-            .map(|(outcome, _)| outcome)
+        let (plate, seed) = ((self.plate_of)(board), run::seed(name));
+        run::run(board, &plate, situation, faults, event, seed, healthy).map(|(outcome, _)| outcome)
     }
 
     /// Runs all of `cells` on all cores, in their order.

@@ -144,16 +144,18 @@ impl Run {
     /// The drive in its situation, the faults not there yet.
     pub(super) fn new(
         board: BoardKind,
+        plate: &DrivePlate,
         situation: Situation,
         faults: &[(Input, Defect)],
         seed: u64,
     ) -> Result<Self, ExperimentError> {
-        Self::on(board, situation, faults, seed, board.config())
+        Self::on(board, plate, situation, faults, seed, board.config())
     }
 
     /// The same with what `config` has of a bus.
     pub(super) fn on(
         board: BoardKind,
+        plate: &DrivePlate,
         situation: Situation,
         faults: &[(Input, Defect)],
         seed: u64,
@@ -164,15 +166,14 @@ impl Run {
             comparators: Comparators::Amplifiers,
             ..config
         };
-        let plate = board.plate();
         let starts = matches!(
             situation,
             Situation::Boot | Situation::Unaligned | Situation::Aligning
         );
         let mut drive = if starts {
-            Drive::new(&model, Coupling::Coupled, config, &plate)?
+            Drive::new(&model, Coupling::Coupled, config, plate)?
         } else {
-            Drive::aligned(&model, Coupling::Coupled, config, &plate)?
+            Drive::aligned(&model, Coupling::Coupled, config, plate)?
         };
         drive.request.demand = match situation {
             Situation::Boot | Situation::Aligning => Demand::Align,
@@ -184,7 +185,13 @@ impl Run {
         let spoiled = faults.iter().zip(0..);
         let spoiled = spoiled.map(|((input, defect), k)| Spoiled::new(*input, *defect, seed + k));
         let feed = &model.feed;
-        let mut bench = Bench::new(board, feed.load_n, feed.table_mass_kg, spoiled.collect())?;
+        let mut bench = Bench::new(
+            board,
+            *plate,
+            feed.load_n,
+            feed.table_mass_kg,
+            spoiled.collect(),
+        )?;
         bench.position = drive.board.machine.table_position();
         let mut run = Self {
             period_s: config.pwm_period_s(),
@@ -440,25 +447,25 @@ impl Run {
 /// Runs a situation with faults in it; `healthy` is what a healthy drive does, `None` for that drive itself.
 pub(super) fn run(
     board: BoardKind,
+    plate: &DrivePlate,
     situation: Situation,
     faults: &[(Input, Defect)],
     event: Event,
     seed: u64,
     healthy: Option<&Healthy>,
 ) -> Result<(Outcome, Healthy), ExperimentError> {
-    let mut run = Run::new(board, situation, faults, seed)?;
-    let plate = run.bench.plate;
+    let mut run = Run::new(board, plate, situation, faults, seed)?;
     let position = run.bench.position;
     let switch = if event == Event::End { NEAR_M } else { FAR_M };
     run.bench.ends = Ends {
         middle: position,
         switch,
         // A tenth more than the stop takes: see the interlock.
-        stop: switch + 1.1 * stop_m(&plate, plate.feed.velocity_max),
+        stop: switch + 1.1 * stop_m(plate, plate.feed.velocity_max),
     };
     if event == Event::End {
         let scale = run.bench.scale_counts();
-        run.bench.soft = Some(Soft::new(&plate, switch + SOFT_M, scale));
+        run.bench.soft = Some(Soft::new(plate, switch + SOFT_M, scale));
     }
     run.bench.break_down();
     run.returned_j = 0.0;
@@ -521,7 +528,7 @@ pub(super) fn run(
         if reacted.is_none() && run.reacts() {
             reacted = Some((now, x));
             if run.drive.state() == State::Stopping {
-                regular = stop_m(&plate, run.drive.board.machine.table_velocity());
+                regular = stop_m(plate, run.drive.board.machine.table_velocity());
             }
         }
         still = if run.at_rest() { still + period_s } else { 0.0 };

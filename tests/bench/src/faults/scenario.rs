@@ -166,7 +166,7 @@ pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentErro
         config.bus_f = 2.0 * SMALL_BUS_J / (full * full - bus_v * bus_v);
         config.chopper = None;
     }
-    let mut run = Run::on(board, Situation::Ready, &[], 0, config)?;
+    let mut run = Run::on(board, &plate, Situation::Ready, &[], 0, config)?;
     let point = scenario.point(&plate);
     if let Scenario::DeadEncoder(axis) = scenario {
         run.bench.put_in(Input::Encoder(axis), Defect::Frozen, 0);

@@ -130,7 +130,7 @@ impl Case {
     }
 }
 
-/// The rows: each point with all controllers, and the coupled machine's base speeds with the PI and ours.
+/// The rows: both boards as they ship with the PI and ours; each point of the paper's machine with all controllers, and the coupled machine's base speeds with the PI and ours.
 #[must_use]
 pub fn cases() -> Vec<Case> {
     const POINTS: [(Machine, f64, f64); 10] = [
@@ -165,7 +165,18 @@ pub fn cases() -> Vec<Case> {
             controller,
         })
     });
-    points.chain(bases).collect()
+    let shipped = [Machine::Mains, Machine::Nucleo]
+        .into_iter()
+        .flat_map(|machine| [0.0, 300.0, 500.0, 800.0].map(|nut_rpm| (machine, nut_rpm)))
+        .flat_map(|(machine, nut_rpm)| {
+            [Controller::Rival(Rival::Pi), Controller::Ours(Scale::There)].map(|controller| Case {
+                machine,
+                nut_rpm,
+                table_mm_s: 2.5,
+                controller,
+            })
+        });
+    shipped.chain(points).chain(bases).collect()
 }
 
 /// What a case left, over seeds.

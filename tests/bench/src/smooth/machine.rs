@@ -3,6 +3,7 @@
 use control::compensation::TORQUES;
 use control::plate::{CompensationPlate, OrderPlate};
 use hal_sim::board::BoardConfig;
+use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
 use hal_sim::plates::PAPER_TUNING;
 use hal_sim::sensors::Sensors;
@@ -22,6 +23,10 @@ pub enum Machine {
     Lumped,
     /// With friction, an elastic screw and a table of 503 Hz on it.
     Coupled,
+    /// The coupled one with the mains board's motors and sensors, without a load.
+    Mains,
+    /// The same of the NUCLEO board.
+    Nucleo,
 }
 
 /// Rated torque of the paper's motors, N m.
@@ -40,7 +45,7 @@ const SLOTS: f64 = 36.0;
 
 impl Machine {
     /// All.
-    pub const ALL: [Self; 2] = [Self::Lumped, Self::Coupled];
+    pub const ALL: [Self; 4] = [Self::Lumped, Self::Coupled, Self::Mains, Self::Nucleo];
 
     /// As a report calls it.
     #[must_use]
@@ -48,29 +53,52 @@ impl Machine {
         match self {
             Self::Lumped => "lumped",
             Self::Coupled => "coupled",
+            Self::Mains => "mains",
+            Self::Nucleo => "nucleo",
         }
     }
 
-    /// Its model, with 1 N m of load at each motor.
+    /// The board that ships with it.
+    #[must_use]
+    pub fn board(self) -> Option<BoardKind> {
+        match self {
+            Self::Lumped | Self::Coupled => None,
+            Self::Mains => Some(BoardKind::Mains),
+            Self::Nucleo => Some(BoardKind::Nucleo),
+        }
+    }
+
+    /// Its model, with 1 N m of load at each motor; without one on a board that ships, which has a dead time of its own and
+    /// measures the zeros of its current sensors.
     #[must_use]
     pub fn model(self) -> Model {
         let mut model = match self {
             Self::Lumped => Model::paper(),
             Self::Coupled => Model::coupled(),
+            Self::Mains | Self::Nucleo => {
+                let mut model = Model::coupled();
+                model.feed.load_n = 0.0;
+                model.effects = Self::defects(Vec::new());
+                return model;
+            }
         };
         model.feed.load_n = TAU / model.feed.lead_m;
-        let motors: [AnyEffect; 5] = [
-            CurrentOffset {
-                off_a: OFFSETS_A[0],
-                off_b: OFFSETS_A[1],
-            }
-            .into(),
+        let offset = CurrentOffset {
+            off_a: OFFSETS_A[0],
+            off_b: OFFSETS_A[1],
+        };
+        model.effects = Self::defects(vec![offset.into(), DeadTime { value: DEAD_V }.into()]);
+        model
+    }
+
+    /// The defects of all, and `more` of the motors.
+    fn defects(more: Vec<AnyEffect>) -> Vec<EffectModel> {
+        let motors: [AnyEffect; 3] = [
             CurrentGain {
                 gain_a: GAIN,
                 gain_b: 0.0,
             }
             .into(),
-            DeadTime { value: DEAD_V }.into(),
             EncoderEccentricity {
                 order: 1.0,
                 amplitude: ECCENTRICITY,
@@ -89,12 +117,12 @@ impl Machine {
             amplitude: WOBBLE_M,
             phase: 0.0,
         };
-        model.effects = motors
+        motors
             .into_iter()
+            .chain(more)
             .filter_map(|effect| EffectModel::new(Place::Both, effect))
             .chain(EffectModel::new(Place::Feed, lead))
-            .collect();
-        model
+            .collect()
     }
 
     /// How screw and nut meet.
@@ -102,15 +130,20 @@ impl Machine {
     pub fn coupling(self) -> Coupling {
         match self {
             Self::Lumped => Coupling::Lumped,
-            Self::Coupled => Coupling::Coupled,
+            Self::Coupled | Self::Mains | Self::Nucleo => Coupling::Coupled,
         }
     }
 }
 
 /// The machine on a drive with 20-bit encoders, a 12-bit ADC of 5 A with half a count of noise, and a table scale of 20 nm a
-/// count with 10 nm of noise.
+/// count with 10 nm of noise; or on a board that ships, with what that has.
 #[must_use]
 pub fn setup(machine: Machine, seed: u64) -> Setup {
+    if let Some(board) = machine.board() {
+        let mut setup = Setup::shipped(board, &machine.model(), machine.coupling());
+        setup.board.seed = seed;
+        return setup;
+    }
     let sensors = Sensors {
         scale_count_m: 20e-9,
         scale_noise_m: 10e-9,
@@ -127,6 +160,7 @@ pub fn setup(machine: Machine, seed: u64) -> Setup {
             ..BoardConfig::default()
         },
         tuning: PAPER_TUNING,
+        shipped: None,
     }
 }
 

@@ -10,6 +10,7 @@ use super::{attempt, half, positive, power_of_two, within};
 use crate::base::format::Misfit;
 use crate::current::encoder::Interface;
 use crate::plate::{DrivePlate, MotorPlate, OrderPlate};
+use crate::speed::compensation::beat::BeatConfig;
 use crate::speed::compensation::line::{Order, Phasor};
 use crate::speed::compensation::response::{POINTS, Response, ResponsePoint};
 use crate::speed::compensation::{
@@ -37,6 +38,9 @@ const SEEN_LEAST: f64 = 0.003 * 0.003;
 const SEEN_LEAST_OBSERVED: f64 = 0.1 * 0.1;
 /// How much slower those are learned at least: they are below the torque's learning, as a cascade's outer loop.
 const SPEED_SLOWER: f64 = 3.0;
+
+/// What may be learned of an encoder's counting, of the largest torque's current.
+const LEARNED_OF_COUNTING: f64 = 1e-3;
 
 /// A motor's loops at one frequency.
 struct Loops {
@@ -137,6 +141,28 @@ impl MotorPlate {
             moved: speed.times(observed),
             forward: controller.times(accelerated),
             open: controller.plus(observer).times(accelerated).times(observed),
+        }
+    }
+
+    /// A sawtooth of a count has harmonics of `2 / counts / m` rad. At a frequency `f` that is an acceleration of `(2 pi f)^2`
+    /// times as much, and a current by inertia and flux.
+    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+    const fn beat(&self, drive: &DrivePlate) -> BeatConfig {
+        let (period, counts) = (
+            drive.board.sample_time(),
+            self.encoder.counts_per_turn as f64,
+        );
+        let pole_pairs = self.pole_pairs as f64;
+        let per_omega = counts * period / (TAU * pole_pairs) * power_of_two(32);
+        // Of a frequency that is a part `x` of the PWM frequency, over the square of `x`.
+        let speed = TAU / period;
+        let needs =
+            2.0 / counts * speed * speed * self.inertia_kg_m2 / (pole_pairs * self.flux_wb.abs());
+        let learned = TAU / period * drive.compensation.learning_s;
+        let distance = needs / (learned * LEARNED_OF_COUNTING * self.current_max());
+        BeatConfig {
+            counts: per_omega as i64,
+            distance: (distance * power_of_two(8)) as u32,
         }
     }
 
@@ -245,6 +271,7 @@ impl DrivePlate {
             torque,
             angle,
             travel,
+            beat: [screw.beat(self), nut.beat(self)],
             response: [screw.response(self), nut.response(self)],
             slow: (slow * power_of_two(47)) as i32,
             checked: (CHECKED * plate.learning_s / (CHECK_STEPS as f64 * self.speed_step())

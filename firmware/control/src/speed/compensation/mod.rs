@@ -11,14 +11,16 @@
 //! feedforward cancellation schemes", IEEE Trans. Automatic Control, 1994): the error is correlated with the ripple's own cosine and sine, turned by the phase of the loops. That
 //! is an integrator at the order's frequency, and so equals a resonator there; its time constant is the same for all orders.
 //!
-//! It stands still while a speed changes, while a limit cuts a current, and where the order is beyond what the loops can do;
-//! each coefficient is bounded, so that nothing winds up. [`fit`] tells whether what was learned before still fits.
+//! It stands still while a speed changes, while a limit cuts a current, where the order is beyond what the loops can do, and where
+//! the encoder's counting [beats](beat) with the sampling; each coefficient is bounded, so that nothing winds up. [`fit`] tells whether what was learned before still fits.
 
+pub mod beat;
 pub mod fit;
 pub mod line;
 pub mod response;
 
 use crate::base::format::{Angle, Current, Speed, multiply_upper};
+use beat::BeatConfig;
 use fit::TableChecks;
 use line::{Line, Order, Phasor};
 use response::Response;
@@ -87,6 +89,8 @@ pub struct CompensationConfig {
     pub checked: u32,
     /// Largest part of a torque's coefficient, 2^-17 A.
     pub torque_max: i32,
+    /// Where the encoders beat: screw, nut.
+    pub beat: [BeatConfig; 2],
     /// How the loops answer: screw, nut.
     pub response: [Response; 2],
     /// Torque: screw, nut.
@@ -118,6 +122,8 @@ pub struct Turning {
     pub theta_step: i32,
     /// Electrical speed.
     pub omega_e: Speed,
+    /// The same that it is asked.
+    pub asked: Speed,
     /// It follows a steady reference without a limit.
     pub steady: bool,
 }
@@ -224,7 +230,11 @@ impl Compensation {
                 let error = self.table_error(config, scale, relative);
                 self.give(config, [screw.omega_e, nut.omega_e], error, relative);
             }
-            2 => self.tune(config, [screw.theta_step, nut.theta_step]),
+            2 => self.tune(
+                config,
+                [screw.theta_step, nut.theta_step],
+                [screw.asked, nut.asked],
+            ),
             _ => {}
         }
         self.given
@@ -307,7 +317,7 @@ impl Compensation {
 
     /// Tunes one line to the present speeds; after the last a table is checked.
     #[inline(never)]
-    fn tune(&mut self, config: &CompensationConfig, theta_steps: [i32; 2]) {
+    fn tune(&mut self, config: &CompensationConfig, theta_steps: [i32; 2], asked: [Speed; 2]) {
         let next = usize::from(self.next);
         if next >= LINES {
             self.next = 0;
@@ -326,7 +336,11 @@ impl Compensation {
             if let Some(line) = lines.and_then(|lines| lines.get_mut(index))
                 && line.order().0 != 0
             {
-                tune_torque(config, line, response, theta_step);
+                let beats = |frequency| match (config.beat.get(motor), asked.get(motor)) {
+                    (Some(beat), Some(asked)) => beat.is_near(*asked, frequency),
+                    _ => false,
+                };
+                tune_torque(config, line, response, theta_step, beats);
             }
             return;
         }
@@ -419,15 +433,22 @@ fn speed_part(speed: Speed, part: i32) -> Speed {
 }
 
 #[inline(always)]
-fn tune_torque(config: &CompensationConfig, line: &mut Line, response: &Response, theta_step: i32) {
-    let Some(point) = response.at(line.order().frequency(theta_step)) else {
+fn tune_torque(
+    config: &CompensationConfig,
+    line: &mut Line,
+    response: &Response,
+    theta_step: i32,
+    beats: impl FnOnce(u32) -> bool,
+) {
+    let frequency = line.order().frequency(theta_step);
+    let Some(point) = response.at(frequency) else {
         return line.tune(Phasor::ZERO, Phasor::ZERO, config.torque_max);
     };
     // 2^-17 A times 2^-27 is 2^-44; a current is in 2^-20 A.
     let gives = line
         .coefficient()
         .times(point.realise.turned_by(theta_step), 8);
-    let learns = if config.learns {
+    let learns = if config.learns && !beats(frequency) {
         let part = config.part(theta_step.unsigned_abs());
         point.learn.turned_by(theta_step).part(part)
     } else {

@@ -28,7 +28,7 @@ impl Report {
 pub struct SetupReport {
     /// `paper` (lumped), `coupled`, or the model file's path.
     pub machine: String,
-    /// `ideal`, `real` or `declared`.
+    /// `ideal`, `real`, `declared`, or those of a board.
     pub sensors: String,
     /// Table velocity, mm/s.
     pub table_mm_s: f64,

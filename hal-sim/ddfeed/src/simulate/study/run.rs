@@ -1,12 +1,13 @@
 //! The experiment of the paper, or the same at other speeds, loads, machines and sensors.
 
-use super::options::{Options, Preset, Sensing};
+use super::options::{MachineOptions, Options, Preset, Sensing};
 use super::report::{CurveReport, Mark, Report, RunReport, SensitivityReport, SetupReport};
 use super::{curves, html, table};
 use crate::output::Folder;
 use crate::simulate::setup::{duration, nut_speed, table_speed};
 use anyhow::{Context, Result, ensure};
 use hal_sim::analytic::{Sensitivity, ripple_percent};
+use hal_sim::boards::BoardKind;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{
     OperatingPoint, RECORD_HZ, RPM, Recorder, Setup, driven, record_periods, settle,
@@ -54,8 +55,10 @@ pub fn run(options: &Options) -> Result<()> {
         })
         .collect::<Result<Vec<_>>>()?;
     let folder = Folder::open(&options.out)?;
-    let is_paper =
-        machine == "paper" && options.table_speed == PAPER_MM_S && options.machine.load.is_none();
+    let is_paper = machine == "paper"
+        && !options.machine.is_nucleo()
+        && options.table_speed == PAPER_MM_S
+        && options.machine.load.is_none();
 
     let progress = progress_bar(points.len() + 2 * MEASURED_OMEGAS);
     let mut runs = Vec::new();
@@ -81,7 +84,7 @@ pub fn run(options: &Options) -> Result<()> {
     let report = Report {
         setup: SetupReport {
             machine,
-            sensors: sensor_name(options.machine.sensing()).to_owned(),
+            sensors: sensor_name(&options.machine).to_owned(),
             table_mm_s: options.table_speed,
             load: load_name(&setup),
             record_s: seconds,
@@ -265,11 +268,14 @@ fn load_name(setup: &Setup) -> String {
 }
 
 /// How a person calls the sensors.
-pub fn sensor_name(sensors: Sensing) -> &'static str {
-    match sensors {
-        Sensing::Ideal => "ideal",
-        Sensing::Real => "real",
-        Sensing::Declared => "declared",
+pub fn sensor_name(machine: &MachineOptions) -> &'static str {
+    match (machine.board(), machine.sensing()) {
+        (Some(BoardKind::Mains), _) => "the mains board's",
+        (Some(BoardKind::Nucleo), _) => "the NUCLEO board's",
+        (Some(BoardKind::Nucleo40kHz), _) => "the NUCLEO board's at 40 kHz",
+        (None, Sensing::Ideal) => "ideal",
+        (None, Sensing::Real) => "real",
+        (None, Sensing::Declared) => "declared",
     }
 }
 

@@ -8,7 +8,6 @@ use crate::output::Folder;
 use crate::simulate::setup::{duration, nut_speed, table_speed};
 use anyhow::{Result, ensure};
 use control::plate::DrivePlate;
-use hal_sim::drive::Drive;
 use hal_sim::experiment::{
     ExperimentError, OperatingPoint, Setup, driven, record_periods, settle_quietly,
     table_velocities,
@@ -69,7 +68,7 @@ pub fn run(options: &SweepOptions) -> Result<()> {
 
     let report = SweepReport {
         machine,
-        sensors: sensor_name(options.machine.sensing()).to_owned(),
+        sensors: sensor_name(&options.machine).to_owned(),
         table_mm_s: options.table_speed.clone(),
         vrf_percent,
         compensated_percent,
@@ -107,7 +106,7 @@ fn ripple(
     point: OperatingPoint,
     seconds: f64,
 ) -> Result<Option<f64>, ExperimentError> {
-    let mut drive = Drive::aligned(&setup.model, setup.coupling, setup.board, plate)?;
+    let mut drive = setup.drive_with(plate)?;
     match settle_quietly(&mut drive, point) {
         Ok(()) => {}
         Err(ExperimentError::NotSteady { .. }) => return Ok(None),

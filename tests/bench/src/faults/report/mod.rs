@@ -4,7 +4,7 @@ mod interruptions;
 mod page;
 mod story;
 
-use crate::faults::{Cell, Hazard, Matrix, Outcome};
+use crate::faults::{Cell, Hazard, Matrix, Outcome, PlateOf};
 use anyhow::Result;
 use clap::Args;
 use control::supervisor::State;
@@ -30,6 +30,8 @@ struct Report {
     interruptions: Vec<interruptions::Row>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     soak: Vec<story::Long>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    steady: Vec<story::SteadyRow>,
 }
 
 #[derive(Serialize)]
@@ -128,6 +130,7 @@ impl Report {
             pairs: None,
             interruptions: Vec::new(),
             soak: Vec::new(),
+            steady: Vec::new(),
         }
     }
 }
@@ -161,6 +164,12 @@ pub struct FaultsOptions {
     /// The same of hard but healthy running, in which no watch may stop the drive.
     #[arg(long, value_name = "SECONDS")]
     pub healthy: Option<f64>,
+    /// And steady running of so many seconds at each of six common speeds and three loads, on both boards.
+    #[arg(long, value_name = "SECONDS")]
+    pub steady: Option<f64>,
+    /// Of drives that compensate what repeats with their angles, as the firmware's feature `smooth` does.
+    #[arg(long)]
+    pub compensated: bool,
     /// Writes the matrix as a page into this folder.
     #[arg(long)]
     pub out: Option<std::path::PathBuf>,
@@ -173,15 +182,21 @@ pub struct FaultsOptions {
 pub fn run(options: &FaultsOptions) -> Result<()> {
     let cells = Cell::all().into_iter().step_by(options.every.get());
     let cells: Vec<Cell> = cells.collect();
-    let outcomes = Matrix::of(&cells)?.run_all(&cells)?;
+    let plate_of: PlateOf = if options.compensated {
+        BoardKind::smooth_plate
+    } else {
+        BoardKind::plate
+    };
+    let outcomes = Matrix::of(&cells, plate_of)?.run_all(&cells)?;
     let report = Report {
         scenarios: story::scenarios()?,
         pairs: match options.pairs {
             0 => None,
-            count => Some(story::pairs(count, options.pair_seed)?),
+            count => Some(story::pairs(count, options.pair_seed, plate_of)?),
         },
         interruptions: interruptions::rows(options.interruptions)?,
-        soak: story::long_runs(options.healthy, options.soak)?,
+        soak: story::long_runs(options.healthy, options.soak, plate_of)?,
+        steady: story::steady(options.steady, plate_of)?,
         ..Report::of(&cells, &outcomes)
     };
     if options.json {
@@ -192,6 +207,7 @@ pub fn run(options: &FaultsOptions) -> Result<()> {
         report.pairs.iter().for_each(story::tell_pairs);
         interruptions::tell(&report.interruptions);
         story::tell_soaks(&report.soak);
+        story::tell_steady(&report.steady);
     }
     if let Some(out) = &options.out {
         std::fs::create_dir_all(out)?;

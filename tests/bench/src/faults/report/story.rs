@@ -2,7 +2,8 @@
 
 use super::board_name;
 use crate::faults::{
-    Hazard, Matrix, Outcome, Pair, Scenario, Soaked, Story, healthy, run_scenario, soak,
+    Hazard, Matrix, Outcome, Pair, PlateOf, Scenario, Soaked, Steady, Story, healthy, run_scenario,
+    soak,
 };
 use anyhow::Result;
 use hal_sim::boards::BoardKind;
@@ -203,9 +204,9 @@ pub(super) struct Pairs {
     unsafe_pairs: Vec<String>,
 }
 
-pub(super) fn pairs(count: usize, seed: u64) -> Result<Pairs> {
+pub(super) fn pairs(count: usize, seed: u64, plate_of: PlateOf) -> Result<Pairs> {
     let drawn = Pair::drawn(count, seed);
-    let matrix = Matrix::of_pairs(&drawn)?;
+    let matrix = Matrix::of_pairs(&drawn, plate_of)?;
     let outcomes = on_all_cores(&drawn, |pair| matrix.run_pair(pair));
     let outcomes: Vec<Outcome> = outcomes.into_iter().collect::<Result<_, _>>()?;
     let of = |hazard: Hazard| {
@@ -273,10 +274,14 @@ pub(super) struct Long {
 }
 
 /// A run of a board for so many seconds, from a seed.
-type LongRun = fn(BoardKind, f64, u64) -> Result<Soaked, ExperimentError>;
+type LongRun = fn(BoardKind, PlateOf, f64, u64) -> Result<Soaked, ExperimentError>;
 
 /// Each kind that is asked, on both boards, for so many seconds.
-pub(super) fn long_runs(of_healthy: Option<f64>, of_faults: Option<f64>) -> Result<Vec<Long>> {
+pub(super) fn long_runs(
+    of_healthy: Option<f64>,
+    of_faults: Option<f64>,
+    plate_of: PlateOf,
+) -> Result<Vec<Long>> {
     let kinds: [(&'static str, LongRun, Option<f64>); 2] = [
         ("healthy", healthy, of_healthy),
         ("faults and resets", soak, of_faults),
@@ -287,7 +292,9 @@ pub(super) fn long_runs(of_healthy: Option<f64>, of_faults: Option<f64>) -> Resu
             all.extend(seconds.map(|seconds| (board, name, run, seconds)));
         }
     }
-    let soaked = on_all_cores(&all, |(board, _, run, seconds)| run(*board, *seconds, 1));
+    let soaked = on_all_cores(&all, |(board, _, run, seconds)| {
+        run(*board, plate_of, *seconds, 1)
+    });
     all.into_iter()
         .zip(soaked)
         .map(|((board, kind, ..), soaked)| {
@@ -328,6 +335,53 @@ pub(super) fn tell_soaks(all: &[Long]) {
             l.stuck,
             l.overcurrents,
             l.stopped_by
+        );
+    }
+}
+
+/// A steady run.
+#[derive(Serialize)]
+pub(super) struct SteadyRow {
+    board: &'static str,
+    nut_rpm: f64,
+    load_of_rated: f64,
+    seconds: f64,
+    stopped_by: Option<&'static str>,
+    stopped_after_s: Option<f64>,
+}
+
+/// Steady running of so many seconds at each of the common speeds and loads.
+pub(super) fn steady(seconds: Option<f64>, plate_of: PlateOf) -> Result<Vec<SteadyRow>> {
+    let Some(seconds) = seconds else {
+        return Ok(Vec::new());
+    };
+    let all = Steady::all();
+    let ran = on_all_cores(&all, |steady| steady.run(plate_of, seconds, 1));
+    all.into_iter()
+        .zip(ran)
+        .map(|(steady, stopped)| {
+            let stopped = stopped?;
+            Ok(SteadyRow {
+                board: board_name(steady.board),
+                nut_rpm: steady.nut_rpm,
+                load_of_rated: steady.load,
+                seconds,
+                stopped_by: stopped.map(|(fault, _)| fault.name()),
+                stopped_after_s: stopped.map(|(_, after)| after),
+            })
+        })
+        .collect()
+}
+
+pub(super) fn tell_steady(rows: &[SteadyRow]) {
+    for row in rows {
+        println!(
+            "{}, nut at {} rpm, {} of the rated torque, {} s: {}",
+            row.board,
+            row.nut_rpm,
+            row.load_of_rated,
+            row.seconds,
+            row.stopped_by.unwrap_or("no fault")
         );
     }
 }

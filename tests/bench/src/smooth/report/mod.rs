@@ -10,6 +10,7 @@ use crate::smooth::reversal::{Reversal, reversal};
 use anyhow::Result;
 use clap::Args;
 use ddfeed::output::Folder;
+use ddfeed::simulate::BoardName;
 use hal_sim::parallel::on_all_cores;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value, json};
@@ -23,6 +24,9 @@ pub struct SmoothOptions {
     /// Seeds of each row.
     #[arg(long, default_value = "5")]
     pub seeds: std::num::NonZeroU64,
+    /// Of the rows only those of one board, or of the paper's machine.
+    #[arg(long, value_enum)]
+    pub board: Option<BoardName>,
     /// Only these parts.
     #[arg(long, value_enum, num_args = 1..)]
     pub only: Vec<SmoothPart>,
@@ -170,7 +174,9 @@ pub fn run(options: &SmoothOptions) -> Result<()> {
 
 /// All rows, with progress.
 fn measure(options: &SmoothOptions) -> Result<Vec<Row>> {
-    let cases = cases();
+    let board = options.board;
+    let wanted = |case: &Case| board.is_none_or(|board| board.kind() == case.machine.board());
+    let cases: Vec<Case> = cases().into_iter().filter(wanted).collect();
     let runs = cases.len() as u64 * options.seeds.get();
     let progress = ProgressBar::new(runs).with_style(ProgressStyle::with_template(
         "{bar:40} {pos} of {len} runs, {eta} left",
