@@ -59,6 +59,8 @@ pub struct BoardConfig {
     pub chopper: Option<Chopper>,
     /// Dead time of the bridges, s.
     pub dead_time_s: f64,
+    /// Capacitance of each switch of a leg, F: its charge takes a part of the dead time. 0: a leg loses all of it from 20 mA on.
+    pub leg_f: f64,
     /// Phase current that trips the break input, A.
     pub break_a: f64,
     /// What the comparators on the break input see.
@@ -89,6 +91,7 @@ impl Default for BoardConfig {
             bus_f: 0.0,
             chopper: None,
             dead_time_s: 0.0,
+            leg_f: 0.0,
             break_a: 8.0,
             comparators: Comparators::Ideal,
             sensors: Sensors::real(),
@@ -111,6 +114,13 @@ impl BoardConfig {
             .clamp(1.0, 65_535.0) as u16
     }
 
+    /// The current that turns a leg from one end of the bus to the other within the dead time, A: both its switches' charge over
+    /// the dead time.
+    #[must_use]
+    pub fn turning_a(&self) -> f64 {
+        2.0 * self.leg_f * self.bus_v / self.dead_time_s
+    }
+
     /// PWM period that the counters make, s.
     #[must_use]
     pub fn pwm_period_s(&self) -> f64 {
@@ -122,6 +132,22 @@ impl BoardConfig {
 /// sign within the period.
 const DEAD_TIME_FADE_A: f64 = 0.02;
 const DEAD_TIME_SLOPE: f64 = 1.0 / DEAD_TIME_FADE_A;
+
+/// The part of its dead time that a leg loses, for a current over that which turns the leg within the dead time: see
+/// [`BoardConfig::turning_a`].
+///
+/// A current into the motor keeps the leg low until the high side closes: all of the dead time is lost. It then pulls the leg down when
+/// the high side opens, on a slope that gives a part of it back: half of what the slope takes, or, where it ends above, all but that
+/// much.
+fn lost_part(x: f64) -> f64 {
+    let size = x.abs();
+    let lost = if size < 1.0 {
+        0.5 * size
+    } else {
+        1.0 - 0.5 / size
+    };
+    lost.copysign(x)
+}
 
 /// One bridge as its timer drives it.
 #[derive(Clone, Copy, Debug, Default)]
@@ -531,8 +557,14 @@ impl Board {
         let over_middle = |compare| (f64::from(compare) * self.duty_per_count).min(1.0) - 0.5;
         let mut legs = [a, b, c].map(over_middle);
         if self.dead_part > 0.0 {
+            let turning_a = self.config.turning_a();
             for (leg, amps) in legs.iter_mut().zip(currents) {
-                *leg -= self.dead_part * (amps * DEAD_TIME_SLOPE).clamp(-1.0, 1.0);
+                let lost = if turning_a > 0.0 {
+                    lost_part(amps / turning_a)
+                } else {
+                    (amps * DEAD_TIME_SLOPE).clamp(-1.0, 1.0)
+                };
+                *leg -= self.dead_part * lost;
             }
         }
         let legs = legs.map(|part| self.bus_v * part);
@@ -540,5 +572,36 @@ impl Board {
             None => legs,
             Some(wiring) => wiring.windings(legs),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The node of a leg, a nanosecond at a time: a current pulls it down from when the high side opens, and the low side takes it
+    /// the rest of the way when the dead time is over; on the way up a diode keeps it down through the dead time.
+    #[test]
+    fn a_leg_loses_what_its_node_does_in_the_dead_time() {
+        let config = BoardConfig {
+            dead_time_s: 800e-9,
+            leg_f: 300e-12,
+            ..BoardConfig::default()
+        };
+        for amps in [0.01, 0.1, 0.2, 0.25, 0.5, 2.0, 10.0] {
+            let (step_s, bus) = (1e-10, config.bus_v);
+            let (mut node, mut gained) = (bus, 0.0);
+            for _ in 0..(config.dead_time_s / step_s).round() as u32 {
+                gained += node / bus * step_s;
+                node = (node - amps * step_s / (2.0 * config.leg_f)).max(0.0);
+            }
+            let expected = 1.0 - gained / config.dead_time_s;
+            let got = lost_part(amps / config.turning_a());
+            assert!(
+                (got - expected).abs() < 1e-3,
+                "{amps} A: {got:.4} of the dead time, expected {expected:.4}"
+            );
+            assert_eq!(lost_part(-amps / config.turning_a()), -got);
+        }
     }
 }

@@ -31,6 +31,15 @@ pub(crate) const FRAME_LEAD_US: f64 = 5.5;
 pub(crate) const OVER_CURRENT_A: f64 = 4.5;
 pub(crate) const WATCH_CURRENT_A: f64 = 4.75;
 
+/// The bus, V, and the dead time.
+const BUS_V: f64 = 310.0;
+const DEAD_TIME_NS: f64 = 800.0;
+/// Capacitance of a switch of a leg. Assumed, as there is no such board: the most of 100 to 300 pF. Put yours in.
+///
+/// A current of `2 C V / t` turns a leg within the dead time `t`, and loses half of it; a smaller one loses as much less. Twice
+/// that current is where the compensation is full: around zero it then gives what the leg loses, and no more.
+const SWITCH_PF: f64 = 300.0;
+
 /// The drive's own settings.
 pub(crate) const SETTINGS: Settings = Settings {
     screw: MotorSettings {
@@ -52,8 +61,8 @@ pub(crate) const SETTINGS: Settings = Settings {
     bridge: BridgeSettings {
         over_current_a: WATCH_CURRENT_A,
         bus_min_v: 30.0,
-        dead_time_ns: 800.0,
-        dead_time_fade_a: 0.05,
+        dead_time_ns: DEAD_TIME_NS,
+        dead_time_fade_a: 4.0 * SWITCH_PF * BUS_V / DEAD_TIME_NS * 1e-3,
         min_on_time_us: 2.0,
         bootstrap_ms: 1.0,
         // Assumed, as there is no such board: two thirds of what the comparators let pass, heat sink of a module. Put yours in.

@@ -97,7 +97,7 @@ group! {
         1 Real over_current_a => over_current_a = 4.9, (Ampere [0.01, 2000.0]), "Measured phase current, peak, past which a bridge opens in the same period.";
         2 Choice measure_zeros => measure_zeros = Switch::On, (Switch: bool), "Measure the current zeros before each start.";
         3 Real dead_time_ns => dead_time_s = 0.0, (Nanosecond [0.0, 10_000.0]), "Dead time of the timer; 0 switches its compensation off.";
-        4 Real dead_time_fade_a => dead_time_fade_a = 0.05, (Ampere [1e-3, 100.0]), "Current at which the compensation of the dead time is full.";
+        4 Real dead_time_fade_a => dead_time_fade_a = 0.05, (Ampere [1e-3, 100.0]), "Current at which the compensation of the dead time is full: at least 4 C V / t of the capacitance C of a switch, the bus V and the dead time t. Below that the current swings around zero.";
         5 Real min_on_time_us => min_on_time_s = 1.0, (Microsecond [0.0, 50.0]), "Shortest on-time of the low sides: what the shunts need to settle and be sampled.";
         6 Real bootstrap_ms => bootstrap_s = 0.0, (Millisecond [0.0, 1000.0]), "How long the low sides are closed before a bridge is first driven.";
         7 Part thermal => thermal = ThermalSettings { rated_current_a_rms: 3.0, thermal_time_s: 20.0 }, (ThermalSettings: ThermalPlate ""), "What a bridge bears for long.";
