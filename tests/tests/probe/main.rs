@@ -1,0 +1,5 @@
+//! The debugger's own library, probe-rs, at the emulated chip.
+
+mod core;
+mod emulated;
+mod source;
