@@ -405,6 +405,17 @@ impl Emulator {
         Ok(())
     }
 
+    /// The chip as ST ships it: nothing is in its flash, and the power has just come.
+    ///
+    /// # Errors
+    /// The engine fails.
+    pub fn deliver(&mut self) -> Result<(), String> {
+        self.chip().flash.deliver();
+        self.copy_flash()?;
+        self.chip().restart(Reset::BrownOut);
+        self.start_core()
+    }
+
     /// The chip around the core.
     pub fn chip(&mut self) -> &mut Chip {
         &mut self.unicorn.get_data_mut().chip

@@ -134,6 +134,11 @@ impl Flash {
         bytes.try_into().ok().map(u16::from_le_bytes)
     }
 
+    /// As ST ships it: nothing is in it.
+    pub fn deliver(&mut self) {
+        self.clear(BEGIN, END - BEGIN);
+    }
+
     /// After a reset: locked; what it holds stays.
     pub fn reset(&mut self) {
         self.memory.power_up();

@@ -40,12 +40,19 @@ impl Emulator {
             if self.halted_time == HaltedTime::Running {
                 self.chip().core_goes_on();
             }
-            if steps {
+            self.locked_up = !self.can_fetch()?;
+            if steps && !self.locked_up {
                 self.step()?;
                 self.unicorn.get_data_mut().limit = limit;
             }
         }
         Ok(self.chip().debug.halted())
+    }
+
+    /// There is memory where the core goes on. Without any, the fetch is a fault and its handler's too: it locks up.
+    fn can_fetch(&self) -> Result<bool, String> {
+        let pc = self.get(RegisterARM::PC)?;
+        Ok(self.unicorn.mem_read_as_vec(u64::from(pc & !1), 2).is_ok())
     }
 
     /// The core enters debug state.

@@ -55,6 +55,14 @@ impl Server {
     /// # Errors
     /// The address is lost.
     pub fn serve(&mut self, chip: &mut Emulator) -> io::Result<bool> {
+        let mut came = false;
+        if let Some(debugger) = &mut self.debugger {
+            match debugger.answer(chip, &mut |error| self.refused.push(error)) {
+                Ok(count) => came = count > 0,
+                // It is gone; the chip stays as it was left.
+                Err(_) => self.debugger = None,
+            }
+        }
         match self.listener.accept() {
             Ok((stream, _)) if self.debugger.is_none() => {
                 stream.set_nonblocking(true)?;
@@ -70,17 +78,7 @@ impl Server {
             Err(error) if error.kind() == ErrorKind::WouldBlock => {}
             Err(error) => return Err(error),
         }
-        let Some(debugger) = &mut self.debugger else {
-            return Ok(false);
-        };
-        match debugger.answer(chip, &mut |error| self.refused.push(error)) {
-            Ok(count) => Ok(count > 0),
-            // It is gone; the chip stays as it was left.
-            Err(_) => {
-                self.debugger = None;
-                Ok(true)
-            }
-        }
+        Ok(came)
     }
 }
 

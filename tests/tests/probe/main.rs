@@ -2,4 +2,5 @@
 
 mod core;
 mod emulated;
+mod flash;
 mod source;

@@ -37,13 +37,17 @@ impl Memory for Target<'_> {
 /// Opens the probe.
 ///
 /// # Errors
-/// It does not open.
+/// It does not open, or has no SWD.
 pub fn open(info: &DebugProbeInfo) -> Result<Probe> {
     let mut probe = info.open().with_context(|| {
         format!("the probe {info} does not open: is another debugger using it, and may this user open it?")
     })?;
     // A probe that cannot set its speed keeps the one it has.
     let _ = probe.set_speed(SPEED_KHZ);
+    // Some probes know no other wire; those that do must be told.
+    probe.select_protocol(WireProtocol::Swd).with_context(|| {
+        format!("the probe {info} has no serial wire debug (SWD), which the chip is reached by")
+    })?;
     Ok(probe)
 }
 
@@ -62,9 +66,6 @@ pub fn with_chip<E: Send + 'static, T: Send + 'static>(
         move |say| {
             let lost = |error: &dyn std::error::Error| chip::unreachable(&info, error);
             let mut probe = open(&info)?;
-            probe
-                .select_protocol(WireProtocol::Swd)
-                .map_err(|error| lost(&error))?;
             probe
                 .attach_to_unspecified()
                 .map_err(|error| lost(&error))?;
