@@ -63,7 +63,7 @@ impl Chip {
 
     /// Lets time run to `to` while the core is halted. The machine coasts where its bridges' timers stand.
     pub fn advance_halted(&mut self, to: u64) {
-        if self.pwm[0].held() {
+        if self.pwm[0].held().is_some() {
             self.machine.borrow_mut().coast(to - self.now);
         }
         self.advance(to);

@@ -133,10 +133,10 @@ impl PwmTimer {
         true
     }
 
-    /// It stands with the core.
+    /// When it stopped with the core, if it stands.
     #[must_use]
-    pub fn held(&self) -> bool {
-        self.held.is_some()
+    pub fn held(&self) -> Option<u64> {
+        self.held
     }
 
     /// Its outputs follow the compare values.

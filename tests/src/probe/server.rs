@@ -55,16 +55,16 @@ impl Server {
     /// # Errors
     /// The address is lost.
     pub fn serve(&mut self, chip: &mut Emulator) -> io::Result<bool> {
-        let mut came = false;
-        if let Some(debugger) = &mut self.debugger {
-            match debugger.answer(chip, &mut |error| self.refused.push(error)) {
-                Ok(count) => came = count > 0,
-                // It is gone; the chip stays as it was left.
-                Err(_) => self.debugger = None,
-            }
-        }
-        match self.listener.accept() {
-            Ok((stream, _)) if self.debugger.is_none() => {
+        let mut came = self.answer(chip);
+        let stream = match self.listener.accept() {
+            Ok((stream, _)) => stream,
+            Err(error) if error.kind() == ErrorKind::WouldBlock => return Ok(came),
+            Err(error) => return Err(error),
+        };
+        // Who comes next may come before the end of the last was heard.
+        came |= self.answer(chip);
+        match self.debugger {
+            None => {
                 stream.set_nonblocking(true)?;
                 stream.set_nodelay(true)?;
                 self.debugger = Some(Debugger {
@@ -74,11 +74,24 @@ impl Server {
                 });
             }
             // The other hears the end of its connection.
-            Ok((other, _)) => drop(other),
-            Err(error) if error.kind() == ErrorKind::WouldBlock => {}
-            Err(error) => return Err(error),
+            Some(_) => drop(stream),
         }
         Ok(came)
+    }
+
+    /// Answers the debugger. `true`: something had come.
+    fn answer(&mut self, chip: &mut Emulator) -> bool {
+        let Some(debugger) = &mut self.debugger else {
+            return false;
+        };
+        match debugger.answer(chip, &mut |error| self.refused.push(error)) {
+            Ok(count) => count > 0,
+            // It is gone; the chip stays as it was left.
+            Err(_) => {
+                self.debugger = None;
+                true
+            }
+        }
     }
 }
 

@@ -2,5 +2,7 @@
 
 mod core;
 mod emulated;
+mod failures;
 mod flash;
+mod halted;
 mod source;

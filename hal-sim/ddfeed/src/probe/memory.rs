@@ -24,13 +24,13 @@ impl Memory for Target<'_> {
     fn read(&mut self, address: u32, bytes: &mut [u8]) -> Result<()> {
         self.0
             .read(u64::from(address), bytes)
-            .with_context(|| format!("the chip's memory at {address:#010x} cannot be read"))
+            .with_context(|| format!("the chip's memory at {address:#010x} cannot be read: is the probe still connected, and is the board powered?"))
     }
 
     fn write(&mut self, address: u32, word: u32) -> Result<()> {
         self.0
             .write_word_32(u64::from(address), word)
-            .with_context(|| format!("the chip's memory at {address:#010x} cannot be written"))
+            .with_context(|| format!("the chip's memory at {address:#010x} cannot be written: is the probe still connected, and is the board powered?"))
     }
 }
 
