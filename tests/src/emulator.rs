@@ -1,24 +1,29 @@
 //! The core: runs the ELF's instructions in Unicorn, and adds what Unicorn leaves out: exceptions with their
 //! priorities, sleep, bit-band, and time in cycles.
 
+mod debug;
 mod exception;
+mod hooks;
 mod profile;
 
+pub use debug::HaltedTime;
 pub use profile::{Cost, Profile};
 
+use crate::chip::debug::Cause;
 use crate::chip::system::Checked;
 use crate::chip::wiring::Wiring;
 use crate::chip::{Chip, Reset, adc, flash};
 use crate::image::Image;
 use crate::pins::Machine;
 use crate::timing::{Decoder, REFILL};
+use hooks::Hooks;
 use std::cell::RefCell;
 use std::collections::HashMap;
 use std::rc::Rc;
-use unicorn_engine::{Arch, HookType, Mode, Prot, RegisterARM, Unicorn, uc_error};
+use unicorn_engine::{Arch, HookType, MemType, Mode, Prot, RegisterARM, Unicorn, uc_error};
 
 /// What programs reach of the flash; the rest is the chip's: [`crate::chip::flash`].
-const FLASH: (u64, u64) = (0x0800_0000, flash::START as u64 - 0x0800_0000);
+const FLASH: (u64, u64) = (flash::BEGIN as u64, (flash::START - flash::BEGIN) as u64);
 const RAM: (u64, u64) = (0x2000_0000, 0x1_8000);
 const CCM: (u64, u64) = (0x1000_0000, 0x8000);
 /// What the maker wrote of the chip, and where in it what ADC4 read of its internal reference at 3.0 V is (`stm32g4xx-hal`, `signature.rs`).
@@ -49,6 +54,8 @@ enum Stop {
     ExceptionReturn,
     /// The core has written to memory that the protection unit closes.
     Fault,
+    /// A debugger halts it.
+    Debug(Cause),
 }
 
 /// What of the memory that parity guards was written.
@@ -100,6 +107,14 @@ struct Inside {
     limit: u64,
     stop: Option<Stop>,
     profile: Profile,
+    /// A debugger has stopped the core here, within the block under way.
+    within: Option<u32>,
+    /// How far the step is that a debugger asked for.
+    step: hooks::Step,
+    /// A watchpoint has matched; the core halts before its next instruction.
+    watched: bool,
+    /// Addresses of the instructions that have run, if they are kept.
+    trace: Vec<u32>,
     /// What was written since the power came, of the memory that parity guards; `None`: nobody looks.
     written: Option<Written>,
 }
@@ -165,6 +180,11 @@ pub struct Emulator {
     unicorn: Unicorn<'static, Inside>,
     image: Rc<Image>,
     sleeping: bool,
+    /// The core has met a fault that it cannot handle.
+    locked_up: bool,
+    hooks: Hooks,
+    /// What time does while a debugger halts the core.
+    pub halted_time: HaltedTime,
     /// Resets so far.
     pub resets: Vec<Reset>,
 }
@@ -185,13 +205,17 @@ impl Emulator {
         machine: Rc<RefCell<dyn Machine>>,
     ) -> Result<Self, String> {
         let inside = Inside {
-            chip: Chip::new(machine, wiring, Rc::clone(image)),
+            chip: Chip::new(machine, wiring),
             decoder: Decoder::new(),
             blocks: HashMap::new(),
             current: None,
             limit: 0,
             stop: None,
             profile: Profile::default(),
+            within: None,
+            step: hooks::Step::None,
+            watched: false,
+            trace: Vec::new(),
             written: None,
         };
         let mut unicorn =
@@ -216,12 +240,18 @@ impl Emulator {
             .mem_write(FLASH_SIZE, &512_u16.to_le_bytes())
             .map_err(engine)?;
         for (start, data) in &image.segments {
-            unicorn.mem_write(u64::from(*start), data).map_err(|_| {
-                format!(
-                    "the firmware loads {} bytes at {start:#010x}, where the chip has no flash",
-                    data.len()
-                )
-            })?;
+            unicorn
+                .get_data_mut()
+                .chip
+                .flash
+                .hold(*start, data)
+                .and_then(|()| unicorn.mem_write(u64::from(*start), data).ok())
+                .ok_or_else(|| {
+                    format!(
+                        "the firmware loads {} bytes at {start:#010x}, where the chip has no flash",
+                        data.len()
+                    )
+                })?;
         }
         #[allow(clippy::cast_possible_truncation)]
         unicorn
@@ -231,6 +261,9 @@ impl Emulator {
             unicorn,
             image: Rc::clone(image),
             sleeping: false,
+            locked_up: false,
+            hooks: Hooks::default(),
+            halted_time: HaltedTime::default(),
             resets: Vec::new(),
         };
         emulator.map_peripherals()?;
@@ -298,22 +331,30 @@ impl Emulator {
             .map_err(engine)?;
         self.unicorn
             .add_intr_hook(|uc, number| {
+                const BREAKPOINT: u32 = 7;
                 const EXCEPTION_EXIT: u32 = 8;
                 let inside = uc.get_data_mut();
-                if number == EXCEPTION_EXIT {
-                    inside.stop = Some(Stop::ExceptionReturn);
-                } else {
-                    inside
-                        .chip
-                        .error
-                        .get_or_insert(format!("the core raises exception {number} by itself"));
-                    inside.stop = Some(Stop::Look);
-                }
+                inside.stop = Some(match number {
+                    EXCEPTION_EXIT => Stop::ExceptionReturn,
+                    // Without a debugger the firmware has gone wrong, and that is said.
+                    BREAKPOINT if inside.chip.debug.enabled() => Stop::Debug(Cause::Breakpoint),
+                    _ => {
+                        let text = format!("the core raises exception {number} by itself");
+                        inside.chip.error.get_or_insert(text);
+                        Stop::Look
+                    }
+                });
                 let _ = uc.emu_stop();
             })
             .map_err(engine)?;
         self.unicorn
-            .add_mem_hook(HookType::MEM_INVALID, 1, 0, |uc, kind, address, size, _| {
+            .add_mem_hook(HookType::MEM_INVALID, 1, 0, |uc, kind, address, size, value| {
+                if kind == MemType::WRITE_PROT && (FLASH.0..FLASH.0 + FLASH.1).contains(&address) {
+                    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                    let (address, value) = (address as u32, value as u32);
+                    uc.get_data_mut().chip.write(address, size, value);
+                    return true;
+                }
                 let pc = uc.reg_read(RegisterARM::PC).unwrap_or(0);
                 let text = format!(
                     "{kind:?} of {size} bytes at {address:#010x} from {pc:#010x}: no memory there"
@@ -352,9 +393,27 @@ impl Emulator {
         let (stack, entry) = (self.word(0x0800_0000)?, self.word(0x0800_0004)?);
         self.set(RegisterARM::MSP, u64::from(stack))?;
         self.set(RegisterARM::PC, u64::from(entry))?;
-        self.unicorn.get_data_mut().current = None;
+        let inside = self.unicorn.get_data_mut();
+        (inside.current, inside.within) = (None, None);
         self.sleeping = false;
+        // Without a program the first fetch is a fault, and so is its handler's.
+        self.locked_up = entry & 1 == 0
+            || self
+                .unicorn
+                .mem_read_as_vec(u64::from(entry & !1), 2)
+                .is_err();
         Ok(())
+    }
+
+    /// The chip as ST ships it: nothing is in its flash, and the power has just come.
+    ///
+    /// # Errors
+    /// The engine fails.
+    pub fn deliver(&mut self) -> Result<(), String> {
+        self.chip().flash.deliver();
+        self.copy_flash()?;
+        self.chip().restart(Reset::BrownOut);
+        self.start_core()
     }
 
     /// The chip around the core.
@@ -470,27 +529,35 @@ impl Emulator {
                 chip.restart(reason);
                 self.resets.push(reason);
                 self.start_core()?;
+                if self.chip().debug.reset() {
+                    self.halt(Cause::VectorCatch);
+                }
                 continue;
             }
+            if chip.debug.enabled() && self.is_halted(time)? {
+                if self.halted_time == HaltedTime::Frozen || self.time() >= time {
+                    return Ok(());
+                }
+                self.pass_halted(time)?;
+                continue;
+            }
+            let chip = &mut self.unicorn.get_data_mut().chip;
             if chip.now >= time {
                 return Ok(());
             }
-            if chip.frozen {
+            if chip.frozen || self.locked_up {
                 let next = chip.next_event().min(time);
                 chip.advance(next);
                 continue;
             }
-            let (basepri, primask) = (
-                self.get(RegisterARM::BASEPRI)?,
-                self.get(RegisterARM::PRIMASK)?,
-            );
-            #[allow(clippy::cast_possible_truncation)]
-            let basepri = basepri as u8;
-            let chip = &mut self.unicorn.get_data_mut().chip;
-            if let Some(exception) = chip.nvic.takeable(basepri, primask & 1 == 1) {
+            if let Some(exception) = self.next_exception()? {
                 self.sleeping = false;
                 self.enter(exception)?;
+                continue;
             } else if self.sleeping {
+                #[allow(clippy::cast_possible_truncation)]
+                let basepri = self.get(RegisterARM::BASEPRI)? as u8;
+                let chip = &mut self.unicorn.get_data_mut().chip;
                 if chip.nvic.wakes(basepri) {
                     self.sleeping = false;
                 } else {
@@ -502,6 +569,22 @@ impl Emulator {
             }
             self.run()?;
         }
+    }
+
+    /// The exception that the core takes next, if any. None comes within a block.
+    fn next_exception(&self) -> Result<Option<usize>, String> {
+        let (basepri, primask) = (
+            self.get(RegisterARM::BASEPRI)?,
+            self.get(RegisterARM::PRIMASK)?,
+        );
+        #[allow(clippy::cast_possible_truncation)]
+        let basepri = basepri as u8;
+        let inside = self.unicorn.get_data();
+        if inside.within.is_some() {
+            return Ok(None);
+        }
+        let masked = primask & 1 == 1 || inside.chip.debug.masks_interrupts();
+        Ok(inside.chip.nvic.takeable(basepri, masked))
     }
 
     /// From here on a write to memory that the protection unit closes is a fault. It costs a look at each write, so it is for
@@ -558,6 +641,26 @@ impl Emulator {
         Ok(())
     }
 
+    /// From here on the address of each instruction that runs is kept. It costs a look at each, so it is for tests of just that.
+    ///
+    /// # Errors
+    /// The engine fails.
+    pub fn trace(&mut self) -> Result<(), String> {
+        self.unicorn
+            .add_code_hook(1, 0, |uc, address, _| {
+                #[allow(clippy::cast_possible_truncation)]
+                uc.get_data_mut().trace.push(address as u32);
+            })
+            .map_err(engine)?;
+        self.unicorn.ctl_flush_tb().map_err(engine)
+    }
+
+    /// The addresses that were kept.
+    #[must_use]
+    pub fn traced(&self) -> &[u32] {
+        &self.unicorn.get_data().trace
+    }
+
     /// Moves the stack of the code that runs, as one that has used it up.
     ///
     /// # Errors
@@ -573,9 +676,17 @@ impl Emulator {
     /// Runs the core until a hook stops it.
     fn run(&mut self) -> Result<(), String> {
         const NOWHERE: u64 = 0xFFFF_FFFE;
+        self.copy_flash()?;
+        self.place_hooks()?;
         let pc = self.get(RegisterARM::PC)?;
         self.unicorn.get_data_mut().stop = None;
         let result = self.unicorn.emu_start(u64::from(pc | 1), NOWHERE, 0, 0);
+        if let Some(Stop::Debug(cause)) = self.unicorn.get_data().stop {
+            self.stop_within()?;
+            self.flush_memory()?;
+            self.halt(cause);
+            return Ok(());
+        }
         let inside = self.unicorn.get_data_mut();
         inside.settle(None);
         self.flush_memory()?;
@@ -583,12 +694,13 @@ impl Emulator {
         match (inside.stop.take(), result) {
             (Some(Stop::ExceptionReturn), _) => self.leave(),
             (Some(Stop::Fault), _) => self.fault(),
-            (Some(Stop::Look), Ok(())) => Ok(()),
+            (Some(Stop::Look | Stop::Debug(_)), Ok(())) => Ok(()),
             // The core stopped by itself: it sleeps.
             (None, Ok(())) => {
                 self.sleeping = true;
                 Ok(())
             }
+            (None, Err(uc_error::INSN_INVALID)) if inside.chip.debug.enabled() => self.undefined(),
             (_, Err(error)) => {
                 let known = inside.chip.error.clone();
                 Err(format!(
@@ -646,6 +758,10 @@ fn on_block(uc: &mut Unicorn<'_, Inside>, address: u64, size: u32) {
         }
     }
     let inside = uc.get_data_mut();
+    if inside.within.take() == Some(address) {
+        // The rest of the block that a debugger stopped in.
+        return;
+    }
     inside.settle(Some(address));
     let Some(&block) = inside.blocks.get(&address) else {
         inside.stop = Some(Stop::Look);
@@ -654,21 +770,27 @@ fn on_block(uc: &mut Unicorn<'_, Inside>, address: u64, size: u32) {
     };
     let now = inside.chip.now;
     let chip = &inside.chip;
-    let mut stop = chip.error.is_some() || chip.reset.is_some() || now >= inside.limit;
+    // A debugger's stop may have come in an IT block, which goes on.
+    let mut stop = inside.stop.is_some()
+        || chip.error.is_some()
+        || chip.reset.is_some()
+        || now >= inside.limit;
     let pending = chip.nvic.any_pending();
     let writes = !chip.memory_writes.is_empty();
     if pending && !stop {
         #[allow(clippy::cast_possible_truncation)]
         let basepri = uc.reg_read(RegisterARM::BASEPRI).unwrap_or(0) as u8;
         let primask = uc.reg_read(RegisterARM::PRIMASK).unwrap_or(0) & 1 == 1;
-        stop = uc.get_data().chip.nvic.takeable(basepri, primask).is_some();
+        let chip = &uc.get_data().chip;
+        let masked = primask || chip.debug.masks_interrupts();
+        stop = chip.nvic.takeable(basepri, masked).is_some();
     }
     if writes {
         let _ = write_memory(uc);
     }
     if stop {
         // The block has not run and is met again.
-        uc.get_data_mut().stop = Some(Stop::Look);
+        uc.get_data_mut().stop.get_or_insert(Stop::Look);
         let _ = uc.emu_stop();
     } else {
         uc.get_data_mut().current = Some((address, block));

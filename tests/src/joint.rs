@@ -17,6 +17,8 @@ pub struct Joint {
     last: Option<(Motor, u64)>,
     half_period: u64,
     restarted: bool,
+    /// Cycles that the machine has coasted through beyond its last whole step.
+    coasted: u64,
 }
 
 /// How far apart the two tops may be from half a period, core cycles: the timers start one count apart.
@@ -37,6 +39,7 @@ impl Joint {
             last: None,
             half_period: u64::from(config.period()),
             restarted: false,
+            coasted: 0,
         }
     }
 
@@ -152,6 +155,25 @@ impl Machine for Joint {
 
     fn stopped(&mut self, motor: Motor) {
         self.board.trip_break(Self::axis(motor));
+    }
+
+    fn coast(&mut self, cycles: u64) {
+        let Some((_, last)) = &mut self.last else {
+            return;
+        };
+        // The top that comes next is as far away as it was.
+        *last += cycles;
+        self.coasted += cycles;
+        while self.coasted >= self.half_period {
+            self.coasted -= self.half_period;
+            self.board.advance();
+        }
+    }
+
+    fn driven_again(&mut self) {
+        for axis in [Axis::Screw, Axis::Nut] {
+            self.board.clear_break(axis);
+        }
     }
 
     fn reset(&mut self) {

@@ -2,7 +2,7 @@
 //!
 //! [`image`] reads the ELF, [`chip`] is the chip around the core, [`emulator`] the core itself and its exceptions,
 //! [`timing`] what each instruction costs on a Cortex-M4, [`pins`] what the chip's pins are joined to, [`joint`] the
-//! machine of `hal-sim` at the pins, [`mod@bench`] a drive on that bench as a person with a probe would use it.
+//! machine of `hal-sim` at the pins, [`probe`] a debug probe at its debug port, [`mod@bench`] a drive on that bench as a person with a probe would use it.
 //!
 //! A register that the firmware touches and the chip model lacks is an error that names it, not a silent zero.
 
@@ -17,6 +17,7 @@ pub mod joint;
 pub mod log;
 mod memory;
 pub mod pins;
+pub mod probe;
 pub mod same;
 pub mod sizes;
 pub mod timing;

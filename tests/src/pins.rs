@@ -51,6 +51,12 @@ pub trait Machine {
     /// The bridge of `motor` was opened between two tops: by its break input, or by the code.
     fn stopped(&mut self, motor: Motor);
 
+    /// Both bridges stand open for so many cycles, while a debugger halts their timers with the core.
+    fn coast(&mut self, cycles: u64);
+
+    /// The timers, and with them the bridges, go on after a halt.
+    fn driven_again(&mut self);
+
     /// The chip was reset: both bridges are open, and the next top comes when the firmware has started again.
     fn reset(&mut self);
 }
@@ -83,6 +89,10 @@ impl Machine for AtRest {
     }
 
     fn stopped(&mut self, _motor: Motor) {}
+
+    fn coast(&mut self, _cycles: u64) {}
+
+    fn driven_again(&mut self) {}
 
     fn reset(&mut self) {}
 }

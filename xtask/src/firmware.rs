@@ -1,4 +1,4 @@
-//! `cargo xtask build | cost | sizes`: the firmware, and what it takes.
+//! `cargo xtask build | emulate | cost | sizes`: the firmware, on an emulated chip, and what it takes.
 
 use crate::program::Program;
 use crate::tools::{emulator_environment, root, target_folder};
@@ -70,14 +70,23 @@ pub fn sizes(options: &SizesOptions) -> Result<()> {
     report("sizes", [(options.json, "--json")])
 }
 
-/// Runs one of the emulator's programs.
+/// Runs the firmware on the emulated chip, which a debugger and a host reach.
+pub fn emulate(words: Vec<OsString>) -> Result<()> {
+    emulator("emulate", words)
+}
+
+/// Runs one of the emulator's programs that print figures.
 fn report<const N: usize>(program: &str, flags: [(bool, &str); N]) -> Result<()> {
+    let flags = flags.into_iter().filter(|(on, _)| *on);
+    emulator(program, flags.map(|(_, flag)| flag.into()).collect())
+}
+
+fn emulator(program: &str, words: Vec<OsString>) -> Result<()> {
     let emulator = Program {
         build: &["--package", "tests", "--bin", program],
         environment: &emulator_environment(&target_folder()?)?,
     };
-    let flags = flags.into_iter().filter(|(on, _)| *on);
-    emulator.run(flags.map(|(_, flag)| flag.into()))
+    emulator.run(words)
 }
 
 /// The identification's blind test on so many machines.

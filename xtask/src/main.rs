@@ -43,6 +43,9 @@ enum Task {
     /// With no voltage on the bus: flash, let the firmware check the board, and report.
     #[command(disable_help_flag = true)]
     Bringup(Words),
+    /// Run the firmware on an emulated chip that a debugger and a host reach.
+    #[command(disable_help_flag = true)]
+    Emulate(Words),
     /// Run the firmware on an emulated chip and print what its interrupts cost.
     Cost(firmware::CostOptions),
     /// Print what the firmware takes of the chip's flash, RAM, CCM and stack, and its largest symbols.
@@ -104,6 +107,7 @@ fn run(task: Task) -> Result<()> {
         Task::Run(words) => board("run", words),
         Task::Attach(words) => board("attach", words),
         Task::Bringup(words) => board("bringup", words),
+        Task::Emulate(words) => firmware::emulate(words.words),
         Task::Cost(options) => firmware::cost(&options),
         Task::Sizes(options) => firmware::sizes(&options),
         Task::Wiring => {

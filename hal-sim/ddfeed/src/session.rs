@@ -6,7 +6,8 @@ use clap::Args;
 /// Which probe.
 #[derive(Args, Clone, Debug, Default, PartialEq)]
 pub struct Which {
-    /// The probe, if there are several: its serial number, or another part of its line in the list.
+    /// The probe, if there are several: its serial number, or another part of its line in the list. Or the address of an emulated
+    /// chip's: `127.0.0.1:2331`.
     #[arg(long, value_name = "SELECTOR")]
     pub probe: Option<String>,
 }

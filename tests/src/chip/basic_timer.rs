@@ -14,6 +14,8 @@ pub struct BasicTimer {
     /// When the counter was last at zero.
     zero: u64,
     flag: bool,
+    /// When a debugger halted the core, and it with it.
+    held: Option<u64>,
 }
 
 impl BasicTimer {
@@ -27,14 +29,26 @@ impl BasicTimer {
             ),
             zero: 0,
             flag: false,
+            held: None,
         }
+    }
+
+    /// It stands from `now` on.
+    pub fn hold(&mut self, now: u64) {
+        self.held = Some(now);
+    }
+
+    /// It goes on.
+    pub fn release(&mut self, now: u64) {
+        self.zero += self.held.take().map_or(0, |held| now - held);
     }
 
     /// When it runs out.
     #[must_use]
     pub fn out_at(&self) -> Option<u64> {
         let counts = u64::from(self.registers.get("ARR")) + 1;
-        (self.registers.get("CR1") & 1 == 1).then_some(self.zero + counts)
+        let counting = self.registers.get("CR1") & 1 == 1 && self.held.is_none();
+        counting.then_some(self.zero + counts)
     }
 
     /// It has run out.

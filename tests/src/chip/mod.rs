@@ -9,10 +9,12 @@ mod asked;
 pub mod basic_timer;
 pub mod capture;
 pub mod clocks;
+pub mod debug;
 pub mod dma;
 pub mod encoder;
 pub mod faults;
 pub mod flash;
+mod halt;
 pub mod nvic;
 pub mod outside;
 pub mod power;
@@ -25,12 +27,12 @@ pub mod system;
 pub mod watchdog;
 pub mod wiring;
 
-use crate::image::Image;
 use crate::pins::{Bridge, Machine, Motor, Sensors};
 use adc::{Adc, Conversion};
 use analog::{Comparators, Dac};
 use basic_timer::BasicTimer;
 use capture::CaptureTimer;
+use debug::{Debug, Master};
 use dma::{Dma, Transfer};
 use encoder::{EncoderTimer, Frame};
 use faults::Faults;
@@ -107,12 +109,12 @@ pub struct Chip {
     pub faults: Faults,
     /// IWDG.
     pub watchdog: Watchdog,
+    /// The core's debug registers.
+    pub debug: Debug,
     /// The power stages' gate drivers: screw's, nut's.
     stages: [Stage; 2],
     /// The board that it is on.
     wiring: Wiring,
-    /// What is in its flash.
-    image: Rc<Image>,
     /// The machine at the pins.
     machine: Rc<RefCell<dyn Machine>>,
     sensors: [Sensors; 2],
@@ -168,9 +170,9 @@ pub enum Reset {
 }
 
 impl Chip {
-    /// A chip after a power-on reset on a board, with `image` in its flash, joined to `machine`.
+    /// A chip after a power-on reset on a board, with erased flash, joined to `machine`.
     #[must_use]
-    pub fn new(machine: Rc<RefCell<dyn Machine>>, wiring: Wiring, image: Rc<Image>) -> Self {
+    pub fn new(machine: Rc<RefCell<dyn Machine>>, wiring: Wiring) -> Self {
         let sensors = [Motor::Screw, Motor::Nut].map(|motor| machine.borrow().still(motor));
         Self {
             now: 0,
@@ -194,9 +196,9 @@ impl Chip {
             outside: Outside::of(wiring),
             faults: Faults::default(),
             watchdog: Watchdog::new(),
+            debug: Debug::default(),
             stages: [Stage::new(); 2],
             wiring,
-            image,
             machine,
             sensors,
             sampled: [[0; 3]; 2],
@@ -214,11 +216,7 @@ impl Chip {
     /// Everything but time, machine and record goes back to its reset value; the flags say why.
     pub fn restart(&mut self, reason: Reset) {
         self.machine.borrow_mut().reset();
-        let fresh = Self::new(
-            Rc::clone(&self.machine),
-            self.wiring,
-            Rc::clone(&self.image),
-        );
+        let fresh = Self::new(Rc::clone(&self.machine), self.wiring);
         let old = std::mem::replace(self, fresh);
         self.tops = old.tops;
         self.outside = old.outside;
@@ -228,9 +226,11 @@ impl Chip {
         self.flash = old.flash;
         self.flash.reset();
         self.system.crystal = old.system.crystal;
-        // A brown-out's reset ends when the supply is back.
+        // A brown-out's reset ends when the supply is back. What belongs to the debugger only a loss of power resets.
         if reason != Reset::BrownOut {
             self.system.supply_v = old.system.supply_v;
+            self.system.keep_debug(old.system.debug());
+            self.debug = old.debug;
         }
         self.system.no_boost = old.system.no_boost;
         self.system.set_option_bytes(old.system.option_bytes());
@@ -656,11 +656,8 @@ impl Chip {
 
     /// A half word that the DMA reads: of flash only, which does not change.
     fn half_word_of_flash(&self, address: u32) -> Result<u16, String> {
-        self.image
-            .bytes(address, 2)
-            .filter(|_| (0x0800_0000..0x0808_0000).contains(&address))
-            .and_then(|bytes| bytes.try_into().ok())
-            .map(u16::from_le_bytes)
+        self.flash
+            .half_word(address)
             .ok_or_else(|| format!("the DMA reads {address:#010x}, which is not in flash"))
     }
 
@@ -731,6 +728,37 @@ impl Chip {
 
     fn fail(&mut self, error: String) {
         self.error.get_or_insert(error);
+    }
+
+    /// The debugger reads a word, while the core is as `core` says. The core does not wait for it.
+    ///
+    /// # Errors
+    /// The model does not have the register.
+    pub fn debugger_reads(&mut self, address: u32, core: debug::Core) -> Result<u32, String> {
+        let waits = self.bus_wait;
+        let word = if Debug::has(address) {
+            self.debug.read(address, Master::Debugger, core)
+        } else {
+            self.read_word(address)
+        };
+        self.bus_wait = waits;
+        word
+    }
+
+    /// The debugger writes a word.
+    ///
+    /// # Errors
+    /// The model does not have the register, or not what is written.
+    pub fn debugger_writes(&mut self, address: u32, value: u32) -> Result<(), String> {
+        let waits = self.bus_wait;
+        let written = if Debug::has(address) {
+            self.debug.write(address, value, Master::Debugger)
+        } else {
+            self.write_word(address, value)
+        };
+        self.bus_wait = waits;
+        self.reschedule();
+        written
     }
 
     /// The core reads `size` bytes at `address`.
@@ -822,6 +850,10 @@ impl Chip {
             }
             0x4000_1400 => self.deadman.read(offset),
             0x4000_3000 => self.watchdog.read(offset),
+            0xE000_0000.. if Debug::has(address) => {
+                self.debug
+                    .read(address, Master::Core, debug::Core::default())
+            }
             0xE000_0000..0xE004_0000 => self.nvic.read(address, now),
             _ => self.system.read(address),
         }
@@ -841,14 +873,16 @@ impl Chip {
         let (block, offset) = (address & !0x3FF, address & 0x3FF);
         self.bus_wait += bus_wait(address);
         match block {
-            flash::START..flash::END => {
+            flash::BEGIN..flash::END => {
                 self.flash.worn = self.faults.worn;
+                self.flash.core_hz = self.system.core_hz();
                 self.flash.program(address, value, now)?;
                 self.look_at_power();
                 Ok(())
             }
             0x4002_2000 => {
                 self.flash.worn = self.faults.worn;
+                self.flash.core_hz = self.system.core_hz();
                 match self.flash.write(offset, value, now)? {
                     true => self.look_at_power(),
                     false => self.system.write(address, value)?,
@@ -913,6 +947,7 @@ impl Chip {
                 Ok(())
             }
             0x4000_3000 => self.watchdog.write(offset, value, now),
+            0xE000_0000.. if Debug::has(address) => self.debug.write(address, value, Master::Core),
             0xE000_0000..0xE004_0000 => {
                 if self.nvic.write(address, value, now)? {
                     self.reset.get_or_insert(Reset::Software);

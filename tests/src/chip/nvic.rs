@@ -27,6 +27,8 @@ const THREAD: i32 = 256;
 
 const DWT_CTRL: u32 = 0xE000_1000;
 const DWT_CYCCNT: u32 = 0xE000_1004;
+/// DWT_CTRL: four comparators, which are [`super::debug::watchpoints`].
+const COMPARATORS: u32 = 4 << 28;
 const SYST_CSR: u32 = 0xE000_E010;
 const SYST_RVR: u32 = 0xE000_E014;
 const SYST_CVR: u32 = 0xE000_E018;
@@ -58,6 +60,8 @@ pub struct Nvic {
     counter_on: bool,
     counter_zero: u64,
     systick: SysTick,
+    /// When a debugger halted the core, which stops both counters.
+    held: Option<u64>,
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -90,8 +94,6 @@ impl Nvic {
                 ("MPU_RNR", 0xD98, 0),
                 ("MPU_RBAR", 0xD9C, 0),
                 ("MPU_RASR", 0xDA0, 0),
-                ("DHCSR", 0xDF0, 0),
-                ("DEMCR", 0xDFC, 0),
                 ("FPCCR", 0xF34, 0xC000_0000),
             ],
         );
@@ -106,7 +108,20 @@ impl Nvic {
             counter_on: false,
             counter_zero: 0,
             systick: SysTick::default(),
+            held: None,
         }
+    }
+
+    /// The core is halted from `now` on: SysTick and the cycle counter stand (ARMv7-M B3.3, C1.8.3).
+    pub fn hold(&mut self, now: u64) {
+        self.held = Some(now);
+    }
+
+    /// They go on.
+    pub fn release(&mut self, now: u64) {
+        let stood = self.held.take().map_or(0, |held| now - held);
+        self.counter_zero += stood;
+        self.systick.next += stood;
     }
 
     /// The cycle counter counts from `time`.
@@ -166,6 +181,15 @@ impl Nvic {
         let status = self.control.get("CFSR");
         self.control
             .set("CFSR", status | if stacking { STACKING } else { DATA });
+        self.control.set("HFSR", FORCED);
+    }
+
+    /// Says in the fault status why a hard fault comes: an instruction that there is not, escalated.
+    pub fn usage_fault(&mut self) {
+        const UNDEFINED: u32 = 1 << 16;
+        const FORCED: u32 = 1 << 30;
+        let status = self.control.get("CFSR");
+        self.control.set("CFSR", status | UNDEFINED);
         self.control.set("HFSR", FORCED);
     }
 
@@ -243,7 +267,7 @@ impl Nvic {
     /// When SysTick next reaches zero.
     #[must_use]
     pub fn next_systick(&self) -> Option<u64> {
-        (self.systick.control & 1 == 1).then_some(self.systick.next)
+        (self.systick.control & 1 == 1 && self.held.is_none()).then_some(self.systick.next)
     }
 
     /// Time is `now`.
@@ -278,17 +302,19 @@ impl Nvic {
     /// # Errors
     /// The model does not have it.
     pub fn read(&mut self, address: u32, now: u64) -> Result<u32, String> {
+        let now = self.held.unwrap_or(now);
         #[allow(clippy::cast_possible_truncation)]
         Ok(match address {
-            DWT_CTRL => u32::from(self.counter_on),
+            DWT_CTRL => COMPARATORS | u32::from(self.counter_on),
             DWT_CYCCNT => (now - self.counter_zero) as u32,
             SYST_CSR => {
                 self.systick.control | u32::from(std::mem::take(&mut self.systick.wrapped)) << 16
             }
             SYST_RVR => self.systick.reload,
-            SYST_CVR => self
-                .next_systick()
-                .map_or(0, |next| next.saturating_sub(now)) as u32,
+            SYST_CVR if self.systick.control & 1 == 1 => {
+                self.systick.next.saturating_sub(now) as u32
+            }
+            SYST_CVR => 0,
             ISER..0xE000_E180 => self.bits(&self.enabled, (address - ISER) / 4),
             ISPR..0xE000_E280 => self.bits(&self.pending, (address - ISPR) / 4),
             IPR..0xE000_E480 => self.priorities(EXTERNAL + (address - IPR) as usize),

@@ -72,6 +72,8 @@ pub struct PwmTimer {
     /// The chip's own fault: clock, supply, memory, lock-up.
     system_break: bool,
     lock: u32,
+    /// When a debugger halted the core, and it with it.
+    held: Option<u64>,
 }
 
 impl PwmTimer {
@@ -111,7 +113,35 @@ impl PwmTimer {
             break_due: None,
             system_break: false,
             lock: 0,
+            held: None,
         }
+    }
+
+    /// It stands from `now` on with its outputs off. `true` if that stopped the bridge now.
+    pub fn hold(&mut self, now: u64) -> bool {
+        self.held = Some(now);
+        self.moe
+    }
+
+    /// It goes on, and its outputs too. `true` if it stood.
+    pub fn release(&mut self, now: u64) -> bool {
+        let Some(held) = self.held.take() else {
+            return false;
+        };
+        self.next_turn += now - held;
+        self.started = self.started.map(|started| started + (now - held));
+        true
+    }
+
+    /// When it stopped with the core, if it stands.
+    #[must_use]
+    pub fn held(&self) -> Option<u64> {
+        self.held
+    }
+
+    /// Its outputs follow the compare values.
+    fn drives(&self) -> bool {
+        self.moe && self.held.is_none()
     }
 
     /// The counter runs.
@@ -123,7 +153,9 @@ impl PwmTimer {
     /// When the counter next turns.
     #[must_use]
     pub fn next_turn(&self) -> Option<u64> {
-        self.started.map(|_| self.next_turn)
+        self.started
+            .filter(|_| self.held.is_none())
+            .map(|_| self.next_turn)
     }
 
     /// When the counter is next at its top.
@@ -144,7 +176,7 @@ impl PwmTimer {
     pub fn bridge(&self) -> Bridge {
         Bridge {
             compare: self.active,
-            enabled: self.moe,
+            enabled: self.drives(),
         }
     }
 
@@ -157,7 +189,7 @@ impl PwmTimer {
         } else {
             2 * top - position
         };
-        self.active.map(|compare| match self.moe {
+        self.active.map(|compare| match self.drives() {
             false => Leg::Open,
             true if count < u64::from(compare) => Leg::High,
             true => Leg::Low,
@@ -167,7 +199,7 @@ impl PwmTimer {
     /// When a phase next changes from one side to the other.
     #[must_use]
     pub fn next_edge(&self, now: u64) -> Option<u64> {
-        self.started?;
+        self.next_turn()?;
         let (top, position) = (self.top(), self.position(now));
         let edges = self.active.iter().flat_map(|&compare| {
             let compare = u64::from(compare).min(top);
@@ -236,6 +268,7 @@ impl PwmTimer {
 
     fn position(&self, now: u64) -> u64 {
         let run = 2 * self.top();
+        let now = self.held.unwrap_or(now);
         let passed = self.started.map_or(0, |start| now - start);
         (self.phase + passed) % run
     }

@@ -147,6 +147,7 @@ impl System {
                 // Device 0x469, silicon revision X (RM0440 47.6.1; memory).
                 &[
                     ("IDCODE", 0x00, 0x2003_0469),
+                    ("CR", 0x04, 0),
                     ("APB1LFZR", 0x08, 0),
                     ("APB2FZR", 0x10, 0),
                 ],
@@ -188,6 +189,17 @@ impl System {
     #[must_use]
     pub fn stops_with_the_core(&self) -> [u32; 2] {
         ["APB1LFZR", "APB2FZR"].map(|name| self.debug.get(name))
+    }
+
+    /// DBGMCU's registers.
+    #[must_use]
+    pub fn debug(&self) -> &Registers {
+        &self.debug
+    }
+
+    /// DBGMCU's registers are as they were before a reset that is no loss of power (RM0440 47.8.5).
+    pub fn keep_debug(&mut self, registers: &Registers) {
+        self.debug = registers.clone();
     }
 
     /// All that only hold values.
@@ -277,6 +289,16 @@ impl System {
         self.flash.get("OPTR")
     }
 
+    /// The level of read-out protection, 0 to 2 (RM0440 3.5.1).
+    #[must_use]
+    pub fn readout_protection(&self) -> u8 {
+        match self.option_bytes() & 0xFF {
+            0xAA => 0,
+            0xCC => 2,
+            _ => 1,
+        }
+    }
+
     fn brown_out_level(&self) -> u32 {
         self.option_bytes() >> 8 & 7
     }
@@ -325,6 +347,16 @@ impl System {
             _ => Err(format!(
                 "the ADCs' kernel clock {picked} is not 42.5 MHz: RCC_PLLCFGR is {pll:#010x}"
             )),
+        }
+    }
+
+    /// The core's clock: the PLL's, or HSI16 as after a reset (RM0440 7.4.3, SW).
+    #[must_use]
+    pub fn core_hz(&self) -> u64 {
+        const PLL: u32 = 3;
+        match self.rcc.get("CFGR") & 3 {
+            PLL => super::CORE_HZ,
+            _ => 16_000_000,
         }
     }
 

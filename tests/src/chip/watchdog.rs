@@ -9,6 +9,8 @@ pub struct Watchdog {
     unlocked: bool,
     running: bool,
     fed: u64,
+    /// When a debugger halted the core, and it with it.
+    held: Option<u64>,
 }
 
 impl Watchdog {
@@ -21,7 +23,18 @@ impl Watchdog {
             unlocked: false,
             running: false,
             fed: 0,
+            held: None,
         }
+    }
+
+    /// It stands from `now` on.
+    pub fn hold(&mut self, now: u64) {
+        self.held = Some(now);
+    }
+
+    /// It goes on.
+    pub fn release(&mut self, now: u64) {
+        self.fed += self.held.take().map_or(0, |held| now - held);
     }
 
     /// When it resets the chip unless it is fed, where the LSI has `lsi_hz`.
@@ -30,7 +43,7 @@ impl Watchdog {
         let ticks = (u64::from(self.reload) + 1) * (4 << self.prescaler.min(6));
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
         let cycles = (ticks as f64 * CORE_HZ as f64 / lsi_hz) as u64;
-        self.running.then_some(self.fed + cycles)
+        (self.running && self.held.is_none()).then_some(self.fed + cycles)
     }
 
     /// It has bitten.

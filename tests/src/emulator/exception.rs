@@ -1,6 +1,7 @@
 //! Exception entry and return, as ARMv7-M does them (B1.5.6 and B1.5.8), on the main stack without float state.
 
 use super::Emulator;
+use crate::chip::debug::Cause;
 use crate::chip::nvic::HARD_FAULT;
 use unicorn_engine::RegisterARM;
 
@@ -70,7 +71,27 @@ impl Emulator {
         inside.profile.enter(exception);
         let now = inside.chip.now + crate::timing::ENTRY;
         inside.chip.advance(now);
+        if exception == HARD_FAULT && self.chip().debug.catches_hard_fault() {
+            self.halt(Cause::VectorCatch);
+        }
         Ok(())
+    }
+
+    /// The core has met what is no instruction: a usage fault, which no handler is enabled for (ARMv7-M B1.5.14). In a hard fault's
+    /// handler or the NMI's it locks up.
+    pub(super) fn undefined(&mut self) -> Result<(), String> {
+        if self
+            .chip()
+            .nvic
+            .active()
+            .iter()
+            .any(|&active| active <= HARD_FAULT)
+        {
+            self.locked_up = true;
+            return Ok(());
+        }
+        self.chip().nvic.usage_fault();
+        self.enter(HARD_FAULT)
     }
 
     /// The core has written to closed memory.

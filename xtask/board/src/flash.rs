@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use ddfeed::probe::{Image, memory, patience, unreachable};
 use link::LOG_CHANNEL;
-use link::host::log::{Log, table};
+use link::host::log::{Line, Log, table};
 use link::host::rtt::Channel;
 use probe_rs::Permissions;
 use probe_rs::flashing::{self, DownloadOptions, ElfLoader, ElfOptions, FlashProgress};
@@ -20,6 +20,9 @@ const LISTEN: Duration = Duration::from_millis(20);
 const START: Duration = Duration::from_secs(2);
 
 /// Writes the firmware and starts it.
+///
+/// # Errors
+/// The probe or the chip cannot be reached, it is another chip or a locked one, or it does not take the firmware.
 pub fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
     // First without a session, whose attaching says nothing of a locked chip or another one.
     memory::with_chip(probe.clone(), |_, _: &dyn Fn(())| Ok(()), |()| Ok(()))?;
@@ -53,7 +56,25 @@ pub fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
 }
 
 /// Prints the log for as long as the session lasts.
+///
+/// # Errors
+/// As [`listen`].
 pub fn follow(probe: DebugProbeInfo, image: &Image) -> Result<()> {
+    listen(probe, image, |line| {
+        println!("{:5} {}", line.level, line.message);
+        Ok(())
+    })
+}
+
+/// Gives `each` line of the log for as long as the session lasts.
+///
+/// # Errors
+/// The probe or the chip is lost, the firmware has no log, or what `each` returns.
+pub fn listen(
+    probe: DebugProbeInfo,
+    image: &Image,
+    mut each: impl FnMut(Line) -> Result<()>,
+) -> Result<()> {
     let table = table(image.bytes())?;
     let mut log = Log::new(&table);
     let drive = image.drive()?;
@@ -77,11 +98,6 @@ pub fn follow(probe: DebugProbeInfo, image: &Image) -> Result<()> {
                 thread::sleep(LISTEN);
             }
         },
-        |bytes| {
-            for line in log.take(&bytes) {
-                println!("{:5} {}", line.level, line.message);
-            }
-            Ok(())
-        },
+        |bytes| log.take(&bytes).into_iter().try_for_each(&mut each),
     )
 }

@@ -2,10 +2,10 @@
 #![forbid(unsafe_code)]
 
 mod ask;
-mod flash;
 mod session;
 
 use anyhow::Result;
+use board::flash;
 use clap::Parser;
 use ddfeed::probe::{Image, attach, find};
 use session::Session;

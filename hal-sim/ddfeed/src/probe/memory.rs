@@ -24,26 +24,30 @@ impl Memory for Target<'_> {
     fn read(&mut self, address: u32, bytes: &mut [u8]) -> Result<()> {
         self.0
             .read(u64::from(address), bytes)
-            .with_context(|| format!("the chip's memory at {address:#010x} cannot be read"))
+            .with_context(|| format!("the chip's memory at {address:#010x} cannot be read: is the probe still connected, and is the board powered?"))
     }
 
     fn write(&mut self, address: u32, word: u32) -> Result<()> {
         self.0
             .write_word_32(u64::from(address), word)
-            .with_context(|| format!("the chip's memory at {address:#010x} cannot be written"))
+            .with_context(|| format!("the chip's memory at {address:#010x} cannot be written: is the probe still connected, and is the board powered?"))
     }
 }
 
 /// Opens the probe.
 ///
 /// # Errors
-/// It does not open.
+/// It does not open, or has no SWD.
 pub fn open(info: &DebugProbeInfo) -> Result<Probe> {
     let mut probe = info.open().with_context(|| {
         format!("the probe {info} does not open: is another debugger using it, and may this user open it?")
     })?;
     // A probe that cannot set its speed keeps the one it has.
     let _ = probe.set_speed(SPEED_KHZ);
+    // Some probes know no other wire; those that do must be told.
+    probe.select_protocol(WireProtocol::Swd).with_context(|| {
+        format!("the probe {info} has no serial wire debug (SWD), which the chip is reached by")
+    })?;
     Ok(probe)
 }
 
@@ -62,9 +66,6 @@ pub fn with_chip<E: Send + 'static, T: Send + 'static>(
         move |say| {
             let lost = |error: &dyn std::error::Error| chip::unreachable(&info, error);
             let mut probe = open(&info)?;
-            probe
-                .select_protocol(WireProtocol::Swd)
-                .map_err(|error| lost(&error))?;
             probe
                 .attach_to_unspecified()
                 .map_err(|error| lost(&error))?;

@@ -1,0 +1,78 @@
+//! What the debug parts say they are: the ROM table, and the identification registers of the table and of each part it lists
+//! (ARM DDI 0439 table 3-4 and 8-2; RM0440 47, Cortex-M4 with FPU ROM table).
+
+const TABLE: u32 = 0xE00F_F000;
+/// Parts of the table: where, and part number and revision as PIDR0 to PIDR2 give them, and class as CIDR1 gives it.
+const PARTS: [(u32, [u8; 3], u8); 7] = [
+    (0xE000_E000, [0x0C, 0xB0, 0x0B], 0xE0),
+    (0xE000_1000, [0x02, 0xB0, 0x3B], 0xE0),
+    (0xE000_2000, [0x03, 0xB0, 0x2B], 0xE0),
+    (0xE000_0000, [0x01, 0xB0, 0x3B], 0xE0),
+    (0xE004_0000, [0xA1, 0xB9, 0x0B], 0x90),
+    (0xE004_1000, [0x25, 0xB9, 0x0B], 0x90),
+    // ST's own: device 0x469.
+    (TABLE, [0x69, 0x04, 0x0A], 0x10),
+];
+/// ARM's code of JEP 106, its continuation in PIDR4; ST's has none.
+const ARM_CONTINUATION: u32 = 4;
+
+/// The word at `address`; `None`: it is none of them.
+#[must_use]
+pub fn read(address: u32) -> Option<u32> {
+    const PRESENT: u32 = 3;
+    const IDENTIFICATION: u32 = 0xFD0;
+    let block = address & !0xFFF;
+    let offset = address & 0xFFF;
+    let &(start, [part, designer, revision], class) =
+        PARTS.iter().find(|(start, ..)| *start == block)?;
+    if offset >= IDENTIFICATION {
+        return Some(match offset {
+            0xFD0 if start == TABLE => 0,
+            0xFD0 => ARM_CONTINUATION,
+            0xFE0 => part.into(),
+            0xFE4 => designer.into(),
+            0xFE8 => revision.into(),
+            0xFF0 => 0x0D,
+            0xFF4 => class.into(),
+            0xFF8 => 0x05,
+            0xFFC => 0xB1,
+            // PIDR3, and PIDR5 to PIDR7.
+            _ => 0,
+        });
+    }
+    if start != TABLE {
+        return None;
+    }
+    let entries = PARTS.len() - 1;
+    let index = (offset / 4) as usize;
+    match index {
+        _ if index < entries => Some(PARTS[index].0.wrapping_sub(TABLE) | PRESENT),
+        _ if index == entries => Some(0),
+        // MEMTYPE: the system's memory can be reached by the same port.
+        _ if offset == 0xFCC => Some(1),
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// As ARM's manual has the table (ARM DDI 0439, table 3-4).
+    #[test]
+    fn the_table_lists_the_parts_of_a_cortex_m4() {
+        let words: Vec<u32> = (0..7).map(|k| read(TABLE + 4 * k).unwrap()).collect();
+        let expected = [
+            0xFFF0_F003,
+            0xFFF0_2003,
+            0xFFF0_3003,
+            0xFFF0_1003,
+            0xFFF4_1003,
+            0xFFF4_2003,
+            0,
+        ];
+        assert_eq!(words, expected);
+        assert_eq!(read(0xE000_2FE0), Some(3));
+        assert_eq!(read(0xE000_2000), None, "a register of the unit's own");
+    }
+}

@@ -1,0 +1,8 @@
+//! The debugger's own library, probe-rs, at the emulated chip.
+
+mod core;
+mod emulated;
+mod failures;
+mod flash;
+mod halted;
+mod source;
