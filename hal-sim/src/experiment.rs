@@ -108,6 +108,7 @@ impl Setup {
     pub fn ideal(model: Model, coupling: Coupling) -> Self {
         let board = BoardConfig {
             sensors: Sensors::ideal(),
+            bus_v: model.installation.bus_v,
             ..BoardConfig::default()
         };
         Self::on(model, coupling, board, deadbeat(PAPER_TUNING, &board))
@@ -116,14 +117,18 @@ impl Setup {
     /// `model` with a good drive's sensors and an observer of 1000 rad/s.
     #[must_use]
     pub fn real(model: Model, coupling: Coupling) -> Self {
-        Self::on(model, coupling, BoardConfig::default(), PAPER_TUNING)
+        let board = BoardConfig {
+            bus_v: model.installation.bus_v,
+            ..BoardConfig::default()
+        };
+        Self::on(model, coupling, board, PAPER_TUNING)
     }
 
-    /// With the board's sensors in the model's place: a recording is as good as they are.
-    fn on(mut model: Model, coupling: Coupling, mut board: BoardConfig, tuning: Tuning) -> Self {
+    /// With the board's sensors and supply in the model's place: a recording is as good as they are.
+    fn on(mut model: Model, coupling: Coupling, board: BoardConfig, tuning: Tuning) -> Self {
         model.sensing = board.sensors.described(model.sensing);
         model.installation.scale_count_m = board.sensors.scale_count_m;
-        board.bus_v = model.installation.bus_v;
+        model.installation.bus_v = board.bus_v;
         Self {
             model,
             coupling,
