@@ -2,22 +2,26 @@
 //!
 //! The scale's noise is included. Velocities are means over 1 ms. [`Ripple::vrf_percent`] is Eq 19 in pieces of 0.2 s, averaged.
 
-use crate::experiment::OperatingPoint;
+use crate::experiment::{ExperimentError, OperatingPoint};
 use crate::vrf::{velocities, vrf_percent};
 use plant::Axis;
 use plant::recording::Recording;
+use std::f64::consts::PI;
+use std::ops::RangeInclusive;
 
 /// Shortest hold, s.
 const SHORTEST_S: f64 = 0.4;
 /// Transient of the way to a hold, which is left out, s.
 pub const SETTLE_S: f64 = 0.15;
 /// Mean of a velocity, s: a difference of neighbouring readings would be the scale's noise.
-pub const WINDOW_S: f64 = 1e-3;
+const WINDOW_S: f64 = 1e-3;
 /// Length of a piece, s: longer than any beat or period of the harmonics at the speeds of a feed, and short enough that a hold has several.
 /// One extreme of the scale's noise then does not decide the figure.
 const PIECE_S: f64 = 0.2;
-/// Where a mean over [`WINDOW_S`] passes 1/sqrt(2), Hz: `sin(x) = x / sqrt(2)` at `x = pi f T = 1.392`.
-pub const BANDWIDTH_HZ: f64 = 1.391_557 / (std::f64::consts::PI * WINDOW_S);
+/// Where a mean over a time `T` passes 1/sqrt(2): `sin(x) = x / sqrt(2)` at `x = pi f T`.
+const HALF_POWER: f64 = 1.391_557;
+/// Times between two rows that show ripple, s.
+const INTERVALS_S: RangeInclusive<f64> = 1e-5..=1e-2;
 
 /// A stretch of a recording in which both references stand still.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,19 +89,45 @@ pub fn holds(recording: &Recording, travel_per_radian: f64) -> Vec<Hold> {
     holds
 }
 
+/// Intervals that a velocity is a mean over.
+#[must_use]
+pub fn window(interval_s: f64) -> usize {
+    ((WINDOW_S / interval_s).round() as usize).max(1)
+}
+
+/// Frequency above which the mean of a velocity hides ripple, Hz.
+#[must_use]
+pub fn bandwidth_hz(interval_s: f64) -> f64 {
+    HALF_POWER / (PI * interval_s * window(interval_s) as f64)
+}
+
 /// Velocities of the table in a hold, m/s, after its transient.
 #[must_use]
 pub fn recorded(recording: &Recording, hold: &Hold) -> Vec<f64> {
     let interval_s = interval_s(recording);
     let skip = (SETTLE_S / interval_s) as usize;
     let rows = hold.first + skip..hold.first + hold.rows;
-    let window = (WINDOW_S / interval_s).round() as usize;
-    velocities(&recording.table_position_m[rows], interval_s, window)
+    velocities(
+        &recording.table_position_m[rows],
+        interval_s,
+        window(interval_s),
+    )
+}
+
+/// Mean time between two rows, s, of a recording that shows ripple.
+///
+/// # Errors
+/// [`ExperimentError::Interval`] if the rows are too far apart, or their time stands still.
+pub fn ripple_interval_s(recording: &Recording) -> Result<f64, ExperimentError> {
+    let interval_s = interval_s(recording);
+    match INTERVALS_S.contains(&interval_s) {
+        true => Ok(interval_s),
+        false => Err(ExperimentError::Interval { interval_s }),
+    }
 }
 
 /// Mean time between two rows, s.
-#[must_use]
-pub fn interval_s(recording: &Recording) -> f64 {
+fn interval_s(recording: &Recording) -> f64 {
     let rows = recording.len();
     if rows < 2 {
         return f64::INFINITY;
@@ -126,7 +156,10 @@ mod tests {
 
     #[test]
     fn the_bandwidth_is_where_a_mean_passes_half_the_power() {
-        let x = std::f64::consts::PI * BANDWIDTH_HZ * WINDOW_S;
-        assert!((x.sin() / x - 0.5_f64.sqrt()).abs() < 1e-5);
+        // Rows faster than a velocity's mean, and slower.
+        for (interval_s, mean_s) in [(2e-4, 1e-3), (5e-3, 5e-3)] {
+            let x = PI * bandwidth_hz(interval_s) * mean_s;
+            assert!((x.sin() / x - 0.5_f64.sqrt()).abs() < 1e-5);
+        }
     }
 }

@@ -29,12 +29,11 @@ pub const RECORDED_TUNING: Tuning = Tuning {
     ..PAPER_TUNING
 };
 
-/// A brake as the settings have it, of a load that drives back.
+/// A brake with the delays of the settings' defaults, of a load that drives back.
 const FITTED: BrakePlate = BrakePlate {
     fitted: true,
-    closing_s: 0.05,
-    opening_s: 0.1,
     load_drives_back: true,
+    ..BrakePlate::NONE
 };
 
 /// Rated speed of the paper's motors, rpm.

@@ -6,7 +6,7 @@
 //! averaged over the hold.
 
 use crate::experiment::{ExperimentError, Recorder, Setup, settle_quietly};
-use crate::hold_ripple::{Hold, Ripple, SETTLE_S, WINDOW_S, holds, interval_s, recorded};
+use crate::hold_ripple::{Hold, Ripple, SETTLE_S, holds, recorded, ripple_interval_s, window};
 use crate::vrf::{spectrum, velocities};
 use plant::recording::Recording;
 
@@ -30,10 +30,7 @@ pub struct Compared {
 /// # Errors
 /// [`ExperimentError`] if the rows are too far apart, the drive cannot be configured, or it does not reach a hold.
 pub fn compare(setup: &Setup, recording: &Recording) -> Result<Vec<Compared>, ExperimentError> {
-    let interval_s = interval_s(recording);
-    if !(1e-5..=1e-2).contains(&interval_s) {
-        return Err(ExperimentError::Interval { interval_s });
-    }
+    let interval_s = ripple_interval_s(recording)?;
     let periods = (interval_s / setup.board.pwm_period_s()).round().max(1.0) as u32;
     let skip = (SETTLE_S / interval_s) as usize;
     let mut drive = setup.drive()?;
@@ -48,11 +45,7 @@ pub fn compare(setup: &Setup, recording: &Recording) -> Result<Vec<Compared>, Ex
             })
             .collect();
         let recorded = recorded(recording, &hold);
-        let simulated = velocities(
-            &simulated,
-            interval_s,
-            (WINDOW_S / interval_s).round() as usize,
-        );
+        let simulated = velocities(&simulated, interval_s, window(interval_s));
         let ripple = |velocities: &[f64]| {
             Ripple::of(velocities, interval_s, hold.point.velocity).vrf_percent
         };

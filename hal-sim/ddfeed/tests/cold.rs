@@ -1,27 +1,15 @@
 //! From cold to a recording that `identify` explains, by commands alone: a machine of which the drive knows a rough datasheet, and
 //! nobody an effect.
 
+mod served;
+
 use plant::model::{EncoderKind, Model};
 use plant::recording::Recording;
+use served::{Served, ddfeed};
 use std::f64::consts::{PI, TAU};
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
-
-fn ddfeed() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_ddfeed"))
-}
-
-/// Ends with the test.
-struct Served(Child);
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
-    }
-}
+use std::process::Command;
 
 /// Runs it, expects success, and gives what was printed.
 #[track_caller]
@@ -60,33 +48,17 @@ fn from_cold_to_the_effect_that_nobody_knew() {
     let path = |name: &str| folder.path().join(name);
     fs::write(path("real.toml"), machine()).unwrap();
     fs::write(path("rough.toml"), ROUGH).unwrap();
-    let mut child = ddfeed()
-        .args([
-            "serve",
-            "--cold",
-            "--speed",
-            "4",
-            "--listen",
-            "127.0.0.1:0",
-            "--model",
-        ])
-        .arg(path("real.toml"))
-        .arg("--settings")
-        .arg(path("rough.toml"))
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-    let served = Served(child);
-    let first = lines.next().unwrap().unwrap();
-    let (_, rest) = first.split_once("--sim ").unwrap();
-    let address = rest.split_whitespace().next().unwrap().to_owned();
-    let drive = |arguments: &[&str], out: &Path| {
-        let mut command = ddfeed();
-        command.args(["drive", "--sim", &address]).args(arguments);
-        command.arg(out);
-        printed(&mut command)
-    };
+    let [real, rough] = ["real.toml", "rough.toml"].map(|name| path(name).display().to_string());
+    let served = Served::new(&[
+        "--cold",
+        "--speed",
+        "4",
+        "--model",
+        &real,
+        "--settings",
+        &rough,
+    ]);
+    let drive = |arguments: &[&str], out: &Path| printed(served.command(arguments).arg(out));
 
     let report = drive(&["commission", "--arm", "--out"], &path("found"));
     for step in ["start", "electrical", "mechanical", "tuning", "angle"] {

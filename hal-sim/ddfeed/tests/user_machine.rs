@@ -1,85 +1,32 @@
 //! A machine of one's own is served with its own supply, travel, encoders and brake.
 
+mod served;
+
 use plant::model::{Brake, EncoderKind, Model};
-use serde_json::Value;
+use served::Served;
 use std::fs;
-use std::io::{BufRead, BufReader};
-use std::process::{Child, Command, Stdio};
-use tempfile::TempDir;
 
-fn ddfeed() -> Command {
-    Command::new(env!("CARGO_BIN_EXE_ddfeed"))
+/// `model`, just switched on. The heartbeat allows for a computer that is busy: the drive's time goes faster than the host's.
+fn cold(model: &Model) -> Served {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, settings] =
+        ["mine.toml", "settings.toml"].map(|name| folder.path().join(name).display().to_string());
+    fs::write(&file, model.to_toml()).unwrap();
+    fs::write(&settings, "[command]\nheartbeat_ms = 5000\n").unwrap();
+    Served::new(&[
+        "--cold",
+        "--speed",
+        "10",
+        "--model",
+        &file,
+        "--settings",
+        &settings,
+    ])
 }
 
-/// A served machine; it ends with the test.
-struct Served {
-    child: Child,
-    address: String,
-    _folder: TempDir,
-}
-
-impl Drop for Served {
-    fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
-
-impl Served {
-    /// `model`, just switched on. The heartbeat allows for a computer that is busy: the drive's time goes faster than the host's.
-    fn cold(model: &Model) -> Self {
-        let folder = tempfile::tempdir().unwrap();
-        let (file, settings) = (
-            folder.path().join("mine.toml"),
-            folder.path().join("settings.toml"),
-        );
-        fs::write(&file, model.to_toml()).unwrap();
-        fs::write(&settings, "[command]\nheartbeat_ms = 5000\n").unwrap();
-        let mut child = ddfeed()
-            .args([
-                "serve",
-                "--cold",
-                "--speed",
-                "10",
-                "--listen",
-                "127.0.0.1:0",
-            ])
-            .arg("--model")
-            .arg(file)
-            .arg("--settings")
-            .arg(settings)
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines();
-        let first = lines.next().unwrap().unwrap();
-        let (_, rest) = first.split_once("--sim ").unwrap();
-        let address = rest.split_whitespace().next().unwrap().to_owned();
-        Self {
-            child,
-            address,
-            _folder: folder,
-        }
-    }
-
-    /// What a command prints, whether it succeeds or not.
-    fn drive(&self, arguments: &[&str]) -> String {
-        let output = ddfeed()
-            .args(["drive", "--sim", &self.address])
-            .args(arguments)
-            .output()
-            .unwrap();
-        String::from_utf8_lossy(&[output.stdout, output.stderr].concat()).into_owned()
-    }
-
-    /// The table's place, mm.
-    fn table_mm(&self) -> f64 {
-        let said = self.drive(&["status", "--json"]);
-        let status: Value = serde_json::from_str(&said).unwrap_or_else(|_| panic!("{said}"));
-        status["table"]["position_mm"]
-            .as_f64()
-            .unwrap_or_else(|| panic!("{said}"))
-    }
+/// The table's place, mm.
+fn table_mm(served: &Served) -> f64 {
+    served.status()["table"]["position_mm"].as_f64().unwrap()
 }
 
 /// A small 48 V machine with a lead of 10 mm and a travel of 1 m.
@@ -102,11 +49,11 @@ fn small() -> Model {
 
 #[test]
 fn a_drive_of_48_volts_uses_its_metre_of_travel() {
-    let served = Served::cold(&small());
+    let served = cold(&small());
     // Past the 100 mm that a machine has of which nothing is said.
-    let said = served.drive(&["move", "--arm", "--table-speed", "80", "150"]);
+    let said = served.printed(&["move", "--arm", "--table-speed", "80", "150"]);
     assert!(said.contains("moved 1"), "{said}");
-    let place = served.table_mm();
+    let place = table_mm(&served);
     assert!((place - 150.0).abs() < 0.2, "{place} mm: {said}");
 }
 
@@ -118,19 +65,21 @@ fn a_load_falls_where_no_brake_holds_it() {
         (Brake::None, true),
     ] {
         let mut model = small();
-        // 0.32 N m of torque at the screw, four times what rubs.
+        // 0.32 N m of torque at the screw, four times the friction.
         model.feed.load_n = 200.0;
         model.installation.brake = brake;
-        let served = Served::cold(&model);
-        let before = served.table_mm();
-        served.drive(&["status"]);
-        std::thread::sleep(std::time::Duration::from_millis(300));
-        let fallen = before - served.table_mm();
+        let served = cold(&model);
+        let before = table_mm(&served);
+        // The drive's own time: the computer may be busy.
+        let uptime_s = || served.status()["uptime_s"].as_f64().unwrap();
+        let until = uptime_s() + 1.0;
+        while uptime_s() < until {}
+        let fallen = before - table_mm(&served);
         assert_eq!(fallen > 1.0, falls, "{brake:?}: {fallen} mm");
         if brake == Brake::Fitted {
-            let said = served.drive(&["move", "--arm", "20"]);
+            let said = served.printed(&["move", "--arm", "20"]);
             assert!(said.contains("moved"), "{said}");
-            assert!((served.table_mm() - 20.0).abs() < 0.2, "{said}");
+            assert!((table_mm(&served) - 20.0).abs() < 0.2, "{said}");
         }
     }
 }

@@ -252,8 +252,8 @@ fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
                 chip.0, host.0
             ));
         }
-        // While it is driven the table goes as far, to what a reply's millisecond makes at 10 mm/s. Motors that are released coast: nothing
-        // rubs in this machine, and where they come to stand is not the drive's.
+        // While it is driven the table goes as far, to what a reply's millisecond makes at 10 mm/s. Released motors coast. This machine has no
+        // friction, so the drive does not decide where they stop.
         released |= matches!(command, Command::Stop);
         if let (Some((chip, driven)), Some((host, _))) = (chip.1, host.1) {
             let now = chip.wrapping_sub(host);

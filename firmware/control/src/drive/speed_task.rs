@@ -909,7 +909,7 @@ impl SpeedTask {
         }
     }
 
-    /// Looks at one motor's motion, or adds up currents, and asks the new currents. A motion is held against the currents that were asked
+    /// Looks at one motor's motion, or adds up currents, and asks the new currents. A motion is compared with the currents that were asked
     /// before. All else comes after them: at 40 kHz the nut's loop takes them in less than half a period.
     #[inline(always)]
     fn watch(

@@ -9,7 +9,7 @@ use crate::record::{Recorder, save};
 use crate::session::divider;
 use crate::trigger::{Gate, Trigger};
 use anyhow::{Context, Result, anyhow, bail};
-use hal_sim::hold_ripple::{BANDWIDTH_HZ, Ripple, holds, interval_s, recorded};
+use hal_sim::hold_ripple::{Ripple, bandwidth_hz, holds, recorded, ripple_interval_s};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::State;
 use link::message::Command;
@@ -66,21 +66,27 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     )?;
     let path = folder.path(&format!("{}.csv.gz", options.name));
     println!("{}: {summary}", path.display());
+    outcome.context("the recording ended early, and what came before is kept")?;
     if !options.hold.is_empty() {
         let lead_m = drive.settings()?.feed.lead_mm * 1e-3;
         print!("{}", ripples(&Recording::load(&path)?, lead_m / TAU));
     }
-    outcome.context("the recording ended early, and what came before is kept")
+    Ok(())
 }
 
 /// A line on the ripple of each hold in which the table moves.
 fn ripples(recording: &Recording, travel_per_radian: f64) -> String {
+    let interval_s = match ripple_interval_s(recording) {
+        Ok(interval_s) => interval_s,
+        Err(error) => return format!("no ripple: {error}\n"),
+    };
     let mut text = String::new();
     for hold in holds(recording, travel_per_radian) {
         let velocities = recorded(recording, &hold);
-        let ripple = Ripple::of(&velocities, interval_s(recording), hold.point.velocity);
+        let ripple = Ripple::of(&velocities, interval_s, hold.point.velocity);
         if text.is_empty() {
-            text = format!("ripple of the table by its scale, up to {BANDWIDTH_HZ:.0} Hz:\n");
+            let bandwidth_hz = bandwidth_hz(interval_s);
+            text = format!("ripple of the table by its scale, up to {bandwidth_hz:.0} Hz:\n");
         }
         text += &if ripple.rms_percent == 0.0 {
             "  the table did not move by its scale, or there is none\n".to_owned()

@@ -1,8 +1,9 @@
 //! The machine that is served: its description on one line, and a model file to begin with.
 
+use control::encoder::Interface;
 use hal_sim::experiment::Setup;
 use plant::Axis;
-use plant::model::{Brake, EncoderKind, Model};
+use plant::model::{Brake, Model};
 use std::fmt;
 
 /// Sensing, supply, travel, brake and scale of a served machine, on one line.
@@ -12,12 +13,20 @@ impl fmt::Display for MachineLine<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Setup { model, board, .. } = self.0;
         let installation = &model.installation;
-        let encoder = match model.sensing.encoder {
-            EncoderKind::Incremental => "incremental encoders without index",
-            EncoderKind::Index => "incremental encoders with index",
-            EncoderKind::Absolute => "absolute encoders",
-        };
-        let counts = Axis::ALL.map(|axis| board.sensors.encoders[axis.index()].counts_per_turn);
+        for axis in Axis::ALL {
+            let encoder = &board.sensors.encoders[axis.index()];
+            let kind = match encoder.interface {
+                Interface::Incremental => "incremental without index",
+                Interface::IncrementalWithIndex => "incremental with index",
+                Interface::Mt6835 => "absolute",
+            };
+            let counts = encoder.counts_per_turn;
+            write!(
+                formatter,
+                "{} encoder {kind}, {counts} counts a turn; ",
+                axis.name()
+            )?;
+        }
         let current = &board.sensors.current;
         let brake = match installation.brake {
             Brake::Ideal => "a brake that acts at once",
@@ -26,10 +35,8 @@ impl fmt::Display for MachineLine<'_> {
         };
         write!(
             formatter,
-            "{encoder}, {} and {} counts a turn; current +-{:.3} A; bus {} V; lead {} mm; travel +-{} mm from here to the end switches; \
+            "current +-{:.3} A; bus {} V; lead {} mm; travel +-{} mm from here to the end switches; \
              load {} N; {brake}; scale {} um a count",
-            counts[0],
-            counts[1],
             0.5 * f64::from(current.counts) * current.per_count.abs(),
             board.bus_v,
             1e3 * model.feed.lead_m,

@@ -2,14 +2,12 @@
 
 use super::options::{BoardName, MachineOptions, Preset, RECORD_S, Sensing};
 use anyhow::{Context, Result, ensure};
+use control::mt6835::COUNTS_PER_TURN;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
 use plant::machine::Coupling;
-use plant::model::{EncoderKind, Model};
+use plant::model::{EncoderKind, Model, SensingModel};
 use std::f64::consts::TAU;
-
-/// Counts of the simulated absolute encoder, an MT6835: 21 bits.
-const ABSOLUTE_COUNTS: u32 = 1 << 21;
 
 const _: () = assert!(RECORD_S == hal_sim::experiment::RECORD_S);
 
@@ -35,12 +33,16 @@ impl MachineOptions {
         self.sensors.unwrap_or(of_machine)
     }
 
+    /// The machine or its sensors are no shipped board's.
+    fn is_own(&self) -> bool {
+        self.model.is_some() || self.sensors.is_some()
+    }
+
     /// The shipped board; `None`: the paper's machine.
     pub fn board(&self) -> Option<BoardKind> {
-        let own = self.model.is_some() || self.sensors.is_some();
         match self.board {
             Some(board) => board.kind(),
-            None => (!own).then_some(BoardKind::Mains),
+            None => (!self.is_own()).then_some(BoardKind::Mains),
         }
     }
 
@@ -56,7 +58,7 @@ impl MachineOptions {
 
     /// The same on a board.
     pub fn setup_on(&self, board: Option<BoardKind>, preset: Preset) -> Result<(Setup, String)> {
-        let (mut model, coupling, name) = match (&self.model, self.machine.unwrap_or(preset)) {
+        let (model, coupling, name) = match (&self.model, self.machine.unwrap_or(preset)) {
             (Some(path), _) => (
                 Model::load(path)?,
                 Coupling::Coupled,
@@ -67,35 +69,39 @@ impl MachineOptions {
         };
         if let Some(load) = self.load {
             finite("--load", "N m", load, -1e3, 1e3)?;
-            model.feed.load_n = load * TAU / model.feed.lead_m;
         }
-        let own = self.model.is_some() || self.sensors.is_some();
         ensure!(
-            board.is_none() || !own,
+            board.is_none() || !self.is_own(),
             "--board names a board that ships, which has its own motors and sensors, but --model or --sensors is given too: leave one \
              out, or give --board paper"
-        );
-        let sensing = &model.sensing;
-        let counts = sensing.encoder_counts_per_turn;
-        ensure!(
-            board.is_some()
-                || sensing.encoder != EncoderKind::Absolute
-                || counts == ABSOLUTE_COUNTS,
-            "sensing.encoder_counts_per_turn is {counts} of an absolute encoder, but the simulated one is an MT6835 of {ABSOLUTE_COUNTS} \
-             counts: give as many, or another sensing.encoder"
         );
         let mut setup = match (board, self.sensing()) {
             (Some(board), _) => Setup::shipped(board, &model, coupling),
             (None, Sensing::Ideal) => Setup::ideal(model, coupling),
             (None, Sensing::Real) => Setup::real(model, coupling),
-            (None, Sensing::Declared) => Setup::declared(model, coupling),
+            (None, Sensing::Declared) => {
+                ensure_simulated(&model.sensing)?;
+                Setup::declared(model, coupling)
+            }
         };
-        if let (Some(_), Some(load)) = (board, self.load) {
-            setup.model.feed.load_n = load * TAU / setup.model.feed.lead_m;
+        if let Some(load) = self.load {
+            let feed = &mut setup.model.feed;
+            feed.load_n = load * TAU / feed.lead_m;
         }
         setup.board.seed = self.seed;
         Ok((setup, name))
     }
+}
+
+/// Checks that the encoders of a model file can be simulated.
+fn ensure_simulated(sensing: &SensingModel) -> Result<()> {
+    let counts = sensing.encoder_counts_per_turn;
+    ensure!(
+        sensing.encoder != EncoderKind::Absolute || counts == COUNTS_PER_TURN,
+        "sensing.encoder_counts_per_turn is {counts} of an absolute encoder, but the simulated one is an MT6835 of {COUNTS_PER_TURN} \
+         counts: give as many, or another sensing.encoder"
+    );
+    Ok(())
 }
 
 /// Checks a table velocity in mm/s against what the feed allows, before anything is run.
