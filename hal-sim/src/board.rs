@@ -4,7 +4,6 @@
 //! were written since the turn before, and the ADCs sample; so a compare value acts one period after the sample that
 //! it was computed from. The nut's counter is half a period behind the screw's.
 
-use crate::seam::{Seam, Straight};
 use crate::sensors::{BUS_V, CurrentSensing, Leg, Sensors, encoder_word};
 use crate::wiring::{MotorWiring, Wiring};
 use control::controller_supply::{CALIBRATED_AT_MV, SupplyReading};
@@ -296,11 +295,15 @@ impl Board {
 
     /// The counter of `axis` turns: the written compare values become active, the ADCs and the encoder are read.
     pub fn turn(&mut self, axis: Axis) -> MotorSample {
-        self.turn_through(axis, &mut Straight)
+        self.turn_through(axis, |_| ())
     }
 
-    /// The same with `seam` behind the current amplifiers.
-    pub fn turn_through(&mut self, axis: Axis, seam: &mut impl Seam) -> MotorSample {
+    /// The same; `amplified` may change what the current amplifiers show, A into the motor.
+    pub fn turn_through(
+        &mut self,
+        axis: Axis,
+        amplified: impl FnOnce(&mut [f64; 3]),
+    ) -> MotorSample {
         let miswired = self.miswired[axis.index()].as_ref();
         let mut true_currents = self.machine.phase_currents(axis);
         let mut amps = self.machine.current_readings(axis);
@@ -330,7 +333,7 @@ impl Board {
                 *amps = self.config.sensing.seen(*amps, leg);
             }
         }
-        seam.currents(axis, &mut amps);
+        amplified(&mut amps);
         let sensed = match self.config.shunts {
             Shunts::Two => &amps[..2],
             Shunts::Three => &amps[..],

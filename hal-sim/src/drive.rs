@@ -413,7 +413,9 @@ impl Drive {
 
     fn current_interrupt(&mut self, axis: Axis, seam: &mut impl Seam) {
         let k = axis.index();
-        let mut sample = self.board.turn_through(axis, seam);
+        let mut sample = self
+            .board
+            .turn_through(axis, |amps| seam.currents(axis, amps));
         seam.sample(axis, &mut sample);
         let mut registers = Registers {
             board: &mut self.board,

@@ -2,8 +2,8 @@
 
 use crate::configured::Configured;
 use crate::exchange::state;
-use crate::lines::{Access, LinesParts};
 use crate::orders::{Orders, STEP_S};
+use crate::parts::{Access, LinesParts};
 use crate::server::{NotSet, Served};
 use control::compensation::line::Phasor;
 use control::coordinator::{Command, CommandError, Coordinator};

@@ -21,6 +21,7 @@ pub mod lines;
 pub mod motion;
 pub mod motors;
 pub mod orders;
+pub mod parts;
 pub mod rows;
 pub mod server;
 pub mod speed;

@@ -1,19 +1,16 @@
 //! The lines to hosts. What came is answered, events are told, telemetry goes where it was asked.
 
-use crate::configured::Configured;
 use crate::drive::{Asked, Commanded, World};
-use crate::exchange::{DriveExchange, TelemetryExchange, state};
-use crate::keep::Keeper;
+use crate::exchange::{TelemetryExchange, state};
 use crate::orders::Orders;
+use crate::parts::{Access, LinesParts};
 use crate::server::{Commander, Server};
 use crate::telemetry::LinkStream;
-use control::exchange::MotorExchange;
 use control::journal::Journal;
 use core::sync::atomic::Ordering::Relaxed;
 use embedded_storage::nor_flash::NorFlash;
 use link::frame::{FRAME_MAX, encode};
 use link::message::DriveFrame;
-use link::view::DriveView;
 
 /// How long an answer may take to reach its host before the drive starts anew, ms.
 const RESTART_MS: u32 = 50;
@@ -33,41 +30,6 @@ pub trait Ports {
     fn put_telemetry(&mut self, line: usize, frame: &[u8]) -> bool;
     /// Begins to send what was put.
     fn flush(&mut self) {}
-}
-
-/// Something that other tasks use too.
-pub trait Access<T> {
-    /// Alone with it.
-    fn with<R>(&mut self, look: impl FnOnce(&mut T) -> R) -> R;
-}
-
-impl<T> Access<T> for &mut T {
-    fn with<R>(&mut self, look: impl FnOnce(&mut T) -> R) -> R {
-        look(self)
-    }
-}
-
-/// What the lines work on beside their own state.
-#[derive(Debug)]
-pub struct LinesParts<'a, F, O, J, W> {
-    /// What the drive runs on.
-    pub configured: &'a Configured,
-    /// The words between the parts.
-    pub words: &'a DriveExchange,
-    /// What the speed task tells.
-    pub telemetry: &'a TelemetryExchange,
-    /// The debug view.
-    pub view: &'a DriveView,
-    /// Screw, nut.
-    pub motors: [&'a MotorExchange; 2],
-    /// The settings.
-    pub keeper: &'a mut Keeper<F>,
-    /// The motion.
-    pub orders: &'a mut O,
-    /// The journal.
-    pub journal: &'a mut J,
-    /// The board or the simulated machine.
-    pub world: &'a mut W,
 }
 
 /// The drive's end of all lines.
