@@ -46,11 +46,6 @@ impl MachineOptions {
         }
     }
 
-    /// Its motors are not the paper's.
-    pub fn is_nucleo(&self) -> bool {
-        self.board() == Some(BoardKind::Nucleo)
-    }
-
     /// The set-up, and the machine's name. `preset` is used where none is asked.
     pub fn setup(&self, preset: Preset) -> Result<(Setup, String)> {
         self.setup_on(self.board(), preset)
@@ -66,6 +61,12 @@ impl MachineOptions {
             ),
             (None, Preset::Paper) => (Model::paper(), Coupling::Lumped, "paper".to_owned()),
             (None, Preset::Coupled) => (Model::coupled(), Coupling::Coupled, "coupled".to_owned()),
+        };
+        let name = match board {
+            Some(BoardKind::Nucleo | BoardKind::Nucleo40kHz) => {
+                format!("{name} (the NUCLEO board's motors)")
+            }
+            Some(BoardKind::Mains) | None => name,
         };
         if let Some(load) = self.load {
             finite("--load", "N m", load, -1e3, 1e3)?;

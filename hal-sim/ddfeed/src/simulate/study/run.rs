@@ -55,10 +55,8 @@ pub fn run(options: &Options) -> Result<()> {
         })
         .collect::<Result<Vec<_>>>()?;
     let folder = Folder::open(&options.out)?;
-    let is_paper = machine == "paper"
-        && !options.machine.is_nucleo()
-        && options.table_speed == PAPER_MM_S
-        && options.machine.load.is_none();
+    let is_paper =
+        machine == "paper" && options.table_speed == PAPER_MM_S && options.machine.load.is_none();
 
     let progress = progress_bar(points.len() + 2 * MEASURED_OMEGAS);
     let mut runs = Vec::new();
