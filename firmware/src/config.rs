@@ -1,4 +1,8 @@
 //! The drive's configuration, in RAM: the board's own, until the start has put another in its place.
+//!
+//! Settings that change without a restart make a whole configuration in a [`Change`]. It takes the place of the old one while the tasks that
+//! read it are held off, so that none sees a part of a change. The current loops have a copy of what they read, which changes with a
+//! restart only.
 
 use crate::board;
 use crate::hw::encoder::InputFilter;
@@ -52,7 +56,8 @@ struct Held {
     configured: UnsafeCell<Configured>,
 }
 
-// SAFETY: `take_up` alone writes what is configured, before anybody else reads it, and the task's state is its task's alone.
+// SAFETY: `take_up` writes what is configured before anybody else reads it, and `Change` while nobody does. The task's state is its
+// task's alone.
 unsafe impl Sync for Held {}
 
 static HELD: Held = Held {
@@ -77,10 +82,10 @@ pub(crate) unsafe fn task() -> &'static mut MaybeUninit<SpeedTask> {
     unsafe { &mut *HELD.task.get() }
 }
 
-/// What the drive runs on.
+/// What the drive runs on, for one step of a task: see [`Change::take_up`].
 #[inline(always)]
 pub(crate) fn configured() -> &'static Configured {
-    // SAFETY: nobody writes it once a task can run.
+    // SAFETY: nobody writes it during a step of a task that reads it.
     unsafe { &*HELD.configured.get() }
 }
 
@@ -88,6 +93,47 @@ pub(crate) fn configured() -> &'static Configured {
 #[inline(always)]
 pub(crate) fn config() -> &'static DriveConfig {
     &configured().drive
+}
+
+/// A configuration that is to hold.
+pub(crate) struct Change(MaybeUninit<Configured>);
+
+impl Change {
+    /// None yet.
+    pub(crate) const fn new() -> Self {
+        Self(MaybeUninit::uninit())
+    }
+
+    /// Makes it of these settings, if they fit.
+    ///
+    /// # Errors
+    /// [`NotSet`]; it is of no use then.
+    #[inline(never)]
+    pub(crate) fn fits(&mut self, settings: &Settings, before: &Settings) -> Result<(), NotSet> {
+        // SAFETY: it is copied from one place to another, without a third on the stack.
+        let next = unsafe {
+            let next = self.0.as_mut_ptr();
+            HELD.configured.get().copy_to_nonoverlapping(next, 1);
+            &mut *next
+        };
+        config_fits(settings, before, &mut next.drive)?;
+        configure_the_rest(settings, next);
+        Ok(())
+    }
+
+    /// Puts it in the place of the one that holds.
+    ///
+    /// # Safety
+    /// It was made, and its settings fit. The caller holds off speed task and supervision, and has no reference to the configuration.
+    #[inline(never)]
+    pub(crate) unsafe fn take_up(&self) {
+        // SAFETY: as is asked of the caller.
+        unsafe {
+            HELD.configured
+                .get()
+                .copy_from_nonoverlapping(self.0.as_ptr(), 1)
+        };
+    }
 }
 
 /// Takes up the settings that are stored, if they fit, and configures the drive with them.
@@ -121,7 +167,7 @@ pub(crate) unsafe fn take_up(
         );
     }
     match found.origin {
-        Origin::Own => {}
+        Origin::Own | Origin::Changed => {}
         Origin::Unfit => {
             held.drive = const { BOARD.drive };
             defmt::warn!(
@@ -176,7 +222,7 @@ fn guard_plate(settings: &Settings) -> GuardPlate {
 /// Whether a drive on this board can be configured with these settings, in the place of `before`: then `config` is the control's
 /// configuration.
 #[inline(never)]
-pub(crate) fn config_fits(
+fn config_fits(
     settings: &Settings,
     before: &Settings,
     config: &mut DriveConfig,

@@ -1,12 +1,11 @@
 //! The lines to hosts: the serial port, and RTT's link channels. The application answers what comes.
 
-use crate::config::{config_fits, configured, words};
+use crate::config::{Change, configured, words};
 use crate::debug_view::DRIVE_VIEW;
 use crate::hw::cycles;
 use crate::hw::flash::SettingsPages;
 use crate::hw::serial::Serial;
 use crate::motor_loop::exchanges;
-use application::configured::Configured;
 use application::drive::World;
 use application::exchange::TelemetryExchange;
 use application::keep::Keeper;
@@ -15,8 +14,6 @@ use application::orders::Orders;
 use application::parts::{Access, LinesParts};
 use application::server::{NotSet, Server};
 use control::journal::Journal;
-use control::plate::DriveConfig;
-use core::mem::MaybeUninit;
 use cortex_m::peripheral::SCB;
 use link::frame::FRAME_MAX;
 use link::settings::Settings;
@@ -86,20 +83,21 @@ impl<M: Mutex<T = &'static mut Journal>> Access<Journal> for Locked<'_, M> {
 
 /// The real drive.
 struct Board {
-    /// Where settings are tried.
-    tried: MaybeUninit<DriveConfig>,
+    /// What the last settings that were tried make.
+    change: Change,
+    /// It is to hold.
+    changed: bool,
 }
 
 impl World for Board {
     const SIMULATED: bool = false;
 
-    fn fits(
-        &mut self,
-        configured: &Configured,
-        settings: &Settings,
-        before: &Settings,
-    ) -> Result<(), NotSet> {
-        config_fits(settings, before, self.tried.write(configured.drive))
+    fn fits(&mut self, settings: &Settings, before: &Settings) -> Result<(), NotSet> {
+        self.change.fits(settings, before)
+    }
+
+    fn take_up(&mut self) {
+        self.changed = true;
     }
 }
 
@@ -118,7 +116,8 @@ impl Lines {
             ports: None,
             lines: application::lines::Lines::new([const { Server::new() }; 2]),
             board: Board {
-                tried: MaybeUninit::uninit(),
+                change: Change::new(),
+                changed: false,
             },
         }
     }
@@ -135,11 +134,12 @@ impl Lines {
         self.ports = Some((Both { serial, up, down }, keeper));
     }
 
-    /// A look at all lines: what came is answered, and what waits goes.
+    /// A look at all lines: what came is answered, and what waits goes. `readers` holds off who reads the configuration.
     pub(crate) fn step(
         &mut self,
         orders: &mut impl Mutex<T = Orders>,
         journal: &mut impl Mutex<T = &'static mut Journal>,
+        readers: &mut impl Mutex<T = ()>,
     ) {
         let Some((both, keeper)) = &mut self.ports else {
             return;
@@ -157,6 +157,10 @@ impl Lines {
         };
         if self.lines.step(cycles::now, both, &mut parts) {
             SCB::sys_reset();
+        }
+        if core::mem::take(&mut self.board.changed) {
+            // SAFETY: it was tried before. This step has ended with the old one.
+            readers.lock(|()| unsafe { self.board.change.take_up() });
         }
     }
 }

@@ -55,6 +55,8 @@ mod app {
     struct Shared {
         orders: Orders,
         journal: &'static mut Journal,
+        /// Who reads the configuration: the speed task and what is below it.
+        readers: (),
     }
 
     #[local]
@@ -229,7 +231,12 @@ mod app {
             off: bdtr,
         };
         let orders = Orders::new(&start.plate);
-        (Shared { orders, journal }, local)
+        let shared = Shared {
+            orders,
+            journal,
+            readers: (),
+        };
+        (shared, local)
     }
 
     #[task(binds = ADC1_2, priority = 15, local = [screw])]
@@ -258,7 +265,7 @@ mod app {
     }
 
     // FMAC is not used; its vector serves.
-    #[task(binds = FMAC, priority = 12, local = [speed])]
+    #[task(binds = FMAC, priority = 12, local = [speed], shared = [readers])]
     #[unsafe(link_section = ".ccm.speed")]
     fn speed(cx: speed::Context) {
         cx.local.speed.step();
@@ -283,12 +290,13 @@ mod app {
         }
     }
 
-    #[idle(local = [lines], shared = [orders, journal])]
+    #[idle(local = [lines], shared = [orders, journal, readers])]
     fn idle(mut cx: idle::Context) -> ! {
         loop {
+            let shared = &mut cx.shared;
             cx.local
                 .lines
-                .step(&mut cx.shared.orders, &mut cx.shared.journal);
+                .step(&mut shared.orders, &mut shared.journal, &mut shared.readers);
             // Woken by the current loops, 40 times a millisecond.
             cortex_m::asm::wfi();
         }

@@ -193,6 +193,15 @@ impl Drive {
         Ok(())
     }
 
+    /// Configures it anew while it goes on. The current loops and the compensation's orders are to stay the same.
+    pub fn configure(&mut self, config: DriveConfig) {
+        let before = self.code.config.current_loops;
+        self.code.config = DriveConfig {
+            current_loops: before,
+            ..config
+        };
+    }
+
     /// One PWM period in which the chip does nothing: its outputs are off.
     pub fn period_in_reset(&mut self, seam: &mut impl Seam) {
         for half in 0..2 {

@@ -4,12 +4,12 @@ use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::experiment::Setup;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
-use link::codes::{ActiveLimits, EventKind, Limit, Warning};
+use link::codes::{ActiveLimits, EventKind, Limit, Origin, Warning};
 use link::host::client::{Client, Refused};
 use link::host::{Decoder, Row};
 use link::message::{Command, Injected, Injection, Refusal, Travel};
 use link::scale;
-use link::settings::{Setting, Switch, Value};
+use link::settings::{Effect, Setting, Switch, Value};
 use link::telemetry::{FRAME_MAX, Frame, Header, Real, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -301,6 +301,61 @@ fn settings_hold_after_a_restart_and_what_does_not_fit_changes_nothing() {
         refusal(bench.client.configure(&settings)),
         Some(Refused::For(Refusal::Moving))
     );
+}
+
+/// What the speed task runs with: the screw's proportional gain.
+fn gain(bench: &Bench) -> f64 {
+    let serving = bench.serving.borrow();
+    serving.drive().configured().drive.speed_loops[0]
+        .k_pw
+        .to_num()
+}
+
+#[test]
+fn a_gain_changes_while_the_table_moves() {
+    let mut bench = homed();
+    bench.client.tell(Command::Stop).unwrap();
+    bench.until(State::Ready, 1000);
+    bench.client.tell(Command::Arm).unwrap();
+    bench.run(2.5, 300.0).unwrap();
+    bench.until(State::Running, 100);
+    bench.pass(1000);
+    let origin = bench.client.status().unwrap().origin;
+    let before = gain(&bench);
+
+    let mut settings = bench.client.settings().unwrap();
+    settings.tuning.speed_rad_s *= 0.5;
+    assert_eq!(bench.client.change(&settings).unwrap(), Effect::AtOnce);
+    let after = gain(&bench);
+    assert!(
+        (after / before - 0.5).abs() < 1e-3,
+        "gain {before}, then {after}, expected half"
+    );
+    bench.pass(1000);
+    let status = bench.client.status().unwrap();
+    assert_eq!(status.state, State::Running.word());
+    assert!(origin.is_some() && status.origin == origin, "{status:?}");
+    assert_eq!(status.runs_on, Origin::Changed.word());
+    assert_eq!(
+        refusal(bench.client.store()),
+        Some(Refused::For(Refusal::Moving))
+    );
+
+    // What has state in the speed task waits until the drive rests. It restarts nothing.
+    settings.rejection.disturbance_rad_s = 40.0;
+    let refused = bench.client.change(&settings).map(drop);
+    assert_eq!(refusal(refused), Some(Refused::For(Refusal::Moving)));
+    bench.client.tell(Command::Stop).unwrap();
+    bench.until(State::Ready, 1000);
+    assert_eq!(bench.client.change(&settings).unwrap(), Effect::AtRest);
+    bench.client.store().unwrap();
+    let status = bench.client.status().unwrap();
+    assert_eq!(
+        (status.origin, status.runs_on),
+        (origin, Origin::Stored.word())
+    );
+    let serving = bench.serving.borrow();
+    assert!(serving.drive().configured().drive.disturbance[0].active);
 }
 
 /// Peak to peak of the table's velocity over a second at 2.5 mm/s, m/s.

@@ -1,6 +1,5 @@
 //! The drive as the link commands it.
 
-use crate::configured::Configured;
 use crate::exchange::state;
 use crate::orders::{Orders, STEP_S};
 use crate::parts::{Access, LinesParts};
@@ -28,12 +27,10 @@ pub trait World {
     ///
     /// # Errors
     /// [`NotSet`].
-    fn fits(
-        &mut self,
-        configured: &Configured,
-        settings: &Settings,
-        before: &Settings,
-    ) -> Result<(), NotSet>;
+    fn fits(&mut self, settings: &Settings, before: &Settings) -> Result<(), NotSet>;
+    /// The settings that [fitted](World::fits) last hold from the next step on. They leave the current loops and the compensation's orders
+    /// as they are.
+    fn take_up(&mut self);
     /// Puts a fault in, which is no [`Injected`] of a real drive.
     ///
     /// # Errors
@@ -51,6 +48,8 @@ pub(crate) struct Asked {
     pub(crate) record: Option<u32>,
     /// Since when the drive is to start anew, ms: settings were stored.
     pub(crate) restart: Option<u32>,
+    /// Another configuration holds than this step began with.
+    pub(crate) changed: bool,
 }
 
 impl Asked {
@@ -58,6 +57,7 @@ impl Asked {
         Self {
             record: None,
             restart: None,
+            changed: false,
         }
     }
 }
@@ -283,14 +283,24 @@ where
 
     fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
         let parts = &mut *self.parts;
-        parts
-            .world
-            .fits(parts.configured, settings, parts.keeper.settings())?;
-        let effect = parts.keeper.store(settings)?;
+        let before = parts.keeper.settings();
+        let effect = before.effect(settings);
+        parts.world.fits(settings, before)?;
         if effect == Effect::Restart {
+            parts.keeper.store(settings)?;
             self.asked.restart = Some(parts.view.uptime_ms.load(Relaxed));
+        } else {
+            parts.keeper.change(settings);
+            parts.world.take_up();
+            self.asked.changed = true;
         }
         Ok(effect)
+    }
+
+    fn store(&mut self) -> Result<(), NotSet> {
+        let keeper = &mut self.parts.keeper;
+        let settings = *keeper.settings();
+        keeper.store(&settings)
     }
 
     fn record(&mut self, request: u32) {

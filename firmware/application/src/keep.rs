@@ -1,14 +1,14 @@
 //! Which settings a drive runs on: those that its store holds, if they fit it, or its own.
 //!
-//! The firmware and the simulated drive do it by this code. A change is checked and stored. It holds at once, if each of its
-//! settings may; otherwise when the drive starts anew.
+//! The firmware and the simulated drive do it by this code. A change that needs a restart is stored. Another holds in RAM, until it is
+//! stored by a command of its own.
 
 use crate::server::NotSet;
 use embedded_storage::nor_flash::NorFlash;
 use link::codes::Origin;
 use link::message::Refusal;
 use link::settings::store::{Loaded, Store};
-use link::settings::{Effect, Settings, Unfit};
+use link::settings::{Settings, Unfit};
 
 /// The settings that a drive runs on, and the store that they come from.
 #[derive(Clone, Debug)]
@@ -83,30 +83,36 @@ impl<F: NorFlash> Keeper<F> {
         self.found
     }
 
-    /// Stores settings that fit, and says when they hold: at once, or when the drive starts anew.
+    /// The drive runs on these settings, which fit, from now on. The store keeps what it has.
+    pub fn change(&mut self, settings: &Settings) {
+        if *settings != self.settings {
+            self.settings = *settings;
+            self.found.origin = Origin::Changed;
+        }
+    }
+
+    /// Stores settings that fit: those that the drive runs on, or those that it starts anew with.
     ///
     /// # Errors
     /// [`NotSet`]; nothing is changed then.
-    pub fn store(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
-        // What the store holds already it need not bear once more.
+    pub fn store(&mut self, settings: &Settings) -> Result<(), NotSet> {
+        // A flash wears with each writing.
         if self.found.origin == Origin::Stored
             && self.found.left_out == Loaded::default()
             && *settings == self.settings
         {
-            return Ok(Effect::AtOnce);
+            return Ok(());
         }
         self.store
             .save(settings)
             .map_err(|_| NotSet::Refused(Refusal::NotStored))?;
-        if !self.settings.takes_at_once(settings) {
-            return Ok(Effect::Restart);
+        if *settings == self.settings {
+            self.found = Found {
+                origin: Origin::Stored,
+                ..Found::NOTHING
+            };
         }
-        self.settings = *settings;
-        self.found = Found {
-            origin: Origin::Stored,
-            ..Found::NOTHING
-        };
-        Ok(Effect::AtOnce)
+        Ok(())
     }
 
     /// The flash.

@@ -111,10 +111,17 @@ impl<S: AsMut<[Server]>> Lines<S> {
                 server.take(byte, now_ms, &mut self.commander, &mut drive, |bytes| {
                     ports.put(line, bytes);
                 });
+                if self.asked.changed {
+                    break;
+                }
             }
             if let Some(request) = self.asked.record.take() {
                 self.recorded_by = line;
                 self.stream.start(parts.telemetry, request);
+            }
+            // The next step has the configuration that holds now.
+            if core::mem::take(&mut self.asked.changed) {
+                break;
             }
         }
         if now_ms != self.looked {

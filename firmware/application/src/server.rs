@@ -91,11 +91,16 @@ pub trait Served {
     fn settings(&self) -> &Settings;
     /// The same with the orders that were learned since.
     fn learned(&self) -> Settings;
-    /// Takes these settings, at once or by starting anew, and says which.
+    /// Makes these settings hold, and says when they do. Those that take effect after a restart are stored.
     ///
     /// # Errors
     /// [`NotSet`]; nothing is changed then.
     fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet>;
+    /// Stores the settings that hold.
+    ///
+    /// # Errors
+    /// [`NotSet`].
+    fn store(&mut self) -> Result<(), NotSet>;
     /// Starts or ends the telemetry.
     fn record(&mut self, request: u32);
     /// Puts a fault in.
@@ -310,6 +315,7 @@ impl Server {
         })
     }
 
+    #[inline(never)]
     fn answer(
         &mut self,
         command: Command,
@@ -404,22 +410,39 @@ impl Server {
                 self.draft = Some(*drive.settings());
                 Ok(())
             }
-            Command::Commit if !at_rest(drive.state()) => Err(Refusal::Moving),
-            Command::Commit => match self.draft.as_ref().map(|draft| drive.configure(draft)) {
-                None => Err(Refusal::Session),
-                Some(Ok(Effect::AtOnce)) => Ok(()),
-                Some(Ok(Effect::Restart)) => {
+            Command::Commit => match self.commit(drive) {
+                Ok(Effect::AtOnce | Effect::AtRest) => Ok(()),
+                Ok(Effect::Restart) => {
                     commander.start_anew();
                     Ok(())
                 }
-                Some(Err(NotSet::Unfit(unfit))) => return said(&unfit),
-                Some(Err(NotSet::Refused(refusal))) => Err(refusal),
+                Err(NotSet::Unfit(unfit)) => return said(&unfit),
+                Err(NotSet::Refused(refusal)) => Err(refusal),
+            },
+            Command::Store if !at_rest(drive.state()) => Err(Refusal::Moving),
+            Command::Store => match drive.store() {
+                Ok(()) => Ok(()),
+                Err(NotSet::Unfit(unfit)) => return said(&unfit),
+                Err(NotSet::Refused(refusal)) => Err(refusal),
             },
             Command::Inject(injection) => drive.inject(injection),
         };
         match done {
             Ok(()) => Reply::Done,
             Err(refusal) => Reply::Refused(refusal.word()),
+        }
+    }
+
+    /// Makes the draft hold. A drive that moves takes what holds at once, and nothing else.
+    fn commit(&self, drive: &mut impl Served) -> Result<Effect, NotSet> {
+        let draft = self.draft.as_ref();
+        let draft = draft.ok_or(NotSet::Refused(Refusal::Session))?;
+        let state = drive.state();
+        let at_once = || state.is_driven() && drive.settings().effect(draft) == Effect::AtOnce;
+        if at_rest(state) || at_once() {
+            drive.configure(draft)
+        } else {
+            Err(NotSet::Refused(Refusal::Moving))
         }
     }
 
@@ -517,6 +540,7 @@ mod tests {
     use super::*;
     use link::codes::Fault;
     use link::message::Injected;
+    use link::settings::Setting;
     use proptest::prelude::*;
     use std::vec;
     use std::vec::Vec as Bytes;
@@ -591,13 +615,12 @@ mod tests {
             self.settings
         }
         fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
-            let at_once = self.settings.takes_at_once(settings);
+            let effect = self.settings.effect(settings);
             self.settings = *settings;
-            Ok(if at_once {
-                Effect::AtOnce
-            } else {
-                Effect::Restart
-            })
+            Ok(effect)
+        }
+        fn store(&mut self) -> Result<(), NotSet> {
+            Ok(())
         }
         fn record(&mut self, _: u32) {}
         fn inject(&mut self, injection: Injection) -> Result<(), Refusal> {
@@ -836,6 +859,33 @@ mod tests {
         assert_eq!(drive.renewed, 1);
         other.ask(Command::Stop, &mut commander, &mut drive);
         assert_eq!(drive.state, State::Ready);
+    }
+
+    #[test]
+    fn a_drive_that_moves_takes_what_holds_at_once_and_no_more() {
+        let (mut commander, mut drive, mut line) = (Commander::new(0), Fake::new(), Line::new());
+        line.ask(Command::Hello, &mut commander, &mut drive);
+        drive.state = State::Running;
+        let moving = refused(Refusal::Moving);
+        for (name, value, answer) in [
+            ("tuning.speed_rad_s", 150.0, &Reply::Done),
+            ("feed.velocity_max_mm_s", 50.0, &moving),
+            ("feed.lead_mm", 10.0, &moving),
+        ] {
+            line.ask(Command::Discard, &mut commander, &mut drive);
+            let id = Setting::named(name).unwrap().id;
+            let value = WireValue::Real(Real::new(value));
+            line.ask(Command::Draft { id, value }, &mut commander, &mut drive);
+            let said = line.ask(Command::Commit, &mut commander, &mut drive);
+            assert_eq!(&said, answer, "{name}");
+        }
+        assert_eq!(drive.settings.tuning.speed_rad_s, 150.0);
+        assert_eq!(drive.settings.feed, Settings::DEFAULT.feed);
+        assert_eq!(line.ask(Command::Store, &mut commander, &mut drive), moving);
+        drive.state = State::Aligning;
+        line.ask(Command::Discard, &mut commander, &mut drive);
+        let said = line.ask(Command::Commit, &mut commander, &mut drive);
+        assert_eq!(said, moving);
     }
 
     #[test]

@@ -158,13 +158,12 @@ impl Served for Fake {
         self.settings
     }
     fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {
-        let at_once = self.settings.takes_at_once(settings);
+        let effect = self.settings.effect(settings);
         self.settings = *settings;
-        Ok(if at_once {
-            Effect::AtOnce
-        } else {
-            Effect::Restart
-        })
+        Ok(effect)
+    }
+    fn store(&mut self) -> Result<(), NotSet> {
+        Ok(())
     }
     fn record(&mut self, _: u32) {}
     fn inject(&mut self, _: Injection) -> Result<(), Refusal> {

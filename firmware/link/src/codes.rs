@@ -26,5 +26,6 @@ codes! {
         Own = 1, "its own", "The drive runs on its board's own settings: none are stored.";
         Stored = 2, "stored", "The drive runs on the settings that are stored in its flash.";
         Unfit = 3, "its own, as those that are stored do not fit", "The drive runs on its board's own settings: those that are stored do not fit it. Set them anew.";
+        Changed = 4, "changed, not stored", "The drive runs on settings that were changed since it started. `drive settings store` keeps them over a restart.";
     }
 }

@@ -101,7 +101,8 @@ pub enum Command {
     },
     /// Forgets the draft.
     Discard,
-    /// The draft is stored, all of it or nothing, and a drive at rest starts anew with it, which ends all sessions.
+    /// Makes the draft hold, all of it or nothing: see [`Effect`](crate::settings::Effect). A draft that takes effect after a restart is
+    /// stored, and the drive restarts, which ends all sessions. Another is not stored.
     Commit,
     /// Puts a fault into a simulated drive.
     Inject(Injection),
@@ -110,6 +111,8 @@ pub enum Command {
         /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for the homing velocity.
         base: Option<i32>,
     },
+    /// Writes the settings that hold to the flash. The drive must rest.
+    Store,
 }
 
 /// What is done to a simulated drive.

@@ -89,13 +89,7 @@ impl Application {
         lines: usize,
         reason: ResetReason,
     ) -> Result<Self, Misfit> {
-        let configured = Configured {
-            drive: plate.config()?,
-            guard: world::guards(&plate, setup.board.bus_v).config()?,
-            header: Header::of_plate(&plate),
-            travel: plate.travel_config(),
-            plate,
-        };
+        let configured = configured(plate, setup)?;
         let view = DriveView::new();
         view.reset_reason.store(reason.word(), Relaxed);
         Ok(Self {
@@ -219,6 +213,12 @@ impl SimulatedDrive {
         self.keeper.settings()
     }
 
+    /// What it runs on.
+    #[must_use]
+    pub fn configured(&self) -> &Configured {
+        &self.application.configured
+    }
+
     /// What it found in its flash when it started.
     #[must_use]
     pub fn found(&self) -> Found {
@@ -275,6 +275,7 @@ impl SimulatedDrive {
         let mut host = Host {
             board: &self.board,
             injections: Vec::new(),
+            changed: false,
         };
         // A number that is another with each start of a session.
         let seed = (self.before + self.drive.periods()) as u32;
@@ -302,13 +303,31 @@ impl SimulatedDrive {
                 world: &mut host,
             },
         );
-        for injection in host.injections {
+        let Host {
+            injections,
+            changed,
+            ..
+        } = host;
+        if changed {
+            self.take_up();
+        }
+        for injection in injections {
             injection.put(&mut self.drive, &mut self.world, &self.setup);
         }
         if starts_anew {
             let flash = self.keeper.flash().clone();
             // They were tried before they were stored.
             let _ = self.put_flash(flash);
+        }
+    }
+
+    /// The settings that hold, in the running drive.
+    fn take_up(&mut self) {
+        let plate = self.keeper.settings().plate(&self.board);
+        // They were tried before.
+        if let Ok(configured) = configured(plate, &self.setup) {
+            self.drive.configure(configured.drive);
+            self.application.configured = configured;
         }
     }
 
@@ -408,24 +427,36 @@ impl SimulatedDrive {
 struct Host<'a> {
     board: &'a BoardPlate,
     injections: Vec<Possible>,
+    /// The settings have changed.
+    changed: bool,
 }
 
 impl application::drive::World for Host<'_> {
     const SIMULATED: bool = true;
 
-    fn fits(
-        &mut self,
-        _: &Configured,
-        settings: &Settings,
-        before: &Settings,
-    ) -> Result<(), NotSet> {
+    fn fits(&mut self, settings: &Settings, before: &Settings) -> Result<(), NotSet> {
         Ok(fits(settings, before, self.board)?)
+    }
+
+    fn take_up(&mut self) {
+        self.changed = true;
     }
 
     fn inject(&mut self, fault: Injected, injection: &Injection) -> Result<(), Refusal> {
         self.injections.push(Possible::new(fault, injection)?);
         Ok(())
     }
+}
+
+/// All that a drive with this plate is configured with.
+fn configured(plate: DrivePlate, setup: &Setup) -> Result<Configured, Misfit> {
+    Ok(Configured {
+        drive: plate.config()?,
+        guard: world::guards(&plate, setup.board.bus_v).config()?,
+        header: Header::of_plate(&plate),
+        travel: plate.travel_config(),
+        plate,
+    })
 }
 
 /// What a drive of `board` finds in its flash.

@@ -216,6 +216,9 @@ impl Body {
 /// or where that is not known to the first instruction that one of them leads to.
 fn table(image: &Image, instruction: &Instruction) -> Option<Vec<u32>> {
     let width = match instruction.text.split_once(' ') {
+        Some(("mov", operands)) if operands.starts_with("pc,") => {
+            return Some(branches(image, instruction.address + instruction.size));
+        }
         Some(("tbb", operands)) if operands.starts_with("[pc") => 1,
         Some(("tbh", operands)) if operands.starts_with("[pc") => 2,
         _ => return None,
@@ -241,6 +244,23 @@ fn table(image: &Image, instruction: &Instruction) -> Option<Vec<u32>> {
         targets.retain(|&to| to != base + 2 * NOP);
     }
     Some(targets)
+}
+
+/// Places of the branches that follow a jump into them: a table where a function is too long for offsets of two bytes.
+fn branches(image: &Image, after: u32) -> Vec<u32> {
+    // Encoding T4 of B (ARM DDI 0403E, A7.7.12).
+    let is_branch = |at: u32| {
+        let Some(&[a, b, c, d]) = image.bytes(at, 4) else {
+            return false;
+        };
+        let (first, second) = (u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]));
+        first & 0xF800 == 0xF000 && second & 0xD000 == 0x9000
+    };
+    let first = (after + 3) & !3;
+    (first..)
+        .step_by(4)
+        .take_while(|&at| is_branch(at))
+        .collect()
 }
 
 /// A call by register: it goes on after it.

@@ -1,15 +1,17 @@
 //! A drive that is set up over its link keeps its settings in the emulated chip's flash, and starts with them.
 
 use crate::link::{LINES, Session};
-use anyhow::{Result, anyhow, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use hal_sim::flash::SimulatedFlash;
 use link::codes::{EventKind, Origin, State};
 use link::host::client::{Client, Line};
 use link::message::{Command, Refusal};
 use link::settings::store::{PAGES, Store};
-use link::settings::{Setting, Settings, Value};
+use link::settings::{Setting, Settings, Value, WireValue};
+use link::telemetry::Real;
 use plant::machine::Coupling;
 use plant::model::Model;
+use std::time::Duration;
 use tests::bench::{Bench, READY, firmware};
 use tests::chip::Reset;
 use tests::chip::wiring::Wiring;
@@ -82,6 +84,10 @@ fn a_setting_holds_after_the_restart_that_it_asks_for() -> Result<()> {
         );
         session.client.tell(crate::link::run(3.0, 300.0))?;
         session.attend(0.1)?;
+        session.client.tell(Command::Draft {
+            id: Setting::named("feed.lead_mm").context("no lead")?.id,
+            value: WireValue::Real(Real::new(4.0)),
+        })?;
         ensure!(
             session.refused(Command::Commit)? == Refusal::Moving,
             "{line}"
@@ -341,6 +347,36 @@ fn what_is_learned_can_be_kept() -> Result<()> {
     );
     session.client.configure(&learned)?;
     ensure!(session.client.settings()? == learned);
+    Ok(())
+}
+
+/// Longest from the command to its reply, after which each step of the speed task has the new gain.
+const GAIN_HOLDS: Duration = Duration::from_millis(10);
+
+#[test]
+fn a_gain_holds_within_10_ms_while_the_motors_turn() -> Result<()> {
+    let mut session = Session::open(LINES[0].1)?;
+    session.client.tell(Command::Arm)?;
+    session.client.tell(crate::link::run(3.0, 300.0))?;
+    session.attend(0.5)?;
+    let gain = Setting::named("tuning.speed_rad_s").context("no gain")?;
+    session.client.tell(Command::Draft {
+        id: gain.id,
+        value: WireValue::Real(Real::new(150.0)),
+    })?;
+    let asked = session.client.now();
+    session.client.tell(Command::Commit)?;
+    let took = session.client.now() - asked;
+    println!("the gain holds after {took:?}");
+    ensure!(took < GAIN_HOLDS, "the gain holds after {took:?}");
+    session.attend(0.5)?;
+    let view = session.bench.borrow_mut().look().map_err(|e| anyhow!(e))?;
+    let words = view.words();
+    ensure!(
+        words.motors.iter().all(|motor| motor.missed == 0) && words.speed_missed == 0,
+        "deadlines missed"
+    );
+    ensure!(session.client.status()?.state == State::Running.word());
     Ok(())
 }
 

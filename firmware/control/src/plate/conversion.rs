@@ -6,7 +6,7 @@ use super::groups::{
     SpeedOrderPlates, SpeedOrderSettings, TorqueOrderPlates, TorqueOrderSettings, TravelSettings,
     TuningSettings, WatchSettings,
 };
-use super::parameter::Value;
+use super::parameter::{Effect, Value};
 use super::settings::{Setting, Settings};
 use super::{BoardPlate, CompensationPlate, DriveConfig, DrivePlate, FrictionPlate, OrderPlate};
 use crate::base::format::Misfit;
@@ -159,7 +159,7 @@ impl Settings {
         self.feed.plate().scale_count_m
     }
 
-    /// Whether `self` may take the place of `before`, which fits: then `config` is its configuration on `board`.
+    /// Whether `self` may take the place of `before`, which fits: then `config`, that of `before`, becomes its configuration on `board`.
     ///
     /// # Errors
     /// [`Unfit`] with a setting with which it does not fit while it does with those before it, and the number that does not.
@@ -169,8 +169,11 @@ impl Settings {
         board: &BoardPlate,
         config: &mut DriveConfig,
     ) -> Result<(), Unfit> {
-        self.configure(board, config)
-            .map_err(|misfit| self.unfit(before, board, config, misfit))
+        let configured = match before.effect(self) {
+            Effect::AtOnce => self.plate(board).configure_at_once(config),
+            Effect::AtRest | Effect::Restart => self.configure(board, config),
+        };
+        configured.map_err(|misfit| self.unfit(before, board, config, misfit))
     }
 
     /// Makes `config` that of a drive with these settings.
@@ -264,6 +267,8 @@ impl core::error::Error for Unfit {}
 mod tests {
     use super::*;
     use crate::plate::groups::{Direction, EncoderDirection, EncoderInterface, Switch};
+    use crate::plate::parameter::Kind;
+    use crate::speed::compensation::CompensationConfig;
     use std::string::ToString;
 
     /// The board of a plate with the paper's motors: 170 MHz, 20 kHz, ±5 A, 450 V.
@@ -281,6 +286,59 @@ mod tests {
     }
 
     /// The gains of the defaults are those that others computed for the paper's motors (Eqs 9 to 12), and its figures.
+    /// Another value that fits, of a setting that has `before`.
+    fn changed(before: &Settings, setting: &Setting, config: &mut DriveConfig) -> Settings {
+        let Some(Value::Real(value)) = before.get(setting.id) else {
+            panic!("{setting} has no number");
+        };
+        let whole = before.plate(&board()).config().unwrap();
+        let tried = [1.1 * value, 0.9 * value, value + 0.01, 100.0];
+        let fits = tried.into_iter().find_map(|other| {
+            let mut after = *before;
+            after.set(setting.id, Value::Real(other)).ok()?;
+            *config = whole;
+            after.fits(before, &board(), config).ok()?;
+            (other != value).then_some(after)
+        });
+        // The base speeds of a table rise from its first on.
+        fits.unwrap_or_else(|| {
+            assert!(setting.to_string().starts_with("base.table_"), "{setting}");
+            *before
+        })
+    }
+
+    /// The compensation is on, so that each part of a configuration counts.
+    #[test]
+    fn what_needs_no_restart_leaves_current_loops_and_orders_and_is_the_whole_configuration() {
+        let mut before = Settings::DEFAULT;
+        before.compensation.learning_s = 1.0;
+        let old = before.plate(&board()).config().unwrap();
+        assert!(old.compensation.active);
+        let mut config = old;
+        for setting in Settings::all().filter(|setting| setting.effect() != Effect::Restart) {
+            if matches!(setting.kind(), Kind::Choice(_)) {
+                continue;
+            }
+            let after = changed(&before, &setting, &mut config);
+            assert_eq!(config, after.plate(&board()).config().unwrap(), "{setting}");
+            assert_eq!(config.current_loops, old.current_loops, "{setting}");
+            assert_eq!(config.heat, old.heat, "{setting}");
+            let lines = |config: &DriveConfig| {
+                let CompensationConfig {
+                    torque,
+                    angle,
+                    travel,
+                    places,
+                    slow,
+                    learns,
+                    ..
+                } = config.compensation;
+                (torque, angle, travel, places, slow, learns)
+            };
+            assert_eq!(lines(&config), lines(&old), "{setting}");
+        }
+    }
+
     #[test]
     fn the_defaults_are_the_paper_s_machine() {
         let plate = Settings::DEFAULT.plate(&board());

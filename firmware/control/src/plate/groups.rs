@@ -112,11 +112,11 @@ group! {
     FeedSettings => FeedPlate {
         1 Real lead_mm => lead_m = 5.0, (Millimetre [0.01, 1000.0]), "Travel of the table a turn of screw against nut.";
         2 Real scale_count_nm => scale_count_m = 10.0, (Nanometre [1e-3, 1e6]), "One count of the table's scale.";
-        3 Real velocity_max_mm_s => velocity_max = 100.0, (MillimetrePerS [1e-3, 8000.0]), "Largest table velocity.";
-        4 Real acceleration_max_mm_s2 => acceleration_max = 250.0, (MillimetrePerS2 [1e-2, 1e6]), "Largest table acceleration.";
-        5 Real jerk_max_mm_s3 => jerk_max = 10_000.0, (MillimetrePerS3 [1e-1, 1e9]), "Largest table jerk.";
-        6 Real base_acceleration_max_rpm_s => base_acceleration_max = 700.0 * 60.0 / TAU, (RpmPerS [1.0, 1e7]), "Largest acceleration of the base speed, which both motors share.";
-        7 Real base_jerk_max_rpm_s2 => base_jerk_max = 20_000.0 * 60.0 / TAU, (RpmPerS2 [1.0, 1e10]), "Largest jerk of the base speed.";
+        3 Real velocity_max_mm_s => velocity_max = 100.0, (MillimetrePerS [1e-3, 8000.0]), "Largest table velocity." at_rest;
+        4 Real acceleration_max_mm_s2 => acceleration_max = 250.0, (MillimetrePerS2 [1e-2, 1e6]), "Largest table acceleration." at_rest;
+        5 Real jerk_max_mm_s3 => jerk_max = 10_000.0, (MillimetrePerS3 [1e-1, 1e9]), "Largest table jerk." at_rest;
+        6 Real base_acceleration_max_rpm_s => base_acceleration_max = 700.0 * 60.0 / TAU, (RpmPerS [1.0, 1e7]), "Largest acceleration of the base speed, which both motors share." at_rest;
+        7 Real base_jerk_max_rpm_s2 => base_jerk_max = 20_000.0 * 60.0 / TAU, (RpmPerS2 [1.0, 1e10]), "Largest jerk of the base speed." at_rest;
     }
 }
 
@@ -133,7 +133,7 @@ group! {
     TuningSettings => Tuning {
         1 Real damping => damping = 0.7, (One [0.1, 2.0]), "Damping of the current and speed loops.";
         2 Real current_rad_s => current_rad_s = 3000.0, (RadPerS [10.0, 50_000.0]), "Cutoff of the current loops.";
-        3 Real speed_rad_s => speed_rad_s = 200.0, (RadPerS [1.0, 10_000.0]), "Cutoff of the speed loops.";
+        3 Real speed_rad_s => speed_rad_s = 200.0, (RadPerS [1.0, 10_000.0]), "Cutoff of the speed loops." at_once;
         4 Real observer_rad_s => observer_rad_s = 1000.0, (RadPerS [10.0, 50_000.0]), "Natural frequency of the observers: five times the speed loops' cutoff or more.";
         5 Real observer_damping => observer_damping = 0.9, (One [0.1, 2.0]), "Damping of the observers.";
     }
@@ -142,26 +142,26 @@ group! {
 group! {
     /// When a motor's motion is not in hand: limits, and how long each is tolerated.
     WatchSettings => RunawayPlate {
-        1 Real over_speed_percent => over_speed = 120.0, (Percent [100.0, 200.0]), "Fastest, of the motor's largest speed.";
-        2 Real over_speed_ms => over_speed_s = 1.6, (Millisecond [0.1, 1000.0]), "Patience with it.";
-        3 Real following_percent => following = 10.0, (Percent [0.1, 100.0]), "Furthest of a speed from its reference, of the motor's largest speed.";
-        4 Real following_ms => following_s = 20.0, (Millisecond [0.1, 1000.0]), "Patience with it.";
-        5 Real current_error_percent => current_error = 35.0, (Percent [1.0, 100.0]), "Furthest of a current from its reference, of the largest torque's.";
-        6 Real current_error_ms => current_error_s = 8.0, (Millisecond [0.1, 1000.0]), "Patience with it.";
-        7 Real angle_deg => angle_deg = 25.0, (ElectricalDegree [1.0, 60.0]), "Angle error that must not be.";
-        8 Real angle_floor_percent => angle_floor = 6.0, (Percent [0.1, 100.0]), "Voltage that the motor's model may be off by at any speed, of the back-EMF at the largest speed.";
-        9 Real resistance_error_percent => resistance_error = 40.0, (Percent [0.0, 200.0]), "By how much the resistance may be off: a hot winding's is 40 % above a cold one's.";
-        10 Real angle_ms => angle_s = 3.2, (Millisecond [0.1, 1000.0]), "Patience with an angle error.";
-        11 Real stall_percent => stall = 1.0, (Percent [0.01, 100.0]), "Slowest that a motor at its torque limit must turn, of its largest speed.";
-        12 Real stall_ms => stall_s = 500.0, (Millisecond [1.0, 10_000.0]), "Patience with one that does not.";
-        13 Real current_sum_percent => current_sum = 15.0, (Percent [0.5, 100.0]), "Furthest of the sum of three currents from zero, of the largest torque's, in two steps in a row.";
+        1 Real over_speed_percent => over_speed = 120.0, (Percent [100.0, 200.0]), "Fastest, of the motor's largest speed." at_rest;
+        2 Real over_speed_ms => over_speed_s = 1.6, (Millisecond [0.1, 1000.0]), "Patience with it." at_rest;
+        3 Real following_percent => following = 10.0, (Percent [0.1, 100.0]), "Furthest of a speed from its reference, of the motor's largest speed." at_rest;
+        4 Real following_ms => following_s = 20.0, (Millisecond [0.1, 1000.0]), "Patience with it." at_rest;
+        5 Real current_error_percent => current_error = 35.0, (Percent [1.0, 100.0]), "Furthest of a current from its reference, of the largest torque's." at_rest;
+        6 Real current_error_ms => current_error_s = 8.0, (Millisecond [0.1, 1000.0]), "Patience with it." at_rest;
+        7 Real angle_deg => angle_deg = 25.0, (ElectricalDegree [1.0, 60.0]), "Angle error that must not be." at_rest;
+        8 Real angle_floor_percent => angle_floor = 6.0, (Percent [0.1, 100.0]), "Voltage that the motor's model may be off by at any speed, of the back-EMF at the largest speed." at_rest;
+        9 Real resistance_error_percent => resistance_error = 40.0, (Percent [0.0, 200.0]), "By how much the resistance may be off: a hot winding's is 40 % above a cold one's." at_rest;
+        10 Real angle_ms => angle_s = 3.2, (Millisecond [0.1, 1000.0]), "Patience with an angle error." at_rest;
+        11 Real stall_percent => stall = 1.0, (Percent [0.01, 100.0]), "Slowest that a motor at its torque limit must turn, of its largest speed." at_rest;
+        12 Real stall_ms => stall_s = 500.0, (Millisecond [1.0, 10_000.0]), "Patience with one that does not." at_rest;
+        13 Real current_sum_percent => current_sum = 15.0, (Percent [0.5, 100.0]), "Furthest of the sum of three currents from zero, of the largest torque's, in two steps in a row." at_rest;
     }
 }
 
 group! {
     /// How the drive is commanded.
     CommandSettings => CommandPlate {
-        1 Real heartbeat_ms => heartbeat_s = 500.0, (Millisecond [10.0, 10_000.0]), "How long the machine goes on moving by a command that nobody renews.";
+        1 Real heartbeat_ms => heartbeat_s = 500.0, (Millisecond [10.0, 10_000.0]), "How long the machine goes on moving by a command that nobody renews." at_rest;
     }
 }
 
@@ -175,26 +175,26 @@ group! {
 group! {
     /// Friction that is known and fed forward at one place; its speeds and angles are of its own surface, mechanical.
     FrictionSettings => RubbingPlate {
-        1 Real coulomb_nm => coulomb_nm = 0.0, (NewtonMetre [0.0, 1e4]), "Friction while it slides; 0: none is fed forward.";
-        2 Real sticks_nm => sticks_nm = 0.0, (NewtonMetre [0.0, 1e4]), "What it takes more to break away.";
-        3 Real stribeck_rad_s => stribeck_rad_s = 1.0, (RadPerS [1e-3, 1e4]), "Speed at which that has fallen to 1/e.";
-        4 Real presliding_mrad => presliding_rad = 1.0, (Milliradian [1e-3, 1e4]), "Way over which it turns at a reversal, by all but 1/e.";
+        1 Real coulomb_nm => coulomb_nm = 0.0, (NewtonMetre [0.0, 1e4]), "Friction while it slides; 0: none is fed forward." at_once;
+        2 Real sticks_nm => sticks_nm = 0.0, (NewtonMetre [0.0, 1e4]), "What it takes more to break away." at_once;
+        3 Real stribeck_rad_s => stribeck_rad_s = 1.0, (RadPerS [1e-3, 1e4]), "Speed at which that has fallen to 1/e." at_once;
+        4 Real presliding_mrad => presliding_rad = 1.0, (Milliradian [1e-3, 1e4]), "Way over which it turns at a reversal, by all but 1/e." at_once;
     }
 }
 
 group! {
     /// A notch in both motors' current references.
     NotchSettings => NotchPlate {
-        0 Real hz => hz = 0.0, (Hertz [0.0, 20_000.0]), "Frequency that is left out of the current references: the axial mode's; 0: none.";
-        1 Real damping => damping = 0.3, (One [0.01, 2.0]), "Damping of the notch's poles: half its width over its frequency.";
-        2 Real depth => depth = 0.1, (One [0.0, 1.0]), "What passes at its frequency.";
+        0 Real hz => hz = 0.0, (Hertz [0.0, 20_000.0]), "Frequency that is left out of the current references: the axial mode's; 0: none." at_rest;
+        1 Real damping => damping = 0.3, (One [0.01, 2.0]), "Damping of the notch's poles: half its width over its frequency." at_rest;
+        2 Real depth => depth = 0.1, (One [0.0, 1.0]), "What passes at its frequency." at_rest;
     }
 }
 
 group! {
     /// What keeps a disturbance from the table: see [`disturbance`](crate::speed::disturbance) and [`notch`](crate::speed::notch).
     RejectionSettings => RejectionPlate {
-        1 Real disturbance_rad_s => disturbance_rad_s = 0.0, (RadPerS [0.0, 10_000.0]), "Cutoff of the disturbance observers, which find the torque that nobody knows; 0: there is none.";
+        1 Real disturbance_rad_s => disturbance_rad_s = 0.0, (RadPerS [0.0, 10_000.0]), "Cutoff of the disturbance observers, which find the torque that nobody knows; 0: there is none." at_rest;
         2 Part notch => notch = NotchSettings::DEFAULT, (NotchSettings: NotchPlate "notch_"), "What of the current references is left out.";
     }
 }
@@ -210,8 +210,8 @@ group! {
 group! {
     /// The base speed, where a command gives none.
     BaseSettings => BasePlate {
-        1 Real wander_rpm => wander_rad_s = 0.0, (RpmAsRadPerS [0.0, 10_000.0]), "By how much a base speed wanders away from 0 and back, so that no ripple stays on a resonance; 0: it does not.";
-        2 Real wander_s => wander_s = 10.0, (Second [0.1, 10_000.0]), "Time of a wander to and fro.";
+        1 Real wander_rpm => wander_rad_s = 0.0, (RpmAsRadPerS [0.0, 10_000.0]), "By how much a base speed wanders away from 0 and back, so that no ripple stays on a resonance; 0: it does not." at_rest;
+        2 Real wander_s => wander_s = 10.0, (Second [0.1, 10_000.0]), "Time of a wander to and fro." at_rest;
         3 Parts table => table = [BasePointSettings::DEFAULT; BASES], (BasePointSettings: BasePoint 2; 0 1 2 3 4 5 6 7), "For the table velocities up to each, rising; the last for all above.";
     }
 }
@@ -263,8 +263,8 @@ group! {
     /// The table's way: homing to an end switch, and soft limits of the homed position.
     TravelSettings => TravelPlate {
         1 Part home => home = HomeSettings::DEFAULT, (HomeSettings: HomePlate "home_"), "How its place is found.";
-        6 Real soft_least_mm => soft_least_m = 0.0, (Millimetre [-1e5, 1e5]), "Least homed position; as much as soft_most_mm: there are no soft limits.";
-        7 Real soft_most_mm => soft_most_m = 0.0, (Millimetre [-1e5, 1e5]), "Most homed position.";
+        6 Real soft_least_mm => soft_least_m = 0.0, (Millimetre [-1e5, 1e5]), "Least homed position; as much as soft_most_mm: there are no soft limits." at_rest;
+        7 Real soft_most_mm => soft_most_m = 0.0, (Millimetre [-1e5, 1e5]), "Most homed position." at_rest;
     }
 }
 
@@ -272,8 +272,8 @@ group! {
     /// The brake that holds the table while the bridges are off.
     BrakeSettings => BrakePlate {
         1 Choice fitted => fitted = Switch::Off, (Switch: bool), "There is one, at the board's output for it.";
-        2 Real closing_ms => closing_s = 50.0, (Millisecond [0.0, 5000.0]), "From when it is told until it holds: the motors hold as long.";
-        3 Real opening_ms => opening_s = 100.0, (Millisecond [0.0, 5000.0]), "Until it has let go: the table begins to move after it.";
+        2 Real closing_ms => closing_s = 50.0, (Millisecond [0.0, 5000.0]), "From when it is told until it holds: the motors hold as long." at_rest;
+        3 Real opening_ms => opening_s = 100.0, (Millisecond [0.0, 5000.0]), "Until it has let go: the table begins to move after it." at_rest;
         4 Choice load_drives_back => load_drives_back = Switch::Off, (Switch: bool), "The load moves the table while nothing holds it: such an axis takes a brake.";
     }
 }

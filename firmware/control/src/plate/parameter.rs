@@ -28,12 +28,14 @@ pub enum Kind {
     Choice(&'static [&'static str]),
 }
 
-/// When a change takes effect.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// When a change takes effect; of several changes, the last counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Effect {
-    /// With the next command that uses it.
+    /// At once, while the drive moves too.
     AtOnce,
-    /// When the drive has restarted, as the tasks are configured with it.
+    /// At once, but only a drive with open bridges takes it: a moving one has state that belongs to the old value.
+    AtRest,
+    /// When the drive has restarted, as the current loops and the compensation start with it.
     Restart,
 }
 
@@ -214,8 +216,8 @@ macro_rules! choice {
 /// | `Part` | settings, SI struct, beginning of the names; numbers of the part are from 0 |
 /// | `Parts` | the same as an array, one after the other: numbers of each, then the places |
 ///
-/// With `in`, the SI struct is one that there is. A change takes effect when the drive has restarted; with `at_once` at the end,
-/// with the next command that uses it.
+/// With `in`, the SI struct is one that there is. A change takes effect when the drive has restarted, or as `at_once` or `at_rest` at
+/// the end says: see [`Effect`].
 macro_rules! group {
     ($(#[$about:meta])* $group:ident => $plate:ident { $($rows:tt)* }) => {
         group! { @plate $(#[$about])* $plate { $($rows)* } }
@@ -303,6 +305,9 @@ macro_rules! effect {
     };
     (at_once) => {
         Effect::AtOnce
+    };
+    (at_rest) => {
+        Effect::AtRest
     };
 }
 

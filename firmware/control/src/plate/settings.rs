@@ -191,10 +191,14 @@ impl Settings {
         changes.filter(|setting| setting.effect() == Effect::Restart)
     }
 
-    /// Whether `after` takes effect without a restart.
+    /// When the change to `after` takes effect.
     #[must_use]
-    pub fn takes_at_once(&self, after: &Self) -> bool {
-        self.changes_that_restart(after).next().is_none()
+    pub fn effect(&self, after: &Self) -> Effect {
+        let mut effect = Effect::AtOnce;
+        for (setting, _, _) in self.differences(after) {
+            effect = effect.max(setting.effect());
+        }
+        effect
     }
 
     /// The settings in which `other` differs, in the order of their numbers.

@@ -3,7 +3,7 @@
 use crate::codes::State;
 use crate::frame::{Decoder, FRAME_MAX, encode};
 use crate::message::{Command, DriveFrame, Event, HostFrame, Recorded, Refusal, Reply, Status};
-use crate::settings::{Setting, Settings, Value};
+use crate::settings::{Effect, Setting, Settings, Value};
 use crate::telemetry::Frame;
 use anyhow::{Context, Result, bail};
 use std::collections::VecDeque;
@@ -357,12 +357,31 @@ impl<L: Line> Client<L> {
         Ok(settings)
     }
 
-    /// Makes `settings` hold, all of them or none. Where one takes effect only then, the drive starts anew, and this session goes on
-    /// as another.
+    /// Makes `settings` hold and stores them, all of them or none.
+    ///
+    /// # Errors
+    /// As [`change`](Self::change) and [`store`](Self::store).
+    pub fn configure(&mut self, settings: &Settings) -> Result<()> {
+        if self.change(settings)? == Effect::Restart {
+            return Ok(());
+        }
+        self.store()
+    }
+
+    /// Stores the settings that hold.
+    ///
+    /// # Errors
+    /// [`Refused`] while the drive moves or if its flash does not take them, or [`Lost`].
+    pub fn store(&mut self) -> Result<()> {
+        self.tell(Command::Store)
+    }
+
+    /// Makes `settings` hold, all of them or none, and says when they do. Where one takes effect only then, they are stored, the drive
+    /// starts anew, and this session goes on as another.
     ///
     /// # Errors
     /// [`Refused`] with the setting that does not fit, or [`Lost`].
-    pub fn configure(&mut self, settings: &Settings) -> Result<()> {
+    pub fn change(&mut self, settings: &Settings) -> Result<Effect> {
         self.tell(Command::Discard)?;
         let held = self.settings()?;
         for (setting, _, value) in held.differences(settings) {
@@ -377,8 +396,9 @@ impl<L: Line> Client<L> {
             Err(error) if error.downcast_ref() == Some(&Refused::For(Refusal::Session)) => {}
             told => told.map_err(|error| advised(error, &held, settings))?,
         }
-        if held.takes_at_once(settings) {
-            return Ok(());
+        let effect = held.effect(settings);
+        if effect != Effect::Restart {
+            return Ok(effect);
         }
         // What is said while it starts is lost.
         self.hello(STARTS / 50, 50)
@@ -388,7 +408,7 @@ impl<L: Line> Client<L> {
                 "the drive has started anew, and does not run on the settings that it was given: `status` says on which"
             );
         }
-        Ok(())
+        Ok(effect)
     }
 
     /// Takes what has come, waiting for it no longer than `patience`.

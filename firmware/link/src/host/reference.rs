@@ -71,6 +71,7 @@ fn row(page: &mut String, setting: &Setting, numbers: impl Iterator<Item = u16>)
     };
     let effect = match setting.effect() {
         Effect::AtOnce => "at once",
+        Effect::AtRest => "at rest",
         Effect::Restart => "after a restart",
     };
     let every = setting.at_all_places();

@@ -274,7 +274,8 @@ pub enum SettingsTask {
         #[arg(long)]
         json: bool,
     },
-    /// Set some, all or none: feed.lead_mm=10 screw.torque_constant_nm_per_a_rms=1.2.
+    /// Set some, all or none: feed.lead_mm=10 screw.torque_constant_nm_per_a_rms=1.2. What needs no restart holds until the drive is
+    /// switched off: `store` keeps it.
     Set {
         /// Names and values.
         #[arg(required = true, value_name = "NAME=VALUE")]
@@ -282,12 +283,14 @@ pub enum SettingsTask {
         #[command(flatten)]
         restart: Restart,
     },
+    /// Keep the settings that hold: they are written to the drive's flash. The drive must rest.
+    Store,
     /// Write all into a TOML file.
     Export {
         /// The file.
         file: PathBuf,
     },
-    /// Set what stands in a TOML file, all or nothing.
+    /// Set and store what stands in a TOML file, all or nothing.
     Import {
         /// The file.
         file: PathBuf,

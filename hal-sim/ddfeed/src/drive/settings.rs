@@ -9,7 +9,7 @@ use link::codes::State;
 use link::host::client::Lost;
 use link::host::settings::{of_toml, of_words, to_toml};
 use link::message::Command;
-use link::settings::{EncoderInterface, MotorSettings, Setting, Settings, Value};
+use link::settings::{Effect, EncoderInterface, MotorSettings, Setting, Settings, Value};
 use link::telemetry::{Frame, Header, Request};
 use serde_json::{Map, json};
 use std::fs;
@@ -34,7 +34,18 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
                 let (setting, value) = of_words(name.trim(), value.trim())?;
                 new.set(setting.id, value)?;
             }
-            change(drive, &settings, &new, *restart)
+            announce_restart(drive, &settings, &new, *restart)?;
+            let effect = drive.change(&new)?;
+            tell(&settings, &new);
+            if effect != Effect::Restart && new != settings {
+                println!("not stored: `settings store` keeps it over a restart");
+            }
+            Ok(())
+        }
+        SettingsTask::Store => {
+            drive.store()?;
+            println!("stored");
+            Ok(())
         }
         SettingsTask::Export { file } => {
             put_new(file, &to_toml(&settings))?;
@@ -43,12 +54,12 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
         }
         SettingsTask::Import { file, restart } => {
             let new = read(&settings, file)?;
-            change(drive, &settings, &new, *restart)
+            configure(drive, &settings, &new, *restart)
         }
         SettingsTask::Learned { save, restart } => {
             let learned = drive.learned()?;
             if *save {
-                change(drive, &settings, &learned, *restart)
+                configure(drive, &settings, &learned, *restart)
             } else {
                 tell(&settings, &learned);
                 Ok(())
@@ -114,8 +125,13 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Sets what differs, and says so.
-fn change(drive: &mut Drive, before: &Settings, after: &Settings, restart: Restart) -> Result<()> {
+/// Sets and stores what differs, and says so.
+fn configure(
+    drive: &mut Drive,
+    before: &Settings,
+    after: &Settings,
+    restart: Restart,
+) -> Result<()> {
     announce_restart(drive, before, after, restart)?;
     drive.configure(after)?;
     tell(before, after);

@@ -9,7 +9,7 @@ use super::rejection::NotchGains;
 use super::{attempt, half, positive, power_of_two, within};
 use crate::base::format::Misfit;
 use crate::current::encoder::Interface;
-use crate::plate::{DrivePlate, MotorPlate, OrderPlate};
+use crate::plate::{DrivePlate, Gains, MotorPlate, OrderPlate};
 use crate::speed::compensation::beat::BeatConfig;
 use crate::speed::compensation::line::{Order, Phasor};
 use crate::speed::compensation::response::{POINTS, Response, ResponsePoint};
@@ -66,25 +66,48 @@ impl Loops {
     }
 }
 
-impl MotorPlate {
-    /// Places of a turn that an alignment cannot tell apart.
-    const fn places(&self) -> u32 {
-        match self.encoder.interface {
-            Interface::Incremental => self.pole_pairs,
-            Interface::IncrementalWithIndex | Interface::Mt6835 => 1,
+/// What of a motor's loops is the same at all frequencies.
+struct LoopModel<'a> {
+    motor: &'a MotorPlate,
+    drive: &'a DrivePlate,
+    gains: Gains,
+    /// Part of a current that a winding keeps in a period.
+    kept: f64,
+    notch: NotchGains,
+    /// See [`DrivePlate::disturbance_part`].
+    part: f64,
+}
+
+impl<'a> LoopModel<'a> {
+    const fn new(motor: &'a MotorPlate, drive: &'a DrivePlate) -> Self {
+        let period = drive.board.sample_time();
+        Self {
+            motor,
+            drive,
+            gains: motor.gains(&drive.tuning),
+            kept: decay(motor.resistance_ohm * period / motor.inductance_h),
+            notch: drive.notch_gains(),
+            part: drive.disturbance_part(),
         }
     }
 
     /// The loops at `angle` rad a PWM period.
-    const fn loops(&self, drive: &DrivePlate, angle: f64) -> Loops {
+    const fn at(&self, angle: f64) -> Loops {
+        let Self {
+            motor,
+            drive,
+            gains,
+            kept,
+            notch,
+            part,
+        } = self;
+        let (kept, part) = (*kept, *part);
         let (tuning, period) = (&drive.tuning, drive.board.sample_time());
-        let gains = self.gains(tuning);
-        let pole_pairs = self.pole_pairs as f64;
+        let pole_pairs = motor.pole_pairs as f64;
         let late = Complex::delay(angle);
         let difference = Complex::ONE.minus(late);
 
-        let kept = decay(self.resistance_ohm * period / self.inductance_h);
-        let winding = (1.0 - kept) / self.resistance_ohm;
+        let winding = (1.0 - kept) / motor.resistance_ohm;
         let regulator = Complex::ONE
             .scaled(gains.k_pc)
             .plus(late.scaled(gains.k_ic * period).over(difference));
@@ -110,8 +133,8 @@ impl MotorPlate {
             .plus(late)
             .scaled(0.5 * period)
             .over(difference);
-        let torque = pole_pairs * self.flux_wb;
-        let speed = mean.scaled(pole_pairs * torque / self.inertia_kg_m2);
+        let torque = pole_pairs * motor.flux_wb;
+        let speed = mean.scaled(pole_pairs * torque / motor.inertia_kg_m2);
         let x = tuning.observer_rad_s * period;
         let (alpha, beta) = (2.0 * tuning.observer_damping * x, x * x);
         let corrected = Complex::ONE.scaled(beta).plus(difference.scaled(alpha));
@@ -125,15 +148,14 @@ impl MotorPlate {
             .over(Complex::ONE.minus(step_late));
         // Asked of a speed error `e` and a speed `w`: `u = N (C e + Q late u - g J (1 - Q) w)`, with the notch `N` and the
         // disturbance observer's filter `Q`.
-        let part = drive.disturbance_part();
         let filter = Complex::ONE
             .scaled(part)
             .over(Complex::ONE.minus(step_late.scaled(1.0 - part)));
-        let notch = drive.notch_at(step_late);
+        let notch = notch.at(step_late);
         let asked = notch.over(Complex::ONE.minus(notch.times(filter).times(step_late)));
-        let observer = Complex::ONE
-            .minus(filter)
-            .scaled(drive.rejection.disturbance_rad_s * self.inertia_kg_m2 / (pole_pairs * torque));
+        let observer = Complex::ONE.minus(filter).scaled(
+            drive.rejection.disturbance_rad_s * motor.inertia_kg_m2 / (pole_pairs * torque),
+        );
         let controller = Complex::ONE.scaled(gains.k_pw).plus(integral);
         let accelerated = asked.times(realised).times(speed);
         Loops {
@@ -141,6 +163,16 @@ impl MotorPlate {
             moved: speed.times(observed),
             forward: controller.times(accelerated),
             open: controller.plus(observer).times(accelerated).times(observed),
+        }
+    }
+}
+
+impl MotorPlate {
+    /// Places of a turn that an alignment cannot tell apart.
+    const fn places(&self) -> u32 {
+        match self.encoder.interface {
+            Interface::Incremental => self.pole_pairs,
+            Interface::IncrementalWithIndex | Interface::Mt6835 => 1,
         }
     }
 
@@ -169,19 +201,16 @@ impl MotorPlate {
     const fn response(&self, drive: &DrivePlate) -> Response {
         let part = drive.speed_step() * TORQUE_STEPS as f64 / drive.compensation.learning_s;
         let part = if part < 1.0 { part } else { 0.0 };
-        let mut points = [ResponsePoint {
-            realise: Phasor::ZERO,
-            learn: Phasor::ZERO,
-            follow: Phasor::ZERO,
-        }; POINTS];
+        let mut points = Response::NONE.points;
         // The loops see most where the speed loop crosses over.
         let crossover = drive.tuning.speed_rad_s * drive.board.sample_time();
-        let most = self.loops(drive, crossover).seen().square();
+        let model = LoopModel::new(self, drive);
+        let most = model.at(crossover).seen().square();
         let mut left: &mut [ResponsePoint] = &mut points;
         let mut k = 0usize;
         while let [point, rest @ ..] = left {
             let angle = Response::frequency(k) as f64 / 4_294_967_296.0 * TAU;
-            let loops = self.loops(drive, angle);
+            let loops = model.at(angle);
             let least = if drive.rejection.disturbance_rad_s != 0.0 && angle < crossover {
                 SEEN_LEAST_OBSERVED
             } else {
@@ -208,13 +237,13 @@ impl MotorPlate {
     }
 }
 
-impl DrivePlate {
+impl NotchGains {
     /// The notch at a frequency that a step of the speed task is `late` by.
-    const fn notch_at(&self, late: Complex) -> Complex {
-        let NotchGains {
+    const fn at(&self, late: Complex) -> Complex {
+        let Self {
             b: [b0, b1, b2],
             a: [a1, a2],
-        } = self.notch_gains();
+        } = *self;
         let square = late.times(late);
         let over = Complex::ONE.plus(late.scaled(a1)).plus(square.scaled(a2));
         let notch = Complex::ONE
@@ -223,7 +252,9 @@ impl DrivePlate {
             .plus(square.scaled(b2));
         notch.over(over)
     }
+}
 
+impl DrivePlate {
     /// Time between two steps in which an encoder's or the lead's error learns, s.
     const fn learning_step(&self) -> f64 {
         self.speed_step() * SPEED_STEPS as f64
@@ -265,14 +296,19 @@ impl DrivePlate {
         // Turns a step of a shaft that turns by 2^-32 turn a period, times what it learns in a turn, over the full rate.
         let turns = self.board.speed_divider as f64 / 4_294_967_296.0;
         let slow = TORQUE_PER_TURN * turns * plate.learning_s / self.speed_step();
+        let active = any(&torque) || any(&angle) || any(&[travel]);
         Ok(CompensationConfig {
-            active: any(&torque) || any(&angle) || any(&[travel]),
+            active,
             learns,
             torque,
             angle,
             travel,
             beat: [screw.beat(self), nut.beat(self)],
-            response: [screw.response(self), nut.response(self)],
+            response: if active {
+                [screw.response(self), nut.response(self)]
+            } else {
+                [Response::NONE; 2]
+            },
             slow: (slow * power_of_two(47)) as i32,
             checked: (CHECKED * plate.learning_s / (CHECK_STEPS as f64 * self.speed_step())
                 * power_of_two(15)) as u32,
@@ -438,8 +474,8 @@ mod tests {
                 j * l,
             ]);
             let expected = numerator.over(denominator).scaled(p * 0.11);
-            let seen = motor
-                .loops(&plate, omega * plate.board.sample_time())
+            let seen = LoopModel::new(&motor, &plate)
+                .at(omega * plate.board.sample_time())
                 .seen();
             let off = seen.minus(expected).length() / expected.length();
             // The observer's lag: 2 * damping / omega_0 in phase.
@@ -503,8 +539,8 @@ mod tests {
                     sum.plus(one(*at, *g)).plus(one(-at, g.conjugate()))
                 });
             // What is learned is realised through the inverse of the loops at each order, which is taken as right.
-            let seen = motor
-                .loops(plate, angle / steps * plate.board.sample_time())
+            let seen = LoopModel::new(&motor, plate)
+                .at(angle / steps * plate.board.sample_time())
                 .seen();
             let distance = Complex::ONE.plus(sum.times(seen));
             least = f64::min(least, distance.length());
@@ -579,8 +615,8 @@ mod tests {
                 let stiff = w * (1.0 + ratio).sqrt();
                 two(w).over(two(stiff)).scaled(1.0 + ratio)
             });
-            let open = motor
-                .loops(plate, omega * period)
+            let open = LoopModel::new(&motor, plate)
+                .at(omega * period)
                 .open
                 .scaled(1.0 / part)
                 .times(axial);

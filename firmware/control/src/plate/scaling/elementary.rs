@@ -3,6 +3,9 @@
 use super::{half, power_of_two};
 use crate::speed::compensation::line::Phasor;
 
+/// A term of a series that is smaller changes no sum.
+const NOTHING: f64 = 1e-25;
+
 /// A complex number.
 #[derive(Clone, Copy)]
 pub(super) struct Complex {
@@ -59,7 +62,7 @@ impl Complex {
             re: 0.0,
             im: -angle,
         };
-        while n < 24 {
+        while n < 24 && term.square() > NOTHING * NOTHING {
             term = term.times(step).scaled(1.0 / n as f64);
             sum = sum.plus(term);
             n = n.saturating_add(1);
@@ -101,8 +104,8 @@ pub(super) const fn inverse(x: Complex, least: f64) -> Complex {
 
 /// `e^-x`, x small, by its series.
 pub(super) const fn decay(x: f64) -> f64 {
-    let (mut term, mut sum, mut n) = (1.0, 1.0, 1u32);
-    while n < 30 {
+    let (mut term, mut sum, mut n) = (1.0_f64, 1.0, 1u32);
+    while n < 30 && term.abs() > NOTHING {
         term *= -x / n as f64;
         sum += term;
         n = n.saturating_add(1);

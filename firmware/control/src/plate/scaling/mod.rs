@@ -154,6 +154,27 @@ impl DrivePlate {
         Ok(())
     }
 
+    /// The same for a plate that differs in what takes effect [at once](crate::plate::parameter::Effect::AtOnce): the other parts stay.
+    ///
+    /// # Errors
+    /// As [`DrivePlate::configure`].
+    pub fn configure_at_once(&self, config: &mut DriveConfig) -> Result<(), Misfit> {
+        let DriveConfig {
+            speed_loops,
+            coordinator,
+            alignment,
+            compensation,
+            friction,
+            ..
+        } = config;
+        self.bounds()?;
+        put(speed_loops, || self.speed_loops())?;
+        put(coordinator, || self.coordinator())?;
+        put(alignment, || self.alignment(speed_loops, coordinator))?;
+        put(compensation, || self.compensation())?;
+        put(friction, || self.friction())
+    }
+
     /// What no part of the configuration says.
     const fn bounds(&self) -> Result<(), Misfit> {
         attempt!(within(

@@ -37,6 +37,16 @@ pub struct Response {
 }
 
 impl Response {
+    /// That of a drive that compensates nothing.
+    pub(crate) const NONE: Self = Self {
+        points: [ResponsePoint {
+            realise: Phasor::ZERO,
+            learn: Phasor::ZERO,
+            follow: Phasor::ZERO,
+        }; POINTS],
+        frequency_max: 0,
+    };
+
     /// Frequency of a point, 2^-32 turn a PWM period.
     #[must_use]
     #[allow(clippy::cast_possible_truncation)]
