@@ -250,17 +250,41 @@ fn a_restart_is_announced_and_a_setting_without_one_keeps_the_homed_position() {
         "base.nut_1_rpm=100",
     ]);
     served.printed(&["settings", "set", "travel.home_velocity_mm_s=20"]);
+    served.printed(&["settings", "set", "travel.soft_most_mm=60"]);
+    served.printed(&["settings", "set", "feed.jerk_max_mm_s3=9000"]);
     assert_eq!(served.status()["table"]["homed"], true);
-    let said = served.fails(1, &["settings", "set", "feed.jerk_max_mm_s3=9000"]);
+    let said = served.fails(1, &["settings", "set", "compensation.learning_s=0.5"]);
     assert!(
-        said.contains("feed.jerk_max_mm_s3: takes effect when the drive restarts")
+        said.contains("compensation.learning_s: takes effect when the drive restarts")
             && said.contains("the homed position")
             && said.contains("--yes"),
         "{said}"
     );
     assert_eq!(served.status()["table"]["homed"], true);
-    served.printed(&["settings", "set", "--yes", "feed.jerk_max_mm_s3=9000"]);
+    served.printed(&["settings", "set", "--yes", "compensation.learning_s=0.5"]);
     assert_eq!(served.status()["table"]["homed"], false);
+}
+
+/// One terminal jogs, another sets: the table goes on, and its place is kept.
+#[test]
+fn a_gain_is_set_while_the_table_moves() {
+    let served = Served::new(&[]);
+    served.printed(&["home", "--arm"]);
+    let jog = ["jog", "--table-speed", "2.5", "--arm", "--duration", "5"];
+    let mut jog = served.command(&jog).stdout(Stdio::null()).spawn().unwrap();
+    served.until("running");
+    let said = served.printed(&["settings", "set", "tuning.speed_rad_s=150"]);
+    assert!(
+        said.contains("200 -> 150") && said.contains("not stored"),
+        "{said}"
+    );
+    let said = served.fails(3, &["settings", "store"]);
+    assert!(said.contains("moving"), "{said}");
+    let status = served.status();
+    assert_eq!(status["state"], "running", "{status}");
+    assert_eq!(status["table"]["homed"], true);
+    assert!(jog.wait().unwrap().success());
+    assert!(served.printed(&["settings", "store"]).contains("stored"));
 }
 
 /// A drive that learns says what, and keeps it as settings.
@@ -311,13 +335,15 @@ fn what_is_set_holds_when_the_drive_is_served_again() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("flash.bin").display().to_string();
     let served = Served::new(&["--flash", &file]);
-    served.printed(&["settings", "set", "--yes", "feed.velocity_max_mm_s=42"]);
+    served.printed(&["settings", "set", "feed.velocity_max_mm_s=41"]);
+    served.printed(&["settings", "store"]);
+    served.printed(&["settings", "set", "feed.velocity_max_mm_s=42"]);
     // Written before the answer to what is asked next.
     served.printed(&["status"]);
     drop(served);
     let served = Served::new(&["--flash", &file]);
     let limit = served.status()["table"]["limits"]["velocity_mm_s"].clone();
-    assert_eq!(limit, 42.0);
+    assert_eq!(limit, 41.0, "42 was not stored");
     std::fs::write(&file, "no flash").unwrap();
     let output = ddfeed().args(["serve", "--flash", &file]).output().unwrap();
     let said = String::from_utf8(output.stderr).unwrap();
