@@ -23,10 +23,11 @@ use link::telemetry::{Frame, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::rc::Rc;
-use std::sync::{Mutex, OnceLock};
+use std::sync::OnceLock;
 
 /// Plate data of the drive that the firmware is built for by default, from the firmware's own source.
 #[must_use]
@@ -99,11 +100,9 @@ enum Variant {
 
 fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
     static BUILT: [OnceLock<Result<PathBuf, String>>; 9] = [const { OnceLock::new() }; 9];
-    // One build at a time, for all boards' ELFs leave cargo by the same name.
-    static ONE: Mutex<()> = Mutex::new(());
     BUILT[board as usize + 3 * variant as usize]
         .get_or_init(|| {
-            let _one = ONE.lock().map_err(|_| "another build failed")?;
+            let _alone = alone()?;
             let (name, features) = match board {
                 Wiring::Nucleo => ("firmware-nucleo", "board-nucleo"),
                 Wiring::Nucleo40kHz => ("firmware-40khz", "pwm-40khz"),
@@ -119,7 +118,10 @@ fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
             };
             let elf = build(&["--no-default-features", "--features", &features])?;
             let kept = elf.with_file_name(name);
-            std::fs::copy(&elf, &kept)
+            // Whole at once, for another process may read it.
+            let copied = kept.with_extension("copied");
+            std::fs::copy(&elf, &copied)
+                .and_then(|_| std::fs::rename(&copied, &kept))
                 .map_err(|error| format!("cannot copy {}: {error}", elf.display()))?;
             // The name is the default board's again: what is flashed by it must be that.
             build(&[])?;
@@ -128,7 +130,23 @@ fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
         .clone()
 }
 
+/// One build at a time on this computer, until what is returned is dropped: all boards' ELFs leave cargo by the same name.
+fn alone() -> Result<File, String> {
+    let folder = built()?;
+    let path = folder.join("building");
+    std::fs::create_dir_all(&folder)
+        .and_then(|()| File::create(&path))
+        .and_then(|file| file.lock().map(|()| file))
+        .map_err(|error| format!("{} cannot be locked: {error}", path.display()))
+}
+
 const TARGET: &str = "thumbv7em-none-eabihf";
+
+/// Where cargo leaves the firmware.
+fn built() -> Result<PathBuf, String> {
+    let target = xtask::tools::target_folder().map_err(|error| format!("{error:#}"))?;
+    Ok(target.join(TARGET).join("firmware"))
+}
 
 /// A run of cargo on the firmware, as it is built for the chip: `build` or `check`.
 #[must_use]
@@ -153,9 +171,7 @@ fn build(features: &[&str]) -> Result<PathBuf, String> {
             String::from_utf8_lossy(&output.stderr)
         ));
     }
-    let target =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from);
-    Ok(target.join(TARGET).join("firmware").join("firmware"))
+    Ok(built()?.join("firmware"))
 }
 
 /// One count of a board's linear scale, m, from the firmware's own source.
