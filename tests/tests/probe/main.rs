@@ -5,4 +5,6 @@ mod emulated;
 mod failures;
 mod flash;
 mod halted;
+mod program;
+mod record;
 mod source;
