@@ -23,7 +23,6 @@ use link::telemetry::{Frame, Request};
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::cell::RefCell;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::rc::Rc;
@@ -102,7 +101,7 @@ fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
     static BUILT: [OnceLock<Result<PathBuf, String>>; 9] = [const { OnceLock::new() }; 9];
     BUILT[board as usize + 3 * variant as usize]
         .get_or_init(|| {
-            let _alone = alone()?;
+            let _alone = xtask::firmware::alone().map_err(said)?;
             let (name, features) = match board {
                 Wiring::Nucleo => ("firmware-nucleo", "board-nucleo"),
                 Wiring::Nucleo40kHz => ("firmware-40khz", "pwm-40khz"),
@@ -130,36 +129,18 @@ fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
         .clone()
 }
 
-/// One build at a time on this computer, until what is returned is dropped: all boards' ELFs leave cargo by the same name.
-fn alone() -> Result<File, String> {
-    let folder = built()?;
-    let path = folder.join("building");
-    std::fs::create_dir_all(&folder)
-        .and_then(|()| File::create(&path))
-        .and_then(|file| file.lock().map(|()| file))
-        .map_err(|error| format!("{} cannot be locked: {error}", path.display()))
-}
-
-const TARGET: &str = "thumbv7em-none-eabihf";
-
-/// Where cargo leaves the firmware.
-fn built() -> Result<PathBuf, String> {
-    let target = xtask::tools::target_folder().map_err(|error| format!("{error:#}"))?;
-    Ok(target.join(TARGET).join("firmware"))
-}
-
 /// A run of cargo on the firmware, as it is built for the chip: `build` or `check`.
 #[must_use]
 pub fn cargo_on_firmware(command: &str) -> Command {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
     let mut run = Command::new(cargo);
     run.args([command, "--package", "firmware"]);
-    run.args(["--profile", "firmware", "--target", TARGET]);
+    run.args(["--profile", "firmware", "--target", xtask::firmware::TARGET]);
     run
 }
 
 fn build(features: &[&str]) -> Result<PathBuf, String> {
-    let root = xtask::tools::root().map_err(|error| format!("{error:#}"))?;
+    let root = xtask::tools::root().map_err(said)?;
     let output = cargo_on_firmware("build")
         .args(features)
         .current_dir(&root)
@@ -171,7 +152,7 @@ fn build(features: &[&str]) -> Result<PathBuf, String> {
             String::from_utf8_lossy(&output.stderr)
         ));
     }
-    Ok(built()?.join("firmware"))
+    Ok(xtask::firmware::folder().map_err(said)?.join("firmware"))
 }
 
 /// One count of a board's linear scale, m, from the firmware's own source.

@@ -5,6 +5,7 @@ use crate::tools::{emulator_environment, root, target_folder};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use std::ffi::OsString;
+use std::fs::File;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -36,6 +37,23 @@ pub struct SizesOptions {
     json: bool,
 }
 
+/// One build of a firmware at a time on this computer, until what is returned is dropped: all boards' ELFs leave cargo by the same
+/// name.
+pub fn alone() -> Result<File> {
+    let folder = folder()?;
+    std::fs::create_dir_all(&folder)?;
+    let path = folder.join("building");
+    let file = File::create(&path)?;
+    file.lock()
+        .with_context(|| format!("{} cannot be locked", path.display()))?;
+    Ok(file)
+}
+
+/// Where cargo leaves firmwares.
+pub fn folder() -> Result<PathBuf> {
+    Ok(target_folder()?.join(TARGET).join("firmware"))
+}
+
 /// Builds the firmware as it is flashed and says where its ELF is.
 pub fn build() -> Result<PathBuf> {
     cargo(
@@ -50,10 +68,7 @@ pub fn build() -> Result<PathBuf> {
         ],
         &[],
     )?;
-    let elf = target_folder()?
-        .join(TARGET)
-        .join("firmware")
-        .join("firmware");
+    let elf = folder()?.join("firmware");
     println!("{}", elf.display());
     Ok(elf)
 }

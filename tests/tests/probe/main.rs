@@ -1,5 +1,6 @@
 //! The debugger's own library, probe-rs, at the emulated chip.
 
+mod commands;
 mod core;
 mod emulated;
 mod failures;
