@@ -1,7 +1,7 @@
 //! Each command that takes a probe, at the emulated chip's.
 
 use crate::emulated::Emulated;
-use crate::program::{Running, board, ddfeed, printed};
+use crate::program::{Running, at, board, ddfeed, printed};
 use link::codes::State;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -47,11 +47,6 @@ fn ready() -> Result<Bench, String> {
     Ok(bench)
 }
 
-fn at(chip: &Emulated, mut command: Command, name: &str) -> Command {
-    command.arg(name).arg(format!("--probe={}", chip.address));
-    command
-}
-
 #[test]
 fn flash_writes_the_firmware_and_starts_it() {
     let chip = Emulated::start(HaltedTime::Running, blank);
@@ -74,6 +69,10 @@ fn run_prints_the_log_from_the_start_on() {
     run.until("written and started", PATIENCE);
     let first = run.until("started after", PATIENCE);
     assert!(first.starts_with("info "), "{first}");
+    // Ctrl-C ends the session, and not the drive.
+    run.interrupt();
+    assert!(!run.ended(PATIENCE));
+    assert_eq!(chip.ask(|bench| bench.wait_for(UNALIGNED, 0.5)), Ok(()));
 }
 
 #[test]
@@ -117,7 +116,7 @@ fn drive_is_commanded_at_the_probe() {
 #[test]
 fn bringup_asks_the_board_and_finds_nothing() {
     let chip = Emulated::start(HaltedTime::Running, || {
-        let mut bench = blank()?;
+        let bench = blank()?;
         bench.joint.borrow_mut().board.set_bus_voltage(0.0);
         Ok(bench)
     });

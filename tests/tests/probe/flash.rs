@@ -33,7 +33,7 @@ fn a_blank_chip_is_flashed_by_the_targets_own_algorithm_and_starts() {
     let chip = Emulated::start(HaltedTime::Running, blank);
     let elf = firmware().unwrap();
     let began = Instant::now();
-    flash(find(&which(&chip)).unwrap(), &elf).unwrap();
+    flash(find(&which(&chip)).unwrap(), &Image::read(&elf).unwrap()).unwrap();
     println!(
         "flashed and verified in {:.1} s",
         began.elapsed().as_secs_f64()

@@ -5,6 +5,7 @@ mod core;
 mod emulated;
 mod failures;
 mod flash;
+mod half_written;
 mod halted;
 mod program;
 mod record;

@@ -1,5 +1,6 @@
 //! The project's programs as a person starts them, at the emulated chip's probe.
 
+use crate::emulated::Emulated;
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
@@ -16,6 +17,13 @@ pub fn ddfeed() -> Command {
 /// What `cargo xtask flash | run | attach | bringup` starts.
 pub fn board() -> Command {
     Command::new(folder().join("board"))
+}
+
+/// A command at the emulated chip's probe.
+pub fn at(chip: &Emulated, mut program: Command, command: &str) -> Command {
+    program.arg(command);
+    program.arg(format!("--probe={}", chip.address));
+    program
 }
 
 /// Where cargo leaves the programs, which are built first: with all that `cargo xtask test` builds, so that nothing is built twice.

@@ -1,7 +1,7 @@
 //! `ddfeed record --probe` against the chip that it records: row by row.
 
 use crate::emulated::Emulated;
-use crate::program::{ddfeed, printed};
+use crate::program::{at, ddfeed, printed};
 use plant::machine::Coupling;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -24,9 +24,8 @@ fn a_recording_at_the_probe_is_the_chips_truth_row_by_row() {
     const BASE_RPM: f64 = 300.0;
     let chip = Emulated::start(HaltedTime::Running, ready);
     let folder = tempfile::tempdir().unwrap();
-    let mut record = ddfeed();
-    record.arg("record").arg(folder.path());
-    record.arg(format!("--probe={}", chip.address));
+    let mut record = at(&chip, ddfeed(), "record");
+    record.arg(folder.path());
     record.args(["--arm", "--hold", "2.5,300,0.5"]);
     let said = printed(&record.output().unwrap());
     println!("{said}");

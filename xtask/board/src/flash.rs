@@ -5,10 +5,10 @@ use ddfeed::probe::{Image, memory, patience, unreachable};
 use link::LOG_CHANNEL;
 use link::host::log::{Line, Log, table};
 use link::host::rtt::Channel;
-use probe_rs::flashing::{self, DownloadOptions, ElfLoader, ElfOptions, FlashProgress};
+use probe_rs::flashing::{DownloadOptions, ElfLoader, ElfOptions, FlashProgress};
 use probe_rs::probe::DebugProbeInfo;
 use probe_rs::{Permissions, Session};
-use std::path::Path;
+use std::io::Cursor;
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -25,10 +25,10 @@ const START: Duration = Duration::from_secs(2);
 ///
 /// # Errors
 /// The probe or the chip cannot be reached, it is another chip or a locked one, or it does not take the firmware.
-pub fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
+pub fn flash(probe: DebugProbeInfo, image: &Image) -> Result<()> {
     // First without a session, whose attaching says nothing of a locked chip or another one.
     memory::with_chip(probe.clone(), |_, _: &dyn Fn(())| Ok(()), |()| Ok(()))?;
-    let file = elf.to_owned();
+    let elf = image.bytes().to_vec();
     let mut begun = false;
     patience::watch_each(
         "write to the chip",
@@ -37,7 +37,7 @@ pub fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
                 .attach(CHIP, Permissions::default())
                 .map_err(|error| unreachable(&probe, &error))?;
             say(());
-            write(&mut session, &file, say)?;
+            write(&mut session, elf, say)?;
             session
                 .core(0)
                 .and_then(|mut core| core.reset())
@@ -49,11 +49,10 @@ pub fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
         },
     )
     .map_err(|error| match begun {
-        true => error.context(format!(
-            "{} could not be written to the chip. What is there now is incomplete, and does not start: flash it again. If that fails \
+        true => error.context(
+            "the firmware could not be written to the chip. What is there now is incomplete, and does not start: flash it again. If that fails \
              too, look for write protection (option bytes, by STM32CubeProgrammer) and at the board's supply",
-            elf.display()
-        )),
+        ),
         false => error,
     })?;
     println!("written and started");
@@ -62,8 +61,10 @@ pub fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
 
 /// Writes all but the flash's first page, and then that one. The vector table is in it, and the first erasure takes it: without it
 /// the chip does not start, so that what was written in part never runs.
-fn write(session: &mut Session, elf: &Path, say: &dyn Fn(())) -> Result<()> {
-    let whole = flashing::build_loader(session, elf, ElfLoader(ElfOptions::default()), None)?;
+fn write(session: &mut Session, elf: Vec<u8>, say: &dyn Fn(())) -> Result<()> {
+    let mut whole = session.target().flash_loader();
+    let format = ElfLoader(ElfOptions::default());
+    whole.load_image(session, &mut Cursor::new(elf), format, None)?;
     let algorithm = session.target().flash_algorithms.first();
     let page = algorithm.context("the chip has no algorithm for its flash")?;
     let page_end = BEGIN + u64::from(page.flash_properties.page_size);

@@ -26,10 +26,10 @@ fn run(session: Session) -> Result<()> {
     let alone = xtask::firmware::alone()?;
     let elf = xtask::firmware::build()?;
     let image = Image::read(&elf)?;
-    if !matches!(session, Session::Attach(_)) {
-        flash::flash(probe.clone(), &elf)?;
-    }
     drop(alone);
+    if !matches!(session, Session::Attach(_)) {
+        flash::flash(probe.clone(), &image)?;
+    }
     match session {
         Session::Flash(_) => Ok(()),
         Session::Run(_) => flash::follow(probe, &image),
