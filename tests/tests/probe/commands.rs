@@ -1,6 +1,7 @@
 //! Each command that takes a probe, at the emulated chip's.
 
 use crate::emulated::Emulated;
+use crate::figures::keep;
 use crate::program::{Running, at, board, ddfeed, printed};
 use link::codes::State;
 use plant::machine::Coupling;
@@ -106,9 +107,13 @@ fn drive_is_commanded_at_the_probe() {
     assert_eq!(drive(&["arm"]), "armed\n");
     let table = |bench: &mut Bench| bench.joint.borrow().board.machine.table_position();
     let before = chip.ask(table);
-    drive(&["move", "0.5", "--table-speed", "5"]);
-    let moved = chip.ask(table) - before;
-    assert!((moved - 0.5e-3).abs() < 20e-6, "{moved} m");
+    let told = drive(&["move", "0.5", "--table-speed", "5", "--json"]);
+    let told: Value = serde_json::from_str(&told).unwrap();
+    let moved_mm = 1e3 * (chip.ask(table) - before);
+    let told_mm = |name: &str| told[name].as_f64().unwrap();
+    assert!((told_mm("moved_mm") - 0.5).abs() < 0.01, "{told}");
+    // Once the bridges are open the rotors turn to where they rest.
+    assert!((moved_mm - 0.5).abs() < 0.1, "{told}, {moved_mm} mm");
     drive(&["stop"]);
     assert_eq!(status()["state"], "ready");
 }
@@ -134,6 +139,13 @@ fn bringup_asks_the_board_and_finds_nothing() {
     let json = &said[said.find('{').unwrap()..];
     let report: Value = serde_json::from_str(json).unwrap();
     assert_eq!(report["findings"], 0, "{said}");
+    let items = report["items"].as_array().unwrap();
+    let rate = items
+        .iter()
+        .find(|item| item["id"] == "probe.rate")
+        .unwrap();
+    let (kilobytes, _) = rate["read"].as_str().unwrap().split_once(" kB/s").unwrap();
+    keep("rtt_bytes_per_s", 1e3 * kilobytes.parse::<f64>().unwrap());
     assert!(folder.path().join("bringup.html").exists());
 }
 

@@ -1,6 +1,7 @@
 //! What goes wrong between debugger and chip: each is said in a sentence with cause and remedy, in time.
 
 use crate::emulated::Emulated;
+use crate::figures::named;
 use crate::program::{Running, at, board, ddfeed};
 use board::flash::listen;
 use ddfeed::probe::{Image, find};
@@ -101,12 +102,14 @@ fn a_locked_chip_is_named_and_its_program_is_closed() {
     assert!(read.is_err_and(|error| error.contains("locked")));
     let ram = chip.ask(move |bench| bench.emulator.debugger_reads(0x2000_0000, &mut bytes));
     assert_eq!(ram, Ok(()));
+    named("a locked chip");
 }
 
 #[test]
 fn a_chip_that_was_locked_for_good_does_not_answer_and_only_another_helps() {
     let chip = with_options(0xFAEF_FCCC);
     each_says(&chip, &["no answer", "level 2", "only another chip helps"]);
+    named("a chip locked for good");
 }
 
 #[test]
@@ -120,6 +123,7 @@ fn another_chip_is_named() {
         &chip,
         &["an STM32G431", "not the STM32G474RE", "is the probe on"],
     );
+    named("another chip");
 }
 
 #[test]
@@ -131,6 +135,7 @@ fn a_second_session_is_turned_away_and_the_first_goes_on() {
         &["is another debugger using it", "End the other session"],
     );
     first.core(0).unwrap().halt(PATIENCE).unwrap();
+    named("two sessions");
 }
 
 #[test]
@@ -146,6 +151,7 @@ fn a_chip_without_firmware_is_to_be_flashed() {
             "{command:?}: {error}"
         );
     }
+    named("no firmware");
 }
 
 #[test]
@@ -163,6 +169,7 @@ fn a_firmware_of_another_version_is_to_be_flashed_anew() {
     assert!(!output.status.success());
     assert!(said.contains("not the view of this firmware"), "{said}");
     assert!(said.contains("flash it first"), "{said}");
+    named("another firmware");
 }
 
 #[test]
@@ -178,6 +185,7 @@ fn a_core_that_is_reset_under_a_recording_ends_it_and_what_came_is_kept() {
     record.until("error: ", PATIENCE);
     assert!(!record.ended(PATIENCE));
     println!("{:.1} s: {:#?}", began.elapsed().as_secs_f64(), record.said);
+    named("a reset while recording");
 }
 
 /// Waits until the drive runs.
@@ -211,6 +219,7 @@ fn a_probe_that_disappears_ends_a_recording_and_what_came_is_kept() {
     assert!(said.contains("what came before is kept"), "{said}");
     assert!(said.contains("is the probe still connected"), "{said}");
     assert!(out.path().join("record.csv.gz").exists());
+    named("a probe lost while recording");
 }
 
 #[test]
@@ -223,6 +232,7 @@ fn a_probe_that_disappears_ends_attach() {
     attach.until("is the probe still connected", PATIENCE);
     assert!(!attach.ended(PATIENCE));
     println!("after {:.1} s", began.elapsed().as_secs_f64());
+    named("a probe lost while attached");
 }
 
 #[test]
@@ -238,6 +248,7 @@ fn a_flash_that_does_not_take_the_firmware_is_said() {
     assert!(!flash.ended(PATIENCE));
     assert!(said.contains("could not be written to the chip"), "{said}");
     assert!(said.contains("look for write protection"), "{said}");
+    named("a flash that does not take the firmware");
 }
 
 #[test]
@@ -251,6 +262,7 @@ fn a_firmware_that_cannot_run_says_why_in_its_log() {
     run.until("written and started", WORK);
     let said = run.until("the crystal does not start", PATIENCE);
     assert!(said.contains("check the board's"), "{said}");
+    named("a firmware that cannot run");
 }
 
 #[test]
@@ -267,4 +279,5 @@ fn a_log_that_does_not_start_is_said() {
     assert!(began.elapsed() < PATIENCE);
     assert!(said.contains("the firmware does not run"), "{said}");
     assert!(said.contains("`cargo xtask bringup`"), "{said}");
+    named("a log that does not start");
 }

@@ -1,6 +1,7 @@
 //! A flashing that ends in the middle.
 
 use crate::emulated::Emulated;
+use crate::figures::named;
 use crate::program::{Running, at, board};
 use link::codes::State;
 use plant::machine::Coupling;
@@ -100,4 +101,5 @@ fn an_image_that_was_written_in_part_never_starts_until_it_is_written_whole() {
             Ok(())
         );
     }
+    named("an image written in part");
 }

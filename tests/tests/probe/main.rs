@@ -4,6 +4,7 @@ mod commands;
 mod core;
 mod emulated;
 mod failures;
+mod figures;
 mod flash;
 mod half_written;
 mod halted;

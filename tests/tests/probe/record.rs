@@ -1,6 +1,7 @@
 //! `ddfeed record --probe` against the chip that it records: row by row.
 
 use crate::emulated::Emulated;
+use crate::figures::keep;
 use crate::program::{at, ddfeed, printed};
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -52,6 +53,7 @@ fn a_recording_at_the_probe_is_the_chips_truth_row_by_row() {
     });
     let first =
         first.unwrap_or_else(|| panic!("the rows are not those of the control code:\n{apart}"));
+    keep("record_rows_equal", rows.len());
     // What the chip's pins had.
     for (row, angle) in rows.axes[0].angle_rad.iter().enumerate() {
         let sampled = tops[divider * (first + row)].sensors.encoder;

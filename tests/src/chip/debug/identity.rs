@@ -16,6 +16,9 @@ const PARTS: [(u32, [u8; 3], u8); 7] = [
     // ST's own: device 0x469.
     (TABLE, [0x69, 0x04, 0x0A], 0x10),
 ];
+/// DEVTYPE: the trace port, and the trace of a processor. Of the table it is MEMTYPE.
+const TYPE: u32 = 0xFCC;
+const TYPES: [(u32, u32); 2] = [(0xE004_0000, 0x11), (0xE004_1000, 0x13)];
 /// ARM's code of JEP 106, its continuation in PIDR4; ST's has none.
 const ARM_CONTINUATION: u32 = 4;
 
@@ -43,8 +46,16 @@ pub fn read(address: u32) -> Option<u32> {
             _ => 0,
         });
     }
+    // DEVARCH: none of them has one, and a register that is not there reads 0 (ARM IHI 0029).
+    const ARCHITECTURE: u32 = 0xFBC;
+    if offset == ARCHITECTURE {
+        return Some(0);
+    }
     if start != TABLE {
-        return None;
+        return TYPES
+            .iter()
+            .find(|(part, _)| *part == start && offset == TYPE)
+            .map(|(_, kind)| *kind);
     }
     let entries = PARTS.len() - 1;
     let index = (offset / 4) as usize;
@@ -52,7 +63,7 @@ pub fn read(address: u32) -> Option<u32> {
         _ if index < entries => Some(PARTS[index].0.wrapping_sub(TABLE) | PRESENT),
         _ if index == entries => Some(0),
         // MEMTYPE: the system's memory can be reached by the same port.
-        _ if offset == 0xFCC => Some(1),
+        _ if offset == TYPE => Some(1),
         _ => None,
     }
 }
