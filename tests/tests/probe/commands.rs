@@ -9,10 +9,9 @@ use plant::model::Model;
 use serde_json::Value;
 use std::process::Command;
 use std::time::{Duration, Instant};
-use tests::bench::{Bench, READY};
+use tests::bench::{Bench, READY, aligning_firmware_of};
 use tests::chip::wiring::Wiring;
 use tests::emulator::HaltedTime;
-use xtask::firmware;
 
 /// How long a line may take that a command prints, builds and flashing included.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -28,9 +27,7 @@ fn unloaded() -> Model {
 
 /// The firmware that the commands build, on a chip that starts.
 fn shipped() -> Result<Bench, String> {
-    let said = |error: anyhow::Error| format!("{error:#}");
-    let _alone = firmware::alone().map_err(said)?;
-    let elf = firmware::build().map_err(said)?;
+    let elf = aligning_firmware_of(Wiring::Nucleo)?;
     Bench::with(&elf, Wiring::Nucleo, &unloaded(), Coupling::Lumped)
 }
 
