@@ -5,7 +5,15 @@
 # link, which arms and takes a heartbeat. With OpenOCD `drive-watch` reads the view of a running drive (`continue &`);
 # `cargo xtask attach` does it with any probe.
 
+# An emulated chip (`cargo xtask emulate`) is reached by the `probe-rs gdb` line that it prints, and then in the same way.
+
 set language rust
+
+# Breakpoints in flash and in the fast code's CCM SRAM are the chip's own six. What gdb would write into CCM SRAM for a 32-bit
+# instruction is undefined on this core, which ends in its hard fault.
+mem 0x08000000 0x08080000 ro
+mem 0x10000000 0x10008000 ro
+set mem inaccessible-by-default off
 
 define drive-view
   printf "layout             %d\n", firmware::debug_view::DRIVE_VIEW.layout.v.value
@@ -63,4 +71,21 @@ define drive-watch
 end
 document drive-watch
 The view's words while the core runs (OpenOCD only): their order is that of `drive-view`.
+end
+
+define drive-stop-at-write
+  set *(0xE0001020 as *mut u32) = $arg0
+  set *(0xE0001024 as *mut u32) = 2
+  set *(0xE0001028 as *mut u32) = 6
+end
+document drive-stop-at-write
+Halts the core after each store to the word at an address, by the chip's first watchpoint: `drive-stop-at-write 0x40012C34` is the
+screw's first compare register. gdb's own `watch` needs OpenOCD. `drive-stop-no-more` ends it.
+end
+
+define drive-stop-no-more
+  set *(0xE0001028 as *mut u32) = 0
+end
+document drive-stop-no-more
+Switches the watchpoint of `drive-stop-at-write` off.
 end

@@ -26,7 +26,7 @@ use std::cell::RefCell;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::rc::Rc;
-use std::sync::{Mutex, OnceLock};
+use std::sync::OnceLock;
 
 /// Plate data of the drive that the firmware is built for by default, from the firmware's own source.
 #[must_use]
@@ -99,11 +99,9 @@ enum Variant {
 
 fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
     static BUILT: [OnceLock<Result<PathBuf, String>>; 9] = [const { OnceLock::new() }; 9];
-    // One build at a time, for all boards' ELFs leave cargo by the same name.
-    static ONE: Mutex<()> = Mutex::new(());
     BUILT[board as usize + 3 * variant as usize]
         .get_or_init(|| {
-            let _one = ONE.lock().map_err(|_| "another build failed")?;
+            let _alone = xtask::firmware::alone().map_err(said)?;
             let (name, features) = match board {
                 Wiring::Nucleo => ("firmware-nucleo", "board-nucleo"),
                 Wiring::Nucleo40kHz => ("firmware-40khz", "pwm-40khz"),
@@ -117,9 +115,16 @@ fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
                     format!("{features},encoders-at-zero,smooth"),
                 ),
             };
-            let elf = build(&["--no-default-features", "--features", &features])?;
+            // What is flashed has the addresses that a debugger finds in the ELF of `cargo xtask build`.
+            let elf = match (board, variant) {
+                (Wiring::Nucleo, Variant::Aligns) => build(&[])?,
+                _ => build(&["--no-default-features", "--features", &features])?,
+            };
             let kept = elf.with_file_name(name);
-            std::fs::copy(&elf, &kept)
+            // Whole at once, for another process may read it.
+            let copied = kept.with_extension("copied");
+            std::fs::copy(&elf, &copied)
+                .and_then(|_| std::fs::rename(&copied, &kept))
                 .map_err(|error| format!("cannot copy {}: {error}", elf.display()))?;
             // The name is the default board's again: what is flashed by it must be that.
             build(&[])?;
@@ -128,20 +133,18 @@ fn firmware_that(board: Wiring, variant: Variant) -> Result<PathBuf, String> {
         .clone()
 }
 
-const TARGET: &str = "thumbv7em-none-eabihf";
-
 /// A run of cargo on the firmware, as it is built for the chip: `build` or `check`.
 #[must_use]
 pub fn cargo_on_firmware(command: &str) -> Command {
     let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
     let mut run = Command::new(cargo);
     run.args([command, "--package", "firmware"]);
-    run.args(["--profile", "firmware", "--target", TARGET]);
+    run.args(["--profile", "firmware", "--target", xtask::firmware::TARGET]);
     run
 }
 
 fn build(features: &[&str]) -> Result<PathBuf, String> {
-    let root = xtask::tools::root().map_err(|error| format!("{error:#}"))?;
+    let root = xtask::tools::root().map_err(said)?;
     let output = cargo_on_firmware("build")
         .args(features)
         .current_dir(&root)
@@ -153,9 +156,7 @@ fn build(features: &[&str]) -> Result<PathBuf, String> {
             String::from_utf8_lossy(&output.stderr)
         ));
     }
-    let target =
-        std::env::var_os("CARGO_TARGET_DIR").map_or_else(|| root.join("target"), PathBuf::from);
-    Ok(target.join(TARGET).join("firmware").join("firmware"))
+    Ok(xtask::firmware::folder().map_err(said)?.join("firmware"))
 }
 
 /// One count of a board's linear scale, m, from the firmware's own source.

@@ -412,6 +412,14 @@ impl Emulator {
     pub fn deliver(&mut self) -> Result<(), String> {
         self.chip().flash.deliver();
         self.copy_flash()?;
+        self.cycle_power()
+    }
+
+    /// Switches the chip's supply off and on.
+    ///
+    /// # Errors
+    /// As [`Emulator::new`].
+    pub fn cycle_power(&mut self) -> Result<(), String> {
         self.chip().restart(Reset::BrownOut);
         self.start_core()
     }

@@ -14,6 +14,7 @@ pub mod emulator;
 pub mod graph;
 pub mod image;
 pub mod joint;
+pub mod known;
 pub mod log;
 mod memory;
 pub mod pins;

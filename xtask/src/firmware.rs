@@ -5,6 +5,7 @@ use crate::tools::{emulator_environment, root, target_folder};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use std::ffi::OsString;
+use std::fs::File;
 use std::path::PathBuf;
 use std::process::Command;
 
@@ -36,6 +37,23 @@ pub struct SizesOptions {
     json: bool,
 }
 
+/// One build of a firmware at a time on this computer, until what is returned is dropped: all boards' ELFs leave cargo by the same
+/// name.
+pub fn alone() -> Result<File> {
+    let folder = folder()?;
+    std::fs::create_dir_all(&folder)?;
+    let path = folder.join("building");
+    let file = File::create(&path)?;
+    file.lock()
+        .with_context(|| format!("{} cannot be locked", path.display()))?;
+    Ok(file)
+}
+
+/// Where cargo leaves firmwares.
+pub fn folder() -> Result<PathBuf> {
+    Ok(target_folder()?.join(TARGET).join("firmware"))
+}
+
 /// Builds the firmware as it is flashed and says where its ELF is.
 pub fn build() -> Result<PathBuf> {
     cargo(
@@ -50,10 +68,7 @@ pub fn build() -> Result<PathBuf> {
         ],
         &[],
     )?;
-    let elf = target_folder()?
-        .join(TARGET)
-        .join("firmware")
-        .join("firmware");
+    let elf = folder()?.join("firmware");
     println!("{}", elf.display());
     Ok(elf)
 }
@@ -93,16 +108,30 @@ fn emulator(program: &str, words: Vec<OsString>) -> Result<()> {
 pub fn blind(machines: u32) -> Result<()> {
     let mut environment = emulator_environment(&target_folder()?)?;
     environment.push(("DDFEED_BLIND", machines.to_string().into()));
-    let test = ["test", "--quiet", "--package", "tests", "--test", "blind"];
-    // What it says belongs beside the figures, not among them.
+    test(&["--package", "tests", "--test", "blind"], environment)
+}
+
+/// A debugger's session with the emulated chip, one test after the other, so that each is timed alone: as `cargo xtask test` builds
+/// them.
+pub fn probe() -> Result<()> {
+    let environment = emulator_environment(&target_folder()?)?;
+    let words =
+        "--workspace --exclude firmware --features ddfeed/full --test probe -- --test-threads=1";
+    let words: Vec<_> = words.split(' ').collect();
+    test(&words, environment)
+}
+
+/// Tests whose figures a benchmark reads. What they say belongs beside the figures, not among them.
+fn test(words: &[&str], environment: Vec<(&'static str, OsString)>) -> Result<()> {
     let status = Command::new("cargo")
-        .args(test)
+        .args(["test", "--quiet"])
+        .args(words)
         .envs(environment)
         .current_dir(root()?)
         .stdout(std::io::stderr())
         .status()
-        .context("the blind test could not be started")?;
-    ensure!(status.success(), "the blind test failed ({status})");
+        .context("the tests could not be started")?;
+    ensure!(status.success(), "the tests failed ({status})");
     Ok(())
 }
 

@@ -9,5 +9,6 @@ pub mod drive;
 pub mod faults;
 pub mod identify;
 pub mod link;
+pub mod probe;
 pub mod runaway;
 pub mod smooth;

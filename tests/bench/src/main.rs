@@ -6,7 +6,7 @@ use bench::commissioning::report as commission;
 use bench::faults::report as faults;
 use bench::runaway::report as runaway;
 use bench::smooth::report as smooth;
-use bench::{drive, identify, link};
+use bench::{drive, identify, link, probe};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -33,6 +33,8 @@ enum Bench {
     Faults(faults::FaultsOptions),
     /// How long a command takes to a simulated drive and back, and what telemetry comes, by transport and rate.
     Link(link::LinkOptions),
+    /// A debugger's session with the emulated chip: flash, breakpoints, steps, recordings, halts, failures.
+    Probe(probe::ProbeOptions),
     /// How smooth the table moves with the drive's compensation, with others' and without.
     Smooth(smooth::SmoothOptions),
     /// The identification on the recordings and measured data beside the project.
@@ -51,6 +53,7 @@ fn run(what: &Bench) -> Result<()> {
         Bench::Runaway(options) => runaway::run(options),
         Bench::Faults(options) => faults::run(options),
         Bench::Link(options) => link::run(options),
+        Bench::Probe(options) => probe::run(options),
         Bench::Smooth(options) => smooth::run(options),
         Bench::Identify(options) => identify::run(options),
         Bench::Serve(options) => ddfeed::serve::run(options),

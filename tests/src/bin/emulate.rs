@@ -136,7 +136,7 @@ fn serve(arguments: &Arguments) -> Result<()> {
         Halt::Running => HaltedTime::Running,
         Halt::Frozen => HaltedTime::Frozen,
     };
-    let (probe, serial) = (server.address()?, arguments.link);
+    let (probe, serial) = (server.address()?, link.listener.local_addr()?);
     println!("The firmware is {}", elf.display());
     println!("It is reached by, with Ctrl-C for the end:");
     println!("  cargo xtask attach --probe {probe}");

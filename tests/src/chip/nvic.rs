@@ -117,6 +117,12 @@ impl Nvic {
         self.held = Some(now);
     }
 
+    /// Since when they stand with a halted core.
+    #[must_use]
+    pub fn held(&self) -> Option<u64> {
+        self.held
+    }
+
     /// They go on.
     pub fn release(&mut self, now: u64) {
         let stood = self.held.take().map_or(0, |held| now - held);

@@ -278,6 +278,11 @@ impl System {
         }
     }
 
+    /// The chip is another one: what it says in DBGMCU_IDCODE.
+    pub fn set_identity(&mut self, word: u32) {
+        self.debug.set("IDCODE", word);
+    }
+
     /// Sets the option bytes, as a programmer does, before the chip starts.
     pub fn set_option_bytes(&mut self, word: u32) {
         self.flash.set("OPTR", word);

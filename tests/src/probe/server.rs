@@ -50,6 +50,11 @@ impl Server {
         self.debugger.is_some()
     }
 
+    /// Ends the debugger's connection, as a cable does that is pulled. The chip stays as it was left.
+    pub fn hang_up(&mut self) {
+        self.debugger = None;
+    }
+
     /// Answers what has come; the chip's time passes only by what is asked for. `true`: something had come.
     ///
     /// # Errors

@@ -2,9 +2,8 @@
 
 use ddfeed::output::Folder;
 use ddfeed::record::{Recorder, Summary, save};
-use hal_sim::drive::Drive;
 use identify::records::{How, Mapping, OnFault, double_drive, load};
-use link::codes::{Demand, State};
+use link::codes::State;
 use link::telemetry::{FRAME_MAX, Request};
 use plant::Axis;
 use plant::machine::Coupling;
@@ -12,10 +11,10 @@ use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::TAU;
 use std::path::Path;
-use tests::bench::{Bench, READY, board_config, machine_of, plate, scale_count_m};
-use tests::chip::wiring::Wiring;
+use tests::bench::{Bench, READY, plate};
 use tests::cost::INTERRUPTS;
 use tests::emulator::Profile;
+use tests::known;
 
 /// A drive that turns its nut at 300 rpm, and how many periods of it came before it was asked to.
 const VELOCITY: f64 = 2.5e-3;
@@ -70,22 +69,6 @@ impl Recorded {
     }
 }
 
-/// What the host's drive knows of a motor after a step of its current loop.
-#[derive(Clone, Copy, Default)]
-struct Known {
-    encoder: u32,
-    phases: [f64; 2],
-    voltage: [f64; 2],
-}
-
-/// What it knows after a step of the speed task, when the screw's loop has had its step and the nut's has not.
-struct Row {
-    motors: [Known; 2],
-    i_q_ref: [f64; 2],
-    speed_ref: [f64; 2],
-    table: f64,
-}
-
 /// A recording as an identification reads it.
 fn loaded(path: &Path, model: &Model) -> Result<Recording, String> {
     let how = How {
@@ -96,58 +79,6 @@ fn loaded(path: &Path, model: &Model) -> Result<Recording, String> {
     load(path, how, &mut |_| ())
         .and_then(double_drive)
         .map_err(|error| error.to_string())
-}
-
-/// The host's drive, asked in period `asked` for the same: a row for each of its speed task's steps from its start on.
-fn host(asked: u64, seconds: f64) -> Result<Vec<Row>, String> {
-    let plate = plate();
-    let board = board_config(Wiring::Nucleo);
-    let machine = machine_of(Wiring::Nucleo, &Model::paper(), Coupling::Lumped);
-    let mut drive = Drive::aligned(&machine, Coupling::Lumped, board, &plate)
-        .map_err(|misfit| misfit.to_string())?;
-    drive.request.demand = Demand::Rest;
-    let known = |drive: &Drive, axis: Axis| {
-        let (estimate, voltage) = (drive.estimate(axis), drive.ended_voltage(axis));
-        let [a, b, _] = estimate.phases.map(|i| i.to_num());
-        Known {
-            encoder: drive.sample(axis).encoder,
-            phases: [a, b],
-            voltage: [voltage.d.to_num(), voltage.q.to_num()],
-        }
-    };
-    let mut rows = Vec::new();
-    let mut nut = Known::default();
-    for period in 0..(seconds * board.pwm_hz) as u64 {
-        if period == asked {
-            drive
-                .command(VELOCITY, BASE)
-                .map_err(|error| error.to_string())?;
-            drive.request.demand = Demand::Run;
-        }
-        let table = drive.board.machine.table_position();
-        drive.period();
-        if period.is_multiple_of(u64::from(plate.board.speed_divider)) {
-            let speed = drive.speed();
-            rows.push(Row {
-                motors: [known(&drive, Axis::Screw), nut],
-                i_q_ref: speed.current.map(|c| c.i_q.to_num()),
-                speed_ref: [0, 1].map(|k: usize| {
-                    speed.speed[k].omega_e.to_num::<f64>() / f64::from(plate.motors[k].pole_pairs)
-                }),
-                table,
-            });
-        }
-        nut = known(&drive, Axis::Nut);
-    }
-    Ok(rows)
-}
-
-/// The count within the turn that an angle stands for.
-fn count(angle_rad: f64) -> u32 {
-    let per_turn = plate().motors[0].encoder.counts_per_turn;
-    (angle_rad / TAU * f64::from(per_turn))
-        .round()
-        .rem_euclid(f64::from(per_turn)) as u32
 }
 
 #[test]
@@ -173,49 +104,9 @@ fn a_recording_is_what_the_control_code_knew() -> Result<(), String> {
     let rows = loaded(&path, &model)?;
     assert_eq!(rows.len() as u64, summary.count.rows);
 
-    let expected = host(recorded.asked, 3.0)?;
-    let close = |what: &str, row: usize, got: f64, expected: f64, by: f64| {
-        assert!(
-            (got - expected).abs() <= by,
-            "{what} of row {row} is {got}, and {expected} in the control code"
-        );
-    };
-    let at = |first: usize, row: usize| {
-        [0, 1].map(|k: usize| {
-            (
-                count(rows.axes[k].angle_rad[row]),
-                expected[first + row].motors[k].encoder,
-            )
-        })
-    };
-    let first = (before as usize..before as usize + 20)
-        .find(|&first| (0..50).all(|row| at(first, row).iter().all(|(got, host)| got == host)))
-        .ok_or("no step of the control code has the first rows' angles")?;
-    // Half a count of the scale, and half of the file's last digit.
-    let metres = 0.5 * scale_count_m(Wiring::Nucleo) + 0.6e-9;
-    for row in 0..rows.len() {
-        let host = &expected[first + row];
-        close("time", row, rows.time_s[row], row as f64 / 5000.0, 1e-9);
-        close("table", row, rows.table_position_m[row], host.table, metres);
-        for (k, (got, encoder)) in at(first, row).into_iter().enumerate() {
-            assert_eq!(got, encoder, "angle of row {row}");
-            let (axis, motor) = (&rows.axes[k], &host.motors[k]);
-            // Half a step of what is sent, and half of the file's last digit.
-            let [amps, volts] = [0.5 / 4096.0 + 0.6e-4, 0.5 / 8192.0 + 0.6e-3];
-            close("i_a", row, axis.ia_a[row], motor.phases[0], amps);
-            close("i_b", row, axis.ib_a[row], motor.phases[1], amps);
-            close("u_d", row, axis.ud_v[row], motor.voltage[0], volts);
-            close("u_q", row, axis.uq_v[row], motor.voltage[1], volts);
-            close("i_q_ref", row, axis.iq_ref_a[row], host.i_q_ref[k], amps);
-            close(
-                "speed",
-                row,
-                axis.speed_ref_rad_s[row],
-                host.speed_ref[k],
-                0.6e-4,
-            );
-        }
-    }
+    let expected = known::by_the_host(recorded.asked, [VELOCITY, BASE], 3.0)?;
+    let first = before as usize;
+    known::same_from(&rows, &expected, first..first + 20)?;
     let turned = |k: usize| {
         let angle = &rows.axes[k].angle_rad;
         (angle[rows.len() - 1] - angle[0]) / TAU

@@ -1,6 +1,7 @@
 //! Halt, registers, memory, breakpoints, steps, watchpoints, reset and faults.
 
 use crate::emulated::{Emulated, PATIENCE};
+use crate::figures::keep;
 use crate::source;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -8,6 +9,7 @@ use probe_rs::{
     BreakpointCause, Core, CoreStatus, HaltReason, MemoryInterface, RegisterId,
     VectorCatchCondition,
 };
+use std::time::Instant;
 use tests::bench::{Bench, READY};
 use tests::chip::{CORE_HZ, Reset};
 use tests::emulator::{Emulator, HaltedTime};
@@ -27,7 +29,9 @@ fn frozen() -> Emulated {
 #[test]
 fn registers_stack_and_statics_are_the_chips() {
     let chip = frozen();
+    let began = Instant::now();
     let mut session = chip.attach().unwrap();
+    keep("attach_s", began.elapsed().as_secs_f64());
     let mut core = session.core(0).unwrap();
     core.halt(PATIENCE).unwrap();
     let halted = CoreStatus::Halted(HaltReason::Request);
@@ -137,6 +141,7 @@ fn a_breakpoint_in_the_current_loop_hits_every_period_and_changes_nothing() {
     let debugged = debugged.unwrap();
     assert!(debugged.len() > HITS, "{} tops", debugged.len());
     assert_eq!(debugged[..], undisturbed[..debugged.len()]);
+    keep("breakpoints_hit", hits.len());
 }
 
 /// The second chip stands where and when a debugger has halted the first: before a period of the screw.
@@ -209,6 +214,7 @@ fn a_thousand_steps_go_where_the_program_goes_without_them() {
     assert!(traced.len() >= STEPS, "{} instructions", traced.len());
     let apart = (0..STEPS).find(|&k| steps[k] != traced[k]);
     assert_eq!(apart, None, "the first step that differs");
+    keep("steps_equal", steps.len());
     let different: std::collections::BTreeSet<_> = steps.iter().collect();
     assert!(different.len() > 300, "{} addresses", different.len());
 }

@@ -41,11 +41,14 @@ impl Emulated {
             bench.emulator.halted_time = halted;
             run(Served::new(bench, server), &todo)
         });
-        Self {
+        let chip = Self {
             address,
             jobs,
             thread: Some(thread),
-        }
+        };
+        // It answers from now on.
+        chip.ask(|_| ());
+        chip
     }
 
     /// Asks the chip's own side, which a debugger does not see.

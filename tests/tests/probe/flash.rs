@@ -1,6 +1,7 @@
 //! The firmware written to the chip by the target's own algorithm, started, and its log.
 
 use crate::emulated::Emulated;
+use crate::figures::keep;
 use anyhow::bail;
 use board::flash::{flash, listen};
 use ddfeed::probe::{Image, find};
@@ -33,11 +34,8 @@ fn a_blank_chip_is_flashed_by_the_targets_own_algorithm_and_starts() {
     let chip = Emulated::start(HaltedTime::Running, blank);
     let elf = firmware().unwrap();
     let began = Instant::now();
-    flash(find(&which(&chip)).unwrap(), &elf).unwrap();
-    println!(
-        "flashed and verified in {:.1} s",
-        began.elapsed().as_secs_f64()
-    );
+    flash(find(&which(&chip)).unwrap(), &Image::read(&elf).unwrap()).unwrap();
+    keep("flash_s", began.elapsed().as_secs_f64());
     // What is there is what the file has.
     let segments = chip.ask(|bench| bench.image.segments.clone());
     for (start, bytes) in segments {

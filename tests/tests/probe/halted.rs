@@ -1,10 +1,14 @@
 //! A core halted while the drive turns at 800 rpm under load: what the board does meanwhile and afterwards.
 
 use crate::emulated::{Emulated, PATIENCE};
+use crate::figures::keep;
+use control::journal::Event;
 use hal_sim::experiment::RPM;
+use link::codes::{EventKind, Fault};
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
+use serde_json::json;
 use std::thread;
 use std::time::Duration;
 use tests::bench::{Bench, FAULT, READY, RUNNING};
@@ -22,6 +26,8 @@ fn at_800_rpm() -> Result<Bench, String> {
     bench.start(2.5e-3, 800.0 * RPM)?;
     bench.pass(1.0)?;
     bench.emulator.chip().tops = Some(Vec::new());
+    // What comes later is of the halt.
+    bench.log()?;
     assert_eq!(bench.status()?.state, RUNNING);
     Ok(bench)
 }
@@ -47,8 +53,15 @@ fn on_a_running_board_the_bridges_open_at_once_and_the_drive_says_why() {
     chip.ask(|bench| bench.emulator.halted_time = HaltedTime::Running);
     let tops = |bench: &mut Bench| bench.emulator.chip().tops.take().unwrap_or_default();
     core.halt(PATIENCE).unwrap();
-    let halted = chip.ask(|bench| bench.emulator.chip().pwm[0].held());
-    let halted = halted.expect("the bridges' timers stop with the core");
+    let opened = chip.ask(|bench| {
+        let chip = bench.emulator.chip();
+        let opened = [0, 1].map(|motor: usize| chip.pwm[motor].held());
+        (chip.nvic.held(), opened)
+    });
+    let (Some(halted), [Some(screw), Some(nut)]) = opened else {
+        panic!("the bridges' timers do not stop with the core: {opened:?}");
+    };
+    let bridges_open_us = (screw.max(nut) - halted) as f64 / (CORE_HZ as f64 * 1e-6);
     let open = chip.ask(|bench| {
         let chip = bench.emulator.chip();
         chip.pwm.iter().all(|timer| !timer.bridge().enabled)
@@ -83,11 +96,6 @@ fn on_a_running_board_the_bridges_open_at_once_and_the_drive_says_why() {
     }
     drop(joint);
     let expected = table(&twin);
-    println!(
-        "halted for {:.0} ms of the board's time: the bridges are open at once, the table goes {:.1} um, the motors carry {current:.3} A",
-        1e3 * passed_s,
-        1e6 * (there - place),
-    );
     assert!(
         (there - expected).abs() < STEP_M,
         "{there} m, without a debugger {expected} m"
@@ -95,15 +103,32 @@ fn on_a_running_board_the_bridges_open_at_once_and_the_drive_says_why() {
     core.run().unwrap();
     let after = chip.ask(move |bench| {
         bench.pass(20e-3)?;
-        Ok::<_, String>((bench.status()?, bench.emulator.resets.clone(), tops(bench)))
+        let resets = bench.emulator.resets.clone();
+        Ok::<_, String>((bench.status()?, bench.log()?, resets, tops(bench)))
     });
-    let (status, resets, tops) = after.unwrap();
+    let (status, log, resets, tops) = after.unwrap();
     // The watchdog stood with the core.
     assert_eq!(resets, []);
     assert_eq!(status.state, FAULT, "{status:?}");
-    println!(
-        "afterwards the fault is {:?}",
-        link::codes::Fault::of_word(status.fault)
+    let fault = Fault::of_word(status.fault).expect("the fault has a name");
+    // `drive faults` tells it afterwards, too.
+    let journal = chip.ask(|bench| bench.journal()).unwrap();
+    let told = |event: Event| (event.kind, event.code) == (EventKind::Fault.word(), status.fault);
+    assert!(
+        journal.latest().any(told),
+        "{:#?}",
+        journal.latest().collect::<Vec<_>>()
+    );
+    keep(
+        "halted.running",
+        json!({
+            "halted_s": passed_s,
+            "bridges_open_us": bridges_open_us,
+            "travel_um": 1e6 * (there - place),
+            "current_a": current,
+            "fault": fault.name(),
+            "log": log,
+        }),
     );
     let driven = |top: &&Top| top.time > halted && top.bridge.enabled;
     assert_eq!(
@@ -133,5 +158,16 @@ fn on_a_frozen_board_a_halt_changes_nothing() {
         bench.pass(20e-3)?;
         bench.status()
     });
-    assert_eq!(status.unwrap().state, RUNNING);
+    let status = status.unwrap();
+    assert_eq!((status.state, status.fault), (RUNNING, 0));
+    keep(
+        "halted.frozen",
+        json!({
+            // They stay closed.
+            "bridges_open_us": null,
+            "travel_um": 1e6 * (after.1 - before.1),
+            "current_a": after.2,
+            "fault": null,
+        }),
+    );
 }

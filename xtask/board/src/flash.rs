@@ -5,15 +5,17 @@ use ddfeed::probe::{Image, memory, patience, unreachable};
 use link::LOG_CHANNEL;
 use link::host::log::{Line, Log, table};
 use link::host::rtt::Channel;
-use probe_rs::Permissions;
-use probe_rs::flashing::{self, DownloadOptions, ElfLoader, ElfOptions, FlashProgress};
+use probe_rs::flashing::{DownloadOptions, ElfLoader, ElfOptions, FlashProgress};
 use probe_rs::probe::DebugProbeInfo;
-use std::path::Path;
+use probe_rs::{Permissions, Session};
+use std::io::Cursor;
 use std::thread;
 use std::time::{Duration, Instant};
 
 /// The chip, as probe-rs names it.
 const CHIP: &str = "STM32G474RETx";
+/// Where its flash begins (RM0440 2.2.2).
+const BEGIN: u64 = 0x0800_0000;
 /// How often the log is looked at.
 const LISTEN: Duration = Duration::from_millis(20);
 /// How long the firmware has to start.
@@ -23,10 +25,11 @@ const START: Duration = Duration::from_secs(2);
 ///
 /// # Errors
 /// The probe or the chip cannot be reached, it is another chip or a locked one, or it does not take the firmware.
-pub fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
+pub fn flash(probe: DebugProbeInfo, image: &Image) -> Result<()> {
     // First without a session, whose attaching says nothing of a locked chip or another one.
     memory::with_chip(probe.clone(), |_, _: &dyn Fn(())| Ok(()), |()| Ok(()))?;
-    let elf = elf.to_owned();
+    let elf = image.bytes().to_vec();
+    let mut begun = false;
     patience::watch_each(
         "write to the chip",
         move |say| {
@@ -34,24 +37,55 @@ pub fn flash(probe: DebugProbeInfo, elf: &Path) -> Result<()> {
                 .attach(CHIP, Permissions::default())
                 .map_err(|error| unreachable(&probe, &error))?;
             say(());
-            let mut options = DownloadOptions::default();
-            options.progress = FlashProgress::new(|_| say(()));
-            options.verify = true;
-            flashing::download_file_with_options(
-                &mut session,
-                &elf,
-                ElfLoader(ElfOptions::default()),
-                options,
-            )
-            .with_context(|| format!("{} could not be written to the chip", elf.display()))?;
+            write(&mut session, elf, say)?;
             session
                 .core(0)
                 .and_then(|mut core| core.reset())
-                .context("the chip was written but does not start")
+                .context("the chip was written but does not start: power the board off and on")
         },
-        |()| Ok(()),
-    )?;
+        |()| {
+            begun = true;
+            Ok(())
+        },
+    )
+    .map_err(|error| match begun {
+        true => error.context(
+            "the firmware could not be written to the chip. What is there now is incomplete, and does not start: flash it again. If that fails \
+             too, look for write protection (option bytes, by STM32CubeProgrammer) and at the board's supply",
+        ),
+        false => error,
+    })?;
     println!("written and started");
+    Ok(())
+}
+
+/// Writes all but the flash's first page, and then that one. The vector table is in it, and the first erasure takes it: without it
+/// the chip does not start, so that what was written in part never runs.
+fn write(session: &mut Session, elf: Vec<u8>, say: &dyn Fn(())) -> Result<()> {
+    let mut whole = session.target().flash_loader();
+    let format = ElfLoader(ElfOptions::default());
+    whole.load_image(session, &mut Cursor::new(elf), format, None)?;
+    let algorithm = session.target().flash_algorithms.first();
+    let page = algorithm.context("the chip has no algorithm for its flash")?;
+    let page_end = BEGIN + u64::from(page.flash_properties.page_size);
+    let [mut first, mut rest] = [(); 2].map(|()| session.target().flash_loader());
+    for (address, bytes) in whole.data() {
+        let within = usize::try_from(page_end.saturating_sub(address))?.min(bytes.len());
+        let (head, tail) = bytes.split_at(within);
+        if !head.is_empty() {
+            first.add_data(address, head)?;
+        }
+        if !tail.is_empty() {
+            rest.add_data(address + within as u64, tail)?;
+        }
+    }
+    for (part, is_erased) in [(rest, false), (first, true)] {
+        let mut options = DownloadOptions::default();
+        options.progress = FlashProgress::new(|_| say(()));
+        options.verify = true;
+        options.skip_erase = is_erased;
+        part.commit(session, options)?;
+    }
     Ok(())
 }
 
@@ -86,7 +120,11 @@ pub fn listen(
                 match Channel::find(&mut memory, drive.rtt, LOG_CHANNEL)? {
                     Some(channel) => break channel,
                     None if start.elapsed() > START => {
-                        anyhow::bail!("the firmware's log does not start: does the firmware run?")
+                        anyhow::bail!(
+                            "the firmware's log does not start within {:.0} s, so the firmware does not run: power the board off and \
+                             on, and ask the board with `cargo xtask bringup`",
+                            START.as_secs_f64()
+                        )
                     }
                     None => thread::sleep(LISTEN),
                 }

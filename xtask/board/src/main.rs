@@ -23,19 +23,18 @@ fn run(session: Session) -> Result<()> {
     session.check()?;
     // First, so that a missing probe is said at once and not after a build.
     let probe = find(session.which())?;
+    let alone = xtask::firmware::alone()?;
     let elf = xtask::firmware::build()?;
     let image = Image::read(&elf)?;
+    drop(alone);
+    if !matches!(session, Session::Attach(_)) {
+        flash::flash(probe.clone(), &image)?;
+    }
     match session {
-        Session::Flash(_) => flash::flash(probe, &elf),
-        Session::Run(_) => {
-            flash::flash(probe.clone(), &elf)?;
-            flash::follow(probe, &image)
-        }
+        Session::Flash(_) => Ok(()),
+        Session::Run(_) => flash::follow(probe, &image),
         Session::Attach(_) => attach::attach(probe, image.drive()?),
-        Session::Bringup(options) => {
-            flash::flash(probe.clone(), &elf)?;
-            ask::bringup(probe, &image, &options)
-        }
+        Session::Bringup(options) => ask::bringup(probe, &image, &options),
     }
 }
 

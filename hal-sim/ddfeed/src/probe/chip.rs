@@ -3,6 +3,7 @@
 use anyhow::{Error, Result, anyhow, bail};
 use link::host::Memory;
 use std::fmt::Display;
+use std::time::Duration;
 
 /// CPUID (PM0214 4.4.1): part number in bits 4 to 15.
 const CPUID: u32 = 0xE000_ED00;
@@ -75,6 +76,10 @@ pub fn check(memory: &mut impl Memory) -> Result<()> {
     memory.write(DEBUG_CONTROL, control | DEBUG_IN_SLEEP)
 }
 
+/// What may keep a probe from a chip, and what to do.
+const REMEDY: &str = "Is the board powered, and is the probe's cable on it? A chip that was locked for good (read-out protection level \
+                      2) can never be debugged again: then only another chip helps. Else unplug the probe and plug it in again";
+
 /// What to say when the probe does not get through to the chip.
 pub fn unreachable(probe: &impl Display, error: &dyn std::error::Error) -> Error {
     let mut reasons = vec![error.to_string()];
@@ -84,9 +89,16 @@ pub fn unreachable(probe: &impl Display, error: &dyn std::error::Error) -> Error
         source = inner.source();
     }
     anyhow!(
-        "the probe {probe} does not reach the chip: {}. Is the board powered, is the probe's cable on it, and is the chip \
-         not locked for good (read-out protection level 2)?",
+        "the probe {probe} does not reach the chip: {}. {REMEDY}",
         reasons.join(": ")
+    )
+}
+
+/// What to say when the chip has not answered for so long, and never has.
+pub fn silent(probe: &impl Display, patience: Duration) -> Error {
+    anyhow!(
+        "the probe {probe} does not reach the chip: no answer within {:.1} s. {REMEDY}",
+        patience.as_secs_f64()
     )
 }
 

@@ -5,7 +5,7 @@
 //! session, and all else reads and writes through the debug port's memory access alone.
 
 use super::chip;
-use super::patience::watch_each;
+use super::patience::{ANSWER, watch_from};
 use anyhow::{Context, Result};
 use link::host::Memory;
 use probe_rs::architecture::arm::FullyQualifiedApAddress;
@@ -40,7 +40,8 @@ impl Memory for Target<'_> {
 /// It does not open, or has no SWD.
 pub fn open(info: &DebugProbeInfo) -> Result<Probe> {
     let mut probe = info.open().with_context(|| {
-        format!("the probe {info} does not open: is another debugger using it, and may this user open it?")
+        format!("the probe {info} does not open: is another debugger using it, and may this user open it? End the other session, then \
+             try again")
     })?;
     // A probe that cannot set its speed keeps the one it has.
     let _ = probe.set_speed(SPEED_KHZ);
@@ -59,11 +60,12 @@ pub fn open(info: &DebugProbeInfo) -> Result<Probe> {
 pub fn with_chip<E: Send + 'static, T: Send + 'static>(
     info: DebugProbeInfo,
     work: impl FnOnce(Target<'_>, &dyn Fn(E)) -> Result<T> + Send + 'static,
-    each: impl FnMut(E) -> Result<()>,
+    mut each: impl FnMut(E) -> Result<()>,
 ) -> Result<T> {
-    watch_each(
+    let name = info.to_string();
+    watch_from(
         "talk to the chip",
-        move |say| {
+        move |say: &dyn Fn(Option<E>)| {
             let lost = |error: &dyn std::error::Error| chip::unreachable(&info, error);
             let mut probe = open(&info)?;
             probe
@@ -79,8 +81,10 @@ pub fn with_chip<E: Send + 'static, T: Send + 'static>(
                 .map_err(|error| lost(&error))?;
             let mut target = Target(&mut *memory);
             chip::check(&mut target)?;
-            work(target, say)
+            say(None);
+            work(target, &|said| say(Some(said)))
         },
-        each,
+        |said| said.map_or(Ok(()), &mut each),
+        || chip::silent(&name, ANSWER),
     )
 }

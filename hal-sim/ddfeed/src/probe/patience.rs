@@ -1,6 +1,6 @@
 //! Work with a probe is done in a thread of its own, for a probe may never answer.
 
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Error, Result, anyhow};
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::thread;
 use std::time::Duration;
@@ -18,12 +18,13 @@ enum Event<E, T> {
 /// Does `work`, for as long as it goes on saying something to `each` at least every `patience`.
 ///
 /// # Errors
-/// What `work` or `each` returns, or that `work` fell silent: it is left to itself.
+/// What `work` or `each` returns; or that `work` fell silent, in the words of `silent`, which hears whether it ever said something.
+/// It is left to itself.
 fn run<E: Send + 'static, T: Send + 'static>(
-    what: &str,
     patience: Duration,
     work: impl FnOnce(&dyn Fn(E)) -> Result<T> + Send + 'static,
     mut each: impl FnMut(E) -> Result<()>,
+    silent: impl FnOnce(bool) -> Error,
 ) -> Result<T> {
     let (sender, receiver) = mpsc::channel();
     thread::spawn(move || {
@@ -33,19 +34,28 @@ fn run<E: Send + 'static, T: Send + 'static>(
         });
         let _ = sender.send(Event::Done(done));
     });
+    let mut heard = false;
     loop {
         match receiver.recv_timeout(patience) {
-            Ok(Event::Said(said)) => each(said)?,
+            Ok(Event::Said(said)) => {
+                heard = true;
+                each(said)?;
+            }
             Ok(Event::Done(done)) => return done,
-            Err(RecvTimeoutError::Timeout) => bail!(
-                "could not {what}: no answer within {:.1} s; unplug the probe and plug it in again",
-                patience.as_secs_f64()
-            ),
+            Err(RecvTimeoutError::Timeout) => return Err(silent(heard)),
             Err(RecvTimeoutError::Disconnected) => {
-                return Err(anyhow::anyhow!("the probe's driver gave up")).context(what.to_owned());
+                return Err(silent(heard)).context("the probe's driver gave up");
             }
         }
     }
+}
+
+/// It was to do `what`, and says nothing any more.
+fn stuck(what: &str, patience: Duration) -> Error {
+    anyhow!(
+        "could not {what}: no answer within {:.1} s; unplug the probe and plug it in again",
+        patience.as_secs_f64()
+    )
 }
 
 /// Does `work` within `patience`.
@@ -54,7 +64,7 @@ pub fn watch<E: Send + 'static, T: Send + 'static>(
     patience: Duration,
     work: impl FnOnce(&dyn Fn(E)) -> Result<T> + Send + 'static,
 ) -> Result<T> {
-    run(what, patience, work, |_| Ok(()))
+    run(patience, work, |_| Ok(()), |_| stuck(what, patience))
 }
 
 /// Does `work`, which may take long but must say something at least every [`ANSWER`].
@@ -63,7 +73,20 @@ pub fn watch_each<E: Send + 'static, T: Send + 'static>(
     work: impl FnOnce(&dyn Fn(E)) -> Result<T> + Send + 'static,
     each: impl FnMut(E) -> Result<()>,
 ) -> Result<T> {
-    run(what, ANSWER, work, each)
+    watch_from(what, work, each, || stuck(what, ANSWER))
+}
+
+/// The same; if it never says anything, that is said in the words of `silent`.
+pub fn watch_from<E: Send + 'static, T: Send + 'static>(
+    what: &str,
+    work: impl FnOnce(&dyn Fn(E)) -> Result<T> + Send + 'static,
+    each: impl FnMut(E) -> Result<()>,
+    silent: impl FnOnce() -> Error,
+) -> Result<T> {
+    run(ANSWER, work, each, |heard| match heard {
+        true => stuck(what, ANSWER),
+        false => silent(),
+    })
 }
 
 #[cfg(test)]

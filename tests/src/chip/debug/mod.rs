@@ -192,7 +192,7 @@ impl Debug {
             DEMCR => self.catches,
             DCRDR => self.data,
             DCRSR => return Err("DCRSR can only be written".into()),
-            // Cortex-M4 with single precision (ARM DDI 0439, 7.2).
+            // As TI gives them of the same core (SWCU192, 3.7.3.1), and OpenOCD expects them (`MVFR0_DEFAULT_M4`).
             MVFR0 => 0x1011_0021,
             MVFR1 => 0x1100_0011,
             _ if breakpoints::has(address) => self.breakpoints.read(address)?,
