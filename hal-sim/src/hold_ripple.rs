@@ -114,6 +114,26 @@ pub fn recorded(recording: &Recording, hold: &Hold) -> Vec<f64> {
     )
 }
 
+/// The ripple of each hold in which the table moves.
+///
+/// # Errors
+/// As [`ripple_interval_s`].
+pub fn ripples(
+    recording: &Recording,
+    travel_per_radian: f64,
+) -> Result<Vec<(OperatingPoint, Ripple)>, ExperimentError> {
+    let interval_s = ripple_interval_s(recording)?;
+    let of = |hold: Hold| {
+        let velocities = recorded(recording, &hold);
+        let ripple = Ripple::of(&velocities, interval_s, hold.point.velocity);
+        (hold.point, ripple)
+    };
+    Ok(holds(recording, travel_per_radian)
+        .into_iter()
+        .map(of)
+        .collect())
+}
+
 /// Mean time between two rows, s, of a recording that shows ripple.
 ///
 /// # Errors
