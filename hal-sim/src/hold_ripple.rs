@@ -14,7 +14,7 @@ const SHORTEST_S: f64 = 0.4;
 /// Transient of the way to a hold, which is left out, s.
 pub const SETTLE_S: f64 = 0.15;
 /// Mean of a velocity, s: a difference of neighbouring readings would be the scale's noise.
-const WINDOW_S: f64 = 1e-3;
+pub const WINDOW_S: f64 = 1e-3;
 /// Length of a piece, s: longer than any beat or period of the harmonics at the speeds of a feed, and short enough that a hold has several.
 /// One extreme of the scale's noise then does not decide the figure.
 const PIECE_S: f64 = 0.2;

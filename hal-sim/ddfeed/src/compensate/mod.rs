@@ -1,21 +1,23 @@
 //! `ddfeed compensate`: from the model that identification left to what the drive compensates.
 
 mod predict;
+mod worth;
 
 pub use predict::Predicted;
 
+use crate::record::encoder_kind;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use control::plate::DrivePlate;
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
-use hal_sim::hold_ripple::{Ripple, ripples};
+use hal_sim::hold_ripple::{Hold, holds, recorded, ripple_interval_s};
 use hal_sim::smooth::known::Known;
 use link::host::settings::{of_toml, some_to_toml};
 use link::settings::{Setting, Settings};
 use plant::machine::Coupling;
 use plant::model::Model;
 use plant::recording::Recording;
-use predict::{predicted, simulated};
+use predict::Place;
 use serde_json::json;
 use std::fs;
 use std::path::PathBuf;
@@ -73,32 +75,19 @@ pub fn find(options: &CompensateOptions) -> Result<Compensation> {
     } else {
         Coupling::Coupled
     };
-    let setup = Setup::declared(model, coupling);
-    let plain = plate(options, &setup)?;
-    let compensated = DrivePlate {
-        compensation: known.compensation,
-        friction: known.friction,
-        ..plain
-    };
-    let predicted = points(options, &setup.model)?
-        .into_iter()
-        .map(|(point, measured)| {
-            let ripples = [
-                simulated(&setup, &plain, point)?,
-                simulated(&setup, &compensated, point)?,
-            ];
-            Ok(predicted(&setup.model, point, ripples, measured))
-        })
-        .collect::<Result<_>>()?;
+    let mut setup = Setup::declared(model, coupling);
+    let plain = plate(options, &mut setup)?;
+    let places = places(options, &setup.model)?;
+    let (known, predicted) = worth::worth(&setup, &plain, &places, known)?;
     if let Some(file) = &options.settings {
-        let settings = Settings::of_plate(&compensated);
+        let settings = Settings::of_plate(&worth::compensated(&plain, &known));
         crate::output::put_new(file, &some_to_toml(&settings, Setting::compensates))?;
     }
     Ok(Compensation { known, predicted })
 }
 
-/// What the drive is told without a compensation.
-fn plate(options: &CompensateOptions, setup: &Setup) -> Result<DrivePlate> {
+/// What the drive is told without a compensation. What its settings say of the encoders is the machine's.
+fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
     let plate = setup.plate();
     let Some(file) = &options.drive else {
         return Ok(plate);
@@ -107,6 +96,7 @@ fn plate(options: &CompensateOptions, setup: &Setup) -> Result<DrivePlate> {
         fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?;
     let settings = of_toml(&Settings::of_plate(&plate), &text)
         .with_context(|| format!("{} is not taken", file.display()))?;
+    setup.model.sensing.encoder = encoder_kind(&settings);
     // The simulated motors are the model's, with their angles known.
     let tuned = settings.plate(&plate.board);
     Ok(DrivePlate {
@@ -121,34 +111,32 @@ fn plate(options: &CompensateOptions, setup: &Setup) -> Result<DrivePlate> {
     })
 }
 
-/// Where the ripple is predicted: at the holds of the recording, whose ripple is known, or where it is asked.
-fn points(
-    options: &CompensateOptions,
-    model: &Model,
-) -> Result<Vec<(OperatingPoint, Option<Ripple>)>> {
+/// Where the ripple is predicted: at the holds of the recording, or where it is asked.
+fn places(options: &CompensateOptions, model: &Model) -> Result<Vec<Place>> {
     let Some(file) = &options.recording else {
-        let point = |rpm: &f64| OperatingPoint {
-            velocity: options.table_speed * 1e-3,
-            base: rpm * RPM,
+        let place = |rpm: &f64| Place {
+            point: OperatingPoint {
+                velocity: options.table_speed * 1e-3,
+                base: rpm * RPM,
+            },
+            recorded: None,
         };
-        return Ok(options
-            .nut_rpm
-            .iter()
-            .map(|rpm| (point(rpm), None))
-            .collect());
+        return Ok(options.nut_rpm.iter().map(place).collect());
     };
     let recording =
         Recording::load(file).with_context(|| format!("the recording {}", file.display()))?;
-    let points = ripples(&recording, model.feed.travel_per_radian())?;
+    let interval_s = ripple_interval_s(&recording)?;
+    let holds = holds(&recording, model.feed.travel_per_radian());
     ensure!(
-        !points.is_empty(),
+        !holds.is_empty(),
         "{} holds no speed of the table: record with --hold",
         file.display()
     );
-    Ok(points
-        .into_iter()
-        .map(|(point, ripple)| (point, Some(ripple)))
-        .collect())
+    let place = |hold: Hold| Place {
+        point: hold.point,
+        recorded: Some((recorded(&recording, &hold), interval_s)),
+    };
+    Ok(holds.into_iter().map(place).collect())
 }
 
 /// Finds and prints.
@@ -196,7 +184,7 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
         );
     }
     if !known.left.is_empty() {
-        println!("No order compensates: {}", known.left.join(", "));
+        println!("Not compensated: {}", known.left.join("; "));
     }
     println!(
         "\nRipple of the table as a recording shows it, {} and with this, % peak to peak (Eq 19) and rms:",
