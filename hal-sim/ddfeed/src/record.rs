@@ -3,14 +3,16 @@
 use crate::output::Folder;
 use crate::trigger::Gate;
 use anyhow::{Context, Result, bail, ensure};
+#[cfg(feature = "cli")]
+use commission::{Estimate, electrical::MotorElectrical};
 use link::host::{Count, Decoder, MotorRow, Row};
 use link::message::Aligned;
 #[cfg(feature = "cli")]
 use link::settings::{EncoderInterface, Settings};
 use link::telemetry::{Header, Request};
-#[cfg(feature = "cli")]
-use plant::model::EncoderKind;
 use plant::model::Model;
+#[cfg(feature = "cli")]
+use plant::model::{EncoderKind, MeasuredModel, MeasuredMotor};
 use plant::recording::{AxisSample, RecordingWriter, Sample};
 use std::fmt;
 
@@ -315,6 +317,7 @@ pub fn measured_model_file(
     header: &Header,
     interval_s: f64,
     machine: &commission::procedure::Machine,
+    motors: &[MotorElectrical; 2],
     settings: &Settings,
     bus_v: f64,
 ) -> String {
@@ -336,6 +339,18 @@ pub fn measured_model_file(
         motor.coulomb_nm = least(machine.coulomb_nm[k]);
         motor.viscous_nm_s = least(machine.viscous_nm_s[k]);
     }
+    let inertias = [model.screw.inertia_kg_m2, model.nut.inertia_kg_m2];
+    let [screw, nut] = [0, 1].map(|k| {
+        let inertia = machine.inertia_plus_minus_kg_m2[k] / inertias[k];
+        let part = |estimate: Estimate| estimate.plus_minus / estimate.value;
+        MeasuredMotor {
+            resistance: part(motors[k].resistance_ohm),
+            inductance: part(motors[k].inductance_h),
+            flux: part(motors[k].flux_wb),
+            inertia,
+        }
+    });
+    model.measured = Some(MeasuredModel { screw, nut });
     let feed = &mut model.feed;
     feed.table_mass_kg = table / (travel * travel);
     feed.pair_coulomb_nm = least(machine.feed_coulomb_nm);

@@ -71,6 +71,7 @@ pub fn machine(seed: u64) -> Machine {
             scale_count_m: draw.one_of(&[1e-9, 5e-9, 10e-9, 50e-9]),
             brake: draw.one_of(&[Brake::None, Brake::Fitted]),
         },
+        measured: None,
         effects: Vec::new(),
     };
     let share = draw.between([-1.0, 1.0]);

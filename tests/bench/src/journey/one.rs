@@ -14,14 +14,16 @@ use serde::{Deserialize, Serialize};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// Holds of the recordings: table velocity in parts of the user's, nut rpm, seconds. The table comes back to where it began.
-const FIT: [(f64, f64, f64); 6] = [
+/// Holds of the recordings: table velocity in parts of the user's, nut rpm, seconds. The table comes back to where it began. Both motors
+/// turn both ways and at three speeds a factor of 2 apart, as `identify` asks.
+const FIT: [(f64, f64, f64); 7] = [
     (1.0, 0.0, 3.0),
     (-1.0, 0.0, 3.0),
-    (1.0, 300.0, 3.0),
-    (-2.0, 300.0, 3.0),
+    (1.0, 150.0, 2.0),
+    (-1.0, -150.0, 2.0),
+    (-2.0, 300.0, 2.0),
     (3.0, 600.0, 2.0),
-    (-3.0, 600.0, 1.0),
+    (-2.0, -300.0, 1.0),
 ];
 const CHECK: [(f64, f64, f64); 4] = [
     (1.4, 0.0, 2.0),

@@ -7,9 +7,6 @@ use serde_json::Value;
 use std::fs;
 use std::path::Path;
 
-/// A value is worse where it is further from the truth than before by more than this part of the truth.
-const WORSE: f64 = 2e-3;
-
 /// The effects that `identify` named, and the commissioned values that it moved away from the truth.
 pub fn worse_values(real: &Model, folder: &Path) -> Result<(Vec<String>, Vec<String>)> {
     let report = fs::read_to_string(folder.join("out/report.json"))?;
@@ -28,11 +25,13 @@ pub fn worse_values(real: &Model, folder: &Path) -> Result<(Vec<String>, Vec<Str
         .into_iter()
         .zip(values(&commissioned))
         .zip(values(&identified))
-        .filter_map(|(((name, truth), (_, before)), (_, after))| {
+        .zip(intervals(&commissioned))
+        .filter_map(|((((name, truth), (_, before)), (_, after)), half)| {
             let off = |value: f64| (value / truth - 1.0).abs();
-            (off(after) > off(before) + WORSE).then(|| {
+            let moved = (after / before - 1.0).abs();
+            (off(after) > off(before) && moved > half).then(|| {
                 format!(
-                    "{name} {:.2} to {:.2} %",
+                    "{name} {:.3} to {:.3} %",
                     100.0 * off(before),
                     100.0 * off(after)
                 )
@@ -40,6 +39,26 @@ pub fn worse_values(real: &Model, folder: &Path) -> Result<(Vec<String>, Vec<Str
         })
         .collect();
     Ok((named, worse))
+}
+
+/// Of each value, the half of its commissioned interval, relative: beyond it, a value that is further from the truth is worse. Digits of
+/// the model's text are allowed for.
+fn intervals(commissioned: &Model) -> Vec<f64> {
+    let Some(measured) = &commissioned.measured else {
+        return vec![0.0; 8];
+    };
+    [measured.screw, measured.nut]
+        .into_iter()
+        .flat_map(|motor| {
+            [
+                motor.resistance,
+                motor.inductance,
+                motor.flux,
+                motor.inertia,
+            ]
+        })
+        .map(|half| half.max(1e-5) * (1.0 + 1e-9))
+        .collect()
 }
 
 /// What commissioning measures of the motors.
