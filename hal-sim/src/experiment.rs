@@ -141,10 +141,14 @@ impl Setup {
     /// `model` with the sensors that its file declares, on a drive as the shared recordings were made with.
     #[must_use]
     pub fn declared(model: Model, coupling: Coupling) -> Self {
+        let sensors = Sensors::declared(&model);
+        let current = &sensors.current;
+        let range_a = 0.5 * f64::from(current.counts) * current.per_count.abs();
         let board = BoardConfig {
-            sensors: Sensors::declared(&model),
+            sensors,
             pwm_hz: model.sensing.control_hz,
             bus_v: model.installation.bus_v,
+            break_a: BREAK * range_a,
             ..BoardConfig::default()
         };
         Self {
@@ -190,6 +194,9 @@ impl Setup {
         Ok(drive)
     }
 }
+
+/// Phase current that trips the break input, of the range of the current sensor that a model declares.
+const BREAK: f64 = 0.8;
 
 /// How long a brake carries the load of a shipped board's machine, s.
 const BRAKED_S: f64 = 0.3;

@@ -14,7 +14,7 @@ const SHORTEST_S: f64 = 0.4;
 /// Transient of the way to a hold, which is left out, s.
 pub const SETTLE_S: f64 = 0.15;
 /// Mean of a velocity, s: a difference of neighbouring readings would be the scale's noise.
-const WINDOW_S: f64 = 1e-3;
+pub const WINDOW_S: f64 = 1e-3;
 /// Length of a piece, s: longer than any beat or period of the harmonics at the speeds of a feed, and short enough that a hold has several.
 /// One extreme of the scale's noise then does not decide the figure.
 const PIECE_S: f64 = 0.2;
@@ -112,6 +112,26 @@ pub fn recorded(recording: &Recording, hold: &Hold) -> Vec<f64> {
         interval_s,
         window(interval_s),
     )
+}
+
+/// The ripple of each hold in which the table moves.
+///
+/// # Errors
+/// As [`ripple_interval_s`].
+pub fn ripples(
+    recording: &Recording,
+    travel_per_radian: f64,
+) -> Result<Vec<(OperatingPoint, Ripple)>, ExperimentError> {
+    let interval_s = ripple_interval_s(recording)?;
+    let of = |hold: Hold| {
+        let velocities = recorded(recording, &hold);
+        let ripple = Ripple::of(&velocities, interval_s, hold.point.velocity);
+        (hold.point, ripple)
+    };
+    Ok(holds(recording, travel_per_radian)
+        .into_iter()
+        .map(of)
+        .collect())
 }
 
 /// Mean time between two rows, s, of a recording that shows ripple.

@@ -42,6 +42,11 @@ const OF_OVER_CURRENT: f64 = 0.6;
 /// high, a vector sqrt(3/2) times as long as a phase's amplitude.
 const DEAD_TIME_VECTOR: f64 = 4.0 / PI * 1.224_744_871_391_589;
 
+/// By how many half intervals a dead time is above none.
+const SURE: f64 = 2.0;
+/// The largest that the drive compensates, ns.
+const DEAD_TIME_NS: f64 = 10_000.0;
+
 /// What was measured of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct MotorElectrical {
@@ -247,10 +252,27 @@ fn solve(fit: &Fit, motor: &str) -> Result<MotorElectrical> {
 }
 
 impl Electrical {
-    /// The settings with what was measured.
+    /// The dead time that the drive does not compensate yet, s; 0 if it is not known from none. One setting is of both bridges: the
+    /// smaller one, for what is compensated in excess drives a current.
     #[must_use]
-    pub fn applied(&self, settings: &Settings) -> Settings {
+    pub fn dead_time_s(&self, pwm_period_s: f64, bus_v: f64) -> f64 {
+        let least = |motor: &MotorElectrical| {
+            let volts = motor.dead_time_v;
+            if volts.value > SURE * volts.plus_minus {
+                volts.value
+            } else {
+                0.0
+            }
+        };
+        let [screw, nut] = self.motors.each_ref().map(least);
+        screw.min(nut) / bus_v * pwm_period_s
+    }
+
+    /// The settings with what was measured, and with `dead_time_s` more to compensate.
+    #[must_use]
+    pub fn applied(&self, settings: &Settings, dead_time_s: f64) -> Settings {
         let mut new = *settings;
+        new.bridge.dead_time_ns = (new.bridge.dead_time_ns + 1e9 * dead_time_s).min(DEAD_TIME_NS);
         for (motor, measured) in [&mut new.screw, &mut new.nut].into_iter().zip(&self.motors) {
             motor.resistance_line_to_line_ohm = 2.0 * measured.resistance_ohm.value;
             motor.inductance_line_to_line_mh = 2e3 * measured.inductance_h.value;

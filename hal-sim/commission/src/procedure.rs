@@ -1,5 +1,6 @@
 //! The steps one after the other, each kept when it is done.
 
+use crate::electrical::MotorElectrical;
 use crate::proposal::{changes, propose};
 use crate::session::Session;
 use crate::tune::{Wanted, tune};
@@ -123,6 +124,9 @@ pub struct Limited {
 /// What a machine's model needs beyond the drive's settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
+    /// Halves of the 95 % intervals of what screw and nut move, kg m^2.
+    #[serde(default)]
+    pub inertia_plus_minus_kg_m2: [f64; 2],
     /// Coulomb friction of the bearings of screw and nut, N m.
     pub coulomb_nm: [f64; 2],
     /// Viscous friction of the same, N m s/rad.
@@ -144,6 +148,9 @@ pub struct Done {
     pub base_acceleration_rpm_s: Option<f64>,
     /// Frictions and the table, of the step that measures them.
     pub machine: Option<Machine>,
+    /// Both motors' windings and magnets, of the step that measures them.
+    #[serde(default)]
+    pub motors: Option<[MotorElectrical; 2]>,
     /// Which.
     pub step: Step,
     /// How long it took, by the drive's time, s.
@@ -242,6 +249,7 @@ fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,
+        motors: None,
         step: Step::Start,
         seconds: session.uptime_s() - begun,
         quantities,
@@ -286,7 +294,8 @@ fn electrical_step<L: Line>(
     session.arm()?;
     let travel_m = TOGETHER_M.min(options.travel_m);
     let found = electrical::measure(session, electrical::SPEEDS, travel_m, progress)?;
-    let new = mechanical::prepared(&found.applied(&old));
+    let dead_time_s = found.dead_time_s(session.pwm_period_s(), session.bus_v());
+    let new = mechanical::prepared(&found.applied(&old, dead_time_s));
     session.configure(&new)?;
     let motors = found.motors;
     let was =
@@ -335,10 +344,20 @@ fn electrical_step<L: Line>(
         motors.map(|m| m.dead_time_v),
         None,
     );
+    q.push(Quantity {
+        name: "bridge: dead time, compensated".to_owned(),
+        unit: "ns".to_owned(),
+        estimate: Estimate {
+            value: new.bridge.dead_time_ns,
+            plus_minus: 0.0,
+        },
+        before: Some(old.bridge.dead_time_ns),
+    });
     let [screw, nut] = found.current_a;
     Ok(Done {
         base_acceleration_rpm_s: Some(old.feed.base_acceleration_max_rpm_s),
         machine: None,
+        motors: Some(motors),
         step: Step::Electrical,
         seconds: session.uptime_s() - begun,
         quantities,
@@ -443,7 +462,9 @@ fn mechanical_step<L: Line>(
     let [screw, nut] = found.torque_nm;
     Ok(Done {
         base_acceleration_rpm_s: None,
+        motors: None,
         machine: Some(Machine {
+            inertia_plus_minus_kg_m2: found.moved_kg_m2().map(|moved| moved.plus_minus),
             coulomb_nm: found.motors.map(|motor| motor.coulomb_nm.value),
             viscous_nm_s: found.motors.map(|motor| motor.viscous_nm_s.value),
             table_kg_m2: found.table_kg_m2.value,
@@ -472,6 +493,7 @@ fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<D
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,
+        motors: None,
         step: Step::Tuning,
         seconds: session.uptime_s() - begun,
         quantities: proposal.quantities,
@@ -518,6 +540,7 @@ fn angle_step<L: Line>(
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,
+        motors: None,
         step: Step::Angle,
         seconds: session.uptime_s() - begun,
         quantities,

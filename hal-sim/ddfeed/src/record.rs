@@ -3,10 +3,16 @@
 use crate::output::Folder;
 use crate::trigger::Gate;
 use anyhow::{Context, Result, bail, ensure};
+#[cfg(feature = "cli")]
+use commission::{Estimate, electrical::MotorElectrical};
 use link::host::{Count, Decoder, MotorRow, Row};
 use link::message::Aligned;
+#[cfg(feature = "cli")]
+use link::settings::{EncoderInterface, Settings};
 use link::telemetry::{Header, Request};
 use plant::model::Model;
+#[cfg(feature = "cli")]
+use plant::model::{EncoderKind, MeasuredModel, MeasuredMotor};
 use plant::recording::{AxisSample, RecordingWriter, Sample};
 use std::fmt;
 
@@ -278,10 +284,28 @@ pub fn model(header: &Header, interval_s: f64) -> Model {
     model
 }
 
+/// What both encoders of a drive know when power comes up: of two kinds, the one that knows less.
+#[cfg(feature = "cli")]
+#[must_use]
+pub fn encoder_kind(settings: &Settings) -> EncoderKind {
+    let has = |interface| {
+        [&settings.screw, &settings.nut]
+            .iter()
+            .any(|motor| motor.encoder.interface == interface)
+    };
+    if has(EncoderInterface::Incremental) {
+        EncoderKind::Incremental
+    } else if has(EncoderInterface::IncrementalWithIndex) {
+        EncoderKind::Index
+    } else {
+        EncoderKind::Absolute
+    }
+}
+
 /// What stands above the model of a commissioned drive.
 #[cfg(feature = "cli")]
 const MEASURED: &str = "\
-# Motors, friction, load and the table's mass as a commissioning measured them; lead and sensing are the drive's own plate.
+# Motors, friction, load, supply and the table's mass as a commissioning measured them; lead and sensing are the drive's own plate.
 # Friction of ball pair and guideway was measured together and stands at the pair. Stiffness, damping and the sensors' noise
 # were not measured.
 ";
@@ -293,8 +317,14 @@ pub fn measured_model_file(
     header: &Header,
     interval_s: f64,
     machine: &commission::procedure::Machine,
+    motors: &[MotorElectrical; 2],
+    settings: &Settings,
+    bus_v: f64,
 ) -> String {
     let mut model = model(header, interval_s);
+    model.sensing.encoder = encoder_kind(settings);
+    model.installation.bus_v = bus_v;
+    model.installation.scale_count_m = header.scale_count_m.get();
     let travel = model.feed.travel_per_radian();
     // A model has no friction and no mass below nothing, where a measurement's noise may be.
     let least = |value: f64| value.max(0.0);
@@ -309,6 +339,18 @@ pub fn measured_model_file(
         motor.coulomb_nm = least(machine.coulomb_nm[k]);
         motor.viscous_nm_s = least(machine.viscous_nm_s[k]);
     }
+    let inertias = [model.screw.inertia_kg_m2, model.nut.inertia_kg_m2];
+    let [screw, nut] = [0, 1].map(|k| {
+        let inertia = machine.inertia_plus_minus_kg_m2[k] / inertias[k];
+        let part = |estimate: Estimate| estimate.plus_minus / estimate.value;
+        MeasuredMotor {
+            resistance: part(motors[k].resistance_ohm),
+            inductance: part(motors[k].inductance_h),
+            flux: part(motors[k].flux_wb),
+            inertia,
+        }
+    });
+    model.measured = Some(MeasuredModel { screw, nut });
     let feed = &mut model.feed;
     feed.table_mass_kg = table / (travel * travel);
     feed.pair_coulomb_nm = least(machine.feed_coulomb_nm);

@@ -30,6 +30,13 @@ impl Within {
     }
 }
 
+impl Within {
+    /// Its host is gone.
+    pub fn close(&self) {
+        self.serving.borrow_mut().close(self.id);
+    }
+}
+
 impl Line for Within {
     fn send(&mut self, bytes: &[u8]) -> io::Result<()> {
         self.serving.borrow_mut().receive(self.id, bytes);

@@ -8,6 +8,7 @@ pub mod draw;
 pub mod drive;
 pub mod faults;
 pub mod identify;
+pub mod journey;
 pub mod link;
 pub mod probe;
 pub mod runaway;

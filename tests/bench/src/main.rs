@@ -6,7 +6,7 @@ use bench::commissioning::report as commission;
 use bench::faults::report as faults;
 use bench::runaway::report as runaway;
 use bench::smooth::report as smooth;
-use bench::{drive, identify, link, probe};
+use bench::{drive, identify, journey, link, probe};
 use clap::{Parser, Subcommand};
 use std::process::ExitCode;
 
@@ -37,6 +37,8 @@ enum Bench {
     Probe(probe::ProbeOptions),
     /// How smooth the table moves with the drive's compensation, with others' and without.
     Smooth(smooth::SmoothOptions),
+    /// Machines of users from cold to a smoother table, by the commands alone.
+    Journey(journey::JourneyOptions),
     /// The identification on the recordings and measured data beside the project.
     Identify(identify::BenchOptions),
     /// The drive that `link` measures.
@@ -55,6 +57,7 @@ fn run(what: &Bench) -> Result<()> {
         Bench::Link(options) => link::run(options),
         Bench::Probe(options) => probe::run(options),
         Bench::Smooth(options) => smooth::run(options),
+        Bench::Journey(options) => journey::run(options),
         Bench::Identify(options) => identify::run(options),
         Bench::Serve(options) => ddfeed::serve::run(options),
     }

@@ -42,7 +42,7 @@ fn a_cold_drive_measures_its_machine_within_five_percent() {
     session.arm().unwrap();
     let electrical =
         electrical::measure(&mut session, electrical::SPEEDS, 1e-4, &mut |_| ()).unwrap();
-    let settings = electrical.applied(session.settings());
+    let settings = electrical.applied(session.settings(), 0.0);
     session.configure(&settings).unwrap();
     session.arm().unwrap();
     let mechanical = mechanical::measure(&mut session, 10e-3, &mut |_| ()).unwrap();

@@ -9,8 +9,7 @@ mod settings;
 mod status;
 mod tune;
 
-use options::Task;
-pub use options::{DriveOptions, RecordCommand, ReferenceOptions};
+pub use options::{DriveOptions, RecordCommand, ReferenceOptions, Task};
 pub use settings::reference;
 
 use anyhow::Result;
@@ -19,9 +18,13 @@ use std::process::ExitCode;
 
 /// Does what is asked.
 pub fn run(options: &DriveOptions) -> Result<()> {
-    options.check()?;
-    let mut client = connect::open(&options.line, options.baud)?;
-    match &options.task {
+    options.task.check()?;
+    carry_out(connect::open(&options.line, options.baud)?, &options.task)
+}
+
+/// Does what is asked of a drive at any line.
+pub fn carry_out(mut client: connect::Drive, task: &Task) -> Result<()> {
+    match task {
         Task::Status { json } => status::status(&mut client, *json),
         Task::Faults { json } => status::faults(&mut client, *json),
         Task::Arm => motion::arm(&mut client),

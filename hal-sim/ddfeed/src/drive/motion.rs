@@ -104,9 +104,9 @@ pub fn stop(drive: &mut Drive) -> Result<()> {
 /// Leaves a fault.
 pub fn reset(drive: &mut Drive) -> Result<()> {
     drive.tell(Command::Reset)?;
-    let until = Instant::now() + REST;
+    let until = drive.now() + REST;
     // It measures its current zeros.
-    let begun = Instant::now();
+    let begun = drive.now();
     loop {
         match look(drive)?.state {
             Some(State::Ready) => {
@@ -117,8 +117,8 @@ pub fn reset(drive: &mut Drive) -> Result<()> {
                 println!("unaligned: `arm` aligns the motors");
                 return Ok(());
             }
-            Some(State::Fault(fault)) if begun.elapsed() > LOOK => bail!(Stopped(fault, None)),
-            _ if Instant::now() > until => bail!("the drive does not become ready again"),
+            Some(State::Fault(fault)) if drive.now() - begun > LOOK => bail!(Stopped(fault, None)),
+            _ if drive.now() > until => bail!("the drive does not become ready again"),
             _ => drive.listen(BEAT)?,
         }
     }
@@ -291,20 +291,20 @@ fn led(
 ) -> Result<()> {
     let bar =
         ProgressBar::new_spinner().with_style(ProgressStyle::with_template("{spinner} {msg}")?);
-    let begun = Instant::now();
+    let begun = drive.now();
     let mut looked = None;
     let led = (|| {
         while !stop.load(Relaxed) {
             drive.beat()?;
-            if looked.is_none_or(|at: Instant| at.elapsed() >= LOOK) {
-                looked = Some(Instant::now());
+            if looked.is_none_or(|at: Instant| drive.now() - at >= LOOK) {
+                looked = Some(drive.now());
                 let seen = look(drive)?;
                 bar.set_message(seen.line(settings));
                 bar.tick();
                 if let Some(State::Fault(fault)) = seen.state {
                     bail!(Stopped(fault, None));
                 }
-                if over(&seen, begun.elapsed())? {
+                if over(&seen, drive.now() - begun)? {
                     break;
                 }
             }
@@ -322,12 +322,10 @@ fn led(
 /// Asks it to rest, and waits for that.
 pub fn rest(drive: &mut Drive) -> Result<()> {
     drive.tell(Command::Stop)?;
-    let until = Instant::now() + REST;
+    let until = drive.now() + REST;
     loop {
         match look(drive)?.state {
-            Some(state) if state.has_bridges_on() && Instant::now() < until => {
-                drive.listen(BEAT)?
-            }
+            Some(state) if state.has_bridges_on() && drive.now() < until => drive.listen(BEAT)?,
             Some(state) if state.has_bridges_on() => {
                 bail!("the drive does not come to rest: open its enable contact")
             }

@@ -93,6 +93,7 @@ pub enum Task {
     /// What it is set to.
     Settings {
         #[command(subcommand)]
+        /// Which settings, and what with them.
         what: SettingsTask,
     },
     /// Record it into a folder that `ddfeed identify` reads.
@@ -367,7 +368,7 @@ impl RecordOptions {
     }
 }
 
-impl DriveOptions {
+impl Task {
     /// What can be said against it before the drive is looked for.
     pub fn check(&self) -> Result<()> {
         let finite = |name: &str, value: f64| {
@@ -377,7 +378,7 @@ impl DriveOptions {
             );
             Ok(())
         };
-        match &self.task {
+        match self {
             Task::Jog(jog) => {
                 finite("--table-speed", jog.table_speed)?;
                 finite("--nut-rpm", jog.lead.nut_rpm.unwrap_or_default())?;

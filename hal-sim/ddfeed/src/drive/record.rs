@@ -9,7 +9,7 @@ use crate::record::{Recorder, save};
 use crate::session::divider;
 use crate::trigger::{Gate, Trigger};
 use anyhow::{Context, Result, anyhow, bail};
-use hal_sim::hold_ripple::{Ripple, bandwidth_hz, holds, recorded, ripple_interval_s};
+use hal_sim::hold_ripple::{bandwidth_hz, ripple_interval_s, ripples};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::State;
 use link::message::Command;
@@ -17,7 +17,7 @@ use link::telemetry::{FRAME_MAX, Request};
 use plant::recording::Recording;
 use std::f64::consts::TAU;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How often the drive's state is looked at.
 const LOOK: Duration = Duration::from_millis(250);
@@ -69,21 +69,21 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     outcome.context("the recording ended early, and what came before is kept")?;
     if !options.hold.is_empty() {
         let lead_m = drive.settings()?.feed.lead_mm * 1e-3;
-        print!("{}", ripples(&Recording::load(&path)?, lead_m / TAU));
+        print!("{}", ripple_lines(&Recording::load(&path)?, lead_m / TAU));
     }
     Ok(())
 }
 
 /// A line on the ripple of each hold in which the table moves.
-fn ripples(recording: &Recording, travel_per_radian: f64) -> String {
-    let interval_s = match ripple_interval_s(recording) {
-        Ok(interval_s) => interval_s,
+fn ripple_lines(recording: &Recording, travel_per_radian: f64) -> String {
+    let found = ripple_interval_s(recording)
+        .and_then(|interval_s| Ok((interval_s, ripples(recording, travel_per_radian)?)));
+    let (interval_s, ripples) = match found {
+        Ok(found) => found,
         Err(error) => return format!("no ripple: {error}\n"),
     };
     let mut text = String::new();
-    for hold in holds(recording, travel_per_radian) {
-        let velocities = recorded(recording, &hold);
-        let ripple = Ripple::of(&velocities, interval_s, hold.point.velocity);
+    for (point, ripple) in ripples {
         if text.is_empty() {
             let bandwidth_hz = bandwidth_hz(interval_s);
             text = format!("ripple of the table by its scale, up to {bandwidth_hz:.0} Hz:\n");
@@ -93,8 +93,8 @@ fn ripples(recording: &Recording, travel_per_radian: f64) -> String {
         } else {
             format!(
                 "  {:7.3} mm/s, nut {:6.0} rpm: {:6.2} % peak to peak (Eq 19), {:6.3} % rms\n",
-                1e3 * hold.point.velocity,
-                hold.point.base * 60.0 / TAU,
+                1e3 * point.velocity,
+                point.base * 60.0 / TAU,
                 ripple.vrf_percent,
                 ripple.rms_percent
             )
@@ -130,8 +130,8 @@ fn stream(
         .with_style(ProgressStyle::with_template("{bar:40} {msg}")?);
     drive.tell(Command::Record(request.word()))?;
     let (mut holds, mut hold_until) = (options.hold.iter(), 0.0);
-    let (mut beaten, mut looked) = (Instant::now(), Instant::now());
-    let (mut last, mut silent) = (0, Instant::now());
+    let (mut beaten, mut looked) = (drive.now(), drive.now());
+    let (mut last, mut silent) = (0, drive.now());
     while !stop.load(Relaxed) {
         let now = recorder.streamed_s();
         let waits = recorder.gate().is_some();
@@ -151,8 +151,8 @@ fn stream(
             drive.tell(speeds(hold.velocity, Some(hold.base))?)?;
             hold_until += hold.seconds;
         }
-        if !options.hold.is_empty() && beaten.elapsed() > BEAT {
-            beaten = Instant::now();
+        if !options.hold.is_empty() && drive.now() - beaten > BEAT {
+            beaten = drive.now();
             drive.beat()?;
         }
         drive.listen(Duration::from_millis(5))?;
@@ -164,8 +164,8 @@ fn stream(
         }
         let count = recorder.count();
         if count.rows != last {
-            (last, silent) = (count.rows, Instant::now());
-        } else if silent.elapsed() > SILENT {
+            (last, silent) = (count.rows, drive.now());
+        } else if drive.now() - silent > SILENT {
             bail!("the drive sends no telemetry any more");
         }
         #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
@@ -174,8 +174,8 @@ fn stream(
             true => format!("waits for its trigger, {now:.1} s"),
             false => format!("{taken:.1} s, {} lost", count.lost),
         });
-        if looked.elapsed() > LOOK {
-            looked = Instant::now();
+        if drive.now() - looked > LOOK {
+            looked = drive.now();
             if let Some(State::Fault(fault)) = look(drive)?.state {
                 if let Some(gate) = recorder.gate() {
                     gate.fault();

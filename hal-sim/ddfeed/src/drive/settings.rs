@@ -15,7 +15,7 @@ use serde_json::{Map, json};
 use std::fs;
 use std::io::IsTerminal;
 use std::path::Path;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Does it.
 pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
@@ -231,8 +231,8 @@ pub fn header(drive: &mut Drive) -> Result<Header> {
         stream: 1,
     };
     drive.tell(Command::Record(request.word()))?;
-    let until = Instant::now() + Duration::from_secs(2);
-    while Instant::now() < until {
+    let until = drive.now() + Duration::from_secs(2);
+    while drive.now() < until {
         // Samples of an earlier stream may stand before it.
         while let Some(frame) = drive.take_telemetry() {
             if let Frame::Header(header) = frame

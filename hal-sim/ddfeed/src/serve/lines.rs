@@ -1,13 +1,11 @@
 //! The simulated drive's time and lines: one thread, a millisecond after the other.
 
 use super::ServeOptions;
-use super::flash::Flash;
 use super::machine::MachineLine;
+use super::switched_on::SwitchedOn;
 use crate::interrupt::ctrl_c;
-use crate::simulate::Preset;
 use anyhow::{Context, Result, ensure};
-use hal_sim::served::{LineId, Serving, SimulatedDrive};
-use hal_sim::start::Start;
+use hal_sim::served::{LineId, Serving};
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpListener, TcpStream};
 use std::sync::atomic::Ordering::Relaxed;
@@ -80,24 +78,12 @@ pub fn run(options: &ServeOptions) -> Result<()> {
         "--speed is {speed}, but 0.01 to 10 times real time are possible: the drive's own half second for a heartbeat \
          goes as fast"
     );
-    let (setup, name) = options.machine.setup_on(options.board(), Preset::Coupled)?;
-    let mut drive = if options.cold {
-        SimulatedDrive::cold(&Start::anywhere(&setup))
-    } else {
-        SimulatedDrive::new(&setup)
-    }
-    .with_context(|| format!("no drive can be configured for the machine {name}"))?;
-    if let Some(path) = &options.settings {
-        let text = std::fs::read_to_string(path)
-            .with_context(|| format!("{} cannot be read", path.display()))?;
-        let settings = link::host::settings::of_toml(drive.settings(), &text)
-            .with_context(|| format!("{} is not taken", path.display()))?;
-        drive.configure(&settings)?;
-    }
-    let mut flash = match &options.flash {
-        Some(path) => Some(Flash::open(path, &mut drive)?),
-        None => None,
-    };
+    let SwitchedOn {
+        setup,
+        name,
+        drive,
+        mut flash,
+    } = SwitchedOn::new(options)?;
     let listener = TcpListener::bind(&options.listen).with_context(|| {
         format!(
             "{} cannot be listened at: is another drive served there? Give another with --listen",

@@ -3,6 +3,10 @@
 mod flash;
 mod lines;
 mod machine;
+mod switched_on;
+mod within;
+
+pub use within::ServedWithin;
 
 use crate::simulate::{BoardName, MachineOptions};
 use anyhow::Result;

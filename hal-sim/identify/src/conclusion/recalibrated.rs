@@ -50,9 +50,9 @@ pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64,
         .collect()
 }
 
-/// A relative change; of what is not declared, the value itself.
+/// A relative change; of what is not declared, the value itself. No friction and no inertia is below nothing.
 fn add(declared: &mut f64, value: f64) {
-    *declared += declared_or_unit(*declared) * value;
+    *declared = (*declared + declared_or_unit(*declared) * value).max(0.0);
 }
 
 pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {

@@ -2,6 +2,12 @@
 
 use crate::regression::normal::Prior;
 use plant::Axis;
+use plant::model::Model;
+
+/// Half of a 95 % interval, in standard deviations.
+const NORMAL_95: f64 = 1.96;
+/// Least half of an interval, relative: below it a regression's normal equations lose their digits.
+const LEAST: f64 = 1e-5;
 
 /// A declared parameter, or a nuisance of the record, that is adjusted before any effect is looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -141,9 +147,28 @@ impl Parameter {
         }
     }
 
-    /// What is known of it before the record is seen.
-    pub fn prior(self) -> Prior {
-        Prior::within(self.spread(), self.bound())
+    /// What is known of it before the record is seen: a measured value does not leave its interval.
+    pub fn prior(self, model: &Model) -> Prior {
+        match self.interval(model) {
+            Some(half) => Prior::within(half / NORMAL_95, half),
+            None => Prior::within(self.spread(), self.bound()),
+        }
+    }
+
+    /// Half of the interval of a value that was measured, relative.
+    fn interval(self, model: &Model) -> Option<f64> {
+        let (Parameter::Motor(axis, which), Some(measured)) = (self, &model.measured) else {
+            return None;
+        };
+        let measured = measured.motor(axis);
+        let half = match which {
+            MotorParameter::Resistance => measured.resistance,
+            MotorParameter::Inductance => measured.inductance,
+            MotorParameter::Flux => measured.flux,
+            MotorParameter::Inertia => measured.inertia,
+            _ => return None,
+        };
+        Some(half.clamp(LEAST, self.bound()))
     }
 
     /// Standard deviation of the parameter before the record is seen: that of an even spread over its bounds. What a count rounds

@@ -74,6 +74,7 @@ pub fn model(motor: MotorModel, sensing: SensingModel) -> Model {
         },
         sensing,
         installation: InstallationModel::default(),
+        measured: None,
         effects: Vec::new(),
     }
 }

@@ -34,7 +34,11 @@ impl<'a> Case<'a> {
     where
         'a: 'w,
     {
-        let mut search = Search::new(self.balance, whitener, self.base.normal(whitener));
+        let mut search = Search::new(
+            self.balance,
+            whitener,
+            self.base.normal(whitener, self.balance.model),
+        );
         found.iter().for_each(|hypothesis| search.add(hypothesis));
         search
     }
@@ -84,7 +88,7 @@ impl<'c, 'a> Whitened<'c, 'a> {
     pub(crate) fn new(case: &'c Case<'a>, noise: Noise) -> Self {
         let whitener = case.whitener(&noise);
         Whitened {
-            bare: case.base.normal(&whitener),
+            bare: case.base.normal(&whitener, case.balance.model),
             columns: Columns::default(),
             case,
             noise,

@@ -5,12 +5,14 @@
 
 mod error;
 mod installation;
+mod measured;
 mod presets;
 mod read;
 mod write;
 
 pub use error::ModelError;
 pub use installation::{Brake, InstallationModel};
+pub use measured::{MeasuredModel, MeasuredMotor};
 
 use crate::Axis;
 use crate::effects::EffectModel;
@@ -30,6 +32,8 @@ pub struct Model {
     pub sensing: SensingModel,
     /// Where it stands.
     pub installation: InstallationModel,
+    /// How well the motors' values are known, where they were measured.
+    pub measured: Option<MeasuredModel>,
     /// What the machine has beyond that: `[[effects]]`, in the order of the file.
     pub effects: Vec<EffectModel>,
 }

@@ -63,6 +63,7 @@ impl Model {
                 table_noise_m: 0.0,
             },
             installation: InstallationModel::default(),
+            measured: None,
             effects: Vec::new(),
         }
     }

@@ -1,6 +1,8 @@
 //! `model.toml` to [`Model`].
 
-use super::{FeedModel, InstallationModel, Model, ModelError, MotorModel, SensingModel};
+use super::{
+    FeedModel, InstallationModel, MeasuredModel, Model, ModelError, MotorModel, SensingModel,
+};
 use crate::document::{Fault, section};
 use crate::effects::EffectModel;
 use serde::Deserialize;
@@ -19,6 +21,7 @@ struct Declared {
     sensing: SensingModel,
     #[serde(default)]
     installation: InstallationModel,
+    measured: Option<MeasuredModel>,
 }
 
 impl Model {
@@ -74,6 +77,7 @@ fn read(document: Spanned<DeTable<'_>>) -> Result<Model, Fault> {
         feed,
         sensing,
         installation,
+        measured,
     } = section(Spanned::new(span, DeValue::Table(root)))?;
     Ok(Model {
         screw,
@@ -81,6 +85,7 @@ fn read(document: Spanned<DeTable<'_>>) -> Result<Model, Fault> {
         feed,
         sensing,
         installation,
+        measured,
         effects,
     })
 }

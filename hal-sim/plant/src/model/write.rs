@@ -18,6 +18,10 @@ impl Model {
         ] {
             write_table(&mut text, &format!("[{name}]"), &section);
         }
+        if let Some(measured) = &self.measured {
+            write_table(&mut text, "[measured.screw]", &table(&measured.screw));
+            write_table(&mut text, "[measured.nut]", &table(&measured.nut));
+        }
         for effect in &self.effects {
             write_table(&mut text, "[[effects]]", &effect.to_table());
         }

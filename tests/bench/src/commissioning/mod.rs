@@ -1,6 +1,6 @@
 //! Commissioning of drawn machines, and how right it is.
 
-mod draw;
+pub(crate) mod draw;
 pub mod report;
 mod rivals;
 mod run;

@@ -474,7 +474,7 @@ mod tests {
                 j * l,
             ]);
             let expected = numerator.over(denominator).scaled(p * 0.11);
-            let seen = LoopModel::new(&motor, &plate)
+            let seen = LoopModel::new(motor, &plate)
                 .at(omega * plate.board.sample_time())
                 .seen();
             let off = seen.minus(expected).length() / expected.length();
@@ -539,7 +539,7 @@ mod tests {
                     sum.plus(one(*at, *g)).plus(one(-at, g.conjugate()))
                 });
             // What is learned is realised through the inverse of the loops at each order, which is taken as right.
-            let seen = LoopModel::new(&motor, plate)
+            let seen = LoopModel::new(motor, plate)
                 .at(angle / steps * plate.board.sample_time())
                 .seen();
             let distance = Complex::ONE.plus(sum.times(seen));
@@ -615,7 +615,7 @@ mod tests {
                 let stiff = w * (1.0 + ratio).sqrt();
                 two(w).over(two(stiff)).scaled(1.0 + ratio)
             });
-            let open = LoopModel::new(&motor, plate)
+            let open = LoopModel::new(motor, plate)
                 .at(omega * period)
                 .open
                 .scaled(1.0 / part)

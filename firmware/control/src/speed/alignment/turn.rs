@@ -23,9 +23,9 @@ const WINDOW: u16 = 8;
 /// Corrections until the offset's run is looked at.
 const SETTLED: u8 = 16;
 
-/// Angle over which it is, 2^-32 turn: a fifth of a turn. That is half an electrical turn and more, in which what the dead
-/// time leaves, six times an electrical turn, takes itself back.
-const JUDGED: u32 = 858_993_459;
+/// Angle over which it is, 2^-32 turn: three eighths of a turn. What the dead time leaves swings the offset six times an electrical
+/// turn. Over this angle it is far below the run of one pole pair.
+const JUDGED: u32 = 1_610_612_736;
 
 /// Largest change in one correction, 2^-32 turn: an eighth turn.
 const CORRECTION: i32 = 1 << 29;
@@ -295,7 +295,7 @@ impl Track {
         Ok(())
     }
 
-    /// The offset's run over `turned`, a fifth of a turn, is by how many pole pairs the plate is wrong.
+    /// The offset's run over `turned`, three eighths of a turn, is by how many pole pairs the plate is wrong.
     fn judge(&self, motor: &MotorAlignment, turned: i32) -> Result<(), Reason> {
         let turned = i64::from(turned);
         let turned = if self.alignment.reversed {

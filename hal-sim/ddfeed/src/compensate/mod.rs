@@ -1,0 +1,245 @@
+//! `ddfeed compensate`: from the model that identification left to what the drive compensates.
+
+mod predict;
+mod worth;
+
+pub use predict::Predicted;
+
+use crate::record::encoder_kind;
+use anyhow::{Context, Result, ensure};
+use clap::Args;
+use control::plate::DrivePlate;
+use hal_sim::experiment::{OperatingPoint, RPM, Setup};
+use hal_sim::hold_ripple::{Hold, holds, recorded, ripple_interval_s};
+use hal_sim::smooth::known::Known;
+use link::host::settings::{of_toml, some_to_toml};
+use link::settings::{Setting, Settings};
+use plant::machine::Coupling;
+use plant::model::Model;
+use plant::recording::Recording;
+use predict::Place;
+use serde_json::json;
+use std::fs;
+use std::path::PathBuf;
+
+/// A model, and where its ripple is predicted.
+#[derive(Args)]
+pub struct CompensateOptions {
+    /// The model, as `identify` leaves it.
+    #[arg(long)]
+    model: PathBuf,
+    /// Table velocity, mm/s.
+    #[arg(long, default_value_t = 2.5, allow_negative_numbers = true)]
+    table_speed: f64,
+    /// Nut speeds, rpm; 0 is the single drive (CDFS).
+    #[arg(
+        long,
+        value_delimiter = ',',
+        default_value = "0,300,800",
+        allow_negative_numbers = true
+    )]
+    nut_rpm: Vec<f64>,
+    /// The paper's own simplification: no friction, no elastic screw.
+    #[arg(long)]
+    lumped: bool,
+    /// A recording without the compensation: its holds are predicted, in place of those speeds, from the ripple that they have.
+    #[arg(long, conflicts_with_all = ["table_speed", "nut_rpm"])]
+    recording: Option<PathBuf>,
+    /// The drive's settings, as `drive settings export` writes them: the prediction has their gains. [default: the paper's]
+    #[arg(long)]
+    drive: Option<PathBuf>,
+    /// Writes them as settings, for `drive settings import`.
+    #[arg(long)]
+    settings: Option<PathBuf>,
+    /// As JSON.
+    #[arg(long)]
+    json: bool,
+}
+
+/// What a model's effects are to a drive, and what that does to the ripple.
+pub struct Compensation {
+    /// Orders, friction, and what neither takes.
+    pub known: Known,
+    /// Ripple before and after, at each operating point.
+    pub predicted: Vec<Predicted>,
+}
+
+/// Reads, turns and predicts; writes the settings that are asked for.
+pub fn find(options: &CompensateOptions) -> Result<Compensation> {
+    let model = Model::load(&options.model)
+        .with_context(|| format!("the model {}", options.model.display()))?;
+    let load_nm = model.feed.load_n * model.feed.travel_per_radian();
+    let known = Known::of(&model, load_nm);
+    let coupling = if options.lumped {
+        Coupling::Lumped
+    } else {
+        Coupling::Coupled
+    };
+    let mut setup = Setup::declared(model, coupling);
+    let plain = plate(options, &mut setup)?;
+    let places = places(options, &setup.model)?;
+    let (known, predicted) = worth::worth(&setup, &plain, &places, known)?;
+    if let Some(file) = &options.settings {
+        let settings = Settings::of_plate(&worth::compensated(&plain, &known));
+        crate::output::put_new(file, &some_to_toml(&settings, Setting::compensates))?;
+    }
+    Ok(Compensation { known, predicted })
+}
+
+/// What the drive is told without a compensation. What its settings say of the encoders is the machine's.
+fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
+    let plate = setup.plate();
+    let Some(file) = &options.drive else {
+        return Ok(plate);
+    };
+    let text =
+        fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?;
+    let settings = of_toml(&Settings::of_plate(&plate), &text)
+        .with_context(|| format!("{} is not taken", file.display()))?;
+    setup.model.sensing.encoder = encoder_kind(&settings);
+    // The simulated motors are the model's, with their angles known.
+    let tuned = settings.plate(&plate.board);
+    Ok(DrivePlate {
+        tuning: tuned.tuning,
+        feed: tuned.feed,
+        bridge: control::plate::BridgePlate {
+            dead_time_s: tuned.bridge.dead_time_s,
+            dead_time_fade_a: tuned.bridge.dead_time_fade_a,
+            ..plate.bridge
+        },
+        ..plate
+    })
+}
+
+/// Where the ripple is predicted: at the holds of the recording, or where it is asked.
+fn places(options: &CompensateOptions, model: &Model) -> Result<Vec<Place>> {
+    let Some(file) = &options.recording else {
+        let place = |rpm: &f64| Place {
+            point: OperatingPoint {
+                velocity: options.table_speed * 1e-3,
+                base: rpm * RPM,
+            },
+            recorded: None,
+        };
+        return Ok(options.nut_rpm.iter().map(place).collect());
+    };
+    let recording =
+        Recording::load(file).with_context(|| format!("the recording {}", file.display()))?;
+    let interval_s = ripple_interval_s(&recording)?;
+    let holds = holds(&recording, model.feed.travel_per_radian());
+    ensure!(
+        !holds.is_empty(),
+        "{} holds no speed of the table: record with --hold",
+        file.display()
+    );
+    let place = |hold: Hold| Place {
+        point: hold.point,
+        recorded: Some((recorded(&recording, &hold), interval_s)),
+    };
+    Ok(holds.into_iter().map(place).collect())
+}
+
+/// Finds and prints.
+pub fn run(options: &CompensateOptions) -> Result<()> {
+    let Compensation { known, predicted } = find(options)?;
+    let lists = lists(&known);
+    if options.json {
+        let report = json!({
+            "orders": lists.iter().flat_map(|(what, unit, plates)| plates.iter().map(move |plate| json!({
+                "of": what, "order": plate.order, "unit": unit, "re": plate.re, "im": plate.im,
+            }))).collect::<Vec<_>>(),
+            "friction_nm": {
+                "bearings": known.friction.bearings.map(|bearing| bearing.coulomb_nm),
+                "feed": known.friction.feed.coulomb_nm,
+            },
+            "left": known.left,
+            "predicted": predicted.iter().map(|one| json!({
+                "table_mm_s": 1e3 * one.point.velocity, "nut_rpm": one.point.base / RPM,
+                "vrf_before": one.before.vrf_percent, "vrf_after": one.after.vrf_percent,
+                "rms_before": one.before.rms_percent, "rms_after": one.after.rms_percent,
+            })).collect::<Vec<_>>(),
+        });
+        println!("{report}");
+        return Ok(());
+    }
+    println!("What repeats with an angle, as Re((re + j im) e^(j order angle)):");
+    for (what, unit, plates) in &lists {
+        for plate in plates {
+            println!(
+                "  {what:<18} order {:>6}   re {:>11.3e}   im {:>11.3e}   {unit}",
+                plate.order, plate.re, plate.im
+            );
+        }
+    }
+    let [screw, nut] = known.friction.bearings;
+    println!("Friction, N m while it slides, and more to break away:");
+    for (what, rubbing) in [
+        ("screw, bearing", screw),
+        ("nut, bearing", nut),
+        ("pair and guideway", known.friction.feed),
+    ] {
+        println!(
+            "  {what:<18} {:>8.4} {:>8.4}",
+            rubbing.coulomb_nm, rubbing.sticks_nm
+        );
+    }
+    if !known.left.is_empty() {
+        println!("Not compensated: {}", known.left.join("; "));
+    }
+    println!(
+        "\nRipple of the table as a recording shows it, {} and with this, % peak to peak (Eq 19) and rms:",
+        if options.recording.is_some() {
+            "recorded"
+        } else {
+            "simulated without"
+        }
+    );
+    for Predicted {
+        point,
+        before,
+        after,
+    } in predicted
+    {
+        println!(
+            "  {:7.3} mm/s, nut {:6.0} rpm: {:6.2} and {:6.3} before, {:6.2} and {:6.3} with this",
+            1e3 * point.velocity,
+            point.base / RPM,
+            before.vrf_percent,
+            before.rms_percent,
+            after.vrf_percent,
+            after.rms_percent
+        );
+    }
+    match &options.settings {
+        Some(file) => println!(
+            "\n`ddfeed drive settings import {}` sets them.",
+            file.display()
+        ),
+        None => {
+            println!("\n`--settings FILE` writes them for `ddfeed drive settings import FILE`.")
+        }
+    }
+    Ok(())
+}
+
+/// The orders that there are, by what they are of and their unit.
+fn lists(
+    known: &hal_sim::smooth::known::Known,
+) -> Vec<(&'static str, &'static str, Vec<control::plate::OrderPlate>)> {
+    let plate = &known.compensation;
+    let some = |plates: &[control::plate::OrderPlate]| {
+        plates
+            .iter()
+            .filter(|plate| plate.order != 0.0)
+            .copied()
+            .collect()
+    };
+    let part = "of the speed";
+    vec![
+        ("screw, torque", "A", some(&plate.torque[0])),
+        ("nut, torque", "A", some(&plate.torque[1])),
+        ("screw, encoder", part, some(&plate.angle[0])),
+        ("nut, encoder", part, some(&plate.angle[1])),
+        ("lead", part, some(&plate.travel)),
+    ]
+}

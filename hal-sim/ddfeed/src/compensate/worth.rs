@@ -1,0 +1,126 @@
+//! What of a compensation is worth its settings.
+
+use super::predict::{
+    HOLD_S, INTERVAL_S, Place, Predicted, is_gain, part_left, predicted, simulated,
+};
+use anyhow::Result;
+use control::plate::{CompensationPlate, DrivePlate, FrictionPlate, OrderPlate};
+use hal_sim::experiment::Setup;
+use hal_sim::hold_ripple::WINDOW_S;
+use hal_sim::smooth::known::Known;
+use plant::Axis;
+use plant::model::EncoderKind;
+
+/// Ripple that an order may cost and still be left out, of the ripple before.
+const NOTHING: f64 = 1e-3;
+
+/// The plate with what is known.
+pub fn compensated(plain: &DrivePlate, known: &Known) -> DrivePlate {
+    DrivePlate {
+        compensation: known.compensation,
+        friction: known.friction,
+        ..*plain
+    }
+}
+
+/// Leaves out what a restart loses and what brings no gain. What is left, with the ripple that it makes.
+pub fn worth(
+    setup: &Setup,
+    plain: &DrivePlate,
+    places: &[Place],
+    mut known: Known,
+) -> Result<(Known, Vec<Predicted>)> {
+    if setup.model.sensing.encoder == EncoderKind::Incremental {
+        leave_out_lost(setup, &mut known);
+    }
+    let runs = |plate: &DrivePlate| {
+        let run = |place: &Place| {
+            let recorded = place.recorded.as_ref();
+            let times = recorded.map_or([INTERVAL_S, HOLD_S], |(velocities, interval_s)| {
+                [
+                    *interval_s,
+                    (velocities.len() as f64 + 1.0) * interval_s + WINDOW_S,
+                ]
+            });
+            simulated(setup, plate, place.point, times)
+        };
+        places.iter().map(run).collect::<Result<Vec<_>, _>>()
+    };
+    let without = runs(plain)?;
+    let predict = |known: &Known| -> Result<Vec<Predicted>> {
+        let with = runs(&compensated(plain, known))?;
+        let pairs = places.iter().zip(without.iter().zip(&with));
+        Ok(pairs
+            .map(|(place, (without, with))| predicted(&setup.model, place, [without, with]))
+            .collect())
+    };
+    let mut best = predict(&known)?;
+    for slot in 0..slots(&mut known.compensation).len() {
+        let mut fewer = known.clone();
+        let order = &mut *slots(&mut fewer.compensation).swap_remove(slot);
+        if *order == OrderPlate::NONE {
+            continue;
+        }
+        let left = format!("order {}: it brings no gain", order.order);
+        *order = OrderPlate::NONE;
+        let tried = predict(&fewer)?;
+        if part_left(&tried) <= part_left(&best) + NOTHING {
+            fewer.left.push(left);
+            (known, best) = (fewer, tried);
+        }
+    }
+    if is_gain(part_left(&best)) {
+        return Ok((known, best));
+    }
+    known.compensation = CompensationPlate::NONE;
+    known.friction = FrictionPlate::NONE;
+    best = predict(&known)?;
+    Ok((known, best))
+}
+
+/// All orders that a drive has room for.
+fn slots(plate: &mut CompensationPlate) -> Vec<&mut OrderPlate> {
+    let CompensationPlate {
+        torque,
+        angle,
+        travel,
+        ..
+    } = plate;
+    let motors = torque.iter_mut().flatten();
+    motors
+        .chain(angle.iter_mut().flatten())
+        .chain(travel)
+        .collect()
+}
+
+/// An incremental encoder without index counts from where its shaft stands when power comes up. Alignment then tells the electrical
+/// angle, and with it the phase of whole orders of that alone.
+fn leave_out_lost(setup: &Setup, known: &mut Known) {
+    let Known {
+        compensation, left, ..
+    } = known;
+    let mut leave_out = |order: &mut OrderPlate, what: &str| {
+        if *order != OrderPlate::NONE {
+            left.push(format!(
+                "order {} of {what}: an incremental encoder without index loses its phase at a restart",
+                order.order
+            ));
+            *order = OrderPlate::NONE;
+        }
+    };
+    for axis in Axis::ALL {
+        let (k, name) = (axis.index(), axis.name());
+        let pole_pairs = f64::from(setup.model.motor(axis).pole_pairs);
+        for order in &mut compensation.torque[k] {
+            if order.order % pole_pairs != 0.0 {
+                leave_out(order, &format!("the {name}'s torque"));
+            }
+        }
+        for order in &mut compensation.angle[k] {
+            leave_out(order, &format!("the {name}'s encoder"));
+        }
+    }
+    for order in &mut compensation.travel {
+        leave_out(order, "the lead");
+    }
+}
