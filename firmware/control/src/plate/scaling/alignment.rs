@@ -5,7 +5,7 @@ use crate::base::format::{Current, MechanicalSpeed, Misfit, Speed, Voltage, quan
 use crate::current::encoder::Interface;
 use crate::plate::{DrivePlate, MotorPlate};
 use crate::speed::alignment::{
-    AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, WiringConfig,
+    AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, RotorSwing, SwingConfig, WiringConfig,
 };
 use crate::speed::coordinator::CoordinatorConfig;
 use crate::speed::speed_loop::SpeedLoopConfig;
@@ -35,11 +35,19 @@ const KICK_MOST: f64 = 0.3;
 /// Part of the travel past which alignment stops: the rest is for what the encoders do not show, the lead's error and the
 /// screw's stretch, and for what shorted windings do not brake.
 const STOPPED: f64 = 0.92;
-/// Part of the travel that one rotor is moved on purpose; the other may move as far the same way.
-const REACH: f64 = 0.39;
-/// In so many seconds, and at most.
-const REACH_S: f64 = 40e-3;
-const REACH_MAX_S: f64 = 0.3;
+/// Furthest that the rotors swing, electrical turns: thirty degrees. A tangent of 0.58 is clear of what torque varies over the angle.
+const SWING: f64 = 1.0 / 12.0;
+/// In so many seconds from the middle.
+const SWING_S: f64 = 0.15;
+/// A swing has three more such ways, and may wait as often as it likes for a rotor within this time, s.
+const SWING_MAX_S: f64 = 4.0;
+/// Parts of the torque limit across the axis and along it: together less than all.
+const ACROSS: f64 = 0.4;
+const ALONG: f64 = 0.9;
+/// Part of the speed loop's cutoff with which a rotor catches up.
+const CATCH_UP: f64 = 0.25;
+/// Part of the travel that a rotor may be behind before the others wait.
+const LATE: f64 = 0.1;
 /// What is motion: counts of the encoder, and a part of the travel.
 const MOTION_COUNTS: f64 = 2.0;
 const MOTION: f64 = 1.0 / 128.0;
@@ -101,11 +109,17 @@ impl DrivePlate {
         } else {
             nut.pole_pairs
         };
+        let most = if screw.pole_pairs > nut.pole_pairs {
+            screw.pole_pairs
+        } else {
+            nut.pole_pairs
+        };
+        let swing = SWING / most as f64;
         let measured_s = MEASURED_TURNS * TAU / (slowest as f64 * speed);
         Ok(AlignmentConfig {
             motors: [
-                attempt!(self.motor_alignment(screw, *screw_loop, travel, speed)),
-                attempt!(self.motor_alignment(nut, *nut_loop, travel, speed)),
+                attempt!(self.motor_alignment(screw, *screw_loop, swing, speed)),
+                attempt!(self.motor_alignment(nut, *nut_loop, swing, speed)),
             ],
             probes: ProbeConfig {
                 growth: (65_536.0 * step / GROWTH_S) as u16,
@@ -116,6 +130,13 @@ impl DrivePlate {
             still_steps: steps(STILL_S, step),
             coast_steps: steps(COAST_S, step),
             travel: turns(STOPPED * travel),
+            scale: (self.feed.scale_count_m / self.feed.lead_m * 1_099_511_627_776.0) as i64,
+            swing: SwingConfig {
+                furthest: turns(swing).cast_signed(),
+                step: turns(swing * step / SWING_S).cast_signed(),
+                late: turns(LATE * travel),
+                steps: steps(SWING_MAX_S, step),
+            },
             braking_steps: steps(greater(screw.braking_s(), nut.braking_s()), step),
             turn_speed: MechanicalSpeed::from_bits(attempt!(quantise(
                 "alignment's speed",
@@ -164,7 +185,7 @@ impl DrivePlate {
         &self,
         motor: &MotorPlate,
         speed_loop: SpeedLoopConfig,
-        travel: f64,
+        swing: f64,
         speed: f64,
     ) -> Result<MotorAlignment, Misfit> {
         let torque_nm = motor.alignment_torque_nm;
@@ -178,8 +199,8 @@ impl DrivePlate {
         ));
         let pole_pairs = motor.pole_pairs as f64;
         let limit = ASKED * torque_nm / (pole_pairs * motor.flux_wb);
-        let reach = REACH * travel;
         let step = self.speed_step();
+        let catch_up = CATCH_UP * self.tuning.speed_rad_s * TAU * pole_pairs;
         let limit_current = attempt!(current("alignment's torque limit", limit));
         let (kick, clear) = self.kick(motor, limit);
         Ok(MotorAlignment {
@@ -207,14 +228,20 @@ impl DrivePlate {
                 i_max: limit_current,
                 ..speed_loop
             },
-            reach: turns(reach),
-            reach_speed: Speed::from_bits(attempt!(quantise(
-                "alignment's speed of location",
-                "electrical rad/s",
-                reach * TAU * pole_pairs / REACH_S,
-                16
-            ))),
-            reach_steps: steps(REACH_MAX_S, step),
+            swing: RotorSwing {
+                across: attempt!(current("alignment's current across", ACROSS * limit)),
+                speed: Speed::from_bits(attempt!(quantise(
+                    "alignment's speed of the swing",
+                    "electrical rad/s",
+                    swing * TAU * pole_pairs / SWING_S,
+                    16
+                ))),
+                gain: (catch_up * 65_536.0) as i64,
+                speed_loop: SpeedLoopConfig {
+                    i_max: attempt!(current("alignment's current along", ALONG * limit)),
+                    ..speed_loop
+                },
+            },
             resistance: Current::from_bits(attempt!(quantise(
                 "resistance",
                 "ohm",
