@@ -39,15 +39,19 @@ const STOPPED: f64 = 0.92;
 const SWING: f64 = 1.0 / 12.0;
 /// In so many seconds from the middle.
 const SWING_S: f64 = 0.15;
-/// A swing has three more such ways, and may wait as often as it likes for a rotor within this time, s.
-const SWING_MAX_S: f64 = 4.0;
+/// Seconds in which that speed is reached.
+const SWING_EASE_S: f64 = 30e-3;
+/// Three swings have four such ways each, and may wait as often as it likes for a rotor within this time, s.
+const SWING_MAX_S: f64 = 6.0;
 /// Parts of the torque limit across the axis and along it: together less than all.
-const ACROSS: f64 = 0.4;
+const ACROSS: f64 = 0.3;
 const ALONG: f64 = 0.9;
 /// Part of the speed loop's cutoff with which a rotor catches up.
 const CATCH_UP: f64 = 0.25;
+/// Seconds that it waits for a rotor that is held, before it turns round.
+const SWING_WAITS_S: f64 = 100e-3;
 /// Part of the travel that a rotor may be behind before the others wait.
-const LATE: f64 = 0.1;
+const LATE: f64 = 0.06;
 /// What is motion: counts of the encoder, and a part of the travel.
 const MOTION_COUNTS: f64 = 2.0;
 const MOTION: f64 = 1.0 / 128.0;
@@ -65,10 +69,15 @@ const LEAST_SPEED: f64 = 0.125;
 const STILL_SPEED: f64 = 1.0 / 64.0;
 
 impl MotorPlate {
+    /// N m an ampere.
+    const fn torque_per_ampere(&self) -> f64 {
+        self.pole_pairs as f64 * self.flux_wb.abs()
+    }
+
     /// In about what time a shorted winding stops its rotor, s: `J*R / (p*flux)^2` for the rotor (torque `(p*flux)^2 / R` per speed at low
     /// speed), `L / R` until the current flows.
     const fn braking_s(&self) -> f64 {
-        let torque_per_ampere = self.pole_pairs as f64 * self.flux_wb;
+        let torque_per_ampere = self.torque_per_ampere();
         self.inertia_kg_m2 * self.resistance_ohm / (torque_per_ampere * torque_per_ampere)
             + self.inductance_h / self.resistance_ohm
     }
@@ -134,7 +143,9 @@ impl DrivePlate {
             swing: SwingConfig {
                 furthest: turns(swing).cast_signed(),
                 step: turns(swing * step / SWING_S).cast_signed(),
+                ramp: (1024.0 * step / SWING_EASE_S + 1.0) as i32,
                 late: turns(LATE * travel),
+                waits: steps(SWING_WAITS_S, step),
                 steps: steps(SWING_MAX_S, step),
             },
             braking_steps: steps(greater(screw.braking_s(), nut.braking_s()), step),
@@ -179,6 +190,13 @@ impl DrivePlate {
             return (KICK_MOST * limit, KICK_MOST / KICK_OF_CLEAR * limit);
         }
         (kick, clear)
+    }
+
+    /// A motor's torque per ampere, as a part of the stronger one's.
+    const fn torque_part(&self, motor: &MotorPlate) -> f64 {
+        let [screw, nut] = &self.motors;
+        let stronger = greater(screw.torque_per_ampere(), nut.torque_per_ampere());
+        motor.torque_per_ampere() / stronger
     }
 
     const fn motor_alignment(
@@ -237,6 +255,7 @@ impl DrivePlate {
                     16
                 ))),
                 gain: (catch_up * 65_536.0) as i64,
+                torque_per_ampere: (self.torque_part(motor) * 32_768.0) as i32,
                 speed_loop: SpeedLoopConfig {
                     i_max: attempt!(current("alignment's current along", ALONG * limit)),
                     ..speed_loop

@@ -21,7 +21,6 @@
 //! the plate's travel: where what moves would stand past that, or the table does by its scale, alignment stops. Between two torques both windings are shorted,
 //! which brakes rotors of any angle. What a load pushes on before it is held, and what an encoder's counts do not show, comes on top. Screw and nut together may turn as they like, since the table moves with their difference.
 
-mod back;
 mod index;
 mod locate;
 mod pair;
@@ -91,6 +90,8 @@ pub struct RotorSwing {
     pub speed: Speed,
     /// Speed that is added for each 2^-32 turn that it is behind, 2^-48 electrical rad/s.
     pub gain: i64,
+    /// Torque of an ampere, 2^-15 of the stronger motor's.
+    pub torque_per_ampere: i32,
     /// Its speed loop, within what the current across leaves of the limit.
     pub speed_loop: SpeedLoopConfig,
 }
@@ -102,9 +103,13 @@ pub struct SwingConfig {
     pub furthest: i32,
     /// See `furthest`.
     pub step: i32,
+    /// Change of the speed in a step, 2^-10 of it.
+    pub ramp: i32,
     /// Further behind than this none goes on, 2^-32 turn.
     pub late: u32,
-    /// Steps that it may take at most.
+    /// Steps that it waits for a rotor, and that it may take at most.
+    pub waits: u16,
+    /// See `waits`.
     pub steps: u16,
 }
 
@@ -443,35 +448,27 @@ impl Alignment {
                     }
                 }
             }
-            Stage::Pair(pair) => {
-                match pair.step(
-                    &config.probes,
-                    theta,
-                    same,
-                    apart,
-                    config.travel >> RETURNED,
-                ) {
-                    PairStep::Rest => current = [SHORT; 2],
-                    PairStep::Ramp(level, signs) => {
-                        let motors = config.motors.iter().zip(&self.located).zip(signs);
-                        for (index, ((motor, located), sign)) in motors.enumerate() {
-                            let axis = located.map_or(Angle(0), |located| located.axis);
-                            let i = probe::current(motor.limit, level);
-                            let i = if sign > 0 { i } else { i.saturating_neg() };
-                            vector(&mut current, index, axis, [i, Current::ZERO]);
-                        }
+            Stage::Pair(pair) => match pair.step(&config.probes, theta, same) {
+                PairStep::Rest => current = [SHORT; 2],
+                PairStep::Ramp(level, signs) => {
+                    let motors = config.motors.iter().zip(&self.located).zip(signs);
+                    for (index, ((motor, located), sign)) in motors.enumerate() {
+                        let axis = located.map_or(Angle(0), |located| located.axis);
+                        let i = probe::current(motor.limit, level);
+                        let i = if sign > 0 { i } else { i.saturating_neg() };
+                        vector(&mut current, index, axis, [i, Current::ZERO]);
                     }
-                    PairStep::Right => self.stage = Stage::Swing(Swing::default()),
-                    PairStep::Same(same) => {
-                        self.same_by_torque = Some(same);
-                        self.stage = Stage::Pair(Pair::default());
-                    }
-                    PairStep::Wrong(reason) => self.fail(theta, Part::Pair, reason),
                 }
-            }
+                PairStep::Right => self.stage = Stage::Swing(Swing::default()),
+                PairStep::Same(same) => {
+                    self.same_by_torque = Some(same);
+                    self.stage = Stage::Pair(Pair::default());
+                }
+                PairStep::Wrong(reason) => self.fail(theta, Part::Pair, reason),
+            },
             Stage::Swing(swing) => {
                 let held = self.index.each_ref().map(Index::followed);
-                match swing.step(config, &seen, same.unwrap_or(true), held) {
+                match swing.step(config, &seen, same.unwrap_or(true), apart, held) {
                     SwingStep::Drive(currents) => {
                         let currents = currents.into_iter().zip(&self.located);
                         for (index, (amperes, located)) in currents.enumerate() {
@@ -689,9 +686,6 @@ impl Table {
 fn clamp(wide: u64) -> u32 {
     u32::try_from(wide).unwrap_or(u32::MAX)
 }
-
-/// The table is back within this part of its travel, a power of two: an eighth.
-const RETURNED: u32 = 3;
 
 /// How far the screw is ahead of the nut, by the screw's count: the table's travel. Where nobody knows how the encoders count beside each
 /// other, they are taken to count the same way.

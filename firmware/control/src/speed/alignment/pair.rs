@@ -9,7 +9,6 @@
 //! not turn both motors the same way: one has two phases and its encoder's channels swapped, which no look at one motor alone shows.
 
 use super::Reason;
-use super::back::Return;
 use super::probe::{Broken, Probe, ProbeConfig, ProbeStep};
 use crate::base::format::Angle;
 
@@ -21,7 +20,6 @@ const WAYS: [[i32; 2]; 4] = [[1, -1], [-1, 1], [1, 1], [-1, -1]];
 pub(super) struct Pair {
     way: u8,
     probe: Probe,
-    return_to_start: Return,
     /// Ways in which screw against nut went as asked, and the other way.
     right: u8,
     wrong: u8,
@@ -46,25 +44,15 @@ pub(super) enum PairStep {
 }
 
 impl Pair {
-    /// One step, with both encoders' angles, and whether they count the same way where both turn together, if that is known; `apart`: how
-    /// far the table is from its start, which is `near` enough, 2^-32 turn.
+    /// One step, with both encoders' angles, and whether they count the same way where both turn together, if that is known.
     pub(super) fn step(
         &mut self,
         probes: &ProbeConfig,
         theta: [Angle; 2],
         same: Option<bool>,
-        apart: i32,
-        near: u32,
     ) -> PairStep {
-        if same.is_some() {
-            self.return_to_start.begin(apart, near);
-        }
-        let away = self.return_to_start.away();
-        let [screw, nut] = match (away, WAYS.get(usize::from(self.way))) {
-            (Some(away), _) if away > 0 => [-1, 1],
-            (Some(_), _) => [1, -1],
-            (None, Some(&signs)) => signs,
-            (None, None) => return self.conclude(same),
+        let Some(&[screw, nut]) = WAYS.get(usize::from(self.way)) else {
+            return self.conclude(same);
         };
         let same_way = same.unwrap_or(true);
         let signs = [screw, if same_way { nut } else { nut.wrapping_neg() }];
@@ -74,12 +62,8 @@ impl Pair {
             ProbeStep::Moves(_) => PairStep::Wrong(Reason::LoadMoves),
             ProbeStep::Found(broken) => {
                 self.probe = Probe::default();
-                if away.is_some() {
-                    self.return_to_start.go_on(apart, near);
-                } else {
-                    self.take(probes, &broken, [screw, nut], same_way);
-                    self.way = self.way.saturating_add(1);
-                }
+                self.take(probes, &broken, [screw, nut], same_way);
+                self.way = self.way.saturating_add(1);
                 PairStep::Rest
             }
         }
