@@ -2,7 +2,7 @@
 
 use plant::Axis;
 use plant::effects::{DeadTime, EffectModel, Place};
-use plant::machine::{Bridge, Coupling, Machine};
+use plant::machine::{Bridge, Bristles, Coupling, Machine};
 use plant::model::{Model, MotorModel};
 use std::f64::consts::TAU;
 
@@ -453,4 +453,55 @@ fn a_start_angle_moves_neither_table_nor_spring() {
         machine.table_position().abs(),
         1e-15
     );
+}
+
+/// A torque that grows slowly displaces elastic friction by `-x0 ln(1 - T / g)`: from `dT/dx = s0 (1 - T / g)`.
+#[test]
+fn elastic_friction_is_displaced_as_its_closed_form_says() {
+    const LEVEL_NM: f64 = 0.05;
+    const PRESLIDING_M: f64 = 4e-6;
+    let mut model = ideal();
+    model.screw.coulomb_nm = LEVEL_NM;
+    let mut machine = Machine::new(&model, Coupling::Lumped);
+    machine.set_presliding(&model, PRESLIDING_M);
+    let presliding = PRESLIDING_M / model.feed.travel_per_radian();
+    for (step, part) in (1..=160_000).map(|step| (step, f64::from(step) / 200_000.0)) {
+        machine.set_disturbance_torque(Axis::Screw, part * LEVEL_NM);
+        advance_for(&mut machine, 25e-6, DT);
+        if step % 40_000 == 0 {
+            let expected = -presliding * (1.0 - part).ln();
+            let moved = machine.motor(Axis::Screw).theta;
+            assert!(
+                (moved / expected - 1.0).abs() < 0.02,
+                "{part} of the level moves it by {moved} rad, expected {expected}"
+            );
+        }
+    }
+    // On the way back the decay adds to the spring, `dT/dx = s0 (1 + T / g)`: from 0.8 g that is `x0 ln 1.8`.
+    let slid = machine.motor(Axis::Screw).theta;
+    for step in (0..160_000).rev() {
+        machine.set_disturbance_torque(Axis::Screw, f64::from(step) / 200_000.0 * LEVEL_NM);
+        advance_for(&mut machine, 25e-6, DT);
+    }
+    let back = (slid - machine.motor(Axis::Screw).theta) / presliding;
+    let expected = 1.8f64.ln();
+    assert!(
+        (back / expected - 1.0).abs() < 0.03,
+        "{back} of the presliding, expected {expected}"
+    );
+}
+
+/// At a steady speed it is the surface's level there, `Fc + (Fs - Fc) e^-(v / vs)^2`.
+#[test]
+fn elastic_friction_that_slides_is_the_level_of_its_speed() {
+    let level = |speed: f64| 0.05 + 0.03 * (-(speed / 0.5f64).powi(2)).exp();
+    for speed in [0.02, 0.3, 0.6, 20.0, -0.3] {
+        let mut bristles = Bristles::new(0.05, 2e-3, 1e-3);
+        let friction = (0..200_000).fold(0.0, |_, _| bristles.step(speed, level(speed), DT));
+        let expected = level(speed) * speed.signum();
+        assert!(
+            (friction / expected - 1.0).abs() < 1e-6,
+            "{friction} N m at {speed} rad/s, expected {expected}"
+        );
+    }
 }

@@ -20,7 +20,7 @@ const SURFACES: [Velocities; 4] = [
 
 /// The velocities at which they rub: `SURFACES` times `velocities`, without its zeros.
 #[inline]
-fn rubbing(velocities: &Velocities) -> [f64; 4] {
+pub(super) fn rubbing(velocities: &Velocities) -> [f64; 4] {
     let [screw, nut, table] = *velocities;
     [screw, nut, table, screw - nut]
 }

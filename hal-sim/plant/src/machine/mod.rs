@@ -9,14 +9,15 @@
 //! 2. At that angle each winding follows its exact R-L response to the held voltage less the back-EMF; the back-EMF's
 //!    speed is predicted to the middle with the last step's acceleration. The torque is that of the exact mean current.
 //! 3. Impulses of torques, axial coupling and friction act on the velocities together. Viscous terms and the axial
-//!    damper take the mean of the velocities before and after; see `friction.rs` for Coulomb friction and `feed.rs` for
-//!    the spring.
+//!    damper take the mean of the velocities before and after; see `friction.rs` for Coulomb friction, `bristles.rs` for friction that is
+//!    elastic, and `feed.rs` for the spring.
 //! 4. Angles and table drift the other half.
 //!
 //! Where a friction changes between sliding and sticking within a step, and where a gap opens or closes, that step is
 //! of first order. The windings' exchange with the shaft is explicit: `dt` must stay below
 //! `sqrt(J L) / (p flux)` (3.7 ms for the paper's motor).
 
+mod bristles;
 mod clarke;
 mod feed;
 mod friction;
@@ -25,13 +26,15 @@ mod motors;
 mod pair;
 mod winding;
 
+pub use bristles::Bristles;
 pub use motors::MotorState;
 pub use winding::Bridge;
 
 use crate::Axis;
 use crate::model::Model;
+use bristles::Surfaces;
 use feed::Feed;
-use friction::Step;
+use friction::{Step, rubbing};
 use harmonics::Phasors;
 use motors::Motors;
 use pair::Pair;
@@ -65,6 +68,8 @@ pub struct Machine {
     rate: f64,
     half_bus: f64,
     friction_impulses: [f64; 4],
+    /// Coulomb friction where there are none.
+    bristles: Option<Surfaces>,
 }
 
 impl Machine {
@@ -82,6 +87,7 @@ impl Machine {
             rate: f64::NAN,
             half_bus: 0.5 * DEFAULT_BUS_VOLTAGE,
             friction_impulses: [0.0; 4],
+            bristles: None,
         };
         machine.set_load_force(model.feed.load_n);
         machine
@@ -143,6 +149,18 @@ impl Machine {
         of_flux.as_mut_array()[axis.index()] = flux;
     }
 
+    /// Makes the friction of `model` elastic: each surface is displaced by `travel_m` of the table before it slides.
+    ///
+    /// # Panics
+    /// If `travel_m` is no finite number above 0.
+    pub fn set_presliding(&mut self, model: &Model, travel_m: f64) {
+        assert!(
+            travel_m > 0.0 && travel_m.is_finite(),
+            "a presliding of {travel_m} m; it must be finite and above 0"
+        );
+        self.bristles = Some(Surfaces::new(model, travel_m));
+    }
+
     /// One step of integration over `dt` seconds with the bridges held.
     ///
     /// # Panics
@@ -189,6 +207,13 @@ impl Machine {
             step.limit[2] = self.feed.friction_level(half) * dt;
             step.limit[3] = self.feed.pair_coulomb * dt;
             step.axial = self.feed.axial(relative, position, before);
+        }
+        if let Some(bristles) = &mut self.bristles {
+            let levels = step.limit.map(|limit| limit * self.rate);
+            let [screw, nut, table, pair] = bristles.step(rubbing(&before), levels, dt);
+            torque += Pair::new([-screw - pair, pair - nut]);
+            step.free[2] -= step.mobility[2] * dt * table;
+            step.limit = [0.0; 4];
         }
         [step.free[0], step.free[1]] = motors.kick.apply(motors.omega, torque * dt).to_array();
         let [screw, nut, table] = step.solve(&mut self.friction_impulses);

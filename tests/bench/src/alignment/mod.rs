@@ -60,6 +60,13 @@ impl Outcome {
     }
 }
 
+/// Windings and magnets, by how much they are warmer than the plate's 20 degrees Celsius, K: an unheated hall, and a motor at its rated load.
+const COLD_K: f64 = -20.0;
+const HOT_K: f64 = 80.0;
+/// Resistance of copper a kelvin (IEC 60028: 0.00393 at 20 degrees Celsius), and flux of NdFeB magnets (usual data sheets).
+const COPPER_PER_K: f64 = 0.003_93;
+const MAGNET_PER_K: f64 = -0.001_1;
+
 /// Longest that an alignment may take, s.
 const LONGEST_S: f64 = 20.0;
 
@@ -84,6 +91,7 @@ pub fn plain() -> Start {
         model,
         board,
         angles: [0.0; 2],
+        presliding_m: None,
     }
 }
 
@@ -216,7 +224,35 @@ pub fn of_board(board: BoardKind, seed: u64) -> Start {
         },
         plate: board.plate(),
         angles,
+        presliding_m: None,
     }
+}
+
+/// The same as [`of_board`], of which nobody says how its encoders count, each either way; friction is elastic over 1 to 10 um of the table.
+/// Even seeds are cold, odd ones hot.
+#[must_use]
+pub fn unknown(board: BoardKind, seed: u64) -> Start {
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(!seed);
+    let mut draw = |low: f64, high: f64| {
+        Uniform::new(low, high)
+            .map(|range| range.sample(&mut random))
+            .unwrap_or(low)
+    };
+    let mut start = of_board(board, seed);
+    start.presliding_m = Some(draw(1e-6, 10e-6));
+    let kelvin = if seed.is_multiple_of(2) {
+        COLD_K
+    } else {
+        HOT_K
+    };
+    for axis in Axis::ALL {
+        let motor = start.model.motor_mut(axis);
+        motor.resistance_ohm *= 1.0 + COPPER_PER_K * kelvin;
+        motor.flux_wb *= 1.0 + MAGNET_PER_K * kelvin;
+        start.board.wiring.motors[axis.index()].encoder_reversed = draw(0.0, 1.0) < 0.5;
+        start.plate.motors[axis.index()].encoder.reversed = None;
+    }
+    start
 }
 
 /// By how much friction holds the rotors at every angle without a current, N m: the least of either alone, by bearing, ball pair
@@ -265,6 +301,9 @@ pub fn switch_on(start: &Start) -> Result<Outcome, Misfit> {
 pub fn switch_on_with(start: &Start, mut each: impl FnMut(&Drive)) -> Result<Outcome, Misfit> {
     let mut drive = Drive::new(&start.model, Coupling::Coupled, start.board, &start.plate)?;
     drive.request.demand = Demand::Align;
+    if let Some(travel_m) = start.presliding_m {
+        drive.board.machine.set_presliding(&start.model, travel_m);
+    }
     settle(&mut drive.board, start.angles);
     let begun = drive.board.machine.table_position();
     let (mut travel_m, mut torque_nm) = (0.0f64, 0.0f64);
