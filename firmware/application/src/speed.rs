@@ -88,6 +88,13 @@ impl SpeedStep {
         if sequence != self.taken {
             self.take_command(parts, control, sequence);
         }
+        // Well before the step, which branches by the same: the compiler would make a step of its own for either case.
+        let looks = control.looks_at_inputs();
+        let inputs = if looks {
+            words.with_way(board.contacts())
+        } else {
+            interlock::Inputs::default()
+        };
         let demand = Demand::of_word(words.demand.load(Relaxed));
         let scale = board.scale();
         let found = match board.tripped() {
@@ -95,16 +102,10 @@ impl SpeedStep {
             None => words.found(),
             tripped => tripped,
         };
-        // Just before the step, which branches by the same.
-        let looks = control.looks_at_inputs();
         let request = Request {
             demand,
             heartbeat: words.heartbeat.load(Relaxed),
-            inputs: if looks {
-                words.with_way(board.contacts())
-            } else {
-                interlock::Inputs::default()
-            },
+            inputs,
             scale: Some(scale.cast_unsigned()),
         };
         let mut output = control.step(config, request, motors, found);
