@@ -17,8 +17,8 @@ use crate::image::Image;
 use crate::pins::Machine;
 use crate::timing::{Decoder, REFILL};
 use hooks::Hooks;
+use rustc_hash::FxHashMap;
 use std::cell::RefCell;
-use std::collections::HashMap;
 use std::rc::Rc;
 use unicorn_engine::{Arch, HookType, MemType, Mode, Prot, RegisterARM, Unicorn, uc_error};
 
@@ -101,7 +101,7 @@ struct Block {
 struct Inside {
     chip: Chip,
     decoder: Decoder,
-    blocks: HashMap<u32, Block>,
+    blocks: FxHashMap<u32, Block>,
     /// The block that runs: its time is taken when it has run.
     current: Option<(u32, Block)>,
     limit: u64,
@@ -207,7 +207,7 @@ impl Emulator {
         let inside = Inside {
             chip: Chip::new(machine, wiring),
             decoder: Decoder::new(),
-            blocks: HashMap::new(),
+            blocks: FxHashMap::default(),
             current: None,
             limit: 0,
             stop: None,

@@ -2,7 +2,7 @@
 
 use crate::emulated::Emulated;
 use crate::figures::keep;
-use crate::program::{Running, at, board, ddfeed, printed};
+use crate::program::{Running, board, ddfeed, printed};
 use link::codes::State;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -48,7 +48,7 @@ fn ready() -> Result<Bench, String> {
 #[test]
 fn flash_writes_the_firmware_and_starts_it() {
     let chip = Emulated::start(HaltedTime::Running, blank);
-    let output = at(&chip, board(), "flash").output().unwrap();
+    let output = chip.command(board(), "flash").output().unwrap();
     let said = printed(&output);
     assert!(said.ends_with("written and started\n"), "{said}");
     let segments = chip.ask(|bench| bench.image.segments.clone());
@@ -63,7 +63,7 @@ fn flash_writes_the_firmware_and_starts_it() {
 #[test]
 fn run_prints_the_log_from_the_start_on() {
     let chip = Emulated::start(HaltedTime::Running, blank);
-    let mut run = Running::start(&mut at(&chip, board(), "run"));
+    let mut run = Running::start(&mut chip.command(board(), "run"));
     run.until("written and started", PATIENCE);
     let first = run.until("started after", PATIENCE);
     assert!(first.starts_with("info "), "{first}");
@@ -77,7 +77,7 @@ fn run_prints_the_log_from_the_start_on() {
 fn attach_shows_the_drive_and_its_resets_without_a_halt() {
     let chip = Emulated::start(HaltedTime::Running, shipped);
     chip.ask(|bench| bench.wait_for(UNALIGNED, 0.5)).unwrap();
-    let mut attach = Running::start(&mut at(&chip, board(), "attach"));
+    let mut attach = Running::start(&mut chip.command(board(), "attach"));
     attach.until("Last reset: ", PATIENCE);
     attach.until("unaligned", PATIENCE);
     // A reset under the debugger.
@@ -96,7 +96,7 @@ fn attach_shows_the_drive_and_its_resets_without_a_halt() {
 fn drive_is_commanded_at_the_probe() {
     let chip = Emulated::start(HaltedTime::Running, ready);
     let drive = |words: &[&str]| {
-        let mut command = at(&chip, ddfeed(), "drive");
+        let mut command = chip.command(ddfeed(), "drive");
         printed(&command.args(words).output().unwrap())
     };
     let status = || serde_json::from_str::<Value>(&drive(&["status", "--json"])).unwrap();
@@ -124,7 +124,7 @@ fn bringup_asks_the_board_and_finds_nothing() {
     });
     let folder = tempfile::tempdir().unwrap();
     let began = Instant::now();
-    let mut bringup = at(&chip, board(), "bringup");
+    let mut bringup = chip.command(board(), "bringup");
     bringup.arg("--json").arg("--out").arg(folder.path());
     let output = bringup.output().unwrap();
     println!(

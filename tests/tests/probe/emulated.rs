@@ -4,6 +4,7 @@ use probe_rs::probe::list::Lister;
 use probe_rs::probe::{DebugProbeSelector, WireProtocol};
 use probe_rs::{Permissions, Session};
 use std::net::SocketAddr;
+use std::process::Command;
 use std::sync::mpsc::{Receiver, Sender, TryRecvError, channel};
 use std::thread::{self, JoinHandle};
 use std::time::Duration;
@@ -70,6 +71,12 @@ impl Emulated {
         });
         self.jobs.send(job).expect("the chip's thread has ended");
         from.recv().expect("the chip's thread has ended")
+    }
+
+    /// A command of a program, at this chip's probe.
+    pub fn command(&self, mut program: Command, name: &str) -> Command {
+        program.arg(name).arg(format!("--probe={}", self.address));
+        program
     }
 
     /// A debugger's session.

@@ -2,7 +2,7 @@
 
 use crate::emulated::Emulated;
 use crate::figures::named;
-use crate::program::{Running, at, board, ddfeed};
+use crate::program::{Running, board, ddfeed};
 use board::flash::listen;
 use ddfeed::probe::{Image, find};
 use ddfeed::session::Which;
@@ -163,7 +163,7 @@ fn a_firmware_of_another_version_is_to_be_flashed_anew() {
         bench.emulator.debugger_writes(view + 4, &other)
     })
     .unwrap();
-    let output = at(&chip, board(), "attach").output().unwrap();
+    let output = chip.command(board(), "attach").output().unwrap();
     let said = String::from_utf8_lossy(&output.stderr);
     println!("{said}");
     assert!(!output.status.success());
@@ -198,7 +198,7 @@ fn runs(chip: &Emulated) {
 
 /// A recording of a drive that runs for long.
 fn recording(chip: &Emulated, out: &tempfile::TempDir) -> Running {
-    let mut record = at(chip, ddfeed(), "record");
+    let mut record = chip.command(ddfeed(), "record");
     record.arg(out.path());
     record.args(["--arm", "--hold", "2.5,300,60"]);
     Running::start(&mut record)
@@ -225,7 +225,7 @@ fn a_probe_that_disappears_ends_a_recording_and_what_came_is_kept() {
 #[test]
 fn a_probe_that_disappears_ends_attach() {
     let chip = Emulated::start(HaltedTime::Running, ready);
-    let mut attach = Running::start(&mut at(&chip, board(), "attach"));
+    let mut attach = Running::start(&mut chip.command(board(), "attach"));
     attach.until("ready", WORK);
     drop(chip);
     let began = Instant::now();
@@ -242,7 +242,7 @@ fn a_flash_that_does_not_take_the_firmware_is_said() {
         bench.emulator.chip().faults.worn.protected = true;
         Ok(bench)
     });
-    let mut flash = Running::start(&mut at(&chip, board(), "flash"));
+    let mut flash = Running::start(&mut chip.command(board(), "flash"));
     flash.until("Finished", WORK);
     let said = flash.until("error: ", PATIENCE);
     assert!(!flash.ended(PATIENCE));
@@ -258,7 +258,7 @@ fn a_firmware_that_cannot_run_says_why_in_its_log() {
         bench.emulator.chip().system.crystal = false;
         Ok(bench)
     });
-    let mut run = Running::start(&mut at(&chip, board(), "run"));
+    let mut run = Running::start(&mut chip.command(board(), "run"));
     run.until("written and started", WORK);
     let said = run.until("the crystal does not start", PATIENCE);
     assert!(said.contains("check the board's"), "{said}");

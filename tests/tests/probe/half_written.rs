@@ -2,7 +2,7 @@
 
 use crate::emulated::Emulated;
 use crate::figures::named;
-use crate::program::{Running, at, board};
+use crate::program::{Running, board};
 use link::codes::State;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -38,7 +38,7 @@ fn an_image_that_was_written_in_part_never_starts_until_it_is_written_whole() {
             }
             Ok(bench)
         });
-        let mut flash = at(&chip, board(), "flash");
+        let mut flash = chip.command(board(), "flash");
         let mut first = Running::start(&mut flash);
         let end = chip.ask(|bench| {
             let segments = &bench.image.segments;
@@ -93,7 +93,7 @@ fn an_image_that_was_written_in_part_never_starts_until_it_is_written_whole() {
         let [before, after] = times.unwrap();
         assert_eq!(before, after, "{pulled:?}: half an image runs");
         // What is left in RAM of the firmware before it is no drive that runs.
-        Running::start(&mut at(&chip, board(), "attach")).until("no firmware runs", WORK);
+        Running::start(&mut chip.command(board(), "attach")).until("no firmware runs", WORK);
         // Whole, it does.
         assert!(Running::start(&mut flash).ended(WORK));
         assert_eq!(

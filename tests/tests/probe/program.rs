@@ -1,6 +1,7 @@
 //! The project's programs as a person starts them, at the emulated chip's probe.
 
-use crate::emulated::Emulated;
+#![allow(dead_code, reason = "each test uses a part of it")]
+
 use std::io::{BufRead, BufReader};
 use std::path::PathBuf;
 use std::process::{Child, Command, Output, Stdio};
@@ -17,13 +18,6 @@ pub fn ddfeed() -> Command {
 /// What `cargo xtask flash | run | attach | bringup` starts.
 pub fn board() -> Command {
     Command::new(folder().join("board"))
-}
-
-/// A command at the emulated chip's probe.
-pub fn at(chip: &Emulated, mut program: Command, command: &str) -> Command {
-    program.arg(command);
-    program.arg(format!("--probe={}", chip.address));
-    program
 }
 
 /// Where cargo leaves the programs, which are built first: with all that `cargo xtask test` builds, so that nothing is built twice.

@@ -2,7 +2,7 @@
 
 use crate::emulated::Emulated;
 use crate::figures::keep;
-use crate::program::{at, ddfeed, printed};
+use crate::program::{ddfeed, printed};
 use plant::machine::Coupling;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -25,7 +25,7 @@ fn a_recording_at_the_probe_is_the_chips_truth_row_by_row() {
     const BASE_RPM: f64 = 300.0;
     let chip = Emulated::start(HaltedTime::Running, ready);
     let folder = tempfile::tempdir().unwrap();
-    let mut record = at(&chip, ddfeed(), "record");
+    let mut record = chip.command(ddfeed(), "record");
     record.arg(folder.path());
     record.args(["--arm", "--hold", "2.5,300,0.5"]);
     let said = printed(&record.output().unwrap());

@@ -46,16 +46,14 @@ pub fn read(address: u32) -> Option<u32> {
             _ => 0,
         });
     }
-    // DEVARCH: none of them has one, and a register that is not there reads 0 (ARM IHI 0029).
+    // DEVARCH: none of them has one. A register of identity that is not there reads 0 (ARM IHI 0029).
     const ARCHITECTURE: u32 = 0xFBC;
     if offset == ARCHITECTURE {
         return Some(0);
     }
     if start != TABLE {
-        return TYPES
-            .iter()
-            .find(|(part, _)| *part == start && offset == TYPE)
-            .map(|(_, kind)| *kind);
+        let kind = TYPES.iter().find(|(part, _)| *part == start);
+        return (offset == TYPE).then(|| kind.map_or(0, |(_, kind)| *kind));
     }
     let entries = PARTS.len() - 1;
     let index = (offset / 4) as usize;
