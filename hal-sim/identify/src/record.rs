@@ -82,10 +82,10 @@ impl Base {
     }
 
     /// The regression of the declared parameters under a noise.
-    pub fn normal(&self, whitener: &Whitener, model: &Model) -> Normal {
+    pub fn normal(&self, whitener: &Whitener) -> Normal {
         let mut normal = Normal::new(whitener.column(&self.residual), &whitener.folds);
         for (parameter, contribution) in &self.parameters {
-            normal.push(whitener.column(contribution), parameter.prior(model));
+            normal.push(whitener.column(contribution), parameter.prior());
         }
         normal
     }

@@ -7,6 +7,7 @@ use std::fmt::Write;
 const MAPPING: &str = include_str!("records/mapping.rs");
 const MODEL: &str = include_str!("../../plant/src/model/mod.rs");
 const INSTALLATION: &str = include_str!("../../plant/src/model/installation.rs");
+const MEASURED: &str = include_str!("../../plant/src/model/measured.rs");
 const AXIS: &str = include_str!("machines/feed_axis/file.rs");
 const PMSM: &str = include_str!("machines/pmsm_file.rs");
 const MOTOR: &str = include_str!("machines/motor/record.rs");
@@ -190,6 +191,10 @@ pub fn page() -> String {
     }
     page.push_str("### `[installation]`: may be left out\n\n");
     table(&mut page, &keys(INSTALLATION, "InstallationModel"));
+    page.push_str(
+        "### `[measured.screw]` and `[measured.nut]`: halves of 95 % intervals, relative; may be left out\n\n",
+    );
+    table(&mut page, &keys(MEASURED, "MeasuredMotor"));
     page.push_str(
         "### `[[effects]]`: what it has beyond that\n\n`kind`, `where` (`screw`, `nut`, `both` or `feed`), and the parameters of \
          the kind:\n\n",

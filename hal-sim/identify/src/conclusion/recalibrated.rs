@@ -43,7 +43,7 @@ pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64,
         .filter_map(|(k, (parameter, _))| {
             Some((
                 declared_name(*parameter, case.balance.signals.machine)?,
-                solution.values[k],
+                parameter.within_interval(case.balance.model, solution.values[k]),
                 solution.covariance[(k, k)].max(0.0).sqrt(),
             ))
         })
@@ -59,7 +59,7 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
     let mut model = case.balance.model.clone();
     model.feed.axial_damping_ratio = case.balance.damping;
     for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
-        let value = solution.values[k];
+        let value = parameter.within_interval(case.balance.model, solution.values[k]);
         let factor = 1.0 + value;
         match *parameter {
             Parameter::Motor(axis, which) => {

@@ -217,10 +217,7 @@ impl Fixed {
                 .filter(|(p, _)| !p.is_of_the_machine())
                 .collect();
             for (parameter, contribution) in &of_record {
-                own.push(
-                    whitener.column(contribution),
-                    parameter.prior(case.balance.model),
-                );
+                own.push(whitener.column(contribution), parameter.prior());
             }
             let offsets = own.solve(None);
             for ((_, contribution), value) in of_record.iter().zip(offsets.values.iter()) {

@@ -4,11 +4,6 @@ use crate::regression::normal::Prior;
 use plant::Axis;
 use plant::model::Model;
 
-/// Half of a 95 % interval, in standard deviations.
-const NORMAL_95: f64 = 1.96;
-/// Least half of an interval, relative: below it a regression's normal equations lose their digits.
-const LEAST: f64 = 1e-5;
-
 /// A declared parameter, or a nuisance of the record, that is adjusted before any effect is looked for.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Parameter {
@@ -147,11 +142,17 @@ impl Parameter {
         }
     }
 
-    /// What is known of it before the record is seen: a measured value does not leave its interval.
-    pub fn prior(self, model: &Model) -> Prior {
+    /// What is known of it before the record is seen.
+    pub fn prior(self) -> Prior {
+        Prior::within(self.spread(), self.bound())
+    }
+
+    /// A change of it that the new model takes: a value that was measured does not leave its interval. What the record has beyond that
+    /// is the balances' own error.
+    pub fn within_interval(self, model: &Model, change: f64) -> f64 {
         match self.interval(model) {
-            Some(half) => Prior::within(half / NORMAL_95, half),
-            None => Prior::within(self.spread(), self.bound()),
+            Some(half) => change.clamp(-half, half),
+            None => change,
         }
     }
 
@@ -168,7 +169,7 @@ impl Parameter {
             MotorParameter::Inertia => measured.inertia,
             _ => return None,
         };
-        Some(half.clamp(LEAST, self.bound()))
+        Some(half)
     }
 
     /// Standard deviation of the parameter before the record is seen: that of an even spread over its bounds. What a count rounds

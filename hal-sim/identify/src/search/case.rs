@@ -34,11 +34,7 @@ impl<'a> Case<'a> {
     where
         'a: 'w,
     {
-        let mut search = Search::new(
-            self.balance,
-            whitener,
-            self.base.normal(whitener, self.balance.model),
-        );
+        let mut search = Search::new(self.balance, whitener, self.base.normal(whitener));
         found.iter().for_each(|hypothesis| search.add(hypothesis));
         search
     }
@@ -88,7 +84,7 @@ impl<'c, 'a> Whitened<'c, 'a> {
     pub(crate) fn new(case: &'c Case<'a>, noise: Noise) -> Self {
         let whitener = case.whitener(&noise);
         Whitened {
-            bare: case.base.normal(&whitener, case.balance.model),
+            bare: case.base.normal(&whitener),
             columns: Columns::default(),
             case,
             noise,

@@ -70,7 +70,7 @@ impl<'a> Roundings<'a> {
                 let all = machine.parameters();
                 for parameter in all.into_iter().filter(|p| p.is_torque()) {
                     let column = whitener.column(&torque(&balance.parameter(parameter)));
-                    normal.push(column, parameter.prior(model));
+                    normal.push(column, parameter.prior());
                 }
                 push_torques(
                     &mut normal,

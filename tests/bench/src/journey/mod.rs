@@ -85,18 +85,21 @@ impl Row {
         pair.is_some_and(|(after, predicted)| (after / predicted - 1.0).abs() <= PREDICTED)
     }
 
-    /// The compensation raised the ripple, by more than two recordings of the same differ.
+    /// The compensation raised the ripple, by more than two recordings of the same differ. At a speed of whole counts a row, the
+    /// counts' part is anything up to twice the floor.
     #[must_use]
     pub fn is_worse(&self) -> bool {
         let pair = self.ripple_after.zip(self.ripple_before);
-        pair.is_some_and(|(after, before)| after > (1.0 + 0.5 * SAME) * before)
+        pair.is_some_and(|(after, before)| after > (1.0 + 0.5 * SAME) * before + self.scale_floor)
     }
 
     /// Power off and on changed nothing.
     #[must_use]
     pub fn is_same_after_restart(&self) -> bool {
         let pair = self.ripple_after.zip(self.ripple_restarted);
-        pair.is_some_and(|(after, again)| (after - again).abs() <= SAME * after.max(again))
+        pair.is_some_and(|(after, again)| {
+            (after - again).abs() <= SAME * after.max(again) + self.scale_floor
+        })
     }
 }
 
