@@ -488,10 +488,8 @@ impl Drive {
             self.request.heartbeat = self.request.heartbeat.wrapping_add(1);
         }
         let mut request = self.request;
-        if self.code.config.compensation.scale.is_some() {
-            // The counter's own width, which the control knows to wrap.
-            request.scale = Some(self.board.scale_counts() as u32);
-        }
+        // The counter's own width, which the control knows to wrap.
+        request.scale = Some(self.board.scale_counts() as u32);
         seam.request(&mut request);
         let before = self.code.speed.state;
         self.code.speed = self.code.speed_task.step(

@@ -1,7 +1,7 @@
 //! A drive that does not know where its rotors stand finds them, or says why it cannot.
 
 use bench::alignment::{
-    drawn, loose, margin_nm, miswirings, of_board, switch_on, switch_on_with, turned_round,
+    drawn, loose, margin_nm, miswirings, of_board, switch_on, switch_on_with, turned_round, unknown,
 };
 use control::alignment::Reason;
 use control::encoder::Interface;
@@ -131,6 +131,24 @@ fn the_boards_own_machines_are_aligned_where_friction_holds_their_rotors() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
         let held = (0..).map(|seed| (seed, of_board(board, seed)));
         for (seed, start) in held.filter(|(_, start)| margin_nm(start) > 0.0).take(10) {
+            let outcome = switch_on(&start).unwrap();
+            assert!(outcome.is_ready(), "{board:?}, seed {seed}: {outcome:?}");
+            let (error, travel) = (outcome.error_deg_worst(), outcome.travel_m);
+            assert!(
+                error < ERROR_DEG && travel < TRAVEL_M,
+                "{board:?}, seed {seed}: {error} degrees of {ERROR_DEG}, {travel} m of {TRAVEL_M}"
+            );
+        }
+    }
+}
+
+/// Friction is elastic over 1 to 10 um of the table, hot and cold, and nobody says how the encoders count. Probes that ended within that
+/// travel took one in five (mains) or two in three (default board) for miswired, and moved a table by 98 um.
+#[test]
+fn elastic_friction_misleads_no_direction() {
+    for board in [BoardKind::Nucleo, BoardKind::Mains] {
+        let held = (0..).map(|seed| (seed, unknown(board, seed)));
+        for (seed, start) in held.filter(|(_, start)| margin_nm(start) > 0.0).take(20) {
             let outcome = switch_on(&start).unwrap();
             assert!(outcome.is_ready(), "{board:?}, seed {seed}: {outcome:?}");
             let (error, travel) = (outcome.error_deg_worst(), outcome.travel_m);

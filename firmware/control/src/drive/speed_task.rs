@@ -55,7 +55,7 @@ pub struct SpeedTask {
     due: bool,
     alignment: Alignment,
     /// What it shall see in its next step, and what it has asked in its last.
-    seen: Option<[MotorSeen; 2]>,
+    seen: Option<([MotorSeen; 2], Option<u32>)>,
     asked: AlignmentStep,
     /// What the alignment last asked the current loops to take over.
     alignments: [Option<EncoderAlignment>; 2],
@@ -283,7 +283,7 @@ impl SpeedTask {
             && came == 0;
         if !goes_on && let Some(undriven) = self.decide(config, request.demand, exchanges, found) {
             return SpeedTaskOutput {
-                current: self.stand(config, undriven, exchanges),
+                current: self.stand(config, undriven, request.scale, exchanges),
                 state: self.state,
                 ..SpeedTaskOutput::default()
             };
@@ -391,11 +391,12 @@ impl SpeedTask {
         &mut self,
         config: &DriveConfig,
         undriven: Undriven,
+        scale: Option<u32>,
         exchanges: [&MotorExchange; 2],
     ) -> [CurrentReference; 2] {
         match self.follow {
             Some(follow) => self.bring_to_rest(config, undriven.mode, exchanges, follow),
-            None => self.rest(config, undriven, exchanges),
+            None => self.rest(config, undriven, scale, exchanges),
         }
     }
 
@@ -404,11 +405,12 @@ impl SpeedTask {
         &mut self,
         config: &DriveConfig,
         undriven: Undriven,
+        scale: Option<u32>,
         exchanges: [&MotorExchange; 2],
     ) -> [CurrentReference; 2] {
         // First of all, so that the next period of either loop sees it.
         let current = if self.state == State::Aligning {
-            self.align(config, exchanges)
+            self.align(config, scale, exchanges)
         } else {
             [CurrentReference {
                 mode: undriven.mode,
@@ -856,8 +858,8 @@ impl SpeedTask {
     #[cold]
     #[inline(never)]
     fn compute_alignment(&mut self, config: &DriveConfig) {
-        if let Some(seen) = self.seen.take() {
-            self.asked = self.alignment.step(&config.alignment, seen);
+        if let Some((seen, scale)) = self.seen.take() {
+            self.asked = self.alignment.step(&config.alignment, seen, scale);
         }
     }
 
@@ -1085,14 +1087,16 @@ impl SpeedTask {
     fn align(
         &mut self,
         config: &DriveConfig,
+        scale: Option<u32>,
         exchanges: [&MotorExchange; 2],
     ) -> [CurrentReference; 2] {
         let [screw, nut] = exchanges;
         let [screw_loop, nut_loop] = &config.current_loops;
-        self.seen = Some([
+        let motors = [
             MotorSeen::of(screw, screw_loop, config.speed_divider),
             MotorSeen::of(nut, nut_loop, config.speed_divider),
-        ]);
+        ];
+        self.seen = Some((motors, scale));
         let held = exchanges.map(MotorExchange::alignment);
         let asked = self.asked;
         let aligned = self.alignments.iter_mut().zip(held).zip(asked.alignment);

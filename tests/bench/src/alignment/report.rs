@@ -1,6 +1,6 @@
 //! `cargo xtask bench align`: starts on drawn machines and on the boards' own, wrong wiring, and loads that nothing holds.
 
-use super::{Outcome, drawn, loose, margin_nm, miswirings, of_board, switch_on};
+use super::{Outcome, drawn, loose, margin_nm, miswirings, of_board, switch_on, unknown};
 use anyhow::Result;
 use clap::Args;
 use hal_sim::boards::BoardKind;
@@ -165,10 +165,23 @@ pub fn run(options: &AlignOptions) -> Result<()> {
         }
     };
     let board = |kind| move |seed| of_board(kind, seed);
+    let elastic = |kind| move |seed| unknown(kind, seed);
     report.machines = vec![
         Kind::run("drawn", options.starts, drawn, tell)?,
         Kind::run("nucleo", options.starts, board(BoardKind::Nucleo), tell)?,
         Kind::run("mains", options.starts, board(BoardKind::Mains), tell)?,
+        Kind::run(
+            "nucleo, directions unknown, elastic friction",
+            options.starts,
+            elastic(BoardKind::Nucleo),
+            tell,
+        )?,
+        Kind::run(
+            "mains, directions unknown, elastic friction",
+            options.starts,
+            elastic(BoardKind::Mains),
+            tell,
+        )?,
     ];
     if let [drawn, ..] = &report.machines[..] {
         report.drawn = drawn.held.clone();

@@ -5,7 +5,7 @@ use crate::base::format::{Current, MechanicalSpeed, Misfit, Speed, Voltage, quan
 use crate::current::encoder::Interface;
 use crate::plate::{DrivePlate, MotorPlate};
 use crate::speed::alignment::{
-    AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, WiringConfig,
+    AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, RotorSwing, SwingConfig, WiringConfig,
 };
 use crate::speed::coordinator::CoordinatorConfig;
 use crate::speed::speed_loop::SpeedLoopConfig;
@@ -35,11 +35,23 @@ const KICK_MOST: f64 = 0.3;
 /// Part of the travel past which alignment stops: the rest is for what the encoders do not show, the lead's error and the
 /// screw's stretch, and for what shorted windings do not brake.
 const STOPPED: f64 = 0.92;
-/// Part of the travel that one rotor is moved on purpose; the other may move as far the same way.
-const REACH: f64 = 0.39;
-/// In so many seconds, and at most.
-const REACH_S: f64 = 40e-3;
-const REACH_MAX_S: f64 = 0.3;
+/// Furthest that the rotors swing, electrical turns: thirty degrees. A tangent of 0.58 is clear of what torque varies over the angle.
+const SWING: f64 = 1.0 / 12.0;
+/// In so many seconds from the middle.
+const SWING_S: f64 = 0.15;
+/// Seconds in which that speed is reached.
+const SWING_EASE_S: f64 = 30e-3;
+/// Three swings have four such ways each, and may wait as often as it likes for a rotor within this time, s.
+const SWING_MAX_S: f64 = 6.0;
+/// Parts of the torque limit across the axis and along it: together less than all.
+const ACROSS: f64 = 0.3;
+const ALONG: f64 = 0.9;
+/// Part of the speed loop's cutoff with which a rotor catches up.
+const CATCH_UP: f64 = 0.25;
+/// Seconds that it waits for a rotor that is held, before it turns round.
+const SWING_WAITS_S: f64 = 100e-3;
+/// Part of the travel that a rotor may be behind before the others wait.
+const LATE: f64 = 0.06;
 /// What is motion: counts of the encoder, and a part of the travel.
 const MOTION_COUNTS: f64 = 2.0;
 const MOTION: f64 = 1.0 / 128.0;
@@ -57,10 +69,15 @@ const LEAST_SPEED: f64 = 0.125;
 const STILL_SPEED: f64 = 1.0 / 64.0;
 
 impl MotorPlate {
+    /// N m an ampere.
+    const fn torque_per_ampere(&self) -> f64 {
+        self.pole_pairs as f64 * self.flux_wb.abs()
+    }
+
     /// In about what time a shorted winding stops its rotor, s: `J*R / (p*flux)^2` for the rotor (torque `(p*flux)^2 / R` per speed at low
     /// speed), `L / R` until the current flows.
     const fn braking_s(&self) -> f64 {
-        let torque_per_ampere = self.pole_pairs as f64 * self.flux_wb;
+        let torque_per_ampere = self.torque_per_ampere();
         self.inertia_kg_m2 * self.resistance_ohm / (torque_per_ampere * torque_per_ampere)
             + self.inductance_h / self.resistance_ohm
     }
@@ -101,11 +118,17 @@ impl DrivePlate {
         } else {
             nut.pole_pairs
         };
+        let most = if screw.pole_pairs > nut.pole_pairs {
+            screw.pole_pairs
+        } else {
+            nut.pole_pairs
+        };
+        let swing = SWING / most as f64;
         let measured_s = MEASURED_TURNS * TAU / (slowest as f64 * speed);
         Ok(AlignmentConfig {
             motors: [
-                attempt!(self.motor_alignment(screw, *screw_loop, travel, speed)),
-                attempt!(self.motor_alignment(nut, *nut_loop, travel, speed)),
+                attempt!(self.motor_alignment(screw, *screw_loop, swing, speed)),
+                attempt!(self.motor_alignment(nut, *nut_loop, swing, speed)),
             ],
             probes: ProbeConfig {
                 growth: (65_536.0 * step / GROWTH_S) as u16,
@@ -116,6 +139,15 @@ impl DrivePlate {
             still_steps: steps(STILL_S, step),
             coast_steps: steps(COAST_S, step),
             travel: turns(STOPPED * travel),
+            scale: (self.feed.scale_count_m / self.feed.lead_m * 1_099_511_627_776.0) as i64,
+            swing: SwingConfig {
+                furthest: turns(swing).cast_signed(),
+                step: turns(swing * step / SWING_S).cast_signed(),
+                ramp: (1024.0 * step / SWING_EASE_S + 1.0) as i32,
+                late: turns(LATE * travel),
+                waits: steps(SWING_WAITS_S, step),
+                steps: steps(SWING_MAX_S, step),
+            },
             braking_steps: steps(greater(screw.braking_s(), nut.braking_s()), step),
             turn_speed: MechanicalSpeed::from_bits(attempt!(quantise(
                 "alignment's speed",
@@ -160,11 +192,18 @@ impl DrivePlate {
         (kick, clear)
     }
 
+    /// A motor's torque per ampere, as a part of the stronger one's.
+    const fn torque_part(&self, motor: &MotorPlate) -> f64 {
+        let [screw, nut] = &self.motors;
+        let stronger = greater(screw.torque_per_ampere(), nut.torque_per_ampere());
+        motor.torque_per_ampere() / stronger
+    }
+
     const fn motor_alignment(
         &self,
         motor: &MotorPlate,
         speed_loop: SpeedLoopConfig,
-        travel: f64,
+        swing: f64,
         speed: f64,
     ) -> Result<MotorAlignment, Misfit> {
         let torque_nm = motor.alignment_torque_nm;
@@ -178,8 +217,8 @@ impl DrivePlate {
         ));
         let pole_pairs = motor.pole_pairs as f64;
         let limit = ASKED * torque_nm / (pole_pairs * motor.flux_wb);
-        let reach = REACH * travel;
         let step = self.speed_step();
+        let catch_up = CATCH_UP * self.tuning.speed_rad_s * TAU * pole_pairs;
         let limit_current = attempt!(current("alignment's torque limit", limit));
         let (kick, clear) = self.kick(motor, limit);
         Ok(MotorAlignment {
@@ -207,14 +246,21 @@ impl DrivePlate {
                 i_max: limit_current,
                 ..speed_loop
             },
-            reach: turns(reach),
-            reach_speed: Speed::from_bits(attempt!(quantise(
-                "alignment's speed of location",
-                "electrical rad/s",
-                reach * TAU * pole_pairs / REACH_S,
-                16
-            ))),
-            reach_steps: steps(REACH_MAX_S, step),
+            swing: RotorSwing {
+                across: attempt!(current("alignment's current across", ACROSS * limit)),
+                speed: Speed::from_bits(attempt!(quantise(
+                    "alignment's speed of the swing",
+                    "electrical rad/s",
+                    swing * TAU * pole_pairs / SWING_S,
+                    16
+                ))),
+                gain: (catch_up * 65_536.0) as i64,
+                torque_per_ampere: (self.torque_part(motor) * 32_768.0) as i32,
+                speed_loop: SpeedLoopConfig {
+                    i_max: attempt!(current("alignment's current along", ALONG * limit)),
+                    ..speed_loop
+                },
+            },
             resistance: Current::from_bits(attempt!(quantise(
                 "resistance",
                 "ohm",

@@ -7,25 +7,26 @@
 //! | --- | --- | --- |
 //! | still | the bridges stay open until all stands, for three seconds at most | a load that nothing holds |
 //! | [`wiring`] | small currents at rest | shunts, current channels, open phases |
-//! | [`locate`] | the rotor breaks away here and there, a degree or two | where it stands, which way its encoder counts |
+//! | [`locate`] | the rotor breaks away in eight directions | about where it stands |
 //!
 //! and for both:
 //!
 //! | stage | what is done | what it finds |
 //! | --- | --- | --- |
 //! | [`pair`] | equal torques against each other and together | exchanged encoders, motors that mean opposite directions |
+//! | [`swing`] | both turn together, thirty electrical degrees each way | which way each encoder counts |
 //! | [`turn`] | both turn together, once each way, past an [`index`] | pole pairs, the offset within a degree, a stored angle that is not true |
 //!
 //! No current makes more torque than the plate's alignment torque, and the rotors move against each other by no more than
-//! the plate's travel: where what moves would stand past that, alignment stops. Between two torques both windings are shorted,
+//! the plate's travel: where what moves would stand past that, or the table does by its scale, alignment stops. Between two torques both windings are shorted,
 //! which brakes rotors of any angle. What a load pushes on before it is held, and what an encoder's counts do not show, comes on top. Screw and nut together may turn as they like, since the table moves with their difference.
 
-mod back;
 mod index;
 mod locate;
 mod pair;
 mod probe;
 mod reason;
+mod swing;
 mod turn;
 mod vector;
 mod wiring;
@@ -44,9 +45,10 @@ use crate::speed::coordinator::CoordinatorConfig;
 use crate::speed::speed_loop::SpeedLoopConfig;
 use fixed::types::I4F28;
 use index::Index;
-use locate::{Locate, LocateStep};
+use locate::{Locate, LocateStep, Located};
 use pair::{Pair, PairStep};
 use probe::{Probe, ProbeStep};
+use swing::{Swing, SwingStep};
 use turn::{Turn, TurnStep};
 use wiring::{Wiring, WiringStep};
 
@@ -67,12 +69,8 @@ pub struct MotorAlignment {
     pub pole_pairs: u32,
     /// Its speed loop, within the limit.
     pub speed_loop: SpeedLoopConfig,
-    /// How far location moves the rotor, 2^-32 turn; and how fast, electrical rad/s; and for how many steps at most.
-    pub reach: u32,
-    /// See `reach`.
-    pub reach_speed: Speed,
-    /// See `reach`.
-    pub reach_steps: u16,
+    /// How it swings.
+    pub swing: RotorSwing,
     /// Stator resistance, ohm.
     pub resistance: Current,
     /// Stator inductance, H.
@@ -81,6 +79,38 @@ pub struct MotorAlignment {
     pub least_speed: Speed,
     /// Least back-EMF at the speed of the turning.
     pub least_emf: Voltage,
+}
+
+/// How a rotor swings.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RotorSwing {
+    /// Current across the axis, A.
+    pub across: Current,
+    /// Speed, electrical rad/s, in the encoder's direction.
+    pub speed: Speed,
+    /// Speed that is added for each 2^-32 turn that it is behind, 2^-48 electrical rad/s.
+    pub gain: i64,
+    /// Torque of an ampere, 2^-15 of the stronger motor's.
+    pub torque_per_ampere: i32,
+    /// Its speed loop, within what the current across leaves of the limit.
+    pub speed_loop: SpeedLoopConfig,
+}
+
+/// How both swing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SwingConfig {
+    /// Furthest from the middle, and how far in a step, 2^-32 turn.
+    pub furthest: i32,
+    /// See `furthest`.
+    pub step: i32,
+    /// Change of the speed in a step, 2^-10 of it.
+    pub ramp: i32,
+    /// Further behind than this none goes on, 2^-32 turn.
+    pub late: u32,
+    /// Steps that it waits for a rotor, and that it may take at most.
+    pub waits: u16,
+    /// See `waits`.
+    pub steps: u16,
 }
 
 /// Longest that an alignment may take, s: two to four times what slow machines take.
@@ -99,6 +129,10 @@ pub struct AlignmentConfig {
     pub coast_steps: u16,
     /// Furthest that screw and nut may move against each other, 2^-32 turn.
     pub travel: u32,
+    /// What a count of the table's scale is as a turn of screw against nut, 2^-40 turn.
+    pub scale: i64,
+    /// How both swing.
+    pub swing: SwingConfig,
     /// In so many steps the shorted windings stop what moves.
     pub braking_steps: u16,
     /// Speed of both motors together, and its limits of acceleration.
@@ -217,6 +251,7 @@ enum Stage {
     Wiring(usize, Wiring),
     Locate(usize, Locate),
     Pair(Pair),
+    Swing(Swing),
     Turn(Turn),
     Done,
     /// Both windings shorted, until what moves stands. Without a reason: interrupted.
@@ -234,11 +269,13 @@ pub struct Alignment {
     total: u32,
     /// Where the encoders stood at the start.
     from: Option<[Angle; 2]>,
+    /// Where the rotors stand, and how they were located.
+    located: [Option<Located>; 2],
+    locations: [Option<Locate>; 2],
     found: [Option<EncoderAlignment>; 2],
-    /// How they were found.
-    located: [Option<Locate>; 2],
-    /// How much more often both encoders counted the same way than opposite ways, while one motor took the other along.
-    same: i8,
+    /// Both encoders count the same way where both motors turn together, by how much torque that takes.
+    same_by_torque: Option<bool>,
+    table: Table,
     /// Where the encoders have an index.
     index: [Index; 2],
     interrupted: bool,
@@ -253,9 +290,11 @@ impl Alignment {
             step: 0,
             total: 0,
             from: None,
-            found: [None; 2],
             located: [None; 2],
-            same: 0,
+            locations: [None; 2],
+            found: [None; 2],
+            same_by_torque: None,
+            table: Table::new(),
             index: [const { Index::new(None) }; 2],
             interrupted: false,
         }
@@ -279,7 +318,14 @@ impl Alignment {
 
     /// One step of the speed task.
     #[inline(never)]
-    pub fn step(&mut self, config: &AlignmentConfig, mut seen: [MotorSeen; 2]) -> AlignmentStep {
+    pub fn step(
+        &mut self,
+        config: &AlignmentConfig,
+        mut seen: [MotorSeen; 2],
+        scale: Option<u32>,
+    ) -> AlignmentStep {
+        self.table.step(scale);
+        let table = self.table.turned(config);
         let mut again = None;
         let coasts = matches!(self.stage, Stage::Still(_));
         for (motor, (index, seen)) in self.index.iter_mut().zip(&mut seen).enumerate() {
@@ -314,15 +360,22 @@ impl Alignment {
         let mut current = [CurrentReference::default(); 2];
         let drives = matches!(
             self.stage,
-            Stage::Wiring(..) | Stage::Locate(..) | Stage::Pair(_) | Stage::Turn(_)
+            Stage::Wiring(..)
+                | Stage::Locate(..)
+                | Stage::Pair(_)
+                | Stage::Swing(_)
+                | Stage::Turn(_)
         );
         let stands_at = if self.index.iter().any(Index::followed) {
             theta
         } else {
             braked(seen, config.braking_steps)
         };
-        let far = self.travelled(theta, from) > config.travel.saturating_mul(2);
-        if drives && self.travelled(stands_at, from) > config.travel {
+        let away = self
+            .travelled(config, stands_at, from)
+            .max(clamp(table.unsigned_abs()));
+        let far = away > config.travel.saturating_mul(2);
+        if drives && away > config.travel {
             match &mut self.stage {
                 // A stop of both together moves the table less than one of each by itself.
                 Stage::Turn(turn) if !far => {
@@ -331,25 +384,8 @@ impl Alignment {
                 _ => self.fail(theta, Part::Pair, Reason::Travel),
             }
         }
-        let moved = probe::moved(theta, from);
-        // Both encoders count the same way where one motor takes the other along, or as the plate says.
-        let [screw, nut] = &config.motors;
-        let declared = match (screw.reversed, nut.reversed) {
-            (Some(screw), Some(nut)) if screw == nut => 1,
-            (Some(_), Some(_)) => -1,
-            _ => 0,
-        };
-        let same = if self.same == 0 {
-            declared
-        } else {
-            self.same.signum()
-        };
-        let away = |motor: usize| {
-            let [own, other] = [motor, motor ^ 1].map(|k| moved.get(k).copied().unwrap_or(0));
-            own.saturating_sub(other.saturating_mul(same.into()))
-        };
-        let (directed, same_direction) = (self.directed(theta), self.same_direction());
-        let apart = apart(directed).minus(apart(self.directed(from)));
+        let same = self.same(config);
+        let apart = apart(theta, same).minus(apart(from, same));
         match &mut self.stage {
             Stage::Still(steps) => {
                 self.step = self.step.saturating_add(1);
@@ -360,6 +396,7 @@ impl Alignment {
                 }
                 if *steps >= config.still_steps {
                     self.from = Some(theta);
+                    self.table.begin();
                     self.stage = Stage::Wiring(0, Wiring::default());
                 } else if self.step >= config.coast_steps {
                     self.fail(theta, Part::Pair, Reason::LoadMoves);
@@ -370,7 +407,9 @@ impl Alignment {
                 if let (Some(limits), Some(seen)) = (config.motors.get(index), seen.get(index)) {
                     match wiring.step(&limits.wiring, seen.phases) {
                         WiringStep::Rest => {}
-                        WiringStep::Kick(at, i) => vector(&mut current, index, at, i),
+                        WiringStep::Kick(at, i) => {
+                            vector(&mut current, index, at, [i, Current::ZERO])
+                        }
                         WiringStep::Right => {
                             self.stage = Stage::Locate(index, Locate::default());
                         }
@@ -380,50 +419,24 @@ impl Alignment {
             }
             Stage::Locate(motor, locate) => {
                 let index = *motor;
-                if let (Some(limits), Some(seen)) = (config.motors.get(index), seen.get(index)) {
-                    let away = away(index);
-                    let other = index ^ 1;
-                    let helps = self.found.get(other).copied().flatten();
-                    let asked = locate.step(
-                        limits,
-                        &config.probes,
-                        index,
-                        theta,
-                        seen.omega_e,
-                        away,
-                        (helps.is_some() && same != 0).then_some(config.travel >> ATTEMPTED),
-                    );
-                    self.same = self.same.saturating_add(locate.take_same());
-                    match asked {
+                if let Some(limits) = config.motors.get(index) {
+                    match locate.step(limits, &config.probes, index, theta, table) {
                         LocateStep::Rest => current = [SHORT; 2],
-                        LocateStep::Vector(at, i) => vector(&mut current, index, at, i),
-                        LocateStep::Against(at, level, up) => {
-                            vector(&mut current, index, at, probe::current(limits.limit, level));
-                            // As the other counts where it is taken along, and against that.
-                            let other_up = up != (same > 0);
-                            let reversed = helps.is_some_and(|found| found.reversed);
-                            let places = current.get_mut(other).zip(config.motors.get(other));
-                            if let Some((current, motor)) = places {
-                                *current = part(motor, level, other_up != reversed);
-                            }
+                        LocateStep::Vector(at, i) => {
+                            vector(&mut current, index, at, [i, Current::ZERO])
                         }
                         LocateStep::Found(found) => {
-                            if let Some(place) = self.found.get_mut(index) {
+                            if let Some(place) = self.located.get_mut(index) {
                                 *place = Some(found);
                             }
-                            if let Some(place) = self.located.get_mut(index) {
+                            if let Some(place) = self.locations.get_mut(index) {
                                 *place = Some(*locate);
                             }
-                            self.stage = if self.found.iter().all(Option::is_some) {
+                            self.stage = if self.located.iter().all(Option::is_some) {
                                 Stage::Pair(Pair::default())
                             } else {
                                 Stage::Wiring(1, Wiring::default())
                             };
-                            if self.found.iter().all(Option::is_some)
-                                && self.same_direction() == Some(false)
-                            {
-                                self.doubt(config, theta);
-                            }
                         }
                         LocateStep::Failed(Reason::Exchanged) => {
                             self.fail(theta, Part::Pair, Reason::Exchanged);
@@ -435,30 +448,40 @@ impl Alignment {
                     }
                 }
             }
-            Stage::Pair(pair) => match pair.step(
-                &config.probes,
-                directed,
-                same_direction,
-                apart,
-                config.travel >> RETURNED,
-            ) {
+            Stage::Pair(pair) => match pair.step(&config.probes, theta, same) {
                 PairStep::Rest => current = [SHORT; 2],
                 PairStep::Ramp(level, signs) => {
-                    let asked = current.iter_mut().zip(&config.motors).zip(signs);
-                    for ((current, motor), sign) in asked {
-                        *current = part(motor, level, sign > 0);
+                    let motors = config.motors.iter().zip(&self.located).zip(signs);
+                    for (index, ((motor, located), sign)) in motors.enumerate() {
+                        let axis = located.map_or(Angle(0), |located| located.axis);
+                        let i = probe::current(motor.limit, level);
+                        let i = if sign > 0 { i } else { i.saturating_neg() };
+                        vector(&mut current, index, axis, [i, Current::ZERO]);
                     }
                 }
-                PairStep::Right => {
-                    let [screw, nut] = self.found;
-                    self.stage = Stage::Turn(Turn::new([
-                        screw.unwrap_or_default(),
-                        nut.unwrap_or_default(),
-                    ]));
+                PairStep::Right => self.stage = Stage::Swing(Swing::default()),
+                PairStep::Same(same) => {
+                    self.same_by_torque = Some(same);
+                    self.stage = Stage::Pair(Pair::default());
                 }
-                PairStep::Wrong(Reason::Opposed) => self.doubt(config, theta),
                 PairStep::Wrong(reason) => self.fail(theta, Part::Pair, reason),
             },
+            Stage::Swing(swing) => {
+                let held = self.index.each_ref().map(Index::followed);
+                match swing.step(config, &seen, same.unwrap_or(true), apart, held) {
+                    SwingStep::Drive(currents) => {
+                        let currents = currents.into_iter().zip(&self.located);
+                        for (index, (amperes, located)) in currents.enumerate() {
+                            let axis = located.map_or(Angle(0), |located| located.axis);
+                            vector(&mut current, index, axis, amperes);
+                        }
+                    }
+                    SwingStep::Found(reversed) => self.swung(config, theta, reversed),
+                    SwingStep::Failed(motor, reason) => {
+                        self.fail(theta, Part::motor(motor), reason)
+                    }
+                }
+            }
             Stage::Turn(turn) => {
                 let index_awaited = self.index.iter().any(Index::awaited);
                 match turn.step(config, &config.turn, seen, index_awaited) {
@@ -519,25 +542,62 @@ impl Alignment {
         self.found = kept.map(Some);
     }
 
-    /// The motors look opposed: they are, or an encoder counts the other way than was found. Where the plate does not say
-    /// how it counts, that is looked at again, the least certain first.
-    fn doubt(&mut self, config: &AlignmentConfig, theta: [Angle; 2]) {
-        let undeclared = |index: usize| {
-            let motor = config.motors.get(index)?;
-            let locate = self.located.get(index)?.as_ref()?;
-            let votes = locate.doubtful()?;
-            motor.reversed.is_none().then_some((votes, index, *locate))
-        };
-        let least = [undeclared(0), undeclared(1)].into_iter().flatten();
-        match least.min_by_key(|(votes, ..)| *votes) {
-            Some((_, index, locate)) => {
-                if let Some(found) = self.found.get_mut(index) {
-                    *found = None;
-                }
-                self.stage = Stage::Locate(index, locate.doubted());
+    /// The swing has seen which encoders count backwards: the plate may say otherwise, and both motors may mean opposite directions.
+    fn swung(&mut self, config: &AlignmentConfig, theta: [Angle; 2], reversed: [bool; 2]) {
+        let motors = config.motors.iter().zip(self.located).zip(reversed);
+        let mut found = [EncoderAlignment::default(); 2];
+        for (index, (((motor, located), reversed), found)) in motors.zip(&mut found).enumerate() {
+            if motor.reversed.is_some_and(|declared| declared != reversed) {
+                return self.fail(theta, Part::motor(index), Reason::Reversed);
             }
-            None => self.fail(theta, Part::Pair, Reason::Opposed),
+            if let Some(located) = located {
+                *found = located.alignment(motor, reversed);
+            }
         }
+        let [screw, nut] = reversed;
+        if self.same(config) != Some(screw == nut) {
+            return self.fail(theta, Part::Pair, Reason::Opposed);
+        }
+        self.found = found.map(Some);
+        self.stage = Stage::Turn(Turn::new(found));
+    }
+
+    /// Both encoders count the same way where both motors turn together: by how one motor took the other along or moved the table, by
+    /// how much torque it took, or by the plate.
+    fn same(&self, config: &AlignmentConfig) -> Option<bool> {
+        let senses = self
+            .locations
+            .each_ref()
+            .map(|locate| locate.as_ref().map(Locate::senses));
+        if let [Some(screw), Some(nut)] = senses {
+            // Screw and nut move the table opposite ways.
+            let by_table = match screw.table.signum().saturating_mul(nut.table.signum()) {
+                0 => 0,
+                sign => {
+                    let least = screw
+                        .table
+                        .unsigned_abs()
+                        .min(nut.table.unsigned_abs())
+                        .cast_signed();
+                    if sign > 0 {
+                        least.saturating_neg()
+                    } else {
+                        least
+                    }
+                }
+            };
+            let votes = screw
+                .other
+                .saturating_add(nut.other)
+                .saturating_add(by_table);
+            if votes != 0 {
+                return Some(votes > 0);
+            }
+        }
+        let [screw, nut] = &config.motors;
+        let declared = screw.reversed.zip(nut.reversed);
+        self.same_by_torque
+            .or(declared.map(|(screw, nut)| screw == nut))
     }
 
     fn fail(&mut self, theta: [Angle; 2], part: Part, reason: Reason) {
@@ -554,7 +614,9 @@ impl Alignment {
 
     fn stop(&mut self, theta: [Angle; 2], failed: Option<Misalignment>) {
         self.stage = match self.stage {
-            Stage::Locate(..) | Stage::Pair(_) => Stage::Braking(failed, Probe::resting(theta)),
+            Stage::Locate(..) | Stage::Pair(_) | Stage::Swing(_) => {
+                Stage::Braking(failed, Probe::resting(theta))
+            }
             _ => Stage::Failed(failed),
         };
         self.found = [None; 2];
@@ -566,41 +628,19 @@ impl Alignment {
             Stage::Locate(_, locate) => Some(locate),
             _ => None,
         };
-        let located = self.located.iter().flatten();
+        let located = self.locations.iter().flatten();
         matches!(
             reason,
             Reason::Travel | Reason::Unsteady | Reason::Held | Reason::Opposed | Reason::Reversed
         ) && located.chain(locating).any(Locate::suspects_exchange)
     }
 
-    /// Both encoders' angles, each in its motor's direction as far as that is known.
-    fn directed(&self, theta: [Angle; 2]) -> [Angle; 2] {
-        let [screw, nut] = theta;
-        let [screw_found, nut_found] = self.found;
-        let directed = |theta: Angle, found: Option<EncoderAlignment>| match found {
-            Some(found) if found.reversed => Angle(theta.0.wrapping_neg()),
-            _ => theta,
-        };
-        [directed(screw, screw_found), directed(nut, nut_found)]
-    }
-
-    /// Positive torques turn both motors the same way, by how one took the other along; `None` where none did.
-    fn same_direction(&self) -> Option<bool> {
-        /// So many more are no chance.
-        const SURE: i8 = 3;
-        let [screw, nut] = self
-            .found
-            .map(|found| found.is_some_and(|found| found.reversed));
-        (self.same.unsigned_abs() >= SURE.unsigned_abs())
-            .then_some((self.same > 0) == (screw == nut))
-    }
-
-    /// How far screw and nut moved against each other; as long as the directions of counting are not both known: then only
-    /// one motor is driven, and where the other moves too, it is taken along.
-    fn travelled(&self, theta: [Angle; 2], from: [Angle; 2]) -> u32 {
-        if self.found.iter().all(Option::is_some) {
-            let now = apart(self.directed(theta));
-            return now.minus(apart(self.directed(from))).unsigned_abs();
+    /// How far screw and nut moved against each other; as long as it is not known which way their encoders count beside each other:
+    /// then only one motor is driven, and where the other moves too, it is taken along.
+    fn travelled(&self, config: &AlignmentConfig, theta: [Angle; 2], from: [Angle; 2]) -> u32 {
+        let same = self.same(config);
+        if same.is_some() {
+            return apart(theta, same).minus(apart(from, same)).unsigned_abs();
         }
         let [screw, nut] = probe::moved(theta, from);
         let same_way = screw.wrapping_sub(nut).unsigned_abs();
@@ -608,15 +648,53 @@ impl Alignment {
     }
 }
 
-/// The table is back within this part of its travel, a power of two: an eighth.
-const RETURNED: u32 = 3;
+/// Where the table is by its scale.
+#[derive(Clone, Copy, Debug)]
+struct Table {
+    last: Option<u32>,
+    /// Counts since the start.
+    counts: i32,
+}
 
-/// An attempt at a rotor's location begins within this part of it, if both motors can bring it there: a quarter. It takes a sixth.
-const ATTEMPTED: u32 = 2;
+impl Table {
+    const fn new() -> Self {
+        Self {
+            last: None,
+            counts: 0,
+        }
+    }
 
-/// How far the screw is ahead of the nut: the table's travel.
-const fn apart([screw, nut]: [Angle; 2]) -> Angle {
-    Angle(screw.0.wrapping_sub(nut.0))
+    /// The alignment begins here.
+    const fn begin(&mut self) {
+        self.counts = 0;
+    }
+
+    fn step(&mut self, scale: Option<u32>) {
+        let Some(count) = scale else { return };
+        let last = self.last.replace(count).unwrap_or(count);
+        self.counts = self
+            .counts
+            .wrapping_add(count.wrapping_sub(last).cast_signed());
+    }
+
+    /// As a turn of screw against nut, 2^-32 turn.
+    fn turned(&self, config: &AlignmentConfig) -> i64 {
+        i64::from(self.counts).saturating_mul(config.scale) >> 8
+    }
+}
+
+fn clamp(wide: u64) -> u32 {
+    u32::try_from(wide).unwrap_or(u32::MAX)
+}
+
+/// How far the screw is ahead of the nut, by the screw's count: the table's travel. Where nobody knows how the encoders count beside each
+/// other, they are taken to count the same way.
+fn apart([screw, nut]: [Angle; 2], same: Option<bool>) -> Angle {
+    Angle(if same.unwrap_or(true) {
+        screw.0.wrapping_sub(nut.0)
+    } else {
+        screw.0.wrapping_add(nut.0)
+    })
 }
 
 /// What goes on moving while the motor `index` is located and no current flows: the other, if that one stands.
@@ -639,14 +717,14 @@ impl Default for Alignment {
     }
 }
 
-/// Asks one motor for a current along an electrical angle.
-fn vector(current: &mut [CurrentReference; 2], motor: usize, at: Angle, i: Current) {
+/// Asks one motor for a current along an electrical angle, and one across.
+fn vector(current: &mut [CurrentReference; 2], motor: usize, at: Angle, [i_d, i_q]: [Current; 2]) {
     if let Some(reference) = current.get_mut(motor) {
         *reference = CurrentReference {
             mode: Mode::Drive,
             frame: Frame::Commanded(at),
-            i_d: i,
-            i_q: Current::ZERO,
+            i_d,
+            i_q,
         };
     }
 }
@@ -658,12 +736,6 @@ const SHORT: CurrentReference = CurrentReference {
     i_d: Current::ZERO,
     i_q: Current::ZERO,
 };
-
-/// The part `level`, 2^-16, of a motor's torque limit, forwards or backwards.
-fn part(motor: &MotorAlignment, level: u16, forwards: bool) -> CurrentReference {
-    let i = probe::current(motor.limit, level);
-    torque(if forwards { i } else { i.saturating_neg() })
-}
 
 /// A torque-making current in the rotor's frame.
 fn torque(i_q: Current) -> CurrentReference {

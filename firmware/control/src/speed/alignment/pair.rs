@@ -9,11 +9,10 @@
 //! not turn both motors the same way: one has two phases and its encoder's channels swapped, which no look at one motor alone shows.
 
 use super::Reason;
-use super::back::Return;
 use super::probe::{Broken, Probe, ProbeConfig, ProbeStep};
 use crate::base::format::Angle;
 
-/// Signs of the torques: screw, nut.
+/// Signs of the torques: screw, nut, in the screw's direction.
 const WAYS: [[i32; 2]; 4] = [[1, -1], [-1, 1], [1, 1], [-1, -1]];
 
 /// State of a test of the pair.
@@ -21,7 +20,6 @@ const WAYS: [[i32; 2]; 4] = [[1, -1], [-1, 1], [1, 1], [-1, -1]];
 pub(super) struct Pair {
     way: u8,
     probe: Probe,
-    return_to_start: Return,
     /// Ways in which screw against nut went as asked, and the other way.
     right: u8,
     wrong: u8,
@@ -39,48 +37,41 @@ pub(super) enum PairStep {
     Ramp(u16, [i32; 2]),
     /// All is as it should be.
     Right,
+    /// Both encoders count the same way, or not, where both turn together: to be tried again with that.
+    Same(bool),
     /// It is not.
     Wrong(Reason),
 }
 
 impl Pair {
-    /// One step, with both encoders' angles, each in its motor's direction, and whether positive torques turn both motors the
-    /// same way, if one took the other along before; `apart`: how far the table is from its start, which is `near` enough, 2^-32 turn.
+    /// One step, with both encoders' angles, and whether they count the same way where both turn together, if that is known.
     pub(super) fn step(
         &mut self,
         probes: &ProbeConfig,
         theta: [Angle; 2],
-        same_direction: Option<bool>,
-        apart: i32,
-        near: u32,
+        same: Option<bool>,
     ) -> PairStep {
-        self.return_to_start.begin(apart, near);
-        let away = self.return_to_start.away();
-        let signs = match (away, WAYS.get(usize::from(self.way))) {
-            (Some(away), _) if away > 0 => [-1, 1],
-            (Some(_), _) => [1, -1],
-            (None, Some(&signs)) => signs,
-            (None, None) => return self.conclude(same_direction),
+        let Some(&[screw, nut]) = WAYS.get(usize::from(self.way)) else {
+            return self.conclude(same);
         };
+        let same_way = same.unwrap_or(true);
+        let signs = [screw, if same_way { nut } else { nut.wrapping_neg() }];
         match self.probe.step(probes, theta) {
             ProbeStep::Rest => PairStep::Rest,
             ProbeStep::Ramp(level) => PairStep::Ramp(level, signs),
             ProbeStep::Moves(_) => PairStep::Wrong(Reason::LoadMoves),
             ProbeStep::Found(broken) => {
                 self.probe = Probe::default();
-                if away.is_some() {
-                    self.return_to_start.go_on(apart, near);
-                } else {
-                    self.take(probes, &broken, signs);
-                    self.way = self.way.saturating_add(1);
-                }
+                self.take(probes, &broken, [screw, nut], same_way);
+                self.way = self.way.saturating_add(1);
                 PairStep::Rest
             }
         }
     }
 
-    fn take(&mut self, probes: &ProbeConfig, broken: &Broken, signs: [i32; 2]) {
+    fn take(&mut self, probes: &ProbeConfig, broken: &Broken, signs: [i32; 2], same: bool) {
         let [screw, nut] = broken.moved;
+        let nut = if same { nut } else { nut.wrapping_neg() };
         let [sign, nut_sign] = signs;
         if sign == nut_sign {
             self.together = self.together.saturating_add(broken.level.into());
@@ -95,20 +86,16 @@ impl Pair {
         }
     }
 
-    fn conclude(&self, same_direction: Option<bool>) -> PairStep {
+    fn conclude(&self, same: Option<bool>) -> PairStep {
         if self.right == 0 && self.wrong == 0 {
             return PairStep::Wrong(Reason::Held);
+        }
+        if same.is_none() {
+            return PairStep::Same(self.together <= self.against);
         }
         if self.wrong > self.right {
             return PairStep::Wrong(Reason::Exchanged);
         }
-        // An eighth of the limit each way: cogging adds to one way and not to the other.
-        const MARGIN: u32 = 1 << 14;
-        let harder_together = self.together > self.against.saturating_add(MARGIN);
-        match same_direction {
-            Some(false) => PairStep::Wrong(Reason::Opposed),
-            None if harder_together => PairStep::Wrong(Reason::Opposed),
-            _ => PairStep::Right,
-        }
+        PairStep::Right
     }
 }

@@ -1,0 +1,268 @@
+//! Both rotors together, thirty electrical degrees each way: which way does each encoder count?
+//!
+//! Screw and nut turn together, so that the table stays; no friction's history matters to what turns so far. Each rotor is driven by
+//! a current along the axis that location has found, and a constant one across it. Turned by `x` from where that was, the torque is
+//! `K (i cos x + i_across sin x)`. So a speed loop asks `i = friction / cos x - i_across tan x`. The electrical angle `x` is the
+//! encoder's if it counts with the field, and minus that if it counts backwards: the sum of `i x` over a way there and back
+//! has the sign of that. Friction and a load drop out of it, as they are the same on both sides.
+//!
+//! The ball pair's friction may carry one motor's torque over to the other, so only the sum of both is known. What torque depends on the
+//! angle adds to it. Three swings tell all apart, with currents across of both, of the nut turned round, and of the screw turned round:
+//! the first less the second is twice the nut's, the first less the third twice the screw's.
+
+use super::{AlignmentConfig, MotorAlignment, MotorSeen, Reason, RotorSwing};
+use crate::base::format::{Angle, Current, Speed};
+use crate::speed::speed_loop::{SpeedLoop, SpeedReference};
+
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum Phase {
+    #[default]
+    Up,
+    Down,
+    Back,
+}
+
+/// A rotor that swings.
+#[derive(Clone, Copy, Debug, Default)]
+struct Rotor {
+    speed: SpeedLoop,
+    /// Current along the axis that was asked, and the limit cut it.
+    asked: Current,
+    limited: bool,
+    /// What the sum of a swing should be by its current across alone.
+    expected: i64,
+}
+
+/// Swings, and whether a motor's current across is turned round in one: screw, nut.
+const SWINGS: [[bool; 2]; 3] = [[false, false], [false, true], [true, false]];
+
+/// State of a swing.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Swing {
+    phase: Phase,
+    steps: u16,
+    /// Steps that it has waited for a rotor.
+    waited: u16,
+    /// How far both should be from where they began, and how much of the table's way back is behind, 2^-32 turn.
+    asked: i32,
+    back: i32,
+    /// How far the table was away when the swing began.
+    away: Option<i32>,
+    /// Speed, in parts of the swing's.
+    speed: i32,
+    from: Option<[Angle; 2]>,
+    rotors: [Rotor; 2],
+    swing: u8,
+    /// Of each swing, the sum of both torques times the angle.
+    sums: [i64; 3],
+}
+
+/// What a swing asks for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum SwingStep {
+    /// These currents along the axes, and those across.
+    Drive([[Current; 2]; 2]),
+    /// Which encoders count backwards.
+    Found([bool; 2]),
+    /// Not to be found: 0 is the screw.
+    Failed(usize, Reason),
+}
+
+impl Swing {
+    /// One step; `same`: both encoders count the same way where both turn together; `away`: how far the table is from its start, in the
+    /// screw's direction; `held`: whose speed is not known.
+    pub(super) fn step(
+        &mut self,
+        config: &AlignmentConfig,
+        seen: &[MotorSeen; 2],
+        same: bool,
+        away: i32,
+        held: [bool; 2],
+    ) -> SwingStep {
+        self.steps = self.steps.saturating_add(1);
+        if self.steps > config.swing.steps {
+            return SwingStep::Failed(self.late(), Reason::Held);
+        }
+        let theta = seen.map(|motor| motor.theta);
+        let [screw_from, nut_from] = *self.from.get_or_insert(theta);
+        let [screw, nut] = theta;
+        let moved = [screw.minus(screw_from), nut.minus(nut_from)];
+        let counts = [false, !same];
+        let along = |motor: usize, x: i32| {
+            if counts.get(motor).copied().unwrap_or(false) {
+                x.wrapping_neg()
+            } else {
+                x
+            }
+        };
+        let away = *self.away.get_or_insert(away);
+        let behind = |asked: i32, back: i32, motor: usize, moved: i32| {
+            let back = if motor == 0 {
+                back.wrapping_neg()
+            } else {
+                back
+            };
+            let asked = asked.saturating_add(back >> 1);
+            asked.saturating_sub(along(motor, moved))
+        };
+        let [screw_moved, nut_moved] = moved;
+        let screw_behind = behind(self.asked, self.back, 0, screw_moved);
+        let nut_behind = behind(self.asked, self.back, 1, nut_moved);
+        let together = (screw_behind >> 1).saturating_add(nut_behind >> 1);
+        let apart = screw_behind.saturating_sub(nut_behind);
+        let late = together.unsigned_abs() > config.swing.late
+            || apart.unsigned_abs() >> 2 > config.swing.late;
+        let limited = self.rotors.iter().all(|rotor| rotor.limited);
+        let way = match self.phase {
+            Phase::Up => 1i32,
+            Phase::Down => -1,
+            Phase::Back => 1,
+        };
+        let waits = late || limited;
+        let wanted = if waits { 0 } else { way.wrapping_mul(FULL) };
+        let ramp = config.swing.ramp;
+        let more = wanted.saturating_sub(self.speed);
+        self.speed = self
+            .speed
+            .saturating_add(more.clamp(ramp.wrapping_neg(), ramp));
+        let step = config.swing.step.wrapping_mul(self.speed) / FULL;
+        self.asked = self.asked.saturating_add(step);
+        self.waited = if waits {
+            self.waited.saturating_add(1)
+        } else {
+            0
+        };
+        let gives_up = self.waited > config.swing.waits;
+        if gives_up {
+            // The table stays where it is: a load may be too much for its way back.
+            self.waited = 0;
+            self.back = self.back.saturating_add(apart);
+            self.away = Some(self.back);
+            if limited {
+                for rotor in &mut self.rotors {
+                    (rotor.speed, rotor.limited) = (SpeedLoop::new(), false);
+                }
+            }
+        } else if !waits {
+            let left = away.saturating_sub(self.back);
+            let most = config.swing.step >> 1;
+            self.back = self
+                .back
+                .saturating_add(left.clamp(most.wrapping_neg(), most));
+        }
+        // Past a third of the way it turns round where a rotor stays behind.
+        let furthest = if gives_up {
+            config.swing.furthest / 3
+        } else {
+            config.swing.furthest
+        };
+        self.phase = match self.phase {
+            Phase::Up if self.asked >= furthest => Phase::Down,
+            Phase::Down if self.asked <= furthest.saturating_neg() => Phase::Back,
+            Phase::Back if self.asked >= 0 => {
+                self.swing = self.swing.saturating_add(1);
+                Phase::Up
+            }
+            phase => phase,
+        };
+        let swing = usize::from(self.swing);
+        let (Some(round), Some(sum)) = (SWINGS.get(swing), self.sums.get_mut(swing)) else {
+            return self.conclude();
+        };
+        let mut currents = [[Current::ZERO; 2]; 2];
+        let rotors = self.rotors.iter_mut().zip(&config.motors).zip(seen);
+        let rotors = rotors.zip(moved).zip(held).zip(round).zip(&mut currents);
+        for (motor, ((((((rotor, limits), seen), moved), held), round), current)) in
+            rotors.enumerate()
+        {
+            let behind = along(motor, behind(self.asked, self.back, motor, moved));
+            // Within 2^31: a speed of some hundred rad/s in 2^-16.
+            let speed = (limits.swing.speed.to_bits() / FULL).wrapping_mul(self.speed);
+            let speed = along(motor, speed);
+            rotor.step(limits, seen, behind, Speed::from_bits(speed), held);
+            // Electrical, 2^-16 turn, in the encoder's direction; a torque in 2^-15 of the larger motor's at 2^-12 A: a product within 2^46.
+            let x = i64::from(moved.wrapping_mul(limits.pole_pairs.cast_signed()) >> 16);
+            *sum = sum.saturating_add(limits.swing.product(rotor.asked, x));
+            if self.swing == 0 {
+                let radians = x.wrapping_mul(TURN) >> 16;
+                let expected = limits.swing.product(limits.swing.across, x);
+                let expected = expected.wrapping_mul(radians) >> 10;
+                rotor.expected = rotor.expected.saturating_add(expected);
+            }
+            let across = limits.swing.across;
+            let across = if *round {
+                across.saturating_neg()
+            } else {
+                across
+            };
+            *current = [rotor.asked, across];
+        }
+        SwingStep::Drive(currents)
+    }
+
+    /// Which is behind, where not both are.
+    fn late(&self) -> usize {
+        let [screw, nut] = &self.rotors;
+        usize::from(nut.limited && !screw.limited)
+    }
+
+    fn conclude(&self) -> SwingStep {
+        let [both, nut_round, screw_round] = self.sums;
+        let twice = [
+            both.saturating_sub(screw_round),
+            both.saturating_sub(nut_round),
+        ];
+        let mut reversed = [false; 2];
+        let rotors = self.rotors.iter().zip(twice).zip(&mut reversed);
+        for (motor, ((rotor, twice), reversed)) in rotors.enumerate() {
+            *reversed = twice > 0;
+            if twice.unsigned_abs() < rotor.expected.unsigned_abs() {
+                return SwingStep::Failed(motor, Reason::Unsteady);
+            }
+        }
+        SwingStep::Found(reversed)
+    }
+}
+
+/// The swing's speed, in its parts.
+const FULL: i32 = 1024;
+
+/// `2 pi` in 2^-10.
+const TURN: i64 = 6434;
+
+impl RotorSwing {
+    /// A current's torque times an angle.
+    fn product(&self, i: Current, x: i64) -> i64 {
+        let torque = i64::from(i.to_bits() >> 8).wrapping_mul(self.torque_per_ampere.into());
+        torque.wrapping_mul(x)
+    }
+}
+
+impl Rotor {
+    fn step(
+        &mut self,
+        config: &MotorAlignment,
+        seen: &MotorSeen,
+        behind: i32,
+        speed: Speed,
+        held: bool,
+    ) {
+        // 2^-32 turn times the gain in 2^-32: 2^-16 rad/s, within 2^31.
+        let catch_up = i64::from(behind).wrapping_mul(config.swing.gain) >> 32;
+        let catch_up = catch_up.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
+        #[allow(clippy::cast_possible_truncation)]
+        let omega_e = speed.saturating_add(Speed::from_bits(catch_up as i32));
+        let reference = SpeedReference {
+            omega_e,
+            change: Speed::ZERO,
+        };
+        let seen_omega_e = if held { omega_e } else { seen.omega_e };
+        let output = self.speed.step(
+            &config.swing.speed_loop,
+            reference,
+            seen_omega_e,
+            seen.voltage_limited,
+        );
+        (self.asked, self.limited) = (output.i_q, output.limited);
+    }
+}
