@@ -105,7 +105,7 @@ impl SpeedStep {
             } else {
                 interlock::Inputs::default()
             },
-            scale: Some(scale.cast_unsigned()),
+            scale: (config.alignment.scale != 0).then_some(scale.cast_unsigned()),
         };
         let mut output = control.step(config, request, motors, found);
         // What need not be before the currents are asked: at 40 kHz the nut's loop takes them in less than half a period.
