@@ -497,8 +497,11 @@ impl Drive {
             self.request.heartbeat = self.request.heartbeat.wrapping_add(1);
         }
         let mut request = self.request;
-        // The counter's own width, which the control knows to wrap.
-        request.scale = Some(self.board.scale_counts() as u32);
+        let aligning = self.code.speed.state == State::Aligning;
+        if aligning || self.code.config.compensation.scale.is_some() {
+            // The counter's own width, which the control knows to wrap.
+            request.scale = Some(self.board.scale_counts() as u32);
+        }
         seam.request(&mut request);
         let before = self.code.speed.state;
         self.code.speed = self.code.speed_task.step(

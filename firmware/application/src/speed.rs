@@ -88,13 +88,6 @@ impl SpeedStep {
         if sequence != self.taken {
             self.take_command(parts, control, sequence);
         }
-        // Well before the step, which branches by the same: the compiler would make a step of its own for either case.
-        let looks = control.looks_at_inputs();
-        let inputs = if looks {
-            words.with_way(board.contacts())
-        } else {
-            interlock::Inputs::default()
-        };
         let demand = Demand::of_word(words.demand.load(Relaxed));
         let scale = board.scale();
         let found = match board.tripped() {
@@ -102,11 +95,17 @@ impl SpeedStep {
             None => words.found(),
             tripped => tripped,
         };
+        // Just before the step, which branches by the same.
+        let looks = control.looks_at_inputs();
         let request = Request {
             demand,
             heartbeat: words.heartbeat.load(Relaxed),
-            inputs,
-            scale: Some(scale.cast_unsigned()),
+            inputs: if looks {
+                words.with_way(board.contacts())
+            } else {
+                interlock::Inputs::default()
+            },
+            scale: (config.alignment.scale != 0).then_some(scale.cast_unsigned()),
         };
         let mut output = control.step(config, request, motors, found);
         // What need not be before the currents are asked: at 40 kHz the nut's loop takes them in less than half a period.

@@ -82,7 +82,10 @@ fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
             machine_of(board, &model(), Coupling::Coupled),
             plate_of(board),
         );
-        let mut drive = Drive::new(&machine, Coupling::Coupled, board_config(board), &plate)
+        // The emulated scale has no noise.
+        let mut config = board_config(board);
+        config.sensors.scale_noise_m = 0.0;
+        let mut drive = Drive::new(&machine, Coupling::Coupled, config, &plate)
             .map_err(|misfit| misfit.to_string())?;
         settle(&mut drive.board, ANGLES);
         let (mut closed, mut aligning) = (0, 0);

@@ -42,7 +42,8 @@ codes! {
             "Its encoder moves although no current flows: hold the load by a brake, or take it off, and reset; if it stands still, look \
              for what disturbs the encoder.";
         Held = 18, "rotor held",
-            "The alignment's torque limit does not move its encoder: release the brake, check the encoder's cable, or raise the limit.";
+            "The torque of its setting `alignment_torque_nm` does not move its encoder, or does not turn both motors together by thirty \
+             electrical degrees: release the brake, check the encoder's cable, or raise the setting.";
         Unsteady = 19, "rotor not to be found",
             "Where it stands cannot be told from how it moves: check the encoder's fixing, its signals and index, the motor's \
              current sensors, and for play, and reset.";
@@ -57,7 +58,8 @@ codes! {
         Opposed = 24, "motors turn against each other",
             "Positive torques turn the motors against each other: swap two phases and the encoder's channels of one.";
         Travel = 25, "table moved",
-            "The table moved further than alignment may move it: check coupling and encoders, and that the load is held.";
+            "The table moved further than the setting `alignment.travel_um` lets alignment move it, by its scale or by both encoders: check \
+             coupling, encoders and scale, and that the load is held.";
         TimedOut = 26, "not found in time",
             "The rotors were not found within 30 s: check that the load is held and that nothing moves the table, and reset.";
     }
