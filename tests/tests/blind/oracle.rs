@@ -71,7 +71,7 @@ pub fn ask(model: &Model, record: &Record, truth: &[EffectModel], found: &[Hypot
     let declared = Noise::declared(model, &record.signals, &record.fourier);
     let regression = |noise: &Noise, effects: &[Hypothesis]| {
         let whitener = Whitener::new(&record.signals, &record.fourier, noise);
-        let mut search = Search::new(&balance, &whitener, base.normal(&whitener, model));
+        let mut search = Search::new(&balance, &whitener, base.normal(&whitener));
         effects.iter().for_each(|h| search.add(h));
         let solution = search.normal.solve(None);
         let cost = search.normal.cost(&solution.values);
