@@ -174,8 +174,6 @@ pub struct Board {
     /// Frames of absolute encoders, latched since the last turn of a counter.
     frames: [Option<u32>; 2],
     random: Xoshiro256PlusPlus,
-    /// The scale's own: who reads it changes no other sensor's noise.
-    scale_random: Xoshiro256PlusPlus,
     /// Bus voltage now, V.
     bus_v: f64,
     /// The chopper is on.
@@ -222,7 +220,6 @@ impl Board {
             driven: [Bridge::Open; 2],
             frames: [None; 2],
             random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
-            scale_random: Xoshiro256PlusPlus::seed_from_u64(!config.seed),
             bus_v: config.bus_v,
             chops: false,
             encoder_zeros: [0.0; 2],
@@ -540,7 +537,7 @@ impl Board {
     pub fn scale_counts(&mut self) -> i64 {
         let sensors = &self.config.sensors;
         let noise = if sensors.scale_noise_m > 0.0 {
-            let unit: f64 = StandardNormal.sample(&mut self.scale_random);
+            let unit: f64 = StandardNormal.sample(&mut self.random);
             unit * sensors.scale_noise_m
         } else {
             0.0

@@ -82,7 +82,7 @@ fn the_flashed_firmware_aligns_as_the_host_does() -> Result<(), String> {
             machine_of(board, &model(), Coupling::Coupled),
             plate_of(board),
         );
-        // The emulated scale has no noise.
+        // The emulated scale has no noise, and draws none from the generator that all sensors share.
         let mut config = board_config(board);
         config.sensors.scale_noise_m = 0.0;
         let mut drive = Drive::new(&machine, Coupling::Coupled, config, &plate)

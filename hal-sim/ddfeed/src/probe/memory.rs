@@ -53,7 +53,7 @@ pub fn open(info: &DebugProbeInfo) -> Result<Probe> {
 }
 
 /// Opens the probe, checks the chip, and does `work` on its memory in a thread; what `work` says goes to `each`. `work`
-/// must say something at least every [`ANSWER`](super::patience::ANSWER).
+/// must say something at least every [`ANSWER`].
 ///
 /// # Errors
 /// The probe or the chip cannot be reached, it is another chip or a locked one, or what `work` or `each` returns.
