@@ -124,7 +124,7 @@ impl Swing {
         let more = wanted.saturating_sub(self.speed);
         self.speed = self
             .speed
-            .saturating_add(more.clamp(ramp.wrapping_neg(), ramp));
+            .saturating_add(more.max(ramp.wrapping_neg()).min(ramp));
         let step = config.swing.step.wrapping_mul(self.speed) / FULL;
         self.asked = self.asked.saturating_add(step);
         self.waited = if waits {
@@ -148,7 +148,7 @@ impl Swing {
             let most = config.swing.step >> 1;
             self.back = self
                 .back
-                .saturating_add(left.clamp(most.wrapping_neg(), most));
+                .saturating_add(left.max(most.wrapping_neg()).min(most));
         }
         // Past a third of the way it turns round where a rotor stays behind.
         let furthest = if gives_up {
