@@ -128,10 +128,10 @@ impl Running {
         }
     }
 
-    /// Ctrl-C.
+    /// Ends it as Ctrl-C does, by a signal that a shell's background jobs do not ignore.
     pub fn interrupt(&self) {
         let id = self.child.id().to_string();
-        let sent = Command::new("kill").args(["-INT", &id]).status();
+        let sent = Command::new("kill").args(["-TERM", &id]).status();
         assert!(sent.unwrap().success());
     }
 }
