@@ -1,6 +1,6 @@
 //! What a current-loop interrupt does: [`CurrentLoop::period`] on the motor's registers, timed.
 
-use crate::config::{BOARD, configured};
+use crate::config::{BOARD, config};
 use crate::debug_view::{DRIVE_VIEW, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Encoder;
@@ -65,7 +65,7 @@ where
 {
     /// A loop at rest, as it is configured. The registers are of one motor, and so there is one loop for it.
     pub(crate) fn new(registers: Registers<T, X, Y, E>) -> Self {
-        let config = &configured().drive.current_loops[MOTOR];
+        let config = &config().current_loops[MOTOR];
         let motor = &MOTORS[MOTOR];
         motor.exchange.start(config);
         // SAFETY: nobody reads it but the loop that this makes.

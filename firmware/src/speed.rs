@@ -1,6 +1,6 @@
 //! The speed task's interrupt: the application's step on this board, timed.
 
-use crate::config;
+use crate::config::{self, config};
 use crate::debug_view::{DRIVE_VIEW, count, keep_max};
 use crate::hw::analog::Watches;
 use crate::hw::cycles;
@@ -80,7 +80,7 @@ impl Speed {
     /// The task at rest. Its scale is one, and so there is one speed task.
     pub(crate) fn new(scale: Scale, watches: Watches, wired: Wired) -> Self {
         // SAFETY: the task does not run yet.
-        unsafe { config::task() }.write(SpeedTask::new(config::config()));
+        unsafe { config::task() }.write(SpeedTask::new(config()));
         Self {
             board: Board {
                 scale,
@@ -99,7 +99,7 @@ impl Speed {
         // SAFETY: written before there was a `Speed`, of which there is one, borrowed for as long.
         let control = unsafe { config::task().assume_init_mut() };
         let parts = SpeedParts {
-            config: config::config(),
+            config: config(),
             words: config::words(),
             telemetry: &TELEMETRY,
             view,

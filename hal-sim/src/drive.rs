@@ -193,7 +193,7 @@ impl Drive {
         Ok(())
     }
 
-    /// Configures it anew while it goes on. The current loops and the compensation's orders are to stay the same.
+    /// Configures it while it goes on. The current loops keep theirs, in which a drive that began aligned has its angles.
     pub fn configure(&mut self, config: DriveConfig) {
         let before = self.code.config.current_loops;
         self.code.config = DriveConfig {

@@ -416,14 +416,12 @@ impl Server {
                     commander.start_anew();
                     Ok(())
                 }
-                Err(NotSet::Unfit(unfit)) => return said(&unfit),
-                Err(NotSet::Refused(refusal)) => Err(refusal),
+                Err(error) => return not_set(&error),
             },
             Command::Store if !at_rest(drive.state()) => Err(Refusal::Moving),
             Command::Store => match drive.store() {
                 Ok(()) => Ok(()),
-                Err(NotSet::Unfit(unfit)) => return said(&unfit),
-                Err(NotSet::Refused(refusal)) => Err(refusal),
+                Err(error) => return not_set(&error),
             },
             Command::Inject(injection) => drive.inject(injection),
         };
@@ -510,6 +508,13 @@ fn settings(settings: &Settings, from: u16) -> Reply {
         }
     }
     Reply::Settings(some)
+}
+
+fn not_set(error: &NotSet) -> Reply {
+    match error {
+        NotSet::Unfit(unfit) => said(unfit),
+        NotSet::Refused(refusal) => Reply::Refused(refusal.word()),
+    }
 }
 
 fn said(unfit: &Unfit) -> Reply {

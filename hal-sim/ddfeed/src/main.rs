@@ -43,7 +43,7 @@ fn main() -> ExitCode {
         Task::Identify(options) => identify::run(&options),
         Task::Serve(options) => serve::run(&options),
         Task::Drive(options) => drive::run(&options),
-        Task::Compensate(options) => compensate::run(&options),
+        Task::Compensate(options) => compensate::run(&options).map(drop),
         Task::Settings(options) => {
             drive::reference(&options);
             Ok(())

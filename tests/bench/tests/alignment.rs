@@ -7,6 +7,7 @@ use control::alignment::Reason;
 use control::encoder::Interface;
 use control::fault::Part;
 use hal_sim::boards::BoardKind;
+use hal_sim::start::Start;
 use plant::Axis;
 
 /// Largest error of the electrical angle, degrees; furthest that the table may move, m; largest torque, N m.
@@ -124,21 +125,26 @@ fn an_index_that_is_passed_while_locating_is_no_motion() {
     }
 }
 
+/// So many of the board's machines of which friction holds the rotors at every angle are aligned.
+fn the_held_are_aligned(board: BoardKind, make: fn(BoardKind, u64) -> Start, count: usize) {
+    let held = (0..).map(|seed| (seed, make(board, seed)));
+    for (seed, start) in held.filter(|(_, start)| margin_nm(start) > 0.0).take(count) {
+        let outcome = switch_on(&start).unwrap();
+        assert!(outcome.is_ready(), "{board:?}, seed {seed}: {outcome:?}");
+        let (error, travel) = (outcome.error_deg_worst(), outcome.travel_m);
+        assert!(
+            error < ERROR_DEG && travel < TRAVEL_M,
+            "{board:?}, seed {seed}: {error} degrees of {ERROR_DEG}, {travel} m of {TRAVEL_M}"
+        );
+    }
+}
+
 /// On the boards' own machines, where friction holds the rotors at every angle; where it does not, one that leaves an angle where
 /// it just stands goes on to the next by itself.
 #[test]
 fn the_boards_own_machines_are_aligned_where_friction_holds_their_rotors() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
-        let held = (0..).map(|seed| (seed, of_board(board, seed)));
-        for (seed, start) in held.filter(|(_, start)| margin_nm(start) > 0.0).take(10) {
-            let outcome = switch_on(&start).unwrap();
-            assert!(outcome.is_ready(), "{board:?}, seed {seed}: {outcome:?}");
-            let (error, travel) = (outcome.error_deg_worst(), outcome.travel_m);
-            assert!(
-                error < ERROR_DEG && travel < TRAVEL_M,
-                "{board:?}, seed {seed}: {error} degrees of {ERROR_DEG}, {travel} m of {TRAVEL_M}"
-            );
-        }
+        the_held_are_aligned(board, of_board, 10);
     }
 }
 
@@ -147,16 +153,7 @@ fn the_boards_own_machines_are_aligned_where_friction_holds_their_rotors() {
 #[test]
 fn elastic_friction_misleads_no_direction() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
-        let held = (0..).map(|seed| (seed, unknown(board, seed)));
-        for (seed, start) in held.filter(|(_, start)| margin_nm(start) > 0.0).take(20) {
-            let outcome = switch_on(&start).unwrap();
-            assert!(outcome.is_ready(), "{board:?}, seed {seed}: {outcome:?}");
-            let (error, travel) = (outcome.error_deg_worst(), outcome.travel_m);
-            assert!(
-                error < ERROR_DEG && travel < TRAVEL_M,
-                "{board:?}, seed {seed}: {error} degrees of {ERROR_DEG}, {travel} m of {TRAVEL_M}"
-            );
-        }
+        the_held_are_aligned(board, unknown, 20);
     }
 }
 

@@ -12,7 +12,7 @@ use link::telemetry::Real;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::time::Duration;
-use tests::bench::{Bench, READY, firmware};
+use tests::bench::{Bench, READY, firmware, plate_of};
 use tests::chip::Reset;
 use tests::chip::wiring::Wiring;
 use tests::wire::Wires;
@@ -353,6 +353,24 @@ fn what_is_learned_can_be_kept() -> Result<()> {
 /// Longest from the command to its reply, after which each step of the speed task has the new gain.
 const GAIN_HOLDS: Duration = Duration::from_millis(10);
 
+/// The words that the speed task works on have the proportional gains of these settings.
+fn runs_with(session: &Session, settings: &Settings) -> Result<bool> {
+    /// From its begin to where the gains are, bytes.
+    const SEARCHED: u32 = 7000;
+    let plate = settings.plate(&plate_of(Wiring::Nucleo).board);
+    let loops = plate
+        .config()
+        .map_err(|misfit| anyhow!(misfit))?
+        .speed_loops;
+    let bench = session.bench.borrow();
+    let held = bench.image.demangled("firmware::config::HELD");
+    let held = held.map_err(|e| anyhow!(e))?;
+    let bytes = bench.emulator.bytes(held, SEARCHED as usize);
+    let bytes = bytes.map_err(|e| anyhow!(e))?;
+    let has = |gain: i32| bytes.chunks(4).any(|word| word == gain.to_le_bytes());
+    Ok(loops.iter().all(|one| has(one.k_pw.to_bits())))
+}
+
 #[test]
 fn a_gain_holds_within_10_ms_while_the_motors_turn() -> Result<()> {
     let mut session = Session::open(LINES[0].1)?;
@@ -364,9 +382,12 @@ fn a_gain_holds_within_10_ms_while_the_motors_turn() -> Result<()> {
         id: gain.id,
         value: WireValue::Real(Real::new(150.0)),
     })?;
+    let (old, new) = (own(), with(own(), &[("tuning.speed_rad_s", 150.0)])?);
+    ensure!(runs_with(&session, &old)? && !runs_with(&session, &new)?);
     let asked = session.client.now();
     session.client.tell(Command::Commit)?;
     let took = session.client.now() - asked;
+    ensure!(runs_with(&session, &new)? && !runs_with(&session, &old)?);
     println!("the gain holds after {took:?}");
     ensure!(took < GAIN_HOLDS, "the gain holds after {took:?}");
     session.attend(0.5)?;

@@ -65,7 +65,7 @@ pub struct Compensation {
 }
 
 /// Reads, turns and predicts; writes the settings that are asked for.
-pub fn find(options: &CompensateOptions) -> Result<Compensation> {
+fn find(options: &CompensateOptions) -> Result<Compensation> {
     let model = Model::load(&options.model)
         .with_context(|| format!("the model {}", options.model.display()))?;
     let load_nm = model.feed.load_n * model.feed.travel_per_radian();
@@ -140,9 +140,15 @@ fn places(options: &CompensateOptions, model: &Model) -> Result<Vec<Place>> {
 }
 
 /// Finds and prints.
-pub fn run(options: &CompensateOptions) -> Result<()> {
-    let Compensation { known, predicted } = find(options)?;
-    let lists = lists(&known);
+pub fn run(options: &CompensateOptions) -> Result<Compensation> {
+    let found = find(options)?;
+    print(options, &found);
+    Ok(found)
+}
+
+fn print(options: &CompensateOptions, found: &Compensation) {
+    let Compensation { known, predicted } = found;
+    let lists = lists(known);
     if options.json {
         let report = json!({
             "orders": lists.iter().flat_map(|(what, unit, plates)| plates.iter().map(move |plate| json!({
@@ -160,7 +166,7 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
             })).collect::<Vec<_>>(),
         });
         println!("{report}");
-        return Ok(());
+        return;
     }
     println!("What repeats with an angle, as Re((re + j im) e^(j order angle)):");
     for (what, unit, plates) in &lists {
@@ -219,7 +225,6 @@ pub fn run(options: &CompensateOptions) -> Result<()> {
             println!("\n`--settings FILE` writes them for `ddfeed drive settings import FILE`.")
         }
     }
-    Ok(())
 }
 
 /// The orders that there are, by what they are of and their unit.

@@ -82,7 +82,8 @@ fn alignment_notice(settings: &Settings) -> String {
     } = settings;
     format!(
         "The drive does not know its rotor angles and aligns its motors now:\n  \
-         each motor moves by itself by up to {:.1} degrees, then both turn together at up to {} rpm, once each way;\n  \
+         each motor moves by itself by up to {:.1} degrees; both swing together by 30 electrical degrees;\n  \
+         then both turn together at up to {} rpm, once each way;\n  \
          torque at most {} N m (screw) and {} N m (nut); the table moves by at most {} um;\n  \
          it takes 3 to 8 s, at most {} s. Ctrl-C, the enable switch or `drive stop` interrupt it.",
         alignment.travel_um * 1e-3 / settings.feed.lead_mm * 360.0,

@@ -247,9 +247,7 @@ impl Journey {
             &known,
         ];
         let options = parsed::<Compensate>(&words)?.options;
-        compensate::run(&options).context("compensate")?;
-        fs::remove_file(&known)?;
-        let found = compensate::find(&options)?;
+        let found = compensate::run(&options).context("compensate")?;
         self.row.ripple_predicted = Some(together(
             found.predicted.iter().map(|one| one.after.rms_percent),
         ));

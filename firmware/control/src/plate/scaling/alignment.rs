@@ -4,6 +4,7 @@ use super::{attempt, positive, profile, within};
 use crate::base::format::{Current, MechanicalSpeed, Misfit, Speed, Voltage, quantise};
 use crate::current::encoder::Interface;
 use crate::plate::{DrivePlate, MotorPlate};
+use crate::speed::alignment::swing::FULL;
 use crate::speed::alignment::{
     AlignmentConfig, LONGEST_S, MotorAlignment, ProbeConfig, RotorSwing, SwingConfig, WiringConfig,
 };
@@ -143,7 +144,7 @@ impl DrivePlate {
             swing: SwingConfig {
                 furthest: turns(swing).cast_signed(),
                 step: turns(swing * step / SWING_S).cast_signed(),
-                ramp: (1024.0 * step / SWING_EASE_S + 1.0) as i32,
+                ramp: (FULL as f64 * step / SWING_EASE_S + 1.0) as i32,
                 late: turns(LATE * travel),
                 waits: steps(SWING_WAITS_S, step),
                 steps: steps(SWING_MAX_S, step),

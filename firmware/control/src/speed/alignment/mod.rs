@@ -26,7 +26,7 @@ mod locate;
 mod pair;
 mod probe;
 mod reason;
-mod swing;
+pub(crate) mod swing;
 mod turn;
 mod vector;
 mod wiring;

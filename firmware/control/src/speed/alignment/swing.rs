@@ -225,7 +225,7 @@ impl Swing {
 }
 
 /// The swing's speed, in its parts.
-const FULL: i32 = 1024;
+pub(crate) const FULL: i32 = 1024;
 
 /// `2 pi` in 2^-10.
 const TURN: i64 = 6434;
