@@ -134,7 +134,7 @@ impl Lines {
         self.ports = Some((Both { serial, up, down }, keeper));
     }
 
-    /// A look at all lines: what came is answered, and what waits goes. `readers` holds off who reads the configuration.
+    /// A look at all lines: what came is answered, and what waits goes. `readers` holds off the tasks that read the configuration.
     pub(crate) fn step(
         &mut self,
         orders: &mut impl Mutex<T = Orders>,

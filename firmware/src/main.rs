@@ -55,7 +55,7 @@ mod app {
     struct Shared {
         orders: Orders,
         journal: &'static mut Journal,
-        /// Who reads the configuration: the speed task and what is below it.
+        /// Tasks that read the configuration: the speed task and those below it.
         readers: (),
     }
 

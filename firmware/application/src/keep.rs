@@ -91,7 +91,7 @@ impl<F: NorFlash> Keeper<F> {
         }
     }
 
-    /// Stores settings that fit: those that the drive runs on, or those that it starts anew with.
+    /// Stores settings that fit: those that the drive runs on, or those of its next start.
     ///
     /// # Errors
     /// [`NotSet`]; nothing is changed then.

@@ -229,7 +229,7 @@ pub fn run<L: Line>(
 }
 
 fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
-    let begun = session.uptime_s();
+    let begun = session.time_s();
     session.ready()?;
     let rest = session.noise()?;
     let mut quantities = Vec::new();
@@ -251,7 +251,7 @@ fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
         machine: None,
         motors: None,
         step: Step::Start,
-        seconds: session.uptime_s() - begun,
+        seconds: session.time_s() - begun,
         quantities,
         limits: Vec::new(),
     })
@@ -290,7 +290,7 @@ fn electrical_step<L: Line>(
     options: &Options,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Done> {
-    let (begun, old) = (session.uptime_s(), *session.settings());
+    let (begun, old) = (session.time_s(), *session.settings());
     session.arm()?;
     let travel_m = TOGETHER_M.min(options.travel_m);
     let found = electrical::measure(session, electrical::SPEEDS, travel_m, progress)?;
@@ -359,7 +359,7 @@ fn electrical_step<L: Line>(
         machine: None,
         motors: Some(motors),
         step: Step::Electrical,
-        seconds: session.uptime_s() - begun,
+        seconds: session.time_s() - begun,
         quantities,
         limits: limits([
             ("current of the screw's motor", "A", screw),
@@ -375,7 +375,7 @@ fn mechanical_step<L: Line>(
     base_acceleration_rpm_s: Option<f64>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Done> {
-    let (begun, old) = (session.uptime_s(), *session.settings());
+    let (begun, old) = (session.time_s(), *session.settings());
     session.arm()?;
     let found = mechanical::measure(session, options.travel_m, progress)?;
     let mut new = found.applied(&old);
@@ -473,7 +473,7 @@ fn mechanical_step<L: Line>(
             load_nm: found.load_nm.value,
         }),
         step: Step::Mechanical,
-        seconds: session.uptime_s() - begun,
+        seconds: session.time_s() - begun,
         quantities,
         limits: limits([
             ("torque of the screw's motor", "N m", screw),
@@ -484,7 +484,7 @@ fn mechanical_step<L: Line>(
 }
 
 fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<Done> {
-    let (begun, old) = (session.uptime_s(), *session.settings());
+    let (begun, old) = (session.time_s(), *session.settings());
     let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
     let proposal = propose(&old, options.wanted(&old), period_s, step_s)?;
     if proposal.settings != old {
@@ -495,7 +495,7 @@ fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<D
         machine: None,
         motors: None,
         step: Step::Tuning,
-        seconds: session.uptime_s() - begun,
+        seconds: session.time_s() - begun,
         quantities: proposal.quantities,
         limits: Vec::new(),
     })
@@ -506,7 +506,7 @@ fn angle_step<L: Line>(
     options: &Options,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Done> {
-    let (begun, old) = (session.uptime_s(), *session.settings());
+    let (begun, old) = (session.time_s(), *session.settings());
     session.arm()?;
     let travel_m = TOGETHER_M.min(options.travel_m);
     let found = electrical::measure(session, electrical::FAST, travel_m, progress)?;
@@ -542,7 +542,7 @@ fn angle_step<L: Line>(
         machine: None,
         motors: None,
         step: Step::Angle,
-        seconds: session.uptime_s() - begun,
+        seconds: session.time_s() - begun,
         quantities,
         limits: limits([
             ("current of the screw's motor", "A", screw),

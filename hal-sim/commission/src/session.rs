@@ -70,7 +70,9 @@ pub struct Session<L> {
     aligned: [(f64, f64); 2],
     bus_v: f64,
     pwm_period_s: f64,
+    /// Since the drive last started, and what it ran before that since the session began.
     uptime_ms: u32,
+    earlier_ms: u32,
     now: f64,
     beaten: (f64, Instant),
     looked: f64,
@@ -88,6 +90,7 @@ impl<L: Line> Session<L> {
     pub fn open(mut client: Client<L>, stop: Arc<AtomicBool>) -> Result<Self> {
         let settings = client.settings()?;
         let pwm_period_s = 1.0 / client.pwm_hz();
+        let uptime_ms = client.status()?.uptime_ms;
         let clock = client.now();
         Ok(Self {
             client,
@@ -97,7 +100,8 @@ impl<L: Line> Session<L> {
             aligned: [(0.0, 1.0); 2],
             bus_v: 0.0,
             pwm_period_s,
-            uptime_ms: 0,
+            uptime_ms,
+            earlier_ms: 0,
             now: 0.0,
             beaten: (0.0, clock),
             looked: 0.0,
@@ -163,10 +167,18 @@ impl<L: Line> Session<L> {
         }))
     }
 
-    /// The drive's time, s.
+    /// The drive's time over its restarts, s.
     #[must_use]
-    pub fn uptime_s(&self) -> f64 {
-        f64::from(self.uptime_ms) * 1e-3
+    pub fn time_s(&self) -> f64 {
+        (f64::from(self.earlier_ms) + f64::from(self.uptime_ms)) * 1e-3
+    }
+
+    fn see_time(&mut self, uptime_ms: u32) {
+        if uptime_ms < self.uptime_ms {
+            // It has started again.
+            self.earlier_ms = self.earlier_ms.saturating_add(self.uptime_ms);
+        }
+        self.uptime_ms = uptime_ms;
     }
 
     /// How many alignments were tried again.
@@ -201,7 +213,7 @@ impl<L: Line> Session<L> {
         let (mut tries, mut first) = (ALIGNMENTS, None);
         let status = loop {
             let status = self.client.status()?;
-            self.uptime_ms = status.uptime_ms;
+            self.see_time(status.uptime_ms);
             match State::of_words(status.state, status.fault) {
                 Some(State::Ready) => break status,
                 Some(State::Unaligned) => {
@@ -375,7 +387,7 @@ impl<L: Line> Session<L> {
         let begun = self.client.status()?.uptime_ms;
         loop {
             let status = self.client.status()?;
-            self.uptime_ms = status.uptime_ms;
+            self.see_time(status.uptime_ms);
             match State::of_words(status.state, status.fault) {
                 Some(State::Running | State::Holding | State::Stopping)
                     if f64::from(status.uptime_ms.wrapping_sub(begun)) < ARRIVE_S * 1e3 =>
@@ -401,7 +413,7 @@ impl<L: Line> Session<L> {
         if self.now - self.looked >= LOOK_S {
             self.looked = self.now;
             let status = self.client.status()?;
-            self.uptime_ms = status.uptime_ms;
+            self.see_time(status.uptime_ms);
             if let Some(State::Fault(fault)) = State::of_words(status.state, status.fault) {
                 bail!(stopped(fault, &status));
             }

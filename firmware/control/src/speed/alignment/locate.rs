@@ -4,7 +4,7 @@
 //! breaks away where that passes what holds it. So the break-away vectors of one direction end on a line along the flux,
 //! those of the other on a second one opposite; friction and a held load are how far the lines are from zero, and move neither's
 //! direction. Eight directions 45 degrees apart are tried, each with a growing current. `sum(+-1/i * (cos, sin))` points along the
-//! axis of torque: what is left of `1/i` where the limit moves nothing is symmetric about it, and eight directions hold
+//! axis of torque: `1/i` where the limit moves nothing is symmetric about it, and eight directions hold
 //! its first harmonic apart from all but the seventh and ninth.
 //!
 //! Friction is elastic before it slides, and remembers how it was left. So the axis is known to some tens of degrees only: that

@@ -7,7 +7,7 @@
 //! has the sign of that. Friction and a load drop out of it, as they are the same on both sides.
 //!
 //! The ball pair's friction may carry one motor's torque over to the other, so only the sum of both is known. What torque depends on the
-//! angle adds to it. Three swings tell all apart, with currents across of both, of the nut turned round, and of the screw turned round:
+//! angle adds to it. Three swings separate all of them, with currents across of both, of the nut turned round, and of the screw turned round:
 //! the first less the second is twice the nut's, the first less the third twice the screw's.
 
 use super::{AlignmentConfig, MotorAlignment, MotorSeen, Reason, RotorSwing};
@@ -43,7 +43,7 @@ pub(super) struct Swing {
     steps: u16,
     /// Steps that it has waited for a rotor.
     waited: u16,
-    /// How far both should be from where they began, and how much of the table's way back is behind, 2^-32 turn.
+    /// How far both should be from their start, and how far the table has been moved back, 2^-32 turn.
     asked: i32,
     back: i32,
     /// How far the table was away when the swing began.
