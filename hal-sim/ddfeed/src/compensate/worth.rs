@@ -23,7 +23,7 @@ pub fn compensated(plain: &DrivePlate, known: &Known) -> DrivePlate {
     }
 }
 
-/// Leaves out what a restart loses and what brings no gain. What is left, with the ripple that it makes.
+/// Leaves out what a restart loses and what brings no gain. Gives the rest, with its ripple.
 pub fn worth(
     setup: &Setup,
     plain: &DrivePlate,
