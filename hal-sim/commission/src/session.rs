@@ -70,9 +70,11 @@ pub struct Session<L> {
     aligned: [(f64, f64); 2],
     bus_v: f64,
     pwm_period_s: f64,
-    /// Since the drive last started, and what it ran before that since the session began.
+    /// The drive's time: since its last start, ms, and what it ran before that, ms.
     uptime_ms: u32,
     earlier_ms: u32,
+    /// When the session first saw that time, ms.
+    origin_ms: Option<u32>,
     now: f64,
     beaten: (f64, Instant),
     looked: f64,
@@ -90,7 +92,6 @@ impl<L: Line> Session<L> {
     pub fn open(mut client: Client<L>, stop: Arc<AtomicBool>) -> Result<Self> {
         let settings = client.settings()?;
         let pwm_period_s = 1.0 / client.pwm_hz();
-        let uptime_ms = client.status()?.uptime_ms;
         let clock = client.now();
         Ok(Self {
             client,
@@ -100,8 +101,9 @@ impl<L: Line> Session<L> {
             aligned: [(0.0, 1.0); 2],
             bus_v: 0.0,
             pwm_period_s,
-            uptime_ms,
+            uptime_ms: 0,
             earlier_ms: 0,
+            origin_ms: None,
             now: 0.0,
             beaten: (0.0, clock),
             looked: 0.0,
@@ -167,13 +169,20 @@ impl<L: Line> Session<L> {
         }))
     }
 
-    /// The drive's time over its restarts, s.
+    /// The drive's time over its restarts, since the session first saw it, s.
     #[must_use]
     pub fn time_s(&self) -> f64 {
-        (f64::from(self.earlier_ms) + f64::from(self.uptime_ms)) * 1e-3
+        let [earlier, now, origin] = [
+            self.earlier_ms,
+            self.uptime_ms,
+            self.origin_ms.unwrap_or(self.uptime_ms),
+        ]
+        .map(f64::from);
+        (earlier + now - origin) * 1e-3
     }
 
     fn see_time(&mut self, uptime_ms: u32) {
+        self.origin_ms.get_or_insert(uptime_ms);
         if uptime_ms < self.uptime_ms {
             // It has started again.
             self.earlier_ms = self.earlier_ms.saturating_add(self.uptime_ms);
@@ -210,6 +219,7 @@ impl<L: Line> Session<L> {
     /// A fault, which says what the drive found.
     pub fn ready(&mut self) -> Result<()> {
         let begun = self.client.status()?.uptime_ms;
+        self.see_time(begun);
         let (mut tries, mut first) = (ALIGNMENTS, None);
         let status = loop {
             let status = self.client.status()?;
