@@ -35,17 +35,17 @@ fn the_boards_configurations_stay() {
     });
     let expected = [
         [
-            0xee07_8146_68d5_f025,
+            0x1457_300f_6878_4091,
             0x4359_3a24_e95d_23dc,
             0xb629_1f5b_aef8_23e6,
         ],
         [
-            0x7390_441e_e5dc_8e49,
+            0x3fd3_7b8f_d366_69a5,
             0x4359_3a24_e95d_23dc,
             0xb629_1f5b_aef8_23e6,
         ],
         [
-            0x7fd3_ba7f_f675_b4d8,
+            0x0e48_6248_7f33_04e8,
             0xb9d5_0739_5b6b_06b2,
             0xd80a_8929_da2b_4d92,
         ],
@@ -201,6 +201,6 @@ fn the_configurations_of_drawn_settings_stay() {
         }
         digest(&all)
     });
-    let expected = [0x6a01_fccc_c3e8_f90b, 0xca63_6d40_ba98_88b0];
+    let expected = [0x6c4c_a9c7_5186_3151, 0x9316_1ed5_a916_d0e2];
     assert_eq!(measured, expected, "measured {measured:#x?}");
 }

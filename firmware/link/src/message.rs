@@ -169,6 +169,19 @@ impl Injected {
             _ => None,
         }
     }
+
+    /// The least and the largest amount, in its unit; `None` where it has none.
+    #[must_use]
+    pub const fn range(self) -> Option<[f64; 2]> {
+        match self {
+            Self::EncoderSlip => Some([-360.0, 360.0]),
+            Self::OpenPhase => Some([1.0, 3.0]),
+            Self::Bus => Some([0.0, 1000.0]),
+            Self::Load => Some([-1e5, 1e5]),
+            Self::CurrentOffset => Some([-100.0, 100.0]),
+            _ => None,
+        }
+    }
 }
 
 codes! {
@@ -182,10 +195,10 @@ codes! {
         Velocity = 6, "velocity", "The feed may not move that fast: see the setting feed.velocity_max_mm_s.";
         MotorSpeed = 7, "motor speed", "A motor may not turn that fast: see the settings screw.speed_max_rpm and nut.speed_max_rpm.";
         Moving = 8, "moving", "The drive is moving: `stop` it first.";
-        Distance = 9, "distance", "So far the drive cannot move at once: give a shorter distance, but not none, at a speed above 0.";
+        Distance = 9, "distance", "The drive cannot move by this distance in one move: give at least one count of the scale (setting feed.scale_count_nm), at most 2^31 counts, and a speed above 0.";
         Setting = 10, "setting", "There is no such setting, or it may not have that value.";
         Real = 11, "not simulated", "The drive is no simulated one, and gets its faults from the world.";
-        Injection = 12, "injection", "There is no such fault to put in, or not by that amount.";
+        Injection = 12, "injection", "There is no such fault to put in, or it cannot have that amount: `drive inject list` prints all with their ranges.";
         AtRest = 13, "at rest", "Only a drive that runs takes this: move it first.";
         Current = 14, "current", "There is no such motor, or the current is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
         Angle = 15, "angle", "There is no such motor, its angle is not known, or it is further off than an alignment can be: 30 electrical degrees.";

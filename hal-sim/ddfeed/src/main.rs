@@ -3,7 +3,7 @@
 
 mod completions;
 
-use clap::{CommandFactory, Parser, Subcommand};
+use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
 use ddfeed::{compensate, drive, identify, serve, simulate};
 use std::process::ExitCode;
 
@@ -35,10 +35,22 @@ enum Task {
     Completions(completions::CompletionsOptions),
 }
 
+/// Every value may be a negative number: an option's own range then says what is possible.
+fn with_negative_numbers(command: Command) -> Command {
+    command
+        .mut_args(|argument| match argument.get_action().takes_values() {
+            true => argument.allow_negative_numbers(true),
+            false => argument,
+        })
+        .mut_subcommands(with_negative_numbers)
+}
+
 fn main() -> ExitCode {
     // Ends quietly on a broken pipe: `ddfeed ... | head`.
     sigpipe::reset();
-    let result = match Arguments::parse().command {
+    let matches = with_negative_numbers(Arguments::command()).get_matches();
+    let arguments = Arguments::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    let result = match arguments.command {
         Task::Simulate(options) => simulate::run(&options),
         Task::Identify(options) => identify::run(&options),
         Task::Serve(options) => serve::run(&options),

@@ -12,8 +12,8 @@ impl Folder {
     pub fn open(path: &Path) -> Result<Self> {
         let say = || {
             format!(
-                "the output folder {} cannot be written: name another with --out, or check its permissions and that \
-                 no file stands in its way",
+                "the output folder {} cannot be written: name another, or check its permissions and that no file stands \
+                 in its way",
                 path.display()
             )
         };
@@ -65,6 +65,12 @@ pub fn put_new(file: &Path, text: &str) -> Result<()> {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
     };
+    ensure!(
+        folder.is_dir(),
+        "{} cannot be written: there is no folder {}",
+        file.display(),
+        folder.display()
+    );
     Folder::open(folder)?.put_text(name, text)
 }
 

@@ -214,7 +214,16 @@ pub fn save(
         Ok(())
     })?;
     let (summary, outcome, header) = ended.context("the recording did not end")?;
-    folder.put_text("model.toml", &model_file(&header, summary.interval_s))?;
+    // A model of the person's own stays.
+    let kept = std::fs::read_to_string(folder.path("model.toml"));
+    if kept.is_ok_and(|text| !text.starts_with(ABOUT)) {
+        eprintln!(
+            "{} is not a recording's and stays as it is",
+            folder.path("model.toml").display()
+        );
+    } else {
+        folder.put_text("model.toml", &model_file(&header, summary.interval_s))?;
+    }
     Ok((summary, outcome))
 }
 

@@ -86,9 +86,114 @@ fn faults_are_named_with_their_code_and_left() {
     assert_eq!(faults["last"][0]["fault"]["name"], "encoder, nut");
     served.fails(3, &["arm"]);
     let said = served.fails(1, &["inject", "bus"]);
-    assert!(said.contains("--amount in V"), "{said}");
+    assert!(said.contains("0 to 1000 V"), "{said}");
     let said = served.fails(1, &["inject", "gremlins"]);
     assert!(said.contains("encoder-slip"), "{said}");
+}
+
+/// What a first user types wrongly: the answer has the value, what is possible, and the option or setting.
+#[test]
+fn wrong_input_is_answered_with_what_is_possible() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (recorded, nowhere) = (path("r"), path("none/x.toml"));
+    served.printed(&["record", &recorded, "--duration", "0.2"]);
+    for (code, arguments, expected) in [
+        (
+            3,
+            &["settings", "set", "--yes", "alignment.travel_um=1000"][..],
+            "0.2 turns, but 0.0001 to 0.1 turns are possible",
+        ),
+        (
+            3,
+            &["settings", "set", "--yes", "screw.torque_max_nm=1000"],
+            "times too large for the drive's number format",
+        ),
+        (
+            1,
+            &["settings", "set", "screw.resistance_ohm=1"],
+            "screw.resistance_phase_ohm",
+        ),
+        (
+            1,
+            &["settings", "set", "brake.fited=on"],
+            "the nearest are brake.fitted,",
+        ),
+        (
+            1,
+            &["settings", "set", "feed.lead_mm=5", "feed.lead_mm=6"],
+            "set the same",
+        ),
+        (1, &["settings", "export", &nowhere], "there is no folder"),
+        (
+            1,
+            &["jog", "--nut-rpm", "99999"],
+            "--nut-rpm is 99999 rpm, but -78228 to 78228 rpm",
+        ),
+        (1, &["jog", "--duration", "-1"], "--duration is -1 s"),
+        (
+            1,
+            &["move", "0"],
+            "the distance is 0 mm, but up to 10000 mm",
+        ),
+        (1, &["move", "1e30"], "mm, but up to 10000 mm"),
+        (
+            1,
+            &["move", "1", "--table-speed", "-1"],
+            "--table-speed is -1 mm/s",
+        ),
+        (
+            1,
+            &["record", &recorded, "--name", "other"],
+            "how long to record is not said",
+        ),
+        (
+            1,
+            &["record", &recorded, "--duration", "0.2"],
+            "is there already: give another --name, or --replace",
+        ),
+        (
+            1,
+            &["inject", "load", "--amount", "1e9"],
+            "load has -100000 to 100000 N",
+        ),
+        (
+            1,
+            &["commission", "--arm", "--travel", "-5"],
+            "--travel is -5 mm, but 0.1 to 1000 mm",
+        ),
+    ] {
+        let said = served.fails(code, arguments);
+        assert!(said.contains(expected), "{arguments:?} said:\n{said}");
+    }
+    assert!(!folder.path().join("none").exists());
+    served.printed(&["record", &recorded, "--duration", "0.2", "--replace"]);
+    assert!(
+        served
+            .printed(&["inject", "list"])
+            .contains("load -100000 to 100000 N")
+    );
+    served.printed(&["settings", "set", "--yes", "brake.fitted=yes"]);
+    assert!(
+        served
+            .printed(&["settings", "get", "brake.fitted"])
+            .contains("= on")
+    );
+}
+
+/// A recording does not write over a model that a person has put beside it.
+#[test]
+fn a_recording_keeps_the_model_of_a_person() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let (out, model) = (
+        folder.path().display().to_string(),
+        folder.path().join("model.toml"),
+    );
+    std::fs::write(&model, "# Mine.\n").unwrap();
+    served.printed(&["record", &out, "--duration", "0.2"]);
+    assert_eq!(std::fs::read_to_string(&model).unwrap(), "# Mine.\n");
 }
 
 #[test]

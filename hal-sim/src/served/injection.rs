@@ -22,29 +22,16 @@ impl Possible {
         let motor = usize::from(injection.motor);
         let axis = *Axis::ALL.get(motor).ok_or(Refusal::Injection)?;
         let amount = injection.amount.get();
-        let range = match fault {
-            Injected::EncoderSlip => -360.0..=360.0,
-            Injected::OpenPhase => 1.0..=3.0,
-            Injected::Bus => 0.0..=1000.0,
-            Injected::Load => -1e5..=1e5,
-            Injected::CurrentOffset => -100.0..=100.0,
-            _ => {
-                return Ok(Self {
-                    fault,
-                    axis,
-                    amount,
-                });
-            }
-        };
-        if range.contains(&amount) {
-            Ok(Self {
+        let possible = fault
+            .range()
+            .is_none_or(|[least, most]| (least..=most).contains(&amount));
+        possible
+            .then_some(Self {
                 fault,
                 axis,
                 amount,
             })
-        } else {
-            Err(Refusal::Injection)
-        }
+            .ok_or(Refusal::Injection)
     }
 
     pub(super) fn put(&self, drive: &mut Drive, world: &mut World, setup: &Setup) {

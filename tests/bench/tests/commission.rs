@@ -95,10 +95,11 @@ fn a_cold_drive_measures_its_machine_within_five_percent() {
 }
 
 /// A sample of `cargo xtask bench commission`. Least squares took 4.5 % of the nut's inertia of machine 30 for its torque ripple;
-/// on 66 an elastic feed let the table stand where the motors had turned back, which hid two thirds of its mass.
+/// on 66 an elastic feed let the table stand where the motors had turned back, which hid two thirds of its mass. On 15 the speed
+/// loops that it proposes are slow: the alignment after it needs more than their integral to break a rotor away.
 #[test]
 fn drives_from_fifty_watts_to_five_kilowatts_are_commissioned_from_cold() {
-    for outcome in on_all_cores(&[1, 4, 9, 12, 30, 34, 66], |&seed| {
+    for outcome in on_all_cores(&[1, 4, 9, 12, 15, 30, 34, 66], |&seed| {
         commission(&any_size(seed), &USUAL).unwrap()
     }) {
         assert_eq!(outcome.failure, None);

@@ -61,11 +61,11 @@ codes! {
         LoopHung = 17, "current loop hung",
             "A current loop hung for two and a half periods, and a timer above it opened the bridges.";
         ScrewAlignment = 18, "alignment, screw",
-            "The screw's rotor could not be found: `misalignment` says why.";
+            "The screw's rotor could not be found: `drive status` gives the reason.";
         NutAlignment = 19, "alignment, nut",
-            "The nut's rotor could not be found: `misalignment` says why.";
+            "The nut's rotor could not be found: `drive status` gives the reason.";
         PairAlignment = 20, "alignment, screw and nut",
-            "Screw and nut do not go together: `misalignment` says why.";
+            "Screw and nut do not go together: `drive status` gives the reason.";
         ScrewAngle = 21, "angle, screw",
             "The screw's voltage is not the one of its encoder's angle: check the encoder's coupling and alignment, the motor's \
              phases and its plate data, and whether two of its current sensors have failed.";

@@ -453,6 +453,25 @@ impl<L: Line> Client<L> {
     }
 }
 
+/// What does not fit the drive's numbers, and by how much.
+fn misfit(name: &str, unit: &str, is: f64, [least, below]: [f64; 2]) -> String {
+    // A unit of the format's own: only the ratio says something.
+    if unit.starts_with("2^-n") {
+        return if is > below {
+            format!(
+                "{name} would be {:.3} times too large for the drive's number format",
+                is / below
+            )
+        } else {
+            format!(
+                "{name} would be too small for the drive's number format, by a factor of {:.3}",
+                least / is
+            )
+        };
+    }
+    format!("{name} would be {is} {unit}, but {least} to {below} {unit} are possible")
+}
+
 /// Where a setting does not fit: that it does with the value that it has.
 fn advised(error: anyhow::Error, held: &Settings, asked: &Settings) -> anyhow::Error {
     let Some(Refused::Unfit(sentence)) = error.downcast_ref() else {
@@ -499,10 +518,8 @@ fn unexpected(reply: &Reply) -> anyhow::Error {
                 _ => "the settings do not fit: ".to_owned(),
             };
             Refused::Unfit(format!(
-                "{begin}{name} would be {} {unit}, but the drive holds values from {:.3e} to {:.3e}",
-                is.get(),
-                least.get(),
-                below.get()
+                "{begin}{}",
+                misfit(name, unit, is.get(), [least.get(), below.get()])
             ))
             .into()
         }

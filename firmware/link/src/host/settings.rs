@@ -1,6 +1,6 @@
 //! Settings as a TOML file.
 
-use crate::settings::datasheet::spelled;
+use crate::settings::datasheet::{spelled, spellings};
 use crate::settings::{Kind, Setting, Settings, Value};
 use anyhow::{Context, Result, bail, ensure};
 use std::collections::HashMap;
@@ -95,11 +95,8 @@ fn read(name: &str, value: &Toml) -> Result<(Setting, Value)> {
         // A whole number is a convenient way to write it.
         (Kind::Real(_), Toml::Integer(x)) => Some(Value::Real(*x as f64 * factor)),
         (Kind::Whole(_), Toml::Integer(x)) => u32::try_from(*x).ok().map(Value::Whole),
-        (Kind::Choice(words), Toml::String(word)) => words
-            .iter()
-            .position(|known| known == word)
-            .and_then(|k| u8::try_from(k).ok())
-            .map(Value::Choice),
+        (Kind::Choice(words), Toml::String(word)) => choice(words, word),
+        (Kind::Choice(words), Toml::Boolean(on)) => choice(words, if *on { "on" } else { "off" }),
         _ => None,
     };
     let value =
@@ -116,13 +113,55 @@ fn read(name: &str, value: &Toml) -> Result<(Setting, Value)> {
     Ok((setting, value))
 }
 
-/// That there is no such setting, and the one that is spelled most like it.
+/// One of several words. Where these are `off` and `on`, other words for them count too.
+fn choice(words: &[&str], word: &str) -> Option<Value> {
+    let on_or_off = words.contains(&"on") && words.contains(&"off");
+    let word = match word {
+        "yes" | "true" if on_or_off => "on",
+        "no" | "false" if on_or_off => "off",
+        other => other,
+    };
+    let place = words.iter().position(|known| *known == word)?;
+    u8::try_from(place).ok().map(Value::Choice)
+}
+
+/// That there is no such setting. Names what is spelled most like it, in the same group where there is that group.
 fn unknown(name: &str) -> String {
-    let near = Settings::all()
-        .map(|setting| setting.to_string())
-        .min_by_key(|known| distance(known, name))
-        .unwrap_or_default();
-    format!("there is no setting {name}: {near} is the nearest")
+    let group = name.split_once('.').map(|(group, _)| group);
+    let known = || {
+        let settings = Settings::all().map(|setting| setting.to_string());
+        settings.chain(spellings())
+    };
+    let in_group = |known: &String| known.split_once('.').map(|(group, _)| group) == group;
+    let is_group = known().any(|known| in_group(&known));
+    let mut near: Vec<(usize, String)> = known()
+        .filter(|known| !is_group || in_group(known))
+        .map(|known| (unlike(&known, name), known))
+        .collect();
+    near.sort();
+    near.truncate(3);
+    let names: Vec<String> = near.into_iter().map(|(_, name)| name).collect();
+    let all = group.filter(|_| is_group).unwrap_or_default();
+    let all = if all.is_empty() {
+        String::new()
+    } else {
+        format!(" {all}")
+    };
+    format!(
+        "there is no setting {name}: the nearest are {}. `settings get{all}` prints all",
+        names.join(", ")
+    )
+}
+
+/// How unlike two names are: letters that change, less those of the words that they share.
+fn unlike(known: &str, name: &str) -> usize {
+    let words: Vec<&str> = name.split(['.', '_']).collect();
+    let shared: usize = known
+        .split(['.', '_'])
+        .filter(|word| words.contains(word))
+        .map(str::len)
+        .sum();
+    (distance(known, name) + 4 * name.len()).saturating_sub(4 * shared)
 }
 
 /// Changes of a letter from one name to the other (Levenshtein).
@@ -192,7 +231,10 @@ mod tests {
                 "feed.lead_mm is \"five\", but 0.01 to",
             ),
             ("[feed]\nlead_mm = nan", "feed.lead_mm is NaN, but"),
-            ("[feed]\nlead = 5", "no setting feed.lead: feed.lead_mm is"),
+            (
+                "[feed]\nlead = 5",
+                "no setting feed.lead: the nearest are feed.lead_mm,",
+            ),
             ("lead_mm = 5", "`lead_mm` is no group"),
             (
                 "[nut]\npole_pairs = 2.5",

@@ -92,6 +92,16 @@ pub fn spelled(name: &str) -> Option<(Setting, f64)> {
     Some((setting, spelling.factor))
 }
 
+/// The full names of all spellings.
+#[cfg(feature = "host")]
+pub fn spellings() -> impl Iterator<Item = String> {
+    ["screw", "nut"].into_iter().flat_map(|group| {
+        SPELLINGS
+            .iter()
+            .map(move |spelling| format!("{group}.{}", spelling.name))
+    })
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -218,11 +218,13 @@ fn print(options: &CompensateOptions, found: &Compensation) {
     }
     match &options.settings {
         Some(file) => println!(
-            "\n`ddfeed drive settings import {}` sets them.",
+            "\n`ddfeed drive --sim ADDRESS settings import {}` sets them; `--serial PORT` instead for a board.",
             file.display()
         ),
         None => {
-            println!("\n`--settings FILE` writes them for `ddfeed drive settings import FILE`.")
+            println!(
+                "\n`--settings FILE` writes them for `ddfeed drive --sim ADDRESS settings import FILE`."
+            )
         }
     }
 }

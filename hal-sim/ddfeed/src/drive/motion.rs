@@ -4,7 +4,7 @@ use super::connect::Drive;
 use super::options::{HomeOptions, InjectOptions, JogOptions, LeadOptions, Motor, MoveOptions};
 use super::status::{Seen, look};
 use crate::interrupt::ctrl_c;
-use anyhow::{Context, Result, bail};
+use anyhow::{Context, Result, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::{Fault, Misalignment, State};
 use link::message::{Command, Injected, Injection, Travel};
@@ -241,26 +241,46 @@ pub fn inject(drive: &mut Drive, options: &InjectOptions) -> Result<()> {
     let Some(fault) = Injected::ALL.iter().find(known) else {
         let list: Vec<String> = Injected::ALL
             .iter()
-            .map(|fault| format!("  {}: {}", fault.name(), fault.sentence()))
+            .map(|fault| format!("  {}{}: {}", fault.name(), amount(*fault), fault.sentence()))
             .collect();
+        if options.fault == "list" {
+            println!("{}", list.join("\n"));
+            return Ok(());
+        }
         bail!(
             "there is no fault `{}`:\n{}",
             options.fault,
             list.join("\n")
         );
     };
-    let amount = match (fault.unit(), options.amount) {
-        (Some(unit), None) => bail!("{} needs an --amount in {unit}", fault.name()),
+    let asked = match (fault.unit(), options.amount) {
+        (Some(_), None) => bail!("{} needs an --amount:{}", fault.name(), amount(*fault)),
         (None, Some(_)) => bail!("{} has no amount", fault.name()),
-        (_, amount) => amount.unwrap_or(0.0),
+        (_, asked) => asked.unwrap_or(0.0),
     };
+    if let Some([least, most]) = fault.range() {
+        ensure!(
+            (least..=most).contains(&asked),
+            "--amount is {asked}, but {} has{}",
+            fault.name(),
+            amount(*fault)
+        );
+    }
     drive.tell(Command::Inject(Injection {
         fault: fault.word(),
         motor: u8::from(options.motor == Motor::Nut),
-        amount: Real::new(amount),
+        amount: Real::new(asked),
     }))?;
     println!("{}", fault.sentence());
     Ok(())
+}
+
+/// The amounts that a fault may have, after a space; nothing where it has none.
+fn amount(fault: Injected) -> String {
+    match (fault.range(), fault.unit()) {
+        (Some([least, most]), Some(unit)) => format!(" {least} to {most} {unit}"),
+        _ => String::new(),
+    }
 }
 
 /// Ctrl-C, which brings the drive to rest.
@@ -268,16 +288,29 @@ pub fn caught() -> Result<Arc<AtomicBool>> {
     ctrl_c().context("Ctrl-C cannot be caught, and is what stops the drive")
 }
 
+/// Ends of the link's words for speeds, rad/s and m/s.
+const BASE_SPEED_END: f64 = i32::MAX as f64 / (1u64 << scale::BASE_SPEED) as f64;
+/// See [`BASE_SPEED_END`].
+const TABLE_VELOCITY_END: f64 = i32::MAX as f64 / (1u64 << scale::TABLE_VELOCITY) as f64;
+
 /// The command for a table velocity, m/s, and a base speed, rad/s; none: that of the drive's table.
 pub fn speeds(velocity: f64, base: Option<f64>) -> Result<Command> {
     let base_word = |base: f64| {
         scale::word(base, scale::BASE_SPEED).with_context(|| {
-            format!("a base speed of {base} rad/s cannot be said: 8192 rad/s are the end")
+            format!(
+                "--nut-rpm is {:.0} rpm, but -{most:.0} to {most:.0} rpm are possible",
+                base * 60.0 / TAU,
+                most = BASE_SPEED_END * 60.0 / TAU
+            )
         })
     };
     Ok(Command::Run {
         velocity: scale::word(velocity, scale::TABLE_VELOCITY).with_context(|| {
-            format!("a table velocity of {velocity} m/s cannot be said: 8 m/s are the end")
+            format!(
+                "--table-speed is {} mm/s, but -{most:.0} to {most:.0} mm/s are possible",
+                1e3 * velocity,
+                most = 1e3 * TABLE_VELOCITY_END
+            )
         })?,
         base: base.map(base_word).transpose()?,
     })

@@ -174,12 +174,7 @@ pub struct CommissionOptions {
 #[derive(Args, Debug)]
 pub struct JogOptions {
     /// Table velocity, mm/s.
-    #[arg(
-        long,
-        value_name = "MM_S",
-        default_value_t = 0.0,
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_name = "MM_S", default_value_t = 0.0)]
     pub table_speed: f64,
     #[command(flatten)]
     pub lead: LeadOptions,
@@ -192,7 +187,7 @@ pub struct JogOptions {
 #[derive(Args, Debug)]
 pub struct MoveOptions {
     /// How far, mm.
-    #[arg(value_name = "MM", allow_negative_numbers = true)]
+    #[arg(value_name = "MM")]
     pub distance: f64,
     /// Largest table velocity on the way, mm/s.
     #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
@@ -219,7 +214,7 @@ pub struct HomeOptions {
 pub struct LeadOptions {
     /// Nut speed, rpm; 0 is the single drive (CDFS). Left out, it is that of the drive's own table (the settings `base`), which is
     /// 0 until one is set.
-    #[arg(long, value_name = "RPM", allow_negative_numbers = true)]
+    #[arg(long, value_name = "RPM")]
     pub nut_rpm: Option<f64>,
     /// Arm it first, as `arm` does.
     #[arg(long)]
@@ -229,13 +224,13 @@ pub struct LeadOptions {
 /// A fault.
 #[derive(Args, Debug)]
 pub struct InjectOptions {
-    /// Which; `clear` takes all of them out. A name that there is none of lists them.
+    /// Which; `clear` takes all of them out, and `list` prints them with their amounts.
     pub fault: String,
     /// Whose it is.
     #[arg(long, value_enum, default_value_t = Motor::Screw)]
     pub motor: Motor,
     /// How much, in the fault's unit.
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long)]
     pub amount: Option<f64>,
 }
 
@@ -318,6 +313,8 @@ pub enum SettingsTask {
     },
 }
 
+/// Largest distance of a move, mm.
+const MOST_MOVE_MM: f64 = 1e4;
 /// How long to record from a trigger on, if nothing is said, s.
 const AFTER_TRIGGER_S: f64 = 1.0;
 /// Most that is kept of what came before a trigger, s: 300,000 rows.
@@ -331,6 +328,9 @@ pub struct RecordOptions {
     /// The recording's name in it: `fit` and `check` are what `identify` is usually given.
     #[arg(long, default_value = "record")]
     pub name: String,
+    /// Replace a recording of that name.
+    #[arg(long)]
+    pub replace: bool,
     /// Samples a second: 5000, or that divided by a whole number.
     #[arg(long, default_value_t = FULL_RATE)]
     pub rate: u32,
@@ -389,7 +389,11 @@ impl Task {
                 );
             }
             Task::Move(travel) => {
-                finite("the distance", travel.distance)?;
+                ensure!(
+                    travel.distance.abs() > 0.0 && travel.distance.abs() <= MOST_MOVE_MM,
+                    "the distance is {} mm, but up to {MOST_MOVE_MM} mm either way are possible, and 0 is no move",
+                    travel.distance
+                );
                 finite("--nut-rpm", travel.lead.nut_rpm.unwrap_or_default())?;
                 ensure!(
                     travel.table_speed > 0.0 && travel.table_speed.is_finite(),
@@ -400,10 +404,16 @@ impl Task {
             Task::Home(home) => finite("--nut-rpm", home.lead.nut_rpm.unwrap_or_default())?,
             Task::Record(record) => {
                 divider(record.rate)?;
+                ensure!(
+                    record.duration.is_some()
+                        || record.trigger.is_some()
+                        || !record.hold.is_empty(),
+                    "how long to record is not said: give --duration S, or --hold MM_S,RPM,S for each operating point"
+                );
                 let seconds = record.seconds();
                 ensure!(
                     seconds.is_finite() && seconds > 0.0,
-                    "nothing to record for {seconds} s: give --duration, or --hold MM_S,RPM,S for each operating point"
+                    "--duration is {seconds} s, but a time above 0 is needed"
                 );
                 ensure!(
                     (0.0..=MOST_PAST_S).contains(&record.past),

@@ -8,7 +8,7 @@ use crate::output::Folder;
 use crate::record::{Recorder, save};
 use crate::session::divider;
 use crate::trigger::{Gate, Trigger};
-use anyhow::{Context, Result, anyhow, bail};
+use anyhow::{Context, Result, anyhow, bail, ensure};
 use hal_sim::hold_ripple::{bandwidth_hz, ripple_interval_s, ripples};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::State;
@@ -27,6 +27,12 @@ const SILENT: Duration = Duration::from_secs(2);
 /// Records.
 pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     let trigger = trigger(options)?;
+    let file = options.dir.join(format!("{}.csv.gz", options.name));
+    ensure!(
+        options.replace || !file.exists(),
+        "{} is there already: give another --name, or --replace",
+        file.display()
+    );
     let folder = Folder::open(&options.dir)?;
     let request = Request {
         divider: divider(options.rate)?,

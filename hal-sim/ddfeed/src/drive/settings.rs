@@ -12,6 +12,7 @@ use link::message::Command;
 use link::settings::{Effect, EncoderInterface, MotorSettings, Setting, Settings, Value};
 use link::telemetry::{Frame, Header, Request};
 use serde_json::{Map, json};
+use std::collections::HashMap;
 use std::fs;
 use std::io::IsTerminal;
 use std::path::Path;
@@ -26,12 +27,15 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
             settings: words,
             restart,
         } => {
-            let mut new = settings;
+            let (mut new, mut said) = (settings, HashMap::new());
             for word in words {
                 let (name, value) = word
                     .split_once('=')
                     .with_context(|| format!("`{word}` is no NAME=VALUE, as in feed.lead_mm=10"))?;
                 let (setting, value) = of_words(name.trim(), value.trim())?;
+                if let Some(before) = said.insert(setting.id, name) {
+                    bail!("{before} and {name} set the same: leave one out");
+                }
                 new.set(setting.id, value)?;
             }
             announce_restart(drive, &settings, &new, *restart)?;

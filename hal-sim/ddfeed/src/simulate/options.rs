@@ -14,18 +14,13 @@ pub struct Options {
     #[command(subcommand)]
     pub kind: Option<Kind>,
     /// Table velocity, mm/s.
-    #[arg(long, default_value_t = 2.5, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 2.5)]
     pub table_speed: f64,
     /// Nut speeds, rpm; 0 is the single drive (CDFS).
-    #[arg(
-        long,
-        value_delimiter = ',',
-        default_value = "0,300,500,800",
-        allow_negative_numbers = true
-    )]
+    #[arg(long, value_delimiter = ',', default_value = "0,300,500,800")]
     pub nut_rpm: Vec<f64>,
     /// Length of each record, s.
-    #[arg(long, default_value_t = RECORD_S, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = RECORD_S)]
     pub duration: f64,
     /// Which machine, with which sensors.
     #[command(flatten)]
@@ -58,7 +53,7 @@ pub struct SweepOptions {
     )]
     pub nut_rpm: Vec<f64>,
     /// Length of each record, s.
-    #[arg(long, default_value_t = 1.0, allow_negative_numbers = true)]
+    #[arg(long, default_value_t = 1.0)]
     pub duration: f64,
     /// Beside it the same of a drive that compensates what the model says repeats.
     #[arg(long)]
@@ -102,7 +97,7 @@ pub struct MachineOptions {
     #[arg(long)]
     pub model: Option<PathBuf>,
     /// Load at each motor, N m. [default: the machine's own, 1 N m on the paper's]
-    #[arg(long, allow_negative_numbers = true)]
+    #[arg(long)]
     pub load: Option<f64>,
     /// What measures the machine. [default: what a model file declares; real on a preset]
     #[arg(long, value_enum)]

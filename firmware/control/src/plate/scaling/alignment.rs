@@ -1,7 +1,7 @@
 //! The alignment's plate -> its limits, times and thresholds in the formats of its steps.
 
 use super::{attempt, positive, profile, within};
-use crate::base::format::{Current, MechanicalSpeed, Misfit, Speed, Voltage, quantise};
+use crate::base::format::{Current, MechanicalSpeed, Misfit, Speed, SpeedGain, Voltage, quantise};
 use crate::current::encoder::Interface;
 use crate::plate::{DrivePlate, MotorPlate};
 use crate::speed::alignment::swing::FULL;
@@ -51,6 +51,10 @@ const ALONG: f64 = 0.9;
 const CATCH_UP: f64 = 0.25;
 /// Seconds that it waits for a rotor that is held, before it turns round.
 const SWING_WAITS_S: f64 = 100e-3;
+/// Seconds in which the torque of a rotor that friction holds grows from none to its limit.
+const BREAK_AWAY_S: f64 = 0.3;
+/// Largest gain of a swing's catching up: its product with an angle is within 2^62.
+const GAIN_MAX: f64 = 2_147_483_648.0;
 /// Part of the travel that a rotor may be behind before the others wait.
 const LATE: f64 = 0.06;
 /// What is motion: counts of the encoder, and a part of the travel.
@@ -62,6 +66,8 @@ const ACCELERATION: f64 = 0.25;
 const EASE_S: f64 = 20e-3;
 /// Electrical turns that a measurement lasts at least.
 const MEASURED_TURNS: f64 = 2.0;
+/// One, in the bits of a speed loop's gain.
+const SPEED_GAIN_ONE: f64 = (1u32 << SpeedGain::FRAC_NBITS) as f64;
 /// Turns in which an index is passed, and a little more.
 const INDEX_TURNS: f64 = 1.25;
 /// Part of the turning's speed above which the back-EMF is listened to.
@@ -221,6 +227,14 @@ impl DrivePlate {
         let step = self.speed_step();
         let catch_up = CATCH_UP * self.tuning.speed_rad_s * TAU * pole_pairs;
         let limit_current = attempt!(current("alignment's torque limit", limit));
+        // A a second per electrical rad/s; a loop without an integral has none.
+        let integral = speed_loop.k_iw_step.to_bits() as f64 / SPEED_GAIN_ONE / step;
+        let half_late = LATE * self.alignment.travel_m / self.feed.lead_m / 2.0;
+        let break_away = if integral > 0.0 {
+            ALONG * limit / (BREAK_AWAY_S * integral * half_late)
+        } else {
+            0.0
+        };
         let (kick, clear) = self.kick(motor, limit);
         Ok(MotorAlignment {
             limit: limit_current,
@@ -255,7 +269,8 @@ impl DrivePlate {
                     swing * TAU * pole_pairs / SWING_S,
                     16
                 ))),
-                gain: (catch_up * 65_536.0) as i64,
+                gain: bounded(catch_up * 65_536.0, GAIN_MAX),
+                break_away_gain: bounded(break_away * 65_536.0, GAIN_MAX),
                 torque_per_ampere: (self.torque_part(motor) * 32_768.0) as i32,
                 speed_loop: SpeedLoopConfig {
                     i_max: attempt!(current("alignment's current along", ALONG * limit)),
@@ -298,6 +313,12 @@ const fn motion([screw, nut]: [&MotorPlate; 2], travel: f64) -> u32 {
     let counts = MOTION_COUNTS / coarser as f64;
     let part = MOTION * travel;
     turns(if counts > part { counts } else { part })
+}
+
+/// A whole number that is `most` at most.
+#[allow(clippy::cast_possible_truncation)]
+const fn bounded(value: f64, most: f64) -> i64 {
+    (if value < most { value } else { most }) as i64
 }
 
 /// Turns in 2^-32; fewer than one.

@@ -90,6 +90,8 @@ pub struct RotorSwing {
     pub speed: Speed,
     /// Speed that is added for each 2^-32 turn that it is behind, 2^-48 electrical rad/s.
     pub gain: i64,
+    /// The same for what is past half of [`SwingConfig::late`], and no more than that half.
+    pub break_away_gain: i64,
     /// Torque of an ampere, 2^-15 of the stronger motor's.
     pub torque_per_ampere: i32,
     /// Its speed loop, within what the current across leaves of the limit.

@@ -179,7 +179,8 @@ impl Swing {
             // Within 2^31: a speed of some hundred rad/s in 2^-16.
             let speed = (limits.swing.speed.to_bits() / FULL).wrapping_mul(self.speed);
             let speed = along(motor, speed);
-            rotor.step(limits, seen, behind, Speed::from_bits(speed), held);
+            let late = config.swing.late;
+            rotor.step(limits, seen, behind, late, Speed::from_bits(speed), held);
             // Electrical, 2^-16 turn, in the encoder's direction; a torque in 2^-15 of the larger motor's at 2^-12 A: a product within 2^46.
             let x = i64::from(moved.wrapping_mul(limits.pole_pairs.cast_signed()) >> 16);
             *sum = sum.saturating_add(limits.swing.product(rotor.asked, x));
@@ -244,11 +245,19 @@ impl Rotor {
         config: &MotorAlignment,
         seen: &MotorSeen,
         behind: i32,
+        late: u32,
         speed: Speed,
         held: bool,
     ) {
-        // 2^-32 turn times the gain in 2^-32: 2^-16 rad/s, within 2^31.
-        let catch_up = i64::from(behind).wrapping_mul(config.swing.gain) >> 32;
+        // A rotor that friction holds is behind by more than half of what is late. Its integral then grows at a rate that is the same
+        // for slow speed loops.
+        let half = (late >> 1).cast_signed();
+        let more = behind.saturating_sub(behind.min(half).max(half.saturating_neg()));
+        let more = more.min(half).max(half.saturating_neg());
+        // 2^-32 turn times the gain in 2^-32: 2^-16 rad/s. Both products are within 2^62.
+        let catch_up = i64::from(behind).wrapping_mul(config.swing.gain);
+        let break_away = i64::from(more).wrapping_mul(config.swing.break_away_gain);
+        let catch_up = catch_up.saturating_add(break_away) >> 32;
         let catch_up = catch_up.clamp(i64::from(i32::MIN), i64::from(i32::MAX));
         #[allow(clippy::cast_possible_truncation)]
         let omega_e = speed.saturating_add(Speed::from_bits(catch_up as i32));
