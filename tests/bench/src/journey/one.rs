@@ -29,8 +29,9 @@ const CHECK: [(f64, f64, f64); 4] = [
     (2.4, 450.0, 1.5),
     (-2.4, 450.0, 1.5),
 ];
-/// Where the ripple is compared: the single drive and the double drive.
-const COMPARED: [(f64, f64, f64); 2] = [(1.0, 0.0, 3.0), (-1.0, 300.0, 3.0)];
+/// Where the ripple is compared: the single drive and the double drive. At a speed of whole counts of the scale a window, the scale's
+/// rounding repeats, and makes anything from nothing to twice its usual part.
+const COMPARED: [(f64, f64, f64); 2] = [(1.0318, 0.0, 3.0), (-1.0318, 300.0, 3.0)];
 
 /// What came of a machine. Ripples are root mean squares by the table's scale as `record` prints them, %, over both holds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]

@@ -44,9 +44,12 @@ const SWING_S: f64 = 0.15;
 const SWING_EASE_S: f64 = 30e-3;
 /// Three swings have four such ways each, and may wait as often as it likes for a rotor within this time, s.
 const SWING_MAX_S: f64 = 6.0;
-/// Parts of the torque limit across the axis and along it: together less than all.
+/// Parts of the torque limit across the axis and along it: together less than all. The motor with fewer pole pairs swings by fewer
+/// electrical degrees, and has more across for that, and less along.
 const ACROSS: f64 = 0.3;
+const ACROSS_MOST: f64 = 0.6;
 const ALONG: f64 = 0.9;
+const ALONG_LEAST: f64 = 0.74;
 /// Part of the speed loop's cutoff with which a rotor catches up.
 const CATCH_UP: f64 = 0.25;
 /// Seconds that it waits for a rotor that is held, before it turns round.
@@ -225,13 +228,21 @@ impl DrivePlate {
         let pole_pairs = motor.pole_pairs as f64;
         let limit = ASKED * torque_nm / (pole_pairs * motor.flux_wb);
         let step = self.speed_step();
+        let across = ACROSS * SWING / (swing * pole_pairs);
+        let across = if across < ACROSS_MOST {
+            across
+        } else {
+            ACROSS_MOST
+        };
+        let more = (across - ACROSS) / (ACROSS_MOST - ACROSS);
+        let along = ALONG + more * (ALONG_LEAST - ALONG);
         let catch_up = CATCH_UP * self.tuning.speed_rad_s * TAU * pole_pairs;
         let limit_current = attempt!(current("alignment's torque limit", limit));
         // A a second per electrical rad/s; a loop without an integral has none.
         let integral = speed_loop.k_iw_step.to_bits() as f64 / SPEED_GAIN_ONE / step;
         let half_late = LATE * self.alignment.travel_m / self.feed.lead_m / 2.0;
         let break_away = if integral > 0.0 {
-            ALONG * limit / (BREAK_AWAY_S * integral * half_late)
+            along * limit / (BREAK_AWAY_S * integral * half_late)
         } else {
             0.0
         };
@@ -262,7 +273,7 @@ impl DrivePlate {
                 ..speed_loop
             },
             swing: RotorSwing {
-                across: attempt!(current("alignment's current across", ACROSS * limit)),
+                across: attempt!(current("alignment's current across", across * limit)),
                 speed: Speed::from_bits(attempt!(quantise(
                     "alignment's speed of the swing",
                     "electrical rad/s",
@@ -273,7 +284,7 @@ impl DrivePlate {
                 break_away_gain: bounded(break_away * 65_536.0, GAIN_MAX),
                 torque_per_ampere: (self.torque_part(motor) * 32_768.0) as i32,
                 speed_loop: SpeedLoopConfig {
-                    i_max: attempt!(current("alignment's current along", ALONG * limit)),
+                    i_max: attempt!(current("alignment's current along", along * limit)),
                     ..speed_loop
                 },
             },

@@ -53,6 +53,8 @@ pub(super) struct Swing {
     from: Option<[Angle; 2]>,
     rotors: [Rotor; 2],
     swing: u8,
+    /// How often all three were repeated.
+    again: u8,
     /// Of each swing, the sum of both torques times the angle.
     sums: [i64; 3],
 }
@@ -165,9 +167,16 @@ impl Swing {
             }
             phase => phase,
         };
+        if usize::from(self.swing) == SWINGS.len() {
+            if let Some(end) = self.conclude() {
+                return end;
+            }
+            (self.swing, self.steps) = (0, 0);
+            self.again = self.again.saturating_add(1);
+        }
         let swing = usize::from(self.swing);
         let (Some(round), Some(sum)) = (SWINGS.get(swing), self.sums.get_mut(swing)) else {
-            return self.conclude();
+            return SwingStep::Failed(self.late(), Reason::Unsteady);
         };
         let mut currents = [[Current::ZERO; 2]; 2];
         let rotors = self.rotors.iter_mut().zip(&config.motors).zip(seen);
@@ -181,11 +190,13 @@ impl Swing {
             let speed = along(motor, speed);
             let late = config.swing.late;
             rotor.step(limits, seen, behind, late, Speed::from_bits(speed), held);
-            // Electrical, 2^-16 turn, in the encoder's direction; a torque in 2^-15 of the larger motor's at 2^-12 A: a product within 2^46.
-            let x = i64::from(moved.wrapping_mul(limits.pole_pairs.cast_signed()) >> 16);
+            // 2^-16 turn. The pair's friction carries torque from one motor to the other: by the mechanical angle, which is the same for
+            // both, that drops out of the sum. A torque in 2^-15 of the larger motor's at 2^-12 A: a product within 2^46.
+            let x = i64::from(moved >> 16);
             *sum = sum.saturating_add(limits.swing.product(rotor.asked, x));
             if self.swing == 0 {
-                let radians = x.wrapping_mul(TURN) >> 16;
+                let electrical = moved.wrapping_mul(limits.pole_pairs.cast_signed()) >> 16;
+                let radians = i64::from(electrical).wrapping_mul(TURN) >> 16;
                 let expected = limits.swing.product(limits.swing.across, x);
                 let expected = expected.wrapping_mul(radians) >> 10;
                 rotor.expected = rotor.expected.saturating_add(expected);
@@ -207,24 +218,27 @@ impl Swing {
         usize::from(nut.limited && !screw.limited)
     }
 
-    fn conclude(&self) -> SwingStep {
+    /// What the sums say; `None` if three more swings may say it better.
+    fn conclude(&self) -> Option<SwingStep> {
         let [both, nut_round, screw_round] = self.sums;
         let twice = [
             both.saturating_sub(screw_round),
             both.saturating_sub(nut_round),
         ];
-        let mut reversed = [false; 2];
-        let rotors = self.rotors.iter().zip(twice).zip(&mut reversed);
-        for (motor, ((rotor, twice), reversed)) in rotors.enumerate() {
-            *reversed = twice > 0;
-            if twice.unsigned_abs() < rotor.expected.unsigned_abs() {
-                return SwingStep::Failed(motor, Reason::Unsteady);
-            }
+        let rotors = self.rotors.iter().zip(twice);
+        let unsure = rotors
+            .map(|(rotor, twice)| twice.unsigned_abs() < rotor.expected.unsigned_abs())
+            .position(|unsure| unsure);
+        match unsure {
+            None => Some(SwingStep::Found(twice.map(|twice| twice > 0))),
+            Some(_) if self.again < AGAIN => None,
+            Some(motor) => Some(SwingStep::Failed(motor, Reason::Unsteady)),
         }
-        SwingStep::Found(reversed)
     }
 }
 
+/// How often three swings are repeated that do not say enough.
+const AGAIN: u8 = 2;
 /// The swing's speed, in its parts.
 pub(crate) const FULL: i32 = 1024;
 
