@@ -157,6 +157,31 @@ fn elastic_friction_misleads_no_direction() {
     }
 }
 
+/// A motor with 2 pole pairs swings by a quarter of the electrical angle of one with 8. The pair's friction carries torque from one to
+/// the other: weighed by the electrical angles, it did not drop out of the sum, and directions were wrong.
+#[test]
+fn motors_of_few_and_of_many_pole_pairs_are_aligned() {
+    for (seed, pole_pairs) in
+        (0..12).map(|seed| (seed, if seed % 2 == 0 { [2, 8] } else { [8, 2] }))
+    {
+        let mut start = unknown(BoardKind::Mains, seed);
+        for (k, axis) in Axis::ALL.into_iter().enumerate() {
+            let motor = start.model.motor_mut(axis);
+            // The same torque of an ampere.
+            let flux = f64::from(motor.pole_pairs) / f64::from(pole_pairs[k]);
+            motor.pole_pairs = pole_pairs[k];
+            motor.flux_wb *= flux;
+            start.plate.motors[k].pole_pairs = pole_pairs[k];
+            start.plate.motors[k].flux_wb *= flux;
+        }
+        let outcome = switch_on(&start).unwrap();
+        assert!(
+            outcome.is_ready(),
+            "{pole_pairs:?}, seed {seed}: {outcome:?}"
+        );
+    }
+}
+
 #[test]
 fn what_is_wired_wrongly_is_named() {
     let mut wrong = Vec::new();
