@@ -259,6 +259,32 @@ fn settings_go_out_and_in_all_or_none() {
     assert!((model.screw.resistance_ohm - 1.7).abs() < 1e-9, "{model:?}");
 }
 
+/// A drive that compensates a dead time has bridges with that dead time. Simulated without it, what was compensated in excess
+/// stopped the drive by a fault.
+#[test]
+fn what_a_drive_compensates_its_simulated_bridges_have() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let (model, drive) = (path("model.toml"), path("drive.toml"));
+    std::fs::write(&model, plant::model::Model::coupled().to_toml()).unwrap();
+    let before = |dead_time_ns: &str| {
+        std::fs::write(&drive, format!("[bridge]\ndead_time_ns = {dead_time_ns}\n")).unwrap();
+        let output = ddfeed()
+            .args(["compensate", "--model", &model, "--drive", &drive])
+            .args(["--nut-rpm", "300", "--json"])
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{dead_time_ns} ns: {output:?}");
+        let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+        report["predicted"][0]["rms_before"].as_f64().unwrap()
+    };
+    let (none, some) = (before("0.0"), before("400.0"));
+    assert!(
+        (some / none - 1.0).abs() < 0.2,
+        "{none} % without, {some} % with a dead time"
+    );
+}
+
 /// What a model knows of a machine goes into the drive by commands alone.
 #[test]
 fn what_a_model_knows_becomes_settings() {

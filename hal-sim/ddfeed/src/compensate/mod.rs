@@ -99,6 +99,8 @@ fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
     setup.model.sensing.encoder = encoder_kind(&settings);
     // The simulated motors are the model's, with their angles known.
     let tuned = settings.plate(&plate.board);
+    // What the drive compensates, the bridges have. A recording shows what is left, and the model has that as an effect.
+    setup.board.dead_time_s = tuned.bridge.dead_time_s;
     Ok(DrivePlate {
         tuning: tuned.tuning,
         feed: tuned.feed,
