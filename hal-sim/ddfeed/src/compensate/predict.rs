@@ -3,7 +3,7 @@
 //! It is the figure that `record` prints: means over 1 ms by the table's scale, with its counts and its noise. The model is simulated
 //! with and without the compensation, as long as the hold that is compared. Between both spectra and that of the hold:
 //!
-//! - What the hold has between its lines stays.
+//! - The hold's noise floor stays.
 //! - A line that the model has too, up to a factor of [`SAME_LINE`], falls as it falls in the simulation: what carries a torque to the
 //!   table may be another in the model, and the compensation acts where the torque does.
 //! - Of any other line, the difference stays.
@@ -20,8 +20,11 @@ use std::f64::consts::TAU;
 
 /// Length of a simulated hold where none is recorded, s.
 pub const HOLD_S: f64 = 2.0;
-/// Lines around a line of which the median is what is between lines.
-const AROUND: usize = 20;
+/// Lines to each side of which the lower quartile gives the noise floor: a line of a speed that varies is broad.
+const AROUND: usize = 60;
+/// Mean of noise over its lower quartile, where each power is the sum of five: chi squared of 10 degrees of freedom has its lower
+/// quartile at 6.737.
+const MEAN_OF_QUARTILE: f64 = 10.0 / 6.737;
 /// Ratio of two amplitudes up to which they are of one line.
 const SAME_LINE: f64 = 3.0;
 /// Lines to each side over which a tone spreads, by its window.
@@ -124,15 +127,15 @@ fn left(measured: &[f64], without: &[f64], with: &[f64]) -> Vec<f64> {
             let around = k.saturating_sub(AROUND)..(k + AROUND + 1).min(measured.len());
             let mut near = measured[around].to_vec();
             near.sort_by(f64::total_cmp);
-            let between = near[near.len() / 2].min(measured[k]);
-            let line = (measured[k] - between).sqrt();
+            let floor = (MEAN_OF_QUARTILE * near[near.len() / 4]).min(measured[k]);
+            let line = (measured[k] - floor).sqrt();
             let [before, after] = [without[k].sqrt(), with[k].sqrt()];
             let is_same = before < SAME_LINE * line && line < SAME_LINE * before;
             let rest = match is_same {
                 true => line * (after / before).min(1.0),
                 false => line - before + after,
             };
-            between + rest * rest
+            floor + rest * rest
         })
         .collect()
 }

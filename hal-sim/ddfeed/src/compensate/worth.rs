@@ -30,9 +30,8 @@ pub fn worth(
     places: &[Place],
     mut known: Known,
 ) -> Result<(Known, Vec<Predicted>)> {
-    if setup.model.sensing.encoder == EncoderKind::Incremental {
-        leave_out_lost(setup, &mut known);
-    }
+    whole_orders(&mut known);
+    leave_out_lost(setup, &mut known);
     let runs = |plate: &DrivePlate| {
         let run = |place: &Place| {
             let recorded = place.recorded.as_ref();
@@ -93,34 +92,61 @@ fn slots(plate: &mut CompensationPlate) -> Vec<&mut OrderPlate> {
         .collect()
 }
 
-/// An incremental encoder without index counts from where its shaft stands when power comes up. Alignment then tells the electrical
-/// angle, and with it the phase of whole orders of that alone.
+/// What a motor repeats is of its whole turns. An order that was measured over some turns is off a whole one by less than this.
+const WHOLE: f64 = 0.02;
+
+/// Orders of a motor's turn that are measured as nearly whole are whole: over many turns the rest would turn their phase.
+fn whole_orders(known: &mut Known) {
+    let CompensationPlate { torque, angle, .. } = &mut known.compensation;
+    for order in torque
+        .iter_mut()
+        .flatten()
+        .chain(angle.iter_mut().flatten())
+    {
+        let whole = order.order.round();
+        if (order.order - whole).abs() < WHOLE {
+            order.order = whole;
+        }
+    }
+}
+
+/// After a restart an encoder with index and an absolute one tell where in its turn a rotor stands, and with it the phase of whole orders. An
+/// incremental encoder without index counts from where its shaft stands: alignment then tells the electrical angle, and with it the phase of
+/// whole orders of that alone.
 fn leave_out_lost(setup: &Setup, known: &mut Known) {
+    let incremental = setup.model.sensing.encoder == EncoderKind::Incremental;
     let Known {
         compensation, left, ..
     } = known;
-    let mut leave_out = |order: &mut OrderPlate, what: &str| {
+    let mut leave_out = |order: &mut OrderPlate, what: &str, why: &str| {
         if *order != OrderPlate::NONE {
-            left.push(format!(
-                "order {} of {what}: an incremental encoder without index loses its phase at a restart",
-                order.order
-            ));
+            left.push(format!("order {} of {what}: {why}", order.order));
             *order = OrderPlate::NONE;
         }
     };
+    const COUNTS: &str = "an incremental encoder without index loses its phase at a restart";
+    const TURNS: &str = "it is not a whole order of the turn, and loses its phase at a restart";
     for axis in Axis::ALL {
         let (k, name) = (axis.index(), axis.name());
         let pole_pairs = f64::from(setup.model.motor(axis).pole_pairs);
-        for order in &mut compensation.torque[k] {
-            if order.order % pole_pairs != 0.0 {
-                leave_out(order, &format!("the {name}'s torque"));
+        let orders = [
+            (&mut compensation.torque[k][..], "torque", pole_pairs),
+            (&mut compensation.angle[k][..], "encoder", f64::INFINITY),
+        ];
+        for (orders, of, known_again) in orders {
+            for order in orders {
+                let what = format!("the {name}'s {of}");
+                if order.order.fract() != 0.0 {
+                    leave_out(order, &what, TURNS);
+                } else if incremental && order.order % known_again != 0.0 {
+                    leave_out(order, &what, COUNTS);
+                }
             }
         }
-        for order in &mut compensation.angle[k] {
-            leave_out(order, &format!("the {name}'s encoder"));
-        }
     }
-    for order in &mut compensation.travel {
-        leave_out(order, "the lead");
+    if incremental {
+        for order in &mut compensation.travel {
+            leave_out(order, "the lead", COUNTS);
+        }
     }
 }
