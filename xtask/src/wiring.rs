@@ -1,7 +1,7 @@
 //! `cargo xtask wiring`: the drawing of the default board's wiring, from the table on its page.
 
 use anyhow::{Context, Result, ensure};
-use std::fmt::Write as _;
+use page::drawing::{Anchor, Form, NO_STROKE, Point, Shape};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -95,16 +95,16 @@ pub fn draw(root: &Path) -> Result<PathBuf> {
 }
 
 /// Distances, px.
-const ROW: usize = 19;
-const GAP: usize = 36;
-const TOP: usize = 138;
-const BOX: usize = 150;
+const ROW: f64 = 19.0;
+const GAP: f64 = 36.0;
+const TOP: f64 = 138.0;
+const BOX: f64 = 150.0;
 /// Left edges of the three columns of boxes.
-const LEFT: usize = 20;
-const CHIP: usize = 400;
-const RIGHT: usize = 780;
-const CHIP_WIDTH: usize = 150;
-const WIDTH: usize = RIGHT + BOX + 20;
+const LEFT: f64 = 20.0;
+const CHIP: f64 = 400.0;
+const RIGHT: f64 = 780.0;
+const CHIP_WIDTH: f64 = 150.0;
+const WIDTH: f64 = RIGHT + BOX + 20.0;
 
 const INK: &str = "#1b1f24";
 const POWER: &str = "#c2410c";
@@ -127,39 +127,33 @@ fn color(row: &Row) -> &'static str {
 #[must_use]
 pub fn drawing(rows: &[Row]) -> String {
     let (left, right): (Vec<_>, Vec<_>) = rows.iter().partition(|row| !row.at.starts_with("nut"));
-    let mut body = String::new();
+    let mut shapes = Vec::new();
     let mut bottom = TOP;
     for (rows, on_left) in [(left, true), (right, false)] {
-        bottom = bottom.max(column(&mut body, &rows, on_left));
+        bottom = bottom.max(column(&mut shapes, &rows, on_left));
     }
     boxed(
-        &mut body,
-        (CHIP, TOP - 30),
-        (CHIP_WIDTH, bottom - TOP + 30),
+        &mut shapes,
+        (CHIP, TOP - 30.0),
+        (CHIP_WIDTH, bottom - TOP + 30.0),
         "NUCLEO-G474RE",
     );
-    supply(&mut body);
-    let height = bottom + 24;
-    format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {WIDTH} {height}\" \
-         font-family=\"sans-serif\" font-size=\"11\" role=\"img\">\n\
-         <title>Wiring of the default board</title>\n\
-         <rect width=\"{WIDTH}\" height=\"{height}\" fill=\"#ffffff\"/>\n{body}</svg>\n"
-    )
+    supply(&mut shapes);
+    let size = (WIDTH, bottom + 24.0);
+    let paper = Shape::rectangle((0.0, 0.0), size, "#ffffff", NO_STROKE);
+    shapes.insert(0, paper);
+    page::drawing::drawing("Wiring of the default board", size, 11.0, &shapes).to_string()
 }
 
 /// Draws the boxes of one side and their lines to the Nucleo; returns where they end.
-fn column(body: &mut String, rows: &[&Row], on_left: bool) -> usize {
+fn column(shapes: &mut Vec<Shape>, rows: &[&Row], on_left: bool) -> f64 {
     let mut y = TOP;
-    let mut rest = rows;
-    while let Some(first) = rest.first() {
-        let of_one = rest.iter().take_while(|row| row.at == first.at).count();
-        let (these, others) = rest.split_at(of_one);
-        rest = others;
+    for these in rows.chunk_by(|a, b| a.at == b.at) {
         let edge = if on_left { LEFT } else { RIGHT };
-        boxed(body, (edge, y - 30), (BOX, of_one * ROW + 24), &first.at);
+        let height = these.len() as f64 * ROW + 24.0;
+        boxed(shapes, (edge, y - 30.0), (BOX, height), &these[0].at);
         for row in these {
-            wire(body, row, y, on_left);
+            wire(shapes, row, y, on_left);
             y += ROW;
         }
         y += GAP;
@@ -168,21 +162,22 @@ fn column(body: &mut String, rows: &[&Row], on_left: bool) -> usize {
 }
 
 /// A line from a pin to what it goes to.
-fn wire(body: &mut String, row: &Row, y: usize, on_left: bool) {
+fn wire(shapes: &mut Vec<Shape>, row: &Row, y: f64, on_left: bool) {
     let (from, to, near, far) = if on_left {
-        (LEFT + BOX, CHIP, CHIP - 6, LEFT + BOX - 8)
+        (LEFT + BOX, CHIP, CHIP - 6.0, LEFT + BOX - 8.0)
     } else {
-        (CHIP + CHIP_WIDTH, RIGHT, CHIP + CHIP_WIDTH + 6, RIGHT + 8)
+        (
+            CHIP + CHIP_WIDTH,
+            RIGHT,
+            CHIP + CHIP_WIDTH + 6.0,
+            RIGHT + 8.0,
+        )
     };
-    let (near_anchor, far_anchor) = if on_left {
-        ("end", "end")
-    } else {
-        ("start", "start")
-    };
+    let outside = if on_left { Anchor::End } else { Anchor::Start };
     let (inside, inside_anchor) = if on_left {
-        (CHIP + 8, "start")
+        (CHIP + 8.0, Anchor::Start)
     } else {
-        (CHIP + CHIP_WIDTH - 8, "end")
+        (CHIP + CHIP_WIDTH - 8.0, Anchor::End)
     };
     let stroke = color(row);
     let place = if row.arduino.is_empty() {
@@ -190,86 +185,56 @@ fn wire(body: &mut String, row: &Row, y: usize, on_left: bool) {
     } else {
         format!("{} ({})", row.header, row.arduino)
     };
-    let _ = writeln!(
-        body,
-        "<path d=\"M{from} {y}H{to}\" stroke=\"{stroke}\" stroke-width=\"1.4\"/>"
-    );
-    text(
-        body,
-        (near, y - 4),
-        near_anchor,
-        stroke,
-        &format!("{} · {}", row.functions[0], place),
-    );
-    text(body, (inside, y + 4), inside_anchor, INK, &row.pin);
-    text(body, (far, y + 4), far_anchor, INK, &row.line);
+    let function = format!("{} · {place}", row.functions[0]);
+    shapes.extend([
+        Shape::line((stroke, 1.4), [(from, y), (to, y)]),
+        Shape::text((near, y - 4.0), outside, stroke, function),
+        Shape::text((inside, y + 4.0), inside_anchor, INK, &row.pin),
+        Shape::text((far, y + 4.0), outside, INK, &row.line),
+    ]);
 }
 
 /// Supply, fuse, capacitors, and the stop in the enables.
-fn supply(body: &mut String) {
-    let y = 40;
-    let middle = CHIP + CHIP_WIDTH / 2;
-    let (screw, nut) = (LEFT + BOX / 2, RIGHT + BOX / 2);
+fn supply(shapes: &mut Vec<Shape>) {
+    let y = 40.0;
+    let middle = CHIP + CHIP_WIDTH / 2.0;
+    let (screw, nut) = (LEFT + BOX / 2.0, RIGHT + BOX / 2.0);
     boxed(
-        body,
-        (middle - 95, y - 26),
-        (190, 34),
+        shapes,
+        (middle - 95.0, y - 26.0),
+        (190.0, 34.0),
         "24 to 48 V, current limit",
     );
-    for (end, start) in [(screw, middle - 95), (nut, middle + 95)] {
-        let _ = writeln!(
-            body,
-            "<path d=\"M{start} {y}H{end}V{}\" fill=\"none\" stroke=\"{POWER}\" stroke-width=\"2.4\"/>",
-            TOP - 30
-        );
-        text(
-            body,
-            ((start + end) / 2, y - 6),
-            "middle",
-            POWER,
-            "fuse 10 A",
-        );
-        text(
-            body,
-            ((start + end) / 2, y + 15),
-            "middle",
-            POWER,
-            "1000 uF 63 V at the stage",
-        );
+    let words = |x, y, fill, words: &str| Shape::text((x, y), Anchor::Middle, fill, words);
+    for (end, start) in [(screw, middle - 95.0), (nut, middle + 95.0)] {
+        let center = f64::midpoint(start, end);
+        let points = [(start, y), (end, y), (end, TOP - 30.0)];
+        shapes.extend([
+            Shape::line((POWER, 2.4), points),
+            words(center, y - 6.0, POWER, "fuse 10 A"),
+            words(center, y + 15.0, POWER, "1000 uF 63 V at the stage"),
+        ]);
     }
-    text(
-        body,
-        (middle, y + 36),
-        "middle",
+    shapes.push(words(
+        middle,
+        y + 36.0,
         INK,
         "emergency stop: normally closed, one pole in each ENABLE wire, 10 kohm to ground behind it",
-    );
-    text(
-        body,
-        (middle, y + 52),
-        "middle",
+    ));
+    shapes.push(words(
+        middle,
+        y + 52.0,
         INK,
         "encoders and scale: RS-422 through AM26LV32E receivers at 3.3 V; all grounds meet at the stages' supply terminals",
-    );
+    ));
 }
 
-fn boxed(body: &mut String, (x, y): (usize, usize), (width, height): (usize, usize), name: &str) {
-    let _ = writeln!(
-        body,
-        "<rect x=\"{x}\" y=\"{y}\" width=\"{width}\" height=\"{height}\" rx=\"4\" fill=\"none\" stroke=\"{INK}\"/>"
-    );
-    let _ = writeln!(
-        body,
-        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\" font-weight=\"bold\" fill=\"{INK}\">{}</text>",
-        x + width / 2,
-        y + 14,
-        name
-    );
-}
-
-fn text(body: &mut String, (x, y): (usize, usize), anchor: &str, fill: &str, words: &str) {
-    let _ = writeln!(
-        body,
-        "<text x=\"{x}\" y=\"{y}\" text-anchor=\"{anchor}\" fill=\"{fill}\">{words}</text>"
-    );
+fn boxed(shapes: &mut Vec<Shape>, at: Point, size: Point, name: &str) {
+    let middle = (at.0 + size.0 / 2.0, at.1 + 14.0);
+    let radius = 4.0;
+    shapes.push(Shape {
+        form: Form::Box { at, size, radius },
+        ..Shape::rectangle(at, size, "none", (INK, 1.0))
+    });
+    shapes.push(Shape::text(middle, Anchor::Middle, INK, name).bold());
 }

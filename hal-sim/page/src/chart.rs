@@ -2,10 +2,11 @@
 //!
 //! The colours drawn here are the light theme's; `style.css` selects them by value and gives them another in the dark.
 
-use super::axis::Axis;
-use super::decimate::decimate;
-use super::document::escape;
-use super::labels::{Places, around};
+use crate::axis::Axis;
+use crate::decimate::decimate;
+use crate::labels::{Places, around};
+use crate::markup::Markup;
+use askama::Template;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::ops::Range;
@@ -86,7 +87,7 @@ pub struct Chart<'a> {
 }
 
 /// The chart as an `svg` element; a sentence where there is nothing to draw.
-pub fn chart(chart: &Chart) -> String {
+pub fn chart(chart: &Chart) -> Markup {
     let series: Vec<(Vec<(f64, f64)>, &Series)> = chart
         .series
         .iter()
@@ -116,10 +117,7 @@ pub fn chart(chart: &Chart) -> String {
         ))
     });
     let Some((x, y)) = spans else {
-        return format!(
-            "<p class=\"empty\">{}: nothing was recorded.</p>\n",
-            escape(chart.about)
-        );
+        return Markup::of(&Empty { about: chart.about });
     };
     svg(chart.about, (WIDTH, HEIGHT), |root| {
         draw(chart, root, &series, x, y)
@@ -127,7 +125,7 @@ pub fn chart(chart: &Chart) -> String {
 }
 
 /// A picture of `size` px, drawn [`SCALE`] times as large, as an `svg` element that fills its place.
-pub fn svg<F>(about: &str, size: (u32, u32), draw: F) -> String
+pub fn svg<F>(about: &str, size: (u32, u32), draw: F) -> Markup
 where
     F: FnOnce(&Root) -> Result<(), DrawError>,
 {
@@ -141,13 +139,27 @@ where
             .expect("a string takes every drawing");
     }
     let inner = body.split_once('>').map_or("", |(_, inner)| inner);
-    format!(
-        "<svg class=\"plot\" xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" role=\"img\" \
-         aria-label=\"{about}\">\n<title>{about}</title>{inner}",
-        size.0 * SCALE,
-        size.1 * SCALE,
-        about = escape(about),
-    )
+    Markup::of(&Plot {
+        about,
+        width: size.0 * SCALE,
+        height: size.1 * SCALE,
+        inner,
+    })
+}
+
+#[derive(Template)]
+#[template(path = "plot.svg")]
+struct Plot<'a> {
+    about: &'a str,
+    width: u32,
+    height: u32,
+    inner: &'a str,
+}
+
+#[derive(Template)]
+#[template(path = "empty.html")]
+struct Empty<'a> {
+    about: &'a str,
 }
 
 /// Where a picture is drawn.
@@ -295,9 +307,9 @@ mod tests {
             "labels at {places:?}: two in one place"
         );
         assert!(
-            svg.contains("a &lt;b&gt;"),
+            svg.contains("a &#60;b&#62;"),
             "no {:?} in:\n{svg}",
-            "a &lt;b&gt;"
+            "a &#60;b&#62;"
         );
     }
 }

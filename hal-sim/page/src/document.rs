@@ -1,23 +1,9 @@
-//! The shell that all reports share: escaping, numbers, legends, the self-contained page.
+//! The shell that all reports share: numbers, legends, figures, the self-contained page.
 
-use super::chart::Mark;
+use crate::chart::Mark;
+use crate::markup::Markup;
+use askama::Template;
 use plotters::style::RGBColor;
-
-/// `text` for use in HTML text and attributes.
-pub fn escape(text: &str) -> String {
-    text.chars()
-        .fold(String::with_capacity(text.len()), |mut out, c| {
-            match c {
-                '&' => out.push_str("&amp;"),
-                '<' => out.push_str("&lt;"),
-                '>' => out.push_str("&gt;"),
-                '"' => out.push_str("&quot;"),
-                '\'' => out.push_str("&#39;"),
-                c => out.push(c),
-            }
-            out
-        })
-}
 
 /// A value with two decimals, a dash where there is none.
 pub fn two(value: Option<f64>) -> String {
@@ -36,57 +22,66 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// A sentence for use in HTML, its units kept on the line of their numbers.
+/// A sentence with its units kept on the line of their numbers.
 pub fn sentence(text: &str) -> String {
     ["%", "rpm", "mm/s"]
         .iter()
-        .fold(escape(text), |text, unit| {
+        .fold(text.to_owned(), |text, unit| {
             text.replace(&format!(" {unit}"), &format!("\u{A0}{unit}"))
         })
 }
 
-/// The key of a chart: sample and name of each series. Names are escaped here.
-pub fn legend(entries: &[(RGBColor, Mark, String)]) -> String {
-    let entries: String = entries
-        .iter()
-        .map(|(RGBColor(r, g, b), mark, name)| {
-            let color = format!("#{r:02X}{g:02X}{b:02X}");
-            let sample = match mark {
-                Mark::Line(px) => format!("<path d=\"M0 7H28\" stroke=\"{color}\" stroke-width=\"{px}\"/>"),
-                Mark::Dot => format!("<circle cx=\"14\" cy=\"7\" r=\"4\" fill=\"{color}\"/>"),
-                Mark::Cross => format!("<path d=\"M9.5 2.5l9 9m0-9l-9 9\" stroke=\"{color}\" stroke-width=\"2.5\"/>"),
-                Mark::Ring => format!(
-                    "<circle cx=\"14\" cy=\"7\" r=\"4\" fill=\"none\" stroke=\"{color}\" stroke-width=\"1.5\"/>"
-                ),
-            };
-            format!(
-                "<li><svg class=\"key\" viewBox=\"0 0 28 14\" aria-hidden=\"true\">{sample}</svg>{}</li>\n",
-                escape(name)
-            )
-        })
-        .collect();
-    format!("<ul class=\"legend\">\n{entries}</ul>\n")
+/// The key of a chart: sample and name of each series.
+pub fn legend(entries: &[(RGBColor, Mark, String)]) -> Markup {
+    Markup::of(&Legend { entries })
 }
 
-/// A whole page. `title` is escaped here, `body` is HTML.
-pub fn document(title: &str, body: &str) -> String {
-    format!(
-        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\"/>\n\
-         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"/>\n\
-         <title>{title}</title>\n<style>\n{style}</style>\n</head>\n<body>\n<main>\n<h1>{title}</h1>\n{body}</main>\n\
-         </body>\n</html>\n",
-        title = escape(title),
-        style = include_str!("style.css"),
-    )
+#[derive(Template)]
+#[template(path = "legend.html")]
+struct Legend<'a> {
+    entries: &'a [(RGBColor, Mark, String)],
 }
 
-/// A plot as an SVG file of its own, with the style that themes it.
-pub fn standalone(plot: &str) -> String {
-    let style = format!(
-        "</title>\n<style>\nsvg {{ font-family: system-ui, sans-serif; }}\n{}</style>",
-        include_str!("style.css")
-    );
-    plot.replacen("</title>", &style, 1)
+fn hex(RGBColor(r, g, b): &RGBColor) -> String {
+    format!("#{r:02X}{g:02X}{b:02X}")
+}
+
+/// Parts of a page under one caption.
+pub fn figure(caption: &str, parts: &[Markup]) -> Markup {
+    Markup::of(&Figure { caption, parts })
+}
+
+#[derive(Template)]
+#[template(path = "figure.html")]
+struct Figure<'a> {
+    caption: &'a str,
+    parts: &'a [Markup],
+}
+
+/// A whole page, of the template of its body.
+pub fn document(title: &str, body: &impl Template) -> String {
+    let body = Markup::of(body);
+    Markup::of(&Document { title, body }).to_string()
+}
+
+#[derive(Template)]
+#[template(path = "document.html")]
+struct Document<'a> {
+    title: &'a str,
+    body: Markup,
+}
+
+/// A picture as an SVG file of its own, with the style that themes it.
+pub fn standalone(picture: &Markup) -> String {
+    let (before, after) = picture.split_once("</title>").unwrap_or((picture, ""));
+    Markup::of(&Standalone { before, after }).to_string()
+}
+
+#[derive(Template)]
+#[template(path = "standalone.svg")]
+struct Standalone<'a> {
+    before: &'a str,
+    after: &'a str,
 }
 
 #[cfg(test)]
@@ -94,11 +89,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn markup_in_text_is_escaped() {
-        assert_eq!(
-            escape("<b a='1'>\"&\""),
-            "&lt;b a=&#39;1&#39;&gt;&quot;&amp;&quot;"
+    fn markup_in_text_is_escaped_and_that_of_templates_is_not() {
+        let inner = figure("<b a='1'>\"&\"", &[]);
+        assert!(
+            inner.contains("<figcaption>&#60;b a=&#39;1&#39;&#62;&#34;&#38;&#34;</figcaption>"),
+            "{}",
+            &*inner
         );
+        let outer = figure("outer", std::slice::from_ref(&inner));
+        assert!(outer.contains(&*inner), "{}", &*outer);
     }
 
     #[test]

@@ -7,4 +7,7 @@ pub mod chart;
 pub mod check;
 mod decimate;
 pub mod document;
+pub mod drawing;
 mod labels;
+pub mod markup;
+pub mod table;

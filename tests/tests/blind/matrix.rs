@@ -1,8 +1,9 @@
 //! Which kind was told for which.
 
+use page::document::standalone;
+use page::drawing::{Anchor, Shape, drawing};
 use plant::effects::{AnyEffect, EffectModel};
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 /// Counts by what was there and what was found.
 #[derive(Default)]
@@ -44,36 +45,22 @@ impl Matrix {
 
     /// The matrix as a picture: what was there by rows, what was found by columns.
     pub fn svg(&self) -> String {
-        const CELL: usize = 26;
-        const LEFT: usize = 190;
+        const CELL: f64 = 26.0;
+        const LEFT: f64 = 190.0;
+        // The colours that a page's style gives others in the dark.
+        const INK: &str = "#1B1F24";
+        const LINE: (&str, f64) = ("#5A626B", 0.5);
         let names: Vec<&str> = AnyEffect::KINDS.iter().copied().chain([NOTHING]).collect();
-        let size = LEFT + CELL * names.len() + 10;
-        let mut svg = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {size} {size}\" font-family=\"sans-serif\" font-size=\"12\">\n\
-             <style>svg {{ background: #fff; color: #1b1f24; fill: currentColor }} \
-             @media screen and (prefers-color-scheme: dark) {{ svg {{ background: #14171a; color: #e8eaed }} }}</style>\n"
-        );
-        let _ = writeln!(
-            svg,
-            "<text x=\"12\" y=\"{}\" font-weight=\"bold\">has (rows),</text>\n\
-             <text x=\"12\" y=\"{}\" font-weight=\"bold\">told (columns)</text>",
-            LEFT - 30,
-            LEFT - 14
-        );
+        let size = LEFT + CELL * names.len() as f64 + 10.0;
+        let text = |at, anchor, words: &str| Shape::text(at, anchor, INK, words);
+        let mut shapes = vec![
+            text((12.0, LEFT - 30.0), Anchor::Start, "has (rows),").bold(),
+            text((12.0, LEFT - 14.0), Anchor::Start, "told (columns)").bold(),
+        ];
         for (k, name) in names.iter().enumerate() {
-            let at = LEFT + CELL * k + CELL / 2;
-            let _ = writeln!(
-                svg,
-                "<text x=\"{}\" y=\"{}\" text-anchor=\"end\">{name}</text>",
-                LEFT - 8,
-                at + 4
-            );
-            let _ = writeln!(
-                svg,
-                "<text transform=\"translate({},{}) rotate(-90)\">{name}</text>",
-                at + 4,
-                LEFT - 8
-            );
+            let at = LEFT + CELL * k as f64 + CELL / 2.0 + 4.0;
+            shapes.push(text((LEFT - 8.0, at), Anchor::End, name));
+            shapes.push(text((at, LEFT - 8.0), Anchor::Start, name).turned());
         }
         for (row, there) in names.iter().enumerate() {
             for (column, found) in names.iter().enumerate() {
@@ -82,28 +69,23 @@ impl Matrix {
                     .get(&((*there).to_owned(), (*found).to_owned()))
                     .copied()
                     .unwrap_or(0);
-                let (x, y) = (LEFT + CELL * column, LEFT + CELL * row);
+                let (x, y) = (LEFT + CELL * column as f64, LEFT + CELL * row as f64);
                 // Right, silent, a wrong name.
                 let fill = match (count, row == column, *found == NOTHING) {
                     (0, _, _) => "none",
-                    (_, true, _) => "#0b62a8",
-                    (_, _, true) => "#6b7280",
-                    _ => "#c2410c",
+                    (_, true, _) => "#0B62A8",
+                    (_, _, true) => "#5A626B",
+                    _ => "#C2410C",
                 };
-                let _ = writeln!(
-                    svg,
-                    "<rect x=\"{x}\" y=\"{y}\" width=\"{CELL}\" height=\"{CELL}\" fill=\"{fill}\" stroke=\"#8a929b\" stroke-width=\"0.5\"/>"
-                );
+                shapes.push(Shape::rectangle((x, y), (CELL, CELL), fill, LINE));
                 if count > 0 {
-                    let _ = writeln!(
-                        svg,
-                        "<text x=\"{}\" y=\"{}\" text-anchor=\"middle\" fill=\"#fff\">{count}</text>",
-                        x + CELL / 2,
-                        y + CELL / 2 + 4
-                    );
+                    let middle = (x + CELL / 2.0, y + CELL / 2.0 + 4.0);
+                    let count = count.to_string();
+                    shapes.push(Shape::text(middle, Anchor::Middle, "#fff", count));
                 }
             }
         }
-        svg + "</svg>\n"
+        let about = "Which effect was told for which";
+        standalone(&drawing(about, (size, size), 12.0, &shapes))
     }
 }

@@ -85,6 +85,12 @@ pub(super) fn carry_out(task: &Task, options: &IdentifyOptions) -> Result<()> {
     Ok(())
 }
 
+#[derive(askama::Template)]
+#[template(path = "wrong_data.html")]
+struct WrongPage<'a> {
+    wrong: &'a WrongData,
+}
+
 /// Says what is wrong with the data, in the terminal and as report.json and report.html.
 fn wrong_data(wrong: &WrongData, out: &Path) -> Result<()> {
     let folder = Folder::open(out)?;
@@ -92,21 +98,13 @@ fn wrong_data(wrong: &WrongData, out: &Path) -> Result<()> {
         "report.json",
         &(serde_json::to_string_pretty(wrong)? + "\n"),
     )?;
-    let mut body =
-        String::from("<h1>Wrong data</h1>\n<p>Nothing is identified from it.</p>\n<ul>\n");
     println!("verdict: {}", wrong.verdict);
     for finding in &wrong.wrong_data {
         println!("{}: {}", finding.file, finding.sentence);
-        body += &format!(
-            "<li>{}: {}</li>\n",
-            page::document::escape(&finding.file),
-            page::document::escape(&finding.sentence)
-        );
     }
-    body += "</ul>\n";
     folder.put_text(
         "report.html",
-        &page::document::document("Wrong data", &body),
+        &page::document::document("Wrong data", &WrongPage { wrong }),
     )?;
     println!("report: {}", folder.path("report.html").display());
     Ok(())

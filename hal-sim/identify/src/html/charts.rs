@@ -1,12 +1,13 @@
 //! Residuals over their coordinates, and their order spectra.
 
-use super::words::{capital, prefix};
+use super::words::prefix;
 use crate::regression::column::counted;
 use crate::report::{Channel, Coordinate};
 use crate::signal::leftover::Residual;
 use page::axis::{Axis, extent, widen};
 use page::chart::{COOL, Chart, Label, Mark, Series, THIRD, WARM, chart};
-use page::document::{escape, legend};
+use page::document::{figure, legend};
+use page::markup::Markup;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
@@ -21,7 +22,7 @@ const BEFORE: Mark = Mark::Line(2.5);
 const AFTER: Mark = Mark::Line(1.2);
 
 /// The key of all charts here.
-pub(super) fn key(found: bool) -> String {
+pub(super) fn key(found: bool) -> Markup {
     let mut entries = vec![
         (WARM, BEFORE, "declared model".to_owned()),
         (COOL, AFTER, "new model".to_owned()),
@@ -34,13 +35,6 @@ pub(super) fn key(found: bool) -> String {
         ));
     }
     legend(&entries)
-}
-
-fn figure(caption: &str, svg: &str) -> String {
-    format!(
-        "<figure>\n<figcaption>{}</figcaption>\n{svg}</figure>\n",
-        escape(caption)
-    )
 }
 
 /// Both residuals as series, the heavy one first.
@@ -65,12 +59,15 @@ fn scaled(points: Vec<(f64, f64)>, factor: f64) -> Vec<(f64, f64)> {
 }
 
 /// The order spectrum, found lines marked by their names.
-pub(super) fn orders(channel: &Channel) -> String {
-    figure("Which orders of the turn it has", &spectrum_chart(channel))
+pub(super) fn orders(channel: &Channel) -> Markup {
+    figure(
+        "Which orders of the turn it has",
+        &[spectrum_chart(channel)],
+    )
 }
 
 /// Its picture.
-pub(super) fn spectrum_chart(channel: &Channel) -> String {
+pub(super) fn spectrum_chart(channel: &Channel) -> Markup {
     let highest = channel.marks.iter().map(|mark| mark.0).fold(0.0, f64::max);
     let top = ORDERS.max(1.15 * highest);
     let lines = [0, 1].map(|k| {
@@ -151,7 +148,7 @@ fn short(order: f64) -> String {
 }
 
 /// Mean residual over a coordinate.
-pub(super) fn over(channel: &Channel, coordinate: &Coordinate) -> String {
+pub(super) fn over(channel: &Channel, coordinate: &Coordinate) -> Markup {
     let values: Vec<f64> = match coordinate.folded {
         true => coordinate
             .values
@@ -203,7 +200,7 @@ pub(super) fn over(channel: &Channel, coordinate: &Coordinate) -> String {
         true => format!("Over a turn: {}", name.to_lowercase()),
         false => format!("Over {}", name.to_lowercase()),
     };
-    figure(&caption, &svg)
+    figure(&caption, &[svg])
 }
 
 /// Speeds of a waterfall at most, and the share of the rows that one needs.
@@ -256,7 +253,7 @@ fn speeds(channel: &Channel, time: &[f64]) -> Vec<(f64, Vec<bool>)> {
 }
 
 /// Orders over speed: a spectrum for each speed that the record dwells at, found orders ringed, with their frequency.
-pub(super) fn waterfall(channel: &Channel, time: &[f64]) -> String {
+pub(super) fn waterfall(channel: &Channel, time: &[f64]) -> Markup {
     const RPM: f64 = 60.0 / TAU;
     let speeds = speeds(channel, time);
     let highest = channel.marks.iter().map(|mark| mark.0).fold(0.0, f64::max);
@@ -274,7 +271,7 @@ pub(super) fn waterfall(channel: &Channel, time: &[f64]) -> String {
         .map(|p| p.1)
         .fold(0.0, f64::max);
     let (Some((slowest, _)), Some((fastest, _))) = (lines.first(), lines.last()) else {
-        return String::new();
+        return Markup::default();
     };
     // The tallest line reaches over three others.
     let tall = 3.0 * RPM * (fastest - slowest).max(0.2 * fastest) / lines.len() as f64;
@@ -322,22 +319,19 @@ pub(super) fn waterfall(channel: &Channel, time: &[f64]) -> String {
     });
     figure(
         "Orders at each speed (waterfall), before; found orders with the frequency that is heard",
-        &svg,
+        &[svg],
     )
 }
 
 /// All charts of a channel.
-pub(super) fn section(channel: &Channel, time: &[f64]) -> String {
-    let over: String = std::iter::once(&channel.turn)
+pub(super) fn section(channel: &Channel, time: &[f64]) -> Vec<Markup> {
+    let over = std::iter::once(&channel.turn)
         .chain(&channel.over)
-        .map(|coordinate| over(channel, coordinate))
-        .collect();
-    format!(
-        "<h3>{}</h3>\n<div class=\"pair\">\n{}{}{over}</div>\n",
-        escape(&capital(&channel.name)),
-        orders(channel),
-        waterfall(channel, time)
-    )
+        .map(|coordinate| over(channel, coordinate));
+    [orders(channel), waterfall(channel, time)]
+        .into_iter()
+        .chain(over)
+        .collect()
 }
 
 /// Mean of a residual over bins of a coordinate.

@@ -2,7 +2,8 @@
 //! file with its licence), in the page itself. Where no script runs the section stays hidden; paper has it never.
 
 use crate::report::{Channel, Report};
-use page::document::escape;
+use askama::Template;
+use page::markup::Markup;
 use serde_json::json;
 
 /// Channels whose rows go into the page: each has some hundred kilobytes.
@@ -20,10 +21,10 @@ fn rounded(values: &[f64]) -> Vec<Option<f64>> {
 }
 
 /// The section, its data and its scripts.
-pub(super) fn section(channels: &[&Channel], report: &Report) -> String {
+pub(super) fn section(channels: &[&Channel], report: &Report) -> Option<Markup> {
     let shown: Vec<_> = channels.iter().take(MOST).collect();
     if shown.is_empty() || report.time.is_empty() {
-        return String::new();
+        return None;
     }
     let of = |channel: &&&Channel| {
         json!({
@@ -41,18 +42,17 @@ pub(super) fn section(channels: &[&Channel], report: &Report) -> String {
     let data = json!({ "time": time, "channels": shown.iter().map(of).collect::<Vec<_>>() });
     // Nothing in the data may end the element that it stands in.
     let data = data.to_string().replace('<', "\\u003c");
-    format!(
-        "<section id=\"live\" hidden=\"hidden\">\n<style>\n{}\n@media print {{ #live {{ display: none; }} }}\n#live .u-legend {{ color: var(--ink); }}\n</style>\n\
-         <h2>Zoom</h2>\n<p class=\"note\">{}</p>\n<p><label>Residual of the <select></select></label> \
-         <button type=\"button\">Download what is shown</button></p>\n<div></div>\n</section>\n\
-         <script type=\"application/json\" id=\"live-data\">{data}</script>\n<script>\n{}\n{}</script>\n",
-        include_str!("uplot/uPlot.min.css"),
-        escape(
-            "Fit record. Drag over a stretch to zoom, click twice to see all; the line below has the values under the pointer."
-        ),
-        include_str!("uplot/uPlot.iife.min.js"),
-        include_str!("live.js"),
-    )
+    Some(Markup::of(&Live { data }))
+}
+
+const STYLE: &str = include_str!("uplot/uPlot.min.css");
+const PLOT: &str = include_str!("uplot/uPlot.iife.min.js");
+const SCRIPT: &str = include_str!("live.js");
+
+#[derive(Template)]
+#[template(path = "live.html")]
+struct Live {
+    data: String,
 }
 
 #[cfg(test)]

@@ -8,34 +8,52 @@ mod tables;
 mod words;
 
 use crate::report::{Channel, Report};
-use page::document::{document, escape};
+use askama::Template;
+use page::document::{document, two};
+use page::markup::Markup;
 
 /// The page.
 pub fn page(report: &Report) -> String {
-    let body = [
-        first(report),
-        tables::effects(report),
-        tables::remedies(report),
-        report
-            .simulation
-            .as_ref()
-            .map_or_else(String::new, simulation::section),
-        simulation::stages(&report.stages),
-        tables::residuals(report),
-        left(report),
-        more(report),
-        tables::hypotheses(report),
-        tables::refused(report),
-        tables::foot(report),
-    ];
-    document(title(report), &body.concat())
+    document(title(report), &Body::of(report, None))
 }
 
-/// The page with what takes a script: before its end, so that without one nothing is missing.
+/// The page with what takes a script: at its end, so that without one nothing is missing.
 pub fn live_page(report: &Report) -> String {
-    let page = page(report);
-    let (rest, end) = page.split_at(page.rfind("</main>").unwrap_or(page.len()));
-    format!("{rest}{}{end}", live::section(&shown(report), report))
+    let live = live::section(&shown(report), report);
+    document(title(report), &Body::of(report, live))
+}
+
+#[derive(Template)]
+#[template(path = "report.html")]
+struct Body<'a> {
+    report: &'a Report,
+    result: String,
+    lead: Option<Lead>,
+    notes: Vec<String>,
+    shown: Vec<&'a Channel>,
+    marked: bool,
+    refused: usize,
+    live: Option<Markup>,
+}
+
+impl<'a> Body<'a> {
+    fn of(report: &'a Report, live: Option<Markup>) -> Self {
+        let notes = report
+            .effects
+            .iter()
+            .flat_map(|effect| [words::held_back(effect), words::not_separable(effect)]);
+        let shown = shown(report);
+        Self {
+            report,
+            result: result(report),
+            lead: lead(report),
+            notes: notes.flatten().collect(),
+            marked: shown.iter().any(|channel| !channel.marks.is_empty()),
+            shown,
+            refused: report.refused.iter().map(|refusal| refusal.trials).sum(),
+            live,
+        }
+    }
 }
 
 /// The order spectrum of the first screen, as a file of its own.
@@ -76,67 +94,53 @@ fn result(report: &Report) -> String {
 }
 
 /// What one must know, on one screen.
-fn first(report: &Report) -> String {
-    let mut text = format!("<p class=\"result\">{}</p>\n", escape(&result(report)));
-    let Some((channel, figures)) = report.lead() else {
-        return text;
-    };
-    text += "<dl class=\"figures\">\n";
-    let mut figure = |name: &str, value: &str, beside: &str| {
-        text += &format!("<div><dt>{name}</dt><dd><b>{value}</b> {beside}</dd></div>\n");
-    };
+struct Lead {
+    /// Name, value, and what stands beside it.
+    figures: Vec<[String; 3]>,
+    key: Markup,
+    orders: Markup,
+    over: Markup,
+}
+
+fn lead(report: &Report) -> Option<Lead> {
+    let (channel, figures) = report.lead()?;
     let (fall, beside) = words::fall(figures);
     let name = format!(
         "{} residual, rms, on the run that was not fitted",
         words::capital(&figures.channel)
     );
-    figure(&name, &fall, &beside);
-    if let Some(simulation) = &report.simulation {
-        let off = |points: f64| page::document::two(Some(points));
+    let change = |name: &str, [before, after]: [f64; 2], unit: &str| {
         let value = format!(
-            "{} \u{2192} {}\u{A0}points",
-            off(simulation.declared_rms_points),
-            off(simulation.new_rms_points)
+            "{} \u{2192} {}\u{A0}{unit}",
+            two(Some(before)),
+            two(Some(after))
         );
-        figure(
+        [name.to_owned(), value, String::new()]
+    };
+    let simulated = report.simulation.as_ref().map(|simulation| {
+        change(
             "Ripple of the table (VRF), simulated less measured",
-            &value,
-            "",
-        );
-    }
-    if let (Some(before), Some(after)) = (report.stages.first(), report.last_stage()) {
-        let value = format!(
-            "{} \u{2192} {}\u{A0}%",
-            page::document::two(Some(before.check.force_percent)),
-            page::document::two(Some(after.check_homed.force_percent))
-        );
-        figure(
+            [simulation.declared_rms_points, simulation.new_rms_points],
+            "points",
+        )
+    });
+    let stages = report.stages.first().zip(report.last_stage());
+    let forces = stages.map(|(before, after)| {
+        change(
             "Force error in closed-loop simulation of the check record",
-            &value,
-            "",
-        );
-    }
-    text += "</dl>\n";
-    text += &format!(
-        "{}<div class=\"pair\">\n{}{}</div>\n",
-        charts::key(!channel.marks.is_empty()),
-        charts::orders(channel),
-        charts::over(channel, &channel.turn),
-    );
-    text
-}
-
-/// What no hypothesis explains: what it looks like, no cause.
-fn left(report: &Report) -> String {
-    if report.unexplained.is_empty() {
-        return String::new();
-    }
-    let items: String = report
-        .unexplained
-        .iter()
-        .map(|left| format!("<li>{}</li>\n", escape(&words::left(left))))
-        .collect();
-    format!("<section>\n<h2>What is left, without a cause</h2>\n<ul>\n{items}</ul>\n</section>\n")
+            [before.check.force_percent, after.check_homed.force_percent],
+            "%",
+        )
+    });
+    Some(Lead {
+        figures: [Some([name, fall, beside]), simulated, forces]
+            .into_iter()
+            .flatten()
+            .collect(),
+        key: charts::key(!channel.marks.is_empty()),
+        orders: charts::orders(channel),
+        over: charts::over(channel, &channel.turn),
+    })
 }
 
 /// All channels in which something shows; where nothing is missing, the torques and the table.
@@ -155,20 +159,6 @@ fn shown(report: &Report) -> Vec<&Channel> {
             .collect();
     }
     list
-}
-
-/// The residuals of these over their coordinates.
-fn more(report: &Report) -> String {
-    let list = shown(report);
-    let marked = list.iter().any(|channel| !channel.marks.is_empty());
-    let sections: String = list
-        .into_iter()
-        .map(|channel| charts::section(channel, &report.time))
-        .collect();
-    format!(
-        "<section>\n<h2>Residual over its coordinates</h2>\n{}{sections}</section>\n",
-        charts::key(marked)
-    )
 }
 
 #[cfg(test)]
@@ -338,9 +328,9 @@ mod tests {
     fn everything_else_is_there_and_escaped() {
         let page = page(&report());
         for part in [
-            "a &lt;reason&gt;",
-            "a &amp; b",
-            "a&amp;b.csv",
+            "a &#60;reason&#62;",
+            "a &#38; b",
+            "a&#38;b.csv",
             "<td>18.25</td><td>14.75</td><td>18.50</td>",
             "94 %",
             "93\u{A0}% to 99\u{A0}%",

@@ -3,7 +3,9 @@
 use crate::report::{Hold, Simulation, Stage};
 use page::axis::{Axis, extent};
 use page::chart::{COOL, Chart, INK, MUTED, Mark, Series, WARM, chart};
-use page::document::{legend, short, two};
+use page::document::{figure, legend, short, two};
+use page::markup::Markup;
+use page::table::{Kind, table};
 
 /// Holds whose spectra are drawn.
 const DRAWN: usize = 4;
@@ -15,23 +17,35 @@ const APART_HZ: f64 = 5.0;
 const INKS: [(page::chart::Ink, Mark); 3] =
     [(INK, Mark::Ring), (WARM, Mark::Cross), (COOL, Mark::Dot)];
 
-/// The section.
-pub(super) fn section(simulation: &Simulation) -> String {
-    let rows: String = simulation
-        .holds
-        .iter()
-        .map(|hold| {
-            format!(
-                "<tr><th scope=\"row\">{} s</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
-                two(Some(hold.start_s)),
-                two(Some(hold.table_mm_s)),
-                short(hold.nut_rpm.round()),
-                two(Some(hold.measured_vrf_percent)),
-                two(Some(hold.declared_vrf_percent)),
-                two(Some(hold.new_vrf_percent)),
-            )
-        })
-        .collect();
+/// Ripple of each hold.
+pub(super) fn holds(simulation: &Simulation) -> Markup {
+    let rows = simulation.holds.iter().map(|hold| {
+        [
+            format!("{} s", two(Some(hold.start_s))),
+            two(Some(hold.table_mm_s)),
+            short(hold.nut_rpm.round()),
+            two(Some(hold.measured_vrf_percent)),
+            two(Some(hold.declared_vrf_percent)),
+            two(Some(hold.new_vrf_percent)),
+        ]
+    });
+    let columns = [
+        "From",
+        "Table, mm/s",
+        "Nut, rpm",
+        "Measured, %",
+        "Declared model, %",
+        "New model, %",
+    ];
+    table(
+        "Ripple by hold",
+        columns.map(|head| (head, Kind::Number)),
+        rows,
+    )
+}
+
+/// The key of the figures.
+pub(super) fn key() -> Markup {
     let keys = [
         "measured",
         "simulated, declared model",
@@ -42,27 +56,18 @@ pub(super) fn section(simulation: &Simulation) -> String {
         .zip(keys)
         .map(|((color, mark), name)| (*color, *mark, name.to_owned()))
         .collect();
-    // Where the two models differ most there is most to see.
+    legend(&keys)
+}
+
+/// Spectra of the holds at which the two models differ most: there is most to see.
+pub(super) fn figures(simulation: &Simulation) -> Vec<Markup> {
     let mut holds: Vec<&Hold> = simulation.holds.iter().collect();
     let gap = |hold: &Hold| (hold.declared_vrf_percent - hold.new_vrf_percent).abs();
     holds.sort_by(|a, b| gap(b).total_cmp(&gap(a)));
-    let figures: String = holds.into_iter().take(DRAWN).map(figure).collect();
-    format!(
-        "<section>\n<h2>The check record, driven again</h2>\n<p class=\"note\">The fixed-point drive, free-running on the \
-         declared and on the new model, over the speeds of the check record. Ripple of the table\u{2019}s velocity (VRF, \
-         peak to peak over the reference, from the scale with its noise): simulated less measured is {} points rms with \
-         the declared model, {} with the new one.</p>\n\
-         <div class=\"scroll\" role=\"region\" aria-label=\"Ripple by hold\" tabindex=\"0\">\n<table>\n\
-         <thead><tr><th scope=\"col\">From</th><th scope=\"col\">Table, mm/s</th><th scope=\"col\">Nut, rpm</th>\
-         <th scope=\"col\">Measured, %</th><th scope=\"col\">Declared model, %</th><th scope=\"col\">New model, %</th></tr></thead>\n\
-         <tbody>\n{rows}</tbody>\n</table>\n</div>\n{}<div class=\"pair\">\n{figures}</div>\n</section>\n",
-        two(Some(simulation.declared_rms_points)),
-        two(Some(simulation.new_rms_points)),
-        legend(&keys),
-    )
+    holds.into_iter().take(DRAWN).map(spectra).collect()
 }
 
-fn figure(hold: &Hold) -> String {
+fn spectra(hold: &Hold) -> Markup {
     let caption = format!(
         "Velocity spectrum, table {} mm/s, nut {} rpm",
         short(hold.table_mm_s),
@@ -107,7 +112,7 @@ fn figure(hold: &Hold) -> String {
         series,
         labels: Vec::new(),
     });
-    format!("<figure>\n<figcaption>{caption}</figcaption>\n{svg}</figure>\n")
+    figure(&caption, &[svg])
 }
 
 /// Frequencies of a spectrum's highest lines.
@@ -126,32 +131,28 @@ fn highest(spectrum: &[(f64, f64)]) -> Vec<f64> {
 }
 
 /// Closed-loop errors, effect by effect.
-pub(super) fn stages(stages: &[Stage]) -> String {
-    if stages.is_empty() {
-        return String::new();
-    }
-    let rows: String = stages
-        .iter()
-        .map(|stage| {
-            format!(
-                "<tr><th scope=\"row\" class=\"text\">{}</th><td>{}</td><td>{}</td><td>{}</td><td>{}</td><td>{}</td></tr>\n",
-                page::document::escape(&stage.added),
-                two(Some(stage.fit.force_percent)),
-                two(Some(stage.check.force_percent)),
-                two(Some(stage.check_homed.force_percent)),
-                format_args!("{:.3}", stage.check_homed.velocity_percent),
-                two(Some(stage.check_homed.position_um)),
-            )
-        })
-        .collect();
-    format!(
-        "<section>\n<h2>Closed-loop simulation, effect by effect</h2>\n<p class=\"note\">Force after a 100 Hz zero-phase \
-         filter, rms of the error over rms. Nothing is fitted on the check record; what repeats with the screw has no phase \
-         there and is left out, or (homed) its one angle is taken from the first quarter and the rest is scored. The last \
-         row has the derivative as it is instead of the controller\u{2019}s own.</p>\n\
-         <div class=\"scroll\" role=\"region\" aria-label=\"Errors by stage\" tabindex=\"0\">\n<table>\n\
-         <thead><tr><th scope=\"col\">Added</th><th scope=\"col\">Fit, %</th><th scope=\"col\">Check, %</th>\
-         <th scope=\"col\">Check, homed, %</th><th scope=\"col\">Velocity, %</th><th scope=\"col\">Position, \u{B5}m</th></tr></thead>\n\
-         <tbody>\n{rows}</tbody>\n</table>\n</div>\n</section>\n"
+pub(super) fn stages(stages: &[Stage]) -> Markup {
+    let rows = stages.iter().map(|stage| {
+        [
+            stage.added.clone(),
+            two(Some(stage.fit.force_percent)),
+            two(Some(stage.check.force_percent)),
+            two(Some(stage.check_homed.force_percent)),
+            format!("{:.3}", stage.check_homed.velocity_percent),
+            two(Some(stage.check_homed.position_um)),
+        ]
+    });
+    let columns = [
+        "Added",
+        "Fit, %",
+        "Check, %",
+        "Check, homed, %",
+        "Velocity, %",
+        "Position, \u{B5}m",
+    ];
+    table(
+        "Errors by stage",
+        columns.map(|head| (head, Kind::Number)),
+        rows,
     )
 }

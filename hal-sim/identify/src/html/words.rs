@@ -1,5 +1,6 @@
 //! An effect, a size and a place in words.
 
+use crate::records::DataQuality;
 use crate::report::{Effect, Left, Residual};
 
 /// Four significant digits, in powers of ten where that is shorter.
@@ -12,7 +13,9 @@ pub(super) fn number(value: f64) -> String {
         "0".into()
     } else if !(1e-3..1e5).contains(&size) {
         let power = size.log10().floor();
-        format!("{:.2}\u{B7}10<sup>{power}</sup>", value / 10f64.powf(power))
+        let digits = value / 10f64.powf(power);
+        // At once, as a minus of the power is raised too.
+        return format!("{digits:.2}\u{B7}10").replace('-', "\u{2212}") + &raised(power as i32);
     } else {
         let decimals = (3 - size.log10().floor() as i32).max(0) as usize;
         let text = format!("{value:.decimals$}");
@@ -22,6 +25,48 @@ pub(super) fn number(value: f64) -> String {
         }
     };
     text.replace('-', "\u{2212}")
+}
+
+/// A power as it stands above a line.
+fn raised(power: i32) -> String {
+    const DIGITS: [char; 10] = [
+        '\u{2070}', '\u{B9}', '\u{B2}', '\u{B3}', '\u{2074}', '\u{2075}', '\u{2076}', '\u{2077}',
+        '\u{2078}', '\u{2079}',
+    ];
+    power
+        .to_string()
+        .chars()
+        .map(|c| c.to_digit(10).map_or('\u{207B}', |d| DIGITS[d as usize]))
+        .collect()
+}
+
+/// An effect's kind and where it is.
+pub(super) fn title(kind: &str, place: &str) -> String {
+    format!("{} ({place})", kind.replace('_', " "))
+}
+
+/// What became of a record's rows.
+pub(super) fn faults(account: &DataQuality) -> String {
+    let mut faults: Vec<String> = account
+        .skipped
+        .iter()
+        .map(|s| {
+            format!(
+                "{} rows left out ({}, column {}, first in row {})",
+                s.rows, s.rule, s.column, s.first_row
+            )
+        })
+        .collect();
+    if account.bridged > 0 {
+        faults.push(format!("{} rows bridged over short gaps", account.bridged));
+    }
+    if account.cut > 0 {
+        faults.push(format!("{} rows beyond a long gap not used", account.cut));
+    }
+    match faults.is_empty() {
+        true => "no faults".into(),
+        false => faults.join("; "),
+    }
 }
 
 /// The ends of an interval, to two digits of its width.

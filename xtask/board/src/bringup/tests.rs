@@ -203,7 +203,8 @@ mod page {
         let html = crate::bringup::page(report);
         ::page::check::sound(&html).unwrap();
         for item in report.of(super::Verdict::Finding) {
-            let means = ::page::document::escape(&item.means);
+            let means = askama::filters::escape(&item.means, askama::filters::Html);
+            let means = means.expect("a text").to_string();
             assert!(html.contains(&means), "not on the page: {means}");
         }
     }

@@ -1,15 +1,17 @@
 //! The curves that explain the figures: `S` over frequency, and ripple over the nut's speed.
 
 use super::report::Report;
+use askama::Template;
 use page::axis::{Axis, extent, widen};
 use page::chart::{
     COOL as DDFS, Chart, INK, Label, MUTED, Mark, Series, THIRD as PAPER, WARM as CDFS, chart,
 };
-use page::document::{legend, short, standalone};
+use page::document::{figure, legend, short, standalone};
+use page::markup::Markup;
 
 const CURVE: Mark = Mark::Line(1.5);
 
-pub(super) fn sensitivity(report: &Report) -> String {
+pub(super) fn sensitivity(report: &Report) -> Markup {
     let found = &report.sensitivity;
     let marks: Vec<_> = found
         .marks
@@ -85,14 +87,20 @@ pub(super) fn sensitivity(report: &Report) -> String {
             ),
         ));
     }
-    format!(
-        "<figure>\n<figcaption>How much torque disturbs the speed: |<i>S</i>(j\u{03C9})| (the paper\u{2019}s Fig 3)\
-         </figcaption>\n{}{plot}</figure>\n",
-        legend(&keys)
-    )
+    Markup::of(&Sensitivity {
+        legend: legend(&keys),
+        plot,
+    })
 }
 
-pub(super) fn curve(report: &Report) -> String {
+#[derive(Template)]
+#[template(path = "sensitivity.html")]
+struct Sensitivity {
+    legend: Markup,
+    plot: Markup,
+}
+
+pub(super) fn curve(report: &Report) -> Markup {
     let mut keys = vec![
         (MUTED, CURVE, "analytic, S(s)".into()),
         (DDFS, Mark::Dot, "simulated drive".into()),
@@ -100,10 +108,9 @@ pub(super) fn curve(report: &Report) -> String {
     if !report.curve.measured.is_empty() {
         keys.push((PAPER, Mark::Cross, "measured in the paper".into()));
     }
-    format!(
-        "<figure>\n<figcaption>VRF against nut speed (the paper\u{2019}s Fig 9)</figcaption>\n{}{}</figure>\n",
-        legend(&keys),
-        curve_plot(report)
+    figure(
+        "VRF against nut speed (the paper\u{2019}s Fig 9)",
+        &[legend(&keys), curve_plot(report)],
     )
 }
 
@@ -112,7 +119,7 @@ pub(crate) fn picture(report: &Report) -> String {
     standalone(&curve_plot(report))
 }
 
-fn curve_plot(report: &Report) -> String {
+fn curve_plot(report: &Report) -> Markup {
     let simulated: Vec<_> = report
         .runs
         .iter()

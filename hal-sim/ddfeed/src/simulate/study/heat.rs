@@ -1,9 +1,11 @@
 //! The heat map of ripple over table speed and nut speed.
 
 use super::sweep_report::SweepReport;
+use askama::Template;
 use page::axis::extent;
 use page::chart::{DrawError, INK, MUTED, Root, SCALE, TEXT, WIDTH, svg, text, units};
 use page::document::short;
+use page::markup::Markup;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, VPos};
 use std::ops::Range;
@@ -161,26 +163,36 @@ fn at((x, y): (f64, f64)) -> (i32, i32) {
 
 /// The map as an `svg` element that scrolls in its own box where a phone is too narrow for its text; a sentence where
 /// there is nothing to draw.
-pub(super) fn map(report: &SweepReport) -> String {
-    let Some(scale) = Scale::of(report) else {
-        return "<p class=\"empty\">No point of the grid was reached.</p>\n".into();
-    };
+pub(super) fn map(report: &SweepReport) -> Markup {
     let grid = Grid::of(report);
     let about = "Velocity ripple factor over table velocity and nut speed; triangles say where DDFS has less ripple \
                  than CDFS and where not";
-    let picture = svg(about, (grid.width, grid.height), |root| {
-        cells(root, report, &grid, &scale)?;
-        boundary(root, report, &grid)?;
-        axes(root, report, &grid)?;
-        bar(root, &grid, &scale)
+    let picture = Scale::of(report).map(|scale| {
+        svg(about, (grid.width, grid.height), |root| {
+            cells(root, report, &grid, &scale)?;
+            boundary(root, report, &grid)?;
+            axes(root, report, &grid)?;
+            bar(root, &grid, &scale)
+        })
     });
-    // Three quarters keep the text at about 10 px.
-    let (least, most) = (grid.width * 3 / 4, grid.width * 3 / 2);
-    format!(
-        "<div class=\"scroll\" role=\"region\" aria-label=\"Heat map\" tabindex=\"0\" style=\"--least: {}px; --most: {most}px\">\n\
-         {picture}</div>\n",
-        if grid.width > WIDTH { least } else { 0 },
-    )
+    Markup::of(&Heat {
+        picture,
+        // Three quarters keep the text at about 10 px.
+        least: if grid.width > WIDTH {
+            grid.width * 3 / 4
+        } else {
+            0
+        },
+        most: grid.width * 3 / 2,
+    })
+}
+
+#[derive(Template)]
+#[template(path = "heat.html")]
+struct Heat {
+    picture: Option<Markup>,
+    least: u32,
+    most: u32,
 }
 
 fn cells(root: &Root, report: &SweepReport, grid: &Grid, scale: &Scale) -> Result<(), DrawError> {

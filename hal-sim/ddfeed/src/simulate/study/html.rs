@@ -2,8 +2,9 @@
 
 use super::curves::{curve, sensitivity};
 use super::records::records;
-use super::report::{Report, RunReport, SetupReport};
-use page::document::{document, escape, sentence, short, two};
+use super::report::{Report, RunReport};
+use askama::Template;
+use page::document::{document, sentence, short, two};
 
 /// The page.
 pub(crate) fn page(report: &Report) -> String {
@@ -11,17 +12,15 @@ pub(crate) fn page(report: &Report) -> String {
         "Ripple of the table velocity at {} mm/s",
         short(report.setup.table_mm_s)
     );
-    let body = format!(
-        "<p class=\"result\">{}</p>\n{}{}<section>\n<h2>Why, and at which speeds</h2>\n<div class=\"pair\">\n{}{}</div>\n\
-         </section>\n{}",
-        sentence(&result(report)),
-        table(report),
-        records(report),
-        sensitivity(report),
-        curve(report),
-        foot(&report.setup),
-    );
-    document(&title, &body)
+    let result = &result(report);
+    document(&title, &Body { report, result })
+}
+
+#[derive(Template)]
+#[template(path = "simulate.html")]
+struct Body<'a> {
+    report: &'a Report,
+    result: &'a str,
 }
 
 /// What the runs say, in a sentence.
@@ -74,54 +73,9 @@ fn result(report: &Report) -> String {
     }
 }
 
-fn table(report: &Report) -> String {
-    let rows: String = report
-        .runs
-        .iter()
-        .map(|run| {
-            format!(
-                "<tr><th scope=\"row\">{}{}</th><td>{}</td><td>{}</td><td>{}</td></tr>\n",
-                short(run.nut_rpm),
-                if run.nut_rpm == 0.0 { " (CDFS)" } else { "" },
-                two(Some(run.vrf_percent)),
-                two(Some(run.analytic_percent)),
-                run.measured_percent.map_or_else(|| two(None), short),
-            )
-        })
-        .collect();
-    format!(
-        "<div class=\"scroll\" role=\"region\" aria-label=\"Velocity ripple\" tabindex=\"0\">\n<table>\n\
-         <caption>Velocity ripple factor (VRF), %</caption>\n<thead><tr><th scope=\"col\">Nut speed, rpm</th>\
-         <th scope=\"col\">Simulated drive</th><th scope=\"col\">Analytic, <i>S</i>(<i>s</i>)</th>\
-         <th scope=\"col\">Measured in the paper</th></tr></thead>\n<tbody>\n{rows}</tbody>\n</table>\n</div>\n"
-    )
-}
-
-fn foot(setup: &SetupReport) -> String {
-    format!(
-        "<footer>\n<h2>What was simulated</h2>\n<p>Machine: {}. Sensors: {}. Table velocity: {} mm/s. Load: {}. Each \
-         record: {} s at {} Hz. Seed: {}.</p>\n<p>VRF (Eq 19) is the peak-to-peak of the table velocity over its \
-         reference. It is taken of the whole record of the true velocity of the simulated table, with no scale and no \
-         filter between; the time records show its first part. The drive is the fixed-point control code. The analytic \
-         figure is the same by <i>S</i>(<i>s</i>) of Appendix A: it knows the torque harmonics and nothing else. CDFS: \
-         the screw alone turns; DDFS: screw and nut turn, the table moves by the difference.{}</p>\n</footer>\n",
-        escape(&setup.machine),
-        escape(&setup.sensors),
-        short(setup.table_mm_s),
-        escape(&setup.load),
-        short(setup.record_s),
-        short(setup.record_hz),
-        setup.seed,
-        match setup.is_paper {
-            true => " Measured: the paper\u{2019}s experiment, with a laser scale.",
-            false => "",
-        },
-    )
-}
-
 #[cfg(test)]
 mod tests {
-    use super::super::report::{CurveReport, Mark as Harmonic, SensitivityReport};
+    use super::super::report::{CurveReport, Mark as Harmonic, SensitivityReport, SetupReport};
     use super::*;
     use std::f64::consts::TAU;
 
@@ -214,9 +168,9 @@ mod tests {
         let page = page(&report(vec![run(0.0, 21.2, None)]));
         page::check::sound(&page).unwrap();
         assert!(
-            page.contains("Machine: models/&lt;odd&gt; &amp; &quot;old&quot;.toml."),
+            page.contains("Machine: models/&#60;odd&#62; &#38; &#34;old&#34;.toml."),
             "no {:?} in:\n{page}",
-            "Machine: models/&lt;odd&gt; &amp; &quot;old&quot;.toml."
+            "Machine: models/&#60;odd&#62; &#38; &#34;old&#34;.toml."
         );
         assert!(
             !page.contains("<odd>"),

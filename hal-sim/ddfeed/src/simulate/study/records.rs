@@ -1,9 +1,11 @@
 //! Time records and spectra of the table velocity, as in the paper's Figs 6 to 8.
 
 use super::report::{Report, RunReport, SetupReport};
+use askama::Template;
 use page::axis::{Axis, extent, widen};
 use page::chart::{COOL as DDFS, Chart, Label, Mark, REFERENCE, Series, WARM as CDFS, chart};
-use page::document::{escape, legend, short, two};
+use page::document::{figure, legend, short, two};
+use page::markup::Markup;
 use std::ops::Range;
 
 /// Weights of the lines, px: CDFS is told from DDFS without colour too.
@@ -12,7 +14,7 @@ const FINE: Mark = Mark::Line(1.2);
 
 /// Time records and spectra: each DDFS run against CDFS where there is one, else each run alone. All have the same
 /// axes, so that they compare.
-pub(super) fn records(report: &Report) -> String {
+pub(super) fn records(report: &Report) -> Vec<Markup> {
     let cdfs = report.cdfs();
     let moving: Vec<_> = report
         .runs
@@ -31,25 +33,22 @@ pub(super) fn records(report: &Report) -> String {
     let velocity = extent(velocities.chain([report.setup.table_mm_s])).map(|r| widen(&r, 0.06));
     let lines = report.runs.iter().flat_map(|run| run.spectrum.iter());
     let amplitude = extent(lines.map(|line| line.1)).map(|r| 0.0..1.12 * r.end);
-    let figures: String = alone
+    alone
         .into_iter()
         .map(|run| {
             let mut shown = vec![run];
             shown.extend(cdfs.filter(|cdfs| cdfs.nut_rpm != run.nut_rpm));
-            figure(&report.setup, &shown, velocity.clone(), amplitude.clone())
+            compared(&report.setup, &shown, velocity.clone(), amplitude.clone())
         })
-        .collect();
-    format!(
-        "<section>\n<h2>Time records and spectra of the table velocity</h2>\n{figures}</section>\n"
-    )
+        .collect()
 }
 
-fn figure(
+fn compared(
     setup: &SetupReport,
     runs: &[&RunReport],
     velocity: Option<Range<f64>>,
     amplitude: Option<Range<f64>>,
-) -> String {
+) -> Markup {
     let ink = |run: &RunReport| match run.nut_rpm == 0.0 {
         true => (CDFS, HEAVY),
         false => (DDFS, FINE),
@@ -148,11 +147,20 @@ fn figure(
     ));
     let counterpart = paper_figure(setup, runs)
         .map_or_else(String::new, |n| format!(" (the paper\u{2019}s Fig {n})"));
-    format!(
-        "<figure>\n<figcaption>{}{counterpart}</figcaption>\n{}<div class=\"pair\">\n{record}{spectrum}</div>\n</figure>\n",
-        escape(&heading),
-        legend(&keys),
-    )
+    let parts = Markup::of(&Pair {
+        legend: legend(&keys),
+        record,
+        spectrum,
+    });
+    figure(&format!("{heading}{counterpart}"), &[parts])
+}
+
+#[derive(Template)]
+#[template(path = "record.html")]
+struct Pair {
+    legend: Markup,
+    record: Markup,
+    spectrum: Markup,
 }
 
 /// The figure of the paper that shows the same comparison.

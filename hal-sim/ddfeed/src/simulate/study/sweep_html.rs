@@ -2,37 +2,34 @@
 
 use super::heat::{Verdict, cdfs, map, verdict, vrf};
 use super::sweep_report::SweepReport;
-use page::document::{document, escape, sentence, short, two};
+use askama::Template;
+use page::document::{document, sentence, short, two};
 
 /// The page.
 pub(crate) fn page(report: &SweepReport) -> String {
-    let body = format!(
-        "<p class=\"result\">{}</p>\n<figure>\n<figcaption>VRF over table velocity and nut speed</figcaption>\n\
-         <p class=\"note\">{} less ripple than CDFS at this table velocity; {} as much or more; heavy line: where the \
-         one turns into the other</p>\n{}</figure>\n{}{}{}",
-        sentence(&result(report)),
-        LESS,
-        MORE,
-        map(report),
-        compensated(report),
-        table(report),
-        foot(report),
-    );
+    let compensated = report.compensated();
+    let mut maps = vec![(report, "VRF over table velocity and nut speed")];
+    if let Some(compensated) = &compensated {
+        let caption = "The same with what the model says repeats compensated";
+        maps.push((compensated, caption));
+    }
+    let result = &result(report);
     document(
         "Where the differential feed is smoother, and where not",
-        &body,
+        &Body {
+            report,
+            result,
+            maps,
+        },
     )
 }
 
-/// The same map of the compensated drive, if there is one.
-fn compensated(report: &SweepReport) -> String {
-    report.compensated().map_or_else(String::new, |compensated| {
-        format!(
-            "<figure>\n<figcaption>The same with what the model says repeats compensated</figcaption>\n{}</figure>\n{}",
-            map(&compensated),
-            table(&compensated)
-        )
-    })
+#[derive(Template)]
+#[template(path = "sweep.html")]
+struct Body<'a> {
+    report: &'a SweepReport,
+    result: &'a str,
+    maps: Vec<(&'a SweepReport, &'a str)>,
 }
 
 const LESS: &str = "\u{25BC}";
@@ -101,54 +98,6 @@ fn result(report: &SweepReport) -> String {
     format!("{say}{most}{never}{unreached}")
 }
 
-fn table(report: &SweepReport) -> String {
-    let heads: String = report
-        .nut_rpm
-        .iter()
-        .map(|rpm| {
-            let kind = if *rpm == 0.0 { " (CDFS)" } else { "" };
-            format!("<th scope=\"col\">{}{kind}</th>", short(*rpm))
-        })
-        .collect();
-    let rows: String = report
-        .table_mm_s
-        .iter()
-        .enumerate()
-        .map(|(row, speed)| {
-            let cells: String = (0..report.nut_rpm.len())
-                .map(|column| cell(report, row, column))
-                .collect();
-            format!("<tr><th scope=\"row\">{}</th>{cells}</tr>\n", short(*speed))
-        })
-        .collect();
-    format!(
-        "<h2>The same in numbers</h2>\n<p class=\"note\">VRF, %. Rows: table velocity, mm/s. Columns: nut speed, rpm.</p>\n\
-         <div class=\"scroll\" role=\"region\" aria-label=\"Velocity ripple\" tabindex=\"0\">\n<table class=\"grid\">\n\
-         <thead><tr><th scope=\"col\">mm/s</th>{heads}</tr></thead>\n<tbody>\n{rows}</tbody>\n\
-         </table>\n</div>\n"
-    )
-}
-
-fn cell(report: &SweepReport, row: usize, column: usize) -> String {
-    let value = two(vrf(report, row, column));
-    match verdict(report, row, column) {
-        Verdict::Better => format!("<td class=\"better\">{value} {LESS}</td>"),
-        Verdict::Worse => format!("<td class=\"worse\">{value} {MORE}</td>"),
-        Verdict::Open => format!("<td>{value}</td>"),
-    }
-}
-
-fn foot(report: &SweepReport) -> String {
-    format!(
-        "<footer>\n<h2>What was simulated</h2>\n<p>Machine: {}. Sensors: {}.</p>\n<p>VRF (Eq 19) is the peak-to-peak of \
-         the table velocity over its reference, taken of the true velocity of the simulated table, with no scale and \
-         no filter between. CDFS: the screw alone turns; DDFS: screw and nut turn, the table moves by the difference. A \
-         dash: the drive did not reach the point.</p>\n</footer>\n",
-        escape(&report.machine),
-        escape(&report.sensors),
-    )
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -179,9 +128,9 @@ mod tests {
         page::check::sound(&page).unwrap();
         let page = page.replace('\u{A0}', " ");
         assert!(
-            page.contains("&lt;m&gt;"),
+            page.contains("&#60;m&#62;"),
             "no {:?} in:\n{page}",
-            "&lt;m&gt;"
+            "&#60;m&#62;"
         );
         for text in [
             "<td>21.20<",

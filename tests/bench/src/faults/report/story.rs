@@ -11,10 +11,10 @@ use hal_sim::experiment::ExperimentError;
 use hal_sim::parallel::on_all_cores;
 use page::axis::Axis;
 use page::chart::{COOL, Chart, Mark, REFERENCE, Series, THIRD, WARM, chart};
-use page::document::{escape, legend};
+use page::document::legend;
+use page::markup::Markup;
 use serde::Serialize;
 use std::collections::BTreeMap;
-use std::fmt::Write;
 
 const BOARDS: [BoardKind; 2] = [BoardKind::Nucleo, BoardKind::Mains];
 
@@ -95,29 +95,42 @@ pub(super) fn tell_scenarios(all: &[Told]) {
 /// Longest that a plot goes on after the event, s: what comes later is slow.
 const PLOTTED_S: f64 = 3.0;
 
-/// Their plots in time.
-pub(super) fn page(all: &[Told]) -> String {
-    let line = Mark::Line(1.5);
-    let mut html = format!(
-        "<h2>Scenarios</h2>\n{}",
-        legend(&[
-            (WARM, line, "screw".into()),
-            (COOL, line, "nut; the table".into()),
-            (THIRD, line, "bus".into()),
-            (REFERENCE, line, "limit".into()),
-        ])
-    );
-    for told in all {
-        let points = &told.story.points;
+impl Told {
+    pub(super) fn heading(&self) -> String {
+        format!("{}, {}", self.scenario, self.board)
+    }
+
+    /// How it ended, and how far it was from each limit.
+    pub(super) fn sentence(&self) -> String {
+        format!(
+            "Ended as: {}. Table {:.2} mm (limit {}), current {:.2} A ({:.1}), bus {:.1} V ({:.0}), end stop {:.0} N ({:.0}){}. \
+             Watched for {:.1} s.",
+            self.first_cause.unwrap_or(self.state),
+            self.travel_mm,
+            self.travel_limit_mm,
+            self.peak_a,
+            self.peak_limit_a,
+            self.bus_v,
+            self.bus_limit_v,
+            self.end_stop_n,
+            self.end_stop_limit_n,
+            if self.within { "" } else { ": past a limit" },
+            self.seconds
+        )
+    }
+
+    /// Its plots in time.
+    pub(super) fn plots(&self) -> Vec<Markup> {
+        let points = &self.story.points;
         let shown = points.iter().take_while(|p| p.seconds <= PLOTTED_S).count();
         let points = &points[..shown];
         let line = |color, of: &dyn Fn(&crate::faults::Point) -> f64| Series {
             points: points.iter().map(|p| (p.seconds, of(p))).collect(),
             color,
-            mark: Mark::Line(1.5),
+            mark: LINE,
         };
         let end = points.last().map_or(1.0, |p| p.seconds);
-        let plot = |about: &str, unit: &str, series: Vec<Series>| {
+        let plot = |(about, unit, series): (&str, &str, Vec<Series>)| {
             let values = series.iter().flat_map(|s| s.points.iter().map(|(_, y)| *y));
             let (least, most) = values.fold((0.0f64, 0.0f64), |(a, b), y| (a.min(y), b.max(y)));
             chart(&Chart {
@@ -136,25 +149,7 @@ pub(super) fn page(all: &[Told]) -> String {
                 labels: Vec::new(),
             })
         };
-        let _ = write!(
-            html,
-            "<h3>{}, {}</h3>\n<p>Ended as: {}. Table {:.2} mm (limit {}), current {:.2} A ({:.1}), bus {:.1} V ({:.0}), end stop {:.0} N ({:.0}){}. Watched for {:.1} s.</p>\n",
-            escape(told.scenario),
-            told.board,
-            escape(told.first_cause.unwrap_or(told.state)),
-            told.travel_mm,
-            told.travel_limit_mm,
-            told.peak_a,
-            told.peak_limit_a,
-            told.bus_v,
-            told.bus_limit_v,
-            told.end_stop_n,
-            told.end_stop_limit_n,
-            if told.within { "" } else { ": past a limit" },
-            told.seconds
-        );
-        html += "<div class=\"pair\">\n";
-        for (about, unit, series) in [
+        [
             (
                 "Table",
                 "table, mm",
@@ -171,7 +166,7 @@ pub(super) fn page(all: &[Told]) -> String {
                 vec![
                     line(WARM, &|p| p.peak_a[0]),
                     line(COOL, &|p| p.peak_a[1]),
-                    line(REFERENCE, &|_| told.peak_limit_a),
+                    line(REFERENCE, &|_| self.peak_limit_a),
                 ],
             ),
             (
@@ -179,15 +174,26 @@ pub(super) fn page(all: &[Told]) -> String {
                 "bus, V",
                 vec![
                     line(THIRD, &|p| p.bus_v),
-                    line(REFERENCE, &|_| told.bus_limit_v),
+                    line(REFERENCE, &|_| self.bus_limit_v),
                 ],
             ),
-        ] {
-            let _ = writeln!(html, "<figure>{}</figure>", plot(about, unit, series));
-        }
-        html += "</div>\n";
+        ]
+        .into_iter()
+        .map(plot)
+        .collect()
     }
-    html
+}
+
+const LINE: Mark = Mark::Line(1.5);
+
+/// The key of the plots.
+pub(super) fn key() -> Markup {
+    legend(&[
+        (WARM, LINE, "screw".into()),
+        (COOL, LINE, "nut; the table".into()),
+        (THIRD, LINE, "bus".into()),
+        (REFERENCE, LINE, "limit".into()),
+    ])
 }
 
 /// Pairs of faults.

@@ -3,8 +3,10 @@
 use super::{called, mode};
 use crate::smooth::Rival;
 use crate::smooth::bench::{Controller, Row, Scale};
-use page::document::{document, escape, standalone};
-use std::fmt::Write;
+use askama::Template;
+use page::document::{document, standalone};
+use page::drawing::{Anchor, Shape, drawing};
+use page::markup::Markup;
 
 /// Height of a line, px, width of its name and of the scale, and what is above.
 const LINE: f64 = 26.0;
@@ -54,28 +56,20 @@ fn place(vrf: f64) -> f64 {
 }
 
 /// The plot.
-fn plot(rows: &[Row]) -> String {
+fn plot(rows: &[Row]) -> Markup {
+    const MUTED: &str = "#5A626B";
     let points = points(rows);
     let (width, height) = (NAMES + WIDTH + 20.0, HEAD + LINE * points.len() as f64);
-    let mut svg = format!(
-        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {width} {height}\" role=\"img\" font-size=\"12\"><title>Ripple of the table by controller</title>\n"
-    );
+    let mut shapes = Vec::new();
     for tick in [0.1, 1.0, 10.0, 100.0] {
         let x = place(tick);
-        let _ = writeln!(
-            svg,
-            "<line x1=\"{x:.1}\" x2=\"{x:.1}\" y1=\"{HEAD}\" y2=\"{height}\" stroke=\"#5A626B\" stroke-opacity=\"0.35\"/>\
-             <text x=\"{x:.1}\" y=\"14\" text-anchor=\"middle\" fill=\"#5A626B\">{tick} %</text>"
-        );
+        shapes.push(Shape::line(("#DCDFE3", 1.0), [(x, HEAD), (x, height)]));
+        let words = format!("{tick} %");
+        shapes.push(Shape::text((x, 14.0), Anchor::Middle, MUTED, words));
     }
     for (k, (name, rows)) in points.iter().enumerate() {
-        let y = HEAD + LINE * (k as f64 + 0.5);
-        let _ = writeln!(
-            svg,
-            "<text x=\"0\" y=\"{:.1}\" fill=\"#5A626B\">{}</text>",
-            y + 4.0,
-            escape(name)
-        );
+        let y = HEAD + LINE * (k as f64 + 0.5) + 4.0;
+        shapes.push(Shape::text((0.0, y), Anchor::Start, MUTED, name));
         for row in rows {
             let (letter, colour) = mark(row.case.controller);
             let told = called(&row.case);
@@ -90,16 +84,12 @@ fn plot(rows: &[Row]) -> String {
                 ),
                 Err(_) => (NAMES + WIDTH + 12.0, format!("{told}: ended in a fault")),
             };
-            let _ = writeln!(
-                svg,
-                "<g><title>{}</title><text x=\"{x:.1}\" y=\"{:.1}\" text-anchor=\"middle\" font-weight=\"bold\" \
-                 fill=\"{colour}\">{letter}</text></g>",
-                escape(&told),
-                y + 4.0
-            );
+            let letter = Shape::text((x, y), Anchor::Middle, colour, letter);
+            shapes.push(letter.bold().told(told));
         }
     }
-    svg + "</svg>\n"
+    let about = "Ripple of the table by controller";
+    drawing(about, (width, height), 12.0, &shapes)
 }
 
 /// The plot as a file of its own.
@@ -109,11 +99,13 @@ pub(super) fn picture(rows: &[Row]) -> String {
 
 /// The page.
 pub(super) fn page(rows: &[Row], seeds: u64) -> String {
-    let svg = plot(rows);
-    let body = format!(
-        "<p>Velocity ripple factor of the true table velocity (Eq 19), median of {seeds} seeds. P: the paper's PI. S: static map. \
-         R: proportional-integral-resonant. I: iterative learning. C: repetitive control. <b>O</b>: ours with a scale, o: its scale \
-         taken away, x: never a scale. At the right end: ended in a fault. Point at a mark to read it.</p>\n<figure>{svg}</figure>\n"
-    );
-    document("How smooth the table moves", &body)
+    let plot = plot(rows);
+    document("How smooth the table moves", &Body { seeds, plot })
+}
+
+#[derive(Template)]
+#[template(path = "smooth.html")]
+struct Body {
+    seeds: u64,
+    plot: Markup,
 }
