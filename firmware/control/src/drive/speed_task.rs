@@ -579,6 +579,7 @@ impl SpeedTask {
         let [mut screw_reference, mut nut_reference] = speed;
         if config.compensation.active {
             let [screw_frame, nut_frame] = self.frames;
+            let [screw_state, nut_state] = &self.speed_loops;
             // Of one it is asked that both are.
             let limited = screw_voltage | screw_torque | nut_voltage | nut_torque;
             let steady = self.coordinator.steady() && !limited;
@@ -591,6 +592,7 @@ impl SpeedTask {
                         omega_e: screw_omega_e,
                         asked: screw_reference.omega_e,
                         steady,
+                        load: screw_state.load(),
                     },
                     Turning {
                         theta: nut_frame.rotor_angle(nut_exchange, nut_loop),
@@ -598,6 +600,7 @@ impl SpeedTask {
                         omega_e: nut_omega_e,
                         asked: nut_reference.omega_e,
                         steady,
+                        load: nut_state.load(),
                     },
                 ],
                 scale,
