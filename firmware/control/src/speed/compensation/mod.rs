@@ -538,3 +538,77 @@ fn rate(config: RateConfig, theta_step: i32, slower: u32) -> i32 {
     let slow = i64::from(config.slow).wrapping_mul(part.into()) >> 16;
     slow.min(fast.into()) as i32
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plate::{CompensationPlate, OrderPlate, test_plate};
+
+    /// Every line has an order, and a scale shows them.
+    fn config() -> CompensationConfig {
+        let mut plate = test_plate();
+        let orders = |k: usize| OrderPlate::unknown(1.0 + k as f64);
+        plate.compensation = CompensationPlate {
+            torque: [core::array::from_fn(orders); 2],
+            angle: [core::array::from_fn(orders); 2],
+            travel: core::array::from_fn(orders),
+            learning_s: 0.5,
+            scale_count_m: 20e-9,
+        };
+        plate.config().unwrap().compensation
+    }
+
+    /// Shafts at 1 and 2 turns a second, under a load, for as many steps.
+    fn run(compensation: &mut Compensation, config: &CompensationConfig, load: i32, steps: u32) {
+        let shaft = |theta_step: i32| Turning {
+            theta_step,
+            omega_e: Speed::from_num(62.8),
+            asked: Speed::from_num(62.8),
+            steady: true,
+            load,
+            ..Turning::default()
+        };
+        let shafts = [shaft(429_497), shaft(214_748)];
+        for _ in 0..steps {
+            let _ = compensation.references(config, shafts, Some(0), Speed::from_num(6.28));
+            let _ = compensation.currents([Speed::ZERO; 2]);
+        }
+    }
+
+    #[test]
+    fn every_line_is_tuned_in_a_round() {
+        let config = config();
+        let mut compensation = Compensation::new(&config);
+        run(&mut compensation, &config, 0, 2 * u32::from(ROUND_STEPS));
+        let speeds = compensation.angle.as_flattened().iter();
+        let torques = compensation.torque.as_flattened().iter();
+        for (k, line) in torques
+            .chain(speeds)
+            .chain(&compensation.travel)
+            .enumerate()
+        {
+            assert!(line.learns(), "line {k} learns nothing");
+        }
+    }
+
+    /// A torque's table has learned for four of its time constants after 2 s; a load that comes makes it quick again.
+    #[test]
+    fn learning_slows_down_while_speed_and_load_are_steady() {
+        let config = config();
+        let mut compensation = Compensation::new(&config);
+        let mut halved = |load, steps| {
+            run(&mut compensation, &config, load, steps);
+            compensation.checks.halved(&config, 0)
+        };
+        let (second, heavy) = (5_000, 2 * 256);
+        assert_eq!(halved(0, second), 0, "after 1 s");
+        assert_eq!(halved(0, 2 * second), 1, "after 3 s");
+        assert_eq!(
+            halved(1, 20 * second),
+            3,
+            "after 23 s, under a load of 4 mA"
+        );
+        assert_eq!(halved(heavy, second / 10), 0, "under a load of 2 A");
+        assert_eq!(halved(heavy, 3 * second), 1, "3 s under that load");
+    }
+}
