@@ -1,9 +1,11 @@
 //! `ddfeed compensate`: from the model that identification left to what the drive compensates.
 
 mod predict;
+mod search;
 mod worth;
 
 pub use predict::Predicted;
+pub use search::{Found, Orders, orders};
 
 use crate::record::encoder_kind;
 use anyhow::{Context, Result, ensure};
