@@ -86,7 +86,7 @@ fn recording() -> Result<Recording, ExperimentError> {
                 base: rpm * RPM,
             };
             let mut row = |drive: &mut hal_sim::drive::Drive| {
-                if drive.periods() % periods == 0 {
+                if drive.periods().is_multiple_of(periods) {
                     recording.push(&recorder.row(drive));
                 }
             };

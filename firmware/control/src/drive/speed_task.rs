@@ -592,7 +592,6 @@ impl SpeedTask {
                         omega_e: screw_omega_e,
                         asked: screw_reference.omega_e,
                         steady,
-                        load: screw_state.load(),
                     },
                     Turning {
                         theta: nut_frame.rotor_angle(nut_exchange, nut_loop),
@@ -600,11 +599,11 @@ impl SpeedTask {
                         omega_e: nut_omega_e,
                         asked: nut_reference.omega_e,
                         steady,
-                        load: nut_state.load(),
                     },
                 ],
                 scale,
                 self.coordinator.relative(),
+                || [screw_state.load(), nut_state.load()],
             );
             for (reference, given) in [&mut screw_reference, &mut nut_reference]
                 .into_iter()

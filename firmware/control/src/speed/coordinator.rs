@@ -266,7 +266,8 @@ impl Coordinator {
                 self.wander(config, screw.limited || nut.limited);
             }
             let change = ProfileState::from_bits(self.wander.change.to_bits().into());
-            self.wander.value = self.wander.value.saturating_add(change);
+            // Half of a wander is within 2^30 of 2^-18 rad/s.
+            self.wander.value = self.wander.value.wrapping_add(change);
         }
         if screw.limited || nut.limited {
             self.wait(config);
@@ -281,7 +282,7 @@ impl Coordinator {
 
         let mut base_change = self.base.change;
         if config.wander.step != 0 {
-            base = base.saturating_add(self.wander.value);
+            base = base.wrapping_add(self.wander.value);
             base_change = base_change.saturating_add(self.wander.change);
         }
         // What is given follows a motor, not a plan: no torque is fed forward for it.
@@ -334,7 +335,8 @@ impl Coordinator {
         } else {
             way
         });
-        let change = narrow_change(value.saturating_sub(self.wander.value) >> WANDER_BITS);
+        let way = value.saturating_sub(self.wander.value).to_bits() >> WANDER_BITS;
+        let change = narrow_change(ProfileState::from_bits(way));
         self.wander = Wander {
             phase,
             change,

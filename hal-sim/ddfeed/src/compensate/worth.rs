@@ -30,9 +30,7 @@ pub fn worth(
     places: &[Place],
     mut known: Known,
 ) -> Result<(Known, Vec<Predicted>)> {
-    if setup.model.sensing.encoder == EncoderKind::Incremental {
-        leave_out_lost(setup, &mut known);
-    }
+    leave_out_lost(setup, &mut known);
     let runs = |plate: &DrivePlate| {
         let run = |place: &Place| {
             let recorded = place.recorded.as_ref();
@@ -95,7 +93,10 @@ fn slots(plate: &mut CompensationPlate) -> Vec<&mut OrderPlate> {
 
 /// An incremental encoder without index counts from where its shaft stands when power comes up. Alignment then tells the electrical
 /// angle, and with it the phase of whole orders of that alone.
-fn leave_out_lost(setup: &Setup, known: &mut Known) {
+pub fn leave_out_lost(setup: &Setup, known: &mut Known) {
+    if setup.model.sensing.encoder != EncoderKind::Incremental {
+        return;
+    }
     let Known {
         compensation, left, ..
     } = known;

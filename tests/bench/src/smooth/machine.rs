@@ -222,10 +222,14 @@ pub fn orders(setup: &Setup, learning_s: f64, scale: bool) -> CompensationPlate 
 /// The coupled machine with nothing that ripples.
 pub(super) fn still(seed: u64) -> Setup {
     let mut setup = setup(Machine::Coupled, seed);
-    let model = &mut setup.model;
+    without_ripple(&mut setup.model);
+    setup
+}
+
+/// Takes away what ripples.
+pub(super) fn without_ripple(model: &mut Model) {
     model.effects.clear();
     for axis in Axis::ALL {
         model.motor_mut(axis).torque_harmonics.clear();
     }
-    setup
 }

@@ -126,8 +126,6 @@ pub struct Turning {
     pub asked: Speed,
     /// It follows a steady reference without a limit.
     pub steady: bool,
-    /// Its load, 2^-8 A.
-    pub load: i32,
 }
 
 /// State of the compensation.
@@ -210,8 +208,8 @@ impl Compensation {
         (self.steady_steps, self.counted) = (0, None);
     }
 
-    /// First in a step: both shafts, the scale's count and the relative speed that is asked, mechanical rad/s -> what is added
-    /// to the speed references.
+    /// First in a step: both shafts, the scale's count, the relative speed that is asked, mechanical rad/s, and the motors' loads, 2^-8 A,
+    /// of which not each step asks -> what is added to the speed references.
     #[inline(always)]
     pub fn references(
         &mut self,
@@ -219,6 +217,7 @@ impl Compensation {
         shafts: [Turning; 2],
         scale: Option<u32>,
         relative: Speed,
+        loads: impl FnOnce() -> [i32; 2],
     ) -> [Speed; 2] {
         let [screw, nut] = shafts;
         let [screw_turned, nut_turned] = &mut self.turned;
@@ -239,7 +238,7 @@ impl Compensation {
                 config,
                 [screw.theta_step, nut.theta_step],
                 [screw.asked, nut.asked],
-                [screw.load, nut.load],
+                loads(),
             ),
             _ => {}
         }
@@ -565,12 +564,12 @@ mod tests {
             omega_e: Speed::from_num(62.8),
             asked: Speed::from_num(62.8),
             steady: true,
-            load,
             ..Turning::default()
         };
         let shafts = [shaft(429_497), shaft(214_748)];
         for _ in 0..steps {
-            let _ = compensation.references(config, shafts, Some(0), Speed::from_num(6.28));
+            let _ =
+                compensation.references(config, shafts, Some(0), Speed::from_num(6), || [load; 2]);
             let _ = compensation.currents([Speed::ZERO; 2]);
         }
     }
