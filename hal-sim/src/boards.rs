@@ -30,6 +30,9 @@ pub enum BoardKind {
 
 /// Capacitance of a switch of the mains board, F: the middle of the 100 to 300 pF that are taken to be usual; no board was measured.
 const MAINS_SWITCH_F: f64 = 200e-12;
+/// That of the NUCLEO's stages, F: 83 nC of output charge at 30 V. These are the figures of TI's CSD18540Q5B (60 V, 1.8 mohm; ZHCSCO6B),
+/// as the data sheet of the stages' CSD88599Q5DC (60 V, 1.7 mohm) was not at hand.
+const NUCLEO_SWITCH_F: f64 = 83e-9 / 30.0;
 
 /// Both boards' shunts are under the low sides.
 pub const SENSING: CurrentSensing = CurrentSensing::LowSide;
@@ -160,8 +163,7 @@ impl BoardKind {
             shunts: board.shunts,
             dead_time_s: plate.bridge.dead_time_s,
             leg_f: match self {
-                // The charge of 36 V is small beside the current over which its compensation fades in.
-                Self::Nucleo | Self::Nucleo40kHz => 0.0,
+                Self::Nucleo | Self::Nucleo40kHz => NUCLEO_SWITCH_F,
                 Self::Mains => MAINS_SWITCH_F,
             },
             measure_zeros: plate.bridge.measure_zeros,

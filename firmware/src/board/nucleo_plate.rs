@@ -63,6 +63,13 @@ const MOTOR: MotorSettings = MotorSettings {
     ..MotorSettings::DEFAULT
 };
 
+/// The bus, V, at which the dead time's compensation fits best, and the dead time.
+const BUS_V: f64 = 36.0;
+const DEAD_TIME_NS: f64 = 500.0;
+/// Output charge of a switch over its voltage, pF: 83 nC at 30 V. These are the figures of TI's CSD18540Q5B (60 V, 1.8 mohm; ZHCSCO6B),
+/// as the data sheet of the stages' CSD88599Q5DC (60 V, 1.7 mohm) was not at hand. Put yours in.
+const SWITCH_PF: f64 = 83e3 / 30.0;
+
 /// The drive's own settings.
 pub(crate) const SETTINGS: Settings = Settings {
     screw: MOTOR,
@@ -71,8 +78,9 @@ pub(crate) const SETTINGS: Settings = Settings {
         over_current_a: WATCH_CURRENT_A,
         bus_min_v: 8.0,
         // The driver's own 100 ns begin when a gate has fallen; these, when the timer says so.
-        dead_time_ns: 500.0,
-        dead_time_fade_a: 0.2,
+        dead_time_ns: DEAD_TIME_NS,
+        // Twice the current that turns a leg within the dead time: see the mains board's plate.
+        dead_time_fade_a: 4.0 * SWITCH_PF * BUS_V / DEAD_TIME_NS * 1e-3,
         // Half of it is before the sample: dead time, the driver's delay, the amplifier's 300 ns and its filter.
         min_on_time_us: 4.0,
         // A charge pump feeds the high sides.

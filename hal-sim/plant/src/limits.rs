@@ -52,6 +52,7 @@ limits! {
     order: "a number above 0, at most 10000", |x| x > 0.0 && x <= 10_000.0;
     lead: "a finite number other than 0", |x| x != 0.0;
     first_or_second: "1 or 2", |x| x == 1.0 || x == 2.0;
+    of_encoder: "1, 2 or 4", |x| x == 1.0 || x == 2.0 || x == 4.0;
 }
 
 struct Count {

@@ -184,6 +184,9 @@ pub fn smoothness(
 pub fn drive(setup: &Setup, compensation: CompensationPlate) -> Result<Drive, ExperimentError> {
     let mut plate = setup.plate();
     plate.compensation = compensation;
+    if let (Some(board), true) = (setup.shipped, compensation.learning_s != 0.0) {
+        plate.base = board.smooth_plate().base;
+    }
     setup.drive_with(&plate)
 }
 

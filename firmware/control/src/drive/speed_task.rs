@@ -579,6 +579,7 @@ impl SpeedTask {
         let [mut screw_reference, mut nut_reference] = speed;
         if config.compensation.active {
             let [screw_frame, nut_frame] = self.frames;
+            let [screw_state, nut_state] = &self.speed_loops;
             // Of one it is asked that both are.
             let limited = screw_voltage | screw_torque | nut_voltage | nut_torque;
             let steady = self.coordinator.steady() && !limited;
@@ -602,6 +603,7 @@ impl SpeedTask {
                 ],
                 scale,
                 self.coordinator.relative(),
+                || [screw_state.load(), nut_state.load()],
             );
             for (reference, given) in [&mut screw_reference, &mut nut_reference]
                 .into_iter()

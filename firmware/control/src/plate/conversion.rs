@@ -95,10 +95,12 @@ impl Settings {
         }
     }
 
-    /// The same of a drive that learns what repeats with its angles in half a second and feeds forward the least friction.
+    /// The same of a drive that learns what repeats with its angles in half a second and feeds forward the least friction. Its base speed
+    /// wanders by one rpm, so that no harmonic of an encoder's counts keeps in step with an order.
     #[must_use]
     pub const fn smooth(mut self) -> Self {
         self.compensation.learning_s = 0.5;
+        (self.base.wander_rpm, self.base.wander_s) = (1.0, 2.0);
         self.screw_friction = FrictionSettings::LEAST;
         self.nut_friction = FrictionSettings::LEAST;
         self.feed_friction = FrictionSettings::LEAST;

@@ -244,7 +244,7 @@ group! {
 group! {
     /// What repeats with a turn of an encoder or of screw against nut in a speed.
     SpeedOrderSettings => SpeedOrderPlates {
-        1 Parts orders => orders = [SpeedOrder::DEFAULT; ANGLES], (SpeedOrder: OrderPlate 3; 0 1), "The orders.";
+        1 Parts orders => orders = [SpeedOrder::DEFAULT; ANGLES], (SpeedOrder: OrderPlate 3; 0 1 2 3), "The orders.";
     }
 }
 

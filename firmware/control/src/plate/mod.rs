@@ -117,15 +117,21 @@ impl CompensationPlate {
 
     /// What motors of so many pole pairs usually have, of which nothing is known yet: once and twice an electrical turn are the
     /// offset and the gain of a current sensor (Eqs 13 and 14), multiples of six are flux, current and dead time (Eq 15), three
-    /// and four an unequal winding. With a scale, once a turn of each encoder and of the lead. A motor's slots are its own.
+    /// and four an unequal winding. With a scale, once, twice and four times a turn of each encoder, once and twice of the lead. A
+    /// motor's slots are its own.
     #[must_use]
     pub const fn usual([screw, nut]: [u32; 2], learning_s: f64, scale_count_m: f64) -> Self {
-        let once = OrderPlate::unknown(if scale_count_m == 0.0 { 0.0 } else { 1.0 });
-        let first = [once, OrderPlate::NONE];
+        let (angle, travel) = if scale_count_m == 0.0 {
+            ([OrderPlate::NONE; ANGLES], [OrderPlate::NONE; TRAVELS])
+        } else {
+            let (once, twice) = (OrderPlate::unknown(1.0), OrderPlate::unknown(2.0));
+            let (four_times, none) = (OrderPlate::unknown(4.0), OrderPlate::NONE);
+            ([once, twice, four_times, none], [once, twice, none, none])
+        };
         Self {
             torque: [electrical(screw), electrical(nut)],
-            angle: [first; 2],
-            travel: first,
+            angle: [angle; 2],
+            travel,
             learning_s,
             scale_count_m,
         }

@@ -180,7 +180,12 @@ struct Wander {
     phase: u32,
     value: ProfileState,
     change: SpeedChange,
+    /// Steps on its straight line.
+    steps: u8,
 }
+
+/// Steps of a wander's straight lines, as a power of two: a cosine a step would be 60 cycles of each.
+const WANDER_BITS: u32 = 3;
 
 impl Coordinator {
     /// At rest, and to stay so.
@@ -200,6 +205,7 @@ impl Coordinator {
                 phase: 0,
                 value: ProfileState::ZERO,
                 change: SpeedChange::ZERO,
+                steps: 0,
             },
         }
     }
@@ -255,7 +261,13 @@ impl Coordinator {
         // Each by itself, as a pair would be written to memory for what is seldom called.
         let [screw, nut] = following;
         if config.wander.step != 0 {
-            self.wander(config, screw.limited || nut.limited);
+            self.wander.steps = self.wander.steps.wrapping_add(1);
+            if self.wander.steps >> WANDER_BITS != 0 {
+                self.wander(config, screw.limited || nut.limited);
+            }
+            let change = ProfileState::from_bits(self.wander.change.to_bits().into());
+            // Half of a wander is within 2^30 of 2^-18 rad/s.
+            self.wander.value = self.wander.value.wrapping_add(change);
         }
         if screw.limited || nut.limited {
             self.wait(config);
@@ -270,7 +282,7 @@ impl Coordinator {
 
         let mut base_change = self.base.change;
         if config.wander.step != 0 {
-            base = base.saturating_add(self.wander.value);
+            base = base.wrapping_add(self.wander.value);
             base_change = base_change.saturating_add(self.wander.change);
         }
         // What is given follows a motor, not a plan: no torque is fed forward for it.
@@ -297,8 +309,8 @@ impl Coordinator {
         self.base.change == SpeedChange::ZERO && self.table.change == SpeedChange::ZERO
     }
 
-    /// A step of the wander, while the base speed stands at a target that is not rest; else the profile goes on from where the
-    /// wander is.
+    /// The next straight line of the wander, while the base speed stands at a target that is not rest; else the profile goes on from
+    /// where the wander is.
     #[inline(never)]
     #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn wander(&mut self, config: &CoordinatorConfig, limited: bool) {
@@ -313,7 +325,7 @@ impl Coordinator {
             self.base.change = self.base.change.saturating_add(change);
             return;
         }
-        let phase = self.wander.phase.wrapping_add(config.wander.step);
+        let phase = (self.wander.phase).wrapping_add(config.wander.step << WANDER_BITS);
         let (cosine, _) = Angle(phase).cos_sin();
         // `1 - cos` is within 2^32 of 2^-31, half a speed within 2^30 of 2^-18.
         let way = (1i64 << 31).wrapping_sub(cosine.to_bits().into());
@@ -323,11 +335,13 @@ impl Coordinator {
         } else {
             way
         });
-        let change = narrow_change(value.saturating_sub(self.wander.value));
+        let way = value.saturating_sub(self.wander.value).to_bits() >> WANDER_BITS;
+        let change = narrow_change(ProfileState::from_bits(way));
         self.wander = Wander {
             phase,
-            value,
             change,
+            steps: 0,
+            ..self.wander
         };
     }
 

@@ -89,6 +89,14 @@ impl SpeedLoop {
         }
     }
 
+    /// What it has found of its motor's load, 2^-8 A: the integral's upper word.
+    #[must_use]
+    #[inline(always)]
+    #[allow(clippy::cast_possible_truncation)]
+    pub const fn load(&self) -> i32 {
+        (self.integral.to_bits() >> 32) as i32
+    }
+
     /// One step: both halves.
     #[inline(always)]
     pub fn step(

@@ -1,9 +1,11 @@
 //! `ddfeed compensate`: from the model that identification left to what the drive compensates.
 
 mod predict;
+mod search;
 mod worth;
 
 pub use predict::Predicted;
+pub use search::{Found, Orders, orders};
 
 use crate::record::encoder_kind;
 use anyhow::{Context, Result, ensure};
@@ -20,7 +22,7 @@ use plant::recording::Recording;
 use predict::Place;
 use serde_json::json;
 use std::fs;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// A model, and where its ripple is predicted.
 #[derive(Args)]
@@ -45,6 +47,10 @@ pub struct CompensateOptions {
     /// A recording without the compensation: its holds are predicted, in place of those speeds, from the ripple that they have.
     #[arg(long, conflicts_with_all = ["table_speed", "nut_rpm"])]
     recording: Option<PathBuf>,
+    /// Takes the orders that the recording shows, in place of those of the model's effects. It has holds at several nut speeds, so that
+    /// screw, nut and lead can be told apart; at several loads it tells what scales with them. Nothing is predicted.
+    #[arg(long, requires = "recording")]
+    search: bool,
     /// The drive's settings, as `drive settings export` writes them: the prediction has their gains. [default: the paper's]
     #[arg(long)]
     drive: Option<PathBuf>,
@@ -62,6 +68,8 @@ pub struct Compensation {
     pub known: Known,
     /// Ripple before and after, at each operating point.
     pub predicted: Vec<Predicted>,
+    /// What the recording shows, if it was searched.
+    pub shown: Option<Orders>,
 }
 
 /// Reads, turns and predicts; writes the settings that are asked for.
@@ -77,13 +85,44 @@ fn find(options: &CompensateOptions) -> Result<Compensation> {
     };
     let mut setup = Setup::declared(model, coupling);
     let plain = plate(options, &mut setup)?;
-    let places = places(options, &setup.model)?;
-    let (known, predicted) = worth::worth(&setup, &plain, &places, known)?;
+    let (known, predicted, shown) = match &options.recording {
+        Some(file) if options.search => {
+            let (known, shown) = searched(file, &setup, known)?;
+            (known, Vec::new(), Some(shown))
+        }
+        _ => {
+            let places = places(options, &setup.model)?;
+            let (known, predicted) = worth::worth(&setup, &plain, &places, known)?;
+            (known, predicted, None)
+        }
+    };
     if let Some(file) = &options.settings {
         let settings = Settings::of_plate(&worth::compensated(&plain, &known));
         crate::output::put_new(file, &some_to_toml(&settings, Setting::compensates))?;
     }
-    Ok(Compensation { known, predicted })
+    Ok(Compensation {
+        known,
+        predicted,
+        shown,
+    })
+}
+
+/// The orders that a recording shows in place of the model's effects. Its friction stays.
+fn searched(file: &Path, setup: &Setup, known: Known) -> Result<(Known, Orders)> {
+    let recording = load(file)?;
+    ripple_interval_s(&recording)?;
+    let shown = orders(&recording, &setup.model);
+    let mut known = Known {
+        compensation: shown.plate(),
+        left: Vec::new(),
+        ..known
+    };
+    worth::leave_out_lost(setup, &mut known);
+    Ok((known, shown))
+}
+
+fn load(file: &Path) -> Result<Recording> {
+    Recording::load(file).with_context(|| format!("the recording {}", file.display()))
 }
 
 /// What the drive is told without a compensation. What its settings say of the encoders is the machine's.
@@ -125,8 +164,7 @@ fn places(options: &CompensateOptions, model: &Model) -> Result<Vec<Place>> {
         };
         return Ok(options.nut_rpm.iter().map(place).collect());
     };
-    let recording =
-        Recording::load(file).with_context(|| format!("the recording {}", file.display()))?;
+    let recording = load(file)?;
     let interval_s = ripple_interval_s(&recording)?;
     let holds = holds(&recording, model.feed.travel_per_radian());
     ensure!(
@@ -149,7 +187,11 @@ pub fn run(options: &CompensateOptions) -> Result<Compensation> {
 }
 
 fn print(options: &CompensateOptions, found: &Compensation) {
-    let Compensation { known, predicted } = found;
+    let Compensation {
+        known,
+        predicted,
+        shown,
+    } = found;
     let lists = lists(known);
     if options.json {
         let report = json!({
@@ -161,6 +203,9 @@ fn print(options: &CompensateOptions, found: &Compensation) {
                 "feed": known.friction.feed.coulomb_nm,
             },
             "left": known.left,
+            "shown": shown.iter().flat_map(shown_lists).flat_map(|(what, found)| found.iter().map(move |one| json!({
+                "of": what, "order": one.order, "re": one.coefficient.re, "im": one.coefficient.im, "scales_with_load": one.scales,
+            }))).collect::<Vec<_>>(),
             "predicted": predicted.iter().map(|one| json!({
                 "table_mm_s": 1e3 * one.point.velocity, "nut_rpm": one.point.base / RPM,
                 "vrf_before": one.before.vrf_percent, "vrf_after": one.after.vrf_percent,
@@ -194,6 +239,22 @@ fn print(options: &CompensateOptions, found: &Compensation) {
     if !known.left.is_empty() {
         println!("Not compensated: {}", known.left.join("; "));
     }
+    if let Some(shown) = shown {
+        println!("What the recording shows, and the part of it that scales with the load:");
+        for (what, found) in shown_lists(shown) {
+            for one in found {
+                let scales = one
+                    .scales
+                    .map_or("unknown".into(), |part| format!("{:.0} %", 100.0 * part));
+                println!(
+                    "  {what:<18} order {:>8.3}   size {:>10.3e}   scales {scales}",
+                    one.order,
+                    one.coefficient.norm()
+                );
+            }
+        }
+        return print_settings(options);
+    }
     println!(
         "\nRipple of the table as a recording shows it, {} and with this, % peak to peak (Eq 19) and rms:",
         if options.recording.is_some() {
@@ -218,6 +279,10 @@ fn print(options: &CompensateOptions, found: &Compensation) {
             after.rms_percent
         );
     }
+    print_settings(options);
+}
+
+fn print_settings(options: &CompensateOptions) {
     match &options.settings {
         Some(file) => println!(
             "\n`ddfeed drive --sim ADDRESS settings import {}` sets them; `--serial PORT` instead for a board.",
@@ -229,6 +294,19 @@ fn print(options: &CompensateOptions, found: &Compensation) {
             )
         }
     }
+}
+
+/// What a recording shows, by what it is of.
+fn shown_lists(shown: &Orders) -> [(&'static str, &[Found]); 5] {
+    let [screw, nut] = &shown.torque;
+    let [screw_angle, nut_angle] = &shown.angle;
+    [
+        ("screw, torque", screw),
+        ("nut, torque", nut),
+        ("screw, encoder", screw_angle),
+        ("nut, encoder", nut_angle),
+        ("lead", &shown.travel),
+    ]
 }
 
 /// The orders that there are, by what they are of and their unit.

@@ -30,7 +30,6 @@ pub fn worth(
     places: &[Place],
     mut known: Known,
 ) -> Result<(Known, Vec<Predicted>)> {
-    whole_orders(&mut known);
     leave_out_lost(setup, &mut known);
     let runs = |plate: &DrivePlate| {
         let run = |place: &Place| {
@@ -113,7 +112,8 @@ fn whole_orders(known: &mut Known) {
 /// After a restart an encoder with index and an absolute one tell where in its turn a rotor stands, and with it the phase of whole orders. An
 /// incremental encoder without index counts from where its shaft stands: alignment then tells the electrical angle, and with it the phase of
 /// whole orders of that alone.
-fn leave_out_lost(setup: &Setup, known: &mut Known) {
+pub fn leave_out_lost(setup: &Setup, known: &mut Known) {
+    whole_orders(known);
     let incremental = setup.model.sensing.encoder == EncoderKind::Incremental;
     let Known {
         compensation, left, ..

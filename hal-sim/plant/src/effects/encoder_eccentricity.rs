@@ -1,4 +1,4 @@
-//! Eccentric encoder disc.
+//! An encoder's error: its disc is eccentric, or its magnet's field is not round.
 
 use super::{Coordinate, Deserialize, Effect, Places, Serialize, Site, Term, limits};
 use std::f64::consts::FRAC_PI_2;
@@ -7,8 +7,8 @@ use std::f64::consts::FRAC_PI_2;
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct EncoderEccentricity {
-    /// 1 or 2 per mechanical turn.
-    #[serde(deserialize_with = "limits::first_or_second")]
+    /// 1, 2 or 4 per mechanical turn.
+    #[serde(deserialize_with = "limits::of_encoder")]
     pub order: f64,
     /// Amplitude, rad.
     #[serde(deserialize_with = "limits::finite")]

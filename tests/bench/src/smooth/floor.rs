@@ -1,6 +1,7 @@
 //! What sets the ripple that is left: each imperfection switched off alone.
 
 use super::bench::{COLD_S, LEARNING_S};
+use super::machine::without_ripple;
 use super::{Machine, Smoothness, drive, orders, setup, smoothness};
 use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
 use hal_sim::sensors::Sensors;
@@ -85,9 +86,7 @@ impl Without {
             effects.retain(|effect| !matches!(effect.effect(), AnyEffect::DeadTime(_)));
         }
         if self == Self::Defects {
-            effects.clear();
-            setup.model.screw.torque_harmonics.clear();
-            setup.model.nut.torque_harmonics.clear();
+            without_ripple(&mut setup.model);
         }
     }
 }
@@ -109,4 +108,18 @@ pub fn floor(
         base: nut_rpm * RPM,
     };
     smoothness(&mut drive(&setup, plate)?, point, COLD_S)
+}
+
+/// What a board as it ships leaves at 2.5 mm/s of a machine without any ripple, with nothing to learn: its sensors, PWM and dead time.
+///
+/// # Errors
+/// As [`floor`].
+pub fn board_alone(machine: Machine, nut_rpm: f64) -> Result<Smoothness, ExperimentError> {
+    let mut setup = setup(machine, 1);
+    without_ripple(&mut setup.model);
+    let point = OperatingPoint {
+        velocity: 2.5e-3,
+        base: nut_rpm * RPM,
+    };
+    smoothness(&mut setup.drive()?, point, 0.0)
 }

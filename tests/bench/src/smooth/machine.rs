@@ -38,6 +38,10 @@ const GAIN: f64 = 0.01;
 const DEAD_V: f64 = 3.1;
 /// An encoder's eccentricity, rad.
 const ECCENTRICITY: f64 = 20.0 / 3600.0 * PI / 180.0;
+/// Largest error of the mains board's MT6835 after its own calibration, degrees (MagnTek's data sheet, second hand).
+const MAGNETIC_DEG: f64 = 0.07;
+/// The same of an encoder with a disc of lines, degrees: as once a turn. Our choice, as the motors' manuals give none.
+const OPTICAL_DEG: f64 = 20.0 / 3600.0;
 /// Wobble of the lead, m per relative turn.
 const WOBBLE_M: f64 = 6e-6;
 /// Cogging, repetitions a turn.
@@ -79,6 +83,7 @@ impl Machine {
                 let mut model = Model::coupled();
                 model.feed.load_n = 0.0;
                 model.effects = Self::defects(Vec::new());
+                model.effects.extend(self.encoder_errors());
                 return model;
             }
         };
@@ -125,6 +130,25 @@ impl Machine {
             .collect()
     }
 
+    /// Orders 2 and 4 of the boards' own encoders, with half of their largest error each.
+    fn encoder_errors(self) -> Vec<EffectModel> {
+        let degrees = match self {
+            Self::Mains => [(Place::Screw, MAGNETIC_DEG), (Place::Nut, OPTICAL_DEG)],
+            _ => [(Place::Screw, OPTICAL_DEG), (Place::Nut, OPTICAL_DEG)],
+        };
+        let orders = degrees.map(|(place, degrees)| {
+            [2.0, 4.0].map(|order| {
+                let error = EncoderEccentricity {
+                    order,
+                    amplitude: 0.5 * degrees.to_radians(),
+                    phase: order,
+                };
+                EffectModel::new(place, error)
+            })
+        });
+        orders.into_iter().flatten().flatten().collect()
+    }
+
     /// How screw and nut meet.
     #[must_use]
     pub fn coupling(self) -> Coupling {
@@ -164,18 +188,19 @@ pub fn setup(machine: Machine, seed: u64) -> Setup {
     }
 }
 
-/// Orders of a motor's torque, a mechanical turn.
+/// Orders of a motor's torque, a mechanical turn: once and twice an electrical turn (offset and gain of current sensors), multiples of
+/// six (current and flux harmonics, dead time), its slots.
 #[must_use]
-pub fn torque_orders(pole_pairs: u32) -> [f64; 5] {
+pub fn torque_orders(pole_pairs: u32) -> [f64; 7] {
     let p = f64::from(pole_pairs);
-    [p, 2.0 * p, 6.0 * p, 12.0 * p, SLOTS]
+    [p, 2.0 * p, 6.0 * p, 12.0 * p, 18.0 * p, 24.0 * p, SLOTS]
 }
 
-/// The orders of such a machine, of which nothing is known yet: once and twice an electrical turn (offset and gain of current
-/// sensors), six and twelve times (current and flux harmonics, dead time), its slots; once a turn of each encoder and of the
-/// lead, if there is a scale.
+/// The orders of such a machine, of which nothing is known yet: those of [`torque_orders`], and with a scale the usual ones of
+/// encoders and lead.
 #[must_use]
 pub fn orders(setup: &Setup, learning_s: f64, scale: bool) -> CompensationPlate {
+    let pole_pairs = [setup.model.screw.pole_pairs, setup.model.nut.pole_pairs];
     let torque = |pole_pairs: u32| {
         let mut plates = [OrderPlate::NONE; TORQUES];
         for (plate, order) in plates.iter_mut().zip(torque_orders(pole_pairs)) {
@@ -183,30 +208,28 @@ pub fn orders(setup: &Setup, learning_s: f64, scale: bool) -> CompensationPlate 
         }
         plates
     };
-    let once = if scale { [1.0, 0.0] } else { [0.0; 2] }.map(OrderPlate::unknown);
+    let count_m = if scale {
+        setup.board.sensors.scale_count_m
+    } else {
+        0.0
+    };
     CompensationPlate {
-        torque: [
-            torque(setup.model.screw.pole_pairs),
-            torque(setup.model.nut.pole_pairs),
-        ],
-        angle: [once; 2],
-        travel: once,
-        learning_s,
-        scale_count_m: if scale {
-            setup.board.sensors.scale_count_m
-        } else {
-            0.0
-        },
+        torque: pole_pairs.map(torque),
+        ..CompensationPlate::usual(pole_pairs, learning_s, count_m)
     }
 }
 
 /// The coupled machine with nothing that ripples.
 pub(super) fn still(seed: u64) -> Setup {
     let mut setup = setup(Machine::Coupled, seed);
-    let model = &mut setup.model;
+    without_ripple(&mut setup.model);
+    setup
+}
+
+/// Takes away what ripples.
+pub(super) fn without_ripple(model: &mut Model) {
     model.effects.clear();
     for axis in Axis::ALL {
         model.motor_mut(axis).torque_harmonics.clear();
     }
-    setup
 }

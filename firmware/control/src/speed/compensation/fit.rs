@@ -61,6 +61,8 @@ pub(super) struct TableChecks {
     fits: TableFits,
     /// Checks at the full learning rate that each has had, 2^-15.
     learned: [u32; TABLES],
+    /// The same since speeds and loads are steady.
+    settled: [u32; TABLES],
     /// Lines of each whose start is not used, one bit a line.
     forgotten: [u8; TABLES],
     next: u8,
@@ -71,11 +73,32 @@ impl TableChecks {
         Self {
             fits: TableFits(0),
             learned: [0; TABLES],
+            settled: [0; TABLES],
             forgotten: [0; TABLES],
             next: 0,
         }
     }
+
+    /// Speed or load have changed.
+    pub(super) const fn unsettle(&mut self) {
+        self.settled = [0; TABLES];
+    }
+
+    /// How often the learning of a table has been halved since speeds and loads are steady: after four of its time constants and after each
+    /// twice as many, [`HALVED_MOST`] times at most. So noise that is no ripple averages out (Robbins and Monro, "A stochastic
+    /// approximation method", Ann. Math. Statist. 22, 1951: steps that fall as one over their number).
+    #[inline(always)]
+    pub(super) fn halved(&self, config: &CompensationConfig, table: usize) -> u32 {
+        let slower = if table < 2 { 1 } else { SPEED_SLOWER };
+        let settled = self.settled.get(table).copied().unwrap_or(0);
+        let twos = settled.checked_div(config.checked.wrapping_mul(slower));
+        let halved = twos.and_then(u32::checked_ilog2).unwrap_or(0);
+        halved.min(HALVED_MOST)
+    }
 }
+
+/// See [`TableChecks::halved`].
+const HALVED_MOST: u32 = 3;
 
 /// What the lines of a table say of it.
 struct Found {
@@ -174,6 +197,9 @@ impl Compensation {
         let tells = learns && found.learning != 0 && part >= LEAST_PART;
         if tells {
             *learned = learned.saturating_add(part);
+        }
+        if learns && let Some(settled) = self.checks.settled.get_mut(table) {
+            *settled = settled.saturating_add(part);
         }
         let enough = config.checked.saturating_mul(slower);
         let moved = tells && *learned >= enough >> 2 && found.most_moved();

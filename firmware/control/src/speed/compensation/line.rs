@@ -89,6 +89,16 @@ impl Phasor {
         }
     }
 
+    /// Halved so many times.
+    #[must_use]
+    #[inline(always)]
+    pub const fn halved(self, times: u32) -> Self {
+        Self {
+            re: self.re.wrapping_shr(times),
+            im: self.im.wrapping_shr(times),
+        }
+    }
+
     /// Times a part of 2^31.
     #[must_use]
     #[inline(always)]

@@ -28,9 +28,9 @@ use response::Response;
 /// Orders of torque of a motor.
 pub const TORQUES: usize = 8;
 /// Orders of an encoder's error.
-pub const ANGLES: usize = 2;
+pub const ANGLES: usize = 4;
 /// Orders of the lead's error.
-pub const TRAVELS: usize = 2;
+pub const TRAVELS: usize = 4;
 /// Fraction bits of a torque's coefficient, A.
 pub const TORQUE_BITS: u32 = 17;
 /// Fraction bits of an encoder's and the lead's coefficient: relative change of speed.
@@ -146,6 +146,8 @@ pub struct Compensation {
     next: u8,
     /// Both motors are steady since as many steps as it takes to tune all lines.
     steady_steps: u8,
+    /// Loads of screw and nut that the learning has settled at, 2^-8 A.
+    loads: [i32; 2],
     checks: TableChecks,
 }
 
@@ -177,6 +179,7 @@ impl Compensation {
             step: 0,
             next: 0,
             steady_steps: 0,
+            loads: [0; 2],
             checks: TableChecks::new(),
         }
     }
@@ -205,8 +208,8 @@ impl Compensation {
         (self.steady_steps, self.counted) = (0, None);
     }
 
-    /// First in a step: both shafts, the scale's count and the relative speed that is asked, mechanical rad/s -> what is added
-    /// to the speed references.
+    /// First in a step: both shafts, the scale's count, the relative speed that is asked, mechanical rad/s, and the motors' loads, 2^-8 A,
+    /// of which not each step asks -> what is added to the speed references.
     #[inline(always)]
     pub fn references(
         &mut self,
@@ -214,6 +217,7 @@ impl Compensation {
         shafts: [Turning; 2],
         scale: Option<u32>,
         relative: Speed,
+        loads: impl FnOnce() -> [i32; 2],
     ) -> [Speed; 2] {
         let [screw, nut] = shafts;
         let [screw_turned, nut_turned] = &mut self.turned;
@@ -234,6 +238,7 @@ impl Compensation {
                 config,
                 [screw.theta_step, nut.theta_step],
                 [screw.asked, nut.asked],
+                loads(),
             ),
             _ => {}
         }
@@ -317,7 +322,20 @@ impl Compensation {
 
     /// Tunes one line to the present speeds; after the last a table is checked.
     #[inline(never)]
-    fn tune(&mut self, config: &CompensationConfig, theta_steps: [i32; 2], asked: [Speed; 2]) {
+    fn tune(
+        &mut self,
+        config: &CompensationConfig,
+        theta_steps: [i32; 2],
+        asked: [Speed; 2],
+        loads: [i32; 2],
+    ) {
+        // An eighth of the largest coefficient.
+        let least = (config.torque_max >> (TORQUE_BITS - 8 + 3)).unsigned_abs();
+        let other = |(load, settled): (&i32, &i32)| load.abs_diff(*settled) > least;
+        if self.steady_steps < SPEED_STEPS || loads.iter().zip(&self.loads).any(other) {
+            self.loads = loads;
+            self.checks.unsettle();
+        }
         let next = usize::from(self.next);
         if next >= LINES {
             self.next = 0;
@@ -340,7 +358,8 @@ impl Compensation {
                     (Some(beat), Some(asked)) => beat.is_near(*asked, frequency),
                     _ => false,
                 };
-                tune_torque(config, line, response, theta_step, beats);
+                let halved = self.checks.halved(config, motor);
+                tune_torque(config, line, response, theta_step, halved, beats);
             }
             return;
         }
@@ -348,17 +367,23 @@ impl Compensation {
         let relative = screw.wrapping_sub(nut);
         let index = index.wrapping_sub(TORQUES);
         if index < ANGLES {
+            let halved = self.checks.halved(config, 2usize.wrapping_add(motor));
             let lines = self.angle.get_mut(motor);
             if let Some(line) = lines.and_then(|lines| lines.get_mut(index)) {
                 let slower = theta_step.unsigned_abs().min(relative.unsigned_abs());
-                let learns = learning(config, response, line.order(), theta_step, slower);
+                let learns =
+                    learning(config, response, line.order(), theta_step, slower).halved(halved);
                 let learns = if motor == 0 { learns } else { negative(learns) };
                 line.tune(line.coefficient(), learns, SPEED_PART_MAX);
             }
-        } else if let Some(line) = self.travel.get_mut(motor) {
+            return;
+        }
+        let index = index.wrapping_sub(ANGLES).wrapping_mul(2);
+        let halved = self.checks.halved(config, 4);
+        if let Some(line) = self.travel.get_mut(index.wrapping_add(motor)) {
             let [response, _] = &config.response;
             let slower = relative.unsigned_abs();
-            let learns = learning(config, response, line.order(), relative, slower);
+            let learns = learning(config, response, line.order(), relative, slower).halved(halved);
             line.tune(line.coefficient(), learns, SPEED_PART_MAX);
         }
     }
@@ -438,6 +463,7 @@ fn tune_torque(
     line: &mut Line,
     response: &Response,
     theta_step: i32,
+    halved: u32,
     beats: impl FnOnce(u32) -> bool,
 ) {
     let frequency = line.order().frequency(theta_step);
@@ -449,7 +475,7 @@ fn tune_torque(
         .coefficient()
         .times(point.realise.turned_by(theta_step), 8);
     let learns = if config.learns && !beats(frequency) {
-        let part = config.part(theta_step.unsigned_abs());
+        let part = config.part(theta_step.unsigned_abs()) >> halved;
         point.learn.turned_by(theta_step).part(part)
     } else {
         Phasor::ZERO
@@ -470,6 +496,7 @@ fn learning(
     match (config.scale, response.at(order.frequency(theta_step))) {
         (Some(scale), Some(point)) if config.learns && order.0 != 0 => {
             let turned = point.follow.turned_by(theta_step);
+            let slower = order.frequency(slower.min(i32::MAX as u32).cast_signed());
             let rate = rate(scale.rate, theta_step, slower);
             let times = |x| multiply_upper(x, rate).saturating_mul(8);
             let learns = Phasor {
@@ -493,7 +520,11 @@ fn negative(x: Phasor) -> Phasor {
     }
 }
 
-/// The rate for a shaft that turns by `theta_step`, by the slower of the motions that tell it from others.
+/// An order above is learned as fast as this one.
+const ORDERS_MAX: u32 = 16;
+
+/// The rate for a shaft that turns by `theta_step`, by the slower of the motions that tell it from others. An order is told from the
+/// same of another shaft by as many turns as it repeats in one.
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation)]
 fn rate(config: RateConfig, theta_step: i32, slower: u32) -> i32 {
@@ -502,7 +533,81 @@ fn rate(config: RateConfig, theta_step: i32, slower: u32) -> i32 {
     let fast = (u64::from(fast) << (config.fast_shift & 31)).min(i32::MAX as u64) as i32;
     // Slow in the slower motion: as much less as that is slower than the shaft.
     let part = (slower >> FAST_DROPS).min(u16::MAX.into()).wrapping_shl(16);
-    let part = part.checked_div(speed).unwrap_or(0).min(1 << 16);
+    let part = part.checked_div(speed).unwrap_or(0).min(ORDERS_MAX << 16);
     let slow = i64::from(config.slow).wrapping_mul(part.into()) >> 16;
-    fast.min(slow as i32)
+    slow.min(fast.into()) as i32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::plate::{CompensationPlate, OrderPlate, test_plate};
+
+    /// Every line has an order, and a scale shows them.
+    fn config() -> CompensationConfig {
+        let mut plate = test_plate();
+        let orders = |k: usize| OrderPlate::unknown(1.0 + k as f64);
+        plate.compensation = CompensationPlate {
+            torque: [core::array::from_fn(orders); 2],
+            angle: [core::array::from_fn(orders); 2],
+            travel: core::array::from_fn(orders),
+            learning_s: 0.5,
+            scale_count_m: 20e-9,
+        };
+        plate.config().unwrap().compensation
+    }
+
+    /// Shafts at 1 and 2 turns a second, under a load, for as many steps.
+    fn run(compensation: &mut Compensation, config: &CompensationConfig, load: i32, steps: u32) {
+        let shaft = |theta_step: i32| Turning {
+            theta_step,
+            omega_e: Speed::from_num(62.8),
+            asked: Speed::from_num(62.8),
+            steady: true,
+            ..Turning::default()
+        };
+        let shafts = [shaft(429_497), shaft(214_748)];
+        for _ in 0..steps {
+            let _ =
+                compensation.references(config, shafts, Some(0), Speed::from_num(6), || [load; 2]);
+            let _ = compensation.currents([Speed::ZERO; 2]);
+        }
+    }
+
+    #[test]
+    fn every_line_is_tuned_in_a_round() {
+        let config = config();
+        let mut compensation = Compensation::new(&config);
+        run(&mut compensation, &config, 0, 2 * u32::from(ROUND_STEPS));
+        let speeds = compensation.angle.as_flattened().iter();
+        let torques = compensation.torque.as_flattened().iter();
+        for (k, line) in torques
+            .chain(speeds)
+            .chain(&compensation.travel)
+            .enumerate()
+        {
+            assert!(line.learns(), "line {k} learns nothing");
+        }
+    }
+
+    /// A torque's table has learned for four of its time constants after 2 s; a load that comes makes it quick again.
+    #[test]
+    fn learning_slows_down_while_speed_and_load_are_steady() {
+        let config = config();
+        let mut compensation = Compensation::new(&config);
+        let mut halved = |load, steps| {
+            run(&mut compensation, &config, load, steps);
+            compensation.checks.halved(&config, 0)
+        };
+        let (second, heavy) = (5_000, 2 * 256);
+        assert_eq!(halved(0, second), 0, "after 1 s");
+        assert_eq!(halved(0, 2 * second), 1, "after 3 s");
+        assert_eq!(
+            halved(1, 20 * second),
+            3,
+            "after 23 s, under a load of 4 mA"
+        );
+        assert_eq!(halved(heavy, second / 10), 0, "under a load of 2 A");
+        assert_eq!(halved(heavy, 3 * second), 1, "3 s under that load");
+    }
 }

@@ -2,7 +2,7 @@
 
 use super::mode;
 use crate::smooth::Machine;
-use crate::smooth::floor::{Without, floor};
+use crate::smooth::floor::{Without, board_alone, floor};
 use anyhow::Result;
 use hal_sim::parallel::on_all_cores;
 use hal_sim::smooth::Smoothness;
@@ -11,8 +11,52 @@ use serde_json::{Value, json};
 /// Where it is looked at: machine, and nut speed, rpm.
 const POINTS: [(Machine, f64); 2] = [(Machine::Lumped, 0.0), (Machine::Lumped, 800.0)];
 
+/// The same of the boards as they ship.
+const BOARDS: [(Machine, f64); 8] = [
+    (Machine::Mains, 0.0),
+    (Machine::Mains, 300.0),
+    (Machine::Mains, 500.0),
+    (Machine::Mains, 800.0),
+    (Machine::Nucleo, 0.0),
+    (Machine::Nucleo, 300.0),
+    (Machine::Nucleo, 500.0),
+    (Machine::Nucleo, 800.0),
+];
+
 /// Ripple with one thing switched off, at each point.
 pub(super) type Floor = Vec<(Without, Vec<Smoothness>)>;
+
+/// What each board leaves of a machine without ripple, and ours of the one that ripples.
+pub(super) fn boards() -> Result<Vec<[Smoothness; 2]>> {
+    let left = on_all_cores(&BOARDS, |&(machine, nut_rpm)| {
+        let ours = floor(machine, nut_rpm, Without::Nothing)?;
+        Ok([board_alone(machine, nut_rpm)?, ours])
+    });
+    left.into_iter().collect()
+}
+
+pub(super) fn boards_json(boards: &[[Smoothness; 2]]) -> Value {
+    let rows = BOARDS.iter().zip(boards);
+    rows.map(|((machine, nut_rpm), [alone, ours])| {
+        json!({
+            "machine": machine.name(),
+            "nut_rpm": nut_rpm,
+            "vrf_board_alone": alone.vrf,
+            "vrf_ours": ours.vrf,
+        })
+    })
+    .collect()
+}
+
+pub(super) fn print_boards(boards: &[[Smoothness; 2]]) {
+    println!(
+        "\nBoards as they ship at 2.5 mm/s, %: what they leave of a machine without ripple; ours with ripple"
+    );
+    for ((machine, nut_rpm), [alone, ours]) in BOARDS.iter().zip(boards) {
+        let what = format!("{}, {}", machine.name(), mode(*nut_rpm));
+        println!("  {what:<60} {:>7.2} {:>7.2}", alone.vrf, ours.vrf);
+    }
+}
 
 /// All, on all cores.
 pub(super) fn measure() -> Result<Floor> {

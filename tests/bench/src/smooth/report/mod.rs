@@ -159,6 +159,10 @@ pub fn run(options: &SmoothOptions) -> Result<()> {
     if of(SmoothPart::Floor) {
         let floor = floor::measure()?;
         put("floor", floor::json(&floor), &|| floor::print(&floor));
+        let boards = floor::boards()?;
+        put("floor_boards", floor::boards_json(&boards), &|| {
+            floor::print_boards(&boards);
+        });
     }
     if of(SmoothPart::Loop) {
         let hums = hum::measure();

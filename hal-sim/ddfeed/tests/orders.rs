@@ -1,0 +1,174 @@
+//! Orders that nobody listed are found in a recording, and taken away.
+
+use control::plate::{CompensationPlate, OrderPlate};
+use ddfeed::compensate::{Found, orders};
+use fft::Complex64;
+use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM, Recorder, Setup, settle};
+use hal_sim::smooth::known::Known;
+use hal_sim::smooth::{drive, smoothness};
+use plant::effects::{
+    AnglePeriodic, AnyEffect, EffectModel, EncoderEccentricity, FluxHarmonic, LeadError, Place,
+};
+use plant::machine::Coupling;
+use plant::model::Model;
+use plant::recording::Recording;
+
+/// Rows a second, and the length of a hold.
+const ROWS_HZ: f64 = 5e3;
+const HOLD_S: f64 = 2.0;
+/// The load at each motor of each half of a recording, N m.
+const LOADS_NM: [f64; 2] = [0.2, 1.0];
+
+/// The coupled machine with orders of its own, of which no plate knows.
+fn machine() -> Model {
+    let mut model = Model::coupled();
+    let mut add = |place, effect: AnyEffect| {
+        model.effects.extend(EffectModel::new(place, effect));
+    };
+    add(
+        Place::Screw,
+        AnglePeriodic {
+            order: 17.4,
+            amplitude: 0.03,
+            phase: 0.4,
+        }
+        .into(),
+    );
+    add(
+        Place::Nut,
+        FluxHarmonic {
+            order: 3.0,
+            amplitude: 0.04,
+            phase: 1.1,
+        }
+        .into(),
+    );
+    add(
+        Place::Nut,
+        EncoderEccentricity {
+            order: 2.0,
+            amplitude: 2e-4,
+            phase: 0.7,
+        }
+        .into(),
+    );
+    add(
+        Place::Feed,
+        LeadError {
+            order: 2.0,
+            amplitude: 2e-6,
+            phase: 0.2,
+        }
+        .into(),
+    );
+    model
+}
+
+fn setup(load_nm: f64) -> Setup {
+    let mut setup = Setup::real(machine(), Coupling::Coupled);
+    setup.model.feed.load_n = load_nm / setup.model.feed.travel_per_radian();
+    setup
+}
+
+/// Holds at three nut speeds, under one load and another.
+fn recording() -> Result<Recording, ExperimentError> {
+    let mut recording = Recording::default();
+    let mut setup = setup(LOADS_NM[0]);
+    let mut drive = setup.drive()?;
+    let mut recorder = Recorder::default();
+    let periods = (1.0 / (ROWS_HZ * setup.board.pwm_period_s())).round() as u64;
+    for load_nm in LOADS_NM {
+        setup.model.feed.load_n = load_nm / setup.model.feed.travel_per_radian();
+        drive.board.machine.set_load_force(setup.model.feed.load_n);
+        for rpm in [150.0, 300.0, 700.0] {
+            let point = OperatingPoint {
+                velocity: 5e-3,
+                base: rpm * RPM,
+            };
+            let mut row = |drive: &mut hal_sim::drive::Drive| {
+                if drive.periods().is_multiple_of(periods) {
+                    recording.push(&recorder.row(drive));
+                }
+            };
+            settle(&mut drive, point, |drive| {
+                row(drive);
+                Ok::<(), ExperimentError>(())
+            })?;
+            for _ in 0..(HOLD_S / setup.board.pwm_period_s()) as u64 {
+                drive.period();
+                row(&mut drive);
+            }
+        }
+    }
+    Ok(recording)
+}
+
+fn found(list: &[Found], order: f64) -> Found {
+    let near = list.iter().find(|found| (found.order - order).abs() < 0.02);
+    *near.unwrap_or_else(|| panic!("order {order} is not among {list:?}"))
+}
+
+fn known(plates: &[OrderPlate], order: f64) -> Complex64 {
+    let plate = plates.iter().find(|plate| plate.order == order).unwrap();
+    Complex64::new(plate.re, plate.im)
+}
+
+#[test]
+fn orders_that_nobody_listed_are_found_and_taken_away() -> Result<(), ExperimentError> {
+    let model = machine();
+    let shown = orders(&recording()?, &model);
+    println!("{shown:#?}");
+    let mean_nm = 0.5 * (LOADS_NM[0] + LOADS_NM[1]);
+    let truth = Known::of(&model, mean_nm).compensation;
+    for (list, plates, order, within) in [
+        (&shown.torque[0], &truth.torque[0][..], 17.4, 0.1),
+        (&shown.torque[0], &truth.torque[0][..], 30.0, 0.1),
+        (&shown.torque[1], &truth.torque[1][..], 15.0, 0.1),
+        (&shown.torque[1], &truth.torque[1][..], 60.0, 0.1),
+        (&shown.angle[1], &truth.angle[1][..], 2.0, 0.05),
+        (&shown.travel, &truth.travel[..], 2.0, 0.1),
+    ] {
+        let (got, real) = (found(list, order).coefficient, known(plates, order));
+        let off = (got - real).norm() / real.norm();
+        assert!(
+            off < within,
+            "order {order}: {got:?} was found, {real:?} is there: {off:.2} of it off, expected less than {within}"
+        );
+    }
+    // The nut's flux harmonic is as large as its current, the screw's torque as large without one.
+    let [fixed, scaled] = [found(&shown.torque[0], 17.4), found(&shown.torque[1], 15.0)];
+    let [fixed, scaled] = [fixed, scaled].map(|found| found.scales.unwrap());
+    assert!(
+        fixed < 0.2,
+        "{fixed:.2} of order 17.4 scales with the load, expected none"
+    );
+    assert!(
+        scaled > 0.8,
+        "{scaled:.2} of order 15 scales with the load, expected all"
+    );
+
+    // At a speed that was not recorded. The order that is not whole is learned.
+    let point = OperatingPoint {
+        velocity: 2.5e-3,
+        base: 500.0 * RPM,
+    };
+    let left = |plate: CompensationPlate, learning_s| {
+        let setup = setup(mean_nm);
+        let plate = CompensationPlate {
+            learning_s,
+            scale_count_m: setup.board.sensors.scale_count_m,
+            ..plate
+        };
+        smoothness(&mut drive(&setup, plate)?, point, 4.0).map(|smoothness| smoothness.vrf)
+    };
+    let (before, after) = (
+        left(CompensationPlate::NONE, 0.0)?,
+        left(shown.plate(), 0.5)?,
+    );
+    println!("{before:.2} % before, {after:.2} % after");
+    assert!(
+        after < 0.15 * before,
+        "{after:.2} % is left of {before:.2} %, expected less than a seventh"
+    );
+    Ok(())
+}
