@@ -16,6 +16,8 @@ pub mod output;
 pub mod probe;
 pub mod record;
 #[cfg(feature = "cli")]
+pub mod ripple;
+#[cfg(feature = "cli")]
 pub mod serve;
 pub mod session;
 #[cfg(feature = "cli")]

@@ -4,7 +4,7 @@
 mod completions;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
-use ddfeed::{compensate, drive, identify, serve, simulate};
+use ddfeed::{compensate, drive, identify, ripple, serve, simulate};
 use std::process::ExitCode;
 
 /// Drive software for a double-drive differential feed.
@@ -25,6 +25,8 @@ enum Task {
     Serve(serve::ServeOptions),
     /// Command a drive over its link: a simulated one, or one at a serial port or a debug probe.
     Drive(drive::DriveOptions),
+    /// Print the ripple of each hold of a recording with its strongest orders, and draw them on a page.
+    Ripple(ripple::RippleOptions),
     /// Turn a model's effects into settings that compensate them, and predict the ripple.
     Compensate(compensate::CompensateOptions),
     /// Print all settings of a drive with unit, range, default and meaning.
@@ -55,6 +57,7 @@ fn main() -> ExitCode {
         Task::Identify(options) => identify::run(&options),
         Task::Serve(options) => serve::run(&options),
         Task::Drive(options) => drive::run(&options),
+        Task::Ripple(options) => ripple::run(&options),
         Task::Compensate(options) => compensate::run(&options).map(drop),
         Task::Settings(options) => {
             drive::reference(&options);

@@ -182,6 +182,38 @@ fn wrong_input_is_answered_with_what_is_possible() {
     );
 }
 
+/// The ripple of a recording is what `record` printed; the page draws each hold, and the names of orders are of the nut's speed.
+#[test]
+fn the_ripple_of_a_recording_is_printed_and_drawn() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let printed = served.printed(&["record", &out, "--arm", "--hold", "5,300,2"]);
+    let figures = printed.split_once("rpm:").unwrap().1.trim();
+    let recording = folder.path().join("record.csv.gz");
+    let ripple = |more: &[&str]| {
+        let output = ddfeed()
+            .arg("ripple")
+            .arg(&recording)
+            .args(more)
+            .output()
+            .unwrap();
+        assert!(output.status.success(), "{output:?}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let said = ripple(&["--out", &out]);
+    assert!(said.contains(figures), "{said}\nrecord printed {figures}");
+    assert!(said.contains("order 30 of the"), "{said}");
+    let page = std::fs::read_to_string(folder.path().join("ripple.html")).unwrap();
+    assert_eq!(page.matches("<svg").count(), 2);
+    let report: Value = serde_json::from_str(&ripple(&["--json"])).unwrap();
+    assert_eq!(
+        report["holds"][0]["nut_rpm"].as_f64().unwrap().round(),
+        300.0
+    );
+    assert!(report["holds"][0]["lines"][0]["hz"].is_number(), "{report}");
+}
+
 /// A recording does not write over a model that a person has put beside it.
 #[test]
 fn a_recording_keeps_the_model_of_a_person() {

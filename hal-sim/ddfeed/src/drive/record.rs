@@ -6,10 +6,10 @@ use super::options::RecordOptions;
 use super::status::look;
 use crate::output::Folder;
 use crate::record::{Recorder, save};
+use crate::ripple::short_text;
 use crate::session::divider;
 use crate::trigger::{Gate, Trigger};
 use anyhow::{Context, Result, anyhow, bail, ensure};
-use hal_sim::hold_ripple::{bandwidth_hz, ripple_interval_s, ripples};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::State;
 use link::message::Command;
@@ -75,38 +75,9 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     outcome.context("the recording ended early, and what came before is kept")?;
     if !options.hold.is_empty() {
         let lead_m = drive.settings()?.feed.lead_mm * 1e-3;
-        print!("{}", ripple_lines(&Recording::load(&path)?, lead_m / TAU));
+        print!("{}", short_text(&Recording::load(&path)?, lead_m / TAU));
     }
     Ok(())
-}
-
-/// A line on the ripple of each hold in which the table moves.
-fn ripple_lines(recording: &Recording, travel_per_radian: f64) -> String {
-    let found = ripple_interval_s(recording)
-        .and_then(|interval_s| Ok((interval_s, ripples(recording, travel_per_radian)?)));
-    let (interval_s, ripples) = match found {
-        Ok(found) => found,
-        Err(error) => return format!("no ripple: {error}\n"),
-    };
-    let mut text = String::new();
-    for (point, ripple) in ripples {
-        if text.is_empty() {
-            let bandwidth_hz = bandwidth_hz(interval_s);
-            text = format!("ripple of the table by its scale, up to {bandwidth_hz:.0} Hz:\n");
-        }
-        text += &if ripple.rms_percent == 0.0 {
-            "  the table did not move by its scale, or there is none\n".to_owned()
-        } else {
-            format!(
-                "  {:7.3} mm/s, nut {:6.0} rpm: {:6.2} % peak to peak (Eq 19), {:6.3} % rms\n",
-                1e3 * point.velocity,
-                point.base * 60.0 / TAU,
-                ripple.vrf_percent,
-                ripple.rms_percent
-            )
-        };
-    }
-    text
 }
 
 /// What the recording waits for.
