@@ -53,12 +53,16 @@ impl HomePlan {
         let rise_seeking = seeking / feed.acceleration_max + rise_to_limit;
         let word = (1u64 << TableVelocity::FRAC_NBITS) as f64;
         let [towards, away] = [(seeking * word + 0.5) as i32, (leaving * word + 0.5) as i32];
-        let sign = if home.forwards { 1 } else { -1 };
+        let [towards, away] = if home.forwards {
+            [towards, away.saturating_neg()]
+        } else {
+            [towards.saturating_neg(), away]
+        };
         let a_step = leaving * step_s / feed.scale_count_m.abs();
         Self {
             backwards: !home.forwards,
-            towards: TableVelocity::from_bits(towards.saturating_mul(sign)),
-            away: TableVelocity::from_bits(away.saturating_mul(-sign)),
+            towards: TableVelocity::from_bits(towards),
+            away: TableVelocity::from_bits(away),
             seek_steps: ((home.furthest_m / seeking + rise_seeking) / step_s) as u32,
             leave_steps: ((home.furthest_m / leaving + rise) / step_s) as u32,
             open: (OPEN_S / step_s).max(1.0) as u32,

@@ -129,7 +129,7 @@ impl MoveConfig {
         let (v, way) = (u128::from(velocity), u128::from(way_nm));
         if u64::from(velocity) >= self.rounded {
             // At most 2^31 times 2^64.
-            let rise = v * u128::from(self.time_per_word) >> (TIME_PER_WORD_BITS - TIME_BITS);
+            let rise = (v * u128::from(self.time_per_word)) >> (TIME_PER_WORD_BITS - TIME_BITS);
             // At most 2^31 times 2^65 on the one side, 2^46 times 2^29 on the other.
             v * (rise + u128::from(self.rise)) <= way * NM
         } else {
@@ -437,7 +437,7 @@ mod tests {
             };
             prop_assert!((f64::from(plan.distance) - counts).abs() < 0.6, "{} counts of {}", plan.distance, counts);
             prop_assert!(plan.velocity.abs() <= most, "{} m/s of {}", plan.velocity, most);
-            let (steps, velocity) = by_floats(&plate, distance_m, most.to_num()).expect("a plan");
+            let (steps, velocity) = by_floats(&plate, distance_m, most.to_num()).unwrap();
             let word = TableVelocity::DELTA.to_num::<f64>();
             // What the lowest bit of the largest velocity is worth.
             let apart = 1e-6 + 2.0 * word / velocity.abs();
