@@ -7,7 +7,7 @@
 use crate::board;
 use crate::hw::encoder::InputFilter;
 use crate::hw::flash::SettingsPages;
-use application::configured::Configured;
+use application::configured::{CommandWords, Configured};
 use application::exchange::DriveExchange;
 use application::keep::Keeper;
 use application::server::NotSet;
@@ -45,6 +45,7 @@ pub(crate) const BOARD: Configured = Configured {
     guard: board::GUARD,
     header: Header::of_plate(&PLATE),
     travel: PLATE.travel_config(),
+    words: CommandWords::new(&PLATE),
 };
 
 /// The words to and from the speed task, its state and what it is configured with, side by side, so that one address in a register
@@ -208,6 +209,7 @@ fn configure_the_rest(settings: &Settings, held: &mut Configured) {
     }
     held.header = Header::of_plate(&held.plate);
     held.travel = held.plate.travel_config();
+    held.words = CommandWords::new(&held.plate);
 }
 
 /// The board's limits, with the scale that is set.

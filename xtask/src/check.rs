@@ -15,7 +15,9 @@ pub fn run() -> Result<()> {
         Step::cargo("fmt --all --check"),
         Step::cargo("clippy --all-targets -- -D warnings"),
         Step::documentation(""),
-        Step::cargo("test --package control --package link --package plant --package hal-sim"),
+        Step::cargo(
+            "test --package control --package link --package application --package plant --package hal-sim",
+        ),
         Step::cargo(format!("test --package bench {DRIVE}")),
     ])?;
     println!("The quick checks passed.");

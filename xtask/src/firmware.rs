@@ -2,8 +2,8 @@
 
 use crate::program::Program;
 use crate::tools::{emulator_environment, root, target_folder};
-use anyhow::{Context, Result, ensure};
-use clap::Args;
+use anyhow::{Context, Result, bail, ensure};
+use clap::{Args, ValueEnum};
 use std::ffi::OsString;
 use std::fs::File;
 use std::path::PathBuf;
@@ -54,20 +54,59 @@ pub fn folder() -> Result<PathBuf> {
     Ok(target_folder()?.join(TARGET).join("firmware"))
 }
 
-/// Builds the firmware as it is flashed and says where its ELF is.
-pub fn build() -> Result<PathBuf> {
-    cargo(
-        &[
-            "build",
-            "--package",
-            "firmware",
-            "--profile",
-            "firmware",
-            "--target",
-            TARGET,
-        ],
-        &[],
-    )?;
+/// A board that the firmware is built for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+pub enum Board {
+    /// A NUCLEO-G474RE and two BOOSTXL-DRV8323RH.
+    #[default]
+    Nucleo,
+    /// The paper's motors on 310 V.
+    Mains,
+}
+
+/// Which firmware is built.
+#[derive(Args, Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Build {
+    /// The board.
+    #[arg(long, value_enum, default_value_t)]
+    pub board: Board,
+    /// PWM rate, kHz: both current loops run at it. 20, or 40 on the nucleo board; the speed task keeps its 5 kHz.
+    #[arg(long, value_name = "KHZ", default_value_t = 20)]
+    pub pwm_khz: u32,
+}
+
+impl Build {
+    /// Cargo's words for it.
+    ///
+    /// # Errors
+    /// The board does not run at that rate.
+    pub fn features(self) -> Result<&'static [&'static str]> {
+        Ok(match (self.board, self.pwm_khz) {
+            (Board::Nucleo, 20) => &[],
+            (Board::Nucleo, 40) => &["--no-default-features", "--features", "pwm-40khz"],
+            (Board::Mains, 20) => &["--no-default-features", "--features", "board-mains"],
+            (Board::Nucleo, other) => bail!(
+                "--pwm-khz is {other}, but the nucleo board runs at 20 or 40 kHz: at 80 kHz the longest ways of both current loops do not fit a period"
+            ),
+            (Board::Mains, other) => bail!(
+                "--pwm-khz is {other}, but the mains board runs at 20 kHz: its plate is made for no other rate"
+            ),
+        })
+    }
+}
+
+/// Builds a firmware as it is flashed and says where its ELF is.
+pub fn build(which: Build) -> Result<PathBuf> {
+    let of_chip = [
+        "build",
+        "--package",
+        "firmware",
+        "--profile",
+        "firmware",
+        "--target",
+        TARGET,
+    ];
+    cargo(&[&of_chip, which.features()?].concat(), &[])?;
     let elf = folder()?.join("firmware");
     println!("{}", elf.display());
     Ok(elf)
@@ -146,4 +185,23 @@ fn cargo(arguments: &[&str], environment: &[(&str, OsString)]) -> Result<()> {
         .with_context(|| format!("`{line}` could not be started"))?;
     ensure!(status.success(), "`{line}` failed ({status})");
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_rate_that_a_board_does_not_run_at_is_refused() {
+        for (board, pwm_khz, runs) in [
+            (Board::Nucleo, 20, true),
+            (Board::Nucleo, 40, true),
+            (Board::Nucleo, 80, false),
+            (Board::Mains, 20, true),
+            (Board::Mains, 40, false),
+        ] {
+            let features = Build { board, pwm_khz }.features();
+            assert_eq!(features.is_ok(), runs, "{board:?} at {pwm_khz} kHz");
+        }
+    }
 }

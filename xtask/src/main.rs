@@ -29,8 +29,8 @@ enum Task {
     /// Measure the project against its goals.
     #[command(disable_help_flag = true)]
     Bench(Words),
-    /// Build the firmware as it is flashed.
-    Build,
+    /// Build the firmware as it is flashed, for a board and a PWM rate.
+    Build(firmware::Build),
     /// Build the firmware and write it to the chip's flash.
     #[command(disable_help_flag = true)]
     Flash(Words),
@@ -102,7 +102,7 @@ fn run(task: Task) -> Result<()> {
         Task::Check => check::run(),
         Task::Test => test::run(),
         Task::Bench(words) => hand_over(&["--release", "--package", "bench"], None, words.words),
-        Task::Build => firmware::build().map(|_| ()),
+        Task::Build(which) => firmware::build(which).map(|_| ()),
         Task::Flash(words) => board("flash", words),
         Task::Run(words) => board("run", words),
         Task::Attach(words) => board("attach", words),

@@ -2,7 +2,7 @@
 
 use crate::steps::{Step, prepare, run_all};
 use anyhow::Result;
-use xtask::firmware::{BROWSER, TARGET};
+use xtask::firmware::{BROWSER, Board, Build, TARGET};
 use xtask::tools::{cross_compiler, emulator_environment, target_folder};
 
 /// All that runs on this computer, in one go with all features, so that no library is built twice.
@@ -29,7 +29,10 @@ pub fn run() -> Result<()> {
         // What a page in a browser will host.
         Step::cargo(format!("check --package hal-sim --target {BROWSER}")),
     ])?;
-    xtask::firmware::build()?;
+    xtask::firmware::build(Build {
+        board: Board::Nucleo,
+        pwm_khz: 20,
+    })?;
     run_all(&[Step::cargo(format!("test {HOST}")).with(&emulator)])?;
     println!("All checks passed.");
     Ok(())

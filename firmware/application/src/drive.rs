@@ -1,14 +1,13 @@
 //! The drive as the link commands it.
 
 use crate::exchange::state;
-use crate::orders::{Orders, STEP_S};
+use crate::orders::Orders;
 use crate::parts::{Access, LinesParts};
 use crate::server::{NotSet, Served};
 use control::compensation::line::Phasor;
 use control::coordinator::{Command, CommandError, Coordinator};
 use control::exchange::MotorExchange;
 use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
-use control::homing::HomePlan;
 use control::journal::Journal;
 use control::observer::EncoderAlignment;
 use control::table_move::{MoveError, MovePlan};
@@ -16,7 +15,6 @@ use core::sync::atomic::Ordering::Relaxed;
 use embedded_storage::nor_flash::NorFlash;
 use link::codes::{Demand, State};
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
-use link::scale;
 use link::settings::{Effect, Settings};
 
 /// The board, or the simulated machine: what only it knows.
@@ -89,13 +87,9 @@ impl<F, O, J, W> Commanded<'_, '_, F, O, J, W> {
         (view.homed.load(Relaxed) != 0).then(|| view.origin.load(Relaxed))
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn motor(&self, k: usize) -> MotorStatus {
         let (view, exchange) = (&self.parts.view.motors[k], self.parts.motors[k]);
         let [d, q] = &view.current;
-        let board = &self.parts.configured.plate.board;
-        // Bus voltage of an ADC count, uV.
-        let bus_uv = (board.bus_volts_per_count * 1e6 + 0.5) as u32;
         MotorStatus {
             current: [d.load(Relaxed), q.load(Relaxed)],
             // From 2^-16 to 2^-18 rad/s.
@@ -110,7 +104,7 @@ impl<F, O, J, W> Commanded<'_, '_, F, O, J, W> {
                     zero: held.theta_e_at_zero.0,
                 },
             },
-            bus_mv: u32::from(exchange.bus()) * (bus_uv / 10) / 100,
+            bus_mv: u32::from(exchange.bus()) * (self.parts.configured.words.bus_uv / 10) / 100,
         }
     }
 
@@ -156,10 +150,9 @@ where
         self.parts.journal.with(|journal| look(journal));
     }
 
-    #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
     fn rates(&self) -> (u32, u32) {
-        let board = &self.parts.configured.plate.board;
-        ((board.pwm_hz + 0.5) as u32, board.speed_divider)
+        let configured = self.parts.configured;
+        (configured.words.pwm_hz, configured.drive.speed_divider)
     }
 
     fn simulated(&self) -> bool {
@@ -177,18 +170,14 @@ where
 
     fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal> {
         let configured = self.parts.configured;
-        let plan = MovePlan::new(
-            &configured.plate.feed,
-            configured.plate.feed.scale_count_m,
-            configured.plate.tuning.speed_rad_s,
-            STEP_S,
-            distance_nm as f64 * 1e-9,
-            f64::from(velocity) / f64::from(1 << scale::TABLE_VELOCITY),
-        )
-        .map_err(|error| match error {
-            MoveError::Distance => Refusal::Distance,
-            MoveError::Velocity => Refusal::Velocity,
-        })?;
+        let most = TableVelocity::from_bits(velocity);
+        let plan =
+            MovePlan::new(&configured.words.moves, distance_nm, most).map_err(
+                |error| match error {
+                    MoveError::Distance => Refusal::Distance,
+                    MoveError::Velocity => Refusal::Velocity,
+                },
+            )?;
         // Whether the screw may turn as fast as the way takes, and as the common speed alone asks.
         self.allowed(if distance_nm < 0 { -velocity } else { velocity }, base)?;
         self.allowed(0, base)?;
@@ -204,14 +193,7 @@ where
     }
 
     fn home(&mut self, base: i32) -> Result<(), Refusal> {
-        let configured = self.parts.configured;
-        let home = self.parts.keeper.settings().travel.home.plate();
-        let plan = HomePlan::new(
-            &configured.plate.feed,
-            &home,
-            configured.plate.feed.scale_count_m,
-            STEP_S,
-        );
+        let plan = self.parts.configured.words.home;
         for velocity in plan.velocities() {
             self.allowed(velocity.to_bits(), base)?;
         }
@@ -261,6 +243,15 @@ where
 
     fn renew(&mut self) {
         self.parts.words.renew();
+    }
+
+    fn base_for(&self, velocity: i32) -> i32 {
+        self.parts.configured.words.bases.base_for(velocity)
+    }
+
+    fn home_velocity(&self) -> i32 {
+        let [towards, _] = self.parts.configured.words.home.velocities();
+        towards.to_bits()
     }
 
     fn settings(&self) -> &Settings {

@@ -11,7 +11,6 @@ use link::message::{
     ARMED_MS, Command, DriveFrame, EVENTS_A_FRAME, Event, FAULTS, HostFrame, Injection, Recorded,
     Refusal, Reply, SETTINGS_A_FRAME, Status, Text,
 };
-use link::scale;
 use link::settings::{Effect, Settings, Unfit, WireValue};
 use link::telemetry::Real;
 
@@ -87,6 +86,10 @@ pub trait Served {
     fn demand(&mut self, demand: Demand);
     /// Who commands is still there.
     fn renew(&mut self);
+    /// The base speed, 2^-18 rad/s, for a table velocity, 2^-28 m/s, for which none is commanded.
+    fn base_for(&self, velocity: i32) -> i32;
+    /// How fast homing goes to its switch, 2^-28 m/s.
+    fn home_velocity(&self) -> i32;
     /// The settings that hold.
     fn settings(&self) -> &Settings;
     /// The same with the orders that were learned since.
@@ -203,14 +206,6 @@ impl Commander {
         }
         Some(event)
     }
-}
-
-/// A base speed that is given, or that of the table for a velocity; the largest that can be said if the table's is more.
-fn base_or(base: Option<i32>, settings: &Settings, velocity: i32) -> i32 {
-    base.unwrap_or_else(|| {
-        let base = settings.base_for(scale::value(velocity, scale::TABLE_VELOCITY));
-        scale::word(base, scale::BASE_SPEED).unwrap_or(i32::MAX)
-    })
 }
 
 fn at_rest(state: State) -> bool {
@@ -352,7 +347,10 @@ impl Server {
             Command::Arm => self.arm(now_ms, commander, drive),
             Command::Run { velocity, base } => self
                 .may_move(commander, drive)
-                .and_then(|()| drive.command(velocity, base_or(base, drive.settings(), velocity)))
+                .and_then(|()| {
+                    let base = base.unwrap_or_else(|| drive.base_for(velocity));
+                    drive.command(velocity, base)
+                })
                 .map(|()| self.start(commander, drive, Demand::Run)),
             Command::Move {
                 distance_nm,
@@ -361,17 +359,14 @@ impl Server {
             } => self
                 .may_move(commander, drive)
                 .and_then(|()| {
-                    let base = base_or(base, drive.settings(), velocity);
+                    let base = base.unwrap_or_else(|| drive.base_for(velocity));
                     drive.travel(distance_nm, velocity, base)
                 })
                 .map(|()| self.start(commander, drive, Demand::Run)),
             Command::Home { base } => self
                 .may_move(commander, drive)
                 .and_then(|()| {
-                    let settings = drive.settings();
-                    let velocity = settings.travel.plate().home.velocity;
-                    let velocity = scale::word(velocity, scale::TABLE_VELOCITY);
-                    let base = base_or(base, settings, velocity.unwrap_or(i32::MAX));
+                    let base = base.unwrap_or_else(|| drive.base_for(drive.home_velocity()));
                     drive.home(base)
                 })
                 .map(|()| self.start(commander, drive, Demand::Run)),
@@ -612,6 +607,12 @@ mod tests {
         }
         fn renew(&mut self) {
             self.renewed += 1;
+        }
+        fn base_for(&self, _: i32) -> i32 {
+            0
+        }
+        fn home_velocity(&self) -> i32 {
+            0
         }
         fn settings(&self) -> &Settings {
             &self.settings

@@ -114,6 +114,12 @@ struct Fake {
 }
 
 impl Served for Fake {
+    fn base_for(&self, _: i32) -> i32 {
+        0
+    }
+    fn home_velocity(&self) -> i32 {
+        0
+    }
     fn status(&self) -> Status {
         Status::default()
     }

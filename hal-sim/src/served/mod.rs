@@ -19,7 +19,7 @@ use crate::experiment::Setup;
 use crate::flash::SimulatedFlash;
 use crate::start::{Start, settle};
 use crate::supervision::periods_per_ms;
-use application::configured::Configured;
+use application::configured::{CommandWords, Configured};
 use application::exchange::{DriveExchange, TelemetryExchange};
 use application::keep::{Found, Keeper};
 use application::lines::Ports;
@@ -455,6 +455,7 @@ fn configured(plate: DrivePlate, setup: &Setup) -> Result<Configured, Misfit> {
         guard: world::guards(&plate, setup.board.bus_v).config()?,
         header: Header::of_plate(&plate),
         travel: plate.travel_config(),
+        words: CommandWords::new(&plate),
         plate,
     })
 }

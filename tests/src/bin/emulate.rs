@@ -14,6 +14,7 @@ use tests::chip::wiring::Wiring;
 use tests::emulator::HaltedTime;
 use tests::probe::served::Served;
 use tests::probe::server::Server;
+use xtask::firmware::{Board, Build};
 
 /// Run the firmware on an emulated chip that a debugger and a host reach.
 #[derive(Parser)]
@@ -28,30 +29,22 @@ struct Arguments {
     /// The machine at the pins; without it the paper's, without a load.
     #[arg(long, value_name = "FILE")]
     model: Option<PathBuf>,
-    /// The board that the chip is on.
-    #[arg(long, value_enum, default_value_t = Board::Nucleo)]
-    board: Board,
+    /// The firmware, and with it the board that the chip is on.
+    #[command(flatten)]
+    build: Build,
     /// What time does while a debugger halts the core: it goes on as on a board, or waits.
     #[arg(long, value_enum, default_value_t = Halt::Running)]
     halt: Halt,
 }
 
-#[derive(Clone, Copy, Debug, ValueEnum)]
-enum Board {
-    Nucleo,
-    #[value(name = "nucleo-40khz")]
-    Nucleo40kHz,
-    Mains,
-}
-
-impl Board {
-    fn wiring(self) -> Wiring {
-        match self {
-            Self::Nucleo => Wiring::Nucleo,
-            Self::Nucleo40kHz => Wiring::Nucleo40kHz,
-            Self::Mains => Wiring::Mains,
-        }
-    }
+/// How the pins of a firmware's chip are wired.
+fn wiring(build: Build) -> Result<Wiring> {
+    build.features()?;
+    Ok(match (build.board, build.pwm_khz) {
+        (Board::Mains, _) => Wiring::Mains,
+        (Board::Nucleo, 40) => Wiring::Nucleo40kHz,
+        (Board::Nucleo, _) => Wiring::Nucleo,
+    })
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -128,7 +121,7 @@ fn serve(arguments: &Arguments) -> Result<()> {
             model
         }
     };
-    let board = arguments.board.wiring();
+    let board = wiring(arguments.build)?;
     let elf = aligning_firmware_of(board).map_err(Error::msg)?;
     let mut bench = Bench::with(&elf, board, &model, Coupling::Lumped).map_err(Error::msg)?;
     bench.attended = false;

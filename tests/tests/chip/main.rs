@@ -22,6 +22,7 @@ mod session;
 mod settings;
 mod settling;
 mod sizes;
+mod soft_float;
 mod stack;
 mod stages;
 mod supply;

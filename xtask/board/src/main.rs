@@ -22,9 +22,9 @@ struct Arguments {
 fn run(session: Session) -> Result<()> {
     session.check()?;
     // First, so that a missing probe is said at once and not after a build.
-    let probe = find(session.which())?;
+    let probe = find(&session.chosen().which)?;
     let alone = xtask::firmware::alone()?;
-    let elf = xtask::firmware::build()?;
+    let elf = xtask::firmware::build(session.chosen().build)?;
     let image = Image::read(&elf)?;
     drop(alone);
     if !matches!(session, Session::Attach(_)) {

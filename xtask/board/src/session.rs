@@ -5,6 +5,7 @@ use clap::{Args, Subcommand};
 use ddfeed::session::Which;
 use link::bringup::POWERED_V;
 use std::path::PathBuf;
+use xtask::firmware::Build;
 
 /// A command that needs a debug probe.
 #[derive(Clone, Debug, PartialEq, Subcommand)]
@@ -12,19 +13,30 @@ pub enum Session {
     /// Flash, let the firmware ask the board itself, and say what it found: with no voltage on the bus, or at 12 V.
     Bringup(BringupOptions),
     /// Build the firmware and write it to the chip's flash.
-    Flash(Which),
+    Flash(Chosen),
     /// Flash, start, and print the firmware's log.
-    Run(Which),
+    Run(Chosen),
     /// Show the debug structure of a running drive, without halting it.
-    Attach(Which),
+    Attach(Chosen),
+}
+
+/// A board: its probe, and its firmware.
+#[derive(Args, Clone, Debug, PartialEq)]
+pub struct Chosen {
+    /// The probe.
+    #[command(flatten)]
+    pub which: Which,
+    /// The firmware.
+    #[command(flatten)]
+    pub build: Build,
 }
 
 /// What `bringup` can be asked.
 #[derive(Args, Clone, Debug, PartialEq)]
 pub struct BringupOptions {
-    /// The probe.
+    /// The board.
     #[command(flatten)]
-    pub which: Which,
+    pub chosen: Chosen,
     /// Listen to the encoders for so long, s, while a person turns both shafts by hand.
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(f64))]
     pub turn: Option<f64>,
@@ -43,16 +55,17 @@ pub struct BringupOptions {
 }
 
 impl Session {
-    /// The probe.
-    pub fn which(&self) -> &Which {
+    /// The board.
+    pub fn chosen(&self) -> &Chosen {
         match self {
-            Self::Flash(which) | Self::Run(which) | Self::Attach(which) => which,
-            Self::Bringup(options) => &options.which,
+            Self::Flash(chosen) | Self::Run(chosen) | Self::Attach(chosen) => chosen,
+            Self::Bringup(options) => &options.chosen,
         }
     }
 
     /// Refuses arguments before a probe is looked for.
     pub fn check(&self) -> Result<()> {
+        self.chosen().build.features()?;
         let Self::Bringup(options) = self else {
             return Ok(());
         };
@@ -92,6 +105,7 @@ mod tests {
             ("xtask bringup --powered", "--bus-volts"),
             ("xtask bringup --bus-volts 12", "--powered"),
             ("xtask bringup --powered --bus-volts 48", "8 to 30 V"),
+            ("xtask flash --board mains --pwm-khz 40", "runs at 20 kHz"),
         ] {
             let error = match Line::try_parse_from(line.split(' ')) {
                 Ok(line) => line.session.check().unwrap_err().to_string(),

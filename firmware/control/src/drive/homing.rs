@@ -6,7 +6,7 @@
 
 use crate::base::format::TableVelocity;
 use crate::drive::table_move::TAKEN;
-use crate::plate::{FeedPlate, HomePlate};
+use crate::plate::DrivePlate;
 
 /// How long a switch must be open while it is looked for, s: contacts bounce that long, and bridges disturb.
 const OPEN_S: f64 = 2e-3;
@@ -35,35 +35,41 @@ pub struct HomePlan {
 }
 
 impl HomePlan {
-    /// Of a feed whose scale has counts of `scale_count_m`, in steps of `step_s`.
+    /// Of a plate's feed and its homing, in steps of `step_s`.
+    // Inlined where the drive is configured, which is apart from what the tasks call.
     #[must_use]
+    #[inline(always)]
     #[allow(
         clippy::float_arithmetic,
         clippy::cast_possible_truncation,
         clippy::cast_sign_loss
     )]
-    pub fn new(feed: &FeedPlate, home: &HomePlate, scale_count_m: f64, step_s: f64) -> Self {
-        let steps = |seconds: f64| (seconds / step_s) as u32;
-        let most = |velocity: f64| velocity.min(feed.velocity_max);
-        let (seeking, leaving) = (most(home.velocity), most(home.leaving_velocity));
-        let rise = |velocity: f64| {
-            velocity / feed.acceleration_max + feed.acceleration_max / feed.jerk_max
+    pub const fn new(plate: &DrivePlate, step_s: f64) -> Self {
+        let (feed, home) = (&plate.feed, &plate.travel.home);
+        let rise_to_limit = feed.acceleration_max / feed.jerk_max;
+        let seeking = home.velocity.min(feed.velocity_max);
+        let leaving = home.leaving_velocity.min(feed.velocity_max);
+        let rise = leaving / feed.acceleration_max + rise_to_limit;
+        let rise_seeking = seeking / feed.acceleration_max + rise_to_limit;
+        let word = (1u64 << TableVelocity::FRAC_NBITS) as f64;
+        let [towards, away] = [(seeking * word + 0.5) as i32, (leaving * word + 0.5) as i32];
+        let [towards, away] = if home.forwards {
+            [towards, away.saturating_neg()]
+        } else {
+            [towards.saturating_neg(), away]
         };
-        let longest = |velocity: f64| steps(home.furthest_m / velocity + rise(velocity));
-        let sign = if home.forwards { 1.0 } else { -1.0 };
-        let velocity = |velocity: f64| TableVelocity::saturating_from_num(sign * velocity);
-        let a_step = leaving * step_s / scale_count_m.abs();
+        let a_step = leaving * step_s / feed.scale_count_m.abs();
         Self {
             backwards: !home.forwards,
-            towards: velocity(seeking),
-            away: velocity(-leaving),
-            seek_steps: longest(seeking),
-            leave_steps: longest(leaving),
-            open: steps(OPEN_S).max(1),
-            closed: steps(CLOSED_S).max(1),
-            rise_steps: steps(rise(leaving)),
+            towards: TableVelocity::from_bits(towards),
+            away: TableVelocity::from_bits(away),
+            seek_steps: ((home.furthest_m / seeking + rise_seeking) / step_s) as u32,
+            leave_steps: ((home.furthest_m / leaving + rise) / step_s) as u32,
+            open: (OPEN_S / step_s).max(1.0) as u32,
+            closed: (CLOSED_S / step_s).max(1.0) as u32,
+            rise_steps: (rise / step_s) as u32,
             half_counts: (a_step / 2.0 * 65_536.0) as i64,
-            position: (home.position_m / scale_count_m) as i32,
+            position: (home.position_m / feed.scale_count_m) as i32,
         }
     }
 
@@ -217,7 +223,7 @@ impl Homing {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::plate::{TravelPlate, test_plate};
+    use crate::plate::{HomePlate, TravelPlate, test_plate};
     use crate::speed::profile::Profile;
     use core::f64::consts::TAU;
     use proptest::prelude::*;
@@ -236,9 +242,11 @@ mod tests {
 
     /// How it ended, where the table and how fast it was at most.
     fn run(bench: &Bench, start: f64) -> (HomeProgress, f64, f64) {
-        let plate = test_plate();
+        let mut plate = test_plate();
+        plate.feed.scale_count_m = COUNT_M;
+        plate.travel.home = bench.home;
         let config = plate.config().unwrap().coordinator;
-        let plan = HomePlan::new(&plate.feed, &bench.home, COUNT_M, STEP_S);
+        let plan = HomePlan::new(&plate, STEP_S);
         let sign = if bench.home.forwards { 1.0 } else { -1.0 };
         let (mut homing, mut profile) = (Homing::default(), Profile::default());
         let (mut position, mut open, mut fastest) = (start, false, 0.0f64);
