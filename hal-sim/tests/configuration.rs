@@ -35,17 +35,17 @@ fn the_boards_configurations_stay() {
     });
     let expected = [
         [
-            0xee07_8146_68d5_f025,
+            0x0387_5126_11ad_9cb7,
             0x4359_3a24_e95d_23dc,
             0xb629_1f5b_aef8_23e6,
         ],
         [
-            0x7390_441e_e5dc_8e49,
+            0x9f8b_070a_53d9_eb27,
             0x4359_3a24_e95d_23dc,
             0xb629_1f5b_aef8_23e6,
         ],
         [
-            0x7fd3_ba7f_f675_b4d8,
+            0x334d_0079_2e2a_34e8,
             0xb9d5_0739_5b6b_06b2,
             0xd80a_8929_da2b_4d92,
         ],
@@ -201,6 +201,6 @@ fn the_configurations_of_drawn_settings_stay() {
         }
         digest(&all)
     });
-    let expected = [0x6a01_fccc_c3e8_f90b, 0xca63_6d40_ba98_88b0];
+    let expected = [0x66b5_7b8d_baee_6d58, 0x544a_76d8_09c4_774c];
     assert_eq!(measured, expected, "measured {measured:#x?}");
 }
