@@ -92,7 +92,7 @@ fn orders(hz: f64, resolution: f64, turns: &[(&'static str, f64); 3]) -> Vec<Str
             .any(|(_, other)| (other - turn_hz).abs() < 1e-9);
         // A line of a turn that is too slow for the record may be of any order.
         let unsure = KNOWN * resolution / turn_hz;
-        if !(unsure < TOLD) || same {
+        if unsure >= TOLD || !unsure.is_finite() || same {
             continue;
         }
         let order = hz / turn_hz;
