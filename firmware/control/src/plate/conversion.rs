@@ -404,6 +404,8 @@ mod tests {
             [0.0, 0.29]
         );
         assert!(plate.travel.home.forwards);
+        assert_eq!(settings.soft_limits_mm(), Some([0.0, 290.0]));
+        assert_eq!(Settings::DEFAULT.soft_limits_mm(), None);
         assert_eq!(plate.base.table[0].velocity, 2.5e-3);
         assert_eq!(
             plate.compensation.torque[1][7],

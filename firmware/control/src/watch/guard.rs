@@ -435,6 +435,19 @@ mod tests {
     }
 
     #[test]
+    fn a_fault_of_the_bus_has_its_worse_end_and_its_limit() {
+        let config = PLATE.config().unwrap();
+        let look = Look {
+            bus: [1800, 3700],
+            ..HEALTHY
+        };
+        let values = |fault| Guard::new().values(&config, &look, fault);
+        // 200 and 400 V of 0.11 V a count.
+        assert_eq!(values(Fault::UnderVoltage), [1800, 1818]);
+        assert_eq!(values(Fault::OverVoltage), [3700, 3636]);
+    }
+
+    #[test]
     fn each_limit_has_its_fault_and_its_patience() {
         assert_eq!(found(10_000, |_| HEALTHY), None);
         let from = |k: u32, spoil: fn(&mut Look)| {
