@@ -1,5 +1,6 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
+pub mod curves;
 pub(crate) mod figures;
 pub(crate) mod judge;
 pub mod outcome;
@@ -9,11 +10,12 @@ pub mod rest;
 pub(crate) mod unexplained;
 pub mod verdict;
 
+use crate::conclusion::curves::learned;
 use crate::conclusion::figures::{figures, table_force};
 use crate::conclusion::outcome::{
     Bandwidth, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained,
 };
-use crate::conclusion::recalibrated::{calibration, new_model};
+use crate::conclusion::recalibrated::{calibration, curve_shares, new_model};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
 use crate::conclusion::unexplained::{Left, along, unexplained};
@@ -48,10 +50,55 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
             Some((found, reason)) => {
                 progress.take_back(&found.hypothesis, found.values.clone(), reason);
             }
-            None => return outcome,
+            None => return with_curves(&case, &check, &noise, &mut progress, outcome),
         }
     }
 }
+
+/// An outcome with what predicts the rest as measured effects, where the check record bears them out in a model with plate values
+/// of their own.
+fn with_curves(
+    case: &Case,
+    check: &Case,
+    noise: &Noise,
+    progress: &mut Progress,
+    outcome: Outcome,
+) -> Outcome {
+    let quiet = outcome.channels.iter().all(|rest| rest.levels[1].quiet());
+    if quiet && outcome.unexplained.is_empty() {
+        return outcome;
+    }
+    progress.drop_measurable();
+    let names = concluded(case, check, noise, progress);
+    let learned = learned([case, check], noise, &progress.found, &names.channels);
+    if learned.is_empty() {
+        return outcome;
+    }
+    let effects: Vec<_> = learned.iter().map(|curve| curve.effect.clone()).collect();
+    let [own, other] = [case, check].map(|case| case.base.with_curves(case.balance, &effects));
+    let own = Case::new(case.balance, &own);
+    let other = Case::new(check.balance, &other);
+    let curved = concluded(&own, &other, noise, progress);
+    let excess = |outcome: &Outcome| -> f64 {
+        outcome
+            .channels
+            .iter()
+            .map(|rest| rest.levels[1].excess)
+            .sum()
+    };
+    let rows = check.whitener(&check.declared).used_rows();
+    let is_better = excess(&names) - excess(&curved) > CONFIRMED * threshold(rows);
+    let mut channels = names.channels.iter().zip(&curved.channels);
+    let worse = channels
+        .any(|(before, after)| after.figures.check_after > MOST_WORSE * before.figures.check_after);
+    match is_better && !worse {
+        true => curved.of_curves(names, outcome, learned),
+        false => outcome,
+    }
+}
+
+/// Error of a channel's check record by which curves may raise it.
+const MOST_WORSE: f64 = 1.02;
 
 /// The weakest effect that with all others in place explains less of either record than it must.
 fn faint(outcome: &Outcome, on_check: f64) -> Option<&Found> {
@@ -246,6 +293,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
     };
     let unexplained = unexplained(&left, &parts, &progress.doubtful, &channels);
     Outcome {
+        curve_shares: curve_shares(case, &solution),
         model: new_model(case, &solution, &effects),
         calibration: calibration(case, &solution),
         unexplained,
@@ -260,6 +308,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
             .then(|| table_force(case.balance, &channels, &fixed, &residual_whitened)),
         channels,
         by_plate,
+        curves: Vec::new(),
         doubts: progress
             .doubtful
             .iter()
