@@ -36,6 +36,7 @@ effects! {
     "flux_harmonic",
     "lead_error",
     "lead_scale",
+    "measured",
     "position_load",
     "resistance_drift",
     "stribeck_friction",
@@ -217,7 +218,7 @@ pub fn page() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plant::effects::AnyEffect;
+    use plant::effects::{AnyEffect, Measured};
 
     #[test]
     fn the_committed_page_is_what_the_code_makes() {
@@ -231,7 +232,9 @@ mod tests {
     #[test]
     fn every_kind_of_effect_and_every_key_is_on_the_page() {
         let kinds: Vec<&str> = EFFECTS.iter().map(|(kind, _)| *kind).collect();
-        assert_eq!(kinds, AnyEffect::KINDS);
+        let mut all = [AnyEffect::KINDS, &[Measured::KIND]].concat();
+        all.sort_unstable();
+        assert_eq!(kinds, all);
         for (kind, source) in EFFECTS {
             let keys = keys(source, &pascal(kind));
             assert!(!keys.is_empty(), "no key of {kind} was found");

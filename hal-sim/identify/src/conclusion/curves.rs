@@ -9,6 +9,7 @@ use crate::predict::judge::{Judged, Known, Side, judge};
 use crate::predict::orders::loudest_orders;
 use crate::regression::column::Column;
 use crate::regression::design::Whitener;
+use crate::regression::normal::Solution;
 use crate::search::case::Case;
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
@@ -21,6 +22,9 @@ use std::f64::consts::TAU;
 const POINTS: usize = 161;
 const POINTS_OF_PERIOD: f64 = 16.0;
 const LEAST_POINTS: usize = 64;
+
+/// Share of what a named order of the turn explains from which on further orders of no name are more than its trace.
+const PART_OF_SHAPE: f64 = 0.01;
 
 /// A measured effect.
 #[derive(Debug, Clone)]
@@ -35,6 +39,8 @@ pub struct Learned {
     pub at: Vec<f64>,
     /// See `at`.
     pub sigmas: Vec<f64>,
+    /// Whole orders that it has, where it repeats with the turn.
+    orders: usize,
     /// Fall of the check record's sum of squares with all of what was learnt at its place.
     pub fall: f64,
 }
@@ -48,6 +54,13 @@ impl Learned {
             let place = self.effect.place();
             self.effect = EffectModel::new(place, scaled).expect("the place that it was at");
         }
+    }
+
+    /// Whether an effect of one order of the same turn is a part of it: its other orders explain more than a trace beside it.
+    pub(crate) fn has_part(&self, named: &EffectModel, explains: f64) -> bool {
+        self.orders > 1
+            && self.effect.place() == named.place()
+            && self.fall > PART_OF_SHAPE * explains
     }
 
     /// Its points' values.
@@ -137,9 +150,10 @@ impl Subject {
 struct Heard<'c, 'a> {
     case: &'c Case<'a>,
     whitener: &'c Whitener<'a>,
-    /// What names leave of it, white; plate values are as declared.
+    /// What plate values and names leave of it, white.
     left: Column,
-    /// What plate values and names add, white, and how well each is known beforehand.
+    /// What plate values and names add, white, and how well each is known beforehand. A plate value at its bound is none of them: it goes
+    /// no further, and what would draw it there is the curve's.
     known: Vec<(Column, f64)>,
 }
 
@@ -148,15 +162,29 @@ impl<'c, 'a> Heard<'c, 'a> {
         case: &'c Case<'a>,
         whitener: &'c Whitener<'a>,
         names: &[Hypothesis],
-        values: &[f64],
+        (fit, fitted): (&Case, &Solution),
     ) -> Self {
         let normal = case.search(whitener, names).normal;
-        let own = case.base.parameters.len();
-        let of_names = normal.columns[own..].iter().map(AsRef::as_ref);
-        let columns = normal.columns.iter().map(|column| column.as_ref().clone());
+        // Where the fit record has a parameter; what belongs to a record stays as it is.
+        let of_fit = |k: usize| match case.base.parameters.get(k) {
+            Some((own, _)) if own.is_of_the_machine() => {
+                let mut all = fit.base.parameters.iter();
+                all.position(|(parameter, _)| parameter == own)
+            }
+            Some(_) => None,
+            None => Some(k - case.base.parameters.len() + fit.base.parameters.len()),
+        };
+        let value = |k: usize| of_fit(k).map_or(0.0, |k| fitted.values[k]);
+        let is_held =
+            |k: usize| of_fit(k).is_some_and(|k| fitted.held.iter().any(|(held, _)| *held == k));
+        let columns = normal.columns.iter().map(AsRef::as_ref);
+        let open = columns.clone().zip(normal.known()).enumerate();
+        let open = open.filter(|(k, _)| !is_held(*k));
         Heard {
-            left: normal.target.less(of_names, values.iter().copied()),
-            known: columns.zip(normal.known()).collect(),
+            known: open
+                .map(|(_, (column, precision))| (column.clone(), precision))
+                .collect(),
+            left: (normal.target).less(columns, (0..normal.len()).map(value)),
             case,
             whitener,
         }
@@ -241,8 +269,7 @@ pub(crate) fn learned(
 ) -> Vec<Learned> {
     let whitener = &case.whitener(noise);
     let of_check = &check.whitener(&check.noise(None, names));
-    let all = case.search(whitener, names).normal.solve(None).values;
-    let values = &all.as_slice()[case.base.parameters.len()..];
+    let fitted = case.search(whitener, names).normal.solve(None);
     let machine = case.balance.signals.machine;
     let lead = case.balance.lead;
     let is_loud = |channel: Channel| {
@@ -254,8 +281,8 @@ pub(crate) fn learned(
     let mut open: Vec<Subject> = motors.chain(feed).collect();
     open.retain(|subject| subject.channels(lead).iter().any(|(c, _)| is_loud(*c)));
     let mut sides = [
-        Heard::new(case, whitener, names, values),
-        Heard::new(check, of_check, names, values),
+        Heard::new(case, whitener, names, (case, &fitted)),
+        Heard::new(check, of_check, names, (case, &fitted)),
     ];
     let mut learned = Vec::new();
     while !open.is_empty() {
@@ -368,6 +395,7 @@ fn measured(subject: Subject, judged: &Judged, lead: f64, fall: f64) -> Vec<Lear
                 _ => "angle".into(),
             },
             order: (orders.len() == 1).then(|| orders[0]),
+            orders: orders.len(),
             at: (0..points).map(|k| x(k) * unit).collect(),
             sigmas: curve.iter().map(|[_, sigma]| *sigma).collect(),
             fall,

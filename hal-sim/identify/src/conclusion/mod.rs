@@ -10,7 +10,7 @@ pub mod rest;
 pub(crate) mod unexplained;
 pub mod verdict;
 
-use crate::conclusion::curves::learned;
+use crate::conclusion::curves::{Learned, learned};
 use crate::conclusion::figures::{figures, table_force};
 use crate::conclusion::outcome::{
     Bandwidth, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained,
@@ -28,7 +28,7 @@ use crate::search::linearised::Linearised;
 use crate::search::progress::Progress;
 use crate::search::selection::{
     ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, OF_PLATE_VALUES,
-    threshold,
+    PART_OF_A_SHAPE, threshold,
 };
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
@@ -69,8 +69,20 @@ fn with_curves(
         return outcome;
     }
     progress.drop_measurable();
-    let names = concluded(case, check, noise, progress);
-    let learned = learned([case, check], noise, &progress.found, &names.channels);
+    let (names, learned) = loop {
+        let names = concluded(case, check, noise, progress);
+        let learned = learned([case, check], noise, &progress.found, &names.channels);
+        let part = names.effects.iter().find(|found| {
+            let is_part = |curve: &Learned| curve.has_part(&found.effect, found.check_fall);
+            found.hypothesis.family == Family::AngleTorque && learned.iter().any(is_part)
+        });
+        match part {
+            Some(found) => {
+                progress.take_back(&found.hypothesis, found.values.clone(), PART_OF_A_SHAPE);
+            }
+            None => break (names, learned),
+        }
+    };
     if learned.is_empty() {
         return outcome;
     }
@@ -91,7 +103,9 @@ fn with_curves(
     let mut channels = names.channels.iter().zip(&curved.channels);
     let worse = channels
         .any(|(before, after)| after.figures.check_after > MOST_WORSE * before.figures.check_after);
-    match is_better && !worse {
+    // A shape that explains more over another coordinate, which no measured effect can have, tells better what is there.
+    let is_told = excess(&curved) > excess(&outcome) + threshold(rows);
+    match is_better && !worse && !is_told {
         true => curved.of_curves(names, outcome, learned),
         false => outcome,
     }

@@ -142,6 +142,14 @@ impl Group {
         all
     }
 
+    /// Whether its functions stand side by side along the coordinate.
+    pub(crate) fn is_smooth(&self) -> bool {
+        matches!(
+            self.along,
+            Along::Speed | Along::Position | Along::PositionByDirection
+        )
+    }
+
     /// How many functions it has.
     pub(crate) fn len(&self) -> usize {
         match self.along {

@@ -320,15 +320,23 @@ pub(crate) fn judge(
         .map(|group| {
             let own = first..first + group.len();
             first = own.end;
-            own.filter(|k| fit.own[*k] > LEAST_OWN).collect()
+            let tells = own.clone().any(|k| fit.own[k] > LEAST_OWN);
+            // Of functions side by side those between two speeds join what is told at either.
+            let is_whole = group.is_smooth() && tells;
+            own.filter(|k| is_whole || fit.own[*k] > LEAST_OWN)
+                .collect()
         })
+        .collect();
+    let smooth: Vec<Range<usize>> = (groups.iter().zip(&members))
+        .filter(|(group, _)| group.is_smooth())
+        .filter_map(|(_, own)| Some(*own.first()?..*own.last()? + 1))
         .collect();
     let folds = |blocks: &[Range<usize>]| -> Vec<Vec<Range<usize>>> {
         (0..FOLDS)
             .map(|fold| blocks.iter().skip(fold).step_by(FOLDS).cloned().collect())
             .collect()
     };
-    let products = Products::new(&fit.columns, &fit.left, &folds(&blocks[0]));
+    let products = Products::new(&fit.columns, &fit.left, &folds(&blocks[0]), &smooth);
     let energy = products.held_back(&[]);
     let (mut chosen, mut taken, mut least): (Vec<usize>, Vec<usize>, f64) =
         (Vec::new(), Vec::new(), energy);
@@ -364,7 +372,7 @@ pub(crate) fn judge(
         predicted(&fit.columns, &chosen, &values, fit.left.len()),
         sides[1].untouched(&judged.alone[1], &fit, &chosen, &values),
     ];
-    let of_check = Products::new(&check.columns, &check.left, &folds(&blocks[1]));
+    let of_check = Products::new(&check.columns, &check.left, &folds(&blocks[1]), &smooth);
     let mut within = vec![0.0; check.left.len()];
     for (fold, stretches) in folds(&blocks[1]).iter().enumerate() {
         let Some(own) = of_check.fitted(&chosen, Some(fold)) else {

@@ -518,7 +518,9 @@ fn excess(outcome: &Outcome) -> [f64; 2] {
 pub(super) fn measure(first: usize, runs: usize) -> Value {
     let own: Vec<Said> = (first..first + runs).map(said).collect();
     let repeating: Vec<Said> = (first..first + runs / 4).map(repeating).collect();
-    json!({ "of_no_family": counted(&own), "repeating": counted(&repeating) })
+    let mut all = counted(&own);
+    all["repeating"] = counted(&repeating);
+    all
 }
 
 fn counted(said: &[Said]) -> Value {
