@@ -3,6 +3,7 @@
 
 use crate::balance::Balance;
 use crate::conclusion::outcome::ChannelRest;
+use crate::effects::family::{Family, Unnamed};
 use crate::effects::hypothesis::Hypothesis;
 use crate::predict::basis::{Along, At, Group};
 use crate::predict::judge::{Judged, Known, Side, judge};
@@ -11,6 +12,7 @@ use crate::regression::column::Column;
 use crate::regression::design::Whitener;
 use crate::regression::normal::Solution;
 use crate::search::case::Case;
+use crate::signal::along::Along as ShapeAlong;
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
 use crate::signal::signals::rounded_sign;
@@ -41,7 +43,7 @@ pub struct Learned {
     pub sigmas: Vec<f64>,
     /// Whole orders that it has, where it repeats with the turn.
     orders: usize,
-    /// Fall of the check record's sum of squares with all of what was learnt at its place.
+    /// Fall of the check record's sum of squares: its share, by size, of that of all curves together.
     pub fall: f64,
 }
 
@@ -54,6 +56,17 @@ impl Learned {
             let place = self.effect.place();
             self.effect = EffectModel::new(place, scaled).expect("the place that it was at");
         }
+    }
+
+    /// Mean square of its points, as a torque.
+    fn power(&self, lead: f64) -> f64 {
+        let unit = match self.effect.place() {
+            Place::Feed => lead,
+            _ => 1.0,
+        };
+        let values = self.values();
+        let squares = values.iter().map(|value| (unit * value).powi(2));
+        squares.sum::<f64>() / values.len().max(1) as f64
     }
 
     /// Whether an effect of one order of the same turn is a part of it: its other orders explain more than a trace beside it.
@@ -69,6 +82,14 @@ impl Learned {
             AnyEffect::Measured(curve) => &curve.value,
             _ => &[],
         }
+    }
+}
+
+/// Divides a fall among curves by their size.
+pub(crate) fn divide(curves: &mut [Learned], fall: f64, lead: f64) {
+    let all: f64 = curves.iter().map(|curve| curve.power(lead)).sum();
+    for curve in curves {
+        curve.fall = fall * curve.power(lead) / all.max(1e-300);
     }
 }
 
@@ -402,4 +423,75 @@ fn measured(subject: Subject, judged: &Judged, lead: f64, fall: f64) -> Vec<Lear
         })
     };
     parts.filter_map(of).collect()
+}
+
+/// The shapes without a name of a search that a measured effect of the plant can have, as it has them.
+pub(crate) fn described(case: &Case, noise: &Noise, found: &[Hypothesis]) -> Vec<Learned> {
+    let whitener = case.whitener(noise);
+    let fitted = case.search(&whitener, found).normal.solve(None);
+    let mut at = case.base.parameters.len();
+    let mut curves = Vec::new();
+    for hypothesis in found {
+        let own = at..at + hypothesis.columns();
+        let values = own
+            .clone()
+            .map(|k| [fitted.values[k], fitted.covariance[(k, k)]]);
+        if let Family::Unnamed(shape) = hypothesis.family {
+            let values: Vec<[f64; 2]> = values.collect();
+            let lead = case.balance.lead;
+            curves.extend(as_measured(shape, hypothesis.shape, &values, lead));
+        }
+        at = own.end + hypothesis.nuisances();
+    }
+    curves
+}
+
+/// A shape with the values and variances of its parameters as a measured effect.
+fn as_measured(shape: Unnamed, order: f64, values: &[[f64; 2]], lead: f64) -> Option<Learned> {
+    let (place, quantity, unit) = match shape.channel {
+        _ if shape.is_force => (Place::Feed, Quantity::Force, 1.0),
+        Channel::Torque(axis) => (axis.into(), Quantity::Torque, -1.0),
+        _ => return None,
+    };
+    let extent = shape.extent.map(f64::from_bits);
+    let is_own = |axis: Axis| Place::from(axis) == place;
+    let (over, range) = match shape.along {
+        ShapeAlong::Angle(axis) if is_own(axis) => (MeasuredOver::Angle, [0.0, TAU / order]),
+        ShapeAlong::RelativeAngle if shape.is_force => (MeasuredOver::Angle, [0.0, TAU / order]),
+        ShapeAlong::Speed(axis) if is_own(axis) => (MeasuredOver::Speed, extent),
+        ShapeAlong::RelativeSpeed if shape.is_force => {
+            (MeasuredOver::Speed, extent.map(|speed| speed * lead))
+        }
+        ShapeAlong::TablePosition if shape.is_force => (MeasuredOver::Position, extent),
+        ShapeAlong::TightPlace if shape.is_force => (MeasuredOver::PositionByDirection, extent),
+        _ => return None,
+    };
+    let points: Vec<[f64; 2]> = match over {
+        MeasuredOver::Angle => (0..=LEAST_POINTS)
+            .map(|k| {
+                let (sin, cos) = (TAU * k as f64 / LEAST_POINTS as f64).sin_cos();
+                let [c, s] = [values[0], values[1]];
+                [cos * c[0] + sin * s[0], cos * cos * c[1] + sin * sin * s[1]]
+            })
+            .collect(),
+        _ => values.to_vec(),
+    };
+    let last = (points.len() - 1) as f64;
+    let effect = Measured {
+        quantity,
+        over,
+        range,
+        value: points.iter().map(|[value, _]| unit * value).collect(),
+    };
+    Some(Learned {
+        effect: EffectModel::new(place, effect)?,
+        along: shape.along.name().into(),
+        order: shape.along.repeats().then_some(order),
+        orders: 1,
+        at: (0..points.len())
+            .map(|k| range[0] + (range[1] - range[0]) * k as f64 / last)
+            .collect(),
+        sigmas: points.iter().map(|[_, v]| v.max(0.0).sqrt()).collect(),
+        fall: 0.0,
+    })
 }

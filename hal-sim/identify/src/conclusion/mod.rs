@@ -10,7 +10,7 @@ pub mod rest;
 pub(crate) mod unexplained;
 pub mod verdict;
 
-use crate::conclusion::curves::{Learned, learned};
+use crate::conclusion::curves::{Learned, described, divide, learned};
 use crate::conclusion::figures::{figures, table_force};
 use crate::conclusion::outcome::{
     Bandwidth, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained,
@@ -68,6 +68,7 @@ fn with_curves(
     if quiet && outcome.unexplained.is_empty() {
         return outcome;
     }
+    let described = described(case, noise, &progress.found);
     progress.drop_measurable();
     let (names, learned) = loop {
         let names = concluded(case, check, noise, progress);
@@ -83,36 +84,39 @@ fn with_curves(
             None => break (names, learned),
         }
     };
-    if learned.is_empty() {
-        return outcome;
-    }
-    let effects: Vec<_> = learned.iter().map(|curve| curve.effect.clone()).collect();
-    let [own, other] = [case, check].map(|case| case.base.with_curves(case.balance, &effects));
-    let own = Case::new(case.balance, &own);
-    let other = Case::new(check.balance, &other);
-    let curved = concluded(&own, &other, noise, progress);
     let excess = |outcome: &Outcome| -> f64 {
-        outcome
-            .channels
-            .iter()
-            .map(|rest| rest.levels[1].excess)
-            .sum()
+        let levels = outcome.channels.iter().map(|rest| rest.levels[1].excess);
+        levels.sum()
+    };
+    let curved = [learned, described].into_iter().filter_map(|curves| {
+        let effects: Vec<_> = curves.iter().map(|curve| curve.effect.clone()).collect();
+        let [own, other] = [case, check].map(|case| case.base.with_curves(case.balance, &effects));
+        let own = Case::new(case.balance, &own);
+        let other = Case::new(check.balance, &other);
+        let curved = (!curves.is_empty()).then(|| concluded(&own, &other, noise, progress))?;
+        Some((excess(&curved), curved, curves))
+    });
+    let Some((left, curved, mut curves)) = curved.min_by(|a, b| a.0.total_cmp(&b.0)) else {
+        return outcome;
     };
     let rows = check.whitener(&check.declared).used_rows();
-    let is_better = excess(&names) - excess(&curved) > CONFIRMED * threshold(rows);
+    let fall = excess(&names) - left;
+    divide(&mut curves, fall, case.balance.lead);
     let mut channels = names.channels.iter().zip(&curved.channels);
     let worse = channels
         .any(|(before, after)| after.figures.check_after > MOST_WORSE * before.figures.check_after);
-    // A shape that explains more over another coordinate, which no measured effect can have, tells better what is there.
-    let is_told = excess(&curved) > excess(&outcome) + threshold(rows);
-    match is_better && !worse && !is_told {
-        true => curved.of_curves(names, outcome, learned),
+    // A shape over another coordinate that explains far more, and that no measured effect can have, tells better what is there.
+    let is_there = fall > OF_THE_SHAPE * (excess(&names) - excess(&outcome));
+    match fall > CONFIRMED * threshold(rows) && is_there && !worse {
+        true => curved.of_curves(names, outcome, curves),
         false => outcome,
     }
 }
 
 /// Error of a channel's check record by which curves may raise it.
 const MOST_WORSE: f64 = 1.02;
+/// Share of what the best shapes without a name explain that measured effects must.
+const OF_THE_SHAPE: f64 = 0.5;
 
 /// The weakest effect that with all others in place explains less of either record than it must.
 fn faint(outcome: &Outcome, on_check: f64) -> Option<&Found> {
