@@ -107,7 +107,8 @@ fn with_curves(
         .any(|(before, after)| after.figures.check_after > MOST_WORSE * before.figures.check_after);
     // A shape over another coordinate that explains far more, and that no measured effect can have, tells better what is there.
     let is_there = fall > OF_THE_SHAPE * (excess(&names) - excess(&outcome));
-    match fall > CONFIRMED * threshold(rows) && is_there && !worse {
+    let least = (CONFIRMED * threshold(rows)).max(LEAST_OF_EXCESS * excess(&names));
+    match fall > least && is_there && !worse {
         true => curved.of_curves(names, outcome, curves),
         false => outcome,
     }
@@ -115,6 +116,8 @@ fn with_curves(
 
 /// Error of a channel's check record by which curves may raise it.
 const MOST_WORSE: f64 = 1.02;
+/// Share of what is beyond the noise floor of the check record that curves must take: less tells no coordinate.
+const LEAST_OF_EXCESS: f64 = 0.1;
 /// Share of what the best shapes without a name explain that measured effects must.
 const OF_THE_SHAPE: f64 = 0.5;
 

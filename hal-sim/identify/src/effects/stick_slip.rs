@@ -10,6 +10,7 @@
 use crate::analysis::{Found, Outcome, given};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
+use crate::regression::sandwich::NORMAL_95;
 use crate::search::selection::{LEAST_HOLDS, RIPPLE_LEFT};
 use nalgebra::{Matrix2, Vector2};
 use plant::Axis;
@@ -135,9 +136,6 @@ fn shortened(record: &Recording, model: &Model) -> Recording {
         table_position_m: pick(&record.table_position_m),
     }
 }
-
-/// Quantile of the normal distribution for a 95 % interval.
-const Z95: f64 = 1.96;
 
 /// Friction at a size (N) and a speed (m/s), as logarithms.
 type Point = Vector2<f64>;
@@ -281,7 +279,7 @@ pub(crate) fn traced(
     }
     let covariance = study.covariance(&at, &left)?;
     // A size whose interval holds 0 is no name.
-    if Z95 * covariance[(0, 0)].max(0.0).sqrt() > 1.0 {
+    if NORMAL_95 * covariance[(0, 0)].max(0.0).sqrt() > 1.0 {
         return None;
     }
     let short = shortened(check, declared);
