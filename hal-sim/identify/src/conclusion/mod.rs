@@ -96,8 +96,9 @@ fn with_curves(
         let curved = (!curves.is_empty()).then(|| concluded(&own, &other, noise, progress))?;
         Some((excess(&curved), curved, curves))
     });
-    let Some((left, curved, mut curves)) = curved.min_by(|a, b| a.0.total_cmp(&b.0)) else {
-        return outcome;
+    let best = curved.min_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((left, curved, mut curves)) = best else {
+        return outcome.or_names(names, excess);
     };
     let rows = check.whitener(&check.declared).used_rows();
     let fall = excess(&names) - left;
@@ -110,7 +111,7 @@ fn with_curves(
     let least = (CONFIRMED * threshold(rows)).max(LEAST_OF_EXCESS * excess(&names));
     match fall > least && is_there && !worse {
         true => curved.of_curves(names, outcome, curves),
-        false => outcome,
+        false => outcome.or_names(names, excess),
     }
 }
 

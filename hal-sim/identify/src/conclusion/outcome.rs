@@ -229,6 +229,18 @@ impl Outcome {
         .excited(&self.excitation())
     }
 
+    /// Shapes without a name that raise the check record's excess describe what is left, and are no part of what is said of it.
+    pub(crate) fn or_names(self, names: Outcome, excess: impl Fn(&Outcome) -> f64) -> Self {
+        match excess(&names) < excess(&self) {
+            true => Outcome {
+                unexplained: self.unexplained,
+                doubts: self.doubts,
+                ..names
+            },
+            false => self,
+        }
+    }
+
     /// With curves that were learnt beside the same names: figures before are those without them, and what was left without a
     /// cause still is.
     pub(crate) fn of_curves(
