@@ -30,7 +30,7 @@ pub trait FreeDrive {
 const SHORTEST_S: f64 = 0.4;
 const SETTLE_S: f64 = 0.15;
 /// Of each hold so much is simulated, s: several periods of sticking and slipping.
-const SIMULATED_S: f64 = 1.1;
+const SIMULATED_S: f64 = 0.6;
 /// Time over which a table that stands is told from one that moves, s: on a stiff screw it sticks for a few milliseconds.
 const STANDING_S: f64 = 1e-3;
 /// Share of the reference below which it stands, and share of a hold over which it does where it sticks.
@@ -41,8 +41,8 @@ const FIRST_SPEEDS: [f64; 4] = [0.15, 0.3, 0.6, 1.2];
 /// And sizes, as shares of what the screw's swing tells, which damping has made smaller.
 const FIRST_SIZES: [f64; 3] = [1.0, 1.4, 2.0];
 /// Starts that are followed, and simulations that each may take: of what takes longer the best until then is taken.
-const FOLLOWED: usize = 2;
-const RUNS_FOLLOWED: usize = 16;
+const FOLLOWED: usize = 3;
+const RUNS_FOLLOWED: usize = 20;
 /// Damping of the first step, the longest step, and one that is the last, in the logarithms of size and speed.
 const FIRST_DAMPING: f64 = 0.01;
 const LONGEST_STEP: f64 = 0.7;
