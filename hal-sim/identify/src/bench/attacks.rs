@@ -175,15 +175,10 @@ impl Plate {
 
 /// Records one motor.
 fn record(seed: u64, motion: Motion, kind: Kind, strength: f64) -> Record {
-    recorded(seed, 0, motion, kind, strength)
-}
-
-/// Records one motor; `again` is another record of the same motion.
-fn recorded(seed: u64, again: u64, motion: Motion, kind: Kind, strength: f64) -> Record {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
     let mut plate = Plate::drawn(&mut random);
     let is_check = motion == Motion::Check;
-    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5eed ^ motion as u64 ^ again << 32);
+    let mut random = Xoshiro256PlusPlus::seed_from_u64(seed ^ 0x5eed ^ motion as u64);
     let mut normal = move || (0..12).map(|_| random.random::<f64>()).sum::<f64>() - 6.0;
     if kind == Kind::OtherMachine && is_check {
         plate.inertia *= 1.5;
@@ -436,8 +431,12 @@ pub fn thin(first: u64, runs: u64) -> Thin {
         let motion = THIN[run as usize % THIN.len()];
         let (kind, _) = KINDS[run as usize / THIN.len() % KINDS.len()];
         let seed = first + run;
-        // One machine, two records: the noise differs.
-        let pair = [0, 1].map(|again| recorded(seed, again, motion, kind, STRENGTH));
+        let pair = [seed, seed + 7_000_000].map(|seed| {
+            let mut own = record(seed, motion, kind, STRENGTH);
+            // One machine, two records: the noise differs.
+            own.current.rotate_left((seed % 3) as usize);
+            own
+        });
         let said = said([&pair[0], &pair[1]]);
         let advised = said.report.summary.contains("record ");
         thin.runs += 1;
