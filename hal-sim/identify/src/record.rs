@@ -8,6 +8,7 @@ use crate::regression::normal::Normal;
 use crate::signal::fourier::Fourier;
 use crate::signal::noise::declared_resonance_hz;
 use crate::signal::signals::Signals;
+use plant::effects::EffectModel;
 use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::{PI, TAU};
@@ -78,6 +79,17 @@ impl Base {
                 .chain(rounding.filter(|_| feed))
                 .map(|p| (p, balance.parameter(p)))
                 .collect(),
+        }
+    }
+
+    /// The same with measured effects, of each of which the record may have another share.
+    pub(crate) fn with_curves(&self, balance: &Balance, curves: &[EffectModel]) -> Self {
+        let residual = self.residual.clone();
+        let own = curves.iter().enumerate();
+        let own = own.map(|(k, curve)| (Parameter::Curve(k), balance.effect(curve)));
+        Base {
+            parameters: self.parameters.iter().cloned().chain(own).collect(),
+            residual,
         }
     }
 

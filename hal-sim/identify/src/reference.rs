@@ -36,6 +36,7 @@ effects! {
     "flux_harmonic",
     "lead_error",
     "lead_scale",
+    "measured",
     "position_load",
     "resistance_drift",
     "stribeck_friction",
@@ -83,6 +84,10 @@ fn in_words(kind: &str) -> String {
         "String" | "char" => "text",
         "Machine" | "Clock" => "one of its names",
         "Rows" => "table",
+        "Quantity" => "`torque` or `force`",
+        "MeasuredOver" => "`angle`, `speed`, `position` or `position x direction`",
+        "[f64; 2]" => "two numbers",
+        "Vec<f64>" => "numbers",
         inner if inner.starts_with("BTreeMap") => "tables by name",
         inner if inner.starts_with("Vec") => "array of tables",
         other => other,
@@ -217,7 +222,7 @@ pub fn page() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plant::effects::AnyEffect;
+    use plant::effects::{AnyEffect, Measured};
 
     #[test]
     fn the_committed_page_is_what_the_code_makes() {
@@ -231,7 +236,9 @@ mod tests {
     #[test]
     fn every_kind_of_effect_and_every_key_is_on_the_page() {
         let kinds: Vec<&str> = EFFECTS.iter().map(|(kind, _)| *kind).collect();
-        assert_eq!(kinds, AnyEffect::KINDS);
+        let mut all = [AnyEffect::KINDS, &[Measured::KIND]].concat();
+        all.sort_unstable();
+        assert_eq!(kinds, all);
         for (kind, source) in EFFECTS {
             let keys = keys(source, &pascal(kind));
             assert!(!keys.is_empty(), "no key of {kind} was found");

@@ -464,6 +464,61 @@ fn backlash_is_free_travel() {
     );
 }
 
+/// A straight line of torque over the angle or the speed, and the closed form of it.
+#[test]
+fn a_measured_torque_is_what_its_curve_says() {
+    let line = |over, range: [f64; 2]| effects::Measured {
+        quantity: effects::Quantity::Torque,
+        over,
+        range,
+        value: vec![0.0, 0.1, 0.2],
+    };
+    let turn = [0.0, std::f64::consts::TAU];
+    let close = |got: f64, expected: f64| {
+        assert!(
+            (got - expected).abs() < 1e-4,
+            "{got} N m, expected {expected} within 1e-4"
+        );
+    };
+    for theta in [1.234, 1.234 - 3.0 * std::f64::consts::TAU] {
+        let expected = 0.2 * 1.234 / std::f64::consts::TAU;
+        close(
+            first_torque(line(effects::MeasuredOver::Angle, turn), theta),
+            expected,
+        );
+    }
+    // The shaft rests: in the middle of one range, outside of the other.
+    for (range, expected) in [([-5.0, 5.0], 0.1), ([1.0, 5.0], 0.0)] {
+        close(
+            first_torque(line(effects::MeasuredOver::Speed, range), 0.3),
+            expected,
+        );
+    }
+}
+
+/// A force of 200 N over a position sags the table by as much as a load of 200 N, and nothing outside of its range.
+#[test]
+fn a_measured_force_shows_in_the_sag() {
+    let sag = |range: [f64; 2]| {
+        let force = effects::Measured {
+            quantity: effects::Quantity::Force,
+            over: effects::MeasuredOver::Position,
+            range,
+            value: vec![200.0; 5],
+        };
+        let mut machine = Machine::new(&held(force), Coupling::Coupled);
+        (0..40_000).for_each(|_| machine.advance(DT));
+        -machine.table_position()
+    };
+    for (range, newtons) in [([-0.1, 0.1], 600.0), ([0.05, 0.1], 400.0)] {
+        let (got, expected) = (sag(range), newtons / 2e8);
+        assert!(
+            (got / expected - 1.0).abs() < 1e-5,
+            "{got:e} m, expected {expected:e} within 1e-5 of it"
+        );
+    }
+}
+
 #[test]
 fn every_kind_has_a_test_here() {
     let source = include_str!("effects.rs");

@@ -87,6 +87,33 @@ fn every_effect_survives_being_written_and_read() {
     }
 }
 
+#[test]
+fn a_measured_effect_survives_being_written_and_read() {
+    let effect = |keys: &str| {
+        let effect = format!("\n[[effects]]\nkind = \"measured\"\nwhere = \"screw\"\n{keys}");
+        Model::parse(&(text() + &effect), "m.toml")
+    };
+    let sound = "quantity = \"torque\"\nover = \"speed\"\nrange = [-10.0, 10.0]\nvalue = [0.1, 0.0, -0.1]\n";
+    let model = effect(sound).unwrap();
+    assert_eq!(Model::parse(&model.to_toml(), "copy").unwrap(), model);
+    for (key, wrong, says) in [
+        (
+            "[-10.0, 10.0]",
+            "[10.0, -10.0]",
+            "expected two finite numbers",
+        ),
+        ("[0.1, 0.0, -0.1]", "[0.1]", "expected two or more"),
+        (
+            "\"torque\"",
+            "\"force\"",
+            "expected for `measured` one of `feed`",
+        ),
+    ] {
+        let error = effect(&sound.replace(key, wrong)).unwrap_err().to_string();
+        assert!(error.contains(says), "{error}: expected {says}");
+    }
+}
+
 /// Parameters of a kind by the names of the recordings' table.
 fn example(kind: &str) -> (Place, &'static str) {
     match kind {

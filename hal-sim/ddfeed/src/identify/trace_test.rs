@@ -64,12 +64,12 @@ struct Account {
     skipped: Vec<serde_json::Value>,
 }
 
-/// A run of `model` over speeds (mm/s, rpm), each for so many seconds.
-fn record(model: &Model, points: &[(f64, f64)], path: &Path) {
+/// A run of `model` over speeds (mm/s, rpm), each for so many seconds; `seed` draws the sensors' noise.
+fn record(model: &Model, points: &[(f64, f64)], seed: u64, path: &Path) {
     const SECONDS: f64 = 1.3;
-    let mut drive = Setup::declared(model.clone(), Coupling::Coupled)
-        .drive()
-        .unwrap();
+    let mut setup = Setup::declared(model.clone(), Coupling::Coupled);
+    setup.board.seed = seed;
+    let mut drive = setup.drive().unwrap();
     let periods = (model.sensing.control_hz / model.sensing.sample_hz).round() as u32;
     let mut recorder = Recorder::default();
     let mut recording = Recording::default();
@@ -106,11 +106,13 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
     record(
         &real,
         &[(2.5, 0.0), (2.5, 300.0), (5.0, 0.0), (4.0, 500.0)],
+        1,
         &at("fit.csv.gz"),
     );
     record(
         &real,
         &[(3.0, 0.0), (2.0, 400.0), (5.0, 200.0)],
+        1,
         &at("check.csv.gz"),
     );
     std::fs::write(at("model.toml"), declared.to_toml()).unwrap();
@@ -232,8 +234,7 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
 
 /// 180 N more friction at rest, which falls over 1.2 mm/s: the table stands and slips, and no balance of sliding friction
 /// holds.
-#[test]
-fn a_table_that_sticks_and_slips_is_told_by_simulation() {
+fn sticks_and_slips(seed: u64) {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
     let declared = Model::coupled();
@@ -253,8 +254,8 @@ fn a_table_that_sticks_and_slips_is_told_by_simulation() {
         (2.5, -400.0),
     ];
     let check = [(3.5, 0.0), (-2.0, 200.0), (6.0, 450.0), (2.5, -250.0)];
-    record(&real, &fit, &at("fit.csv.gz"));
-    record(&real, &check, &at("check.csv.gz"));
+    record(&real, &fit, seed, &at("fit.csv.gz"));
+    record(&real, &check, seed + 100, &at("check.csv.gz"));
     std::fs::write(at("model.toml"), declared.to_toml()).unwrap();
     let task = Task {
         model: at("model.toml"),
@@ -279,7 +280,7 @@ fn a_table_that_sticks_and_slips_is_told_by_simulation() {
     assert_eq!(effect.kind, "stribeck_friction");
     for (name, truth) in [("amplitude", 180.0), ("speed", 1.2e-3)] {
         let ([low, high], value) = (effect.interval[name], effect.parameters[name]);
-        println!("{name}: {value}, {low} to {high}");
+        println!("seed {seed}, {name}: {value}, {low} to {high}");
         assert!(
             (value / truth - 1.0).abs() < 0.15,
             "{name} {value} ({low} to {high}), is {truth}"
@@ -300,4 +301,17 @@ fn a_table_that_sticks_and_slips_is_told_by_simulation() {
         done.report.verdict, "explained",
         "balances that do not hold explain nothing"
     );
+}
+
+#[test]
+fn a_table_that_sticks_and_slips_is_told_by_simulation() {
+    sticks_and_slips(1);
+}
+
+#[test]
+#[ignore = "fails: the ripple of a table that sticks tells the friction for some draws of the noise only"]
+fn a_table_that_sticks_and_slips_is_told_whatever_the_noise() {
+    let told = |seed: u64| std::panic::catch_unwind(|| sticks_and_slips(seed)).is_ok();
+    let right = (1..=10).filter(|seed| told(*seed)).count();
+    assert_eq!(right, 10, "draws of ten that are told right");
 }

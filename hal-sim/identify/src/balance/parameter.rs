@@ -104,6 +104,8 @@ impl Balance<'_> {
                     feed.guideway_viscous_n_s_per_m * self.lead * signals.relative_speed[k]
                 });
             }
+            // Its shape was learnt from a record: who learnt it knows what it adds.
+            Parameter::Curve(_) => {}
             Parameter::Load => sum = self.guideway(|_| feed.load_n),
             Parameter::RestOffset { from, to, .. } => {
                 let inside = |k: usize| if (from..to).contains(&k) { 1.0 } else { 0.0 };

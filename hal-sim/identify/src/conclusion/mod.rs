@@ -1,5 +1,6 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
+pub mod curves;
 pub(crate) mod figures;
 pub(crate) mod judge;
 pub mod outcome;
@@ -9,11 +10,12 @@ pub mod rest;
 pub(crate) mod unexplained;
 pub mod verdict;
 
+use crate::conclusion::curves::{Learned, described, divide, learned};
 use crate::conclusion::figures::{figures, table_force};
 use crate::conclusion::outcome::{
     Bandwidth, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained,
 };
-use crate::conclusion::recalibrated::{calibration, new_model};
+use crate::conclusion::recalibrated::{calibration, curve_shares, new_model};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
 use crate::conclusion::unexplained::{Left, along, unexplained};
@@ -26,7 +28,7 @@ use crate::search::linearised::Linearised;
 use crate::search::progress::Progress;
 use crate::search::selection::{
     ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, OF_PLATE_VALUES,
-    threshold,
+    PART_OF_A_SHAPE, threshold,
 };
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
@@ -48,10 +50,77 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
             Some((found, reason)) => {
                 progress.take_back(&found.hypothesis, found.values.clone(), reason);
             }
-            None => return outcome,
+            None => return with_curves(&case, &check, &noise, &mut progress, outcome),
         }
     }
 }
+
+/// An outcome with what predicts the rest as measured effects, where the check record bears them out in a model with plate values
+/// of their own.
+fn with_curves(
+    case: &Case,
+    check: &Case,
+    noise: &Noise,
+    progress: &mut Progress,
+    outcome: Outcome,
+) -> Outcome {
+    let quiet = outcome.channels.iter().all(|rest| rest.levels[1].quiet());
+    if quiet && outcome.unexplained.is_empty() {
+        return outcome;
+    }
+    let described = described(case, noise, &progress.found);
+    progress.drop_measurable();
+    let (names, learned) = loop {
+        let names = concluded(case, check, noise, progress);
+        let learned = learned([case, check], noise, &progress.found, &names.channels);
+        let part = names.effects.iter().find(|found| {
+            let is_part = |curve: &Learned| curve.has_part(&found.effect, found.check_fall);
+            found.hypothesis.family == Family::AngleTorque && learned.iter().any(is_part)
+        });
+        match part {
+            Some(found) => {
+                progress.take_back(&found.hypothesis, found.values.clone(), PART_OF_A_SHAPE);
+            }
+            None => break (names, learned),
+        }
+    };
+    let excess = |outcome: &Outcome| -> f64 {
+        let levels = outcome.channels.iter().map(|rest| rest.levels[1].excess);
+        levels.sum()
+    };
+    let curved = [learned, described].into_iter().filter_map(|curves| {
+        let effects: Vec<_> = curves.iter().map(|curve| curve.effect.clone()).collect();
+        let [own, other] = [case, check].map(|case| case.base.with_curves(case.balance, &effects));
+        let own = Case::new(case.balance, &own);
+        let other = Case::new(check.balance, &other);
+        let curved = (!curves.is_empty()).then(|| concluded(&own, &other, noise, progress))?;
+        Some((excess(&curved), curved, curves))
+    });
+    let best = curved.min_by(|a, b| a.0.total_cmp(&b.0));
+    let Some((left, curved, mut curves)) = best else {
+        return outcome.or_names(names, excess);
+    };
+    let rows = check.whitener(&check.declared).used_rows();
+    let fall = excess(&names) - left;
+    divide(&mut curves, fall, case.balance.lead);
+    let mut channels = names.channels.iter().zip(&curved.channels);
+    let worse = channels
+        .any(|(before, after)| after.figures.check_after > MOST_WORSE * before.figures.check_after);
+    // A shape over another coordinate that explains far more, and that no measured effect can have, tells better what is there.
+    let is_there = fall > OF_THE_SHAPE * (excess(&names) - excess(&outcome));
+    let least = (CONFIRMED * threshold(rows)).max(LEAST_OF_EXCESS * excess(&names));
+    match fall > least && is_there && !worse {
+        true => curved.of_curves(names, outcome, curves),
+        false => outcome.or_names(names, excess),
+    }
+}
+
+/// Error of a channel's check record by which curves may raise it.
+const MOST_WORSE: f64 = 1.02;
+/// Share of what is beyond the noise floor of the check record that curves must take: less tells no coordinate.
+const LEAST_OF_EXCESS: f64 = 0.1;
+/// Share of what the best shapes without a name explain that measured effects must.
+const OF_THE_SHAPE: f64 = 0.5;
 
 /// The weakest effect that with all others in place explains less of either record than it must.
 fn faint(outcome: &Outcome, on_check: f64) -> Option<&Found> {
@@ -246,6 +315,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
     };
     let unexplained = unexplained(&left, &parts, &progress.doubtful, &channels);
     Outcome {
+        curve_shares: curve_shares(case, &solution),
         model: new_model(case, &solution, &effects),
         calibration: calibration(case, &solution),
         unexplained,
@@ -260,6 +330,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
             .then(|| table_force(case.balance, &channels, &fixed, &residual_whitened)),
         channels,
         by_plate,
+        curves: Vec::new(),
         doubts: progress
             .doubtful
             .iter()

@@ -1,5 +1,6 @@
 //! What an analysis tells.
 
+use crate::conclusion::curves::Learned;
 use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Level, judge};
 use crate::effects::hypothesis::Hypothesis;
 use crate::effects::refusals::Refusal;
@@ -139,6 +140,10 @@ pub struct Outcome {
     pub unexplained: Vec<Unexplained>,
     /// What curves without a name explain of channels that they do not act on, by way of plate values: falls of sums of squares.
     pub(crate) by_plate: [f64; Channel::COUNT],
+    /// What has no name and predicts the check record, as measured effects; the model has them.
+    pub curves: Vec<Learned>,
+    /// How much of each curve that was asked about the fit record has.
+    pub(crate) curve_shares: Vec<f64>,
     /// Trials of the last step, in which nothing more was found.
     pub last: Vec<Trial>,
     /// What was significant and is not named, and why.
@@ -217,11 +222,57 @@ impl Outcome {
         });
         judge(
             &channels.collect::<Vec<_>>(),
-            self.effects.len(),
-            self.unexplained.len(),
+            self.effects.len() + self.curves.len(),
+            self.unexplained.len() + self.curves.len(),
             Floor::Sensors,
         )
         .excited(&self.excitation())
+    }
+
+    /// Shapes without a name that raise the check record's excess describe what is left, and are no part of what is said of it.
+    pub(crate) fn or_names(self, names: Outcome, excess: impl Fn(&Outcome) -> f64) -> Self {
+        match excess(&names) < excess(&self) {
+            true => Outcome {
+                unexplained: self.unexplained,
+                doubts: self.doubts,
+                ..names
+            },
+            false => self,
+        }
+    }
+
+    /// With curves that were learnt beside the same names: figures before are those without them, and what was left without a
+    /// cause still is.
+    pub(crate) fn of_curves(
+        mut self,
+        names: Outcome,
+        told: Outcome,
+        mut curves: Vec<Learned>,
+    ) -> Outcome {
+        for (own, before) in self.channels.iter_mut().zip(names.channels) {
+            own.figures.fit_before = before.figures.fit_before;
+            own.figures.check_before = before.figures.check_before;
+            own.levels[0] = before.levels[0];
+            let [residual, _] = before.residual;
+            own.residual[0] = residual;
+        }
+        if let (Some(own), Some(before)) = (&mut self.table_force, names.table_force) {
+            own.figures.fit_before = before.figures.fit_before;
+            own.figures.check_before = before.figures.check_before;
+            let [residual, _] = before.residual;
+            own.residual[0] = residual;
+        }
+        for (curve, share) in curves.iter_mut().zip(&self.curve_shares) {
+            curve.scale(*share);
+        }
+        let effects = curves.iter().map(|curve| curve.effect.clone());
+        self.model.effects.extend(effects);
+        Outcome {
+            curves,
+            unexplained: told.unexplained,
+            doubts: told.doubts,
+            ..self
+        }
     }
 
     /// What the fit record excites of each motor, with its name.

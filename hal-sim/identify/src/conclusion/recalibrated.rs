@@ -29,7 +29,8 @@ fn declared_name(parameter: Parameter, machine: &dyn Machine) -> Option<String> 
         Parameter::GuidewayCoulomb => "feed.guideway_coulomb_n".into(),
         Parameter::GuidewayViscous => "feed.guideway_viscous_n_s_per_m".into(),
         Parameter::Load => "feed.load_n".into(),
-        Parameter::TableOrigin { .. }
+        Parameter::Curve(_)
+        | Parameter::TableOrigin { .. }
         | Parameter::RestOffset { .. }
         | Parameter::RestDrift { .. } => return None,
     })
@@ -48,6 +49,13 @@ pub(crate) fn calibration(case: &Case, solution: &Solution) -> Vec<(String, f64,
             ))
         })
         .collect()
+}
+
+/// How much of each curve of its base a record has.
+pub(crate) fn curve_shares(case: &Case, solution: &Solution) -> Vec<f64> {
+    let parameters = case.base.parameters.iter().zip(solution.values.iter());
+    let curves = parameters.filter(|((parameter, _), _)| matches!(parameter, Parameter::Curve(_)));
+    curves.map(|(_, share)| *share).collect()
 }
 
 /// A relative change; of what is not declared, the value itself. No friction and no inertia is below nothing.
@@ -78,7 +86,8 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
             Parameter::GuidewayCoulomb => model.feed.guideway_coulomb_n *= factor,
             Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
             Parameter::Load => model.feed.load_n *= factor,
-            Parameter::TableOrigin { .. }
+            Parameter::Curve(_)
+            | Parameter::TableOrigin { .. }
             | Parameter::RestOffset { .. }
             | Parameter::RestDrift { .. } => {}
         }

@@ -17,6 +17,8 @@ pub enum Parameter {
     GuidewayViscous,
     /// Load force.
     Load,
+    /// How much of a measured curve, by its number, the record has: 1 as it was learnt.
+    Curve(usize),
     /// Where the table's scale has its zero, m.
     TableOrigin {
         /// How far from where the first row has it: little if the record starts with the axial spring relaxed.
@@ -71,6 +73,9 @@ pub enum MotorParameter {
     /// Time by which the frame of the commanded voltages is off, s: a nuisance.
     AngleLag,
 }
+
+/// Standard deviation of a measured curve's size about that with which the judge learnt it, beside free plate values.
+const CURVE_SPREAD: f64 = 0.3;
 
 impl Parameter {
     /// All that a model file declares of a motor and its winding, and their nuisances.
@@ -137,6 +142,7 @@ impl Parameter {
             },
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
             Parameter::Load => 0.005,
+            Parameter::Curve(_) => f64::INFINITY,
             Parameter::TableOrigin { within } => within,
             Parameter::RestOffset { count_m, .. } | Parameter::RestDrift { count_m, .. } => count_m,
         }
@@ -144,7 +150,10 @@ impl Parameter {
 
     /// What is known of it before the record is seen.
     pub fn prior(self) -> Prior {
-        Prior::within(self.spread(), self.bound())
+        match self {
+            Parameter::Curve(_) => Prior::about(1.0, CURVE_SPREAD),
+            _ => Prior::within(self.spread(), self.bound()),
+        }
     }
 
     /// A change of it that the new model takes: a value that was measured does not leave its interval. What the record has beyond that

@@ -10,6 +10,7 @@
 use crate::analysis::{Found, Outcome, given};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
+use crate::regression::sandwich::NORMAL_95;
 use crate::search::selection::{LEAST_HOLDS, RIPPLE_LEFT};
 use nalgebra::{Matrix2, Vector2};
 use plant::Axis;
@@ -38,15 +39,16 @@ const STICKING: f64 = 0.02;
 /// Speeds over which friction falls that are tried first, as shares of the slowest reference at which the table sticks.
 const FIRST_SPEEDS: [f64; 4] = [0.15, 0.3, 0.6, 1.2];
 /// And sizes, as shares of what the screw's swing tells, which damping has made smaller.
-const FIRST_SIZES: [f64; 2] = [1.0, 2.0];
+const FIRST_SIZES: [f64; 3] = [1.0, 1.4, 2.0];
+/// Starts that are followed, and simulations that each may take: of what takes longer the best until then is taken.
+const FOLLOWED: usize = 3;
+const RUNS_FOLLOWED: usize = 20;
 /// Damping of the first step, the longest step, and one that is the last, in the logarithms of size and speed.
 const FIRST_DAMPING: f64 = 0.01;
 const LONGEST_STEP: f64 = 0.7;
 const LAST_STEP: f64 = 0.01;
-/// Simulations at most: of what takes longer the best until then is taken.
-const MOST_RUNS: usize = 30;
 /// Steps of the logarithms by which the ripple's slopes are taken.
-const SLOPE_STEP: f64 = 0.05;
+const SLOPE_STEP: f64 = 0.1;
 
 /// Stretches of constant references in which the table is to move, and its speed there, m/s.
 fn holds(record: &Recording, model: &Model) -> Vec<(Range<usize>, f64)> {
@@ -144,6 +146,7 @@ struct Study<'a> {
     record: &'a Recording,
     drive: &'a dyn FreeDrive,
     runs: usize,
+    most_runs: usize,
 }
 
 fn hypothesis(speed: f64) -> Hypothesis {
@@ -179,33 +182,38 @@ impl Study<'_> {
         self.off(&with(self.declared, at))
     }
 
-    /// Where the mean square is least, from the slowest speed at which the table sticks and a size: from the best of a few
-    /// starts by Levenberg and Marquardt's steps.
+    /// Where the mean square is least, from the slowest speed at which the table sticks and a size. The ripple of a table that sticks
+    /// is rough over size and speed: the best few of a grid are each followed, and the best end counts.
     fn least(&mut self, [slowest, size]: [f64; 2]) -> Option<(Point, Vec<f64>)> {
-        let mut best: Option<(Point, Vec<f64>)> = None;
+        let mut starts = Vec::new();
         for (share, of_size) in FIRST_SPEEDS
             .into_iter()
             .flat_map(|v| FIRST_SIZES.map(|s| (v, s)))
         {
             let at = Vector2::new((of_size * size).ln(), (share * slowest).ln());
-            let off = self.at(&at)?;
-            let least = best
-                .as_ref()
-                .map_or(f64::INFINITY, |(_, least)| power(least));
-            if power(&off) < least {
-                best = Some((at, off));
-            }
+            starts.push((at, self.at(&at)?));
         }
-        let (mut at, mut left) = best?;
+        starts.sort_by(|a, b| power(&a.1).total_cmp(&power(&b.1)));
+        let mut ends = Vec::new();
+        for start in starts.into_iter().take(FOLLOWED) {
+            self.most_runs = self.runs + RUNS_FOLLOWED;
+            ends.push(self.followed(start)?);
+        }
+        ends.into_iter()
+            .min_by(|a, b| power(&a.1).total_cmp(&power(&b.1)))
+    }
+
+    /// Where Levenberg and Marquardt's steps lead from a start.
+    fn followed(&mut self, (mut at, mut left): (Point, Vec<f64>)) -> Option<(Point, Vec<f64>)> {
         let mut damping = FIRST_DAMPING;
-        while self.runs + 2 < MOST_RUNS {
+        while self.runs + 2 < self.most_runs {
             let slopes = self.slopes(&at, &left)?;
             let gram = products(&slopes);
             let pull = Vector2::from_fn(|k, _| crate::regression::column::dot(&slopes[k], &left));
             loop {
                 let damped = gram + Matrix2::from_diagonal(&gram.diagonal()) * damping;
                 let step = -(damped.try_inverse()? * pull);
-                if step.norm() < LAST_STEP || self.runs >= MOST_RUNS {
+                if step.norm() < LAST_STEP || self.runs >= self.most_runs {
                     return Some((at, left));
                 }
                 let next = at + step * (LONGEST_STEP / step.norm()).min(1.0);
@@ -263,18 +271,24 @@ pub(crate) fn traced(
         record: &short,
         drive,
         runs: 0,
+        most_runs: 0,
     };
     let (at, left) = study.least(start)?;
     if left.len() < LEAST_HOLDS {
         return None;
     }
     let covariance = study.covariance(&at, &left)?;
+    // A size whose interval holds 0 is no name.
+    if NORMAL_95 * covariance[(0, 0)].max(0.0).sqrt() > 1.0 {
+        return None;
+    }
     let short = shortened(check, declared);
     let mut witness = Study {
         declared,
         record: &short,
         drive,
         runs: 0,
+        most_runs: 0,
     };
     let (before, after) = (witness.off(declared)?, witness.at(&at)?);
     if power(&after) > RIPPLE_LEFT * RIPPLE_LEFT * power(&before) {

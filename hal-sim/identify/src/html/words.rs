@@ -266,6 +266,10 @@ pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
             "compensate",
             "Take the zero of both sensors again at rest, bridge off, and subtract it.",
         ),
+        "measured" => (
+            "compensate",
+            "Feed the curve forward within its range, and look for its cause with a record at other speeds.",
+        ),
         "current_gain" => (
             "calibrate",
             "Match the gains of both phases against one meter, and put the ratio into the scaling.",

@@ -63,6 +63,8 @@ impl Along {
 pub(crate) struct At {
     /// Angle of the turning part, rad, not wrapped.
     pub(crate) angle: f64,
+    /// Position over the travel, as an angle of the turning part, rad.
+    pub(crate) position: f64,
     /// Its speed, rad/s.
     pub(crate) speed: f64,
     /// Smooth sign of the speed.
@@ -109,6 +111,7 @@ impl Group {
         let angles = range(rows.iter().map(|at| at.angle));
         let top = speeds[0].abs().max(speeds[1].abs());
         let turns = (angles[1] - angles[0]) / TAU;
+        let positions = range(rows.iter().map(|at| at.position));
         let moves = top > 0.0 && turns > 0.0;
         if !moves {
             return Vec::new();
@@ -123,9 +126,9 @@ impl Group {
             all.push(group(Along::SinceReversal, [0.0, f64::INFINITY], 1.0));
         }
         if turns < MOST_TURNS {
-            all.push(group(Along::Position, angles, 1.0));
+            all.push(group(Along::Position, positions, 1.0));
             if speeds[0] < 0.0 && speeds[1] > 0.0 {
-                all.push(group(Along::PositionByDirection, angles, 1.0));
+                all.push(group(Along::PositionByDirection, positions, 1.0));
             }
         }
         if turns >= 1.0 {
@@ -137,6 +140,14 @@ impl Group {
             all.extend(by_speed.map(|along| group(along, speeds, top)));
         }
         all
+    }
+
+    /// Whether its functions stand side by side along the coordinate.
+    pub(crate) fn is_smooth(&self) -> bool {
+        matches!(
+            self.along,
+            Along::Speed | Along::Position | Along::PositionByDirection
+        )
     }
 
     /// How many functions it has.
@@ -154,7 +165,8 @@ impl Group {
         match self.along {
             Along::Speed | Along::OrderBySpeed(_) => at.speed,
             Along::SinceReversal => at.since,
-            _ => at.angle,
+            Along::Position | Along::PositionByDirection => at.position,
+            Along::Order(_) => at.angle,
         }
     }
 
@@ -189,9 +201,9 @@ impl Group {
         match self.along {
             Along::Speed => spline(self.share(at.speed), k, SPEED_SPLINES),
             Along::SinceReversal => at.way * (-at.since / (TAU * DECAYS_TURNS[k])).exp(),
-            Along::Position => spline(self.share(at.angle), k, POSITION_SPLINES),
+            Along::Position => spline(self.share(at.position), k, POSITION_SPLINES),
             Along::PositionByDirection => {
-                at.way * spline(self.share(at.angle), k, POSITION_SPLINES)
+                at.way * spline(self.share(at.position), k, POSITION_SPLINES)
             }
             Along::Order(order) => wave(order),
             Along::OrderBySpeed(order) => wave(order.into()) * at.speed / self.scale,
@@ -221,9 +233,9 @@ impl Group {
                 let most = 3.0 * TAU * DECAYS_TURNS[DECAYS_TURNS.len() - 1];
                 over(0.0, most).map(|since| At { since, ..one }).collect()
             }
-            Along::Position | Along::PositionByDirection => {
-                over(low, high).map(|angle| At { angle, ..one }).collect()
-            }
+            Along::Position | Along::PositionByDirection => over(low, high)
+                .map(|position| At { position, ..one })
+                .collect(),
             Along::Order(order) if order.fract() != 0.0 => over(0.0, TAU / order)
                 .map(|angle| At { angle, ..one })
                 .collect(),

@@ -1,6 +1,6 @@
 //! The curve that predicts a residual, as a reader and a model file have it.
 
-use super::basis::{Along, Group};
+use super::basis::{Along, At};
 use super::judge::Judged;
 
 /// What a part is over.
@@ -76,93 +76,80 @@ pub struct Curve {
 impl Judged {
     /// The curve's parts, if something carries over.
     pub(crate) fn curves(&self) -> Vec<Curve> {
-        if !self.carries {
-            return Vec::new();
+        match self.carries {
+            true => (0..self.groups.len()).map(|k| self.curve(k)).collect(),
+            false => Vec::new(),
         }
-        let mut first = 0;
-        let parts = self.groups.iter().zip(&self.sizes);
-        parts
-            .map(|((group, values), size)| {
-                let count = values.iter().filter(|value| **value != 0.0).count();
-                let own: Vec<usize> = (0..values.len()).filter(|k| values[*k] != 0.0).collect();
-                let part = curve(group, values, *size, |k, j| {
-                    let place =
-                        |k: usize| own.iter().position(|own| *own == k).map(|at| first + at);
-                    match (place(k), place(j), &self.covariance) {
-                        (Some(k), Some(j), Some(covariance)) if k.max(j) < covariance.nrows() => {
-                            covariance[(k, j)]
-                        }
-                        _ => 0.0,
-                    }
-                });
-                first += count;
-                part
-            })
-            .collect()
     }
-}
 
-fn curve(
-    group: &Group,
-    values: &[f64],
-    size: f64,
-    covariance: impl Fn(usize, usize) -> f64,
-) -> Curve {
-    let shown = group.shown();
-    let functions: Vec<Vec<f64>> = shown
-        .iter()
-        .map(|at| (0..values.len()).map(|k| group.value(k, at)).collect())
-        .collect();
-    let sum = |functions: &Vec<f64>| {
-        functions
+    /// Some groups together at given places: values and standard deviations.
+    pub(crate) fn at(&self, groups: &[usize], places: &[At]) -> Vec<[f64; 2]> {
+        // Only what is not 0 was fitted, and has a covariance.
+        let fitted = |values: &[f64]| (0..values.len()).filter(|k| values[*k] != 0.0).collect();
+        let members: Vec<Vec<usize>> = self.groups.iter().map(|(_, v)| fitted(v)).collect();
+        let terms: Vec<(usize, usize, usize)> = groups
             .iter()
-            .zip(values)
-            .map(|(f, v)| f * v)
-            .sum::<f64>()
-    };
-    let mean = match group.along {
-        // A constant is the offset's, which is declared.
-        Along::Speed | Along::Position => {
-            functions.iter().map(sum).sum::<f64>() / functions.len().max(1) as f64
-        }
-        _ => 0.0,
-    };
-    let sigma = |functions: &Vec<f64>| {
-        let mut variance = 0.0;
-        for k in 0..values.len() {
-            for j in 0..values.len() {
-                variance += functions[k] * functions[j] * covariance(k, j);
-            }
-        }
-        variance.max(0.0).sqrt()
-    };
-    Curve {
-        over: match group.along {
-            Along::Speed => Over::Speed,
-            Along::SinceReversal => Over::SinceReversal,
-            Along::Position => Over::Position,
-            Along::PositionByDirection => Over::PositionByDirection,
-            Along::Order(order) if order.fract() != 0.0 => Over::Period,
-            Along::Order(_) => Over::Turn,
-            Along::OrderBySpeed(_) => Over::TurnBySpeed,
-        },
-        top_speed: group.range[0].abs().max(group.range[1].abs()),
-        along: group.along.name(),
-        order: group.along.order(),
-        is_order: matches!(group.along, Along::Order(_)),
-        size,
-        at: shown
-            .iter()
-            .map(|at| match group.along {
-                Along::OrderBySpeed(_) => at.angle,
-                _ => group.coordinate(at),
+            .flat_map(|own| {
+                let first: usize = members[..*own].iter().map(Vec::len).sum();
+                let own_terms = members[*own].iter().enumerate();
+                own_terms.map(move |(at, k)| (first + at, *own, *k))
             })
-            .collect(),
-        values: functions
-            .iter()
-            .map(|functions| sum(functions) - mean)
-            .collect(),
-        sigmas: functions.iter().map(sigma).collect(),
-        range: group.range,
+            .collect();
+        let covariance = |k: usize, j: usize| {
+            let known = self.covariance.as_ref();
+            known.and_then(|c| c.get((k, j))).copied().unwrap_or(0.0)
+        };
+        let of = |at: &At| {
+            let function = |(_, own, k): &(usize, usize, usize)| self.groups[*own].0.value(*k, at);
+            let functions: Vec<f64> = terms.iter().map(function).collect();
+            let (mut value, mut variance) = (0.0, 0.0);
+            for ((row, own, k), f) in terms.iter().zip(&functions) {
+                value += f * self.groups[*own].1[*k];
+                for ((column, ..), g) in terms.iter().zip(&functions) {
+                    variance += f * g * covariance(*row, *column);
+                }
+            }
+            [value, variance.max(0.0).sqrt()]
+        };
+        places.iter().map(of).collect()
+    }
+
+    fn curve(&self, own: usize) -> Curve {
+        let group = &self.groups[own].0;
+        let shown = group.shown();
+        let points = self.at(&[own], &shown);
+        let mean = match group.along {
+            // A constant is the offset's, which is declared.
+            Along::Speed | Along::Position => {
+                points.iter().map(|[value, _]| value).sum::<f64>() / points.len().max(1) as f64
+            }
+            _ => 0.0,
+        };
+        Curve {
+            over: match group.along {
+                Along::Speed => Over::Speed,
+                Along::SinceReversal => Over::SinceReversal,
+                Along::Position => Over::Position,
+                Along::PositionByDirection => Over::PositionByDirection,
+                Along::Order(order) if order.fract() != 0.0 => Over::Period,
+                Along::Order(_) => Over::Turn,
+                Along::OrderBySpeed(_) => Over::TurnBySpeed,
+            },
+            top_speed: group.range[0].abs().max(group.range[1].abs()),
+            along: group.along.name(),
+            order: group.along.order(),
+            is_order: matches!(group.along, Along::Order(_)),
+            size: self.sizes[own],
+            at: shown
+                .iter()
+                .map(|at| match group.along {
+                    Along::OrderBySpeed(_) => at.angle,
+                    _ => group.coordinate(at),
+                })
+                .collect(),
+            values: points.iter().map(|[value, _]| value - mean).collect(),
+            sigmas: points.iter().map(|[_, sigma]| *sigma).collect(),
+            range: group.range,
+        }
     }
 }

@@ -39,7 +39,7 @@ pub(crate) struct Side {
     /// What the declared and named regressors leave of the drive quantity.
     pub(crate) left: Vec<f64>,
     /// Those regressors, and nuisances.
-    pub(crate) known: Vec<Vec<f64>>,
+    pub(crate) known: Vec<Known>,
     /// Where the machine is.
     pub(crate) at: Vec<At>,
     /// Rows that count.
@@ -50,6 +50,24 @@ pub(crate) struct Side {
     pub(crate) rate: f64,
     /// Rms of the drive quantity.
     pub(crate) drive_rms: f64,
+}
+
+/// A regressor that is declared or named, or a nuisance.
+pub(crate) struct Known {
+    /// Rows.
+    pub(crate) column: Vec<f64>,
+    /// Inverse variance of what is left to tell of its parameter before a record is seen, in units of the noise.
+    pub(crate) precision: f64,
+}
+
+impl Known {
+    /// One of which nothing is known.
+    pub(crate) fn free(column: Vec<f64>) -> Self {
+        Known {
+            column,
+            precision: 0.0,
+        }
+    }
 }
 
 /// What the judge says.
@@ -64,6 +82,10 @@ pub(crate) struct Judged {
     pub(crate) covariance: Option<DMatrix<f64>>,
     /// The prediction of both records beside the known regressors.
     pub(crate) predicted: [Vec<f64>; 2],
+    /// What the chosen functions alone add to either record.
+    pub(crate) alone: [Vec<f64>; 2],
+    /// By how much the check record's square falls with the fit record's parameters.
+    pub(crate) fall: f64,
     /// Deviations from 0: fit to check, and within the check record.
     pub(crate) deviations: [f64; 2],
     /// Blocks of the check record.
@@ -77,6 +99,8 @@ pub(crate) struct Judged {
 /// A side without what the known regressors explain.
 struct Partialled {
     left: Vec<f64>,
+    /// Coefficients of the known regressors in what is left.
+    of_left: Vec<f64>,
     columns: Vec<Vec<f64>>,
     /// Rms of each column after over before.
     own: Vec<f64>,
@@ -117,17 +141,19 @@ impl Side {
         let sizes: Vec<f64> = self
             .known
             .iter()
-            .map(|column| rms(column).max(1e-300))
+            .map(|known| rms(&known.column).max(1e-300))
             .collect();
         let n = sizes.len();
         let gram = DMatrix::from_fn(n, n, |k, j| {
-            dot(&self.known[k], &self.known[j]) / sizes[k] / sizes[j]
+            let [own, other] = [k, j].map(|k| &self.known[k]);
+            let prior = if k == j { own.precision } else { 0.0 };
+            (dot(&own.column, &other.column) + prior) / sizes[k] / sizes[j]
         });
         let inverse = of_gram(&gram)?;
         let of_known = |values: &[f64]| -> Vec<f64> {
             let pairs = self.known.iter().zip(&sizes);
             let products: Vec<f64> = pairs
-                .map(|(column, size)| dot(column, values) / size)
+                .map(|(known, size)| dot(&known.column, values) / size)
                 .collect();
             (0..n)
                 .map(|k| (0..n).map(|j| inverse[(k, j)] * products[j]).sum::<f64>() / sizes[k])
@@ -135,9 +161,9 @@ impl Side {
         };
         let less = |values: &[f64], of_known: &[f64]| -> Vec<f64> {
             let mut left = values.to_vec();
-            for (value, column) in of_known.iter().zip(&self.known) {
+            for (value, known) in of_known.iter().zip(&self.known) {
                 left.iter_mut()
-                    .zip(column)
+                    .zip(&known.column)
                     .for_each(|(x, c)| *x -= value * c);
             }
             left
@@ -153,34 +179,61 @@ impl Side {
             .iter()
             .zip(&before)
             .map(|(after, before)| rms(after) / before.max(1e-300));
+        let of_left = of_known(&self.left);
         Some(Partialled {
-            left: less(&self.left, &of_known(&self.left)),
+            left: less(&self.left, &of_left),
+            of_left,
             own: own.collect(),
             columns,
             of_known: coefficients,
         })
     }
 
+    /// What the chosen functions add.
+    fn alone(&self, own: &Partialled, chosen: &[usize], values: &[f64]) -> Vec<f64> {
+        let sum = predicted(&own.columns, chosen, values, self.left.len());
+        self.plus(sum, own, chosen, values)
+    }
+
     /// A prediction as it is on a record that nothing was fitted to: the known regressors' shares are the fit record's.
     fn untouched(
         &self,
-        own: &Partialled,
+        alone: &[f64],
         fit: &Partialled,
         chosen: &[usize],
         values: &[f64],
     ) -> Vec<f64> {
-        let mut sum = predicted(&own.columns, chosen, values, self.left.len());
-        for (k, column) in self.known.iter().enumerate() {
-            let shares = chosen
-                .iter()
-                .zip(values)
-                .map(|(c, value)| value * (own.of_known[*c][k] - fit.of_known[*c][k]));
-            let share: f64 = shares.sum();
+        let less: Vec<f64> = values.iter().map(|value| -value).collect();
+        self.plus(alone.to_vec(), fit, chosen, &less)
+    }
+
+    /// With what the known regressors have of the chosen functions on a record.
+    fn plus(
+        &self,
+        mut sum: Vec<f64>,
+        record: &Partialled,
+        chosen: &[usize],
+        values: &[f64],
+    ) -> Vec<f64> {
+        for (k, known) in self.known.iter().enumerate() {
+            let pairs = chosen.iter().zip(values);
+            let share: f64 = pairs.map(|(c, value)| value * record.of_known[*c][k]).sum();
             sum.iter_mut()
-                .zip(column)
+                .zip(&known.column)
                 .for_each(|(s, x)| *s += share * x);
         }
         sum
+    }
+
+    /// What is left with the known regressors as the fit record has them.
+    fn with_parameters_of(&self, fit: &Partialled) -> Vec<f64> {
+        let mut left = self.left.clone();
+        for (known, value) in self.known.iter().zip(&fit.of_left) {
+            left.iter_mut()
+                .zip(&known.column)
+                .for_each(|(x, c)| *x -= value * c);
+        }
+        left
     }
 }
 
@@ -214,13 +267,13 @@ fn predicted(columns: &[Vec<f64>], chosen: &[usize], values: &[f64], rows: usize
     sum
 }
 
-/// Judges a check record by a fit record. `column` gives a function of the coordinates as it shows in a record's drive
+/// Judges a check record by a fit record, by the functions that are `offered`. `column` gives a function of the coordinates as it shows in a record's drive
 /// quantity: through the filters and lags that this has.
 pub(crate) fn judge(
     sides: [&Side; 2],
     highest_order: u32,
     further: &[f64],
-    except: &[u32],
+    offered: impl Fn(Along) -> bool,
     column: impl Fn(usize, &Group, usize) -> Vec<f64>,
 ) -> Judged {
     let mut judged = Judged {
@@ -238,12 +291,15 @@ pub(crate) fn judge(
         .collect();
     let mut groups = Group::all(&rows, highest_order, further);
     groups.retain(|group| {
-        let counted = sides[1].at.iter().zip(&sides[1].open).filter(|(_, open)| **open);
+        let counted = sides[1]
+            .at
+            .iter()
+            .zip(&sides[1].open)
+            .filter(|(_, open)| **open);
         let (outside, all) = counted.fold((0, 0), |(outside, all), (at, _)| {
             (outside + usize::from(group.is_outside(at)), all + 1)
         });
-        let named = matches!(group.along, Along::Order(order) if except.iter().any(|known| f64::from(*known) == order));
-        !named && outside as f64 <= OUTSIDE * all as f64
+        offered(group.along) && outside as f64 <= OUTSIDE * all as f64
     });
     let of_groups = |record: usize| -> Vec<Vec<f64>> {
         groups
@@ -264,15 +320,23 @@ pub(crate) fn judge(
         .map(|group| {
             let own = first..first + group.len();
             first = own.end;
-            own.filter(|k| fit.own[*k] > LEAST_OWN).collect()
+            let tells = own.clone().any(|k| fit.own[k] > LEAST_OWN);
+            // Of functions side by side those between two speeds join what is told at either.
+            let is_whole = group.is_smooth() && tells;
+            own.filter(|k| is_whole || fit.own[*k] > LEAST_OWN)
+                .collect()
         })
+        .collect();
+    let smooth: Vec<Range<usize>> = (groups.iter().zip(&members))
+        .filter(|(group, _)| group.is_smooth())
+        .filter_map(|(_, own)| Some(*own.first()?..*own.last()? + 1))
         .collect();
     let folds = |blocks: &[Range<usize>]| -> Vec<Vec<Range<usize>>> {
         (0..FOLDS)
             .map(|fold| blocks.iter().skip(fold).step_by(FOLDS).cloned().collect())
             .collect()
     };
-    let products = Products::new(&fit.columns, &fit.left, &folds(&blocks[0]));
+    let products = Products::new(&fit.columns, &fit.left, &folds(&blocks[0]), &smooth);
     let energy = products.held_back(&[]);
     let (mut chosen, mut taken, mut least): (Vec<usize>, Vec<usize>, f64) =
         (Vec::new(), Vec::new(), energy);
@@ -300,11 +364,15 @@ pub(crate) fn judge(
     };
     let values: Vec<f64> = values.iter().copied().collect();
     let beside = predicted(&check.columns, &chosen, &values, check.left.len());
+    judged.alone = [
+        sides[0].alone(&fit, &chosen, &values),
+        sides[1].alone(&check, &chosen, &values),
+    ];
     judged.predicted = [
         predicted(&fit.columns, &chosen, &values, fit.left.len()),
-        sides[1].untouched(&check, &fit, &chosen, &values),
+        sides[1].untouched(&judged.alone[1], &fit, &chosen, &values),
     ];
-    let of_check = Products::new(&check.columns, &check.left, &folds(&blocks[1]));
+    let of_check = Products::new(&check.columns, &check.left, &folds(&blocks[1]), &smooth);
     let mut within = vec![0.0; check.left.len()];
     for (fold, stretches) in folds(&blocks[1]).iter().enumerate() {
         let Some(own) = of_check.fitted(&chosen, Some(fold)) else {
@@ -338,9 +406,11 @@ pub(crate) fn judge(
     };
     judged.size = rms(&beside);
     let falls = {
-        let pairs = sides[1].left.iter().zip(&judged.predicted[1]);
+        let before = sides[1].with_parameters_of(&fit);
+        let pairs = before.iter().zip(&judged.predicted[1]);
         let after: Vec<f64> = pairs.map(|(x, p)| x - p).collect();
-        rms(&after) < rms(&sides[1].left)
+        judged.fall = dot(&before, &before) - dot(&after, &after);
+        judged.fall > 0.0
     };
     let repeats = judged.deviations[1] > student(WITHIN, freedom);
     let matters = judged.size > size * sides[1].drive_rms;

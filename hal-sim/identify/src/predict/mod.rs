@@ -10,4 +10,5 @@ pub(crate) mod basis;
 pub(crate) mod curve;
 pub(crate) mod excitation;
 pub(crate) mod judge;
+pub(crate) mod orders;
 mod ridge;

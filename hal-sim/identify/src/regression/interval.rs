@@ -2,9 +2,7 @@
 
 use crate::analysis::Found;
 use crate::effects::family::Family;
-
-/// Half-width of a 95 % interval in standard deviations.
-const NORMAL_95: f64 = 1.96;
+use crate::regression::sandwich::NORMAL_95;
 
 /// Standard deviation of a size that the balances themselves make (sampled voltages, currents between samples, products of what is
 /// small): by how much the sizes of each family are off on drawn machines beyond what the covariance says (848 values, seeds

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 /// Rows over which a correlation length is estimated.
 const CORRELATED_ROWS: usize = 3000;
 /// Half-width of a 95 % interval in standard deviations.
-const NORMAL_95: f64 = 1.96;
+pub(crate) const NORMAL_95: f64 = 1.96;
 /// Length of a stretch in correlation lengths: what reaches from one stretch into the next is then small.
 const LENGTHS: f64 = 8.0;
 /// Stretches that a record must have for each parameter, or their scatter says nothing.

@@ -1,14 +1,17 @@
 //! The report of what the engine traced, whatever the machine.
 
 use super::{
-    Alias, Calibrated, Channel, Coordinate, Effect, Left, Report, Residual, Selection, Tried,
+    Alias, Calibrated, Channel, Coordinate, Effect, Left, Measured, Report, Residual, Selection,
+    Tried,
 };
 use crate::analysis::{Bandwidth, ChannelRest, Figures, Found, Outcome, Rival, TableForce};
+use crate::conclusion::curves::Learned;
 use crate::conclusion::verdict::Judged;
 use crate::effects::family::Family;
 use crate::machines::Machine;
 use crate::records::DataQuality;
 use crate::regression::interval::estimates;
+use crate::regression::sandwich::interval;
 use crate::search::select::Trial;
 use crate::signal::channel::Channel as Balance;
 use plant::Axis;
@@ -32,6 +35,12 @@ pub fn traced(outcome: &Outcome, accounts: [DataQuality; 2]) -> Report {
             .effects
             .iter()
             .map(|found| effect(found, outcome, &judged))
+            .chain(
+                outcome
+                    .curves
+                    .iter()
+                    .map(|curve| learned(curve, machine, &judged)),
+            )
             .collect(),
         residual: outcome
             .channels
@@ -165,6 +174,38 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
             machine.place(place),
             judged.share(found.check_fall),
             with_units,
+        )
+    }
+}
+
+/// A curve without a name.
+fn learned(curve: &Learned, machine: &dyn Machine, judged: &Judged) -> Effect {
+    let place = curve.effect.place();
+    let (values, at) = (curve.values(), &curve.at);
+    let count = values.len().max(1) as f64;
+    let mean = |of: &dyn Fn(usize) -> f64| (0..values.len()).map(of).sum::<f64>() / count;
+    let size = mean(&|k| values[k].powi(2)).sqrt();
+    let variance = mean(&|k| curve.sigmas[k].powi(2));
+    let unit = match place {
+        Place::Feed => "N",
+        _ => machine.unit(Balance::Torque(Axis::Screw)),
+    };
+    let points = values.iter().zip(&curve.sigmas);
+    Effect {
+        order: curve.order,
+        curve: Some(Measured {
+            coordinate: curve.along.clone(),
+            range: [0, at.len().saturating_sub(1)].map(|k| at.get(k).copied().unwrap_or(0.0)),
+            at: at.clone(),
+            value: values.to_vec(),
+            interval: points.map(|(v, s)| interval(*v, s * s)).collect(),
+        }),
+        suggests: Some(format!("no cause is named; a curve over {}", curve.along)),
+        ..Effect::fitted(
+            "measured",
+            machine.place(place),
+            judged.share(curve.fall),
+            [("rms", [size, variance], unit)],
         )
     }
 }

@@ -78,6 +78,10 @@ pub(crate) const MORE_IS_LEFT: &str =
 pub(crate) const OF_PLATE_VALUES: &str =
     "a shape without a name in another channel moves the plate values that they share by more";
 
+/// Why one order of the turn is not named beside others of no name.
+pub(crate) const PART_OF_A_SHAPE: &str =
+    "it is one order of a shape over the turn: other orders of it are left beside it";
+
 /// Why an effect is not named that is there and hardly matters.
 pub(crate) const TOO_LITTLE: &str = "takes too little of the error on what it was not fitted to";
 

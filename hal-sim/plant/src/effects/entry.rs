@@ -1,6 +1,6 @@
 //! An effect at its place: one `[[effects]]` table of a model file.
 
-use super::AnyEffect;
+use super::{AnyEffect, Measured};
 use crate::Axis;
 use crate::document::Fault;
 use toml::de::DeValue;
@@ -142,6 +142,7 @@ impl EffectModel {
         };
         let kinds = AnyEffect::KINDS
             .iter()
+            .chain([&Measured::KIND])
             .map(|kind| format!("`{kind}`"))
             .collect::<Vec<_>>()
             .join(", ");

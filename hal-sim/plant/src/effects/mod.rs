@@ -19,6 +19,7 @@ mod flux_drift;
 mod flux_harmonic;
 mod lead_error;
 mod lead_scale;
+mod measured;
 mod position_load;
 mod resistance_drift;
 mod stribeck_friction;
@@ -27,6 +28,7 @@ mod time_periodic;
 mod torque_harmonic;
 
 pub use entry::{EffectModel, Place, Places};
+pub use measured::{Measured, MeasuredOver, Quantity};
 pub use term::{Coordinate, Law, Site, Term};
 
 use crate::limits;
@@ -52,6 +54,12 @@ macro_rules! registry {
         #[non_exhaustive]
         pub enum AnyEffect {
             $(#[doc = concat!("See [`", stringify!($name), "`].")] $name($name),)*
+            /// A curve without a cause.
+            Measured(Measured),
+        }
+
+        impl From<Measured> for AnyEffect {
+            fn from(effect: Measured) -> Self { AnyEffect::Measured(effect) }
         }
 
         $(impl From<$name> for AnyEffect {
@@ -59,22 +67,31 @@ macro_rules! registry {
         })*
 
         impl AnyEffect {
-            /// All kinds, by their name in a model file.
+            /// All kinds that have a cause, by their name in a model file.
             pub const KINDS: &'static [&'static str] = &[$($name::KIND,)*];
 
             /// The `kind` in a model file.
             pub fn kind(&self) -> &'static str {
-                match self { $(AnyEffect::$name(_) => $name::KIND,)* }
+                match self {
+                    $(AnyEffect::$name(_) => $name::KIND,)*
+                    AnyEffect::Measured(_) => Measured::KIND,
+                }
             }
 
             /// The values of `where` that make sense.
             pub fn places(&self) -> Places {
-                match self { $(AnyEffect::$name(_) => $name::PLACES,)* }
+                match self {
+                    $(AnyEffect::$name(_) => $name::PLACES,)*
+                    AnyEffect::Measured(effect) => effect.places(),
+                }
             }
 
             /// What it adds to the machine at each place it is at.
             pub fn terms(&self) -> Vec<Term> {
-                match self { $(AnyEffect::$name(effect) => effect.terms(),)* }
+                match self {
+                    $(AnyEffect::$name(effect) => effect.terms(),)*
+                    AnyEffect::Measured(effect) => effect.terms(),
+                }
             }
 
             /// An effect by its kind and its parameters' names; parameters with a default may be left out.
@@ -97,12 +114,16 @@ macro_rules! registry {
             }
 
             fn table(&self) -> toml::Table {
-                match self { $(AnyEffect::$name(effect) => crate::document::table(effect),)* }
+                match self {
+                    $(AnyEffect::$name(effect) => crate::document::table(effect),)*
+                    AnyEffect::Measured(effect) => crate::document::table(effect),
+                }
             }
 
             fn read(kind: &str, parameters: entry::Parameters<'_>) -> Option<Result<Self, crate::document::Fault>> {
                 match kind {
                     $($name::KIND => Some(crate::document::section(parameters).map(AnyEffect::$name)),)*
+                    Measured::KIND => Some(crate::document::section(parameters).map(AnyEffect::Measured)),
                     _ => None,
                 }
             }

@@ -1,6 +1,7 @@
 //! The common shape of all effects: at a [`Site`], as a [`Law`] of a [`Coordinate`].
 
 use std::f64::consts::TAU;
+use std::sync::Arc;
 
 /// Where a term acts and what its value means there.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -58,7 +59,7 @@ pub enum Coordinate {
 
 /// A term's value over its coordinate `x`. Linear in its amplitude in every case, so that `value` at amplitude 1 is the
 /// regressor of an identification.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub enum Law {
     /// `value`.
     Constant {
@@ -98,6 +99,33 @@ pub enum Law {
         /// Size.
         value: f64,
     },
+    /// Straight between values at even distances over a range; beyond it 0, or the same again.
+    Table {
+        /// First and last coordinate.
+        range: [f64; 2],
+        /// Whether it is the same again beyond it.
+        repeats: bool,
+        /// Values from the first coordinate to the last.
+        values: Arc<[f64]>,
+    },
+}
+
+/// Where a coordinate is between two values of a table: the first of them, and the share of the way to the second.
+#[inline]
+fn between(range: [f64; 2], repeats: bool, values: &[f64], x: f64) -> Option<(usize, f64)> {
+    let share = (x - range[0]) / (range[1] - range[0]);
+    let share = if repeats {
+        share.rem_euclid(1.0)
+    } else {
+        share
+    };
+    let last = values.len().checked_sub(2)?;
+    if !(0.0..=1.0).contains(&share) {
+        return None;
+    }
+    let at = share * (last + 1) as f64;
+    let first = (at as usize).min(last);
+    Some((first, at - first as f64))
 }
 
 impl Law {
@@ -105,6 +133,13 @@ impl Law {
     #[inline]
     pub fn value(&self, x: f64) -> f64 {
         match *self {
+            Law::Table {
+                range,
+                repeats,
+                ref values,
+            } => between(range, repeats, values, x).map_or(0.0, |(k, share)| {
+                values[k] + share * (values[k + 1] - values[k])
+            }),
             Law::Constant { value } => value,
             Law::Linear { slope } => slope * x,
             Law::Periodic {
@@ -123,6 +158,13 @@ impl Law {
     #[inline]
     pub fn slope(&self, x: f64) -> f64 {
         match *self {
+            Law::Table {
+                range,
+                repeats,
+                ref values,
+            } => between(range, repeats, values, x).map_or(0.0, |(k, _)| {
+                (values[k + 1] - values[k]) * (values.len() - 1) as f64 / (range[1] - range[0])
+            }),
             Law::Constant { .. } | Law::Opposing { .. } => 0.0,
             Law::Linear { slope } => slope,
             Law::Periodic {
@@ -138,7 +180,7 @@ impl Law {
 }
 
 /// One addition to the machine.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, PartialEq)]
 pub struct Term {
     /// Where it acts.
     pub site: Site,

@@ -46,7 +46,11 @@ struct FeedTerms {
     travel: Vec<Law>,
     pair_torque: Vec<Law>,
     table_force: Vec<Law>,
+    /// Measured forces over the angle of screw against nut, and over the table's velocity.
+    force_by_angle: Vec<Law>,
+    force_by_speed: Vec<Law>,
     friction: Vec<Law>,
+    friction_by_position: Vec<Law>,
 }
 
 impl Feed {
@@ -95,7 +99,14 @@ impl Feed {
             (Site::Travel, Coordinate::RelativeAngle, law) => self.terms.travel.push(law),
             (Site::PairTorque, Coordinate::RelativeAngle, law) => self.terms.pair_torque.push(law),
             (Site::TableForce, Coordinate::TablePosition, law) => self.terms.table_force.push(law),
+            (Site::TableForce, Coordinate::RelativeAngle, law) => {
+                self.terms.force_by_angle.push(law)
+            }
+            (Site::TableForce, Coordinate::Speed, law) => self.terms.force_by_speed.push(law),
             (Site::Friction, Coordinate::Speed, law) => self.terms.friction.push(law),
+            (Site::Friction, Coordinate::TablePosition, law) => {
+                self.terms.friction_by_position.push(law)
+            }
             (Site::AxialResonance, _, law) => {
                 self.stiffness = self.mass * (TAU * law.value(0.0)).powi(2)
             }
@@ -172,22 +183,25 @@ impl Feed {
 
     /// Force against positive travel at the middle of the step, without friction, N.
     #[inline]
-    pub(super) fn table_load(&self, position: f64) -> f64 {
-        self.load + sum(&self.terms.table_force, position)
+    pub(super) fn table_load(&self, relative: f64, position: f64) -> f64 {
+        let terms = &self.terms;
+        self.load
+            + sum(&terms.table_force, position)
+            + sum(&terms.force_by_angle, relative)
+            + sum(&terms.force_by_speed, self.velocity)
     }
 
     /// Level of the guideway's friction at the middle of the step, N.
     #[inline]
     pub(super) fn friction_level(&self, half: f64) -> f64 {
-        if self.terms.friction.is_empty() {
+        let terms = &self.terms;
+        if terms.friction.is_empty() && terms.friction_by_position.is_empty() {
             return self.coulomb;
         }
-        (self.coulomb
-            + sum(
-                &self.terms.friction,
-                self.velocity + half * self.acceleration,
-            ))
-        .max(0.0)
+        let velocity = self.velocity + half * self.acceleration;
+        let position = self.position + half * self.velocity;
+        let more = sum(&terms.friction, velocity) + sum(&terms.friction_by_position, position);
+        (self.coulomb + more).max(0.0)
     }
 
     /// The axial coupling over a step, about relative angle and position at its middle; none within the gap.

@@ -202,7 +202,7 @@ impl Machine {
             step.free[2] = self
                 .feed
                 .kick
-                .apply(before[2], -dt * self.feed.table_load(position));
+                .apply(before[2], -dt * self.feed.table_load(relative, position));
             step.mobility[2] = self.feed.kick.mobility;
             step.limit[2] = self.feed.friction_level(half) * dt;
             step.limit[3] = self.feed.pair_coulomb * dt;

@@ -53,6 +53,8 @@ pub(super) struct Motors {
     flux_harmonics: Harmonics,
     /// One of the terms below depends on time.
     timed: bool,
+    /// One of the terms below is a measured torque.
+    measured: bool,
     terms: [MotorTerms; 2],
 }
 
@@ -62,6 +64,9 @@ const ANGLES: [Coordinate; 2] = [Coordinate::ElectricalAngle, Coordinate::Mechan
 /// The terms that act on one motor beside harmonics, sorted by site and coordinate.
 #[derive(Debug, Clone, Default)]
 struct MotorTerms {
+    /// Measured torques over angle and over speed.
+    torque_by_angle: Vec<Law>,
+    torque_by_speed: Vec<Law>,
     timed_torque: Vec<Law>,
     timed_flux: Vec<Law>,
     timed_resistance: Vec<Law>,
@@ -80,9 +85,11 @@ fn take(terms: &mut Vec<Term>, site: Site, coordinate: Coordinate) -> Vec<Law> {
 }
 
 impl MotorTerms {
-    fn new(mut terms: Vec<Term>) -> Self {
+    fn new(mut terms: Vec<Term>, torque_by_angle: Vec<Law>) -> Self {
         let mut laws = |site, coordinate| take(&mut terms, site, coordinate);
         let sorted = MotorTerms {
+            torque_by_angle,
+            torque_by_speed: laws(Site::ShaftTorque, Coordinate::Speed),
             timed_torque: laws(Site::ShaftTorque, Coordinate::Time),
             timed_flux: laws(Site::Flux, Coordinate::Time),
             timed_resistance: laws(Site::Resistance, Coordinate::Time),
@@ -100,6 +107,10 @@ impl MotorTerms {
         };
         debug_assert!(terms.is_empty(), "no motor takes {terms:?}");
         sorted
+    }
+
+    fn is_measured(&self) -> bool {
+        !(self.torque_by_angle.is_empty() && self.torque_by_speed.is_empty())
     }
 
     fn is_timed(&self) -> bool {
@@ -139,12 +150,24 @@ impl Motors {
     pub(super) fn new(model: &Model) -> Self {
         let plates = Axis::ALL.map(|axis| model.motor(axis).clone());
         let mut terms = Axis::ALL.map(|axis| terms(model, axis));
+        let mut by_angle = terms.each_mut().map(|terms| {
+            let is_measured = |term: &mut Term| {
+                term.coordinate == Coordinate::MechanicalAngle
+                    && term.site == Site::ShaftTorque
+                    && matches!(term.law, Law::Table { .. })
+            };
+            let here = terms.extract_if(.., is_measured);
+            here.map(|term| term.law).collect::<Vec<_>>()
+        });
         let mut harmonics = |site, coordinate| {
             Harmonics::new(terms.each_mut().map(|terms| take(terms, site, coordinate)))
         };
         let torque = ANGLES.map(|coordinate| harmonics(Site::ShaftTorque, coordinate));
         let flux_harmonics = harmonics(Site::Flux, Coordinate::ElectricalAngle);
-        let terms = terms.map(MotorTerms::new);
+        let terms = [0, 1].map(|k: usize| {
+            let (own, by_angle) = (&mut terms[k], &mut by_angle[k]);
+            MotorTerms::new(std::mem::take(own), std::mem::take(by_angle))
+        });
         Motors {
             theta: Pair::ZERO,
             omega: Pair::ZERO,
@@ -165,6 +188,7 @@ impl Motors {
             torque,
             flux_harmonics,
             timed: terms.iter().any(MotorTerms::is_timed),
+            measured: terms.iter().any(MotorTerms::is_measured),
             terms,
         }
     }
@@ -260,6 +284,13 @@ impl Motors {
         torque += electrical_torque.value(electrical) + self.disturbance_torque - self.load_torque;
         if !mechanical_torque.is_empty() {
             torque += mechanical_torque.value(&Phasors::new(theta));
+        }
+        if self.measured {
+            let (theta, omega) = (theta.to_array(), omega.to_array());
+            torque += each(|k| {
+                let terms = &self.terms[k];
+                sum(&terms.torque_by_angle, theta[k]) + sum(&terms.torque_by_speed, omega[k])
+            });
         }
         if self.timed {
             torque += each(|k| sum(&self.terms[k].timed_torque, time));

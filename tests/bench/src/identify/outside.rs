@@ -4,6 +4,7 @@
 use super::{alone, outside_axes};
 use crate::draw::{self, profile};
 use identify::analysis::{Outcome, analyse};
+use identify::signal::channel::Channel;
 use plant::Axis;
 use plant::machine::Machine as Plant;
 use serde_json::{Value, json};
@@ -386,6 +387,37 @@ const KINDS: &[Kind] = &[
     },
 ];
 
+/// Torques that repeat in a coordinate: each ends as a curve.
+const REPEATING: [Kind; 3] = [
+    Kind {
+        name: "torque over the angle with a kink",
+        coordinates: &["angle of the screw"],
+        act: |m, x| {
+            let turn = (m.motor(Axis::Screw).theta / TAU).rem_euclid(1.0);
+            let kinked = (turn - 0.3).abs().min(0.4) - 0.25;
+            m.set_disturbance_torque(Axis::Screw, 0.25 * x.strength * kinked);
+        },
+    },
+    Kind {
+        name: "friction with a bump over the speed",
+        coordinates: &["speed of the nut"],
+        act: |m, x| {
+            let w = m.motor(Axis::Nut).omega;
+            let bump = (-((w.abs() - 45.0) / 12.0).powi(2)).exp();
+            m.set_disturbance_torque(Axis::Nut, -0.04 * x.strength * bump * (w / 0.5).tanh());
+        },
+    },
+    Kind {
+        name: "knock of the nut each turn",
+        coordinates: &ANGLES,
+        act: |m, x| {
+            let turn = (m.motor(Axis::Nut).theta / TAU).rem_euclid(1.0);
+            let knock = (-((turn - 0.4) / 0.04).powi(2)).exp();
+            m.set_disturbance_torque(Axis::Nut, 0.1 * x.strength * knock);
+        },
+    },
+];
+
 /// What was said of one machine.
 pub(super) struct Said {
     /// `explained` or `nothing missing`, which nothing here is.
@@ -393,6 +425,9 @@ pub(super) struct Said {
     pub(super) names: usize,
     /// What is left first is described over a coordinate that is right.
     pub(super) coordinate: bool,
+    /// Power beyond the noise floor on the check record, without and with what was found and measured; whether a curve was added.
+    pub(super) excess: [f64; 2],
+    pub(super) curves: usize,
 }
 
 /// Kinds that a motor alone can have: what acts on the nut only.
@@ -430,13 +465,18 @@ fn said(run: usize) -> Said {
         None => &KINDS[case],
         Some(place) => named(ALONE[place]).expect("one of the kinds"),
     };
+    told(kind, case < KINDS.len(), seed, strength)
+}
+
+/// What is said of a kind on a double drive, or on a motor alone.
+fn told(kind: &Kind, is_double: bool, seed: u64, strength: f64) -> Said {
     let memory = Memory {
         strength,
         random: Cell::new(seed | 1),
         ..Memory::default()
     };
     let act = |machine: &mut Plant| (kind.act)(machine, &memory);
-    let (on, outcome) = if case < KINDS.len() {
+    let (on, outcome) = if is_double {
         let profiles = [profile::recorded(), profile::recorded_check()];
         let machine = draw::acted_on(seed, &act, profiles);
         let outcome = analyse(&machine.declared, &machine.fit, &machine.check);
@@ -444,7 +484,7 @@ fn said(run: usize) -> Said {
     } else {
         ("motor alone", alone::told(&draw::alone(seed, &[], &act)))
     };
-    tell(&format!("{run}, {on}, {}", kind.name), &outcome);
+    tell(&format!("seed {seed}, {on}, {}", kind.name), &outcome);
     Said {
         sure: matches!(outcome.verdict(), "explained" | "nothing missing"),
         names: outcome.effects.len(),
@@ -452,12 +492,39 @@ fn said(run: usize) -> Said {
             .unexplained
             .first()
             .is_some_and(|left| kind.coordinates.contains(&left.coordinate)),
+        excess: excess(&outcome),
+        curves: outcome.curves.len(),
     }
+}
+
+/// One of the kinds that repeat: on a double drive, or where only the nut has it on a motor alone, in turn.
+fn repeating(run: usize) -> Said {
+    let places = [(0, true), (1, true), (2, true), (1, false), (2, false)];
+    let (kind, is_double) = places[run % places.len()];
+    let strength = STRENGTHS[run / places.len() % STRENGTHS.len()];
+    told(&REPEATING[kind], is_double, 90_300 + run as u64, strength)
+}
+
+/// Sums of squares beyond the floor of the torque balances on the check record, before and after.
+fn excess(outcome: &Outcome) -> [f64; 2] {
+    let torques = || {
+        let all = outcome.channels.iter();
+        all.filter(|rest| matches!(rest.channel, Channel::Torque(_)))
+    };
+    [0, 1].map(|when: usize| torques().map(|rest| rest.levels[when].excess).sum())
 }
 
 /// Runs so many machines and counts. A long run is watched on standard error.
 pub(super) fn measure(first: usize, runs: usize) -> Value {
-    let said: Vec<Said> = (first..first + runs).map(said).collect();
+    let own: Vec<Said> = (first..first + runs).map(said).collect();
+    let repeating: Vec<Said> = (first..first + runs / 4).map(repeating).collect();
+    let mut all = counted(&own);
+    all["repeating"] = counted(&repeating);
+    all
+}
+
+fn counted(said: &[Said]) -> Value {
+    let runs = said.len();
     let count = |which: &dyn Fn(&Said) -> bool| said.iter().filter(|said| which(said)).count();
     let percent = |count: usize| 100.0 * count as f64 / runs.max(1) as f64;
     json!({
@@ -467,6 +534,9 @@ pub(super) fn measure(first: usize, runs: usize) -> Value {
         "kinds_of_a_feed_axis": outside_axes::COUNT,
         "sure_and_wrong": count(&|said| said.sure),
         "false_names": count(&|said| said.names > 0),
+        "curves": count(&|said| said.curves > 0),
+        "halved": count(&|said| said.curves > 0 && said.excess[1] < 0.5 * said.excess[0]),
+        "made_worse": count(&|said| said.excess[1] > 1.05 * said.excess[0]),
         "coordinate_right_percent": percent(count(&|said| said.coordinate)),
     })
 }
@@ -487,6 +557,15 @@ fn tell(name: &str, outcome: &Outcome) {
         let (fit, check) = (found.fall, found.check_fall);
         eprintln!("    named {kind} {place} {parameters:?}: {fit:.0}, check {check:.0}");
     }
+    for curve in &outcome.curves {
+        let (place, along) = (curve.effect.place().name(), &curve.along);
+        eprintln!(
+            "    measured {place} over {along} {:?}: {:.0}",
+            curve.order, curve.fall
+        );
+    }
+    let [before, after] = excess(outcome);
+    eprintln!("    torques beyond their floor: {before:.0} -> {after:.0}");
     for left in &outcome.unexplained {
         let (channel, over) = (left.channel.name(), left.coordinate);
         let (order, hz, reason) = (left.order, left.hz, &left.reason);
@@ -504,6 +583,23 @@ mod tests {
     /// screw for a drag of the nut, and of the nut for a spring. Of feed axes: one whose load steps was called explained to the
     /// difference from lap to lap, an order that grows with the speed, friction for a drag by the cube of the speed.
     const NAMED_ONCE: [usize; 11] = [2, 6, 16, 18, 21, 23, 25, 47, 51, 54, 90];
+
+    /// Effects of no family that repeat in a coordinate end as a curve, on a double drive and on a motor alone.
+    #[test]
+    fn what_repeats_and_has_no_name_becomes_a_curve() {
+        for run in 0..5 {
+            let said = repeating(run);
+            let [before, after] = said.excess;
+            assert!(
+                said.curves > 0 && after < 0.5 * before && said.names == 0 && !said.sure,
+                "machine {run}: {} curves, beyond the floor {before:.0} -> {after:.0}, {} names, sure: {}; expected a curve that \
+                 halves it",
+                said.curves,
+                said.names,
+                said.sure
+            );
+        }
+    }
 
     #[test]
     fn what_no_family_has_is_described_and_not_named() {

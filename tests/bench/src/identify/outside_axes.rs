@@ -202,6 +202,8 @@ pub(super) fn said(case: usize, run: usize, strength: f64) -> Said {
     Said {
         sure: matches!(report.verdict, "explained" | "nothing missing"),
         names: report.effects.len(),
+        excess: [0.0; 2],
+        curves: 0,
         coordinate: (report.unexplained.first())
             .is_some_and(|left| kind.coordinates.contains(&left.coordinate.as_str())),
     }

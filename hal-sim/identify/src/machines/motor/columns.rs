@@ -235,6 +235,7 @@ impl Stretch {
             }
             At {
                 angle: *angle,
+                position: *angle,
                 speed: *speed,
                 way,
                 since: (angle - from).abs(),

@@ -8,17 +8,17 @@ use super::orders::{Order, of_map};
 use super::record::Record;
 use crate::conclusion::rest::Remnant;
 use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};
-use crate::predict::basis::{At, ORDERS};
+use crate::predict::basis::{Along, At};
 use crate::predict::curve::Curve;
 use crate::predict::excitation::Excitation;
-use crate::predict::judge::{Judged, LEAST_BLOCKS, Side, judge};
+use crate::predict::judge::{Judged, Known, LEAST_BLOCKS, Side, judge};
+use crate::predict::orders::loudest_orders;
 use crate::regression::column::{Column, counted};
 use crate::regression::normal::Prior;
 use crate::search::forward::{Choice, Contender, Forward, search};
 use crate::search::holdout::{Holdout, Validated};
 use crate::search::selection::{MATERIAL_OF_CURRENT, MOST_NAMES, VOUCHED_OF_CURRENT};
 use crate::signal::fourier::slope;
-use crate::signal::leftover::{Form, Over, Residual};
 use crate::signal::noise::white_below_100;
 
 /// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
@@ -39,10 +39,6 @@ const RIVAL: f64 = 0.5;
 /// Standard deviation of a lag that is named, of it; and share of the current's rms that is left then.
 const WELL_TOLD: f64 = 0.2;
 const LITTLE_LEFT: f64 = 0.1;
-/// Orders without a name at most beside the lowest whole ones, the highest of them, and how near to a whole one they are that.
-const FURTHER: usize = 12;
-const HIGHEST_FURTHER: u32 = 60;
-const WHOLE: f64 = 0.015;
 /// Orders that are fitted beside a lag, and rows for each.
 const BESIDE_LAG: u32 = 40;
 const ROWS_PER_ORDER: usize = 24;
@@ -213,42 +209,6 @@ fn widen(fitted: &mut Columns, other: &mut Columns) -> f64 {
     best.1
 }
 
-/// Orders of the turn, whole or not, that are loudest in what is left of the fit record, one after the other.
-fn loudest_orders(side: &Side, angle: Vec<f64>, highest: u32) -> Vec<f64> {
-    let range = 0.3..f64::from(highest.min(HIGHEST_FURTHER));
-    let over = Over {
-        values: &angle,
-        form: Form::Repeats(range.clone()),
-    };
-    let mut left = side.left.clone();
-    let mut orders: Vec<f64> = Vec::new();
-    for _ in 0..FURTHER {
-        let residual = Residual {
-            values: &left,
-            open: &side.open,
-            rate: side.rate,
-        };
-        let Some(shape) = residual.shape(&over).filter(|_| range.end > range.start) else {
-            break;
-        };
-        let shape = residual.sharpened(&over, shape);
-        left = residual.without(&over, &shape);
-        orders.extend(shape.order);
-    }
-    let is_whole = |order: &f64| order.fract() == 0.0 && *order <= ORDERS.into();
-    let whole = orders
-        .into_iter()
-        .map(|order| match (order - order.round()).abs() < WHOLE {
-            true => order.round(),
-            false => order,
-        });
-    let mut orders: Vec<f64> = whole
-        .filter(|order| *order > 0.0 && !is_whole(order))
-        .collect();
-    orders.dedup();
-    orders
-}
-
 /// What predicts the check record beside inertia, friction, orders, and a small delay of the current.
 fn judged(records: [&Columns; 2], last: &Both, after: &Fit, orders: &[u32], lag_s: f64) -> Judged {
     let side = |k: usize| {
@@ -270,10 +230,12 @@ fn judged(records: [&Columns; 2], last: &Both, after: &Fit, orders: &[u32], lag_
             .zip(&open)
             .map(|(x, open)| x * f64::from(*open))
             .collect();
-        let known = last.columns[k].iter().map(|column| column.only().to_vec());
+        let known = last.columns[k]
+            .iter()
+            .map(|column| Known::free(column.only().to_vec()));
         Side {
             left: after.left[k].clone(),
-            known: known.chain([late]).collect(),
+            known: known.chain([Known::free(late)]).collect(),
             at: record.at(),
             drive_rms: rms(&current),
             rate: record.rate(),
@@ -287,13 +249,13 @@ fn judged(records: [&Columns; 2], last: &Both, after: &Fit, orders: &[u32], lag_
         .into_iter()
         .min()
         .unwrap_or(0);
-    let angles = sides[0].at.iter().map(|at| at.angle).collect();
-    let further = loudest_orders(&sides[0], angles, highest);
+    let further = loudest_orders(&sides[0], highest);
+    let named = |along| matches!(along, Along::Order(order) if orders.iter().any(|known| f64::from(*known) == order));
     judge(
         [&sides[0], &sides[1]],
         highest,
         &further,
-        orders,
+        |along| !named(along),
         |k, group, function| records[k].shown(lag_s, |at| group.value(function, at)),
     )
 }

@@ -9,6 +9,7 @@ use crate::search::case::Whitened;
 use crate::search::forward::chosen;
 use crate::search::select::Trial;
 use crate::search::selection::{MODEST, TOO_MODEST};
+use crate::signal::along::Along;
 use crate::signal::channel::Channel;
 
 impl Progress {
@@ -102,6 +103,20 @@ impl Progress {
                 reason: TOO_MODEST,
                 likeness: false,
             });
+            self.forget(k);
+        }
+    }
+
+    /// Drops the shapes of torques and forces without a name that a measured effect can have.
+    pub(crate) fn drop_measurable(&mut self) {
+        let is_measurable = |own: &Hypothesis| match own.family {
+            Family::Unnamed(own) => {
+                (own.is_force || matches!(own.channel, Channel::Torque(_)))
+                    && !matches!(own.along, Along::Clock | Along::Time)
+            }
+            _ => false,
+        };
+        while let Some(k) = self.found.iter().position(is_measurable) {
             self.forget(k);
         }
     }
