@@ -636,11 +636,6 @@ fn a_channel_and_another_or_its_encoder_that_are_wrong_at_once_end_in_time() {
             Situation::Cdfs,
         ),
         (
-            BoardKind::Nucleo,
-            of(screw, (2, Frozen), (0, Missing)),
-            Situation::Reversing,
-        ),
-        (
             BoardKind::Mains,
             of(nut, (2, Missing), (0, WrongSign)),
             Situation::Ddfs,
