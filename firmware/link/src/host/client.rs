@@ -231,9 +231,11 @@ impl<L: Line> Client<L> {
                 if let Some(reply) = self.reply.take() {
                     return Ok(reply);
                 }
-                let Some(left) = until.checked_duration_since(self.line.now()) else {
+                let left = until.saturating_duration_since(self.line.now());
+                // A simulated clock stands still while a host waits for no time at all.
+                if left.is_zero() {
                     break;
-                };
+                }
                 self.listen(left)?;
             }
         }
@@ -524,5 +526,39 @@ fn unexpected(reply: &Reply) -> anyhow::Error {
             .into()
         }
         _ => anyhow::anyhow!("the drive answers something else than was asked"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A line with nobody at its other end. Its clock passes by what a host waits, and no more.
+    struct Silence {
+        now: Instant,
+    }
+
+    impl Line for Silence {
+        fn send(&mut self, _: &[u8]) -> io::Result<()> {
+            Ok(())
+        }
+
+        fn receive(&mut self, _: &mut [u8], patience: Duration) -> io::Result<usize> {
+            self.now += patience;
+            Ok(0)
+        }
+
+        fn now(&self) -> Instant {
+            self.now
+        }
+    }
+
+    #[test]
+    fn a_drive_that_says_nothing_is_given_up() {
+        let line = Silence {
+            now: Instant::now(),
+        };
+        let error = Client::open(line).map(|_| ()).unwrap_err();
+        assert!(error.is::<Lost>(), "{error:#}");
     }
 }

@@ -277,15 +277,15 @@ impl Compensation {
         let learns = self.learns();
         let [screw_turned, nut_turned] = self.turned;
         let [screw_lines, nut_lines] = &mut self.torque;
-        let [screw_error, nut_error] = errors.map(|error| held(error.to_bits()));
+        let [screw_error, nut_error] = errors;
         let screws_turn = self.step.is_multiple_of(TORQUE_STEPS);
         let of_screw = if learns && screws_turn {
-            learn(screw_lines, screw_turned << 16, screw_error)
+            learn(screw_lines, screw_turned << 16, held(screw_error.to_bits()))
         } else {
             sum(screw_lines, screw_turned << 16)
         };
         let of_nut = if learns && !screws_turn {
-            learn(nut_lines, nut_turned << 16, nut_error)
+            learn(nut_lines, nut_turned << 16, held(nut_error.to_bits()))
         } else {
             sum(nut_lines, nut_turned << 16)
         };
@@ -396,8 +396,9 @@ const SPEED_PART_MAX: i32 = 1 << (SPEED_BITS - 4);
 /// [`Line::learn`].
 #[inline(always)]
 fn held(error: i32) -> i32 {
+    // These two ends are one instruction's, SSAT.
     const END: i32 = 1 << 25;
-    error.clamp(-END, END)
+    error.clamp(-END, END - 1)
 }
 
 /// An angle over many turns, of which the lower word is the angle within one, moved on to `theta`.
