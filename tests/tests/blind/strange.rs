@@ -61,7 +61,7 @@ fn a_force_at_one_place_of_the_guideway_is_described() {
         machine.set_load_force(load + force * machine.table_velocity().signum());
     };
     let outcome = told(&bench::draw::acted_on(72, &squeeze, profiles()));
-    // A measured curve explains a part, and has no name.
+    // A measured curve without a cause explains a part.
     assert_eq!(outcome.verdict(), "partly explained");
     assert!(outcome.effects.is_empty());
     assert!(!outcome.curves.is_empty());

@@ -378,8 +378,8 @@ impl<L: Line> Client<L> {
         self.tell(Command::Store)
     }
 
-    /// Makes `settings` hold, all of them or none, and says when they do. Where one takes effect only then, they are stored, the drive
-    /// starts anew, and this session goes on as another.
+    /// Makes `settings` hold, all of them or none, and says when they do. If one takes effect after a restart only, they are stored and
+    /// the drive restarts. A new session then replaces this one.
     ///
     /// # Errors
     /// [`Refused`] with the setting that does not fit, or [`Lost`].
@@ -394,7 +394,7 @@ impl<L: Line> Client<L> {
             .with_context(|| format!("{setting} was not taken"))?;
         }
         match self.tell(Command::Commit) {
-            // Its answer was lost, and it was asked again after it has started anew.
+            // Its answer was lost, and it was asked again after its restart.
             Err(error) if error.downcast_ref() == Some(&Refused::For(Refusal::Session)) => {}
             told => told.map_err(|error| advised(error, &held, settings))?,
         }
@@ -533,7 +533,7 @@ fn unexpected(reply: &Reply) -> anyhow::Error {
 mod tests {
     use super::*;
 
-    /// A line with nobody at its other end. Its clock passes by what a host waits, and no more.
+    /// A line with nobody at its other end. Its clock passes by what a host waits.
     struct Silence {
         now: Instant,
     }
@@ -544,6 +544,7 @@ mod tests {
         }
 
         fn receive(&mut self, _: &mut [u8], patience: Duration) -> io::Result<usize> {
+            assert!(!patience.is_zero(), "time stands still");
             self.now += patience;
             Ok(0)
         }

@@ -11,8 +11,14 @@
 //! feedforward cancellation schemes", IEEE Trans. Automatic Control, 1994): the error is correlated with the ripple's own cosine and sine, turned by the phase of the loops. That
 //! is an integrator at the order's frequency, and so equals a resonator there; its time constant is the same for all orders.
 //!
-//! It stands still while a speed changes, while a limit cuts a current, where the order is beyond what the loops can do, and where
-//! the encoder's counting [beats](beat) with the sampling; each coefficient is bounded, so that nothing winds up. [`fit`] tells whether what was learned before still fits.
+//! Learning stands still in four cases:
+//!
+//! - A speed changes.
+//! - A limit cuts a current.
+//! - The order is beyond what the loops can do.
+//! - The encoder's counting [beats](beat) with the sampling.
+//!
+//! Each coefficient is bounded, so that nothing winds up. [`fit`] checks whether a saved table still fits.
 
 pub mod beat;
 pub mod fit;
@@ -208,8 +214,8 @@ impl Compensation {
         (self.steady_steps, self.counted) = (0, None);
     }
 
-    /// First in a step: both shafts, the scale's count, the relative speed that is asked, mechanical rad/s, and the motors' loads, 2^-8 A,
-    /// of which not each step asks -> what is added to the speed references.
+    /// First in a step: gives what is added to the speed references. `scale` is the table's count. `relative` is the reference of screw less
+    /// nut, mechanical rad/s. `loads` gives the motors' loads, 2^-8 A; one step in four calls it.
     #[inline(always)]
     pub fn references(
         &mut self,
@@ -396,7 +402,7 @@ const SPEED_PART_MAX: i32 = 1 << (SPEED_BITS - 4);
 /// [`Line::learn`].
 #[inline(always)]
 fn held(error: i32) -> i32 {
-    // These two ends are one instruction's, SSAT.
+    // The SSAT instruction takes this range, and no symmetric one.
     const END: i32 = 1 << 25;
     error.clamp(-END, END - 1)
 }
@@ -420,8 +426,8 @@ const fn starting<const N: usize>(configs: &[LineConfig; N]) -> [Line; N] {
 
 /// The sum of lines at an angle over many turns, shifted up by 16, in twice their unit.
 ///
-/// It and [`learn`] are one loop each: of two that take the cosine in one function the compiler would keep its constant in 64
-/// bits, and multiply by such a one in three instructions.
+/// It and [`learn`] are one loop each. With two loops in one function the compiler keeps the cosine's constant in 64 bits. A product
+/// with such a constant takes three instructions.
 #[inline(never)]
 #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
 fn sum<const N: usize>(lines: &[Line; N], turned: u64) -> i32 {
@@ -484,8 +490,8 @@ fn tune_torque(
     line.tune(gives, learns, config.torque_max);
 }
 
-/// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`; `slower` of the motions that tell it
-/// from others. Nothing without a scale, where encoders and lead stay what they are known to be.
+/// What an error of the table's speed adds to a line of a shaft that turns by `theta_step`. `slower` is the slower motion of those that
+/// distinguish it from others. Zero without a scale: encoders and lead then keep their saved values.
 #[inline(never)]
 fn learning(
     config: &CompensationConfig,
@@ -524,8 +530,8 @@ fn negative(x: Phasor) -> Phasor {
 /// An order above is learned as fast as this one.
 const ORDERS_MAX: u32 = 16;
 
-/// The rate for a shaft that turns by `theta_step`, by the slower of the motions that tell it from others. An order is told from the
-/// same of another shaft by as many turns as it repeats in one.
+/// The rate for a shaft that turns by `theta_step`, by the slower of the motions that distinguish it from others. The higher an order, the
+/// fewer turns distinguish it from the same order of another shaft.
 #[inline(always)]
 #[allow(clippy::cast_possible_truncation)]
 fn rate(config: RateConfig, theta_step: i32, slower: u32) -> i32 {
