@@ -1,6 +1,5 @@
 //! All that the parts of a drive read of its configuration.
 
-use crate::orders::STEP_S;
 use control::guard::GuardConfig;
 use control::homing::HomePlan;
 use control::plate::{BASES, BasePlate, DriveConfig, DrivePlate};
@@ -8,6 +7,9 @@ use control::table_move::MoveConfig;
 use control::travel::TravelConfig;
 use link::scale;
 use link::telemetry::Header;
+
+/// Time between two steps of [`Orders`](crate::orders::Orders), s.
+pub(crate) const STEP_S: f64 = 1e-3;
 
 /// What the drive runs on. The control's comes first: the firmware keeps it beside the speed task's state.
 #[derive(Clone, Copy, Debug)]

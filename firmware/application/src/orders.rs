@@ -1,6 +1,6 @@
 //! What is asked of the drive's motion, and the soft limits: the speed task hears of it once a millisecond.
 
-use crate::configured::Configured;
+use crate::configured::{Configured, STEP_S};
 use crate::exchange::{DriveExchange, state};
 use crate::motion::{Motion, Seen};
 use control::fault::{Fault, FaultSet};
@@ -14,9 +14,6 @@ use control::travel::{Travel, TravelLook};
 use core::sync::atomic::Ordering::Relaxed;
 use link::codes::Demand;
 use link::view::DriveView;
-
-/// Time from one step to the next, s.
-pub const STEP_S: f64 = 1e-3;
 
 /// The motion and the soft limits.
 #[derive(Clone, Debug)]
