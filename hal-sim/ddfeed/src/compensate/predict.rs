@@ -6,7 +6,7 @@
 //! - The hold's noise floor stays.
 //! - A line that the model has too, up to a factor of [`SAME_LINE`], falls as it falls in the simulation: what carries a torque to the
 //!   table may be another in the model, and the compensation acts where the torque does.
-//! - Of any other line, the difference stays.
+//! - Of any other line, and of one that grows, the difference stays.
 
 use anyhow::Result;
 use control::plate::DrivePlate;
@@ -25,8 +25,9 @@ const AROUND: usize = 60;
 /// Mean of noise over its lower quartile, where each power is the sum of five: chi squared of 10 degrees of freedom has its lower
 /// quartile at 6.737.
 const MEAN_OF_QUARTILE: f64 = 10.0 / 6.737;
-/// Ratio of two amplitudes up to which they are of one line.
-const SAME_LINE: f64 = 3.0;
+/// Ratio of two amplitudes up to which they are of one line. A mode that the model has elsewhere raises or lowers a line by its quality,
+/// `1 / (2 damping)`: 10 at the damping of 5 % that a model without a measured one has.
+const SAME_LINE: f64 = 10.0;
 /// Lines to each side over which a tone spreads, by its window.
 const SPREAD: usize = 2;
 /// Least part by which a ripple must fall.
@@ -131,8 +132,8 @@ fn left(measured: &[f64], without: &[f64], with: &[f64]) -> Vec<f64> {
             let line = (measured[k] - floor).sqrt();
             let [before, after] = [without[k].sqrt(), with[k].sqrt()];
             let is_same = before < SAME_LINE * line && line < SAME_LINE * before;
-            let rest = match is_same {
-                true => line * (after / before).min(1.0),
+            let rest = match is_same && after < before {
+                true => line * after / before,
                 false => line - before + after,
             };
             floor + rest * rest
@@ -189,10 +190,21 @@ mod tests {
         let mut measured = vec![noise; n];
         let (mut without, mut with) = (vec![0.0; n], vec![0.0; n]);
         (measured[30], without[30], with[30]) = (10_000.0, 9_000.0, 90.0);
+        // A mode that the model has elsewhere.
+        (measured[180], without[180], with[180]) = (10_000.0, 400.0, 4.0);
+        // A compensation that makes a line worse.
+        (measured[120], without[120], with[120]) = (101.0, 100.0, 900.0);
         measured[90] = 2_500.0;
         without[150] = 400.0;
         let left = left(&measured, &without, &with);
-        for (line, expected) in [(10, 1.0), (30, 101.0), (90, 2_500.0), (150, 401.0)] {
+        for (line, expected) in [
+            (10, 1.0),
+            (30, 101.0),
+            (90, 2_500.0),
+            (150, 401.0),
+            (180, 101.0),
+            (120, 901.0),
+        ] {
             assert!(
                 (left[line] / expected - 1.0).abs() < 0.05,
                 "line {line}: {} of {}, expected {expected}",
