@@ -236,7 +236,7 @@ pub(super) fn sentence(effect: &Effect) -> String {
             "has a load that grows by {} with the table\u{2019}s position",
             of("value")
         ),
-        "backlash" => format!("has a backlash of {}", of("value")),
+        "backlash" => format!("loses {} at each reversal: backlash", of("value")),
         "reported_current_lag" => format!(
             "has a current that is reported through a filter with a time constant of {}: an effect of the measurement",
             of("value")
@@ -325,7 +325,7 @@ pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
         "position_load" => ("compensate", "Feed the force forward over the position."),
         "backlash" => (
             "replace",
-            "Preload the nut; a load that never changes its sign hides it.",
+            "Push the table with known forces while the motors stand: a soft screw gives with the force, backlash does not. Preload the nut against backlash; a load that never changes its sign hides it.",
         ),
         "reported_current_lag" => (
             "calibrate",

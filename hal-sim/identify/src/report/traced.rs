@@ -15,7 +15,8 @@ use crate::regression::sandwich::interval;
 use crate::search::select::Trial;
 use crate::signal::channel::Channel as Balance;
 use plant::Axis;
-use plant::effects::Place;
+use plant::effects::{AnyEffect, Place};
+use plant::model::{FeedModel, Model};
 
 /// Name of the channel that follows from the torques.
 const TABLE_FORCE: &str = "table force";
@@ -164,6 +165,7 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
         order,
         hz,
         held_back: held_back(found),
+        suggests: softer_screw(found, &outcome.model),
         not_separable: found
             .inseparable
             .iter()
@@ -176,6 +178,28 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
             with_units,
         )
     }
+}
+
+/// The other candidate of a backlash.
+fn softer_screw(found: &Found, model: &Model) -> Option<String> {
+    let AnyEffect::Backlash(backlash) = found.effect.effect() else {
+        return None;
+    };
+    let softest = stiffness_of_lost_motion(backlash.value, &model.feed)?;
+    Some(format!(
+        "or a screw of at most {:.3} N/um, which friction winds up at a reversal; the model has {:.3} N/um",
+        1e-6 * softest,
+        1e-6 * model.feed.axial_stiffness_n_per_m
+    ))
+}
+
+/// Stiffness of a screw, N/m, that loses so many metres more at a reversal than the model's. Friction `F` of the table winds a screw of
+/// stiffness `k` up by `F / k` in either direction. No more than the friction that the motors feel is the table's. None without friction.
+fn stiffness_of_lost_motion(lost_m: f64, feed: &FeedModel) -> Option<f64> {
+    let pair_n = feed.pair_coulomb_nm / feed.travel_per_radian().abs();
+    let friction_n = feed.guideway_coulomb_n + pair_n;
+    let per_newton = 1.0 / feed.axial_stiffness_n_per_m + lost_m / (2.0 * friction_n);
+    (friction_n > 0.0).then(|| 1.0 / per_newton)
 }
 
 /// A curve without a name.
@@ -445,4 +469,21 @@ fn marks(channel: Balance, outcome: &Outcome) -> Vec<(f64, String)> {
             Some((order, found.effect.effect().kind().replace('_', " ")))
         })
         .collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_soft_screw_is_the_other_candidate_of_a_backlash() {
+        let mut feed = Model::coupled().feed;
+        (feed.guideway_coulomb_n, feed.pair_coulomb_nm) = (20.0, 0.0);
+        feed.axial_stiffness_n_per_m = 2e8;
+        // The same friction winds up a screw of 40 N/um by 1 um at a reversal, and the model's by 0.2 um.
+        let softest = stiffness_of_lost_motion(0.8e-6, &feed).unwrap();
+        assert!((softest / 4e7 - 1.0).abs() < 1e-9, "{softest} N/m");
+        feed.guideway_coulomb_n = 0.0;
+        assert_eq!(stiffness_of_lost_motion(0.8e-6, &feed), None);
+    }
 }
