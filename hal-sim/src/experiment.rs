@@ -3,6 +3,7 @@
 use crate::board::BoardConfig;
 use crate::boards::BoardKind;
 use crate::drive::Drive;
+use crate::encoder_errors::encoder_errors;
 use crate::plates::{PAPER_TUNING, RECORDED_TUNING, deadbeat, plates};
 use crate::seam::{Seam, Straight};
 use crate::sensors::Sensors;
@@ -93,10 +94,12 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// A board as it ships, with its own sensors, motors and tuning: `template` is the machine around them.
+    /// A board as it ships, with its own sensors, the errors of its encoders, motors and tuning: `template` is the machine around
+    /// them.
     #[must_use]
     pub fn shipped(kind: BoardKind, template: &Model, coupling: Coupling) -> Self {
-        let (model, tuning) = (kind.machine(template, coupling), kind.plate().tuning);
+        let (mut model, tuning) = (kind.machine(template, coupling), kind.plate().tuning);
+        model.effects.extend(encoder_errors(kind));
         Self {
             shipped: Some(kind),
             ..Self::on(model, coupling, kind.config(), tuning)

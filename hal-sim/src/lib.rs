@@ -3,6 +3,7 @@
 //! - [`sensors`]: what measures the machine: resolution, range, noise.
 //! - [`board`]: timers, bridges, ADCs, encoders, break inputs: the raw seam, stepped from one counter turn to the next.
 //! - [`boards`]: the boards that the firmware is built for, from its own plates.
+//! - `encoder_errors`: what their encoders read wrong.
 //! - [`seam`]: what may stand between board and control, and act on the machine: the place of a sensor's fault.
 //! - [`supervision`]: what the firmware's supervision and analog watchdogs look at.
 //! - [`wiring`]: how motors, current channels and encoders are connected.
@@ -26,6 +27,7 @@ pub mod analytic;
 pub mod board;
 pub mod boards;
 pub mod drive;
+mod encoder_errors;
 pub mod experiment;
 pub mod flash;
 pub mod hold_ripple;

@@ -8,10 +8,9 @@ mod within;
 
 pub use within::ServedWithin;
 
-use crate::simulate::{BoardName, MachineOptions};
+use crate::simulate::MachineOptions;
 use anyhow::Result;
 use clap::Args;
-use hal_sim::boards::BoardKind;
 use std::path::PathBuf;
 
 /// Which drive, and where it is to be found.
@@ -20,7 +19,7 @@ pub struct ServeOptions {
     /// Prints a model file to begin with, and ends: `ddfeed serve --example > mine.toml`.
     #[arg(long)]
     pub example: bool,
-    /// Which machine, with which sensors: the paper's where no board is named.
+    /// Which machine, with which sensors: the mains board's where nothing is named.
     #[command(flatten)]
     pub machine: MachineOptions,
     /// Where it listens.
@@ -42,13 +41,6 @@ pub struct ServeOptions {
     /// not there.
     #[arg(long, conflicts_with = "settings")]
     pub flash: Option<PathBuf>,
-}
-
-impl ServeOptions {
-    /// The board that is named; `None`: the paper's machine.
-    fn board(&self) -> Option<BoardKind> {
-        self.machine.board.and_then(BoardName::kind)
-    }
 }
 
 /// Serves until Ctrl-C.

@@ -24,7 +24,7 @@ impl SwitchedOn {
     /// # Errors
     /// No such machine, or settings or a flash that are not taken.
     pub fn new(options: &ServeOptions) -> Result<Self> {
-        let (setup, name) = options.machine.setup_on(options.board(), Preset::Coupled)?;
+        let (setup, name) = options.machine.setup(Preset::Coupled)?;
         let mut drive = if options.cold {
             SimulatedDrive::cold(&Start::anywhere(&setup))
         } else {

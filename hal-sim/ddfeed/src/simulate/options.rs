@@ -55,7 +55,7 @@ pub struct SweepOptions {
     /// Length of each record, s.
     #[arg(long, default_value_t = 1.0)]
     pub duration: f64,
-    /// Beside it the same of a drive that compensates what the model says repeats.
+    /// Shows the compensating drive too. A shipped board learns for 12 s at each point. Any other drive takes the orders of the model.
     #[arg(long)]
     pub compensated: bool,
     /// `coupled` unless said otherwise.
@@ -87,7 +87,7 @@ pub struct ReplayOptions {
 #[derive(Args, Debug, Clone)]
 pub struct MachineOptions {
     /// A board as it ships, with its own sensors and motors; or the paper's ideal machine, which no board is. [default: mains; paper
-    /// where `--model` or `--sensors` is given, and for `serve`]
+    /// where `--model` or `--sensors` is given]
     #[arg(long, value_enum)]
     pub board: Option<BoardName>,
     /// A preset: the paper's own simplification, or the coupled machine. [default: paper; coupled for a sweep]

@@ -48,11 +48,7 @@ impl MachineOptions {
 
     /// The set-up, and the machine's name. `preset` is used where none is asked.
     pub fn setup(&self, preset: Preset) -> Result<(Setup, String)> {
-        self.setup_on(self.board(), preset)
-    }
-
-    /// The same on a board.
-    pub fn setup_on(&self, board: Option<BoardKind>, preset: Preset) -> Result<(Setup, String)> {
+        let board = self.board();
         let (model, coupling, name) = match (&self.model, self.machine.unwrap_or(preset)) {
             (Some(path), _) => (
                 Model::load(path)?,

@@ -38,10 +38,6 @@ const GAIN: f64 = 0.01;
 const DEAD_V: f64 = 3.1;
 /// An encoder's eccentricity, rad.
 const ECCENTRICITY: f64 = 20.0 / 3600.0 * PI / 180.0;
-/// Largest error of the mains board's MT6835 after its own calibration, degrees (MagnTek's data sheet, second hand).
-const MAGNETIC_DEG: f64 = 0.07;
-/// The same of an encoder with a disc of lines, degrees: as once a turn. Our choice, as the motors' manuals give none.
-const OPTICAL_DEG: f64 = 20.0 / 3600.0;
 /// Wobble of the lead, m per relative turn.
 const WOBBLE_M: f64 = 6e-6;
 /// Cogging, repetitions a turn.
@@ -82,8 +78,8 @@ impl Machine {
             Self::Mains | Self::Nucleo => {
                 let mut model = Model::coupled();
                 model.feed.load_n = 0.0;
+                // A board brings the errors of its own encoders.
                 model.effects = Self::defects(Vec::new());
-                model.effects.extend(self.encoder_errors());
                 return model;
             }
         };
@@ -92,22 +88,22 @@ impl Machine {
             off_a: OFFSETS_A[0],
             off_b: OFFSETS_A[1],
         };
-        model.effects = Self::defects(vec![offset.into(), DeadTime { value: DEAD_V }.into()]);
+        let eccentricity = EncoderEccentricity {
+            order: 1.0,
+            amplitude: ECCENTRICITY,
+            phase: 0.0,
+        };
+        let dead_time = DeadTime { value: DEAD_V };
+        model.effects = Self::defects(vec![eccentricity.into(), offset.into(), dead_time.into()]);
         model
     }
 
     /// The defects of all, and `more` of the motors.
     fn defects(more: Vec<AnyEffect>) -> Vec<EffectModel> {
-        let motors: [AnyEffect; 3] = [
+        let motors: [AnyEffect; 2] = [
             CurrentGain {
                 gain_a: GAIN,
                 gain_b: 0.0,
-            }
-            .into(),
-            EncoderEccentricity {
-                order: 1.0,
-                amplitude: ECCENTRICITY,
-                phase: 0.0,
             }
             .into(),
             Cogging {
@@ -128,25 +124,6 @@ impl Machine {
             .filter_map(|effect| EffectModel::new(Place::Both, effect))
             .chain(EffectModel::new(Place::Feed, lead))
             .collect()
-    }
-
-    /// Orders 2 and 4 of the boards' own encoders, with half of their largest error each.
-    fn encoder_errors(self) -> Vec<EffectModel> {
-        let degrees = match self {
-            Self::Mains => [(Place::Screw, MAGNETIC_DEG), (Place::Nut, OPTICAL_DEG)],
-            _ => [(Place::Screw, OPTICAL_DEG), (Place::Nut, OPTICAL_DEG)],
-        };
-        let orders = degrees.map(|(place, degrees)| {
-            [2.0, 4.0].map(|order| {
-                let error = EncoderEccentricity {
-                    order,
-                    amplitude: 0.5 * degrees.to_radians(),
-                    phase: order,
-                };
-                EffectModel::new(place, error)
-            })
-        });
-        orders.into_iter().flatten().flatten().collect()
     }
 
     /// How screw and nut meet.

@@ -105,6 +105,9 @@ pub(super) fn curve(report: &Report) -> Markup {
         (MUTED, CURVE, "analytic, S(s)".into()),
         (DDFS, Mark::Dot, "simulated drive".into()),
     ];
+    if !learned_points(report).is_empty() {
+        keys.push((CDFS, Mark::Ring, "after learning".into()));
+    }
     if !report.curve.measured.is_empty() {
         keys.push((PAPER, Mark::Cross, "measured in the paper".into()));
     }
@@ -126,9 +129,11 @@ fn curve_plot(report: &Report) -> Markup {
         .map(|run| (run.nut_rpm, run.vrf_percent))
         .collect();
     let found = &report.curve;
+    let learned = learned_points(report);
     let points = || {
         simulated
             .iter()
+            .chain(&learned)
             .chain(&found.analytic)
             .chain(&found.measured)
     };
@@ -162,7 +167,19 @@ fn curve_plot(report: &Report) -> Markup {
                 color: DDFS,
                 mark: Mark::Dot,
             },
+            Series {
+                points: learned.clone(),
+                color: CDFS,
+                mark: Mark::Ring,
+            },
         ],
         labels: Vec::new(),
     })
+}
+
+/// Ripple of the drive that has learned, where it was measured: (nut rpm, %).
+fn learned_points(report: &Report) -> Vec<(f64, f64)> {
+    let runs = report.runs.iter();
+    runs.filter_map(|run| Some((run.nut_rpm, run.learned_percent?)))
+        .collect()
 }

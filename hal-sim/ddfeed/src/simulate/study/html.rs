@@ -1,6 +1,7 @@
 //! `report.html`: the experiment as a page that stands alone.
 
 use super::curves::{curve, sensitivity};
+use super::learned::LEARNING_S;
 use super::records::records;
 use super::report::{Report, RunReport};
 use askama::Template;
@@ -25,6 +26,25 @@ struct Body<'a> {
 
 /// What the runs say, in a sentence.
 fn result(report: &Report) -> String {
+    match learned_result(report) {
+        Some(learned) => format!("{} {learned}", plain_result(report)),
+        None => plain_result(report),
+    }
+}
+
+/// What is left after learning.
+fn learned_result(report: &Report) -> Option<String> {
+    let learned = report.runs.iter().filter_map(|run| run.learned_percent);
+    let least = learned.clone().reduce(f64::min)?;
+    let most = learned.reduce(f64::max)?;
+    let range = match least == most {
+        true => two(Some(least)),
+        false => format!("{} to {}", two(Some(least)), two(Some(most))),
+    };
+    Some(format!("After learning it is {range} %."))
+}
+
+fn plain_result(report: &Report) -> String {
     let known = |run: &&RunReport| run.vrf_percent.is_finite();
     let moving = || {
         report
@@ -84,6 +104,7 @@ mod tests {
         RunReport {
             nut_rpm,
             vrf_percent,
+            learned_percent: (vrf_percent > 20.0).then_some(1.25),
             analytic_percent: vrf_percent + 0.25,
             measured_percent,
             mean_mm_s: 2.5,
@@ -136,20 +157,22 @@ mod tests {
         let page = page.replace('\u{A0}', " ");
         assert!(
             page.contains(
-                "<th scope=\"row\">0 (CDFS)</th><td>21.20</td><td>21.45</td><td>20.1</td>"
+                "<th scope=\"row\">0 (CDFS)</th><td>21.20</td><td>1.25</td><td>21.45</td><td>20.1</td>"
             ),
             "no {:?} in:\n{page}",
-            "<th scope=\"row\">0 (CDFS)</th><td>21.20</td><td>21.45</td><td>20.1</td>"
+            "<th scope=\"row\">0 (CDFS)</th><td>21.20</td><td>1.25</td><td>21.45</td><td>20.1</td>"
         );
         assert!(
-            page.contains("<th scope=\"row\">800</th><td>6.30</td><td>6.55</td><td>8.2</td>"),
+            page.contains(
+                "<th scope=\"row\">800</th><td>6.30</td><td>\u{2013}</td><td>6.55</td><td>8.2</td>"
+            ),
             "no {:?} in:\n{page}",
-            "<th scope=\"row\">800</th><td>6.30</td><td>6.55</td><td>8.2</td>"
+            "<th scope=\"row\">800</th><td>6.30</td><td>\u{2013}</td><td>6.55</td><td>8.2</td>"
         );
         assert!(
-            page.contains("<th scope=\"row\">500</th><td>9.80</td><td>10.05</td><td>\u{2013}</td>"),
+            page.contains("<th scope=\"row\">500</th><td>9.80</td><td>\u{2013}</td><td>10.05</td><td>\u{2013}</td>"),
             "no {:?} in:\n{page}",
-            "<th scope=\"row\">500</th><td>9.80</td><td>10.05</td><td>\u{2013}</td>"
+            "<th scope=\"row\">500</th><td>9.80</td><td>\u{2013}</td><td>10.05</td><td>\u{2013}</td>"
         );
         assert!(page.contains( "nut at 800 rpm lowers the velocity ripple (VRF) from 21.20 % with CDFS to 6.30 %: 70 %" ), "no {:?} in:\n{page}", "nut at 800 rpm lowers the velocity ripple (VRF) from 21.20 % with CDFS to 6.30 %: 70 %");
         assert_eq!(page.matches("<svg class=\"plot\"").count(), 2 * 2 + 2);

@@ -3,6 +3,7 @@
 mod curves;
 mod heat;
 mod html;
+mod learned;
 mod records;
 mod replay;
 mod report;

@@ -51,6 +51,8 @@ pub struct RunReport {
     pub nut_rpm: f64,
     /// Velocity ripple factor (Eq 19) of the simulated drive, %.
     pub vrf_percent: f64,
+    /// The same of a shipped board's drive that has learned at this point, %.
+    pub learned_percent: Option<f64>,
     /// The same by `S(s)` of Appendix A, %. It knows the torque harmonics and nothing else.
     pub analytic_percent: f64,
     /// What the paper measured, %, where it did.

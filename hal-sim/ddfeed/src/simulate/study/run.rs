@@ -1,5 +1,6 @@
 //! The experiment of the paper, or the same at other speeds, loads, machines and sensors.
 
+use super::learned::learned;
 use super::options::{MachineOptions, Options, Preset, Sensing};
 use super::report::{CurveReport, Mark, Report, RunReport, SensitivityReport, SetupReport};
 use super::{curves, html, table};
@@ -79,6 +80,12 @@ pub fn run(options: &Options) -> Result<()> {
 
     let sensitivity = sensitivity(&setup, &points, &progress)?;
     progress.finish_and_clear();
+    if let Some(board) = setup.shipped {
+        let ripples = learned(&setup, board, &points, seconds)?;
+        for (run, ripple) in runs.iter_mut().zip(ripples) {
+            run.learned_percent = ripple;
+        }
+    }
     let report = Report {
         setup: SetupReport {
             machine,
@@ -145,6 +152,7 @@ fn run_report(
     RunReport {
         nut_rpm,
         vrf_percent: vrf_percent(velocities, point.velocity),
+        learned_percent: None,
         analytic_percent: analytic_percent(setup, point),
         measured_percent: measured.map(|(_, percent)| *percent),
         mean_mm_s: mm_s.iter().sum::<f64>() / mm_s.len() as f64,

@@ -1,5 +1,6 @@
 //! Ripple over a grid of table and nut speeds.
 
+use super::learned::learned;
 use super::options::{Preset, SweepOptions};
 use super::run::{progress_bar, sensor_name};
 use super::sweep_html;
@@ -40,8 +41,8 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     }
     let folder = Folder::open(&options.out)?;
 
-    let runs = grid.len() * if options.compensated { 2 } else { 1 };
-    let progress = progress_bar(runs);
+    let is_known = options.compensated && setup.shipped.is_none();
+    let progress = progress_bar(grid.len() * if is_known { 2 } else { 1 });
     let measure = |plate: &DrivePlate| -> Result<Vec<Vec<Option<f64>>>> {
         let vrf = on_all_cores(&grid, |&point| {
             let vrf = ripple(&setup, plate, point, seconds);
@@ -53,7 +54,12 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     };
     let plate = setup.plate();
     let vrf_percent = measure(&plate)?;
-    let compensated_percent = if options.compensated {
+    let compensated_percent = if !options.compensated {
+        None
+    } else if let Some(board) = setup.shipped {
+        let vrf = learned(&setup, board, &grid, seconds)?;
+        Some(vrf.chunks(nut_rpm.len()).map(<[_]>::to_vec).collect())
+    } else {
         let feed = &setup.model.feed;
         let known = Known::of(&setup.model, feed.load_n * feed.travel_per_radian());
         Some(measure(&DrivePlate {
@@ -61,8 +67,6 @@ pub fn run(options: &SweepOptions) -> Result<()> {
             friction: known.friction,
             ..plate
         })?)
-    } else {
-        None
     };
     progress.finish_and_clear();
 
@@ -72,6 +76,7 @@ pub fn run(options: &SweepOptions) -> Result<()> {
         table_mm_s: options.table_speed.clone(),
         vrf_percent,
         compensated_percent,
+        learned: setup.shipped.is_some(),
         nut_rpm,
         proposed: Vec::new(),
     }
@@ -80,7 +85,7 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     folder.put_text("sweep.html", &sweep_html::page(&report))?;
     print(&report);
     if let Some(compensated) = report.compensated() {
-        println!("\nThe same with what the model says repeats compensated:\n");
+        println!("\n{}:\n", report.compensated_title());
         print(&compensated);
     }
     print_proposed(&report);

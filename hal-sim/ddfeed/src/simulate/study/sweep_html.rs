@@ -8,10 +8,10 @@ use page::document::{document, sentence, short, two};
 /// The page.
 pub(crate) fn page(report: &SweepReport) -> String {
     let compensated = report.compensated();
+    let caption = report.compensated_title();
     let mut maps = vec![(report, "VRF over table velocity and nut speed")];
     if let Some(compensated) = &compensated {
-        let caption = "The same with what the model says repeats compensated";
-        maps.push((compensated, caption));
+        maps.push((compensated, &caption));
     }
     let result = &result(report);
     document(
@@ -113,6 +113,7 @@ mod tests {
             table_mm_s: table_mm_s.into(),
             nut_rpm: nut_rpm.into(),
             vrf_percent,
+            learned: false,
             compensated_percent: None,
             proposed: Vec::new(),
         }

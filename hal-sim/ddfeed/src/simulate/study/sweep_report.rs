@@ -1,5 +1,6 @@
 //! What a sweep found, as `sweep.json` holds it.
 
+use super::learned::LEARNING_S;
 use control::plate::{BASES, BasePlate, BasePoint};
 use hal_sim::experiment::RPM;
 use serde::Serialize;
@@ -18,7 +19,9 @@ pub struct SweepReport {
     /// Velocity ripple factor, %: a row for each table velocity, a value for each nut speed; none where the drive did
     /// not reach the point.
     pub vrf_percent: Vec<Vec<Option<f64>>>,
-    /// The same of a drive that compensates what the model says repeats, if that was asked.
+    /// The compensating drive learned at each point. Otherwise it compensates what the model says.
+    pub learned: bool,
+    /// The same of a drive that compensates, if that was asked.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub compensated_percent: Option<Vec<Vec<Option<f64>>>>,
     /// The smoothest nut speed for each table velocity, compensated if that was asked.
@@ -46,9 +49,20 @@ impl SweepReport {
             table_mm_s: self.table_mm_s.clone(),
             nut_rpm: self.nut_rpm.clone(),
             vrf_percent: self.compensated_percent.clone()?,
+            learned: self.learned,
             compensated_percent: None,
             proposed: Vec::new(),
         })
+    }
+
+    /// Title of the compensated grid.
+    #[must_use]
+    pub fn compensated_title(&self) -> String {
+        if self.learned {
+            format!("The same after {LEARNING_S} s of learning at each point")
+        } else {
+            "The same where the drive compensates the orders of the model".to_owned()
+        }
     }
 
     /// What is proposed as the drive's table of base speeds, and how many of the proposals found no room in it: neighbours of one
@@ -118,6 +132,7 @@ mod tests {
             sensors: String::new(),
             table_mm_s: vec![1.0, 2.5, 5.0],
             nut_rpm: vec![0.0, 300.0, 800.0],
+            learned: false,
             vrf_percent: vec![vec![Some(1.0); 3]; 3],
             compensated_percent: Some(vec![
                 vec![Some(0.5), Some(0.4), None],

@@ -10,8 +10,8 @@ pub fn print(report: &Report) {
         setup.table_mm_s, setup.load, setup.machine, setup.sensors, setup.record_s
     );
     println!(
-        "{:>16} {:>11} {:>16} {:>18}",
-        "nut speed", "simulated", "S(s), App. A", "paper, measured"
+        "{:>16} {:>11} {:>14} {:>16} {:>18}",
+        "nut speed", "simulated", "after learning", "S(s), App. A", "paper, measured"
     );
     for run in &report.runs {
         let name = if run.nut_rpm == 0.0 {
@@ -19,12 +19,15 @@ pub fn print(report: &Report) {
         } else {
             format!("DDFS, {:.0} rpm", run.nut_rpm)
         };
-        let measured = run
-            .measured_percent
-            .map_or("-".to_owned(), |m| format!("{m:.1} %"));
+        let percent = |value: Option<f64>, digits| {
+            value.map_or("-".to_owned(), |value| format!("{value:.digits$} %"))
+        };
         println!(
-            "{name:>16} {:>9.2} % {:>14.2} % {measured:>18}",
-            run.vrf_percent, run.analytic_percent
+            "{name:>16} {:>9.2} % {:>14} {:>14.2} % {:>18}",
+            run.vrf_percent,
+            percent(run.learned_percent, 2),
+            run.analytic_percent,
+            percent(run.measured_percent, 1)
         );
     }
 }
