@@ -471,7 +471,15 @@ fn misfit(name: &str, unit: &str, is: f64, [least, below]: [f64; 2]) -> String {
             )
         };
     }
-    format!("{name} would be {is} {unit}, but {least} to {below} {unit} are possible")
+    // Only one end is a limit where the other is the largest number there is.
+    let possible = if below == f64::MAX {
+        format!("at least {least} {unit} is needed")
+    } else if least == f64::MIN {
+        format!("at most {below} {unit} is possible")
+    } else {
+        format!("{least} to {below} {unit} are possible")
+    };
+    format!("{name} would be {is} {unit}, but {possible}")
 }
 
 /// Where a setting does not fit: that it does with the value that it has.
@@ -532,6 +540,18 @@ fn unexpected(reply: &Reply) -> anyhow::Error {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_limit_on_one_side_is_said_as_one() {
+        for (limits, expected) in [
+            ([0.0, f64::MAX], "at least 0 V/A is needed"),
+            ([f64::MIN, 3.0], "at most 3 V/A is possible"),
+            ([0.0, 3.0], "0 to 3 V/A are possible"),
+        ] {
+            let said = misfit("gain", "V/A", -1.0, limits);
+            assert_eq!(said, format!("gain would be -1 V/A, but {expected}"));
+        }
+    }
 
     /// A line with nobody at its other end. Its clock passes by what a host waits.
     struct Silence {
