@@ -22,6 +22,7 @@ mod fit;
 pub mod mechanical;
 pub mod procedure;
 pub mod proposal;
+pub mod quantity;
 mod session;
 pub mod tune;
 

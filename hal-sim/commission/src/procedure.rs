@@ -2,6 +2,7 @@
 
 use crate::electrical::MotorElectrical;
 use crate::proposal::{changes, propose};
+use crate::quantity::{Quantity, both};
 use crate::session::Session;
 use crate::tune::{Wanted, tune};
 use crate::{Bound, Estimate, Failure, electrical, mechanical};
@@ -9,7 +10,6 @@ use anyhow::{Context, Result, bail};
 use link::host::client::Line;
 use link::settings::{EncoderDirection, EncoderInterface, Settings};
 use serde::{Deserialize, Serialize};
-use std::fmt;
 
 /// A step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -65,46 +65,6 @@ impl Step {
             Self::Angle => "both motors turn together once more: their angles, which are put right",
             Self::Tuning => "gains of Eqs 9 to 12 for the bandwidth and margin that are wanted",
         }
-    }
-}
-
-/// One result.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Quantity {
-    /// What of what.
-    pub name: String,
-    /// Its unit.
-    pub unit: String,
-    /// The value, with half of its 95 % interval; 0: it has none.
-    pub estimate: Estimate,
-    /// What the settings said before.
-    pub before: Option<f64>,
-}
-
-impl fmt::Display for Quantity {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Estimate { value, plus_minus } = self.estimate;
-        write!(f, "{:<39} {:>12}", self.name, digits(value))?;
-        if plus_minus > 0.0 {
-            write!(f, " +- {:<9}", digits(plus_minus))?;
-        } else {
-            write!(f, "{:13}", "")?;
-        }
-        write!(f, " {}", self.unit)?;
-        if let Some(before) = self.before {
-            write!(f, "  (was {})", digits(before))?;
-        }
-        Ok(())
-    }
-}
-
-/// Four digits.
-fn digits(value: f64) -> String {
-    if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
-        let places = 3 - value.abs().max(1e-3).log10().floor() as i32;
-        format!("{value:.*}", places.max(0) as usize)
-    } else {
-        format!("{value:.3e}")
     }
 }
 
@@ -255,24 +215,6 @@ fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
         quantities,
         limits: Vec::new(),
     })
-}
-
-/// Of both motors.
-pub(crate) fn both(
-    quantities: &mut Vec<Quantity>,
-    what: &str,
-    unit: &str,
-    estimates: [Estimate; 2],
-    before: Option<[f64; 2]>,
-) {
-    for (k, name) in ["screw", "nut"].into_iter().enumerate() {
-        quantities.push(Quantity {
-            name: format!("{name}: {what}"),
-            unit: unit.to_owned(),
-            estimate: estimates[k],
-            before: before.map(|before| before[k]),
-        });
-    }
 }
 
 fn limits(of: [(&str, &str, Bound); 3]) -> Vec<Limited> {

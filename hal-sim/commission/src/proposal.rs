@@ -1,6 +1,6 @@
 //! The tuning that is proposed, beside the one that is set.
 
-use crate::procedure::{Quantity, both};
+use crate::quantity::{Quantity, both};
 use crate::tune::{Loops, Tuned, Wanted, tune};
 use crate::{Estimate, Failure};
 use link::settings::Settings;

@@ -16,6 +16,7 @@ use plant::Axis;
 use plant::model::Model;
 use plant::recording::Recording;
 
+pub use crate::conclusion::channels::*;
 pub use crate::conclusion::outcome::*;
 pub use crate::search::selection::MATERIAL;
 

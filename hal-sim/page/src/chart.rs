@@ -6,6 +6,7 @@ use crate::axis::Axis;
 use crate::decimate::decimate;
 use crate::labels::{Places, around};
 use crate::markup::Markup;
+pub use crate::scale::{SCALE, TEXT, units};
 use askama::Template;
 use plotters::prelude::*;
 use plotters::style::text_anchor::{HPos, Pos, VPos};
@@ -32,10 +33,6 @@ pub const THIRD: RGBColor = RGBColor(0x9B, 0x1B, 0x6B);
 /// Width of a chart, px. At a phone's 390 px the text of [`TEXT`] px is still about 10 px high.
 pub const WIDTH: u32 = 480;
 const HEIGHT: u32 = 300;
-/// Height of the text, px.
-pub const TEXT: f64 = 13.0;
-/// The SVG backend rounds to whole units: draw larger, so that lines do not step.
-pub const SCALE: u32 = 4;
 /// Pixel columns of a chart's line: one extreme pair each.
 const COLUMNS: usize = 420;
 
@@ -166,11 +163,6 @@ struct Empty<'a> {
 pub type Root<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 /// What drawing gives up with.
 pub type DrawError = DrawingAreaErrorKind<std::io::Error>;
-
-/// Length in the drawing's units.
-pub fn units(px: f64) -> i32 {
-    (px * f64::from(SCALE)).round() as i32
-}
 
 fn stroke(px: f64) -> u32 {
     units(px).unsigned_abs()

@@ -1,6 +1,6 @@
 //! Where the names of points stand on a chart, so that none covers another or what is drawn.
 
-use super::chart::{TEXT, units};
+use crate::scale::{TEXT, units};
 
 /// Places taken on a chart.
 pub struct Places {

@@ -10,4 +10,5 @@ pub mod document;
 pub mod drawing;
 mod labels;
 pub mod markup;
+mod scale;
 pub mod table;

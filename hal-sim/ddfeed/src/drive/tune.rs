@@ -4,8 +4,8 @@ use super::connect::Drive;
 use super::options::TuneOptions;
 use super::settings::announce_restart;
 use anyhow::{Result, ensure};
-use commission::procedure::Quantity;
 use commission::proposal::propose;
+use commission::quantity::Quantity;
 use commission::tune::{Tuned, Wanted, with_speed_loops};
 use serde::Serialize;
 

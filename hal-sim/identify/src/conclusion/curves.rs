@@ -2,7 +2,7 @@
 //! and of the force between them.
 
 use crate::balance::Balance;
-use crate::conclusion::outcome::ChannelRest;
+use crate::conclusion::channels::ChannelRest;
 use crate::effects::family::{Family, Unnamed};
 use crate::effects::hypothesis::Hypothesis;
 use crate::predict::basis::{Along, At, Group};

@@ -1,7 +1,7 @@
 //! What is left, in figures.
 
 use crate::balance::Balance;
-use crate::conclusion::outcome::{ChannelRest, Figures, TableForce};
+use crate::conclusion::channels::{ChannelRest, Figures, TableForce};
 use crate::conclusion::remains::{Fixed, rms, whiteness};
 use crate::regression::column::{Column, counted, dot};
 use crate::signal::channel::Channel;

@@ -1,5 +1,6 @@
 //! From a finished search to figures: parameters with intervals, residuals before and after, the new model.
 
+pub mod channels;
 pub mod curves;
 pub(crate) mod figures;
 pub(crate) mod judge;
@@ -10,11 +11,10 @@ pub mod rest;
 pub(crate) mod unexplained;
 pub mod verdict;
 
+use crate::conclusion::channels::ChannelRest;
 use crate::conclusion::curves::{Learned, described, divide, learned};
 use crate::conclusion::figures::{figures, table_force};
-use crate::conclusion::outcome::{
-    Bandwidth, ChannelRest, Coordinates, Found, Outcome, Rival, Unexplained,
-};
+use crate::conclusion::outcome::{Bandwidth, Coordinates, Found, Outcome, Rival, Unexplained};
 use crate::conclusion::recalibrated::{calibration, curve_shares, new_model};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;

@@ -1,7 +1,8 @@
 //! What is left when no hypothesis is worth adding: what it looks like, without a cause.
 
 use crate::balance::{Balance, Contribution};
-use crate::conclusion::outcome::{ChannelRest, Unexplained};
+use crate::conclusion::channels::ChannelRest;
+use crate::conclusion::outcome::Unexplained;
 use crate::conclusion::remains::level;
 use crate::conclusion::rest::{self, NO_SHAPE, Rest};
 use crate::effects::family::Family;
