@@ -375,12 +375,7 @@ impl Board {
         let there = self.config.wiring.encoder_at(axis);
         let angle = self.machine.encoder_angle(there) - self.encoder_zeros[axis.index()];
         let turned = self.machine.motor(there).omega * (later_s - encoder.age_s);
-        let sense = if self.config.wiring.motor(axis).encoder_reversed {
-            -1.0
-        } else {
-            1.0
-        };
-        encoder_word(encoder, sense * (angle + turned))
+        encoder_word(encoder, self.encoder_sense(axis) * (angle + turned))
     }
 
     /// Power comes up: an incremental encoder's count begins at zero where its shaft stands now.
@@ -393,6 +388,26 @@ impl Board {
                 self.encoder_zeros[axis.index()] = angle;
                 self.turns[axis.index()] = (angle / TAU).floor();
             }
+        }
+    }
+
+    /// Where the shaft of `axis` stands at its encoder's count zero, rad, in the sense of the count.
+    #[must_use]
+    pub fn encoder_zero(&self, axis: Axis) -> f64 {
+        self.encoder_sense(axis) * self.encoder_zeros[axis.index()]
+    }
+
+    /// How the encoder of `axis` is read.
+    #[must_use]
+    pub fn interface(&self, axis: Axis) -> Interface {
+        self.config.sensors.encoders[axis.index()].interface
+    }
+
+    fn encoder_sense(&self, axis: Axis) -> f64 {
+        if self.config.wiring.motor(axis).encoder_reversed {
+            -1.0
+        } else {
+            1.0
         }
     }
 

@@ -10,6 +10,7 @@ use control::alignment::Misalignment;
 use control::compensation::Compensation;
 use control::coordinator::{Command, CommandError};
 use control::current_loop::{CurrentLoop, CurrentLoopConfig, MotorSample, PwmCommand};
+use control::encoder::Interface;
 use control::exchange::{MotorExchange, MotorStatus};
 use control::fault::FaultSet;
 use control::format::{
@@ -26,6 +27,7 @@ use control::transform::DirectQuadrature;
 use plant::Axis;
 use plant::machine::{Coupling, Machine};
 use plant::model::Model;
+use std::f64::consts::TAU;
 
 /// What a current loop knew after a period.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -191,6 +193,23 @@ impl Drive {
         self.request = Request::default();
         self.board.reset();
         Ok(())
+    }
+
+    /// Incremental counts begin at zero where the shafts stand. A drive that knew its rotors still knows them.
+    pub fn wake_encoders(&mut self) {
+        self.board.wake_encoders();
+        for (axis, pole_pairs) in Axis::ALL.into_iter().zip(self.pole_pairs) {
+            let interface = self.board.interface(axis);
+            let current_loop = &mut self.code.config.current_loops[axis.index()];
+            let turns = self.board.encoder_zero(axis) / TAU;
+            // 2^-32 turn.
+            let jump = -((turns - turns.round()) * 2f64.powi(32)) as i32;
+            current_loop.alignment = current_loop.alignment.map(|alignment| EncoderAlignment {
+                index_awaited: interface == Interface::IncrementalWithIndex,
+                ..alignment.past_index(jump, pole_pairs)
+            });
+        }
+        self.code = Code::new(self.code.config);
     }
 
     /// Configures it while it goes on. The current loops keep theirs, in which a drive that began aligned has its angles.

