@@ -40,6 +40,8 @@ fn ideal_sensors_meet_the_discrete_loops_within_three_percent() {
     );
 }
 
+/// The observer's damping was fitted to these figures (`PAPER_TUNING`): this test keeps the drive as it was. The independent check is
+/// the one without an observer, above.
 #[test]
 fn real_sensors_meet_the_loops_with_an_observer() {
     assert_within(

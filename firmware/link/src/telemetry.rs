@@ -35,7 +35,7 @@ impl Request {
     }
 }
 
-/// A real number as its bits: the firmware passes on what was computed while compiling, and uses no floats.
+/// A real number as its bits: the telemetry passes on numbers of the configuration, and computes with none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Real([u8; 8]);
 

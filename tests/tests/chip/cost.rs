@@ -1,4 +1,5 @@
-//! What the interrupts cost stays what it was kept as.
+//! Cycles, flash, RAM and stack of this firmware stay near the baseline. The baseline is this project's own measurement: it shows a
+//! change, and no more. `published_cycles` compares the cycle model with figures of others.
 
 use serde_json::Value;
 use std::path::Path;

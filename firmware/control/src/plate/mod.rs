@@ -10,7 +10,8 @@
 //! | physical units -> the loops' fixed-point formats | [`scaling`] |
 //!
 //! Everything here is `const fn`, so a board's gains are computed while it is compiled: a gain that does not fit
-//! its format is then a build error, and no float reaches the firmware. A host computes the same at run time.
+//! its format is then a build error. Stored settings are computed by the same code at run time: on a host, and on the chip in
+//! software floats, in the idle task alone. No interrupt uses a float.
 
 mod conversion;
 pub mod groups;

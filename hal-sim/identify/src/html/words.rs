@@ -169,11 +169,9 @@ pub(super) fn sentence(effect: &Effect) -> String {
             often()
         ),
         "cogging" => format!("cogs {} a turn, by {}", often(), of("amplitude")),
-        "coupling_misalignment" => format!(
-            "has a torque of {}, {} a turn, as a misaligned coupling makes it",
-            of("amplitude"),
-            often()
-        ),
+        "coupling_misalignment" => {
+            format!("has a torque of {}, {} a turn", of("amplitude"), often())
+        }
         "angle_periodic" if unit("amplitude") == "N" => {
             return format!(
                 "A force of {} repeats {} a turn of the screw.",
@@ -288,7 +286,7 @@ pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
         ),
         "coupling_misalignment" => (
             "re-align",
-            "Align the coupling, or fit one that takes more misalignment.",
+            "Check the coupling\u{2019}s alignment first, then whether rotor and load run true.",
         ),
         "encoder_eccentricity" => (
             "re-align",

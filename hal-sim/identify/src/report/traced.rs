@@ -165,7 +165,8 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
         order,
         hz,
         held_back: held_back(found),
-        suggests: softer_screw(found, &outcome.model),
+        suggests: softer_screw(found, &outcome.model)
+            .or_else(|| candidates_of_order(kind).map(Into::into)),
         not_separable: found
             .inseparable
             .iter()
@@ -177,6 +178,20 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
             judged.share(found.check_fall),
             with_units,
         )
+    }
+}
+
+/// Candidates for the cause of a torque over a motor's angle. The record shows its order; the kind follows from the order by a rule
+/// (`Hypothesis::effect`).
+fn candidates_of_order(kind: &str) -> Option<&'static str> {
+    match kind {
+        "coupling_misalignment" => Some(
+            "the record shows the order, not the cause; candidates: misaligned coupling, eccentric rotor, eccentric load",
+        ),
+        "cogging" => Some(
+            "the record shows the order, not the cause; candidates: cogging of poles or slots, a part that passes as often",
+        ),
+        _ => None,
     }
 }
 
@@ -474,6 +489,23 @@ fn marks(channel: Balance, outcome: &Outcome) -> Vec<(f64, String)> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn an_order_has_more_than_one_candidate() {
+        for (kind, likely) in [
+            ("coupling_misalignment", "misaligned coupling"),
+            ("cogging", "cogging"),
+        ] {
+            let text = candidates_of_order(kind).unwrap();
+            let (_, candidates) = text.split_once("candidates: ").unwrap();
+            assert!(
+                candidates.contains(likely) && candidates.split(", ").count() > 1,
+                "{text}"
+            );
+        }
+        // An offset of a current sensor has one cause.
+        assert_eq!(candidates_of_order("current_offset"), None);
+    }
 
     #[test]
     fn a_soft_screw_is_the_other_candidate_of_a_backlash() {

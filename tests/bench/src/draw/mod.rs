@@ -1,5 +1,9 @@
 //! Machines drawn at random, as an identification has not seen them: plates that err, effects of every kind, profiles of
 //! their own, run as the full drive in closed loop with quantised sensors.
+//!
+//! Two things make them easier than real machines. A torque has the orders by which the identification names its kind (misalignment 1
+//! and 2): a right answer shows the order, not the cause. And their drives do not measure current zeros, so that offsets exist;
+//! both boards do.
 
 mod friction;
 pub mod profile;

@@ -93,7 +93,8 @@ impl Hypothesis {
         EffectModel::new(self.place, effect)
     }
 
-    /// Which kind a torque over a motor's angle is. The orders that a three-phase winding's flux makes (multiples of 6
+    /// Which kind a torque over a motor's angle is, by its order alone: a rule, not a measurement. A record shows the order; a report
+    /// lists candidates for the cause. The orders that a three-phase winding's flux makes (multiples of 6
     /// per electrical turn) are torque harmonics, other multiples of the poles or slots cogging, other whole
     /// electrical orders torque harmonics, 1 and 2 per turn a coupling, the rest has no name of its own.
     fn angle_torque(&self, model: &Model, order: f64, amplitude: f64, phase: f64) -> AnyEffect {
