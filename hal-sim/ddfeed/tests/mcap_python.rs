@@ -54,7 +54,12 @@ fn environment() -> Option<PathBuf> {
     Path::new(env!("CARGO_BIN_EXE_ddfeed"))
         .ancestors()
         .map(|folder| folder.join("mcap-reader"))
-        .find(|environment| environment.join("bin/python").is_file())
+        .find(|environment| {
+            let python = Command::new(environment.join("bin/python"))
+                .args(["-c", "import mcap_ros2"])
+                .output();
+            python.is_ok_and(|output| output.status.success())
+        })
 }
 
 fn main() {
