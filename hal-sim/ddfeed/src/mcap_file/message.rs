@@ -38,7 +38,7 @@ pub fn definition() -> String {
     format!("std_msgs/Header header\n{fields}{OTHERS}")
 }
 
-/// A row's message. A value that is missing is NaN in both.
+/// A row's message. A recording's file has no empty cells; a sample's NaN stays NaN.
 ///
 /// # Errors
 /// None that is known: it has no type that CDR lacks.
