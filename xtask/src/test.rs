@@ -3,7 +3,7 @@
 use crate::steps::{Step, prepare, run_all};
 use anyhow::Result;
 use xtask::firmware::{BROWSER, Board, Build, TARGET};
-use xtask::tools::{cross_compiler, emulator_environment, target_folder};
+use xtask::tools::{cross_compiler, emulator_environment, mcap_reader, target_folder};
 
 /// All that runs on this computer, in one go with all features, so that no library is built twice.
 const HOST: &str = "--workspace --exclude firmware --features ddfeed/full";
@@ -13,7 +13,9 @@ pub fn run() -> Result<()> {
     prepare()?;
     run_all(&[Step::cargo("fmt --all --check")])?;
     cross_compiler();
-    let emulator = emulator_environment(&target_folder()?)?;
+    let target = target_folder()?;
+    mcap_reader(&target);
+    let emulator = emulator_environment(&target)?;
     let firmware = format!("--package firmware --profile firmware --target {TARGET}");
     let mains = "--no-default-features --features board-mains";
     run_all(&[

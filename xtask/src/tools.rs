@@ -1,5 +1,5 @@
 //! What the emulator's engine needs to be built: cmake, ninja and libclang, from this machine or from PyPI. And a C
-//! compiler for the chip, from this machine or from Debian's packages.
+//! compiler for the chip, from this machine or from Debian's packages. And a reader of MCAP files, from PyPI.
 
 use anyhow::{Context, Result, ensure};
 use std::env;
@@ -9,6 +9,8 @@ use std::process::{Command, Output, Stdio};
 
 /// The packages that bring what this machine lacks.
 const WHEELS: [&str; 3] = ["cmake", "ninja", "libclang"];
+/// The packages that read what `record --mcap` writes.
+const MCAP_READER: [&str; 2] = ["mcap", "mcap-ros2-support"];
 
 /// Variables for a cargo that builds the emulator. The first time on a machine without cmake and libclang this installs
 /// them into the target folder.
@@ -22,16 +24,7 @@ pub fn emulator_environment(target: &Path) -> Result<Vec<(&'static str, OsString
     let tools = target.join("tools");
     let bin = tools.join("bin");
     if !bin.join("cmake").exists() {
-        println!(
-            "> installing {} into {}",
-            WHEELS.join(", "),
-            tools.display()
-        );
-        let tools = tools.to_string_lossy();
-        output("python3", &["-m", "venv", &tools])?;
-        let mut install = vec!["-m", "pip", "install", "--quiet"];
-        install.extend(WHEELS);
-        output(&bin.join("python").to_string_lossy(), &install)?;
+        install(&WHEELS, &tools)?;
     }
     let old = env::var_os("PATH").unwrap_or_default();
     let path = env::join_paths([bin.clone()].into_iter().chain(env::split_paths(&old)))?;
@@ -46,6 +39,33 @@ pub fn emulator_environment(target: &Path) -> Result<Vec<(&'static str, OsString
         ));
     }
     Ok(variables)
+}
+
+/// Installs the Python reader of MCAP files into the target folder, if it is missing. One test needs it, and is ignored by name
+/// without it: so nothing fails here.
+pub fn mcap_reader(target: &Path) {
+    let folder = target.join("mcap-reader");
+    let python = folder.join("bin/python");
+    if output(&python.to_string_lossy(), &["-c", "import mcap_ros2"]).is_ok() {
+        return;
+    }
+    if let Err(error) = install(&MCAP_READER, &folder) {
+        println!("not installed, so the test of MCAP files in Python is ignored: {error:#}");
+    }
+}
+
+/// Installs packages into a Python environment of their own.
+fn install(packages: &[&str], folder: &Path) -> Result<()> {
+    println!(
+        "> installing {} into {}",
+        packages.join(", "),
+        folder.display()
+    );
+    output("python3", &["-m", "venv", &folder.to_string_lossy()])?;
+    let python = folder.join("bin/python");
+    let pip = ["-m", "pip", "install", "--quiet"];
+    output(&python.to_string_lossy(), &[&pip[..], packages].concat())?;
+    Ok(())
 }
 
 /// Installs a C compiler for the chip, if it is missing and this is root on a Debian. One test needs it, and is ignored by

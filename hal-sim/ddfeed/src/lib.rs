@@ -11,6 +11,8 @@ pub mod hold;
 pub mod identify;
 #[cfg(any(feature = "cli", feature = "probe"))]
 pub mod interrupt;
+#[cfg(feature = "mcap")]
+pub mod mcap_file;
 pub mod output;
 #[cfg(feature = "probe")]
 pub mod probe;

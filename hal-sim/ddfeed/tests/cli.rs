@@ -305,3 +305,18 @@ fn a_refused_run_keeps_the_report_that_was_there() {
         .collect();
     assert_eq!(left, ["recording.csv.gz"]);
 }
+
+/// Before the drive is looked for, and before anything is written.
+#[test]
+#[cfg(not(feature = "mcap"))]
+fn an_mcap_file_is_refused_with_the_feature_that_writes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let nobody = ["record", "--sim", "127.0.0.1:1", "out", "--mcap"];
+    let sentence = refused(folder.path(), &[&nobody[..], &["--duration", "1"]].concat());
+    assert!(
+        sentence.contains("--mcap needs the feature `mcap`")
+            && sentence.contains("cargo ddfeed-full"),
+        "{sentence}"
+    );
+    assert!(!folder.path().join("out").exists());
+}

@@ -4,7 +4,8 @@ use crate::hold::Hold;
 use crate::session::{FULL_RATE, divider};
 use anyhow::{Result, ensure};
 use clap::{Args, Subcommand, ValueEnum};
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
 
 /// Where the drive is, and what it is asked.
 #[derive(Args, Debug)]
@@ -320,6 +321,9 @@ const AFTER_TRIGGER_S: f64 = 1.0;
 /// Most that is kept of what came before a trigger, s: 300,000 rows.
 const MOST_PAST_S: f64 = 60.0;
 
+/// Writes a recording's file, the first, into an MCAP file, the second, with facts about it.
+pub type WriteMcap = fn(&Path, &Path, BTreeMap<String, String>) -> Result<()>;
+
 /// A recording.
 #[derive(Args, Debug)]
 pub struct RecordOptions {
@@ -328,6 +332,9 @@ pub struct RecordOptions {
     /// The recording's name in it: `fit` and `check` are what `identify` is usually given.
     #[arg(long, default_value = "record")]
     pub name: String,
+    /// Write it as NAME.mcap too, which PlotJuggler and Foxglove show.
+    #[arg(long)]
+    pub mcap: bool,
     /// Replace a recording of that name.
     #[arg(long)]
     pub replace: bool,
@@ -365,6 +372,20 @@ impl RecordOptions {
             None => self.holds_s(),
         };
         self.duration.unwrap_or(otherwise)
+    }
+
+    /// What writes the MCAP file, if one is asked for.
+    ///
+    /// # Errors
+    /// This program was built without the feature.
+    pub fn mcap_writer(&self) -> Result<Option<WriteMcap>> {
+        if !self.mcap {
+            return Ok(None);
+        }
+        #[cfg(feature = "mcap")]
+        return Ok(Some(crate::mcap_file::write));
+        #[cfg(not(feature = "mcap"))]
+        Err(crate::missing_feature("--mcap", "mcap"))
     }
 }
 
@@ -404,6 +425,7 @@ impl Task {
             Task::Home(home) => finite("--nut-rpm", home.lead.nut_rpm.unwrap_or_default())?,
             Task::Record(record) => {
                 divider(record.rate)?;
+                record.mcap_writer()?;
                 ensure!(
                     record.duration.is_some()
                         || record.trigger.is_some()

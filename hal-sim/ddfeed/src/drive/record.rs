@@ -5,17 +5,20 @@ use super::motion::{BEAT, Stopped, caught, ready, rest, speeds};
 use super::options::RecordOptions;
 use super::status::look;
 use crate::output::Folder;
-use crate::record::{Recorder, save};
+use crate::record::{Recorder, Summary, save};
 use crate::ripple::short_text;
 use crate::session::divider;
 use crate::trigger::{Gate, Trigger};
 use anyhow::{Context, Result, anyhow, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::State;
+use link::host::Count;
 use link::message::Command;
 use link::telemetry::{FRAME_MAX, Request};
 use plant::recording::Recording;
+use std::collections::BTreeMap;
 use std::f64::consts::TAU;
+use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::Duration;
 
@@ -27,12 +30,18 @@ const SILENT: Duration = Duration::from_secs(2);
 /// Records.
 pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     let trigger = trigger(options)?;
-    let file = options.dir.join(format!("{}.csv.gz", options.name));
-    ensure!(
-        options.replace || !file.exists(),
-        "{} is there already: give another --name, or --replace",
-        file.display()
-    );
+    let write_mcap = options.mcap_writer()?;
+    for ending in [Some("csv.gz"), write_mcap.map(|_| "mcap")]
+        .into_iter()
+        .flatten()
+    {
+        let file = options.dir.join(format!("{}.{ending}", options.name));
+        ensure!(
+            options.replace || !file.exists(),
+            "{} is there already: give another --name, or --replace",
+            file.display()
+        );
+    }
     let folder = Folder::open(&options.dir)?;
     let request = Request {
         divider: divider(options.rate)?,
@@ -72,12 +81,47 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     )?;
     let path = folder.path(&format!("{}.csv.gz", options.name));
     println!("{}: {summary}", path.display());
+    if let Some(write) = write_mcap {
+        let name = format!("{}.mcap", options.name);
+        let about = about(&summary, &folder.path("model.toml"))?;
+        folder
+            .put(&name, |file| write(&path, file, about))
+            .with_context(|| format!("--mcap failed, and {} is kept", path.display()))?;
+        println!(
+            "{}: the same for PlotJuggler and Foxglove",
+            folder.path(&name).display()
+        );
+    }
     outcome.context("the recording ended early, and what came before is kept")?;
     if !options.hold.is_empty() {
         let lead_m = drive.settings()?.feed.lead_mm * 1e-3;
         print!("{}", short_text(&Recording::load(&path)?, lead_m / TAU));
     }
     Ok(())
+}
+
+/// What an MCAP file says about its recording.
+fn about(summary: &Summary, model: &Path) -> Result<BTreeMap<String, String>> {
+    let Count {
+        rows,
+        lost,
+        gaps,
+        damaged,
+    } = summary.count;
+    let model = std::fs::read_to_string(model)
+        .with_context(|| format!("{} cannot be read", model.display()))?;
+    let rate_hz = format!("{:.1}", 1.0 / summary.interval_s);
+    let program = concat!("ddfeed ", env!("CARGO_PKG_VERSION")).to_owned();
+    let facts = [
+        ("program", program),
+        ("rate_hz", rate_hz),
+        ("rows", rows.to_string()),
+        ("rows_lost", lost.to_string()),
+        ("gaps", gaps.to_string()),
+        ("frames_damaged", damaged.to_string()),
+        ("model.toml", model),
+    ];
+    Ok(facts.map(|(name, fact)| (name.to_owned(), fact)).into())
 }
 
 /// What the recording waits for.
