@@ -52,6 +52,9 @@ enum Task {
     Sizes(firmware::SizesOptions),
     /// Draw the default board's wiring from the table on its page.
     Wiring,
+    /// Build an archive with the program, both boards' firmware, pages, licences and checksums.
+    #[command(disable_help_flag = true)]
+    Release(Words),
     #[command(external_subcommand)]
     Other(Vec<OsString>),
 }
@@ -114,6 +117,7 @@ fn run(task: Task) -> Result<()> {
             println!("{}", wiring::draw(&tools::root()?)?.display());
             Ok(())
         }
+        Task::Release(words) => hand_over(&["--package", "release"], None, words.words),
         Task::Other(words) => other(&words),
     }
 }

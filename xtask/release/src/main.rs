@@ -1,0 +1,103 @@
+//! `cargo xtask release`: one archive with all that a user installs.
+//!
+//! | in the archive | from |
+//! | --- | --- |
+//! | `ddfeed` | the program with all features, for this computer |
+//! | `firmware/*.elf` | each board at each PWM rate |
+//! | `docs/` | the pages and the settings as HTML |
+//! | `LICENSE`, `THIRD-PARTY.txt` | licences of the project and of each library that is linked |
+//! | `sbom.json` | the same libraries, as CycloneDX 1.5 |
+//! | `SHA256SUMS` | each file of the archive |
+//!
+//! Two runs of one commit give equal bytes: no file holds a path of this computer or a time of the build.
+#![forbid(unsafe_code)]
+
+mod archive;
+mod book;
+mod checkout;
+mod compile;
+mod licences;
+mod packages;
+mod sbom;
+mod trial;
+mod version;
+
+use anyhow::{Context, Result};
+use checkout::Checkout;
+use clap::Parser;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use xtask::tools::{root, target_folder};
+
+/// Build a release of what is committed, and try it.
+#[derive(Parser)]
+#[command(name = "cargo xtask release", bin_name = "cargo xtask release")]
+struct Options {
+    /// Folder for the archive.
+    #[arg(long, value_name = "DIR", default_value = "out/release")]
+    out: PathBuf,
+    /// Build a version that the changelog does not have. The archive's name then has the commit.
+    #[arg(long)]
+    snapshot: bool,
+}
+
+fn run(options: &Options) -> Result<()> {
+    let root = root()?;
+    let commit = checkout::commit(&root)?;
+    let version = env!("CARGO_PKG_VERSION");
+    let changelog =
+        fs::read_to_string(root.join("CHANGELOG.md")).context("cannot read CHANGELOG.md")?;
+    let name = if options.snapshot {
+        format!("ddfeed-{version}-{}", commit.short())
+    } else {
+        version::released(&changelog, version)?;
+        format!("ddfeed-{version}")
+    };
+    let target = target_folder()?.join("release-build");
+    let checkout = Checkout::export(&root, &commit, &target.join("source"))?;
+    let name = format!("{name}-{}", compile::host()?);
+    let files = target.join(&name);
+    collect(&checkout, &target, &files)?;
+    fs::create_dir_all(&options.out)
+        .with_context(|| format!("cannot make the folder {}", options.out.display()))?;
+    let archive = options.out.join(format!("{name}.tar.gz"));
+    archive::write(&files, &name, commit.time_s, &archive)?;
+    trial::run(&archive, &name)?;
+    println!("{}", archive.display());
+    Ok(())
+}
+
+/// Puts all files of the archive into a new folder.
+fn collect(checkout: &Checkout, target: &Path, files: &Path) -> Result<()> {
+    if files.exists() {
+        fs::remove_dir_all(files).with_context(|| format!("cannot empty {}", files.display()))?;
+    }
+    fs::create_dir_all(files.join("firmware"))?;
+    let program = compile::program(checkout, target)?;
+    fs::copy(&program, files.join("ddfeed"))?;
+    for firmware in compile::FIRMWARES {
+        let elf = compile::firmware(checkout, target, firmware)?;
+        fs::copy(elf, files.join("firmware").join(firmware.file))?;
+    }
+    let settings = compile::output(&program, &["settings"])?;
+    book::write(&checkout.folder, &settings, &files.join("docs"))?;
+    for text in ["README.md", "CHANGELOG.md", "LICENSE"] {
+        fs::copy(checkout.folder.join(text), files.join(text))
+            .with_context(|| format!("the checkout has no {text}"))?;
+    }
+    let packages = packages::linked(&checkout.folder)?;
+    fs::write(files.join("THIRD-PARTY.txt"), licences::texts(&packages)?)?;
+    fs::write(files.join("sbom.json"), sbom::json(&packages)?)?;
+    archive::write_sums(files)
+}
+
+fn main() -> ExitCode {
+    match run(&Options::parse()) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error:#}");
+            ExitCode::FAILURE
+        }
+    }
+}
