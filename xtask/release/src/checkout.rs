@@ -1,9 +1,9 @@
 //! The committed files, in a folder of their own.
 
 use anyhow::{Context, Result, ensure};
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Command;
+use tempfile::TempDir;
 
 /// The commit that a release is built from.
 pub struct Commit {
@@ -22,8 +22,8 @@ impl Commit {
 
 /// Its files, without anything that is not committed.
 pub struct Checkout {
-    /// Where they are.
-    pub folder: PathBuf,
+    /// Their folder: outside of the clone, whose `.cargo/config.toml` would hold a second time there.
+    pub folder: TempDir,
     /// See [`Commit::time_s`].
     pub time_s: u64,
 }
@@ -48,26 +48,23 @@ pub fn commit(root: &Path) -> Result<Commit> {
 }
 
 impl Checkout {
-    /// Exports `commit` into `folder`, which is emptied.
+    /// Exports `commit` into a new folder.
     ///
     /// # Errors
     /// Git fails, or the folder cannot be written.
-    pub fn export(root: &Path, commit: &Commit, folder: &Path) -> Result<Self> {
-        if folder.exists() {
-            fs::remove_dir_all(folder)
-                .with_context(|| format!("cannot empty {}", folder.display()))?;
-        }
+    pub fn export(root: &Path, commit: &Commit) -> Result<Self> {
+        let folder = tempfile::tempdir().context("there is no room for the committed files")?;
         let files = git(root, &["archive", "--format=tar", &commit.hash])?;
         tar::Archive::new(&files[..])
-            .unpack(folder)
+            .unpack(folder.path())
             .with_context(|| {
                 format!(
-                    "cannot write the files of the commit into {}",
-                    folder.display()
+                    "cannot write the committed files into {}",
+                    folder.path().display()
                 )
             })?;
         Ok(Self {
-            folder: folder.to_owned(),
+            folder,
             time_s: commit.time_s,
         })
     }

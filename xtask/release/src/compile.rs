@@ -68,7 +68,7 @@ pub fn firmware(checkout: &Checkout, target: &Path, firmware: Firmware) -> Resul
 
 fn build(checkout: &Checkout, target: &Path, triple: &str, words: &[&str]) -> Result<()> {
     let folders = [
-        (checkout.folder.clone(), "ddfeed"),
+        (checkout.folder.path().to_owned(), "ddfeed"),
         (target.to_owned(), "target"),
         (cargo_home()?, "cargo"),
     ];
@@ -87,7 +87,7 @@ fn build(checkout: &Checkout, target: &Path, triple: &str, words: &[&str]) -> Re
         .args(["build", "--locked", "--target", triple, "--config", &flags])
         .args(["--config", "profile.release.strip=\"debuginfo\""])
         .args(words)
-        .current_dir(&checkout.folder)
+        .current_dir(checkout.folder.path())
         .env("CARGO_TARGET_DIR", target)
         .env("CFLAGS", remapped("-ffile-prefix-map").join(" "))
         .env("SOURCE_DATE_EPOCH", checkout.time_s.to_string())

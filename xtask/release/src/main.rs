@@ -55,7 +55,7 @@ fn run(options: &Options) -> Result<()> {
         format!("ddfeed-{version}")
     };
     let target = target_folder()?.join("release-build");
-    let checkout = Checkout::export(&root, &commit, &target.join("source"))?;
+    let checkout = Checkout::export(&root, &commit)?;
     let name = format!("{name}-{}", compile::host()?);
     let files = target.join(&name);
     collect(&checkout, &target, &files)?;
@@ -81,12 +81,12 @@ fn collect(checkout: &Checkout, target: &Path, files: &Path) -> Result<()> {
         fs::copy(elf, files.join("firmware").join(firmware.file))?;
     }
     let settings = compile::output(&program, &["settings"])?;
-    book::write(&checkout.folder, &settings, &files.join("docs"))?;
+    book::write(checkout.folder.path(), &settings, &files.join("docs"))?;
     for text in ["README.md", "CHANGELOG.md", "LICENSE"] {
-        fs::copy(checkout.folder.join(text), files.join(text))
+        fs::copy(checkout.folder.path().join(text), files.join(text))
             .with_context(|| format!("the checkout has no {text}"))?;
     }
-    let packages = packages::linked(&checkout.folder)?;
+    let packages = packages::linked(checkout.folder.path())?;
     fs::write(files.join("THIRD-PARTY.txt"), licences::texts(&packages)?)?;
     fs::write(files.join("sbom.json"), sbom::json(&packages)?)?;
     archive::write_sums(files)
