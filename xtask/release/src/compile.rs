@@ -47,12 +47,21 @@ pub fn host() -> Result<String> {
 /// The build fails.
 pub fn program(checkout: &Checkout, target: &Path) -> Result<PathBuf> {
     let host = host()?;
-    let words = ["--package", "ddfeed", "--features", "full", "--release"];
+    let strip = "profile.release.strip=\"debuginfo\"";
+    let words = [
+        "--package",
+        "ddfeed",
+        "--features",
+        "full",
+        "--release",
+        "--config",
+        strip,
+    ];
     build(checkout, target, &host, &words)?;
     Ok(target.join(host).join("release/ddfeed"))
 }
 
-/// Builds a firmware.
+/// Builds a firmware, with all that a debugger reads.
 ///
 /// # Errors
 /// The build fails.
@@ -85,7 +94,6 @@ fn build(checkout: &Checkout, target: &Path, triple: &str, words: &[&str]) -> Re
     );
     let status = Command::new("cargo")
         .args(["build", "--locked", "--target", triple, "--config", &flags])
-        .args(["--config", "profile.release.strip=\"debuginfo\""])
         .args(words)
         .current_dir(checkout.folder.path())
         .env("CARGO_TARGET_DIR", target)
