@@ -1,5 +1,5 @@
 //! Which sensor sees which fault of a power stage, and when: with sensors in the motor's lines and with low-side shunts.
-//! The table of what stops the bridges (`xtask/guide/firmware.md`) is these figures.
+//! The table of what stops the bridges (`docs/firmware.md`) is these figures.
 
 use hal_sim::sensors::CurrentSensing::{self, InLine, LowSide};
 use plant::machine::Coupling;

@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-const PAGE: &str = include_str!("../../../xtask/guide/debug.md");
+const PAGE: &str = include_str!("../../../docs/debug.md");
 /// How long a command of the page may take: an alignment, with the chip's time slower than real.
 const PATIENCE: Duration = Duration::from_secs(90);
 

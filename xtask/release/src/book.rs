@@ -8,13 +8,7 @@ use std::path::Path;
 /// Pages in the order of reading. Links start at the checkout.
 const SUMMARY: &str = include_str!("../SUMMARY.md");
 /// Folders whose pages and pictures the book has. Links between them stay as they are.
-const FOLDERS: [&str; 5] = [
-    "",
-    "xtask",
-    "xtask/guide",
-    "firmware/boards",
-    "hal-sim/identify",
-];
+const FOLDERS: [&str; 4] = ["", "docs", "firmware/boards", "hal-sim/identify"];
 /// Other files that pages link to.
 const FILES: [&str; 5] = [
     "LICENSE",
@@ -119,7 +113,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let root = xtask::tools::root().unwrap();
         write(&root, "# Settings\n", folder.path()).unwrap();
-        for page in ["index", "settings", "xtask/guide/smooth"] {
+        for page in ["index", "settings", "docs/smooth"] {
             assert!(
                 folder.path().join(format!("{page}.html")).is_file(),
                 "{page}"

@@ -10,7 +10,7 @@ const GROUP: &str = "Flash and probe";
 /// and 85 us, taken generously).
 const ERASE_S: f64 = 0.030;
 const PROGRAM_S: f64 = 125e-6;
-/// Bytes of a telemetry row as it is sent, and rows a second (`xtask/guide/firmware.md`, `ddfeed record`).
+/// Bytes of a telemetry row as it is sent, and rows a second (`docs/firmware.md`, `ddfeed record`).
 const ROW_BYTES: f64 = 46.6;
 const ROWS: [u32; 4] = [5000, 2500, 1000, 500];
 
@@ -101,7 +101,7 @@ fn stream(readings: &Readings) -> Option<Item> {
         GROUP,
         "probe.rate",
         "stream through RTT",
-        "xtask/guide/firmware.md: `ddfeed record` takes 5000 rows a second of 46.6 bytes",
+        "docs/firmware.md: `ddfeed record` takes 5000 rows a second of 46.6 bytes",
     )
     .expected(format!("at least {:.0} kB/s, no byte wrong", full / 1e3))
     .read(format!(
