@@ -30,6 +30,7 @@ use application::speed::SpeedStep;
 use application::start::log_start;
 use application::supervise::{MillisecondIn, Supervise, SuperviseParts};
 use control::format::Misfit;
+use control::interlock::Inputs;
 use control::journal::Journal;
 use control::plate::{BoardPlate, DrivePlate};
 use control::power_stage::StageLook;
@@ -234,6 +235,24 @@ impl SimulatedDrive {
     #[must_use]
     pub fn drive(&self) -> &Drive {
         &self.drive
+    }
+
+    /// Enable switch and end switches, as the drive reads them.
+    #[must_use]
+    pub fn contacts(&self) -> Inputs {
+        self.world.contacts()
+    }
+
+    /// The brake carries the load.
+    #[must_use]
+    pub fn braked(&self) -> bool {
+        self.world.braked
+    }
+
+    /// The table's place from the middle of its travel, m, where it was switched on.
+    #[must_use]
+    pub fn from_middle_m(&self) -> f64 {
+        self.world.from_middle_m()
     }
 
     /// The words that a debugger would see.

@@ -6,7 +6,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
 use ddfeed::drive::connect::{Drive, by_serial, by_tcp};
-use ddfeed::drive::motion::{BEAT, rest, speeds};
+use ddfeed::drive::motion::{BEAT, rest, run_at};
 use link::codes::State;
 use link::host::Decoder;
 use link::host::client::{Client, Line};
@@ -285,7 +285,7 @@ fn stream(line: &mut Counted, drive_speed: f64, divider: u8, seconds: f64) -> Re
         stream: *streams,
     };
     drive.arm(|_| true)?;
-    drive.tell(speeds(
+    drive.tell(run_at(
         0.0,
         Some(TURNING_RPM / 60.0 * std::f64::consts::TAU),
     )?)?;

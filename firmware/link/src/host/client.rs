@@ -1,8 +1,8 @@
 //! A host's session with a drive over a line of bytes.
 
 use crate::codes::State;
-use crate::frame::{Decoder, FRAME_MAX, encode};
-use crate::message::{Command, DriveFrame, Event, HostFrame, Recorded, Refusal, Reply, Status};
+use crate::host::session::Session;
+use crate::message::{Command, DriveFrame, Event, Recorded, Refusal, Reply, Status};
 use crate::settings::{Effect, Setting, Settings, Value};
 use crate::telemetry::Frame;
 use anyhow::{Context, Result, bail};
@@ -94,12 +94,7 @@ impl std::error::Error for Lost {}
 #[derive(Debug)]
 pub struct Client<L> {
     line: L,
-    decoder: Decoder,
-    session: u32,
-    sequence: u32,
-    simulated: bool,
-    pwm_hz: f64,
-    speed_hz: f64,
+    session: Session,
     reply: Option<Reply>,
     events: VecDeque<Event>,
     telemetry: VecDeque<Frame>,
@@ -113,12 +108,7 @@ impl<L: Line> Client<L> {
     pub fn open(line: L) -> Result<Self> {
         let mut client = Self {
             line,
-            decoder: Decoder::new(),
-            session: 0,
-            sequence: 0,
-            simulated: false,
-            pwm_hz: 0.0,
-            speed_hz: 0.0,
+            session: Session::new(),
             reply: None,
             events: VecDeque::new(),
             telemetry: VecDeque::new(),
@@ -132,7 +122,7 @@ impl<L: Line> Client<L> {
         // Ends what stood in the line.
         self.put(&[0])?;
         let reply = self.ask_for(Command::Hello, patience, tries);
-        if self.decoder.count().versions > 0 {
+        if self.session.count().versions > 0 {
             bail!(Lost(format!(
                 "the drive speaks another version of the link than this program ({}): flash the firmware that it was \
                  built with",
@@ -140,17 +130,7 @@ impl<L: Line> Client<L> {
             )));
         }
         match reply? {
-            Reply::Hello {
-                session,
-                simulated,
-                pwm_hz,
-                speed_divider,
-            } => {
-                (self.session, self.simulated) = (session, simulated);
-                self.pwm_hz = f64::from(pwm_hz);
-                self.speed_hz = f64::from(pwm_hz) / f64::from(speed_divider.max(1));
-                Ok(())
-            }
+            Reply::Hello { .. } => Ok(()),
             other => bail!(unexpected(&other)),
         }
     }
@@ -158,19 +138,19 @@ impl<L: Line> Client<L> {
     /// The drive is a simulated one.
     #[must_use]
     pub fn simulated(&self) -> bool {
-        self.simulated
+        self.session.simulated()
     }
 
     /// PWM periods a second.
     #[must_use]
     pub fn pwm_hz(&self) -> f64 {
-        self.pwm_hz
+        self.session.pwm_hz()
     }
 
     /// Steps of its speed task a second.
     #[must_use]
     pub fn speed_hz(&self) -> f64 {
-        self.speed_hz
+        self.session.speed_hz()
     }
 
     /// Lets the drive be moved. A drive in [`State::Unaligned`] is aligned: both motors move, and heartbeats go out until that ends.
@@ -258,15 +238,8 @@ impl<L: Line> Client<L> {
     }
 
     fn say(&mut self, command: Command) -> Result<()> {
-        self.sequence = self.sequence.wrapping_add(1);
-        let frame = HostFrame {
-            session: self.session,
-            sequence: self.sequence,
-            command,
-        };
-        let mut buffer = [0; FRAME_MAX];
-        let bytes = encode(&frame, &mut buffer).context("a command that fits no frame")?;
-        self.put(bytes)
+        let bytes = self.session.request(command)?;
+        self.put(&bytes)
     }
 
     /// Asks for what is answered by its being done.
@@ -424,9 +397,9 @@ impl<L: Line> Client<L> {
             .receive(&mut bytes, patience)
             .map_err(|error| Lost(format!("the line to the drive is gone: {error}")))?;
         for &byte in &bytes[..count] {
-            match self.decoder.take(byte) {
+            match self.session.take(byte) {
                 // Nobody waits for an earlier one's any more.
-                Some(DriveFrame::Reply(sequence, reply)) if sequence == self.sequence => {
+                Some(DriveFrame::Reply(sequence, reply)) if sequence == self.session.sequence() => {
                     self.reply = Some(reply);
                 }
                 Some(DriveFrame::Reply(..)) => {}
@@ -500,7 +473,9 @@ fn advised(error: anyhow::Error, held: &Settings, asked: &Settings) -> anyhow::E
     Refused::Unfit(advice).into()
 }
 
-fn unexpected(reply: &Reply) -> anyhow::Error {
+/// Why the drive did not do what was asked, by its answer: [`Refused`], or that the answer is not the expected one.
+#[must_use]
+pub fn unexpected(reply: &Reply) -> anyhow::Error {
     match reply {
         Reply::Refused(word) => match Refusal::of_word(*word) {
             Some(refusal) => Refused::For(refusal).into(),

@@ -2,12 +2,15 @@
 
 pub mod bringup;
 pub mod client;
+pub mod command;
 mod drive;
 #[cfg(feature = "log")]
 pub mod log;
 pub mod reference;
 pub mod rtt;
+pub mod session;
 pub mod settings;
+pub mod status;
 mod stream;
 
 pub use drive::{Drive, View};

@@ -2,13 +2,14 @@
 
 use super::connect::Drive;
 use super::options::{HomeOptions, InjectOptions, JogOptions, LeadOptions, Motor, MoveOptions};
-use super::status::{Seen, look};
+use super::status::look;
 use crate::interrupt::ctrl_c;
 use anyhow::{Context, Result, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::{Fault, Misalignment, State};
+use link::host::command::{SpeedNames, speeds};
+use link::host::status::StatusReport;
 use link::message::{Command, Injected, Injection, Travel};
-use link::scale;
 use link::settings::Settings;
 use link::telemetry::Real;
 use serde_json::json;
@@ -133,7 +134,7 @@ fn base(lead: &LeadOptions) -> Option<f64> {
 /// Runs until Ctrl-C or as long as asked.
 pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
     let settings = drive.settings()?;
-    let command = speeds(options.table_speed * 1e-3, base(&options.lead))?;
+    let command = run_at(options.table_speed * 1e-3, base(&options.lead))?;
     let stop = caught()?;
     if options.lead.arm {
         ready(drive, &stop)?;
@@ -150,10 +151,7 @@ pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
 /// Moves the table by a distance.
 pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
     let settings = drive.settings()?;
-    let Command::Run { velocity, base } = speeds(options.table_speed * 1e-3, base(&options.lead))?
-    else {
-        bail!("speeds are no command");
-    };
+    let (velocity, base) = speeds(options.table_speed * 1e-3, base(&options.lead), &NAMES)?;
     #[allow(clippy::cast_possible_truncation)]
     let distance_nm = (options.distance * 1e6).round() as i64;
     let stop = caught()?;
@@ -207,9 +205,7 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
 /// Finds the table's place.
 pub fn home(drive: &mut Drive, options: &HomeOptions) -> Result<()> {
     let settings = drive.settings()?;
-    let Command::Run { base, .. } = speeds(0.0, base(&options.lead))? else {
-        bail!("speeds are no command");
-    };
+    let (_, base) = speeds(0.0, base(&options.lead), &NAMES)?;
     let stop = caught()?;
     if options.lead.arm {
         ready(drive, &stop)?;
@@ -288,32 +284,16 @@ pub fn caught() -> Result<Arc<AtomicBool>> {
     ctrl_c().context("Ctrl-C cannot be caught, and is what stops the drive")
 }
 
-/// Ends of the link's words for speeds, rad/s and m/s.
-const BASE_SPEED_END: f64 = i32::MAX as f64 / (1u64 << scale::BASE_SPEED) as f64;
-/// See [`BASE_SPEED_END`].
-const TABLE_VELOCITY_END: f64 = i32::MAX as f64 / (1u64 << scale::TABLE_VELOCITY) as f64;
+/// How the command line names the speeds.
+const NAMES: SpeedNames = SpeedNames {
+    velocity: "--table-speed",
+    base: "--nut-rpm",
+};
 
 /// The command for a table velocity, m/s, and a base speed, rad/s; none: that of the drive's table.
-pub fn speeds(velocity: f64, base: Option<f64>) -> Result<Command> {
-    let base_word = |base: f64| {
-        scale::word(base, scale::BASE_SPEED).with_context(|| {
-            format!(
-                "--nut-rpm is {:.0} rpm, but -{most:.0} to {most:.0} rpm are possible",
-                base * 60.0 / TAU,
-                most = BASE_SPEED_END * 60.0 / TAU
-            )
-        })
-    };
-    Ok(Command::Run {
-        velocity: scale::word(velocity, scale::TABLE_VELOCITY).with_context(|| {
-            format!(
-                "--table-speed is {} mm/s, but -{most:.0} to {most:.0} mm/s are possible",
-                1e3 * velocity,
-                most = 1e3 * TABLE_VELOCITY_END
-            )
-        })?,
-        base: base.map(base_word).transpose()?,
-    })
+pub fn run_at(velocity: f64, base: Option<f64>) -> Result<Command> {
+    let (velocity, base) = speeds(velocity, base, &NAMES)?;
+    Ok(Command::Run { velocity, base })
 }
 
 /// Goes on commanding a drive that runs until `over` says so or Ctrl-C; then it comes to rest, whatever has happened.
@@ -321,7 +301,7 @@ fn led(
     drive: &mut Drive,
     settings: &Settings,
     stop: &AtomicBool,
-    mut over: impl FnMut(&Seen, Duration) -> Result<bool>,
+    mut over: impl FnMut(&StatusReport, Duration) -> Result<bool>,
 ) -> Result<()> {
     let bar =
         ProgressBar::new_spinner().with_style(ProgressStyle::with_template("{spinner} {msg}")?);

@@ -1,7 +1,7 @@
 //! `drive record`: the drive's telemetry into a recording.
 
 use super::connect::Drive;
-use super::motion::{BEAT, Stopped, caught, ready, rest, speeds};
+use super::motion::{BEAT, Stopped, caught, ready, rest, run_at};
 use super::options::RecordOptions;
 use super::status::look;
 use crate::output::Folder;
@@ -169,7 +169,7 @@ fn stream(
         if now >= hold_until
             && let Some(hold) = holds.next()
         {
-            drive.tell(speeds(hold.velocity, Some(hold.base))?)?;
+            drive.tell(run_at(hold.velocity, Some(hold.base))?)?;
             hold_until += hold.seconds;
         }
         if !options.hold.is_empty() && drive.now() - beaten > BEAT {

@@ -1,0 +1,215 @@
+//! A client of the link: requests as JSON to bytes, bytes to messages as JSON and rows.
+
+use crate::request::Request;
+use crate::signals::{COLUMNS, Columns};
+use anyhow::{Context, Result};
+use link::codes::{Fault, State};
+use link::host::client::unexpected;
+use link::host::session::Session;
+use link::host::status::{StatusReport, entry_json, event_json, fault_json};
+use link::host::{Count, Decoder};
+use link::message::{Command, DriveFrame, Event, Refusal, Reply};
+use link::settings::{Setting, Settings, Value as SettingValue, WireValue};
+use link::telemetry::Frame;
+use serde_json::{Value, json};
+
+/// Rows that wait for the page: 10 s at 1 kHz. Older ones are dropped and counted.
+const WAITING_ROWS: usize = 10_000;
+
+/// A session with what it has received.
+#[derive(Debug)]
+pub struct Client {
+    session: Session,
+    settings: Settings,
+    /// The settings of the next answer are those that hold.
+    holding: bool,
+    stream: u32,
+    decoder: Option<Decoder>,
+    columns: Columns,
+    rows: Vec<f64>,
+    dropped: u64,
+}
+
+impl Default for Client {
+    fn default() -> Self {
+        Self::new()
+    }
+}
+
+impl Client {
+    /// No session yet.
+    #[must_use]
+    pub fn new() -> Self {
+        Self {
+            session: Session::new(),
+            settings: Settings::DEFAULT,
+            holding: false,
+            stream: 0,
+            decoder: None,
+            columns: Columns::default(),
+            rows: Vec::new(),
+            dropped: 0,
+        }
+    }
+
+    /// Bytes of a request, which is JSON.
+    ///
+    /// # Errors
+    /// There is no such request, or a value is out of its range.
+    pub fn request(&mut self, json: &str) -> Result<Vec<u8>> {
+        let request: Request =
+            serde_json::from_str(json).with_context(|| format!("{json} is no request"))?;
+        let command = request.command(self.stream.wrapping_add(1) & 0xFF_FFFF)?;
+        match command {
+            Command::Record(word) => {
+                let request = link::telemetry::Request::of_word(word);
+                self.stream = request.stream;
+                self.decoder = (request.divider > 0).then(|| Decoder::new(request));
+                self.columns = Columns::default();
+            }
+            Command::Settings { .. } => self.holding = true,
+            Command::Learned { .. } => self.holding = false,
+            _ => {}
+        }
+        self.session.request(command)
+    }
+
+    /// Number of the last request.
+    #[must_use]
+    pub fn sequence(&self) -> u32 {
+        self.session.sequence()
+    }
+
+    /// Takes bytes of the drive: the messages in them.
+    pub fn push(&mut self, bytes: &[u8]) -> Vec<Value> {
+        let mut messages = Vec::new();
+        for &byte in bytes {
+            match self.session.take(byte) {
+                Some(DriveFrame::Reply(sequence, reply)) => {
+                    let mut message = self.reply(&reply);
+                    message["sequence"] = sequence.into();
+                    messages.push(json!({ "reply": message }));
+                }
+                Some(DriveFrame::Event(event)) => {
+                    messages.push(json!({ "event": state_json(&event) }));
+                }
+                Some(DriveFrame::Telemetry(frame)) => messages.extend(self.telemetry(frame)),
+                None => {}
+            }
+        }
+        messages
+    }
+
+    fn telemetry(&mut self, frame: Frame) -> Option<Value> {
+        let decoder = self.decoder.as_mut()?;
+        let begins = decoder.header().is_none();
+        let row = decoder.frame(frame);
+        let header = *decoder.header()?;
+        let interval_s = decoder.interval_s()?;
+        if let Some(row) = row {
+            if self.rows.len() >= WAITING_ROWS * COLUMNS {
+                self.rows.drain(..COLUMNS);
+                self.dropped += 1;
+            }
+            self.columns
+                .append(&header, interval_s, &row, &mut self.rows);
+        }
+        begins.then(|| {
+            json!({ "stream": {
+                "interval_s": interval_s,
+                "lead_mm": 1e3 * header.lead_m.get(),
+                "scale_um": 1e6 * header.scale_count_m.get(),
+                "pole_pairs": header.motors.map(|motor| motor.pole_pairs),
+            }})
+        })
+    }
+
+    fn reply(&mut self, reply: &Reply) -> Value {
+        match reply {
+            Reply::Done => json!({ "done": true }),
+            Reply::Refused(word) => {
+                let refusal = Refusal::of_word(*word);
+                json!({ "refused": {
+                    "name": refusal.map_or("unknown", Refusal::name),
+                    "sentence": refusal.map_or(
+                        "The drive refuses, for a reason that this page does not know.",
+                        Refusal::sentence,
+                    ),
+                }})
+            }
+            Reply::Hello { .. } => json!({ "hello": {
+                "simulated": self.session.simulated(),
+                "pwm_hz": self.session.pwm_hz(),
+                "speed_hz": self.session.speed_hz(),
+            }}),
+            Reply::Status(status) => {
+                let report = StatusReport::of(*status);
+                json!({ "status": report.json(&self.settings, self.session.simulated()) })
+            }
+            Reply::Faults(faults) => {
+                json!({ "faults": faults.iter().map(entry_json).collect::<Vec<_>>() })
+            }
+            Reply::Events(events) => {
+                json!({ "events": events.iter().map(event_json).collect::<Vec<_>>() })
+            }
+            Reply::Settings(some) => json!({ "settings": self.settings_json(some) }),
+            Reply::Unfit { .. } => json!({ "unfit": unexpected(reply).to_string() }),
+        }
+    }
+
+    fn settings_json(&mut self, some: &[(u16, WireValue)]) -> Vec<Value> {
+        some.iter()
+            .filter_map(|&(id, value)| {
+                let (setting, value) = (Setting::numbered(id)?, SettingValue::from(value));
+                if self.holding {
+                    // A value that this page does not allow is shown, and not kept.
+                    let _ = self.settings.set(id, value);
+                }
+                Some(json!({
+                    "id": id,
+                    "name": setting.to_string(),
+                    "value": value.shown(setting).to_string(),
+                }))
+            })
+            .collect()
+    }
+
+    /// Takes the rows that came, [`COLUMNS`] values each.
+    pub fn rows(&mut self) -> Vec<f64> {
+        std::mem::take(&mut self.rows)
+    }
+
+    /// How the line and the telemetry went.
+    #[must_use]
+    pub fn counts(&self) -> Value {
+        let frames = self.session.count();
+        let Count {
+            rows,
+            lost,
+            gaps,
+            damaged,
+        } = self
+            .decoder
+            .as_ref()
+            .map_or_else(Count::default, Decoder::count);
+        json!({
+            "frames": frames.frames,
+            "damaged": u64::from(frames.damaged) + damaged,
+            "too_long": frames.too_long,
+            "versions": frames.versions,
+            "rows": rows,
+            "lost": lost + self.dropped,
+            "gaps": gaps,
+        })
+    }
+}
+
+/// A change of state.
+fn state_json(event: &Event) -> Value {
+    let state = State::of_words(event.state, event.fault);
+    json!({
+        "uptime_ms": event.uptime_ms,
+        "state": state.map_or("unknown", State::name),
+        "fault": Fault::of_word(event.fault).map(fault_json),
+    })
+}

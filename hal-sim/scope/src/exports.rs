@@ -1,0 +1,167 @@
+//! The functions and classes that JavaScript calls. Objects pass as JSON text. Errors are sentences.
+
+use crate::client::Client;
+use crate::simulated::Simulated;
+use crate::{analysis, schema, signals};
+use hal_sim::vrf;
+use serde_json::{Value, json};
+use wasm_bindgen::prelude::{JsError, wasm_bindgen};
+
+fn thrown(error: &anyhow::Error) -> JsError {
+    JsError::new(&format!("{error:#}"))
+}
+
+/// See [`Simulated`].
+#[wasm_bindgen]
+#[derive(Debug)]
+pub struct SimulatedDrive(Simulated);
+
+#[wasm_bindgen]
+impl SimulatedDrive {
+    /// See [`Simulated::new`].
+    ///
+    /// # Errors
+    /// As [`Simulated::new`].
+    #[wasm_bindgen(constructor)]
+    pub fn new(board: &str, cold: bool, effects: &str) -> Result<Self, JsError> {
+        Simulated::new(board, cold, effects)
+            .map(Self)
+            .map_err(|error| thrown(&error))
+    }
+
+    /// See [`Simulated::open`].
+    pub fn open(&mut self) -> u32 {
+        self.0.open()
+    }
+
+    /// See [`Simulated::close`].
+    pub fn close(&mut self, line: u32) {
+        self.0.close(line);
+    }
+
+    /// See [`Simulated::receive`].
+    pub fn receive(&mut self, line: u32, bytes: &[u8]) {
+        self.0.receive(line, bytes);
+    }
+
+    /// See [`Simulated::outgoing`].
+    pub fn outgoing(&mut self, line: u32) -> Vec<u8> {
+        self.0.outgoing(line)
+    }
+
+    /// See [`Simulated::advance`].
+    pub fn advance(&mut self, ms: u32) {
+        self.0.advance(ms);
+    }
+
+    /// See [`Simulated::ms`].
+    #[must_use]
+    pub fn ms(&self) -> f64 {
+        self.0.ms() as f64
+    }
+
+    /// See [`Simulated::machine`].
+    #[must_use]
+    pub fn machine(&self) -> String {
+        self.0.machine().to_string()
+    }
+}
+
+/// See [`Client`].
+#[wasm_bindgen]
+#[derive(Debug, Default)]
+pub struct Session(Client);
+
+#[wasm_bindgen]
+impl Session {
+    /// See [`Client::new`].
+    #[wasm_bindgen(constructor)]
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// See [`Client::request`].
+    ///
+    /// # Errors
+    /// As [`Client::request`].
+    pub fn request(&mut self, command: &str) -> Result<Vec<u8>, JsError> {
+        self.0.request(command).map_err(|error| thrown(&error))
+    }
+
+    /// See [`Client::sequence`].
+    #[must_use]
+    pub fn sequence(&self) -> u32 {
+        self.0.sequence()
+    }
+
+    /// See [`Client::push`].
+    pub fn push(&mut self, bytes: &[u8]) -> String {
+        Value::from(self.0.push(bytes)).to_string()
+    }
+
+    /// See [`Client::rows`].
+    pub fn rows(&mut self) -> Vec<f64> {
+        self.0.rows()
+    }
+
+    /// See [`Client::counts`].
+    #[must_use]
+    pub fn counts(&self) -> String {
+        self.0.counts().to_string()
+    }
+}
+
+/// See [`signals::list`].
+#[wasm_bindgen]
+#[must_use]
+pub fn signals() -> String {
+    signals::list().to_string()
+}
+
+/// See [`schema::settings`].
+#[wasm_bindgen]
+#[must_use]
+pub fn settings_schema() -> String {
+    schema::settings().to_string()
+}
+
+/// See [`schema::injections`].
+#[wasm_bindgen]
+#[must_use]
+pub fn injections() -> String {
+    schema::injections().to_string()
+}
+
+/// See [`analysis::ripple`]; `{"error": sentence}` where there is none.
+#[wasm_bindgen]
+#[must_use]
+pub fn ripple(table_m: &[f64], interval_s: f64) -> String {
+    analysis::ripple(table_m, interval_s)
+        .unwrap_or_else(|error| json!({ "error": format!("{error:#}") }))
+        .to_string()
+}
+
+/// See [`vrf::spectrum`]: pairs of frequency, Hz, and amplitude.
+#[wasm_bindgen]
+#[must_use]
+pub fn spectrum(values: &[f64], interval_s: f64) -> Vec<f64> {
+    vrf::spectrum(values, 1.0 / interval_s)
+        .into_iter()
+        .flat_map(|(hz, amplitude)| [hz, amplitude])
+        .collect()
+}
+
+/// See [`analysis::orders`].
+#[wasm_bindgen]
+#[must_use]
+pub fn orders(values: &[f64], angle_rad: &[f64]) -> Vec<f64> {
+    analysis::orders(values, angle_rad)
+}
+
+/// Version of the page and layout of the link.
+#[wasm_bindgen]
+#[must_use]
+pub fn about() -> String {
+    json!({ "version": env!("CARGO_PKG_VERSION"), "layout": link::LAYOUT }).to_string()
+}

@@ -1,0 +1,167 @@
+//! A client as the page has it, against a simulated drive: frames only.
+
+use scope::analysis::ripple;
+use scope::client::Client;
+use scope::signals::COLUMNS;
+use scope::simulated::Simulated;
+use serde_json::Value;
+
+struct Page {
+    drive: Simulated,
+    line: u32,
+    client: Client,
+    rows: Vec<f64>,
+}
+
+impl Page {
+    fn new(cold: bool) -> Self {
+        let mut drive = Simulated::new("mains", cold, "").unwrap();
+        let line = drive.open();
+        let mut page = Self {
+            drive,
+            line,
+            client: Client::new(),
+            rows: Vec::new(),
+        };
+        assert_eq!(
+            page.ask(r#"{"command":"hello"}"#)["hello"]["simulated"],
+            true
+        );
+        page
+    }
+
+    /// Some milliseconds with a heartbeat each 20 ms.
+    fn advance(&mut self, ms: u32) -> Vec<Value> {
+        let mut messages = Vec::new();
+        for _ in 0..ms / 20 {
+            let beat = self.client.request(r#"{"command":"heartbeat"}"#).unwrap();
+            self.drive.receive(self.line, &beat);
+            messages.extend(self.step(20));
+        }
+        messages
+    }
+
+    fn step(&mut self, ms: u32) -> Vec<Value> {
+        self.drive.advance(ms);
+        let bytes = self.drive.outgoing(self.line);
+        let messages = self.client.push(&bytes);
+        self.rows.extend(self.client.rows());
+        messages
+    }
+
+    fn ask(&mut self, request: &str) -> Value {
+        let bytes = self.client.request(request).unwrap();
+        let sequence = self.client.sequence();
+        self.drive.receive(self.line, &bytes);
+        let messages = self.step(5);
+        let mut replies = messages.into_iter().map(|message| message["reply"].clone());
+        replies
+            .find(|reply| reply["sequence"] == sequence)
+            .unwrap_or_else(|| panic!("no answer to {request}"))
+    }
+
+    fn state(&mut self) -> String {
+        let status = self.ask(r#"{"command":"status"}"#);
+        status["status"]["state"].as_str().unwrap().to_owned()
+    }
+}
+
+#[test]
+fn a_page_arms_runs_plots_and_stops() {
+    let mut page = Page::new(false);
+    page.advance(400);
+    assert_eq!(page.state(), "ready");
+    assert_eq!(page.ask(r#"{"command":"arm"}"#)["done"], true);
+    let run = r#"{"command":"run","velocity_mm_s":2.5,"common_speed_rpm":500}"#;
+    assert_eq!(page.ask(run)["done"], true);
+    page.advance(3000);
+    assert_eq!(
+        page.ask(r#"{"command":"record","divider":5}"#)["done"],
+        true
+    );
+    page.advance(1000);
+    let rows = page.rows.len() / COLUMNS;
+    assert!(
+        (995..=1015).contains(&rows),
+        "{rows} rows in a second at 1 kHz"
+    );
+    let table: Vec<f64> = page
+        .rows
+        .chunks(COLUMNS)
+        .map(|row| 1e-3 * row[17])
+        .collect();
+    let velocity = ripple(&table, 1e-3).unwrap();
+    let mean = velocity["mean_mm_s"].as_f64().unwrap();
+    assert!((mean - 2.5).abs() < 0.02, "{mean} mm/s, expected 2.5");
+    assert_eq!(page.client.counts()["lost"], 0);
+    assert_eq!(page.ask(r#"{"command":"stop"}"#)["done"], true);
+    page.advance(2000);
+    assert_eq!(page.state(), "ready");
+}
+
+#[test]
+fn a_page_that_ceases_its_heartbeat_leaves_the_drive_at_rest() {
+    let mut page = Page::new(false);
+    page.advance(400);
+    page.ask(r#"{"command":"arm"}"#);
+    page.ask(r#"{"command":"run","velocity_mm_s":2.5,"common_speed_rpm":500}"#);
+    page.advance(1000);
+    assert_eq!(page.state(), "running");
+    page.step(2500);
+    assert_ne!(page.state(), "running");
+}
+
+#[test]
+fn a_cold_drive_does_not_move_before_it_is_armed() {
+    let mut page = Page::new(true);
+    page.advance(500);
+    assert_eq!(page.state(), "unaligned");
+    let run = r#"{"command":"run","velocity_mm_s":2.5,"common_speed_rpm":500}"#;
+    let refused = page.ask(run)["refused"]["name"].clone();
+    assert!(
+        refused == "unaligned" || refused == "not armed",
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_request_that_is_none_is_a_sentence() {
+    let mut client = Client::new();
+    for (request, part) in [
+        ("{}", "no request"),
+        (r#"{"command":"fly"}"#, "no request"),
+        (
+            r#"{"command":"run","velocity_mm_s":1e9,"common_speed_rpm":0}"#,
+            "table speed",
+        ),
+        (
+            r#"{"command":"draft","name":"feed.led","value":"5"}"#,
+            "feed.lead_mm",
+        ),
+        (
+            r#"{"command":"inject","fault":"bus","motor":0,"amount":-1}"#,
+            "0 to 1000 V",
+        ),
+    ] {
+        let error = format!("{:#}", client.request(request).unwrap_err());
+        assert!(error.contains(part), "{request}: {error}");
+    }
+}
+
+#[test]
+fn another_client_may_stop_what_it_does_not_command() {
+    let mut page = Page::new(false);
+    page.advance(400);
+    page.ask(r#"{"command":"arm"}"#);
+    page.ask(r#"{"command":"run","velocity_mm_s":2.5,"common_speed_rpm":500}"#);
+    let (line, mut other) = (page.drive.open(), Client::new());
+    for request in [r#"{"command":"hello"}"#, r#"{"command":"stop"}"#] {
+        let bytes = other.request(request).unwrap();
+        page.drive.receive(line, &bytes);
+        page.advance(20);
+        let bytes = page.drive.outgoing(line);
+        other.push(&bytes);
+    }
+    page.advance(2000);
+    assert_eq!(page.state(), "ready");
+}
