@@ -52,6 +52,9 @@ enum Task {
     Sizes(firmware::SizesOptions),
     /// Draw the default board's wiring from the table on its page.
     Wiring,
+    /// Build the browser page: one HTML file with the simulated drive in it.
+    #[command(disable_help_flag = true)]
+    Page(Words),
     /// Build an archive with the program, both boards' firmware, pages, licences and checksums.
     #[command(disable_help_flag = true)]
     Release(Words),
@@ -117,6 +120,7 @@ fn run(task: Task) -> Result<()> {
             println!("{}", wiring::draw(&tools::root()?)?.display());
             Ok(())
         }
+        Task::Page(words) => hand_over(&["--package", "browser"], None, words.words),
         Task::Release(words) => hand_over(&["--package", "release"], None, words.words),
         Task::Other(words) => other(&words),
     }
