@@ -19,6 +19,8 @@ pub mod probe;
 pub mod record;
 #[cfg(feature = "cli")]
 pub mod ripple;
+#[cfg(feature = "scope")]
+pub mod scope;
 #[cfg(feature = "cli")]
 pub mod serve;
 pub mod session;

@@ -4,6 +4,8 @@
 mod completions;
 
 use clap::{Command, CommandFactory, FromArgMatches, Parser, Subcommand};
+#[cfg(feature = "scope")]
+use ddfeed::scope;
 use ddfeed::{compensate, drive, identify, ripple, serve, simulate};
 use std::process::ExitCode;
 
@@ -33,8 +35,23 @@ enum Task {
     Settings(drive::ReferenceOptions),
     /// Record a drive over its link, into a folder that `identify` reads: the same as `drive ... record`.
     Record(drive::RecordCommand),
+    /// Serve the browser page: live plots and commands for a drive.
+    #[cfg(feature = "scope")]
+    Scope(scope::ScopeOptions),
+    /// Serve the browser page. This ddfeed was built without it.
+    #[cfg(not(feature = "scope"))]
+    #[command(disable_help_flag = true)]
+    Scope(Unread),
     /// Print a script that completes this command line in a shell.
     Completions(completions::CompletionsOptions),
+}
+
+/// Words of a command that this program lacks.
+#[cfg(not(feature = "scope"))]
+#[derive(clap::Args)]
+struct Unread {
+    #[arg(trailing_var_arg = true, allow_hyphen_values = true, hide = true)]
+    _words: Vec<String>,
 }
 
 /// Every value may be a negative number: an option's own range then says what is possible.
@@ -64,6 +81,10 @@ fn main() -> ExitCode {
             Ok(())
         }
         Task::Record(options) => drive::run(&options.into()),
+        #[cfg(feature = "scope")]
+        Task::Scope(options) => scope::run(&options),
+        #[cfg(not(feature = "scope"))]
+        Task::Scope(_) => Err(ddfeed::missing_feature("`scope`", "scope")),
         Task::Completions(options) => completions::run(&options, Arguments::command()),
     };
     match result {

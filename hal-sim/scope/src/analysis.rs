@@ -52,8 +52,7 @@ pub fn orders(values: &[f64], angle_rad: &[f64]) -> Vec<f64> {
     }
     let (values, angles) = (&values[..rows], &angle_rad[..rows]);
     let turns = (angles[rows - 1] - angles[0]).abs() / TAU;
-    // A NaN is less than nothing.
-    if !(turns >= 1.0) {
+    if turns.is_nan() || turns < 1.0 {
         return Vec::new();
     }
     let mean = values.iter().sum::<f64>() / rows as f64;

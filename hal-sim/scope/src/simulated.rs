@@ -120,7 +120,7 @@ impl Simulated {
         let turns = |axis| machine.motor(axis).theta / TAU;
         let contacts = served.contacts();
         json!({
-            "table_mm": 1e3 * served.from_middle_m(),
+            "table_mm": 1e3 * served.travel_from_start_m(),
             "velocity_mm_s": 1e3 * machine.table_velocity(),
             "screw_turns": turns(Axis::Screw),
             "nut_turns": turns(Axis::Nut),

@@ -249,10 +249,10 @@ impl SimulatedDrive {
         self.world.braked
     }
 
-    /// The table's place from the middle of its travel, m, where it was switched on.
+    /// The table's travel since it was switched on in the middle of its range, m.
     #[must_use]
-    pub fn from_middle_m(&self) -> f64 {
-        self.world.from_middle_m()
+    pub fn travel_from_start_m(&self) -> f64 {
+        self.world.travel_from_start_m()
     }
 
     /// The words that a debugger would see.

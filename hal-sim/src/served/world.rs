@@ -137,13 +137,13 @@ impl World {
     }
 
     /// The table's place from where it was switched on, m.
-    pub(super) fn from_middle_m(&self) -> f64 {
+    pub(super) fn travel_from_start_m(&self) -> f64 {
         self.position - self.begun.unwrap_or(self.position)
     }
 
     /// Enable switch and end switches.
     pub(super) fn contacts(&self) -> Inputs {
-        let from_middle = self.from_middle_m();
+        let from_middle = self.travel_from_start_m();
         let end = 0.5 * self.installation.travel_m;
         Inputs {
             end_forward: self.inputs.end_forward || from_middle > end,

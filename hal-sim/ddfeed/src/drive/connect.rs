@@ -16,41 +16,91 @@ const SEND: Duration = Duration::from_secs(1);
 /// A session with any drive.
 pub type Drive = Client<Box<dyn Line>>;
 
+/// A line that can go to another thread.
+pub type SentLine = Box<dyn Line + Send>;
+
+/// Which line leads to a drive.
+#[derive(Clone, Debug)]
+pub enum DriveLine {
+    /// A served drive at this address.
+    Sim(String),
+    /// A serial port and its bits a second.
+    Serial(String, u32),
+    /// A debug probe, by a part of its line in the list.
+    Probe(Option<String>),
+    /// None was given.
+    None,
+}
+
+impl DriveLine {
+    /// Of what was asked.
+    #[must_use]
+    pub fn of(options: Option<&LineOptions>, baud: Option<u32>) -> Self {
+        let Some(options) = options else {
+            return Self::None;
+        };
+        match (&options.sim, &options.serial, &options.probe) {
+            (Some(address), ..) => Self::Sim(address.clone()),
+            (_, Some(port), _) => Self::Serial(port.clone(), baud.unwrap_or(link::SERIAL_BAUD)),
+            (.., Some(which)) => Self::Probe(which.clone()),
+            _ => Self::None,
+        }
+    }
+
+    /// Each opening is a line of its own.
+    #[must_use]
+    pub fn is_shared(&self) -> bool {
+        matches!(self, Self::Sim(_))
+    }
+
+    /// Opens it.
+    ///
+    /// # Errors
+    /// The drive is not reached.
+    pub fn open(&self) -> Result<SentLine> {
+        match self {
+            Self::Sim(address) => by_tcp(address),
+            Self::Serial(port, baud) => by_serial(port, *baud),
+            Self::Probe(which) => by_probe(which.as_deref()),
+            Self::None => bail!("which drive? Give --sim, --serial or --probe"),
+        }
+    }
+
+    fn place(&self) -> String {
+        match self {
+            Self::Sim(place) | Self::Serial(place, _) => format!("at {place}"),
+            Self::Probe(_) | Self::None => "through the debug probe".to_owned(),
+        }
+    }
+}
+
 /// Opens a session with the drive that is asked for.
 pub fn open(options: &LineOptions, baud: Option<u32>) -> Result<Drive> {
-    let baud = baud.unwrap_or(link::SERIAL_BAUD);
-    if let Some(which) = &options.probe {
-        return by_probe(which.as_deref());
-    }
-    let (line, begin) = match (&options.sim, &options.serial) {
-        (Some(address), _) => (by_tcp(address)?, format!("at {address}")),
-        (None, Some(port)) => (by_serial(port, baud)?, format!("at {port}")),
-        (None, None) => bail!("which drive? Give --sim, --serial or --probe"),
-    };
-    Client::open(line).context(begin)
+    let line = DriveLine::of(Some(options), baud);
+    let opened: Box<dyn Line> = line.open()?;
+    Client::open(opened).with_context(|| line.place())
 }
 
 /// The line to a simulated drive.
-pub fn by_tcp(address: &str) -> Result<Box<dyn Line>> {
+pub fn by_tcp(address: &str) -> Result<SentLine> {
     Ok(Box::new(Tcp(connect(address)?)))
 }
 
 /// The line to a drive at a serial port or a pseudo-terminal.
-pub fn by_serial(port: &str, baud: u32) -> Result<Box<dyn Line>> {
+pub fn by_serial(port: &str, baud: u32) -> Result<SentLine> {
     Ok(Box::new(Serial(serial(port, baud)?)))
 }
 
 #[cfg(feature = "probe")]
-fn by_probe(which: Option<&str>) -> Result<Drive> {
+fn by_probe(which: Option<&str>) -> Result<SentLine> {
     let which = crate::session::Which {
         probe: which.map(str::to_owned),
     };
-    let line: Box<dyn Line> = Box::new(crate::probe::line::open(&which)?);
-    Client::open(line).context("through the debug probe")
+    Ok(Box::new(crate::probe::line::open(&which)?))
 }
 
 #[cfg(not(feature = "probe"))]
-fn by_probe(_: Option<&str>) -> Result<Drive> {
+fn by_probe(_: Option<&str>) -> Result<SentLine> {
     Err(crate::missing_feature("--probe", "probe"))
 }
 

@@ -9,7 +9,7 @@ mod settings;
 mod status;
 mod tune;
 
-pub use options::{DriveOptions, RecordCommand, ReferenceOptions, Task};
+pub use options::{DriveOptions, LineOptions, RecordCommand, ReferenceOptions, Task};
 pub use settings::reference;
 
 use anyhow::Result;
