@@ -64,6 +64,8 @@ impl Page {
             .input_path(&built)
             .web(true)?
             .typescript(true)
+            .remove_name_section(true)
+            .remove_producers_section(true)
             .generate(&wasm)
             .with_context(|| format!("wasm-bindgen cannot read {}", built.display()))?;
         fs::create_dir_all(&folder)?;

@@ -1,0 +1,5 @@
+/** A number with so many digits after its point, and its unit. */
+export function quantity(value: number | null | undefined, unit: string, digits = 2): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return `– ${unit}`;
+  return `${value.toFixed(digits)} ${unit}`;
+}

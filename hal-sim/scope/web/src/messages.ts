@@ -1,0 +1,140 @@
+// What the page and its worker say to each other, and the JSON of the Rust code.
+
+export interface Sentence {
+  name: string;
+  sentence: string;
+}
+
+export interface MotorStatus {
+  state: string;
+  fault: Sentence | null;
+  limited_by: Sentence[];
+  speed_rpm: number;
+  current_d_a: number;
+  current_q_a: number;
+  bus_v: number;
+  limits: { speed_rpm: number; torque_nm: number };
+}
+
+/** The same as `ddfeed drive status --json` prints. */
+export interface Status {
+  state: string;
+  fault: Sentence | null;
+  further_faults: Sentence[];
+  limited_by: Sentence[];
+  misalignment: Sentence | null;
+  tables: (Sentence & { table: string })[];
+  warnings: Sentence[];
+  settings: (Sentence & { unfit: string | null }) | null;
+  armed: boolean;
+  simulated: boolean;
+  uptime_s: number;
+  travel: string;
+  screw: MotorStatus;
+  nut: MotorStatus;
+  table: {
+    homed: boolean;
+    position_mm: number;
+    velocity_mm_s: number;
+    limits: { velocity_mm_s: number; position_mm: [number, number] | null; position_limits_act: boolean };
+  };
+}
+
+/** True values of a simulated machine. */
+export interface Machine {
+  table_mm: number;
+  velocity_mm_s: number;
+  screw_turns: number;
+  nut_turns: number;
+  travel_mm: number;
+  brake_holds: boolean;
+  end_forward: boolean;
+  end_backward: boolean;
+  load_n: number;
+}
+
+export interface Signal {
+  name: string;
+  label: string;
+  unit: string;
+  group: string;
+}
+
+export interface SettingSchema {
+  id: number;
+  name: string;
+  group: string;
+  unit: string;
+  doc: string;
+  effect: "at once" | "at rest" | "after a restart";
+  default: string;
+  kind: { real: [number, number] } | { whole: [number, number] } | { choice: string[] };
+}
+
+export interface Injection {
+  name: string;
+  sentence: string;
+  unit: string | null;
+  range: [number, number] | null;
+  motor: boolean;
+}
+
+export interface JournalEvent {
+  number: number;
+  uptime_s: number;
+  kind: string;
+  name: string;
+  value: number | null;
+  limit: number | null;
+  unit: string | null;
+}
+
+export interface Reply {
+  sequence: number;
+  done?: true;
+  refused?: Sentence;
+  hello?: { simulated: boolean; pwm_hz: number; speed_hz: number };
+  status?: Status;
+  events?: JournalEvent[];
+  settings?: { id: number; name: string; value: string }[];
+  unfit?: string;
+}
+
+export interface Stream {
+  interval_s: number;
+  lead_mm: number;
+  scale_um: number;
+}
+
+export type FromDrive = { reply: Reply } | { event: { uptime_ms: number; state: string; fault: Sentence | null } } | { stream: Stream };
+
+export interface Counts {
+  frames: number;
+  damaged: number;
+  rows: number;
+  lost: number;
+}
+
+export type Command = { command: string; [key: string]: unknown };
+
+export type SourceChoice =
+  | { kind: "simulation"; board: string; cold: boolean; effects: string }
+  | { kind: "socket"; url: string }
+  | { kind: "serial"; baud: number };
+
+export type ToWorker =
+  | { type: "start"; module: WebAssembly.Module }
+  | { type: "source"; source: SourceChoice }
+  | { type: "ask"; id: number; command: Command }
+  | { type: "stop" }
+  | { type: "alive"; hidden: boolean };
+
+export type FromWorker =
+  | { type: "connection"; open: boolean; sentence: string; simulated: boolean }
+  | { type: "answer"; id: number; reply: Reply | null; error: string | null }
+  | { type: "status"; status: Status; counts: Counts }
+  | { type: "machine"; machine: Machine }
+  | { type: "stream"; stream: Stream }
+  | { type: "rows"; rows: Float64Array }
+  | { type: "notice"; sentence: string }
+  | { type: "stopped"; ms: number };

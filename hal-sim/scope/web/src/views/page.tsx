@@ -1,0 +1,51 @@
+import { connection, notices, dismiss } from "../drive";
+import { Commands } from "./commands";
+import { Faults } from "./faults";
+import { Header } from "./header";
+import { MachinePicture } from "./machine";
+import { Plots } from "./plots";
+import { RippleTable } from "./ripple";
+import { SettingsTree } from "./settings";
+import { Simulation } from "./simulation";
+import { Story } from "./story";
+import { useStopKeys } from "./stop";
+
+function Notices() {
+  return (
+    <div class="notices" role="status" aria-live="polite">
+      {notices.value.map((sentence) => (
+        <p class="notice" key={sentence}>
+          {sentence} <button type="button" onClick={() => dismiss(sentence)}>Dismiss</button>
+        </p>
+      ))}
+    </div>
+  );
+}
+
+export function Page() {
+  useStopKeys();
+  return (
+    <>
+      <Header />
+      <Notices />
+      <main>
+        {connection.value.simulated && <Story />}
+        <div class="columns">
+          <section class="column" aria-label="Machine">
+            <MachinePicture />
+            <Faults />
+            <Commands />
+          </section>
+          <section class="column wide" aria-label="Signals">
+            <Plots />
+            <RippleTable />
+          </section>
+          <section class="column" aria-label="Settings">
+            <SettingsTree />
+            <Simulation />
+          </section>
+        </div>
+      </main>
+    </>
+  );
+}

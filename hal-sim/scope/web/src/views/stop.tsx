@@ -1,0 +1,36 @@
+import { useEffect } from "preact/hooks";
+import { stop } from "../drive";
+
+const isText = (target: EventTarget | null) =>
+  target instanceof HTMLInputElement && ["text", "number", "search"].includes(target.type);
+
+/** Escape stops from anywhere, Space from anywhere but a text. */
+export function useStopKeys() {
+  useEffect(() => {
+    const pressed = (event: KeyboardEvent) => {
+      const space = event.key === " " && !isText(event.target);
+      if (event.key !== "Escape" && !space) return;
+      event.preventDefault();
+      event.stopPropagation();
+      stop();
+    };
+    // Before any control sees the key: Enter presses a button, Space stops.
+    addEventListener("keydown", pressed, true);
+    const released = (event: KeyboardEvent) => {
+      if (event.key === " " && !isText(event.target)) event.preventDefault();
+    };
+    addEventListener("keyup", released, true);
+    return () => {
+      removeEventListener("keydown", pressed, true);
+      removeEventListener("keyup", released, true);
+    };
+  }, []);
+}
+
+export function StopButton() {
+  return (
+    <button type="button" class="stop" onClick={stop} title="Escape or Space">
+      STOP
+    </button>
+  );
+}

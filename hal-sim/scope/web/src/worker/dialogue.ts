@@ -1,0 +1,73 @@
+// Requests to the drive and their answers, over a session of the Rust code.
+
+import { Session } from "scope";
+import type { Command, Counts, FromDrive, Reply } from "../messages";
+import type { Source } from "./source";
+
+const ANSWER_MS = 1000;
+
+interface Waiting {
+  until: number;
+  answer: (reply: Reply | null) => void;
+}
+
+export class Dialogue {
+  private readonly session = new Session();
+  private readonly waiting = new Map<number, Waiting>();
+
+  constructor(private readonly source: Source, private readonly heard: (message: FromDrive) => void) {}
+
+  /** Sends a request. The answer is null if none comes in time. It throws a sentence if there is no such request. */
+  ask(command: Command): Promise<Reply | null> {
+    const bytes = this.session.request(JSON.stringify(command));
+    const sequence = this.session.sequence();
+    const answered = new Promise<Reply | null>((answer) => {
+      this.waiting.set(sequence, { until: performance.now() + ANSWER_MS, answer });
+    });
+    this.source.send(bytes);
+    return answered;
+  }
+
+  /** Sends a request whose answer nobody reads. */
+  tell(command: Command) {
+    this.source.send(this.session.request(JSON.stringify(command)));
+  }
+
+  /** Takes what the drive has sent. */
+  listen() {
+    for (const bytes of this.source.poll()) {
+      for (const message of JSON.parse(this.session.push(bytes)) as FromDrive[]) {
+        if ("reply" in message) this.answered(message.reply);
+        this.heard(message);
+      }
+    }
+    const now = performance.now();
+    for (const [sequence, { until, answer }] of this.waiting) {
+      if (now > until) {
+        this.waiting.delete(sequence);
+        answer(null);
+      }
+    }
+  }
+
+  private answered(reply: Reply) {
+    const waiting = this.waiting.get(reply.sequence);
+    this.waiting.delete(reply.sequence);
+    waiting?.answer(reply);
+  }
+
+  rows(): Float64Array {
+    return this.session.rows();
+  }
+
+  counts(): Counts {
+    return JSON.parse(this.session.counts()) as Counts;
+  }
+
+  close() {
+    for (const { answer } of this.waiting.values()) answer(null);
+    this.waiting.clear();
+    this.source.close();
+    this.session.free();
+  }
+}

@@ -1,0 +1,158 @@
+// The worker: source, session, heartbeat. The page only draws.
+
+import { initSync } from "scope";
+import type { Command, FromDrive, FromWorker, SourceChoice, ToWorker } from "../messages";
+import { Dialogue } from "./dialogue";
+import { Life } from "./life";
+import { open, type Source } from "./source";
+
+const TICK_MS = 5;
+const BEAT_MS = 20;
+const STATUS_MS = 100;
+const ROWS_MS = 33;
+const HELLO_MS = 500;
+/** Steps of the speed task from row to row: 1 kHz of the usual 5 kHz. */
+const DIVIDER = 5;
+
+let source: Source | null = null;
+let dialogue: Dialogue | null = null;
+let simulated = false;
+let inSession = false;
+/** This page has armed the drive, so it sends heartbeats. */
+let commands = false;
+let stopAsked: number | null = null;
+/** A new number with each source: answers of an older one do nothing. */
+let opened = 0;
+const life = new Life();
+const due = { hello: 0, beat: 0, status: 0, rows: 0, stop: 0 };
+
+const post = (message: FromWorker, transfer: Transferable[] = []) => postMessage(message, { transfer });
+const sentenceOf = (error: unknown) => (error instanceof Error ? error.message : String(error));
+
+function connection(open: boolean, sentence: string) {
+  post({ type: "connection", open, sentence, simulated });
+}
+
+async function choose(choice: SourceChoice) {
+  dialogue?.close();
+  dialogue = source = null;
+  inSession = commands = false;
+  stopAsked = null;
+  const mine = ++opened;
+  connection(false, "Connecting to the drive.");
+  try {
+    const next = await open(choice, (sentence) => {
+      if (mine === opened) lost(choice, sentence);
+    });
+    if (mine !== opened) return next.close();
+    source = next;
+    dialogue = new Dialogue(next, heard);
+  } catch (error) {
+    if (mine === opened) connection(false, sentenceOf(error));
+  }
+}
+
+function lost(choice: SourceChoice, sentence: string) {
+  if (choice.kind === "simulation") return post({ type: "notice", sentence });
+  dialogue?.close();
+  dialogue = source = null;
+  inSession = commands = false;
+  connection(false, sentence);
+}
+
+function heard(message: FromDrive) {
+  if ("stream" in message) return post({ type: "stream", stream: message.stream });
+  if (!("reply" in message)) return;
+  const { reply } = message;
+  if (reply.hello) {
+    inSession = true;
+    simulated = reply.hello.simulated;
+    dialogue?.tell({ command: "record", divider: DIVIDER });
+    connection(true, "");
+  } else if (reply.status && dialogue) {
+    if (reply.status.fault) commands = false;
+    post({ type: "status", status: reply.status, counts: dialogue.counts() });
+  } else if (reply.refused?.name === "no session" && inSession) {
+    // The drive has restarted.
+    inSession = commands = false;
+    connection(false, "The drive restarts.");
+  }
+}
+
+async function answer(id: number, command: Command) {
+  try {
+    if (!dialogue || !inSession) throw new Error("There is no drive yet.");
+    if (command.command === "arm") commands = true;
+    const reply = await dialogue.ask(command);
+    post({ type: "answer", id, reply, error: reply ? null : "The drive does not answer." });
+  } catch (error) {
+    post({ type: "answer", id, reply: null, error: sentenceOf(error) });
+  }
+}
+
+/** Sends a stop now and again until the drive confirms it. */
+function stop(now: number) {
+  due.stop = now + BEAT_MS;
+  commands = false;
+  const current = dialogue;
+  if (!current || !inSession) return;
+  void current.ask({ command: "stop" }).then((reply) => {
+    if (!reply?.done || stopAsked === null) return;
+    post({ type: "stopped", ms: performance.now() - stopAsked });
+    stopAsked = null;
+  });
+}
+
+function tick() {
+  const now = performance.now();
+  if (!dialogue) return;
+  if (commands && life.missing) {
+    stopAsked = now;
+    stop(now);
+    post({ type: "notice", sentence: "The page did not answer, so the drive was stopped." });
+  } else if (stopAsked !== null && now > due.stop) {
+    stop(now);
+  }
+  if (!inSession && now > due.hello) {
+    due.hello = now + HELLO_MS;
+    dialogue.tell({ command: "hello" });
+  }
+  if (inSession && commands && now > due.beat) {
+    due.beat = now + BEAT_MS;
+    dialogue.tell({ command: "heartbeat" });
+  }
+  if (inSession && now > due.status) {
+    due.status = now + STATUS_MS;
+    dialogue.tell({ command: "status" });
+  }
+  dialogue.listen();
+  if (now > due.rows) {
+    due.rows = now + ROWS_MS;
+    const rows = dialogue.rows();
+    if (rows.length > 0) post({ type: "rows", rows }, [rows.buffer]);
+    const machine = source?.machine();
+    if (machine) post({ type: "machine", machine });
+  }
+}
+
+onmessage = ({ data }: MessageEvent<ToWorker>) => {
+  switch (data.type) {
+    case "start":
+      initSync({ module: data.module });
+      setInterval(tick, TICK_MS);
+      break;
+    case "source":
+      void choose(data.source);
+      break;
+    case "ask":
+      void answer(data.id, data.command);
+      break;
+    case "stop":
+      stopAsked = performance.now();
+      stop(stopAsked);
+      break;
+    case "alive":
+      life.sign(data.hidden);
+      break;
+  }
+};

@@ -1,0 +1,38 @@
+// Opens the built page in Debian's Chromium. SCOPE_PAGE is the page's file, CHROMIUM another browser's program.
+import { chromium } from "playwright-core";
+import { pathToFileURL } from "node:url";
+
+const page = process.env.SCOPE_PAGE;
+if (!page) throw new Error("SCOPE_PAGE is not set: run `cargo xtask page --test`");
+
+export const launch = () =>
+  chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
+
+/** A tab with the page: its errors and the requests that left it are kept. */
+export async function open(browser, options = {}, address = pathToFileURL(page).href) {
+  const context = await browser.newContext(options);
+  const tab = await context.newPage();
+  const errors = [];
+  const requests = [];
+  tab.on("console", (message) => message.type() === "error" && errors.push(message.text()));
+  tab.on("pageerror", (error) => errors.push(String(error)));
+  tab.on("request", (request) => requests.push(request.url()));
+  await tab.goto(address);
+  await state(tab, "ready");
+  return { tab, errors, requests, context };
+}
+
+/** Waits for a state of the drive. */
+export async function state(tab, name, timeout = 20_000) {
+  await tab.locator("#state", { hasText: new RegExp(`^${name}$`) }).waitFor({ timeout });
+}
+
+export const button = (tab, name) => tab.getByRole("button", { name, exact: true });
+
+/** Arms and runs at the speeds that are set. */
+export async function run(tab) {
+  await button(tab, "Arm").click();
+  await tab.getByText("· armed").waitFor();
+  await button(tab, "Run").click();
+  await state(tab, "running");
+}

@@ -1,0 +1,112 @@
+import assert from "node:assert/strict";
+import { after, before, test } from "node:test";
+import { button, launch, open, run, state } from "./browser.mjs";
+
+let browser;
+before(async () => (browser = await launch()));
+after(async () => browser?.close());
+
+/** A test with a fresh tab. */
+const withTab = (name, body, options) =>
+  test(name, { timeout: 120_000 }, async (context) => {
+    const opened = await open(browser, options);
+    try {
+      await body(opened, context);
+      assert.deepEqual(opened.errors, []);
+    } finally {
+      await opened.context.close();
+    }
+  });
+
+withTab("the page opens from a file and asks no network", async ({ requests }) => {
+  const outside = requests.filter((url) => !/^(file|blob|data):/.test(url));
+  assert.deepEqual(outside, []);
+});
+
+withTab("nothing moves before the drive is armed", async ({ tab }) => {
+  assert.equal(await button(tab, "Run").isDisabled(), true);
+  assert.equal(await button(tab, "Move").isDisabled(), true);
+});
+
+for (const [name, stop] of [
+  ["the button", (tab) => button(tab, "STOP").click()],
+  ["Escape", (tab) => tab.keyboard.press("Escape")],
+  ["Space", (tab) => tab.keyboard.press("Space")],
+  [
+    "Escape in a text",
+    async (tab) => {
+      await tab.getByLabel("Search").focus();
+      await tab.keyboard.press("Escape");
+    },
+  ],
+]) {
+  withTab(`${name} stops`, async ({ tab }) => {
+    await run(tab);
+    await stop(tab);
+    await state(tab, "ready");
+    await tab.getByText("· not armed").waitFor();
+  });
+}
+
+withTab("a page that freezes leaves the drive at rest", async ({ tab }) => {
+  await run(tab);
+  await tab.evaluate(() => {
+    const until = performance.now() + 3000;
+    while (performance.now() < until);
+  });
+  await state(tab, "ready");
+  await tab.getByText("the drive was stopped").waitFor();
+});
+
+withTab("a cold drive aligns when it is armed", async ({ tab }) => {
+  await tab.getByLabel("rotor angles unknown").check();
+  await button(tab, "Switch a new machine on").click();
+  await state(tab, "unaligned");
+  await button(tab, "Arm").click();
+  await state(tab, "aligning");
+  await state(tab, "ready", 30_000);
+});
+
+withTab("a fault shows its cause, and a reset leaves it", async ({ tab }) => {
+  await run(tab);
+  await tab.getByLabel("Fault", { exact: true }).selectOption("driver-fault");
+  await button(tab, "Inject").click();
+  await state(tab, "fault");
+  const alert = await tab.getByRole("alert").innerText();
+  assert.ok(alert.length > 40, alert);
+  await tab.getByLabel("Fault", { exact: true }).selectOption("clear");
+  await button(tab, "Inject").click();
+  await button(tab, "Reset fault").click();
+  await state(tab, "ready");
+});
+
+withTab("a setting is found, changed and stored", async ({ tab }) => {
+  await tab.getByLabel("Search").fill("speed_rad_s");
+  const field = tab.getByLabel("tuning.speed_rad_s, rad/s");
+  const old = await field.inputValue();
+  await field.fill(String(Number(old) + 10));
+  await button(tab, "Set 1 changed").click();
+  await button(tab, "Set").click();
+  await button(tab, "Set 0 changed").waitFor();
+  assert.equal(await field.inputValue(), String(Number(old) + 10));
+});
+
+withTab("a value that a setting cannot have is refused with a sentence", async ({ tab }) => {
+  await tab.getByLabel("Search").fill("speed_rad_s");
+  await tab.getByLabel("tuning.speed_rad_s, rad/s").fill("-5");
+  await button(tab, "Set 1 changed").click();
+  await button(tab, "Set").click();
+  await tab.locator(".notice", { hasText: "speed_rad_s" }).waitFor();
+});
+
+withTab("the first visit shows that the double drive, once it has learned, ripples less", async ({ tab }) => {
+  const ripples = [];
+  for (const name of ["Run at 0 rpm", "Run at 500 rpm", "Learn, and run"]) {
+    await button(tab, name).click();
+    const step = tab.locator(".story li", { has: tab.locator("button", { hasText: name }) });
+    await step.getByText(/^Ripple/).waitFor({ timeout: 60_000 });
+    ripples.push(Number.parseFloat((await step.getByText(/^Ripple/).innerText()).replace("Ripple ", "")));
+  }
+  console.log("ripple by step, %:", ripples.join(", "));
+  assert.ok(ripples[2] < 0.5 * ripples[0], String(ripples));
+});
