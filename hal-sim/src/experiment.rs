@@ -328,6 +328,19 @@ pub fn table_velocities_through<E>(
     Ok(velocities)
 }
 
+/// Table velocity, mm/s, and nut speed, rpm, of the operating points of a fit record.
+pub const FIT: [(f64, f64); 6] = [
+    (2.5, 0.0),
+    (-2.5, 0.0),
+    (2.5, 300.0),
+    (-5.0, 300.0),
+    (8.0, 600.0),
+    (2.5, -400.0),
+];
+/// Those of the check record.
+pub const CHECK: [(f64, f64); 4] = [(3.5, 0.0), (-2.0, 200.0), (6.0, 450.0), (2.5, -250.0)];
+/// How long each is held, s.
+pub const HELD_S: f64 = 1.5;
 /// Length of a velocity record, s: at least one beat of the motors' harmonics, and what the reference figures use.
 pub const RECORD_S: f64 = 4.0;
 

@@ -369,7 +369,9 @@ pub fn measured_model_file(
     format!("{MEASURED}{}", model.to_toml())
 }
 
-fn sample(header: &Header, row: &Row, aligned: [Aligned; 2]) -> Sample {
+/// A row as a recording has it: `aligned` leads from encoder to rotor angles.
+#[must_use]
+pub fn sample(header: &Header, row: &Row, aligned: [Aligned; 2]) -> Sample {
     let axis = |k: usize, motor: &MotorRow| AxisSample {
         angle_rad: aligned[k].rotor_angle(motor.angle_rad, header.motors[k].pole_pairs),
         ia_a: motor.phases_a[0],

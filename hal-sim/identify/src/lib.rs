@@ -3,7 +3,6 @@
 
 pub mod analysis;
 pub mod balance;
-pub mod bench;
 pub mod conclusion;
 pub mod effects;
 pub mod html;

@@ -1,20 +1,24 @@
 //! A client of the link: requests as JSON to bytes, bytes to messages as JSON and rows.
 
+use crate::identification::{ROW, compensation, numbers};
 use crate::request::Request;
 use crate::signals::{COLUMNS, Columns};
 use anyhow::{Context, Result};
+use ddfeed::record::sample;
 use link::codes::{Fault, State};
 use link::host::client::unexpected;
 use link::host::session::Session;
 use link::host::status::{StatusReport, entry_json, event_json, fault_json};
 use link::host::{Count, Decoder};
-use link::message::{Command, DriveFrame, Event, Refusal, Reply};
+use link::message::{Aligned, Command, DriveFrame, Event, Refusal, Reply};
 use link::settings::{Setting, Settings, Value as SettingValue, WireValue};
 use link::telemetry::Frame;
 use serde_json::{Value, json};
 
 /// Rows that wait for the page: 10 s at 1 kHz. Older ones are dropped and counted.
 const WAITING_ROWS: usize = 10_000;
+/// Most values of a recording: two minutes at 5 kHz.
+const LONGEST_RECORDING: usize = 600_000 * ROW;
 
 /// A session with what it has received.
 #[derive(Debug)]
@@ -28,6 +32,10 @@ pub struct Client {
     columns: Columns,
     rows: Vec<f64>,
     dropped: u64,
+    /// How the encoders lie to their rotors.
+    aligned: [Aligned; 2],
+    /// Rows of the recording that is made.
+    recording: Option<Vec<f64>>,
 }
 
 impl Default for Client {
@@ -49,6 +57,8 @@ impl Client {
             columns: Columns::default(),
             rows: Vec::new(),
             dropped: 0,
+            aligned: [Aligned::Unknown; 2],
+            recording: None,
         }
     }
 
@@ -107,6 +117,11 @@ impl Client {
         let header = *decoder.header()?;
         let interval_s = decoder.interval_s()?;
         if let Some(row) = row {
+            if let Some(recording) = &mut self.recording
+                && recording.len() < LONGEST_RECORDING
+            {
+                recording.extend(numbers(&sample(&header, &row, self.aligned)));
+            }
             if self.rows.len() >= WAITING_ROWS * COLUMNS {
                 self.rows.drain(..COLUMNS);
                 self.dropped += 1;
@@ -143,6 +158,7 @@ impl Client {
                 "speed_hz": self.session.speed_hz(),
             }}),
             Reply::Status(status) => {
+                self.aligned = status.motors.map(|motor| motor.alignment);
                 let report = StatusReport::of(*status);
                 json!({ "status": report.json(&self.settings, self.session.simulated()) })
             }
@@ -177,6 +193,24 @@ impl Client {
     /// Takes the rows that came, [`COLUMNS`] values each.
     pub fn rows(&mut self) -> Vec<f64> {
         std::mem::take(&mut self.rows)
+    }
+
+    /// Begins a recording of the rows that come.
+    pub fn begin_recording(&mut self) {
+        self.recording = Some(Vec::new());
+    }
+
+    /// Ends the recording: its rows, [`ROW`] values each.
+    pub fn take_recording(&mut self) -> Vec<f64> {
+        self.recording.take().unwrap_or_default()
+    }
+
+    /// The settings that compensate what a model has. See [`compensation`].
+    ///
+    /// # Errors
+    /// As [`compensation`].
+    pub fn compensation(&self, model: &str) -> Result<Value> {
+        compensation(model, &self.settings)
     }
 
     /// How the line and the telemetry went.

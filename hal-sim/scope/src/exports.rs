@@ -2,7 +2,7 @@
 
 use crate::client::Client;
 use crate::simulated::Simulated;
-use crate::{analysis, schema, signals};
+use crate::{analysis, identification, schema, signals};
 use hal_sim::vrf;
 use serde_json::{Value, json};
 use wasm_bindgen::prelude::{JsError, wasm_bindgen};
@@ -60,6 +60,12 @@ impl SimulatedDrive {
         self.0.ms() as f64
     }
 
+    /// See [`Simulated::declared`].
+    #[must_use]
+    pub fn declared(&self) -> String {
+        self.0.declared()
+    }
+
     /// See [`Simulated::machine`].
     #[must_use]
     pub fn machine(&self) -> String {
@@ -105,11 +111,47 @@ impl Session {
         self.0.rows()
     }
 
+    /// See [`Client::begin_recording`].
+    pub fn begin_recording(&mut self) {
+        self.0.begin_recording();
+    }
+
+    /// See [`Client::take_recording`].
+    pub fn take_recording(&mut self) -> Vec<f64> {
+        self.0.take_recording()
+    }
+
+    /// See [`Client::compensation`].
+    ///
+    /// # Errors
+    /// As [`Client::compensation`].
+    pub fn compensation(&self, model: &str) -> Result<String, JsError> {
+        let found = self.0.compensation(model).map_err(|error| thrown(&error))?;
+        Ok(found.to_string())
+    }
+
     /// See [`Client::counts`].
     #[must_use]
     pub fn counts(&self) -> String {
         self.0.counts().to_string()
     }
+}
+
+/// See [`identification::operating_points`].
+#[wasm_bindgen]
+#[must_use]
+pub fn operating_points() -> String {
+    identification::operating_points().to_string()
+}
+
+/// See [`identification::identify`].
+///
+/// # Errors
+/// As [`identification::identify`].
+#[wasm_bindgen]
+pub fn identify(declared: &str, fit: &[f64], check: &[f64]) -> Result<String, JsError> {
+    let found = identification::identify(declared, fit, check).map_err(|error| thrown(&error))?;
+    Ok(found.to_string())
 }
 
 /// See [`signals::list`].

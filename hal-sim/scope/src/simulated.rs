@@ -20,6 +20,7 @@ const LONGEST_MS: u32 = 60_000;
 #[derive(Debug)]
 pub struct Simulated {
     setup: Setup,
+    declared: Model,
     serving: Serving,
     lines: BTreeMap<u32, LineId>,
     next: u32,
@@ -52,6 +53,7 @@ impl Simulated {
     /// There is no such board, or `added` is no list of effects.
     pub fn new(board: &str, cold: bool, added: &str) -> Result<Self> {
         let mut setup = setup(board)?;
+        let declared = setup.model.clone();
         setup.model.effects.extend(effects(added)?);
         let drive = if cold {
             SimulatedDrive::cold(&Start::anywhere(&setup))
@@ -61,6 +63,7 @@ impl Simulated {
         let drive = drive.with_context(|| format!("no drive fits the board {board}"))?;
         Ok(Self {
             setup,
+            declared,
             serving: Serving::new(drive),
             lines: BTreeMap::new(),
             next: 0,
@@ -110,6 +113,12 @@ impl Simulated {
     #[must_use]
     pub fn ms(&self) -> u64 {
         self.serving.ms()
+    }
+
+    /// The model file of the machine without the effects that were added.
+    #[must_use]
+    pub fn declared(&self) -> String {
+        self.declared.to_toml()
     }
 
     /// The machine as it is, not as its sensors show it.

@@ -1,5 +1,6 @@
 //! How smooth the table moves, and what a drive compensates of its ripple.
 
+pub mod kept;
 pub mod known;
 
 use crate::drive::Drive;

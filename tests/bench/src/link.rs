@@ -5,7 +5,7 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use clap::Args;
-use ddfeed::drive::connect::{Drive, by_serial, by_tcp};
+use ddfeed::drive::connect::{Drive, SentLine, by_serial, by_tcp};
 use ddfeed::drive::motion::{BEAT, rest, run_at};
 use link::codes::State;
 use link::host::Decoder;
@@ -174,7 +174,7 @@ impl Served {
         Ok(word.context("`serve` did not start")?.to_owned())
     }
 
-    fn lines(&self) -> Vec<(&'static str, Result<Box<dyn Line>>)> {
+    fn lines(&self) -> Vec<(&'static str, Result<SentLine>)> {
         let mut lines = vec![("TCP", by_tcp(&self.address))];
         if let Some(terminal) = &self.terminal {
             // A pseudo-terminal takes any rate.
@@ -218,7 +218,7 @@ impl Line for CountedLine {
 
 impl Counted {
     /// Of a drive that is ready.
-    fn open(line: Result<Box<dyn Line>>) -> Result<Self> {
+    fn open(line: Result<SentLine>) -> Result<Self> {
         let bytes = Rc::new(Cell::new(0));
         let line: Box<dyn Line> = Box::new(CountedLine {
             line: line?,

@@ -13,6 +13,7 @@ use clap::Args;
 use control::plate::DrivePlate;
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
 use hal_sim::hold_ripple::{Hold, holds, recorded, ripple_interval_s};
+use hal_sim::smooth::kept::{compensated, leave_out_lost};
 use hal_sim::smooth::known::Known;
 use link::host::settings::{of_toml, some_to_toml};
 use link::settings::{Setting, Settings};
@@ -97,7 +98,7 @@ fn find(options: &CompensateOptions) -> Result<Compensation> {
         }
     };
     if let Some(file) = &options.settings {
-        let settings = Settings::of_plate(&worth::compensated(&plain, &known));
+        let settings = Settings::of_plate(&compensated(&plain, &known));
         crate::output::put_new(file, &some_to_toml(&settings, Setting::compensates))?;
     }
     Ok(Compensation {
@@ -117,7 +118,7 @@ fn searched(file: &Path, setup: &Setup, known: Known) -> Result<(Known, Orders)>
         left: Vec::new(),
         ..known
     };
-    worth::leave_out_lost(setup, &mut known);
+    leave_out_lost(&setup.model, &mut known);
     Ok((known, shown))
 }
 

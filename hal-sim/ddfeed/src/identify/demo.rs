@@ -3,7 +3,9 @@
 use super::{IdentifyOptions, trace};
 use crate::output::{Folder, refuse_inputs};
 use anyhow::{Context, Result};
-use hal_sim::experiment::{OperatingPoint, RPM, Recorder, Setup, settle_quietly};
+use hal_sim::experiment::{
+    CHECK, FIT, HELD_S, OperatingPoint, RPM, Recorder, Setup, settle_quietly,
+};
 use identify::records::{Mapping, OnFault};
 use identify::run::Task;
 use indicatif::{ProgressBar, ProgressStyle};
@@ -13,18 +15,6 @@ use plant::model::Model;
 use plant::recording::Recording;
 use std::time::SystemTime;
 
-/// Table velocity, mm/s, and nut speed, rpm, of the operating points of either record.
-pub(super) const FIT: [(f64, f64); 6] = [
-    (2.5, 0.0),
-    (-2.5, 0.0),
-    (2.5, 300.0),
-    (-5.0, 300.0),
-    (8.0, 600.0),
-    (2.5, -400.0),
-];
-pub(super) const CHECK: [(f64, f64); 4] = [(3.5, 0.0), (-2.0, 200.0), (6.0, 450.0), (2.5, -250.0)];
-/// How long each is held, s.
-pub(super) const HELD_S: f64 = 1.5;
 /// Ramp from one to the next, s.
 const RAMP_S: f64 = 0.25;
 

@@ -3,7 +3,6 @@
 pub mod channels;
 pub mod curves;
 pub(crate) mod figures;
-pub(crate) mod judge;
 pub mod outcome;
 pub(crate) mod recalibrated;
 pub(crate) mod remains;

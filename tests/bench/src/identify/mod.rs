@@ -1,16 +1,20 @@
 //! `cargo xtask bench identify`: the identification against its goals.
 
 mod alone;
+pub mod attacks;
 mod clean;
 #[cfg(test)]
 mod coverage_test;
+pub mod figures;
+mod judge;
 mod outside;
 mod outside_axes;
+mod real;
 mod wrong_data;
 
 use anyhow::{Context, Result};
 use clap::{Args, ValueEnum};
-use identify::bench::Figures;
+use figures::Figures;
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use xtask::tools::{root, target_folder};
@@ -115,14 +119,13 @@ pub fn run(options: &BenchOptions) -> Result<()> {
         more["wrong_data"] = json!(wrong_data::measure(wrong[0], wrong[1])?);
     }
     if is_asked(Part::Real) {
-        more["real"] = json!(identify::bench::real::real(&shared.join("measured")));
+        more["real"] = json!(real::real(&shared.join("measured")));
     }
     if is_asked(Part::Thin) {
-        more["thin"] = json!(identify::bench::attacks::thin(options.first as u64, thin));
+        more["thin"] = json!(attacks::thin(options.first as u64, thin));
     }
     if is_asked(Part::Attacks) {
-        let (attacks, curves) =
-            identify::bench::attacks::attacks(options.first as u64, rounds, every);
+        let (attacks, curves) = attacks::attacks(options.first as u64, rounds, every);
         (more["attacks"], more["curves"]) = (json!(attacks), json!(curves));
     }
     let json = figures.as_ref().map_or_else(|| json!({}), Figures::json);

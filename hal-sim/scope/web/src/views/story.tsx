@@ -1,5 +1,5 @@
 import { signal } from "@preact/signals";
-import { connection, notice, status, stops } from "../drive";
+import { connection, notice, status, stop, stops } from "../drive";
 import { quantity } from "../format";
 import { before, measure, type Ripple } from "../ripple";
 import { change, held } from "../settings";
@@ -45,6 +45,7 @@ const is = (...states: string[]) => connection.value.open && states.includes(sta
 async function learn(on: boolean) {
   const now = Number(held.value.get(LEARNING) ?? 0) > 0;
   if (now === on) return;
+  if (!is("ready", "unaligned")) stop();
   await reached("ready", () => is("ready", "unaligned"), 20);
   if (!(await change(new Map([[LEARNING, on ? "0.5" : "0"]])))) throw new Error("The setting was not taken.");
   // The drive restarts, and the page reads its settings again.

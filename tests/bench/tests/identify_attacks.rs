@@ -1,6 +1,6 @@
 //! A sample of the attacks; `cargo xtask bench identify --only attacks --long` runs all of them on several machines.
 
-use identify::bench::attacks::{attacks, thin};
+use bench::identify::attacks::{attacks, thin};
 
 #[test]
 fn nothing_is_said_too_surely() {

@@ -3,9 +3,9 @@
 //!
 //! Every quantity is in amperes of torque-making current: the torque constant is 1.
 
-use crate::machines::motor::{MotorModel, Record, Study};
-use crate::records::DataQuality;
-use crate::report::{Report, motor};
+use identify::machines::motor::{MotorModel, Record, Study};
+use identify::records::DataQuality;
+use identify::report::{Report, motor};
 use rand::{RngExt, SeedableRng};
 use rand_xoshiro::Xoshiro256PlusPlus;
 use serde::Serialize;
@@ -309,7 +309,7 @@ impl Said {
 
     /// Names that are not there.
     fn false_names(&self, kind: Kind) -> usize {
-        let is_there = |effect: &crate::report::Effect| match (effect.kind.as_str(), kind) {
+        let is_there = |effect: &identify::report::Effect| match (effect.kind.as_str(), kind) {
             ("measured", _) => true,
             ("reported_current_lag", Kind::Lag(tau)) => {
                 (effect.parameters["value"] / tau - 1.0).abs() < 0.2

@@ -1,9 +1,9 @@
 //! Real machines of other people: what is said of them, and the error on records that were not fitted.
 
-use crate::machines::motor::{self, MotorModel, Study};
-use crate::records::{How, Mapping, OnFault, load};
-use crate::report::{self, Report};
-use crate::run::Task;
+use identify::machines::motor::{self, MotorModel, Study};
+use identify::records::{How, Mapping, OnFault, load};
+use identify::report::{self, Report};
+use identify::run::Task;
 use serde::Serialize;
 use std::error::Error;
 use std::path::{Path, PathBuf};
@@ -50,7 +50,7 @@ fn mech467(folder: &Path, fit: &[u32], check: &[u32]) -> Result<Report, Box<dyn 
         let file = |speed: &u32| folder.join(format!("mech467/{speed}_mmps.mat"));
         speeds.iter().map(file).collect()
     };
-    let mapping = include_str!("../../mappings/mech467.toml");
+    let mapping = include_str!("../../../../hal-sim/identify/mappings/mech467.toml");
     let task = Task {
         model: Path::new(env!("CARGO_MANIFEST_DIR")).join("mappings/mech467-model.toml"),
         fit: files(fit),
@@ -85,8 +85,8 @@ fn pair(folder: &Path, mapping: &str, fit: &str, check: &str) -> Result<Report, 
 /// All that are in `folder`; what is not there is skipped and named on standard error.
 pub fn real(folder: &Path) -> Vec<Real> {
     let (drive, laas) = (
-        include_str!("../../mappings/odrive.toml"),
-        include_str!("../../mappings/laas-acc.toml"),
+        include_str!("../../../../hal-sim/identify/mappings/odrive.toml"),
+        include_str!("../../../../hal-sim/identify/mappings/laas-acc.toml"),
     );
     let reports = [
         (

@@ -1,7 +1,7 @@
 //! On the recordings and measured data beside the project; ignored by name where they are absent.
 
+use bench::identify::figures::measured_pairs;
 use identify::analysis::analyse;
-use identify::bench::measured_pairs;
 use identify::conclusion::verdict::Verdict;
 use identify::machines::feed_axis::{Axis, Law, Record, Study};
 use identify::machines::motor;

@@ -1,15 +1,12 @@
 //! The figures that the tool is held to, on the data beside the project.
 
-pub mod attacks;
-pub mod real;
-
-use crate::analysis::{Outcome, analyse};
-use crate::conclusion::judge::right;
-use crate::machines::feed_axis::{self, Axis};
-use crate::machines::motor::{self, MotorModel};
-use crate::paper;
-use crate::records::{How, LoadError, Mapping, OnFault, load};
+use super::judge::right;
 use cpu_time::ThreadTime;
+use identify::analysis::{Outcome, analyse};
+use identify::machines::feed_axis::{self, Axis};
+use identify::machines::motor::{self, MotorModel};
+use identify::paper;
+use identify::records::{How, LoadError, Mapping, OnFault, load};
 use plant::model::Model;
 use plant::recording::Recording;
 use serde::Serialize;
@@ -200,9 +197,9 @@ fn motor_figures(folder: &Path) -> Option<MotorFigures> {
 /// Fits and checks on the records in `folder`, an ODrive's and LAAS's; what is not there is skipped and named.
 pub fn measured_pairs(folder: &Path) -> Vec<MeasuredPair> {
     let (drive, map, laas) = (
-        include_str!("../../mappings/odrive.toml"),
-        include_str!("../../mappings/odrive-map.toml"),
-        include_str!("../../mappings/laas-acc.toml"),
+        include_str!("../../../../hal-sim/identify/mappings/odrive.toml"),
+        include_str!("../../../../hal-sim/identify/mappings/odrive-map.toml"),
+        include_str!("../../../../hal-sim/identify/mappings/laas-acc.toml"),
     );
     let pairs = [
         (

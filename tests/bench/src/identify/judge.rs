@@ -1,6 +1,6 @@
 //! Whether what was found on a machine is what it has. The answers are read to judge, by who runs the bench.
 
-use crate::analysis::{Found, Outcome};
+use identify::analysis::{Found, Outcome};
 use serde_json::Value;
 
 /// Values may be off by this share.
