@@ -3,6 +3,7 @@
 use crate::mt6835;
 use control::encoder::Interface;
 use control::plate::EncoderPlate;
+use plant::Axis;
 use plant::model::{EncoderKind, Model, SensingModel};
 use rand_distr::{Distribution, StandardNormal};
 use rand_xoshiro::Xoshiro256PlusPlus;
@@ -142,14 +143,18 @@ impl Sensors {
     /// What a model file says of them, beside rates.
     #[must_use]
     pub fn described(&self, rates: SensingModel) -> SensingModel {
-        let [encoder, _] = &self.encoders;
+        let [screw, nut] = &self.encoders;
+        let kind = |encoder: &EncoderPlate| match encoder.interface {
+            Interface::Incremental => EncoderKind::Incremental,
+            Interface::IncrementalWithIndex => EncoderKind::Index,
+            Interface::Mt6835 => EncoderKind::Absolute,
+        };
         SensingModel {
-            encoder_counts_per_turn: encoder.counts_per_turn,
-            encoder: match encoder.interface {
-                Interface::Incremental => EncoderKind::Incremental,
-                Interface::IncrementalWithIndex => EncoderKind::Index,
-                Interface::Mt6835 => EncoderKind::Absolute,
-            },
+            encoder_counts_per_turn: screw.counts_per_turn,
+            encoder: kind(screw),
+            nut_encoder_counts_per_turn: Some(nut.counts_per_turn)
+                .filter(|counts| *counts != screw.counts_per_turn),
+            nut_encoder: Some(kind(nut)).filter(|nut| *nut != kind(screw)),
             current_lsb_a: self.current.per_count.abs(),
             current_noise_a: self.current.noise * self.current.per_count.abs(),
             table_noise_m: self.scale_noise_m,
@@ -161,10 +166,17 @@ impl Sensors {
     #[must_use]
     pub fn declared(model: &Model) -> Self {
         let (sensing, installation) = (&model.sensing, &model.installation);
-        let interface = match sensing.encoder {
-            EncoderKind::Incremental => Interface::Incremental,
-            EncoderKind::Index => Interface::IncrementalWithIndex,
-            EncoderKind::Absolute => Interface::Mt6835,
+        let encoder = |axis| {
+            let [encoder, _] = incremental(sensing.counts_per_turn(axis));
+            let interface = match sensing.encoder_kind(axis) {
+                EncoderKind::Incremental => Interface::Incremental,
+                EncoderKind::Index => Interface::IncrementalWithIndex,
+                EncoderKind::Absolute => Interface::Mt6835,
+            };
+            EncoderPlate {
+                interface,
+                ..encoder
+            }
         };
         let current = if sensing.current_lsb_a > 0.0 {
             Adc::bipolar(
@@ -176,10 +188,7 @@ impl Sensors {
             Self::ideal().current
         };
         Self {
-            encoders: incremental(sensing.encoder_counts_per_turn).map(|encoder| EncoderPlate {
-                interface,
-                ..encoder
-            }),
+            encoders: Axis::ALL.map(encoder),
             current,
             bus: Adc::unipolar(12, BUS_RANGE * installation.bus_v, 0.5),
             scale_count_m: installation.scale_count_m,

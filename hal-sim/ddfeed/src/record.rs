@@ -8,11 +8,12 @@ use commission::{Estimate, electrical::MotorElectrical};
 use link::host::{Count, Decoder, MotorRow, Row};
 use link::message::Aligned;
 #[cfg(feature = "cli")]
-use link::settings::{EncoderInterface, Settings};
+use link::settings::EncoderInterface;
+use link::settings::Settings;
 use link::telemetry::{Header, Request};
 use plant::model::Model;
 #[cfg(feature = "cli")]
-use plant::model::{EncoderKind, MeasuredModel, MeasuredMotor};
+use plant::model::{EncoderKind, MeasuredModel, MeasuredMotor, SensingModel};
 use plant::recording::{AxisSample, RecordingWriter, Sample};
 use std::fmt;
 
@@ -35,7 +36,7 @@ pub struct Summary {
 pub struct Recorder {
     writer: RecordingWriter,
     decoder: Option<Decoder>,
-    aligned: [Aligned; 2],
+    encoders: [EncoderFrame; 2],
     rate_hz: f64,
     bytes: u64,
     first_s: Option<f64>,
@@ -68,7 +69,7 @@ impl Recorder {
         Self {
             writer,
             decoder: None,
-            aligned: [Aligned::Unknown; 2],
+            encoders: [EncoderFrame::default(); 2],
             rate_hz,
             bytes: 0,
             first_s: None,
@@ -108,9 +109,9 @@ impl Recorder {
         self.decoder = Some(Decoder::new(request));
     }
 
-    /// How the encoders of screw and nut lie to their rotors: the angles that are written are the rotors'.
-    pub fn align(&mut self, aligned: [Aligned; 2]) {
-        self.aligned = aligned;
+    /// How the encoders of screw and nut lead to their rotors' angles, which are written.
+    pub fn align(&mut self, encoders: [EncoderFrame; 2]) {
+        self.encoders = encoders;
     }
 
     /// Takes what came, in pieces of any length.
@@ -121,7 +122,7 @@ impl Recorder {
         let Self {
             writer,
             decoder,
-            aligned,
+            encoders,
             first_s,
             last_s,
             whole_from_s,
@@ -143,7 +144,7 @@ impl Recorder {
             first_s.get_or_insert(row.time_s);
             *last_s = row.time_s;
             *whole_s = whole_s.max(row.time_s - *whole_from_s);
-            let sample = sample(header, row, *aligned);
+            let sample = sample(header, row, *encoders);
             let Some(waiting) = gate else {
                 *written += 1;
                 return writer.write(&sample);
@@ -289,26 +290,22 @@ pub fn model(header: &Header, interval_s: f64) -> Model {
     model.sensing.sample_hz = 1.0 / interval_s;
     model.sensing.control_hz = 1.0 / header.period_s.get();
     model.sensing.encoder_counts_per_turn = screw.encoder_counts;
+    model.sensing.nut_encoder_counts_per_turn =
+        Some(nut.encoder_counts).filter(|counts| *counts != screw.encoder_counts);
     model.sensing.current_lsb_a = header.current_lsb_a.get();
     model
 }
 
-/// What both encoders of a drive know when power comes up: of two kinds, the one that knows less.
+/// Sets what each encoder of a drive knows when power comes up.
 #[cfg(feature = "cli")]
-#[must_use]
-pub fn encoder_kind(settings: &Settings) -> EncoderKind {
-    let has = |interface| {
-        [&settings.screw, &settings.nut]
-            .iter()
-            .any(|motor| motor.encoder.interface == interface)
-    };
-    if has(EncoderInterface::Incremental) {
-        EncoderKind::Incremental
-    } else if has(EncoderInterface::IncrementalWithIndex) {
-        EncoderKind::Index
-    } else {
-        EncoderKind::Absolute
-    }
+pub fn set_encoder_kinds(sensing: &mut SensingModel, settings: &Settings) {
+    let [screw, nut] =
+        [&settings.screw, &settings.nut].map(|motor| match motor.encoder.interface {
+            EncoderInterface::Incremental => EncoderKind::Incremental,
+            EncoderInterface::IncrementalWithIndex => EncoderKind::Index,
+            EncoderInterface::Mt6835 => EncoderKind::Absolute,
+        });
+    (sensing.encoder, sensing.nut_encoder) = (screw, Some(nut).filter(|nut| *nut != screw));
 }
 
 /// What stands above the model of a commissioned drive.
@@ -331,7 +328,7 @@ pub fn measured_model_file(
     bus_v: f64,
 ) -> String {
     let mut model = model(header, interval_s);
-    model.sensing.encoder = encoder_kind(settings);
+    set_encoder_kinds(&mut model.sensing, settings);
     model.installation.bus_v = bus_v;
     model.installation.scale_count_m = header.scale_count_m.get();
     let travel = model.feed.travel_per_radian();
@@ -369,11 +366,43 @@ pub fn measured_model_file(
     format!("{MEASURED}{}", model.to_toml())
 }
 
-/// A row as a recording has it: `aligned` leads from encoder to rotor angles.
+/// How an encoder's reading leads to the rotor's angle at the instant of the currents.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EncoderFrame {
+    /// How the encoder lies to its rotor.
+    pub aligned: Aligned,
+    /// How much earlier than the currents it is read, s.
+    pub age_s: f64,
+}
+
+impl EncoderFrame {
+    /// Of both motors of a drive.
+    #[must_use]
+    pub fn both(aligned: [Aligned; 2], settings: &Settings) -> [Self; 2] {
+        let ages = [&settings.screw, &settings.nut].map(|motor| 1e-6 * motor.encoder.age_us);
+        [0, 1].map(|k| Self {
+            aligned: aligned[k],
+            age_s: ages[k],
+        })
+    }
+}
+
+/// How much older than the row each motor's sample is, PWM periods. The speed task makes the row after the screw's sample; the nut's
+/// timer runs half a period apart (`firmware/src/hw/pwm.rs`).
+const OLDER_PERIODS: [f64; 2] = [0.0, 0.5];
+
+/// A row as a recording has it, with the rotors' angles at the row's instant.
 #[must_use]
-pub fn sample(header: &Header, row: &Row, aligned: [Aligned; 2]) -> Sample {
+pub fn sample(header: &Header, row: &Row, encoders: [EncoderFrame; 2]) -> Sample {
+    let angle = |k: usize, motor: &MotorRow| {
+        let EncoderFrame { aligned, age_s } = encoders[k];
+        let age_s = age_s + OLDER_PERIODS[k] * header.period_s.get();
+        // A motor follows its reference closely: what is left of a few microseconds is far below a count.
+        aligned.rotor_angle(motor.angle_rad, header.motors[k].pole_pairs)
+            + age_s * motor.speed_ref_rad_s
+    };
     let axis = |k: usize, motor: &MotorRow| AxisSample {
-        angle_rad: aligned[k].rotor_angle(motor.angle_rad, header.motors[k].pole_pairs),
+        angle_rad: angle(k, motor),
         ia_a: motor.phases_a[0],
         ib_a: motor.phases_a[1],
         ud_v: motor.voltage_v[0],

@@ -8,7 +8,8 @@ use crate::regression::normal::Normal;
 use crate::signal::fourier::Fourier;
 use crate::signal::noise::declared_resonance_hz;
 use crate::signal::signals::Signals;
-use plant::effects::EffectModel;
+use crate::signal::signals::coarsest;
+use plant::effects::{AnyEffect, EffectModel};
 use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::{PI, TAU};
@@ -59,7 +60,7 @@ impl Base {
     pub fn new(balance: &Balance) -> Self {
         let machine = balance.signals.machine;
         let feed = machine.has_feed();
-        let counts = balance.model.sensing.encoder_counts_per_turn;
+        let counts = coarsest(&balance.model.sensing);
         let count_m = balance.lead.abs() * TAU / f64::from(counts);
         let rounding = rests(balance.signals).into_iter().flat_map(|(from, to)| {
             [
@@ -122,6 +123,18 @@ fn rests(signals: &Signals) -> Vec<(usize, usize)> {
         .collect()
 }
 
+/// How much the declared errors of encoders and lead can change the table's place against the angles, m.
+fn declared_reading_error_m(balance: &Balance) -> f64 {
+    let lead = balance.lead.abs();
+    let effects = balance.model.effects.iter();
+    let errors = effects.map(|effect| match effect.effect() {
+        AnyEffect::EncoderEccentricity(error) => lead * error.amplitude.abs(),
+        AnyEffect::LeadError(error) => error.amplitude.abs(),
+        _ => 0.0,
+    });
+    2.0 * errors.sum::<f64>()
+}
+
 /// How far the zero of the table's scale may be from where the first row has it, m. Where the table sinks onto its spring
 /// within the first 50 ms, as it does when a run starts with the load put on a relaxed screw, the first row is a sampling
 /// period at most after that.
@@ -134,8 +147,10 @@ fn origin_within(balance: &Balance) -> f64 {
     let settled = (rows / 2..rows).map(error).sum::<f64>() / (rows - rows / 2) as f64;
     let feed = &balance.model.feed;
     let sag = feed.load_n.abs() / feed.axial_stiffness_n_per_m;
-    let sinks =
-        (settled - error(0)).abs() > 0.3 * sag && sag > 5.0 * balance.model.sensing.table_noise_m;
+    // Declared errors of the readings change as much while the shafts turn.
+    let readings = declared_reading_error_m(balance);
+    let sinks = (settled - error(0)).abs() > 0.3 * sag + readings
+        && sag > 5.0 * balance.model.sensing.table_noise_m;
     if !sinks {
         return ANYWHERE;
     }

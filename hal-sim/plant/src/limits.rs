@@ -83,6 +83,11 @@ pub(crate) fn pole_pairs<'de, D: Deserializer<'de>>(input: D) -> Result<u32, D::
     })
 }
 
+/// As [`counts`], of a key that may be left out.
+pub(crate) fn some_counts<'de, D: Deserializer<'de>>(input: D) -> Result<Option<u32>, D::Error> {
+    counts(input).map(Some)
+}
+
 /// Accepts the counts per turn of an encoder, up to 31 bits.
 pub(crate) fn counts<'de, D: Deserializer<'de>>(input: D) -> Result<u32, D::Error> {
     input.deserialize_i64(Count {

@@ -4,7 +4,7 @@ use crate::identification::{ROW, compensation, numbers};
 use crate::request::Request;
 use crate::signals::{COLUMNS, Columns};
 use anyhow::{Context, Result};
-use ddfeed::record::sample;
+use ddfeed::record::{EncoderFrame, sample};
 use link::codes::{Fault, State};
 use link::host::client::unexpected;
 use link::host::session::Session;
@@ -120,7 +120,11 @@ impl Client {
             if let Some(recording) = &mut self.recording
                 && recording.len() < LONGEST_RECORDING
             {
-                recording.extend(numbers(&sample(&header, &row, self.aligned)));
+                recording.extend(numbers(&sample(
+                    &header,
+                    &row,
+                    EncoderFrame::both(self.aligned, &self.settings),
+                )));
             }
             if self.rows.len() >= WAITING_ROWS * COLUMNS {
                 self.rows.drain(..COLUMNS);

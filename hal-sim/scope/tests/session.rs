@@ -2,6 +2,7 @@
 
 use scope::analysis::ripple;
 use scope::client::Client;
+use scope::identification::{identify, operating_points};
 use scope::signals::COLUMNS;
 use scope::simulated::Simulated;
 use serde_json::Value;
@@ -15,7 +16,11 @@ struct Page {
 
 impl Page {
     fn new(cold: bool) -> Self {
-        let mut drive = Simulated::new("mains", cold, "").unwrap();
+        Self::with("mains", cold, "")
+    }
+
+    fn with(board: &str, cold: bool, effects: &str) -> Self {
+        let mut drive = Simulated::new(board, cold, effects).unwrap();
         let line = drive.open();
         let mut page = Self {
             drive,
@@ -58,6 +63,17 @@ impl Page {
         replies
             .find(|reply| reply["sequence"] == sequence)
             .unwrap_or_else(|| panic!("no answer to {request}"))
+    }
+
+    fn read_settings(&mut self) {
+        let mut from = 0;
+        loop {
+            let some = self.ask(&format!(r#"{{"command":"settings","from":{from}}}"#));
+            let Some(last) = some["settings"].as_array().unwrap().last() else {
+                return;
+            };
+            from = last["id"].as_u64().unwrap() + 1;
+        }
     }
 
     fn state(&mut self) -> String {
@@ -164,4 +180,99 @@ fn another_client_may_stop_what_it_does_not_command() {
     }
     page.advance(2000);
     assert_eq!(page.state(), "ready");
+}
+
+impl Page {
+    /// Runs through operating points of table velocity and common speed, recorded at the full rate.
+    fn record(&mut self, points: &Value, held_s: f64) -> Vec<f64> {
+        self.client.begin_recording();
+        for point in points.as_array().unwrap() {
+            let run = format!(
+                r#"{{"command":"run","velocity_mm_s":{},"common_speed_rpm":{}}}"#,
+                point[0], point[1]
+            );
+            assert_eq!(self.ask(&run)["done"], true, "{run}");
+            self.advance((1e3 * held_s) as u32);
+        }
+        self.client.take_recording()
+    }
+
+    /// Ripple of 2 s at 2.5 mm/s and 500 rpm, %.
+    fn ripple(&mut self) -> f64 {
+        let run = r#"{"command":"run","velocity_mm_s":2.5,"common_speed_rpm":500}"#;
+        assert_eq!(self.ask(run)["done"], true);
+        self.advance(3000);
+        self.rows.clear();
+        self.advance(2000);
+        let table: Vec<f64> = self
+            .rows
+            .chunks(COLUMNS)
+            .map(|row| 1e-3 * row[17])
+            .collect();
+        ripple(&table, 2e-4).unwrap()["vrf_percent"]
+            .as_f64()
+            .unwrap()
+    }
+}
+
+/// The first visit: an unknown cogging torque is recorded, named and compensated.
+#[test]
+fn a_cogging_torque_is_recorded_named_and_compensated() {
+    let cogging = "[[effects]]\nkind = \"cogging\"\nwhere = \"screw\"\norder = 12\namplitude = 0.03\nphase = 0.4\n";
+    let mut page = Page::with("mains", false, cogging);
+    page.advance(400);
+    page.read_settings();
+    page.ask(r#"{"command":"arm"}"#);
+    page.ask(r#"{"command":"record","divider":1}"#);
+    page.ask(r#"{"command":"status"}"#);
+    let before = page.ripple();
+    let points = operating_points();
+    let held_s = points["held_s"].as_f64().unwrap() + 0.25;
+    let fit = page.record(&points["fit"], held_s);
+    let check = page.record(&points["check"], held_s);
+    page.ask(r#"{"command":"stop"}"#);
+    let found = identify(&page.drive.declared(), &fit, &check).unwrap();
+    println!("{}", found["report"]["summary"]);
+    let effects = found["report"]["effects"].as_array().unwrap();
+    let names: Vec<String> = effects
+        .iter()
+        .map(|one| {
+            format!(
+                "{} {} {} {}",
+                one["kind"], one["where"], one["order"], one["parameters"]
+            )
+        })
+        .collect();
+    println!("{names:#?}");
+    assert!(
+        effects.iter().any(|effect| effect["kind"] == "cogging"
+            && effect["where"] == "screw"
+            && effect["order"]
+                .as_f64()
+                .is_some_and(|order| (order - 12.0).abs() < 0.05)),
+        "{names:#?}"
+    );
+    let settings = page
+        .client
+        .compensation(found["model"].as_str().unwrap())
+        .unwrap();
+    for (name, value) in settings["settings"].as_object().unwrap() {
+        let draft = format!(r#"{{"command":"draft","name":"{name}","value":{value}}}"#);
+        assert_eq!(page.ask(&draft)["done"], true, "{draft}");
+    }
+    page.advance(2000);
+    assert_eq!(page.ask(r#"{"command":"commit"}"#)["done"], true);
+    page.advance(1000);
+    assert_eq!(
+        page.ask(r#"{"command":"hello"}"#)["hello"]["simulated"],
+        true
+    );
+    page.advance(1000);
+    page.ask(r#"{"command":"arm"}"#);
+    page.ask(r#"{"command":"record","divider":1}"#);
+    // The tables are checked against the machine before they act in full.
+    page.ripple();
+    let after = page.ripple();
+    println!("ripple before {before} %, after {after} %");
+    assert!(after < 0.3 * before, "{before} % before, {after} % after");
 }

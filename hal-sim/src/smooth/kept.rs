@@ -38,7 +38,7 @@ fn whole_orders(known: &mut Known) {
 /// whole orders of that alone.
 pub fn leave_out_lost(model: &Model, known: &mut Known) {
     whole_orders(known);
-    let incremental = model.sensing.encoder == EncoderKind::Incremental;
+    let incremental = |axis| model.sensing.encoder_kind(axis) == EncoderKind::Incremental;
     let Known {
         compensation, left, ..
     } = known;
@@ -62,13 +62,13 @@ pub fn leave_out_lost(model: &Model, known: &mut Known) {
                 let what = format!("the {name}'s {of}");
                 if order.order.fract() != 0.0 {
                     leave_out(order, &what, TURNS);
-                } else if incremental && order.order % known_again != 0.0 {
+                } else if incremental(axis) && order.order % known_again != 0.0 {
                     leave_out(order, &what, COUNTS);
                 }
             }
         }
     }
-    if incremental {
+    if Axis::ALL.into_iter().any(incremental) {
         for order in &mut compensation.travel {
             leave_out(order, "the lead", COUNTS);
         }

@@ -7,7 +7,7 @@ mod worth;
 pub use predict::Predicted;
 pub use search::{Found, Orders, orders};
 
-use crate::record::encoder_kind;
+use crate::record::set_encoder_kinds;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use control::plate::DrivePlate;
@@ -136,7 +136,7 @@ fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
         fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?;
     let settings = of_toml(&Settings::of_plate(&plate), &text)
         .with_context(|| format!("{} is not taken", file.display()))?;
-    setup.model.sensing.encoder = encoder_kind(&settings);
+    set_encoder_kinds(&mut setup.model.sensing, &settings);
     // The simulated motors are the model's, with their angles known.
     let tuned = settings.plate(&plate.board);
     // What the drive compensates, the bridges have. A recording shows what is left, and the model has that as an effect.

@@ -5,7 +5,7 @@ use super::motion::{BEAT, Stopped, caught, ready, rest, run_at};
 use super::options::RecordOptions;
 use super::status::look;
 use crate::output::Folder;
-use crate::record::{Recorder, Summary, save};
+use crate::record::{EncoderFrame, Recorder, Summary, save};
 use crate::ripple::short_text;
 use crate::session::divider;
 use crate::trigger::{Gate, Trigger};
@@ -52,13 +52,14 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
         ready(drive, &stop)?;
     }
     let aligned = drive.status()?.motors.map(|motor| motor.alignment);
+    let encoders = EncoderFrame::both(aligned, &drive.settings()?);
     let (summary, outcome) = save(
         &folder,
         &options.name,
         f64::from(options.rate),
         |recorder| {
             recorder.start(request);
-            recorder.align(aligned);
+            recorder.align(encoders);
             if let Some(trigger) = trigger {
                 recorder.wait_for(Gate::new(trigger, past_rows(options)));
             }

@@ -5,6 +5,7 @@ use anyhow::{Context, Result, ensure};
 use control::mt6835::COUNTS_PER_TURN;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
+use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::{EncoderKind, Model, SensingModel};
 use std::f64::consts::TAU;
@@ -92,12 +93,14 @@ impl MachineOptions {
 
 /// Checks that the encoders of a model file can be simulated.
 fn ensure_simulated(sensing: &SensingModel) -> Result<()> {
-    let counts = sensing.encoder_counts_per_turn;
-    ensure!(
-        sensing.encoder != EncoderKind::Absolute || counts == COUNTS_PER_TURN,
-        "sensing.encoder_counts_per_turn is {counts} of an absolute encoder, but the simulated one is an MT6835 of {COUNTS_PER_TURN} \
-         counts: give as many, or another sensing.encoder"
-    );
+    for axis in Axis::ALL {
+        let (counts, name) = (sensing.counts_per_turn(axis), axis.name());
+        ensure!(
+            sensing.encoder_kind(axis) != EncoderKind::Absolute || counts == COUNTS_PER_TURN,
+            "sensing.encoder_counts_per_turn is {counts} of the {name}'s absolute encoder, but the simulated one is an MT6835 of \
+             {COUNTS_PER_TURN} counts: give as many, or another sensing.encoder"
+        );
+    }
     Ok(())
 }
 

@@ -18,7 +18,7 @@ use crate::effects::refusals::Refusals;
 use crate::signal::channel::Channel;
 use crate::signal::fourier::{Fourier, Spectrum};
 use crate::signal::noise::declared_resonance_hz;
-use crate::signal::signals::{Signals, angle_noise, rounded_sign};
+use crate::signal::signals::{Signals, relative_noise, rounded_sign};
 use fft::Complex64;
 use plant::Axis;
 use plant::effects::{EffectModel, Place};
@@ -236,7 +236,7 @@ impl<'a> Balance<'a> {
             memory: Memory::default(),
             refusals: Refusals::default(),
             relative_acceleration_told: fourier.above_noise(&relative_acceleration, CLEAR, |hz| {
-                2.0 * angle_noise(&model.sensing) * (TAU * hz).powi(4)
+                relative_noise(&model.sensing) * (TAU * hz).powi(4)
             }),
             relative_acceleration,
         }

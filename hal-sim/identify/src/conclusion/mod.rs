@@ -343,7 +343,7 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
 /// The bandwidths that the noise left.
 fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
     let sensing = &case.balance.model.sensing;
-    let (angle, current) = (angle_noise(sensing), current_noise(sensing));
+    let current = current_noise(sensing);
     Bandwidth {
         balance_hz: noise.top(Channel::Torque(Axis::Screw)),
         table_hz: noise.top(Channel::Table),
@@ -352,6 +352,7 @@ fn bandwidth(case: &Case, noise: &Noise) -> Bandwidth {
             let motor = case.balance.model.motor(axis);
             let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
             let torque = (2.0 * current).sqrt() * constant;
+            let angle = angle_noise(sensing, axis);
             let acceleration = torque / (motor.inertia_kg_m2 * angle.sqrt());
             acceleration.sqrt() / std::f64::consts::TAU
         }),

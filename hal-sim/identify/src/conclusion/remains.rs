@@ -12,6 +12,7 @@ use crate::search::select::Search;
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
 use crate::signal::signals::angle_noise;
+use plant::Axis;
 
 /// Below it the table's residual is not judged by frequency, Hz.
 const SLOW_TABLE_HZ: f64 = 12.0;
@@ -82,8 +83,11 @@ fn rounding_at_rest(case: &Case, top: f64) -> f64 {
         ..
     } = case.balance;
     let table = model.sensing.table_noise_m.powi(2);
-    let encoder = lead * lead * angle_noise(&model.sensing);
-    (table + encoder * (1.0 + 0.5 * signals.rate / top)) / (table + 2.0 * encoder).max(1e-300)
+    let encoder = |axis| lead * lead * angle_noise(&model.sensing, axis);
+    let [screw, nut] = Axis::ALL.map(encoder);
+    // Either may rest.
+    let (fine, coarse) = (screw.min(nut), screw.max(nut));
+    (table + fine + coarse * 0.5 * signals.rate / top) / (table + fine + coarse).max(1e-300)
 }
 
 pub(crate) fn rms(signal: &[f64], mask: &[bool]) -> f64 {

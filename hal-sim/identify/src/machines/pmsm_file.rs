@@ -80,6 +80,8 @@ impl PmsmModel {
             control_hz: own.control_hz.unwrap_or(rate),
             encoder_counts_per_turn: own.encoder_counts_per_turn,
             encoder: EncoderKind::Incremental,
+            nut_encoder_counts_per_turn: None,
+            nut_encoder: None,
             current_lsb_a: own.current_lsb_a,
             current_noise_a: own.current_noise_a,
             table_noise_m: 1e-6,

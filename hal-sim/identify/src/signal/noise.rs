@@ -2,6 +2,7 @@
 
 use crate::signal::channel::Channel;
 use crate::signal::fourier::{Fourier, edge};
+use crate::signal::signals::relative_noise;
 use crate::signal::signals::{Signals, angle_noise, current_noise};
 use plant::model::Model;
 use std::f64::consts::TAU;
@@ -46,7 +47,7 @@ impl Noise {
         resonance_hz: f64,
     ) -> Self {
         let sensing = &model.sensing;
-        let (angle, current) = (angle_noise(sensing), current_noise(sensing));
+        let current = current_noise(sensing);
         let step = |column: &[f64]| {
             let sum: f64 = column.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
             (0.5 * sum / column.len() as f64).max(1e-12)
@@ -61,7 +62,8 @@ impl Noise {
                     let motor = model.motor(axis);
                     let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
                     2.0 * constant * constant * current
-                        + (motor.inertia_kg_m2 * (TAU * hz).powi(2)).powi(2) * angle
+                        + (motor.inertia_kg_m2 * (TAU * hz).powi(2)).powi(2)
+                            * angle_noise(sensing, axis)
                 }
                 Channel::VoltageD(axis) => steps[axis.index()].0,
                 Channel::VoltageQ(axis) => steps[axis.index()].1,
@@ -70,7 +72,8 @@ impl Noise {
                     let u = hz / resonance_hz;
                     let damping = 2.0 * model.feed.axial_damping_ratio * u;
                     let amplified = 1.0 / ((1.0 - u * u).powi(2) + damping * damping).max(1e-6);
-                    sensing.table_noise_m.powi(2) + 2.0 * lead * lead * angle * amplified
+                    sensing.table_noise_m.powi(2)
+                        + lead * lead * relative_noise(sensing) * amplified
                 }
             };
             (0..fourier.bins())

@@ -107,9 +107,23 @@ fn peak(values: &[f64]) -> f64 {
 }
 
 /// Variance of an angle's reading by an encoder's resolution, rad^2.
-pub(crate) fn angle_noise(sensing: &SensingModel) -> f64 {
-    let count = TAU / f64::from(sensing.encoder_counts_per_turn);
+pub(crate) fn angle_noise(sensing: &SensingModel, axis: Axis) -> f64 {
+    let count = TAU / f64::from(sensing.counts_per_turn(axis));
     count * count / 12.0
+}
+
+/// Counts a turn of the coarser encoder.
+pub(crate) fn coarsest(sensing: &SensingModel) -> u32 {
+    let [screw, nut] = Axis::ALL.map(|axis| sensing.counts_per_turn(axis));
+    screw.min(nut)
+}
+
+/// Variance of both encoders' readings together, rad^2.
+pub(crate) fn relative_noise(sensing: &SensingModel) -> f64 {
+    Axis::ALL
+        .iter()
+        .map(|axis| angle_noise(sensing, *axis))
+        .sum()
 }
 
 /// Variance of a phase current's reading, A^2; of currents in the rotor's frame it is twice that.
@@ -158,7 +172,7 @@ impl MotorSignals {
         let acceleration = fourier.curvature(&travel);
         let sensing = &model.sensing;
         let acceleration_told = fourier.above_noise(&acceleration, ABOVE_NOISE, |hz| {
-            angle_noise(sensing) * (TAU * hz).powi(4)
+            angle_noise(sensing, axis) * (TAU * hz).powi(4)
         });
         let reference = &record.iq_ref_a;
         let step: Vec<f64> = (0..reference.len())

@@ -148,12 +148,22 @@ pub struct SensingModel {
     /// Rate of the current loops; above 0.
     #[serde(deserialize_with = "limits::positive")]
     pub control_hz: f64,
-    /// Counts per mechanical turn of either encoder; 1 to 2^31.
+    /// Counts per mechanical turn of either encoder, or of the screw's; 1 to 2^31.
     #[serde(deserialize_with = "limits::counts")]
     pub encoder_counts_per_turn: u32,
-    /// Kind of either encoder: `incremental`, `index` or `absolute`, which has 2^21 counts. `incremental` if left out.
+    /// Counts per mechanical turn of the nut's encoder; 1 to 2^31. As the screw's if left out.
+    #[serde(
+        default,
+        deserialize_with = "limits::some_counts",
+        skip_serializing_if = "Option::is_none"
+    )]
+    pub nut_encoder_counts_per_turn: Option<u32>,
+    /// Kind of either encoder, or of the screw's: `incremental`, `index` or `absolute`, which has 2^21 counts. `incremental` if left out.
     #[serde(default)]
     pub encoder: EncoderKind,
+    /// Kind of the nut's encoder. As the screw's if left out.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub nut_encoder: Option<EncoderKind>,
     /// One count of the current measurement; 0 (ideal) or above.
     #[serde(deserialize_with = "limits::non_negative")]
     pub current_lsb_a: f64,
@@ -163,6 +173,24 @@ pub struct SensingModel {
     /// Standard deviation of the table scale's noise; 0 or above.
     #[serde(deserialize_with = "limits::non_negative")]
     pub table_noise_m: f64,
+}
+
+impl SensingModel {
+    /// Counts per mechanical turn of a motor's encoder.
+    #[must_use]
+    pub fn counts_per_turn(&self, axis: Axis) -> u32 {
+        let nut = self
+            .nut_encoder_counts_per_turn
+            .filter(|_| axis == Axis::Nut);
+        nut.unwrap_or(self.encoder_counts_per_turn)
+    }
+
+    /// Kind of a motor's encoder.
+    #[must_use]
+    pub fn encoder_kind(&self, axis: Axis) -> EncoderKind {
+        let nut = self.nut_encoder.filter(|_| axis == Axis::Nut);
+        nut.unwrap_or(self.encoder)
+    }
 }
 
 /// What an encoder knows of its shaft when power comes up.

@@ -5,6 +5,7 @@ use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::search::forward::Contender;
 use crate::search::select::Trial;
+use crate::signal::signals::coarsest;
 use plant::Axis;
 use plant::effects::Place;
 use std::f64::consts::{FRAC_1_PI, TAU};
@@ -48,15 +49,19 @@ pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
 /// Whether a trial's size is more than what the encoders' resolution and sampling make.
 pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
     let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
-    let count = TAU / f64::from(balance.model.sensing.encoder_counts_per_turn);
+    let coarsest = coarsest(&balance.model.sensing);
+    let axis = trial.hypothesis.axis();
+    let count = |axis: Option<Axis>| {
+        TAU / f64::from(axis.map_or(coarsest, |axis| balance.model.sensing.counts_per_turn(axis)))
+    };
     let rests = |reference: &Vec<f64>| reference.iter().all(|speed| *speed == 0.0);
     let least = match balance.signals.references.iter().any(rests) {
         true => LEAST_AT_REST,
         false => LEAST_COUNTS,
     };
     match trial.hypothesis.family {
-        Family::LeadError => size > least * count * balance.lead.abs(),
-        Family::EncoderEccentricity => size > LEAST_COUNTS * count,
+        Family::LeadError => size > least * count(None) * balance.lead.abs(),
+        Family::EncoderEccentricity => size > LEAST_COUNTS * count(axis),
         Family::DeadTime => size > LEAST_DEAD_TIME_V,
         _ => true,
     }
