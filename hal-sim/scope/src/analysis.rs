@@ -2,14 +2,12 @@
 
 use anyhow::{Result, ensure};
 use hal_sim::hold_ripple::{Ripple, bandwidth_hz, window};
-use hal_sim::vrf::velocities;
+use hal_sim::vrf::{spectrum, velocities};
 use serde_json::{Value, json};
 use std::f64::consts::TAU;
 
 /// Highest order that is computed, per turn.
 const HIGHEST_ORDER: f64 = 100.0;
-/// Most orders: a long record has finer ones than a plot shows.
-const MOST_ORDERS: usize = 800;
 
 /// Ripple of evenly spaced positions of the table, m, `interval_s` apart, against their mean velocity.
 ///
@@ -42,48 +40,59 @@ pub fn ripple(table_m: &[f64], interval_s: f64) -> Result<Value> {
     }))
 }
 
-/// Amplitudes by order: pairs of order (periods a turn) and amplitude in the unit of the values. The angle must turn on.
-/// Hann window over the rows, mean removed.
+/// Amplitudes by order: pairs of order (periods a turn) and amplitude in the unit of the values. The values are interpolated at even
+/// angles. Nothing where the angle turns by less than one turn, or back by more than a thousandth of a turn.
 #[must_use]
 pub fn orders(values: &[f64], angle_rad: &[f64]) -> Vec<f64> {
-    let rows = values.len().min(angle_rad.len());
-    if rows < 8 {
+    let Some(even) = at_even_angles(values, angle_rad) else {
         return Vec::new();
-    }
-    let (values, angles) = (&values[..rows], &angle_rad[..rows]);
-    let turns = (angles[rows - 1] - angles[0]).abs() / TAU;
-    if turns.is_nan() || turns < 1.0 {
-        return Vec::new();
-    }
-    let mean = values.iter().sum::<f64>() / rows as f64;
-    let step = (1.0 / turns).max(HIGHEST_ORDER / MOST_ORDERS as f64);
-    let windowed: Vec<f64> = values
-        .iter()
-        .enumerate()
-        .map(|(k, value)| {
-            let hann = 0.5 - 0.5 * (TAU * (k as f64 + 0.5) / rows as f64).cos();
-            (value - mean) * hann
-        })
-        .collect();
-    // The mean of a Hann window is a half.
-    let scale = 4.0 / rows as f64;
-    let rows_a_turn = rows as f64 / turns;
-    let highest = HIGHEST_ORDER.min(0.5 * rows_a_turn);
-    (1..)
-        .map(|k| f64::from(k) * step)
-        .take_while(|order| *order <= highest)
-        .flat_map(|order| {
-            let (re, im) =
-                windowed
-                    .iter()
-                    .zip(angles)
-                    .fold((0.0, 0.0), |(re, im), (value, angle)| {
-                        let (sin, cos) = (order * angle).sin_cos();
-                        (re + value * cos, im - value * sin)
-                    });
-            [order, scale * f64::hypot(re, im)]
-        })
+    };
+    let turns = turned(angle_rad);
+    spectrum(&even, even.len() as f64 / turns)
+        .into_iter()
+        .take_while(|(order, _)| *order <= HIGHEST_ORDER)
+        .flat_map(|(order, amplitude)| [order, amplitude])
         .collect()
+}
+
+/// Turns from the first angle to the last.
+fn turned(angle_rad: &[f64]) -> f64 {
+    match (angle_rad.first(), angle_rad.last()) {
+        (Some(first), Some(last)) => (last - first).abs() / TAU,
+        _ => 0.0,
+    }
+}
+
+/// As many values as there are, at even angles from the first to the last.
+fn at_even_angles(values: &[f64], angle_rad: &[f64]) -> Option<Vec<f64>> {
+    let turns = turned(angle_rad);
+    if values.len() != angle_rad.len() || turns.is_nan() || turns < 1.0 {
+        return None;
+    }
+    let sign = (angle_rad[angle_rad.len() - 1] - angle_rad[0]).signum();
+    let travel: Vec<f64> = angle_rad
+        .iter()
+        .map(|angle| sign * (angle - angle_rad[0]))
+        .collect();
+    // A shaft that turns has only its encoder's noise backwards.
+    if travel.windows(2).any(|pair| pair[1] < pair[0] - 1e-3 * TAU) {
+        return None;
+    }
+    let (count, mut row) = (values.len(), 0);
+    let even = (0..count).map(|k| {
+        let at = turns * TAU * k as f64 / count as f64;
+        while row + 2 < count && travel[row + 1] <= at {
+            row += 1;
+        }
+        let width = travel[row + 1] - travel[row];
+        let part = if width > 0.0 {
+            ((at - travel[row]) / width).clamp(0.0, 1.0)
+        } else {
+            0.0
+        };
+        values[row] + part * (values[row + 1] - values[row])
+    });
+    Some(even.collect())
 }
 
 #[cfg(test)]
@@ -110,6 +119,8 @@ mod tests {
     #[test]
     fn an_angle_that_stands_has_no_orders() {
         assert!(orders(&[1.0; 100], &[0.5; 100]).is_empty());
+        assert!(orders(&[], &[]).is_empty());
+        assert!(orders(&[1.0; 100], &[f64::NAN; 100]).is_empty());
     }
 
     /// A sine of velocity amplitude `a` about `v` has VRF `2 a / v`.

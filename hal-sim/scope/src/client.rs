@@ -4,7 +4,7 @@ use crate::identification::{ROW, compensation, numbers};
 use crate::request::Request;
 use crate::signals::{COLUMNS, Columns};
 use anyhow::{Context, Result};
-use ddfeed::record::{EncoderFrame, sample};
+use ddfeed::record::{EncoderFrame, model_file, sample};
 use link::codes::{Fault, State};
 use link::host::client::unexpected;
 use link::host::session::Session;
@@ -207,6 +207,17 @@ impl Client {
     /// Ends the recording: its rows, [`ROW`] values each.
     pub fn take_recording(&mut self) -> Vec<f64> {
         self.recording.take().unwrap_or_default()
+    }
+
+    /// The model file that the drive declares of itself, once a stream has begun.
+    ///
+    /// # Errors
+    /// No stream has begun.
+    pub fn declared(&self) -> Result<String> {
+        let known = self.decoder.as_ref();
+        let known = known.and_then(|decoder| Some((*decoder.header()?, decoder.interval_s()?)));
+        let (header, interval_s) = known.context("There is no telemetry yet.")?;
+        Ok(model_file(&header, interval_s))
     }
 
     /// The settings that compensate what a model has. See [`compensation`].

@@ -121,6 +121,14 @@ impl Session {
         self.0.take_recording()
     }
 
+    /// See [`Client::declared`].
+    ///
+    /// # Errors
+    /// As [`Client::declared`].
+    pub fn declared(&self) -> Result<String, JsError> {
+        self.0.declared().map_err(|error| thrown(&error))
+    }
+
     /// See [`Client::compensation`].
     ///
     /// # Errors

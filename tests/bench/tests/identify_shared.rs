@@ -177,7 +177,7 @@ fn the_half_that_counts_is_the_rough_one(folder: &Path) {
 }
 
 fn mapping(name: &str) -> Mapping {
-    let path = Path::new("mappings").join(name);
+    let path = Path::new("../../hal-sim/identify/mappings").join(name);
     Mapping::load(&path).expect("a mapping of the project")
 }
 

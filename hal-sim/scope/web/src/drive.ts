@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { signals as signalList } from "scope";
 import workerScript from "worker-script";
-import type { Command, Counts, FromWorker, Machine, Reply, Signal, SourceChoice, Status, Stream, ToWorker } from "./messages";
+import type { Call, Command, Counts, Found, FromWorker, Machine, Reply, Signal, SourceChoice, Status, Stream, ToWorker } from "./messages";
 import { Rows } from "./rows";
 
 const ALIVE_MS = 100;
@@ -26,7 +26,9 @@ export let columns: Signal[] = [];
 export let rows = new Rows(1);
 
 let worker: Worker;
+let compiled: WebAssembly.Module;
 let next = 0;
+const called = new Map<number, { resolve: (result: unknown) => void; reject: (error: Error) => void }>();
 const waiting = new Map<number, { resolve: (reply: Reply) => void; reject: (error: Error) => void }>();
 
 const post = (message: ToWorker) => worker.postMessage(message);
@@ -40,10 +42,13 @@ export function dismiss(sentence: string) {
   notices.value = notices.value.filter((other) => other !== sentence);
 }
 
+const newWorker = () => new Worker(URL.createObjectURL(new Blob([workerScript], { type: "text/javascript" })));
+
 export function start(module: WebAssembly.Module) {
   columns = JSON.parse(signalList()) as Signal[];
   rows = new Rows(columns.length);
-  worker = new Worker(URL.createObjectURL(new Blob([workerScript], { type: "text/javascript" })));
+  compiled = module;
+  worker = newWorker();
   worker.onmessage = ({ data }: MessageEvent<FromWorker>) => take(data);
   post({ type: "start", module });
   setInterval(() => post({ type: "alive", hidden: document.hidden }), ALIVE_MS);
@@ -83,6 +88,9 @@ function take(message: FromWorker) {
     case "notice":
       notice(message.sentence);
       break;
+    case "result":
+      returned(message.id, message.result, message.error);
+      break;
     case "stopped":
       stopMs.value = message.ms;
       break;
@@ -104,6 +112,37 @@ export function ask(command: Command): Promise<Reply> {
     waiting.set(id, { resolve, reject });
     post({ type: "ask", id, command });
   });
+}
+
+function returned(id: number, result: unknown, error: string | null) {
+  const asked = called.get(id);
+  called.delete(id);
+  if (error) asked?.reject(new Error(error));
+  else asked?.resolve(result);
+}
+
+/** Asks the worker for what it does by itself. */
+export function call(asked: Call): Promise<unknown> {
+  const id = next++;
+  return new Promise((resolve, reject) => {
+    called.set(id, { resolve, reject });
+    post({ type: "call", id, call: asked });
+  });
+}
+
+/** Identifies in a worker of its own, so that heartbeats go on. */
+export function identify(declared: string, fit: Float64Array, check: Float64Array): Promise<Found> {
+  const own = newWorker();
+  return new Promise<Found>((resolve, reject) => {
+    own.onmessage = ({ data }: MessageEvent<FromWorker>) => {
+      if (data.type !== "identified") return;
+      if (data.found) resolve(data.found);
+      else reject(new Error(data.error ?? "The identification ended."));
+    };
+    own.onerror = () => reject(new Error("The identification failed."));
+    own.postMessage({ type: "start", module: compiled } satisfies ToWorker);
+    own.postMessage({ type: "identify", declared, fit, check } satisfies ToWorker);
+  }).finally(() => own.terminate());
 }
 
 /** Asks the drive, and shows its sentence where it refuses. True if it is done. */

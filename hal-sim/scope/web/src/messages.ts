@@ -117,6 +117,40 @@ export interface Counts {
 
 export type Command = { command: string; [key: string]: unknown };
 
+/** What the worker does by itself. */
+export type Call =
+  | { name: "begin recording" }
+  | { name: "take recording" }
+  | { name: "declared" }
+  | { name: "compensation"; model: string };
+
+export interface FoundEffect {
+  kind: string;
+  where: string;
+  order?: number;
+  hz?: number;
+  parameters: Record<string, number>;
+  interval: Record<string, [number, number]>;
+  unit: Record<string, string>;
+  explained: number;
+}
+
+/** What the identification found, and the model with it. */
+export interface Found {
+  report: {
+    verdict: string;
+    summary: string;
+    effects: FoundEffect[];
+    residual: { channel: string; unit: string; check_before: number; check_after: number; noise_floor: number }[];
+  };
+  model: string;
+}
+
+export interface Compensation {
+  settings: Record<string, string>;
+  not_compensated: string[];
+}
+
 export type SourceChoice =
   | { kind: "simulation"; board: string; cold: boolean; effects: string }
   | { kind: "socket"; url: string }
@@ -127,6 +161,8 @@ export type ToWorker =
   | { type: "source"; source: SourceChoice }
   | { type: "ask"; id: number; command: Command }
   | { type: "stop" }
+  | { type: "call"; id: number; call: Call }
+  | { type: "identify"; declared: string; fit: Float64Array; check: Float64Array }
   | { type: "alive"; hidden: boolean };
 
 export type FromWorker =
@@ -137,4 +173,6 @@ export type FromWorker =
   | { type: "stream"; stream: Stream }
   | { type: "rows"; rows: Float64Array }
   | { type: "notice"; sentence: string }
+  | { type: "result"; id: number; result: unknown; error: string | null }
+  | { type: "identified"; found: Found | null; error: string | null }
   | { type: "stopped"; ms: number };

@@ -24,7 +24,12 @@ export async function open(browser, options = {}, address = pathToFileURL(page).
 
 /** Waits for a state of the drive. */
 export async function state(tab, name, timeout = 20_000) {
-  await tab.locator("#state", { hasText: new RegExp(`^${name}$`) }).waitFor({ timeout });
+  try {
+    await tab.locator("#state", { hasText: new RegExp(`^${name}$`) }).waitFor({ timeout });
+  } catch (error) {
+    const shown = await tab.locator("header, .notices, [role=alert]").allInnerTexts();
+    throw new Error(`The drive did not become ${name}: ${shown.join("; ")}`, { cause: error });
+  }
 }
 
 export const button = (tab, name) => tab.getByRole("button", { name, exact: true });

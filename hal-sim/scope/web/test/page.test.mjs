@@ -8,7 +8,7 @@ after(async () => browser?.close());
 
 /** A test with a fresh tab. */
 const withTab = (name, body, options) =>
-  test(name, { timeout: 120_000 }, async (context) => {
+  test(name, { timeout: 240_000 }, async (context) => {
     const opened = await open(browser, options);
     try {
       await body(opened, context);
@@ -99,14 +99,18 @@ withTab("a value that a setting cannot have is refused with a sentence", async (
   await tab.locator(".notice", { hasText: "speed_rad_s" }).waitFor();
 });
 
-withTab("the first visit shows that the double drive, once it has learned, ripples less", async ({ tab }) => {
-  const ripples = [];
-  for (const name of ["Run at 0 rpm", "Run at 500 rpm", "Learn, and run"]) {
+withTab("the first visit: ripple falls, an effect is named, and its ripple is gone", async ({ tab }) => {
+  const outcomes = [];
+  for (const name of ["Run at 0 rpm", "Run at 500 rpm", "Add cogging", "Record and name it", "Compensate"]) {
     await button(tab, name).click();
     const step = tab.locator(".story li", { has: tab.locator("button", { hasText: name }) });
-    await step.getByText(/^Ripple/).waitFor({ timeout: 60_000 });
-    ripples.push(Number.parseFloat((await step.getByText(/^Ripple/).innerText()).replace("Ripple ", "")));
+    const outcome = step.locator(".result", { hasText: /^(Ripple|cogging|No effect)/ });
+    await outcome.waitFor({ timeout: 90_000 });
+    outcomes.push(await outcome.innerText());
   }
-  console.log("ripple by step, %:", ripples.join(", "));
-  assert.ok(ripples[2] < 0.5 * ripples[0], String(ripples));
+  console.log(outcomes.join("\n"));
+  const [single, double, cogging, , compensated] = outcomes.map((text) => Number.parseFloat(text.replace("Ripple ", "")));
+  assert.ok(double < 0.2 * single, outcomes.join("; "));
+  assert.match(outcomes[3], /^cogging, screw: .*order 12/);
+  assert.ok(compensated < 0.5 * cogging, outcomes.join("; "));
 });

@@ -50,7 +50,6 @@ export function Chart({ title, x, unit, series, data, height }: ChartProps) {
   }, [data]);
   return (
     <figure class="chart">
-      <figcaption>{title}</figcaption>
       <div ref={place} role="img" aria-label={`${title} in ${unit} over ${x}`} />
     </figure>
   );

@@ -1,5 +1,5 @@
 import { signal } from "@preact/signals";
-import { status, stop, tell } from "../drive";
+import { status, stop, stopMs, tell } from "../drive";
 import { Field } from "./field";
 
 export const tableSpeed = signal(2.5);
@@ -23,6 +23,7 @@ export function Commands() {
         <button type="button" onClick={arm} disabled={armed}>Arm</button>
         <button type="button" onClick={stop}>Stop and disarm</button>
       </div>
+      {stopMs.value !== null && <p class="muted" id="stop-ms">The drive confirmed the last stop after {stopMs.value.toFixed(1)} ms.</p>}
       {now?.state === "unaligned" && <p class="muted">The drive does not know its rotor angles. Arm aligns the motors: both move.</p>}
       <Field label="Table speed" unit="mm/s" value={tableSpeed} low={-most} high={most} step={0.1} />
       <Field label="Common speed" unit="rpm" value={commonSpeed} low={0} high={rpm} step={10} />

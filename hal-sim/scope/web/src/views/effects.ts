@@ -10,6 +10,7 @@ kind = "cogging"
 where = "screw"
 order = 12
 amplitude = 0.03
+phase = 0.4
 `;
 
 export const EFFECTS: EffectTemplate[] = [

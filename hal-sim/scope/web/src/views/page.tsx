@@ -2,6 +2,7 @@ import { connection, notices, dismiss } from "../drive";
 import { Commands } from "./commands";
 import { Faults } from "./faults";
 import { Header } from "./header";
+import { Identification } from "./identification";
 import { MachinePicture } from "./machine";
 import { Plots } from "./plots";
 import { RippleTable } from "./ripple";
@@ -39,6 +40,7 @@ export function Page() {
           <section class="column wide" aria-label="Signals">
             <Plots />
             <RippleTable />
+            <Identification />
           </section>
           <section class="column" aria-label="Settings">
             <SettingsTree />

@@ -8,13 +8,18 @@ import { Chart } from "./chart";
 import { FrameRate } from "./frame-rate";
 import { SignalList, chosen } from "./signal-list";
 import { TriggerFields } from "./trigger-fields";
-import { held, seconds, shown, type Shown } from "./window";
+import { held, seconds, seldom, shown, type Shown } from "./window";
 
 type Kind = "time" | "spectrum" | "orders of the screw" | "orders of the nut";
 const KINDS: Kind[] = ["time", "spectrum", "orders of the screw", "orders of the nut"];
 const kind = signal<Kind>("time");
 
 const COLORS = ["#3b82f6", "#e8590c", "#2f9e44", "#c2255c", "#7048e8", "#0c8599", "#a16207", "#868e96"];
+
+function choose(which: Kind) {
+  kind.value = which;
+  seldom.value = which !== "time";
+}
 
 const columnOf = (name: string) => columns.findIndex((one) => one.name === name);
 
@@ -41,7 +46,7 @@ function UnitPlot(props: { unit: string; signals: Signal[]; data: Shown; which: 
     const curves = signals.map((one) => curve(which, data, columnOf(one.name)));
     return [curves[0]![0], ...curves.map(([, y]) => y)] as unknown as AlignedData;
   }, [data, which, signals.map((one) => one.name).join()]);
-  const series = signals.map((one) => ({ label: `${one.group} ${one.label}`, color: COLORS[columnOf(one.name) % COLORS.length]! }));
+  const series = signals.map((one, k) => ({ label: `${one.group} ${one.label}`, color: COLORS[k % COLORS.length]! }));
   return <Chart title={which === "time" ? "Signals" : `Amplitude by ${which}`} x={AXES[which]} unit={unit} series={series} data={aligned} height={height} />;
 }
 
@@ -56,7 +61,7 @@ export function Plots() {
       <div class="row">
         <label>
           Plot{" "}
-          <select value={kind.value} onChange={(event) => (kind.value = event.currentTarget.value as Kind)}>
+          <select value={kind.value} onChange={(event) => choose(event.currentTarget.value as Kind)}>
             {KINDS.map((one) => <option key={one}>{one}</option>)}
           </select>
         </label>

@@ -14,6 +14,13 @@ export interface Shown {
   values: Float64Array[];
 }
 
+/** Pieces of rows between two copies for a plot that takes long to compute. */
+const EVERY = 8;
+/** The plot is a spectrum: a copy now and again is enough. */
+export const seldom = signal(false);
+
+const due = computed(() => (seldom.value ? Math.floor(arrived.value / EVERY) : arrived.value));
+
 let last: Shown = { interval: 1, values: [] };
 
 function copy(from: number, to: number, interval: number): Shown {
@@ -22,7 +29,7 @@ function copy(from: number, to: number, interval: number): Shown {
 
 /** A new copy with each piece of rows, unless the plots are held. */
 export const shown = computed<Shown>(() => {
-  void arrived.value;
+  void due.value;
   const interval = stream.value?.interval_s;
   if (held.value || !interval) return last;
   const count = Math.round(seconds.value / interval);

@@ -1,7 +1,7 @@
 // Requests to the drive and their answers, over a session of the Rust code.
 
 import { Session } from "scope";
-import type { Command, Counts, FromDrive, Reply } from "../messages";
+import type { Call, Command, Compensation, Counts, FromDrive, Reply } from "../messages";
 import type { Source } from "./source";
 
 const ANSWER_MS = 1000;
@@ -58,6 +58,20 @@ export class Dialogue {
 
   rows(): Float64Array {
     return this.session.rows();
+  }
+
+  /** Does what the page asks of the session itself. */
+  call(call: Call): unknown {
+    switch (call.name) {
+      case "begin recording":
+        return this.session.begin_recording();
+      case "take recording":
+        return this.session.take_recording();
+      case "declared":
+        return this.source.declared() ?? this.session.declared();
+      case "compensation":
+        return JSON.parse(this.session.compensation(call.model)) as Compensation;
+    }
   }
 
   counts(): Counts {

@@ -1,7 +1,7 @@
 // The worker: source, session, heartbeat. The page only draws.
 
-import { initSync } from "scope";
-import type { Command, FromDrive, FromWorker, SourceChoice, ToWorker } from "../messages";
+import { identify, initSync } from "scope";
+import type { Call, Command, Found, FromDrive, FromWorker, SourceChoice, ToWorker } from "../messages";
 import { Dialogue } from "./dialogue";
 import { Life } from "./life";
 import { open, type Source } from "./source";
@@ -90,6 +90,24 @@ async function answer(id: number, command: Command) {
   }
 }
 
+function call(id: number, asked: Call) {
+  try {
+    if (!dialogue) throw new Error("There is no drive yet.");
+    post({ type: "result", id, result: dialogue.call(asked), error: null });
+  } catch (error) {
+    post({ type: "result", id, result: null, error: sentenceOf(error) });
+  }
+}
+
+/** Identifies. The page has a worker of its own for this: it takes seconds. */
+function identified(declared: string, fit: Float64Array, check: Float64Array) {
+  try {
+    post({ type: "identified", found: JSON.parse(identify(declared, fit, check)) as Found, error: null });
+  } catch (error) {
+    post({ type: "identified", found: null, error: sentenceOf(error) });
+  }
+}
+
 /** Sends a stop now and again until the drive confirms it. */
 function stop(now: number) {
   due.stop = now + BEAT_MS;
@@ -146,6 +164,12 @@ onmessage = ({ data }: MessageEvent<ToWorker>) => {
       break;
     case "ask":
       void answer(data.id, data.command);
+      break;
+    case "call":
+      call(data.id, data.call);
+      break;
+    case "identify":
+      identified(data.declared, data.fit, data.check);
       break;
     case "stop":
       stopAsked = performance.now();

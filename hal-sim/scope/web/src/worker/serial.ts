@@ -56,6 +56,10 @@ export class SerialSource implements Source {
     return null;
   }
 
+  declared() {
+    return null;
+  }
+
   close() {
     this.writer.releaseLock();
     this.reader.cancel().then(() => this.reader.releaseLock()).then(() => this.port.close()).catch(() => undefined);

@@ -42,6 +42,10 @@ export class SimulatedSource implements Source {
     return JSON.parse(this.drive.machine()) as Machine;
   }
 
+  declared(): string {
+    return this.drive.declared();
+  }
+
   close() {
     this.drive.free();
   }

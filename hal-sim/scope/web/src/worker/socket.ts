@@ -36,6 +36,10 @@ export class SocketSource implements Source {
     return null;
   }
 
+  declared() {
+    return null;
+  }
+
   close() {
     this.socket.onclose = null;
     this.socket.close();

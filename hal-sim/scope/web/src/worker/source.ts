@@ -12,6 +12,8 @@ export interface Source {
   poll(): Uint8Array[];
   /** The machine, where it is a simulated one on this page. */
   machine(): Machine | null;
+  /** The model file of the machine, where the source has one. */
+  declared(): string | null;
   close(): void;
 }
 
