@@ -3,7 +3,9 @@
 use crate::steps::{Step, prepare, run_all};
 use anyhow::Result;
 use xtask::firmware::{BROWSER, Board, Build, TARGET};
-use xtask::tools::{cross_compiler, emulator_environment, mcap_reader, target_folder};
+use xtask::tools::{
+    browser_tools, cross_compiler, emulator_environment, mcap_reader, target_folder,
+};
 
 /// All that runs on this computer, in one go with all features, so that no library is built twice.
 const HOST: &str = "--workspace --exclude firmware --features ddfeed/full";
@@ -28,14 +30,19 @@ pub fn run() -> Result<()> {
         Step::cargo(format!("clippy {firmware} {mains} -- -D warnings")),
         Step::cargo(format!("clippy {firmware} -- -D warnings")),
         Step::documentation(&firmware),
-        // What a page in a browser will host.
-        Step::cargo(format!("check --package hal-sim --target {BROWSER}")),
     ])?;
     xtask::firmware::build(Build {
         board: Board::Nucleo,
         pwm_khz: 20,
     })?;
     run_all(&[Step::cargo(format!("test {HOST}")).with(&emulator)])?;
+    if browser_tools() {
+        run_all(&[Step::cargo("run --package browser -- --check --test")])?;
+    } else {
+        run_all(&[Step::cargo(format!(
+            "check --package scope --lib --target {BROWSER}"
+        ))])?;
+    }
     println!("All checks passed.");
     Ok(())
 }

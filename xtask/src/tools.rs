@@ -68,6 +68,33 @@ fn install(packages: &[&str], folder: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Installs Node and Chromium, if they are missing and this is root on a Debian. `false` if one is missing then: the browser page is not
+/// built and tested.
+pub fn browser_tools() -> bool {
+    let needed = [("node", "nodejs"), ("npm", "npm"), ("chromium", "chromium")];
+    let missing = needed.into_iter().filter(|(program, _)| !runs(program));
+    let packages: Vec<&str> = missing.map(|(_, package)| package).collect();
+    if packages.is_empty() {
+        return true;
+    }
+    match debian(&packages) {
+        Ok(()) => true,
+        Err(error) => {
+            println!("not installed, so the browser page is not tested: {error:#}");
+            false
+        }
+    }
+}
+
+/// Installs packages of Debian.
+fn debian(packages: &[&str]) -> Result<()> {
+    println!("> installing {}", packages.join(", "));
+    let install = ["install", "--quiet", "--yes", "--no-install-recommends"];
+    output("apt-get", &["update", "--quiet"])?;
+    output("apt-get", &[&install[..], packages].concat())?;
+    Ok(())
+}
+
 /// Installs a C compiler for the chip, if it is missing and this is root on a Debian. One test needs it, and is ignored by
 /// name without it: so nothing fails here.
 pub fn cross_compiler() {
@@ -75,12 +102,7 @@ pub fn cross_compiler() {
     if runs("arm-none-eabi-gcc") {
         return;
     }
-    println!("> installing {}", PACKAGES.join(", "));
-    let apt = |arguments: &[&str]| output("apt-get", arguments);
-    let install = ["install", "--quiet", "--yes", "--no-install-recommends"];
-    let installed =
-        apt(&["update", "--quiet"]).and_then(|_| apt(&[&install[..], &PACKAGES].concat()));
-    if let Err(error) = installed {
+    if let Err(error) = debian(&PACKAGES) {
         println!("not installed, so the test of the cycle model is ignored: {error:#}");
     }
 }

@@ -4,18 +4,20 @@
 use anyhow::{Context, Result, ensure};
 use std::fs;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Command, Stdio};
 use wasm_bindgen_cli_support::Bindgen;
 use xtask::firmware::BROWSER;
 
 /// Where the page's sources stand in a checkout.
 const SOURCES: &str = "hal-sim/scope/web";
 /// What a build of the page reads of them. `node_modules` stays out of the checkout.
-const COPIED: [&str; 6] = [
+const COPIED: [&str; 8] = [
     "package.json",
     "package-lock.json",
     "tsconfig.json",
     "build.mjs",
+    "browser.mjs",
+    "measure",
     "src",
     "test",
 ];
@@ -109,12 +111,61 @@ impl Page {
         npm.args(["test"]).env("SCOPE_PAGE", out);
         run(npm.current_dir(&self.folder), "npm")
     }
+
+    /// Measures the page `out` for so many seconds, and the WebAssembly against the native drive. Gives JSON.
+    ///
+    /// # Errors
+    /// A measurement fails.
+    pub fn measure(&self, checkout: &Path, out: &Path, seconds: u32) -> Result<String> {
+        let native = self.folder.with_file_name("ten-seconds.txt");
+        let mut cargo = Command::new("cargo");
+        cargo.args([
+            "run",
+            "--quiet",
+            "--locked",
+            "--release",
+            "--package",
+            "scope",
+        ]);
+        cargo
+            .args(["--example", "ten_seconds"])
+            .current_dir(checkout);
+        fs::write(&native, said(&mut cargo, "cargo")?)?;
+        let mut equal = Command::new("node");
+        equal.arg("measure/equal.mjs").arg(&self.wasm).arg(&native);
+        let mut page = Command::new("node");
+        page.args(["measure/page.mjs", &seconds.to_string()]);
+        page.env("SCOPE_PAGE", out);
+        let [equal, page] =
+            [equal, page].map(|mut command| said(command.current_dir(&self.folder), "node"));
+        let (equal, page) = (equal?, page?);
+        let page_mb = fs::metadata(out)?.len() as f64 / 1e6;
+        Ok(format!(
+            "{{\"page_mb\": {page_mb}, \"drive\": {}, \"page\": {}}}",
+            equal.trim_end(),
+            page.trim_end()
+        ))
+    }
+}
+
+/// The standard output of a program.
+fn said(command: &mut Command, name: &str) -> Result<String> {
+    command.stderr(Stdio::inherit());
+    let output = command.output().with_context(|| not_started(name))?;
+    ensure!(
+        output.status.success(),
+        "`{command:?}` failed ({})",
+        output.status
+    );
+    Ok(String::from_utf8(output.stdout)?)
+}
+
+fn not_started(name: &str) -> String {
+    format!("{name} does not start: the page takes cargo, and Node 20 or newer with npm")
 }
 
 fn run(command: &mut Command, name: &str) -> Result<()> {
-    let status = command.status().with_context(|| {
-        format!("{name} does not start: the page takes cargo, and Node 20 or newer with npm")
-    })?;
+    let status = command.status().with_context(|| not_started(name))?;
     ensure!(status.success(), "`{command:?}` failed ({status})");
     Ok(())
 }

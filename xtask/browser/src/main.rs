@@ -21,11 +21,15 @@ struct Options {
     /// Run the page's tests in Chromium after.
     #[arg(long)]
     test: bool,
+    /// Measure the page in Chromium for so many seconds, and print JSON.
+    #[arg(long, value_name = "SECONDS")]
+    measure: Option<u32>,
 }
 
 fn run(options: &Options) -> Result<()> {
     let out = absolute(&options.out)?;
-    let page = Page::prepare(&root()?, &target_folder()?, &[], &[])?;
+    let root = root()?;
+    let page = Page::prepare(&root, &target_folder()?, &[], &[])?;
     if options.check {
         page.check()?;
     }
@@ -33,7 +37,10 @@ fn run(options: &Options) -> Result<()> {
     if options.test {
         page.test(&out)?;
     }
-    println!("{}", options.out.display());
+    match options.measure {
+        Some(seconds) => println!("{}", page.measure(&root, &out, seconds)?),
+        None => println!("{}", options.out.display()),
+    }
     Ok(())
 }
 

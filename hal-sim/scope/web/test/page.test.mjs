@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { after, before, test } from "node:test";
-import { button, launch, open, run, state } from "./browser.mjs";
+import { button, launch, open, run, state } from "../browser.mjs";
 
 let browser;
 before(async () => (browser = await launch()));

@@ -1,5 +1,5 @@
 // Ten seconds of the default drive in WebAssembly, as the example `ten_seconds` runs them natively.
-// node equal.mjs WASM_FOLDER NATIVE_LINES: prints JSON.
+// node measure/equal.mjs WASM_FOLDER NATIVE_LINES: prints JSON.
 import { readFile } from "node:fs/promises";
 import { join } from "node:path";
 import { pathToFileURL } from "node:url";

@@ -1,7 +1,7 @@
-// Measures the page in Chromium: node test/measure.mjs SECONDS. Prints JSON.
+// Measures the page in Chromium: node measure/page.mjs SECONDS. Prints JSON.
 import { readFile } from "node:fs/promises";
 import { createRequire } from "node:module";
-import { button, launch, open, run, state } from "./browser.mjs";
+import { button, launch, open, run, state } from "../browser.mjs";
 
 const seconds = Number(process.argv[2] ?? 60);
 const STOPS = 200;
