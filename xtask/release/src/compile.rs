@@ -2,10 +2,11 @@
 
 use crate::checkout::Checkout;
 use anyhow::{Context, Result, ensure};
+use browser::Page;
 use std::env;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use xtask::firmware::TARGET;
+use xtask::firmware::{BROWSER, TARGET};
 
 /// A firmware of the release.
 #[derive(Clone, Copy)]
@@ -75,29 +76,46 @@ pub fn firmware(checkout: &Checkout, target: &Path, firmware: Firmware) -> Resul
     Ok(target.join(TARGET).join("firmware/firmware"))
 }
 
-fn build(checkout: &Checkout, target: &Path, triple: &str, words: &[&str]) -> Result<()> {
+/// Builds the browser page's parts.
+///
+/// # Errors
+/// The build fails, or Node is missing.
+pub fn page(checkout: &Checkout, target: &Path) -> Result<Page> {
+    let flags = flags(checkout, target, BROWSER)?;
+    let time = [("SOURCE_DATE_EPOCH", checkout.time_s.to_string())];
+    Page::prepare(checkout.folder.path(), target, &["--config", &flags], &time)
+}
+
+/// Flags by which no path of this computer is in a program. Cargo joins them with those that the checkout has for the chip.
+fn flags(checkout: &Checkout, target: &Path, triple: &str) -> Result<String> {
+    Ok(format!(
+        "target.{triple}.rustflags={:?}",
+        remapped(checkout, target, "--remap-path-prefix")?
+    ))
+}
+
+/// A compiler's flag for each folder of this computer.
+fn remapped(checkout: &Checkout, target: &Path, flag: &str) -> Result<Vec<String>> {
     let folders = [
         (checkout.folder.path().to_owned(), "ddfeed"),
         (target.to_owned(), "target"),
         (cargo_home()?, "cargo"),
     ];
-    let remapped = |flag: &str| {
-        folders
-            .iter()
-            .map(|(from, to)| format!("{flag}={}={to}", from.display()))
-            .collect::<Vec<_>>()
-    };
-    // Cargo joins these flags with those that the checkout has for the chip.
-    let flags = format!(
-        "target.{triple}.rustflags={:?}",
-        remapped("--remap-path-prefix")
-    );
+    let flags = folders
+        .iter()
+        .map(|(from, to)| format!("{flag}={}={to}", from.display()));
+    Ok(flags.collect())
+}
+
+fn build(checkout: &Checkout, target: &Path, triple: &str, words: &[&str]) -> Result<()> {
+    let flags = flags(checkout, target, triple)?;
+    let c_flags = remapped(checkout, target, "-ffile-prefix-map")?.join(" ");
     let status = Command::new("cargo")
         .args(["build", "--locked", "--target", triple, "--config", &flags])
         .args(words)
         .current_dir(checkout.folder.path())
         .env("CARGO_TARGET_DIR", target)
-        .env("CFLAGS", remapped("-ffile-prefix-map").join(" "))
+        .env("CFLAGS", c_flags)
         .env("SOURCE_DATE_EPOCH", checkout.time_s.to_string())
         // Either would take the place of the flags above.
         .env_remove("RUSTFLAGS")

@@ -4,6 +4,7 @@
 //! | --- | --- |
 //! | `ddfeed` | the program with all features, for this computer |
 //! | `firmware/*.elf` | each board at each PWM rate |
+//! | `scope.html` | the browser page with the simulated drive, which `ddfeed scope` serves |
 //! | `docs/` | the pages and the settings as HTML |
 //! | `LICENSE`, `THIRD-PARTY.txt` | licences of the project and of each library that is linked |
 //! | `sbom.json` | the same libraries, as CycloneDX 1.5 |
@@ -80,6 +81,7 @@ fn collect(checkout: &Checkout, target: &Path, files: &Path) -> Result<()> {
         let elf = compile::firmware(checkout, target, firmware)?;
         fs::copy(elf, files.join("firmware").join(firmware.file))?;
     }
+    compile::page(checkout, target)?.bundle(&files.join("scope.html"))?;
     let settings = compile::output(&program, &["settings"])?;
     book::write(checkout.folder.path(), &settings, &files.join("docs"))?;
     for text in ["README.md", "CHANGELOG.md", "LICENSE"] {

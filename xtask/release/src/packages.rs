@@ -5,7 +5,7 @@ use anyhow::{Context, Result};
 use cargo_metadata::{CargoOpt, DependencyKind, Metadata, MetadataCommand, Package, PackageId};
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::path::Path;
-use xtask::firmware::TARGET;
+use xtask::firmware::{BROWSER, TARGET};
 
 /// Third-party packages that are linked into the program or a firmware, sorted by name and version.
 ///
@@ -14,7 +14,12 @@ use xtask::firmware::TARGET;
 pub fn linked(checkout: &Path) -> Result<Vec<Package>> {
     let mut packages = BTreeMap::new();
     let program = ["ddfeed/full", "firmware/board-mains"];
-    for (root, triple) in [("ddfeed", host()?), ("firmware", TARGET.to_owned())] {
+    let roots = [
+        ("ddfeed", host()?),
+        ("firmware", TARGET.to_owned()),
+        ("scope", BROWSER.to_owned()),
+    ];
+    for (root, triple) in roots {
         let metadata = MetadataCommand::new()
             .manifest_path(checkout.join("Cargo.toml"))
             .features(CargoOpt::SomeFeatures(program.map(String::from).to_vec()))

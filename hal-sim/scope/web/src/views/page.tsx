@@ -1,4 +1,4 @@
-import { connection, notices, dismiss } from "../drive";
+import { dismiss, notices, source } from "../drive";
 import { Commands } from "./commands";
 import { Faults } from "./faults";
 import { Header } from "./header";
@@ -30,7 +30,7 @@ export function Page() {
       <Header />
       <Notices />
       <main>
-        {connection.value.simulated && <Story />}
+        {source.value?.kind === "simulation" && <Story />}
         <div class="columns">
           <section class="column" aria-label="Machine">
             <MachinePicture />

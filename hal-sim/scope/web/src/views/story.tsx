@@ -8,7 +8,7 @@ export function Story() {
   return (
     <section class="card story" aria-label="First visit">
       <div class="row">
-        <h2>First visit: five steps, one minute</h2>
+        <h2>First visit: five steps</h2>
         <button type="button" onClick={() => (shown.value = false)}>Close</button>
       </div>
       <ol>
