@@ -88,7 +88,7 @@ impl Supervision {
         let [screw, nut] = &view.motors;
         let progress =
             [&screw.steps, &nut.steps, &view.speed_steps].map(|steps| steps.load(Relaxed));
-        // One line at most, which takes half of the longest way; what makes no progress says so again.
+        // One line at most, which takes half of the longest way; what makes no progress reports it again.
         let fed = self.watchdog.feed(progress);
         if found != self.logged {
             self.logged = found;

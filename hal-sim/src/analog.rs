@@ -17,7 +17,7 @@ pub struct AnalogWatches {
     bus_past: bool,
     /// The same of a current of screw or nut.
     currents_past: [bool; 2],
-    /// Least and most counts of a current.
+    /// Minimum and maximum counts of a current.
     currents: [u16; 2],
     /// Channels of a motor.
     channels: usize,

@@ -130,7 +130,7 @@ pub struct Drive {
     pub board: Board,
     /// What the drive is asked.
     pub request: Request,
-    /// Someone commands, and says so at each step of the speed task.
+    /// Someone commands, and reports it at each step of the speed task.
     pub attended: bool,
     code: Code,
     pole_pairs: [u32; 2],
@@ -184,7 +184,7 @@ impl Drive {
         }
     }
 
-    /// The chip is reset: its code begins anew, with nothing known and nothing asked; the machine goes on as it was.
+    /// The chip is reset: its code begins again, with nothing known and nothing asked; the machine goes on as it was.
     ///
     /// # Errors
     /// [`Misfit`] if a gain of `plate` does not fit its format.
@@ -288,7 +288,7 @@ impl Drive {
         self.code.speed_task.planned()
     }
 
-    /// The brake is told to let go.
+    /// The brake is commanded to open.
     #[must_use]
     pub fn releases_brake(&self) -> bool {
         self.code.speed_task.releases_brake()

@@ -89,7 +89,7 @@ pub struct Setup {
     pub board: BoardConfig,
     /// The loops' tuning.
     pub tuning: Tuning,
-    /// The board that ships with this plate; `None`: the control code is told what the model says.
+    /// The board that ships with this plate; `None`: the control code is given what the model says.
     pub shipped: Option<BoardKind>,
 }
 
@@ -163,7 +163,7 @@ impl Setup {
         }
     }
 
-    /// What the control code is told.
+    /// What the control code is given.
     #[must_use]
     pub fn plate(&self) -> DrivePlate {
         match self.shipped {

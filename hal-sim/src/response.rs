@@ -8,7 +8,7 @@ use std::f64::consts::TAU;
 /// Amplitude of the injected torque, N m: large against the sensors' resolution, small against the torque limit.
 const TORQUE_NM: f64 = 0.1;
 
-/// Least time that is measured at each frequency, s.
+/// Smallest time that is measured at each frequency, s.
 const MEASURE_S: f64 = 0.25;
 
 /// `S` of the screw's motor at `omega` rad/s: electrical speed per torque, rad/s per N m, phase included.

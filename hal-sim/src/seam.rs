@@ -11,7 +11,7 @@ use plant::Axis;
 use plant::machine::Machine;
 
 /// Called by [`Drive::period_through`](crate::drive::Drive::period_through) in the order of time. Each does nothing unless it
-/// is told to.
+/// is commanded to.
 pub trait Seam {
     /// Before each half (0, 1) of a period passes on the machine.
     fn machine(&mut self, _machine: &mut Machine, _half: u32) {}

@@ -17,7 +17,7 @@ pub struct Start {
     pub model: Model,
     /// The board and how it is wired.
     pub board: BoardConfig,
-    /// What the drive is told.
+    /// What the drive is given.
     pub plate: DrivePlate,
     /// Where the rotors stand, mechanical rad: screw, nut.
     pub angles: [f64; 2],

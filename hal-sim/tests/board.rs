@@ -424,7 +424,7 @@ fn a_calibrated_gain_takes_its_ripple_away() {
     }
 }
 
-/// What is left of `i_d`, which is held at 0, shows voltage errors of the bridge: rms, A, of the screw's motor.
+/// The residual of `i_d`, which is held at 0, shows voltage errors of the bridge: rms, A, of the screw's motor.
 fn stray_current(prepare: impl Fn(&mut Setup)) -> f64 {
     let mut setup = coupled();
     prepare(&mut setup);

@@ -12,7 +12,7 @@ const BOARDS: [BoardKind; 2] = [BoardKind::Mains, BoardKind::Nucleo];
 /// Capacitance of a switch, pF.
 const SWITCHES_PF: [f64; 4] = [0.0, 100.0, 200.0, 300.0];
 
-/// What a drive without a load does at rest: rms of the screw's phase currents, A, and the fastest table, m/s. Nothing rubs on the
+/// What a drive without a load does at rest: rms of the screw's phase currents, A, and the fastest table, m/s. Nothing has friction on the
 /// lumped machine.
 fn held(
     kind: BoardKind,

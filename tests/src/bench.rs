@@ -378,7 +378,7 @@ impl Bench {
         (next - chip.now) as f64 / CORE_HZ as f64
     }
 
-    /// Makes the interrupt handler called `handler` loop for ever from its next entry on.
+    /// Makes the interrupt handler called `handler` loop without end from its next entry on.
     ///
     /// # Errors
     /// The firmware has no such function.
@@ -502,7 +502,7 @@ impl Bench {
     }
 
     /// Commands over RTT's link, and waits for the answer. A session is opened first where there is none, or where the firmware has
-    /// started anew.
+    /// restarted.
     ///
     /// # Errors
     /// The firmware refuses it, or does not answer within 50 ms.

@@ -395,7 +395,7 @@ const TASKS: [(&str, &str, f64, f64); 6] = [
     ("telemetry", "RNG", 1e3, 12.8e-3),
 ];
 
-/// How long each task takes at most, with all that interrupts it: the least `r` with `r = c + sum(ceil(r / t) * c)` over those
+/// How long each task takes at most, with all that interrupts it: the smallest `r` with `r = c + sum(ceil(r / t) * c)` over those
 /// above it (Joseph and Pandya, The Computer Journal 29, 390, 1986). The current loops have one priority and half a period each.
 ///
 /// # Errors

@@ -1,4 +1,4 @@
-//! The emulated chip's tops held against the drive on the host, period by period.
+//! The emulated chip's tops compared with the drive on the host, period by period.
 
 use crate::chip::Top;
 use crate::pins::Motor;

@@ -1,4 +1,4 @@
-//! What the firmware takes of the chip's memories, and what is left.
+//! What the firmware takes of the chip's memories, and the residual.
 
 use crate::cost::stack_bound;
 use crate::graph::Graph;

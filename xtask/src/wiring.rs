@@ -83,7 +83,7 @@ pub fn committed(root: &Path) -> Result<String> {
     fs::read_to_string(&path).with_context(|| format!("cannot read {}", path.display()))
 }
 
-/// Draws the table anew, beside the page.
+/// Draws the table again, beside the page.
 ///
 /// # Errors
 /// As [`rows`], or the drawing cannot be written.

@@ -44,7 +44,7 @@ pub trait World {
 pub(crate) struct Asked {
     /// A stream that has not begun.
     pub(crate) record: Option<u32>,
-    /// Since when the drive is to start anew, ms: settings were stored.
+    /// Since when the drive is to restart, ms: settings were stored.
     pub(crate) restart: Option<u32>,
     /// Another configuration holds than this step began with.
     pub(crate) changed: bool,

@@ -115,7 +115,7 @@ impl DriveExchange {
         self.table_step.store(word, Relaxed);
     }
 
-    /// What the contacts say, with what the supervision says of the table's way.
+    /// What the contacts say, with what the supervision says of the table's travel.
     #[inline(always)]
     pub(crate) fn with_way(&self, contacts: interlock::Inputs) -> interlock::Inputs {
         let [blocked, homing] = self

@@ -120,7 +120,7 @@ impl<F: NorFlash> Keeper<F> {
         self.store.flash()
     }
 
-    /// The flash, to start anew with.
+    /// The flash, to restart with.
     pub fn release(self) -> F {
         self.store.release()
     }

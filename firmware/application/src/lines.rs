@@ -1,4 +1,4 @@
-//! The lines to hosts. What came is answered, events are told, telemetry goes where it was asked.
+//! The lines to hosts. What came is answered, events are reported, telemetry goes to the host that asked.
 
 use crate::drive::{Asked, Commanded, World};
 use crate::exchange::{TelemetryExchange, state};
@@ -12,7 +12,7 @@ use embedded_storage::nor_flash::NorFlash;
 use link::frame::{FRAME_MAX, encode};
 use link::message::DriveFrame;
 
-/// How long an answer may take to reach its host before the drive starts anew, ms.
+/// How long an answer may take to reach its host before the drive restarts, ms.
 const RESTART_MS: u32 = 50;
 
 /// Bytes of a line that are looked at before its other work goes on.
@@ -76,7 +76,7 @@ impl<S: AsMut<[Server]>> Lines<S> {
         }
     }
 
-    /// A look at all lines. `seed` is another with each byte. `true`: the drive is to start anew.
+    /// A look at all lines. `seed` is another with each byte. `true`: the drive is to restart.
     pub fn step<F, O, J, W>(
         &mut self,
         seed: impl Fn() -> u32,

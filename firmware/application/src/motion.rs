@@ -17,7 +17,7 @@ pub struct Asked {
     pub demand: Demand,
     /// New speeds: table velocity, 2^-28 m/s, and base speed, 2^-18 rad/s.
     pub speeds: Option<[i32; 2]>,
-    /// An end switch is looked for, forwards, backwards: it is no fault.
+    /// An end switch is looked for, forwards, backwards: it is not a fault.
     pub homing: [bool; 2],
 }
 

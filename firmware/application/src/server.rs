@@ -84,7 +84,7 @@ pub trait Served {
     fn angle(&mut self, motor: u8, behind: i32) -> Result<(), Refusal>;
     /// Takes a demand: see [`Demand`].
     fn demand(&mut self, demand: Demand);
-    /// Who commands is still there.
+    /// The commanding host is still there.
     fn renew(&mut self);
     /// The base speed, 2^-18 rad/s, for a table velocity, 2^-28 m/s, for which none is commanded.
     fn base_for(&self, velocity: i32) -> i32;
@@ -159,7 +159,7 @@ impl Commander {
         session.wrapping_sub(self.ended).cast_signed() <= 0
     }
 
-    /// The drive starts anew: all sessions are over.
+    /// The drive restarts: all sessions are over.
     fn start_anew(&mut self) {
         (self.armed, self.owner) = (None, None);
         self.ended = self.next;
@@ -923,7 +923,7 @@ mod tests {
         );
         assert_eq!(drive.settings.feed.lead_mm, 10.0);
 
-        // The drive starts anew, and all sessions are over.
+        // The drive restarts, and all sessions are over.
         assert_eq!(
             line.ask(Command::Status, &mut commander, &mut drive),
             refused(Refusal::Session)

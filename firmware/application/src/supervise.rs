@@ -56,7 +56,7 @@ pub struct Supervise {
     recorder: Recorder,
     /// Looks in a row with a stage that is unpowered.
     unpowered: u32,
-    /// Least bus of a stage that works, ADC counts.
+    /// Smallest bus of a stage that works, ADC counts.
     bus_least: u16,
     /// PWM periods in a millisecond.
     periods: u32,

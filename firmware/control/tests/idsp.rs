@@ -63,7 +63,7 @@ proptest! {
         prop_assert!(root * root <= i128::from(square) && i128::from(square) < above * above, "root {root} of {square}");
     }
 
-    /// The voltage circle: what is left is no longer than the radius by `idsp`'s square, within a part in 2^15, and
+    /// The voltage circle: the residual is no longer than the radius by `idsp`'s square, within a part in 2^15, and
     /// what was within it is left as it is.
     #[test]
     fn a_vector_is_cut_to_the_circle(d in any::<i32>(), q in any::<i32>(), radius in 0..=i32::MAX >> 2) {

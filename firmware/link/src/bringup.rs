@@ -227,13 +227,13 @@ words! {
         divider_ohm: u32,
         /// 0: the sensor is at ground; 1: at the reference.
         at_reference: u32,
-        /// Counts between which the temperature is well: least, most.
+        /// Counts between which the temperature is well: minimum, maximum.
         range: [u32; 2],
     }
 }
 
 words! {
-    /// What the firmware was built for: what the readings are held against.
+    /// What the firmware was built for: what the readings are compared with.
     Expected, ExpectedWords {
         /// Core clock, Hz.
         core_hz: u32,
@@ -421,7 +421,7 @@ words! {
         changes: u32,
         /// The first count.
         first: u32,
-        /// Counts moved from the first look, the least.
+        /// Smallest counts moved from the first look.
         least: i32,
         /// And the most.
         most: i32,

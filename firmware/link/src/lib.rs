@@ -26,7 +26,7 @@ pub mod telemetry;
 pub mod view;
 
 /// Number of the layout of everything here. Raise it with every change of a word, a code's meaning or a frame: a host
-/// of another layout then says so instead of reading nonsense.
+/// of another layout then reports it instead of reading nonsense.
 pub const LAYOUT: u32 = 19;
 
 /// Symbol of the firmware's [`view::DriveView`].

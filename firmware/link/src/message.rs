@@ -170,7 +170,7 @@ impl Injected {
         }
     }
 
-    /// The least and the largest amount, in its unit; `None` where it has none.
+    /// The smallest and the largest amount, in its unit; `None` where it has none.
     #[must_use]
     pub const fn range(self) -> Option<[f64; 2]> {
         match self {

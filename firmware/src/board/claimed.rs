@@ -1,4 +1,4 @@
-//! The digital pins that the board has claimed, for who asks the board instead of driving it.
+//! The digital pins that the board has claimed, for code that asks the board instead of driving it.
 
 use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::bringup::{Owner, PINS, PinUse};

@@ -77,7 +77,7 @@ pub(crate) const SETTINGS: Settings = Settings {
     bridge: BridgeSettings {
         over_current_a: WATCH_CURRENT_A,
         bus_min_v: 8.0,
-        // The driver's own 100 ns begin when a gate has fallen; these, when the timer says so.
+        // The driver's own 100 ns begin when a gate has fallen; these, when the timer reports it.
         dead_time_ns: DEAD_TIME_NS,
         // Twice the current that turns a leg within the dead time: see the mains board's plate.
         dead_time_fade_a: 4.0 * SWITCH_PF * BUS_V / DEAD_TIME_NS * 1e-3,

@@ -102,7 +102,7 @@ pub(crate) fn converted<A, P: Channel<Ad<A>, ID = u8>>(_pin: &P, sampling: Sampl
 }
 
 /// Takes the pin of a gate driver's fault output, on the break input of timer `T`. The pull holds an open line at the level
-/// that is no fault; a driver's output is an open drain.
+/// that is not a fault; a driver's output is an open drain.
 pub(crate) fn driver_fault<T: Owned, P>(pin: P, fault: DriverFault) -> FaultLine
 where
     P: FaultPins<T> + PinExt + PinPull,

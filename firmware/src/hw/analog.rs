@@ -65,7 +65,7 @@ impl Sampling {
     }
 
     /// What a pin with a capacitor of `farads` to ground needs, whatever stands before it: the capacitor gives its charge,
-    /// and is so large that half a count is not missed. It is 6.5 clocks, the least that the datasheet allows for a slow
+    /// and is so large that half a count is not missed. It is 6.5 clocks, the smallest that the datasheet allows for a slow
     /// channel (6 and above; DS12288, maximum R_AIN, see `link::bringup::time_constant_s`). Fails to compile, in a constant,
     /// below 41 nF.
     pub(crate) const fn behind(farads: f64) -> Self {
@@ -111,7 +111,7 @@ enum Top {
 /// What the analog watchdogs compare with, ADC counts.
 #[derive(Clone, Copy)]
 pub(crate) struct WatchLimits {
-    /// Least and most of a current channel, in counts whatever the sensor's sign; the watchdogs see steps of 16.
+    /// Minimum and maximum of a current channel, in counts whatever the sensor's sign; the watchdogs see steps of 16.
     pub(crate) current: [u16; 2],
     /// Most of the bus voltage.
     pub(crate) bus: u16,
@@ -119,7 +119,7 @@ pub(crate) struct WatchLimits {
     pub(crate) shunts: Shunts,
 }
 
-/// Least and most counts of a current channel from the counts at its two limits, whichever the sensor's sign makes the
+/// Minimum and maximum counts of a current channel from the counts at its two limits, whichever the sensor's sign makes the
 /// lower. Fails to compile, in a constant, if the ADC cannot see one of them.
 pub(crate) const fn watch_limits(one: f64, other: f64) -> [u16; 2] {
     let (least, most) = if one < other {

@@ -51,7 +51,7 @@ pub(crate) fn two_banks() -> bool {
     FlashSize::get().kilo_bytes() == KILOBYTES && interface().optr().read().bits() & DBANK != 0
 }
 
-/// In the NMI: it is for wrong bits that were found while the settings' pages were read. Who reads them asks. A wrong bit of the
+/// In the NMI: it is for wrong bits that were found while the settings' pages were read. The reader asks. A wrong bit of the
 /// code that runs in these two reads and their barriers would be forgiven too; the lock of SYSCFG_CFGR2 opens the bridges all the same.
 pub(crate) fn forgive_torn() -> bool {
     let ours = interface().eccr().read().eccd().bit_is_set() && READING.load(Relaxed);

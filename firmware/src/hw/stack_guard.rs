@@ -1,7 +1,7 @@
 //! A stack that overflows is a fault, not silent damage: the memory between it and the variables is closed to everybody
 //! (PM0214 4.2, memory protection unit).
 //!
-//! The function with the largest frame must not step over it: a test holds every frame of the program against its size.
+//! The function with the largest frame must not step over it: a test compares each frame of the program with its size.
 
 use cortex_m::asm;
 use cortex_m::peripheral::MPU;

@@ -1,6 +1,6 @@
 //! Linear least squares, or instrumental variables, with 95 % intervals.
 //!
-//! Least squares is biased where what is left out of an equation moves its regressors, as a torque ripple moves the acceleration
+//! Least squares is biased where the part that is left out of an equation moves its regressors, as a torque ripple moves the acceleration
 //! that a speed loop does not hold. Instruments are what the regressors follow and nothing that is left out moves: the commanded
 //! motion. The estimate solves `Z' (A x - y) = 0` in place of `A' (A x - y) = 0` (Soderstrom and Stoica, Instrumental Variable
 //! Methods for System Identification, 1983; for machines Janot, Vandanjon and Gautier, IEEE Trans. Control Systems Technology 22,

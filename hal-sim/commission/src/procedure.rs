@@ -128,7 +128,7 @@ pub struct Options {
     pub travel_m: f64,
     /// Cutoff of the speed loops, rad/s, at most; `None`: as set.
     pub speed_rad_s: Option<f64>,
-    /// Least phase margin, degrees.
+    /// Smallest phase margin, degrees.
     pub margin_deg: f64,
 }
 

@@ -1,4 +1,4 @@
-//! A session with the drive that is measured: it is told, led and recorded by its own time.
+//! A session with the drive that is measured: it is commanded and recorded by its own time.
 
 use crate::Failure;
 use anyhow::{Result, bail, ensure};
@@ -201,7 +201,7 @@ impl<L: Line> Session<L> {
         Ok(State::of_words(status.state, status.fault))
     }
 
-    /// Makes settings hold: the drive starts anew, and is ready again.
+    /// Makes settings hold: the drive restarts, and is ready again.
     ///
     /// # Errors
     /// It does not take them, or is not ready with them.

@@ -151,7 +151,7 @@ fn crossing(open: impl Fn(f64) -> Complex<f64>) -> Crossing {
 pub struct Wanted {
     /// Cutoff of the speed loops, rad/s, at most.
     pub speed_rad_s: f64,
-    /// Least phase margin of all loops, degrees.
+    /// Smallest phase margin of all loops, degrees.
     pub margin_deg: f64,
 }
 
@@ -179,7 +179,7 @@ impl Tuned {
         }
     }
 
-    /// The least margin of all loops, degrees.
+    /// The smallest margin of all loops, degrees.
     #[must_use]
     pub fn margin_deg(&self) -> f64 {
         self.current

@@ -35,7 +35,7 @@ impl Folder {
         let partial = self.path(&format!("partial-{name}"));
         let written = write(&partial).and_then(|()| Ok(fs::rename(&partial, self.path(name))?));
         if written.is_err() {
-            // It may not be there; the error that is told is the first one.
+            // It may not be there; the reported error is the first one.
             let _ = fs::remove_file(&partial);
         }
         written.with_context(|| format!("{} was not written", self.path(name).display()))

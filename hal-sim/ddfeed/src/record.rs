@@ -397,7 +397,7 @@ pub fn sample(header: &Header, row: &Row, encoders: [EncoderFrame; 2]) -> Sample
     let angle = |k: usize, motor: &MotorRow| {
         let EncoderFrame { aligned, age_s } = encoders[k];
         let age_s = age_s + OLDER_PERIODS[k] * header.period_s.get();
-        // A motor follows its reference closely: what is left of a few microseconds is far below a count.
+        // A motor follows its reference closely: the residual of a few microseconds is far below a count.
         aligned.rotor_angle(motor.angle_rad, header.motors[k].pole_pairs)
             + age_s * motor.speed_ref_rad_s
     };

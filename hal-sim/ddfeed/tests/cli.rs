@@ -240,7 +240,7 @@ fn nonsense_is_refused_in_a_sentence() {
             vec!["simulate", "--board", "nucleo", "--sensors", "ideal"],
             "--board names a board that ships",
         ),
-        // The nut stands with a torque at which its worst phase is too warm for ever.
+        // The nut stands with a torque at which its worst phase is too warm without end.
         (
             vec![
                 "simulate",

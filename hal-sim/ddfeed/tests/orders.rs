@@ -1,4 +1,4 @@
-//! Orders that nobody listed are found in a recording, and taken away.
+//! Orders that nobody listed are found in a recording, and removed.
 
 use control::plate::{CompensationPlate, OrderPlate};
 use ddfeed::compensate::{Found, orders};

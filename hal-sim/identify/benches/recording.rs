@@ -1,5 +1,5 @@
 //! From the files of a recording to the missing effect: the shared recordings that take longest (two effects, one of a
-//! current sensor) and least (nothing missing), with and without reading them. Skipped where they are absent.
+//! current sensor) and the shortest (nothing missing), with and without reading them. Skipped where they are absent.
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use plant::model::Model;

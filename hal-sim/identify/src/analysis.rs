@@ -20,18 +20,18 @@ pub use crate::conclusion::channels::*;
 pub use crate::conclusion::outcome::*;
 pub use crate::search::selection::MATERIAL;
 
-/// How often a search begins anew because what it found shows that it rested on something wrong.
+/// How often a search begins again because what it found shows that it rested on something wrong.
 const MOST_STARTS: usize = 4;
 /// Relative difference of two resonances that makes one.
 const SAME_RESONANCE: f64 = 0.01;
 
-/// How often the damping of a softer screw and the times of reading are taken anew, in which nothing is linear.
+/// How often the damping of a softer screw and the times of reading are taken again, in which nothing is linear.
 const MOST_RETOLD: usize = 4;
 /// Difference of two times of reading that makes one, s: at 500 Hz 0.3 % of a wave.
 const SAME_LAG_S: f64 = 1e-6;
 
 /// Whether balances that assume one thing hold for a record that tells another. Before a soft screw is found among the
-/// effects nothing is told of it.
+/// effects nothing is known of it.
 fn holds(assumed: Assumed, told: Assumed) -> bool {
     let same = |a: f64, b: f64| (a / b - 1.0).abs() < SAME_RESONANCE;
     assumed.rounding == told.rounding
@@ -75,8 +75,8 @@ struct Traced<'a> {
 }
 
 impl<'a> Traced<'a> {
-    /// Searches, anew each time that what was found shows that it rested on something wrong; `told` says what a record
-    /// with given effects must be held against.
+    /// Searches, again each time that what was found shows that it rested on something wrong; `told` says what a record
+    /// with given effects must be compared with.
     fn new(
         records: [&'a Record; 2],
         model: &'a Model,
@@ -109,7 +109,7 @@ impl<'a> Traced<'a> {
         }
     }
 
-    /// What is left under a noise, with what each effect must bring added for each: of two explanations the better one
+    /// The residual under a noise, with what each effect must bring added for each: of two explanations the better one
     /// has less.
     fn length(&self, noise: &Noise) -> f64 {
         let [case, _] = self.setting.cases();

@@ -1,4 +1,4 @@
-//! The one way in: every format holds the same record, and every fault is told or mended by its rule.
+//! The one way in: every format holds the same record, and every fault is reported or mended by its rule.
 
 use identify::records::{DataQuality, How, LoadError, Mapping, OnFault, double_drive, load};
 use plant::recording::{COLUMNS, Recording};
@@ -138,7 +138,7 @@ fn mat() -> Vec<u8> {
     file
 }
 
-/// A program without the feature says so.
+/// A program without the feature reports it.
 #[test]
 #[cfg(not(feature = "parquet"))]
 fn a_parquet_file_is_refused_with_the_feature_that_reads_it() {
@@ -300,7 +300,7 @@ fn a_gap() {
     assert_eq!(pieces[1].channel("nut_uq_v")[7], cell(5007, 12));
 }
 
-/// A file with four digits of time cannot say 0.25 ms: that is no fault.
+/// A file with four digits of time cannot say 0.25 ms: that is not a fault.
 #[test]
 fn a_rounded_time() {
     let late =

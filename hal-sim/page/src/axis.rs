@@ -9,7 +9,7 @@ use std::ops::Range;
 pub struct Axis<'a> {
     /// Quantity and unit.
     pub title: &'a str,
-    /// Least and greatest value; the axis shows a little more.
+    /// Minimum and maximum value; the axis shows a little more.
     pub range: Option<Range<f64>>,
     /// Logarithmic.
     pub log: bool,
@@ -113,7 +113,7 @@ impl Ranged for Ticked {
     }
 }
 
-/// Least and greatest of what is finite in `values`.
+/// Minimum and maximum of what is finite in `values`.
 pub fn extent(values: impl Iterator<Item = f64>) -> Option<Range<f64>> {
     values
         .filter(|v| v.is_finite())

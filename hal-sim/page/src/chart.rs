@@ -71,7 +71,7 @@ pub struct Label {
 
 /// A chart.
 pub struct Chart<'a> {
-    /// What it shows, for who cannot see it.
+    /// Description for readers who cannot see it.
     pub about: &'a str,
     /// Horizontal axis.
     pub x: Axis<'a>,

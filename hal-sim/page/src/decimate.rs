@@ -3,7 +3,7 @@
 use super::axis::extent;
 use std::ops::Range;
 
-/// At most a least and a greatest point for each of `columns` equal parts of x, in their order. The points must be
+/// At most a lowest and a highest point for each of `columns` equal parts of x, in their order. The points must be
 /// finite.
 pub fn decimate(points: &[(f64, f64)], columns: usize) -> Vec<(f64, f64)> {
     let Some(Range { start, end }) = extent(points.iter().map(|p| p.0)) else {

@@ -111,7 +111,7 @@ impl Application {
 pub struct SimulatedDrive {
     drive: Drive,
     begin: Begin,
-    /// Periods before it last started anew.
+    /// Periods before it last restarted.
     before: u64,
     world: World,
     board: BoardPlate,
@@ -183,7 +183,7 @@ impl SimulatedDrive {
         Ok(simulated)
     }
 
-    /// With what its flash holds, in place of an erased one: it starts anew.
+    /// With what its flash holds, in place of an erased one: it restarts.
     ///
     /// # Errors
     /// [`Misfit`] if a gain does not fit its format.
@@ -192,7 +192,7 @@ impl SimulatedDrive {
         self.restart()
     }
 
-    /// Stores settings, and starts anew with them.
+    /// Stores settings, and restarts with them.
     ///
     /// # Errors
     /// [`NotSet`] if they do not fit; nothing is changed then.
@@ -261,7 +261,7 @@ impl SimulatedDrive {
         &self.application.view
     }
 
-    /// Starts anew, on the board and machine that are there.
+    /// Restarts, on the board and machine that are there.
     fn restart(&mut self) -> Result<(), Misfit> {
         let plate = self.keeper.settings().plate(&self.board);
         let mut drive = self.begin.drive(&self.setup, &plate)?;

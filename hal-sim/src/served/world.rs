@@ -1,4 +1,4 @@
-//! The simulated machine around the application: contacts, brake, load, and the faults that are put in.
+//! The simulated machine around the application: contacts, brake, load, and the faults that are injected.
 
 use crate::analog::AnalogWatches;
 use crate::boards::BoardKind;
@@ -28,12 +28,12 @@ const BUS: [f64; 2] = [0.2, 1.26];
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct MovingBrake {
     released: bool,
-    /// Since it was told what it is told, s.
+    /// Time since its command last changed, s.
     seconds: f64,
 }
 
 impl MovingBrake {
-    /// Some time in which it is told to let go, or to hold.
+    /// Some time in which it is commanded to open, or to hold.
     pub(super) fn step(&mut self, release: bool, seconds: f64) {
         self.seconds = if release == self.released {
             self.seconds + seconds
@@ -57,7 +57,7 @@ impl MovingBrake {
 #[derive(Clone, Debug)]
 pub(super) struct World {
     pub(super) watches: AnalogWatches,
-    /// What is put in of the contacts.
+    /// What is injected of the contacts.
     pub(super) inputs: Inputs,
     /// The table's place, m, by the machine, and where it was switched on.
     position: f64,
@@ -124,7 +124,7 @@ impl World {
         })
     }
 
-    /// A period of a drive that is told of `brake`, and drives with both bridges on or does not.
+    /// A period of a drive with the settings `brake`, and drives with both bridges on or does not.
     pub(super) fn hold(&mut self, brake: &BrakePlate, driven: bool, seconds: f64) {
         self.braked = match self.installation.brake {
             Brake::None => false,

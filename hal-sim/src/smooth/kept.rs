@@ -1,4 +1,4 @@
-//! What a drive is told of a known machine, and what of it outlives a restart.
+//! Compensation of a known machine, and the part of it that outlives a restart.
 
 use crate::smooth::known::Known;
 use control::plate::{CompensationPlate, DrivePlate, OrderPlate};

@@ -485,7 +485,7 @@ fn assert_safe(pairs: &[Named]) {
     }
 }
 
-/// A scale that counts the wrong way asks the motor that follows it for ever more speed: 41 mm in the second.
+/// A scale that counts the wrong way asks the motor that follows it for more and more speed: 41 mm in the second.
 #[test]
 fn a_scale_of_the_wrong_sign_is_not_followed() {
     let scale = (Input::Scale, Defect::WrongSign);

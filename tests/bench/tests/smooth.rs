@@ -133,7 +133,7 @@ fn a_saved_table_that_does_not_fit_is_told_and_learned_anew() {
     assert_eq!(fits(&learner), [TableFit::None; 5], "nothing was saved");
     let saved = learned(&learner, cold);
 
-    // A twentieth of a turn of the shaft, which the electrical angle is told of.
+    // A twentieth of a turn of the shaft, which the electrical angle is given.
     let mut homed = setup.clone();
     for encoder in &mut homed.board.sensors.encoders {
         encoder.theta_e_at_zero_turns = 0.25;
@@ -199,7 +199,7 @@ impl Seam for Ripple {
     }
 }
 
-/// What has fitted and changes later is told too, and stays: it is what the drive has learned since.
+/// A table that has fitted and changes later is reported too, and stays: it is what the drive has learned since.
 #[test]
 fn a_ripple_that_changes_while_the_drive_runs_is_told() {
     let setup = Setup::ideal(Model::paper(), Coupling::Lumped);

@@ -1,5 +1,5 @@
 //! TIM2, TIM4 and TIM5: in encoder mode, where a trigger captures the count; or framing a sensor's readings, where a
-//! trigger starts the counter anew and compare events select the sensor and ask for DMA (RM0440 30).
+//! trigger starts the counter again and compare events select the sensor and ask for DMA (RM0440 30).
 
 use super::registers::Registers;
 
@@ -122,7 +122,7 @@ impl EncoderTimer {
     }
 
     /// A rising edge of the trigger that `TS` codes as `code`: channel 3 captures, if it is set to, and a framing timer
-    /// starts anew. `true` if channel 1 of a framing timer rises.
+    /// restarts. `true` if channel 1 of a framing timer rises.
     pub fn trigger(&mut self, code: u32, now: u64) -> bool {
         if !self.selects(code) {
             return false;

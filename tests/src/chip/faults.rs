@@ -1,4 +1,4 @@
-//! Faults of chip and board that a bring-up is to find; each is put in from outside.
+//! Faults of chip and board that a bring-up is to find; each is injected from outside.
 
 use super::flash::Worn;
 

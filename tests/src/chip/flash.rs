@@ -2,7 +2,7 @@
 //! [`Change`]s keep up; the pages that the firmware itself erases and writes are here alone: its settings', then the bring-up's
 //! two, all at the end of the second bank.
 //!
-//! What runs lies in the first bank, which is read on while the second works; who reads the second then waits until it has done.
+//! What runs lies in the first bank, which is read on while the second works; a reader of the second then waits until it has done.
 
 use super::CORE_HZ;
 use embedded_storage::nor_flash::{NorFlash, ReadNorFlash};
@@ -91,7 +91,7 @@ pub struct Flash {
     busy_until: u64,
     /// The first word of a double word that is being written.
     half: Option<(u32, u32)>,
-    /// Faults put in from outside.
+    /// Faults injected from outside.
     pub worn: Worn,
     /// ECCR says another bank and another address of a word that lost power (ES0430 2.2.3).
     pub wrong_ecc: bool,

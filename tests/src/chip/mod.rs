@@ -122,7 +122,7 @@ pub struct Chip {
     sampled: [[u16; 3]; 2],
     /// Every top so far, if it is kept.
     pub tops: Option<Vec<Top>>,
-    /// Faults put in from outside.
+    /// Faults injected from outside.
     pub provoked: Provoked,
     /// What DMA wants in memory: address, value, bytes of it.
     pub memory_writes: Vec<(u32, u16, usize)>,
@@ -137,7 +137,7 @@ pub struct Chip {
     next_event: u64,
 }
 
-/// Faults put in from outside.
+/// Faults injected from outside.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Provoked {
     /// Bits of the absolute encoders' frames that arrive turned over.
@@ -323,7 +323,7 @@ impl Chip {
 
     /// Lets time run to `to`; what falls due on the way happens in its order.
     pub fn advance(&mut self, to: u64) {
-        // So many events at one instant do not exist: the model would go on for ever.
+        // So many events at one instant do not exist: the model would go on without end.
         const MOST_AT_ONCE: u32 = 1000;
         let mut at_once = 0;
         while self.next_event <= to {

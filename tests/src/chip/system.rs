@@ -243,7 +243,7 @@ impl System {
         watched
     }
 
-    /// Whether the core reads wrong bits of `memory` and is told, by the NMI.
+    /// Whether the core reads wrong bits of `memory` and learns it by the NMI.
     #[must_use]
     pub fn finds_wrong_bits(&self, memory: Checked) -> bool {
         const SRAM_PE: u32 = 1 << 24;

@@ -203,7 +203,7 @@ impl Emulator {
         }
     }
 
-    /// The decoded blocks that a write to memory has changed are decoded anew. The engine sees to its own.
+    /// The decoded blocks that a write to memory has changed are decoded again. The engine sees to its own.
     fn forget_code(&mut self, place: u64, size: usize) {
         // The firmware has no code in its RAM, and RTT writes there all the time.
         let last = place + size as u64;

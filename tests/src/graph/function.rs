@@ -298,7 +298,7 @@ impl Search<'_> {
         let own = instruction.cycles;
         let cycles = match instruction.flow.clone() {
             Flow::Next => own + self.go(at, next)?,
-            // A call at the very end does not come back.
+            // A call at the end does not come back.
             Flow::Call(_) if next >= self.body.end => own + REFILL_MAX + called,
             Flow::Call(_) => own + REFILL_MAX + called + self.go(at, next)?,
             Flow::Return { conditional } => {

@@ -202,7 +202,7 @@ impl Port {
         u32::from_le_bytes(word)
     }
 
-    /// The address grows with each access where CSW says so, within a kilobyte.
+    /// The address grows with each access where CSW reports it, within a kilobyte.
     fn pass_address(&mut self) {
         if self.csw >> 4 & 3 == 1 {
             let next = self.address.wrapping_add(self.size() as u32);

@@ -22,9 +22,9 @@ use table::{Row, Table};
 const SHORT: u64 = 20;
 /// First seed: machines of other seeds were used while the tool was built.
 const FIRST_SEED: u64 = 10_000;
-/// Least share of right machines whose effects are above the noise floor.
+/// Smallest share of right machines whose effects are above the noise floor.
 const RIGHT: f64 = 0.95;
-/// Least share of 95 % intervals that hold the truth.
+/// Smallest share of 95 % intervals that hold the truth.
 const COVERED: f64 = 0.83;
 /// Greatest share of false alarms on clean machines.
 const FALSE_ALARMS: f64 = 0.01;

@@ -14,7 +14,7 @@ pub struct Matrix {
 const NOTHING: &str = "nothing";
 
 impl Matrix {
-    /// Counts one machine: what is on both sides is told right, the rest is told for each other.
+    /// Counts one machine: effects on both sides are right, the others are confused.
     pub fn count(&mut self, truth: &[EffectModel], found: &[String]) {
         let mut there: Vec<String> = truth.iter().map(|e| e.effect().kind().to_owned()).collect();
         let mut told: Vec<String> = found

@@ -218,7 +218,7 @@ impl Table {
         rows.filter(|row| !row.left.is_empty()).count()
     }
 
-    /// The intervals, one a line: which kinds are told too narrowly, and which too widely.
+    /// The intervals, one a line: which kinds have too narrow ones, and which too widely.
     pub fn intervals(&self) -> String {
         let lines = self.0.iter().flat_map(|row| {
             row.told.iter().map(|told| {

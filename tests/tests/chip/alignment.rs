@@ -119,7 +119,7 @@ fn a_watchdog_reset_ends_in_a_drive_that_aligns_again() -> Result<(), String> {
     bench.pass(0.5)?;
     bench.hang("FMAC")?;
     bench.pass(50e-3)?;
-    // The counters begin at zero anew, wherever the rotors have come to rest. Nothing moves before it is demanded.
+    // The counters begin at zero again, wherever the rotors have come to rest. Nothing moves before it is demanded.
     bench.wait_for(State::Unaligned.word(), 1.0)?;
     bench.pass(1.0)?;
     let speeds = Axis::ALL.map(|axis| bench.joint.borrow().board.machine.motor(axis).omega);

@@ -1,4 +1,4 @@
-//! The bring-up on the emulated chip: a healthy board has no finding, and each fault that is put in is named, alone.
+//! The bring-up on the emulated chip: a healthy board has no finding, and each fault that is injected is named, alone.
 
 use board::bringup::{Report, Verdict, judge};
 use embedded_storage::nor_flash::NorFlash;
@@ -324,7 +324,7 @@ fn encoders_flash_and_probe() -> Result<(), String> {
             let chip = bench.emulator.chip();
             chip.provoked.stuck_encoder[0] = Some(u32::MAX);
         },
-        // The drive that starts afterwards says so too.
+        // The drive that starts afterwards reports it too.
         &["drive.state", "encoder.screw"],
         "The sensor does not answer",
     )?;
@@ -340,7 +340,7 @@ fn encoders_flash_and_probe() -> Result<(), String> {
     finds(
         Wiring::Mains,
         |bench| bench.emulator.chip().provoked.frame_errors[0] = 1 << 20,
-        // The drive that starts afterwards says so too.
+        // The drive that starts afterwards reports it too.
         &["drive.state", "encoder.screw"],
         "Frames arrive damaged",
     )?;

@@ -31,7 +31,7 @@ const REQUEST: Request = Request {
 /// Order and amplitude, N m, of the nut's cogging.
 const COGGING: (f64, f64) = (24.0, 0.03);
 
-/// The drive of the paper's motors with fine encoders, and with bridges that need no dead time: what is left of its
+/// The drive of the paper's motors with fine encoders, and with bridges that need no dead time: the residual of its
 /// compensation is no effect that is looked for here. It measures two phases, which are what telemetry has: of three, the drive takes out
 /// noise that the record keeps.
 fn plate() -> DrivePlate {

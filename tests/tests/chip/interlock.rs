@@ -1,4 +1,4 @@
-//! A command that nobody renews, an open enable, an end switch ahead: the emulated drive comes to rest with both motors, and
+//! A command that times out, an open enable, an end switch ahead: the emulated drive comes to rest with both motors, and
 //! then opens its bridges and says why, as the host's does (`tests/bench/tests/interlock.rs`).
 
 use link::codes::{Demand, Fault};

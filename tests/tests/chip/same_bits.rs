@@ -82,7 +82,7 @@ fn emulated(
     Ok((bench.emulator.chip().tops.take().unwrap_or_default(), taken))
 }
 
-/// Runs the script on chip and host, and holds one against the other.
+/// Runs the script on chip and host, and compares them.
 fn same(
     what: &str,
     elf: &Path,

@@ -153,7 +153,7 @@ fn what_a_slow_reader_loses_is_counted_and_left_as_gaps() -> Result<(), String> 
         (last - nut).abs() < 1.0,
         "{last} rad, and {nut} rad in the machine"
     );
-    // An identification takes a gap as the end of a piece, not for motion; what is left here is too short for it.
+    // An identification takes a gap as the end of a piece, not for motion; the residual here is too short for it.
     let model = Model::load(&folder.path().join("model.toml")).map_err(|e| e.to_string())?;
     let path = folder.path().join("record.csv.gz");
     let refused = loaded(&path, &model).unwrap_err();

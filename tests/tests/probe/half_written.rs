@@ -92,7 +92,7 @@ fn an_image_that_was_written_in_part_never_starts_until_it_is_written_whole() {
         });
         let [before, after] = times.unwrap();
         assert_eq!(before, after, "{pulled:?}: half an image runs");
-        // What is left in RAM of the firmware before it is no drive that runs.
+        // The residual in RAM of the firmware before it is no drive that runs.
         Running::start(&mut chip.command(board(), "attach")).until("no firmware runs", WORK);
         // Whole, it does.
         assert!(Running::start(&mut flash).ended(WORK));

@@ -257,7 +257,7 @@ impl Fault {
 
     /// The same of a break input on which a gate driver's fault line is pulled, or of a break that was the `controller`'s own; all other
     /// faults as they are. A break by comparators is over with its current, a driver holds its line for milliseconds. Of the controller's
-    /// own breaks one by its supply is told here: those by clock, memory and a core that locked up end in a reset.
+    /// own breaks one by its supply is reported here: those by clock, memory and a core that locked up end in a reset.
     #[must_use]
     pub const fn by_line(self, [screw, nut]: [bool; 2], controller: bool) -> Self {
         match self {
@@ -268,7 +268,7 @@ impl Fault {
         }
     }
 
-    /// In what its value and its limit are told, where they are.
+    /// Unit of its value and its limit, where it has them.
     #[must_use]
     pub const fn unit(self) -> Option<&'static str> {
         match self {

@@ -43,7 +43,7 @@ impl Angle {
         let nearest = self.0.wrapping_add(HALF) >> (32 - POINT_BITS);
         let point = CIRCLE.get(nearest as usize).copied().unwrap_or(0);
         let (cos, sin) = (point as i32, (point >> 32) as i32);
-        // What is left to the angle, with half an interval as the full word.
+        // The rest for the angle, with half an interval as the full word.
         let left = (self.0 << POINT_BITS).cast_signed();
         let left = multiply_upper(left, SCALE);
         // Within the word: where cosine or sine is largest there is a point, and all points lie inside the circle.

@@ -286,7 +286,7 @@ mod tests {
             if now >= config.bus_counts_min {
                 prop_assert!(got <= exact * (1.0 + 3e-4), "{got} for {exact} at {now} counts, made for {counts}");
             }
-            // Below the least bus the circle leaves no voltage to be scaled.
+            // Below the smallest bus the circle leaves no voltage to be scaled.
             prop_assume!(now >= config.bus_counts_min);
             let part = (f64::from(now) - f64::from(counts)) / f64::from(counts);
             if part.abs() < 0.5 {

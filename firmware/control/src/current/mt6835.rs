@@ -32,7 +32,7 @@ pub const fn is_whole(frame: u32) -> bool {
     remainder(frame) == 0
 }
 
-/// What is left of `frame` modulo `x^8 + x^2 + x + 1`, without a table: `x^16` is `x^4 + x^2 + 1` there, and `x^8` is
+/// The residual of `frame` modulo `x^8 + x^2 + x + 1`, without a table: `x^16` is `x^4 + x^2 + 1` there, and `x^8` is
 /// `x^2 + x + 1`, so the upper bits fold onto the lower ones: 32 bits to 20, to 14, to 8.
 #[inline(always)]
 const fn remainder(frame: u32) -> u32 {

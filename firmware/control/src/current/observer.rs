@@ -63,7 +63,7 @@ impl EncoderScale {
 pub struct WideScale {
     /// Nearest whole number.
     whole: i32,
-    /// What is left to the factor, 2^-32.
+    /// The rest for the factor, 2^-32.
     part: i32,
 }
 

@@ -164,7 +164,7 @@ impl SpeedTask {
         self.coordinator.planned()
     }
 
-    /// The brake is told to let go.
+    /// The brake is commanded to open.
     #[must_use]
     #[inline(always)]
     pub const fn releases_brake(&self) -> bool {
@@ -223,7 +223,7 @@ impl SpeedTask {
     }
 
     /// After a step that began a fault: which gate drivers' fault lines are pulled, screw's and nut's, and whether the controller itself
-    /// has broken the timers. A break is told apart by it.
+    /// has broken the timers. A break is distinguished by it.
     #[cold]
     #[inline(never)]
     pub fn tell_lines(&mut self, pulled: [bool; 2], controller: bool) -> State {

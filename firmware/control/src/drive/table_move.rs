@@ -5,7 +5,7 @@
 //! jerk it has, as long as the velocity is reached in between: [`MovePlan`] takes the largest `v` that is, and a whole
 //! number of steps. Then a position loop on the scale takes out what the motors or the load have left.
 //!
-//! One step is made at a fixed rate, that of the speed task or slower, after it. It holds the table until it is told
+//! One step is made at a fixed rate, that of the speed task or slower, after it. It holds the table until it is commanded
 //! otherwise.
 
 use crate::base::format::TableVelocity;

@@ -95,7 +95,7 @@ impl Settings {
         }
     }
 
-    /// The same of a drive that learns what repeats with its angles in half a second and feeds forward the least friction. Its base speed
+    /// The same of a drive that learns what repeats with its angles in half a second and feeds forward the smallest friction. Its base speed
     /// wanders by one rpm, so that no harmonic of an encoder's counts keeps in step with an order.
     #[must_use]
     pub const fn smooth(mut self) -> Self {
@@ -147,7 +147,7 @@ impl Settings {
         Warning::of(&self.brake.plate())
     }
 
-    /// Least and most homed position, mm; `None`: there is no limit.
+    /// Minimum and maximum homed position, mm; `None`: there is no limit.
     #[must_use]
     pub fn soft_limits_mm(&self) -> Option<[f64; 2]> {
         let travel = &self.travel;

@@ -260,7 +260,7 @@ group! {
 }
 
 group! {
-    /// The table's way: homing to an end switch, and soft limits of the homed position.
+    /// The table's travel: homing to an end switch, and soft limits of the homed position.
     TravelSettings => TravelPlate {
         1 Part home => home = HomeSettings::DEFAULT, (HomeSettings: HomePlate "home_"), "How its place is found.";
         6 Real soft_least_mm => soft_least_m = 0.0, (Millimetre [-1e5, 1e5]), "Least homed position; as much as soft_most_mm: there are no soft limits." at_rest;

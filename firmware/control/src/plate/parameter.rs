@@ -20,9 +20,9 @@ pub enum Value {
 /// What values a parameter may have.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Kind {
-    /// A number: least, most.
+    /// A number: minimum, maximum.
     Real([f64; 2]),
-    /// A whole number: least, most.
+    /// A whole number: minimum, maximum.
     Whole([u32; 2]),
     /// One of these words.
     Choice(&'static [&'static str]),

@@ -83,7 +83,7 @@ struct Group {
 /// A setting.
 #[derive(Clone, Copy, Debug)]
 pub struct Setting {
-    /// Number of the group in the upper byte, of the parameter in the lower: it is stored and sent, for ever.
+    /// Number of the group in the upper byte, of the parameter in the lower: it is stored and sent, without end.
     pub id: u16,
     group: Text,
     /// The declaration.

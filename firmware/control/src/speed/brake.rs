@@ -8,9 +8,9 @@
 /// State of the brake.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Brake {
-    /// It is told to let go.
+    /// It is commanded to open.
     released: bool,
-    /// Steps since it was told what it is told.
+    /// Steps since its command last changed.
     steps: u32,
 }
 
@@ -35,7 +35,7 @@ impl Brake {
         }
     }
 
-    /// One step in which it is told to let go, or to hold.
+    /// One step in which it is commanded to open, or to hold.
     pub fn step(&mut self, release: bool) {
         self.steps = if release == self.released {
             self.steps.saturating_add(1)
@@ -45,7 +45,7 @@ impl Brake {
         self.released = release;
     }
 
-    /// It is told to let go.
+    /// It is commanded to open.
     #[must_use]
     #[inline(always)]
     pub const fn is_released(&self) -> bool {

@@ -8,7 +8,7 @@
 //! it falls behind all the same (the bus sags, the load grows), the pair gives way: the base speed is lowered by as
 //! much as that motor lags, so that the other slows with it and their difference stays; only what the base speed
 //! cannot give comes off the table's velocity. Neither changes its sign. Once the motor follows again, what was given
-//! is taken back at an eighth of the acceleration limit, so that taking it back does not limit the motor anew.
+//! is taken back at an eighth of the acceleration limit, so that taking it back does not limit the motor again.
 //!
 //! The base speed is free, so it may wander while it stands at its target: `half (1 - cos)` away from 0, so that no order of a ripple
 //! stays at the frequency of a resonance. It begins and, where the target changes, goes over to the profile without a
@@ -443,7 +443,7 @@ impl Coordinator {
     }
 }
 
-/// At least the last bit, so that a rest does not stay for ever.
+/// At least the last bit, so that a rest does not stay without end.
 fn eighth(x: ProfileState) -> ProfileState {
     ProfileState::from_bits((x.to_bits() >> 3).max(1))
 }

@@ -8,7 +8,7 @@
 
 use crate::base::format::{Current, Ratio, Speed, SpeedGain, narrow};
 
-/// A place that rubs, as currents of one motor.
+/// A place with friction, as currents of one motor.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RubbingConfig {
     /// Part of the way to its level that [`STEPS`] go, per rad/s of the speed that it is given.

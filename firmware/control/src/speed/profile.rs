@@ -3,7 +3,7 @@
 //! In units of one step, with `a` the change of the reference a step and `J` the largest change of `a` a step: from
 //! acceleration `n*J` the steps `n, n-1, ..., 1` times `J` bring the reference `J*n(n+1)/2` further and end with
 //! `a = 0`. Solved for `a`: the largest acceleration that can still stop in the distance `x` is
-//! `sqrt(2*J*x + J^2/4) - J/2`. The profile takes the least of that, the limit, and what the jerk allows.
+//! `sqrt(2*J*x + J^2/4) - J/2`. The profile takes the smallest of that, the limit, and what the jerk allows.
 //! Further away than the limit needs to stop, no root is taken.
 
 use crate::base::format::{ProfileState, SpeedChange, square_root};

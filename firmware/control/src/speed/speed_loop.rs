@@ -202,7 +202,7 @@ mod tests {
                 let asked = SpeedReference { omega_e: Speed::from_num(reference), change: Speed::from_num(change) };
                 let out = speed_loop.step(&config, asked, Speed::from_num(omega), false);
                 let wanted = kp * (reference - omega) + integral + kj * change;
-                // At the very limit a rounding decides whether the integral goes on.
+                // Exactly at the limit a rounding decides whether the integral goes on.
                 prop_assume!((wanted.abs() - i_max).abs() > 1e-4);
                 let exact = wanted.clamp(-i_max, i_max);
                 if exact == wanted || (reference < omega) != (wanted < 0.0) {

@@ -226,7 +226,7 @@ mod tests {
         }
 
         /// Whatever is asked, a current that obeys the fold-back never trips, turning or standing, and settles at what
-        /// may flow for ever: the rated current, or at a standstill the one whose worst phase is not hotter than that.
+        /// may flow without end: the rated current, or at a standstill the one whose worst phase is not hotter than that.
         #[test]
         fn a_current_that_is_folded_back_never_trips(asked in 0.5..2.0f64, stands in any::<bool>()) {
             let plate = with(ThermalPlate { rated_rms_a: 1.3, seconds: 1.0 });

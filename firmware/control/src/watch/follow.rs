@@ -188,7 +188,7 @@ mod tests {
         }
     }
 
-    /// A scale that counts the wrong way asks for ever more speed; with one that is right, both slow down.
+    /// A scale that counts the wrong way asks for more and more speed; with one that is right, both slow down.
     #[test]
     fn a_shaft_that_gets_faster_than_both_were_is_let_go() {
         let latched = FaultSet::EMPTY.with(Fault::ScrewEncoder);

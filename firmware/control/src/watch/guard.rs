@@ -65,7 +65,7 @@ pub struct GuardPlate {
     pub temperatures: [TemperaturePlate; 2],
     /// The encoders have an index: screw, nut.
     pub index: [bool; 2],
-    /// The table's scale; none: it is not held against the motors.
+    /// The table's scale; none: it is not compared with the motors.
     pub scale: Option<ScaleWatchPlate>,
 }
 
@@ -74,7 +74,7 @@ pub struct GuardPlate {
 pub struct GuardConfig {
     /// Most counts of the bus.
     pub bus_most: u16,
-    /// Least counts of the bus with the bridges on.
+    /// Smallest counts of the bus with the bridges on.
     pub bus_least: u16,
     /// Heat sinks: screw, nut.
     pub temperatures: [Range; 2],
@@ -164,7 +164,7 @@ pub struct Look {
     pub transition_error: [bool; 2],
 }
 
-/// What is left to a shaft until its index is missing.
+/// The rest for a shaft until its index is missing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct IndexWatch {
     theta: u32,

@@ -15,7 +15,7 @@
 //! An alignment moves the table by less than its travel limit in either direction. A table that stands on a switch may therefore be
 //! aligned, and then be moved off.
 //!
-//! While [`homing`](crate::homing) looks for a switch, that switch is no fault, for homing stops at it. The other one is.
+//! While [`homing`](crate::homing) looks for a switch, that switch is not a fault, for homing stops at it. The other one is.
 //!
 //! The end switches and the enable contacts are normally closed, so that a broken wire stops too (IEC 60204-1, 9.4.3; ISO 13850).
 //! A level counts once [`SETTLED`] looks in a row have seen it.
@@ -37,7 +37,7 @@ pub struct Inputs {
     pub end_backward: bool,
     /// The table may not go on forwards, backwards, for a soft limit is near: it comes to rest before.
     pub blocked: [bool; 2],
-    /// An end switch is looked for, forwards, backwards: ahead it is no fault.
+    /// An end switch is looked for, forwards, backwards: ahead it is not a fault.
     pub homing: [bool; 2],
     /// What the table moves in a PWM period by its scale, as a turn of screw against nut, 2^-32 turn; `None`: nobody knows.
     pub table_step: Option<i32>,

@@ -26,7 +26,7 @@ impl StageLook {
     }
 }
 
-/// Why a stage of the two, screw's and nut's, is silent; `None`: neither is. `bus_least` is the least bus of a stage that works, counts.
+/// Why a stage of the two, screw's and nut's, is silent; `None`: neither is. `bus_least` is the smallest bus of a stage that works, counts.
 #[must_use]
 pub fn unpowered(stages: &[StageLook; 2], bus_least: u16) -> Option<Fault> {
     let off = |stage: &StageLook| stage.is_silent() && stage.bus < bus_least;

@@ -165,7 +165,7 @@ mod tests {
     }
 
     proptest! {
-        /// Whatever both turn by, over the wraps of angle and count, a table that goes with them is no fault, in either sense
+        /// Whatever both turn by, over the wraps of angle and count, a table that goes with them is not a fault, in either sense
         /// of the scale.
         #[test]
         fn a_table_that_goes_with_its_motors_is_no_fault(

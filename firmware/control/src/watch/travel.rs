@@ -1,4 +1,4 @@
-//! Soft limits: the ends of the table's way by its homed position.
+//! Soft limits: the ends of the table's travel by its homed position.
 //!
 //! Each look computes how far the table still goes if the reference went to rest from now on: the profile brings an acceleration
 //! `a` to nothing in `T = a/J` and the velocity to `v1 = v + a T/2` meanwhile, in `v1 T - J T^3/6`; from there it comes to rest in
@@ -37,7 +37,7 @@ pub(crate) const PER_ACCELERATION_BITS: u32 = 8;
 pub struct TravelConfig {
     /// One count of the scale, 2^-16 nm.
     pub(crate) nm_per_count: i64,
-    /// Least and most position, nm; `None`: there is no limit.
+    /// Minimum and maximum position, nm; `None`: there is no limit.
     pub(crate) ends_nm: Option<[i64; 2]>,
     /// [`STANDS_BEFORE_M`], nm.
     pub(crate) stands_before_nm: i64,

@@ -14,7 +14,7 @@
 //! | 16 on | settings: postcard's number and value of each, in any order |
 //!
 //! A setting that a slot has and the firmware not is left out, one that the firmware has and the slot not is that of the drive
-//! without a store: numbers are for ever, so an update of the firmware needs no migration until a setting's meaning changes,
+//! without a store: numbers are without end, so an update of the firmware needs no migration until a setting's meaning changes,
 //! which gives it a new number.
 //!
 //! Nothing here holds more of a slot than a setting: the drive has its kilobytes on the stack of what else it does.

@@ -49,7 +49,7 @@ pub struct CompensateOptions {
     #[arg(long, conflicts_with_all = ["table_speed", "nut_rpm"])]
     recording: Option<PathBuf>,
     /// Takes the orders that the recording shows, in place of those of the model's effects. It has holds at several nut speeds, so that
-    /// screw, nut and lead can be told apart; at several loads it tells what scales with them. Nothing is predicted.
+    /// screw, nut and lead can be distinguished; at several loads it tells what scales with them. Nothing is predicted.
     #[arg(long, requires = "recording")]
     search: bool,
     /// The drive's settings, as `drive settings export` writes them: the prediction has their gains. [default: the paper's]
@@ -126,7 +126,7 @@ fn load(file: &Path) -> Result<Recording> {
     Recording::load(file).with_context(|| format!("the recording {}", file.display()))
 }
 
-/// What the drive is told without a compensation. What its settings say of the encoders is the machine's.
+/// What the drive is given without a compensation. What its settings say of the encoders is the machine's.
 fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
     let plate = setup.plate();
     let Some(file) = &options.drive else {
@@ -139,7 +139,7 @@ fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
     set_encoder_kinds(&mut setup.model.sensing, &settings);
     // The simulated motors are the model's, with their angles known.
     let tuned = settings.plate(&plate.board);
-    // What the drive compensates, the bridges have. A recording shows what is left, and the model has that as an effect.
+    // What the drive compensates, the bridges have. A recording shows the residual, and the model has that as an effect.
     setup.board.dead_time_s = tuned.bridge.dead_time_s;
     Ok(DrivePlate {
         tuning: tuned.tuning,

@@ -30,7 +30,7 @@ const MEAN_OF_QUARTILE: f64 = 10.0 / 6.737;
 const SAME_LINE: f64 = 10.0;
 /// Lines to each side over which a tone spreads, by its window.
 const SPREAD: usize = 2;
-/// Least part by which a ripple must fall.
+/// Smallest part by which a ripple must fall.
 const GAIN: f64 = 0.02;
 
 /// Ripple at an operating point, %.

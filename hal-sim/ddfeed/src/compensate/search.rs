@@ -34,7 +34,7 @@ const PADDED: usize = 4;
 /// Candidates to each side of which the median is noise, and how far above it an order is none of it: one of `exp(25 ln 2)` is.
 const AROUND: usize = 50;
 const ABOVE_NOISE: f64 = 25.0;
-/// Least part of the largest load by which loads must differ.
+/// Smallest part of the largest load by which loads must differ.
 const LOADS_DIFFER: f64 = 0.3;
 
 /// An order that was found.
@@ -439,7 +439,7 @@ pub fn orders(recording: &Recording, model: &Model) -> Orders {
     }
 }
 
-/// The lines of one coordinate, told apart by what of them scales with the holds' loads where these differ.
+/// The lines of one coordinate, distinguished by what of them scales with the holds' loads where these differ.
 fn of_coordinate(search: &Search, lines: &[(Line, Parts)], coordinate: usize) -> Vec<Found> {
     let own = lines
         .iter()

@@ -141,7 +141,7 @@ impl Line for Tcp {
     }
 
     fn receive(&mut self, bytes: &mut [u8], patience: Duration) -> io::Result<usize> {
-        // No time at all would be for ever.
+        // No time at all would be without end.
         let patience = patience.max(Duration::from_millis(1));
         self.0.set_read_timeout(Some(patience))?;
         match self.0.read(bytes) {

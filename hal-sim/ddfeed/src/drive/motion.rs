@@ -19,7 +19,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::time::{Duration, Instant};
 
-/// How often a drive that moves is told that the host is there: often enough for the usual half second of a simulated one
+/// Interval of the heartbeats to a drive that moves: often enough for the usual half second of a simulated one
 /// that is ten times as fast as real time.
 pub const BEAT: Duration = Duration::from_millis(20);
 /// How often it is looked at.
@@ -296,7 +296,7 @@ pub fn run_at(velocity: f64, base: Option<f64>) -> Result<Command> {
     Ok(Command::Run { velocity, base })
 }
 
-/// Goes on commanding a drive that runs until `over` says so or Ctrl-C; then it comes to rest, whatever has happened.
+/// Goes on commanding a drive that runs until `over` reports it or Ctrl-C; then it comes to rest, whatever has happened.
 fn led(
     drive: &mut Drive,
     settings: &Settings,

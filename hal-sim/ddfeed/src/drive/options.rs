@@ -113,7 +113,7 @@ pub struct LoopOptions {
     /// at most the setting tuning.speed_rad_s]
     #[arg(long, value_name = "RAD_S")]
     pub speed_loop: Option<f64>,
-    /// Least phase margin of all loops, degrees.
+    /// Smallest phase margin of all loops, degrees.
     #[arg(long, value_name = "DEG", default_value_t = 45.0)]
     pub margin: f64,
 }
@@ -139,7 +139,7 @@ impl LoopOptions {
 pub struct TuneOptions {
     #[command(flatten)]
     pub loops: LoopOptions,
-    /// Make it hold: the drive, which must be at rest, starts anew with it. Without this it is proposed only.
+    /// Make it hold: the drive, which must be at rest, restarts with it. Without this it is proposed only.
     #[arg(long)]
     pub set: bool,
     #[command(flatten)]

@@ -129,7 +129,7 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
     Ok(())
 }
 
-/// Sets and stores what differs, and says so.
+/// Sets and stores what differs, and reports it.
 fn configure(
     drive: &mut Drive,
     before: &Settings,

@@ -48,7 +48,7 @@ pub const EFFECTS: [Drawn; 8] = [
         Place::Nut,
         &[("off_a", 0.05), ("off_b", -0.04)],
     ),
-    // No drift: its time begins anew with each stretch that is recorded.
+    // No drift: its time begins again with each stretch that is recorded.
     (
         "flux_harmonic",
         Place::Screw,
@@ -66,7 +66,7 @@ pub const EFFECTS: [Drawn; 8] = [
     ),
 ];
 
-/// Records, identifies, and says what was put in.
+/// Records, identifies, and says what was injected.
 pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
     let seed = options.seed.unwrap_or_else(|| {
         let now = SystemTime::now().duration_since(SystemTime::UNIX_EPOCH);

@@ -14,7 +14,7 @@ pub(super) enum Told {
 }
 
 impl Told {
-    /// For a person at a terminal, or for who asked for lines.
+    /// For a person at a terminal, or in lines where lines are asked for.
     pub(super) fn new(lines: bool) -> Self {
         if lines {
             return Told::Lines(String::new(), 0);

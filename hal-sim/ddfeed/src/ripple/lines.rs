@@ -7,15 +7,15 @@ use std::f64::consts::TAU;
 const MOST: usize = 8;
 /// Lines within so many bins of a stronger one are its window's.
 const APART: usize = 4;
-/// A line is told where it has this multiple of the median amplitude.
+/// A line is reported where it has this multiple of the median amplitude.
 const ABOVE_MEDIAN: f64 = 6.0;
-/// A line's frequency is known to this part of the spectrum's resolution, between its bins. An order is told where that is less than
+/// A line's frequency is known to this part of the spectrum's resolution, between its bins. An order is reported where that is less than
 /// a quarter of it.
 const KNOWN: f64 = 0.15;
 const TOLD: f64 = 0.25;
 /// An order is whole within this at least: the speed is not exact.
 const WHOLE: f64 = 0.02;
-/// Highest whole order that is told.
+/// Highest whole order that is reported.
 const HIGHEST: f64 = 200.0;
 
 /// A line of a spectrum.

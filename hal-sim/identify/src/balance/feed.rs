@@ -64,7 +64,7 @@ impl Balance<'_> {
         sum
     }
 
-    /// The declared screw's residual of the table less that of one with another resonance, as far as it is told: a screw that
+    /// The declared screw's residual of the table less that of one with another resonance, as far as the record shows it: a screw that
     /// is taken for stiffer than it is amplifies less of the encoders' noise.
     fn softer(&self, hz: f64) -> Contribution {
         let feed = &self.model.feed;

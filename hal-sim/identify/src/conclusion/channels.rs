@@ -1,9 +1,9 @@
-//! What is left in a channel, and in the table's force balance.
+//! The residual in a channel, and in the table's force balance.
 
 use crate::conclusion::verdict::Level;
 use crate::signal::channel::Channel;
 
-/// Rms of what is left, in its unit.
+/// Rms of the residual, in its unit.
 #[derive(Debug, Clone, Copy)]
 pub struct Figures {
     /// Fit record, declared parameters recalibrated.

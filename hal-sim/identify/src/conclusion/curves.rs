@@ -248,7 +248,7 @@ impl<'c, 'a> Heard<'c, 'a> {
                 .map(|k| k * rows..(k + 1) * rows)
                 .collect(),
             rate: balance.signals.rate / balance.fourier.step() as f64,
-            // What is at its floor is not asked about: what counts is a share of what is left.
+            // What is at its floor is not asked about: what counts is a share of the residual.
             drive_rms: (left.iter().map(|x| x * x).sum::<f64>() / left.len().max(1) as f64).sqrt(),
             left,
         }
@@ -281,7 +281,7 @@ impl<'c, 'a> Heard<'c, 'a> {
     }
 }
 
-/// What predicts the torque balances that are not at their floor beside `names`, trained on `case` and borne out by `check`.
+/// What predicts the torque balances that are not at their floor beside `names`, trained on `case` and confirmed by `check`.
 pub(crate) fn learned(
     [case, check]: [&Case; 2],
     noise: &Noise,

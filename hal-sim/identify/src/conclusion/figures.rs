@@ -1,4 +1,4 @@
-//! What is left, in figures.
+//! The residual, in figures.
 
 use crate::balance::Balance;
 use crate::conclusion::channels::{ChannelRest, Figures, TableForce};
@@ -7,7 +7,7 @@ use crate::regression::column::{Column, counted, dot};
 use crate::signal::channel::Channel;
 use plant::Axis;
 
-/// What is left of a fit record and a check record, before and after, and of the fit record made white.
+/// The residual of a fit record and a check record, before and after, and of the fit record made white.
 pub(crate) fn figures(
     fit: [&[f64]; 2],
     open: &[bool],

@@ -37,7 +37,7 @@ use plant::Axis;
 /// Draws the conclusion of a search.
 pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Progress) -> Outcome {
     let rows = check.whitener(&check.declared).used_rows();
-    // A name that stands beside more than it explains is a likeness: without it what is left is told again.
+    // A name that leaves more than it explains only resembles the cause. Without it the residual is described again.
     loop {
         let outcome = concluded(&case, &check, &noise, &progress);
         let unsound = faint(&outcome, CONFIRMED * threshold(rows))
@@ -131,7 +131,7 @@ fn faint(outcome: &Outcome, on_check: f64) -> Option<&Found> {
 }
 
 /// An effect that differs along a coordinate, beside which a curve is left where it shows: a lack of fit, its law is another.
-/// Over which coordinate the curve is told does not matter: in a record that goes from speed to speed all of them are curves over
+/// The coordinate of the curve does not matter: in a record that goes from speed to speed all of them are curves over
 /// time.
 fn misfit(outcome: &Outcome) -> Option<&Found> {
     let is_left = |left: &Unexplained| {
@@ -139,7 +139,7 @@ fn misfit(outcome: &Outcome) -> Option<&Found> {
     };
     outcome.effects.iter().find(|found| {
         outcome.unexplained.iter().any(|left| {
-            // As much as a record must bear out of an effect: less is chance's.
+            // As much as a record must confirm of an effect: less is chance's.
             let least = (CONFIRMED * outcome.threshold).max(LACK_OF_FIT * found.fall);
             is_curve(found) && is_left(left) && left.channel == found.shows && left.fall > least
         })
@@ -152,13 +152,13 @@ fn is_curve(found: &Found) -> bool {
 }
 
 /// An effect that differs along a coordinate and explains less of its channel than a curve without a name that shows in another one does
-/// there: plate values that both channels share were wrong for want of the curve, and still are by what it lacks.
+/// there: plate values that both channels share were wrong without the curve, and still are by what it lacks.
 fn shadow(outcome: &Outcome) -> Option<&Found> {
     let mut curves = outcome.effects.iter().filter(|found| is_curve(found));
     curves.find(|found| found.fall < outcome.by_plate[found.shows.index()])
 }
 
-/// The weakest effect that does not explain enough beside what is left where it shows most: of what may resemble any slow shape all but a
+/// The weakest effect that does not explain enough beside the residual where it shows most: of what may resemble any slow shape all but a
 /// third of the amplitude.
 fn likeness(outcome: &Outcome) -> Option<&Found> {
     let left = |found: &Found| {

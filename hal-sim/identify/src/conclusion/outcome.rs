@@ -111,7 +111,7 @@ pub struct Outcome {
     pub calibration: Vec<(String, f64, f64)>,
     /// Coordinates of the residuals' rows.
     pub coordinates: Coordinates,
-    /// What was not tried for want of excitation, or not taken for being beyond physics.
+    /// Hypotheses that were not tried without excitation, or that physics forbids.
     pub refused: Vec<Refusal>,
     /// How derivatives were taken.
     pub bandwidth: Bandwidth,
@@ -182,7 +182,7 @@ impl Outcome {
         .excited(&self.excitation())
     }
 
-    /// Shapes without a name that raise the check record's excess describe what is left, and are no part of what is said of it.
+    /// Shapes without a name that raise the check record's excess describe the residual, and are no part of what is said of it.
     pub(crate) fn or_names(self, names: Outcome, excess: impl Fn(&Outcome) -> f64) -> Self {
         match excess(&names) < excess(&self) {
             true => Outcome {

@@ -1,4 +1,4 @@
-//! What is left of both records before and after, in the channels' units.
+//! The residual of both records before and after, in the channels' units.
 
 use crate::balance::{Balance, Contribution};
 use crate::conclusion::verdict::Level;
@@ -173,7 +173,7 @@ impl Side {
 pub(crate) struct Fixed {
     /// Of each channel, whitened: how loud it is before and after.
     pub(crate) levels: Vec<[Level; 2]>,
-    /// What is left after, whitened.
+    /// The residual after, whitened.
     pub(crate) white: Column,
     pub(crate) before: Vec<Vec<f64>>,
     pub(crate) after: Vec<Vec<f64>>,

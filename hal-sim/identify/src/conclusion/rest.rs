@@ -8,9 +8,9 @@ pub(crate) const ABOVE: f64 = 1.5;
 /// Share of the power beyond noise that a shape must have on the fit record: the best of thousands of orders has 1 % of
 /// a noise of 100 Hz over 10 s.
 const SHARE: f64 = 0.03;
-/// Share of that which the check record must bear out.
+/// Share of that which the check record must confirm.
 const CONFIRMED: f64 = 0.25;
-/// Shapes that are told: they get smaller.
+/// Shapes that are reported: they get smaller.
 const MOST: usize = 5;
 
 /// The rule in words.
@@ -37,7 +37,7 @@ pub(crate) struct Place {
     pub(crate) signs: Option<[Vec<f64>; 2]>,
 }
 
-/// Whether a shape over a coordinate is each record's own: what drifts does so anew in each run.
+/// Whether a shape over a coordinate is each record's own: what drifts does so again in each run.
 fn is_own(place: &Place) -> bool {
     place.name == TIME && place.form == Form::Curve
 }

@@ -1,4 +1,4 @@
-//! What is left when no hypothesis is worth adding: what it looks like, without a cause.
+//! The residual when no hypothesis is worth adding: what it looks like, without a cause.
 
 use crate::balance::{Balance, Contribution};
 use crate::conclusion::channels::ChannelRest;
@@ -16,14 +16,14 @@ use crate::signal::along::Along;
 use crate::signal::channel::Channel;
 use plant::effects::Place;
 
-/// A channel is too loud if what is left is beyond noise by this share of the noise's power, and more than this share of
+/// A channel is too loud if the residual is beyond noise by this share of the noise's power, and more than this share of
 /// what was there: an effect found leaves a part of itself.
 const TOO_LOUD: f64 = 0.5;
 const MOST_LEFT: f64 = 0.25;
 /// Doubtful hypotheses listed.
 const LISTED: usize = 3;
 
-/// Fit and check record with what is left of them, whitened.
+/// Fit and check record with the residual of them, whitened.
 pub(crate) struct Left<'a> {
     pub(crate) cases: [&'a Case<'a>; 2],
     pub(crate) whiteners: [&'a Whitener<'a>; 2],
@@ -59,7 +59,7 @@ impl Left<'_> {
         Along::ALL.into_iter().filter(on).map(place).collect()
     }
 
-    /// What is left of a channel, the greatest first, each with its sum of squares.
+    /// The residual of a channel, the greatest first, each with its sum of squares.
     fn of(&self, loud: &ChannelRest, places: &[rest::Place]) -> Vec<(f64, Unexplained)> {
         let index = loud.channel.index();
         let values = self
@@ -122,7 +122,7 @@ impl Left<'_> {
     }
 }
 
-/// What nothing explains: shapes without a name that the regression has (`found`), what is left in channels that are too
+/// What nothing explains: shapes without a name that the regression has (`found`), the residual in channels that are too
 /// loud for their sensors, the greatest first, and in other channels hypotheses and shapes that are doubtful.
 pub(crate) fn unexplained(
     left: &Left,
@@ -173,7 +173,7 @@ pub(crate) fn unexplained(
     let mut list: Vec<(f64, Unexplained)> = unnamed.chain(of_loud).collect();
     list.sort_by(|a, b| b.0.total_cmp(&a.0));
     let mut list: Vec<Unexplained> = list.into_iter().map(|(_, told)| told).collect();
-    // Where what is left is told already, a doubt adds nothing.
+    // Where the residual is described already, a doubt adds nothing.
     let doubts: Vec<Unexplained> = doubtful
         .filter(|doubt| list.iter().all(|known| known.channel != doubt.channel))
         .collect();

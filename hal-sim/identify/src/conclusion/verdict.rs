@@ -1,4 +1,4 @@
-//! What may be said of a machine: from the check record alone, and never more than it bears out.
+//! What may be said of a machine: from the check record alone, and never more than it confirms.
 
 use crate::predict::excitation::Excitation;
 use crate::signal::channel::Channel;
@@ -325,7 +325,7 @@ impl Judged {
     }
 }
 
-/// What is left of each channel, in words.
+/// The residual of each channel, in words.
 fn left_in_words(channels: &[CheckChannel]) -> String {
     let left = channels.iter().map(|channel| {
         let [_, after] = channel.rms;
@@ -342,7 +342,7 @@ fn gone([before, after]: [f64; 2]) -> f64 {
     }
 }
 
-/// Judges by the check record: its channels, how many effects are named, and how many descriptions of what is left.
+/// Judges by the check record: its channels, how many effects are named, and how many descriptions of the residual.
 pub fn judge(channels: &[CheckChannel], names: usize, left: usize, floor: Floor) -> Judged {
     let quiet = |when: usize| channels.iter().all(|channel| channel.levels[when].quiet());
     let known = floor != Floor::Unknown && channels.iter().all(|c| c.floor.is_finite());

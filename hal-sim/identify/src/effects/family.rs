@@ -3,7 +3,7 @@
 use crate::signal::along::Along;
 use crate::signal::channel::Channel;
 
-/// A family of effects that share their columns. Families of torque over angle are told apart by their order only.
+/// A family of effects that share their columns. Families of torque over angle are distinguished by their order only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub enum Family {
     /// `current_offset`.

@@ -21,7 +21,7 @@ pub(crate) const MOST_OF_TOP: f64 = 0.7;
 /// The same at least in the speed over which the balances let the sign of friction turn round: nearer to it `1 - tanh(w)` is as
 /// good.
 const LEAST_OF_ROUNDING: f64 = 1.25;
-/// Least way of screw against nut for what grows with the table's position, turns.
+/// Smallest way of screw against nut for what grows with the table's position, turns.
 const LEAST_TRAVEL: f64 = 0.1;
 
 /// Dead time of a bridge in its bus voltage: 5 us of 50 us.

@@ -1,7 +1,7 @@
 //! A table that sticks and slips: friction that is higher at rest, from the ripple of a drive that runs free.
 //!
 //! While the table stands its friction is whatever holds it, and when it breaks loose it runs at many times the speed of the
-//! screw: no balance of sliding friction holds, and a regression on one is biased by all of it. What is left is the
+//! screw: no balance of sliding friction holds, and a regression on one is biased by all of it. The residual is the
 //! simulation-error method (Ljung, *System Identification*, 2nd ed., section 5.4): the drive is simulated over the record's
 //! speeds, free of what was measured, and the friction is that with which its ripple is the record's. The stretch of the
 //! screw between standing and slipping gives the size to start from: a table on a spring swings to twice the difference of
@@ -31,7 +31,7 @@ const SHORTEST_S: f64 = 0.4;
 const SETTLE_S: f64 = 0.15;
 /// Of each hold so much is simulated, s: several periods of sticking and slipping.
 const SIMULATED_S: f64 = 0.6;
-/// Time over which a table that stands is told from one that moves, s: on a stiff screw it sticks for a few milliseconds.
+/// Time over which a standing table is distinguished from a moving one, s: on a stiff screw it sticks for a few milliseconds.
 const STANDING_S: f64 = 1e-3;
 /// Share of the reference below which it stands, and share of a hold over which it does where it sticks.
 const STANDING: f64 = 0.1;
@@ -182,7 +182,7 @@ impl Study<'_> {
         self.off(&with(self.declared, at))
     }
 
-    /// Where the mean square is least, from the slowest speed at which the table sticks and a size. The ripple of a table that sticks
+    /// Where the mean square is smallest, from the slowest speed at which the table sticks and a size. The ripple of a table that sticks
     /// is rough over size and speed: the best few of a grid are each followed, and the best end counts.
     fn least(&mut self, [slowest, size]: [f64; 2]) -> Option<(Point, Vec<f64>)> {
         let mut starts = Vec::new();
@@ -241,7 +241,7 @@ impl Study<'_> {
         Some([slope(0)?, slope(1)?])
     }
 
-    /// Covariance of size and speed, relative, from the slopes of the ripples and what is left of them.
+    /// Covariance of size and speed, relative, from the slopes of the ripples and the residual of them.
     fn covariance(&mut self, at: &Point, left: &[f64]) -> Option<Matrix2<f64>> {
         let gram = products(&self.slopes(at, left)?);
         let freedom = left.len().checked_sub(2).filter(|n| *n > 0)?;

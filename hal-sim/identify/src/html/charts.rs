@@ -17,7 +17,7 @@ const TURN_BINS: usize = 360;
 const BINS: usize = 90;
 /// Highest order of a spectrum's chart, or a little above the highest that was found.
 const ORDERS: f64 = 66.0;
-/// Lines of before and after: told apart without colour too.
+/// Lines of before and after: distinguished without colour too.
 const BEFORE: Mark = Mark::Line(2.5);
 const AFTER: Mark = Mark::Line(1.2);
 
@@ -208,7 +208,7 @@ const SPEEDS: usize = 10;
 const LEAST_OF_ROWS: f64 = 0.02;
 /// Rows on either side by which a speed is taken.
 const BESIDE: usize = 16;
-/// Ratio of two speeds that are told apart: four steps an octave.
+/// Ratio of two speeds that are distinguished: four steps an octave.
 const STEPS_OF_OCTAVE: f64 = 4.0;
 /// Orders whose frequencies are written beside their rings.
 const WRITTEN: usize = 2;

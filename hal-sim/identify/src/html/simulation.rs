@@ -13,7 +13,7 @@ const DRAWN: usize = 4;
 const MARKED: usize = 8;
 /// Lines nearer than this are one, Hz.
 const APART_HZ: f64 = 5.0;
-/// Measured, declared, new: rings, crosses and dots, told apart without colour too.
+/// Measured, declared, new: rings, crosses and dots, distinguished without colour too.
 const INKS: [(page::chart::Ink, Mark); 3] =
     [(INK, Mark::Ring), (WARM, Mark::Cross), (COOL, Mark::Dot)];
 

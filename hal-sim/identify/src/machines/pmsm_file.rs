@@ -17,7 +17,7 @@ pub struct PmsmModel {
     origin: String,
 }
 
-/// Sensors. What is left out is that of a common drive: the noise floor rests on it, so give your own.
+/// Sensors. The part that is left out is that of a common drive: the noise floor rests on it, so give your own.
 #[derive(Debug, Clone, Copy, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 struct Sensing {

@@ -3,7 +3,7 @@
 use super::basis::At;
 use std::f64::consts::TAU;
 
-/// Least length, s; turns; speed classes: `identification.md`, step 1, asks for 4 s, a turn and 4 classes. A record that
+/// Smallest length, s; turns; speed classes: `identification.md`, step 1, asks for 4 s, a turn and 4 classes. A record that
 /// goes up and down once passes 3.
 const LEAST_S: f64 = 3.0;
 const LEAST_TURNS: f64 = 1.0;
@@ -13,7 +13,7 @@ const CLASS: f64 = 1.3;
 const SHARE: f64 = 0.03;
 /// Speed below which a shaft creeps, rad/s: 5 rpm.
 pub(crate) const CREEPS_RAD_S: f64 = 0.5;
-/// Ratio of two speeds by which viscous friction is told from an offset.
+/// Ratio of two speeds by which viscous friction differs from an offset.
 const VISCOUS: f64 = 2.0;
 
 /// See the module.

@@ -1,4 +1,4 @@
-//! The judge: whether what is left of a fit record predicts what is left of a check record.
+//! The judge: whether the residual of a fit record predicts the residual of a check record.
 
 use super::basis::{Along, At, Group};
 use super::ridge::Products;
@@ -56,7 +56,7 @@ pub(crate) struct Side {
 pub(crate) struct Known {
     /// Rows.
     pub(crate) column: Vec<f64>,
-    /// Inverse variance of what is left to tell of its parameter before a record is seen, in units of the noise.
+    /// Inverse variance of the remaining information of its parameter before a record is seen, in units of the noise.
     pub(crate) precision: f64,
 }
 
@@ -99,7 +99,7 @@ pub(crate) struct Judged {
 /// A side without what the known regressors explain.
 struct Partialled {
     left: Vec<f64>,
-    /// Coefficients of the known regressors in what is left.
+    /// Coefficients of the known regressors in the residual.
     of_left: Vec<f64>,
     columns: Vec<Vec<f64>>,
     /// Rms of each column after over before.
@@ -225,7 +225,7 @@ impl Side {
         sum
     }
 
-    /// What is left with the known regressors as the fit record has them.
+    /// The residual with the known regressors as the fit record has them.
     fn with_parameters_of(&self, fit: &Partialled) -> Vec<f64> {
         let mut left = self.left.clone();
         for (known, value) in self.known.iter().zip(&fit.of_left) {
@@ -321,7 +321,7 @@ pub(crate) fn judge(
             let own = first..first + group.len();
             first = own.end;
             let tells = own.clone().any(|k| fit.own[k] > LEAST_OWN);
-            // Of functions side by side those between two speeds join what is told at either.
+            // Of functions side by side those between two speeds join the values at both.
             let is_whole = group.is_smooth() && tells;
             own.filter(|k| is_whole || fit.own[*k] > LEAST_OWN)
                 .collect()
@@ -388,7 +388,7 @@ pub(crate) fn judge(
             }
         }
     }
-    // What is left beside the prediction is what noise and the rest of the misfit are correlated over.
+    // The residual beside the prediction is what noise and the rest of the misfit are correlated over.
     let rest: Vec<f64> = check.left.iter().zip(&beside).map(|(x, p)| x - p).collect();
     let tested = sides[1].blocks(sides[1].block_length(&rest));
     judged.blocks = tested.len();

@@ -9,7 +9,7 @@ const FURTHER: usize = 12;
 const HIGHEST_FURTHER: u32 = 60;
 const WHOLE: f64 = 0.015;
 
-/// Orders of the turn, whole or not, that are loudest in what is left of the fit record, one after the other.
+/// Orders of the turn, whole or not, that are loudest in the residual of the fit record, one after the other.
 pub(crate) fn loudest_orders(side: &Side, highest: u32) -> Vec<f64> {
     let angle: Vec<f64> = side.at.iter().map(|at| at.angle).collect();
     let range = 0.3..f64::from(highest.min(HIGHEST_FURTHER));

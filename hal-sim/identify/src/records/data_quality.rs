@@ -26,7 +26,7 @@ pub struct DataQuality {
     pub used: usize,
     /// Rows left out, by rule.
     pub skipped: Vec<Skipped>,
-    /// Rows put in over short gaps.
+    /// Rows injected over short gaps.
     pub bridged: usize,
     /// Rows in stretches too short to be used.
     pub cut: usize,

@@ -179,7 +179,7 @@ pub enum LoadError {
         /// Interval, s.
         interval: f64,
     },
-    /// So many rows are bad that what is left says little.
+    /// So many rows are bad that the others say little.
     #[error(
         "{origin}: {skipped} of {rows} rows are bad, the first in row {row}; at most one in twenty may be skipped"
     )]

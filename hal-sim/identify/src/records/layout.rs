@@ -214,7 +214,7 @@ impl Machine {
         }
     }
 
-    /// Numbers that stand beside the channels, with what they are.
+    /// Constants of a record besides its channels, with what they are.
     pub fn constants(self) -> &'static [(&'static str, &'static str)] {
         match self {
             Machine::FeedAxis => &[

@@ -119,7 +119,7 @@ pub struct Rows {
     pub equals: Option<f64>,
     /// A value that it has not in them.
     pub not: Option<f64>,
-    /// Its least value in them.
+    /// Its smallest value in them.
     pub at_least: Option<f64>,
     /// Its greatest value in them.
     pub at_most: Option<f64>,

@@ -10,7 +10,7 @@
 //! | a longer gap | the record has a segment before and one after it | the same |
 //! | rows at another rate than declared; a gap after one row in fifty or more; angle and speed reference that differ by more than a factor of two; a missing column; a file cut off; a record of less than 2 s | refused | refused |
 //!
-//! What is left out, bridged and cut is counted in `report.json` and said on the page.
+//! The part that is left out, bridged and cut is counted in `report.json` and said on the page.
 
 use super::LoadError;
 use super::data_quality::DataQuality;
@@ -27,7 +27,7 @@ pub enum OnFault {
     Skip,
 }
 
-/// Shortest record, s: two turns of a motor at 60 rpm, the least from which an order is told from a drift.
+/// Shortest record, s: two turns of a motor at 60 rpm, the fewest that distinguish an order from a drift.
 const SHORTEST_S: f64 = 2.0;
 /// Shortest segment, s: ten periods of what a drive's current loop leaves at 100 Hz.
 const SHORTEST_SEGMENT_S: f64 = 0.1;

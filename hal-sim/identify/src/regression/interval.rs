@@ -15,7 +15,7 @@ fn balance_error(family: Family, size: f64) -> f64 {
         _ => 0.002,
     };
     let least = match family {
-        // What the gains of both sensors have in common is told by the flux, and by what the balances are off in it.
+        // What the gains of both sensors have in common shows in the flux, and in what the balances are off in it.
         Family::CurrentGain => 5e-4,
         _ => 0.0,
     };

@@ -7,7 +7,7 @@ const SINGULAR: f64 = 1e-12;
 /// Steps of the eigenvalue iteration for each column; it needs about two (Golub and Van Loan, *Matrix Computations*, 8.3).
 const STEPS: usize = 50;
 
-/// Inverse of a symmetric positive matrix; of a singular one the least-norm (Moore-Penrose) inverse.
+/// Inverse of a symmetric positive matrix; of a singular one the minimum-norm (Moore-Penrose) inverse.
 ///
 /// `None` where a number is not finite or the iteration does not end within its bound.
 pub(crate) fn of_gram(gram: &DMatrix<f64>) -> Option<DMatrix<f64>> {

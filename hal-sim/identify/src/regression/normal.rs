@@ -236,7 +236,7 @@ impl Normal {
 
     /// The solution of the columns that are there when given parameters are held. Against that of a regression with
     /// further columns ([`With::held`]) a candidate like them is judged without the bias of parameters that went to
-    /// their bounds for want of it.
+    /// their bounds without it.
     pub fn solve_beside(&self, held: &[(usize, f64)]) -> Solution {
         let (gram, rhs) = self.sums(None);
         solve_holding(&gram, &rhs, held)
@@ -267,7 +267,7 @@ impl Normal {
             .sum::<f64>()
     }
 
-    /// What is left of the target under given parameters.
+    /// The residual of the target under given parameters.
     pub fn residual(&self, values: &DVector<f64>) -> Column {
         let columns = self.columns.iter().map(Rc::as_ref);
         self.target.less(columns, values.iter().copied())

@@ -1,6 +1,6 @@
 //! Covariance of least squares whose residual is no white noise.
 //!
-//! What is left of a filtered record is correlated from row to row, and more so where a model lacks something: the formula
+//! The residual of a filtered record is correlated from row to row, and more so where a model lacks something: the formula
 //! for white noise would promise intervals that are too narrow. The sandwich estimate (White 1980; Newey and West 1987)
 //! asks the residual itself: how far the pulls on the parameters, summed over stretches longer than the correlation,
 //! scatter about 0.
@@ -39,7 +39,7 @@ pub(crate) fn robust(normal: &Normal, solution: &Solution, parameters: &[usize])
     let parts = || left.parts.iter().flatten();
     let rows = parts().map(Vec::len).max().unwrap_or(0);
     let n = parameters.len();
-    // What is left of a channel is correlated over some rows; beyond a second's worth a model error is not noise.
+    // The residual of a channel is correlated over some rows; beyond a second's worth a model error is not noise.
     let length = parts()
         .filter(|part| part.iter().any(|x| *x != 0.0))
         .map(|part| correlated(&part[..part.len().min(CORRELATED_ROWS)]))
@@ -129,7 +129,7 @@ impl<'a> Linear<'a> {
         })
     }
 
-    /// How far the parameters are from where what is left would be least.
+    /// How far the parameters are from where the residual would be smallest.
     #[cfg(test)]
     fn step(&self) -> Vec<f64> {
         let step = &self.inverse * self.unit.tr_mul(self.left);

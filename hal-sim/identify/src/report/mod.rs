@@ -31,7 +31,7 @@ pub struct Report {
     pub residual: Vec<Residual>,
     /// What no hypothesis explains.
     pub unexplained: Vec<Left>,
-    /// What was not tried for want of excitation, or not taken for being beyond physics.
+    /// Hypotheses that were not tried without excitation, or that physics forbids.
     pub refused: Vec<Refusal>,
     /// Plate values that were refined.
     pub calibration: Vec<Calibrated>,
@@ -166,7 +166,7 @@ pub struct Residual {
     pub check_signal: Option<f64>,
     /// What sensors alone leave.
     pub noise_floor: f64,
-    /// Share of the lags of what is left whose correlation is within the 95 % band of white noise.
+    /// Share of the lags of the residual whose correlation is within the 95 % band of white noise.
     pub whiteness: f64,
 }
 

@@ -104,7 +104,7 @@ impl<'c, 'a> Whitened<'c, 'a> {
         Search::new(self.case.balance, &self.whitener, normal).knowing(&self.columns)
     }
 
-    /// The same under the noise that fits what is left with given effects.
+    /// The same under the noise that fits the residual with given effects.
     pub(crate) fn again(&mut self, found: &[Hypothesis]) {
         let soft = |h: &Hypothesis| h.family == Family::AxialCompliance;
         let noise = match found.iter().any(soft) {

@@ -15,7 +15,7 @@ pub(crate) struct Contender<T> {
 
 /// What came of a step.
 pub(crate) struct Choice<T> {
-    /// The best of those that are borne out, with what it explains of both records.
+    /// The best of those that are confirmed, with what it explains of both records.
     pub(crate) best: Option<(f64, T)>,
     /// Those ahead of it that are not, and why.
     pub(crate) doubtful: Vec<(Contender<T>, &'static str)>,
@@ -62,7 +62,7 @@ pub(crate) fn search(machine: &mut impl Forward) {
     }
 }
 
-/// Of contenders the one that explains most and is borne out; among those that explain nearly as much, the one that
+/// Of contenders the one that explains most and is confirmed; among those that explain nearly as much, the one that
 /// explains most of both records.
 pub(crate) fn chosen<T: Clone>(
     contenders: &[Contender<T>],

@@ -56,7 +56,7 @@ impl Holdout {
     }
 }
 
-/// An effect that was fitted on one side of each holdout and held against the other.
+/// An effect that was fitted on one side of each holdout and compared with the other.
 #[derive(Debug, Clone)]
 pub(crate) struct Validated {
     /// Its parameters, the mean of all fits.

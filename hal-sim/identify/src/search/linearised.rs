@@ -2,7 +2,7 @@
 //!
 //! In a shape a record is not linear. About the value that a search came to it is, within what the record resolves: each
 //! shape has a column, the derivative of what its effect adds, and Gauss-Newton steps take all parameters together to where
-//! the sum of squares is least (Seber and Wild, *Nonlinear Regression*, 1989, sections 2.1 and 14.1). There the columns
+//! the sum of squares is smallest (Seber and Wild, *Nonlinear Regression*, 1989, sections 2.1 and 14.1). There the columns
 //! give the covariance too: that of a phase holds what is unknown of its order.
 
 use crate::balance::Assumed;
@@ -114,7 +114,7 @@ impl<'w> Linearised<'w> {
     }
 }
 
-/// Takes the shapes of effects to where the sum of squares is least, all parameters free.
+/// Takes the shapes of effects to where the sum of squares is smallest, all parameters free.
 pub(crate) fn settle(case: &Case, noise: &Noise, found: &mut Vec<Hypothesis>) {
     if !found.iter().any(Hypothesis::has_open_shape) {
         return;

@@ -31,16 +31,16 @@ pub(crate) const PLAINER: f64 = 2.0;
 /// Share of what is explained in a channel that the simplifications of effects may leave there: a tenth of their
 /// amplitude.
 pub(crate) const SIMPLIFIED: f64 = 0.01;
-/// Least power of a shape without a name, of its channel's noise: half of the noise's rms.
+/// Smallest power of a shape without a name, of its channel's noise: half of the noise's rms.
 pub(crate) const AUDIBLE: f64 = 0.25;
 /// Share of the best cost reduction within which the check record has a say in the choice.
 pub(crate) const CLOSE: f64 = 0.03;
-/// Share of what is left in a channel that an effect must explain there: less than a quarter of its amplitude is no more
+/// Share of the residual in a channel that an effect must explain there: less than a quarter of its amplitude is no more
 /// than a likeness.
 pub(crate) const MODEST: f64 = 0.05;
 /// Why an effect is not named that explains less.
 pub(crate) const TOO_MODEST: &str = "more is left in its channel than it explains";
-/// Times what is left beyond noise that an effect must explain of its channel on the check record.
+/// Times the residual beyond noise that an effect must explain of its channel on the check record.
 pub(crate) const DOMINANT: f64 = 3.0;
 /// Share of the error of a free-running drive's ripple that may be left on the check record with an effect that was found
 /// by simulation: more than half of it is then gone, and three quarters of its square.

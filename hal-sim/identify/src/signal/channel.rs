@@ -1,4 +1,4 @@
-//! The balances that a record is held against.
+//! The balances that a record is compared with.
 
 use plant::Axis;
 

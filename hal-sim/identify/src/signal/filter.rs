@@ -23,7 +23,7 @@ fn zero_phase(signal: &[f64], rate: f64, gain: impl Fn(f64) -> f64) -> Vec<f64> 
     let before = (1..=mirror).rev().map(|k| 2.0 * signal[0] - signal[k]);
     let after = (1..=behind).map(|k| 2.0 * signal[n - 1] - signal[n - 1 - k]);
     let mut long: Vec<f64> = before.chain(signal.iter().copied()).chain(after).collect();
-    // What remains of a step from end to start is a ramp, which filters leave alone.
+    // The rest of a step from end to start is a ramp, which filters leave alone.
     let rows = long.len();
     let (start, slope) = (long[0], (long[rows - 1] - long[0]) / (rows - 1) as f64);
     long.iter_mut()

@@ -192,7 +192,7 @@ impl Residual<'_> {
         let (low, high) = (over.values.iter()).fold((f64::MAX, f64::MIN), |(low, high), x| {
             (low.min(*x), high.max(*x))
         });
-        // Half the distance at which two orders are told apart: within it there is one peak.
+        // Half the distance at which two orders are distinguished: within it there is one peak.
         let reach = 0.25 * TAU / (high - low);
         // By the golden section: of the two orders inside one serves again.
         let at = |from: f64, to: f64| from + GOLDEN * (to - from);

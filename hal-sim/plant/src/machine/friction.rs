@@ -10,7 +10,7 @@ use std::ops::{Add, Mul};
 /// Velocities of screw (rad/s), nut (rad/s) and table (m/s).
 pub(super) type Velocities = [f64; 3];
 
-/// The four places where surfaces rub, as weights of the velocities.
+/// The four places with friction, as weights of the velocities.
 const SURFACES: [Velocities; 4] = [
     [1.0, 0.0, 0.0],
     [0.0, 1.0, 0.0],
@@ -18,7 +18,7 @@ const SURFACES: [Velocities; 4] = [
     [1.0, -1.0, 0.0],
 ];
 
-/// The velocities at which they rub: `SURFACES` times `velocities`, without its zeros.
+/// The velocities at which they slide: `SURFACES` times `velocities`, without its zeros.
 #[inline]
 pub(super) fn rubbing(velocities: &Velocities) -> [f64; 4] {
     let [screw, nut, table] = *velocities;
@@ -33,7 +33,7 @@ fn dot(a: &Velocities, b: &Velocities) -> f64 {
 /// Response of an inertia with viscous friction, which takes the mean of the velocities before and after, to a step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Kick<T> {
-    /// What is left of the velocity.
+    /// The residual of the velocity.
     keep: T,
     /// Change of the velocity per impulse.
     pub(super) mobility: T,
@@ -213,7 +213,7 @@ impl Step {
     }
 }
 
-/// One place where surfaces rub.
+/// One place with friction.
 struct Surface {
     /// Its velocity as weights of the velocities.
     of: Velocities,

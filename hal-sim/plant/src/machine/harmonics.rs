@@ -31,7 +31,7 @@ impl Phasors {
     }
 }
 
-/// Largest angle, rad, of which a quarter turn is taken away exactly: below 2^28 quarters, for its first part has 25 bits.
+/// Largest angle, rad, of which a quarter turn is removed exactly: below 2^28 quarters, for its first part has 25 bits.
 const REDUCIBLE: f64 = 4e8;
 
 /// Sine and cosine, within 4e-16 of the library's: the polynomials of Cephes (Moshier, `sin.c`), which

@@ -20,7 +20,7 @@ pub enum Bridge {
 /// Response of an R-L winding over one step.
 #[derive(Debug, Clone, Copy, Default)]
 pub(super) struct Response<T> {
-    /// What is left of the current after the step.
+    /// The residual of the current after the step.
     decay: T,
     /// Current after the step per volt held.
     gain: T,

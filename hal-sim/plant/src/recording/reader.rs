@@ -22,7 +22,7 @@ pub struct RecordingReader {
 }
 
 impl RecordingReader {
-    /// Opens a `.csv` or `.csv.gz`; which one is told by its first bytes, not by its name.
+    /// Opens a `.csv` or `.csv.gz`; its first bytes show which one, not by its name.
     ///
     /// # Errors
     /// A file that cannot be opened or decompressed, a column missing, unknown or twice.

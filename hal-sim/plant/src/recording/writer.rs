@@ -91,7 +91,7 @@ impl RecordingWriter {
             })
     }
 
-    /// Writes what is left. Without this call the file's end is missing.
+    /// Writes the residual. Without this call the file's end is missing.
     ///
     /// # Errors
     /// A file that cannot be written.

@@ -255,7 +255,7 @@ pub fn unknown(board: BoardKind, seed: u64) -> Start {
     start
 }
 
-/// By how much friction holds the rotors at every angle without a current, N m: the least of either alone, by bearing, ball pair
+/// By how much friction holds the rotors at every angle without a current, N m: the smallest of either alone, by bearing, ball pair
 /// and guideway against the load and what torque its harmonics and cogging make at most; and of both together, which only
 /// the bearings hold, for neither pair nor guideway nor load sees them turn. Below 0 a rotor that leaves the angle where
 /// it stands by a little goes on to the next one where it stands: half a period of its harmonics at most, and, alone, with the table.

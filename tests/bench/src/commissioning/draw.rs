@@ -200,7 +200,7 @@ pub fn any_size(seed: u64) -> Start {
     start
 }
 
-/// What the drive is told.
+/// What the drive is given.
 fn know_roughly(start: &mut Start, draw: &mut Draw, drawn: [&Drawn; 2]) {
     let tuning = start.plate.tuning;
     let mut plate = plates(&start.model, Coupling::Coupled, &start.board, tuning);

@@ -11,7 +11,7 @@ use serde::Serialize;
 /// Furthest that a parameter may be off, %, and an angle, degrees.
 const ERROR_GOAL_PERCENT: f64 = 5.0;
 const ANGLE_GOAL_DEG: f64 = 1.0;
-/// Furthest that a bandwidth may be from what was predicted, and the least phase margin, degrees.
+/// Furthest that a bandwidth may be from what was predicted, and the smallest phase margin, degrees.
 const BANDWIDTH_GOAL: f64 = 0.1;
 const MARGIN_GOAL_DEG: f64 = 40.0;
 /// Seed of what is wired wrongly.

@@ -35,7 +35,7 @@ pub struct Outcome {
     pub signs_right: bool,
     /// Bandwidth of the speed loops on the true machine, of what was predicted.
     pub bandwidth_part: [f64; 2],
-    /// Least phase margin of the speed loops on the true machine, degrees.
+    /// Smallest phase margin of the speed loops on the true machine, degrees.
     pub margin_deg: f64,
     /// All limits of all steps were kept.
     pub within_limits: bool,
@@ -53,7 +53,7 @@ pub const USUAL: Options = Options {
 /// Commissions the drive of `start` over its link.
 ///
 /// # Errors
-/// [`Misfit`] if what the drive is told of the machine does not fit its formats.
+/// [`Misfit`] if what the drive is given of the machine does not fit its formats.
 pub fn commission(start: &Start, options: &Options) -> Result<Outcome, Misfit> {
     let serving = Serving::new(SimulatedDrive::cold(start)?);
     let serving = Rc::new(RefCell::new(serving));
@@ -121,7 +121,7 @@ pub fn commission(start: &Start, options: &Options) -> Result<Outcome, Misfit> {
     })
 }
 
-/// Torque that is put in, of the largest.
+/// Torque that is injected, of the largest.
 const TORQUE: f64 = 0.05;
 /// How long a frequency is waited for and measured, s.
 const SETTLE_S: f64 = 0.1;

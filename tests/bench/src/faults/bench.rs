@@ -1,4 +1,4 @@
-//! The seam of a faulty drive: its spoiled inputs, the supervision, the ends of the table's way, and what is measured on the
+//! The seam of a faulty drive: its spoiled inputs, the supervision, the ends of the table's travel, and what is measured on the
 //! machine itself.
 
 use super::cell::{Defect, Input};
@@ -23,7 +23,7 @@ use std::f64::consts::TAU;
 pub(super) const STOP_N_PER_M: f64 = 2e7;
 const STOP_DAMPING: f64 = 0.3;
 
-/// Where the table's way ends, m.
+/// Where the table's travel ends, m.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Ends {
     /// Where the table is in the middle.
@@ -146,7 +146,7 @@ impl Bench {
         })
     }
 
-    /// The chip begins anew.
+    /// The chip begins again.
     pub(super) fn restart_supervision(&mut self) -> Result<(), Misfit> {
         self.supervision = Supervision::new(&self.board.guards(), &self.plate)?;
         Ok(())
@@ -440,7 +440,7 @@ impl Seam for Bench {
                 _ => {}
             }
         }
-        // Whoever has the other's wire.
+        // The motor that has the other's wire.
         for one in &self.spoiled {
             if one.on && one.defect == Defect::Swapped {
                 match one.input {

@@ -127,7 +127,7 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
         // A wrong command ends at the end of the way.
         Input::Command => matches!(fault, F::CommandLost | F::EndForward | F::EndBackward),
         Input::Heartbeat => fault == F::CommandLost,
-        // Whether it stops or is off, the chip's reset says it, and no fault. A demand is no fault either.
+        // Whether it stops or is off, the chip's reset says it, and no fault. A demand is not a fault either.
         Input::Clock | Input::Reset | Input::Demand => false,
         Input::Supply => fault == F::ControllerSupply,
     }

@@ -51,7 +51,7 @@ pub(super) enum Doing {
 /// What else becomes of a chip that runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Change {
-    /// Its code begins anew.
+    /// Its code begins again.
     Starts,
     /// Both bridges are held open.
     Breaks,

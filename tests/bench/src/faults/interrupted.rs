@@ -30,7 +30,7 @@ pub enum Interruption {
     Enable,
     /// Either end switch opens, drawn.
     EndSwitch,
-    /// Nobody renews the command.
+    /// The command times out.
     Heartbeat,
     /// Rest is demanded.
     Stop,

@@ -1,4 +1,4 @@
-//! A cell, run: the drive brought into the situation, the fault put in, and what comes of it.
+//! A cell, run: the drive brought into the situation, the fault injected, and what comes of it.
 
 use super::bench::{Bench, Ends, Soft};
 use super::cause::{names, names_two_channels};

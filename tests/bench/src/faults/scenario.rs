@@ -47,7 +47,7 @@ pub enum Scenario {
     LoadStep,
     /// A stop from full speed on a bus that takes 5 J.
     FullStop,
-    /// Whoever commands is gone, at 100 mm/s.
+    /// The commanding host is gone, at 100 mm/s.
     LinkPulled,
     /// An axis that is not homed, whose end switch is welded, goes on to its stop.
     EndStop,

@@ -24,7 +24,7 @@ const RECOVERS_S: f64 = 40.0;
 pub struct Soaked {
     /// Simulated, s.
     pub seconds: f64,
-    /// Commands, faults that were put in.
+    /// Commands, faults that were injected.
     pub commands: u32,
     /// See `commands`.
     pub faults: u32,
@@ -170,7 +170,7 @@ pub(super) fn recover(run: &mut Run) -> f64 {
     run.pass(0.05);
     let mut waited = 0.1;
     while run.drive.state() != State::Ready && waited < RECOVERS_S {
-        // An alignment can be refused by a table that still coasts. A chip that has begun anew is aligned again.
+        // An alignment can be refused by a table that still coasts. A chip that has begun again is aligned again.
         run.drive.request.demand = match run.drive.state() {
             State::Unaligned | State::Aligning => Demand::Align,
             _ => Demand::Reset,

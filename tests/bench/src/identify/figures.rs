@@ -33,7 +33,7 @@ pub struct MeasuredPair {
 
 /// Everything that is measured. What is not there is skipped and named on standard error.
 pub struct Figures {
-    /// Machines of the shared recordings that are told right, of how many; `None` without their answers.
+    /// Machines of the shared recordings that are identified right, of how many; `None` without their answers.
     pub open: Option<(u32, u32)>,
     /// What was found on each of them, in words.
     pub found: Vec<String>,

@@ -423,7 +423,7 @@ pub(super) struct Said {
     /// `explained` or `nothing missing`, which nothing here is.
     pub(super) sure: bool,
     pub(super) names: usize,
-    /// What is left first is described over a coordinate that is right.
+    /// The residual is first is described over a coordinate that is right.
     pub(super) coordinate: bool,
     /// Power beyond the noise floor on the check record, without and with what was found and measured; whether a curve was added.
     pub(super) excess: [f64; 2],

@@ -387,7 +387,7 @@ mod tests {
     /// Nothing tells these yet.
     const UNTOLD: [&str; 2] = ["q voltages of the motors exchanged", "inertia / 100"];
 
-    /// At one speed resistance and flux are told apart by next to nothing: records of one speed, one with a flux harmonic, were told to
+    /// At one speed resistance and flux are distinguished by next to nothing: records of one speed, one with a flux harmonic, were told to
     /// have the other motor's voltages or a resistance four times the plate's.
     #[test]
     fn a_record_of_one_speed_is_not_wrong() {
@@ -397,7 +397,7 @@ mod tests {
         }
     }
 
-    /// Without an identification: each is told by itself. `DDFEED_WRONG=200` looks at so many sound machines.
+    /// Without an identification: each is checked by itself. `DDFEED_WRONG=200` looks at so many sound machines.
     #[test]
     fn what_is_wrong_is_told_and_what_is_sound_is_not() {
         let data = Data::sound(0).unwrap();

@@ -1,4 +1,4 @@
-//! A wrong electrical angle, put in while the drive works: what it does to the machine until the bridges are off.
+//! A wrong electrical angle, injected while the drive works: what it does to the machine until the bridges are off.
 
 pub mod report;
 
@@ -27,7 +27,7 @@ pub struct WrongAngle {
     pub axis: Axis,
     /// By how much, electrical degrees.
     pub degrees: f64,
-    /// Put in while both motors turn at what is asked; otherwise at rest, before that is asked.
+    /// Injected while both motors turn at what is asked; otherwise at rest, before that is asked.
     pub running: bool,
 }
 
@@ -171,7 +171,7 @@ impl WrongAngle {
         let look = f64::from(STEPS_PER_LOOK) * plate.speed_step();
         let seen_after = watch.angle_s + 2.0 * look + 3.0 / plate.tuning.current_rad_s;
         let (sine, cosine) = self.degrees.to_radians().sin_cos();
-        // Of a unit vector that is turned, the larger component of what is left over.
+        // Of a unit vector that is turned, the larger component of the rest.
         let left_over = sine.abs().max(1.0 - cosine);
         let flux_e = f64::from(motor.pole_pairs) * motor.flux_wb;
         let unsure_v = watch.angle_floor * motor.speed_max() * flux_e

@@ -92,7 +92,7 @@ impl Case {
         }
     }
 
-    /// What is left of the ripple.
+    /// The residual of the ripple.
     ///
     /// # Errors
     /// [`ExperimentError`] if the drive cannot be configured, or leaves the point by a fault.
@@ -329,7 +329,7 @@ impl Seam for BadFrames {
     }
 }
 
-/// The PI and ours on the coupled machine at 800 rpm with something other than the drive was told: what is left, %; `None` if
+/// The PI and ours on the coupled machine at 800 rpm with something other than the drive was told: the residual, %; `None` if
 /// the drive ends in a fault.
 #[must_use]
 pub fn robustness(change: Change) -> [Option<f64>; 2] {

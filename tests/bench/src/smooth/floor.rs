@@ -24,7 +24,7 @@ pub enum Without {
     Pwm,
     /// The bridges' dead time.
     DeadTime,
-    /// What is left of the ripple that the orders compensate: no defect of motors and feed but the load.
+    /// The residual of the ripple that the orders compensate: no defect of motors and feed but the load.
     Defects,
     /// All of these but the last.
     Sensors,

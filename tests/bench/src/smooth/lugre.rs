@@ -15,7 +15,7 @@ pub(super) const PRESLIDING_M: f64 = 2e-6;
 /// controls the motors.
 const GUIDEWAY: f64 = 0.25;
 
-/// One place that rubs, over an angle.
+/// One place with friction, over an angle.
 #[derive(Clone, Copy, Debug)]
 struct Surface {
     coulomb_nm: f64,

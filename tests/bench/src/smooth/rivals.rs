@@ -15,18 +15,18 @@ use std::f64::consts::TAU;
 pub enum Rival {
     /// The PI of the paper alone.
     Pi,
-    /// The current that holds each angle against cogging and friction, measured once at a crawl and fed forward at any speed:
+    /// The current that balances cogging and friction at each angle, measured once at a crawl and fed forward at any speed:
     /// the anticogging map of hobby drives (ODrive's `anticogging`).
     StaticMap,
     /// Proportional-integral-resonant: resonators beside the PI at the ripple's orders, without a lead for the loops' phase (Xia,
-    /// Ji and Yan, IEEE Trans. Industrial Electronics 62, 2015). From memory: not held against its text.
+    /// Ji and Yan, IEEE Trans. Industrial Electronics 62, 2015). From memory: not compared with its text.
     Pir,
     /// Iterative learning by the turn with a forgetting factor, P-type (Qian, Panda and Xu, IEEE Trans. Energy Conversion 20,
-    /// 2005). Not held against that text; P-type learning of a motor's speed ripple is described in Algorithms 11(10), 152,
+    /// 2005). Not compared with that text; P-type learning of a motor's speed ripple is described in Algorithms 11(10), 152,
     /// 2018, [doi:10.3390/a11100152](https://doi.org/10.3390/a11100152).
     Ilc,
     /// Repetitive control: the last turn's current, smoothed, plus the last turn's error some samples ahead (Inoue 1990; the
-    /// plug-in form). From memory: not held against its text.
+    /// plug-in form). From memory: not compared with its text.
     Repetitive,
 }
 

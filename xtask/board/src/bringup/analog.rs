@@ -8,7 +8,7 @@ use link::bringup::{
     SAMPLING_HALVES, SampleWords, SensorWords, Signal, StageWords, time_constant_s,
 };
 
-/// The longest sampling time's code: what the others are held against.
+/// The longest sampling time's code: what the others are compared with.
 const LONGEST: usize = 7;
 /// A channel has settled when its mean is as near to that of the longest sampling time, counts, or as its noise lets it be.
 const SETTLED: f64 = 2.0;

@@ -273,7 +273,7 @@ fn reached(readings: &Readings) -> Option<Item> {
     }
 }
 
-/// The interrupts' cost on the emulated chip: what a board is held against.
+/// The interrupts' cost on the emulated chip: what a board is compared with.
 const BASELINE: &str = include_str!("../../../../tests/cost-baseline.json");
 
 /// The most cycles that an interrupt may take by the emulated chip's count.

@@ -225,7 +225,7 @@ impl CurrentLoop {
         let forbidden =
             broken || self.encoder_watch.failed() || self.over_current || !self.started || !placed;
         if close && !forbidden {
-            // Samples of a current that flows are no zeros: what was begun is begun anew when it rests.
+            // Samples of a current that flows are no zeros: what was begun begins again when it rests.
             self.zero_calibration = ZeroCalibration::new();
             if !self.shorts(config, io, exchange, short) {
                 self.drive(config, io, exchange, frame, measured);
@@ -385,7 +385,7 @@ impl CurrentLoop {
             Mode::Reset => {
                 io.clear_break();
                 if config.measure_zeros {
-                    // A zero that was wrong may be right by now: it is measured anew.
+                    // A zero that was wrong may be right by now: it is measured again.
                     self.zero_calibration = ZeroCalibration::new();
                     self.calibration = Calibration::Pending;
                 }
@@ -645,7 +645,7 @@ mod tests {
             ..config()
         });
         bench.step(&sample([2048; 3]), CurrentReference::default());
-        // Each time that it is closed, in either frame; a break in between begins anew.
+        // Each time that it is closed, in either frame; a break in between begins again.
         let commanded = CurrentReference {
             frame: Frame::Commanded(Angle::from_turns(0.0)),
             ..ONE_AMPERE
@@ -739,7 +739,7 @@ mod tests {
         }
     }
 
-    /// A zero that was out of its place is measured anew after a reset, and zeros that drift are followed while the bridge
+    /// A zero that was out of its place is measured again after a reset, and zeros that drift are followed while the bridge
     /// rests, also where a start cut an average short.
     #[test]
     fn zeros_are_measured_anew_after_a_reset_and_before_each_start() {

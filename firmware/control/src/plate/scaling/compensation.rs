@@ -587,7 +587,7 @@ mod tests {
         std::println!("least distance from -1: {worst:.2}");
     }
 
-    /// The speed loop's curve: the least phase margin, degrees, and distance from -1; whether it goes round -1 as a stable one
+    /// The speed loop's curve: the smallest phase margin, degrees, and distance from -1; whether it goes round -1 as a stable one
     /// does is asserted. The plant has `part` of the inertia that was told, and a table of 20 kg at `axial_hz`, damped by 0.05, which
     /// hangs on both motors (antisymmetric mode): its mass through the lead is 1.8 % of an inertia, twice.
     fn speed_margins(plate: &DrivePlate, part: f64, axial_hz: Option<f64>) -> (f64, f64) {

@@ -108,7 +108,7 @@ impl ThermalPlate {
             429_496_729.0
         ));
         // From the largest current at the beginning to the rated one at the rated heat; at least as steep as from one and a
-        // half times the rated current, so that what is left at a standstill settles below the trip.
+        // half times the rated current, so that the residual at a standstill settles below the trip.
         let more = current_max - rated_current;
         let half = rated_current / 2.0;
         let fold = if more > half { more } else { half } * power_of_two(Current::FRAC_NBITS)

@@ -77,7 +77,7 @@ pub struct MotorAlignment {
     pub inductance: I4F28,
     /// Speed above which the back-EMF says something, electrical rad/s.
     pub least_speed: Speed,
-    /// Least back-EMF at the speed of the turning.
+    /// Smallest back-EMF at the speed of the turning.
     pub least_emf: Voltage,
 }
 
@@ -705,7 +705,7 @@ fn moves_by_itself(index: usize, moving: [bool; 2]) -> Part {
     Part::motor(if own { index } else { index ^ 1 })
 }
 
-/// Where both stand once their windings are shorted.
+/// Where both stand after their windings are shorted.
 fn braked(seen: [MotorSeen; 2], steps: u16) -> [Angle; 2] {
     seen.map(|motor| {
         let ahead = motor.theta_step.saturating_mul(i32::from(steps));

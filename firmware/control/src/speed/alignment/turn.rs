@@ -1,7 +1,7 @@
 //! Both motors together at a common speed: the back-EMF finds the last degrees.
 //!
 //! Relative position is held by the drive's own coordinator and speed loops, so that the table stays. With the current along
-//! q, what is left of the voltage in d is the back-EMF of a rotor that is `off` ahead of where it is taken to be:
+//! q, the residual of the voltage in d is the back-EMF of a rotor that is `off` ahead of where it is taken to be:
 //!
 //! `e_d = v_d - R*i_d + omega*L*i_q = -omega*flux*sin(off)`, `e_q = v_q - R*i_q - omega*L*i_d = omega*flux*cos(off)`.
 //!

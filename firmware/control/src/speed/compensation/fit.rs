@@ -1,6 +1,6 @@
 //! Whether a table that was learned before still fits the machine.
 //!
-//! A table belongs to the angle that its encoder counted then. Encoders that are homed elsewhere, exchanged or mounted anew turn
+//! A table belongs to the angle that its encoder counted then. Encoders that are homed elsewhere, exchanged or mounted again turn
 //! each order's coefficient by the order times that angle, so most of them are wrong at once. The drive therefore compares what
 //! it learns with what it started from, order by order: an order has moved if it is further from its start than 0.7 of it, which is
 //! 41 degrees of phase or a size that is 70 % off. A table does not fit if most of its orders have moved: a single one does so
@@ -241,7 +241,7 @@ fn forget(lines: &mut [Line], configs: &[LineConfig], places: u32) -> u8 {
 }
 
 impl Compensation {
-    /// The rotors were found anew by their currents. Orders that differ between the places where a rotor may stand are learned from zero,
+    /// The rotors were found again by their currents. Orders that differ between the places where a rotor may stand are learned from zero,
     /// and so are the lead's.
     #[cold]
     #[inline(never)]

@@ -110,7 +110,7 @@ impl Scale {
     }
 }
 
-/// Least width of a cell that holds its value, px.
+/// Smallest width of a cell that holds its value, px.
 const CELL: u32 = 42;
 /// Left of the cells: ticks and the axis' title.
 const LEFT: u32 = 62;

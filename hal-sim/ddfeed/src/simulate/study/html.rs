@@ -32,7 +32,7 @@ fn result(report: &Report) -> String {
     }
 }
 
-/// What is left after learning.
+/// The residual after learning.
 fn learned_result(report: &Report) -> Option<String> {
     let learned = report.runs.iter().filter_map(|run| run.learned_percent);
     let least = learned.clone().reduce(f64::min)?;

@@ -8,7 +8,7 @@ use page::document::{figure, legend, short, two};
 use page::markup::Markup;
 use std::ops::Range;
 
-/// Weights of the lines, px: CDFS is told from DDFS without colour too.
+/// Weights of the lines, px: CDFS differs from DDFS without colour too.
 const HEAVY: Mark = Mark::Line(2.5);
 const FINE: Mark = Mark::Line(1.2);
 

@@ -40,7 +40,7 @@ pub struct SetupReport {
     pub record_hz: f64,
     /// Seed of all noise.
     pub seed: u64,
-    /// The run has the paper's machine and table velocity, so that its measured figures can stand beside it.
+    /// The run has the paper's machine and table velocity, so that its measured figures can be compared.
     pub is_paper: bool,
 }
 

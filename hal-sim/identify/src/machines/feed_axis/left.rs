@@ -1,4 +1,4 @@
-//! What is left of an axis' force when all effects are in, and what it looks like.
+//! The residual of an axis' force when all effects are in, and what it looks like.
 
 use super::axis::{Axis, Term};
 use super::fit::MARGIN;
@@ -17,7 +17,7 @@ const ORDERS: std::ops::Range<f64> = 0.3..60.0;
 /// Frequencies, Hz: what is slower is a shape of the programme, what is faster the filter takes away.
 const HZ: std::ops::Range<f64> = 0.5..100.0;
 
-/// Coordinates of what is left.
+/// Coordinates of the residual.
 const SCREW: &str = "angle of the screw";
 const VELOCITY: &str = "velocity";
 const POSITION: &str = "position";
@@ -96,7 +96,7 @@ fn along(term: Term) -> &'static str {
     }
 }
 
-/// Of the terms that were added stage by stage the first that the check record does not bear out, that explains little beside what is left
+/// Of the terms that were added stage by stage the first that the check record does not confirm, that explains little beside the residual
 /// above the noise, or beside which another law is left over its own coordinate: a tenth of what it explains; as much at another order; 20
 /// times beside a slope over the position, which is the first term of any law there.
 pub(super) fn unsound(
@@ -139,7 +139,7 @@ mod tests {
     /// Force noise, N.
     const NOISE: f64 = 1.0;
 
-    /// What is left of an axis that is known, in whose force there is noise and something more over its position.
+    /// The residual of an axis that is known, in whose force there is noise and something more over its position.
     fn left(more: impl Fn(f64) -> f64) -> Vec<Remnant> {
         let axis = Axis {
             law: Law::Difference(2),

@@ -184,8 +184,8 @@ impl Record {
         between(&self.pulses, k, share)
     }
 
-    /// How the controller differentiated: over how many periods its output follows its law best, and the rms of what
-    /// is left, V.
+    /// How the controller differentiated: over how many periods its output follows its law best, and the rms of the
+    /// residual, V.
     pub fn law(&self) -> (Law, f64) {
         let left = |periods: usize| {
             let rows = 10..self.len();

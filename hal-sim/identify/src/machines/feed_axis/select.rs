@@ -105,7 +105,7 @@ struct Linearised<'a> {
     record: &'a Record,
     folds: &'a [Vec<usize>; 2],
     force: Vec<f64>,
-    /// Its parameters fitted on either fold and held against the other.
+    /// Its parameters fitted on either fold and compared with the other.
     holdouts: [Holdout; 2],
 }
 
@@ -205,7 +205,7 @@ impl Start {
     }
 }
 
-/// A term that was fitted on either fold and held against the other one.
+/// A term that was fitted on either fold and compared with the other one.
 #[derive(Clone)]
 struct Judged {
     start: Start,
@@ -234,7 +234,7 @@ impl Linearised<'_> {
         })
     }
 
-    /// Columns fitted on either fold and held against the other one.
+    /// Columns fitted on either fold and compared with the other one.
     fn validated(&self, columns: &[Vec<f64>], prior: Prior) -> Validated {
         let columns = [0, 1].map(|fold: usize| cut_all(columns, &self.folds[fold]));
         let sides = SIDES.map(|sides| sides.map(|fold| columns[fold].as_slice()));

@@ -73,7 +73,7 @@ impl OwnFriction {
 pub struct Study {
     /// Inverse force error of the declared model on the estimation record and on the test record, %.
     pub inverse_percent: [f64; 2],
-    /// What is left of the controller's output by its law with the derivative that suits it, V rms.
+    /// The residual of the controller's output by its law with the derivative that suits it, V rms.
     pub law_left_v: f64,
     /// From lap to lap of a programme that repeats: what no model of the axis explains, N rms; NaN if none repeats.
     pub lap_to_lap_n: f64,
@@ -221,7 +221,7 @@ impl Study {
         let white_n = white_below_100(&estimate.force(), estimate.rate);
         let refit = axis;
         let mut stopped_early = Vec::new();
-        // A term that the check record does not bear out, or beside which another law is left, is not in the model.
+        // A term that the check record does not confirm, or beside which another law is left, is not in the model.
         let left = loop {
             axis = refit.clone();
             stages.truncate(refitted + 1);

@@ -13,7 +13,7 @@ use crate::signal::noise::white_noise;
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
-/// What is left out at a record's start, s, in which the speed is not yet reached, and at its end.
+/// The part that is left out at a record's start, s, in which the speed is not yet reached, and at its end.
 const MARGIN_S: [f64; 2] = [0.3, 0.1];
 /// Bandwidth of what is compared, Hz, and in the rows' rate where that is slow.
 const BAND_HZ: f64 = 100.0;

@@ -15,7 +15,7 @@ pub struct Fit {
     pub values: Vec<f64>,
     /// Their covariance.
     pub covariance: DMatrix<f64>,
-    /// What is left of the current of fit and check record, A.
+    /// The residual of the current of fit and check record, A.
     pub left: [Vec<f64>; 2],
 }
 
@@ -60,7 +60,7 @@ impl Both {
         regression
     }
 
-    /// Whether the check record bears out the last column of the base, a friction, beside all others.
+    /// Whether the check record confirms the last column of the base, a friction, beside all others.
     pub(super) fn has_friction(&self) -> Result<(), &'static str> {
         let own = self.base - 1;
         let others = (0..self.columns[0].len()).filter(|k| *k != own);

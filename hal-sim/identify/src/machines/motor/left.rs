@@ -1,4 +1,4 @@
-//! What is left of a motor's current when its orders are in, and what it looks like.
+//! The residual of a motor's current when its orders are in, and what it looks like.
 
 use super::fit::Fit;
 use super::orders::HIGHEST;

@@ -102,11 +102,11 @@ pub struct Study {
     pub band_hz: f64,
     /// Speeds of the same rows, rad/s.
     pub velocity: [Vec<f64>; 2],
-    /// With the curve that predicts what is left; as `after` where none does.
+    /// With the curve that predicts the residual; as `after` where none does.
     pub curved: Fit,
     /// That curve, part by part.
     pub curves: Vec<Curve>,
-    /// Whether something predicts what is left within the check record and does not carry over from the fit record.
+    /// Whether something predicts the residual within the check record and does not carry over from the fit record.
     pub does_not_carry: bool,
     /// Whether the records are long enough for a judgement of what predicts the rest.
     pub is_judged: bool,
@@ -155,7 +155,7 @@ fn lag(records: [&Columns; 2], base: &[Base], orders: &[u32], lags_s: &[f64]) ->
     }
 }
 
-/// Follows a lag to where the orders that were found leave least of the fit record.
+/// Follows a lag to where the orders that were found leave the smallest residual of the fit record.
 fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -> [f64; 2] {
     let way = start.signum();
     let square = |log: f64| Both::new(records, base, orders, way * log.exp()).squares()[0];
@@ -189,7 +189,7 @@ fn noise(records: &[Record]) -> f64 {
     records.iter().map(of).fold(f64::INFINITY, f64::min)
 }
 
-/// The width of the friction with which inertia, friction and offset leave least of the fit record, rad/s; both records get
+/// The width of the friction with which inertia, friction and offset leave the smallest residual of the fit record, rad/s; both records get
 /// it.
 fn widen(fitted: &mut Columns, other: &mut Columns) -> f64 {
     let narrow = fitted.widths();
@@ -360,7 +360,7 @@ impl Study {
         }
         let mut numbers = orders(&taken);
         let mut late = [late, 0.0];
-        // Between two lags that were tried, what is left is the lag's error: weak orders show beside the right one.
+        // Between two lags that were tried, the residual is the lag's error: weak orders show beside the right one.
         for _ in 0..MOST_ROUNDS {
             if late[0] == 0.0 {
                 break;

@@ -28,7 +28,7 @@ pub struct Limits {
     pub clipped_ratio: f64,
     /// Ratio of an angle's speed to its reference. A speed loop in the mean holds its reference to parts in a thousand.
     pub speed_ratio: RangeInclusive<f64>,
-    /// Least share of the angle's speed that its reference explains.
+    /// Smallest share of the angle's speed that its reference explains.
     pub speed_explained: f64,
     /// Ratio of the measured q current to its reference. The current loop integrates: in the mean it holds the measured
     /// value to the reference whatever the gain of the sensor; amplitude- for power-invariant is a factor of 1.22.
@@ -36,7 +36,7 @@ pub struct Limits {
     /// Angle between measured current and reference, rad: 25 degrees electrical, where a tenth of the torque is lost and a
     /// drive is hardly usable.
     pub current_angle: f64,
-    /// Least share of the phase currents that the reference explains in the rotor's frame.
+    /// Smallest share of the phase currents that the reference explains in the rotor's frame.
     pub current_explained: f64,
     /// Constant part of a phase current against the rms of the reference. What sensors have is below a hundredth of
     /// their range, and the loop drives it into the motor.
@@ -56,11 +56,11 @@ pub struct Limits {
     pub inertia_ratio: RangeInclusive<f64>,
     /// Ratio of fitted to declared moving mass.
     pub mass_ratio: RangeInclusive<f64>,
-    /// Least share of the voltage that the motor's equation explains with any parameters.
+    /// Smallest share of the voltage that the motor's equation explains with any parameters.
     pub voltage_explained: f64,
     /// Ratio of the table's travel to lead times angle of screw against nut. Leads are good to 1e-3.
     pub travel_ratio: RangeInclusive<f64>,
-    /// Least share of the table's travel that the angles explain.
+    /// Smallest share of the table's travel that the angles explain.
     pub travel_explained: f64,
     /// Ratio of a carriage's travel to its reference.
     pub follow_ratio: RangeInclusive<f64>,

@@ -33,7 +33,7 @@ pub struct Finding {
     pub channels: Vec<String>,
     /// What was measured.
     pub statistic: f64,
-    /// What it was held against.
+    /// What it was compared with.
     pub threshold: f64,
     /// What was read, what was expected, what to do.
     pub sentence: String,

@@ -14,7 +14,7 @@ use std::ops::{Range, RangeInclusive};
 
 /// Length of the stretches that are averaged, s: noise of sensors and PWM is gone, ramps are not.
 const BLOCK_S: f64 = 5e-3;
-/// Share of the voltages' squares by which a value of the plate must matter. At one speed resistance and flux are told apart by next to
+/// Share of the voltages' squares by which a value of the plate must matter. At one speed resistance and flux are distinguished by next to
 /// nothing, and a little that no equation has moves either by a multiple: of 200 sound machines eight, whose records show one speed or
 /// two, were called wrong without this. A resistance of a hundredth, where little current flows, matters by a thousandth.
 const MATTERS: f64 = 2e-4;
@@ -302,7 +302,7 @@ impl<'a> Motor<'a> {
         let names = ["ia_a", "ib_a", "iq_ref_a", "angle_rad"].map(|name| self.name(name));
         let [ia, ib, iq, angle] = &names;
         let all = [ia.as_str(), ib.as_str(), iq.as_str(), angle.as_str()];
-        // In the noise nothing is told.
+        // Noise shows nothing.
         let loud = size > 5.0 * 3f64.sqrt() * self.current_noise && size > 1e-6;
         if !loud {
             return true;
@@ -875,7 +875,7 @@ impl<'a> Motor<'a> {
             return true;
         };
         let (ratio, error) = (fit.values[0], limits.sigmas * fit.errors[0]);
-        // Without acceleration nothing is told of an inertia.
+        // Without acceleration an inertia is unknown.
         if size * ratio.abs().max(1.0) < 0.2 * whole {
             return true;
         }

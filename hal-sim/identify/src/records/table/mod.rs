@@ -122,7 +122,7 @@ fn read_parquet(_: File, origin: &str, _: &mut Progress) -> Result<Table, LoadEr
 }
 
 impl Table {
-    /// Reads a file. Its format is told by its first bytes; `text` says what is known of a text's layout.
+    /// Reads a file. Its first bytes show its format; `text` says what is known of a text's layout.
     ///
     /// # Errors
     /// A file that cannot be read. A cell that is no number is none: it is listed.

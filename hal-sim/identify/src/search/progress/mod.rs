@@ -50,7 +50,7 @@ fn split(trial: &Trial, search: &mut Search, solution: &Solution) -> Vec<Hypothe
 pub(crate) struct Doubt {
     pub(crate) trial: Trial,
     pub(crate) reason: &'static str,
-    /// It was taken back for what is left beside it: where its channel is at its noise floor without it, nothing is.
+    /// It was taken back for the residual beside it: where its channel is at its noise floor without it, nothing is.
     pub(crate) likeness: bool,
 }
 
@@ -142,7 +142,7 @@ struct Tracing<'p, 'c, 'a> {
 }
 
 impl Tracing<'_, '_, '_> {
-    /// Both records under the noise that fits what is left of them.
+    /// Both records under the noise that fits the residual of them.
     fn whiten(&mut self) {
         self.fit.again(&self.progress.found);
         self.witness.again(&self.progress.found);

@@ -73,7 +73,7 @@ impl Progress {
         changed
     }
 
-    /// Drops named effects that explain little beside what is left in the channel where they show: where most is of no
+    /// Drops named effects that explain little beside the residual in the channel where they show: where most is of no
     /// kind, a part of it resembles some kind.
     pub(super) fn drop_modest(&mut self, fit: &Whitened) {
         let whitener = &fit.whitener;

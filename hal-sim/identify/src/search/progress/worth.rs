@@ -1,4 +1,4 @@
-//! What counts as something, as the same, and as not told apart.
+//! What counts as something, as the same, and as not distinguished.
 
 use crate::balance::Balance;
 use crate::effects::family::Family;

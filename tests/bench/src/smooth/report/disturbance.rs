@@ -57,7 +57,7 @@ pub fn print_load_steps(steps: &[Step]) {
     }
 }
 
-/// Nut speed and its wander, rpm; whether the ripple is compensated; what is left of it.
+/// Nut speed and its wander, rpm; whether the ripple is compensated; the residual of it.
 pub type Wander = (f64, f64, bool, Smoothness);
 
 /// Off the resonance, and on it.

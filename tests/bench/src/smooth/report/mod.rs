@@ -43,7 +43,7 @@ pub struct SmoothOptions {
 pub enum SmoothPart {
     /// Machines, modes, speeds and controllers, side by side.
     Rows,
-    /// The drive is told wrongly.
+    /// The drive has wrong settings.
     Robustness,
     /// Reversal through friction.
     Reversal,
