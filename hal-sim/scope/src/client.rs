@@ -67,9 +67,7 @@ impl Client {
     /// # Errors
     /// There is no such request, or a value is out of its range.
     pub fn request(&mut self, json: &str) -> Result<Vec<u8>> {
-        let request: Request =
-            serde_json::from_str(json).with_context(|| format!("{json} is no request"))?;
-        let command = request.command(self.stream.wrapping_add(1) & 0xFF_FFFF)?;
+        let command = Request::of_json(json)?.command(self.stream.wrapping_add(1) & 0xFF_FFFF)?;
         match command {
             Command::Record(word) => {
                 let request = link::telemetry::Request::of_word(word);

@@ -1,11 +1,12 @@
 //! A command as JSON, in the units of a person.
 
-use anyhow::{Context, Result, ensure};
+use anyhow::{Context, Result, bail, ensure};
 use link::host::command::{SpeedNames, speeds};
 use link::host::settings::of_words;
 use link::message::{Command, Injected, Injection};
 use link::telemetry::Real;
 use serde::Deserialize;
+use serde_json::{Map, Value};
 use std::f64::consts::TAU;
 
 /// How the page names its inputs.
@@ -14,25 +15,28 @@ const NAMES: SpeedNames = SpeedNames {
     base: "the common speed",
 };
 
-/// A command of the page.
+/// A command of the page: its name is `command`, and its other fields stand beside it.
+///
+/// Serde's internal tag would read the same text.
+/// It cannot read numbers where another crate enables serde_json's `arbitrary_precision`.
 #[derive(Debug, Deserialize)]
-#[serde(tag = "command", rename_all = "snake_case", deny_unknown_fields)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
 pub enum Request {
     /// Opens a session.
-    Hello,
+    Hello {},
     /// The page is still there.
-    Heartbeat,
+    Heartbeat {},
     /// The drive's status.
-    Status,
+    Status {},
     /// The last faults.
-    Faults,
+    Faults {},
     /// Events of the journal.
     Journal {
         /// How many of the latest are left out.
         after: u8,
     },
     /// Lets the drive move.
-    Arm,
+    Arm {},
     /// Runs at these speeds.
     Run {
         /// Table velocity, mm/s.
@@ -55,9 +59,9 @@ pub enum Request {
         common_speed_rpm: Option<f64>,
     },
     /// Comes to rest.
-    Stop,
+    Stop {},
     /// Leaves a fault.
-    Reset,
+    Reset {},
     /// Starts telemetry.
     Record {
         /// Steps of the speed task from row to row; 0 ends it.
@@ -81,11 +85,11 @@ pub enum Request {
         value: String,
     },
     /// Forgets the draft.
-    Discard,
+    Discard {},
     /// Makes the draft hold.
-    Commit,
+    Commit {},
     /// Writes the settings to the flash.
-    Store,
+    Store {},
     /// Puts a fault into a simulated drive.
     Inject {
         /// Name of the fault.
@@ -98,18 +102,36 @@ pub enum Request {
 }
 
 impl Request {
+    /// Reads a request.
+    ///
+    /// # Errors
+    /// The text is no JSON object, or no command has this name and these fields.
+    pub fn of_json(json: &str) -> Result<Self> {
+        let read = || -> Result<Self> {
+            let mut fields: Map<String, Value> = serde_json::from_str(json)?;
+            let name = fields.remove("command");
+            let Some(Value::String(name)) = name else {
+                bail!("the field `command` is missing, or is no text");
+            };
+            let mut command = Map::new();
+            command.insert(name, fields.into());
+            Ok(serde_json::from_value(command.into())?)
+        };
+        read().with_context(|| format!("{json} is no request"))
+    }
+
     /// The command of the link. `stream` is the number of the next telemetry stream.
     ///
     /// # Errors
     /// A value is out of its range, or a name is unknown.
     pub fn command(self, stream: u32) -> Result<Command> {
         Ok(match self {
-            Self::Hello => Command::Hello,
-            Self::Heartbeat => Command::Heartbeat,
-            Self::Status => Command::Status,
-            Self::Faults => Command::Faults,
+            Self::Hello {} => Command::Hello,
+            Self::Heartbeat {} => Command::Heartbeat,
+            Self::Status {} => Command::Status,
+            Self::Faults {} => Command::Faults,
             Self::Journal { after } => Command::Journal { after },
-            Self::Arm => Command::Arm,
+            Self::Arm {} => Command::Arm,
             Self::Run {
                 velocity_mm_s,
                 common_speed_rpm,
@@ -135,8 +157,8 @@ impl Request {
             Self::Home { common_speed_rpm } => Command::Home {
                 base: words(0.0, common_speed_rpm)?.1,
             },
-            Self::Stop => Command::Stop,
-            Self::Reset => Command::Reset,
+            Self::Stop {} => Command::Stop,
+            Self::Reset {} => Command::Reset,
             Self::Record { divider } => {
                 Command::Record(link::telemetry::Request { divider, stream }.word())
             }
@@ -149,9 +171,9 @@ impl Request {
                     value: value.into(),
                 }
             }
-            Self::Discard => Command::Discard,
-            Self::Commit => Command::Commit,
-            Self::Store => Command::Store,
+            Self::Discard {} => Command::Discard,
+            Self::Commit {} => Command::Commit,
+            Self::Store {} => Command::Store,
             Self::Inject {
                 fault,
                 motor,
