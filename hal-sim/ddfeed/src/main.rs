@@ -95,3 +95,32 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::error::ErrorKind;
+    use given::pages::commands;
+
+    /// What a command between backticks may leave out.
+    const LEFT_OUT: [ErrorKind; 2] = [
+        ErrorKind::MissingRequiredArgument,
+        ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand,
+    ];
+
+    #[test]
+    fn commands_of_the_pages_are_read() {
+        let commands = commands("cargo ddfeed");
+        assert!(!commands.is_empty());
+        for command in commands {
+            let read = with_negative_numbers(Arguments::command())
+                .try_get_matches_from(&command.words[1..]);
+            if let Err(error) = read
+                && error.use_stderr()
+                && (command.is_whole || !LEFT_OUT.contains(&error.kind()))
+            {
+                panic!("{}: {error}", command.place);
+            }
+        }
+    }
+}

@@ -387,16 +387,13 @@ impl EncoderFrame {
     }
 }
 
-/// How much older than the row each motor's sample is, PWM periods. The speed task makes the row after the screw's sample; the nut's
-/// timer runs half a period apart (`firmware/src/hw/pwm.rs`).
-const OLDER_PERIODS: [f64; 2] = [0.0, 0.5];
-
-/// A row as a recording has it, with the rotors' angles at the row's instant.
+/// A row as a recording has it, with the rotors' angles at the instant of their currents.
+///
+/// The nut's values are half a PWM period older than the screw's: its timer runs that much apart. The identification finds such lags.
 #[must_use]
 pub fn sample(header: &Header, row: &Row, encoders: [EncoderFrame; 2]) -> Sample {
     let angle = |k: usize, motor: &MotorRow| {
         let EncoderFrame { aligned, age_s } = encoders[k];
-        let age_s = age_s + OLDER_PERIODS[k] * header.period_s.get();
         // A motor follows its reference closely: the residual of a few microseconds is far below a count.
         aligned.rotor_angle(motor.angle_rad, header.motors[k].pole_pairs)
             + age_s * motor.speed_ref_rad_s

@@ -16,6 +16,8 @@
 //! ```
 #![forbid(unsafe_code)]
 
+pub mod pages;
+
 use libtest_mimic::{Arguments, Trial};
 use std::path::{Path, PathBuf};
 

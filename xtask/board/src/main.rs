@@ -49,3 +49,25 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use given::pages::commands;
+
+    #[test]
+    fn commands_of_the_pages_are_read() {
+        for name in ["attach", "bringup", "flash", "run"] {
+            let commands = commands(&format!("cargo xtask {name}"));
+            assert!(!commands.is_empty(), "{name}");
+            for command in commands {
+                let read = Arguments::try_parse_from(&command.words[1..]);
+                if let Err(error) = read
+                    && error.use_stderr()
+                {
+                    panic!("{}: {error}", command.place);
+                }
+            }
+        }
+    }
+}

@@ -53,3 +53,23 @@ fn main() -> ExitCode {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use given::pages::commands;
+
+    #[test]
+    fn commands_of_the_pages_are_read() {
+        let commands = commands("cargo xtask page");
+        assert!(!commands.is_empty());
+        for command in commands {
+            let read = Options::try_parse_from(&command.words[2..]);
+            if let Err(error) = read
+                && error.use_stderr()
+            {
+                panic!("{}: {error}", command.place);
+            }
+        }
+    }
+}
