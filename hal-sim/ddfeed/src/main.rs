@@ -103,7 +103,8 @@ mod tests {
     use given::pages::commands;
 
     /// What a command between backticks may leave out.
-    const LEFT_OUT: [ErrorKind; 2] = [
+    const LEFT_OUT: [ErrorKind; 3] = [
+        ErrorKind::InvalidValue,
         ErrorKind::MissingRequiredArgument,
         ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand,
     ];
