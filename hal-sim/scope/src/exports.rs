@@ -1,6 +1,7 @@
 //! The functions and classes that JavaScript calls. Objects pass as JSON text. Errors are sentences.
 
 use crate::client::Client;
+use crate::loops::{self, Rates};
 use crate::simulated::Simulated;
 use crate::{analysis, identification, schema, signals};
 use hal_sim::vrf;
@@ -188,6 +189,17 @@ pub fn injections() -> String {
 #[must_use]
 pub fn ripple(table_m: &[f64], interval_s: f64) -> String {
     analysis::ripple(table_m, interval_s)
+        .unwrap_or_else(|error| json!({ "error": format!("{error:#}") }))
+        .to_string()
+}
+
+/// See [`loops::predicted`]; `values` is a JSON object. `{"error": sentence}` where a value is not possible.
+#[wasm_bindgen]
+#[must_use]
+pub fn loops(values: &str, pwm_hz: f64, speed_hz: f64) -> String {
+    serde_json::from_str(values)
+        .map_err(anyhow::Error::from)
+        .and_then(|values| loops::predicted(&values, Rates { pwm_hz, speed_hz }))
         .unwrap_or_else(|error| json!({ "error": format!("{error:#}") }))
         .to_string()
 }

@@ -6,6 +6,7 @@
 //! | commands and answers as JSON, bytes of the link on the other side | [`client`], [`request`] |
 //! | columns of a telemetry row | [`signals`] |
 //! | ripple and orders | [`analysis`] |
+//! | bandwidth and margin of the loops | [`loops`] |
 //! | identification of two recordings, and what compensates it | [`identification`] |
 //! | settings and injected faults as lists | [`schema`] |
 //! | the functions that JavaScript calls | [`exports`] |
@@ -14,6 +15,7 @@ pub mod analysis;
 pub mod client;
 pub mod exports;
 pub mod identification;
+pub mod loops;
 pub mod request;
 pub mod schema;
 pub mod signals;

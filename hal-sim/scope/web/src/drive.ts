@@ -3,7 +3,7 @@
 import { signal } from "@preact/signals";
 import { signals as signalList } from "scope";
 import workerScript from "worker-script";
-import type { Call, Command, Counts, Found, FromWorker, Machine, Reply, Signal, SourceChoice, Status, Stream, ToWorker } from "./messages";
+import type { Call, Command, Counts, Found, FromWorker, Machine, Rates, Reply, Signal, SourceChoice, Status, Stream, ToWorker } from "./messages";
 import { Rows } from "./rows";
 
 const ALIVE_MS = 100;
@@ -14,6 +14,7 @@ export const status = signal<Status | null>(null);
 export const counts = signal<Counts | null>(null);
 export const machine = signal<Machine | null>(null);
 export const stream = signal<Stream | null>(null);
+export const rates = signal<Rates | null>(null);
 export const notices = signal<string[]>([]);
 export const stopMs = signal<number | null>(null);
 export const source = signal<SourceChoice | null>(null);
@@ -66,6 +67,9 @@ function take(message: FromWorker) {
   switch (message.type) {
     case "connection":
       connection.value = message;
+      break;
+    case "rates":
+      rates.value = message.rates;
       break;
     case "answer":
       answered(message.id, message.reply, message.error);

@@ -93,11 +93,17 @@ export interface Reply {
   sequence: number;
   done?: true;
   refused?: Sentence;
-  hello?: { simulated: boolean; pwm_hz: number; speed_hz: number };
+  hello?: { simulated: boolean } & Rates;
   status?: Status;
   events?: JournalEvent[];
   settings?: { id: number; name: string; value: string }[];
   unfit?: string;
+}
+
+/** PWM periods and steps of the speed task a second. */
+export interface Rates {
+  pwm_hz: number;
+  speed_hz: number;
 }
 
 export interface Stream {
@@ -167,6 +173,7 @@ export type ToWorker =
 
 export type FromWorker =
   | { type: "connection"; open: boolean; sentence: string; simulated: boolean }
+  | { type: "rates"; rates: Rates }
   | { type: "answer"; id: number; reply: Reply | null; error: string | null }
   | { type: "status"; status: Status; counts: Counts }
   | { type: "machine"; machine: Machine }

@@ -11,13 +11,36 @@ export const held = signal<ReadonlyMap<string, string>>(new Map());
 /** Values with the orders that the drive has learned. */
 export const learned = signal<ReadonlyMap<string, string>>(new Map());
 
+/** Values that were typed and are not set yet. */
+export const edited = signal<ReadonlyMap<string, string>>(new Map());
+
+/** Whether values hold that are not stored yet: a drive stores at rest. */
+export const unstored = signal(false);
+
+/** States in which a drive stores. */
+const AT_REST = ["ready", "unaligned", "fault"];
+
+const atRest = computed(() => AT_REST.includes(status.value?.state ?? ""));
+
 export const byName = computed(() => new Map(schema.value.map((one) => [one.name, one])));
 
 export function start() {
   schema.value = JSON.parse(settings_schema()) as SettingSchema[];
   effect(() => {
+    unstored.value = false;
     if (connection.value.open) void read();
   });
+  effect(() => {
+    if (unstored.value && atRest.value) void store();
+  });
+}
+
+/** Types a value, or takes it back. */
+export function edit(name: string, value: string) {
+  const next = new Map(edited.value);
+  if (value === held.value.get(name)) next.delete(name);
+  else next.set(name, value);
+  edited.value = next;
 }
 
 async function all(command: "settings" | "learned"): Promise<Map<string, string>> {
@@ -47,6 +70,15 @@ export async function readLearned() {
   }
 }
 
+async function store() {
+  unstored.value = false;
+  try {
+    await ask({ command: "store" });
+  } catch (error) {
+    notice(error instanceof Error ? error.message : String(error));
+  }
+}
+
 /** What a restart of the drive loses now. */
 export function lostInRestart(): string[] {
   const now = status.value;
@@ -63,7 +95,7 @@ export function restarts(names: Iterable<string>): boolean {
   return [...names].some((name) => byName.value.get(name)?.effect === "after a restart");
 }
 
-/** Makes values hold and stores them: all or none. True if they hold. */
+/** Makes values hold: all or none. The drive stores them as soon as it is at rest. True if they hold. */
 export async function change(values: ReadonlyMap<string, string>): Promise<boolean> {
   const begun = stops.value;
   const goOn = () => {
@@ -78,8 +110,8 @@ export async function change(values: ReadonlyMap<string, string>): Promise<boole
     goOn();
     await ask({ command: "commit" });
     if (!restarts(values.keys())) {
-      await ask({ command: "store" });
       await read();
+      unstored.value = true;
     }
     return true;
   } catch (error) {

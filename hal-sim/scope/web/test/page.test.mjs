@@ -114,3 +114,25 @@ withTab("the first visit: ripple falls, an effect is named, and its ripple is go
   assert.match(outcomes[3], /^cogging, screw: .*order 12/);
   assert.ok(compensated < 0.5 * cogging, outcomes.join("; "));
 });
+
+withTab("a gain changes while the drive runs, and its predicted margin with it", async ({ tab }) => {
+  await run(tab);
+  const row = tab.getByRole("row", { name: /^screw, speed/ });
+  const margin = async () => Number.parseFloat(await row.locator("td").nth(1).innerText());
+  const before = await margin();
+  assert.ok(before > 20 && before < 90, `${before} degrees`);
+  const slider = tab.getByLabel("Cutoff of the speed loops");
+  await slider.focus();
+  for (let k = 0; k < 10; k++) await tab.keyboard.press("ArrowRight");
+  const after = await margin();
+  assert.ok(after < before - 1, `${before} to ${after} degrees`);
+  await button(tab, "Set 1 changed").click();
+  await button(tab, "Set").click();
+  await button(tab, "Set 0 changed").waitFor();
+  assert.equal(await margin(), after);
+  await state(tab, "running");
+  const unstored = tab.getByText("stores them when it is at rest");
+  await unstored.waitFor();
+  await button(tab, "STOP").click();
+  await unstored.waitFor({ state: "detached" });
+});

@@ -13,12 +13,14 @@ interface ChartProps {
   series: Series[];
   data: uPlot.AlignedData;
   height: number;
+  /** The x axis is logarithmic. */
+  log?: boolean;
 }
 
 const style = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 /** A plot with cursor, legend, and zoom by dragging; a double click shows all. */
-export function Chart({ title, x, unit, series, data, height }: ChartProps) {
+export function Chart({ title, x, unit, series, data, height, log = false }: ChartProps) {
   const place = useRef<HTMLDivElement>(null);
   const plot = useRef<uPlot | null>(null);
   const key = series.map((one) => one.label).join("\n") + unit + x;
@@ -29,7 +31,7 @@ export function Chart({ title, x, unit, series, data, height }: ChartProps) {
       {
         width: Math.max(element.clientWidth, 200),
         height,
-        scales: { x: { time: false } },
+        scales: { x: { time: false, distr: log ? 3 : 1 } },
         axes: [{ ...axis, label: x, labelSize: 20, size: 34 }, { ...axis, label: unit, labelSize: 20, size: 60 }],
         series: [{ label: x }, ...series.map((one) => ({ label: one.label, stroke: one.color, width: 1, spanGaps: false, points: { show: false } }))],
         legend: { live: true },

@@ -3,6 +3,7 @@ import { Commands } from "./commands";
 import { Faults } from "./faults";
 import { Header } from "./header";
 import { Identification } from "./identification";
+import { LoopMargins } from "./loops";
 import { MachinePicture } from "./machine";
 import { Plots } from "./plots";
 import { RippleTable } from "./ripple";
@@ -43,6 +44,7 @@ export function Page() {
             <Identification />
           </section>
           <section class="column" aria-label="Settings">
+            <LoopMargins />
             <SettingsTree />
             <Simulation />
           </section>

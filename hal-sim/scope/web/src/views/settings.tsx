@@ -1,24 +1,15 @@
 import { signal } from "@preact/signals";
 import { useRef } from "preact/hooks";
 import type { SettingSchema } from "../messages";
-import { change, held, learned, lostInRestart, readLearned, restarts, schema } from "../settings";
+import { change, edit, edited, held, learned, lostInRestart, readLearned, restarts, schema, unstored } from "../settings";
 
 const search = signal("");
 const onlyChanged = signal(false);
-/** Values that were typed and are not set yet. */
-const edited = signal<ReadonlyMap<string, string>>(new Map());
 
 function possible(one: SettingSchema): string {
   if ("choice" in one.kind) return one.kind.choice.join(", ");
   const [low, high] = "real" in one.kind ? one.kind.real : one.kind.whole;
   return `${low} to ${high} ${one.unit}`;
-}
-
-function edit(name: string, value: string) {
-  const next = new Map(edited.value);
-  if (value === held.value.get(name)) next.delete(name);
-  else next.set(name, value);
-  edited.value = next;
 }
 
 function Setting(props: { one: SettingSchema }) {
@@ -63,6 +54,7 @@ export function SettingsTree() {
   const word = search.value.toLowerCase();
   const found = schema.value.filter(
     (one) =>
+      held.value.has(one.name) &&
       (one.name.toLowerCase().includes(word) || one.doc.toLowerCase().includes(word)) &&
       (!onlyChanged.value || held.value.get(one.name) !== one.default),
   );
@@ -95,6 +87,7 @@ export function SettingsTree() {
         <button type="button" onClick={readLearned}>Show learned orders</button>
       </div>
       {asked.value && <Confirm restart={restarts(edited.value.keys())} set={set} cancel={() => (asked.value = false)} />}
+      {unstored.value && <p class="muted">The new values hold. The drive stores them when it is at rest.</p>}
       {learned.value.size > 0 && (
         <p class="muted">
           {different.length === 0 ? "Nothing is learned that the settings do not have." : "Learned, not saved:"}

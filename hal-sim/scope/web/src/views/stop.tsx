@@ -2,12 +2,15 @@ import { useEffect } from "preact/hooks";
 import { stop } from "../drive";
 
 const isText = (target: EventTarget | null) =>
-  target instanceof HTMLInputElement && ["text", "number", "search"].includes(target.type);
+  target instanceof HTMLTextAreaElement || (target instanceof HTMLInputElement && ["text", "number", "search"].includes(target.type));
+const isCheckbox = (target: EventTarget | null) => target instanceof HTMLInputElement && target.type === "checkbox";
 
 /** Escape stops from anywhere, Space from anywhere but a text. */
 export function useStopKeys() {
   useEffect(() => {
     const pressed = (event: KeyboardEvent) => {
+      // Space is the stop's, so Enter changes a checkbox.
+      if (event.key === "Enter" && isCheckbox(event.target)) (event.target as HTMLInputElement).click();
       const space = event.key === " " && !isText(event.target);
       if (event.key !== "Escape" && !space) return;
       event.preventDefault();

@@ -11,6 +11,8 @@ const BEAT_MS = 20;
 const STATUS_MS = 100;
 const ROWS_MS = 33;
 const HELLO_MS = 500;
+/** A lost server is asked for so often. */
+const AGAIN_MS = 1000;
 /** Steps of the speed task from row to row: 1 kHz of the usual 5 kHz. */
 const DIVIDER = 5;
 
@@ -24,6 +26,8 @@ let stopAsked: number | null = null;
 /** A new number with each source: answers of an older one do nothing. */
 let opened = 0;
 const life = new Life();
+/** The server that was lost, and when it is asked for again. */
+let again: { choice: SourceChoice; due: number } | null = null;
 const due = { hello: 0, beat: 0, status: 0, rows: 0, stop: 0 };
 
 const post = (message: FromWorker, transfer: Transferable[] = []) => postMessage(message, { transfer });
@@ -37,7 +41,7 @@ async function choose(choice: SourceChoice) {
   dialogue?.close();
   dialogue = source = null;
   inSession = commands = false;
-  stopAsked = null;
+  stopAsked = again = null;
   const mine = ++opened;
   connection(false, "Connecting to the drive.");
   try {
@@ -48,8 +52,14 @@ async function choose(choice: SourceChoice) {
     source = next;
     dialogue = new Dialogue(next, heard);
   } catch (error) {
-    if (mine === opened) connection(false, sentenceOf(error));
+    if (mine !== opened) return;
+    connection(false, sentenceOf(error));
+    askAgain(choice);
   }
+}
+
+function askAgain(choice: SourceChoice) {
+  if (choice.kind === "socket") again = { choice, due: performance.now() + AGAIN_MS };
 }
 
 function lost(choice: SourceChoice, sentence: string) {
@@ -58,6 +68,7 @@ function lost(choice: SourceChoice, sentence: string) {
   dialogue = source = null;
   inSession = commands = false;
   connection(false, sentence);
+  askAgain(choice);
 }
 
 function heard(message: FromDrive) {
@@ -67,6 +78,7 @@ function heard(message: FromDrive) {
   if (reply.hello) {
     inSession = true;
     simulated = reply.hello.simulated;
+    post({ type: "rates", rates: reply.hello });
     dialogue?.tell({ command: "record", divider: DIVIDER });
     connection(true, "");
   } else if (reply.status && dialogue) {
@@ -123,6 +135,7 @@ function stop(now: number) {
 
 function tick() {
   const now = performance.now();
+  if (again && now > again.due) void choose(again.choice);
   if (!dialogue) return;
   if (commands && life.missing) {
     stopAsked = now;
