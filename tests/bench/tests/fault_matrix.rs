@@ -21,9 +21,11 @@ fn outcomes_of(cells: &[Cell], plate_of: PlateOf) -> Vec<Outcome> {
     matrix.run_all(cells).unwrap()
 }
 
+/// A sample; `cargo xtask bench faults` runs all.
 #[test]
 fn no_cell_is_unsafe() {
-    none_is_unsafe(&Cell::all(), BoardKind::plate);
+    let cells: Vec<Cell> = Cell::all().into_iter().step_by(4).collect();
+    none_is_unsafe(&cells, BoardKind::plate);
 }
 
 /// A sample; `cargo xtask bench faults --compensated` runs all.

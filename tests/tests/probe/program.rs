@@ -20,21 +20,15 @@ pub fn board() -> Command {
     Command::new(folder().join("board"))
 }
 
-/// Where cargo leaves the programs, which are built first: with all that `cargo xtask test` builds, so that nothing is built twice.
+/// The folder of the programs. They are built as `cargo xtask test` builds them: other features would build every library anew.
 fn folder() -> &'static PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     BUILT.get_or_init(|| {
         let cargo = std::env::var("CARGO").unwrap_or_else(|_| "cargo".into());
         let built = Command::new(cargo)
-            .args(["build", "--quiet", "--workspace", "--exclude", "firmware"])
-            .args([
-                "--features",
-                "ddfeed/full",
-                "--bin",
-                "board",
-                "--bin",
-                "ddfeed",
-            ])
+            .args(["test", "--quiet", "--workspace", "--exclude", "firmware"])
+            // The tests of these names are those of the two programs: cargo builds the programs for them.
+            .args(["--features", "ddfeed/full", "--test", "probe", "--no-run"])
             .current_dir(xtask::tools::root().unwrap())
             .status()
             .unwrap();
