@@ -37,7 +37,9 @@ pub fn run() -> Result<()> {
     })?;
     run_all(&[Step::cargo(format!("test {HOST}")).with(&emulator)])?;
     if browser_tools() {
-        run_all(&[Step::cargo("run --package browser -- --check --test")])?;
+        let program = target.join("debug/ddfeed");
+        run_all(&[Step::cargo("run --package browser -- --check --test")
+            .with(&[("DDFEED", program.into_os_string())])])?;
     } else {
         run_all(&[Step::cargo(format!(
             "check --package scope --lib --target {BROWSER}"

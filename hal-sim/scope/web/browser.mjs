@@ -8,8 +8,8 @@ if (!page) throw new Error("SCOPE_PAGE is not set: run `cargo xtask page --test`
 export const launch = () =>
   chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
 
-/** A tab with the page: its errors and the requests that left it are kept. */
-export async function open(browser, options = {}, address = pathToFileURL(page).href) {
+/** A tab with the page, once the drive has this state: its errors and the requests that left it are kept. */
+export async function open(browser, options = {}, address = pathToFileURL(page).href, first = "ready") {
   const context = await browser.newContext(options);
   const tab = await context.newPage();
   const errors = [];
@@ -18,7 +18,7 @@ export async function open(browser, options = {}, address = pathToFileURL(page).
   tab.on("pageerror", (error) => errors.push(String(error)));
   tab.on("request", (request) => requests.push(request.url()));
   await tab.goto(address);
-  await state(tab, "ready");
+  await state(tab, first);
   return { tab, errors, requests, context };
 }
 

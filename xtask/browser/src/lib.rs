@@ -11,12 +11,13 @@ use xtask::firmware::BROWSER;
 /// Where the page's sources stand in a checkout.
 const SOURCES: &str = "hal-sim/scope/web";
 /// What a build of the page reads of them. `node_modules` stays out of the checkout.
-const COPIED: [&str; 8] = [
+const COPIED: [&str; 9] = [
     "package.json",
     "package-lock.json",
     "tsconfig.json",
     "build.mjs",
     "browser.mjs",
+    "served.mjs",
     "measure",
     "src",
     "test",
@@ -102,7 +103,8 @@ impl Page {
         run(node.current_dir(&self.folder), "node")
     }
 
-    /// Runs the page's tests in Chromium on the page `out`.
+    /// Runs the page's tests in Chromium on the page `out`. Those of a served drive run
+    /// the program of the variable `DDFEED`, which has all features, and are skipped without it.
     ///
     /// # Errors
     /// A test fails.

@@ -18,7 +18,7 @@ struct Options {
     /// Check the types of the page's TypeScript before.
     #[arg(long)]
     check: bool,
-    /// Run the page's tests in Chromium after.
+    /// Run the page's tests in Chromium after. Those at `ddfeed scope` need a build of `ddfeed` with all features: its path is in DDFEED.
     #[arg(long)]
     test: bool,
     /// Measure the page in Chromium for so many seconds, and print JSON.

@@ -11,6 +11,8 @@ const BEAT_MS = 20;
 const STATUS_MS = 100;
 const ROWS_MS = 33;
 const HELLO_MS = 500;
+/** A drive that says nothing for so long is shown as silent. */
+const SILENCE_MS = 500;
 /** A lost server is asked for so often. */
 const AGAIN_MS = 1000;
 /** Steps of the speed task from row to row: 1 kHz of the usual 5 kHz. */
@@ -20,6 +22,9 @@ let source: Source | null = null;
 let dialogue: Dialogue | null = null;
 let simulated = false;
 let inSession = false;
+/** When the last reply came, and whether that is too long ago. */
+let heardAt = 0;
+let silent = false;
 /** This page has armed the drive, so it sends heartbeats. */
 let commands = false;
 let stopAsked: number | null = null;
@@ -75,8 +80,14 @@ function heard(message: FromDrive) {
   if ("stream" in message) return post({ type: "stream", stream: message.stream });
   if (!("reply" in message)) return;
   const { reply } = message;
+  heardAt = performance.now();
+  if (silent && inSession) {
+    silent = false;
+    connection(true, "");
+  }
   if (reply.hello) {
     inSession = true;
+    silent = false;
     simulated = reply.hello.simulated;
     post({ type: "rates", rates: reply.hello });
     dialogue?.tell({ command: "record", divider: DIVIDER });
@@ -147,6 +158,10 @@ function tick() {
   if (!inSession && now > due.hello) {
     due.hello = now + HELLO_MS;
     dialogue.tell({ command: "hello" });
+  }
+  if (inSession && !silent && now - heardAt > SILENCE_MS) {
+    silent = true;
+    connection(false, "The drive does not answer.");
   }
   if (inSession && commands && now > due.beat) {
     due.beat = now + BEAT_MS;
