@@ -89,6 +89,15 @@ fn hand_over(build: &[&str], command: Option<&str>, words: Vec<OsString>) -> Res
     program.run(command.map(OsString::from).into_iter().chain(words))
 }
 
+/// A benchmark. That of the browser page needs Node and Chromium, so the page's builder has it.
+fn bench(words: Vec<OsString>) -> Result<()> {
+    if words.first().is_some_and(|name| name == "scope") {
+        let rest = words.into_iter().skip(1).collect();
+        return hand_over(&["--package", "browser"], Some("--measure"), rest);
+    }
+    hand_over(&["--release", "--package", "bench"], None, words)
+}
+
 /// A board at a debug probe. Not for release: the probe's library takes minutes to optimise.
 fn board(command: &str, words: Words) -> Result<()> {
     hand_over(&["--package", "board"], Some(command), words.words)
@@ -107,7 +116,7 @@ fn run(task: Task) -> Result<()> {
     match task {
         Task::Check => check::run(),
         Task::Test => test::run(),
-        Task::Bench(words) => hand_over(&["--release", "--package", "bench"], None, words.words),
+        Task::Bench(words) => bench(words.words),
         Task::Build(which) => firmware::build(which).map(|_| ()),
         Task::Flash(words) => board("flash", words),
         Task::Run(words) => board("run", words),

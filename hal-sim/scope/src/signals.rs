@@ -7,7 +7,7 @@ use std::collections::VecDeque;
 use std::f64::consts::TAU;
 
 /// Columns of a row.
-pub const COLUMNS: usize = 20;
+pub const COLUMNS: usize = 21;
 /// Time that the table's velocity is a mean over, s: the scale's noise hides what is faster.
 const WINDOW_S: f64 = 1e-3;
 const RPM: f64 = 60.0 / TAU;
@@ -24,10 +24,11 @@ const MOTOR: [(&str, &str, &str); 8] = [
     ("angle", "encoder angle", "turns"),
 ];
 /// The same of the table.
-const TABLE: [(&str, &str, &str); 3] = [
+const TABLE: [(&str, &str, &str); 4] = [
     ("table_position", "position", "mm"),
     ("table_velocity", "velocity", "mm/s"),
     ("table_velocity_reference", "velocity reference", "mm/s"),
+    ("table_velocity_error", "velocity error", "mm/s"),
 ];
 
 /// The list of columns as JSON: name, label, unit, group.
@@ -76,9 +77,8 @@ impl Columns {
         let lead_m = header.lead_m.get();
         let [screw, nut] = &row.motors;
         let asked = lead_m * (screw.speed_ref_rad_s - nut.speed_ref_rad_s) / TAU;
-        rows.push(1e3 * row.table_m);
-        rows.push(1e3 * self.velocity(row, interval_s));
-        rows.push(1e3 * asked);
+        let velocity = self.velocity(row, interval_s);
+        rows.extend([row.table_m, velocity, asked, asked - velocity].map(|metres| 1e3 * metres));
     }
 
     /// Velocity of the table, m/s, over [`WINDOW_S`] or the last interval.

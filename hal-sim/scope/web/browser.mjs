@@ -5,12 +5,17 @@ import { pathToFileURL } from "node:url";
 const page = process.env.SCOPE_PAGE;
 if (!page) throw new Error("SCOPE_PAGE is not set: run `cargo xtask page --test`");
 
-export const launch = () =>
-  chromium.launch({ executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] });
+const options = { executablePath: process.env.CHROMIUM ?? "/usr/bin/chromium", args: ["--no-sandbox"] };
+
+export const launch = () => chromium.launch(options);
+
+/** A browser whose process can be killed, and the way to it. */
+export const launchServer = () => chromium.launchServer(options);
+export const chromiumAt = (server) => chromium.connect(server.wsEndpoint());
 
 /** A tab with the page, once the drive has this state: its errors and the requests that left it are kept. */
-export async function open(browser, options = {}, address = pathToFileURL(page).href, first = "ready") {
-  const context = await browser.newContext(options);
+export async function open(browser, settings = {}, address = pathToFileURL(page).href, first = "ready") {
+  const context = await browser.newContext(settings);
   const tab = await context.newPage();
   const errors = [];
   const requests = [];

@@ -1,8 +1,9 @@
 // A served drive, the program `ddfeed scope` in front of it, and a line between both that can stall.
-import { spawn } from "node:child_process";
+import { execFile, spawn } from "node:child_process";
 import { createServer, connect } from "node:net";
 import { once } from "node:events";
 import { createInterface } from "node:readline";
+import { promisify } from "node:util";
 
 /** The program `ddfeed` with all features. */
 export const program = process.env.DDFEED;
@@ -87,6 +88,12 @@ export class Served {
     await this.scope.start();
     this.address = `http://127.0.0.1:${http}/`;
     return this;
+  }
+
+  /** What the drive tells of itself, over a line of its own. */
+  async status() {
+    const { stdout } = await promisify(execFile)(program, ["drive", "status", "--json", "--sim", this.drive.words[2]]);
+    return JSON.parse(stdout);
   }
 
   async end() {

@@ -82,7 +82,9 @@ mod tests {
 
     #[test]
     fn commands_of_the_pages_are_read() {
-        let commands = commands("cargo xtask bench");
+        let mut commands = commands("cargo xtask bench");
+        // The package `browser` reads this one.
+        commands.retain(|command| command.words.get(3).is_none_or(|name| name != "scope"));
         assert!(!commands.is_empty());
         for command in commands {
             let read = Arguments::try_parse_from(&command.words[2..]);

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 use anyhow::{Context, Result, ensure};
+use serde_json::{Map, Value};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
@@ -114,40 +115,48 @@ impl Page {
         run(npm.current_dir(&self.folder), "npm")
     }
 
-    /// Measures the page `out` for so many seconds, and the WebAssembly against the native drive. Gives JSON.
+    /// Measures the page `out` for so many seconds, and the WebAssembly against the native drive. Builds `ddfeed` for it, which
+    /// serves the drive whose page is killed.
     ///
     /// # Errors
     /// A measurement fails.
-    pub fn measure(&self, checkout: &Path, out: &Path, seconds: u32) -> Result<String> {
+    pub fn measure(
+        &self,
+        checkout: &Path,
+        target: &Path,
+        out: &Path,
+        seconds: u32,
+    ) -> Result<Map<String, Value>> {
         let native = self.folder.with_file_name("ten-seconds.txt");
         let mut cargo = Command::new("cargo");
-        cargo.args([
-            "run",
-            "--quiet",
-            "--locked",
-            "--release",
-            "--package",
-            "scope",
-        ]);
-        cargo
-            .args(["--example", "ten_seconds"])
-            .current_dir(checkout);
-        fs::write(&native, said(&mut cargo, "cargo")?)?;
+        cargo.args(["run", "--quiet", "--locked", "--release"]);
+        cargo.args(["--package", "scope", "--example", "ten_seconds"]);
+        fs::write(&native, said(cargo.current_dir(checkout), "cargo")?)?;
+        let program = program(checkout, target)?;
         let mut equal = Command::new("node");
         equal.arg("measure/equal.mjs").arg(&self.wasm).arg(&native);
         let mut page = Command::new("node");
         page.args(["measure/page.mjs", &seconds.to_string()]);
-        page.env("SCOPE_PAGE", out);
-        let [equal, page] =
-            [equal, page].map(|mut command| said(command.current_dir(&self.folder), "node"));
-        let (equal, page) = (equal?, page?);
+        page.env("SCOPE_PAGE", out).env("DDFEED", program);
+        let mut all = Map::new();
+        for command in [&mut equal, &mut page] {
+            let figures = said(command.current_dir(&self.folder), "node")?;
+            all.extend(serde_json::from_str::<Map<String, Value>>(&figures)?);
+        }
         let page_mb = fs::metadata(out)?.len() as f64 / 1e6;
-        Ok(format!(
-            "{{\"page_mb\": {page_mb}, \"drive\": {}, \"page\": {}}}",
-            equal.trim_end(),
-            page.trim_end()
-        ))
+        all.insert("page_mb".into(), page_mb.into());
+        Ok(all)
     }
+}
+
+/// Builds `ddfeed` with all features.
+fn program(checkout: &Path, target: &Path) -> Result<PathBuf> {
+    let mut cargo = Command::new("cargo");
+    cargo.args(["build", "--quiet", "--locked", "--profile", "quick"]);
+    cargo.args(["--package", "ddfeed", "--features", "full"]);
+    cargo.env("CARGO_TARGET_DIR", target);
+    run(cargo.current_dir(checkout), "cargo")?;
+    Ok(target.join("quick/ddfeed"))
 }
 
 /// The standard output of a program.

@@ -21,15 +21,26 @@ struct Options {
     /// Run the page's tests in Chromium after. Those at `ddfeed scope` need a build of `ddfeed` with all features: its path is in DDFEED.
     #[arg(long)]
     test: bool,
-    /// Measure the page in Chromium for so many seconds, and print JSON.
-    #[arg(long, value_name = "SECONDS")]
-    measure: Option<u32>,
+    /// Measure the page in Chromium: `cargo xtask bench scope` does this.
+    #[arg(long)]
+    measure: bool,
+    /// Time that the frames are counted for.
+    #[arg(
+        long,
+        value_name = "SECONDS",
+        default_value_t = 60,
+        requires = "measure"
+    )]
+    seconds: u32,
+    /// Print the figures as JSON.
+    #[arg(long, requires = "measure")]
+    json: bool,
 }
 
 fn run(options: &Options) -> Result<()> {
     let out = absolute(&options.out)?;
-    let root = root()?;
-    let page = Page::prepare(&root, &target_folder()?, &[], &[])?;
+    let (root, target) = (root()?, target_folder()?);
+    let page = Page::prepare(&root, &target, &[], &[])?;
     if options.check {
         page.check()?;
     }
@@ -37,9 +48,17 @@ fn run(options: &Options) -> Result<()> {
     if options.test {
         page.test(&out)?;
     }
-    match options.measure {
-        Some(seconds) => println!("{}", page.measure(&root, &out, seconds)?),
-        None => println!("{}", options.out.display()),
+    if !options.measure {
+        println!("{}", options.out.display());
+        return Ok(());
+    }
+    let figures = page.measure(&root, &target, &out, options.seconds)?;
+    if options.json {
+        println!("{}", serde_json::to_string(&figures)?);
+    } else {
+        for (name, value) in figures {
+            println!("{name}: {value}");
+        }
     }
     Ok(())
 }
@@ -61,14 +80,23 @@ mod tests {
 
     #[test]
     fn commands_of_the_pages_are_read() {
-        let commands = commands("cargo xtask page");
-        assert!(!commands.is_empty());
-        for command in commands {
-            let read = Options::try_parse_from(&command.words[2..]);
+        let page = commands("cargo xtask page");
+        let bench = commands("cargo xtask bench scope");
+        assert!(!page.is_empty() && !bench.is_empty());
+        let page = page
+            .into_iter()
+            .map(|command| (command.place, command.words[2..].to_vec()));
+        let bench = bench.into_iter().map(|command| {
+            let mut words = command.words[3..].to_vec();
+            words.insert(1, "--measure".to_owned());
+            (command.place, words)
+        });
+        for (place, words) in page.chain(bench) {
+            let read = Options::try_parse_from(words);
             if let Err(error) = read
                 && error.use_stderr()
             {
-                panic!("{}: {error}", command.place);
+                panic!("{place}: {error}");
             }
         }
     }

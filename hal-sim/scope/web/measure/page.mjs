@@ -1,7 +1,8 @@
-// Measures the page in Chromium: node measure/page.mjs SECONDS. Prints JSON.
+// Measures the page in Chromium: node measure/page.mjs SECONDS. Prints JSON. With DDFEED it also kills a page that moves a drive.
 import { readFile } from "node:fs/promises";
 import { createRequire } from "node:module";
-import { button, launch, open, run, state } from "../browser.mjs";
+import { button, chromiumAt, launch, launchServer, open, run, state } from "../browser.mjs";
+import { program, Served } from "../served.mjs";
 
 const seconds = Number(process.argv[2] ?? 60);
 const STOPS = 200;
@@ -25,6 +26,7 @@ const serious = found.violations.filter((one) => ["serious", "critical"].include
 // Plots of all signals at 1 kHz. The table goes to and fro within its travel.
 await tab.evaluate(() => document.querySelectorAll(".tree details").forEach((one) => (one.open = false)));
 await button(tab, "All").click();
+const signals = Number((await tab.getByText(/^Choose signals/).innerText()).match(/\((\d+) of/)[1]);
 await run(tab);
 /** The other way, so that the table stays within its travel. */
 async function turnRound() {
@@ -58,17 +60,42 @@ for (let k = 0; k < STOPS; k++) {
 }
 await browser.close();
 
+/** Travel of the table from the kill of a page that runs the drive at 2.5 mm/s until rest, by the drive's own scale. */
+async function killedPage() {
+  const served = await new Served().start();
+  try {
+    const position = async () => {
+      const { table, state } = await served.status();
+      return { position_mm: table.position_mm, state };
+    };
+    const victim = await launchServer();
+    const other = await chromiumAt(victim);
+    const { tab } = await open(other, {}, served.address);
+    await run(tab);
+    await tab.waitForTimeout(1000);
+    const before = await position();
+    victim.process().kill("SIGKILL");
+    await new Promise((resolve) => setTimeout(resolve, 2000));
+    const after = await position();
+    if (before.state !== "running" || after.state !== "fault") throw new Error(`from ${before.state} to ${after.state}`);
+    return Math.abs(after.position_mm - before.position_mm);
+  } finally {
+    await served.end();
+  }
+}
+
 console.log(
   JSON.stringify({
     fps_median: median(frames),
     fps_worst_second: Math.min(...frames),
     seconds,
-    signals: 19,
+    signals,
     rate_hz: 1000,
     lost,
     heap_mb: heap,
     stop_ms: { median: median(stops), worst: Math.max(...stops), count: stops.length },
     first_picture_ms: firstPicture,
+    killed_page_travel_mm: program ? await killedPage() : null,
     axe_serious: serious.map((one) => ({ id: one.id, places: one.nodes.map((node) => node.target.join(" ")) })),
   }),
 );
