@@ -35,6 +35,19 @@ fn a_users_machine_becomes_as_smooth_as_predicted_and_stays_so() {
     }
 }
 
+/// A nut's motor of two pole pairs with a current offset of 0.03 A that the drive does not measure. Encoders with an index forget
+/// the rotor's angle, so each restart aligns anew: the offset had refused five of six.
+#[test]
+fn a_current_offset_refuses_no_alignment_after_a_restart() {
+    let output = Command::new(env!("CARGO_BIN_EXE_bench"))
+        .args(["journey", "--machines", "1", "--seed", "12", "--json"])
+        .output()
+        .unwrap();
+    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert_eq!(report["complete"], 1, "{report}");
+    assert_eq!(report["restart_same"], 1, "{report}");
+}
+
 /// What is drawn is what the benchmark says that it draws, and a model file holds it.
 #[test]
 fn drawn_machines_are_those_of_users() {

@@ -30,8 +30,13 @@ const JUDGED: u32 = 1_610_612_736;
 /// Largest change in one correction, 2^-32 turn: an eighth turn.
 const CORRECTION: i32 = 1 << 29;
 
-/// Furthest that the two ways may be apart, and either from the offset that was tracked: a twenty-fourth turn.
+/// Furthest that the two ways may be apart: a twenty-fourth turn.
 const APART: u32 = 178_956_970;
+
+/// Furthest that either may be from the offset that was tracked: an eighth turn, at which 0.7 of the torque is left. A tracked offset
+/// is a mean over few steps, so zeros of the current sensors and dead time swing it: by up to 25 degrees of a motor with two pole
+/// pairs. The two ways average over whole turns, and agree within 3 degrees there.
+const TRACKED: u32 = 1 << 29;
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum Phase {
@@ -239,8 +244,8 @@ impl Turn {
         }
         for (index, track) in self.tracks.iter().enumerate() {
             let [up, down] = track.off;
-            let far = |x: i32| x.unsigned_abs() > APART;
-            if far(up) || far(down) || far(up.wrapping_sub(down)) {
+            let far = |x: i32| x.unsigned_abs() > TRACKED;
+            if far(up) || far(down) || up.wrapping_sub(down).unsigned_abs() > APART {
                 return TurnStep::Failed(index, Reason::Unsteady);
             }
         }
