@@ -21,10 +21,10 @@ fn outcomes_of(cells: &[Cell], plate_of: PlateOf) -> Vec<Outcome> {
     matrix.run_all(cells).unwrap()
 }
 
-/// A sample; `cargo xtask bench faults` runs all.
+/// Every fifth cell, so in each situation, of which there are eight; `cargo xtask bench faults` runs all.
 #[test]
 fn no_cell_is_unsafe() {
-    let cells: Vec<Cell> = Cell::all().into_iter().step_by(4).collect();
+    let cells: Vec<Cell> = Cell::all().into_iter().step_by(5).collect();
     none_is_unsafe(&cells, BoardKind::plate);
 }
 
