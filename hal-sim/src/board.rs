@@ -391,12 +391,6 @@ impl Board {
         }
     }
 
-    /// Where the shaft of `axis` stands at its encoder's count zero, rad, in the sense of the count.
-    #[must_use]
-    pub fn encoder_zero(&self, axis: Axis) -> f64 {
-        self.encoder_sense(axis) * self.encoder_zeros[axis.index()]
-    }
-
     /// How the encoder of `axis` is read.
     #[must_use]
     pub fn interface(&self, axis: Axis) -> Interface {

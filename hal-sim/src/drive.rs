@@ -10,7 +10,6 @@ use control::alignment::Misalignment;
 use control::compensation::Compensation;
 use control::coordinator::{Command, CommandError};
 use control::current_loop::{CurrentLoop, CurrentLoopConfig, MotorSample, PwmCommand};
-use control::encoder::Interface;
 use control::exchange::{MotorExchange, MotorStatus};
 use control::fault::FaultSet;
 use control::format::{
@@ -27,7 +26,6 @@ use control::transform::DirectQuadrature;
 use plant::Axis;
 use plant::machine::{Coupling, Machine};
 use plant::model::Model;
-use std::f64::consts::TAU;
 
 /// What a current loop knew after a period.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -195,21 +193,16 @@ impl Drive {
         Ok(())
     }
 
-    /// Incremental counts begin at zero where the shafts stand. A drive that knew its rotors still knows them.
-    pub fn wake_encoders(&mut self) {
-        self.board.wake_encoders();
-        for (axis, pole_pairs) in Axis::ALL.into_iter().zip(self.pole_pairs) {
-            let interface = self.board.interface(axis);
-            let current_loop = &mut self.code.config.current_loops[axis.index()];
-            let turns = self.board.encoder_zero(axis) / TAU;
-            // 2^-32 turn.
-            let jump = -((turns - turns.round()) * 2f64.powi(32)) as i32;
-            current_loop.alignment = current_loop.alignment.map(|alignment| EncoderAlignment {
-                index_awaited: interface == Interface::IncrementalWithIndex,
-                ..alignment.past_index(jump, pole_pairs)
-            });
+    /// Takes over the board of an aligned drive. Its encoders count on from the index that they have passed, so the
+    /// observers go on too.
+    pub fn go_on_from(&mut self, before: &mut Self) {
+        std::mem::swap(&mut self.board, &mut before.board);
+        std::mem::swap(&mut self.code.current_loops, &mut before.code.current_loops);
+        for (state, config) in
+            (self.code.current_loops.iter_mut()).zip(&self.code.config.current_loops)
+        {
+            state.take_alignment(config.alignment);
         }
-        self.code = Code::new(self.code.config);
     }
 
     /// Configures it while it goes on. The current loops keep theirs, in which a drive that began aligned has its angles.

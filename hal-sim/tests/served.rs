@@ -2,8 +2,10 @@
 
 use control::fault::Fault;
 use control::supervisor::State;
+use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
+use hal_sim::start::Start;
 use link::codes::{ActiveLimits, EventKind, Limit, Origin, Warning};
 use link::host::client::{Client, Refused};
 use link::host::{Decoder, Row};
@@ -392,6 +394,40 @@ fn a_setting_switches_the_compensation_on() {
         ripples[1],
         ripples[0]
     );
+}
+
+/// Tables of compensation and recordings use the rotors' angles. Both would be wrong if an index moved a count later.
+#[test]
+fn a_drive_that_is_ready_after_a_restart_has_passed_its_indexes() {
+    let setup = Setup::shipped(BoardKind::Mains, &Model::coupled(), Coupling::Coupled);
+    let drives = [
+        SimulatedDrive::new(&setup),
+        SimulatedDrive::cold(&Start::anywhere(&setup)),
+    ];
+    for drive in drives {
+        let serving = Rc::new(RefCell::new(Serving::new(drive.unwrap())));
+        let client = open(&serving);
+        let mut bench = Bench { serving, client };
+        // The second start is a restart, which finds the shafts elsewhere.
+        for learning_s in [0.0, 0.5] {
+            let mut settings = bench.client.settings().unwrap();
+            settings.compensation.learning_s = learning_s;
+            bench.client.configure(&settings).unwrap();
+            bench.pass(2000);
+            bench.client.arm(|_| true).unwrap();
+            bench.until(State::Ready, 1000);
+            let before = bench.client.status().unwrap();
+            bench.run(2.5, 500.0).unwrap();
+            bench.pass(1000);
+            let after = bench.client.status().unwrap();
+            assert_eq!(after.state, State::Running.word());
+            for (before, after) in before.motors.into_iter().zip(after.motors) {
+                assert_eq!(before.alignment, after.alignment);
+            }
+            bench.client.tell(Command::Stop).unwrap();
+            bench.until(State::Ready, 1000);
+        }
+    }
 }
 
 /// Rows of a second, and the bytes of all that came.

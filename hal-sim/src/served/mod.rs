@@ -268,9 +268,14 @@ impl SimulatedDrive {
         let lines = self.application.lines.servers().len();
         let reason = ResetReason::Software;
         let application = Application::new(plate, &self.setup, lines, reason)?;
-        std::mem::swap(&mut drive.board, &mut self.drive.board);
-        // A reset of the chip puts its counters to zero.
-        drive.wake_encoders();
+        match self.begin {
+            Begin::Aligned => drive.go_on_from(&mut self.drive),
+            Begin::Cold => {
+                std::mem::swap(&mut drive.board, &mut self.drive.board);
+                // A reset of the chip puts its counters to zero.
+                drive.board.wake_encoders();
+            }
+        }
         self.before += self.drive.periods();
         (self.drive, self.application, self.periods) = (drive, application, 0);
         self.world.releases = false;
