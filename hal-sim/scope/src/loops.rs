@@ -34,11 +34,11 @@ pub fn predicted(values: &BTreeMap<String, String>, rates: Rates) -> Result<Valu
         let (setting, value) = of_words(name, value)?;
         settings.set(setting.id, value)?;
     }
+    let (period_s, step_s) = (1.0 / rates.pwm_hz, 1.0 / rates.speed_hz);
     let motors = [("screw", &settings.screw), ("nut", &settings.nut)];
     Ok(motors
         .into_iter()
         .flat_map(|(name, motor)| {
-            let (period_s, step_s) = (1.0 / rates.pwm_hz, 1.0 / rates.speed_hz);
             let loops = Loops::of(motor, &settings, period_s, step_s);
             [
                 one(

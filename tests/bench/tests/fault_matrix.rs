@@ -454,7 +454,7 @@ fn a_controller_that_fails_opens_both_bridges_and_begins_anew_where_it_can() {
     }
 }
 
-/// What is measured of the supply stops both motors in order while they can be; where it opens both bridges in a reversal of the mains
+/// The measured supply stops both motors in order while they can be driven. Where it opens both bridges in a reversal of the mains
 /// board, they coast apart by 9.4 mm.
 #[test]
 fn a_supply_that_falls_or_is_noisy_ends_in_a_stop_of_both() {

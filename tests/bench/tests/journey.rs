@@ -5,15 +5,19 @@ use plant::model::{EncoderKind, Model};
 use serde_json::Value;
 use std::process::Command;
 
+/// The report on as many machines from a seed on.
+fn report(seed: &str, machines: &str) -> Value {
+    let output = Command::new(env!("CARGO_BIN_EXE_bench"))
+        .args(["journey", "--machines", machines, "--seed", seed, "--json"])
+        .output()
+        .unwrap();
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{output:?}"))
+}
+
 /// Two machines of 132 and 15 V, with absolute encoders and with an index, of four and of two undeclared effects.
 #[test]
 fn a_users_machine_becomes_as_smooth_as_predicted_and_stays_so() {
-    let output = Command::new(env!("CARGO_BIN_EXE_bench"))
-        .args(["journey", "--machines", "2", "--seed", "201", "--json"])
-        .output()
-        .unwrap();
-    assert!(output.status.success(), "{output:?}");
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report = report("201", "2");
     for (key, expected) in [
         ("machines", 2),
         ("complete", 2),
@@ -36,14 +40,10 @@ fn a_users_machine_becomes_as_smooth_as_predicted_and_stays_so() {
 }
 
 /// A nut's motor of two pole pairs with a current offset of 0.03 A that the drive does not measure. Encoders with an index forget
-/// the rotor's angle, so each restart aligns anew: the offset had refused five of six.
+/// the rotor's angle, so each restart aligns again: the offset had refused five of six.
 #[test]
 fn a_current_offset_refuses_no_alignment_after_a_restart() {
-    let output = Command::new(env!("CARGO_BIN_EXE_bench"))
-        .args(["journey", "--machines", "1", "--seed", "12", "--json"])
-        .output()
-        .unwrap();
-    let report: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let report = report("12", "1");
     assert_eq!(report["complete"], 1, "{report}");
     assert_eq!(report["restart_same"], 1, "{report}");
 }

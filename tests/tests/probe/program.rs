@@ -20,7 +20,7 @@ pub fn board() -> Command {
     Command::new(folder().join("board"))
 }
 
-/// The folder of the programs. They are built as `cargo xtask test` builds them: other features would build every library anew.
+/// The folder of the programs. They are built as `cargo xtask test` builds them: other features would build every library again.
 fn folder() -> &'static PathBuf {
     static BUILT: OnceLock<PathBuf> = OnceLock::new();
     BUILT.get_or_init(|| {

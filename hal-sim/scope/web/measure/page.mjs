@@ -63,12 +63,12 @@ await browser.close();
 /** Travel of the table from the kill of a page that runs the drive at 2.5 mm/s until rest, by the drive's own scale. */
 async function killedPage() {
   const served = await new Served().start();
+  const victim = await launchServer();
   try {
     const position = async () => {
       const { table, state } = await served.status();
       return { position_mm: table.position_mm, state };
     };
-    const victim = await launchServer();
     const other = await chromiumAt(victim);
     const { tab } = await open(other, {}, served.address);
     await run(tab);
@@ -80,6 +80,7 @@ async function killedPage() {
     if (before.state !== "running" || after.state !== "fault") throw new Error(`from ${before.state} to ${after.state}`);
     return Math.abs(after.position_mm - before.position_mm);
   } finally {
+    await victim.kill();
     await served.end();
   }
 }

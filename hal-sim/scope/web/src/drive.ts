@@ -3,6 +3,7 @@
 import { signal } from "@preact/signals";
 import { signals as signalList } from "scope";
 import workerScript from "worker-script";
+import { sentenceOf } from "./format";
 import type { Call, Command, Counts, Found, FromWorker, Machine, Rates, Reply, Signal, SourceChoice, Status, Stream, ToWorker } from "./messages";
 import { Rows } from "./rows";
 
@@ -155,7 +156,7 @@ export async function tell(command: Command): Promise<boolean> {
     await ask(command);
     return true;
   } catch (error) {
-    notice(error instanceof Error ? error.message : String(error));
+    notice(sentenceOf(error));
     return false;
   }
 }

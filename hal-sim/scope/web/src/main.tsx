@@ -1,5 +1,6 @@
 import { render } from "preact";
 import { choose, notice, start as startDrive } from "./drive";
+import { sentenceOf } from "./format";
 import { start as startSettings } from "./settings";
 import { Page } from "./views/page";
 import { start as startWasm } from "./wasm";
@@ -23,7 +24,7 @@ async function main() {
     const url = served();
     choose(url ? { kind: "socket", url } : { kind: "simulation", board: "mains", cold: false, effects: "" });
   } catch (error) {
-    notice(`This browser cannot run the page: ${error instanceof Error ? error.message : String(error)}`);
+    notice(`This browser cannot run the page: ${sentenceOf(error)}`);
   }
   render(<Page />, root);
 }

@@ -2,7 +2,8 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { settings_schema } from "scope";
-import { ask, connection, notice, status, stops } from "./drive";
+import { ask, connection, notice, source, status, stops } from "./drive";
+import { sentenceOf } from "./format";
 import type { SettingSchema } from "./messages";
 
 export const schema = signal<SettingSchema[]>([]);
@@ -27,7 +28,11 @@ export const byName = computed(() => new Map(schema.value.map((one) => [one.name
 export function start() {
   schema.value = JSON.parse(settings_schema()) as SettingSchema[];
   effect(() => {
+    // Another drive: what this one has not stored is not its own.
+    void source.value;
     unstored.value = false;
+  });
+  effect(() => {
     if (connection.value.open) void read();
   });
   effect(() => {
@@ -66,7 +71,7 @@ export async function readLearned() {
   try {
     learned.value = await all("learned");
   } catch (error) {
-    notice(error instanceof Error ? error.message : String(error));
+    notice(sentenceOf(error));
   }
 }
 
@@ -75,7 +80,7 @@ async function store() {
   try {
     await ask({ command: "store" });
   } catch (error) {
-    notice(error instanceof Error ? error.message : String(error));
+    notice(sentenceOf(error));
   }
 }
 
@@ -115,7 +120,7 @@ export async function change(values: ReadonlyMap<string, string>): Promise<boole
     }
     return true;
   } catch (error) {
-    notice(error instanceof Error ? error.message : String(error));
+    notice(sentenceOf(error));
     return false;
   }
 }

@@ -2,6 +2,7 @@
 
 import { signal } from "@preact/signals";
 import { choose, machine, notice } from "./drive";
+import { sentenceOf } from "./format";
 import { compensate, doing as identifying, found, recordAndIdentify } from "./identification";
 import { is, learns, pass, reached, ready, rest, runAt } from "./operation";
 import { before, measure, type Ripple } from "./ripple";
@@ -107,7 +108,7 @@ export async function perform(step: Step) {
     const result = ripple ? `Ripple ${ripple.vrf_percent.toFixed(1)} %` : named ? effectSentence(named) : "No effect was named.";
     results.value = new Map(results.value).set(step.title, result);
   } catch (error) {
-    notice(error instanceof Error ? error.message : String(error));
+    notice(sentenceOf(error));
   } finally {
     running.value = "";
   }

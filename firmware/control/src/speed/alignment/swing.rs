@@ -1,7 +1,7 @@
 //! Both rotors together, thirty electrical degrees each way: which way does each encoder count?
 //!
-//! Screw and nut turn together, so that the table stays; no friction's history matters to what turns so far. Each rotor is driven by
-//! a current along the axis that location has found, and a constant one across it. Turned by `x` from where that was, the torque is
+//! Screw and nut turn together, so that the table stays. The way is long enough that presliding does not matter. Each rotor is
+//! driven by a current along the axis that location has found, and a constant one across it. Turned by `x` from where that was, the torque is
 //! `K (i cos x + i_across sin x)`. So a speed loop asks `i = friction / cos x - i_across tan x`. The electrical angle `x` is the
 //! encoder's if it counts with the field, and minus that if it counts backwards: the sum of `i x` over a way there and back
 //! has the sign of that. Friction and a load drop out of it, as they are the same on both sides.

@@ -5,10 +5,10 @@
 //!
 //! `e_d = v_d - R*i_d + omega*L*i_q = -omega*flux*sin(off)`, `e_q = v_q - R*i_q - omega*L*i_d = omega*flux*cos(off)`.
 //!
-//! Their ratio needs neither flux nor speed. What the dead time leaves and a wrong resistance lie along the current, in q. What
-//! is odd in the speed, a delay, cancels between turning forwards and backwards. On the way up the offset follows
-//! `off` in steps; an encoder that was taken to count the wrong way, or another number of pole pairs, makes it run off in
-//! proportion to the angle: `d(offset) / d(theta)` is by how many pole pairs the plate is wrong.
+//! Their ratio needs neither flux nor speed. Errors of the dead time and of the resistance lie along the current, in q. A delay
+//! is odd in the speed, so it cancels between turning forwards and backwards. On the way up the offset follows
+//! `off` in steps. If the encoder counts the other way, or the pole pairs are others, the offset runs off in proportion to
+//! the angle. `d(offset) / d(theta)` is then the error of the number of pole pairs.
 
 use super::vector;
 use super::{AlignmentConfig, MotorAlignment, MotorSeen, Reason};
@@ -33,8 +33,9 @@ const CORRECTION: i32 = 1 << 29;
 /// Furthest that the two ways may be apart: a twenty-fourth turn.
 const APART: u32 = 178_956_970;
 
-/// Furthest that either may be from the offset that was tracked: an eighth turn, at which 0.7 of the torque is left. A tracked offset
-/// is a mean over few steps, so zeros of the current sensors and dead time swing it: by up to 25 degrees of a motor with two pole
+/// Furthest that either may be from the offset that was tracked: an eighth turn, at which 0.7 of the torque is left.
+///
+/// A tracked offset is a mean over few steps. Current offsets and dead time swing it, by up to 25 degrees of a motor with two pole
 /// pairs. The two ways average over whole turns, and agree within 3 degrees there.
 const TRACKED: u32 = 1 << 29;
 

@@ -1,6 +1,6 @@
 //! Ripple of a shipped board's drive that has learned at the point where it is measured.
 
-use super::run::progress_bar;
+use super::progress::progress_bar;
 use anyhow::Result;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::{

@@ -4,6 +4,7 @@ mod curves;
 mod heat;
 mod html;
 mod learned;
+mod progress;
 mod records;
 mod replay;
 mod report;

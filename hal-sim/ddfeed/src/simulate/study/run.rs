@@ -2,6 +2,7 @@
 
 use super::learned::learned;
 use super::options::{MachineOptions, Options, Preset, Sensing};
+use super::progress::progress_bar;
 use super::report::{CurveReport, Mark, Report, RunReport, SensitivityReport, SetupReport};
 use super::{curves, html, table};
 use crate::output::Folder;
@@ -16,9 +17,8 @@ use hal_sim::experiment::{
 };
 use hal_sim::response;
 use hal_sim::vrf::{spectrum, vrf_percent};
-use indicatif::{ProgressBar, ProgressStyle};
+use indicatif::ProgressBar;
 use plant::recording::RecordingWriter;
-use std::time::Duration;
 
 /// The paper's measurements at 2.5 mm/s and 1 N m (Section 6): nut rpm, VRF in %.
 pub const PAPER_MEASURED: [(f64, f64); 4] =
@@ -283,13 +283,4 @@ pub fn sensor_name(machine: &MachineOptions) -> &'static str {
         (None, Sensing::Real) => "real",
         (None, Sensing::Declared) => "declared",
     }
-}
-
-/// A bar for `steps` steps; silent where no person watches.
-pub fn progress_bar(steps: usize) -> ProgressBar {
-    let style = ProgressStyle::with_template("{bar:40} {pos}/{len} {msg} ({elapsed})");
-    let bar = ProgressBar::new(steps as u64)
-        .with_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-    bar.enable_steady_tick(Duration::from_millis(200));
-    bar
 }

@@ -2,7 +2,8 @@
 
 use super::learned::learned;
 use super::options::{Preset, SweepOptions};
-use super::run::{progress_bar, sensor_name};
+use super::progress::progress_bar;
+use super::run::sensor_name;
 use super::sweep_html;
 use super::sweep_report::{Proposed, SweepReport};
 use crate::output::Folder;

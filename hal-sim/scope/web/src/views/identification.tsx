@@ -1,9 +1,10 @@
 import { notice } from "../drive";
+import { sentenceOf } from "../format";
 import { compensate, compensation, doing, found, recordAndIdentify } from "../identification";
 import type { FoundEffect } from "../messages";
 import { lostInRestart } from "../settings";
 
-const shown = (error: unknown) => notice(error instanceof Error ? error.message : String(error));
+const shown = (error: unknown) => notice(sentenceOf(error));
 
 /** An effect with its parameters and their 95 % intervals. */
 export function effectSentence(effect: FoundEffect): string {

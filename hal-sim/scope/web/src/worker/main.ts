@@ -2,9 +2,11 @@
 
 import { identify, initSync } from "scope";
 import type { Call, Command, Found, FromDrive, FromWorker, SourceChoice, ToWorker } from "../messages";
+import { sentenceOf } from "../format";
 import { Dialogue } from "./dialogue";
 import { Life } from "./life";
-import { open, type Source } from "./source";
+import { open } from "./open";
+import type { Source } from "./source";
 
 const TICK_MS = 5;
 const BEAT_MS = 20;
@@ -36,7 +38,6 @@ let again: { choice: SourceChoice; due: number } | null = null;
 const due = { hello: 0, beat: 0, status: 0, rows: 0, stop: 0 };
 
 const post = (message: FromWorker, transfer: Transferable[] = []) => postMessage(message, { transfer });
-const sentenceOf = (error: unknown) => (error instanceof Error ? error.message : String(error));
 
 function connection(open: boolean, sentence: string) {
   post({ type: "connection", open, sentence, simulated });
@@ -81,13 +82,10 @@ function heard(message: FromDrive) {
   if (!("reply" in message)) return;
   const { reply } = message;
   heardAt = performance.now();
-  if (silent && inSession) {
-    silent = false;
-    connection(true, "");
-  }
+  if (silent && inSession) connection(true, "");
+  silent = false;
   if (reply.hello) {
     inSession = true;
-    silent = false;
     simulated = reply.hello.simulated;
     post({ type: "rates", rates: reply.hello });
     dialogue?.tell({ command: "record", divider: DIVIDER });

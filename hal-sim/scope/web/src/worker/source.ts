@@ -1,9 +1,6 @@
 // Where the drive's bytes come from.
 
-import type { Machine, SourceChoice } from "../messages";
-import { SerialSource } from "./serial";
-import { SimulatedSource } from "./simulated";
-import { SocketSource } from "./socket";
+import type { Machine } from "../messages";
 
 export interface Source {
   /** Sends bytes to the drive. */
@@ -15,16 +12,4 @@ export interface Source {
   /** The model file of the machine, where the source has one. */
   declared(): string | null;
   close(): void;
-}
-
-/** Opens a source. `lost` is called with a sentence when it is gone. */
-export async function open(choice: SourceChoice, lost: (sentence: string) => void): Promise<Source> {
-  switch (choice.kind) {
-    case "simulation":
-      return new SimulatedSource(choice.board, choice.cold, choice.effects, lost);
-    case "socket":
-      return SocketSource.open(choice.url, lost);
-    case "serial":
-      return SerialSource.open(choice.baud, lost);
-  }
 }
