@@ -92,7 +92,7 @@ export class Served {
 
   /** What the drive tells of itself, over a line of its own. */
   async status() {
-    const { stdout } = await promisify(execFile)(program, ["drive", "status", "--json", "--sim", this.drive.words[2]]);
+    const { stdout } = await promisify(execFile)(program, ["drive", "--sim", this.drive.words[2], "status", "--json"]);
     return JSON.parse(stdout);
   }
 
