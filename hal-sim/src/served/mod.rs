@@ -44,7 +44,6 @@ use link::telemetry::Header;
 use link::view::DriveView;
 use plant::Axis;
 use plant::machine::Coupling;
-use plant::model::Brake;
 use std::sync::atomic::Ordering::Relaxed;
 use world::{Around, World};
 
@@ -156,10 +155,9 @@ impl SimulatedDrive {
             shipped: None,
         };
         let mut drive = Self::of(setup, &start.plate, Begin::Cold)?;
-        // A brake carries the load while the drive is off. Without one friction does.
-        if drive.setup.model.installation.brake != Brake::None {
-            drive.drive.board.machine.set_load_force(0.0);
-        }
+        // Something carries the load while the drive is off, else the table would lie at an end.
+        let machine = &mut drive.drive.board.machine;
+        machine.set_load_force(0.0);
         settle(&mut drive.drive.board, start.angles);
         Ok(drive)
     }

@@ -15,8 +15,7 @@
 //! step in speed or acceleration.
 
 use crate::base::format::{
-    Angle, ElectricalChange, MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity,
-    narrow, narrow_bits,
+    Angle, MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity, narrow, narrow_bits,
 };
 use crate::speed::profile::{Profile, ProfileConfig};
 use crate::speed::speed_loop::SpeedReference;
@@ -496,10 +495,10 @@ fn electrical(omega: ProfileState, pole_pairs: i32) -> Speed {
 }
 
 #[inline(always)]
-fn electrical_change(change: SpeedChange, pole_pairs: i32) -> ElectricalChange {
+fn electrical_change(change: SpeedChange, pole_pairs: i32) -> Speed {
     narrow_bits(
         i64::from(change.to_bits()).wrapping_mul(i64::from(pole_pairs)),
-        8,
+        12,
     )
 }
 

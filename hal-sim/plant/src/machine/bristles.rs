@@ -1,20 +1,10 @@
-//! Friction that is elastic before it slides: LuGre, made elasto-plastic.
+//! Friction that is elastic before it slides (LuGre).
 //!
-//! `z' = v - a(z, v) s0 |v| z / g(v)`, friction `s0 z + s1 z'`, with the level `g` of the surface.
-//!
-//! | part | source |
-//! | --- | --- |
-//! | LuGre, which has `a = 1`; `s1 = sqrt(s0 J)` is its example | Canudas de Wit, Olsson, Astrom, Lischinsky, "A new model for control of systems with friction", IEEE Trans. Automatic Control 40, 1995 |
-//! | `a`: 0 where the displacement is small or falls, 1 where the surface slides | Dupont, Hayward, Armstrong, Altpeter, "Single state elastoplastic friction models", IEEE Trans. Automatic Control 47, 2002 |
-//!
-//! With `a = 1` a load that friction holds creeps while a small torque shakes it. Real friction does not creep so.
+//! `z' = v - s0 |v| z / g(v)`, friction `s0 z + s1 z'`, with the level `g` of the surface (Canudas de Wit, Olsson, Astrom, Lischinsky,
+//! "A new model for control of systems with friction", IEEE Trans. Automatic Control 40, 1995). `s1 = sqrt(s0 J)` is that paper's example.
 
 use crate::Axis;
 use crate::model::Model;
-use std::f64::consts::PI;
-
-/// Part of the displacement at which a surface slides that is elastic.
-const ELASTIC: f64 = 0.7;
 
 /// The bristles of one surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,30 +32,14 @@ impl Bristles {
         self.stiffness
     }
 
-    /// Which part of the motion slides: `a` of a surface that slides at the displacement `sliding`.
-    fn plastic(&self, speed: f64, sliding: f64) -> f64 {
-        let z = self.z * speed.signum() / sliding;
-        if z <= ELASTIC {
-            0.0
-        } else if z >= 1.0 {
-            1.0
-        } else {
-            0.5 + 0.5 * (PI * (z - 0.5 * (1.0 + ELASTIC)) / (1.0 - ELASTIC)).sin()
-        }
-    }
-
     /// Friction against `speed` at its `level` there, a time `dt` later. The decay of `z` is implicit: no speed is too high for `dt`.
     pub fn step(&mut self, speed: f64, level: f64, dt: f64) -> f64 {
         if self.stiffness == 0.0 || level <= 0.0 {
             self.z = 0.0;
             return 0.0;
         }
-        let sliding = level / self.stiffness;
-        let decay = self.plastic(speed, sliding) * speed.abs() / sliding;
+        let decay = self.stiffness * speed.abs() / level;
         let next = (self.z + dt * speed) / (1.0 + dt * decay);
-        // A step may be longer than what is elastic.
-        let most = sliding.max(self.z.abs());
-        let next = next.clamp(-most, most);
         let rate = (next - self.z) / dt;
         self.z = next;
         self.stiffness * next + self.damping * rate
@@ -77,10 +51,9 @@ impl Bristles {
 pub(super) struct Surfaces([Bristles; 4]);
 
 impl Surfaces {
-    /// Of a model's Coulomb levels, each displaced by its presliding before it slides.
-    pub(super) fn new(model: &Model) -> Self {
+    /// Of a model's Coulomb levels, each displaced by `travel_m` of the table before it slides.
+    pub(super) fn new(model: &Model, travel_m: f64) -> Self {
         let feed = &model.feed;
-        let travel_m = feed.presliding_m;
         let turned = travel_m / feed.travel_per_radian().abs();
         let [screw, nut] = Axis::ALL.map(|axis| model.motor(axis));
         let reduced =

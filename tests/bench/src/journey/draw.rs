@@ -9,8 +9,6 @@
 //! - Without a brake, friction holds the load. With one, the load takes up to 25 % of the rated torque.
 //! - The current sensor's range is 2.5 times the rated current.
 //! - The travel is at least five leads.
-//!
-//! Their friction does not slide elastically first: `presliding_m` is 0.
 
 use crate::alignment::held_load_n;
 use crate::commissioning::draw::{Draw, Drawn, feed, motor, size};
