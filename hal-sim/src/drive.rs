@@ -193,10 +193,9 @@ impl Drive {
         Ok(())
     }
 
-    /// Takes over the board of an aligned drive. Its encoders count on from the index that they have passed, so the
-    /// observers go on too.
-    pub fn go_on_from(&mut self, before: &mut Self) {
-        std::mem::swap(&mut self.board, &mut before.board);
+    /// Takes over the current loops of the aligned drive that had this board before, with their observers: the encoders
+    /// count on from the index that they have passed.
+    pub fn take_observers(&mut self, before: &mut Self) {
         std::mem::swap(&mut self.code.current_loops, &mut before.code.current_loops);
         for (state, config) in
             (self.code.current_loops.iter_mut()).zip(&self.code.config.current_loops)

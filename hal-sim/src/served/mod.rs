@@ -268,13 +268,11 @@ impl SimulatedDrive {
         let lines = self.application.lines.servers().len();
         let reason = ResetReason::Software;
         let application = Application::new(plate, &self.setup, lines, reason)?;
+        std::mem::swap(&mut drive.board, &mut self.drive.board);
         match self.begin {
-            Begin::Aligned => drive.go_on_from(&mut self.drive),
-            Begin::Cold => {
-                std::mem::swap(&mut drive.board, &mut self.drive.board);
-                // A reset of the chip puts its counters to zero.
-                drive.board.wake_encoders();
-            }
+            Begin::Aligned => drive.take_observers(&mut self.drive),
+            // A reset of the chip puts its counters to zero.
+            Begin::Cold => drive.board.wake_encoders(),
         }
         self.before += self.drive.periods();
         (self.drive, self.application, self.periods) = (drive, application, 0);

@@ -11,7 +11,8 @@ fn report(seed: &str, machines: &str) -> Value {
         .args(["journey", "--machines", machines, "--seed", seed, "--json"])
         .output()
         .unwrap();
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{output:?}"))
+    assert!(output.status.success(), "{output:?}");
+    serde_json::from_slice(&output.stdout).unwrap()
 }
 
 /// Two machines of 132 and 15 V, with absolute encoders and with an index, of four and of two undeclared effects.
