@@ -17,6 +17,9 @@ fn told(machine: &Machine) -> Outcome {
     for found in &outcome.effects {
         println!("named: {:?}", found.effect);
     }
+    for curve in &outcome.curves {
+        println!("curve: {curve:?}");
+    }
     for left in &outcome.unexplained {
         println!("left: {left:?}");
     }

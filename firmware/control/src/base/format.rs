@@ -16,6 +16,8 @@
 //! | [`Ratio`] | 1 | ±2 | 9.3e-10 | gains of the observer |
 //! | [`Gain`] | any | 31 bits and a shift | 2^-31 of itself | gains of the current loop: `SMMUL` and, where the plate wants it, a shift |
 //! | [`SpeedGain`] | A s/rad, per step | ±128 | 6e-8 | speed-loop gains: 0.0733 and 0.0026 a step; resolved to 2e-5 |
+//! | [`InertiaGain`] | A per rad/s, per step | ±2048 | 1e-6 | a motor of two pole pairs with a heavy table takes 185; 1.3 on the paper's |
+//! | [`ElectricalChange`] | electrical rad/s a step | ±2048 | 1e-6 | a [`SpeedChange`] times 128 pole pairs, the most, is half of it |
 //! | [`CurrentState`] | A | ±8.4e6 | 9.1e-13 | speed integrators: the full product, so no dead band |
 //! | [`ProfileState`] | rad/s | ±3.4e10 | 3.7e-9 | whole changes and a target's steps fit, so that it is met exactly |
 //! | [`SpeedChange`] | rad/s a step | ±8 | 3.7e-9 | 40 000 rad/s^2 at 5 kHz; a jerk of 50 rad/s^3 is 2e-6 a step^2, 500 of its steps |
@@ -50,6 +52,10 @@ pub type Unit = I1F31;
 pub type Ratio = I2F30;
 /// Gain of a speed regulator, A per electrical rad/s (the integral one: per step). ±128.
 pub type SpeedGain = I8F24;
+/// Inertia feed-forward, A per electrical rad/s that a reference changes in a step. ±2048.
+pub type InertiaGain = I12F20;
+/// Change of an electrical speed in a step, rad/s. ±2048.
+pub type ElectricalChange = I12F20;
 /// State of a speed integrator, A, as wide as the product that feeds it.
 pub type CurrentState = I24F40;
 /// State of a profile, rad/s.

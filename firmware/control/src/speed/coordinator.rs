@@ -15,7 +15,8 @@
 //! step in speed or acceleration.
 
 use crate::base::format::{
-    Angle, MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity, narrow, narrow_bits,
+    Angle, ElectricalChange, MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity,
+    narrow, narrow_bits,
 };
 use crate::speed::profile::{Profile, ProfileConfig};
 use crate::speed::speed_loop::SpeedReference;
@@ -495,10 +496,10 @@ fn electrical(omega: ProfileState, pole_pairs: i32) -> Speed {
 }
 
 #[inline(always)]
-fn electrical_change(change: SpeedChange, pole_pairs: i32) -> Speed {
+fn electrical_change(change: SpeedChange, pole_pairs: i32) -> ElectricalChange {
     narrow_bits(
         i64::from(change.to_bits()).wrapping_mul(i64::from(pole_pairs)),
-        12,
+        8,
     )
 }
 

@@ -1,6 +1,8 @@
 //! Speed error -> `i_q` reference: PI with the gains of Eqs 11 and 12, inertia feed-forward, torque limit.
 
-use crate::base::format::{Current, CurrentState, Speed, SpeedGain, narrow};
+use crate::base::format::{
+    Current, CurrentState, ElectricalChange, InertiaGain, Speed, SpeedGain, narrow,
+};
 use crate::speed::current_limit::CurrentRange;
 
 /// Configuration of a speed loop.
@@ -11,7 +13,7 @@ pub struct SpeedLoopConfig {
     /// Eq 12 times the step, A per electrical rad/s a step.
     pub k_iw_step: SpeedGain,
     /// `J / (p^2 * flux * step)`: A per electrical rad/s that the reference gains a step.
-    pub inertia: SpeedGain,
+    pub inertia: InertiaGain,
     /// Torque limit as a current, A.
     pub i_max: Current,
 }
@@ -22,7 +24,7 @@ pub struct SpeedReference {
     /// Speed, rad/s.
     pub omega_e: Speed,
     /// Its change a step, rad/s, within half of its format.
-    pub change: Speed,
+    pub change: ElectricalChange,
 }
 
 /// What a speed loop would ask without a limit.
@@ -196,10 +198,11 @@ mod tests {
             let config = config();
             let mut speed_loop = SpeedLoop::default();
             let mut integral = 0.0;
-            let [kp, ki, kj] = [config.k_pw, config.k_iw_step, config.inertia].map(|k| k.to_num::<f64>());
+            let [kp, ki] = [config.k_pw, config.k_iw_step].map(|k| k.to_num::<f64>());
+            let kj = config.inertia.to_num::<f64>();
             let i_max = config.i_max.to_num::<f64>();
             for (reference, omega, change) in samples {
-                let asked = SpeedReference { omega_e: Speed::from_num(reference), change: Speed::from_num(change) };
+                let asked = SpeedReference { omega_e: Speed::from_num(reference), change: ElectricalChange::from_num(change) };
                 let out = speed_loop.step(&config, asked, Speed::from_num(omega), false);
                 let wanted = kp * (reference - omega) + integral + kj * change;
                 // Exactly at the limit a rounding decides whether the integral goes on.
@@ -220,7 +223,7 @@ mod tests {
             let config = config();
             let mut speed_loop = SpeedLoop::default();
             for (reference, omega, change, limited) in samples {
-                let asked = SpeedReference { omega_e: Speed::from_bits(reference), change: Speed::from_bits(change >> 1) };
+                let asked = SpeedReference { omega_e: Speed::from_bits(reference), change: ElectricalChange::from_bits(change >> 1) };
                 let out = speed_loop.step(&config, asked, Speed::from_bits(omega), limited);
                 prop_assert!(out.i_q.abs() <= config.i_max);
             }
@@ -230,7 +233,7 @@ mod tests {
         fn does_not_wind_up(error in 50.0..1500.0f64) {
             let config = config();
             let mut speed_loop = SpeedLoop::default();
-            let at = |omega_e: f64| SpeedReference { omega_e: Speed::from_num(omega_e), change: Speed::ZERO };
+            let at = |omega_e: f64| SpeedReference { omega_e: Speed::from_num(omega_e), change: ElectricalChange::ZERO };
             for _ in 0..5000 {
                 speed_loop.step(&config, at(error), Speed::ZERO, false);
             }
@@ -243,7 +246,7 @@ mod tests {
         fn a_limited_voltage_stops_the_integrator_only_where_it_pushes(error in 0.5..10.0f64) {
             let config = config();
             let mut speed_loop = SpeedLoop::default();
-            let asked = SpeedReference { omega_e: Speed::from_num(error), change: Speed::ZERO };
+            let asked = SpeedReference { omega_e: Speed::from_num(error), change: ElectricalChange::ZERO };
             speed_loop.step(&config, asked, Speed::ZERO, true);
             prop_assert_eq!(speed_loop.integral, CurrentState::ZERO);
             speed_loop.step(&config, asked, Speed::ZERO, false);

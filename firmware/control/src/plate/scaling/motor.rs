@@ -1,7 +1,9 @@
 //! A motor's plate -> its current loop's and its speed loop's configuration.
 
 use super::{attempt, gain, positive, power_of_two, square_root, within};
-use crate::base::format::{Current, CurrentScale, Misfit, Ratio, SpeedGain, Voltage, quantise};
+use crate::base::format::{
+    Current, CurrentScale, InertiaGain, Misfit, Ratio, SpeedGain, Voltage, quantise,
+};
 use crate::current::current_loop::CurrentLoopConfig;
 use crate::current::encoder::Interface;
 use crate::current::encoder_watch::EncoderWatchConfig;
@@ -236,11 +238,11 @@ impl MotorPlate {
                 gains.k_iw * step,
                 24
             ))),
-            inertia: SpeedGain::from_bits(attempt!(quantise(
+            inertia: InertiaGain::from_bits(attempt!(quantise(
                 "inertia feed-forward",
                 "A per rad/s a step",
                 self.inertia_kg_m2 / (pole_pairs * torque_constant * step),
-                24
+                20
             ))),
             i_max: Current::from_bits(attempt!(quantise(
                 "torque limit",

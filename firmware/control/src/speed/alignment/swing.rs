@@ -11,7 +11,7 @@
 //! the first less the second is twice the nut's, the first less the third twice the screw's.
 
 use super::{AlignmentConfig, MotorAlignment, MotorSeen, Reason, RotorSwing};
-use crate::base::format::{Angle, Current, Speed};
+use crate::base::format::{Angle, Current, ElectricalChange, Speed};
 use crate::speed::speed_loop::{SpeedLoop, SpeedReference};
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -284,7 +284,7 @@ impl Rotor {
         let omega_e = speed.saturating_add(Speed::from_bits(catch_up as i32));
         let reference = SpeedReference {
             omega_e,
-            change: Speed::ZERO,
+            change: ElectricalChange::ZERO,
         };
         let seen_omega_e = if held { omega_e } else { seen.omega_e };
         let output = self.speed.step(
