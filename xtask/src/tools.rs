@@ -1,36 +1,54 @@
-//! What the emulator's engine needs to be built: cmake, ninja and libclang, from this machine or from PyPI. And a C
-//! compiler for the chip, from this machine or from Debian's packages. And a reader of MCAP files, from PyPI.
+//! Tools from PyPI and Debian that the checks need and this machine may lack.
+//!
+//! | for | tool | from |
+//! | --- | --- | --- |
+//! | the emulator | its engine as a library, libclang, pkg-config | PyPI |
+//! | the test of the cycle model | a C compiler for the chip | Debian |
+//! | the test of MCAP files | a reader in Python | PyPI |
+//! | the browser page | Node and Chromium | Debian |
 
 use anyhow::{Context, Result, ensure};
 use std::env;
 use std::ffi::OsString;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 
-/// The packages that bring what this machine lacks.
-const WHEELS: [&str; 3] = ["cmake", "ninja", "libclang"];
+/// The emulator's engine as a static library, of the release before that of the crate: PyPI has no newer one. Its build from source takes
+/// three minutes.
+const ENGINE_VERSION: &str = "2.1.4";
 /// The packages that read what `record --mcap` writes.
 const MCAP_READER: [&str; 2] = ["mcap", "mcap-ros2-support"];
 
-/// Variables for a cargo that builds the emulator. The first time on a machine without cmake and libclang this installs
-/// them into the target folder.
+/// Variables for a cargo that builds the emulator. The first time this installs packages of PyPI into the target folder.
 ///
 /// # Errors
 /// Python is missing, or the packages cannot be fetched.
 pub fn emulator_environment(target: &Path) -> Result<Vec<(&'static str, OsString)>> {
-    if runs("cmake") && system_libclang() {
-        return Ok(Vec::new());
-    }
     let tools = target.join("tools");
     let bin = tools.join("bin");
-    if !bin.join("cmake").exists() {
-        install(&WHEELS, &tools)?;
+    let description = tools.join("unicorn.pc");
+    if !description.exists() {
+        let engine = format!("unicorn=={ENGINE_VERSION}");
+        install(&[&engine, "libclang", "pkgconf"], &tools)?;
+        let folder = python_folder(&bin, "unicorn")?.join("lib");
+        let text = format!(
+            "Name: unicorn\nDescription: CPU emulator\nVersion: {ENGINE_VERSION}\nLibs: -L{} -lunicorn\n",
+            folder.display()
+        );
+        fs::write(&description, text)
+            .with_context(|| format!("cannot write {}", description.display()))?;
     }
     let old = env::var_os("PATH").unwrap_or_default();
     let path = env::join_paths([bin.clone()].into_iter().chain(env::split_paths(&old)))?;
-    let find = "import clang, os; print(os.path.join(os.path.dirname(clang.__file__), 'native'))";
-    let libclang = output(&bin.join("python").to_string_lossy(), &["-c", find])?;
-    let mut variables = vec![("PATH", path), ("LIBCLANG_PATH", line(&libclang).into())];
+    let mut variables = vec![
+        ("PATH", path),
+        ("PKG_CONFIG_PATH", tools.into_os_string()),
+        (
+            "LIBCLANG_PATH",
+            python_folder(&bin, "clang")?.join("native").into(),
+        ),
+    ];
     // The wheel has no headers of the compiler's own (stdbool.h and the like); the C compiler has.
     if let Ok(include) = output("cc", &["-print-file-name=include"]) {
         variables.push((
@@ -39,6 +57,15 @@ pub fn emulator_environment(target: &Path) -> Result<Vec<(&'static str, OsString
         ));
     }
     Ok(variables)
+}
+
+/// Where a Python environment has a package.
+fn python_folder(bin: &Path, package: &str) -> Result<PathBuf> {
+    let find = format!(
+        "import importlib.util as u; print(u.find_spec('{package}').submodule_search_locations[0])"
+    );
+    let found = output(&bin.join("python").to_string_lossy(), &["-c", &find])?;
+    Ok(line(&found).into())
 }
 
 /// Installs the Python reader of MCAP files into the target folder, if it is missing. One test needs it, and is ignored by name
@@ -145,24 +172,6 @@ fn runs(program: &str) -> bool {
         .stderr(Stdio::null())
         .status()
         .is_ok_and(|status| status.success())
-}
-
-/// A libclang with its headers, as Debian's `libclang-dev` puts it.
-fn system_libclang() -> bool {
-    if env::var_os("LIBCLANG_PATH").is_some() {
-        return true;
-    }
-    let versions = std::fs::read_dir("/usr/lib")
-        .into_iter()
-        .flatten()
-        .flatten();
-    versions
-        .map(|entry| entry.path())
-        .filter(|path| {
-            path.file_name()
-                .is_some_and(|n| n.to_string_lossy().starts_with("llvm-"))
-        })
-        .any(|llvm| llvm.join("lib/libclang.so").exists())
 }
 
 fn output(program: &str, arguments: &[&str]) -> Result<Output> {
