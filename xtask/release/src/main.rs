@@ -49,15 +49,15 @@ fn run(options: &Options) -> Result<()> {
     let version = env!("CARGO_PKG_VERSION");
     let changelog =
         fs::read_to_string(root.join("CHANGELOG.md")).context("cannot read CHANGELOG.md")?;
-    let name = if options.snapshot {
-        format!("ddfeed-{version}-{}", commit.short())
+    let version = if options.snapshot {
+        format!("{version}-{}", commit.short())
     } else {
         version::released(&changelog, version)?;
-        format!("ddfeed-{version}")
+        version.to_owned()
     };
     let target = target_folder()?.join("release-build");
     let checkout = Checkout::export(&root, &commit)?;
-    let name = format!("{name}-{}", compile::host()?);
+    let name = archive_name(&version, &compile::host()?);
     let files = target.join(&name);
     collect(&checkout, &target, &files)?;
     fs::create_dir_all(&options.out)
@@ -67,6 +67,11 @@ fn run(options: &Options) -> Result<()> {
     trial::run(&archive, &name)?;
     println!("{}", archive.display());
     Ok(())
+}
+
+/// The archive without its ending, and the folder in it. `cargo binstall` looks for the same: see the metadata of `ddfeed`.
+fn archive_name(version: &str, host: &str) -> String {
+    format!("ddfeed-{version}-{host}")
 }
 
 /// Puts all files of the archive into a new folder.
@@ -107,7 +112,39 @@ fn main() -> ExitCode {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cargo_metadata::MetadataCommand;
     use given::pages::commands;
+
+    #[test]
+    fn binstall_looks_for_the_archive() {
+        let mut metadata = MetadataCommand::new();
+        let workspace = metadata.no_deps().exec().unwrap();
+        let mut packages = workspace.packages.iter();
+        let program = packages.find(|package| package.name == "ddfeed").unwrap();
+        let binstall = &program.metadata["binstall"];
+        let filled = |key: &str| {
+            let template = binstall[key].as_str().unwrap();
+            let values = [
+                ("{ name }", "ddfeed"),
+                ("{ bin }", "ddfeed"),
+                ("{ version }", "1.2.3"),
+                ("{ target }", "riscv64-linux"),
+                ("{ binary-ext }", ""),
+            ];
+            let fill = |text: String, (key, value): (&str, &str)| text.replace(key, value);
+            values.into_iter().fold(template.to_owned(), fill)
+        };
+        let name = archive_name("1.2.3", "riscv64-linux");
+        let url = filled("pkg-url");
+        assert!(url.ends_with(&format!("/v1.2.3/{name}.tar.gz")), "{url}");
+        assert_eq!(filled("bin-dir"), format!("{name}/ddfeed"));
+        assert!(
+            program
+                .targets
+                .iter()
+                .any(|target| target.is_bin() && target.name == "ddfeed")
+        );
+    }
 
     #[test]
     fn commands_of_the_pages_are_read() {
