@@ -11,8 +11,8 @@ const DRIVE: &str = "--test alignment --test commission --test fault_matrix --te
 /// Runs the quick checks; stops at the first that fails.
 pub fn run() -> Result<()> {
     prepare()?;
+    run_all(&Step::formatting()?)?;
     run_all(&[
-        Step::cargo("fmt --all --check"),
         Step::cargo("clippy --all-targets -- -D warnings"),
         Step::documentation(""),
         Step::cargo(

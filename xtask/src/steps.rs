@@ -7,6 +7,9 @@ use std::time::Instant;
 use xtask::firmware::{BROWSER, TARGET};
 use xtask::tools::root;
 
+/// The effects of the plant, one file each.
+const EFFECTS: &str = "hal-sim/plant/src/effects/kinds";
+
 /// One program's run.
 pub struct Step {
     program: &'static str,
@@ -37,6 +40,28 @@ impl Step {
     pub fn with(mut self, variables: &[(&'static str, OsString)]) -> Self {
         self.environment.extend_from_slice(variables);
         self
+    }
+
+    /// The format of all files. `cargo fmt` follows `mod`, and does not see the effects that a build script lists.
+    ///
+    /// # Errors
+    /// The folder of the effects cannot be read.
+    pub fn formatting() -> Result<[Self; 2]> {
+        let root = root()?;
+        let entries = std::fs::read_dir(root.join(EFFECTS))
+            .with_context(|| format!("cannot read {EFFECTS}"))?;
+        let mut files = Vec::new();
+        for entry in entries {
+            files.push(format!(
+                "{EFFECTS}/{}",
+                entry?.file_name().to_string_lossy()
+            ));
+        }
+        let effects = Self {
+            program: "rustfmt",
+            ..Self::cargo(format!("--edition 2024 --check {}", files.join(" ")))
+        };
+        Ok([Self::cargo("fmt --all --check"), effects])
     }
 
     fn run(&self) -> Result<()> {

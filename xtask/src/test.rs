@@ -13,7 +13,7 @@ const HOST: &str = "--workspace --exclude firmware --features ddfeed/full";
 /// Runs all checks; stops at the first that fails.
 pub fn run() -> Result<()> {
     prepare()?;
-    run_all(&[Step::cargo("fmt --all --check")])?;
+    run_all(&Step::formatting()?)?;
     cross_compiler();
     let target = target_folder()?;
     mcap_reader(&target);

@@ -2,6 +2,7 @@
 //! documentation, and the channels of each machine. `ddfeed identify --reference` prints it; `REFERENCE.md` holds it.
 
 use crate::records::{Machine, Need, unit_names};
+use plant::effects::{AnyEffect, Measured};
 use std::fmt::Write;
 
 const MAPPING: &str = include_str!("records/mapping.rs");
@@ -12,36 +13,15 @@ const AXIS: &str = include_str!("machines/feed_axis/file.rs");
 const PMSM: &str = include_str!("machines/pmsm_file.rs");
 const MOTOR: &str = include_str!("machines/motor/record.rs");
 
-macro_rules! effects {
-    ($($kind:literal,)*) => {
-        /// The kinds of effects with the source of each.
-        pub(crate) const EFFECTS: &[(&str, &str)] = &[$(
-            ($kind, include_str!(concat!("../../plant/src/effects/", $kind, ".rs"))),
-        )*];
-    };
-}
+const MEASURED_EFFECT: &str = include_str!("../../plant/src/effects/measured.rs");
 
-effects! {
-    "angle_periodic",
-    "axial_compliance",
-    "backlash",
-    "ball_passage",
-    "cogging",
-    "coupling_misalignment",
-    "current_gain",
-    "current_offset",
-    "dead_time",
-    "encoder_eccentricity",
-    "flux_drift",
-    "flux_harmonic",
-    "lead_error",
-    "lead_scale",
-    "measured",
-    "position_load",
-    "resistance_drift",
-    "stribeck_friction",
-    "time_periodic",
-    "torque_harmonic",
+/// The kinds of effects with the source of each, by name.
+pub(crate) fn effects() -> Vec<(&'static str, &'static str)> {
+    let kinds = AnyEffect::CATALOGUE.iter();
+    let mut all: Vec<_> = kinds.map(|kind| (kind.name, kind.source)).collect();
+    all.push((Measured::KIND, MEASURED_EFFECT));
+    all.sort_unstable();
+    all
 }
 
 /// A key of a file: its name, its type, what it is.
@@ -204,7 +184,7 @@ pub fn page() -> String {
         "### `[[effects]]`: what it has beyond that\n\n`kind`, `where` (`screw`, `nut`, `both` or `feed`), and the parameters of \
          the kind:\n\n",
     );
-    for (kind, source) in EFFECTS {
+    for (kind, source) in effects() {
         let _ = writeln!(page, "#### `{kind}`\n\n{}\n", headline(source));
         table(&mut page, &keys(source, &pascal(kind)));
     }
@@ -222,7 +202,6 @@ pub fn page() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plant::effects::{AnyEffect, Measured};
 
     #[test]
     fn the_committed_page_is_what_the_code_makes() {
@@ -235,11 +214,7 @@ mod tests {
 
     #[test]
     fn every_kind_of_effect_and_every_key_is_on_the_page() {
-        let kinds: Vec<&str> = EFFECTS.iter().map(|(kind, _)| *kind).collect();
-        let mut all = [AnyEffect::KINDS, &[Measured::KIND]].concat();
-        all.sort_unstable();
-        assert_eq!(kinds, all);
-        for (kind, source) in EFFECTS {
+        for (kind, source) in effects() {
             let keys = keys(source, &pascal(kind));
             assert!(!keys.is_empty(), "no key of {kind} was found");
         }

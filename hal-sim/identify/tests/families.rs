@@ -1,11 +1,10 @@
-//! A kind of effect is a file in the plant and a family here: neither is there without the other.
+//! A kind of effect is a file in the plant. That file says how a record tells it, and the identification does so.
 
 use identify::effects::family::Family;
 use identify::effects::hypothesis::Hypothesis;
-use plant::effects::{AnyEffect, Place};
+use plant::effects::{AnyEffect, Kind, Place, Recognition};
 use plant::model::Model;
 use std::collections::BTreeSet;
-use std::path::Path;
 
 /// Orders of the kinds that only their order tells apart, and a shape that all others can have.
 const SHAPES: [f64; 5] = [30.0, 12.0, 7.3, 1.0, 2.5];
@@ -14,7 +13,7 @@ const SHAPES: [f64; 5] = [30.0, 12.0, 7.3, 1.0, 2.5];
 fn named() -> BTreeSet<&'static str> {
     let model = Model::coupled();
     let mut kinds = BTreeSet::new();
-    for family in Family::NAMED {
+    for family in Family::named() {
         let hypotheses = [Place::Screw, Place::Feed]
             .into_iter()
             .flat_map(|place| SHAPES.map(|shape| Hypothesis::new(family, place, shape)));
@@ -31,30 +30,23 @@ fn named() -> BTreeSet<&'static str> {
 }
 
 #[test]
-fn each_kind_of_the_plant_has_a_family() {
-    let all: BTreeSet<_> = AnyEffect::KINDS.iter().copied().collect();
+fn each_kind_is_told_or_its_file_says_why_not() {
+    let is_never = |kind: &&Kind| matches!(kind.recognition, Recognition::Never(_));
+    let (never, told): (Vec<&Kind>, Vec<&Kind>) = AnyEffect::CATALOGUE.iter().partition(is_never);
+    let told: BTreeSet<_> = told.iter().map(|kind| kind.name).collect();
     assert_eq!(
         named(),
-        all,
+        told,
         "kinds that families make, and kinds of the plant"
     );
-}
-
-#[test]
-fn each_file_of_the_plants_effects_is_a_kind() {
-    let folder = Path::new("../plant/src/effects");
-    let files: BTreeSet<String> = std::fs::read_dir(folder)
-        .expect("the plant's effects")
-        .map(|file| file.expect("a file").path())
-        .filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned()))
-        .filter(|name| !["mod", "entry", "term", "measured"].contains(&name.as_str()))
-        .collect();
-    let kinds: BTreeSet<String> = AnyEffect::KINDS
-        .iter()
-        .map(|kind| (*kind).to_owned())
-        .collect();
-    assert_eq!(
-        files, kinds,
-        "files of effects, and kinds that are registered"
-    );
+    for kind in never {
+        let Recognition::Never(reason) = kind.recognition else {
+            continue;
+        };
+        assert!(
+            reason.contains(' '),
+            "{}: `{reason}` is no reason",
+            kind.name
+        );
+    }
 }

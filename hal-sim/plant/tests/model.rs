@@ -1,7 +1,7 @@
 //! `model.toml`: what is read, what is written, and what is refused with which words.
 
 use plant::Axis;
-use plant::effects::{AnyEffect, Place};
+use plant::effects::AnyEffect;
 use plant::machine::{Bridge, Coupling, Machine};
 use plant::model::Model;
 use proptest::prelude::*;
@@ -54,15 +54,18 @@ fn the_written_layout_is_that_of_the_recordings() {
 
 #[test]
 fn every_effect_survives_being_written_and_read() {
-    for kind in AnyEffect::KINDS {
-        let (place, lines) = example(kind);
+    for kind in AnyEffect::CATALOGUE {
+        let (kind, (place, parameters)) = (kind.name, kind.example);
+        let lines: String = (parameters.iter())
+            .map(|(name, value)| format!("{name} = {value:?}\n"))
+            .collect();
         let text = format!(
             "{}\n[[effects]]\nkind = \"{kind}\"\nwhere = \"{}\"\n{lines}\n",
             text(),
             place.name()
         );
         let model = Model::parse(&text, "m.toml").unwrap();
-        assert_eq!(model.effects[0].effect().kind(), *kind);
+        assert_eq!(model.effects[0].effect().kind(), kind);
         assert_eq!(Model::parse(&model.to_toml(), "copy").unwrap(), model);
         let parameters = model.effects[0].effect().parameters();
         let names = parameters
@@ -111,25 +114,6 @@ fn a_measured_effect_survives_being_written_and_read() {
     ] {
         let error = effect(&sound.replace(key, wrong)).unwrap_err().to_string();
         assert!(error.contains(says), "{error}: expected {says}");
-    }
-}
-
-/// Parameters of a kind by the names of the recordings' table.
-fn example(kind: &str) -> (Place, &'static str) {
-    match kind {
-        "current_offset" => (Place::Nut, "off_a = 0.01\noff_b = -0.01"),
-        "current_gain" => (Place::Nut, "gain_a = 0.01\ngain_b = -0.01"),
-        "time_periodic" => (Place::Nut, "hz = 50\namplitude = 0.01"),
-        "dead_time" => (Place::Both, "value = 2"),
-        "stribeck_friction" => (Place::Feed, "amplitude = 10\nspeed = 0.001"),
-        "resistance_drift" | "flux_drift" => (Place::Screw, "value = 0.1"),
-        "lead_scale" => (Place::Feed, "value = 1e-4"),
-        "axial_compliance" => (Place::Feed, "hz = 90"),
-        "position_load" => (Place::Feed, "value = 1000"),
-        "backlash" => (Place::Feed, "value = 1e-5"),
-        "lead_error" => (Place::Feed, "order = 1\namplitude = 1e-6\nphase = 1"),
-        "ball_passage" => (Place::Feed, "order = 11.3\namplitude = 0.01"),
-        _ => (Place::Screw, "order = 2\namplitude = 0.001"),
     }
 }
 

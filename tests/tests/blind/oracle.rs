@@ -53,12 +53,10 @@ pub fn hypothesis(model: &Model, effect: &EffectModel) -> Hypothesis {
         "encoder_eccentricity" => (Family::EncoderEccentricity, order),
         "stribeck_friction" => (Family::StribeckFriction, parameter("speed")),
         "lead_error" => (Family::LeadError, order),
-        "lead_scale" => (Family::LeadScale, 0.0),
         "ball_passage" => (Family::BallPassage, order),
         "axial_compliance" => (Family::AxialCompliance, parameter("hz")),
-        "position_load" => (Family::PositionLoad, 0.0),
         "backlash" => (Family::Backlash, 0.0),
-        other => unreachable!("no hypothesis for {other}"),
+        other => (Family::Linear(other), 0.0),
     };
     Hypothesis::new(family, effect.place(), shape)
 }

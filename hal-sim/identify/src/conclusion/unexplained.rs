@@ -242,7 +242,7 @@ pub(crate) fn along(hypothesis: &Hypothesis) -> Option<Along> {
         Family::LeadError | Family::BallPassage => Some(Along::RelativeAngle),
         Family::StribeckFriction => Some(axis.map_or(Along::RelativeSpeed, Along::Speed)),
         Family::Backlash => Some(Along::RelativeSpeed),
-        Family::PositionLoad | Family::LeadScale => Some(Along::TablePosition),
+        Family::Linear(_) => hypothesis.along(),
         Family::DeadTime | Family::AxialCompliance => None,
     }
 }

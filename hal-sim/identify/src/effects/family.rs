@@ -2,6 +2,7 @@
 
 use crate::signal::along::Along;
 use crate::signal::channel::Channel;
+use plant::effects::{AnyEffect, Place, Places};
 
 /// A family of effects that share their columns. Families of torque over angle are distinguished by their order only.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
@@ -28,23 +29,21 @@ pub enum Family {
     StribeckFriction,
     /// `lead_error`.
     LeadError,
-    /// `lead_scale`.
-    LeadScale,
     /// `ball_passage`.
     BallPassage,
     /// `axial_compliance`.
     AxialCompliance,
-    /// `position_load`.
-    PositionLoad,
     /// `backlash`.
     Backlash,
+    /// A kind whose terms are linear in one number, by its name.
+    Linear(&'static str),
     /// What has no kind.
     Unnamed(Unnamed),
 }
 
 impl Family {
-    /// All whose effects have a kind.
-    pub const NAMED: [Family; 16] = {
+    /// Those with code of their own.
+    const OWN: [Family; 14] = {
         use Family::*;
         [
             CurrentOffset,
@@ -58,13 +57,27 @@ impl Family {
             EncoderEccentricity,
             StribeckFriction,
             LeadError,
-            LeadScale,
             BallPassage,
             AxialCompliance,
-            PositionLoad,
             Backlash,
         ]
     };
+
+    /// All whose effects have a kind.
+    pub fn named() -> impl Iterator<Item = Family> {
+        Self::OWN.into_iter().chain(Self::linear())
+    }
+
+    /// Those of the kinds that are linear in one number.
+    pub fn linear() -> impl Iterator<Item = Family> {
+        let kinds = AnyEffect::CATALOGUE.iter();
+        kinds.filter_map(|kind| kind.linear().map(|_| Family::Linear(kind.name)))
+    }
+
+    /// Whether a linear one makes sense there.
+    pub(crate) fn is_at(self, place: Place) -> bool {
+        matches!(self, Family::Linear(kind) if places_of(kind).contains(place))
+    }
 
     /// Whether it is of a motor and its drive, so that a motor alone can have it.
     pub fn is_of_a_motor(self) -> bool {
@@ -72,12 +85,16 @@ impl Family {
         match self {
             CurrentOffset | CurrentGain | DeadTime | ResistanceDrift | FluxDrift | AngleTorque
             | TimePeriodic | FluxHarmonic | EncoderEccentricity | StribeckFriction => true,
-            LeadError | LeadScale | BallPassage | AxialCompliance | PositionLoad | Backlash => {
-                false
-            }
+            LeadError | BallPassage | AxialCompliance | Backlash => false,
+            Linear(kind) => places_of(kind) != Places::Feed,
             Unnamed(_) => true,
         }
     }
+}
+
+/// Where a kind makes sense.
+fn places_of(kind: &str) -> Places {
+    AnyEffect::kind_named(kind).map_or(Places::MotorOrFeed, |kind| kind.places)
 }
 
 /// A shape over a coordinate in one channel.

@@ -13,37 +13,39 @@ use std::f64::consts::TAU;
 /// Share of the rows that must show an order below the band's upper edge.
 pub(crate) const SHOWN: f64 = 0.05;
 /// Periods that an angle must cover at least for what repeats with it.
-const LEAST_PERIODS: f64 = 1.0;
+pub(super) const LEAST_PERIODS: f64 = 1.0;
 /// By how much a friction that decays with speed must differ between the record's speeds, of its size at rest.
-const LEAST_DECAY: f64 = 0.1;
+pub(super) const LEAST_DECAY: f64 = 0.1;
 /// Speed of a friction that decays, at most in the record's greatest: `e^-2` of it is left there.
 pub(crate) const MOST_OF_TOP: f64 = 0.7;
 /// The same at least in the speed over which the balances let the sign of friction turn round: nearer to it `1 - tanh(w)` is as
 /// good.
 const LEAST_OF_ROUNDING: f64 = 1.25;
 /// Smallest way of screw against nut for what grows with the table's position, turns.
-const LEAST_TRAVEL: f64 = 0.1;
+pub(super) const LEAST_TRAVEL: f64 = 0.1;
 
 /// Dead time of a bridge in its bus voltage: 5 us of 50 us.
-const MOST_DEAD_TIME: f64 = 0.1;
+pub(super) const MOST_DEAD_TIME: f64 = 0.1;
 /// A sensor whose gain is off by more is broken.
 pub(crate) const MOST_GAIN: f64 = 0.3;
 /// By how much the gains of two sensors must differ, of their sum.
 const LEAST_APART: f64 = 0.2;
 /// An offset in the range of the current measurement, or in the record's own greatest current where that is not known.
-const MOST_OFFSET: f64 = 0.2;
+pub(super) const MOST_OFFSET: f64 = 0.2;
 /// Copper has 0.39 % per kelvin: 130 K.
-const MOST_RESISTANCE_DRIFT: f64 = 0.5;
+pub(super) const MOST_RESISTANCE_DRIFT: f64 = 0.5;
 /// NdFeB has -0.12 % per kelvin: 130 K.
-const MOST_FLUX_DRIFT: f64 = 0.16;
+pub(super) const MOST_FLUX_DRIFT: f64 = 0.16;
 /// A harmonic of a rotor's flux in its fundamental: a square wave's third.
 const MOST_FLUX_HARMONIC: f64 = 1.0 / 3.0;
 /// Error of an angle, electrical rad: beyond it the field is not oriented.
-const MOST_ANGLE_ERROR: f64 = 0.5;
+pub(super) const MOST_ANGLE_ERROR: f64 = 0.5;
 /// Errors of the travel in a lead: per turn, of its scale, and play.
-const MOST_LEAD_ERROR: f64 = 0.02;
-const MOST_LEAD_SCALE: f64 = 0.01;
+pub(super) const MOST_LEAD_ERROR: f64 = 0.02;
+pub(super) const MOST_LEAD_SCALE: f64 = 0.01;
 
+/// What no motor can make.
+pub(super) const TORQUE: &str = "more torque than the motor's greatest current makes";
 /// Reasons that several machines have.
 pub(crate) const ABOVE_BAND: &str =
     "the order is above the band that was sampled and filtered, or the shaft stood still";
@@ -51,7 +53,7 @@ pub(crate) const NOT_TURNED: &str = "the angle that it repeats with does not tur
 pub(crate) const CONSTANT: &str = "the speeds of the record do not tell it from constant friction";
 pub(crate) const FEEDS_IN: &str = "its sign would feed energy in";
 
-fn range(values: impl Iterator<Item = f64>) -> f64 {
+pub(super) fn range(values: impl Iterator<Item = f64>) -> f64 {
     let (low, high) = values.fold((f64::MAX, f64::MIN), |(a, b), x| (a.min(x), b.max(x)));
     (high - low).max(0.0)
 }
@@ -86,10 +88,7 @@ pub(crate) fn excited(hypothesis: &Hypothesis, balance: &Balance) -> Result<(), 
         Family::CurrentOffset | Family::CurrentGain => enough(most_turned(), pole_pairs),
         Family::DeadTime | Family::FluxDrift => enough(most_turned(), pole_pairs),
         Family::LeadError | Family::BallPassage => enough(relative(), hypothesis.shape),
-        Family::LeadScale | Family::PositionLoad => match relative() >= LEAST_TRAVEL {
-            true => Ok(()),
-            false => Err("the table does not move far enough"),
-        },
+        Family::Linear(_) => hypothesis.excited(balance),
         Family::StribeckFriction => {
             let speed = |row: usize| match hypothesis
                 .axis()
@@ -160,7 +159,6 @@ pub(crate) fn plausible(
     };
     let peak_current = balance.signals.motors[axis.index()].peak_a;
     let peak_torque = pole_pairs * motor.flux_wb * peak_current;
-    const TORQUE: &str = "more torque than the motor's greatest current makes";
     match hypothesis.family {
         Family::CurrentOffset => {
             let range = 2048.0 * model.sensing.current_lsb_a;
@@ -226,12 +224,8 @@ pub(crate) fn plausible(
             MOST_LEAD_ERROR * TAU * balance.lead.abs(),
             "more than 2 % of the lead",
         ),
-        Family::LeadScale => below(size, MOST_LEAD_SCALE, "more than 1 % of the lead"),
         Family::BallPassage => below(size, peak_torque, TORQUE),
-        Family::PositionLoad => {
-            let travel = balance.lead.abs() * range(balance.signals.relative.iter().copied());
-            below(size * travel, peak_torque / balance.lead.abs(), TORQUE)
-        }
+        Family::Linear(_) => hypothesis.within_site(values[0], balance),
         Family::Backlash => {
             positive(values[0])?;
             below(

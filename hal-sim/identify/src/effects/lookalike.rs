@@ -73,11 +73,11 @@ fn shadows(found: &Hypothesis, trial: &Hypothesis, model: &Model) -> bool {
     if found.place != Place::Feed || trial.place != Place::Feed {
         return false;
     }
-    use Family::{AxialCompliance, Backlash, LeadScale, PositionLoad};
+    use Family::{AxialCompliance, Backlash, Linear};
     match found.family {
         AxialCompliance => trial.family == Backlash,
         Backlash => trial.family == AxialCompliance,
-        LeadScale => trial.family == PositionLoad,
+        Linear("lead_scale") => trial.family == Linear("position_load"),
         _ => false,
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::records::DataQuality;
 use crate::report::{Effect, Left, Residual};
+use plant::effects::{AnyEffect, Kind};
 
 /// Four significant digits, in powers of ten where that is shorter.
 pub(super) fn number(value: f64) -> String {
@@ -220,7 +221,6 @@ pub(super) fn sentence(effect: &Effect) -> String {
             of("amplitude"),
             often()
         ),
-        "lead_scale" => format!("has a lead that is off by {}", percent("value")),
         "ball_passage" => format!(
             "has balls that pass {} per turn of screw against nut, with {}",
             often(),
@@ -229,10 +229,6 @@ pub(super) fn sentence(effect: &Effect) -> String {
         "axial_compliance" => format!(
             "has a table that swings on the screw at {} Hz",
             number(value("hz"))
-        ),
-        "position_load" => format!(
-            "has a load that grows by {} with the table\u{2019}s position",
-            of("value")
         ),
         "backlash" => format!("loses {} at each reversal: backlash", of("value")),
         "reported_current_lag" => format!(
@@ -249,7 +245,16 @@ pub(super) fn sentence(effect: &Effect) -> String {
         "viscous_asymmetry" => "has a viscous friction that differs by direction".into(),
         "presliding" => "gives like a spring before it slides".into(),
         "position_friction" => "has a friction that grows with position".into(),
-        other => format!("has {}", other.replace('_', " ")),
+        other => match AnyEffect::kind_named(other).and_then(Kind::linear) {
+            Some(linear) => {
+                let number = match linear.unit {
+                    "" => percent(linear.number),
+                    unit => size(value(linear.number), unit),
+                };
+                linear.says.replace("{}", &number)
+            }
+            None => format!("has {}", other.replace('_', " ")),
+        },
     };
     match &effect.suggests {
         Some(cause) => format!("{} {what} ({cause}).", owner(&effect.place)),
@@ -308,7 +313,7 @@ pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
             "compensate",
             "Track the winding\u{2019}s temperature in the model that feeds forward, or let the record begin warm.",
         ),
-        "lead_error" | "lead_scale" => (
+        "lead_error" => (
             "compensate",
             "Correct the travel by a table over the screw against the nut.",
         ),
@@ -320,7 +325,6 @@ pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
             "replace",
             "Stiffen the bearing or lower the mass; a notch at that frequency keeps the loop from exciting it.",
         ),
-        "position_load" => ("compensate", "Feed the force forward over the position."),
         "backlash" => (
             "replace",
             "Push the table with known forces while the motors stand: a soft screw gives with the force, backlash does not. Preload the nut against backlash; a load that never changes its sign hides it.",
@@ -333,9 +337,12 @@ pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
             "calibrate",
             "Shorten the delay of the amplifier, or allow for it in the loop.",
         ),
-        _ => (
-            "compensate",
-            "Put the term into the model that feeds forward.",
+        other => AnyEffect::kind_named(other).and_then(Kind::linear).map_or(
+            (
+                "compensate",
+                "Put the term into the model that feeds forward.",
+            ),
+            |linear| linear.remedy,
         ),
     }
 }
@@ -445,11 +452,11 @@ pub(super) fn capital(text: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::reference::EFFECTS;
+    use crate::reference::effects;
 
     #[test]
     fn each_effect_has_a_remedy_of_its_own() {
-        for (kind, _) in EFFECTS {
+        for (kind, _) in effects() {
             assert_ne!(
                 remedy(kind),
                 remedy("no kind"),

@@ -15,7 +15,7 @@ use crate::regression::sandwich::interval;
 use crate::search::select::Trial;
 use crate::signal::channel::Channel as Balance;
 use plant::Axis;
-use plant::effects::{AnyEffect, Place};
+use plant::effects::{AnyEffect, Kind, Place};
 use plant::model::{FeedModel, Model};
 
 /// Name of the channel that follows from the torques.
@@ -306,7 +306,6 @@ fn unit(kind: &str, place: Place, name: &str) -> &'static str {
         ("dead_time", _) => "V",
         ("encoder_eccentricity", "amplitude") => "rad",
         ("lead_error" | "backlash", "amplitude" | "value") => "m",
-        ("position_load", _) => "N/m",
         ("flux_harmonic", "amplitude") => "of the flux",
         ("stribeck_friction", "amplitude") if place == Place::Feed => "N",
         ("stribeck_friction", "speed") if place == Place::Feed => "m/s",
@@ -315,7 +314,10 @@ fn unit(kind: &str, place: Place, name: &str) -> &'static str {
         (_, "phase") => "rad",
         (_, "order") => "per turn",
         (_, "amplitude") => "N m",
-        _ => "",
+        _ => AnyEffect::kind_named(kind)
+            .and_then(Kind::linear)
+            .filter(|linear| linear.number == name)
+            .map_or("", |linear| linear.unit),
     }
 }
 

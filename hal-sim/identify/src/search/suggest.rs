@@ -41,9 +41,11 @@ impl Search<'_> {
             }
         }
         list.push(Hypothesis::new(Family::DeadTime, Place::Both, ripple));
-        for family in [Family::LeadScale, Family::PositionLoad, Family::Backlash] {
-            list.push(Hypothesis::new(family, Place::Feed, 0.0));
+        for place in [Place::Screw, Place::Nut, Place::Feed] {
+            let there = Family::linear().filter(|family| family.is_at(place));
+            list.extend(there.map(|family| Hypothesis::new(family, place, 0.0)));
         }
+        list.push(Hypothesis::new(Family::Backlash, Place::Feed, 0.0));
         // The play of a table that turns, in place of one that a load holds on a flank.
         list.push(Hypothesis::new(Family::Backlash, Place::Feed, 1.0));
         for speed in [1.0, 2.0, 4.0, 8.0, 16.0, 32.0] {

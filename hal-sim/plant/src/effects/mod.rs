@@ -1,33 +1,16 @@
-//! What a machine may have beyond its declared parameters: one file for each kind, one line for each in the registry.
+//! What a machine may have beyond its declared parameters: one file of `kinds` for each kind.
 //!
 //! In `model.toml` an effect is a table: `kind`, `where` (`screw`, `nut`, `both`, `feed`) and the parameters of its
-//! kind. To add a kind, write its file (a struct of its parameters that implements [`Effect`]), its `mod` line (a macro
-//! would hide the file from `cargo fmt`) and its line in the registry below.
+//! kind. To add a kind, write its file: a struct with the file's name in Pascal case that implements [`Effect`]. The build
+//! finds it.
 
-mod angle_periodic;
-mod axial_compliance;
-mod backlash;
-mod ball_passage;
-mod cogging;
-mod coupling_misalignment;
-mod current_gain;
-mod current_offset;
-mod dead_time;
-mod encoder_eccentricity;
 mod entry;
-mod flux_drift;
-mod flux_harmonic;
-mod lead_error;
-mod lead_scale;
+mod kind;
 mod measured;
-mod position_load;
-mod resistance_drift;
-mod stribeck_friction;
 mod term;
-mod time_periodic;
-mod torque_harmonic;
 
 pub use entry::{EffectModel, Place, Places};
+pub use kind::{Example, Kind, Linear, Recognition};
 pub use measured::{Measured, MeasuredOver, Quantity};
 pub use term::{Coordinate, Law, Site, Term};
 
@@ -40,13 +23,17 @@ pub trait Effect {
     const KIND: &'static str;
     /// The values of `where` that make sense.
     const PLACES: Places;
+    /// How a record shows it.
+    const RECOGNITION: Recognition;
+    /// A usual one.
+    const EXAMPLE: Example;
 
     /// What it adds to the machine at each place it is at.
     fn terms(&self) -> Vec<Term>;
 }
 
 macro_rules! registry {
-    ($($module:ident::$name:ident,)*) => {
+    ($($module:ident::$name:ident in $path:literal,)*) => {
         $(pub use $module::$name;)*
 
         /// An effect of any kind.
@@ -69,6 +56,15 @@ macro_rules! registry {
         impl AnyEffect {
             /// All kinds that have a cause, by their name in a model file.
             pub const KINDS: &'static [&'static str] = &[$($name::KIND,)*];
+
+            /// The same with what is known of each.
+            pub const CATALOGUE: &'static [Kind] = &[$(Kind {
+                name: $name::KIND,
+                places: $name::PLACES,
+                recognition: $name::RECOGNITION,
+                example: $name::EXAMPLE,
+                source: include_str!($path),
+            },)*];
 
             /// The `kind` in a model file.
             pub fn kind(&self) -> &'static str {
@@ -131,27 +127,7 @@ macro_rules! registry {
     };
 }
 
-registry! {
-    angle_periodic::AnglePeriodic,
-    axial_compliance::AxialCompliance,
-    backlash::Backlash,
-    ball_passage::BallPassage,
-    cogging::Cogging,
-    coupling_misalignment::CouplingMisalignment,
-    current_gain::CurrentGain,
-    current_offset::CurrentOffset,
-    dead_time::DeadTime,
-    encoder_eccentricity::EncoderEccentricity,
-    flux_drift::FluxDrift,
-    flux_harmonic::FluxHarmonic,
-    lead_error::LeadError,
-    lead_scale::LeadScale,
-    position_load::PositionLoad,
-    resistance_drift::ResistanceDrift,
-    stribeck_friction::StribeckFriction,
-    time_periodic::TimePeriodic,
-    torque_harmonic::TorqueHarmonic,
-}
+include!(concat!(env!("OUT_DIR"), "/kinds.rs"));
 
 /// Length of a run where a model does not give it, s.
 fn default_run_s() -> f64 {
@@ -159,6 +135,11 @@ fn default_run_s() -> f64 {
 }
 
 impl AnyEffect {
+    /// What is known of a kind.
+    pub fn kind_named(name: &str) -> Option<&'static Kind> {
+        Self::CATALOGUE.iter().find(|kind| kind.name == name)
+    }
+
     /// Its parameters by their names in a model file, in their order there.
     pub fn parameters(&self) -> Vec<(String, f64)> {
         let numbers = self.table().into_iter();

@@ -224,7 +224,15 @@ pub fn effect(rng: &mut impl Rng, kind: &str, bold: bool) -> EffectModel {
             vec![("value", spread(rng, 500.0, 15_000.0) * sign(rng))],
         ),
         "backlash" => (Place::Feed, vec![("value", spread(rng, 5e-7, 2e-5))]),
-        other => unreachable!("no sizes for {other}"),
+        other => {
+            let kind = AnyEffect::kind_named(other).expect("a kind of the plant");
+            let (place, usual) = kind.example;
+            let sized = |(name, value): &(&'static str, f64)| match *name {
+                "order" | "hz" | "phase" => (*name, *value),
+                _ => (*name, value * spread(rng, 0.5, 2.0)),
+            };
+            (place, usual.iter().map(sized).collect())
+        }
     };
     let effect =
         AnyEffect::from_parameters(kind, parameters).expect("parameters within their ranges");

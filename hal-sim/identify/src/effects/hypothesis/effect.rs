@@ -78,7 +78,6 @@ impl Hypothesis {
                 phase,
             }
             .into(),
-            Family::LeadScale => LeadScale { value: first }.into(),
             Family::BallPassage => BallPassage {
                 order,
                 amplitude,
@@ -86,8 +85,8 @@ impl Hypothesis {
             }
             .into(),
             Family::AxialCompliance => AxialCompliance { hz: order }.into(),
-            Family::PositionLoad => PositionLoad { value: first }.into(),
             Family::Backlash => Backlash { value: first }.into(),
+            Family::Linear(kind) => linear(kind, first)?,
             Family::Unnamed(_) => return None,
         };
         EffectModel::new(self.place, effect)
@@ -137,6 +136,12 @@ impl Hypothesis {
             .into()
         }
     }
+}
+
+/// An effect that is linear in one number.
+pub(crate) fn linear(kind: &str, value: f64) -> Option<AnyEffect> {
+    let number = AnyEffect::kind_named(kind)?.linear()?.number;
+    AnyEffect::from_parameters(kind, [(number, value)]).ok()
 }
 
 /// An angle in -pi..=pi.

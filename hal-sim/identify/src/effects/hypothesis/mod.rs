@@ -1,6 +1,7 @@
 //! What may be missing: every kind of effect of the plant, as columns of a regression.
 
 mod effect;
+mod linear;
 mod unnamed;
 
 use crate::balance::{Balance, Contribution};
@@ -62,11 +63,10 @@ impl Hypothesis {
             Family::EncoderEccentricity => "encoder_eccentricity",
             Family::StribeckFriction => "stribeck_friction",
             Family::LeadError => "lead_error",
-            Family::LeadScale => "lead_scale",
             Family::BallPassage => "ball_passage",
             Family::AxialCompliance => "axial_compliance",
-            Family::PositionLoad => "position_load",
             Family::Backlash => "backlash",
+            Family::Linear(kind) => kind,
             Family::Unnamed(_) => "no kind",
         }
     }
@@ -78,10 +78,9 @@ impl Hypothesis {
             | Family::ResistanceDrift
             | Family::FluxDrift
             | Family::StribeckFriction
-            | Family::LeadScale
             | Family::AxialCompliance
-            | Family::PositionLoad
-            | Family::Backlash => 1,
+            | Family::Backlash
+            | Family::Linear(_) => 1,
             Family::Unnamed(unnamed) => unnamed.columns(),
             _ => 2,
         }
