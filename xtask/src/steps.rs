@@ -12,7 +12,7 @@ const EFFECTS: &str = "hal-sim/plant/src/effects/kinds";
 
 /// One program's run.
 pub struct Step {
-    program: &'static str,
+    program: OsString,
     arguments: String,
     environment: Vec<(&'static str, OsString)>,
 }
@@ -20,8 +20,13 @@ pub struct Step {
 impl Step {
     /// A run of cargo; the arguments are words between blanks.
     pub fn cargo(arguments: impl Into<String>) -> Self {
+        Self::program("cargo", arguments)
+    }
+
+    /// A run of a program; the arguments are words between blanks.
+    pub fn program(program: impl Into<OsString>, arguments: impl Into<String>) -> Self {
         Self {
-            program: "cargo",
+            program: program.into(),
             arguments: arguments.into(),
             environment: Vec::new(),
         }
@@ -57,18 +62,18 @@ impl Step {
                 entry?.file_name().to_string_lossy()
             ));
         }
-        let effects = Self {
-            program: "rustfmt",
-            ..Self::cargo(format!("--edition 2024 --check {}", files.join(" ")))
-        };
+        let effects = Self::program(
+            "rustfmt",
+            format!("--edition 2024 --check {}", files.join(" ")),
+        );
         Ok([Self::cargo("fmt --all --check"), effects])
     }
 
     fn run(&self) -> Result<()> {
-        let line = format!("{} {}", self.program, self.arguments);
+        let line = format!("{} {}", self.program.display(), self.arguments);
         println!("> {line}");
         let start = Instant::now();
-        let status = Command::new(self.program)
+        let status = Command::new(&self.program)
             .args(self.arguments.split_whitespace())
             .envs(self.environment.iter().map(|(name, value)| (name, value)))
             .current_dir(root()?)
@@ -76,7 +81,7 @@ impl Step {
             .with_context(|| {
                 format!(
                     "`{line}` could not be started: is {} installed and on the PATH?",
-                    self.program
+                    self.program.display()
                 )
             })?;
         ensure!(status.success(), "`{line}` failed ({status})");
@@ -90,10 +95,7 @@ impl Step {
 /// # Errors
 /// It is not there and cannot be fetched.
 pub fn prepare() -> Result<()> {
-    let rustup = |arguments: &str| Step {
-        program: "rustup",
-        ..Step::cargo(arguments)
-    };
+    let rustup = |arguments: &str| Step::program("rustup", arguments);
     run_all(&[
         rustup("component add clippy rustfmt"),
         rustup(&format!("target add {TARGET} {BROWSER}")),

@@ -37,9 +37,12 @@ pub fn run() -> Result<()> {
     })?;
     run_all(&[Step::cargo(format!("test {HOST}")).with(&emulator)])?;
     if browser_tools() {
-        let program = target.join("debug/ddfeed");
-        run_all(&[Step::cargo("run --package browser -- --check --test")
-            .with(&[("DDFEED", program.into_os_string())])])?;
+        // As the tests built all that is under it.
+        run_all(&[Step::cargo(format!("build {HOST} --bin browser")).with(&emulator)])?;
+        let built = |name: &str| target.join("debug").join(name).into_os_string();
+        run_all(&[
+            Step::program(built("browser"), "--check --test").with(&[("DDFEED", built("ddfeed"))])
+        ])?;
     } else {
         run_all(&[Step::cargo(format!(
             "check --package scope --lib --target {BROWSER}"

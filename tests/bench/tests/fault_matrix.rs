@@ -21,10 +21,10 @@ fn outcomes_of(cells: &[Cell], plate_of: PlateOf) -> Vec<Outcome> {
     matrix.run_all(cells).unwrap()
 }
 
-/// Every fifth cell, so in each situation, of which there are eight; `cargo xtask bench faults` runs all.
+/// Every seventh cell, so in each situation, of which there are eight; `cargo xtask bench faults` runs all.
 #[test]
 fn no_cell_is_unsafe() {
-    let cells: Vec<Cell> = Cell::all().into_iter().step_by(5).collect();
+    let cells: Vec<Cell> = Cell::all().into_iter().step_by(7).collect();
     none_is_unsafe(&cells, BoardKind::plate);
 }
 

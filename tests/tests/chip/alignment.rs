@@ -116,12 +116,12 @@ fn a_watchdog_reset_ends_in_a_drive_that_aligns_again() -> Result<(), String> {
     bench.align(LONGEST_S)?;
     bench.start(2.5e-3, 30.0)?;
     bench.wait_for(RUNNING, 0.1)?;
-    bench.pass(0.5)?;
+    bench.pass(0.1)?;
     bench.hang("FMAC")?;
     bench.pass(50e-3)?;
     // The counters begin at zero again, wherever the rotors have come to rest. Nothing moves before it is demanded.
     bench.wait_for(State::Unaligned.word(), 1.0)?;
-    bench.pass(1.0)?;
+    bench.pass(0.5)?;
     let speeds = Axis::ALL.map(|axis| bench.joint.borrow().board.machine.motor(axis).omega);
     assert!(
         speeds.iter().all(|speed| speed.abs() < 1e-3),
@@ -129,15 +129,15 @@ fn a_watchdog_reset_ends_in_a_drive_that_aligns_again() -> Result<(), String> {
     );
     bench.align(LONGEST_S)?;
     bench.start(2.5e-3, 30.0)?;
-    bench.pass(1.0)?;
+    bench.pass(0.5)?;
     let status = bench.status()?;
     assert_eq!(status.state, RUNNING, "{:?}", Fault::of_word(status.fault));
     let before = bench.joint.borrow().board.machine.table_position();
-    bench.pass(1.0)?;
+    bench.pass(0.4)?;
     let moved = bench.joint.borrow().board.machine.table_position() - before;
     assert!(
-        (moved - 2.5e-3).abs() < 0.05e-3,
-        "the table moved by {:.3} mm in a second, not by 2.5 mm",
+        (moved - 1e-3).abs() < 0.05e-3,
+        "the table moved by {:.3} mm in 0.4 s, not by 1 mm",
         1e3 * moved
     );
     Ok(())
