@@ -269,6 +269,15 @@ pub fn model_file(header: &Header, interval_s: f64) -> String {
     format!("{ABOUT}{}", model(header, interval_s).to_toml())
 }
 
+/// The same with the kinds of encoders that the settings have.
+#[cfg(feature = "cli")]
+#[must_use]
+pub fn declared_model_file(header: &Header, interval_s: f64, settings: &Settings) -> String {
+    let mut model = model(header, interval_s);
+    set_encoder_kinds(&mut model.sensing, settings);
+    format!("{ABOUT}{}", model.to_toml())
+}
+
 /// The model that the drive's plate declares; what the plate does not have is of the size of common feed axes.
 #[must_use]
 pub fn model(header: &Header, interval_s: f64) -> Model {

@@ -2,6 +2,8 @@
 
 mod served;
 
+use plant::Axis;
+use plant::model::EncoderKind;
 use serde_json::Value;
 use served::{Served, ddfeed};
 use std::io::{Read, Write};
@@ -289,6 +291,9 @@ fn settings_go_out_and_in_all_or_none() {
     served.printed(&["settings", "model", &model]);
     let model = plant::model::Model::load(Path::new(&model)).unwrap();
     assert!((model.screw.resistance_ohm - 1.7).abs() < 1e-9, "{model:?}");
+    // The served board's encoders: one that knows its angle, and one with an index.
+    let kinds = Axis::ALL.map(|axis| model.sensing.encoder_kind(axis));
+    assert_eq!(kinds, [EncoderKind::Absolute, EncoderKind::Index]);
 }
 
 /// A drive that compensates a dead time has bridges with that dead time. Simulated without it, what was compensated in excess

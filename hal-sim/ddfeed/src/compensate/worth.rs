@@ -61,7 +61,10 @@ pub fn worth(
         return Ok((known, best));
     }
     known.compensation = CompensationPlate::NONE;
-    known.friction = FrictionPlate::NONE;
+    if known.friction != FrictionPlate::NONE {
+        known.friction = FrictionPlate::NONE;
+        known.left.push("friction: it brings no gain".to_owned());
+    }
     best = predict(&known)?;
     Ok((known, best))
 }

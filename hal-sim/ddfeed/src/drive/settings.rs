@@ -3,7 +3,7 @@
 use super::connect::Drive;
 use super::options::{ReferenceOptions, Restart, SettingsTask};
 use crate::output::put_new;
-use crate::record::model_file;
+use crate::record::declared_model_file;
 use anyhow::{Context, Result, bail, ensure};
 use link::codes::State;
 use link::host::client::Lost;
@@ -74,7 +74,9 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
             Ok(())
         }
         SettingsTask::Model { file } => {
-            put_new(file, &model_file(&header(drive)?, 1.0 / drive.speed_hz()))?;
+            let header = header(drive)?;
+            let interval_s = 1.0 / drive.speed_hz();
+            put_new(file, &declared_model_file(&header, interval_s, &settings))?;
             println!("{}", file.display());
             Ok(())
         }
@@ -98,7 +100,7 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
     let some: Vec<Setting> = Settings::all().filter(asked).collect();
     ensure!(
         !some.is_empty(),
-        "there is no setting whose name begins with {}: `settings get` prints all",
+        "there is no setting whose name begins with {}: `settings get` prints all. A datasheet's other names can be set and imported, not read",
         names.join(" or ")
     );
     let mut object = Map::new();

@@ -127,7 +127,7 @@ pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
         .map(|(name, value)| format!("{name} {value}"))
         .collect();
     println!(
-        "what was put in: {kind} at {}: {}. Another machine: --seed {}",
+        "what was put in with --seed {seed}: {kind} at {}: {}. Another machine: --seed {}",
         place.name(),
         values.join(", "),
         seed + 1

@@ -19,8 +19,7 @@ const WHOLE: f64 = 0.9;
 
 /// Share of a zero-phase Butterworth filter's bandwidth in which it passes all.
 const FLAT: f64 = 0.6;
-/// Residual over the drive quantity's rms up to which a residual that nothing predicts is small, whatever its floor:
-/// `identification.md`, step 6.
+/// Residual over the drive quantity's rms up to which a residual that nothing predicts is small, whatever its floor.
 const SMALL: f64 = 0.03;
 
 /// What may be said.

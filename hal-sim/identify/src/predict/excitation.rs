@@ -3,8 +3,7 @@
 use super::basis::At;
 use std::f64::consts::TAU;
 
-/// Smallest length, s; turns; speed classes: `identification.md`, step 1, asks for 4 s, a turn and 4 classes. A record that
-/// goes up and down once passes 3.
+/// Smallest length, s; turns; speed classes. A record that goes up and down once passes 3 classes.
 const LEAST_S: f64 = 3.0;
 const LEAST_TURNS: f64 = 1.0;
 const LEAST_CLASSES: usize = 3;

@@ -10,7 +10,7 @@ use std::ops::Range;
 
 /// Folds into which blocks are dealt in turn.
 const FOLDS: usize = 4;
-/// Length of a block in correlation times: what reaches into the next is then small. From `identification.md`, step 5.
+/// Length of a block in correlation times: what reaches into the next is then small.
 const BLOCK_OF_CORRELATED: f64 = 12.0;
 /// Shortest block, s: some periods of a speed loop of 10 Hz.
 const BLOCK_S: f64 = 0.4;

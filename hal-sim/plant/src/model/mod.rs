@@ -69,10 +69,11 @@ pub struct MotorModel {
     /// Pole pairs; 1 to 1000.
     #[serde(deserialize_with = "limits::pole_pairs")]
     pub pole_pairs: u32,
-    /// Magnet flux in power-invariant scaling: `torque = pole_pairs * flux * i_q`; above 0.
+    /// Magnet flux in power-invariant scaling: `torque = pole_pairs * flux * i_q`; above 0. From a datasheet: 0.00955 Ke / pole_pairs, with
+    /// Ke in V rms between two leads at 1000 rpm.
     #[serde(deserialize_with = "limits::positive")]
     pub flux_wb: f64,
-    /// Inertia of everything that turns with the shaft; above 0.
+    /// Inertia of everything that turns with the shaft, without the table; above 0.
     #[serde(deserialize_with = "limits::positive")]
     pub inertia_kg_m2: f64,
     /// Viscous friction, N m per rad/s; 0 or above.
@@ -148,7 +149,7 @@ pub struct SensingModel {
     /// Rate of the current loops; above 0.
     #[serde(deserialize_with = "limits::positive")]
     pub control_hz: f64,
-    /// Counts per mechanical turn of either encoder, or of the screw's; 1 to 2^31.
+    /// Counts per mechanical turn of either encoder, or of the screw's: four times the lines of an incremental one; 1 to 2^31.
     #[serde(deserialize_with = "limits::counts")]
     pub encoder_counts_per_turn: u32,
     /// Counts per mechanical turn of the nut's encoder; 1 to 2^31. As the screw's if left out.
@@ -158,7 +159,7 @@ pub struct SensingModel {
         skip_serializing_if = "Option::is_none"
     )]
     pub nut_encoder_counts_per_turn: Option<u32>,
-    /// Kind of either encoder, or of the screw's: `incremental`, `index` or `absolute`, which has 2^21 counts. `incremental` if left out.
+    /// Kind of either encoder, or of the screw's: `incremental`, `index` (incremental with an index) or `absolute`, which has 2^21 counts. `incremental` if left out.
     #[serde(default)]
     pub encoder: EncoderKind,
     /// Kind of the nut's encoder. As the screw's if left out.
