@@ -124,26 +124,4 @@ mod tests {
             }
         }
     }
-
-    #[test]
-    fn the_drive_is_named_before_or_behind_the_task() {
-        let place = |words: &[&str]| {
-            let read = with_negative_numbers(Arguments::command()).try_get_matches_from(words)?;
-            let arguments = Arguments::from_arg_matches(&read)?;
-            let Task::Drive(options) = arguments.command else {
-                panic!("{words:?} is no task of a drive");
-            };
-            Ok::<_, clap::Error>(options.line.sim)
-        };
-        let here = Some("127.0.0.1:7474".to_owned());
-        for words in [
-            ["ddfeed", "drive", "--sim", "127.0.0.1:7474", "status"],
-            ["ddfeed", "drive", "status", "--sim", "127.0.0.1:7474"],
-        ] {
-            assert_eq!(place(&words).unwrap(), here, "{words:?}");
-        }
-        assert_eq!(place(&["ddfeed", "drive", "status"]).unwrap(), None);
-        let both = ["ddfeed", "drive", "status", "--sim", "a:1", "--serial", "b"];
-        assert!(place(&both).is_err());
-    }
 }

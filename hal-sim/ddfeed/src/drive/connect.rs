@@ -62,9 +62,7 @@ impl DriveLine {
             Self::Sim(address) => by_tcp(address),
             Self::Serial(port, baud) => by_serial(port, *baud),
             Self::Probe(which) => by_probe(which.as_deref()),
-            Self::None => bail!(
-                "no drive is named: give --sim 127.0.0.1:7474, --serial /dev/ttyACM0 or --probe"
-            ),
+            Self::None => bail!("which drive? Give --sim, --serial or --probe"),
         }
     }
 

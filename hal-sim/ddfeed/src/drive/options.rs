@@ -45,18 +45,18 @@ impl From<RecordCommand> for DriveOptions {
     }
 }
 
-/// Where the drive is: before or behind the task.
+/// Where the drive is.
 #[derive(Args, Debug)]
-#[group(required = false, multiple = false)]
+#[group(required = true, multiple = false)]
 pub struct LineOptions {
     /// A drive that `ddfeed serve` simulates, at this address: 127.0.0.1:7474.
-    #[arg(long, value_name = "ADDRESS", global = true)]
+    #[arg(long, value_name = "ADDRESS")]
     pub sim: Option<String>,
     /// A drive at this serial port: /dev/ttyACM0.
-    #[arg(long, value_name = "PORT", global = true)]
+    #[arg(long, value_name = "PORT")]
     pub serial: Option<String>,
     /// A drive at a debug probe: the only one, or the one with this in its line.
-    #[arg(long, value_name = "SELECTOR", num_args = 0..=1, require_equals = true, global = true)]
+    #[arg(long, value_name = "SELECTOR", num_args = 0..=1, require_equals = true)]
     pub probe: Option<Option<String>>,
 }
 

@@ -13,6 +13,7 @@ use std::path::PathBuf;
 
 /// Which drive, and where the page is served.
 #[derive(Args, Debug)]
+#[command(mut_group("LineOptions", |group| group.required(false)))]
 pub struct ScopeOptions {
     /// The drive. Without it the page simulates one by itself.
     #[command(flatten)]
