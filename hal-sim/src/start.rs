@@ -21,8 +21,6 @@ pub struct Start {
     pub plate: DrivePlate,
     /// Where the rotors stand, mechanical rad: screw, nut.
     pub angles: [f64; 2],
-    /// Travel of the table by which friction is elastic before it slides, m; `None`: it is Coulomb's.
-    pub presliding_m: Option<f64>,
 }
 
 /// Time for which the machine is left alone before the drive is switched on, s: it stands where friction holds it.
@@ -39,7 +37,6 @@ impl Start {
             board: setup.board,
             plate: setup.plate(),
             angles: [turn(), turn()],
-            presliding_m: None,
         }
     }
 }

@@ -462,8 +462,8 @@ fn elastic_friction_is_displaced_as_its_closed_form_says() {
     const PRESLIDING_M: f64 = 4e-6;
     let mut model = ideal();
     model.screw.coulomb_nm = LEVEL_NM;
+    model.feed.presliding_m = PRESLIDING_M;
     let mut machine = Machine::new(&model, Coupling::Lumped);
-    machine.set_presliding(&model, PRESLIDING_M);
     let presliding = PRESLIDING_M / model.feed.travel_per_radian();
     for (step, part) in (1..=160_000).map(|step| (step, f64::from(step) / 200_000.0)) {
         machine.set_disturbance_torque(Axis::Screw, part * LEVEL_NM);

@@ -41,7 +41,6 @@ fn bench(board: Wiring) -> Result<Bench, String> {
         board: board_config(board),
         plate: plate_of(board),
         angles: ANGLES,
-        presliding_m: None,
     };
     assert!(
         margin_nm(&start) > 0.0,

@@ -70,6 +70,7 @@ pub fn model(motor: MotorModel, sensing: SensingModel) -> Model {
             guideway_coulomb_n: 0.0,
             guideway_viscous_n_s_per_m: 0.0,
             pair_coulomb_nm: 0.0,
+            presliding_m: 0.0,
             load_n: 0.0,
         },
         sensing,

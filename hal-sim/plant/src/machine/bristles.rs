@@ -51,9 +51,10 @@ impl Bristles {
 pub(super) struct Surfaces([Bristles; 4]);
 
 impl Surfaces {
-    /// Of a model's Coulomb levels, each displaced by `travel_m` of the table before it slides.
-    pub(super) fn new(model: &Model, travel_m: f64) -> Self {
+    /// Of a model's Coulomb levels, each displaced by its presliding before it slides.
+    pub(super) fn new(model: &Model) -> Self {
         let feed = &model.feed;
+        let travel_m = feed.presliding_m;
         let turned = travel_m / feed.travel_per_radian().abs();
         let [screw, nut] = Axis::ALL.map(|axis| model.motor(axis));
         let reduced =

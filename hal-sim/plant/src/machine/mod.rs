@@ -87,7 +87,7 @@ impl Machine {
             rate: f64::NAN,
             half_bus: 0.5 * DEFAULT_BUS_VOLTAGE,
             friction_impulses: [0.0; 4],
-            bristles: None,
+            bristles: (model.feed.presliding_m > 0.0).then(|| Surfaces::new(model)),
         };
         machine.set_load_force(model.feed.load_n);
         machine
@@ -147,18 +147,6 @@ impl Machine {
         let [of_resistance, of_flux] = &mut self.motors.change;
         of_resistance.as_mut_array()[axis.index()] = resistance;
         of_flux.as_mut_array()[axis.index()] = flux;
-    }
-
-    /// Makes the friction of `model` elastic: each surface is displaced by `travel_m` of the table before it slides.
-    ///
-    /// # Panics
-    /// If `travel_m` is no finite number above 0.
-    pub fn set_presliding(&mut self, model: &Model, travel_m: f64) {
-        assert!(
-            travel_m > 0.0 && travel_m.is_finite(),
-            "a presliding of {travel_m} m; it must be finite and above 0"
-        );
-        self.bristles = Some(Surfaces::new(model, travel_m));
     }
 
     /// One step of integration over `dt` seconds with the bridges held.

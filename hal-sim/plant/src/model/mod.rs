@@ -127,9 +127,25 @@ pub struct FeedModel {
     /// Coulomb friction of the screw-nut pair on the relative speed; 0 or above.
     #[serde(deserialize_with = "limits::non_negative")]
     pub pair_coulomb_nm: f64,
+    /// Travel of the table over which all Coulomb friction is elastic before it slides (LuGre), m; 0 or above. 0 if left out.
+    #[serde(
+        default,
+        deserialize_with = "limits::non_negative",
+        skip_serializing_if = "is_zero"
+    )]
+    pub presliding_m: f64,
     /// Constant force against positive travel.
     #[serde(deserialize_with = "limits::finite")]
     pub load_n: f64,
+}
+
+/// What serde takes to leave a key out.
+#[allow(
+    clippy::trivially_copy_pass_by_ref,
+    reason = "serde passes a reference"
+)]
+fn is_zero(value: &f64) -> bool {
+    *value == 0.0
 }
 
 impl FeedModel {

@@ -51,6 +51,7 @@ impl Model {
                 guideway_coulomb_n: 0.0,
                 guideway_viscous_n_s_per_m: 0.0,
                 pair_coulomb_nm: 0.0,
+                presliding_m: 0.0,
                 load_n: TAU / LEAD_M,
             },
             sensing: SensingModel {

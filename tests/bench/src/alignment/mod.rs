@@ -91,7 +91,6 @@ pub fn plain() -> Start {
         model,
         board,
         angles: [0.0; 2],
-        presliding_m: None,
     }
 }
 
@@ -224,7 +223,6 @@ pub fn of_board(board: BoardKind, seed: u64) -> Start {
         },
         plate: board.plate(),
         angles,
-        presliding_m: None,
     }
 }
 
@@ -239,7 +237,7 @@ pub fn unknown(board: BoardKind, seed: u64) -> Start {
             .unwrap_or(low)
     };
     let mut start = of_board(board, seed);
-    start.presliding_m = Some(draw(1e-6, 10e-6));
+    start.model.feed.presliding_m = draw(1e-6, 10e-6);
     let kelvin = if seed.is_multiple_of(2) {
         COLD_K
     } else {
@@ -301,9 +299,6 @@ pub fn switch_on(start: &Start) -> Result<Outcome, Misfit> {
 pub fn switch_on_with(start: &Start, mut each: impl FnMut(&Drive)) -> Result<Outcome, Misfit> {
     let mut drive = Drive::new(&start.model, Coupling::Coupled, start.board, &start.plate)?;
     drive.request.demand = Demand::Align;
-    if let Some(travel_m) = start.presliding_m {
-        drive.board.machine.set_presliding(&start.model, travel_m);
-    }
     settle(&mut drive.board, start.angles);
     let begun = drive.board.machine.table_position();
     let (mut travel_m, mut torque_nm) = (0.0f64, 0.0f64);

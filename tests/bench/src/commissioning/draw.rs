@@ -115,6 +115,7 @@ pub(crate) fn feed(draw: &mut Draw, lead_m: f64, motors: [&Drawn; 2]) -> FeedMod
         guideway_coulomb_n: draw.between([0.01, 0.04]) * rated_nm / r,
         guideway_viscous_n_s_per_m: draw.between([0.0, 0.03]) * rated_nm / (r * r * 300.0),
         pair_coulomb_nm: draw.between([0.02, 0.05]) * rated_nm,
+        presliding_m: 0.0,
         load_n: 0.0,
     }
 }
