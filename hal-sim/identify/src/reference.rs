@@ -15,11 +15,13 @@ const MOTOR: &str = include_str!("machines/motor/record.rs");
 
 const MEASURED_EFFECT: &str = include_str!("../../plant/src/effects/measured.rs");
 
-/// The kinds of effects with the source of each, by name.
-pub(crate) fn effects() -> Vec<(&'static str, &'static str)> {
+/// The kinds of effects by name, with the struct and the source of each.
+pub(crate) fn effects() -> Vec<[&'static str; 3]> {
     let kinds = AnyEffect::CATALOGUE.iter();
-    let mut all: Vec<_> = kinds.map(|kind| (kind.name, kind.source)).collect();
-    all.push((Measured::KIND, MEASURED_EFFECT));
+    let mut all: Vec<_> = kinds
+        .map(|kind| [kind.name, kind.structure, kind.source])
+        .collect();
+    all.push([Measured::KIND, "Measured", MEASURED_EFFECT]);
     all.sort_unstable();
     all
 }
@@ -94,16 +96,6 @@ fn headline(source: &str) -> String {
         .take_while(|line| !line.is_empty())
         .collect::<Vec<_>>()
         .join(" ")
-}
-
-/// The name that a kind's struct has.
-fn pascal(kind: &str) -> String {
-    kind.split('_')
-        .map(|word| {
-            let (first, rest) = word.split_at(1);
-            first.to_uppercase() + rest
-        })
-        .collect()
 }
 
 /// The page.
@@ -184,9 +176,9 @@ pub fn page() -> String {
         "### `[[effects]]`: what it has beyond that\n\n`kind`, `where` (`screw`, `nut`, `both` or `feed`), and the parameters of \
          the kind:\n\n",
     );
-    for (kind, source) in effects() {
+    for [kind, structure, source] in effects() {
         let _ = writeln!(page, "#### `{kind}`\n\n{}\n", headline(source));
-        table(&mut page, &keys(source, &pascal(kind)));
+        table(&mut page, &keys(source, structure));
     }
     page.push_str("## Model file of a feed axis\n\n### `[axis]`\n\n");
     table(&mut page, &keys(AXIS, "Plate"));
@@ -214,8 +206,8 @@ mod tests {
 
     #[test]
     fn every_kind_of_effect_and_every_key_is_on_the_page() {
-        for (kind, source) in effects() {
-            let keys = keys(source, &pascal(kind));
+        for [kind, structure, source] in effects() {
+            let keys = keys(source, structure);
             assert!(!keys.is_empty(), "no key of {kind} was found");
         }
         for (source, structure) in [

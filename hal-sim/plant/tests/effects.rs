@@ -524,11 +524,9 @@ fn a_measured_force_shows_in_the_sag() {
 fn every_kind_has_a_test() {
     let source = include_str!("effects.rs");
     for kind in AnyEffect::CATALOGUE {
-        let name: String = (kind.name.split('_'))
-            .map(|word| word[..1].to_uppercase() + &word[1..])
-            .collect();
         assert!(
-            source.contains(&format!("effects::{name} {{")) || kind.source.contains("#[test]"),
+            source.contains(&format!("effects::{} {{", kind.structure))
+                || kind.source.contains("#[test]"),
             "{} has no test",
             kind.name
         );

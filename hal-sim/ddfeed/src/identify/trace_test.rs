@@ -303,7 +303,7 @@ fn sticks_and_slips(seed: u64) {
     );
 }
 
-/// One of the draws that are told: 5 of 10 are.
+/// One of the draws whose friction is found: 5 of 10.
 #[test]
 fn a_table_that_sticks_and_slips_is_told_by_simulation() {
     sticks_and_slips(7);

@@ -456,7 +456,7 @@ mod tests {
 
     #[test]
     fn each_effect_has_a_remedy_of_its_own() {
-        for (kind, _) in effects() {
+        for [kind, ..] in effects() {
             assert_ne!(
                 remedy(kind),
                 remedy("no kind"),

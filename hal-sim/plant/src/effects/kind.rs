@@ -34,6 +34,8 @@ pub type Example = (Place, &'static [(&'static str, f64)]);
 pub struct Kind {
     /// The `kind` in a model file.
     pub name: &'static str,
+    /// Name of its struct, whose fields are its parameters.
+    pub structure: &'static str,
     /// The values of `where` that make sense.
     pub places: Places,
     /// How a record shows it.

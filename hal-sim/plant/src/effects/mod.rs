@@ -60,6 +60,7 @@ macro_rules! registry {
             /// The same with what is known of each.
             pub const CATALOGUE: &'static [Kind] = &[$(Kind {
                 name: $name::KIND,
+                structure: stringify!($name),
                 places: $name::PLACES,
                 recognition: $name::RECOGNITION,
                 example: $name::EXAMPLE,
