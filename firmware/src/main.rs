@@ -184,8 +184,7 @@ mod app {
         let drivers = GateDrivers::new(pins.outputs.drivers, pins.fault_lines);
         let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs, drivers);
         let journal = journal::take_up();
-        let warning = log_start(journal, reason, keeper.found(), &start.plate.brake);
-        if let Some(warning) = warning {
+        for warning in log_start(journal, reason, keeper.found(), &start.plate) {
             defmt::warn!("{=str}", warning.sentence());
         }
         let watches = analog::Watches::of(&converters);

@@ -4,6 +4,7 @@
 //! A frame goes into the channel whole or not at all; a [`Sample`] says in which period it was taken, so a reader knows
 //! exactly which are missing.
 
+use control::encoder::Interface;
 use serde::{Deserialize, Serialize};
 
 /// Longest frame, bytes, its end included: the header's numbers take at most ten bytes each.
@@ -53,6 +54,29 @@ impl Real {
     }
 }
 
+/// What an encoder knows of the rotor's angle when power comes up.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub enum EncoderKind {
+    /// Nothing: an incremental encoder.
+    Incremental,
+    /// The angle, once its index has passed.
+    Index,
+    /// The angle.
+    Absolute,
+}
+
+impl EncoderKind {
+    /// Of an encoder that is read so.
+    #[must_use]
+    pub const fn of(interface: Interface) -> Self {
+        match interface {
+            Interface::Incremental => Self::Incremental,
+            Interface::IncrementalWithIndex => Self::Index,
+            Interface::Mt6835 => Self::Absolute,
+        }
+    }
+}
+
 /// A motor as the drive's plate has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct MotorPlate {
@@ -68,6 +92,8 @@ pub struct MotorPlate {
     pub inertia_kg_m2: Real,
     /// Counts of its encoder a mechanical turn.
     pub encoder_counts: u32,
+    /// What its encoder knows at a start.
+    pub encoder: EncoderKind,
 }
 
 /// What a host must know to read the samples, so that it guesses nothing.
@@ -103,6 +129,7 @@ impl Header {
                 flux_wb: Real::new(plate.flux_wb),
                 inertia_kg_m2: Real::new(plate.inertia_kg_m2),
                 encoder_counts: plate.encoder.counts_per_turn,
+                encoder: EncoderKind::of(plate.encoder.interface),
             }
         }
         let [screw, nut] = &plate.motors;

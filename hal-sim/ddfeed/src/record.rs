@@ -7,13 +7,11 @@ use anyhow::{Context, Result, bail, ensure};
 use commission::{Estimate, electrical::MotorElectrical};
 use link::host::{Count, Decoder, MotorRow, Row};
 use link::message::Aligned;
-#[cfg(feature = "cli")]
-use link::settings::EncoderInterface;
 use link::settings::Settings;
 use link::telemetry::{Header, Request};
-use plant::model::Model;
+use plant::model::{EncoderKind, Model, SensingModel};
 #[cfg(feature = "cli")]
-use plant::model::{EncoderKind, MeasuredModel, MeasuredMotor, SensingModel};
+use plant::model::{MeasuredModel, MeasuredMotor};
 use plant::recording::{AxisSample, RecordingWriter, Sample};
 use std::fmt;
 
@@ -269,15 +267,6 @@ pub fn model_file(header: &Header, interval_s: f64) -> String {
     format!("{ABOUT}{}", model(header, interval_s).to_toml())
 }
 
-/// The same with the kinds of encoders that the settings have.
-#[cfg(feature = "cli")]
-#[must_use]
-pub fn declared_model_file(header: &Header, interval_s: f64, settings: &Settings) -> String {
-    let mut model = model(header, interval_s);
-    set_encoder_kinds(&mut model.sensing, settings);
-    format!("{ABOUT}{}", model.to_toml())
-}
-
 /// The model that the drive's plate declares; what the plate does not have is of the size of common feed axes.
 #[must_use]
 pub fn model(header: &Header, interval_s: f64) -> Model {
@@ -302,18 +291,18 @@ pub fn model(header: &Header, interval_s: f64) -> Model {
     model.sensing.nut_encoder_counts_per_turn =
         Some(nut.encoder_counts).filter(|counts| *counts != screw.encoder_counts);
     model.sensing.current_lsb_a = header.current_lsb_a.get();
+    set_encoder_kinds(&mut model.sensing, [screw.encoder, nut.encoder]);
     model
 }
 
-/// Sets what each encoder of a drive knows when power comes up.
-#[cfg(feature = "cli")]
-pub fn set_encoder_kinds(sensing: &mut SensingModel, settings: &Settings) {
-    let [screw, nut] =
-        [&settings.screw, &settings.nut].map(|motor| match motor.encoder.interface {
-            EncoderInterface::Incremental => EncoderKind::Incremental,
-            EncoderInterface::IncrementalWithIndex => EncoderKind::Index,
-            EncoderInterface::Mt6835 => EncoderKind::Absolute,
-        });
+/// Sets what the encoders of screw and nut know when power comes up.
+pub fn set_encoder_kinds(sensing: &mut SensingModel, encoders: [link::telemetry::EncoderKind; 2]) {
+    use link::telemetry::EncoderKind::{Absolute, Incremental, Index};
+    let [screw, nut] = encoders.map(|encoder| match encoder {
+        Incremental => EncoderKind::Incremental,
+        Index => EncoderKind::Index,
+        Absolute => EncoderKind::Absolute,
+    });
     (sensing.encoder, sensing.nut_encoder) = (screw, Some(nut).filter(|nut| *nut != screw));
 }
 
@@ -333,11 +322,9 @@ pub fn measured_model_file(
     interval_s: f64,
     machine: &commission::procedure::Machine,
     motors: &[MotorElectrical; 2],
-    settings: &Settings,
     bus_v: f64,
 ) -> String {
     let mut model = model(header, interval_s);
-    set_encoder_kinds(&mut model.sensing, settings);
     model.installation.bus_v = bus_v;
     model.installation.scale_count_m = header.scale_count_m.get();
     let travel = model.feed.travel_per_radian();

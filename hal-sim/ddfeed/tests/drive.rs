@@ -278,6 +278,14 @@ fn settings_go_out_and_in_all_or_none() {
     let now: Value =
         serde_json::from_str(&served.printed(&["settings", "get", "--json", "feed.lead"])).unwrap();
     assert_eq!(now["feed.lead_mm"], 10.0);
+    let ke = "nut.voltage_constant_v_rms_per_krpm";
+    let kt = "nut.torque_constant_nm_per_a_rms";
+    let now = served.printed(&["settings", "get", "--json", kt, ke]);
+    let now: Value = serde_json::from_str(&now).unwrap();
+    assert!((number(&now[kt]) - 0.9).abs() < 1e-9, "{now}");
+    // Kt = sqrt(3) * 60 / (2 pi) * Ke of a sinusoidal motor.
+    let expected = 0.9 * std::f64::consts::TAU * 1000.0 / 60.0 / 3f64.sqrt();
+    assert!((number(&now[ke]) - expected).abs() < 1e-6, "{now}");
     let diff = served.printed(&["settings", "diff", &file]);
     assert!(diff.contains("feed.lead_mm: 10 -> 5"), "{diff}");
     served.printed(&["settings", "import", "--yes", &file]);
@@ -742,6 +750,11 @@ fn a_table_is_homed_and_stands_before_its_soft_limit() {
     assert_eq!(before["homed"], false);
     assert_eq!(before["limits"]["position_limits_act"], false);
     assert_eq!(served.status()["warnings"][0]["name"], "no brake");
+    // A phase's peak at the largest torque is past the bridge's limit of 20 A of the served board.
+    served.printed(&["settings", "set", "--yes", "nut.torque_max_nm=40"]);
+    served.until("ready");
+    let warnings = &served.status()["warnings"];
+    assert_eq!(warnings[1]["name"], "nut torque", "{warnings}");
     assert!(
         served
             .printed(&["status"])

@@ -283,11 +283,9 @@ impl SimulatedDrive {
     }
 
     fn log_start(&mut self, reason: ResetReason) {
-        let (found, brake) = (
-            self.keeper.found(),
-            &self.application.configured.plate.brake,
-        );
-        log_start(&mut self.journal, reason, found, brake);
+        let (found, plate) = (self.keeper.found(), &self.application.configured.plate);
+        // `serve` prints the warnings once, from the settings.
+        let _ = log_start(&mut self.journal, reason, found, plate);
     }
 
     /// A look at the lines.

@@ -13,7 +13,7 @@ use identify::records::{Mapping, OnFault};
 use identify::run::Task;
 use link::scale::{SAMPLE_CURRENT_DROPS, SAMPLE_VOLTAGE_DROPS};
 use link::telemetry::{
-    FRAME_MAX, Frame, Header, MotorPlate, MotorSample, Real, Request, Sample, rounded,
+    EncoderKind, FRAME_MAX, Frame, Header, MotorPlate, MotorSample, Real, Request, Sample, rounded,
 };
 use plant::Axis;
 use plant::effects::{AnyEffect, Cogging, EffectModel, Place};
@@ -64,6 +64,7 @@ fn header() -> Header {
             flux_wb: Real::new(motor.flux_wb),
             inertia_kg_m2: Real::new(motor.inertia_kg_m2),
             encoder_counts: motor.encoder.counts_per_turn,
+            encoder: EncoderKind::of(motor.encoder.interface),
         }),
     }
 }

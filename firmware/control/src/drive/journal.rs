@@ -7,7 +7,7 @@
 use crate::base::fault::{Fault, FaultSet};
 use crate::codes;
 use crate::drive::supervisor::State;
-use crate::plate::BrakePlate;
+use crate::plate::{BrakePlate, BridgePlate, MotorPlate};
 
 /// Events that are kept.
 pub const EVENTS: usize = 32;
@@ -28,18 +28,26 @@ codes! {
     /// What the settings of a drive do not provide for.
     Warning {
         NoBrake = 1, "no brake", "The settings say that the load drives the table back, and that there is no brake: it falls whenever the bridges are off. Fit one (setting brake.fitted), or a counterweight (brake.load_drives_back).";
+        ScrewTorque = 2, "screw torque", "The largest torque of the screw motor takes a peak phase current above the one at which its bridge opens: the torque ends in the fault over-current. Lower the setting screw.torque_max_nm, or raise bridge.over_current_a if the board bears it.";
+        NutTorque = 3, "nut torque", "The largest torque of the nut motor takes a peak phase current above the one at which its bridge opens: the torque ends in the fault over-current. Lower the setting nut.torque_max_nm, or raise bridge.over_current_a if the board bears it.";
     }
 }
 
 impl Warning {
-    /// That of a plate.
-    #[must_use]
-    pub const fn of(brake: &BrakePlate) -> Option<Self> {
-        if brake.is_missing() {
-            Some(Self::NoBrake)
-        } else {
-            None
-        }
+    /// Those of a drive with these motors, screw's and nut's.
+    pub fn of(
+        motors: [&MotorPlate; 2],
+        bridge: &BridgePlate,
+        brake: &BrakePlate,
+    ) -> impl Iterator<Item = Self> + Clone + use<> {
+        let [screw, nut] = motors.map(|motor| motor.phase_current_max() > bridge.over_current_a);
+        [
+            brake.is_missing().then_some(Self::NoBrake),
+            screw.then_some(Self::ScrewTorque),
+            nut.then_some(Self::NutTorque),
+        ]
+        .into_iter()
+        .flatten()
     }
 }
 

@@ -142,9 +142,9 @@ impl Settings {
     }
 
     /// What they do not provide for.
-    #[must_use]
-    pub fn warning(&self) -> Option<Warning> {
-        Warning::of(&self.brake.plate())
+    pub fn warnings(&self) -> impl Iterator<Item = Warning> + use<> {
+        let motors = [&self.screw, &self.nut].map(MotorSettings::plate);
+        Warning::of(motors.each_ref(), &self.bridge.plate(), &self.brake.plate())
     }
 
     /// Minimum and maximum homed position, mm; `None`: there is no limit.

@@ -367,6 +367,13 @@ impl MotorPlate {
     pub const fn current_max(&self) -> f64 {
         self.torque_max_nm / (self.pole_pairs as f64 * self.flux_wb.abs())
     }
+
+    /// Peak current of a phase at the largest torque, A.
+    #[must_use]
+    pub const fn phase_current_max(&self) -> f64 {
+        // `sqrt(2/3)`: vectors are `sqrt(3/2)` times as long as the amplitude of a phase.
+        0.816_496_580_927_726 * self.current_max()
+    }
 }
 
 impl DrivePlate {

@@ -130,7 +130,7 @@ fn unknown(name: &str) -> String {
     let group = name.split_once('.').map(|(group, _)| group);
     let known = || {
         let settings = Settings::all().map(|setting| setting.to_string());
-        settings.chain(spellings())
+        settings.chain(spellings().map(|(name, ..)| name))
     };
     let in_group = |known: &String| known.split_once('.').map(|(group, _)| group) == group;
     let is_group = known().any(|known| in_group(&known));

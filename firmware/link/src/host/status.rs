@@ -194,7 +194,7 @@ impl StatusReport {
                 "name": fit.name(),
                 "sentence": fit.sentence(),
             })).collect::<Vec<Value>>(),
-            "warnings": settings.warning().iter().map(|warning| json!({
+            "warnings": settings.warnings().map(|warning| json!({
                 "name": warning.name(),
                 "sentence": warning.sentence(),
             })).collect::<Vec<Value>>(),

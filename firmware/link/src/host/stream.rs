@@ -203,7 +203,7 @@ impl Decoder {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::telemetry::{MotorPlate, Real};
+    use crate::telemetry::{EncoderKind, MotorPlate, Real};
 
     const REQUEST: Request = Request {
         divider: 1,
@@ -219,6 +219,7 @@ mod tests {
             flux_wb: Real::new(0.11),
             inertia_kg_m2: Real::new(7.2e-4),
             encoder_counts: COUNTS,
+            encoder: EncoderKind::Incremental,
         };
         Frame::Header(Header {
             layout: crate::LAYOUT,

@@ -92,13 +92,15 @@ pub fn spelled(name: &str) -> Option<(Setting, f64)> {
     Some((setting, spelling.factor))
 }
 
-/// The full names of all spellings.
+/// All spellings of both motors: the full name, the setting, and what a value is multiplied by to be that setting's.
 #[cfg(feature = "host")]
-pub fn spellings() -> impl Iterator<Item = String> {
+pub fn spellings() -> impl Iterator<Item = (String, Setting, f64)> {
     ["screw", "nut"].into_iter().flat_map(|group| {
-        SPELLINGS
-            .iter()
-            .map(move |spelling| format!("{group}.{}", spelling.name))
+        SPELLINGS.iter().filter_map(move |spelling| {
+            let name = format!("{group}.{}", spelling.name);
+            let (setting, factor) = spelled(&name)?;
+            Some((name, setting, factor))
+        })
     })
 }
 

@@ -17,6 +17,7 @@ use hal_sim::smooth::kept::{compensated, leave_out_lost};
 use hal_sim::smooth::known::Known;
 use link::host::settings::{of_toml, some_to_toml};
 use link::settings::{Setting, Settings};
+use link::telemetry::EncoderKind;
 use plant::machine::Coupling;
 use plant::model::Model;
 use plant::recording::Recording;
@@ -136,7 +137,9 @@ fn plate(options: &CompensateOptions, setup: &mut Setup) -> Result<DrivePlate> {
         fs::read_to_string(file).with_context(|| format!("{} cannot be read", file.display()))?;
     let settings = of_toml(&Settings::of_plate(&plate), &text)
         .with_context(|| format!("{} is not taken", file.display()))?;
-    set_encoder_kinds(&mut setup.model.sensing, &settings);
+    let encoders = [&settings.screw, &settings.nut]
+        .map(|motor| EncoderKind::of(motor.encoder.plate().interface));
+    set_encoder_kinds(&mut setup.model.sensing, encoders);
     // The simulated motors are the model's, with their angles known.
     let tuned = settings.plate(&plate.board);
     // What the drive compensates, the bridges have. A recording shows the residual, and the model has that as an effect.

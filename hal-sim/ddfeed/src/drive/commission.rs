@@ -49,14 +49,14 @@ pub fn run(drive: Drive, options: &CommissionOptions) -> Result<()> {
         );
     }
     result?;
-    let (bus_v, settings) = (session.bus_v(), *session.settings());
+    let bus_v = session.bus_v();
     let mut drive = session.into_client();
     let machine = done.iter().find_map(|done| done.machine);
     let motors = done.iter().find_map(|done| done.motors);
     if let (Some(machine), Some(motors)) = (machine, motors) {
         let interval_s = 1.0 / drive.speed_hz();
         let header = header(&mut drive)?;
-        let model = measured_model_file(&header, interval_s, &machine, &motors, &settings, bus_v);
+        let model = measured_model_file(&header, interval_s, &machine, &motors, bus_v);
         folder.put_text("model.toml", &model)?;
     }
     if options.json {

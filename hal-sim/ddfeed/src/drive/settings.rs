@@ -3,12 +3,13 @@
 use super::connect::Drive;
 use super::options::{ReferenceOptions, Restart, SettingsTask};
 use crate::output::put_new;
-use crate::record::declared_model_file;
+use crate::record::model_file;
 use anyhow::{Context, Result, bail, ensure};
 use link::codes::State;
 use link::host::client::Lost;
 use link::host::settings::{of_toml, of_words, to_toml};
 use link::message::Command;
+use link::settings::datasheet::spellings;
 use link::settings::{Effect, EncoderInterface, MotorSettings, Setting, Settings, Value};
 use link::telemetry::{Frame, Header, Request};
 use serde_json::{Map, json};
@@ -76,7 +77,7 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
         SettingsTask::Model { file } => {
             let header = header(drive)?;
             let interval_s = 1.0 / drive.speed_hz();
-            put_new(file, &declared_model_file(&header, interval_s, &settings))?;
+            put_new(file, &model_file(&header, interval_s))?;
             println!("{}", file.display());
             Ok(())
         }
@@ -93,14 +94,27 @@ pub fn reference(options: &ReferenceOptions) {
 }
 
 fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
-    let asked = |setting: &Setting| {
-        let full = setting.to_string();
-        names.is_empty() || names.iter().any(|name| full.starts_with(name.as_str()))
-    };
-    let some: Vec<Setting> = Settings::all().filter(asked).collect();
+    let begins = |full: &str, name: &String| full.starts_with(name.as_str());
+    let some: Vec<Setting> = Settings::all()
+        .filter(|setting| {
+            let full = setting.to_string();
+            names.is_empty() || names.iter().any(|name| begins(&full, name))
+        })
+        .collect();
+    // A datasheet's other names only where no setting has that name.
+    let others = names
+        .iter()
+        .filter(|name| !some.iter().any(|it| begins(&it.to_string(), name)));
+    let spelled: Vec<_> = others
+        .flat_map(|name| spellings().filter(move |(full, ..)| begins(full, name)))
+        .filter_map(|(name, setting, factor)| match settings.get(setting.id)? {
+            Value::Real(value) => Some((name, setting, value / factor)),
+            Value::Whole(_) | Value::Choice(_) => None,
+        })
+        .collect();
     ensure!(
-        !some.is_empty(),
-        "there is no setting whose name begins with {}: `settings get` prints all. A datasheet's other names can be set and imported, not read",
+        !some.is_empty() || !spelled.is_empty(),
+        "there is no setting whose name begins with {}: `settings get` prints all",
         names.join(" or ")
     );
     let mut object = Map::new();
@@ -123,6 +137,14 @@ fn get(settings: &Settings, names: &[String], as_json: bool) -> Result<()> {
             let space = if unit.is_empty() { "" } else { " " };
             println!("{setting} = {shown}{space}{unit}");
             println!("    {} ({} possible)", setting.doc(), setting.possible());
+        }
+    }
+    for (name, setting, value) in spelled {
+        if as_json {
+            object.insert(name, json!(value));
+        } else {
+            println!("{name} = {value}");
+            println!("    A datasheet's other name for {setting}.");
         }
     }
     if as_json {

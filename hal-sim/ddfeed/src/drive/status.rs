@@ -26,7 +26,7 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
             println!("Limited, {whose}: {}", limit.sentence());
         }
     }
-    if let Some(warning) = settings.warning() {
+    for warning in settings.warnings() {
         println!("Warning: {}", warning.sentence());
     }
     if let Some(reason) = seen.misalignment() {

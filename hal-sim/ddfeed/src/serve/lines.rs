@@ -91,7 +91,7 @@ pub fn run(options: &ServeOptions) -> Result<()> {
         )
     })?;
     listener.set_nonblocking(true)?;
-    if let Some(warning) = drive.settings().warning() {
+    for warning in drive.settings().warnings() {
         eprintln!("warning: {}", warning.sentence());
     }
     let mut serving = Serving::new(drive);

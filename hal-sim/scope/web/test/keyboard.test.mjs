@@ -15,9 +15,11 @@ const focused = (tab) =>
   tab.evaluate(() => {
     const one = document.activeElement;
     if (!one || one === document.body) return null;
+    const visited = one.dataset.visited === "yes";
     one.dataset.visited = "yes";
     const outline = getComputedStyle(one);
     return {
+      visited,
       tag: one.tagName.toLowerCase(),
       type: one.type ?? "",
       name: one.textContent?.trim() ?? "",
@@ -71,22 +73,37 @@ async function use(tab, one) {
   }
 }
 
-test("every control works by keyboard alone", { timeout: 300_000 }, async () => {
-  const { tab, errors } = await open(browser);
-  let stops = 0;
-  for (; stops < MOST_STOPS; stops++) {
+/** Goes once through the page with Tab, and uses each control that was not visited: how many stops there were. */
+async function tour(tab) {
+  for (let stops = 0; stops < MOST_STOPS; stops++) {
     await tab.keyboard.press("Tab");
     const one = await focused(tab);
-    if (!one) break;
+    if (!one) return stops;
     assert.ok(one.marked, `the focus of ${one.tag} ${one.name} is not marked`);
-    await use(tab, one);
+    if (!one.visited) await use(tab, one);
   }
-  assert.ok(stops > 40, `${stops} controls`);
-  const missed = await tab.evaluate(() =>
+  return MOST_STOPS;
+}
+
+/** Controls that Tab has not reached. */
+const unvisited = (tab) =>
+  tab.evaluate(() =>
     [...document.querySelectorAll("button, input, select, textarea, summary")]
       .filter((one) => !one.disabled && !one.dataset.visited && one.checkVisibility())
       .map((one) => `${one.tagName} ${one.type ?? ""} ${one.textContent.trim()}`),
   );
+
+test("every control works by keyboard alone", { timeout: 300_000 }, async () => {
+  const { tab, errors } = await open(browser);
+  const stops = await tour(tab);
+  assert.ok(stops > 40, `${stops} controls`);
+  assert.ok(stops < MOST_STOPS, "Tab does not leave the page");
+  // A reply of the drive may add a notice before the place of the focus: the next tour reaches its button.
+  let missed = await unvisited(tab);
+  for (let tours = 1; missed.length > 0 && tours < 3; tours++) {
+    await tour(tab);
+    missed = await unvisited(tab);
+  }
   assert.deepEqual(missed, []);
   assert.deepEqual(errors, []);
 });

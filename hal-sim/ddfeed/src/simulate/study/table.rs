@@ -30,4 +30,8 @@ pub fn print(report: &Report) {
             percent(run.measured_percent, 1)
         );
     }
+    println!(
+        "\nS(s), App. A: the torque harmonics of the model through the speed loop. Without them it is 0. Encoders, friction and \
+         load are not in it."
+    );
 }
