@@ -1,6 +1,6 @@
 //! A recording as an MCAP file, which PlotJuggler and Foxglove read.
 
-mod message;
+pub(crate) mod message;
 
 use anyhow::Result;
 use mcap::WriteOptions;

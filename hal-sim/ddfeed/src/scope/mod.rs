@@ -1,6 +1,8 @@
 //! `ddfeed scope`: serves the browser page, and the line to a drive as a WebSocket.
 
 mod access;
+#[cfg(feature = "foxglove")]
+mod foxglove;
 mod page;
 mod relay;
 mod server;
@@ -27,6 +29,20 @@ pub struct ScopeOptions {
     /// The page's file. [default: scope.html beside this program, or out/scope.html]
     #[arg(long, value_name = "FILE")]
     pub page: Option<PathBuf>,
+    /// Serve the drive to Foxglove in place of the page, at an address of this computer. [default address: 127.0.0.1:8765]
+    #[arg(
+        long,
+        value_name = "ADDRESS",
+        num_args = 0..=1,
+        require_equals = true,
+        default_missing_value = "127.0.0.1:8765",
+        conflicts_with_all = ["listen", "page"],
+        requires = "LineOptions"
+    )]
+    pub foxglove: Option<SocketAddr>,
+    /// Foxglove may arm and home the drive, and set its settings. Without it Foxglove sees, and may stop.
+    #[arg(long, requires = "foxglove")]
+    pub foxglove_commands: bool,
 }
 
 /// Serves until Ctrl-C.
@@ -34,6 +50,20 @@ pub struct ScopeOptions {
 /// # Errors
 /// The page is not there, the drive is not reached, or the address is in use.
 pub fn run(options: &ScopeOptions) -> Result<()> {
+    if let (Some(listen), Some(line)) = (options.foxglove, &options.line) {
+        #[cfg(feature = "foxglove")]
+        return foxglove::run(&foxglove::Serving {
+            line,
+            baud: options.baud,
+            listen,
+            commands: options.foxglove_commands,
+        });
+        #[cfg(not(feature = "foxglove"))]
+        {
+            let _ = (listen, line);
+            return Err(crate::missing_feature("--foxglove", "foxglove"));
+        }
+    }
     let page = page::read(options.page.as_deref())?;
     server::run(options, page)
 }
