@@ -101,7 +101,6 @@ impl Burst {
 
     #[cold]
     #[inline(never)]
-    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn keep(&self, exchange: &MotorExchange, view: &DriveView) {
         if let Some(skip) = self.skip.load(Relaxed).checked_sub(1) {
             self.skip.store(skip, Relaxed);

@@ -53,7 +53,7 @@ impl Random {
 
     fn command(&mut self) -> Command {
         let [a, b] = [self.number(), self.number()];
-        match self.below(22) {
+        match self.below(26) {
             0 => Command::Heartbeat,
             1 => Command::Status,
             2 => Command::Faults,
@@ -109,7 +109,7 @@ impl Random {
                 motor: b as u8,
                 amount: Real::new(f64::from_bits(self.number())),
             }),
-            17 => Command::Burst(BurstRequest {
+            21 => Command::Burst(BurstRequest {
                 motor: a as u8 & 3,
                 trigger: a as u32 >> 2 & 7,
                 signal: a as u32 >> 5 & 7,
@@ -117,9 +117,9 @@ impl Random {
                 before: (a >> 8) as u16,
                 divider: (b >> 32) as u8,
             }),
-            18 => Command::EndBurst,
-            19 => Command::BurstStatus,
-            20 => Command::BurstSamples { from: a as u16 },
+            22 => Command::EndBurst,
+            23 => Command::BurstStatus,
+            24 => Command::BurstSamples { from: a as u16 },
             _ => Command::Run {
                 velocity: a as i32,
                 base: Some(b as i32),

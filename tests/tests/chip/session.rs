@@ -8,7 +8,7 @@ use hal_sim::served::{Serving, SimulatedDrive, Within};
 use link::burst::{BurstRequest, Signal, Trigger};
 use link::codes::{EventKind, State};
 use link::host::client::{Client, Line};
-use link::message::{Aligned, Command, Reply, Travel};
+use link::message::{Aligned, Command, Refusal, Reply, Travel};
 use link::scale;
 use link::settings::{Setting, WireValue};
 use link::telemetry::{Real, Request};
@@ -357,7 +357,9 @@ fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
         // While it is driven the table goes as far, to what 3 ms make at 10 mm/s: a command's way to the drive, the drive's next
         // millisecond, and the reply's way. Released motors coast. This machine has no
         // friction, so the drive does not decide where they stop.
-        released |= matches!(command, Command::Stop);
+        // The end of a stream releases them too.
+        released |= matches!(command, Command::Stop)
+            || chip.0 == format!("Refused({})", Refusal::NoStream.word());
         if let (Some((chip, driven)), Some((host, _))) = (chip.1, host.1) {
             let now = chip.wrapping_sub(host);
             let apart = f64::from(now.wrapping_sub(before)) * scale_count_m;
