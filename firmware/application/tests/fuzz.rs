@@ -4,7 +4,6 @@
 use application::server::{Commander, NotSet, Served, Server};
 use control::stream::Followed;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
-use link::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, encode};
 use link::message::{Command, DriveFrame, HostFrame, Injection, Refusal, Reply, Status};
@@ -53,7 +52,7 @@ impl Random {
 
     fn command(&mut self) -> Command {
         let [a, b] = [self.number(), self.number()];
-        match self.below(26) {
+        match self.below(22) {
             0 => Command::Heartbeat,
             1 => Command::Status,
             2 => Command::Faults,
@@ -109,17 +108,6 @@ impl Random {
                 motor: b as u8,
                 amount: Real::new(f64::from_bits(self.number())),
             }),
-            21 => Command::Burst(BurstRequest {
-                motor: a as u8 & 3,
-                trigger: a as u32 >> 2 & 7,
-                signal: a as u32 >> 5 & 7,
-                level: b as i32,
-                before: (a >> 8) as u16,
-                divider: (b >> 32) as u8,
-            }),
-            22 => Command::EndBurst,
-            23 => Command::BurstStatus,
-            24 => Command::BurstSamples { from: a as u16 },
             _ => Command::Run {
                 velocity: a as i32,
                 base: Some(b as i32),
@@ -218,19 +206,6 @@ impl Served for Fake {
         Ok(())
     }
     fn record(&mut self, _: u32) {}
-    fn arm_burst(&mut self, _: BurstRequest) -> Result<(), Refusal> {
-        Ok(())
-    }
-    fn end_burst(&mut self) {}
-    fn burst(&self) -> BurstStatus {
-        BurstStatus::default()
-    }
-    fn burst_samples(
-        &self,
-        _: u16,
-    ) -> Result<heapless::Vec<BurstSample, SAMPLES_A_FRAME>, Refusal> {
-        Err(Refusal::NoBurst)
-    }
     fn inject(&mut self, _: Injection) -> Result<(), Refusal> {
         Ok(())
     }

@@ -4,7 +4,6 @@
 //! follows. Sequence numbers rise with each frame, so that one that comes again does nothing. What moves the machine takes
 //! an armed drive and a [`Command::Heartbeat`] within the drive's `command.heartbeat_ms`.
 
-use crate::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use crate::frame::FrameCount;
 use crate::settings::WireValue;
 use crate::telemetry::{Frame, Real};
@@ -153,18 +152,6 @@ pub enum Command {
         /// Velocity there, 2^-28 m/s; `None`: that of its neighbours.
         velocity: Option<i32>,
     },
-    /// Keeps every PWM period of a motor around a trigger, until the burst is complete. It moves nothing, takes no armed drive, and
-    /// outlives its session.
-    Burst(BurstRequest),
-    /// Forgets the burst that waits or is kept.
-    EndBurst,
-    /// How the burst is going: answered by [`Reply::Burst`].
-    BurstStatus,
-    /// The samples of a complete burst from this one on: answered by [`Reply::BurstSamples`], as many as go into a frame.
-    BurstSamples {
-        /// The first, of [`SAMPLES`](crate::burst::SAMPLES).
-        from: u16,
-    },
 }
 
 /// What is done to a simulated drive.
@@ -263,9 +250,6 @@ codes! {
         Spacing = 23, "spacing", "The times of two set-points must be 1 to 50 ms apart.";
         Step = 24, "step", "The set-point is further from the last one than the table goes meanwhile (setting feed.velocity_max_mm_s), or the first one is more than 0.1 mm from the table.";
         Delay = 25, "delay", "A set-point of a stream may wait for 5 to 200 ms.";
-        Burst = 26, "burst", "There is no such burst: the motor is 0 (screw) or 1 (nut), the trigger and the signal are those of this link, the level is within the signal's range, the divider is 1 to 255, and fewer samples come before the trigger than a burst has.";
-        BurstWaits = 27, "burst waits", "Another burst waits for its trigger: read it once it is complete (`drive burst --read`), or end it (`drive burst --end`).";
-        NoBurst = 28, "no burst", "There is no complete burst: arm one (`drive burst`), and wait until its trigger has come and its last sample is kept.";
         Interface = 18, "encoder interface", "This board's pins read another kind of encoder: leave the settings screw.encoder_interface and nut.encoder_interface as they are.";
     }
 }
@@ -388,10 +372,6 @@ pub enum Reply {
         /// What the table was behind the stream's position in the last millisecond, nm.
         error_nm: i32,
     },
-    /// How the burst is going.
-    Burst(BurstStatus),
-    /// Samples of the burst in the order of time; none if there are none from there on.
-    BurstSamples(Vec<BurstSample, SAMPLES_A_FRAME>),
     /// The draft does not fit the drive's formats.
     Unfit {
         /// The setting without whose change it would fit; 0: none by itself.

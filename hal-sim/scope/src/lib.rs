@@ -12,7 +12,6 @@
 //! | the functions that JavaScript calls | [`exports`] |
 
 pub mod analysis;
-pub mod burst;
 pub mod client;
 pub mod exports;
 pub mod identification;

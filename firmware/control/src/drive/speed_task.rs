@@ -508,6 +508,7 @@ impl SpeedTask {
     /// a step is then that of the one or of the other.
     #[cold]
     #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn stand(
         &mut self,
         config: &DriveConfig,

@@ -1,6 +1,5 @@
 //! `ddfeed drive`: a drive commanded over its link.
 
-mod burst;
 mod commission;
 pub mod connect;
 mod follow;
@@ -44,7 +43,6 @@ pub fn carry_out(mut client: connect::Drive, task: &Task) -> Result<()> {
         Task::Settings { what } => settings::run(&mut client, what),
         Task::Commission(options) => commission::run(client, options),
         Task::Tune(options) => tune::run(&mut client, options),
-        Task::Burst(options) => burst::run(&mut client, options),
         Task::Record(record) => record::record(&mut client, record),
     }
 }

@@ -1,5 +1,4 @@
 import { dismiss, notices, source } from "../drive";
-import { BurstPanel } from "./burst";
 import { Commands } from "./commands";
 import { Faults } from "./faults";
 import { Header } from "./header";
@@ -41,7 +40,6 @@ export function Page() {
           </section>
           <section class="column wide" aria-label="Signals">
             <Plots />
-            <BurstPanel />
             <RippleTable />
             <Identification />
           </section>
