@@ -2,7 +2,6 @@
 //! one that a host can read. `FUZZ_EXECUTIONS` sets how many frames, values or pairs of pages each test takes, `FUZZ_SEED` which.
 
 use application::server::{Commander, NotSet, Served, Server};
-use control::stream::Followed;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, encode};
@@ -52,7 +51,7 @@ impl Random {
 
     fn command(&mut self) -> Command {
         let [a, b] = [self.number(), self.number()];
-        match self.below(22) {
+        match self.below(18) {
             0 => Command::Heartbeat,
             1 => Command::Status,
             2 => Command::Faults,
@@ -80,27 +79,6 @@ impl Random {
                 distance_nm: a as i64,
                 velocity: b as i32,
                 base: None,
-            },
-            17 => Command::MoveTo {
-                position_nm: a as i64,
-                velocity: b as i32,
-                base: None,
-            },
-            18 => Command::Torque {
-                motor: a as u8,
-                current: b as i32,
-                speed: self.number() as i32,
-                base: self.number() as i32,
-            },
-            19 => Command::Stream {
-                delay_ms: a as u16,
-                homed: b & 1 == 0,
-                base: self.number() as i32,
-            },
-            20 => Command::SetPoint {
-                at_us: a as u32,
-                position_nm: b as i64,
-                velocity: None,
             },
             15 => Command::Journal { after: a as u8 },
             16 => Command::Inject(Injection {
@@ -160,20 +138,8 @@ impl Served for Fake {
     fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
         Ok(())
     }
-    fn travel_to(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
-        Ok(())
-    }
     fn home(&mut self, _: i32) -> Result<(), Refusal> {
         Ok(())
-    }
-    fn torque(&mut self, _: u8, _: i32, _: i32, _: i32) -> Result<(), Refusal> {
-        Ok(())
-    }
-    fn stream(&mut self, _: u16, _: bool, _: i32) -> Result<(), Refusal> {
-        Ok(())
-    }
-    fn set_point(&mut self, _: u32, _: i64, _: Option<i32>) -> Result<Followed, Refusal> {
-        Ok(Followed::default())
     }
     fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
         Ok(())

@@ -171,9 +171,6 @@ impl Client {
                 json!({ "events": events.iter().map(event_json).collect::<Vec<_>>() })
             }
             Reply::Settings(some) => json!({ "settings": self.settings_json(some) }),
-            Reply::Followed { ahead_us, error_nm } => {
-                json!({ "followed": { "ahead_us": ahead_us, "error_nm": error_nm } })
-            }
             Reply::Unfit { .. } => json!({ "unfit": unexpected(reply).to_string() }),
         }
     }

@@ -1,8 +1,7 @@
-//! The drive as a whole: states, the speed task, moves, homing and streams.
+//! The drive as a whole: states, the speed task, moves and homing.
 
 pub mod homing;
 pub mod journal;
 pub mod speed_task;
-pub mod stream;
 pub mod supervisor;
 pub mod table_move;

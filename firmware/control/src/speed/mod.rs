@@ -12,4 +12,3 @@ pub mod profile;
 pub mod speed_loop;
 pub(crate) mod table_speed;
 pub mod thermal;
-pub mod torque;
