@@ -553,6 +553,47 @@ fn a_homed_table_stands_before_its_soft_limits() {
 }
 
 #[test]
+fn a_homed_table_goes_to_a_position_and_one_that_is_not_homed_does_not() {
+    let to = |position_nm| {
+        let Command::Run { velocity, base } = speeds(20.0, 0.0) else {
+            unreachable!()
+        };
+        Command::MoveTo {
+            position_nm,
+            velocity,
+            base,
+        }
+    };
+    let mut bench = Bench::new();
+    bench.client.tell(Command::Arm).unwrap();
+    assert_eq!(
+        refusal(bench.client.tell(to(12_500_000))),
+        Some(Refused::For(Refusal::NotHomed))
+    );
+    bench.pass(100);
+    assert_eq!(bench.state(), State::Ready, "nothing moves");
+
+    let mut bench = homed();
+    for (mm, nm) in [(32.5, 32_500_000), (12.25, 12_250_000)] {
+        bench.client.tell(to(nm)).unwrap();
+        bench.pass(3000);
+        let status = bench.client.status().unwrap();
+        assert_eq!(Travel::of_word(status.travel), Some(Travel::Done));
+        let at = bench.place_mm().unwrap();
+        assert!((at - mm).abs() < 2e-3, "it stands at {at} mm, not {mm}");
+    }
+    for (nm, refused) in [
+        (61_000_000, Refusal::SoftLimit),
+        (9_000_000, Refusal::SoftLimit),
+        (i64::MIN, Refusal::Distance),
+        (i64::MAX, Refusal::Distance),
+    ] {
+        let said = refusal(bench.client.tell(to(nm)));
+        assert_eq!(said, Some(Refused::For(refused)), "{nm} nm");
+    }
+}
+
+#[test]
 fn a_table_that_is_pushed_past_its_limit_is_a_fault_and_homing_outlives_it_but_no_encoder_s() {
     let mut bench = homed();
     bench.run(20.0, 0.0).unwrap();

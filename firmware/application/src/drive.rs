@@ -192,6 +192,13 @@ where
         Ok(())
     }
 
+    fn travel_to(&mut self, position_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal> {
+        let origin = self.origin().ok_or(Refusal::NotHomed)?;
+        let scale = self.parts.view.scale.load(Relaxed);
+        let here_nm = self.parts.configured.travel.position_nm(scale, origin);
+        self.travel(position_nm.saturating_sub(here_nm), velocity, base)
+    }
+
     fn home(&mut self, base: i32) -> Result<(), Refusal> {
         let plan = self.parts.configured.words.home;
         for velocity in plan.velocities() {

@@ -67,6 +67,11 @@ pub trait Served {
     /// # Errors
     /// The same, [`Refusal::Distance`] and [`Refusal::SoftLimit`].
     fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal>;
+    /// Takes a move to a position, as in [`Command::MoveTo`].
+    ///
+    /// # Errors
+    /// The same, and [`Refusal::NotHomed`].
+    fn travel_to(&mut self, position_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal>;
     /// Takes a homing, as in [`Command::Home`].
     ///
     /// # Errors
@@ -363,6 +368,17 @@ impl Server {
                     drive.travel(distance_nm, velocity, base)
                 })
                 .map(|()| self.start(commander, drive, Demand::Run)),
+            Command::MoveTo {
+                position_nm,
+                velocity,
+                base,
+            } => self
+                .may_move(commander, drive)
+                .and_then(|()| {
+                    let base = base.unwrap_or_else(|| drive.base_for(velocity));
+                    drive.travel_to(position_nm, velocity, base)
+                })
+                .map(|()| self.start(commander, drive, Demand::Run)),
             Command::Home { base } => self
                 .may_move(commander, drive)
                 .and_then(|()| {
@@ -583,6 +599,9 @@ mod tests {
             Ok(())
         }
         fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn travel_to(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
             Ok(())
         }
         fn home(&mut self, _: i32) -> Result<(), Refusal> {
@@ -1011,6 +1030,13 @@ mod tests {
             any::<(i64, i32, Option<i32>)>().prop_map(|(distance_nm, velocity, base)| {
                 Command::Move {
                     distance_nm,
+                    velocity,
+                    base,
+                }
+            }),
+            any::<(i64, i32, Option<i32>)>().prop_map(|(position_nm, velocity, base)| {
+                Command::MoveTo {
+                    position_nm,
                     velocity,
                     base,
                 }

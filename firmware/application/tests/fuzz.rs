@@ -51,7 +51,7 @@ impl Random {
 
     fn command(&mut self) -> Command {
         let [a, b] = [self.number(), self.number()];
-        match self.below(18) {
+        match self.below(19) {
             0 => Command::Heartbeat,
             1 => Command::Status,
             2 => Command::Faults,
@@ -77,6 +77,11 @@ impl Random {
             },
             14 => Command::Move {
                 distance_nm: a as i64,
+                velocity: b as i32,
+                base: None,
+            },
+            17 => Command::MoveTo {
+                position_nm: a as i64,
                 velocity: b as i32,
                 base: None,
             },
@@ -136,6 +141,9 @@ impl Served for Fake {
         Ok(())
     }
     fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn travel_to(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
         Ok(())
     }
     fn home(&mut self, _: i32) -> Result<(), Refusal> {

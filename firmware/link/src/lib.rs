@@ -27,7 +27,7 @@ pub mod view;
 
 /// Number of the layout of everything here. Raise it with every change of a word, a code's meaning or a frame: a host
 /// of another layout then reports it instead of reading nonsense.
-pub const LAYOUT: u32 = 19;
+pub const LAYOUT: u32 = 20;
 
 /// Symbol of the firmware's [`view::DriveView`].
 pub const VIEW_SYMBOL: &str = "DRIVE_VIEW";

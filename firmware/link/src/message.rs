@@ -61,6 +61,15 @@ pub enum Command {
         /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for that velocity.
         base: Option<i32>,
     },
+    /// Move the table to a homed position and hold it there.
+    MoveTo {
+        /// Where, nm.
+        position_nm: i64,
+        /// Fastest on the way, 2^-28 m/s, above 0.
+        velocity: i32,
+        /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for that velocity.
+        base: Option<i32>,
+    },
     /// A current along d for a motor of a drive that runs, until the next one or until it comes to rest. It makes no torque.
     DirectCurrent {
         /// 0 is the screw, 1 the nut.
@@ -205,6 +214,7 @@ codes! {
         NotStored = 16, "not stored", "The settings fit, but no page of the flash could be written and read back: it is worn out, locked, or not in two banks (option byte DBANK). What held before still holds.";
         SoftLimit = 17, "soft limit", "The table would end beyond a soft limit: see the settings travel.soft_least_mm and travel.soft_most_mm.";
         Unaligned = 19, "unaligned", "The rotor angles are not known: `arm` aligns the motors first.";
+        NotHomed = 20, "not homed", "The table's position is not known: `home` finds it first.";
         Interface = 18, "encoder interface", "This board's pins read another kind of encoder: leave the settings screw.encoder_interface and nut.encoder_interface as they are.";
     }
 }

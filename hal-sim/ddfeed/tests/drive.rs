@@ -433,6 +433,23 @@ fn a_restart_is_announced_and_a_setting_without_one_keeps_the_homed_position() {
     assert_eq!(served.status()["table"]["homed"], false);
 }
 
+/// A position needs a homed drive; once it has one, the table goes there.
+#[test]
+fn a_homed_table_moves_to_a_position() {
+    let served = Served::new(&[]);
+    let said = served.fails(3, &["move", "--to", "1", "--arm"]);
+    assert!(said.contains("not known: `home` finds it"), "{said}");
+    served.printed(&["home", "--arm"]);
+    let to = ["move", "--to", "1.25", "--arm", "--json"];
+    let moved: Value = serde_json::from_str(&served.printed(&to)).unwrap();
+    let off = number(&moved["position_mm"]) - 1.25;
+    assert!(off.abs() < 0.005, "{off} mm off: {moved}");
+    let said = served.fails(2, &["move", "1", "--to", "1"]);
+    assert!(said.contains("--to"), "{said}");
+    let said = served.fails(1, &["move", "--to", "1e9"]);
+    assert!(said.contains("--to is 1000000000 mm"), "{said}");
+}
+
 /// One terminal jogs, another sets: the table goes on, and its place is kept.
 #[test]
 fn a_gain_is_set_while_the_table_moves() {

@@ -37,6 +37,11 @@ fn script() -> Vec<(u32, Command)> {
         velocity: scale::word(mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap(),
         base,
     };
+    let to = |position_nm| Command::MoveTo {
+        position_nm,
+        velocity: scale::word(5e-3, scale::TABLE_VELOCITY).unwrap(),
+        base: Some(0),
+    };
     // Faster than the screw, with the table's share, may turn.
     let too_fast = scale::word(310.0, scale::BASE_SPEED);
     vec![
@@ -126,6 +131,7 @@ fn script() -> Vec<(u32, Command)> {
             },
         ),
         (0, Command::Arm),
+        (0, to(1_000_000)),
         (0, way(-500_000, 5.0, Some(0))),
         (100, Command::Status),
         (1400, Command::Status),

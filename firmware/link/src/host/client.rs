@@ -194,11 +194,11 @@ impl<L: Line> Client<L> {
     /// [`Lost`] if none comes.
     pub fn ask(&mut self, command: Command) -> Result<Reply> {
         // A second move would move twice.
-        let tries = if matches!(command, Command::Move { .. } | Command::Inject(_)) {
-            1
-        } else {
-            TRIES
-        };
+        let once = matches!(
+            command,
+            Command::Move { .. } | Command::MoveTo { .. } | Command::Inject(_)
+        );
+        let tries = if once { 1 } else { TRIES };
         self.ask_for(command, PATIENCE, tries)
     }
 

@@ -80,7 +80,8 @@ pub enum Task {
     Arm,
     /// Run at a table velocity and a nut speed until Ctrl-C, which brings it to rest.
     Jog(JogOptions),
-    /// Move the table by a distance, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its way.
+    /// Move the table by a distance or to a homed position, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its
+    /// way.
     Move(MoveOptions),
     /// Find the table's place: to its end switch and off it again, as the settings `travel` say, and come to rest. Soft limits act
     /// from then on. Ctrl-C ends it on its way.
@@ -188,8 +189,15 @@ pub struct JogOptions {
 #[derive(Args, Debug)]
 pub struct MoveOptions {
     /// How far, mm.
-    #[arg(value_name = "MM")]
-    pub distance: f64,
+    #[arg(
+        value_name = "MM",
+        required_unless_present = "to",
+        conflicts_with = "to"
+    )]
+    pub distance: Option<f64>,
+    /// To this homed position, mm, instead of by a distance. The drive must be homed.
+    #[arg(long, value_name = "MM")]
+    pub to: Option<f64>,
     /// Largest table velocity on the way, mm/s.
     #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
     pub table_speed: f64,
@@ -410,10 +418,15 @@ impl Task {
                 );
             }
             Task::Move(travel) => {
+                let distance = travel.distance.unwrap_or(1.0);
                 ensure!(
-                    travel.distance.abs() > 0.0 && travel.distance.abs() <= MOST_MOVE_MM,
-                    "the distance is {} mm, but up to {MOST_MOVE_MM} mm either way are possible, and 0 is no move",
-                    travel.distance
+                    distance.abs() > 0.0 && distance.abs() <= MOST_MOVE_MM,
+                    "the distance is {distance} mm, but up to {MOST_MOVE_MM} mm either way are possible, and 0 is no move"
+                );
+                let to = travel.to.unwrap_or_default();
+                ensure!(
+                    to.abs() <= MOST_MOVE_MM,
+                    "--to is {to} mm, but -{MOST_MOVE_MM} to {MOST_MOVE_MM} mm are possible"
                 );
                 finite("--nut-rpm", travel.lead.nut_rpm.unwrap_or_default())?;
                 ensure!(
