@@ -745,3 +745,249 @@ fn a_cold_drive_is_aligned_by_arming_and_keeps_its_table() {
     bench.pass(1000);
     assert_eq!(bench.state(), State::Running);
 }
+
+/// A torque for a motor, N m, within a speed; the other turns at `other_rpm`.
+fn torque(motor: u8, nm: f64, limit_rpm: f64, other_rpm: f64) -> Command {
+    let rad_s = |rpm: f64| {
+        let word = scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED);
+        word.unwrap()
+    };
+    // The paper's motors: five pole pairs of 0.11 Wb.
+    let current = scale::word(nm / 0.55, scale::CURRENT).unwrap();
+    Command::Torque {
+        motor,
+        current,
+        speed: rad_s(limit_rpm),
+        base: rad_s(other_rpm),
+    }
+}
+
+impl Bench {
+    /// The load is the table's own friction.
+    fn unloaded() -> Self {
+        let mut bench = Self::new();
+        let none = inject(Injected::Load, 0, 0.0);
+        bench.client.tell(none).unwrap();
+        bench.client.tell(Command::Arm).unwrap();
+        bench
+    }
+
+    fn rpm(&self, axis: plant::Axis) -> f64 {
+        let serving = self.serving.borrow();
+        let machine = &serving.drive().drive().board.machine;
+        machine.motor(axis).omega * 60.0 / std::f64::consts::TAU
+    }
+
+    fn angle_deg(&self, axis: plant::Axis) -> f64 {
+        let serving = self.serving.borrow();
+        let machine = &serving.drive().drive().board.machine;
+        machine.motor(axis).theta.to_degrees()
+    }
+}
+
+#[test]
+fn a_motor_has_its_torque_up_to_its_speed_while_the_other_stands() {
+    use plant::Axis::{Nut, Screw};
+    for (motor, way, turns, stands) in [
+        (0, 1.0, Screw, Nut),
+        (0, -1.0, Screw, Nut),
+        (1, 1.0, Nut, Screw),
+        (1, -1.0, Nut, Screw),
+    ] {
+        let mut bench = Bench::unloaded();
+        let before = bench.angle_deg(stands);
+        let asked = torque(motor, 1.0 * way, 400.0, 0.0);
+        bench.client.tell(asked).unwrap();
+        bench.until(State::Running, 50);
+        bench.pass(8);
+        let status = bench.client.status().unwrap();
+        let i_q = scale::value(status.motors[usize::from(motor)].current[1], scale::CURRENT);
+        let off = i_q - way / 0.55;
+        assert!(
+            off.abs() < 0.05,
+            "{turns:?}: {i_q} A, expected {} A",
+            way / 0.55
+        );
+        let rpm = bench.rpm(turns);
+        assert!(
+            rpm * way > 20.0 && rpm * way < 390.0,
+            "{turns:?} at {rpm} rpm"
+        );
+        let mut fastest = 0.0f64;
+        for _ in 0..600 {
+            bench.pass(1);
+            fastest = fastest.max(bench.rpm(turns) * way);
+        }
+        let rpm = bench.rpm(turns);
+        assert!((rpm * way - 400.0).abs() < 8.0, "{turns:?} at {rpm} rpm");
+        assert!(fastest < 420.0, "{turns:?} was at {fastest} rpm");
+        let turned = bench.angle_deg(stands) - before;
+        assert!(
+            turned.abs() < 3.0,
+            "the {stands:?} turned by {turned} degrees"
+        );
+        assert_eq!(bench.state(), State::Running);
+
+        // A smaller torque the other way brakes it, and turns it back.
+        bench
+            .client
+            .tell(torque(motor, -0.8 * way, 200.0, 0.0))
+            .unwrap();
+        bench.pass(1000);
+        let rpm = bench.rpm(turns);
+        assert!((rpm * way + 200.0).abs() < 8.0, "{turns:?} at {rpm} rpm");
+        // Less than friction holds.
+        bench.client.tell(torque(motor, 0.0, 200.0, 0.0)).unwrap();
+        bench.pass(1500);
+        let rpm = bench.rpm(turns);
+        assert!(rpm.abs() < 20.0, "{turns:?} at {rpm} rpm");
+        bench.client.tell(Command::Stop).unwrap();
+        bench.until(State::Ready, 1000);
+    }
+}
+
+#[test]
+fn beside_a_torque_the_other_motor_turns_at_its_speed_and_a_run_takes_over() {
+    use plant::Axis::{Nut, Screw};
+    let mut bench = Bench::unloaded();
+    bench.client.tell(torque(0, 0.9, 600.0, 300.0)).unwrap();
+    bench.pass(1000);
+    let [screw, nut] = [bench.rpm(Screw), bench.rpm(Nut)];
+    assert!((screw - 600.0).abs() < 12.0, "the screw at {screw} rpm");
+    assert!((nut - 300.0).abs() < 12.0, "the nut at {nut} rpm");
+    bench.run(5.0, 300.0).unwrap();
+    let mut slowest = f64::MAX;
+    for _ in 0..1000 {
+        bench.pass(1);
+        slowest = slowest.min(bench.rpm(Nut));
+    }
+    let [screw, nut] = [bench.rpm(Screw), bench.rpm(Nut)];
+    assert!((screw - 360.0).abs() < 12.0, "the screw at {screw} rpm");
+    assert!((nut - 300.0).abs() < 12.0, "the nut at {nut} rpm");
+    assert!(slowest > 280.0, "the nut was at {slowest} rpm");
+    assert_eq!(bench.state(), State::Running);
+}
+
+#[test]
+fn a_torque_that_is_not_allowed_is_refused_and_nothing_moves() {
+    let mut bench = Bench::new();
+    let begun = bench.position();
+    let unarmed = refusal(bench.client.tell(torque(0, 0.5, 100.0, 0.0)));
+    assert_eq!(unarmed, Some(Refused::For(Refusal::NotArmed)));
+    bench.client.tell(Command::Arm).unwrap();
+    for (asked, refused) in [
+        (torque(0, 2.7, 100.0, 0.0), Refusal::Current),
+        (torque(2, 0.1, 100.0, 0.0), Refusal::Current),
+        (torque(1, 0.1, 0.0, 0.0), Refusal::MotorSpeed),
+        (torque(1, 0.1, -100.0, 0.0), Refusal::MotorSpeed),
+        (torque(0, 0.1, 3100.0, 0.0), Refusal::MotorSpeed),
+        // 100 mm/s on a lead of 5 mm are 1200 rpm.
+        (torque(0, 0.1, 1000.0, -300.0), Refusal::Velocity),
+        (torque(0, 0.1, 100.0, 4000.0), Refusal::Velocity),
+    ] {
+        let said = refusal(bench.client.tell(asked));
+        assert_eq!(said, Some(Refused::For(refused)), "{asked:?}");
+    }
+    bench.pass(200);
+    assert_eq!(bench.state(), State::Ready);
+    let moved = bench.position() - begun;
+    assert!(moved.abs() < 1e-6, "it moved by {moved} m");
+}
+
+#[test]
+fn a_torque_does_not_push_the_table_past_a_soft_limit() {
+    for (motor, nm, rpm, least, most) in [
+        (0, 1.2, 1000.0, 57.0, 60.0),
+        (1, 1.0, 600.0, 10.0, 12.0),
+        (0, -0.9, 300.0, 10.0, 12.0),
+        (1, -1.2, 1000.0, 57.0, 60.0),
+    ] {
+        let mut bench = homed();
+        bench.client.tell(inject(Injected::Load, 0, 0.0)).unwrap();
+        let Command::Run { velocity, base } = speeds(50.0, 0.0) else {
+            unreachable!()
+        };
+        let middle = Command::MoveTo {
+            position_nm: 35_000_000,
+            velocity,
+            base,
+        };
+        bench.client.tell(middle).unwrap();
+        bench.pass(2000);
+        bench.client.tell(torque(motor, nm, rpm, 0.0)).unwrap();
+        for _ in 0..3000 {
+            bench.pass(1);
+            let at = bench.position() * 1e3 + 105.0;
+            assert!(at > 10.0 && at < 60.0, "at {at} mm");
+        }
+        let at = bench.place_mm().unwrap();
+        assert!(
+            (least..most).contains(&at),
+            "{nm} N m of motor {motor}: it stands at {at} mm"
+        );
+        let state = bench.state();
+        assert!(
+            matches!(state, State::Running | State::Holding),
+            "{state:?}"
+        );
+        let limits = ActiveLimits::of_word(bench.client.status().unwrap().limits);
+        assert!(limits.iter(None).any(|limit| limit == Limit::Travel));
+        // Away from it the torque acts.
+        bench.client.tell(torque(motor, -nm, 100.0, 0.0)).unwrap();
+        bench.pass(500);
+        let now = bench.place_mm().unwrap();
+        assert!((now - at).abs() > 1.0, "from {at} mm to {now} mm");
+    }
+}
+
+#[test]
+fn a_motor_with_a_torque_comes_to_rest_when_its_host_is_gone_at_an_end_and_on_a_stop() {
+    let pushed = || {
+        let mut bench = Bench::unloaded();
+        bench.client.tell(torque(0, 1.0, 500.0, 0.0)).unwrap();
+        bench.pass(400);
+        assert!(bench.rpm(plant::Axis::Screw) > 400.0);
+        bench
+    };
+    let rests = |bench: &Bench| {
+        let rpm = bench.rpm(plant::Axis::Screw);
+        assert!(rpm.abs() < 5.0, "the bridges opened at {rpm} rpm");
+    };
+    let bench = pushed();
+    for _ in 0..1200 {
+        bench.serving.borrow_mut().millisecond();
+        if matches!(bench.state(), State::Fault(_)) {
+            break;
+        }
+    }
+    assert_eq!(bench.state(), State::Fault(Fault::CommandLost));
+    rests(&bench);
+
+    let mut bench = pushed();
+    let at_end = inject(Injected::EndForward, 0, 0.0);
+    bench.client.tell(at_end).unwrap();
+    bench.until(State::Fault(Fault::EndForward), 500);
+    rests(&bench);
+    bench.client.tell(Command::Reset).unwrap();
+    bench.until(State::Ready, 500);
+    bench.client.tell(Command::Arm).unwrap();
+    bench.client.tell(torque(0, 1.0, 500.0, 0.0)).unwrap();
+    bench.pass(100);
+    assert_eq!(
+        bench.state(),
+        State::Fault(Fault::EndForward),
+        "asked again"
+    );
+
+    let mut bench = pushed();
+    let mut other = open(&bench.serving);
+    let commanded = refusal(other.tell(torque(0, -1.0, 500.0, 0.0)));
+    assert_eq!(commanded, Some(Refused::For(Refusal::Commanded)));
+    other.tell(Command::Stop).unwrap();
+    bench.until(State::Ready, 1000);
+    rests(&bench);
+    bench.pass(300);
+    assert_eq!(bench.state(), State::Ready, "nothing goes on by itself");
+    let unarmed = refusal(bench.client.tell(torque(0, 1.0, 500.0, 0.0)));
+    assert_eq!(unarmed, Some(Refused::For(Refusal::NotArmed)));
+}

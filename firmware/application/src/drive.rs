@@ -11,6 +11,7 @@ use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
 use control::journal::Journal;
 use control::observer::EncoderAlignment;
 use control::table_move::{MoveError, MovePlan};
+use control::torque::TorqueCommand;
 use core::sync::atomic::Ordering::Relaxed;
 use embedded_storage::nor_flash::NorFlash;
 use link::codes::{Demand, State};
@@ -75,10 +76,7 @@ impl<F, O, J, W> Commanded<'_, '_, F, O, J, W> {
         };
         Coordinator::new()
             .command(&self.parts.configured.drive.coordinator, command)
-            .map_err(|refused| match refused {
-                CommandError::Velocity { .. } => Refusal::Velocity,
-                CommandError::Speed { .. } => Refusal::MotorSpeed,
-            })
+            .map_err(refusal)
     }
 
     /// The scale's count at position zero; `None`: the drive is not homed.
@@ -110,6 +108,15 @@ impl<F, O, J, W> Commanded<'_, '_, F, O, J, W> {
 
     fn exchange(&self, motor: u8) -> Option<&MotorExchange> {
         self.parts.motors.get(usize::from(motor)).copied()
+    }
+}
+
+/// Why the link refuses what the control does not allow.
+const fn refusal(error: CommandError) -> Refusal {
+    match error {
+        CommandError::Velocity { .. } => Refusal::Velocity,
+        CommandError::Current { .. } => Refusal::Current,
+        CommandError::Speed { .. } => Refusal::MotorSpeed,
     }
 }
 
@@ -209,6 +216,29 @@ where
         self.parts
             .orders
             .with(|orders| orders.home(words, plan, base));
+        Ok(())
+    }
+
+    fn torque(&mut self, motor: u8, current: i32, speed: i32, base: i32) -> Result<(), Refusal> {
+        self.exchange(motor).ok_or(Refusal::Current)?;
+        let config = &self.parts.configured.drive;
+        let torque = TorqueCommand {
+            motor: motor.into(),
+            i_q: Current::from_bits(current),
+            speed_max: MechanicalSpeed::from_bits(speed),
+        };
+        torque
+            .allowed(
+                &config.coordinator,
+                &config.speed_loops,
+                MechanicalSpeed::from_bits(base),
+            )
+            .map_err(refusal)?;
+        self.allowed(0, base)?;
+        let words = self.parts.words;
+        self.parts
+            .orders
+            .with(|orders| orders.push(words, torque, base));
         Ok(())
     }
 

@@ -4,12 +4,13 @@ use crate::configured::{Configured, STEP_S};
 use crate::exchange::{DriveExchange, state};
 use crate::motion::{Motion, Seen};
 use control::fault::{Fault, FaultSet};
-use control::format::{Speed, SpeedChange, TableVelocity};
+use control::format::{Speed, SpeedChange};
 use control::homing::HomePlan;
 use control::interlock;
 use control::plate::DrivePlate;
 use control::rates::STEPS_PER_LOOK;
 use control::table_move::MovePlan;
+use control::torque::TorqueCommand;
 use control::travel::{Travel, TravelLook};
 use core::sync::atomic::Ordering::Relaxed;
 use link::codes::Demand;
@@ -36,6 +37,12 @@ impl Orders {
     pub(crate) fn follow(&mut self, words: &DriveExchange, velocity: i32, base: i32) {
         self.motion.follow();
         words.ask_speeds(velocity, base);
+    }
+
+    /// Push by this torque, which the drive allows.
+    pub(crate) fn push(&mut self, words: &DriveExchange, torque: TorqueCommand, base: i32) {
+        self.motion.follow();
+        words.ask_torque(torque, base);
     }
 
     /// Move by that plan from where the scale counts `scale`.
@@ -91,7 +98,7 @@ impl Orders {
             origin,
             driven: seen.state.is_driven(),
             reference: (Speed::from_bits(speed), SpeedChange::from_bits(change)),
-            asked: TableVelocity::from_bits(words.velocity.load(Relaxed)),
+            asked: words.heading(Speed::from_bits(speed)),
         };
         let travel = self.travel.step(&configured.travel, &look);
         let ways = words.way.as_flattened().iter();

@@ -77,6 +77,11 @@ pub trait Served {
     /// # Errors
     /// [`Refusal::MotorSpeed`].
     fn home(&mut self, base: i32) -> Result<(), Refusal>;
+    /// Takes a torque, as in [`Command::Torque`].
+    ///
+    /// # Errors
+    /// [`Refusal::Current`], [`Refusal::MotorSpeed`] or [`Refusal::Velocity`]; the old command stays.
+    fn torque(&mut self, motor: u8, current: i32, speed: i32, base: i32) -> Result<(), Refusal>;
     /// Takes a current, as in [`Command::DirectCurrent`], while it runs.
     ///
     /// # Errors
@@ -386,6 +391,15 @@ impl Server {
                     drive.home(base)
                 })
                 .map(|()| self.start(commander, drive, Demand::Run)),
+            Command::Torque {
+                motor,
+                current,
+                speed,
+                base,
+            } => self
+                .may_move(commander, drive)
+                .and_then(|()| drive.torque(motor, current, speed, base))
+                .map(|()| self.start(commander, drive, Demand::Run)),
             Command::DirectCurrent { motor, current } => {
                 self.may_move(commander, drive)
                     .and_then(|()| match drive.state() {
@@ -605,6 +619,9 @@ mod tests {
             Ok(())
         }
         fn home(&mut self, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn torque(&mut self, _: u8, _: i32, _: i32, _: i32) -> Result<(), Refusal> {
             Ok(())
         }
         fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
@@ -1038,6 +1055,14 @@ mod tests {
                 Command::MoveTo {
                     position_nm,
                     velocity,
+                    base,
+                }
+            }),
+            any::<(u8, i32, i32, i32)>().prop_map(|(motor, current, speed, base)| {
+                Command::Torque {
+                    motor,
+                    current,
+                    speed,
                     base,
                 }
             }),

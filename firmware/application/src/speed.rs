@@ -171,7 +171,7 @@ impl SpeedStep {
         self.line = self.line.wrapping_add(1);
     }
 
-    /// Takes the new speeds.
+    /// Takes the new speeds, or the new torque.
     #[inline(always)]
     fn take_command(&mut self, parts: SpeedParts<'_>, control: &mut SpeedTask, sequence: u32) {
         let words = parts.words;
@@ -180,7 +180,11 @@ impl SpeedStep {
             velocity: TableVelocity::from_bits(words.velocity.load(Relaxed)),
             base: MechanicalSpeed::from_bits(words.base.load(Relaxed)),
         };
-        match control.command(parts.config, command) {
+        let taken = match words.torque() {
+            None => control.command(parts.config, command),
+            Some(torque) => control.command_torque(parts.config, torque, command.base),
+        };
+        match taken {
             Ok(()) => count(&parts.view.taken),
             Err(_) => count(&parts.view.refused),
         };

@@ -51,7 +51,7 @@ impl Random {
 
     fn command(&mut self) -> Command {
         let [a, b] = [self.number(), self.number()];
-        match self.below(19) {
+        match self.below(20) {
             0 => Command::Heartbeat,
             1 => Command::Status,
             2 => Command::Faults,
@@ -84,6 +84,12 @@ impl Random {
                 position_nm: a as i64,
                 velocity: b as i32,
                 base: None,
+            },
+            18 => Command::Torque {
+                motor: a as u8,
+                current: b as i32,
+                speed: self.number() as i32,
+                base: self.number() as i32,
             },
             15 => Command::Journal { after: a as u8 },
             16 => Command::Inject(Injection {
@@ -147,6 +153,9 @@ impl Served for Fake {
         Ok(())
     }
     fn home(&mut self, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn torque(&mut self, _: u8, _: i32, _: i32, _: i32) -> Result<(), Refusal> {
         Ok(())
     }
     fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {

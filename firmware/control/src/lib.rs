@@ -27,6 +27,7 @@
 //! | speed error -> `i_q` reference | [`speed_loop`] | speed task |
 //! | jerk-limited reference | [`profile`] | speed task |
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
+//! | torque set-point of a motor, within a speed | [`torque`] | speed task |
 //! | where both rotors stand | [`alignment`] | speed task, before the drive is ready |
 //! | ripple that repeats with an angle | [`compensation`] | speed task |
 //! | friction where a reference reverses | [`friction`] | speed task |
@@ -89,7 +90,7 @@ pub use current::{
 pub use drive::{homing, journal, speed_task, supervisor, table_move};
 pub use speed::{
     alignment, brake, compensation, coordinator, current_limit, disturbance, friction, notch,
-    profile, speed_loop, thermal,
+    profile, speed_loop, thermal, torque,
 };
 pub use watch::{
     active_limit, controller_supply, enable_watch, ends_watch, guard, interlock, power_stage,

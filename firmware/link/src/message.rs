@@ -70,6 +70,17 @@ pub enum Command {
         /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for that velocity.
         base: Option<i32>,
     },
+    /// One motor follows a torque, and its table the motor; the other holds a speed. A soft limit ahead ends it: the table is held there.
+    Torque {
+        /// 0 is the screw, 1 the nut.
+        motor: u8,
+        /// The torque as a current along q, 2^-20 A: at most that of the largest torque.
+        current: i32,
+        /// Fastest that the motor turns by it, mechanical, 2^-18 rad/s, above 0.
+        speed: i32,
+        /// Speed of the other motor, mechanical, 2^-18 rad/s.
+        base: i32,
+    },
     /// A current along d for a motor of a drive that runs, until the next one or until it comes to rest. It makes no torque.
     DirectCurrent {
         /// 0 is the screw, 1 the nut.
@@ -209,7 +220,7 @@ codes! {
         Real = 11, "not simulated", "The drive is no simulated one, and gets its faults from the world.";
         Injection = 12, "injection", "There is no such fault to put in, or it cannot have that amount: `drive inject list` prints all with their ranges.";
         AtRest = 13, "at rest", "Only a drive that runs takes this: move it first.";
-        Current = 14, "current", "There is no such motor, or the current is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
+        Current = 14, "current", "There is no such motor, or the current or torque is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
         Angle = 15, "angle", "There is no such motor, its angle is not known, or it is further off than an alignment can be: 30 electrical degrees.";
         NotStored = 16, "not stored", "The settings fit, but no page of the flash could be written and read back: it is worn out, locked, or not in two banks (option byte DBANK). What held before still holds.";
         SoftLimit = 17, "soft limit", "The table would end beyond a soft limit: see the settings travel.soft_least_mm and travel.soft_most_mm.";

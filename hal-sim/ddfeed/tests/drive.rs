@@ -450,6 +450,56 @@ fn a_homed_table_moves_to_a_position() {
     assert!(said.contains("--to is 1000000000 mm"), "{said}");
 }
 
+/// The screw has its torque, to its speed limit, and then rests.
+#[test]
+fn a_motor_is_asked_for_a_torque() {
+    let served = Served::new(&[]);
+    served.printed(&["inject", "load", "--amount", "0"]);
+    let said = served.fails(3, &["torque", "--nm", "0.8"]);
+    assert!(said.contains("not armed"), "{said}");
+    let torque = ["torque", "--nm", "0.8", "--rpm-max", "90", "--arm"];
+    let torque = [&torque[..], &["--duration", "2"]].concat();
+    let mut torque = served.command(&torque).spawn().unwrap();
+    served.until("running");
+    sleep(Duration::from_millis(1000));
+    let status = served.status();
+    let [screw, nut] = ["screw", "nut"].map(|motor| number(&status[motor]["speed_rpm"]));
+    assert!((screw - 90.0).abs() < 5.0, "{screw} rpm: {status}");
+    assert!(nut.abs() < 3.0, "{nut} rpm: {status}");
+    assert!(torque.wait().unwrap().success());
+    served.until("ready");
+    // 300 N on a lead of 5 mm are 0.24 N m, of which nothing is left for friction.
+    let force = ["torque", "--table-force", "300", "--arm", "--duration", "1"];
+    assert!(served.printed(&force).contains("at rest"));
+    for (code, arguments, expected) in [
+        (
+            3,
+            &["torque", "--nm", "9", "--arm"][..],
+            "screw.torque_max_nm",
+        ),
+        (
+            1,
+            &["torque", "--nm", "1e9"],
+            "but the motor allows up to 2.6 N m",
+        ),
+        (1, &["torque", "--nm", "nan"], "--nm is NaN"),
+        (2, &["torque"], "--nm"),
+        (
+            2,
+            &["torque", "--nm", "1", "--table-force", "1"],
+            "--table-force",
+        ),
+        (
+            3,
+            &["torque", "--nm", "0.1", "--rpm-max", "1300", "--arm"],
+            "feed.velocity_max_mm_s",
+        ),
+    ] {
+        let said = served.fails(code, arguments);
+        assert!(said.contains(expected), "{arguments:?} said:\n{said}");
+    }
+}
+
 /// One terminal jogs, another sets: the table goes on, and its place is kept.
 #[test]
 fn a_gain_is_set_while_the_table_moves() {

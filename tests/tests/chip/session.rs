@@ -42,6 +42,16 @@ fn script() -> Vec<(u32, Command)> {
         velocity: scale::word(5e-3, scale::TABLE_VELOCITY).unwrap(),
         base: Some(0),
     };
+    let rad_s = |rpm: f64| {
+        let word = scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED);
+        word.unwrap()
+    };
+    let torque = |motor, amps: f64, rpm| Command::Torque {
+        motor,
+        current: scale::word(amps, scale::CURRENT).unwrap(),
+        speed: rad_s(rpm),
+        base: 0,
+    };
     // Faster than the screw, with the table's share, may turn.
     let too_fast = scale::word(310.0, scale::BASE_SPEED);
     vec![
@@ -155,10 +165,22 @@ fn script() -> Vec<(u32, Command)> {
         (0, Command::Discard),
         (0, draft("command.heartbeat_ms", 1e9)),
         (0, Command::Journal { after: 0 }),
+        (0, torque(0, 0.2, 60.0)),
         (0, Command::Arm),
         (0, run(1.0, 200.0)),
         (100, Command::Status),
         (300, Command::Status),
+        (0, torque(0, 500.0, 60.0)),
+        (0, torque(2, 0.2, 60.0)),
+        (0, torque(0, 0.2, 0.0)),
+        (0, torque(0, 0.2, 2999.0)),
+        (0, torque(0, 0.2, 60.0)),
+        (100, Command::Status),
+        (200, Command::Status),
+        (0, torque(1, 0.2, 60.0)),
+        (200, Command::Status),
+        (0, Command::Stop),
+        (800, Command::Status),
     ]
 }
 

@@ -15,8 +15,8 @@
 //! step in speed or acceleration.
 
 use crate::base::format::{
-    Angle, ElectricalChange, MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity,
-    narrow, narrow_bits,
+    Angle, Current, ElectricalChange, MechanicalSpeed, ProfileState, Speed, SpeedChange,
+    TableVelocity, narrow, narrow_bits,
 };
 use crate::speed::profile::{Profile, ProfileConfig};
 use crate::speed::speed_loop::SpeedReference;
@@ -39,6 +39,17 @@ pub struct CoordinatorConfig {
     pub base: ProfileConfig,
     /// How the base speed wanders.
     pub wander: WanderConfig,
+}
+
+impl CoordinatorConfig {
+    /// Table velocity of a screw that turns so fast against the nut.
+    #[must_use]
+    pub fn table_velocity(&self, relative: MechanicalSpeed) -> TableVelocity {
+        // From 2^-18 rad/s and 2^-12 rad/m to 2^-29 m/s: 32 bits and 23 fit.
+        let bits = i64::from(relative.to_bits()).wrapping_shl(23);
+        let velocity = bits.checked_div(self.radians_per_metre.to_bits().into());
+        narrow_bits(velocity.unwrap_or(i64::MAX), 1)
+    }
 }
 
 /// How the base speed wanders.
@@ -116,6 +127,15 @@ pub enum CommandError {
         /// What is allowed, m/s.
         allowed: TableVelocity,
     },
+    /// A motor's torque set-point is beyond its limit.
+    Current {
+        /// 0 is the screw, 1 the nut.
+        motor: usize,
+        /// What was asked of it, A.
+        asked: Current,
+        /// What is allowed, A.
+        allowed: Current,
+    },
     /// A motor would have to turn faster than it may.
     Speed {
         /// 0 is the screw, 1 the nut.
@@ -136,6 +156,15 @@ impl core::fmt::Display for CommandError {
                     "a table velocity of {asked:.4} m/s was asked, but the feed allows ±{allowed:.4} m/s: ask for less"
                 )
             }
+            Self::Current {
+                motor,
+                asked,
+                allowed,
+            } => write!(
+                f,
+                "the {} was asked for {asked:.3} A along q, but its motor allows ±{allowed:.3} A: ask for less torque",
+                if *motor == 0 { "screw" } else { "nut" }
+            ),
             Self::Speed {
                 motor,
                 asked,
@@ -184,6 +213,9 @@ struct Wander {
     /// Steps on its straight line.
     steps: u8,
 }
+
+/// Steps until a torque that pushes the table towards a limit has ended at most: 6 ms at 5 kHz, above the latency of the soft limits.
+const SEEN_STEPS: i64 = 32;
 
 /// Steps of a wander's straight lines, as a power of two: a cosine a step would be 60 cycles of each.
 const WANDER_BITS: u32 = 3;
@@ -303,6 +335,73 @@ impl Coordinator {
         ]
     }
 
+    /// A motor is about to follow a torque: what is given way and wandered becomes the base speed's own.
+    #[cold]
+    pub(crate) fn begin_torque(&mut self) {
+        let from_base = self.given.min(self.base.value.saturating_abs());
+        let Wander { value, change, .. } = core::mem::take(&mut self.wander);
+        self.base.value = towards_zero(self.base.value, from_base).saturating_add(value);
+        self.base.change = self.base.change.saturating_add(change);
+        self.given = ProfileState::ZERO;
+    }
+
+    /// One step in which a motor follows a torque, and `held` the base speed: its reference. `speeds` are those of screw and nut,
+    /// electrical: the table's share is what they turn against each other, so that a plan begins where they are.
+    pub(crate) fn step_torque(
+        &mut self,
+        config: &CoordinatorConfig,
+        held: usize,
+        limited: bool,
+        speeds: [Speed; 2],
+    ) -> SpeedReference {
+        if limited {
+            self.base.ease(&config.base);
+        } else {
+            self.base.step(&config.base, self.target_base);
+        }
+        let [screw, nut] = mechanical(config, speeds);
+        let relative = screw.saturating_sub(nut);
+        // Over 16 steps: the speeds are measured ones.
+        let change = narrow_change(relative.saturating_sub(self.table.value));
+        let more = change.saturating_sub(self.table.change).to_bits() >> 4;
+        self.table.change = self
+            .table
+            .change
+            .saturating_add(SpeedChange::from_bits(more));
+        self.table.value = relative;
+        let pole_pairs = config.pole_pairs.get(held).copied().unwrap_or_default();
+        SpeedReference {
+            omega_e: electrical(self.base.value, pole_pairs),
+            change: electrical_change(self.base.change, pole_pairs),
+        }
+    }
+
+    /// Motor 0 (screw) or 1 (nut) follows a torque no more: both references begin where the motors are. Gives what its motor's speed
+    /// changed by in a step, electrical.
+    #[cold]
+    pub(crate) fn end_torque(
+        &mut self,
+        config: &CoordinatorConfig,
+        motor: usize,
+        speeds: [Speed; 2],
+    ) -> ElectricalChange {
+        let [screw, nut] = mechanical(config, speeds);
+        let [screw_pairs, nut_pairs] = config.pole_pairs;
+        let gained = self.table.change;
+        self.table.change = SpeedChange::ZERO;
+        if motor == 0 {
+            self.table.value = screw.saturating_sub(self.base.value);
+            electrical_change(gained, screw_pairs)
+        } else {
+            self.table.value = self.base.value.saturating_sub(nut);
+            self.base = Profile {
+                value: nut,
+                change: SpeedChange::ZERO,
+            };
+            electrical_change(gained.saturating_neg(), nut_pairs)
+        }
+    }
+
     /// Neither reference is on its way to its target; the base speed may wander about it.
     #[must_use]
     #[inline(always)]
@@ -358,6 +457,14 @@ impl Coordinator {
     #[inline(always)]
     pub fn planned(&self) -> (Speed, SpeedChange) {
         (self.relative(), self.table.change)
+    }
+
+    /// The same of a motor that follows a torque: what it gains ends with the torque, once that is seen.
+    #[must_use]
+    pub(crate) fn pushed(&self) -> (Speed, SpeedChange) {
+        let gained = ProfileState::from(self.table.change).saturating_mul_int(SEEN_STEPS);
+        let speed = self.table.value.saturating_add(gained);
+        (narrow(speed), SpeedChange::ZERO)
     }
 
     /// Both references have arrived at rest.
@@ -485,8 +592,16 @@ fn narrow_change(change: ProfileState) -> SpeedChange {
     SpeedChange::from_bits(change.to_bits().clamp(end.wrapping_neg(), end) as i32)
 }
 
+/// Electrical speeds as mechanical ones: 32-bit divisions, which the core has.
+fn mechanical(config: &CoordinatorConfig, [screw, nut]: [Speed; 2]) -> [ProfileState; 2] {
+    let [screw_pairs, nut_pairs] = config.pole_pairs;
+    [(screw, screw_pairs), (nut, nut_pairs)].map(|(omega_e, pole_pairs)| {
+        ProfileState::from(omega_e.checked_div_int(pole_pairs).unwrap_or_default())
+    })
+}
+
 #[inline(always)]
-fn electrical(omega: ProfileState, pole_pairs: i32) -> Speed {
+pub(crate) fn electrical(omega: ProfileState, pole_pairs: i32) -> Speed {
     let narrow_omega: MechanicalSpeed = narrow(omega);
     // 31 bits times 8.
     narrow_bits(

@@ -37,7 +37,9 @@ impl TorqueCommand {
         base: MechanicalSpeed,
     ) -> Result<(), CommandError> {
         let motor = self.motor;
-        let most = loops.get(motor).map_or(Current::ZERO, |config| config.i_max);
+        let most = loops
+            .get(motor)
+            .map_or(Current::ZERO, |config| config.i_max);
         if self.i_q.saturating_abs() > most {
             return Err(CommandError::Current {
                 motor,
@@ -45,7 +47,11 @@ impl TorqueCommand {
                 allowed: most,
             });
         }
-        let allowed = coordinator.speed_max.get(motor).copied().unwrap_or_default();
+        let allowed = coordinator
+            .speed_max
+            .get(motor)
+            .copied()
+            .unwrap_or_default();
         if self.speed_max <= MechanicalSpeed::ZERO || self.speed_max > allowed {
             return Err(CommandError::Speed {
                 motor,
@@ -53,7 +59,8 @@ impl TorqueCommand {
                 allowed,
             });
         }
-        let asked = coordinator.table_velocity(self.speed_max.saturating_add(base.saturating_abs()));
+        let asked =
+            coordinator.table_velocity(self.speed_max.saturating_add(base.saturating_abs()));
         if asked > coordinator.velocity_max {
             return Err(CommandError::Velocity {
                 asked,

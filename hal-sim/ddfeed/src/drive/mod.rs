@@ -7,6 +7,7 @@ mod options;
 mod record;
 mod settings;
 mod status;
+mod torque;
 mod tune;
 
 pub use options::{DriveOptions, LineOptions, RecordCommand, ReferenceOptions, Task};
@@ -30,6 +31,7 @@ pub fn carry_out(mut client: connect::Drive, task: &Task) -> Result<()> {
         Task::Arm => motion::arm(&mut client),
         Task::Jog(jog) => motion::jog(&mut client, jog),
         Task::Move(travel) => motion::travel(&mut client, travel),
+        Task::Torque(options) => torque::torque(&mut client, options),
         Task::Home(home) => motion::home(&mut client, home),
         Task::Stop => motion::stop(&mut client),
         Task::Reset => motion::reset(&mut client),

@@ -320,7 +320,7 @@ pub fn run_at(velocity: f64, base: Option<f64>) -> Result<Command> {
 }
 
 /// Goes on commanding a drive that runs until `over` reports it or Ctrl-C; then it comes to rest, whatever has happened.
-fn led(
+pub fn led(
     drive: &mut Drive,
     settings: &Settings,
     stop: &AtomicBool,

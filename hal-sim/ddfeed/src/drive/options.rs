@@ -6,6 +6,7 @@ use anyhow::{Result, ensure};
 use clap::{Args, Subcommand, ValueEnum};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Where the drive is, and what it is asked.
 #[derive(Args, Debug)]
@@ -83,6 +84,8 @@ pub enum Task {
     /// Move the table by a distance or to a homed position, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its
     /// way.
     Move(MoveOptions),
+    /// One motor follows a torque until Ctrl-C, which brings it to rest; the other holds a speed.
+    Torque(TorqueOptions),
     /// Find the table's place: to its end switch and off it again, as the settings `travel` say, and come to rest. Soft limits act
     /// from then on. Ctrl-C ends it on its way.
     Home(HomeOptions),
@@ -206,6 +209,38 @@ pub struct MoveOptions {
     /// As JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A torque.
+#[derive(Args, Debug)]
+pub struct TorqueOptions {
+    /// The motor that has it.
+    #[arg(long, value_enum, default_value_t = Motor::Screw)]
+    pub motor: Motor,
+    /// Torque, N m: a positive one turns the motor forwards.
+    #[arg(
+        long,
+        value_name = "NM",
+        required_unless_present = "table_force",
+        conflicts_with = "table_force"
+    )]
+    pub nm: Option<f64>,
+    /// Force on the table, N, in place of a torque: the motor's torque is this force times lead / 2 pi. What friction of ball pair,
+    /// guideway and bearings takes is not added.
+    #[arg(long, value_name = "N")]
+    pub table_force: Option<f64>,
+    /// Fastest that the motor turns by it, rpm. [default: what the motor and the feed allow]
+    #[arg(long, value_name = "RPM")]
+    pub rpm_max: Option<f64>,
+    /// Speed of the other motor, rpm.
+    #[arg(long, value_name = "RPM", default_value_t = 0.0)]
+    pub other_rpm: f64,
+    /// For so long, s, instead of until Ctrl-C.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Arm it first, as `arm` does.
+    #[arg(long)]
+    pub arm: bool,
 }
 
 /// A homing.
@@ -397,6 +432,16 @@ impl RecordOptions {
     }
 }
 
+/// A duration, where there is one, is a time.
+fn lasting(duration: Option<f64>) -> Result<()> {
+    let seconds = duration.unwrap_or(1.0);
+    ensure!(
+        seconds > 0.0 && Duration::try_from_secs_f64(seconds).is_ok(),
+        "--duration is {seconds} s, but a time above 0 is needed"
+    );
+    Ok(())
+}
+
 impl Task {
     /// What can be said against it before the drive is looked for.
     pub fn check(&self) -> Result<()> {
@@ -411,11 +456,14 @@ impl Task {
             Task::Jog(jog) => {
                 finite("--table-speed", jog.table_speed)?;
                 finite("--nut-rpm", jog.lead.nut_rpm.unwrap_or_default())?;
-                let seconds = jog.duration.unwrap_or(1.0);
-                ensure!(
-                    seconds > 0.0 && seconds.is_finite(),
-                    "--duration is {seconds} s, but a time above 0 is needed"
-                );
+                lasting(jog.duration)?;
+            }
+            Task::Torque(torque) => {
+                finite("--nm", torque.nm.unwrap_or_default())?;
+                finite("--table-force", torque.table_force.unwrap_or_default())?;
+                finite("--rpm-max", torque.rpm_max.unwrap_or_default())?;
+                finite("--other-rpm", torque.other_rpm)?;
+                lasting(torque.duration)?;
             }
             Task::Move(travel) => {
                 let distance = travel.distance.unwrap_or(1.0);
