@@ -9,7 +9,7 @@ use hal_sim::start::Start;
 use link::codes::{ActiveLimits, EventKind, Limit, Origin, Warning};
 use link::host::client::{Client, Refused};
 use link::host::{Decoder, Row};
-use link::message::{Command, Injected, Injection, Refusal, Travel};
+use link::message::{Command, Injected, Injection, Refusal, Reply, Travel};
 use link::scale;
 use link::settings::{Effect, Setting, Switch, Value};
 use link::telemetry::{FRAME_MAX, Frame, Header, Real, Request};
@@ -990,4 +990,278 @@ fn a_motor_with_a_torque_comes_to_rest_when_its_host_is_gone_at_an_end_and_on_a_
     assert_eq!(bench.state(), State::Ready, "nothing goes on by itself");
     let unarmed = refusal(bench.client.tell(torque(0, 1.0, 500.0, 0.0)));
     assert_eq!(unarmed, Some(Refused::For(Refusal::NotArmed)));
+}
+
+/// A stream of a way, m, by seconds, with a set-point each 5 ms.
+struct Streaming {
+    bench: Bench,
+    begun: f64,
+    /// What the drive says that the table was behind, nm, and how early set-points came, us.
+    errors_nm: Vec<f64>,
+    ahead_us: Vec<f64>,
+    refused: Vec<Refusal>,
+    /// The table's place each millisecond, m.
+    places: Vec<f64>,
+}
+
+const SPACING_MS: u32 = 5;
+
+fn set_point(ms: u32, position_m: f64) -> Command {
+    Command::SetPoint {
+        at_us: ms * 1000,
+        position_nm: (position_m * 1e9).round() as i64,
+        velocity: None,
+    }
+}
+
+fn stream(delay_ms: u16, homed: bool) -> Command {
+    Command::Stream {
+        delay_ms,
+        homed,
+        base: 0,
+    }
+}
+
+impl Streaming {
+    fn open(mut bench: Bench, delay_ms: u16) -> Self {
+        bench.client.tell(Command::Arm).unwrap();
+        let begun = bench.position();
+        bench.client.tell(stream(delay_ms, false)).unwrap();
+        bench.until(State::Holding, 50);
+        bench.pass(50);
+        Self {
+            bench,
+            begun,
+            errors_nm: Vec::new(),
+            ahead_us: Vec::new(),
+            refused: Vec::new(),
+            places: Vec::new(),
+        }
+    }
+
+    fn millisecond(&mut self) {
+        self.bench.client.listen(Duration::ZERO).unwrap();
+        self.places.push(self.bench.position() - self.begun);
+        while let Some((_, answer)) = self.bench.client.take_answer() {
+            match answer {
+                Reply::Followed { ahead_us, error_nm } => {
+                    self.errors_nm.push(error_nm.into());
+                    self.ahead_us.push(ahead_us.into());
+                }
+                Reply::Refused(word) => self.refused.extend(Refusal::of_word(word)),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    /// Each set-point comes so much after its time, in their order.
+    fn run(&mut self, way: impl Fn(f64) -> f64, ms: u32, mut late_ms: impl FnMut(u32) -> u32) {
+        let (mut next, mut due) = (0, 0);
+        for now in 0..ms {
+            while next <= now {
+                due = due.max(next + late_ms(next));
+                if due > now {
+                    break;
+                }
+                let point = set_point(next, way(f64::from(next) * 1e-3));
+                self.bench.client.post(point).unwrap();
+                next += SPACING_MS;
+            }
+            self.millisecond();
+        }
+    }
+}
+
+/// 1 mm to either side, four seconds a period: up to 1.6 mm/s.
+fn creep(seconds: f64) -> f64 {
+    1e-3 * (1.0 - (std::f64::consts::TAU * 0.25 * seconds).cos())
+}
+
+#[test]
+fn a_streamed_sine_is_followed() {
+    let mut streaming = Streaming::open(Bench::new(), 20);
+    streaming.run(creep, 8000, |_| 0);
+    assert_eq!(streaming.refused, []);
+    // After what the table gave way as the motors took its load of 400 N from the brake: ripple and encoder errors.
+    let errors = streaming.errors_nm.iter().skip(60);
+    let worst = errors.fold(0.0f64, |worst, error| worst.max(error.abs()));
+    assert!(worst < 4000.0, "{worst} nm behind by the drive");
+    assert!(
+        streaming
+            .ahead_us
+            .iter()
+            .all(|us| (19e3..=21e3).contains(us))
+    );
+    // The table by itself, at the time that suits best.
+    let behind = |shift_ms: f64| {
+        let places = streaming.places.iter().enumerate().skip(300);
+        let off = places.map(|(ms, place)| place - creep((ms as f64 - shift_ms) * 1e-3));
+        off.fold(0.0f64, |worst, off| worst.max(off.abs()))
+    };
+    let best = (0..400)
+        .map(|k| behind(0.1 * f64::from(k)))
+        .fold(f64::MAX, f64::min);
+    assert!(best < 4e-6, "{best} m off at the best time");
+    println!("drive {worst} nm, table {best} m");
+    assert_eq!(streaming.bench.state(), State::Running);
+}
+
+/// Up to 10 ms late, so 5 ms to either side of what the first are: no velocity of the table differs.
+#[test]
+fn a_stream_s_jitter_is_not_in_the_table_s_velocity() {
+    let places = |jitter: bool| {
+        let mut streaming = Streaming::open(Bench::new(), 20);
+        let mut state = 1u32;
+        streaming.run(creep, 4000, |ms| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            if jitter && ms > 0 {
+                (state >> 16) % 11
+            } else {
+                5
+            }
+        });
+        assert_eq!(streaming.refused, []);
+        streaming.places
+    };
+    let [even, late] = [places(false), places(true)];
+    let velocities = |places: &[f64]| -> Vec<f64> {
+        places
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]) * 1e3)
+            .collect()
+    };
+    let off = velocities(&even).into_iter().zip(velocities(&late));
+    let worst = off.fold(0.0f64, |worst, (a, b)| worst.max((a - b).abs()));
+    println!("{worst} m/s");
+    assert!(worst < 5e-6, "the jitter makes {worst} m/s");
+}
+
+#[test]
+fn a_stream_that_stalls_comes_to_rest_without_a_fault() {
+    for beats in [true, false] {
+        let mut streaming = Streaming::open(Bench::new(), 20);
+        streaming.run(|seconds| 20e-3 * seconds, 500, |_| 0);
+        assert_eq!(streaming.bench.state(), State::Running);
+        let mut ms = 0;
+        while streaming.bench.state() == State::Running {
+            streaming.millisecond();
+            ms += 1;
+            assert!(ms < 30, "no stop after {ms} ms");
+        }
+        while streaming.bench.state() != State::Ready {
+            streaming.millisecond();
+            ms += 1;
+            assert!(ms < 200, "{:?} after {ms} ms", streaming.bench.state());
+        }
+        println!("at rest after {ms} ms");
+        let rest = streaming.bench.position();
+        for _ in 0..10 {
+            if beats {
+                streaming.bench.pass(100);
+            } else {
+                (0..100).for_each(|_| streaming.bench.serving.borrow_mut().millisecond());
+            }
+            assert_eq!(streaming.bench.state(), State::Ready);
+        }
+        let moved = streaming.bench.position() - rest;
+        assert!(moved.abs() < 5e-6, "at rest it moved by {moved} m");
+        let status = streaming.bench.client.status().unwrap();
+        assert_eq!(Travel::of_word(status.travel), Some(Travel::StreamEnded));
+        assert!(status.armed && status.fault == 0, "{status:?}");
+        // What comes now is late, and moves nothing.
+        let late = refusal(streaming.bench.client.tell(set_point(505, 10e-3)));
+        assert_eq!(late, Some(Refused::For(Refusal::NoStream)));
+        // A run is not ended by the stream that was.
+        streaming.bench.run(2.5, 0.0).unwrap();
+        streaming.bench.pass(500);
+        assert_eq!(streaming.bench.state(), State::Running);
+    }
+}
+
+#[test]
+fn a_stream_that_is_not_allowed_is_refused_and_nothing_moves() {
+    let mut bench = Bench::new();
+    let begun = bench.position();
+    let said = |bench: &mut Bench, command: Command| refusal(bench.client.tell(command));
+    for (arms, command, refused) in [
+        (false, stream(20, false), Refusal::NotArmed),
+        (false, set_point(0, 0.0), Refusal::NoStream),
+        (true, set_point(0, 0.0), Refusal::NoStream),
+        (true, stream(20, true), Refusal::NotHomed),
+        (true, stream(4, false), Refusal::Delay),
+        (true, stream(201, false), Refusal::Delay),
+    ] {
+        if arms {
+            bench.client.tell(Command::Arm).unwrap();
+        }
+        assert_eq!(
+            said(&mut bench, command),
+            Some(Refused::For(refused)),
+            "{command:?}"
+        );
+    }
+    bench.client.tell(stream(20, false)).unwrap();
+    bench.pass(300);
+    assert_eq!(
+        said(&mut bench, set_point(0, 1e-3)),
+        Some(Refused::For(Refusal::Step))
+    );
+    // The first is taken, the next are not; it ends in its place.
+    assert!(matches!(
+        bench.client.ask(set_point(0, 0.0)).unwrap(),
+        Reply::Followed { .. }
+    ));
+    for (point, refused) in [
+        (set_point(5, 501e-6), Refusal::Step),
+        (set_point(60, 0.0), Refusal::Spacing),
+        (set_point(0, 0.0), Refusal::Spacing),
+    ] {
+        assert_eq!(said(&mut bench, point), Some(Refused::For(refused)));
+    }
+    let mut other = open(&bench.serving);
+    let commanded = refusal(other.tell(set_point(5, 0.0)));
+    assert_eq!(commanded, Some(Refused::For(Refusal::Commanded)));
+    bench.until(State::Ready, 200);
+    let moved = bench.position() - begun;
+    assert!(moved.abs() < 60e-6, "it moved by {moved} m");
+
+    let mut bench = homed();
+    bench.client.tell(stream(20, true)).unwrap();
+    let outside = said(&mut bench, set_point(0, 9e-3));
+    assert_eq!(outside, Some(Refused::For(Refusal::SoftLimit)));
+}
+
+#[test]
+fn a_stream_ends_with_its_host_a_stop_of_any_client_or_a_fault() {
+    // Its host goes before the first set-point.
+    let streaming = Streaming::open(Bench::new(), 20);
+    let place = streaming.bench.position();
+    for _ in 0..700 {
+        streaming.bench.serving.borrow_mut().millisecond();
+    }
+    assert_eq!(streaming.bench.state(), State::Fault(Fault::CommandLost));
+    let moved = streaming.bench.position() - place;
+    assert!(moved.abs() < 5e-6, "it moved by {moved} m");
+
+    let mut streaming = Streaming::open(Bench::new(), 20);
+    streaming.run(creep, 600, |_| 0);
+    open(&streaming.bench.serving).tell(Command::Stop).unwrap();
+    for ms in 600..900 {
+        if ms % SPACING_MS == 0 {
+            let point = set_point(ms, creep(f64::from(ms) * 1e-3));
+            streaming.bench.client.post(point).unwrap();
+        }
+        streaming.millisecond();
+    }
+    assert_eq!(streaming.bench.state(), State::Ready);
+    let ended = |refusal: &Refusal| matches!(refusal, Refusal::NoStream | Refusal::Commanded);
+    assert!(streaming.refused.len() > 50 && streaming.refused.iter().all(ended));
+
+    let mut streaming = Streaming::open(Bench::new(), 20);
+    streaming.run(creep, 600, |_| 0);
+    let at_end = inject(Injected::EndForward, 0, 0.0);
+    streaming.bench.client.tell(at_end).unwrap();
+    streaming.bench.until(State::Fault(Fault::EndForward), 300);
+    let status = streaming.bench.client.status().unwrap();
+    assert_eq!(Travel::of_word(status.travel), Some(Travel::Ended));
 }

@@ -10,13 +10,21 @@ use control::exchange::MotorExchange;
 use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
 use control::journal::Journal;
 use control::observer::EncoderAlignment;
+use control::stream::{DELAY_MS, Followed, SetPoint};
 use control::table_move::{MoveError, MovePlan};
 use control::torque::TorqueCommand;
+use core::ops::RangeInclusive;
 use core::sync::atomic::Ordering::Relaxed;
 use embedded_storage::nor_flash::NorFlash;
 use link::codes::{Demand, State};
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
 use link::settings::{Effect, Settings};
+
+/// How long a set-point of a stream may wait, ms.
+const DELAYS: RangeInclusive<u16> = {
+    let [least, most] = DELAY_MS;
+    least..=most
+};
 
 /// The board, or the simulated machine: what only it knows.
 pub trait World {
@@ -240,6 +248,43 @@ where
             .orders
             .with(|orders| orders.push(words, torque, base));
         Ok(())
+    }
+
+    fn stream(&mut self, delay_ms: u16, homed: bool, base: i32) -> Result<(), Refusal> {
+        if !DELAYS.contains(&delay_ms) {
+            return Err(Refusal::Delay);
+        }
+        self.allowed(0, base)?;
+        let zero = if homed {
+            self.origin().ok_or(Refusal::NotHomed)?
+        } else {
+            self.parts.view.scale.load(Relaxed)
+        };
+        let (words, config) = (self.parts.words, self.parts.configured.words.stream);
+        self.parts
+            .orders
+            .with(|orders| orders.stream(words, config, zero, delay_ms, base));
+        Ok(())
+    }
+
+    fn set_point(
+        &mut self,
+        at_us: u32,
+        position_nm: i64,
+        velocity: Option<i32>,
+    ) -> Result<Followed, Refusal> {
+        let configured = self.parts.configured;
+        let (scale, origin) = (self.parts.view.scale.load(Relaxed), self.origin());
+        let point = SetPoint {
+            at_us,
+            position_nm,
+            velocity: velocity.map(TableVelocity::from_bits),
+        };
+        self.parts.orders.with(|orders| {
+            orders.set_point(&configured.words.stream, point, scale, |zero| {
+                configured.travel.allows(zero, origin, position_nm)
+            })
+        })
     }
 
     fn direct_current(&mut self, motor: u8, current: i32) -> Result<(), Refusal> {

@@ -4,6 +4,7 @@
 //! one session moves the drive. What is asked is done by a [`Served`] drive, simulated or not.
 
 use control::journal::Journal;
+use control::stream::Followed;
 use heapless::Vec;
 use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, count, encode};
@@ -82,6 +83,22 @@ pub trait Served {
     /// # Errors
     /// [`Refusal::Current`], [`Refusal::MotorSpeed`] or [`Refusal::Velocity`]; the old command stays.
     fn torque(&mut self, motor: u8, current: i32, speed: i32, base: i32) -> Result<(), Refusal>;
+    /// Opens a stream, as in [`Command::Stream`].
+    ///
+    /// # Errors
+    /// [`Refusal::Delay`], [`Refusal::MotorSpeed`] or [`Refusal::NotHomed`].
+    fn stream(&mut self, delay_ms: u16, homed: bool, base: i32) -> Result<(), Refusal>;
+    /// Takes a set-point, as in [`Command::SetPoint`].
+    ///
+    /// # Errors
+    /// [`Refusal::NoStream`], [`Refusal::StreamFull`], [`Refusal::Spacing`], [`Refusal::Step`], [`Refusal::Velocity`] or
+    /// [`Refusal::SoftLimit`].
+    fn set_point(
+        &mut self,
+        at_us: u32,
+        position_nm: i64,
+        velocity: Option<i32>,
+    ) -> Result<Followed, Refusal>;
     /// Takes a current, as in [`Command::DirectCurrent`], while it runs.
     ///
     /// # Errors
@@ -449,6 +466,30 @@ impl Server {
                 Err(error) => return not_set(&error),
             },
             Command::Inject(injection) => drive.inject(injection),
+            Command::Stream {
+                delay_ms,
+                homed,
+                base,
+            } => self
+                .may_move(commander, drive)
+                .and_then(|()| drive.stream(delay_ms, homed, base))
+                .map(|()| self.start(commander, drive, Demand::Run)),
+            Command::SetPoint {
+                at_us,
+                position_nm,
+                velocity,
+            } => {
+                let taken = self
+                    .commands(commander)
+                    .and_then(|()| drive.set_point(at_us, position_nm, velocity));
+                match taken {
+                    Ok(Followed { ahead_us, error_nm }) => {
+                        drive.renew();
+                        return Reply::Followed { ahead_us, error_nm };
+                    }
+                    Err(refusal) => Err(refusal),
+                }
+            }
         };
         match done {
             Ok(()) => Reply::Done,
@@ -498,6 +539,15 @@ impl Server {
             return Err(Refusal::NotArmed);
         }
         Ok(())
+    }
+
+    /// This session moves the drive.
+    fn commands(&self, commander: &Commander) -> Result<(), Refusal> {
+        match commander.owner {
+            None => Err(Refusal::NoStream),
+            owner if owner != self.session => Err(Refusal::Commanded),
+            _ => Ok(()),
+        }
     }
 
     fn start(&self, commander: &mut Commander, drive: &mut impl Served, demand: Demand) {
@@ -623,6 +673,12 @@ mod tests {
         }
         fn torque(&mut self, _: u8, _: i32, _: i32, _: i32) -> Result<(), Refusal> {
             Ok(())
+        }
+        fn stream(&mut self, _: u16, _: bool, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn set_point(&mut self, _: u32, _: i64, _: Option<i32>) -> Result<Followed, Refusal> {
+            Ok(Followed::default())
         }
         fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
             Ok(())
@@ -1064,6 +1120,18 @@ mod tests {
                     current,
                     speed,
                     base,
+                }
+            }),
+            any::<(u16, bool, i32)>().prop_map(|(delay_ms, homed, base)| Command::Stream {
+                delay_ms,
+                homed,
+                base,
+            }),
+            any::<(u32, i64, Option<i32>)>().prop_map(|(at_us, position_nm, velocity)| {
+                Command::SetPoint {
+                    at_us,
+                    position_nm,
+                    velocity,
                 }
             }),
             any::<(u8, i32)>()

@@ -2,6 +2,7 @@
 //! one that a host can read. `FUZZ_EXECUTIONS` sets how many frames, values or pairs of pages each test takes, `FUZZ_SEED` which.
 
 use application::server::{Commander, NotSet, Served, Server};
+use control::stream::Followed;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, encode};
@@ -51,7 +52,7 @@ impl Random {
 
     fn command(&mut self) -> Command {
         let [a, b] = [self.number(), self.number()];
-        match self.below(20) {
+        match self.below(22) {
             0 => Command::Heartbeat,
             1 => Command::Status,
             2 => Command::Faults,
@@ -90,6 +91,16 @@ impl Random {
                 current: b as i32,
                 speed: self.number() as i32,
                 base: self.number() as i32,
+            },
+            19 => Command::Stream {
+                delay_ms: a as u16,
+                homed: b & 1 == 0,
+                base: self.number() as i32,
+            },
+            20 => Command::SetPoint {
+                at_us: a as u32,
+                position_nm: b as i64,
+                velocity: None,
             },
             15 => Command::Journal { after: a as u8 },
             16 => Command::Inject(Injection {
@@ -157,6 +168,12 @@ impl Served for Fake {
     }
     fn torque(&mut self, _: u8, _: i32, _: i32, _: i32) -> Result<(), Refusal> {
         Ok(())
+    }
+    fn stream(&mut self, _: u16, _: bool, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn set_point(&mut self, _: u32, _: i64, _: Option<i32>) -> Result<Followed, Refusal> {
+        Ok(Followed::default())
     }
     fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
         Ok(())

@@ -42,6 +42,7 @@
 //! | the last five in one step | [`speed_task`] | speed task |
 //! | late tasks, bus, temperatures, index -> fault | [`guard`] | supervision |
 //! | a distance -> table velocities | [`table_move`] | below the speed task |
+//! | positions that a host streams -> table velocities | [`stream`] | below the speed task |
 //! | where the table stands: an end switch -> the scale's zero | [`homing`] | below the speed task |
 //! | position, reference -> may the table go on to its soft limit? | [`travel`] | supervision |
 //! | words between the interrupts | [`exchange`] | |
@@ -87,7 +88,7 @@ pub use current::{
     current_loop, encoder, encoder_watch, exchange, modulation, motor_io, mt6835, observer,
     regulator, sense, transform,
 };
-pub use drive::{homing, journal, speed_task, supervisor, table_move};
+pub use drive::{homing, journal, speed_task, stream, supervisor, table_move};
 pub use speed::{
     alignment, brake, compensation, coordinator, current_limit, disturbance, friction, notch,
     profile, speed_loop, thermal, torque,

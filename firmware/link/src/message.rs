@@ -133,6 +133,25 @@ pub enum Command {
     },
     /// Writes the settings that hold to the flash. The drive must rest.
     Store,
+    /// Follow positions that stream in as [`Command::SetPoint`]. The first begins it; where one is missing at its turn, the drive comes
+    /// to rest.
+    Stream {
+        /// How long a set-point waits for its turn, ms: 5 to 200. It hides how late set-points come, up to so much.
+        delay_ms: u16,
+        /// Positions are homed ones; else they count from where the table stands.
+        homed: bool,
+        /// Base speed, mechanical, 2^-18 rad/s.
+        base: i32,
+    },
+    /// A set-point of the stream: answered by [`Reply::Followed`], and as good as a heartbeat.
+    SetPoint {
+        /// Time in the stream, us, which wraps: 1 to 50 ms behind the last one's.
+        at_us: u32,
+        /// Position, nm.
+        position_nm: i64,
+        /// Velocity there, 2^-28 m/s; `None`: that of its neighbours.
+        velocity: Option<i32>,
+    },
 }
 
 /// What is done to a simulated drive.
@@ -226,12 +245,17 @@ codes! {
         SoftLimit = 17, "soft limit", "The table would end beyond a soft limit: see the settings travel.soft_least_mm and travel.soft_most_mm.";
         Unaligned = 19, "unaligned", "The rotor angles are not known: `arm` aligns the motors first.";
         NotHomed = 20, "not homed", "The table's position is not known: `home` finds it first.";
+        NoStream = 21, "no stream", "No stream is open: a set-point that was missing at its turn, or a stop, has ended it. Begin another.";
+        StreamFull = 22, "stream full", "The drive keeps 128 set-points: send each as its time comes.";
+        Spacing = 23, "spacing", "The times of two set-points must be 1 to 50 ms apart.";
+        Step = 24, "step", "The set-point is further from the last one than the table goes meanwhile (setting feed.velocity_max_mm_s), or the first one is more than 0.1 mm from the table.";
+        Delay = 25, "delay", "A set-point of a stream may wait for 5 to 200 ms.";
         Interface = 18, "encoder interface", "This board's pins read another kind of encoder: leave the settings screw.encoder_interface and nut.encoder_interface as they are.";
     }
 }
 
 codes! {
-    /// How a move or a homing is going.
+    /// How a move, a homing or a stream is going.
     Travel {
         None = 0, "none", "Nothing was asked to move by a distance, or to be homed.";
         Moving = 1, "moving", "The table is on its way.";
@@ -243,6 +267,9 @@ codes! {
         Homed = 7, "homed", "The end switch has given the scale its zero.";
         SwitchNotFound = 8, "switch not found", "The end switch did not open on the way that homing may take: see the settings travel.home_direction and travel.home_furthest_mm, and look whether the switch is closed by a short.";
         SwitchNotLeft = 9, "switch not left", "The end switch did not close again as the table left it: look for a broken wire, or another switch that is open.";
+        Awaiting = 11, "awaiting", "The first set-point of the stream is awaited.";
+        Following = 12, "following", "The table follows the stream's set-points.";
+        StreamEnded = 13, "stream ended", "No set-point came in time: the table came to rest.";
         ScaleStands = 10, "scale stands", "The table's scale counted less than half of the way off the switch: check it and its cable, and the setting feed.scale_count_nm.";
     }
 }
@@ -338,6 +365,13 @@ pub enum Reply {
     Events(Vec<Recorded, EVENTS_A_FRAME>),
     /// Settings in the order of their numbers; none if there are none from there on.
     Settings(Vec<(u16, WireValue), SETTINGS_A_FRAME>),
+    /// A set-point was taken.
+    Followed {
+        /// How long before its turn it has come, us.
+        ahead_us: i32,
+        /// What the table was behind the stream's position in the last millisecond, nm.
+        error_nm: i32,
+    },
     /// The draft does not fit the drive's formats.
     Unfit {
         /// The setting without whose change it would fit; 0: none by itself.

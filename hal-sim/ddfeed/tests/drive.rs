@@ -450,6 +450,81 @@ fn a_homed_table_moves_to_a_position() {
     assert!(said.contains("--to is 1000000000 mm"), "{said}");
 }
 
+/// Positions of a file and of a pipe: the table follows them, and the command says how far it was behind.
+#[test]
+fn a_table_follows_positions_of_a_file_and_of_a_pipe() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("way.csv");
+    // 1 mm to either side and back, at 200 Hz.
+    let mut way = String::from("time_s,position_mm\n");
+    for k in 0..=400 {
+        let seconds = 5e-3 * f64::from(k);
+        let position = 7.0 + 1.0 - (std::f64::consts::PI * seconds).cos();
+        way += &format!("{seconds:.3},{position:.6}\n");
+    }
+    std::fs::write(&file, &way).unwrap();
+    let path = file.display().to_string();
+    let said = served.fails(3, &["follow", &path]);
+    assert!(said.contains("not armed"), "{said}");
+    let before = number(&served.status()["table"]["position_mm"]);
+    let said = served.printed(&["follow", &path, "--arm", "--delay-ms", "200", "--json"]);
+    let followed: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(followed["seconds"], 2.0, "{followed}");
+    assert!(number(&followed["set_points"]) > 300.0, "{followed}");
+    let [rms, most] = ["behind_um_rms", "behind_um_max"].map(|name| number(&followed[name]));
+    assert!(rms < 10.0 && most < 60.0 && rms <= most, "{followed}");
+    let moved = number(&followed["at_rest_mm"]) - before;
+    assert!(moved.abs() < 0.1, "it ended {moved} mm off");
+
+    let mut pipe = served
+        .command(&["follow", "-", "--arm", "--delay-ms", "200"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    pipe.stdin
+        .take()
+        .unwrap()
+        .write_all(way.as_bytes())
+        .unwrap();
+    let output = pipe.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        output.status.success() && said.contains("um behind (rms)"),
+        "{said}"
+    );
+
+    // A step, and text that is none.
+    for (text, code, expected) in [
+        (
+            "time_s,position_mm\n0,0\n0.005,1\n",
+            3,
+            "the set-point at 0.005000 s",
+        ),
+        (
+            "time_s,position_mm\n0,0\n0.2,0\n",
+            1,
+            "200 ms behind the line before",
+        ),
+        (
+            "time_s,position_mm\n0,0\n0.005,x\n",
+            1,
+            "line 3: position_mm is `x`",
+        ),
+        ("time_s,position_mm\n", 1, "there are no set-points"),
+        ("0,0\n", 1, "the first line is `0,0`"),
+    ] {
+        std::fs::write(&file, text).unwrap();
+        let said = served.fails(code, &["follow", &path, "--arm"]);
+        assert!(said.contains(expected), "{text:?} said:\n{said}");
+        assert_eq!(served.status()["state"], "ready");
+    }
+    std::fs::write(&file, &way).unwrap();
+    let said = served.fails(3, &["follow", &path, "--arm", "--homed"]);
+    assert!(said.contains("`home` finds it"), "{said}");
+}
+
 /// The screw has its torque, to its speed limit, and then rests.
 #[test]
 fn a_motor_is_asked_for_a_torque() {
@@ -480,7 +555,7 @@ fn a_motor_is_asked_for_a_torque() {
         (
             1,
             &["torque", "--nm", "1e9"],
-            "but the motor allows up to 2.6 N m",
+            "but the motor allows up to 2 N m",
         ),
         (1, &["torque", "--nm", "nan"], "--nm is NaN"),
         (2, &["torque"], "--nm"),

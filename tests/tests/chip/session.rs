@@ -52,6 +52,16 @@ fn script() -> Vec<(u32, Command)> {
         speed: rad_s(rpm),
         base: 0,
     };
+    let stream = |delay_ms, homed| Command::Stream {
+        delay_ms,
+        homed,
+        base: 0,
+    };
+    let point = |ms: u32, position_nm| Command::SetPoint {
+        at_us: ms * 1000,
+        position_nm,
+        velocity: None,
+    };
     // Faster than the screw, with the table's share, may turn.
     let too_fast = scale::word(310.0, scale::BASE_SPEED);
     vec![
@@ -181,6 +191,26 @@ fn script() -> Vec<(u32, Command)> {
         (200, Command::Status),
         (0, Command::Stop),
         (800, Command::Status),
+        (0, point(0, 0)),
+        (0, stream(200, false)),
+        (0, Command::Arm),
+        (0, stream(200, true)),
+        (0, stream(4, false)),
+        (0, stream(200, false)),
+        (100, Command::Status),
+        (0, point(0, 1_000_000)),
+        (0, point(0, 0)),
+        (0, point(25, 0)),
+        (0, point(50, 10_000)),
+        (0, point(50, 10_000)),
+        (0, point(75, 9_000_000)),
+        (0, point(75, 40_000)),
+        (0, point(100, 90_000)),
+        (0, point(125, 120_000)),
+        (0, point(150, 120_000)),
+        (0, Command::Status),
+        (500, Command::Status),
+        (0, point(175, 120_000)),
     ]
 }
 
@@ -219,6 +249,8 @@ fn told(reply: &Reply) -> String {
             });
             values.collect::<Vec<_>>().join(" ")
         }
+        // How early it came and how far the table was behind are measured.
+        Reply::Followed { .. } => "followed".to_owned(),
         other => format!("{other:?}"),
     }
 }
@@ -310,11 +342,12 @@ fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
     }
     ensure!(differ.is_empty(), "{}", differ.join("\n"));
     ensure!(compared > 5, "{compared} places of the table compared");
-    let moved = Travel::Done.word();
-    let done = |(reply, _): &&Told| reply.contains(&format!("travel {moved} "));
-    ensure!(
-        simulated.iter().any(|reply| done(&reply)),
-        "no move was done: {simulated:?}"
-    );
+    for travel in [Travel::Done, Travel::Following, Travel::StreamEnded] {
+        let word = format!("travel {} ", travel.word());
+        ensure!(
+            simulated.iter().any(|(reply, _)| reply.contains(&word)),
+            "no status with {travel:?}: {simulated:?}"
+        );
+    }
     Ok(())
 }

@@ -2,6 +2,7 @@
 
 mod commission;
 pub mod connect;
+mod follow;
 pub mod motion;
 mod options;
 mod record;
@@ -31,6 +32,7 @@ pub fn carry_out(mut client: connect::Drive, task: &Task) -> Result<()> {
         Task::Arm => motion::arm(&mut client),
         Task::Jog(jog) => motion::jog(&mut client, jog),
         Task::Move(travel) => motion::travel(&mut client, travel),
+        Task::Follow(options) => follow::follow(&mut client, options),
         Task::Torque(options) => torque::torque(&mut client, options),
         Task::Home(home) => motion::home(&mut client, home),
         Task::Stop => motion::stop(&mut client),

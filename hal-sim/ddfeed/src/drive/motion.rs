@@ -127,7 +127,7 @@ pub fn reset(drive: &mut Drive) -> Result<()> {
 }
 
 /// The nut speed that a motion is asked with, rad/s.
-fn base(lead: &LeadOptions) -> Option<f64> {
+pub fn base(lead: &LeadOptions) -> Option<f64> {
     lead.nut_rpm.map(|rpm| rpm * TAU / 60.0)
 }
 

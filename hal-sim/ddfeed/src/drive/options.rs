@@ -4,6 +4,7 @@ use crate::hold::Hold;
 use crate::session::{FULL_RATE, divider};
 use anyhow::{Result, ensure};
 use clap::{Args, Subcommand, ValueEnum};
+use control::stream::DELAY_MS;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -84,6 +85,8 @@ pub enum Task {
     /// Move the table by a distance or to a homed position, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its
     /// way.
     Move(MoveOptions),
+    /// The table follows positions of a file or of the standard input, and comes to rest at their end. Ctrl-C ends it on its way.
+    Follow(FollowOptions),
     /// One motor follows a torque until Ctrl-C, which brings it to rest; the other holds a speed.
     Torque(TorqueOptions),
     /// Find the table's place: to its end switch and off it again, as the settings `travel` say, and come to rest. Soft limits act
@@ -204,6 +207,26 @@ pub struct MoveOptions {
     /// Largest table velocity on the way, mm/s.
     #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
     pub table_speed: f64,
+    #[command(flatten)]
+    pub lead: LeadOptions,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A stream of positions.
+#[derive(Args, Debug)]
+pub struct FollowOptions {
+    /// A file with the columns time_s and position_mm, and velocity_mm_s if it is known; - is the standard input. Times are 1 to 50 ms
+    /// apart.
+    #[arg(value_name = "FILE.csv")]
+    pub file: PathBuf,
+    /// Positions are homed ones, and the table stands at the first; else they count from where the table stands.
+    #[arg(long)]
+    pub homed: bool,
+    /// How long a set-point waits for its turn, ms: so much later it may come. Where one is missing at its turn, the table comes to rest.
+    #[arg(long, value_name = "MS", default_value_t = 60)]
+    pub delay_ms: u16,
     #[command(flatten)]
     pub lead: LeadOptions,
     /// As JSON.
@@ -457,6 +480,15 @@ impl Task {
                 finite("--table-speed", jog.table_speed)?;
                 finite("--nut-rpm", jog.lead.nut_rpm.unwrap_or_default())?;
                 lasting(jog.duration)?;
+            }
+            Task::Follow(follow) => {
+                finite("--nut-rpm", follow.lead.nut_rpm.unwrap_or_default())?;
+                let [least, most] = DELAY_MS;
+                ensure!(
+                    (least..=most).contains(&follow.delay_ms),
+                    "--delay-ms is {} ms, but {least} to {most} ms are possible",
+                    follow.delay_ms
+                );
             }
             Task::Torque(torque) => {
                 finite("--nm", torque.nm.unwrap_or_default())?;
