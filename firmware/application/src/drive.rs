@@ -122,7 +122,7 @@ impl<F, O, J, W> Commanded<'_, '_, F, O, J, W> {
 /// Why the link refuses what the control does not allow.
 const fn refusal(error: CommandError) -> Refusal {
     match error {
-        CommandError::Velocity { .. } => Refusal::Velocity,
+        CommandError::Velocity { .. } | CommandError::Relative { .. } => Refusal::Velocity,
         CommandError::Current { .. } => Refusal::Current,
         CommandError::Speed { .. } => Refusal::MotorSpeed,
     }

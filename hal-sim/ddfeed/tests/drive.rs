@@ -450,6 +450,59 @@ fn a_homed_table_moves_to_a_position() {
     assert!(said.contains("--to is 1000000000 mm"), "{said}");
 }
 
+/// Each motor turns while the other rests; the screw turns by an angle.
+#[test]
+fn one_motor_turns_while_the_other_rests() {
+    let served = Served::new(&[]);
+    for (motor, rpm, speeds) in [("screw", "120", [120.0, 0.0]), ("nut", "-90", [0.0, -90.0])] {
+        let turn = [
+            "turn",
+            "--motor",
+            motor,
+            "--rpm",
+            rpm,
+            "--arm",
+            "--duration",
+            "2",
+        ];
+        let mut turning = served.command(&turn).stdout(Stdio::null()).spawn().unwrap();
+        served.until("running");
+        sleep(Duration::from_millis(800));
+        let status = served.status();
+        for (name, expected) in ["screw", "nut"].into_iter().zip(speeds) {
+            let now = number(&status[name]["speed_rpm"]);
+            assert!(
+                (now - expected).abs() < 5.0,
+                "{name} at {now} rpm: {status}"
+            );
+        }
+        assert!(turning.wait().unwrap().success());
+        served.until("ready");
+    }
+    // A quarter of a turn of 5 mm.
+    let before = number(&served.status()["table"]["position_mm"]);
+    let said = served.printed(&["turn", "--angle", "-90", "--arm"]);
+    assert!(said.contains("moved -1.2"), "{said}");
+    let moved = number(&served.status()["table"]["position_mm"]) - before;
+    assert!((moved + 1.25).abs() < 0.02, "{moved} mm");
+    for (code, arguments, expected) in [
+        (
+            1,
+            &["turn", "--motor", "nut", "--angle", "90"][..],
+            "--angle is for the screw",
+        ),
+        (1, &["turn", "--angle", "0"], "--angle is 0 degrees"),
+        (
+            3,
+            &["turn", "--rpm", "1300", "--arm"],
+            "feed.velocity_max_mm_s",
+        ),
+    ] {
+        let said = served.fails(code, arguments);
+        assert!(said.contains(expected), "{arguments:?} said:\n{said}");
+    }
+}
+
 /// Positions of a file and of a pipe: the table follows them, and the command says how far it was behind.
 #[test]
 fn a_table_follows_positions_of_a_file_and_of_a_pipe() {

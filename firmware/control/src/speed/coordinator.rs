@@ -42,13 +42,10 @@ pub struct CoordinatorConfig {
 }
 
 impl CoordinatorConfig {
-    /// Table velocity of a screw that turns so fast against the nut.
+    /// Fastest that the screw may turn against the nut.
     #[must_use]
-    pub fn table_velocity(&self, relative: MechanicalSpeed) -> TableVelocity {
-        // From 2^-18 rad/s and 2^-12 rad/m to 2^-29 m/s: 32 bits and 23 fit.
-        let bits = i64::from(relative.to_bits()).wrapping_shl(23);
-        let velocity = bits.checked_div(self.radians_per_metre.to_bits().into());
-        narrow_bits(velocity.unwrap_or(i64::MAX), 1)
+    pub fn relative_max(&self) -> MechanicalSpeed {
+        narrow(self.velocity_max.wide_mul(self.radians_per_metre))
     }
 }
 
@@ -127,6 +124,13 @@ pub enum CommandError {
         /// What is allowed, m/s.
         allowed: TableVelocity,
     },
+    /// The screw would turn against the nut faster than the feed may move.
+    Relative {
+        /// What was asked, mechanical rad/s.
+        asked: MechanicalSpeed,
+        /// What is allowed, mechanical rad/s.
+        allowed: MechanicalSpeed,
+    },
     /// A motor's torque set-point is beyond its limit.
     Current {
         /// 0 is the screw, 1 the nut.
@@ -156,6 +160,11 @@ impl core::fmt::Display for CommandError {
                     "a table velocity of {asked:.4} m/s was asked, but the feed allows ±{allowed:.4} m/s: ask for less"
                 )
             }
+            Self::Relative { asked, allowed } => write!(
+                f,
+                "the screw would turn against the nut at up to {asked:.1} rad/s, but the feed allows {allowed:.1} rad/s: lower the speed \
+                 limit or the base speed"
+            ),
             Self::Current {
                 motor,
                 asked,

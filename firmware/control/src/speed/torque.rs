@@ -59,13 +59,10 @@ impl TorqueCommand {
                 allowed,
             });
         }
-        let asked =
-            coordinator.table_velocity(self.speed_max.saturating_add(base.saturating_abs()));
-        if asked > coordinator.velocity_max {
-            return Err(CommandError::Velocity {
-                asked,
-                allowed: coordinator.velocity_max,
-            });
+        let asked = self.speed_max.saturating_add(base.saturating_abs());
+        let allowed = coordinator.relative_max();
+        if asked > allowed {
+            return Err(CommandError::Relative { asked, allowed });
         }
         Ok(())
     }

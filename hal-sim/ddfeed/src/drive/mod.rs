@@ -10,6 +10,7 @@ mod settings;
 mod status;
 mod torque;
 mod tune;
+mod turn;
 
 pub use options::{DriveOptions, LineOptions, RecordCommand, ReferenceOptions, Task};
 pub use settings::reference;
@@ -32,6 +33,7 @@ pub fn carry_out(mut client: connect::Drive, task: &Task) -> Result<()> {
         Task::Arm => motion::arm(&mut client),
         Task::Jog(jog) => motion::jog(&mut client, jog),
         Task::Move(travel) => motion::travel(&mut client, travel),
+        Task::Turn(options) => turn::turn(&mut client, options),
         Task::Follow(options) => follow::follow(&mut client, options),
         Task::Torque(options) => torque::torque(&mut client, options),
         Task::Home(home) => motion::home(&mut client, home),

@@ -85,6 +85,8 @@ pub enum Task {
     /// Move the table by a distance or to a homed position, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its
     /// way.
     Move(MoveOptions),
+    /// Turn one motor while the other rests, until Ctrl-C; or the screw by an angle. Turning either moves the table.
+    Turn(TurnOptions),
     /// The table follows positions of a file or of the standard input, and comes to rest at their end. Ctrl-C ends it on its way.
     Follow(FollowOptions),
     /// One motor follows a torque until Ctrl-C, which brings it to rest; the other holds a speed.
@@ -212,6 +214,26 @@ pub struct MoveOptions {
     /// As JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A motor that turns.
+#[derive(Args, Debug)]
+pub struct TurnOptions {
+    /// The motor.
+    #[arg(long, value_enum, default_value_t = Motor::Screw)]
+    pub motor: Motor,
+    /// Its speed, rpm. With --angle it is the largest on the way.
+    #[arg(long, value_name = "RPM", default_value_t = 60.0)]
+    pub rpm: f64,
+    /// By so many degrees, by the table's scale and the lead, instead of until Ctrl-C: the screw only.
+    #[arg(long, value_name = "DEG", conflicts_with = "duration")]
+    pub angle: Option<f64>,
+    /// For so long, s, instead of until Ctrl-C.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Arm it first, as `arm` does.
+    #[arg(long)]
+    pub arm: bool,
 }
 
 /// A stream of positions.
@@ -480,6 +502,22 @@ impl Task {
                 finite("--table-speed", jog.table_speed)?;
                 finite("--nut-rpm", jog.lead.nut_rpm.unwrap_or_default())?;
                 lasting(jog.duration)?;
+            }
+            Task::Turn(turn) => {
+                finite("--rpm", turn.rpm)?;
+                lasting(turn.duration)?;
+                if let Some(degrees) = turn.angle {
+                    finite("--angle", degrees)?;
+                    ensure!(
+                        turn.motor == Motor::Screw,
+                        "--angle is for the screw: a move's base speed is one of both motors, so the nut cannot turn by an angle alone"
+                    );
+                    ensure!(
+                        degrees != 0.0 && turn.rpm > 0.0,
+                        "--angle is {degrees} degrees and --rpm {} rpm, but an angle other than 0 and a speed above 0 are needed",
+                        turn.rpm
+                    );
+                }
             }
             Task::Follow(follow) => {
                 finite("--nut-rpm", follow.lead.nut_rpm.unwrap_or_default())?;
