@@ -173,6 +173,8 @@ impl SpeedTask {
     ///
     /// # Errors
     /// [`CommandError`] if a motor or the feed does not allow it; the old command stays.
+    #[cold]
+    #[inline(never)]
     pub fn command_torque(
         &mut self,
         config: &DriveConfig,
@@ -322,19 +324,23 @@ impl SpeedTask {
                 ..SpeedTaskOutput::default()
             };
         }
-        let output = if self.torque.is_none() {
-            self.drive::<false>(config, request.scale, exchanges, look)
-        } else {
-            self.drive_torque(config, request.scale, exchanges, look)
-        };
+        if self.torque.is_some() {
+            return self.drive_torque(config, request.scale, exchanges, look);
+        }
+        let output = self.drive::<false>(config, request.scale, exchanges, look);
+        self.expect_bus(config, exchanges);
+        output
+    }
+
+    /// A division for each motor: one a step.
+    #[inline(always)]
+    fn expect_bus(&self, config: &DriveConfig, [screw, nut]: [&MotorExchange; 2]) {
         let [screw_loop, nut_loop] = &config.current_loops;
-        // A division each: one a step.
         if self.look & 1 == 0 {
             screw.expect_bus(screw_loop);
         } else {
             nut.expect_bus(nut_loop);
         }
-        output
     }
 
     /// The next state, and the coordinator's command where that state drives. It takes the demand by itself: the compiler would
@@ -493,7 +499,9 @@ impl SpeedTask {
         exchanges: [&MotorExchange; 2],
         look: Look,
     ) -> SpeedTaskOutput {
-        self.drive::<true>(config, scale, exchanges, look)
+        let output = self.drive::<true>(config, scale, exchanges, look);
+        self.expect_bus(config, exchanges);
+        output
     }
 
     /// A step in which the pair is not driven. Not a part of [`decide`](Self::decide), after which it may be: the longest way through

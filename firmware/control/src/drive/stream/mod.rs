@@ -201,7 +201,7 @@ impl Stream {
         }
     }
 
-    /// Opens it anew: positions count from where the scale counts `zero`, and set-points wait for `delay_ms`, which is cut to
+    /// Opens another: positions count from where the scale counts `zero`, and set-points wait for `delay_ms`, which is cut to
     /// [`DELAY_MS`].
     pub fn open(&mut self, zero: i32, delay_ms: u16) {
         let [least, most] = DELAY_MS;
