@@ -180,13 +180,15 @@ impl SpeedStep {
             velocity: TableVelocity::from_bits(words.velocity.load(Relaxed)),
             base: MechanicalSpeed::from_bits(words.base.load(Relaxed)),
         };
+        let config = parts.config;
         let taken = match words.torque() {
-            None => control.command(parts.config, command),
-            Some(torque) => control.command_torque(parts.config, torque, command.base),
+            None => control.command(config, command).is_ok(),
+            Some(torque) => control.command_torque(config, torque, command.base).is_ok(),
         };
-        match taken {
-            Ok(()) => count(&parts.view.taken),
-            Err(_) => count(&parts.view.refused),
-        };
+        count(if taken {
+            &parts.view.taken
+        } else {
+            &parts.view.refused
+        });
     }
 }

@@ -246,7 +246,7 @@ codes! {
         Unaligned = 19, "unaligned", "The rotor angles are not known: `arm` aligns the motors first.";
         NotHomed = 20, "not homed", "The table's position is not known: `home` finds it first.";
         NoStream = 21, "no stream", "No stream is open: a set-point that was missing at its turn, or a stop, has ended it. Begin another.";
-        StreamFull = 22, "stream full", "The drive keeps 128 set-points: send each as its time comes.";
+        StreamFull = 22, "stream full", "The drive keeps 64 set-points: send each as its time comes.";
         Spacing = 23, "spacing", "The times of two set-points must be 1 to 50 ms apart.";
         Step = 24, "step", "The set-point is further from the last one than the table goes meanwhile (setting feed.velocity_max_mm_s), or the first one is more than 0.1 mm from the table.";
         Delay = 25, "delay", "A set-point of a stream may wait for 5 to 200 ms.";

@@ -54,6 +54,8 @@ pub struct SpeedTask {
     followed: Command,
     /// The torque that is asked, and the one that is followed.
     torque_asked: Option<TorqueCommand>,
+    /// Which way the table is asked to go, or goes by a torque.
+    heading: TableVelocity,
     torque: Option<TorqueCommand>,
     /// What its motor was last asked for, A.
     pushed: Current,
@@ -117,6 +119,7 @@ impl SpeedTask {
             blocked: [false; 2],
             followed: Command::rest(),
             torque_asked: None,
+            heading: TableVelocity::ZERO,
             torque: None,
             pushed: Current::ZERO,
             state: State::Boot,
@@ -164,6 +167,7 @@ impl SpeedTask {
         Coordinator::new().command(&config.coordinator, command)?;
         self.asked_for = command;
         self.command = command.within(self.blocked);
+        self.heading = self.command.velocity;
         self.torque_asked = None;
         self.due = true;
         Ok(())
@@ -193,10 +197,6 @@ impl SpeedTask {
     #[must_use]
     #[inline(always)]
     pub fn planned(&self) -> (Speed, SpeedChange) {
-        if self.torque.is_some() {
-            cold_path();
-            return self.coordinator.pushed();
-        }
         self.coordinator.planned()
     }
 
@@ -317,15 +317,22 @@ impl SpeedTask {
             && !(look == Look::Interlock && self.holds())
             && request.demand == Demand::Run
             && came == 0;
-        if !goes_on && let Some(undriven) = self.decide(config, request.demand, exchanges, found) {
-            return SpeedTaskOutput {
-                current: self.stand(config, undriven, request.scale, exchanges),
-                state: self.state,
-                ..SpeedTaskOutput::default()
-            };
-        }
-        if self.torque.is_some() {
-            return self.drive_torque(config, request.scale, exchanges, look);
+        if !goes_on {
+            if let Some(undriven) = self.decide(config, request.demand, exchanges, found) {
+                return SpeedTaskOutput {
+                    current: self.stand(config, undriven, request.scale, exchanges),
+                    state: self.state,
+                    ..SpeedTaskOutput::default()
+                };
+            }
+            if self.torque.is_some() {
+                let (current, speed) = self.drive_torque(config, request.scale, exchanges, look);
+                return SpeedTaskOutput {
+                    current,
+                    speed,
+                    state: self.state,
+                };
+            }
         }
         let output = self.drive::<false>(config, request.scale, exchanges, look);
         self.expect_bus(config, exchanges);
@@ -399,11 +406,9 @@ impl SpeedTask {
             }
             self.latched = FaultSet::EMPTY;
         }
-        let (target, torque) = match self.state {
-            State::Running | State::Holding if self.brake.is_open(&config.brake) => {
-                (self.command, self.torque_asked)
-            }
-            State::Running | State::Holding | State::Stopping => (Command::rest(), None),
+        let target = match self.state {
+            State::Running | State::Holding if self.brake.is_open(&config.brake) => self.command,
+            State::Running | State::Holding | State::Stopping => Command::rest(),
             _ => {
                 self.torque = None;
                 return Some(Undriven {
@@ -418,8 +423,8 @@ impl SpeedTask {
             RotorFrame::of(screw.alignment(), screw_loop.observer.pole_pairs),
             RotorFrame::of(nut.alignment(), nut_loop.observer.pole_pairs),
         ];
-        if torque != self.torque {
-            self.turn_to(config, torque, exchanges);
+        if self.torque_asked.is_some() || self.torque.is_some() {
+            self.look_at_torque(config, exchanges);
         }
         if target != self.followed {
             // Checked when it was given, and rest is always allowed; a refusal would leave the old target.
@@ -428,6 +433,8 @@ impl SpeedTask {
         }
         self.due = self.command.differs(self.followed) != 0
             || self.rests_for.is_some()
+            // A torque is looked at in each step, so that one without it need not ask.
+            || self.torque.is_some()
             || self.too_hot != [false; 2];
         None
     }
@@ -435,12 +442,14 @@ impl SpeedTask {
     /// Goes over to a torque, to another one, or back to speeds.
     #[cold]
     #[inline(never)]
-    fn turn_to(
-        &mut self,
-        config: &DriveConfig,
-        torque: Option<TorqueCommand>,
-        exchanges: [&MotorExchange; 2],
-    ) {
+    fn look_at_torque(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
+        self.end_at_limit();
+        let runs = matches!(self.state, State::Running | State::Holding);
+        let follows = runs && self.brake.is_open(&config.brake);
+        let torque = self.torque_asked.filter(|_| follows);
+        if torque == self.torque {
+            return;
+        }
         let same = |one: TorqueCommand, other: TorqueCommand| {
             one.motor == other.motor && one.backwards() == other.backwards()
         };
@@ -469,6 +478,7 @@ impl SpeedTask {
     }
 
     /// A torque does not push the table on to a limit: it is held there until something else is asked.
+    #[cold]
     fn end_at_limit(&mut self) {
         let Some(torque) = self.torque_asked else {
             return;
@@ -477,19 +487,13 @@ impl SpeedTask {
         let heading = torque.heading(self.coordinator.relative());
         if forwards && heading > TableVelocity::ZERO || backwards && heading < TableVelocity::ZERO {
             self.torque_asked = None;
+            self.heading = TableVelocity::ZERO;
+        } else {
+            self.heading = heading;
         }
     }
 
-    /// Which way the table is asked to go.
-    #[inline(always)]
-    fn heading(&self) -> TableVelocity {
-        match self.torque_asked {
-            None => self.command.velocity,
-            Some(torque) => torque.heading(self.coordinator.relative()),
-        }
-    }
-
-    /// A step in which one motor follows a torque.
+    /// A step in which one motor follows a torque. It gives the parts of an output: a whole one would be written to memory in each step.
     #[cold]
     #[inline(never)]
     fn drive_torque(
@@ -498,10 +502,10 @@ impl SpeedTask {
         scale: Option<u32>,
         exchanges: [&MotorExchange; 2],
         look: Look,
-    ) -> SpeedTaskOutput {
+    ) -> ([CurrentReference; 2], [SpeedReference; 2]) {
         let output = self.drive::<true>(config, scale, exchanges, look);
         self.expect_bus(config, exchanges);
-        output
+        (output.current, output.speed)
     }
 
     /// A step in which the pair is not driven. Not a part of [`decide`](Self::decide), after which it may be: the longest way through
@@ -1037,7 +1041,7 @@ impl SpeedTask {
     /// Rest is commanded, and both references are there.
     #[inline(always)]
     fn holds(&self) -> bool {
-        self.followed == Command::rest() && self.coordinator.at_rest() && self.torque.is_none()
+        self.followed == Command::rest() && self.coordinator.at_rest()
     }
 
     /// Looks at inputs and heartbeat.
@@ -1049,6 +1053,7 @@ impl SpeedTask {
             cold_path();
             self.blocked = request.inputs.blocked;
             self.command = self.asked_for.within(self.blocked);
+            self.heading = self.command.velocity;
             self.end_at_limit();
             self.due = true;
         }
@@ -1070,7 +1075,7 @@ impl SpeedTask {
             }
             State::Aligning => (demand == Demand::Align).then_some(Alignment),
             State::Ready | State::Running | State::Holding | State::Stopping => {
-                (demand == Demand::Run).then_some(Table(self.heading()))
+                (demand == Demand::Run).then_some(Table(self.heading))
             }
         };
         if let (Some(motion), None) = (motion, self.rests_for) {

@@ -210,6 +210,8 @@ pub struct Coordinator {
     given: ProfileState,
     /// Where the base speed's wander is, and how fast it was there in the last step.
     wander: Wander,
+    /// What a torque makes of the table's share.
+    pushed: Profile,
 }
 
 /// State of a wander.
@@ -249,6 +251,7 @@ impl Coordinator {
                 change: SpeedChange::ZERO,
                 steps: 0,
             },
+            pushed: rest,
         }
     }
 
@@ -352,6 +355,7 @@ impl Coordinator {
         self.base.value = towards_zero(self.base.value, from_base).saturating_add(value);
         self.base.change = self.base.change.saturating_add(change);
         self.given = ProfileState::ZERO;
+        self.pushed = self.table;
     }
 
     /// One step in which a motor follows a torque, and `held` the base speed: its reference. `speeds` are those of screw and nut,
@@ -371,13 +375,22 @@ impl Coordinator {
         let [screw, nut] = mechanical(config, speeds);
         let relative = screw.saturating_sub(nut);
         // Over 16 steps: the speeds are measured ones.
-        let change = narrow_change(relative.saturating_sub(self.table.value));
-        let more = change.saturating_sub(self.table.change).to_bits() >> 4;
-        self.table.change = self
-            .table
+        let change = narrow_change(relative.saturating_sub(self.pushed.value));
+        let more = change.saturating_sub(self.pushed.change).to_bits() >> 4;
+        let gained = self
+            .pushed
             .change
             .saturating_add(SpeedChange::from_bits(more));
-        self.table.value = relative;
+        self.pushed = Profile {
+            value: relative,
+            change: gained,
+        };
+        // What the table gains ends with the torque, once that is seen.
+        let gained = ProfileState::from(gained).saturating_mul_int(SEEN_STEPS);
+        self.table = Profile {
+            value: relative.saturating_add(gained),
+            change: SpeedChange::ZERO,
+        };
         let pole_pairs = config.pole_pairs.get(held).copied().unwrap_or_default();
         SpeedReference {
             omega_e: electrical(self.base.value, pole_pairs),
@@ -396,8 +409,7 @@ impl Coordinator {
     ) -> ElectricalChange {
         let [screw, nut] = mechanical(config, speeds);
         let [screw_pairs, nut_pairs] = config.pole_pairs;
-        let gained = self.table.change;
-        self.table.change = SpeedChange::ZERO;
+        let gained = self.pushed.change;
         if motor == 0 {
             self.table.value = screw.saturating_sub(self.base.value);
             electrical_change(gained, screw_pairs)
@@ -466,14 +478,6 @@ impl Coordinator {
     #[inline(always)]
     pub fn planned(&self) -> (Speed, SpeedChange) {
         (self.relative(), self.table.change)
-    }
-
-    /// The same of a motor that follows a torque: what it gains ends with the torque, once that is seen.
-    #[must_use]
-    pub(crate) fn pushed(&self) -> (Speed, SpeedChange) {
-        let gained = ProfileState::from(self.table.change).saturating_mul_int(SEEN_STEPS);
-        let speed = self.table.value.saturating_add(gained);
-        (narrow(speed), SpeedChange::ZERO)
     }
 
     /// Both references have arrived at rest.

@@ -247,7 +247,7 @@ pub struct FollowOptions {
     #[arg(long)]
     pub homed: bool,
     /// How long a set-point waits for its turn, ms: so much later it may come. Where one is missing at its turn, the table comes to rest.
-    #[arg(long, value_name = "MS", default_value_t = 60)]
+    #[arg(long, value_name = "MS", default_value_t = 50)]
     pub delay_ms: u16,
     #[command(flatten)]
     pub lead: LeadOptions,

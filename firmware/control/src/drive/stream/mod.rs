@@ -24,7 +24,7 @@ use queue::Queue;
 use segment::{Knot, NM_BITS, Segment};
 
 /// Most set-points that wait.
-pub const WAITING: usize = 128;
+pub const WAITING: usize = 64;
 /// Shortest and longest delay, ms.
 pub const DELAY_MS: [u16; 2] = [5, 200];
 /// Shortest and longest time between two set-points, us.
