@@ -750,7 +750,7 @@ fn a_table_is_homed_and_stands_before_its_soft_limit() {
     assert_eq!(before["homed"], false);
     assert_eq!(before["limits"]["position_limits_act"], false);
     assert_eq!(served.status()["warnings"][0]["name"], "no brake");
-    // A phase's peak at the largest torque is past the bridge's limit of 20 A of the served board.
+    // A phase's peak at the largest torque is past the bridge's limit.
     served.printed(&["settings", "set", "--yes", "nut.torque_max_nm=40"]);
     served.until("ready");
     let warnings = &served.status()["warnings"];

@@ -3,12 +3,14 @@
 
 mod served;
 
-use plant::recording::COLUMNS;
+use plant::recording::{COLUMNS, Recording};
 use serde_json::{Value, json};
 use served::{Served, ddfeed};
+use std::f64::consts::TAU;
 use std::io::{BufRead, BufReader};
 use std::net::TcpStream;
 use std::process::{Child, Stdio};
+use std::thread::sleep;
 use std::time::{Duration, Instant};
 use tungstenite::{ClientRequestBuilder, Error, Message, WebSocket};
 
@@ -18,6 +20,8 @@ const PATIENCE: Duration = Duration::from_secs(30);
 const DATA: u8 = 1;
 const REQUEST: u8 = 2;
 const RESPONSE: u8 = 3;
+/// Number of the tests' subscription.
+const SUBSCRIPTION: u32 = 3;
 
 struct Bridge {
     child: Child,
@@ -130,6 +134,37 @@ impl Client {
         })
     }
 
+    /// Sets a setting; what is answered is for the test to wait for.
+    fn set(&mut self, name: &str, value: f64) {
+        let asked = json!({ "name": name, "value": value });
+        self.say(&json!({ "op": "setParameters", "parameters": [asked], "id": "set" }));
+    }
+
+    /// Subscribes to the telemetry.
+    fn subscribe(&mut self) -> Value {
+        let advertised = self.object("advertise");
+        let channel = advertised["channels"][0].clone();
+        let subscription = json!({ "id": SUBSCRIPTION, "channelId": channel["id"] });
+        self.say(&json!({ "op": "subscribe", "subscriptions": [subscription] }));
+        channel
+    }
+
+    /// The columns of the next row.
+    fn row(&mut self) -> [f64; COLUMNS.len()] {
+        self.until(|message| match message {
+            Message::Binary(bytes) if bytes[0] == DATA => {
+                assert_eq!(bytes[1..5], SUBSCRIPTION.to_le_bytes());
+                // Opcode, subscription, time, encapsulation, stamp, an empty text with its padding.
+                let (columns, rest) = bytes[13 + 4 + 8 + 8..].as_chunks();
+                assert!(rest.is_empty() && columns.len() == COLUMNS.len());
+                Some(std::array::from_fn(|column| {
+                    f64::from_le_bytes(columns[column])
+                }))
+            }
+            _ => None,
+        })
+    }
+
     fn parameter(&mut self, name: &str) -> Value {
         self.say(&json!({ "op": "getParameters", "parameterNames": [name], "id": "one" }));
         self.object("parameterValues")["parameters"][0]["value"].clone()
@@ -148,29 +183,14 @@ fn a_client_sees_the_telemetry_and_the_settings_and_changes_nothing() {
     let served = Served::new(&[]);
     let bridge = Bridge::new(&served, &[]);
     let mut client = bridge.client();
-    let advertised = client.object("advertise");
-    let channel = &advertised["channels"][0];
+    let channel = client.subscribe();
     assert_eq!(channel["topic"], "/drive");
     assert_eq!(channel["encoding"], "cdr");
     assert_eq!(channel["schemaEncoding"], "ros2msg");
     let schema = channel["schema"].as_str().unwrap();
     assert!(COLUMNS.iter().all(|name| schema.contains(name)), "{schema}");
 
-    let subscription = json!({ "id": 3, "channelId": channel["id"] });
-    client.say(&json!({ "op": "subscribe", "subscriptions": [subscription] }));
-    let mut times = Vec::new();
-    while times.len() < 200 {
-        times.push(client.until(|message| match message {
-            Message::Binary(bytes) if bytes[0] == DATA => {
-                assert_eq!(bytes[1..5], 3u32.to_le_bytes());
-                // Opcode, subscription, time, encapsulation, stamp, an empty text with its padding.
-                let columns = &bytes[13 + 4 + 8 + 8..];
-                assert_eq!(columns.len(), 8 * COLUMNS.len());
-                Some(f64::from_le_bytes(columns[..8].try_into().unwrap()))
-            }
-            _ => None,
-        }));
-    }
+    let times: Vec<f64> = (0..200).map(|_| client.row()[0]).collect();
     let steps = times.windows(2).map(|pair| pair[1] - pair[0]);
     assert!(
         steps.clone().all(|step| (step - 1e-3).abs() < 1e-6),
@@ -180,8 +200,7 @@ fn a_client_sees_the_telemetry_and_the_settings_and_changes_nothing() {
 
     assert_eq!(client.parameter("feed.lead_mm"), 5.0);
     let cutoff = client.parameter("tuning.speed_rad_s");
-    let asked = json!({ "name": "tuning.speed_rad_s", "value": 50.0 });
-    client.say(&json!({ "op": "setParameters", "parameters": [asked], "id": "two" }));
+    client.set("tuning.speed_rad_s", 50.0);
     let status = client.object("status");
     let said = status["message"].as_str().unwrap();
     assert!(said.contains("--foxglove-commands"), "{said}");
@@ -200,12 +219,10 @@ fn a_client_that_may_command_arms_sets_and_stops() {
     assert_eq!(client.call("arm").unwrap()["done"], "armed");
     assert_eq!(served.status()["armed"], true);
 
-    let asked = json!({ "name": "tuning.speed_rad_s", "value": 50.0 });
-    client.say(&json!({ "op": "setParameters", "parameters": [asked], "id": "two" }));
+    client.set("tuning.speed_rad_s", 50.0);
     client.object("parameterValues");
     assert_eq!(client.parameter("tuning.speed_rad_s"), 50.0);
-    let restarts = json!({ "name": "feed.lead_mm", "value": 10.0 });
-    client.say(&json!({ "op": "setParameters", "parameters": [restarts], "id": "three" }));
+    client.set("feed.lead_mm", 10.0);
     let status = client.object("status");
     let said = status["message"].as_str().unwrap();
     assert!(said.contains("restarts"), "{said}");
@@ -235,6 +252,55 @@ fn a_client_that_is_gone_leaves_the_drive_at_rest() {
     drop(client);
     served.until("ready");
     assert_eq!(served.status()["table"]["homed"], false);
+}
+
+/// Who only looks leaves the motion of another session alone.
+#[test]
+fn a_viewer_that_is_gone_stops_nobody_else() {
+    let served = Served::new(&[]);
+    let bridge = Bridge::new(&served, &[]);
+    let jog = ["jog", "--arm", "--table-speed", "2.5", "--duration", "4"];
+    let mut jogging = served.command(&jog).stdout(Stdio::null()).spawn().unwrap();
+    served.until("running");
+    let mut client = bridge.client();
+    client.object("advertise");
+    drop(client);
+    sleep(Duration::from_secs(1));
+    assert_eq!(served.status()["state"], "running");
+    assert!(jogging.wait().unwrap().success());
+}
+
+/// An alignment says how each encoder lies to its rotor. Rows after it have the rotors' angles, as a recording that begins then.
+#[test]
+fn rows_after_an_alignment_have_the_rotors_angles() {
+    let served = Served::new(&["--cold", "--board", "nucleo"]);
+    let bridge = Bridge::new(&served, &["--foxglove-commands"]);
+    let mut client = bridge.client();
+    client.subscribe();
+    client.parameter("feed.lead_mm");
+    assert_eq!(client.call("arm").unwrap()["done"], "armed");
+    // What came while it aligned is published first.
+    let end = Instant::now() + Duration::from_secs(1);
+    let mut row = client.row();
+    while Instant::now() < end {
+        row = client.row();
+    }
+
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    served.printed(&["record", &out, "--rate", "1000", "--duration", "0.2"]);
+    let recording = Recording::load(&folder.path().join("record.csv.gz")).unwrap();
+    let recorded = recording.samples().next().unwrap();
+    for name in ["screw_angle_rad", "nut_angle_rad"] {
+        let column = COLUMNS.iter().position(|known| *known == name).unwrap();
+        let apart = (row[column] - recorded.column(column)) / TAU;
+        assert!(
+            (apart - apart.round()).abs() < 1e-3,
+            "{name} is {} rad, recorded {} rad",
+            row[column],
+            recorded.column(column)
+        );
+    }
 }
 
 #[test]

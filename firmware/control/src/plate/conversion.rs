@@ -271,7 +271,22 @@ mod tests {
     use crate::plate::groups::{Direction, EncoderDirection, EncoderInterface, Switch};
     use crate::plate::parameter::Kind;
     use crate::speed::compensation::CompensationConfig;
+    use core::f64::consts::TAU;
     use std::string::ToString;
+
+    /// Kollmorgen (AKD User Guide, `MOTOR.KT`): `Kt = sqrt(3) 60 / (2 pi) Ke`, in N m per A rms. Per A peak it is that over `sqrt(2)`.
+    #[test]
+    fn a_torque_past_the_bridge_s_current_is_warned_of_and_none_below_it() {
+        let mut settings = Settings::DEFAULT;
+        let kt_rms =
+            3f64.sqrt() * 60.0 / (TAU * 1000.0) * settings.screw.voltage_constant_v_rms_per_krpm;
+        let limit = kt_rms / 2f64.sqrt() * settings.bridge.over_current_a;
+        for (part, warned) in [(0.999, false), (1.001, true)] {
+            settings.screw.torque_max_nm = part * limit;
+            let found = settings.warnings().any(|one| one == Warning::ScrewTorque);
+            assert_eq!(found, warned, "{part} of {limit} N m");
+        }
+    }
 
     /// The board of a plate with the paper's motors: 170 MHz, 20 kHz, ±5 A, 450 V.
     fn board() -> BoardPlate {

@@ -51,19 +51,16 @@ pub struct ScopeOptions {
 /// The page is not there, the drive is not reached, or the address is in use.
 pub fn run(options: &ScopeOptions) -> Result<()> {
     if let (Some(listen), Some(line)) = (options.foxglove, &options.line) {
-        #[cfg(feature = "foxglove")]
-        return foxglove::run(&foxglove::Serving {
-            line,
-            baud: options.baud,
-            listen,
-            commands: options.foxglove_commands,
-        });
-        #[cfg(not(feature = "foxglove"))]
-        {
-            let _ = (listen, line);
-            return Err(crate::missing_feature("--foxglove", "foxglove"));
-        }
+        return by_foxglove(options, line, listen);
     }
     let page = page::read(options.page.as_deref())?;
     server::run(options, page)
+}
+
+#[cfg(feature = "foxglove")]
+use foxglove::run as by_foxglove;
+
+#[cfg(not(feature = "foxglove"))]
+fn by_foxglove(_: &ScopeOptions, _: &LineOptions, _: SocketAddr) -> Result<()> {
+    Err(crate::missing_feature("--foxglove", "foxglove"))
 }

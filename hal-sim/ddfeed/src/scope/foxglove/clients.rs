@@ -6,9 +6,9 @@ use foxglove::websocket::{
     AnyClient, GetParametersResponder, Parameter, ParameterHandler, ServerListener,
     SetParametersResponder,
 };
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
 
 /// A service of the drive.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -42,55 +42,51 @@ pub enum Asked {
     Service(Service, Responder),
 }
 
-/// The queue of all clients, and their stop, which goes past it.
-pub struct Clients {
-    asked: Mutex<Receiver<Asked>>,
-    post: Arc<Post>,
-}
+/// The clients' end of the queue, and what goes past it.
+pub struct Clients(Arc<Post>);
 
-/// The clients' end.
 struct Post {
     asks: Sender<Asked>,
     stop: AtomicBool,
+    /// A client is gone.
+    leaving: AtomicBool,
 }
 
 impl Clients {
-    /// Of nobody yet.
-    pub fn new() -> Self {
+    /// Of nobody yet; and the end of the queue that is served.
+    pub fn new() -> (Self, Receiver<Asked>) {
         let (asks, asked) = channel();
-        Self {
-            asked: Mutex::new(asked),
-            post: Arc::new(Post {
-                asks,
-                stop: AtomicBool::new(false),
-            }),
-        }
+        let post = Post {
+            asks,
+            stop: AtomicBool::new(false),
+            leaving: AtomicBool::new(false),
+        };
+        (Self(Arc::new(post)), asked)
     }
 
-    /// What was asked first.
-    pub fn next(&self) -> Option<Asked> {
-        let asked = self.asked.lock().unwrap_or_else(PoisonError::into_inner);
-        asked.try_recv().ok()
-    }
-
-    /// Whether a stop is asked for. It is answered by [`Self::take_stop`].
-    pub fn stop_is_asked(&self) -> bool {
-        self.post.stop.load(Relaxed)
+    /// A stop is asked for, or a client is gone. Neither is taken.
+    pub fn stop_or_leaving(&self) -> bool {
+        self.0.stop.load(Relaxed) || self.0.leaving.load(Relaxed)
     }
 
     /// Takes the stop that is asked for.
     pub fn take_stop(&self) -> bool {
-        self.post.stop.swap(false, Relaxed)
+        self.0.stop.swap(false, Relaxed)
+    }
+
+    /// Takes the news that a client is gone.
+    pub fn take_leaving(&self) -> bool {
+        self.0.leaving.swap(false, Relaxed)
     }
 
     /// Hands what clients ask of parameters to the queue.
     pub fn parameters(&self) -> Arc<dyn ParameterHandler> {
-        Arc::new(Parameters(Arc::clone(&self.post)))
+        Arc::new(Parameters(Arc::clone(&self.0)))
     }
 
-    /// A client that goes away stops the drive.
+    /// Notices a client that goes away.
     pub fn listener(&self) -> Arc<dyn ServerListener> {
-        Arc::new(Leaving(Arc::clone(&self.post)))
+        Arc::new(Leaving(Arc::clone(&self.0)))
     }
 
     /// A service whose calls go to the queue.
@@ -106,7 +102,7 @@ impl Clients {
             .with_response("json", done);
         Served::builder(service.name(), schema).handler(Call {
             service,
-            post: Arc::clone(&self.post),
+            post: Arc::clone(&self.0),
         })
     }
 }
@@ -139,7 +135,7 @@ struct Leaving(Arc<Post>);
 
 impl ServerListener for Leaving {
     fn on_client_disconnect(&self) {
-        self.0.stop.store(true, Relaxed);
+        self.0.leaving.store(true, Relaxed);
     }
 }
 

@@ -5,12 +5,14 @@
 mod clients;
 mod parameters;
 
+use super::ScopeOptions;
 use crate::drive::LineOptions;
 use crate::drive::connect::{self, Drive};
 use crate::drive::motion::BEAT;
 use crate::interrupt::ctrl_c;
 use crate::mcap_file::{TOPIC, message};
 use crate::record::{EncoderFrame, sample};
+use crate::session::divider;
 use anyhow::{Context, Result, bail, ensure};
 use clients::{Asked, Clients, Service};
 use foxglove::websocket::{Capability, Status};
@@ -19,55 +21,45 @@ use foxglove::{
 };
 use link::codes::State;
 use link::host::Decoder;
+use link::host::client::Lost;
 use link::host::status::StatusReport;
 use link::message::{Command, Travel};
+use link::settings::Settings;
 use link::telemetry::Request;
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::Ordering::Relaxed;
+use std::sync::mpsc::Receiver;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 /// Rows a second.
-const RATE_HZ: f64 = 1000.0;
+const RATE_HZ: u32 = 1000;
 /// How long the drive's bytes are waited for.
 const WAIT: Duration = Duration::from_millis(2);
-/// How often a drive that homes is looked at.
+/// How often the drive is looked at.
 const LOOK: Duration = Duration::from_millis(100);
-
-/// Which drive, and for whom.
-#[derive(Clone, Copy, Debug)]
-pub struct Serving<'a> {
-    /// The drive.
-    pub line: &'a LineOptions,
-    /// Bits a second of the serial port.
-    pub baud: Option<u32>,
-    /// Where clients connect.
-    pub listen: SocketAddr,
-    /// Clients may arm, home and set settings.
-    pub commands: bool,
-}
 
 /// Serves until Ctrl-C. The drive then comes to rest, if a client moves it.
 ///
 /// # Errors
 /// The address is not this computer's or in use, or the drive is not reached or lost.
-pub fn run(serving: &Serving) -> Result<()> {
+pub fn run(options: &ScopeOptions, line: &LineOptions, listen: SocketAddr) -> Result<()> {
     ensure!(
-        serving.listen.ip().is_loopback(),
+        listen.ip().is_loopback(),
         "--foxglove is {}, but only addresses of this computer are possible, as 127.0.0.1:8765: the protocol has no token",
-        serving.listen
+        listen
     );
     let stop = ctrl_c().context("Ctrl-C cannot be caught")?;
-    let drive = connect::open(serving.line, serving.baud)?;
-    let clients = Clients::new();
-    let services: &[Service] = if serving.commands {
+    let drive = connect::open(line, options.baud)?;
+    let (clients, asked) = Clients::new();
+    let services: &[Service] = if options.foxglove_commands {
         &[Service::Stop, Service::Arm, Service::Home]
     } else {
         &[Service::Stop]
     };
     let server = WebSocketServer::new()
         .name("ddfeed")
-        .bind(serving.listen.ip().to_string(), serving.listen.port())
+        .bind(listen.ip().to_string(), listen.port())
         .supported_encodings(["json"])
         .capabilities([Capability::Parameters, Capability::Services])
         .parameter_handler(clients.parameters())
@@ -77,19 +69,19 @@ pub fn run(serving: &Serving) -> Result<()> {
         .with_context(|| {
             format!(
                 "{} cannot be listened at: is another program there? Give another with --foxglove",
-                serving.listen
+                listen
             )
         })?;
-    println!("ws://{}:{}", serving.listen.ip(), server.port());
+    println!("ws://{}:{}", listen.ip(), server.port());
     eprintln!("open the connection in Foxglove; Ctrl-C ends it");
-    if serving.commands {
+    if options.foxglove_commands {
         eprintln!(
             "clients may arm the drive: each page in a browser of this computer can connect, since the protocol does not tell who asks"
         );
     }
-    let mut session = Session::new(drive, server, serving.commands)?;
+    let mut session = Session::new(drive, server, options.foxglove_commands)?;
     while !stop.load(Relaxed) {
-        session.step(&clients)?;
+        session.step(&clients, &asked)?;
     }
     session.end()
 }
@@ -100,13 +92,19 @@ struct Session {
     server: WebSocketServerHandle,
     channel: Arc<RawChannel>,
     decoder: Decoder,
+    /// As the session began: what the encoders' ages are does not change while it lasts.
+    settings: Settings,
+    /// How the encoders lie to the rotors: an alignment changes it.
     encoders: [EncoderFrame; 2],
     /// Time of the stream's first row since 1970, ns.
     start_ns: u64,
     /// Clients may command.
     commands: bool,
-    /// When the drive that homes for a client was last looked at; `None`: it does not.
-    homing: Option<Instant>,
+    /// A client has armed the drive or moves it.
+    commanding: bool,
+    /// It homes for a client.
+    homing: bool,
+    looked: Instant,
     beaten: Instant,
 }
 
@@ -117,39 +115,48 @@ impl Session {
             .message_encoding("cdr")
             .schema(schema)
             .build_raw()?;
-        let aligned = drive.status()?.motors.map(|motor| motor.alignment);
-        let encoders = EncoderFrame::both(aligned, &drive.settings()?);
-        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let settings = drive.settings()?;
         let request = Request {
-            divider: (drive.speed_hz() / RATE_HZ).round().clamp(1.0, 255.0) as u8,
+            divider: divider(RATE_HZ)?,
             stream: 1,
         };
         drive.tell(Command::Record(request.word()))?;
         let start = SystemTime::now().duration_since(UNIX_EPOCH)?;
-        let beaten = drive.now();
-        Ok(Self {
+        let now = drive.now();
+        let mut session = Self {
             drive,
             server,
             channel,
             decoder: Decoder::new(request),
-            encoders,
+            settings,
+            encoders: [EncoderFrame::default(); 2],
             start_ns: start.as_nanos() as u64,
             commands,
-            homing: None,
-            beaten,
-        })
+            commanding: false,
+            homing: false,
+            looked: now,
+            beaten: now,
+        };
+        session.look()?;
+        Ok(session)
     }
 
     /// Serves what was asked, and what came.
-    fn step(&mut self, clients: &Clients) -> Result<()> {
-        if clients.take_stop() {
+    fn step(&mut self, clients: &Clients, asked: &Receiver<Asked>) -> Result<()> {
+        let (stop, leaving) = (clients.take_stop(), clients.take_leaving());
+        if stop || leaving && self.commanding {
             self.rest()?;
         }
-        if let Some(asked) = clients.next() {
+        if let Ok(asked) = asked.try_recv() {
             self.serve(asked, clients)?;
         }
-        if self.homing.is_some() {
-            self.attend()?;
+        let now = self.drive.now();
+        if self.homing && now - self.beaten > BEAT {
+            self.beaten = now;
+            self.drive.beat()?;
+        }
+        if now - self.looked > LOOK {
+            self.look()?;
         }
         self.drive.listen(WAIT)?;
         self.publish()
@@ -164,7 +171,7 @@ impl Session {
             Asked::Set(parameters, responder) => {
                 let names: Vec<String> = parameters.iter().map(|one| one.name.clone()).collect();
                 if let Err(error) = self.set(&parameters) {
-                    self.report(&error)?;
+                    self.show(refusal(error)?);
                 }
                 let settings = self.drive.settings()?;
                 let held = parameters::of(&settings, &names);
@@ -181,10 +188,7 @@ impl Session {
                     Ok(sentence) => {
                         responder.respond_ok(serde_json::json!({ "done": sentence }).to_string())
                     }
-                    Err(error) => {
-                        responder.respond_err(format!("{error:#}"));
-                        refused_only(error)?;
-                    }
+                    Err(error) => responder.respond_err(refusal(error)?),
                 }
             }
         }
@@ -208,48 +212,47 @@ impl Session {
         Ok(())
     }
 
-    /// Shows an error to all clients; one that is no refusal ends the session.
-    fn report(&self, error: &anyhow::Error) -> Result<()> {
-        self.server
-            .publish_status(Status::error(format!("{error:#}")));
-        if error.is::<link::host::client::Lost>() {
-            bail!("{error:#}");
-        }
-        Ok(())
+    /// Shows an error to all clients.
+    fn show(&self, sentence: String) {
+        self.server.publish_status(Status::error(sentence));
     }
 
     fn arm(&mut self, clients: &Clients) -> Result<&'static str> {
-        match self.drive.arm(|_| !clients.stop_is_asked())? {
+        let state = self.drive.arm(|_| !clients.stop_or_leaving())?;
+        self.look()?;
+        match state {
             State::Fault(fault) => bail!("{}: {}", fault.name(), fault.sentence()),
             State::Unaligned => bail!("the alignment was interrupted: the bridges are open"),
-            _ => Ok("armed"),
+            _ => {
+                self.commanding = true;
+                Ok("armed")
+            }
         }
-    }
-
-    fn rest(&mut self) -> Result<&'static str> {
-        self.homing = None;
-        self.drive.tell(Command::Stop)?;
-        Ok("comes to rest")
     }
 
     fn home(&mut self) -> Result<&'static str> {
         self.drive.tell(Command::Home { base: None })?;
-        self.homing = Some(self.drive.now());
-        Ok("homing: the status `travel` tells its end")
+        (self.commanding, self.homing) = (true, true);
+        Ok("homing: the drive rests at the end")
     }
 
-    /// Heartbeats for a drive that homes, and its rest at the end.
-    fn attend(&mut self) -> Result<()> {
-        let now = self.drive.now();
-        if now - self.beaten > BEAT {
-            self.beaten = now;
-            self.drive.beat()?;
-        }
-        if self.homing.is_some_and(|looked| now - looked > LOOK) {
-            self.homing = Some(now);
-            let seen = StatusReport::of(self.drive.status()?);
-            if seen.travel() != Some(Travel::Homing) {
-                self.rest()?;
+    fn rest(&mut self) -> Result<&'static str> {
+        (self.commanding, self.homing) = (false, false);
+        self.drive.tell(Command::Stop)?;
+        Ok("comes to rest")
+    }
+
+    /// How the encoders lie, and whether the drive has homed, or why not.
+    fn look(&mut self) -> Result<()> {
+        self.looked = self.drive.now();
+        let status = self.drive.status()?;
+        let aligned = status.motors.map(|motor| motor.alignment);
+        self.encoders = EncoderFrame::both(aligned, &self.settings);
+        let travel = StatusReport::of(status).travel();
+        if self.homing && travel != Some(Travel::Homing) {
+            self.rest()?;
+            if let Some(travel) = travel.filter(|travel| *travel != Travel::Homed) {
+                self.show(format!("not homed: {}", travel.sentence()));
             }
         }
         Ok(())
@@ -273,9 +276,9 @@ impl Session {
         Ok(())
     }
 
-    /// Brings a drive that homes to rest, and ends the telemetry.
+    /// Brings a drive that a client moves to rest, and ends the telemetry.
     fn end(mut self) -> Result<()> {
-        if self.homing.is_some() {
+        if self.commanding {
             self.rest()?;
         }
         let none = Request {
@@ -286,10 +289,13 @@ impl Session {
     }
 }
 
-/// A drive that refuses is still there.
-fn refused_only(error: anyhow::Error) -> Result<()> {
-    if error.is::<link::host::client::Lost>() {
+/// The sentence of an error after which the drive is still there.
+///
+/// # Errors
+/// The drive is lost.
+fn refusal(error: anyhow::Error) -> Result<String> {
+    if error.is::<Lost>() {
         return Err(error);
     }
-    Ok(())
+    Ok(format!("{error:#}"))
 }
