@@ -5,7 +5,7 @@ use crate::debug_view::DRIVE_VIEW;
 use crate::hw::cycles;
 use crate::hw::flash::SettingsPages;
 use crate::hw::serial::Serial;
-use crate::motor_loop::exchanges;
+use crate::motor_loop::{BURST, exchanges};
 use application::drive::World;
 use application::exchange::TelemetryExchange;
 use application::keep::Keeper;
@@ -20,8 +20,8 @@ use link::settings::Settings;
 use rtic::Mutex;
 use rtt_target::{ChannelMode, DownChannel, UpChannel};
 
-/// Bytes of the link's RTT channels: to the host, telemetry for 80 ms at 5 kHz; from the host, a few commands.
-pub(crate) const RTT_UP_BYTES: usize = 20 * 1024;
+/// Bytes of the link's RTT channels: to the host, telemetry for 56 ms at 5 kHz; from the host, a few commands.
+pub(crate) const RTT_UP_BYTES: usize = 14 * 1024;
 pub(crate) const RTT_DOWN_BYTES: usize = 512;
 
 /// What the speed task tells the lines.
@@ -148,6 +148,7 @@ impl Lines {
             configured: configured(),
             words: words(),
             telemetry: &TELEMETRY,
+            burst: &BURST,
             view: &DRIVE_VIEW,
             motors: exchanges(),
             keeper: *keeper,

@@ -5,6 +5,7 @@ use crate::debug_view::{DRIVE_VIEW, keep_max};
 use crate::hw::cycles;
 use crate::hw::encoder::Encoder;
 use crate::hw::motor_io::Registers;
+use application::burst::Burst;
 use application::exchange::show;
 use control::current_loop::{CurrentLoop, CurrentLoopConfig};
 use control::exchange::MotorExchange;
@@ -45,6 +46,9 @@ impl Motor {
 /// Screw, nut.
 pub(crate) static MOTORS: [Motor; 2] = [Motor::new(0), Motor::new(1)];
 
+/// The periods that a burst keeps.
+pub(crate) static BURST: Burst = Burst::new();
+
 /// The words of both with the speed task.
 #[inline(always)]
 pub(crate) fn exchanges() -> [&'static MotorExchange; 2] {
@@ -81,6 +85,7 @@ where
         // SAFETY: it is this loop's alone, which is borrowed for as long.
         let (config, control) = unsafe { &mut *motor.own.get() };
         control.period(config, &mut self.registers, &motor.exchange, say_stale);
+        BURST.after_period(&motor.exchange, &DRIVE_VIEW);
         let spent = cycles::now().wrapping_sub(start);
         motor.cycles.store(spent, Relaxed);
         keep_max(&motor.cycles_max, spent);

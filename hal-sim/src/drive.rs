@@ -456,6 +456,7 @@ impl Drive {
         self.code.compares[k] = command;
         self.board.write(axis, command);
         self.code.samples[k] = sample;
+        seam.looped(axis, &self.code.exchanges[k]);
     }
 
     /// What another controller adds to the references of a drive that runs.

@@ -19,6 +19,8 @@ pub trait Seam {
     fn currents(&mut self, _axis: Axis, _amps: &mut [f64; 3]) {}
     /// What the board has read for `axis`, before its current loop sees it.
     fn sample(&mut self, _axis: Axis, _sample: &mut MotorSample) {}
+    /// After a period of the current loop of `axis`.
+    fn looped(&mut self, _axis: Axis, _exchange: &MotorExchange) {}
     /// What is asked of the speed task.
     fn request(&mut self, _request: &mut Request) {}
     /// A current, A, that is added to the reference of `axis` after the speed task has asked it: another controller's.

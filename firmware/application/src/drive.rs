@@ -1,5 +1,6 @@
 //! The drive as the link commands it.
 
+use crate::burst::Motor;
 use crate::exchange::state;
 use crate::orders::Orders;
 use crate::parts::{Access, LinesParts};
@@ -13,6 +14,8 @@ use control::observer::EncoderAlignment;
 use control::table_move::{MoveError, MovePlan};
 use core::sync::atomic::Ordering::Relaxed;
 use embedded_storage::nor_flash::NorFlash;
+use heapless::Vec;
+use link::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use link::codes::{Demand, State};
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
 use link::settings::{Effect, Settings};
@@ -296,6 +299,32 @@ where
 
     fn record(&mut self, request: u32) {
         self.asked.record = Some(request);
+    }
+
+    fn arm_burst(&mut self, request: BurstRequest) -> Result<(), Refusal> {
+        let parts = &*self.parts;
+        let loops = &parts.configured.drive.current_loops;
+        let config = loops
+            .get(usize::from(request.motor))
+            .ok_or(Refusal::Burst)?;
+        let motor = Motor {
+            config,
+            pwm_hz: parts.configured.words.pwm_hz,
+        };
+        parts.burst.arm(request, parts.motors, motor, parts.view)
+    }
+
+    fn end_burst(&mut self) {
+        self.parts.burst.end(self.parts.motors);
+    }
+
+    fn burst(&self) -> BurstStatus {
+        self.parts.burst.status(self.parts.motors)
+    }
+
+    fn burst_samples(&self, from: u16) -> Result<Vec<BurstSample, SAMPLES_A_FRAME>, Refusal> {
+        let loops = &self.parts.configured.drive.current_loops;
+        self.parts.burst.samples(from, loops)
     }
 
     fn inject(&mut self, injection: Injection) -> Result<(), Refusal> {

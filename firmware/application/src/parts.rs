@@ -1,5 +1,6 @@
 //! The parts of a drive that its lines work on.
 
+use crate::burst::Burst;
 use crate::configured::Configured;
 use crate::exchange::{DriveExchange, TelemetryExchange};
 use crate::keep::Keeper;
@@ -27,6 +28,8 @@ pub struct LinesParts<'a, F, O, J, W> {
     pub words: &'a DriveExchange,
     /// What the speed task tells.
     pub telemetry: &'a TelemetryExchange,
+    /// What the current loops' periods are kept in.
+    pub burst: &'a Burst,
     /// The debug view.
     pub view: &'a DriveView,
     /// Screw, nut.

@@ -5,6 +5,7 @@
 
 use control::journal::Journal;
 use heapless::Vec;
+use link::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, count, encode};
 use link::message::{
@@ -106,6 +107,20 @@ pub trait Served {
     fn store(&mut self) -> Result<(), NotSet>;
     /// Starts or ends the telemetry.
     fn record(&mut self, request: u32);
+    /// Arms a burst.
+    ///
+    /// # Errors
+    /// [`Refusal::BurstWaits`] or [`Refusal::Burst`]; the burst that is there stays.
+    fn arm_burst(&mut self, request: BurstRequest) -> Result<(), Refusal>;
+    /// Forgets the burst.
+    fn end_burst(&mut self);
+    /// How it is going.
+    fn burst(&self) -> BurstStatus;
+    /// Its samples from this one on.
+    ///
+    /// # Errors
+    /// [`Refusal::NoBurst`].
+    fn burst_samples(&self, from: u16) -> Result<Vec<BurstSample, SAMPLES_A_FRAME>, Refusal>;
     /// Puts a fault in.
     ///
     /// # Errors
@@ -418,6 +433,16 @@ impl Server {
                 Ok(()) => Ok(()),
                 Err(error) => return not_set(&error),
             },
+            Command::Burst(request) => drive.arm_burst(request),
+            Command::EndBurst => {
+                drive.end_burst();
+                Ok(())
+            }
+            Command::BurstStatus => return Reply::Burst(drive.burst()),
+            Command::BurstSamples { from } => match drive.burst_samples(from) {
+                Ok(samples) => return Reply::BurstSamples(samples),
+                Err(refusal) => Err(refusal),
+            },
             Command::Inject(injection) => drive.inject(injection),
         };
         match done {
@@ -629,6 +654,16 @@ mod tests {
             Ok(())
         }
         fn record(&mut self, _: u32) {}
+        fn arm_burst(&mut self, _: BurstRequest) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn end_burst(&mut self) {}
+        fn burst(&self) -> BurstStatus {
+            BurstStatus::default()
+        }
+        fn burst_samples(&self, _: u16) -> Result<Vec<BurstSample, SAMPLES_A_FRAME>, Refusal> {
+            Err(Refusal::NoBurst)
+        }
         fn inject(&mut self, injection: Injection) -> Result<(), Refusal> {
             Injected::of_word(injection.fault)
                 .map(drop)
@@ -976,6 +1011,31 @@ mod tests {
                 ..Status::default()
             }),
             Reply::Faults((0..FAULTS).map(|_| event).collect()),
+            Reply::Burst(BurstStatus {
+                state: most,
+                request: BurstRequest {
+                    motor: u8::MAX,
+                    trigger: most,
+                    signal: most,
+                    level: i32::MIN,
+                    before: u16::MAX,
+                    divider: u8::MAX,
+                },
+                before: u16::MAX,
+                period: most,
+                reversed: true,
+            }),
+            Reply::BurstSamples(
+                (0..SAMPLES_A_FRAME)
+                    .map(|_| BurstSample {
+                        encoder: most,
+                        phases: [i32::MIN; 2],
+                        i_q: i32::MIN,
+                        i_q_ref: i32::MIN,
+                        voltage: [i32::MIN; 2],
+                    })
+                    .collect(),
+            ),
             Reply::Settings((0..SETTINGS_A_FRAME).map(|_| (u16::MAX, value)).collect()),
             Reply::Unfit {
                 id: u16::MAX,
@@ -1020,6 +1080,21 @@ mod tests {
             any::<u32>().prop_map(Command::Record),
             any::<u16>().prop_map(|from| Command::Settings { from }),
             any::<u16>().prop_map(|from| Command::Learned { from }),
+            any::<(u8, u32, u32, i32, u16, u8)>().prop_map(
+                |(motor, trigger, signal, level, before, divider)| {
+                    Command::Burst(BurstRequest {
+                        motor,
+                        trigger,
+                        signal,
+                        level,
+                        before,
+                        divider,
+                    })
+                }
+            ),
+            Just(Command::EndBurst),
+            Just(Command::BurstStatus),
+            any::<u16>().prop_map(|from| Command::BurstSamples { from }),
             (0u16..0x1200, any::<f64>()).prop_map(|(id, x)| Command::Draft {
                 id,
                 value: WireValue::Real(Real::new(x))

@@ -3,6 +3,7 @@
 
 use application::server::{Commander, NotSet, Served, Server};
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
+use link::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use link::codes::{Demand, State};
 use link::frame::{Decoder, FRAME_MAX, encode};
 use link::message::{Command, DriveFrame, HostFrame, Injection, Refusal, Reply, Status};
@@ -51,7 +52,7 @@ impl Random {
 
     fn command(&mut self) -> Command {
         let [a, b] = [self.number(), self.number()];
-        match self.below(18) {
+        match self.below(22) {
             0 => Command::Heartbeat,
             1 => Command::Status,
             2 => Command::Faults,
@@ -86,6 +87,17 @@ impl Random {
                 motor: b as u8,
                 amount: Real::new(f64::from_bits(self.number())),
             }),
+            17 => Command::Burst(BurstRequest {
+                motor: a as u8 & 3,
+                trigger: a as u32 >> 2 & 7,
+                signal: a as u32 >> 5 & 7,
+                level: b as i32,
+                before: (a >> 8) as u16,
+                divider: (b >> 32) as u8,
+            }),
+            18 => Command::EndBurst,
+            19 => Command::BurstStatus,
+            20 => Command::BurstSamples { from: a as u16 },
             _ => Command::Run {
                 velocity: a as i32,
                 base: Some(b as i32),
@@ -172,6 +184,19 @@ impl Served for Fake {
         Ok(())
     }
     fn record(&mut self, _: u32) {}
+    fn arm_burst(&mut self, _: BurstRequest) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn end_burst(&mut self) {}
+    fn burst(&self) -> BurstStatus {
+        BurstStatus::default()
+    }
+    fn burst_samples(
+        &self,
+        _: u16,
+    ) -> Result<heapless::Vec<BurstSample, SAMPLES_A_FRAME>, Refusal> {
+        Err(Refusal::NoBurst)
+    }
     fn inject(&mut self, _: Injection) -> Result<(), Refusal> {
         Ok(())
     }

@@ -6,6 +6,7 @@
 //! | [`view::DriveView`], at the symbol [`VIEW_SYMBOL`] | the drive's RAM | the host reads, at any time, without halting |
 //! | [`bringup`]: a request that survives a reset, and a report of raw readings | the drive's RAM | both |
 //! | [`message`]s in [`frame`]s: commands, answers, settings, telemetry | a serial port at [`SERIAL_BAUD`], RTT channels [`LINK_UP_CHANNEL`] and [`LINK_DOWN_CHANNEL`], TCP | both |
+//! | [`burst`]: every PWM period of a motor around a trigger | in the messages | |
 //! | [`settings`]: what a person may set, by number | in the messages | |
 //! | the log, in defmt's frames | RTT up-channel [`LOG_CHANNEL`] | the drive writes |
 //!
@@ -15,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 pub mod bringup;
+pub mod burst;
 pub mod codes;
 pub mod frame;
 #[cfg(feature = "host")]

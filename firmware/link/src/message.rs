@@ -4,6 +4,7 @@
 //! follows. Sequence numbers rise with each frame, so that one that comes again does nothing. What moves the machine takes
 //! an armed drive and a [`Command::Heartbeat`] within the drive's `command.heartbeat_ms`.
 
+use crate::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use crate::frame::FrameCount;
 use crate::settings::WireValue;
 use crate::telemetry::{Frame, Real};
@@ -113,6 +114,18 @@ pub enum Command {
     },
     /// Writes the settings that hold to the flash. The drive must rest.
     Store,
+    /// Keeps every PWM period of a motor around a trigger, until the burst is complete. It moves nothing, takes no armed drive, and
+    /// outlives its session.
+    Burst(BurstRequest),
+    /// Forgets the burst that waits or is kept.
+    EndBurst,
+    /// How the burst is going: answered by [`Reply::Burst`].
+    BurstStatus,
+    /// The samples of a complete burst from this one on: answered by [`Reply::BurstSamples`], as many as go into a frame.
+    BurstSamples {
+        /// The first, of [`SAMPLES`](crate::burst::SAMPLES).
+        from: u16,
+    },
 }
 
 /// What is done to a simulated drive.
@@ -205,6 +218,9 @@ codes! {
         NotStored = 16, "not stored", "The settings fit, but no page of the flash could be written and read back: it is worn out, locked, or not in two banks (option byte DBANK). What held before still holds.";
         SoftLimit = 17, "soft limit", "The table would end beyond a soft limit: see the settings travel.soft_least_mm and travel.soft_most_mm.";
         Unaligned = 19, "unaligned", "The rotor angles are not known: `arm` aligns the motors first.";
+        Burst = 20, "burst", "There is no such burst: the motor is 0 (screw) or 1 (nut), the trigger and the signal are those of this link, the level is within the signal's range, the divider is 1 to 255, and fewer samples come before the trigger than a burst has.";
+        BurstWaits = 21, "burst waits", "Another burst waits for its trigger: read it once it is complete (`drive burst --read`), or end it (`drive burst --end`).";
+        NoBurst = 22, "no burst", "There is no complete burst: arm one (`drive burst`), and wait until its trigger has come and its last sample is kept.";
         Interface = 18, "encoder interface", "This board's pins read another kind of encoder: leave the settings screw.encoder_interface and nut.encoder_interface as they are.";
     }
 }
@@ -317,6 +333,10 @@ pub enum Reply {
     Events(Vec<Recorded, EVENTS_A_FRAME>),
     /// Settings in the order of their numbers; none if there are none from there on.
     Settings(Vec<(u16, WireValue), SETTINGS_A_FRAME>),
+    /// How the burst is going.
+    Burst(BurstStatus),
+    /// Samples of the burst in the order of time; none if there are none from there on.
+    BurstSamples(Vec<BurstSample, SAMPLES_A_FRAME>),
     /// The draft does not fit the drive's formats.
     Unfit {
         /// The setting without whose change it would fit; 0: none by itself.

@@ -1,5 +1,6 @@
 //! A client of the link: requests as JSON to bytes, bytes to messages as JSON and rows.
 
+use crate::burst::ReadBurst;
 use crate::identification::{ROW, compensation, numbers};
 use crate::request::Request;
 use crate::signals::{COLUMNS, Columns};
@@ -36,6 +37,7 @@ pub struct Client {
     aligned: [Aligned; 2],
     /// Rows of the recording that is made.
     recording: Option<Vec<f64>>,
+    burst: ReadBurst,
 }
 
 impl Default for Client {
@@ -59,6 +61,7 @@ impl Client {
             dropped: 0,
             aligned: [Aligned::Unknown; 2],
             recording: None,
+            burst: ReadBurst::default(),
         }
     }
 
@@ -75,6 +78,7 @@ impl Client {
                 self.decoder = (request.divider > 0).then(|| Decoder::new(request));
                 self.columns = Columns::default();
             }
+            Command::BurstSamples { from } => self.burst.ask(from),
             Command::Settings { .. } => self.holding = true,
             Command::Learned { .. } => self.holding = false,
             _ => {}
@@ -170,6 +174,10 @@ impl Client {
             Reply::Events(events) => {
                 json!({ "events": events.iter().map(event_json).collect::<Vec<_>>() })
             }
+            Reply::Burst(status) => {
+                json!({ "burst": self.burst.going(*status, self.session.pwm_hz()) })
+            }
+            Reply::BurstSamples(some) => json!({ "samples": self.burst.take(some) }),
             Reply::Settings(some) => json!({ "settings": self.settings_json(some) }),
             Reply::Unfit { .. } => json!({ "unfit": unexpected(reply).to_string() }),
         }
@@ -195,6 +203,12 @@ impl Client {
     /// Takes the rows that came, [`COLUMNS`] values each.
     pub fn rows(&mut self) -> Vec<f64> {
         std::mem::take(&mut self.rows)
+    }
+
+    /// Rows of the burst that was read: see [`ReadBurst::rows`].
+    #[must_use]
+    pub fn burst_rows(&self) -> Vec<f64> {
+        self.burst.rows(&self.settings, self.session.pwm_hz())
     }
 
     /// Begins a recording of the rows that come.

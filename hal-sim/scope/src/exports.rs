@@ -1,5 +1,6 @@
 //! The functions and classes that JavaScript calls. Objects pass as JSON text. Errors are sentences.
 
+use crate::burst;
 use crate::client::Client;
 use crate::loops::{self, Rates};
 use crate::simulated::Simulated;
@@ -112,6 +113,12 @@ impl Session {
         self.0.rows()
     }
 
+    /// See [`Client::burst_rows`].
+    #[must_use]
+    pub fn burst_rows(&self) -> Vec<f64> {
+        self.0.burst_rows()
+    }
+
     /// See [`Client::begin_recording`].
     pub fn begin_recording(&mut self) {
         self.0.begin_recording();
@@ -168,6 +175,13 @@ pub fn identify(declared: &str, fit: &[f64], check: &[f64]) -> Result<String, Js
 #[must_use]
 pub fn signals() -> String {
     signals::list().to_string()
+}
+
+/// See [`burst::signals`].
+#[wasm_bindgen]
+#[must_use]
+pub fn burst_signals() -> String {
+    burst::signals().to_string()
 }
 
 /// See [`schema::settings`].

@@ -12,6 +12,7 @@
 //! | the functions that JavaScript calls | [`exports`] |
 
 pub mod analysis;
+pub mod burst;
 pub mod client;
 pub mod exports;
 pub mod identification;

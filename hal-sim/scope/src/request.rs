@@ -1,6 +1,7 @@
 //! A command as JSON, in the units of a person.
 
-use anyhow::{Context, Result, bail, ensure};
+use anyhow::{Context, Error, Result, bail, ensure};
+use link::host::burst::Wanted;
 use link::host::command::{SpeedNames, speeds};
 use link::host::settings::of_words;
 use link::message::{Command, Injected, Injection};
@@ -90,6 +91,26 @@ pub enum Request {
     Commit {},
     /// Writes the settings to the flash.
     Store {},
+    /// Keeps every PWM period of a motor around a trigger.
+    Burst {
+        /// 0 is the screw, 1 the nut.
+        motor: u8,
+        /// See [`Wanted`].
+        trigger: String,
+        /// Part of the burst before the trigger, %.
+        before_percent: f64,
+        /// Each how manieth period is kept.
+        divider: u8,
+    },
+    /// Forgets the burst.
+    EndBurst {},
+    /// How the burst is going.
+    BurstStatus {},
+    /// Its samples.
+    BurstSamples {
+        /// The first.
+        from: u16,
+    },
     /// Puts a fault into a simulated drive.
     Inject {
         /// Name of the fault.
@@ -174,6 +195,18 @@ impl Request {
             Self::Discard {} => Command::Discard,
             Self::Commit {} => Command::Commit,
             Self::Store {} => Command::Store,
+            Self::Burst {
+                motor,
+                trigger,
+                before_percent,
+                divider,
+            } => {
+                let wanted: Wanted = trigger.parse().map_err(Error::msg)?;
+                Command::Burst(wanted.request(motor, before_percent, divider)?)
+            }
+            Self::EndBurst {} => Command::EndBurst,
+            Self::BurstStatus {} => Command::BurstStatus,
+            Self::BurstSamples { from } => Command::BurstSamples { from },
             Self::Inject {
                 fault,
                 motor,

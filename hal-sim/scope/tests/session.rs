@@ -276,3 +276,58 @@ fn a_cogging_torque_is_recorded_named_and_compensated() {
     println!("ripple before {before} %, after {after} %");
     assert!(after < 0.3 * before, "{before} % before, {after} % after");
 }
+
+/// The page's own commands, from arming to rows.
+#[test]
+fn a_page_arms_a_burst_and_reads_every_period_around_its_trigger() {
+    let mut page = Page::new(false);
+    page.advance(400);
+    page.read_settings();
+    assert_eq!(page.ask(r#"{"command":"arm"}"#)["done"], true);
+    page.ask(r#"{"command":"run","velocity_mm_s":2.5,"common_speed_rpm":300}"#);
+    page.advance(600);
+    let none = page.ask(r#"{"command":"burst_samples","from":0}"#);
+    assert_eq!(none["refused"]["name"], "no burst");
+    let wrong = r#"{"command":"burst","motor":1,"trigger":"ia>3","before_percent":50,"divider":1}"#;
+    let error = page.client.request(wrong).unwrap_err();
+    assert!(format!("{error:#}").contains("no signal `ia`"), "{error:#}");
+    let asked =
+        r#"{"command":"burst","motor":1,"trigger":"ia_a<0","before_percent":50,"divider":1}"#;
+    assert_eq!(page.ask(asked)["done"], true);
+    let waits = page.ask(r#"{"command":"burst_status"}"#);
+    assert!(waits["burst"]["state"] != "none", "{waits}");
+    page.advance(200);
+    let status = page.ask(r#"{"command":"burst_status"}"#)["burst"].clone();
+    assert_eq!(
+        (&status["state"], &status["motor"]),
+        (&"complete".into(), &1.into())
+    );
+    assert_eq!(status["interval_s"], 50e-6);
+    assert!(page.client.burst_rows().is_empty());
+    let mut read = 0;
+    while read < 512 {
+        // An answer that was lost is asked for again.
+        for _ in 0..2 {
+            let reply = page.ask(&format!(r#"{{"command":"burst_samples","from":{read}}}"#));
+            let count = reply["samples"].as_u64().unwrap();
+            assert!(count > read && count <= read + 6, "{reply}");
+        }
+        read = page.ask(&format!(r#"{{"command":"burst_samples","from":{read}}}"#))["samples"]
+            .as_u64()
+            .unwrap();
+    }
+    let rows = page.client.burst_rows();
+    assert_eq!(rows.len(), 512 * 8);
+    let rows = rows.as_chunks::<8>().0;
+    let before = usize::try_from(status["before"].as_u64().unwrap()).unwrap();
+    assert_eq!(rows[before][0], 0.0);
+    assert!((rows[511][0] - (511 - before) as f64 * 50e-6).abs() < 1e-12);
+    assert!(rows[before][1] <= 0.0 && rows[before - 1][1] >= 0.0);
+    let mean = rows.iter().map(|row| row[7]).sum::<f64>() / 512.0;
+    assert!((mean - 300.0).abs() < 15.0, "{mean} rpm");
+    assert_eq!(scope::burst::signals().as_array().unwrap().len(), 7);
+    page.ask(r#"{"command":"end_burst"}"#);
+    let ended = page.ask(r#"{"command":"burst_status"}"#);
+    assert_eq!(ended["burst"]["state"], "none");
+    assert!(page.client.burst_rows().is_empty());
+}

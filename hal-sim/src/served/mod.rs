@@ -19,6 +19,7 @@ use crate::experiment::Setup;
 use crate::flash::SimulatedFlash;
 use crate::start::{Start, settle};
 use crate::supervision::periods_per_ms;
+use application::burst::Burst;
 use application::configured::{CommandWords, Configured};
 use application::exchange::{DriveExchange, TelemetryExchange};
 use application::keep::{Found, Keeper};
@@ -75,6 +76,7 @@ struct Application {
     configured: Configured,
     words: DriveExchange,
     telemetry: TelemetryExchange,
+    burst: Burst,
     view: DriveView,
     speed: SpeedStep,
     supervise: Supervise,
@@ -96,6 +98,7 @@ impl Application {
         Ok(Self {
             words: DriveExchange::new(),
             telemetry: TelemetryExchange::new(),
+            burst: Burst::new(),
             view,
             speed: SpeedStep::new(),
             supervise: Supervise::new(&configured),
@@ -301,6 +304,7 @@ impl SimulatedDrive {
             configured,
             words,
             telemetry,
+            burst,
             view,
             orders,
             lines,
@@ -313,6 +317,7 @@ impl SimulatedDrive {
                 configured,
                 words,
                 telemetry,
+                burst,
                 view,
                 motors: Axis::ALL.map(|axis| self.drive.exchange(axis)),
                 keeper: &mut self.keeper,
@@ -374,6 +379,7 @@ impl SimulatedDrive {
         let Application {
             words,
             telemetry,
+            burst,
             view,
             speed,
             ..
@@ -383,6 +389,7 @@ impl SimulatedDrive {
             step: speed,
             words,
             telemetry,
+            burst,
             view,
         });
         for (index, axis) in self.world.index.iter_mut().zip(Axis::ALL) {

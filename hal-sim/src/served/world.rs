@@ -4,10 +4,12 @@ use crate::analog::AnalogWatches;
 use crate::boards::BoardKind;
 use crate::experiment::Setup;
 use crate::seam::{Seam, SpeedCall};
+use application::burst::Burst;
 use application::exchange::{DriveExchange, TelemetryExchange};
 use application::speed::{SpeedBoard, SpeedParts, SpeedStep};
 use control::current_loop::MotorSample;
 use control::encoder::Interface;
+use control::exchange::MotorExchange;
 use control::fault::Fault;
 use control::format::Misfit;
 use control::guard::{GuardConfig, GuardPlate};
@@ -159,6 +161,7 @@ pub(super) struct Around<'a> {
     pub(super) step: &'a mut SpeedStep,
     pub(super) words: &'a DriveExchange,
     pub(super) telemetry: &'a TelemetryExchange,
+    pub(super) burst: &'a Burst,
     pub(super) view: &'a DriveView,
 }
 
@@ -179,6 +182,10 @@ impl Seam for Around<'_> {
             sample.encoder = word;
         }
         self.world.watches.converted(axis, sample);
+    }
+
+    fn looped(&mut self, _: Axis, exchange: &MotorExchange) {
+        self.burst.after_period(exchange, self.view);
     }
 
     fn speed(&mut self, call: SpeedCall<'_>) -> Option<SpeedTaskOutput> {

@@ -85,7 +85,7 @@ fn costs_are_those_of_the_baseline() -> Result<(), String> {
          {period} together",
         speed.bound
     );
-    assert_takes(&report, 780, 12.1);
+    assert_takes(&report, 786, 12.2);
     assert!(
         f64::from(report.stack_bytes) * 1.5 < f64::from(report.stack_room),
         "half as much stack again is there"

@@ -5,6 +5,7 @@ use crate::link::{LINES, Session, run};
 use anyhow::{Result, ensure};
 use hal_sim::experiment::Setup;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
+use link::burst::{BurstRequest, Signal, Trigger};
 use link::codes::{EventKind, State};
 use link::host::client::{Client, Line};
 use link::message::{Aligned, Command, Reply, Travel};
@@ -39,8 +40,32 @@ fn script() -> Vec<(u32, Command)> {
     };
     // Faster than the screw, with the table's share, may turn.
     let too_fast = scale::word(310.0, scale::BASE_SPEED);
+    let burst = |motor, trigger: Trigger| {
+        Command::Burst(BurstRequest {
+            motor,
+            trigger: trigger.word(),
+            signal: Signal::PhaseA.word(),
+            level: 0,
+            before: 100,
+            divider: 1,
+        })
+    };
     vec![
         (0, Command::Status),
+        // Bursts take no armed drive: one that waits and is ended, and one that is complete and read.
+        (0, Command::BurstSamples { from: 0 }),
+        (0, burst(2, Trigger::Now)),
+        (0, burst(1, Trigger::Fault)),
+        (0, burst(0, Trigger::Now)),
+        (0, Command::BurstStatus),
+        (0, Command::BurstSamples { from: 0 }),
+        (0, Command::EndBurst),
+        (0, Command::BurstStatus),
+        (0, burst(1, Trigger::Now)),
+        (50, Command::BurstStatus),
+        (0, Command::BurstSamples { from: 0 }),
+        (0, Command::BurstSamples { from: 510 }),
+        (0, Command::BurstSamples { from: 600 }),
         (0, run(2.5, 300.0)),
         (0, Command::Arm),
         (0, Command::Status),
@@ -57,7 +82,12 @@ fn script() -> Vec<(u32, Command)> {
             },
         ),
         (0, run(2.5, 300.0)),
+        (0, burst(0, Trigger::State)),
         (700, Command::Status),
+        (0, Command::BurstStatus),
+        (0, burst(1, Trigger::Rises)),
+        (100, Command::BurstStatus),
+        (0, Command::BurstSamples { from: 300 }),
         (
             0,
             Command::DirectCurrent {
@@ -191,6 +221,8 @@ fn told(reply: &Reply) -> String {
             });
             values.collect::<Vec<_>>().join(" ")
         }
+        Reply::Burst(status) => format!("burst {} of {:?}", status.state, status.request),
+        Reply::BurstSamples(samples) => format!("{} samples", samples.len()),
         other => format!("{other:?}"),
     }
 }

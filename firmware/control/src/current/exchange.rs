@@ -62,6 +62,8 @@ pub struct MotorExchange {
     missed: AtomicU32,
     /// Readings of the encoder that were wrong.
     wrong_readings: AtomicU32,
+    /// Each period is kept by somebody.
+    watched: AtomicBool,
     valid_periods: u32,
 }
 
@@ -148,6 +150,7 @@ impl MotorExchange {
             aligned_anew: AtomicBool::new(false),
             missed: AtomicU32::new(0),
             wrong_readings: AtomicU32::new(0),
+            watched: AtomicBool::new(false),
             valid_periods,
         }
     }
@@ -451,6 +454,18 @@ impl MotorExchange {
     #[inline(never)]
     pub fn publish_wrong_reading(&self) {
         count(&self.wrong_readings);
+    }
+
+    /// Whether each period is to be kept by who looks at these words after it: see [`MotorExchange::is_watched`].
+    pub fn watch(&self, watched: bool) {
+        self.watched.store(watched, Relaxed);
+    }
+
+    /// After a period of the current loop: it is to be kept.
+    #[must_use]
+    #[inline(always)]
+    pub fn is_watched(&self) -> bool {
+        self.watched.load(Relaxed)
     }
 
     /// Periods of the current loop, modulo 2^32.

@@ -110,6 +110,15 @@ impl CurrentSense {
         [a, b, c]
     }
 
+    /// The code of phase a (0) or b (1) at a current, and whether codes fall where the current rises; `None` beyond a code's word.
+    #[must_use]
+    pub fn code(&self, phase: usize, current: Current) -> Option<(i32, bool)> {
+        let gain = *self.amperes.get(phase)?;
+        let ScaledCurrent(scaled) = self.scale.scaled(current);
+        let code = (i64::from(scaled) << 32).checked_div(gain.into())?;
+        Some((i32::try_from(code).ok()?, gain < 0))
+    }
+
     /// What three channels add up to, which is nothing while all current comes back; none with two.
     #[must_use]
     #[inline(always)]

@@ -1,6 +1,8 @@
 //! A host's session with a drive over a line of bytes.
 
+use crate::burst::{BurstStatus, SAMPLES};
 use crate::codes::State;
+use crate::host::burst::Burst;
 use crate::host::session::Session;
 use crate::message::{Command, DriveFrame, Event, Recorded, Refusal, Reply, Status};
 use crate::settings::{Effect, Setting, Settings, Value};
@@ -193,8 +195,11 @@ impl<L: Line> Client<L> {
     /// # Errors
     /// [`Lost`] if none comes.
     pub fn ask(&mut self, command: Command) -> Result<Reply> {
-        // A second move would move twice.
-        let tries = if matches!(command, Command::Move { .. } | Command::Inject(_)) {
+        // A second move would move twice; a second burst is refused while the first waits.
+        let tries = if matches!(
+            command,
+            Command::Move { .. } | Command::Inject(_) | Command::Burst(_)
+        ) {
             1
         } else {
             TRIES
@@ -289,6 +294,42 @@ impl<L: Line> Client<L> {
                 other => bail!(unexpected(&other)),
             }
         }
+    }
+
+    /// How its burst is going.
+    ///
+    /// # Errors
+    /// [`Lost`].
+    pub fn burst(&mut self) -> Result<BurstStatus> {
+        match self.ask(Command::BurstStatus)? {
+            Reply::Burst(status) => Ok(status),
+            other => bail!(unexpected(&other)),
+        }
+    }
+
+    /// A complete burst, of a drive with these settings.
+    ///
+    /// # Errors
+    /// [`Refused`] if it is not complete, or [`Lost`].
+    pub fn read_burst(&mut self, settings: &Settings) -> Result<Burst> {
+        let status = self.burst()?;
+        let mut samples = Vec::with_capacity(SAMPLES);
+        while samples.len() < SAMPLES {
+            let from = u16::try_from(samples.len())?;
+            match self.ask(Command::BurstSamples { from })? {
+                Reply::BurstSamples(some) if some.is_empty() => break,
+                Reply::BurstSamples(some) => samples.extend(some),
+                other => bail!(unexpected(&other)),
+            }
+        }
+        if self.burst()? != status {
+            bail!(
+                "another burst was armed while this one was read: read again once that is complete"
+            );
+        }
+        let motor = [&settings.screw, &settings.nut][usize::from(status.request.motor != 0)];
+        let counts = motor.encoder.counts_per_turn;
+        Ok(Burst::of(&status, &samples, self.pwm_hz(), counts))
     }
 
     /// The settings that hold.

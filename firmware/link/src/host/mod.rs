@@ -1,6 +1,7 @@
 //! The host's end: a drive read, told and recorded through its chip's memory, while it runs.
 
 pub mod bringup;
+pub mod burst;
 pub mod client;
 pub mod command;
 mod drive;

@@ -1,5 +1,6 @@
 //! `ddfeed drive`: a drive commanded over its link.
 
+mod burst;
 mod commission;
 pub mod connect;
 pub mod motion;
@@ -37,6 +38,7 @@ pub fn carry_out(mut client: connect::Drive, task: &Task) -> Result<()> {
         Task::Settings { what } => settings::run(&mut client, what),
         Task::Commission(options) => commission::run(client, options),
         Task::Tune(options) => tune::run(&mut client, options),
+        Task::Burst(options) => burst::run(&mut client, options),
         Task::Record(record) => record::record(&mut client, record),
     }
 }

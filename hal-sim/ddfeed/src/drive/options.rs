@@ -1,5 +1,6 @@
 //! What a person may ask of a drive. Quantities have the flags that they have in `simulate` and `record`.
 
+use super::burst::BurstOptions;
 use crate::hold::Hold;
 use crate::session::{FULL_RATE, divider};
 use anyhow::{Result, ensure};
@@ -99,6 +100,8 @@ pub enum Task {
     },
     /// Record it into a folder that `ddfeed identify` reads.
     Record(RecordOptions),
+    /// Keep every PWM period of a motor around a trigger, and write it as CSV. The drive need not be armed, and nothing moves.
+    Burst(BurstOptions),
     /// Measure its motors and feed, set what was found, and tune its loops: both motors turn, and the table moves to and fro.
     Commission(CommissionOptions),
     /// Propose gains for a bandwidth and a phase margin, computed from the settings that hold; nothing turns. `commission` does the
@@ -461,6 +464,7 @@ impl Task {
                 );
                 commission.loops.check()?;
             }
+            Task::Burst(burst) => burst.check()?,
             Task::Tune(tune) => tune.loops.check()?,
             _ => {}
         }
