@@ -89,6 +89,16 @@ export interface JournalEvent {
   unit: string | null;
 }
 
+/** How the burst of the drive is going. */
+export interface BurstStatus {
+  state: "none" | "waiting" | "filling" | "complete" | "unknown";
+  sentence: string;
+  motor: number;
+  before: number;
+  interval_s: number;
+  samples: number;
+}
+
 export interface Reply {
   sequence: number;
   done?: true;
@@ -98,6 +108,9 @@ export interface Reply {
   events?: JournalEvent[];
   settings?: { id: number; name: string; value: string }[];
   unfit?: string;
+  burst?: BurstStatus;
+  /** Samples of the burst that were read so far. */
+  samples?: number;
 }
 
 /** PWM periods and steps of the speed task a second. */
@@ -127,6 +140,7 @@ export type Command = { command: string; [key: string]: unknown };
 export type Call =
   | { name: "begin recording" }
   | { name: "take recording" }
+  | { name: "burst rows" }
   | { name: "declared" }
   | { name: "compensation"; model: string };
 

@@ -136,3 +136,32 @@ withTab("a gain changes while the drive runs, and its predicted margin with it",
   await button(tab, "STOP").click();
   await unstored.waitFor({ state: "detached" });
 });
+
+withTab("a burst shows every PWM period around its trigger, and its spectrum up to 10 kHz", async ({ tab }) => {
+  const panel = tab.getByRole("region", { name: "Burst" });
+  const says = (text) => panel.getByRole("status").filter({ hasText: text }).waitFor();
+  await button(tab, "Read burst").click();
+  await says("No burst was asked");
+  await panel.getByLabel("Begins with").selectOption("level");
+  await panel.getByLabel("Burst signal").selectOption("iq_ref_a");
+  await panel.getByLabel("Burst level").fill("0.05");
+  await panel.getByLabel("Before the trigger, %").fill("50");
+  await button(tab, "Begin burst").click();
+  await says("waits for its trigger");
+  await button(tab, "Begin burst").click();
+  await says("Another burst waits");
+  await button(tab, "Read burst").click();
+  await says("waits for its trigger");
+  assert.equal(await panel.getByRole("img").count(), 0);
+  await run(tab);
+  await says("complete");
+  await panel.getByRole("img", { name: "Burst in A over s from the trigger" }).waitFor();
+  await panel.getByRole("img", { name: "Amplitude in the burst in A over Hz" }).waitFor();
+  const labels = async (chart) => (await panel.locator(".u-legend").nth(chart).innerText()).split("\n").join(" ");
+  assert.match(await labels(0), /nut current of phase a/);
+  await panel.getByLabel("Burst unit").selectOption("rpm");
+  await panel.getByRole("img", { name: "Amplitude in the burst in rpm over Hz" }).waitFor();
+  await button(tab, "End burst").click();
+  await says("it was ended");
+  await state(tab, "running");
+});

@@ -1,4 +1,5 @@
 import { dismiss, notices, source } from "../drive";
+import { BurstPanel } from "./burst";
 import { Commands } from "./commands";
 import { Faults } from "./faults";
 import { Header } from "./header";
@@ -40,6 +41,7 @@ export function Page() {
           </section>
           <section class="column wide" aria-label="Signals">
             <Plots />
+            <BurstPanel />
             <RippleTable />
             <Identification />
           </section>

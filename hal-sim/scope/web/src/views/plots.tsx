@@ -5,6 +5,7 @@ import type { AlignedData } from "uplot";
 import { columns, counts } from "../drive";
 import type { Signal } from "../messages";
 import { Chart } from "./chart";
+import { COLORS } from "./colors";
 import { FrameRate } from "./frame-rate";
 import { SignalList, chosen } from "./signal-list";
 import { TriggerFields } from "./trigger-fields";
@@ -13,8 +14,6 @@ import { held, seconds, seldom, shown, type Shown } from "./window";
 type Kind = "time" | "spectrum" | "orders of the screw" | "orders of the nut";
 const KINDS: Kind[] = ["time", "spectrum", "orders of the screw", "orders of the nut"];
 const kind = signal<Kind>("time");
-
-const COLORS = ["#3b82f6", "#e8590c", "#2f9e44", "#c2255c", "#7048e8", "#0c8599", "#a16207", "#868e96"];
 
 function choose(which: Kind) {
   kind.value = which;

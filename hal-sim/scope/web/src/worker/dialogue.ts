@@ -67,6 +67,8 @@ export class Dialogue {
         return this.session.begin_recording();
       case "take recording":
         return this.session.take_recording();
+      case "burst rows":
+        return this.session.burst_rows();
       case "declared":
         return this.source.declared() ?? this.session.declared();
       case "compensation":
