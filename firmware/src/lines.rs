@@ -69,15 +69,9 @@ impl Ports for Both {
 /// What another task uses too, under RTIC's lock.
 struct Locked<'a, M>(&'a mut M);
 
-impl<M: Mutex<T = Orders>> Access<Orders> for Locked<'_, M> {
-    fn with<R>(&mut self, look: impl FnOnce(&mut Orders) -> R) -> R {
-        self.0.lock(look)
-    }
-}
-
-impl<M: Mutex<T = &'static mut Journal>> Access<Journal> for Locked<'_, M> {
-    fn with<R>(&mut self, look: impl FnOnce(&mut Journal) -> R) -> R {
-        self.0.lock(|journal| look(journal))
+impl<T: 'static, M: Mutex<T = &'static mut T>> Access<T> for Locked<'_, M> {
+    fn with<R>(&mut self, look: impl FnOnce(&mut T) -> R) -> R {
+        self.0.lock(|it| look(it))
     }
 }
 
@@ -137,7 +131,7 @@ impl Lines {
     /// A look at all lines: what came is answered, and what waits goes. `readers` holds off the tasks that read the configuration.
     pub(crate) fn step(
         &mut self,
-        orders: &mut impl Mutex<T = Orders>,
+        orders: &mut impl Mutex<T = &'static mut Orders>,
         journal: &mut impl Mutex<T = &'static mut Journal>,
         readers: &mut impl Mutex<T = ()>,
     ) {

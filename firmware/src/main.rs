@@ -53,7 +53,7 @@ mod app {
 
     #[shared]
     struct Shared {
-        orders: Orders,
+        orders: &'static mut Orders,
         journal: &'static mut Journal,
         /// Tasks that read the configuration: the speed task and those below it.
         readers: (),
@@ -72,6 +72,7 @@ mod app {
     #[init(local = [
         kept: Lines = Lines::new(),
         keeper: MaybeUninit<Keeper<SettingsPages>> = MaybeUninit::uninit(),
+        orders: MaybeUninit<Orders> = MaybeUninit::uninit(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let (device, mut core) = (cx.device, cx.core);
@@ -201,6 +202,8 @@ mod app {
             channels.down.0,
             keeper,
         );
+        // Not moved at the end, with the timers running: it takes a period of 40 kHz.
+        let orders = cx.local.orders.write(Orders::new(&start.plate));
         let bdtr = pwm::bdtr(&plan);
         converters.convert_for_nothing();
         if !pwm::start(&device.TIM1, &device.TIM8, &plan, breaks) {
@@ -229,7 +232,6 @@ mod app {
             lines,
             off: bdtr,
         };
-        let orders = Orders::new(&start.plate);
         let shared = Shared {
             orders,
             journal,

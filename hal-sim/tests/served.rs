@@ -9,7 +9,7 @@ use hal_sim::start::Start;
 use link::codes::{ActiveLimits, EventKind, Limit, Origin, Warning};
 use link::host::client::{Client, Refused};
 use link::host::{Decoder, Row};
-use link::message::{Command, Injected, Injection, Refusal, Travel};
+use link::message::{Command, Injected, Injection, Refusal, Reply, Travel};
 use link::scale;
 use link::settings::{Effect, Setting, Switch, Value};
 use link::telemetry::{FRAME_MAX, Frame, Header, Real, Request};
@@ -553,6 +553,47 @@ fn a_homed_table_stands_before_its_soft_limits() {
 }
 
 #[test]
+fn a_homed_table_goes_to_a_position_and_one_that_is_not_homed_does_not() {
+    let to = |position_nm| {
+        let Command::Run { velocity, base } = speeds(20.0, 0.0) else {
+            unreachable!()
+        };
+        Command::MoveTo {
+            position_nm,
+            velocity,
+            base,
+        }
+    };
+    let mut bench = Bench::new();
+    bench.client.tell(Command::Arm).unwrap();
+    assert_eq!(
+        refusal(bench.client.tell(to(12_500_000))),
+        Some(Refused::For(Refusal::NotHomed))
+    );
+    bench.pass(100);
+    assert_eq!(bench.state(), State::Ready, "nothing moves");
+
+    let mut bench = homed();
+    for (mm, nm) in [(32.5, 32_500_000), (12.25, 12_250_000)] {
+        bench.client.tell(to(nm)).unwrap();
+        bench.pass(3000);
+        let status = bench.client.status().unwrap();
+        assert_eq!(Travel::of_word(status.travel), Some(Travel::Done));
+        let at = bench.place_mm().unwrap();
+        assert!((at - mm).abs() < 2e-3, "it stands at {at} mm, not {mm}");
+    }
+    for (nm, refused) in [
+        (61_000_000, Refusal::SoftLimit),
+        (9_000_000, Refusal::SoftLimit),
+        (i64::MIN, Refusal::Distance),
+        (i64::MAX, Refusal::Distance),
+    ] {
+        let said = refusal(bench.client.tell(to(nm)));
+        assert_eq!(said, Some(Refused::For(refused)), "{nm} nm");
+    }
+}
+
+#[test]
 fn a_table_that_is_pushed_past_its_limit_is_a_fault_and_homing_outlives_it_but_no_encoder_s() {
     let mut bench = homed();
     bench.run(20.0, 0.0).unwrap();
@@ -703,4 +744,524 @@ fn a_cold_drive_is_aligned_by_arming_and_keeps_its_table() {
     bench.run(2.5, 300.0).unwrap();
     bench.pass(1000);
     assert_eq!(bench.state(), State::Running);
+}
+
+/// A torque for a motor, N m, within a speed; the other turns at `other_rpm`.
+fn torque(motor: u8, nm: f64, limit_rpm: f64, other_rpm: f64) -> Command {
+    let rad_s = |rpm: f64| {
+        let word = scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED);
+        word.unwrap()
+    };
+    // The paper's motors: five pole pairs of 0.11 Wb.
+    let current = scale::word(nm / 0.55, scale::CURRENT).unwrap();
+    Command::Torque {
+        motor,
+        current,
+        speed: rad_s(limit_rpm),
+        base: rad_s(other_rpm),
+    }
+}
+
+impl Bench {
+    /// The load is the table's own friction.
+    fn unloaded() -> Self {
+        let mut bench = Self::new();
+        let none = inject(Injected::Load, 0, 0.0);
+        bench.client.tell(none).unwrap();
+        bench.client.tell(Command::Arm).unwrap();
+        bench
+    }
+
+    fn rpm(&self, axis: plant::Axis) -> f64 {
+        let serving = self.serving.borrow();
+        let machine = &serving.drive().drive().board.machine;
+        machine.motor(axis).omega * 60.0 / std::f64::consts::TAU
+    }
+
+    fn angle_deg(&self, axis: plant::Axis) -> f64 {
+        let serving = self.serving.borrow();
+        let machine = &serving.drive().drive().board.machine;
+        machine.motor(axis).theta.to_degrees()
+    }
+}
+
+#[test]
+fn a_motor_has_its_torque_up_to_its_speed_while_the_other_stands() {
+    use plant::Axis::{Nut, Screw};
+    for (motor, way, turns, stands) in [
+        (0, 1.0, Screw, Nut),
+        (0, -1.0, Screw, Nut),
+        (1, 1.0, Nut, Screw),
+        (1, -1.0, Nut, Screw),
+    ] {
+        let mut bench = Bench::unloaded();
+        let before = bench.angle_deg(stands);
+        let asked = torque(motor, 1.0 * way, 400.0, 0.0);
+        bench.client.tell(asked).unwrap();
+        bench.until(State::Running, 50);
+        bench.pass(8);
+        let status = bench.client.status().unwrap();
+        let i_q = scale::value(status.motors[usize::from(motor)].current[1], scale::CURRENT);
+        let off = i_q - way / 0.55;
+        assert!(
+            off.abs() < 0.05,
+            "{turns:?}: {i_q} A, expected {} A",
+            way / 0.55
+        );
+        let rpm = bench.rpm(turns);
+        assert!(
+            rpm * way > 20.0 && rpm * way < 390.0,
+            "{turns:?} at {rpm} rpm"
+        );
+        let mut fastest = 0.0f64;
+        for _ in 0..600 {
+            bench.pass(1);
+            fastest = fastest.max(bench.rpm(turns) * way);
+        }
+        let rpm = bench.rpm(turns);
+        assert!((rpm * way - 400.0).abs() < 8.0, "{turns:?} at {rpm} rpm");
+        assert!(fastest < 420.0, "{turns:?} was at {fastest} rpm");
+        let turned = bench.angle_deg(stands) - before;
+        assert!(
+            turned.abs() < 3.0,
+            "the {stands:?} turned by {turned} degrees"
+        );
+        assert_eq!(bench.state(), State::Running);
+
+        // A smaller torque the other way brakes it, and turns it back.
+        bench
+            .client
+            .tell(torque(motor, -0.8 * way, 200.0, 0.0))
+            .unwrap();
+        bench.pass(1000);
+        let rpm = bench.rpm(turns);
+        assert!((rpm * way + 200.0).abs() < 8.0, "{turns:?} at {rpm} rpm");
+        // Less than friction holds.
+        bench.client.tell(torque(motor, 0.0, 200.0, 0.0)).unwrap();
+        bench.pass(1500);
+        let rpm = bench.rpm(turns);
+        assert!(rpm.abs() < 20.0, "{turns:?} at {rpm} rpm");
+        bench.client.tell(Command::Stop).unwrap();
+        bench.until(State::Ready, 1000);
+    }
+}
+
+#[test]
+fn beside_a_torque_the_other_motor_turns_at_its_speed_and_a_run_takes_over() {
+    use plant::Axis::{Nut, Screw};
+    let mut bench = Bench::unloaded();
+    bench.client.tell(torque(0, 0.9, 600.0, 300.0)).unwrap();
+    bench.pass(1000);
+    let [screw, nut] = [bench.rpm(Screw), bench.rpm(Nut)];
+    assert!((screw - 600.0).abs() < 12.0, "the screw at {screw} rpm");
+    assert!((nut - 300.0).abs() < 12.0, "the nut at {nut} rpm");
+    bench.run(5.0, 300.0).unwrap();
+    let mut slowest = f64::MAX;
+    for _ in 0..1000 {
+        bench.pass(1);
+        slowest = slowest.min(bench.rpm(Nut));
+    }
+    let [screw, nut] = [bench.rpm(Screw), bench.rpm(Nut)];
+    assert!((screw - 360.0).abs() < 12.0, "the screw at {screw} rpm");
+    assert!((nut - 300.0).abs() < 12.0, "the nut at {nut} rpm");
+    assert!(slowest > 280.0, "the nut was at {slowest} rpm");
+    assert_eq!(bench.state(), State::Running);
+}
+
+#[test]
+fn a_torque_that_is_not_allowed_is_refused_and_nothing_moves() {
+    let mut bench = Bench::new();
+    let begun = bench.position();
+    let unarmed = refusal(bench.client.tell(torque(0, 0.5, 100.0, 0.0)));
+    assert_eq!(unarmed, Some(Refused::For(Refusal::NotArmed)));
+    bench.client.tell(Command::Arm).unwrap();
+    for (asked, refused) in [
+        (torque(0, 2.7, 100.0, 0.0), Refusal::Current),
+        (torque(2, 0.1, 100.0, 0.0), Refusal::Current),
+        (torque(1, 0.1, 0.0, 0.0), Refusal::MotorSpeed),
+        (torque(1, 0.1, -100.0, 0.0), Refusal::MotorSpeed),
+        (torque(0, 0.1, 3100.0, 0.0), Refusal::MotorSpeed),
+        // 100 mm/s on a lead of 5 mm are 1200 rpm.
+        (torque(0, 0.1, 1000.0, -300.0), Refusal::Velocity),
+        (torque(0, 0.1, 100.0, 4000.0), Refusal::Velocity),
+    ] {
+        let said = refusal(bench.client.tell(asked));
+        assert_eq!(said, Some(Refused::For(refused)), "{asked:?}");
+    }
+    bench.pass(200);
+    assert_eq!(bench.state(), State::Ready);
+    let moved = bench.position() - begun;
+    assert!(moved.abs() < 1e-6, "it moved by {moved} m");
+}
+
+#[test]
+fn a_torque_does_not_push_the_table_past_a_soft_limit() {
+    for (motor, nm, rpm, least, most) in [
+        (0, 1.2, 1000.0, 57.0, 60.0),
+        (1, 1.0, 600.0, 10.0, 12.0),
+        (0, -0.9, 300.0, 10.0, 12.0),
+        (1, -1.2, 1000.0, 57.0, 60.0),
+    ] {
+        let mut bench = homed();
+        bench.client.tell(inject(Injected::Load, 0, 0.0)).unwrap();
+        let Command::Run { velocity, base } = speeds(50.0, 0.0) else {
+            unreachable!()
+        };
+        let middle = Command::MoveTo {
+            position_nm: 35_000_000,
+            velocity,
+            base,
+        };
+        bench.client.tell(middle).unwrap();
+        bench.pass(2000);
+        bench.client.tell(torque(motor, nm, rpm, 0.0)).unwrap();
+        for _ in 0..3000 {
+            bench.pass(1);
+            let at = bench.position() * 1e3 + 105.0;
+            assert!(at > 10.0 && at < 60.0, "at {at} mm");
+        }
+        let at = bench.place_mm().unwrap();
+        assert!(
+            (least..most).contains(&at),
+            "{nm} N m of motor {motor}: it stands at {at} mm"
+        );
+        let state = bench.state();
+        assert!(
+            matches!(state, State::Running | State::Holding),
+            "{state:?}"
+        );
+        let limits = ActiveLimits::of_word(bench.client.status().unwrap().limits);
+        assert!(limits.iter(None).any(|limit| limit == Limit::Travel));
+        // Away from it the torque acts.
+        bench.client.tell(torque(motor, -nm, 100.0, 0.0)).unwrap();
+        bench.pass(500);
+        let now = bench.place_mm().unwrap();
+        assert!((now - at).abs() > 1.0, "from {at} mm to {now} mm");
+    }
+}
+
+#[test]
+fn a_motor_with_a_torque_comes_to_rest_when_its_host_is_gone_at_an_end_and_on_a_stop() {
+    let pushed = || {
+        let mut bench = Bench::unloaded();
+        bench.client.tell(torque(0, 1.0, 500.0, 0.0)).unwrap();
+        bench.pass(400);
+        assert!(bench.rpm(plant::Axis::Screw) > 400.0);
+        bench
+    };
+    let rests = |bench: &Bench| {
+        let rpm = bench.rpm(plant::Axis::Screw);
+        assert!(rpm.abs() < 5.0, "the bridges opened at {rpm} rpm");
+    };
+    let bench = pushed();
+    for _ in 0..1200 {
+        bench.serving.borrow_mut().millisecond();
+        if matches!(bench.state(), State::Fault(_)) {
+            break;
+        }
+    }
+    assert_eq!(bench.state(), State::Fault(Fault::CommandLost));
+    rests(&bench);
+
+    let mut bench = pushed();
+    let at_end = inject(Injected::EndForward, 0, 0.0);
+    bench.client.tell(at_end).unwrap();
+    bench.until(State::Fault(Fault::EndForward), 500);
+    rests(&bench);
+    bench.client.tell(Command::Reset).unwrap();
+    bench.until(State::Ready, 500);
+    bench.client.tell(Command::Arm).unwrap();
+    bench.client.tell(torque(0, 1.0, 500.0, 0.0)).unwrap();
+    bench.pass(100);
+    assert_eq!(
+        bench.state(),
+        State::Fault(Fault::EndForward),
+        "asked again"
+    );
+
+    let mut bench = pushed();
+    let mut other = open(&bench.serving);
+    let commanded = refusal(other.tell(torque(0, -1.0, 500.0, 0.0)));
+    assert_eq!(commanded, Some(Refused::For(Refusal::Commanded)));
+    other.tell(Command::Stop).unwrap();
+    bench.until(State::Ready, 1000);
+    rests(&bench);
+    bench.pass(300);
+    assert_eq!(bench.state(), State::Ready, "nothing goes on by itself");
+    let unarmed = refusal(bench.client.tell(torque(0, 1.0, 500.0, 0.0)));
+    assert_eq!(unarmed, Some(Refused::For(Refusal::NotArmed)));
+}
+
+/// A stream of a way, m, by seconds, with a set-point each 5 ms.
+struct Streaming {
+    bench: Bench,
+    begun: f64,
+    /// What the drive says that the table was behind, nm, and how early set-points came, us.
+    errors_nm: Vec<f64>,
+    ahead_us: Vec<f64>,
+    refused: Vec<Refusal>,
+    /// The table's place each millisecond, m.
+    places: Vec<f64>,
+}
+
+const SPACING_MS: u32 = 5;
+
+fn set_point(ms: u32, position_m: f64) -> Command {
+    Command::SetPoint {
+        at_us: ms * 1000,
+        position_nm: (position_m * 1e9).round() as i64,
+        velocity: None,
+    }
+}
+
+fn stream(delay_ms: u16, homed: bool) -> Command {
+    Command::Stream {
+        delay_ms,
+        homed,
+        base: 0,
+    }
+}
+
+impl Streaming {
+    fn open(mut bench: Bench, delay_ms: u16) -> Self {
+        bench.client.tell(Command::Arm).unwrap();
+        let begun = bench.position();
+        bench.client.tell(stream(delay_ms, false)).unwrap();
+        bench.until(State::Holding, 50);
+        bench.pass(50);
+        Self {
+            bench,
+            begun,
+            errors_nm: Vec::new(),
+            ahead_us: Vec::new(),
+            refused: Vec::new(),
+            places: Vec::new(),
+        }
+    }
+
+    fn millisecond(&mut self) {
+        self.bench.client.listen(Duration::ZERO).unwrap();
+        self.places.push(self.bench.position() - self.begun);
+        while let Some((_, answer)) = self.bench.client.take_answer() {
+            match answer {
+                Reply::Followed { ahead_us, error_nm } => {
+                    self.errors_nm.push(error_nm.into());
+                    self.ahead_us.push(ahead_us.into());
+                }
+                Reply::Refused(word) => self.refused.extend(Refusal::of_word(word)),
+                other => panic!("{other:?}"),
+            }
+        }
+    }
+
+    /// Each set-point comes so much after its time, in their order.
+    fn run(&mut self, way: impl Fn(f64) -> f64, ms: u32, mut late_ms: impl FnMut(u32) -> u32) {
+        let (mut next, mut due) = (0, 0);
+        for now in 0..ms {
+            while next <= now {
+                due = due.max(next + late_ms(next));
+                if due > now {
+                    break;
+                }
+                let point = set_point(next, way(f64::from(next) * 1e-3));
+                self.bench.client.post(point).unwrap();
+                next += SPACING_MS;
+            }
+            self.millisecond();
+        }
+    }
+}
+
+/// 1 mm to either side, four seconds a period: up to 1.6 mm/s.
+fn creep(seconds: f64) -> f64 {
+    1e-3 * (1.0 - (std::f64::consts::TAU * 0.25 * seconds).cos())
+}
+
+#[test]
+fn a_streamed_sine_is_followed() {
+    let mut streaming = Streaming::open(Bench::new(), 20);
+    streaming.run(creep, 8000, |_| 0);
+    assert_eq!(streaming.refused, []);
+    // After what the table gave way as the motors took its load of 400 N from the brake: ripple and encoder errors.
+    let errors = streaming.errors_nm.iter().skip(60);
+    let worst = errors.fold(0.0f64, |worst, error| worst.max(error.abs()));
+    assert!(worst < 4000.0, "{worst} nm behind by the drive");
+    assert!(
+        streaming
+            .ahead_us
+            .iter()
+            .all(|us| (19e3..=21e3).contains(us))
+    );
+    // The table by itself, at the time that suits best.
+    let behind = |shift_ms: f64| {
+        let places = streaming.places.iter().enumerate().skip(300);
+        let off = places.map(|(ms, place)| place - creep((ms as f64 - shift_ms) * 1e-3));
+        off.fold(0.0f64, |worst, off| worst.max(off.abs()))
+    };
+    let best = (0..400)
+        .map(|k| behind(0.1 * f64::from(k)))
+        .fold(f64::MAX, f64::min);
+    assert!(best < 4e-6, "{best} m off at the best time");
+    println!("drive {worst} nm, table {best} m");
+    assert_eq!(streaming.bench.state(), State::Running);
+}
+
+/// Up to 10 ms late, so 5 ms to either side of what the first are: no velocity of the table differs.
+#[test]
+fn a_stream_s_jitter_is_not_in_the_table_s_velocity() {
+    let places = |jitter: bool| {
+        let mut streaming = Streaming::open(Bench::new(), 20);
+        let mut state = 1u32;
+        streaming.run(creep, 4000, |ms| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            if jitter && ms > 0 {
+                (state >> 16) % 11
+            } else {
+                5
+            }
+        });
+        assert_eq!(streaming.refused, []);
+        streaming.places
+    };
+    let [even, late] = [places(false), places(true)];
+    let velocities = |places: &[f64]| -> Vec<f64> {
+        places
+            .windows(2)
+            .map(|pair| (pair[1] - pair[0]) * 1e3)
+            .collect()
+    };
+    let off = velocities(&even).into_iter().zip(velocities(&late));
+    let worst = off.fold(0.0f64, |worst, (a, b)| worst.max((a - b).abs()));
+    println!("{worst} m/s");
+    assert!(worst < 5e-6, "the jitter makes {worst} m/s");
+}
+
+#[test]
+fn a_stream_that_stalls_comes_to_rest_without_a_fault() {
+    for beats in [true, false] {
+        let mut streaming = Streaming::open(Bench::new(), 20);
+        streaming.run(|seconds| 20e-3 * seconds, 500, |_| 0);
+        assert_eq!(streaming.bench.state(), State::Running);
+        let mut ms = 0;
+        while streaming.bench.state() == State::Running {
+            streaming.millisecond();
+            ms += 1;
+            assert!(ms < 30, "no stop after {ms} ms");
+        }
+        while streaming.bench.state() != State::Ready {
+            streaming.millisecond();
+            ms += 1;
+            assert!(ms < 200, "{:?} after {ms} ms", streaming.bench.state());
+        }
+        println!("at rest after {ms} ms");
+        let rest = streaming.bench.position();
+        for _ in 0..10 {
+            if beats {
+                streaming.bench.pass(100);
+            } else {
+                (0..100).for_each(|_| streaming.bench.serving.borrow_mut().millisecond());
+            }
+            assert_eq!(streaming.bench.state(), State::Ready);
+        }
+        let moved = streaming.bench.position() - rest;
+        assert!(moved.abs() < 5e-6, "at rest it moved by {moved} m");
+        let status = streaming.bench.client.status().unwrap();
+        assert_eq!(Travel::of_word(status.travel), Some(Travel::StreamEnded));
+        assert!(status.armed && status.fault == 0, "{status:?}");
+        // What comes now is late, and moves nothing.
+        let late = refusal(streaming.bench.client.tell(set_point(505, 10e-3)));
+        assert_eq!(late, Some(Refused::For(Refusal::NoStream)));
+        // A run is not ended by the stream that was.
+        streaming.bench.run(2.5, 0.0).unwrap();
+        streaming.bench.pass(500);
+        assert_eq!(streaming.bench.state(), State::Running);
+    }
+}
+
+#[test]
+fn a_stream_that_is_not_allowed_is_refused_and_nothing_moves() {
+    let mut bench = Bench::new();
+    let begun = bench.position();
+    let said = |bench: &mut Bench, command: Command| refusal(bench.client.tell(command));
+    for (arms, command, refused) in [
+        (false, stream(20, false), Refusal::NotArmed),
+        (false, set_point(0, 0.0), Refusal::NoStream),
+        (true, set_point(0, 0.0), Refusal::NoStream),
+        (true, stream(20, true), Refusal::NotHomed),
+        (true, stream(4, false), Refusal::Delay),
+        (true, stream(201, false), Refusal::Delay),
+    ] {
+        if arms {
+            bench.client.tell(Command::Arm).unwrap();
+        }
+        assert_eq!(
+            said(&mut bench, command),
+            Some(Refused::For(refused)),
+            "{command:?}"
+        );
+    }
+    bench.client.tell(stream(20, false)).unwrap();
+    bench.pass(300);
+    assert_eq!(
+        said(&mut bench, set_point(0, 1e-3)),
+        Some(Refused::For(Refusal::Step))
+    );
+    // The first is taken, the next are not; it ends in its place.
+    assert!(matches!(
+        bench.client.ask(set_point(0, 0.0)).unwrap(),
+        Reply::Followed { .. }
+    ));
+    for (point, refused) in [
+        (set_point(5, 501e-6), Refusal::Step),
+        (set_point(60, 0.0), Refusal::Spacing),
+        (set_point(0, 0.0), Refusal::Spacing),
+    ] {
+        assert_eq!(said(&mut bench, point), Some(Refused::For(refused)));
+    }
+    let mut other = open(&bench.serving);
+    let commanded = refusal(other.tell(set_point(5, 0.0)));
+    assert_eq!(commanded, Some(Refused::For(Refusal::Commanded)));
+    bench.until(State::Ready, 200);
+    let moved = bench.position() - begun;
+    assert!(moved.abs() < 60e-6, "it moved by {moved} m");
+
+    let mut bench = homed();
+    bench.client.tell(stream(20, true)).unwrap();
+    let outside = said(&mut bench, set_point(0, 9e-3));
+    assert_eq!(outside, Some(Refused::For(Refusal::SoftLimit)));
+}
+
+#[test]
+fn a_stream_ends_with_its_host_a_stop_of_any_client_or_a_fault() {
+    // Its host goes before the first set-point.
+    let streaming = Streaming::open(Bench::new(), 20);
+    let place = streaming.bench.position();
+    for _ in 0..700 {
+        streaming.bench.serving.borrow_mut().millisecond();
+    }
+    assert_eq!(streaming.bench.state(), State::Fault(Fault::CommandLost));
+    let moved = streaming.bench.position() - place;
+    assert!(moved.abs() < 5e-6, "it moved by {moved} m");
+
+    let mut streaming = Streaming::open(Bench::new(), 20);
+    streaming.run(creep, 600, |_| 0);
+    open(&streaming.bench.serving).tell(Command::Stop).unwrap();
+    for ms in 600..900 {
+        if ms % SPACING_MS == 0 {
+            let point = set_point(ms, creep(f64::from(ms) * 1e-3));
+            streaming.bench.client.post(point).unwrap();
+        }
+        streaming.millisecond();
+    }
+    assert_eq!(streaming.bench.state(), State::Ready);
+    let ended = |refusal: &Refusal| matches!(refusal, Refusal::NoStream | Refusal::Commanded);
+    assert!(streaming.refused.len() > 50 && streaming.refused.iter().all(ended));
+
+    let mut streaming = Streaming::open(Bench::new(), 20);
+    streaming.run(creep, 600, |_| 0);
+    let at_end = inject(Injected::EndForward, 0, 0.0);
+    streaming.bench.client.tell(at_end).unwrap();
+    streaming.bench.until(State::Fault(Fault::EndForward), 300);
+    let status = streaming.bench.client.status().unwrap();
+    assert_eq!(Travel::of_word(status.travel), Some(Travel::Ended));
 }

@@ -3,6 +3,7 @@
 use control::guard::GuardConfig;
 use control::homing::HomePlan;
 use control::plate::{BASES, BasePlate, DriveConfig, DrivePlate};
+use control::stream::StreamConfig;
 use control::table_move::MoveConfig;
 use control::travel::TravelConfig;
 use link::scale;
@@ -36,6 +37,8 @@ pub struct CommandWords {
     pub moves: MoveConfig,
     /// How the drive homes.
     pub home: HomePlan,
+    /// How it follows a stream.
+    pub stream: StreamConfig,
     /// The base speeds of commands that have none.
     pub bases: Bases,
     /// Bus voltage of an ADC count, uV.
@@ -55,6 +58,7 @@ impl CommandWords {
             bases: Bases::new(&plate.base),
             moves: MoveConfig::new(plate, STEP_S),
             home: HomePlan::new(plate, STEP_S),
+            stream: StreamConfig::new(plate, STEP_S),
             bus_uv: (plate.board.bus_volts_per_count * 1e6 + 0.5) as u32,
             pwm_hz: (plate.board.pwm_hz + 0.5) as u32,
         }

@@ -11,7 +11,10 @@ use control::exchange::MotorExchange;
 use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
 use control::journal::Journal;
 use control::observer::EncoderAlignment;
+use control::stream::{DELAY_MS, Followed, SetPoint};
 use control::table_move::{MoveError, MovePlan};
+use control::torque::TorqueCommand;
+use core::ops::RangeInclusive;
 use core::sync::atomic::Ordering::Relaxed;
 use embedded_storage::nor_flash::NorFlash;
 use heapless::Vec;
@@ -19,6 +22,12 @@ use link::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use link::codes::{Demand, State};
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
 use link::settings::{Effect, Settings};
+
+/// How long a set-point of a stream may wait, ms.
+const DELAYS: RangeInclusive<u16> = {
+    let [least, most] = DELAY_MS;
+    least..=most
+};
 
 /// The board, or the simulated machine: what only it knows.
 pub trait World {
@@ -78,10 +87,7 @@ impl<F, O, J, W> Commanded<'_, '_, F, O, J, W> {
         };
         Coordinator::new()
             .command(&self.parts.configured.drive.coordinator, command)
-            .map_err(|refused| match refused {
-                CommandError::Velocity { .. } => Refusal::Velocity,
-                CommandError::Speed { .. } => Refusal::MotorSpeed,
-            })
+            .map_err(refusal)
     }
 
     /// The scale's count at position zero; `None`: the drive is not homed.
@@ -113,6 +119,15 @@ impl<F, O, J, W> Commanded<'_, '_, F, O, J, W> {
 
     fn exchange(&self, motor: u8) -> Option<&MotorExchange> {
         self.parts.motors.get(usize::from(motor)).copied()
+    }
+}
+
+/// Why the link refuses what the control does not allow.
+const fn refusal(error: CommandError) -> Refusal {
+    match error {
+        CommandError::Velocity { .. } | CommandError::Relative { .. } => Refusal::Velocity,
+        CommandError::Current { .. } => Refusal::Current,
+        CommandError::Speed { .. } => Refusal::MotorSpeed,
     }
 }
 
@@ -195,6 +210,13 @@ where
         Ok(())
     }
 
+    fn travel_to(&mut self, position_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal> {
+        let origin = self.origin().ok_or(Refusal::NotHomed)?;
+        let scale = self.parts.view.scale.load(Relaxed);
+        let here_nm = self.parts.configured.travel.position_nm(scale, origin);
+        self.travel(position_nm.saturating_sub(here_nm), velocity, base)
+    }
+
     fn home(&mut self, base: i32) -> Result<(), Refusal> {
         let plan = self.parts.configured.words.home;
         for velocity in plan.velocities() {
@@ -206,6 +228,66 @@ where
             .orders
             .with(|orders| orders.home(words, plan, base));
         Ok(())
+    }
+
+    fn torque(&mut self, motor: u8, current: i32, speed: i32, base: i32) -> Result<(), Refusal> {
+        self.exchange(motor).ok_or(Refusal::Current)?;
+        let config = &self.parts.configured.drive;
+        let torque = TorqueCommand {
+            motor: motor.into(),
+            i_q: Current::from_bits(current),
+            speed_max: MechanicalSpeed::from_bits(speed),
+        };
+        torque
+            .allowed(
+                &config.coordinator,
+                &config.speed_loops,
+                MechanicalSpeed::from_bits(base),
+            )
+            .map_err(refusal)?;
+        self.allowed(0, base)?;
+        let words = self.parts.words;
+        self.parts
+            .orders
+            .with(|orders| orders.push(words, torque, base));
+        Ok(())
+    }
+
+    fn stream(&mut self, delay_ms: u16, homed: bool, base: i32) -> Result<(), Refusal> {
+        if !DELAYS.contains(&delay_ms) {
+            return Err(Refusal::Delay);
+        }
+        self.allowed(0, base)?;
+        let zero = if homed {
+            self.origin().ok_or(Refusal::NotHomed)?
+        } else {
+            self.parts.view.scale.load(Relaxed)
+        };
+        let (words, config) = (self.parts.words, self.parts.configured.words.stream);
+        self.parts
+            .orders
+            .with(|orders| orders.stream(words, config, zero, delay_ms, base));
+        Ok(())
+    }
+
+    fn set_point(
+        &mut self,
+        at_us: u32,
+        position_nm: i64,
+        velocity: Option<i32>,
+    ) -> Result<Followed, Refusal> {
+        let configured = self.parts.configured;
+        let (scale, origin) = (self.parts.view.scale.load(Relaxed), self.origin());
+        let point = SetPoint {
+            at_us,
+            position_nm,
+            velocity: velocity.map(TableVelocity::from_bits),
+        };
+        self.parts.orders.with(|orders| {
+            orders.set_point(&configured.words.stream, point, scale, |zero| {
+                configured.travel.allows(zero, origin, position_nm)
+            })
+        })
     }
 
     fn direct_current(&mut self, motor: u8, current: i32) -> Result<(), Refusal> {

@@ -3,7 +3,9 @@
 use crate::rows::Rows;
 use control::compensation::LINES;
 use control::fault::Fault;
+use control::format::{Current, MechanicalSpeed, Speed, TableVelocity};
 use control::interlock;
+use control::torque::TorqueCommand;
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::{Demand, State};
 use link::view::DriveView;
@@ -15,7 +17,11 @@ pub struct DriveExchange {
     pub(crate) velocity: AtomicI32,
     /// Common speed, 2^-18 rad/s, mechanical.
     pub(crate) base: AtomicI32,
-    /// Counts new speeds: the speed task takes the two words above with each.
+    /// The motor that follows a torque, 1 is the screw's, 2 the nut's, 0: none.
+    pub(crate) torque_motor: AtomicU32,
+    /// Its current along q, 2^-20 A, and its speed limit, 2^-18 rad/s, mechanical.
+    pub(crate) torque: [AtomicI32; 2],
+    /// Counts new commands: the speed task takes the words above with each.
     pub(crate) sequence: AtomicU32,
     /// A [`Demand`]'s word.
     pub(crate) demand: AtomicU32,
@@ -77,6 +83,8 @@ impl DriveExchange {
         Self {
             velocity: AtomicI32::new(0),
             base: AtomicI32::new(0),
+            torque_motor: AtomicU32::new(0),
+            torque: [const { AtomicI32::new(0) }; 2],
             sequence: AtomicU32::new(0),
             demand: AtomicU32::new(Demand::Rest.word()),
             heartbeat: AtomicU32::new(0),
@@ -105,9 +113,41 @@ impl DriveExchange {
     }
 
     pub(crate) fn ask_speeds(&self, velocity: i32, base: i32) {
+        self.torque_motor.store(0, Relaxed);
         self.velocity.store(velocity, Relaxed);
         self.base.store(base, Relaxed);
         count(&self.sequence);
+    }
+
+    pub(crate) fn ask_torque(&self, torque: TorqueCommand, base: i32) {
+        let values = [torque.i_q.to_bits(), torque.speed_max.to_bits()];
+        for (word, value) in self.torque.iter().zip(values) {
+            word.store(value, Relaxed);
+        }
+        self.velocity.store(0, Relaxed);
+        self.base.store(base, Relaxed);
+        let motor = if torque.motor == 0 { 1 } else { 2 };
+        self.torque_motor.store(motor, Relaxed);
+        count(&self.sequence);
+    }
+
+    /// The torque that is asked.
+    pub(crate) fn torque(&self) -> Option<TorqueCommand> {
+        let motor = self.torque_motor.load(Relaxed).checked_sub(1)?;
+        let [i_q, speed] = self.torque.each_ref().map(|word| word.load(Relaxed));
+        Some(TorqueCommand {
+            motor: usize::from(motor != 0),
+            i_q: Current::from_bits(i_q),
+            speed_max: MechanicalSpeed::from_bits(speed),
+        })
+    }
+
+    /// Which way the table is asked to go; `relative` is what the screw turns against the nut, mechanical rad/s.
+    pub(crate) fn heading(&self, relative: Speed) -> TableVelocity {
+        match self.torque() {
+            None => TableVelocity::from_bits(self.velocity.load(Relaxed)),
+            Some(torque) => torque.heading(relative),
+        }
     }
 
     pub(crate) fn tell_table(&self, step: Option<i32>) {

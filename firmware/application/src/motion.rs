@@ -3,6 +3,7 @@
 //! A step is made at a fixed rate: that of the speed task, or slower.
 
 use control::homing::{HomePlan, HomeProgress, Homing};
+use control::stream::{Stream, StreamConfig, StreamProgress};
 use control::table_move::{MovePlan, MoveProgress, TableMove};
 use link::codes::{Demand, FaultSet, State};
 use link::message::Travel;
@@ -41,6 +42,7 @@ pub struct Seen {
 enum Lead {
     Move(MovePlan, TableMove),
     Home(HomePlan, Homing),
+    Stream(StreamConfig, StreamProgress),
 }
 
 impl Lead {
@@ -49,6 +51,7 @@ impl Lead {
         match self {
             Self::Move(_, motion) => motion.progress() == MoveProgress::Starting,
             Self::Home(_, homing) => homing.progress() == HomeProgress::Starting,
+            Self::Stream(_, progress) => *progress == StreamProgress::Waiting,
         }
     }
 
@@ -57,6 +60,7 @@ impl Lead {
         match self {
             Self::Move(_, motion) => motion.progress() == MoveProgress::Done,
             Self::Home(_, homing) => !homing.progress().is_underway(),
+            Self::Stream(_, progress) => *progress == StreamProgress::Ended,
         }
     }
 
@@ -75,11 +79,16 @@ impl Lead {
                 HomeProgress::ScaleStands => Travel::ScaleStands,
                 _ => Travel::Homing,
             },
+            Self::Stream(_, progress) => match progress {
+                StreamProgress::Waiting => Travel::Awaiting,
+                StreamProgress::Following => Travel::Following,
+                StreamProgress::Ended => Travel::StreamEnded,
+            },
         }
     }
 }
 
-/// A move or a homing under way.
+/// A move, a homing or a stream under way.
 #[derive(Clone, Copy, Debug)]
 struct Underway {
     lead: Lead,
@@ -91,7 +100,7 @@ struct Underway {
 }
 
 /// What is asked of the drive's motion, and how far that is.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct Motion {
     /// Steps until motion is demanded, and of a reset.
     start_steps: u32,
@@ -100,6 +109,7 @@ pub struct Motion {
     /// Steps that are left of the two.
     left: u32,
     underway: Option<Underway>,
+    stream: Stream,
     /// The scale's count at position zero.
     origin: Option<i32>,
 }
@@ -120,6 +130,7 @@ impl Motion {
             demand: Demand::Rest,
             left: 0,
             underway: None,
+            stream: Stream::closed(),
             origin: None,
         }
     }
@@ -156,6 +167,24 @@ impl Motion {
     pub fn home(&mut self, plan: HomePlan, base: i32) {
         self.origin = None;
         self.lead(Lead::Home(plan, Homing::default()), base);
+    }
+
+    /// Follows a stream of positions from where the scale counts `zero`, at a base speed of `base`, which it was asked with no velocity.
+    pub fn stream(&mut self, config: StreamConfig, zero: i32, delay_ms: u16, base: i32) {
+        self.lead(Lead::Stream(config, StreamProgress::Waiting), base);
+        self.stream.open(zero, delay_ms);
+    }
+
+    /// The stream; `None`: none is open.
+    pub fn open_stream(&mut self) -> Option<&mut Stream> {
+        match &self.underway {
+            Some(Underway {
+                lead: Lead::Stream(..),
+                ended: false,
+                ..
+            }) => Some(&mut self.stream),
+            _ => None,
+        }
     }
 
     fn lead(&mut self, lead: Lead, base: i32) {
@@ -200,10 +229,10 @@ impl Motion {
         if over {
             self.demand = Demand::Rest;
         }
+        let speeds = self.travel_on(seen);
         let starts = self.left > 0 && matches!(self.demand, Demand::Run | Demand::Align);
         let demand = if starts { Demand::Rest } else { self.demand };
         self.left = self.left.saturating_sub(1);
-        let speeds = self.travel_on(seen);
         let homing = match &self.underway {
             Some(Underway {
                 lead: Lead::Home(plan, homing),
@@ -226,6 +255,7 @@ impl Motion {
             State::Ready if underway.lead.starts() => return None,
             _ => {
                 underway.ended |= !underway.lead.is_over();
+                self.stream.close();
                 return None;
             }
         }
@@ -240,6 +270,16 @@ impl Motion {
                 let velocity = homing.step(plan, scale, arrived, seen.ends_open);
                 if let (true, HomeProgress::Done(origin)) = (goes_on, homing.progress()) {
                     self.origin = Some(origin);
+                }
+                velocity
+            }
+            Lead::Stream(config, progress) => {
+                let goes_on = *progress != StreamProgress::Ended;
+                let velocity = self.stream.step(config, scale, arrived);
+                *progress = self.stream.progress();
+                if goes_on && *progress == StreamProgress::Ended {
+                    // The drive's normal stop.
+                    self.demand = Demand::Rest;
                 }
                 velocity
             }

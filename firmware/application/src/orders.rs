@@ -4,15 +4,18 @@ use crate::configured::{Configured, STEP_S};
 use crate::exchange::{DriveExchange, state};
 use crate::motion::{Motion, Seen};
 use control::fault::{Fault, FaultSet};
-use control::format::{Speed, SpeedChange, TableVelocity};
+use control::format::{Speed, SpeedChange};
 use control::homing::HomePlan;
 use control::interlock;
 use control::plate::DrivePlate;
 use control::rates::STEPS_PER_LOOK;
+use control::stream::{Followed, SetPoint, SetPointError, StreamConfig};
 use control::table_move::MovePlan;
+use control::torque::TorqueCommand;
 use control::travel::{Travel, TravelLook};
 use core::sync::atomic::Ordering::Relaxed;
 use link::codes::Demand;
+use link::message::Refusal;
 use link::view::DriveView;
 
 /// The motion and the soft limits.
@@ -38,6 +41,12 @@ impl Orders {
         words.ask_speeds(velocity, base);
     }
 
+    /// Push by this torque, which the drive allows.
+    pub(crate) fn push(&mut self, words: &DriveExchange, torque: TorqueCommand, base: i32) {
+        self.motion.follow();
+        words.ask_torque(torque, base);
+    }
+
     /// Move by that plan from where the scale counts `scale`.
     pub(crate) fn travel(&mut self, words: &DriveExchange, plan: MovePlan, scale: i32, base: i32) {
         words.ask_speeds(0, base);
@@ -50,6 +59,43 @@ impl Orders {
         words.ask_speeds(0, base);
         self.motion.home(plan, base);
         words.travel.store(self.motion.progress().word(), Relaxed);
+    }
+
+    /// Follow a stream of positions from where the scale counts `zero`.
+    pub(crate) fn stream(
+        &mut self,
+        words: &DriveExchange,
+        config: StreamConfig,
+        zero: i32,
+        delay_ms: u16,
+        base: i32,
+    ) {
+        words.ask_speeds(0, base);
+        self.motion.stream(config, zero, delay_ms, base);
+        words.travel.store(self.motion.progress().word(), Relaxed);
+    }
+
+    /// Takes a set-point that `allows` of the stream's zero, while the scale counts `scale`.
+    pub(crate) fn set_point(
+        &mut self,
+        config: &StreamConfig,
+        point: SetPoint,
+        scale: i32,
+        allows: impl FnOnce(i32) -> bool,
+    ) -> Result<Followed, Refusal> {
+        let stream = self.motion.open_stream().ok_or(Refusal::NoStream)?;
+        if !allows(stream.zero()) {
+            return Err(Refusal::SoftLimit);
+        }
+        stream
+            .push(config, point, scale)
+            .map_err(|error| match error {
+                SetPointError::Closed => Refusal::NoStream,
+                SetPointError::Full => Refusal::StreamFull,
+                SetPointError::Spacing => Refusal::Spacing,
+                SetPointError::Step => Refusal::Step,
+                SetPointError::Velocity => Refusal::Velocity,
+            })
     }
 
     /// Takes a demand. Rest acts at once, and so does what a reset ends.
@@ -91,7 +137,7 @@ impl Orders {
             origin,
             driven: seen.state.is_driven(),
             reference: (Speed::from_bits(speed), SpeedChange::from_bits(change)),
-            asked: TableVelocity::from_bits(words.velocity.load(Relaxed)),
+            asked: words.heading(Speed::from_bits(speed)),
         };
         let travel = self.travel.step(&configured.travel, &look);
         let ways = words.way.as_flattened().iter();

@@ -4,6 +4,7 @@
 //! one session moves the drive. What is asked is done by a [`Served`] drive, simulated or not.
 
 use control::journal::Journal;
+use control::stream::Followed;
 use heapless::Vec;
 use link::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use link::codes::{Demand, State};
@@ -68,11 +69,37 @@ pub trait Served {
     /// # Errors
     /// The same, [`Refusal::Distance`] and [`Refusal::SoftLimit`].
     fn travel(&mut self, distance_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal>;
+    /// Takes a move to a position, as in [`Command::MoveTo`].
+    ///
+    /// # Errors
+    /// The same, and [`Refusal::NotHomed`].
+    fn travel_to(&mut self, position_nm: i64, velocity: i32, base: i32) -> Result<(), Refusal>;
     /// Takes a homing, as in [`Command::Home`].
     ///
     /// # Errors
     /// [`Refusal::MotorSpeed`].
     fn home(&mut self, base: i32) -> Result<(), Refusal>;
+    /// Takes a torque, as in [`Command::Torque`].
+    ///
+    /// # Errors
+    /// [`Refusal::Current`], [`Refusal::MotorSpeed`] or [`Refusal::Velocity`]; the old command stays.
+    fn torque(&mut self, motor: u8, current: i32, speed: i32, base: i32) -> Result<(), Refusal>;
+    /// Opens a stream, as in [`Command::Stream`].
+    ///
+    /// # Errors
+    /// [`Refusal::Delay`], [`Refusal::MotorSpeed`] or [`Refusal::NotHomed`].
+    fn stream(&mut self, delay_ms: u16, homed: bool, base: i32) -> Result<(), Refusal>;
+    /// Takes a set-point, as in [`Command::SetPoint`].
+    ///
+    /// # Errors
+    /// [`Refusal::NoStream`], [`Refusal::StreamFull`], [`Refusal::Spacing`], [`Refusal::Step`], [`Refusal::Velocity`] or
+    /// [`Refusal::SoftLimit`].
+    fn set_point(
+        &mut self,
+        at_us: u32,
+        position_nm: i64,
+        velocity: Option<i32>,
+    ) -> Result<Followed, Refusal>;
     /// Takes a current, as in [`Command::DirectCurrent`], while it runs.
     ///
     /// # Errors
@@ -378,12 +405,32 @@ impl Server {
                     drive.travel(distance_nm, velocity, base)
                 })
                 .map(|()| self.start(commander, drive, Demand::Run)),
+            Command::MoveTo {
+                position_nm,
+                velocity,
+                base,
+            } => self
+                .may_move(commander, drive)
+                .and_then(|()| {
+                    let base = base.unwrap_or_else(|| drive.base_for(velocity));
+                    drive.travel_to(position_nm, velocity, base)
+                })
+                .map(|()| self.start(commander, drive, Demand::Run)),
             Command::Home { base } => self
                 .may_move(commander, drive)
                 .and_then(|()| {
                     let base = base.unwrap_or_else(|| drive.base_for(drive.home_velocity()));
                     drive.home(base)
                 })
+                .map(|()| self.start(commander, drive, Demand::Run)),
+            Command::Torque {
+                motor,
+                current,
+                speed,
+                base,
+            } => self
+                .may_move(commander, drive)
+                .and_then(|()| drive.torque(motor, current, speed, base))
                 .map(|()| self.start(commander, drive, Demand::Run)),
             Command::DirectCurrent { motor, current } => {
                 self.may_move(commander, drive)
@@ -444,6 +491,30 @@ impl Server {
                 Err(refusal) => Err(refusal),
             },
             Command::Inject(injection) => drive.inject(injection),
+            Command::Stream {
+                delay_ms,
+                homed,
+                base,
+            } => self
+                .may_move(commander, drive)
+                .and_then(|()| drive.stream(delay_ms, homed, base))
+                .map(|()| self.start(commander, drive, Demand::Run)),
+            Command::SetPoint {
+                at_us,
+                position_nm,
+                velocity,
+            } => {
+                let taken = self
+                    .commands(commander)
+                    .and_then(|()| drive.set_point(at_us, position_nm, velocity));
+                match taken {
+                    Ok(Followed { ahead_us, error_nm }) => {
+                        drive.renew();
+                        return Reply::Followed { ahead_us, error_nm };
+                    }
+                    Err(refusal) => Err(refusal),
+                }
+            }
         };
         match done {
             Ok(()) => Reply::Done,
@@ -493,6 +564,15 @@ impl Server {
             return Err(Refusal::NotArmed);
         }
         Ok(())
+    }
+
+    /// This session moves the drive.
+    fn commands(&self, commander: &Commander) -> Result<(), Refusal> {
+        match commander.owner {
+            None => Err(Refusal::NoStream),
+            owner if owner != self.session => Err(Refusal::Commanded),
+            _ => Ok(()),
+        }
     }
 
     fn start(&self, commander: &mut Commander, drive: &mut impl Served, demand: Demand) {
@@ -610,8 +690,20 @@ mod tests {
         fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
             Ok(())
         }
+        fn travel_to(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
         fn home(&mut self, _: i32) -> Result<(), Refusal> {
             Ok(())
+        }
+        fn torque(&mut self, _: u8, _: i32, _: i32, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn stream(&mut self, _: u16, _: bool, _: i32) -> Result<(), Refusal> {
+            Ok(())
+        }
+        fn set_point(&mut self, _: u32, _: i64, _: Option<i32>) -> Result<Followed, Refusal> {
+            Ok(Followed::default())
         }
         fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
             Ok(())
@@ -1073,6 +1165,33 @@ mod tests {
                     distance_nm,
                     velocity,
                     base,
+                }
+            }),
+            any::<(i64, i32, Option<i32>)>().prop_map(|(position_nm, velocity, base)| {
+                Command::MoveTo {
+                    position_nm,
+                    velocity,
+                    base,
+                }
+            }),
+            any::<(u8, i32, i32, i32)>().prop_map(|(motor, current, speed, base)| {
+                Command::Torque {
+                    motor,
+                    current,
+                    speed,
+                    base,
+                }
+            }),
+            any::<(u16, bool, i32)>().prop_map(|(delay_ms, homed, base)| Command::Stream {
+                delay_ms,
+                homed,
+                base,
+            }),
+            any::<(u32, i64, Option<i32>)>().prop_map(|(at_us, position_nm, velocity)| {
+                Command::SetPoint {
+                    at_us,
+                    position_nm,
+                    velocity,
                 }
             }),
             any::<(u8, i32)>()

@@ -171,7 +171,7 @@ impl SpeedStep {
         self.line = self.line.wrapping_add(1);
     }
 
-    /// Takes the new speeds.
+    /// Takes the new speeds, or the new torque.
     #[inline(always)]
     fn take_command(&mut self, parts: SpeedParts<'_>, control: &mut SpeedTask, sequence: u32) {
         let words = parts.words;
@@ -180,9 +180,15 @@ impl SpeedStep {
             velocity: TableVelocity::from_bits(words.velocity.load(Relaxed)),
             base: MechanicalSpeed::from_bits(words.base.load(Relaxed)),
         };
-        match control.command(parts.config, command) {
-            Ok(()) => count(&parts.view.taken),
-            Err(_) => count(&parts.view.refused),
+        let config = parts.config;
+        let taken = match words.torque() {
+            None => control.command(config, command).is_ok(),
+            Some(torque) => control.command_torque(config, torque, command.base).is_ok(),
         };
+        count(if taken {
+            &parts.view.taken
+        } else {
+            &parts.view.refused
+        });
     }
 }

@@ -2,6 +2,7 @@
 //! one that a host can read. `FUZZ_EXECUTIONS` sets how many frames, values or pairs of pages each test takes, `FUZZ_SEED` which.
 
 use application::server::{Commander, NotSet, Served, Server};
+use control::stream::Followed;
 use embedded_storage::nor_flash::{ErrorType, NorFlash, NorFlashErrorKind, ReadNorFlash};
 use link::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use link::codes::{Demand, State};
@@ -52,7 +53,7 @@ impl Random {
 
     fn command(&mut self) -> Command {
         let [a, b] = [self.number(), self.number()];
-        match self.below(22) {
+        match self.below(26) {
             0 => Command::Heartbeat,
             1 => Command::Status,
             2 => Command::Faults,
@@ -81,13 +82,34 @@ impl Random {
                 velocity: b as i32,
                 base: None,
             },
+            17 => Command::MoveTo {
+                position_nm: a as i64,
+                velocity: b as i32,
+                base: None,
+            },
+            18 => Command::Torque {
+                motor: a as u8,
+                current: b as i32,
+                speed: self.number() as i32,
+                base: self.number() as i32,
+            },
+            19 => Command::Stream {
+                delay_ms: a as u16,
+                homed: b & 1 == 0,
+                base: self.number() as i32,
+            },
+            20 => Command::SetPoint {
+                at_us: a as u32,
+                position_nm: b as i64,
+                velocity: None,
+            },
             15 => Command::Journal { after: a as u8 },
             16 => Command::Inject(Injection {
                 fault: a as u32,
                 motor: b as u8,
                 amount: Real::new(f64::from_bits(self.number())),
             }),
-            17 => Command::Burst(BurstRequest {
+            21 => Command::Burst(BurstRequest {
                 motor: a as u8 & 3,
                 trigger: a as u32 >> 2 & 7,
                 signal: a as u32 >> 5 & 7,
@@ -95,9 +117,9 @@ impl Random {
                 before: (a >> 8) as u16,
                 divider: (b >> 32) as u8,
             }),
-            18 => Command::EndBurst,
-            19 => Command::BurstStatus,
-            20 => Command::BurstSamples { from: a as u16 },
+            22 => Command::EndBurst,
+            23 => Command::BurstStatus,
+            24 => Command::BurstSamples { from: a as u16 },
             _ => Command::Run {
                 velocity: a as i32,
                 base: Some(b as i32),
@@ -150,8 +172,20 @@ impl Served for Fake {
     fn travel(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
         Ok(())
     }
+    fn travel_to(&mut self, _: i64, _: i32, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
     fn home(&mut self, _: i32) -> Result<(), Refusal> {
         Ok(())
+    }
+    fn torque(&mut self, _: u8, _: i32, _: i32, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn stream(&mut self, _: u16, _: bool, _: i32) -> Result<(), Refusal> {
+        Ok(())
+    }
+    fn set_point(&mut self, _: u32, _: i64, _: Option<i32>) -> Result<Followed, Refusal> {
+        Ok(Followed::default())
     }
     fn direct_current(&mut self, _: u8, _: i32) -> Result<(), Refusal> {
         Ok(())

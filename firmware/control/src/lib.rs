@@ -27,6 +27,7 @@
 //! | speed error -> `i_q` reference | [`speed_loop`] | speed task |
 //! | jerk-limited reference | [`profile`] | speed task |
 //! | table velocity, base speed -> two references | [`coordinator`] | speed task |
+//! | torque set-point of a motor, within a speed | [`torque`] | speed task |
 //! | where both rotors stand | [`alignment`] | speed task, before the drive is ready |
 //! | ripple that repeats with an angle | [`compensation`] | speed task |
 //! | friction where a reference reverses | [`friction`] | speed task |
@@ -41,6 +42,7 @@
 //! | the last five in one step | [`speed_task`] | speed task |
 //! | late tasks, bus, temperatures, index -> fault | [`guard`] | supervision |
 //! | a distance -> table velocities | [`table_move`] | below the speed task |
+//! | positions that a host streams -> table velocities | [`stream`] | below the speed task |
 //! | where the table stands: an end switch -> the scale's zero | [`homing`] | below the speed task |
 //! | position, reference -> may the table go on to its soft limit? | [`travel`] | supervision |
 //! | words between the interrupts | [`exchange`] | |
@@ -86,10 +88,10 @@ pub use current::{
     current_loop, encoder, encoder_watch, exchange, modulation, motor_io, mt6835, observer,
     regulator, sense, transform,
 };
-pub use drive::{homing, journal, speed_task, supervisor, table_move};
+pub use drive::{homing, journal, speed_task, stream, supervisor, table_move};
 pub use speed::{
     alignment, brake, compensation, coordinator, current_limit, disturbance, friction, notch,
-    profile, speed_loop, thermal,
+    profile, speed_loop, thermal, torque,
 };
 pub use watch::{
     active_limit, controller_supply, enable_watch, ends_watch, guard, interlock, power_stage,

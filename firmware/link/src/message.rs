@@ -62,6 +62,26 @@ pub enum Command {
         /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for that velocity.
         base: Option<i32>,
     },
+    /// Move the table to a homed position and hold it there.
+    MoveTo {
+        /// Where, nm.
+        position_nm: i64,
+        /// Fastest on the way, 2^-28 m/s, above 0.
+        velocity: i32,
+        /// Base speed, mechanical, 2^-18 rad/s; `None`: what the drive's table has for that velocity.
+        base: Option<i32>,
+    },
+    /// One motor follows a torque, and its table the motor; the other holds a speed. A soft limit ahead ends it: the table is held there.
+    Torque {
+        /// 0 is the screw, 1 the nut.
+        motor: u8,
+        /// The torque as a current along q, 2^-20 A: at most that of the largest torque.
+        current: i32,
+        /// Fastest that the motor turns by it, mechanical, 2^-18 rad/s, above 0.
+        speed: i32,
+        /// Speed of the other motor, mechanical, 2^-18 rad/s.
+        base: i32,
+    },
     /// A current along d for a motor of a drive that runs, until the next one or until it comes to rest. It makes no torque.
     DirectCurrent {
         /// 0 is the screw, 1 the nut.
@@ -125,6 +145,25 @@ pub enum Command {
     BurstSamples {
         /// The first, of [`SAMPLES`](crate::burst::SAMPLES).
         from: u16,
+    },
+    /// Follow positions that stream in as [`Command::SetPoint`]. The first begins it; where one is missing at its turn, the drive comes
+    /// to rest.
+    Stream {
+        /// How long a set-point waits for its turn, ms: 5 to 200. It hides how late set-points come, up to so much.
+        delay_ms: u16,
+        /// Positions are homed ones; else they count from where the table stands.
+        homed: bool,
+        /// Base speed, mechanical, 2^-18 rad/s.
+        base: i32,
+    },
+    /// A set-point of the stream: answered by [`Reply::Followed`], and as good as a heartbeat.
+    SetPoint {
+        /// Time in the stream, us, which wraps: 1 to 50 ms behind the last one's.
+        at_us: u32,
+        /// Position, nm.
+        position_nm: i64,
+        /// Velocity there, 2^-28 m/s; `None`: that of its neighbours.
+        velocity: Option<i32>,
     },
 }
 
@@ -213,7 +252,7 @@ codes! {
         Real = 11, "not simulated", "The drive is no simulated one, and gets its faults from the world.";
         Injection = 12, "injection", "There is no such fault to put in, or it cannot have that amount: `drive inject list` prints all with their ranges.";
         AtRest = 13, "at rest", "Only a drive that runs takes this: move it first.";
-        Current = 14, "current", "There is no such motor, or the current is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
+        Current = 14, "current", "There is no such motor, or the current or torque is more than that of its largest torque: see the settings screw.torque_max_nm and nut.torque_max_nm.";
         Angle = 15, "angle", "There is no such motor, its angle is not known, or it is further off than an alignment can be: 30 electrical degrees.";
         NotStored = 16, "not stored", "The settings fit, but no page of the flash could be written and read back: it is worn out, locked, or not in two banks (option byte DBANK). What held before still holds.";
         SoftLimit = 17, "soft limit", "The table would end beyond a soft limit: see the settings travel.soft_least_mm and travel.soft_most_mm.";
@@ -221,12 +260,18 @@ codes! {
         Burst = 20, "burst", "There is no such burst: the motor is 0 (screw) or 1 (nut), the trigger and the signal are those of this link, the level is within the signal's range, the divider is 1 to 255, and fewer samples come before the trigger than a burst has.";
         BurstWaits = 21, "burst waits", "Another burst waits for its trigger: read it once it is complete (`drive burst --read`), or end it (`drive burst --end`).";
         NoBurst = 22, "no burst", "There is no complete burst: arm one (`drive burst`), and wait until its trigger has come and its last sample is kept.";
+        NotHomed = 23, "not homed", "The table's position is not known: `home` finds it first.";
+        NoStream = 24, "no stream", "No stream is open: a set-point that was missing at its turn, or a stop, has ended it. Begin another.";
+        StreamFull = 25, "stream full", "The drive keeps 64 set-points: send each as its time comes.";
+        Spacing = 26, "spacing", "The times of two set-points must be 1 to 50 ms apart.";
+        Step = 27, "step", "The set-point is further from the last one than the table goes meanwhile (setting feed.velocity_max_mm_s), or the first one is more than 0.1 mm from the table.";
+        Delay = 28, "delay", "A set-point of a stream may wait for 5 to 200 ms.";
         Interface = 18, "encoder interface", "This board's pins read another kind of encoder: leave the settings screw.encoder_interface and nut.encoder_interface as they are.";
     }
 }
 
 codes! {
-    /// How a move or a homing is going.
+    /// How a move, a homing or a stream is going.
     Travel {
         None = 0, "none", "Nothing was asked to move by a distance, or to be homed.";
         Moving = 1, "moving", "The table is on its way.";
@@ -238,6 +283,9 @@ codes! {
         Homed = 7, "homed", "The end switch has given the scale its zero.";
         SwitchNotFound = 8, "switch not found", "The end switch did not open on the way that homing may take: see the settings travel.home_direction and travel.home_furthest_mm, and look whether the switch is closed by a short.";
         SwitchNotLeft = 9, "switch not left", "The end switch did not close again as the table left it: look for a broken wire, or another switch that is open.";
+        Awaiting = 11, "awaiting", "The first set-point of the stream is awaited.";
+        Following = 12, "following", "The table follows the stream's set-points.";
+        StreamEnded = 13, "stream ended", "No set-point came in time: the table came to rest.";
         ScaleStands = 10, "scale stands", "The table's scale counted less than half of the way off the switch: check it and its cable, and the setting feed.scale_count_nm.";
     }
 }
@@ -337,6 +385,13 @@ pub enum Reply {
     Burst(BurstStatus),
     /// Samples of the burst in the order of time; none if there are none from there on.
     BurstSamples(Vec<BurstSample, SAMPLES_A_FRAME>),
+    /// A set-point was taken.
+    Followed {
+        /// How long before its turn it has come, us.
+        ahead_us: i32,
+        /// What the table was behind the stream's position in the last millisecond, nm.
+        error_nm: i32,
+    },
     /// The draft does not fit the drive's formats.
     Unfit {
         /// The setting without whose change it would fit; 0: none by itself.

@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 /// Lines that end with the word to complete, and what it is completed to.
 const LINES: [(&str, &str); 5] = [
     ("ddfeed ser", "serve"),
-    ("ddfeed drive --sim 127.0.0.1:7474 tu", "tune"),
+    ("ddfeed drive --sim 127.0.0.1:7474 tun", "tune"),
     (
         "ddfeed drive --sim 127.0.0.1:7474 tune --spe",
         "--speed-loop",

@@ -11,7 +11,7 @@ use std::net::TcpStream;
 use std::path::Path;
 use std::process::{Command, Stdio};
 use std::thread::sleep;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 fn number(value: &Value) -> f64 {
     value
@@ -441,6 +441,215 @@ fn a_restart_is_announced_and_a_setting_without_one_keeps_the_homed_position() {
     assert_eq!(served.status()["table"]["homed"], false);
 }
 
+/// A position needs a homed drive; once it has one, the table goes there.
+#[test]
+fn a_homed_table_moves_to_a_position() {
+    let served = Served::new(&[]);
+    let said = served.fails(3, &["move", "--to", "1", "--arm"]);
+    assert!(said.contains("not known: `home` finds it"), "{said}");
+    served.printed(&["home", "--arm"]);
+    let to = ["move", "--to", "1.25", "--arm", "--json"];
+    let moved: Value = serde_json::from_str(&served.printed(&to)).unwrap();
+    let off = number(&moved["position_mm"]) - 1.25;
+    assert!(off.abs() < 0.005, "{off} mm off: {moved}");
+    let said = served.fails(2, &["move", "1", "--to", "1"]);
+    assert!(said.contains("--to"), "{said}");
+    let said = served.fails(1, &["move", "--to", "1e9"]);
+    assert!(said.contains("--to is 1000000000 mm"), "{said}");
+}
+
+/// Speeds of screw and nut, rpm: once they are within 5 rpm of these, or after 3 s. A busy computer is slower than the drive's time,
+/// and encoder errors make the measured speed ripple.
+fn settled_rpm(served: &Served, asked: [f64; 2]) -> [f64; 2] {
+    let end = Instant::now() + Duration::from_secs(3);
+    loop {
+        let status = served.status();
+        let now = ["screw", "nut"].map(|motor| number(&status[motor]["speed_rpm"]));
+        let near = now
+            .iter()
+            .zip(asked)
+            .all(|(now, asked)| (now - asked).abs() < 5.0);
+        if near || Instant::now() > end {
+            return now;
+        }
+        sleep(Duration::from_millis(50));
+    }
+}
+
+/// Each motor turns while the other rests; the screw turns by an angle.
+#[test]
+fn one_motor_turns_while_the_other_rests() {
+    let served = Served::new(&[]);
+    for (motor, rpm, speeds) in [("screw", "120", [120.0, 0.0]), ("nut", "-90", [0.0, -90.0])] {
+        let turn = [
+            "turn",
+            "--motor",
+            motor,
+            "--rpm",
+            rpm,
+            "--arm",
+            "--duration",
+            "4",
+        ];
+        let mut turning = served.command(&turn).stdout(Stdio::null()).spawn().unwrap();
+        served.until("running");
+        let now = settled_rpm(&served, speeds);
+        let near = now
+            .iter()
+            .zip(speeds)
+            .all(|(now, asked)| (now - asked).abs() < 5.0);
+        assert!(near, "screw and nut at {now:?} rpm");
+        assert!(turning.wait().unwrap().success());
+        served.until("ready");
+    }
+    // A quarter of a turn of 5 mm.
+    let before = number(&served.status()["table"]["position_mm"]);
+    let said = served.printed(&["turn", "--angle", "-90", "--arm"]);
+    assert!(said.contains("moved -1.2"), "{said}");
+    let moved = number(&served.status()["table"]["position_mm"]) - before;
+    assert!((moved + 1.25).abs() < 0.02, "{moved} mm");
+    for (code, arguments, expected) in [
+        (
+            1,
+            &["turn", "--motor", "nut", "--angle", "90"][..],
+            "--angle is for the screw",
+        ),
+        (1, &["turn", "--angle", "0"], "--angle is 0 degrees"),
+        (
+            3,
+            &["turn", "--rpm", "1300", "--arm"],
+            "feed.velocity_max_mm_s",
+        ),
+    ] {
+        let said = served.fails(code, arguments);
+        assert!(said.contains(expected), "{arguments:?} said:\n{said}");
+    }
+}
+
+/// Positions of a file and of a pipe: the table follows them, and the command says how far it was behind.
+#[test]
+fn a_table_follows_positions_of_a_file_and_of_a_pipe() {
+    let served = Served::new(&[]);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("way.csv");
+    // 1 mm to either side and back, at 200 Hz.
+    let mut way = String::from("time_s,position_mm\n");
+    for k in 0..=400 {
+        let seconds = 5e-3 * f64::from(k);
+        let position = 7.0 + 1.0 - (std::f64::consts::PI * seconds).cos();
+        way += &format!("{seconds:.3},{position:.6}\n");
+    }
+    std::fs::write(&file, &way).unwrap();
+    let path = file.display().to_string();
+    let said = served.fails(3, &["follow", &path]);
+    assert!(said.contains("not armed"), "{said}");
+    let before = number(&served.status()["table"]["position_mm"]);
+    let said = served.printed(&["follow", &path, "--arm", "--delay-ms", "200", "--json"]);
+    let followed: Value = serde_json::from_str(&said).unwrap();
+    assert_eq!(followed["seconds"], 2.0, "{followed}");
+    assert_eq!(followed["set_points"], 401, "{followed}");
+    let [rms, most] = ["behind_um_rms", "behind_um_max"].map(|name| number(&followed[name]));
+    assert!(rms < 10.0 && most < 60.0 && rms <= most, "{followed}");
+    let moved = number(&followed["at_rest_mm"]) - before;
+    assert!(moved.abs() < 0.1, "it ended {moved} mm off");
+
+    let mut pipe = served
+        .command(&["follow", "-", "--arm", "--delay-ms", "200"])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .spawn()
+        .unwrap();
+    pipe.stdin
+        .take()
+        .unwrap()
+        .write_all(way.as_bytes())
+        .unwrap();
+    let output = pipe.wait_with_output().unwrap();
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        output.status.success() && said.contains("um behind (rms)"),
+        "{said}"
+    );
+
+    // A step, and text that is none.
+    for (text, code, expected) in [
+        (
+            "time_s,position_mm\n0,0\n0.005,1\n",
+            3,
+            "the set-point at 0.005000 s",
+        ),
+        (
+            "time_s,position_mm\n0,0\n0.2,0\n",
+            1,
+            "200 ms behind the line before",
+        ),
+        (
+            "time_s,position_mm\n0,0\n0.005,x\n",
+            1,
+            "line 3: position_mm is `x`",
+        ),
+        ("time_s,position_mm\n", 1, "there are no set-points"),
+        ("0,0\n", 1, "the first line is `0,0`"),
+    ] {
+        std::fs::write(&file, text).unwrap();
+        let said = served.fails(code, &["follow", &path, "--arm"]);
+        assert!(said.contains(expected), "{text:?} said:\n{said}");
+        assert_eq!(served.status()["state"], "ready");
+    }
+    std::fs::write(&file, &way).unwrap();
+    let said = served.fails(3, &["follow", &path, "--arm", "--homed"]);
+    assert!(said.contains("`home` finds it"), "{said}");
+}
+
+/// The screw has its torque, to its speed limit, and then rests.
+#[test]
+fn a_motor_is_asked_for_a_torque() {
+    let served = Served::new(&[]);
+    served.printed(&["inject", "load", "--amount", "0"]);
+    let said = served.fails(3, &["torque", "--nm", "0.8"]);
+    assert!(said.contains("not armed"), "{said}");
+    let torque = ["torque", "--nm", "0.8", "--rpm-max", "90", "--arm"];
+    let torque = [&torque[..], &["--duration", "6"]].concat();
+    let mut torque = served.command(&torque).spawn().unwrap();
+    served.until("running");
+    let [screw, nut] = settled_rpm(&served, [90.0, 0.0]);
+    assert!((screw - 90.0).abs() < 5.0, "the screw turns at {screw} rpm");
+    assert!(nut.abs() < 5.0, "the nut turns at {nut} rpm");
+    assert!(torque.wait().unwrap().success());
+    served.until("ready");
+    // 300 N on a lead of 5 mm are 0.24 N m, of which nothing is left for friction.
+    let force = ["torque", "--table-force", "300", "--arm", "--duration", "1"];
+    let force = [&force[..], &["--rpm-max", "90"]].concat();
+    assert!(served.printed(&force).contains("at rest"));
+    for (code, arguments, expected) in [
+        (
+            3,
+            &["torque", "--nm", "9", "--arm"][..],
+            "screw.torque_max_nm",
+        ),
+        (
+            1,
+            &["torque", "--nm", "1e9"],
+            "but the motor allows up to 2 N m",
+        ),
+        (1, &["torque", "--nm", "nan"], "--nm is NaN"),
+        (2, &["torque"], "--nm"),
+        (
+            2,
+            &["torque", "--nm", "1", "--table-force", "1"],
+            "--table-force",
+        ),
+        (
+            3,
+            &["torque", "--nm", "0.1", "--rpm-max", "1300", "--arm"],
+            "feed.velocity_max_mm_s",
+        ),
+    ] {
+        let said = served.fails(code, arguments);
+        assert!(said.contains(expected), "{arguments:?} said:\n{said}");
+    }
+}
+
 /// One terminal jogs, another sets: the table goes on, and its place is kept.
 #[test]
 fn a_gain_is_set_while_the_table_moves() {
@@ -750,7 +959,7 @@ fn a_table_is_homed_and_stands_before_its_soft_limit() {
     assert_eq!(before["homed"], false);
     assert_eq!(before["limits"]["position_limits_act"], false);
     assert_eq!(served.status()["warnings"][0]["name"], "no brake");
-    // A phase's peak at the largest torque is past the bridge's limit.
+    // A phase's peak at the largest torque is past the bridge's limit of 20 A of the served board.
     served.printed(&["settings", "set", "--yes", "nut.torque_max_nm=40"]);
     served.until("ready");
     let warnings = &served.status()["warnings"];

@@ -179,6 +179,9 @@ impl Client {
             }
             Reply::BurstSamples(some) => json!({ "samples": self.burst.take(some) }),
             Reply::Settings(some) => json!({ "settings": self.settings_json(some) }),
+            Reply::Followed { ahead_us, error_nm } => {
+                json!({ "followed": { "ahead_us": ahead_us, "error_nm": error_nm } })
+            }
             Reply::Unfit { .. } => json!({ "unfit": unexpected(reply).to_string() }),
         }
     }

@@ -38,6 +38,31 @@ fn script() -> Vec<(u32, Command)> {
         velocity: scale::word(mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap(),
         base,
     };
+    let to = |position_nm| Command::MoveTo {
+        position_nm,
+        velocity: scale::word(5e-3, scale::TABLE_VELOCITY).unwrap(),
+        base: Some(0),
+    };
+    let rad_s = |rpm: f64| {
+        let word = scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED);
+        word.unwrap()
+    };
+    let torque = |motor, amps: f64, rpm| Command::Torque {
+        motor,
+        current: scale::word(amps, scale::CURRENT).unwrap(),
+        speed: rad_s(rpm),
+        base: 0,
+    };
+    let stream = |delay_ms, homed| Command::Stream {
+        delay_ms,
+        homed,
+        base: 0,
+    };
+    let point = |ms: u32, position_nm| Command::SetPoint {
+        at_us: ms * 1000,
+        position_nm,
+        velocity: None,
+    };
     // Faster than the screw, with the table's share, may turn.
     let too_fast = scale::word(310.0, scale::BASE_SPEED);
     let burst = |motor, trigger: Trigger| {
@@ -156,6 +181,7 @@ fn script() -> Vec<(u32, Command)> {
             },
         ),
         (0, Command::Arm),
+        (0, to(1_000_000)),
         (0, way(-500_000, 5.0, Some(0))),
         (100, Command::Status),
         (1400, Command::Status),
@@ -179,10 +205,42 @@ fn script() -> Vec<(u32, Command)> {
         (0, Command::Discard),
         (0, draft("command.heartbeat_ms", 1e9)),
         (0, Command::Journal { after: 0 }),
+        (0, torque(0, 0.2, 60.0)),
         (0, Command::Arm),
         (0, run(1.0, 200.0)),
         (100, Command::Status),
         (300, Command::Status),
+        (0, torque(0, 500.0, 60.0)),
+        (0, torque(2, 0.2, 60.0)),
+        (0, torque(0, 0.2, 0.0)),
+        (0, torque(0, 0.2, 2999.0)),
+        (0, torque(0, 0.2, 60.0)),
+        (100, Command::Status),
+        (200, Command::Status),
+        (0, torque(1, 0.2, 60.0)),
+        (200, Command::Status),
+        (0, Command::Stop),
+        (800, Command::Status),
+        (0, point(0, 0)),
+        (0, stream(200, false)),
+        (0, Command::Arm),
+        (0, stream(200, true)),
+        (0, stream(4, false)),
+        (0, stream(200, false)),
+        (100, Command::Status),
+        (0, point(0, 1_000_000)),
+        (0, point(0, 0)),
+        (0, point(25, 0)),
+        (0, point(50, 10_000)),
+        (0, point(50, 10_000)),
+        (0, point(75, 9_000_000)),
+        (0, point(75, 40_000)),
+        (0, point(100, 90_000)),
+        (0, point(125, 120_000)),
+        (0, point(150, 120_000)),
+        (0, Command::Status),
+        (500, Command::Status),
+        (0, point(175, 120_000)),
     ]
 }
 
@@ -223,6 +281,8 @@ fn told(reply: &Reply) -> String {
         }
         Reply::Burst(status) => format!("burst {} of {:?}", status.state, status.request),
         Reply::BurstSamples(samples) => format!("{} samples", samples.len()),
+        // How early it came and how far the table was behind are measured.
+        Reply::Followed { .. } => "followed".to_owned(),
         other => format!("{other:?}"),
     }
 }
@@ -297,7 +357,9 @@ fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
         // While it is driven the table goes as far, to what 3 ms make at 10 mm/s: a command's way to the drive, the drive's next
         // millisecond, and the reply's way. Released motors coast. This machine has no
         // friction, so the drive does not decide where they stop.
-        released |= matches!(command, Command::Stop);
+        // The end of a stream releases them too.
+        let ended = format!("travel {} ", Travel::StreamEnded.word());
+        released |= matches!(command, Command::Stop) || chip.0.contains(&ended);
         if let (Some((chip, driven)), Some((host, _))) = (chip.1, host.1) {
             let now = chip.wrapping_sub(host);
             let apart = f64::from(now.wrapping_sub(before)) * scale_count_m;
@@ -314,11 +376,12 @@ fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
     }
     ensure!(differ.is_empty(), "{}", differ.join("\n"));
     ensure!(compared > 5, "{compared} places of the table compared");
-    let moved = Travel::Done.word();
-    let done = |(reply, _): &&Told| reply.contains(&format!("travel {moved} "));
-    ensure!(
-        simulated.iter().any(|reply| done(&reply)),
-        "no move was done: {simulated:?}"
-    );
+    for travel in [Travel::Done, Travel::Following, Travel::StreamEnded] {
+        let word = format!("travel {} ", travel.word());
+        ensure!(
+            simulated.iter().any(|(reply, _)| reply.contains(&word)),
+            "no status with {travel:?}: {simulated:?}"
+        );
+    }
     Ok(())
 }

@@ -1,7 +1,8 @@
-//! The drive as a whole: states, the speed task, moves and homing.
+//! The drive as a whole: states, the speed task, moves, homing and streams.
 
 pub mod homing;
 pub mod journal;
 pub mod speed_task;
+pub mod stream;
 pub mod supervisor;
 pub mod table_move;

@@ -1,7 +1,9 @@
 //! The speed task: supervisor, coordinator and both speed loops in one step.
 
 use crate::base::fault::{self, Fault, FaultSet};
-use crate::base::format::{Angle, Current, Speed, SpeedChange};
+use crate::base::format::{
+    Angle, Current, MechanicalSpeed, Speed, SpeedChange, TableVelocity, narrow,
+};
 use crate::base::rates::STEPS_PER_LOOK;
 use crate::base::tolerance::Tally;
 use crate::current::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
@@ -19,6 +21,7 @@ use crate::speed::notch::Notch;
 use crate::speed::speed_loop::{SpeedLoop, SpeedReference, Wanted};
 use crate::speed::table_speed::Reading;
 use crate::speed::thermal::Heat;
+use crate::speed::torque::TorqueCommand;
 use crate::watch::active_limit::{ActiveLimits, Limit};
 use crate::watch::follow::{Follow, Followed};
 use crate::watch::interlock::{self, Interlock};
@@ -49,6 +52,13 @@ pub struct SpeedTask {
     blocked: [bool; 2],
     /// What the coordinator was last told.
     followed: Command,
+    /// The torque that is asked, and the one that is followed.
+    torque_asked: Option<TorqueCommand>,
+    /// Which way the table is asked to go, or goes by a torque.
+    heading: TableVelocity,
+    torque: Option<TorqueCommand>,
+    /// What its motor was last asked for, A.
+    pushed: Current,
     state: State,
     /// What [`decide`](Self::decide) sees to has come from this task itself: a command to follow, or something found. Kept as one word,
     /// as to ask each of them took 19 cycles of each step.
@@ -108,6 +118,10 @@ impl SpeedTask {
             command: Command::rest(),
             blocked: [false; 2],
             followed: Command::rest(),
+            torque_asked: None,
+            heading: TableVelocity::ZERO,
+            torque: None,
+            pushed: Current::ZERO,
             state: State::Boot,
             due: false,
             alignment: Alignment::new(),
@@ -153,7 +167,29 @@ impl SpeedTask {
         Coordinator::new().command(&config.coordinator, command)?;
         self.asked_for = command;
         self.command = command.within(self.blocked);
+        self.heading = self.command.velocity;
+        self.torque_asked = None;
         self.due = true;
+        Ok(())
+    }
+
+    /// Takes a torque for one motor, to be followed while running, and a base speed for the other.
+    ///
+    /// # Errors
+    /// [`CommandError`] if a motor or the feed does not allow it; the old command stays.
+    #[cold]
+    #[inline(never)]
+    pub fn command_torque(
+        &mut self,
+        config: &DriveConfig,
+        torque: TorqueCommand,
+        base: MechanicalSpeed,
+    ) -> Result<(), CommandError> {
+        torque.allowed(&config.coordinator, &config.speed_loops, base)?;
+        let velocity = TableVelocity::ZERO;
+        self.command(config, Command { velocity, base })?;
+        self.torque_asked = Some(torque);
+        self.end_at_limit();
         Ok(())
     }
 
@@ -194,7 +230,7 @@ impl SpeedTask {
             .with(
                 None,
                 Limit::Acceleration,
-                driven && !self.coordinator.arrived(),
+                driven && !self.coordinator.arrived() && self.torque.is_none(),
             );
         let motors = exchanges.into_iter().zip(self.torque_limited);
         let most = self.current_max.into_iter().zip(&config.speed_loops);
@@ -281,22 +317,37 @@ impl SpeedTask {
             && !(look == Look::Interlock && self.holds())
             && request.demand == Demand::Run
             && came == 0;
-        if !goes_on && let Some(undriven) = self.decide(config, request.demand, exchanges, found) {
-            return SpeedTaskOutput {
-                current: self.stand(config, undriven, request.scale, exchanges),
-                state: self.state,
-                ..SpeedTaskOutput::default()
-            };
+        if !goes_on {
+            if let Some(undriven) = self.decide(config, request.demand, exchanges, found) {
+                return SpeedTaskOutput {
+                    current: self.stand(config, undriven, request.scale, exchanges),
+                    state: self.state,
+                    ..SpeedTaskOutput::default()
+                };
+            }
+            if self.torque.is_some() {
+                let (current, speed) = self.drive_torque(config, request.scale, exchanges, look);
+                return SpeedTaskOutput {
+                    current,
+                    speed,
+                    state: self.state,
+                };
+            }
         }
-        let output = self.drive(config, request.scale, exchanges, look);
+        let output = self.drive::<false>(config, request.scale, exchanges, look);
+        self.expect_bus(config, exchanges);
+        output
+    }
+
+    /// A division for each motor: one a step.
+    #[inline(always)]
+    fn expect_bus(&self, config: &DriveConfig, [screw, nut]: [&MotorExchange; 2]) {
         let [screw_loop, nut_loop] = &config.current_loops;
-        // A division each: one a step.
         if self.look & 1 == 0 {
             screw.expect_bus(screw_loop);
         } else {
             nut.expect_bus(nut_loop);
         }
-        output
     }
 
     /// The next state, and the coordinator's command where that state drives. It takes the demand by itself: the compiler would
@@ -330,7 +381,7 @@ impl SpeedTask {
         }
         // The motors hold until the brake does.
         let held = before != State::Stopping || self.brake.is_closed(&config.brake);
-        let at_rest = self.coordinator.at_rest() && held;
+        let at_rest = self.coordinator.at_rest() && held && self.torque.is_none();
         self.state = before.next(demand, motors, found, self.aligned, at_rest);
         if config.brake.fitted {
             self.brake.step(match self.state {
@@ -359,6 +410,7 @@ impl SpeedTask {
             State::Running | State::Holding if self.brake.is_open(&config.brake) => self.command,
             State::Running | State::Holding | State::Stopping => Command::rest(),
             _ => {
+                self.torque = None;
                 return Some(Undriven {
                     mode: self.state.mode(demand),
                     entered: self.state != before,
@@ -371,6 +423,9 @@ impl SpeedTask {
             RotorFrame::of(screw.alignment(), screw_loop.observer.pole_pairs),
             RotorFrame::of(nut.alignment(), nut_loop.observer.pole_pairs),
         ];
+        if self.torque_asked.is_some() || self.torque.is_some() {
+            self.look_at_torque(config, exchanges);
+        }
         if target != self.followed {
             // Checked when it was given, and rest is always allowed; a refusal would leave the old target.
             let _ = self.coordinator.command(&config.coordinator, target);
@@ -378,15 +433,85 @@ impl SpeedTask {
         }
         self.due = self.command.differs(self.followed) != 0
             || self.rests_for.is_some()
+            // A torque is looked at in each step, so that one without it need not ask.
+            || self.torque.is_some()
             || self.too_hot != [false; 2];
         None
+    }
+
+    /// Goes over to a torque, to another one, or back to speeds.
+    #[cold]
+    #[inline(never)]
+    fn look_at_torque(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
+        self.end_at_limit();
+        let runs = matches!(self.state, State::Running | State::Holding);
+        let follows = runs && self.brake.is_open(&config.brake);
+        let torque = self.torque_asked.filter(|_| follows);
+        if torque == self.torque {
+            return;
+        }
+        let same = |one: TorqueCommand, other: TorqueCommand| {
+            one.motor == other.motor && one.backwards() == other.backwards()
+        };
+        let goes_on = matches!((self.torque, torque), (Some(one), Some(other)) if same(one, other));
+        if let (Some(before), false) = (self.torque, goes_on) {
+            let loops = exchanges.into_iter().zip(&config.current_loops);
+            let mut speeds = [Speed::ZERO; 2];
+            for (speed, (exchange, current_loop)) in speeds.iter_mut().zip(loops) {
+                *speed = current_loop.observer.omega_e(exchange.theta_step());
+            }
+            let gained = (self.coordinator).end_torque(&config.coordinator, before.motor, speeds);
+            let mut motors = self.speed_loops.iter_mut().zip(&config.speed_loops);
+            if let Some((state, config)) = motors.nth(before.motor) {
+                // What of the torque did not accelerate the motor is its load.
+                let inertial: Current = narrow(config.inertia.wide_mul(gained));
+                *state = SpeedLoop::holding(self.pushed.saturating_sub(inertial), config);
+            }
+        }
+        if let (Some(torque), false) = (torque, goes_on) {
+            self.coordinator.begin_torque();
+            if let Some(state) = self.speed_loops.get_mut(torque.motor) {
+                *state = SpeedLoop::new();
+            }
+        }
+        self.torque = torque;
+    }
+
+    /// A torque does not push the table on to a limit: it is held there until something else is asked.
+    #[cold]
+    fn end_at_limit(&mut self) {
+        let Some(torque) = self.torque_asked else {
+            return;
+        };
+        let [forwards, backwards] = self.blocked;
+        let heading = torque.heading(self.coordinator.relative());
+        if forwards && heading > TableVelocity::ZERO || backwards && heading < TableVelocity::ZERO {
+            self.torque_asked = None;
+            self.heading = TableVelocity::ZERO;
+        } else {
+            self.heading = heading;
+        }
+    }
+
+    /// A step in which one motor follows a torque. It gives the parts of an output: a whole one would be written to memory in each step.
+    #[cold]
+    #[inline(never)]
+    fn drive_torque(
+        &mut self,
+        config: &DriveConfig,
+        scale: Option<u32>,
+        exchanges: [&MotorExchange; 2],
+        look: Look,
+    ) -> ([CurrentReference; 2], [SpeedReference; 2]) {
+        let output = self.drive::<true>(config, scale, exchanges, look);
+        self.expect_bus(config, exchanges);
+        (output.current, output.speed)
     }
 
     /// A step in which the pair is not driven. Not a part of [`decide`](Self::decide), after which it may be: the longest way through
     /// a step is then that of the one or of the other.
     #[cold]
     #[inline(never)]
-    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
     fn stand(
         &mut self,
         config: &DriveConfig,
@@ -544,9 +669,9 @@ impl SpeedTask {
         asked
     }
 
-    /// A step of the coordinator and both speed loops.
+    /// A step of the coordinator and both speed loops; of `TORQUE` one motor follows a torque.
     #[inline(always)]
-    fn drive(
+    fn drive<const TORQUE: bool>(
         &mut self,
         config: &DriveConfig,
         scale: Option<u32>,
@@ -561,19 +686,21 @@ impl SpeedTask {
         let screw_omega_e = screw_loop.observer.omega_e(screw_step);
         let nut_omega_e = nut_loop.observer.omega_e(nut_step);
         let [screw_torque, nut_torque] = self.torque_limited;
-        let speed = self.coordinator.step(
-            &config.coordinator,
-            [
-                Following {
-                    omega_e: screw_omega_e,
-                    limited: screw_voltage || screw_torque,
-                },
-                Following {
-                    omega_e: nut_omega_e,
-                    limited: nut_voltage || nut_torque,
-                },
-            ],
-        );
+        let following = [
+            Following {
+                omega_e: screw_omega_e,
+                limited: screw_voltage || screw_torque,
+            },
+            Following {
+                omega_e: nut_omega_e,
+                limited: nut_voltage || nut_torque,
+            },
+        ];
+        let torque = if TORQUE { self.torque } else { None };
+        let speed = match torque {
+            None => self.coordinator.step(&config.coordinator, following),
+            Some(torque) => self.torque_references(config, torque, following),
+        };
 
         let [screw_config, nut_config] = &config.speed_loops;
         let [mut screw_reference, mut nut_reference] = speed;
@@ -582,7 +709,7 @@ impl SpeedTask {
             let [screw_state, nut_state] = &self.speed_loops;
             // Of one it is asked that both are.
             let limited = screw_voltage | screw_torque | nut_voltage | nut_torque;
-            let steady = self.coordinator.steady() && !limited;
+            let steady = self.coordinator.steady() && !limited && !TORQUE;
             let given = self.compensation.references(
                 &config.compensation,
                 [
@@ -657,6 +784,19 @@ impl SpeedTask {
         let [screw_max, nut_max] = self.current_max;
         let screw_range = screw_regeneration.range(screw_max, screw_exchange.bus(), screw_step);
         let nut_range = nut_regeneration.range(nut_max, nut_exchange.bus(), nut_step);
+        let [screw_range, nut_range] = match torque {
+            None => [screw_range, nut_range],
+            Some(torque) if torque.motor == 0 => {
+                let reference = screw_reference.omega_e;
+                let left = torque.range(screw_config, screw_range, reference, screw_omega_e);
+                [left, nut_range]
+            }
+            Some(torque) => {
+                let reference = nut_reference.omega_e;
+                let left = torque.range(nut_config, nut_range, reference, nut_omega_e);
+                [screw_range, left]
+            }
+        };
         let asked = [
             screw_loop.limit(screw_config, screw_wanted, screw_voltage, screw_range),
             nut_loop.limit(nut_config, nut_wanted, nut_voltage, nut_range),
@@ -673,7 +813,18 @@ impl SpeedTask {
                 without(nut_asked, nut_wanted, nut_back),
             ];
         }
-        let [screw_limited, nut_limited] = asked.map(|output| output.limited);
+        let [mut screw_limited, mut nut_limited] = asked.map(|output| output.limited);
+        if let Some(torque) = torque {
+            // A motor that has its set-point has no reference of its own to follow.
+            let [screw_asked, nut_asked] = asked.map(|output| output.i_q);
+            if torque.motor == 0 {
+                (self.pushed, screw_limited) = (screw_asked, false);
+                screw_reference.omega_e = screw_omega_e;
+            } else {
+                (self.pushed, nut_limited) = (nut_asked, false);
+                nut_reference.omega_e = nut_omega_e;
+            }
+        }
         self.torque_limited = [screw_limited, nut_limited];
         let current = asked.map(|output| CurrentReference {
             mode: Mode::Drive,
@@ -717,6 +868,27 @@ impl SpeedTask {
             current,
             speed,
             state: self.state,
+        }
+    }
+
+    /// The references where one motor follows a torque.
+    #[inline(never)]
+    fn torque_references(
+        &mut self,
+        config: &DriveConfig,
+        torque: TorqueCommand,
+        following: [Following; 2],
+    ) -> [SpeedReference; 2] {
+        let [screw, nut] = following;
+        let speeds = following.map(|motor| motor.omega_e);
+        let [screw_pairs, nut_pairs] = config.coordinator.pole_pairs;
+        let coordinator = &mut self.coordinator;
+        if torque.motor == 0 {
+            let held = coordinator.step_torque(&config.coordinator, 1, nut.limited, speeds);
+            [torque.reference(screw_pairs), held]
+        } else {
+            let held = coordinator.step_torque(&config.coordinator, 0, screw.limited, speeds);
+            [held, torque.reference(nut_pairs)]
         }
     }
 
@@ -880,6 +1052,8 @@ impl SpeedTask {
             cold_path();
             self.blocked = request.inputs.blocked;
             self.command = self.asked_for.within(self.blocked);
+            self.heading = self.command.velocity;
+            self.end_at_limit();
             self.due = true;
         }
         self.ask_interlock(config, request.demand);
@@ -900,7 +1074,7 @@ impl SpeedTask {
             }
             State::Aligning => (demand == Demand::Align).then_some(Alignment),
             State::Ready | State::Running | State::Holding | State::Stopping => {
-                (demand == Demand::Run).then_some(Table(self.command.velocity))
+                (demand == Demand::Run).then_some(Table(self.heading))
             }
         };
         if let (Some(motion), None) = (motion, self.rests_for) {

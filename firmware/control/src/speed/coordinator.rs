@@ -15,8 +15,8 @@
 //! step in speed or acceleration.
 
 use crate::base::format::{
-    Angle, ElectricalChange, MechanicalSpeed, ProfileState, Speed, SpeedChange, TableVelocity,
-    narrow, narrow_bits,
+    Angle, Current, ElectricalChange, MechanicalSpeed, ProfileState, Speed, SpeedChange,
+    TableVelocity, narrow, narrow_bits,
 };
 use crate::speed::profile::{Profile, ProfileConfig};
 use crate::speed::speed_loop::SpeedReference;
@@ -39,6 +39,14 @@ pub struct CoordinatorConfig {
     pub base: ProfileConfig,
     /// How the base speed wanders.
     pub wander: WanderConfig,
+}
+
+impl CoordinatorConfig {
+    /// Fastest that the screw may turn against the nut.
+    #[must_use]
+    pub fn relative_max(&self) -> MechanicalSpeed {
+        narrow(self.velocity_max.wide_mul(self.radians_per_metre))
+    }
 }
 
 /// How the base speed wanders.
@@ -116,6 +124,22 @@ pub enum CommandError {
         /// What is allowed, m/s.
         allowed: TableVelocity,
     },
+    /// The screw would turn against the nut faster than the feed may move.
+    Relative {
+        /// What was asked, mechanical rad/s.
+        asked: MechanicalSpeed,
+        /// What is allowed, mechanical rad/s.
+        allowed: MechanicalSpeed,
+    },
+    /// A motor's torque set-point is beyond its limit.
+    Current {
+        /// 0 is the screw, 1 the nut.
+        motor: usize,
+        /// What was asked of it, A.
+        asked: Current,
+        /// What is allowed, A.
+        allowed: Current,
+    },
     /// A motor would have to turn faster than it may.
     Speed {
         /// 0 is the screw, 1 the nut.
@@ -136,6 +160,20 @@ impl core::fmt::Display for CommandError {
                     "a table velocity of {asked:.4} m/s was asked, but the feed allows ±{allowed:.4} m/s: ask for less"
                 )
             }
+            Self::Relative { asked, allowed } => write!(
+                f,
+                "the screw would turn against the nut at up to {asked:.1} rad/s, but the feed allows {allowed:.1} rad/s: lower the speed \
+                 limit or the base speed"
+            ),
+            Self::Current {
+                motor,
+                asked,
+                allowed,
+            } => write!(
+                f,
+                "the {} was asked for {asked:.3} A along q, but its motor allows ±{allowed:.3} A: ask for less torque",
+                if *motor == 0 { "screw" } else { "nut" }
+            ),
             Self::Speed {
                 motor,
                 asked,
@@ -172,6 +210,8 @@ pub struct Coordinator {
     given: ProfileState,
     /// Where the base speed's wander is, and how fast it was there in the last step.
     wander: Wander,
+    /// What a torque makes of the table's share.
+    pushed: Profile,
 }
 
 /// State of a wander.
@@ -184,6 +224,9 @@ struct Wander {
     /// Steps on its straight line.
     steps: u8,
 }
+
+/// Steps until a torque that pushes the table towards a limit has ended at most: 6 ms at 5 kHz, above the latency of the soft limits.
+const SEEN_STEPS: i64 = 32;
 
 /// Steps of a wander's straight lines, as a power of two: a cosine a step would be 60 cycles of each.
 const WANDER_BITS: u32 = 3;
@@ -208,6 +251,7 @@ impl Coordinator {
                 change: SpeedChange::ZERO,
                 steps: 0,
             },
+            pushed: rest,
         }
     }
 
@@ -301,6 +345,82 @@ impl Coordinator {
             reference(screw_speed, screw_change, screw_pairs),
             reference(base, base_change, nut_pairs),
         ]
+    }
+
+    /// A motor is about to follow a torque: what is given way and wandered becomes the base speed's own.
+    #[cold]
+    pub(crate) fn begin_torque(&mut self) {
+        let from_base = self.given.min(self.base.value.saturating_abs());
+        let Wander { value, change, .. } = core::mem::take(&mut self.wander);
+        self.base.value = towards_zero(self.base.value, from_base).saturating_add(value);
+        self.base.change = self.base.change.saturating_add(change);
+        self.given = ProfileState::ZERO;
+        self.pushed = self.table;
+    }
+
+    /// One step in which a motor follows a torque, and `held` the base speed: its reference. `speeds` are those of screw and nut,
+    /// electrical: the table's share is what they turn against each other, so that a plan begins where they are.
+    pub(crate) fn step_torque(
+        &mut self,
+        config: &CoordinatorConfig,
+        held: usize,
+        limited: bool,
+        speeds: [Speed; 2],
+    ) -> SpeedReference {
+        if limited {
+            self.base.ease(&config.base);
+        } else {
+            self.base.step(&config.base, self.target_base);
+        }
+        let [screw, nut] = mechanical(config, speeds);
+        let relative = screw.saturating_sub(nut);
+        // Over 16 steps: the speeds are measured ones.
+        let change = narrow_change(relative.saturating_sub(self.pushed.value));
+        let more = change.saturating_sub(self.pushed.change).to_bits() >> 4;
+        let gained = self
+            .pushed
+            .change
+            .saturating_add(SpeedChange::from_bits(more));
+        self.pushed = Profile {
+            value: relative,
+            change: gained,
+        };
+        // What the table gains ends with the torque, once that is seen.
+        let gained = ProfileState::from(gained).saturating_mul_int(SEEN_STEPS);
+        self.table = Profile {
+            value: relative.saturating_add(gained),
+            change: SpeedChange::ZERO,
+        };
+        let pole_pairs = config.pole_pairs.get(held).copied().unwrap_or_default();
+        SpeedReference {
+            omega_e: electrical(self.base.value, pole_pairs),
+            change: electrical_change(self.base.change, pole_pairs),
+        }
+    }
+
+    /// Motor 0 (screw) or 1 (nut) follows a torque no more: both references begin where the motors are. Gives what its motor's speed
+    /// changed by in a step, electrical.
+    #[cold]
+    pub(crate) fn end_torque(
+        &mut self,
+        config: &CoordinatorConfig,
+        motor: usize,
+        speeds: [Speed; 2],
+    ) -> ElectricalChange {
+        let [screw, nut] = mechanical(config, speeds);
+        let [screw_pairs, nut_pairs] = config.pole_pairs;
+        let gained = self.pushed.change;
+        if motor == 0 {
+            self.table.value = screw.saturating_sub(self.base.value);
+            electrical_change(gained, screw_pairs)
+        } else {
+            self.table.value = self.base.value.saturating_sub(nut);
+            self.base = Profile {
+                value: nut,
+                change: SpeedChange::ZERO,
+            };
+            electrical_change(gained.saturating_neg(), nut_pairs)
+        }
     }
 
     /// Neither reference is on its way to its target; the base speed may wander about it.
@@ -485,8 +605,16 @@ fn narrow_change(change: ProfileState) -> SpeedChange {
     SpeedChange::from_bits(change.to_bits().clamp(end.wrapping_neg(), end) as i32)
 }
 
+/// Electrical speeds as mechanical ones: 32-bit divisions, which the core has.
+fn mechanical(config: &CoordinatorConfig, [screw, nut]: [Speed; 2]) -> [ProfileState; 2] {
+    let [screw_pairs, nut_pairs] = config.pole_pairs;
+    [(screw, screw_pairs), (nut, nut_pairs)].map(|(omega_e, pole_pairs)| {
+        ProfileState::from(omega_e.checked_div_int(pole_pairs).unwrap_or_default())
+    })
+}
+
 #[inline(always)]
-fn electrical(omega: ProfileState, pole_pairs: i32) -> Speed {
+pub(crate) fn electrical(omega: ProfileState, pole_pairs: i32) -> Speed {
     let narrow_omega: MechanicalSpeed = narrow(omega);
     // 31 bits times 8.
     narrow_bits(

@@ -12,3 +12,4 @@ pub mod profile;
 pub mod speed_loop;
 pub(crate) mod table_speed;
 pub mod thermal;
+pub mod torque;

@@ -91,6 +91,14 @@ impl SpeedLoop {
         }
     }
 
+    /// A loop that has found that load, A.
+    #[must_use]
+    pub(crate) fn holding(load: Current, config: &SpeedLoopConfig) -> Self {
+        Self {
+            integral: hold(load.into(), config.i_max),
+        }
+    }
+
     /// What it has found of its motor's load, 2^-8 A: the integral's upper word.
     #[must_use]
     #[inline(always)]

@@ -98,6 +98,9 @@ pub struct Client<L> {
     line: L,
     session: Session,
     reply: Option<Reply>,
+    /// What was posted and is not answered, and the answers.
+    posted: VecDeque<u32>,
+    answers: VecDeque<(u32, Reply)>,
     events: VecDeque<Event>,
     telemetry: VecDeque<Frame>,
 }
@@ -112,6 +115,8 @@ impl<L: Line> Client<L> {
             line,
             session: Session::new(),
             reply: None,
+            posted: VecDeque::new(),
+            answers: VecDeque::new(),
             events: VecDeque::new(),
             telemetry: VecDeque::new(),
         };
@@ -196,14 +201,15 @@ impl<L: Line> Client<L> {
     /// [`Lost`] if none comes.
     pub fn ask(&mut self, command: Command) -> Result<Reply> {
         // A second move would move twice; a second burst is refused while the first waits.
-        let tries = if matches!(
+        let once = matches!(
             command,
-            Command::Move { .. } | Command::Inject(_) | Command::Burst(_)
-        ) {
-            1
-        } else {
-            TRIES
-        };
+            Command::Move { .. }
+                | Command::MoveTo { .. }
+                | Command::SetPoint { .. }
+                | Command::Inject(_)
+                | Command::Burst(_)
+        );
+        let tries = if once { 1 } else { TRIES };
         self.ask_for(command, PATIENCE, tries)
     }
 
@@ -240,6 +246,22 @@ impl<L: Line> Client<L> {
     /// [`Lost`] if the line is gone.
     pub fn beat(&mut self) -> Result<()> {
         self.say(Command::Heartbeat)
+    }
+
+    /// Asks, and does not wait for the answer, which [`take_answer`](Self::take_answer) gives with the same number.
+    ///
+    /// # Errors
+    /// [`Lost`] if the line is gone.
+    pub fn post(&mut self, command: Command) -> Result<u32> {
+        self.say(command)?;
+        let sequence = self.session.sequence();
+        self.posted.push_back(sequence);
+        Ok(sequence)
+    }
+
+    /// The next answer to what was posted, with its number.
+    pub fn take_answer(&mut self) -> Option<(u32, Reply)> {
+        self.answers.pop_front()
     }
 
     fn say(&mut self, command: Command) -> Result<()> {
@@ -439,6 +461,9 @@ impl<L: Line> Client<L> {
             .map_err(|error| Lost(format!("the line to the drive is gone: {error}")))?;
         for &byte in &bytes[..count] {
             match self.session.take(byte) {
+                Some(DriveFrame::Reply(sequence, reply)) if self.was_posted(sequence) => {
+                    self.answers.push_back((sequence, reply));
+                }
                 // Nobody waits for an earlier one's any more.
                 Some(DriveFrame::Reply(sequence, reply)) if sequence == self.session.sequence() => {
                     self.reply = Some(reply);
@@ -450,6 +475,15 @@ impl<L: Line> Client<L> {
             }
         }
         Ok(())
+    }
+
+    /// This is the answer to what was posted. Those before it have none: they were lost on the way.
+    fn was_posted(&mut self, sequence: u32) -> bool {
+        let place = self.posted.iter().position(|posted| *posted == sequence);
+        if let Some(place) = place {
+            self.posted.drain(..=place);
+        }
+        place.is_some()
     }
 
     /// The next change of state that has come.

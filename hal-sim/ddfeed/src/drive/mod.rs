@@ -3,12 +3,15 @@
 mod burst;
 mod commission;
 pub mod connect;
+mod follow;
 pub mod motion;
 mod options;
 mod record;
 mod settings;
 mod status;
+mod torque;
 mod tune;
+mod turn;
 
 pub use options::{DriveOptions, LineOptions, RecordCommand, ReferenceOptions, Task};
 pub use settings::reference;
@@ -31,6 +34,9 @@ pub fn carry_out(mut client: connect::Drive, task: &Task) -> Result<()> {
         Task::Arm => motion::arm(&mut client),
         Task::Jog(jog) => motion::jog(&mut client, jog),
         Task::Move(travel) => motion::travel(&mut client, travel),
+        Task::Turn(options) => turn::turn(&mut client, options),
+        Task::Follow(options) => follow::follow(&mut client, options),
+        Task::Torque(options) => torque::torque(&mut client, options),
         Task::Home(home) => motion::home(&mut client, home),
         Task::Stop => motion::stop(&mut client),
         Task::Reset => motion::reset(&mut client),

@@ -127,7 +127,7 @@ pub fn reset(drive: &mut Drive) -> Result<()> {
 }
 
 /// The nut speed that a motion is asked with, rad/s.
-fn base(lead: &LeadOptions) -> Option<f64> {
+pub fn base(lead: &LeadOptions) -> Option<f64> {
     lead.nut_rpm.map(|rpm| rpm * TAU / 60.0)
 }
 
@@ -148,21 +148,39 @@ pub fn jog(drive: &mut Drive, options: &JogOptions) -> Result<()> {
     Ok(())
 }
 
-/// Moves the table by a distance.
+/// Moves the table by a distance, or to a homed position.
 pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
     let settings = drive.settings()?;
     let (velocity, base) = speeds(options.table_speed * 1e-3, base(&options.lead), &NAMES)?;
-    #[allow(clippy::cast_possible_truncation)]
-    let distance_nm = (options.distance * 1e6).round() as i64;
     let stop = caught()?;
-    let before = look(drive)?.position_mm(&settings);
+    let seen = look(drive)?;
+    // Positions of a move by a distance count from where the table stands.
+    let zero_mm = match options.to {
+        Some(_) => 0.0,
+        None => seen.position_mm(&settings),
+    };
+    let asked_mm = options.to.or(options.distance).unwrap_or_default();
+    let left_mm = zero_mm + asked_mm - seen.position_mm(&settings);
+    if seen.homed() && left_mm.abs() < settings.feed.scale_count_nm * 1e-6 {
+        println!("the table stands at {asked_mm:.4} mm already");
+        return Ok(());
+    }
     if options.lead.arm {
         ready(drive, &stop)?;
     }
-    drive.tell(Command::Move {
-        distance_nm,
-        velocity,
-        base,
+    #[allow(clippy::cast_possible_truncation)]
+    let asked_nm = (asked_mm * 1e6).round() as i64;
+    drive.tell(match options.to {
+        Some(_) => Command::MoveTo {
+            position_nm: asked_nm,
+            velocity,
+            base,
+        },
+        None => Command::Move {
+            distance_nm: asked_nm,
+            velocity,
+            base,
+        },
     })?;
     let mut ended = None;
     led(drive, &settings, &stop, |seen, _| {
@@ -172,33 +190,38 @@ pub fn travel(drive: &mut Drive, options: &MoveOptions) -> Result<()> {
             Some(Travel::Done | Travel::NotSettled | Travel::Ended)
         );
         if over {
-            ended = travel.map(|travel| (travel, seen.position_mm(&settings) - before));
+            ended = travel.map(|travel| (travel, seen.position_mm(&settings) - zero_mm));
         }
         Ok(over)
     })?;
-    let moved = look(drive)?.position_mm(&settings) - before;
+    let at_mm = look(drive)?.position_mm(&settings) - zero_mm;
+    let [done, left] = match options.to {
+        Some(_) => ["at", "the table is at"],
+        None => ["moved", "the table moved by"],
+    };
     match ended {
-        Some((Travel::Done, in_place)) => {
+        Some((Travel::Done, in_place_mm)) => {
             if options.json {
-                let result = json!({ "moved_mm": in_place, "asked_mm": options.distance, "at_rest_mm": moved });
+                let name = match options.to {
+                    Some(_) => "position_mm",
+                    None => "moved_mm",
+                };
+                let result =
+                    json!({ name: in_place_mm, "asked_mm": asked_mm, "at_rest_mm": at_mm });
                 println!("{result:#}");
             } else {
                 println!(
-                    "moved {in_place:.4} mm, {:+.1} um from where it was asked; at rest",
-                    (in_place - options.distance) * 1e3
+                    "{done} {in_place_mm:.4} mm, {:+.1} um from where it was asked; at rest",
+                    (in_place_mm - asked_mm) * 1e3
                 );
             }
             Ok(())
         }
         Some((travel, _)) => bail!(
-            "the table moved by {moved:.4} mm of {} mm: {}",
-            options.distance,
+            "{left} {at_mm:.4} mm of {asked_mm} mm: {}",
             travel.sentence()
         ),
-        None => bail!(
-            "ended on its way: the table moved by {moved:.4} mm of {} mm, and is at rest",
-            options.distance
-        ),
+        None => bail!("ended on its way: {left} {at_mm:.4} mm of {asked_mm} mm, and is at rest"),
     }
 }
 
@@ -297,7 +320,7 @@ pub fn run_at(velocity: f64, base: Option<f64>) -> Result<Command> {
 }
 
 /// Goes on commanding a drive that runs until `over` reports it or Ctrl-C; then it comes to rest, whatever has happened.
-fn led(
+pub fn led(
     drive: &mut Drive,
     settings: &Settings,
     stop: &AtomicBool,

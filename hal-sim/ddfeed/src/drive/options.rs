@@ -5,8 +5,10 @@ use crate::hold::Hold;
 use crate::session::{FULL_RATE, divider};
 use anyhow::{Result, ensure};
 use clap::{Args, Subcommand, ValueEnum};
+use control::stream::DELAY_MS;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
+use std::time::Duration;
 
 /// Where the drive is, and what it is asked.
 #[derive(Args, Debug)]
@@ -81,8 +83,15 @@ pub enum Task {
     Arm,
     /// Run at a table velocity and a nut speed until Ctrl-C, which brings it to rest.
     Jog(JogOptions),
-    /// Move the table by a distance, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its way.
+    /// Move the table by a distance or to a homed position, within acceleration and jerk, and bring it to rest. Ctrl-C ends it on its
+    /// way.
     Move(MoveOptions),
+    /// Turn one motor while the other rests, until Ctrl-C; or the screw by an angle. Turning either moves the table.
+    Turn(TurnOptions),
+    /// The table follows positions of a file or of the standard input, and comes to rest at their end. Ctrl-C ends it on its way.
+    Follow(FollowOptions),
+    /// One motor follows a torque until Ctrl-C, which brings it to rest; the other holds a speed.
+    Torque(TorqueOptions),
     /// Find the table's place: to its end switch and off it again, as the settings `travel` say, and come to rest. Soft limits act
     /// from then on. Ctrl-C ends it on its way.
     Home(HomeOptions),
@@ -191,8 +200,15 @@ pub struct JogOptions {
 #[derive(Args, Debug)]
 pub struct MoveOptions {
     /// How far, mm.
-    #[arg(value_name = "MM")]
-    pub distance: f64,
+    #[arg(
+        value_name = "MM",
+        required_unless_present = "to",
+        conflicts_with = "to"
+    )]
+    pub distance: Option<f64>,
+    /// To this homed position, mm, instead of by a distance. The drive must be homed.
+    #[arg(long, value_name = "MM")]
+    pub to: Option<f64>,
     /// Largest table velocity on the way, mm/s.
     #[arg(long, value_name = "MM_S", default_value_t = 10.0)]
     pub table_speed: f64,
@@ -201,6 +217,78 @@ pub struct MoveOptions {
     /// As JSON.
     #[arg(long)]
     pub json: bool,
+}
+
+/// A motor that turns.
+#[derive(Args, Debug)]
+pub struct TurnOptions {
+    /// The motor.
+    #[arg(long, value_enum, default_value_t = Motor::Screw)]
+    pub motor: Motor,
+    /// Its speed, rpm. With --angle it is the largest on the way.
+    #[arg(long, value_name = "RPM", default_value_t = 60.0)]
+    pub rpm: f64,
+    /// By so many degrees, by the table's scale and the lead, instead of until Ctrl-C: the screw only.
+    #[arg(long, value_name = "DEG", conflicts_with = "duration")]
+    pub angle: Option<f64>,
+    /// For so long, s, instead of until Ctrl-C.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Arm it first, as `arm` does.
+    #[arg(long)]
+    pub arm: bool,
+}
+
+/// A stream of positions.
+#[derive(Args, Debug)]
+pub struct FollowOptions {
+    /// A file with the columns time_s and position_mm, and velocity_mm_s if it is known; - is the standard input. Times are 1 to 50 ms
+    /// apart.
+    #[arg(value_name = "FILE.csv")]
+    pub file: PathBuf,
+    /// Positions are homed ones, and the table stands at the first; else they count from where the table stands.
+    #[arg(long)]
+    pub homed: bool,
+    /// How long a set-point waits for its turn, ms: so much later it may come. Where one is missing at its turn, the table comes to rest.
+    #[arg(long, value_name = "MS", default_value_t = 50)]
+    pub delay_ms: u16,
+    #[command(flatten)]
+    pub lead: LeadOptions,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// A torque.
+#[derive(Args, Debug)]
+pub struct TorqueOptions {
+    /// The motor that has it.
+    #[arg(long, value_enum, default_value_t = Motor::Screw)]
+    pub motor: Motor,
+    /// Torque, N m: a positive one turns the motor forwards.
+    #[arg(
+        long,
+        value_name = "NM",
+        required_unless_present = "table_force",
+        conflicts_with = "table_force"
+    )]
+    pub nm: Option<f64>,
+    /// Force on the table, N, in place of a torque: the motor's torque is this force times lead / 2 pi. What friction of ball pair,
+    /// guideway and bearings takes is not added.
+    #[arg(long, value_name = "N")]
+    pub table_force: Option<f64>,
+    /// Fastest that the motor turns by it, rpm. [default: what the motor and the feed allow]
+    #[arg(long, value_name = "RPM")]
+    pub rpm_max: Option<f64>,
+    /// Speed of the other motor, rpm.
+    #[arg(long, value_name = "RPM", default_value_t = 0.0)]
+    pub other_rpm: f64,
+    /// For so long, s, instead of until Ctrl-C.
+    #[arg(long, value_name = "S")]
+    pub duration: Option<f64>,
+    /// Arm it first, as `arm` does.
+    #[arg(long)]
+    pub arm: bool,
 }
 
 /// A homing.
@@ -392,6 +480,16 @@ impl RecordOptions {
     }
 }
 
+/// A duration, where there is one, is a time.
+fn lasting(duration: Option<f64>) -> Result<()> {
+    let seconds = duration.unwrap_or(1.0);
+    ensure!(
+        seconds > 0.0 && Duration::try_from_secs_f64(seconds).is_ok(),
+        "--duration is {seconds} s, but a time above 0 is needed"
+    );
+    Ok(())
+}
+
 impl Task {
     /// What can be said against it before the drive is looked for.
     pub fn check(&self) -> Result<()> {
@@ -406,17 +504,50 @@ impl Task {
             Task::Jog(jog) => {
                 finite("--table-speed", jog.table_speed)?;
                 finite("--nut-rpm", jog.lead.nut_rpm.unwrap_or_default())?;
-                let seconds = jog.duration.unwrap_or(1.0);
+                lasting(jog.duration)?;
+            }
+            Task::Turn(turn) => {
+                finite("--rpm", turn.rpm)?;
+                lasting(turn.duration)?;
+                if let Some(degrees) = turn.angle {
+                    finite("--angle", degrees)?;
+                    ensure!(
+                        turn.motor == Motor::Screw,
+                        "--angle is for the screw: a move's base speed is one of both motors, so the nut cannot turn by an angle alone"
+                    );
+                    ensure!(
+                        degrees != 0.0 && turn.rpm > 0.0,
+                        "--angle is {degrees} degrees and --rpm {} rpm, but an angle other than 0 and a speed above 0 are needed",
+                        turn.rpm
+                    );
+                }
+            }
+            Task::Follow(follow) => {
+                finite("--nut-rpm", follow.lead.nut_rpm.unwrap_or_default())?;
+                let [least, most] = DELAY_MS;
                 ensure!(
-                    seconds > 0.0 && seconds.is_finite(),
-                    "--duration is {seconds} s, but a time above 0 is needed"
+                    (least..=most).contains(&follow.delay_ms),
+                    "--delay-ms is {} ms, but {least} to {most} ms are possible",
+                    follow.delay_ms
                 );
             }
+            Task::Torque(torque) => {
+                finite("--nm", torque.nm.unwrap_or_default())?;
+                finite("--table-force", torque.table_force.unwrap_or_default())?;
+                finite("--rpm-max", torque.rpm_max.unwrap_or_default())?;
+                finite("--other-rpm", torque.other_rpm)?;
+                lasting(torque.duration)?;
+            }
             Task::Move(travel) => {
+                let distance = travel.distance.unwrap_or(1.0);
                 ensure!(
-                    travel.distance.abs() > 0.0 && travel.distance.abs() <= MOST_MOVE_MM,
-                    "the distance is {} mm, but up to {MOST_MOVE_MM} mm either way are possible, and 0 is no move",
-                    travel.distance
+                    distance.abs() > 0.0 && distance.abs() <= MOST_MOVE_MM,
+                    "the distance is {distance} mm, but up to {MOST_MOVE_MM} mm either way are possible, and 0 is no move"
+                );
+                let to = travel.to.unwrap_or_default();
+                ensure!(
+                    to.abs() <= MOST_MOVE_MM,
+                    "--to is {to} mm, but -{MOST_MOVE_MM} to {MOST_MOVE_MM} mm are possible"
                 );
                 finite("--nut-rpm", travel.lead.nut_rpm.unwrap_or_default())?;
                 ensure!(
