@@ -242,6 +242,79 @@ fn telemetry_comes_over_both_lines() -> Result<()> {
     Ok(())
 }
 
+/// From a stop that is sent until the drive follows its command no longer, with telemetry at its full rate on the line.
+#[test]
+fn a_stop_passes_full_telemetry() -> Result<()> {
+    const STOPS: u32 = 20;
+    for (line, make) in LINES {
+        let mut took = stops(make, STOPS)?;
+        took.sort_by(f64::total_cmp);
+        let (median, worst) = (took[took.len() / 2], took[took.len() - 1]);
+        println!("{line}: {STOPS} stops, median {median:.2} ms, worst {worst:.2} ms");
+        // The line is read 40 times a millisecond, and the speed task takes what is asked each 0.2 ms.
+        ensure!(worst < 1.0, "{line}: the worst stop took {worst} ms");
+    }
+    Ok(())
+}
+
+/// The same 200 times: `cargo test --test chip -- --ignored two_hundred`.
+#[test]
+#[ignore = "long: 200 starts and stops at each line"]
+fn two_hundred_stops_pass_full_telemetry() -> Result<()> {
+    for (line, make) in LINES {
+        let mut took = stops(make, 200)?;
+        took.sort_by(f64::total_cmp);
+        println!(
+            "{line}: 200 stops, median {:.2} ms, worst {:.2} ms",
+            took[100], took[199]
+        );
+        ensure!(took[199] < 1.0, "{line}: {took:?}");
+    }
+    Ok(())
+}
+
+/// How long each stop took, ms.
+fn stops(make: Make, count: u32) -> Result<Vec<f64>> {
+    let mut session = Session::open(make)?;
+    let request = Request {
+        divider: 1,
+        stream: 1,
+    };
+    session.client.tell(Command::Record(request.word()))?;
+    let mut took = Vec::new();
+    for k in 0..count {
+        session.client.tell(Command::Arm)?;
+        session
+            .client
+            .tell(run(if k % 2 == 0 { 2.5 } else { -2.5 }, 100.0))?;
+        session.attend(0.1)?;
+        session.until("running", 0.1, |s| is(s, State::Running))?;
+        // Another phase of the millisecond and of the frames each time.
+        let phase_s = 37e-6 * f64::from(k % 27);
+        (session.bench.borrow_mut().pass(phase_s)).map_err(|e| anyhow!(e))?;
+        let sent = session.now();
+        session.client.post(Command::Stop)?;
+        let running = |session: &Session| -> Result<bool> {
+            let view = session.bench.borrow_mut().look().map_err(|e| anyhow!(e))?;
+            Ok(view.state() == Some(State::Running))
+        };
+        while running(&session)? {
+            let passed = session.bench.borrow_mut().pass(20e-6);
+            passed.map_err(|e| anyhow!(e))?;
+            ensure!(session.now() < sent + 0.1, "stop {k} is not taken");
+        }
+        took.push(1e3 * (session.now() - sent));
+        session.until("ready", 1.0, |s| is(s, State::Ready))?;
+        session.client.take_answer();
+        let frames = std::iter::from_fn(|| session.client.take_telemetry()).count();
+        ensure!(
+            frames > 100,
+            "{frames} frames of telemetry in a tenth of a second"
+        );
+    }
+    Ok(took)
+}
+
 #[test]
 fn garbage_and_old_frames_are_counted_and_nothing_else() -> Result<()> {
     let mut session = Session::open(LINES[0].1)?;
