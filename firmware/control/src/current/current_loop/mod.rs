@@ -30,7 +30,7 @@ pub struct MotorSample {
     pub current: [u16; 3],
     /// ADC counts of the bus voltage.
     pub bus: u16,
-    /// The encoder's raw word: see [`Interface`](crate::current::encoder::Interface).
+    /// The encoder's raw word: see [`Interface`].
     pub encoder: u32,
     /// The break input has stopped the bridge.
     pub broken: bool,
