@@ -74,7 +74,7 @@ pub struct Electrical {
 }
 
 /// Largest current along d, A.
-fn largest(motor: &MotorSettings, settings: &Settings) -> f64 {
+pub(crate) fn largest(motor: &MotorSettings, settings: &Settings) -> f64 {
     let rated = motor
         .thermal
         .rated_current_a_rms

@@ -6,6 +6,7 @@
 //! | [`electrical`] | turns both motors together, with currents along d | resistance, inductance, flux, angle offset, what the dead time takes |
 //! | [`mechanical`] | accelerates both together and the table against them | inertia and friction of both motors, the feed's, lead and direction of the scale |
 //! | [`tune`](mod@tune) | starts anew with what was found | nothing: bandwidth and margin are computed |
+//! | [`response`] | turns both motors together, with steps of the current along d | the current loops' responses, bandwidths and margins, beside the computed ones |
 //!
 //! [`procedure`] does them one after the other; [`proposal`] is a tuning of the settings that hold, which needs no motion.
 //!
@@ -23,6 +24,7 @@ pub mod mechanical;
 pub mod procedure;
 pub mod proposal;
 pub mod quantity;
+pub mod response;
 mod session;
 pub mod tune;
 

@@ -3,6 +3,7 @@
 use crate::electrical::MotorElectrical;
 use crate::proposal::{changes, propose};
 use crate::quantity::{Quantity, both};
+use crate::response::{self, CurrentResponse};
 use crate::session::Session;
 use crate::tune::{Wanted, tune};
 use crate::{Bound, Estimate, Failure, electrical, mechanical};
@@ -25,16 +26,19 @@ pub enum Step {
     Tuning,
     /// The angles of both rotors once more, by the parameters that are known now.
     Angle,
+    /// [`response`](mod@response).
+    Response,
 }
 
 impl Step {
     /// In their order.
-    pub const ALL: [Self; 5] = [
+    pub const ALL: [Self; 6] = [
         Self::Start,
         Self::Electrical,
         Self::Mechanical,
         Self::Tuning,
         Self::Angle,
+        Self::Response,
     ];
 
     /// For a person.
@@ -46,6 +50,7 @@ impl Step {
             Self::Mechanical => "mechanical",
             Self::Tuning => "tuning",
             Self::Angle => "angle",
+            Self::Response => "response",
         }
     }
 
@@ -63,6 +68,9 @@ impl Step {
                 "both motors accelerate, and the table to and fro: inertia, friction, lead"
             }
             Self::Angle => "both motors turn together once more: their angles, which are put right",
+            Self::Response => {
+                "steps of the current along d while both motors turn together: the current loops, measured beside the model"
+            }
             Self::Tuning => "gains of Eqs 9 to 12 for the bandwidth and margin that are wanted",
         }
     }
@@ -111,6 +119,9 @@ pub struct Done {
     /// Both motors' windings and magnets, of the step that measures them.
     #[serde(default)]
     pub motors: Option<[MotorElectrical; 2]>,
+    /// Responses of the current loops, of the step that measures them; `None` for a motor whose step was not seen.
+    #[serde(default)]
+    pub responses: Option<[Option<CurrentResponse>; 2]>,
     /// Which.
     pub step: Step,
     /// How long it took, by the drive's time, s.
@@ -171,6 +182,7 @@ pub fn run<L: Line>(
             }
             Step::Tuning => tuning_step(session, options),
             Step::Angle => angle_step(session, options, &mut |part| progress(step, part)),
+            Step::Response => response_step(session, &mut |part| progress(step, part)),
         };
         let result = match result {
             Ok(result) => result,
@@ -209,6 +221,7 @@ fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,
+        responses: None,
         motors: None,
         step: Step::Start,
         seconds: session.time_s() - begun,
@@ -299,6 +312,7 @@ fn electrical_step<L: Line>(
     Ok(Done {
         base_acceleration_rpm_s: Some(old.feed.base_acceleration_max_rpm_s),
         machine: None,
+        responses: None,
         motors: Some(motors),
         step: Step::Electrical,
         seconds: session.time_s() - begun,
@@ -405,6 +419,7 @@ fn mechanical_step<L: Line>(
     Ok(Done {
         base_acceleration_rpm_s: None,
         motors: None,
+        responses: None,
         machine: Some(Machine {
             inertia_plus_minus_kg_m2: found.moved_kg_m2().map(|moved| moved.plus_minus),
             coulomb_nm: found.motors.map(|motor| motor.coulomb_nm.value),
@@ -435,6 +450,7 @@ fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<D
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,
+        responses: None,
         motors: None,
         step: Step::Tuning,
         seconds: session.time_s() - begun,
@@ -482,6 +498,7 @@ fn angle_step<L: Line>(
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,
+        responses: None,
         motors: None,
         step: Step::Angle,
         seconds: session.time_s() - begun,
@@ -491,5 +508,21 @@ fn angle_step<L: Line>(
             ("current of the nut's motor", "A", nut),
             ("travel of the table", "m", found.travel_m),
         ]),
+    })
+}
+
+fn response_step<L: Line>(session: &mut Session<L>, progress: &mut dyn FnMut(f64)) -> Result<Done> {
+    let begun = session.time_s();
+    session.arm()?;
+    let responses = response::measure(session, progress)?;
+    Ok(Done {
+        base_acceleration_rpm_s: None,
+        machine: None,
+        motors: None,
+        responses: Some(responses),
+        step: Step::Response,
+        seconds: session.time_s() - begun,
+        quantities: Vec::new(),
+        limits: Vec::new(),
     })
 }

@@ -2,7 +2,9 @@
 
 use crate::Failure;
 use anyhow::{Result, bail, ensure};
+use link::burst::{BurstRequest, BurstState};
 use link::codes::{Fault, Misalignment, State};
+use link::host::burst::Burst;
 use link::host::client::{Client, Line};
 use link::host::{Decoder, Row};
 use link::message::{Aligned, Command, Status};
@@ -27,6 +29,9 @@ const ALIGNMENTS: u32 = 3;
 const ARRIVE_S: f64 = 20.0;
 /// How long a drive that rests is listened to, s.
 const NOISE_S: f64 = 0.2;
+/// How long a burst's trigger may take, and how often it is asked for, s.
+const BURST_S: f64 = 0.5;
+const BURST_LOOK_S: f64 = 0.03;
 /// Longest without telemetry.
 const SILENT: Duration = Duration::from_secs(2);
 /// What a reference that has arrived may differ from what was asked: rounding of the words, rad/s.
@@ -379,6 +384,36 @@ impl<L: Line> Session<L> {
     pub fn encoder_zero(&self, motor: usize) -> (f64, bool) {
         let (zero, direction) = self.aligned[motor];
         (zero.sin().atan2(zero.cos()).to_degrees(), direction < 0.0)
+    }
+
+    /// Electrical angle of an encoder's count zero, rad, and 1 or -1: it counts with the rotor or against it.
+    #[must_use]
+    pub fn encoder_angle(&self, motor: usize) -> (f64, f64) {
+        self.aligned[motor]
+    }
+
+    /// Arms a burst, does `step`, and reads the burst; `None` if its trigger has not come after half a second.
+    ///
+    /// # Errors
+    /// As [`Session::hold`], or the drive has no room for a burst.
+    pub fn burst(
+        &mut self,
+        request: BurstRequest,
+        step: impl FnOnce(&mut Self) -> Result<()>,
+    ) -> Result<Option<Burst>> {
+        self.client.tell(Command::Burst(request))?;
+        step(self)?;
+        let until = self.now + BURST_S;
+        loop {
+            self.hold(BURST_LOOK_S, &mut |_| ())?;
+            if self.client.burst()?.state == BurstState::Complete.word() {
+                return Ok(Some(self.client.read_burst(&self.settings)?));
+            }
+            if self.now > until {
+                self.client.tell(Command::EndBurst)?;
+                return Ok(None);
+            }
+        }
     }
 
     /// It was asked for a speed.

@@ -84,6 +84,25 @@ impl Loops {
             * Complex::cis(-1.5 * self.period_s * w)
     }
 
+    /// The closed current loop's response to a step of 1 at its sample 0, for so many samples.
+    ///
+    /// The motor is exact between two samples. A voltage acts in the period after the one that follows its sample.
+    #[must_use]
+    pub fn current_step(&self, samples: usize) -> Vec<f64> {
+        let decay = (-self.resistance * self.period_s / self.inductance).exp();
+        let (mut current, mut integral, mut acting) = (0.0, 0.0, 0.0);
+        (0..samples)
+            .map(|_| {
+                let (now, error) = (current, 1.0 - current);
+                let voltage = self.k_pc * error + integral;
+                integral += self.k_ic * self.period_s * error;
+                current = decay * current + (1.0 - decay) / self.resistance * acting;
+                acting = voltage;
+                now
+            })
+            .collect()
+    }
+
     /// The open speed loop at `w` rad/s.
     #[must_use]
     pub fn speed(&self, w: f64) -> Complex<f64> {

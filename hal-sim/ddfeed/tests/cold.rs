@@ -61,7 +61,14 @@ fn from_cold_to_the_effect_that_nobody_knew() {
     let drive = |arguments: &[&str], out: &Path| printed(served.command(arguments).arg(out));
 
     let report = drive(&["commission", "--arm", "--out"], &path("found"));
-    for step in ["start", "electrical", "mechanical", "tuning", "angle"] {
+    for step in [
+        "start",
+        "electrical",
+        "mechanical",
+        "tuning",
+        "angle",
+        "response",
+    ] {
         assert!(
             report.contains(&format!("## {step}")),
             "no step {step}: {report}"
@@ -70,7 +77,7 @@ fn from_cold_to_the_effect_that_nobody_knew() {
     // A step restarts the drive, and its clock: 17 s of the start had become -12 s of the next step.
     let steps = fs::read_to_string(path("found").join("report.json")).unwrap();
     let steps: Vec<serde_json::Value> = serde_json::from_str(&steps).unwrap();
-    for (step, least_s) in steps.iter().zip([1.0, 1.0, 1.0, 0.0, 1.0]) {
+    for (step, least_s) in steps.iter().zip([1.0, 1.0, 1.0, 0.0, 1.0, 1.0]) {
         let seconds = step["seconds"].as_f64().unwrap();
         assert!((least_s..60.0).contains(&seconds), "{seconds} s: {step}");
     }

@@ -2,7 +2,8 @@
 
 use bench::alignment::{drawn, miswirings};
 use bench::commissioning::{USUAL, any_size, commission, rivals};
-use commission::{Session, electrical, mechanical};
+use commission::response::CurrentResponse;
+use commission::{Session, electrical, mechanical, response};
 use hal_sim::parallel::on_all_cores;
 use hal_sim::served::{Serving, SimulatedDrive, Within};
 use hal_sim::start::Start;
@@ -94,6 +95,35 @@ fn a_cold_drive_measures_its_machine_within_five_percent() {
     }
 }
 
+/// Measured bandwidth of the predicted one, and what the measured margin is above the predicted one, degrees.
+fn beside_model(response: &CurrentResponse) -> [f64; 2] {
+    let (measured, model) = (
+        response.crossing.unwrap(),
+        response.predicted_crossing.unwrap(),
+    );
+    [
+        measured.bandwidth_rad_s / model.bandwidth_rad_s,
+        measured.margin_deg - model.margin_deg,
+    ]
+}
+
+/// The settings have 0.8 and 1.2 of the inductances. Gains follow them (Eq 9), so the loops' bandwidths are off by as much.
+#[test]
+fn a_wrong_inductance_shows_in_the_measured_bandwidth() {
+    let mut session = session(&rough(3));
+    session.ready().unwrap();
+    session.arm().unwrap();
+    let found = response::measure(&mut session, &mut |_| ()).unwrap();
+    for (response, expected) in found.iter().zip([0.8, 1.2]) {
+        let [part, _] = beside_model(response.as_ref().unwrap());
+        println!("{part:.3} of the model's bandwidth");
+        assert!(
+            (part / expected - 1.0).abs() < 0.1,
+            "{part:.3}, expected {expected}"
+        );
+    }
+}
+
 /// A sample of `cargo xtask bench commission`. Least squares took 4.5 % of the nut's inertia of machine 30 for its torque ripple;
 /// on 66 an elastic feed let the table stand where the motors had turned back, which hid two thirds of its mass. On 15 the speed
 /// loops that it proposes are slow: the alignment after it needs more than their integral to break a rotor away.
@@ -113,6 +143,17 @@ fn drives_from_fifty_watts_to_five_kilowatts_are_commissioned_from_cold() {
                     "{name}: {percent:.1} % off, expected within 5 %"
                 );
             }
+        }
+        let responses = outcome.done.iter().find_map(|done| done.responses.as_ref());
+        for response in responses.unwrap() {
+            let [part, degrees] = beside_model(response.as_ref().unwrap());
+            println!(
+                "current loop: bandwidth {part:.3} of the model's, margin {degrees:+.1} degrees"
+            );
+            assert!(
+                (part - 1.0).abs() < 0.1 && degrees.abs() < 5.0,
+                "current loop: bandwidth {part:.3} of the model's, margin {degrees:+.1} degrees off, expected 0.9 to 1.1 and within 5"
+            );
         }
         for degrees in outcome.offset_deg {
             assert!(

@@ -200,6 +200,19 @@ impl Burst {
         }
     }
 
+    /// The column of a signal.
+    #[must_use]
+    pub fn signal(&self, signal: Signal) -> Vec<f64> {
+        let named = COLUMNS.iter().position(|name| *name == signal.name());
+        named.map_or_else(Vec::new, |place| self.column(place))
+    }
+
+    /// The encoder's counts within the turn.
+    #[must_use]
+    pub fn counts(&self) -> Vec<f64> {
+        self.column(COLUMNS.len() - 1)
+    }
+
     /// A column by its place among [`COLUMNS`].
     #[must_use]
     pub fn column(&self, column: usize) -> Vec<f64> {

@@ -9,7 +9,10 @@ use crate::record::measured_model_file;
 use anyhow::{Context, Result};
 use commission::Session;
 use commission::procedure::{Done, Options, Step, run as measure};
+use commission::response::CurrentResponse;
+use commission::tune::Crossing;
 use indicatif::{ProgressBar, ProgressStyle};
+use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::fs;
 
@@ -108,6 +111,9 @@ fn page(done: &[Done]) -> String {
         for quantity in &done.quantities {
             let _ = writeln!(text, "    {quantity}");
         }
+        for (motor, response) in ["screw", "nut"].iter().zip(done.responses.iter().flatten()) {
+            let _ = writeln!(text, "    {motor}: {}", loop_line(response.as_ref()));
+        }
         for limited in &done.limits {
             let _ = writeln!(
                 text,
@@ -117,4 +123,26 @@ fn page(done: &[Done]) -> String {
         }
     }
     text
+}
+
+/// A current loop, measured beside predicted.
+fn loop_line(response: Option<&CurrentResponse>) -> String {
+    let Some(response) = response else {
+        return "the step of the current was not seen".to_owned();
+    };
+    let line = |of: Option<Crossing>| {
+        let Some(of) = of else {
+            return "no bandwidth".to_owned();
+        };
+        let hz = of.bandwidth_rad_s / TAU;
+        format!("{hz:.0} Hz and {:.1} degrees", of.margin_deg)
+    };
+    format!(
+        "current loop, {} steps from {:.2} to {:.2} A: bandwidth and phase margin {}, by the model {}",
+        response.steps,
+        response.from_a,
+        response.to_a,
+        line(response.crossing),
+        line(response.predicted_crossing)
+    )
 }

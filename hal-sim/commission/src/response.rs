@@ -1,0 +1,362 @@
+//! The current loops' response to a step of the current along d, sampled in every PWM period, beside the model's.
+//!
+//! A current along d makes no torque, so the motors go on turning at their speed. Both levels of the step are far from zero current,
+//! where the dead time's compensation is not whole. With `y` the response as a part of the step, and its differences at the period `T`,
+//!
+//! ```text
+//! closed loop: T(w) = sum of (y[n] - y[n-1]) exp(-j w n T)      open loop: L = T / (1 - T)
+//! ```
+//!
+//! `L` is told only where `T` and `1 - T` are well above the noise.
+
+use crate::electrical::{SPEEDS, largest};
+use crate::session::Session;
+use crate::tune::{Crossing, Loops};
+use anyhow::Result;
+use link::burst::{BurstRequest, SAMPLES, Signal, Trigger};
+use link::host::burst::Burst;
+use link::host::client::Line;
+use link::scale;
+use link::settings::MotorSettings;
+use nalgebra::Complex;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+/// Steps that are averaged.
+const STEPS: usize = 8;
+/// The levels, of the largest current along d.
+const FROM: f64 = 0.3;
+const TO: f64 = 0.8;
+/// Largest voltage that the step begins with, of the bus: the circle must not cut it.
+const OF_BUS: f64 = 0.2;
+/// What a current takes to be steady, s.
+const SETTLE_S: f64 = 0.05;
+/// Samples of a burst before its trigger.
+const BEFORE: u16 = 64;
+/// The first voltage of the step acts in the period that ends with the trigger's sample. The current that it answers to was sampled
+/// two periods earlier.
+const VOLTAGE_LAG: usize = 2;
+/// The response is over after so many times `1 / cutoff` of the current loop.
+const OVER: f64 = 12.0;
+/// Points of a curve.
+const POINTS: u32 = 60;
+/// Least part of the closed loop's gain, and of what it lacks, that an open loop is computed from.
+const LEAST: f64 = 0.15;
+
+/// One step of a current along d.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CurrentStep {
+    /// Current along d, A, a sample a PWM period.
+    pub current_a: Vec<f64>,
+    /// The sample of the trigger: the first voltage of the step acted in the period that ends with it.
+    pub trigger: usize,
+}
+
+/// A current loop's response, measured and predicted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct CurrentResponse {
+    /// From this current along d, A.
+    pub from_a: f64,
+    /// To this one, A.
+    pub to_a: f64,
+    /// Steps that were averaged.
+    pub steps: usize,
+    /// Since the reference's step, s.
+    pub time_s: Vec<f64>,
+    /// Of the step.
+    pub measured: Vec<f64>,
+    /// The same of the model with the settings that hold.
+    pub predicted: Vec<f64>,
+    /// Frequencies at which the open loop is told, Hz.
+    pub hz: Vec<f64>,
+    /// Its gain, dB.
+    pub gain_db: Vec<f64>,
+    /// Its phase, degrees, -360 to 0.
+    pub phase_deg: Vec<f64>,
+    /// The same of the model.
+    pub predicted_gain_db: Vec<f64>,
+    /// The same of the model.
+    pub predicted_phase_deg: Vec<f64>,
+    /// Bandwidth and phase margin; `None` if the gain of 1 is not among the frequencies.
+    pub crossing: Option<Crossing>,
+    /// The same of the model's sampled step. [`Loops::current_crossing`] takes the loop as continuous, and is a few percent higher.
+    pub predicted_crossing: Option<Crossing>,
+}
+
+/// The current along d of a burst, A; `zero` is the electrical angle at count zero, rad, and `direction` that of the encoder.
+#[must_use]
+pub fn direct_current(burst: &Burst, motor: &MotorSettings, zero: f64, direction: f64) -> Vec<f64> {
+    let pole_pairs = f64::from(motor.pole_pairs);
+    let turn = f64::from(motor.encoder.counts_per_turn);
+    let speed = burst.signal(Signal::Speed);
+    let rpm = speed.iter().sum::<f64>() / speed.len().max(1) as f64;
+    // The currents are newer than the angle.
+    let aged = pole_pairs * rpm * TAU / 60.0 * motor.encoder.age_us * 1e-6;
+    let [a, b] = [Signal::PhaseA, Signal::PhaseB].map(|of| burst.signal(of));
+    let counts = burst.counts();
+    let phases = a.iter().zip(b);
+    phases
+        .zip(counts)
+        .map(|((a, b), counts)| {
+            let angle = direction * counts / turn * TAU;
+            let (sin, cos) = (pole_pairs * angle + zero + aged).sin_cos();
+            cos * 1.5f64.sqrt() * a + sin * (a + 2.0 * b) / 2f64.sqrt()
+        })
+        .collect()
+}
+
+impl CurrentResponse {
+    /// Of equal steps between these currents, A, of a loop with that period and cutoff, rad/s; `None` if a step is too short.
+    #[must_use]
+    pub fn of(
+        steps: &[CurrentStep],
+        [from_a, to_a]: [f64; 2],
+        loops: &Loops,
+        period_s: f64,
+        cutoff_rad_s: f64,
+    ) -> Option<Self> {
+        let begins = |step: &CurrentStep| step.trigger.checked_sub(VOLTAGE_LAG);
+        let room = |step: &CurrentStep| {
+            Some(step.current_a.len() - begins(step)?.min(step.current_a.len()))
+        };
+        let room = steps.iter().map(room).min()??;
+        #[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+        let samples = room.min((OVER / (cutoff_rad_s * period_s)).ceil() as usize);
+        if samples < 8 {
+            return None;
+        }
+        let mut measured = vec![0.0; samples];
+        for step in steps {
+            let (before, after) = step.current_a.split_at(begins(step)?);
+            if before.is_empty() {
+                return None;
+            }
+            let rest = before.iter().sum::<f64>() / before.len() as f64;
+            for (sum, current) in measured.iter_mut().zip(after) {
+                *sum += (current - rest) / (to_a - from_a) / steps.len() as f64;
+            }
+        }
+        let predicted = loops.current_step(samples);
+        let (mut response, mut model) = (OpenLoop::default(), OpenLoop::default());
+        let (low, high) = (1.0 / (samples as f64 * period_s), 0.25 / period_s);
+        for k in 0..=POINTS {
+            let hz = low * (high / low).powf(f64::from(k) / f64::from(POINTS));
+            let open = |step: &[f64]| open_loop(step, TAU * hz * period_s);
+            if let (Some(found), Some(expected)) = (open(&measured), open(&predicted)) {
+                response.add(hz, found);
+                model.add(hz, expected);
+            }
+        }
+        Some(Self {
+            from_a,
+            to_a,
+            steps: steps.len(),
+            time_s: (0..samples).map(|n| n as f64 * period_s).collect(),
+            crossing: response.crossing(),
+            predicted_crossing: model.crossing(),
+            hz: response.hz,
+            gain_db: response.gain_db,
+            phase_deg: response.phase_deg,
+            predicted_gain_db: model.gain_db,
+            predicted_phase_deg: model.phase_deg,
+            measured,
+            predicted,
+        })
+    }
+}
+
+/// An open loop at some frequencies.
+#[derive(Default)]
+struct OpenLoop {
+    hz: Vec<f64>,
+    gain_db: Vec<f64>,
+    phase_deg: Vec<f64>,
+}
+
+impl OpenLoop {
+    fn add(&mut self, hz: f64, value: Complex<f64>) {
+        self.hz.push(hz);
+        self.gain_db.push(20.0 * value.norm().log10());
+        // -360 to 0 degrees.
+        self.phase_deg.push((-value).arg().to_degrees() - 180.0);
+    }
+
+    /// Where the gain last falls through 1.
+    fn crossing(&self) -> Option<Crossing> {
+        let falls = |two: &[f64]| two[0] > 0.0 && two[1] <= 0.0;
+        let k = self.gain_db.windows(2).rposition(falls)?;
+        let part = self.gain_db[k] / (self.gain_db[k] - self.gain_db[k + 1]);
+        let between = |of: &[f64]| of[k] + part * (of[k + 1] - of[k]);
+        Some(Crossing {
+            bandwidth_rad_s: TAU * between(&self.hz),
+            margin_deg: 180.0 + between(&self.phase_deg),
+        })
+    }
+}
+
+/// The open loop of a step's response at `turned` rad a sample, where it can be told.
+fn open_loop(response: &[f64], turned: f64) -> Option<Complex<f64>> {
+    let closed = closed_loop(response, turned);
+    let rest = Complex::from(1.0) - closed;
+    (closed.norm() >= LEAST && rest.norm() >= LEAST).then(|| closed / rest)
+}
+
+/// The closed loop at `turned` rad a sample.
+fn closed_loop(response: &[f64], turned: f64) -> Complex<f64> {
+    let mut before = 0.0;
+    let parts = response.iter().enumerate().map(|(n, now)| {
+        let change = now - before;
+        before = *now;
+        Complex::cis(-turned * n as f64) * change
+    });
+    parts.sum()
+}
+
+/// Measures both motors of an armed drive, which turn together. `None` for a motor whose step was not seen.
+///
+/// # Errors
+/// A refusal, a fault, or a drive that is lost.
+pub fn measure<L: Line>(
+    session: &mut Session<L>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<[Option<CurrentResponse>; 2]> {
+    let settings = *session.settings();
+    let motors = [&settings.screw, &settings.nut];
+    let rpm = motors.iter().map(|motor| motor.speed_max_rpm);
+    let slower = rpm.fold(f64::INFINITY, f64::min) * TAU / 60.0;
+    session.go(0.0, SPEEDS[0] * slower, &mut |_| ())?;
+    let mut found = [None, None];
+    for (k, motor) in motors.into_iter().enumerate() {
+        let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
+        let loops = Loops::of(motor, &settings, period_s, step_s);
+        let [k_pc, ..] = loops.gains();
+        let from_a = FROM * largest(motor, &settings);
+        let wide = (TO - FROM) / FROM * from_a;
+        let to_a = from_a + wide.min(OF_BUS * session.bus_v() / k_pc.abs());
+        let mut steps = Vec::new();
+        for n in 0..STEPS {
+            progress((k * STEPS + n) as f64 / (2 * STEPS) as f64);
+            steps.extend(step(session, k, [from_a, to_a], k_pc)?);
+        }
+        session.direct([0.0; 2])?;
+        if steps.len() == STEPS {
+            let cutoff = settings.tuning.current_rad_s;
+            found[k] = CurrentResponse::of(&steps, [from_a, to_a], &loops, period_s, cutoff);
+        }
+    }
+    session.go(0.0, 0.0, &mut |_| ())?;
+    session.rest()?;
+    Ok(found)
+}
+
+/// One step, and back; `None` if the voltage has not shown it.
+fn step<L: Line>(
+    session: &mut Session<L>,
+    k: usize,
+    [from_a, to_a]: [f64; 2],
+    k_pc: f64,
+) -> Result<Option<CurrentStep>> {
+    let along_d = |amps: f64| if k == 0 { [amps, 0.0] } else { [0.0, amps] };
+    session.direct(along_d(from_a))?;
+    session.hold(SETTLE_S, &mut |_| ())?;
+    let (mut sum, mut count) = (0.0, 0.0);
+    session.hold(SETTLE_S, &mut |point| {
+        sum += point.motors[k].voltage[0];
+        count += 1.0;
+    })?;
+    let level = sum / f64::max(count, 1.0) + 0.5 * k_pc * (to_a - from_a);
+    let Some(level) = scale::word(level, Signal::VoltageD.fraction()) else {
+        return Ok(None);
+    };
+    let request = BurstRequest {
+        motor: if k == 0 { 0 } else { 1 },
+        trigger: Trigger::Rises.word(),
+        signal: Signal::VoltageD.word(),
+        level,
+        before: BEFORE,
+        divider: 1,
+    };
+    let burst = session.burst(request, |session| session.direct(along_d(to_a)))?;
+    let motors = [&session.settings().screw, &session.settings().nut];
+    let (zero, direction) = session.encoder_angle(k);
+    Ok(burst.map(|burst| CurrentStep {
+        current_a: direct_current(&burst, motors[k], zero, direction),
+        trigger: burst.before,
+    }))
+}
+
+const _: () = assert!((BEFORE as usize) < SAMPLES);
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use link::settings::Settings;
+
+    const PERIOD_S: f64 = 50e-6;
+
+    fn loops() -> Loops {
+        let settings = Settings::DEFAULT;
+        Loops::of(&settings.screw, &settings, PERIOD_S, 200e-6)
+    }
+
+    fn response(current_a: &dyn Fn(usize) -> f64) -> CurrentResponse {
+        let step = CurrentStep {
+            current_a: (0..SAMPLES).map(current_a).collect(),
+            trigger: usize::from(BEFORE),
+        };
+        let cutoff = Settings::DEFAULT.tuning.current_rad_s;
+        CurrentResponse::of(&[step], [1.0, 3.0], &loops(), PERIOD_S, cutoff).unwrap()
+    }
+
+    /// A current that goes the part `1 - a` of its way in each sample is the open loop `(1 - a) / (z - 1)`. Its gain is 1 where
+    /// `2 sin(w T / 2) = 1 - a`, and its margin there is `90 degrees - w T / 2`.
+    #[test]
+    fn a_first_order_response_is_a_sampled_integrator() {
+        let decay = (-1.0f64 / 8.0).exp();
+        let begins = usize::from(BEFORE) - VOLTAGE_LAG;
+        let found = response(&|n| 3.0 - 2.0 * decay.powf(n.saturating_sub(begins) as f64));
+        let turned = 2.0 * ((1.0 - decay) / 2.0).asin();
+        let crossing = found.crossing.unwrap();
+        let bandwidth = crossing.bandwidth_rad_s * PERIOD_S / turned;
+        assert!((bandwidth - 1.0).abs() < 2e-3, "{crossing:?}");
+        let margin = 90.0 - (turned / 2.0).to_degrees();
+        assert!((crossing.margin_deg - margin).abs() < 0.2, "{crossing:?}");
+        for (hz, gain) in found.hz.iter().zip(&found.gain_db) {
+            let expected = (1.0 - decay) / (2.0 * (TAU * hz * PERIOD_S / 2.0).sin());
+            let off = gain - 20.0 * expected.log10();
+            assert!(off.abs() < 0.05, "{off} dB off at {hz} Hz");
+        }
+    }
+
+    /// The sampled model and the one in the frequency domain are two ways to the same loop.
+    #[test]
+    fn the_models_own_step_has_the_models_crossing() {
+        let begins = usize::from(BEFORE) - VOLTAGE_LAG;
+        let own = loops().current_step(SAMPLES);
+        let found = response(&|n| 1.0 + 2.0 * n.checked_sub(begins).map_or(0.0, |n| own[n]));
+        assert_eq!(found.crossing, found.predicted_crossing);
+        let (found, model) = (found.crossing.unwrap(), loops().current_crossing());
+        let bandwidth = found.bandwidth_rad_s / model.bandwidth_rad_s;
+        assert!((bandwidth - 1.0).abs() < 0.08, "{found:?}, {model:?}");
+        assert!(
+            (found.margin_deg - model.margin_deg).abs() < 3.0,
+            "{found:?}, {model:?}"
+        );
+    }
+
+    #[test]
+    fn a_step_without_samples_has_no_response() {
+        let short = CurrentStep {
+            current_a: vec![1.0; 5],
+            trigger: 1,
+        };
+        assert_eq!(
+            CurrentResponse::of(&[short], [1.0, 2.0], &loops(), PERIOD_S, 1e3),
+            None
+        );
+        assert_eq!(
+            CurrentResponse::of(&[], [1.0, 2.0], &loops(), PERIOD_S, 1e3),
+            None
+        );
+    }
+}
