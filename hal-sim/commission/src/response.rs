@@ -16,8 +16,9 @@ use anyhow::Result;
 use link::burst::{BurstRequest, SAMPLES, Signal, Trigger};
 use link::host::burst::Burst;
 use link::host::client::Line;
+use link::message::Aligned;
 use link::scale;
-use link::settings::MotorSettings;
+use link::settings::{MotorSettings, Settings};
 use nalgebra::Complex;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
@@ -83,9 +84,19 @@ pub struct CurrentResponse {
     pub predicted_crossing: Option<Crossing>,
 }
 
-/// The current along d of a burst, A; `zero` is the electrical angle at count zero, rad, and `direction` that of the encoder.
-#[must_use]
-pub fn direct_current(burst: &Burst, motor: &MotorSettings, zero: f64, direction: f64) -> Vec<f64> {
+impl CurrentStep {
+    /// Of a burst around it; `angle` is [`encoder_angle`].
+    #[must_use]
+    pub fn of(burst: &Burst, motor: &MotorSettings, angle: (f64, f64)) -> Self {
+        Self {
+            current_a: direct_current(burst, motor, angle),
+            trigger: burst.before,
+        }
+    }
+}
+
+/// The current along d of a burst, A.
+fn direct_current(burst: &Burst, motor: &MotorSettings, (zero, direction): (f64, f64)) -> Vec<f64> {
     let pole_pairs = f64::from(motor.pole_pairs);
     let turn = f64::from(motor.encoder.counts_per_turn);
     let speed = burst.signal(Signal::Speed);
@@ -212,6 +223,74 @@ fn closed_loop(response: &[f64], turned: f64) -> Complex<f64> {
     parts.sum()
 }
 
+/// A step that a motor's current loop is measured with.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct StepPlan {
+    /// 0 is the screw, 1 the nut.
+    pub motor: u8,
+    /// From this current along d, A.
+    pub from_a: f64,
+    /// To this one, A.
+    pub to_a: f64,
+    /// By so much the voltage along d jumps, V.
+    pub jump_v: f64,
+    /// Speed of both motors, rad/s.
+    pub base_rad_s: f64,
+    /// Steps that are averaged.
+    pub steps: usize,
+    /// How long each level is held before its step, s.
+    pub settle_s: f64,
+}
+
+impl StepPlan {
+    /// Of the screw's motor (0) or the nut's (1) on that bus.
+    #[must_use]
+    pub fn of(settings: &Settings, motor: u8, bus_v: f64, loops: &Loops) -> Self {
+        let motors = [&settings.screw, &settings.nut];
+        let slowest_rpm = motors
+            .map(|motor| motor.speed_max_rpm)
+            .into_iter()
+            .fold(f64::INFINITY, f64::min);
+        let largest = largest(motors[usize::from(motor != 0)], settings);
+        let [k_pc, ..] = loops.gains();
+        let wide = ((TO - FROM) * largest).min(OF_BUS * bus_v / k_pc.abs());
+        Self {
+            motor,
+            from_a: FROM * largest,
+            to_a: FROM * largest + wide,
+            jump_v: k_pc * wide,
+            base_rad_s: SPEEDS[0] * slowest_rpm * TAU / 60.0,
+            steps: STEPS,
+            settle_s: SETTLE_S,
+        }
+    }
+
+    /// The burst around the step, where the voltage along d is `rests_at_v` before it; `None` if no word holds its level.
+    #[must_use]
+    pub fn burst(&self, rests_at_v: f64) -> Option<BurstRequest> {
+        let level = scale::word(rests_at_v + 0.5 * self.jump_v, Signal::VoltageD.fraction())?;
+        Some(BurstRequest {
+            motor: self.motor,
+            trigger: Trigger::Rises.word(),
+            signal: Signal::VoltageD.word(),
+            level,
+            before: BEFORE,
+            divider: 1,
+        })
+    }
+}
+
+/// Electrical angle of an encoder's count zero, rad, and 1 or -1: it counts with the rotor or against it.
+#[must_use]
+pub fn encoder_angle(aligned: Aligned) -> Option<(f64, f64)> {
+    let angle = |zero: u32| f64::from(zero) / 2f64.powi(32) * TAU;
+    match aligned {
+        Aligned::Forwards { zero } => Some((angle(zero), 1.0)),
+        Aligned::Backwards { zero } => Some((angle(zero), -1.0)),
+        Aligned::Unknown => None,
+    }
+}
+
 /// Measures both motors of an armed drive, which turn together. `None` for a motor whose step was not seen.
 ///
 /// # Errors
@@ -221,27 +300,22 @@ pub fn measure<L: Line>(
     progress: &mut dyn FnMut(f64),
 ) -> Result<[Option<CurrentResponse>; 2]> {
     let settings = *session.settings();
-    let motors = [&settings.screw, &settings.nut];
-    let rpm = motors.iter().map(|motor| motor.speed_max_rpm);
-    let slower = rpm.fold(f64::INFINITY, f64::min) * TAU / 60.0;
-    session.go(0.0, SPEEDS[0] * slower, &mut |_| ())?;
+    let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
     let mut found = [None, None];
-    for (k, motor) in motors.into_iter().enumerate() {
-        let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
+    for (k, motor) in (0u8..).zip([&settings.screw, &settings.nut]) {
         let loops = Loops::of(motor, &settings, period_s, step_s);
-        let [k_pc, ..] = loops.gains();
-        let from_a = FROM * largest(motor, &settings);
-        let wide = (TO - FROM) / FROM * from_a;
-        let to_a = from_a + wide.min(OF_BUS * session.bus_v() / k_pc.abs());
+        let plan = StepPlan::of(&settings, k, session.bus_v(), &loops);
+        session.go(0.0, plan.base_rad_s, &mut |_| ())?;
         let mut steps = Vec::new();
-        for n in 0..STEPS {
-            progress((k * STEPS + n) as f64 / (2 * STEPS) as f64);
-            steps.extend(step(session, k, [from_a, to_a], k_pc)?);
+        for n in 0..plan.steps {
+            progress(0.5 * (f64::from(k) + n as f64 / plan.steps as f64));
+            steps.extend(step(session, &plan)?);
         }
         session.direct([0.0; 2])?;
-        if steps.len() == STEPS {
+        if steps.len() == plan.steps {
             let cutoff = settings.tuning.current_rad_s;
-            found[k] = CurrentResponse::of(&steps, [from_a, to_a], &loops, period_s, cutoff);
+            let levels = [plan.from_a, plan.to_a];
+            found[usize::from(k)] = CurrentResponse::of(&steps, levels, &loops, period_s, cutoff);
         }
     }
     session.go(0.0, 0.0, &mut |_| ())?;
@@ -249,40 +323,24 @@ pub fn measure<L: Line>(
     Ok(found)
 }
 
-/// One step, and back; `None` if the voltage has not shown it.
-fn step<L: Line>(
-    session: &mut Session<L>,
-    k: usize,
-    [from_a, to_a]: [f64; 2],
-    k_pc: f64,
-) -> Result<Option<CurrentStep>> {
+/// One step; `None` if the voltage has not shown it.
+fn step<L: Line>(session: &mut Session<L>, plan: &StepPlan) -> Result<Option<CurrentStep>> {
+    let k = usize::from(plan.motor);
     let along_d = |amps: f64| if k == 0 { [amps, 0.0] } else { [0.0, amps] };
-    session.direct(along_d(from_a))?;
-    session.hold(SETTLE_S, &mut |_| ())?;
+    session.direct(along_d(plan.from_a))?;
+    session.hold(plan.settle_s, &mut |_| ())?;
     let (mut sum, mut count) = (0.0, 0.0);
-    session.hold(SETTLE_S, &mut |point| {
+    session.hold(plan.settle_s, &mut |point| {
         sum += point.motors[k].voltage[0];
         count += 1.0;
     })?;
-    let level = sum / f64::max(count, 1.0) + 0.5 * k_pc * (to_a - from_a);
-    let Some(level) = scale::word(level, Signal::VoltageD.fraction()) else {
+    let Some(request) = plan.burst(sum / f64::max(count, 1.0)) else {
         return Ok(None);
     };
-    let request = BurstRequest {
-        motor: if k == 0 { 0 } else { 1 },
-        trigger: Trigger::Rises.word(),
-        signal: Signal::VoltageD.word(),
-        level,
-        before: BEFORE,
-        divider: 1,
-    };
-    let burst = session.burst(request, |session| session.direct(along_d(to_a)))?;
+    let burst = session.burst(request, |session| session.direct(along_d(plan.to_a)))?;
     let motors = [&session.settings().screw, &session.settings().nut];
-    let (zero, direction) = session.encoder_angle(k);
-    Ok(burst.map(|burst| CurrentStep {
-        current_a: direct_current(&burst, motors[k], zero, direction),
-        trigger: burst.before,
-    }))
+    let angle = session.encoder_angle(k);
+    Ok(burst.map(|burst| CurrentStep::of(&burst, motors[k], angle)))
 }
 
 const _: () = assert!((BEFORE as usize) < SAMPLES);
@@ -290,7 +348,6 @@ const _: () = assert!((BEFORE as usize) < SAMPLES);
 #[cfg(test)]
 mod tests {
     use super::*;
-    use link::settings::Settings;
 
     const PERIOD_S: f64 = 50e-6;
 

@@ -1,13 +1,14 @@
 //! A session with the drive that is measured: it is commanded and recorded by its own time.
 
 use crate::Failure;
-use anyhow::{Result, bail, ensure};
+use crate::response::encoder_angle;
+use anyhow::{Context, Result, bail, ensure};
 use link::burst::{BurstRequest, BurstState};
 use link::codes::{Fault, Misalignment, State};
 use link::host::burst::Burst;
 use link::host::client::{Client, Line};
 use link::host::{Decoder, Row};
-use link::message::{Aligned, Command, Status};
+use link::message::{Command, Status};
 use link::scale;
 use link::settings::Settings;
 use link::telemetry::Request;
@@ -259,14 +260,8 @@ impl<L: Line> Session<L> {
             ensure!(!self.stop.load(Relaxed), "ended by Ctrl-C");
         };
         for (aligned, motor) in self.aligned.iter_mut().zip(&status.motors) {
-            let angle = |zero: u32| f64::from(zero) / 2f64.powi(32) * TAU;
-            *aligned = match motor.alignment {
-                Aligned::Forwards { zero } => (angle(zero), 1.0),
-                Aligned::Backwards { zero } => (angle(zero), -1.0),
-                Aligned::Unknown => {
-                    bail!("the drive is ready and does not know where its rotors stand")
-                }
-            };
+            *aligned = encoder_angle(motor.alignment)
+                .context("the drive is ready and does not know where its rotors stand")?;
         }
         self.bus_v = status
             .motors

@@ -2,8 +2,10 @@
 
 use crate::burst::ReadBurst;
 use crate::identification::{ROW, compensation, numbers};
+use crate::loops::Rates;
 use crate::request::Request;
 use crate::signals::{COLUMNS, Columns};
+use crate::steps::Steps;
 use anyhow::{Context, Result};
 use ddfeed::record::{EncoderFrame, model_file, sample};
 use link::codes::{Fault, State};
@@ -38,6 +40,7 @@ pub struct Client {
     /// Rows of the recording that is made.
     recording: Option<Vec<f64>>,
     burst: ReadBurst,
+    steps: Steps,
 }
 
 impl Default for Client {
@@ -62,6 +65,7 @@ impl Client {
             aligned: [Aligned::Unknown; 2],
             recording: None,
             burst: ReadBurst::default(),
+            steps: Steps::default(),
         }
     }
 
@@ -212,6 +216,29 @@ impl Client {
     #[must_use]
     pub fn burst_rows(&self) -> Vec<f64> {
         self.burst.rows(&self.settings, self.session.pwm_hz())
+    }
+
+    fn rates(&self) -> Rates {
+        Rates {
+            pwm_hz: self.session.pwm_hz(),
+            speed_hz: self.session.speed_hz(),
+        }
+    }
+
+    /// See [`Steps::begin`].
+    pub fn begin_steps(&mut self, motor: u8, bus_v: f64) -> Value {
+        let rates = self.rates();
+        self.steps.begin(&self.settings, rates, motor, bus_v)
+    }
+
+    /// See [`Steps::add`].
+    ///
+    /// # Errors
+    /// As [`Steps::add`].
+    pub fn add_step(&mut self) -> Result<Value> {
+        let rates = self.rates();
+        self.steps
+            .add(&self.burst, &self.settings, rates, self.aligned)
     }
 
     /// Begins a recording of the rows that come.

@@ -119,6 +119,20 @@ impl Session {
         self.0.burst_rows()
     }
 
+    /// See [`Client::begin_steps`].
+    pub fn begin_steps(&mut self, motor: u8, bus_v: f64) -> String {
+        self.0.begin_steps(motor, bus_v).to_string()
+    }
+
+    /// See [`Client::add_step`].
+    ///
+    /// # Errors
+    /// As [`Client::add_step`].
+    pub fn add_step(&mut self) -> Result<String, JsError> {
+        let found = self.0.add_step().map_err(|error| thrown(&error))?;
+        Ok(found.to_string())
+    }
+
     /// See [`Client::begin_recording`].
     pub fn begin_recording(&mut self) {
         self.0.begin_recording();

@@ -8,6 +8,7 @@
 //! | ripple and orders | [`analysis`] |
 //! | bandwidth and margin of the loops | [`loops`] |
 //! | identification of two recordings, and what compensates it | [`identification`] |
+//! | steps of a motor's current, and its current loop's response | [`steps`] |
 //! | settings and injected faults as lists | [`schema`] |
 //! | the functions that JavaScript calls | [`exports`] |
 
@@ -21,3 +22,4 @@ pub mod request;
 pub mod schema;
 pub mod signals;
 pub mod simulated;
+pub mod steps;

@@ -33,18 +33,23 @@ let turn = 0;
 
 const wait = (ms: number) => new Promise((done) => setTimeout(done, ms));
 
-async function status(): Promise<BurstStatus> {
+export async function burstStatus(): Promise<BurstStatus> {
   const reply = await ask({ command: "burst_status" });
   if (!reply.burst) throw new Error("The drive does not say how the burst is going.");
   return reply.burst;
 }
 
-async function read(status: BurstStatus): Promise<Burst> {
+/** Has the session read the samples of a complete burst. */
+export async function readSamples(status: BurstStatus) {
   for (let count = 0; count < status.samples; ) {
     const reply = await ask({ command: "burst_samples", from: count });
     if (reply.samples === undefined || reply.samples <= count) throw new Error("The drive sends no samples of the burst.");
     count = reply.samples;
   }
+}
+
+async function read(status: BurstStatus): Promise<Burst> {
+  await readSamples(status);
   const rows = (await call({ name: "burst rows" })) as Float64Array;
   const width = burstSignals().length + 1;
   const columns = Array.from({ length: width }, (_, column) => Float64Array.from({ length: rows.length / width }, (_, row) => rows[row * width + column]!));
@@ -53,7 +58,7 @@ async function read(status: BurstStatus): Promise<Burst> {
 
 async function untilRead(mine: number) {
   for (;;) {
-    const now = await status();
+    const now = await burstStatus();
     if (mine !== turn) return;
     going.value = now.sentence;
     if (now.state === "none") return;
@@ -90,5 +95,5 @@ export const readBurst = () => said(untilRead);
 export const endBurst = () =>
   said(async () => {
     await ask({ command: "end_burst" });
-    going.value = (await status()).sentence;
+    going.value = (await burstStatus()).sentence;
   });

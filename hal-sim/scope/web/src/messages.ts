@@ -141,6 +141,8 @@ export type Call =
   | { name: "begin recording" }
   | { name: "take recording" }
   | { name: "burst rows" }
+  | { name: "begin steps"; motor: number; bus_v: number }
+  | { name: "add step" }
   | { name: "declared" }
   | { name: "compensation"; model: string };
 
@@ -169,6 +171,39 @@ export interface Found {
 export interface Compensation {
   settings: Record<string, string>;
   not_compensated: string[];
+}
+
+/** Steps of a motor's current along d. */
+export interface StepPlan {
+  from_a: number;
+  to_a: number;
+  /** By so much the voltage along d jumps. */
+  jump_v: number;
+  common_speed_rpm: number;
+  steps: number;
+  settle_s: number;
+}
+
+export interface Crossing {
+  bandwidth_rad_s: number;
+  margin_deg: number;
+}
+
+/** A current loop's response to a step, and its open loop: measured, and of the model. */
+export interface CurrentResponse {
+  from_a: number;
+  to_a: number;
+  steps: number;
+  time_s: number[];
+  measured: number[];
+  predicted: number[];
+  hz: number[];
+  gain_db: number[];
+  phase_deg: number[];
+  predicted_gain_db: number[];
+  predicted_phase_deg: number[];
+  crossing: Crossing | null;
+  predicted_crossing: Crossing | null;
 }
 
 export type SourceChoice =

@@ -19,6 +19,9 @@ interface ChartProps {
 
 const style = (name: string) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
+/** A tick that keeps its digits, however small it is. */
+const short = (tick: number) => String(Number(tick.toPrecision(4)));
+
 /** A plot with cursor, legend, and zoom by dragging; a double click shows all. */
 export function Chart({ title, x, unit, series, data, height, log = false }: ChartProps) {
   const place = useRef<HTMLDivElement>(null);
@@ -32,7 +35,7 @@ export function Chart({ title, x, unit, series, data, height, log = false }: Cha
         width: Math.max(element.clientWidth, 200),
         height,
         scales: { x: { time: false, distr: log ? 3 : 1 } },
-        axes: [{ ...axis, label: x, labelSize: 20, size: 34 }, { ...axis, label: unit, labelSize: 20, size: 60 }],
+        axes: [{ ...axis, label: x, labelSize: 20, size: 34 }, { ...axis, label: unit, labelSize: 20, size: 60, values: (_, ticks) => ticks.map(short) }],
         series: [{ label: x }, ...series.map((one) => ({ label: one.label, stroke: one.color, width: 1, spanGaps: false, points: { show: false } }))],
         legend: { live: true },
       },

@@ -7,6 +7,7 @@ import { Identification } from "./identification";
 import { LoopMargins } from "./loops";
 import { MachinePicture } from "./machine";
 import { Plots } from "./plots";
+import { ResponsePanel } from "./response";
 import { RippleTable } from "./ripple";
 import { SettingsTree } from "./settings";
 import { Simulation } from "./simulation";
@@ -47,6 +48,7 @@ export function Page() {
           </section>
           <section class="column" aria-label="Settings">
             <LoopMargins />
+            <ResponsePanel />
             <SettingsTree />
             <Simulation />
           </section>

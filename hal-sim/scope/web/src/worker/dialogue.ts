@@ -1,7 +1,7 @@
 // Requests to the drive and their answers, over a session of the Rust code.
 
 import { Session } from "scope";
-import type { Call, Command, Compensation, Counts, FromDrive, Reply } from "../messages";
+import type { Call, Command, Compensation, Counts, CurrentResponse, FromDrive, Reply, StepPlan } from "../messages";
 import type { Source } from "./source";
 
 const ANSWER_MS = 1000;
@@ -69,6 +69,10 @@ export class Dialogue {
         return this.session.take_recording();
       case "burst rows":
         return this.session.burst_rows();
+      case "begin steps":
+        return JSON.parse(this.session.begin_steps(call.motor, call.bus_v)) as StepPlan;
+      case "add step":
+        return JSON.parse(this.session.add_step()) as CurrentResponse | null;
       case "declared":
         return this.source.declared() ?? this.session.declared();
       case "compensation":
