@@ -7,7 +7,7 @@
 //! closed loop: T(w) = sum of (y[n] - y[n-1]) exp(-j w n T)      open loop: L = T / (1 - T)
 //! ```
 //!
-//! `L` is told only where `T` and `1 - T` are well above the noise.
+//! `L` is computed only where `T` and `1 - T` are well above the noise.
 
 use crate::electrical::{SPEEDS, largest};
 use crate::session::Session;
@@ -68,7 +68,7 @@ pub struct CurrentResponse {
     pub measured: Vec<f64>,
     /// The same of the model with the settings that hold.
     pub predicted: Vec<f64>,
-    /// Frequencies at which the open loop is told, Hz.
+    /// Frequencies of the open loop, Hz.
     pub hz: Vec<f64>,
     /// Its gain, dB.
     pub gain_db: Vec<f64>,
@@ -205,7 +205,7 @@ impl OpenLoop {
     }
 }
 
-/// The open loop of a step's response at `turned` rad a sample, where it can be told.
+/// The open loop of a step's response at `turned` rad a sample, where both parts are well above the noise.
 fn open_loop(response: &[f64], turned: f64) -> Option<Complex<f64>> {
     let closed = closed_loop(response, turned);
     let rest = Complex::from(1.0) - closed;

@@ -179,6 +179,15 @@ fn unknown_and_missing_and_double_keys_are_refused() {
 }
 
 #[test]
+fn an_empty_model_says_where_a_whole_one_is() {
+    let empty = Model::parse("", "m.toml").unwrap_err().to_string();
+    says(
+        &empty,
+        &["m.toml", "missing", "`screw`", "`ddfeed serve --example`"],
+    );
+}
+
+#[test]
 fn effects_are_checked_too() {
     says(
         &effect_error("where = \"nut\"\n"),

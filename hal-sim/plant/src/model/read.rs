@@ -105,11 +105,15 @@ impl Fault {
             nearest.search_table(document, "");
         }
         let key = nearest.best.map_or_else(String::new, |(_, key)| key);
+        let mut reason = self.message;
+        if key.is_empty() && reason.starts_with("missing field") {
+            reason.push_str("; `ddfeed serve --example` prints a whole model");
+        }
         ModelError::Content {
             origin: origin.to_owned(),
             line,
             key,
-            reason: self.message,
+            reason,
         }
     }
 }
