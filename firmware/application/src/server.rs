@@ -387,51 +387,38 @@ impl Server {
                 return Reply::Events(some);
             }
             Command::Arm => self.arm(now_ms, commander, drive),
-            Command::Run { velocity, base } => self
-                .may_move(commander, drive)
-                .and_then(|()| {
-                    let base = base.unwrap_or_else(|| drive.base_for(velocity));
-                    drive.command(velocity, base)
-                })
-                .map(|()| self.start(commander, drive, Demand::Run)),
+            Command::Run { velocity, base } => self.run(commander, drive, |drive| {
+                let base = base.unwrap_or_else(|| drive.base_for(velocity));
+                drive.command(velocity, base)
+            }),
             Command::Move {
                 distance_nm,
                 velocity,
                 base,
-            } => self
-                .may_move(commander, drive)
-                .and_then(|()| {
-                    let base = base.unwrap_or_else(|| drive.base_for(velocity));
-                    drive.travel(distance_nm, velocity, base)
-                })
-                .map(|()| self.start(commander, drive, Demand::Run)),
+            } => self.run(commander, drive, |drive| {
+                let base = base.unwrap_or_else(|| drive.base_for(velocity));
+                drive.travel(distance_nm, velocity, base)
+            }),
             Command::MoveTo {
                 position_nm,
                 velocity,
                 base,
-            } => self
-                .may_move(commander, drive)
-                .and_then(|()| {
-                    let base = base.unwrap_or_else(|| drive.base_for(velocity));
-                    drive.travel_to(position_nm, velocity, base)
-                })
-                .map(|()| self.start(commander, drive, Demand::Run)),
-            Command::Home { base } => self
-                .may_move(commander, drive)
-                .and_then(|()| {
-                    let base = base.unwrap_or_else(|| drive.base_for(drive.home_velocity()));
-                    drive.home(base)
-                })
-                .map(|()| self.start(commander, drive, Demand::Run)),
+            } => self.run(commander, drive, |drive| {
+                let base = base.unwrap_or_else(|| drive.base_for(velocity));
+                drive.travel_to(position_nm, velocity, base)
+            }),
+            Command::Home { base } => self.run(commander, drive, |drive| {
+                let base = base.unwrap_or_else(|| drive.base_for(drive.home_velocity()));
+                drive.home(base)
+            }),
             Command::Torque {
                 motor,
                 current,
                 speed,
                 base,
-            } => self
-                .may_move(commander, drive)
-                .and_then(|()| drive.torque(motor, current, speed, base))
-                .map(|()| self.start(commander, drive, Demand::Run)),
+            } => self.run(commander, drive, |drive| {
+                drive.torque(motor, current, speed, base)
+            }),
             Command::DirectCurrent { motor, current } => {
                 self.may_move(commander, drive)
                     .and_then(|()| match drive.state() {
@@ -495,10 +482,9 @@ impl Server {
                 delay_ms,
                 homed,
                 base,
-            } => self
-                .may_move(commander, drive)
-                .and_then(|()| drive.stream(delay_ms, homed, base))
-                .map(|()| self.start(commander, drive, Demand::Run)),
+            } => self.run(commander, drive, |drive| {
+                drive.stream(delay_ms, homed, base)
+            }),
             Command::SetPoint {
                 at_us,
                 position_nm,
@@ -563,6 +549,19 @@ impl Server {
         if commander.armed.is_none() {
             return Err(Refusal::NotArmed);
         }
+        Ok(())
+    }
+
+    /// Runs the drive with what `set` gives it, if it may be moved.
+    fn run<D: Served>(
+        &self,
+        commander: &mut Commander,
+        drive: &mut D,
+        set: impl FnOnce(&mut D) -> Result<(), Refusal>,
+    ) -> Result<(), Refusal> {
+        self.may_move(commander, drive)?;
+        set(drive)?;
+        self.start(commander, drive, Demand::Run);
         Ok(())
     }
 

@@ -29,7 +29,7 @@ mod session;
 pub mod tune;
 
 pub use fit::{Estimate, Fit};
-pub use session::{MotorPoint, Point, Session};
+pub use session::{MotorPoint, Point, Session, encoder_angle};
 
 use std::fmt;
 

@@ -16,7 +16,6 @@ use anyhow::Result;
 use link::burst::{BurstRequest, SAMPLES, Signal, Trigger};
 use link::host::burst::Burst;
 use link::host::client::Line;
-use link::message::Aligned;
 use link::scale;
 use link::settings::{MotorSettings, Settings};
 use nalgebra::Complex;
@@ -41,8 +40,8 @@ const VOLTAGE_LAG: usize = 2;
 const OVER: f64 = 12.0;
 /// Points of a curve.
 const POINTS: u32 = 60;
-/// Least part of the closed loop's gain, and of what it lacks, that an open loop is computed from.
-const LEAST: f64 = 0.15;
+/// Minimum of the closed loop's gain, and of its distance from 1, that an open loop is computed from.
+const MINIMUM: f64 = 0.15;
 
 /// One step of a current along d.
 #[derive(Clone, Debug, PartialEq)]
@@ -85,7 +84,7 @@ pub struct CurrentResponse {
 }
 
 impl CurrentStep {
-    /// Of a burst around it; `angle` is [`encoder_angle`].
+    /// Of a burst around it; `angle` is [`encoder_angle`](crate::encoder_angle).
     #[must_use]
     pub fn of(burst: &Burst, motor: &MotorSettings, angle: (f64, f64)) -> Self {
         Self {
@@ -209,7 +208,7 @@ impl OpenLoop {
 fn open_loop(response: &[f64], turned: f64) -> Option<Complex<f64>> {
     let closed = closed_loop(response, turned);
     let rest = Complex::from(1.0) - closed;
-    (closed.norm() >= LEAST && rest.norm() >= LEAST).then(|| closed / rest)
+    (closed.norm() >= MINIMUM && rest.norm() >= MINIMUM).then(|| closed / rest)
 }
 
 /// The closed loop at `turned` rad a sample.
@@ -277,17 +276,6 @@ impl StepPlan {
             before: BEFORE,
             divider: 1,
         })
-    }
-}
-
-/// Electrical angle of an encoder's count zero, rad, and 1 or -1: it counts with the rotor or against it.
-#[must_use]
-pub fn encoder_angle(aligned: Aligned) -> Option<(f64, f64)> {
-    let angle = |zero: u32| f64::from(zero) / 2f64.powi(32) * TAU;
-    match aligned {
-        Aligned::Forwards { zero } => Some((angle(zero), 1.0)),
-        Aligned::Backwards { zero } => Some((angle(zero), -1.0)),
-        Aligned::Unknown => None,
     }
 }
 

@@ -1,14 +1,13 @@
 //! A session with the drive that is measured: it is commanded and recorded by its own time.
 
 use crate::Failure;
-use crate::response::encoder_angle;
 use anyhow::{Context, Result, bail, ensure};
 use link::burst::{BurstRequest, BurstState};
 use link::codes::{Fault, Misalignment, State};
 use link::host::burst::Burst;
 use link::host::client::{Client, Line};
 use link::host::{Decoder, Row};
-use link::message::{Command, Status};
+use link::message::{Aligned, Command, Status};
 use link::scale;
 use link::settings::Settings;
 use link::telemetry::Request;
@@ -477,6 +476,17 @@ impl<L: Line> Session<L> {
             bail!("the drive sends no telemetry any more");
         }
         Ok(())
+    }
+}
+
+/// Electrical angle of an encoder's count zero, rad, and 1 or -1: it counts with the rotor or against it.
+#[must_use]
+pub fn encoder_angle(aligned: Aligned) -> Option<(f64, f64)> {
+    let angle = |zero: u32| f64::from(zero) / 2f64.powi(32) * TAU;
+    match aligned {
+        Aligned::Forwards { zero } => Some((angle(zero), 1.0)),
+        Aligned::Backwards { zero } => Some((angle(zero), -1.0)),
+        Aligned::Unknown => None,
     }
 }
 

@@ -3,7 +3,8 @@
 use crate::burst::ReadBurst;
 use crate::loops::Rates;
 use anyhow::{Context, Result, ensure};
-use commission::response::{CurrentResponse, CurrentStep, StepPlan, encoder_angle};
+use commission::encoder_angle;
+use commission::response::{CurrentResponse, CurrentStep, StepPlan};
 use commission::tune::Loops;
 use link::message::Aligned;
 use link::settings::Settings;

@@ -1,11 +1,12 @@
 //! What a person may ask of a drive. Quantities have the flags that they have in `simulate` and `record`.
 
-use super::burst::BurstOptions;
 use crate::hold::Hold;
 use crate::session::{FULL_RATE, divider};
-use anyhow::{Result, ensure};
+use anyhow::{Context, Result, anyhow, ensure};
 use clap::{Args, Subcommand, ValueEnum};
 use control::stream::DELAY_MS;
+use link::burst::BurstRequest;
+use link::host::burst::Wanted;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -600,5 +601,76 @@ impl Task {
             _ => {}
         }
         Ok(())
+    }
+}
+/// A burst.
+#[derive(Args, Debug)]
+pub struct BurstOptions {
+    /// Whose periods are kept.
+    #[arg(long, value_enum, default_value_t = Motor::Screw)]
+    pub motor: Motor,
+    /// Begin at once (`now`), when a fault stops the drive (`fault`), when its state becomes another (`state`), or when a signal rises
+    /// (>) or falls (<) through a level, as in ia_a>3. Signals: ia_a, ib_a, iq_a, iq_ref_a, ud_v, uq_v, speed_rpm.
+    #[arg(long, value_name = "WHAT", default_value = "now")]
+    pub trigger: String,
+    /// Part of the burst that comes before the trigger, %.
+    #[arg(long, value_name = "PERCENT", default_value_t = 25.0)]
+    pub before: f64,
+    /// Keep each so manieth PWM period: a longer burst of a lower rate. What is faster than half of that rate then shows at a wrong
+    /// frequency.
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub every: u8,
+    /// The CSV file.
+    #[arg(long, value_name = "FILE", default_value = "out/burst.csv")]
+    pub out: PathBuf,
+    /// Replace a file of that name.
+    #[arg(long)]
+    pub replace: bool,
+    /// Arm it, and leave: `--read` reads it later. No program needs to be connected when the trigger comes.
+    #[arg(long, conflicts_with_all = ["read", "end"])]
+    pub leave: bool,
+    /// Wait for the burst that was armed before, and read it.
+    #[arg(long, conflicts_with_all = ["end", "motor", "trigger", "before", "every"])]
+    pub read: bool,
+    /// End the burst that waits, or forget the one that is kept.
+    #[arg(long, conflicts_with_all = ["motor", "trigger", "before", "every"])]
+    pub end: bool,
+    /// As JSON.
+    #[arg(long)]
+    pub json: bool,
+}
+
+impl BurstOptions {
+    /// What can be said against it before the drive is looked for.
+    pub fn check(&self) -> Result<()> {
+        ensure!(
+            (0.0..=100.0).contains(&self.before),
+            "--before is {} %, but 0 to 100 % are possible",
+            self.before
+        );
+        ensure!(
+            self.every > 0,
+            "--every is 0, but each 1st to 255th period can be kept"
+        );
+        self.request()?;
+        ensure!(
+            self.leave || self.end || self.replace || !self.out.exists(),
+            "{} is there already: give another --out, or --replace",
+            self.out.display()
+        );
+        Ok(())
+    }
+
+    /// What is asked of the drive.
+    ///
+    /// # Errors
+    /// The trigger is none.
+    pub fn request(&self) -> Result<BurstRequest> {
+        let wanted: Result<Wanted, String> = self.trigger.parse();
+        let wanted = wanted.map_err(|error| anyhow!("--trigger: {error}"))?;
+        let motor = u8::from(self.motor == Motor::Nut);
+        wanted
+            .request(motor, self.before, self.every)
+            .context("--trigger")
     }
 }

@@ -6,7 +6,7 @@ use super::{SetPoint, SetPointError, WAITING};
 #[derive(Clone, Debug)]
 pub(super) struct Queue {
     points: [SetPoint; WAITING],
-    /// Counts those that were taken out, and those that were put in.
+    /// Counts those that were taken, and those that were added.
     first: usize,
     next: usize,
 }
