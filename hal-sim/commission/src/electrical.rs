@@ -1,34 +1,36 @@
 //! Resistance, inductance, flux, the offset of the angle, and what the dead time takes.
 //!
-//! Both motors turn together at two speeds, both ways, each with currents along d of four levels. At each the means of
+//! Both motors turn together at two speeds, both ways, each with currents along d of six levels. At each the means of
 //! voltage and current over whole turns of the shaft are two equations a motor,
 //!
 //! ```text
-//! v_d = R i_d - w L i_q - w flux sin(delta) + D i_d / |i| - K w i_q / |i|
-//! v_q = R i_q + w L i_d + w flux cos(delta) + D i_q / |i| + K w i_d / |i|
+//! v_d + C_d + l C_q = R i_d - w L i_q - w flux sin(delta) + D_d + w t D_q
+//! v_q + C_q - l C_d = R i_q + w L i_d + w flux cos(delta) + D_q - w t D_d
 //! ```
 //!
-//! linear in `R`, `L`, `flux cos(delta)`, `flux sin(delta)` and `D`. `delta` is the angle by which the drive's idea of the
-//! rotor is behind it. `D` is the fundamental of the voltage that the dead time takes beyond what the drive compensates: the
-//! dead time is a slope's intercept, the resistance its slope. `K` is known: the drive compensates its dead time along the
-//! current that it has sampled, and that acts one and a half PWM periods later, when the current has turned on. Over whole turns the rest of the dead time, the ripple of the
-//! flux, and offset and gain errors of the current channels cancel.
+//! `delta` is the angle by which the drive's idea of the rotor is behind it. `D` is what the dead time takes of the phases' currents
+//! ([`dead_time::lost`]): it follows from the loss at large currents and the turning current, which are fitted with `R`, `L`,
+//! `flux cos(delta)`, `flux sin(delta)` and the time `t` from the sample of a current to its loss. A loss that is taken as the same at all currents makes a resistance of its slope: 15 % of
+//! the mains board's. `C` is what the drive adds ([`dead_time::compensated`]), by its settings. It acts one and a half PWM periods
+//! after its current was sampled, when the rotor has turned on by the angle `l`. Over whole turns the ripple of the flux, and offset and
+//! gain errors of the current channels cancel.
 
+use crate::dead_time;
 use crate::fit::{Estimate, Fit};
 use crate::session::{MotorPoint, Point, Session};
 use crate::{Bound, Failure};
 use anyhow::{Result, bail};
-use link::host::client::Line;
+use link::host::dialogue::Dialogue;
 use link::settings::{MotorSettings, PER_KRPM, Settings};
 use serde::{Deserialize, Serialize};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::TAU;
 
 /// Speeds of both motors, of the slower one's largest.
 pub const SPEEDS: &[f64] = &[0.12, 0.3];
 /// The same, where the angle is what is wanted.
 pub const FAST: &[f64] = &[0.3];
-/// Currents along d, of the largest: all far above the currents at which a dead time and its compensation are not whole.
-const LEVELS: [f64; 4] = [0.4, 1.0, -1.0, -0.4];
+/// Currents along d, of the largest. Three sizes tell a resistance, a dead time and its turning current apart.
+const LEVELS: [f64; 6] = [0.3, 0.6, 1.0, -1.0, -0.6, -0.3];
 /// Shortest mean, s; it is of whole turns.
 const MEAN_S: f64 = 0.15;
 /// What a current takes to be steady, s: many periods of any current loop.
@@ -38,9 +40,14 @@ const OF_RATED: f64 = 0.9;
 const OF_LARGEST: f64 = 0.9;
 const OF_OVER_CURRENT: f64 = 0.6;
 
-/// The vector of what each phase loses with its current's sign, of that: the fundamental of a square wave is 4 / pi times as
-/// high, a vector sqrt(3/2) times as long as a phase's amplitude.
-const DEAD_TIME_VECTOR: f64 = 4.0 / PI * 1.224_744_871_391_589;
+/// Steps of the fit of a turning current, and the change of it, of the current, that ends them.
+const STEPS: usize = 30;
+const SMALL: f64 = 1e-4;
+/// The largest turning current, of the largest amplitude: past it no loss is whole.
+const TURNING_MAX: f64 = 0.8;
+
+/// The half interval of a turning current that is applied, of it.
+const CLEAR: f64 = 0.2;
 
 /// By how many half intervals a dead time is above none.
 const SURE: f64 = 2.0;
@@ -58,8 +65,11 @@ pub struct MotorElectrical {
     pub flux_wb: Estimate,
     /// By how much the drive's angle is behind the rotor's, electrical degrees.
     pub offset_deg: Estimate,
-    /// Voltage that a phase loses to the dead time beyond what is compensated, V.
+    /// Voltage that a phase loses to the dead time at large currents, beyond what is compensated, V.
     pub dead_time_v: Estimate,
+    /// Phase current that turns a leg within the dead time, A.
+    #[serde(default)]
+    pub turning_a: Estimate,
 }
 
 /// What was measured, and how near the limits were.
@@ -90,26 +100,23 @@ fn current_max(motor: &MotorSettings) -> f64 {
     motor.torque_max_nm / (motor.voltage_constant_v_rms_per_krpm / PER_KRPM)
 }
 
-/// Sums over a mean.
-#[derive(Clone, Copy, Default)]
-struct Mean {
-    count: f64,
+/// Whole turns at one speed and current.
+#[derive(Clone, Default)]
+struct Turns {
+    /// Sines and cosines of the electrical angle, and the phases' currents.
+    samples: Vec<((f64, f64), [f64; 3])>,
     current: [f64; 2],
     voltage: [f64; 2],
-    /// `i / |i|`.
-    direction: [f64; 2],
     /// Angle and time at the beginning and at the end.
     ends: Option<[(f64, f64); 2]>,
 }
 
-impl Mean {
-    /// One more sample. Below `fade`, the current where a dead time is whole, it is a part of the resistance.
-    fn take(&mut self, time: f64, motor: &MotorPoint, fade: f64) {
-        self.count += 1.0;
-        let [i_d, i_q] = motor.current;
-        let size = i_d.hypot(i_q).hypot(fade);
+impl Turns {
+    fn take(&mut self, time: f64, motor: &MotorPoint) {
+        let [a, b] = motor.phases;
+        self.samples
+            .push((motor.electrical.sin_cos(), [a, b, -a - b]));
         for k in 0..2 {
-            self.direction[k] += motor.current[k] / size;
             self.current[k] += motor.current[k];
             self.voltage[k] += motor.voltage[k];
         }
@@ -123,24 +130,118 @@ impl Mean {
             (last.0 - first.0) / (last.1 - first.1).max(1e-9)
         })
     }
+
+    fn mean(&self, sums: [f64; 2]) -> [f64; 2] {
+        sums.map(|sum| sum / self.samples.len().max(1) as f64)
+    }
+
+    /// The mean along d and q of what each phase has by its current, power invariant.
+    fn of_phases(&self, part: impl Fn(f64) -> f64) -> [f64; 2] {
+        let mut sums = [0.0; 2];
+        for ((sin, cos), phases) in &self.samples {
+            let [a, b, c] = phases.map(&part);
+            let alpha = (2.0 * a - b - c) / 6f64.sqrt();
+            let beta = (b - c) / 2f64.sqrt();
+            sums[0] += cos * alpha + sin * beta;
+            sums[1] += cos * beta - sin * alpha;
+        }
+        self.mean(sums)
+    }
+
+    /// Its two equations. `drop` are the coefficients of what else there is along d and q, and `known` of it is known.
+    fn add(&self, fit: &mut Fit, motor: &Motor, drop: &[[f64; 2]], known: [f64; 2]) {
+        let w = motor.pole_pairs * self.speed();
+        let ([i_d, i_q], [v_d, v_q]) = (self.mean(self.current), self.mean(self.voltage));
+        let [c_d, c_q] = self
+            .of_phases(|amps| motor.compensated_v * dead_time::compensated(amps / motor.full_a));
+        let turned = motor.lag_s * w;
+        let row = |winding: [f64; 4], k: usize| {
+            let mut row = winding.to_vec();
+            row.extend(drop.iter().map(|coefficient| coefficient[k]));
+            row
+        };
+        let along_d = v_d + c_d + turned * c_q - known[0];
+        let along_q = v_q + c_q - turned * c_d - known[1];
+        fit.add(&row([i_d, -w * i_q, 0.0, -w], 0), along_d);
+        fit.add(&row([i_q, w * i_d, w, 0.0], 1), along_q);
+    }
 }
 
-/// Two equations of a mean; `lag` is `K`.
-fn add(fit: &mut Fit, mean: &Mean, pole_pairs: f64, lag: f64) {
-    let of = |sums: [f64; 2]| sums.map(|sum| sum / mean.count);
-    let ([i_d, i_q], [v_d, v_q], [e_d, e_q]) =
-        (of(mean.current), of(mean.voltage), of(mean.direction));
-    let w = pole_pairs * mean.speed();
-    fit.add(&[i_d, -w * i_q, 0.0, -w, e_d], v_d + lag * w * e_q);
-    fit.add(&[i_q, w * i_d, w, 0.0, e_q], v_q - lag * w * e_d);
+/// A motor that is measured, and what the drive adds for its dead time.
+struct Motor {
+    pole_pairs: f64,
+    /// At large currents, V.
+    compensated_v: f64,
+    /// The phase current where it is whole, A.
+    full_a: f64,
+    /// From the sample to the middle of its effect, s.
+    lag_s: f64,
+    turns: Vec<Turns>,
+}
+
+impl Motor {
+    /// Resistance, inductance, both parts of the flux, what the dead time takes of a phase, V, how late that comes times it, V s, and
+    /// the turning current, A.
+    fn fit(&self) -> Option<[Estimate; 7]> {
+        let samples = self.turns.iter().flat_map(|turns| &turns.samples);
+        let most = samples.fold(0.0, |most, (_, [a, ..])| f64::max(most, a.abs()));
+        let range = [SMALL * most, TURNING_MAX * most];
+        let lost =
+            |turns: &Turns, turning: f64| turns.of_phases(|amps| dead_time::lost(amps / turning));
+        let late = |turns: &Turns, [d, q]: [f64; 2]| {
+            let w = self.pole_pairs * turns.speed();
+            [w * q, -w * d]
+        };
+        let with_turning_known = |turning: f64| -> Option<[Estimate; 6]> {
+            let mut fit = Fit::new(6, 1.0);
+            for turns in &self.turns {
+                let lost = lost(turns, turning);
+                turns.add(&mut fit, self, &[lost, late(turns, lost)], [0.0; 2]);
+            }
+            fit.solve()?.try_into().ok()
+        };
+        // The sentence of that setting asks for twice the turning current.
+        let mut turning = (0.5 * self.full_a).clamp(range[0], range[1]);
+        let mut whole = with_turning_known(turning)?[4].value;
+        for _ in 0..STEPS {
+            // All but the turning current is linear: Gauss and Newton's steps.
+            let mut fit = Fit::new(7, 1.0);
+            let step = 1e-3 * turning;
+            for turns in &self.turns {
+                let [above, below] = [step, -step].map(|step| lost(turns, turning + step));
+                let slope = [0, 1].map(|k| whole * (above[k] - below[k]) / (2.0 * step));
+                let known = slope.map(|slope| -slope * turning);
+                let lost = lost(turns, turning);
+                turns.add(&mut fit, self, &[lost, late(turns, lost), slope], known);
+            }
+            let Some(found) = fit.solve() else { break };
+            let found: [Estimate; 7] = found.try_into().ok()?;
+            let next = found[6].value.clamp(range[0], range[1]);
+            let change = (next - turning).abs();
+            (whole, turning) = (found[4].value, next);
+            if change < SMALL * most {
+                if range.contains(&next) {
+                    break;
+                }
+                return Some(found);
+            }
+        }
+        // The turning current is at an end of its range, or the currents do not tell it.
+        let [resistance, inductance, cosine, sine, whole, late] = with_turning_known(turning)?;
+        let turning = Estimate {
+            value: turning,
+            plus_minus: 0.0,
+        };
+        Some([resistance, inductance, cosine, sine, whole, late, turning])
+    }
 }
 
 /// Measures both motors of an armed drive at these parts of the largest speed. The table rests; `travel_m` is what it may move.
 ///
 /// # Errors
 /// [`Failure`], a fault, or a drive that is lost.
-pub fn measure<L: Line>(
-    session: &mut Session<L>,
+pub async fn measure<D: Dialogue>(
+    session: &mut Session<D>,
     speeds: &[f64],
     travel_m: f64,
     progress: &mut dyn FnMut(f64),
@@ -152,11 +253,14 @@ pub fn measure<L: Line>(
         .iter()
         .map(|motor| motor.speed_max_rpm * TAU / 60.0)
         .fold(f64::INFINITY, f64::min);
-    let fade = settings.bridge.dead_time_fade_a;
     let period_s = session.pwm_period_s();
-    let compensated_v = settings.bridge.dead_time_ns * 1e-9 / period_s * session.bus_v();
-    let lag = 1.5 * period_s * DEAD_TIME_VECTOR * compensated_v;
-    let mut fits = [Fit::new(5, 1.0), Fit::new(5, 1.0)];
+    let mut measured = motors.map(|motor| Motor {
+        pole_pairs: f64::from(motor.pole_pairs),
+        compensated_v: settings.bridge.dead_time_ns * 1e-9 / period_s * session.bus_v(),
+        full_a: settings.bridge.dead_time_fade_a,
+        lag_s: 1.5 * period_s,
+        turns: Vec::new(),
+    });
     let mut bounds = motors.map(|motor| {
         Bound::of(current_max(motor).min(1.5f64.sqrt() * settings.bridge.over_current_a))
     });
@@ -174,32 +278,34 @@ pub fn measure<L: Line>(
         .map(|part| part * speed)
         .collect();
     for (k, base) in stations.iter().enumerate() {
-        session.direct_off_and_go(*base, &mut watch)?;
+        session.direct_off_and_go(*base, &mut watch).await?;
         for (level, part) in LEVELS.iter().enumerate() {
             progress((k as f64 + level as f64 / LEVELS.len() as f64) / stations.len() as f64);
-            session.direct(most.map(|most| part * most))?;
-            session.hold(SETTLE_S, &mut watch)?;
-            let turns = (MEAN_S * base.abs() / TAU).ceil().max(1.0);
-            let mut means = [Mean::default(); 2];
-            let seconds = turns * TAU / base.abs();
+            session.direct(most.map(|most| part * most)).await?;
+            session.hold(SETTLE_S, &mut watch).await?;
+            let count = (MEAN_S * base.abs() / TAU).ceil().max(1.0);
+            let mut turns = [Turns::default(), Turns::default()];
+            let seconds = count * TAU / base.abs();
             let mut begun = None;
-            session.hold(seconds, &mut |point| {
-                watch(point);
-                if point.time - *begun.get_or_insert(point.time) < seconds {
-                    for (mean, motor) in means.iter_mut().zip(&point.motors) {
-                        mean.take(point.time, motor, fade);
+            session
+                .hold(seconds, &mut |point| {
+                    watch(point);
+                    if point.time - *begun.get_or_insert(point.time) < seconds {
+                        for (turns, motor) in turns.iter_mut().zip(&point.motors) {
+                            turns.take(point.time, motor);
+                        }
                     }
-                }
-            })?;
-            for ((fit, mean), motor) in fits.iter_mut().zip(&means).zip(motors) {
-                add(fit, mean, f64::from(motor.pole_pairs), lag);
+                })
+                .await?;
+            for (motor, turns) in measured.iter_mut().zip(turns) {
+                motor.turns.push(turns);
             }
         }
     }
-    session.direct([0.0; 2])?;
-    session.go(0.0, 0.0, &mut watch)?;
-    session.rest()?;
-    let [screw, nut] = fits;
+    session.direct([0.0; 2]).await?;
+    session.go(0.0, 0.0, &mut watch).await?;
+    session.rest().await?;
+    let [screw, nut] = measured;
     Ok(Electrical {
         motors: [solve(&screw, "screw")?, solve(&nut, "nut")?],
         current_a: bounds,
@@ -207,11 +313,8 @@ pub fn measure<L: Line>(
     })
 }
 
-fn solve(fit: &Fit, motor: &str) -> Result<MotorElectrical> {
-    let Some([resistance, inductance, cosine, sine, dead]) = fit
-        .solve()
-        .and_then(|all| <[Estimate; 5]>::try_from(all).ok())
-    else {
+fn solve(measured: &Motor, motor: &str) -> Result<MotorElectrical> {
+    let Some([resistance, inductance, cosine, sine, lost, _, turning]) = measured.fit() else {
         bail!(Failure {
             measured: format!("the {motor}'s voltages do not tell its parameters apart"),
             expected: "currents along d as they were asked, at four speeds".to_owned(),
@@ -247,7 +350,11 @@ fn solve(fit: &Fit, motor: &str) -> Result<MotorElectrical> {
             value: sine.value.atan2(cosine.value).to_degrees(),
             plus_minus: (sine.plus_minus / flux).to_degrees(),
         },
-        dead_time_v: dead.times(1.0 / DEAD_TIME_VECTOR),
+        dead_time_v: Estimate {
+            value: lost.value - measured.compensated_v,
+            ..lost
+        },
+        turning_a: turning,
     })
 }
 
@@ -268,11 +375,24 @@ impl Electrical {
         screw.min(nut) / bus_v * pwm_period_s
     }
 
+    /// Phase current at which the compensation is to be full, A: twice the turning current, by the larger end of its interval. `None`
+    /// if a motor does not tell it to [`CLEAR`].
+    #[must_use]
+    pub fn full_a(&self) -> Option<f64> {
+        let each = self.motors.iter().map(|motor| {
+            let Estimate { value, plus_minus } = motor.turning_a;
+            (plus_minus > 0.0 && plus_minus < CLEAR * value).then_some(2.0 * (value + plus_minus))
+        });
+        let both: Option<Vec<f64>> = each.collect();
+        Some(both?.into_iter().fold(0.0, f64::max))
+    }
+
     /// The settings with what was measured, and with `dead_time_s` more to compensate.
     #[must_use]
     pub fn applied(&self, settings: &Settings, dead_time_s: f64) -> Settings {
         let mut new = *settings;
         new.bridge.dead_time_ns = (new.bridge.dead_time_ns + 1e9 * dead_time_s).min(DEAD_TIME_NS);
+        new.bridge.dead_time_fade_a = self.full_a().unwrap_or(new.bridge.dead_time_fade_a);
         for (motor, measured) in [&mut new.screw, &mut new.nut].into_iter().zip(&self.motors) {
             motor.resistance_line_to_line_ohm = 2.0 * measured.resistance_ohm.value;
             motor.inductance_line_to_line_mh = 2e3 * measured.inductance_h.value;
@@ -283,12 +403,12 @@ impl Electrical {
     }
 }
 
-impl<L: Line> Session<L> {
+impl<D: Dialogue> Session<D> {
     /// Without currents along d: to a base speed, by way of no current at the old one.
-    fn direct_off_and_go(&mut self, base: f64, watch: &mut dyn FnMut(&Point)) -> Result<()> {
+    async fn direct_off_and_go(&mut self, base: f64, watch: &mut dyn FnMut(&Point)) -> Result<()> {
         if self.is_moving() {
-            self.direct([0.0; 2])?;
+            self.direct([0.0; 2]).await?;
         }
-        self.go(0.0, base, watch)
+        self.go(0.0, base, watch).await
     }
 }

@@ -22,7 +22,7 @@ use crate::fit::{Estimate, Fit};
 use crate::session::{Point, Session};
 use crate::{Bound, Failure};
 use anyhow::{Result, bail};
-use link::host::client::Line;
+use link::host::dialogue::Dialogue;
 use link::settings::{MotorSettings, PER_KRPM, Settings};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
@@ -166,8 +166,8 @@ fn torque_constant(motor: &MotorSettings) -> f64 {
 ///
 /// # Errors
 /// [`Failure`], a fault, or a drive that is lost.
-pub fn measure<L: Line>(
-    session: &mut Session<L>,
+pub async fn measure<D: Dialogue>(
+    session: &mut Session<D>,
     travel_m: f64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Mechanical> {
@@ -200,12 +200,18 @@ pub fn measure<L: Line>(
         for sign in pattern {
             progress(done as f64 / runs as f64);
             done += 1;
-            session.go(velocity, sign * speed, &mut |point| {
-                watch(&mut points, point)
-            })?;
-            session.hold(HOLD_S, &mut |point| watch(&mut points, point))?;
+            session
+                .go(velocity, sign * speed, &mut |point| {
+                    watch(&mut points, point)
+                })
+                .await?;
+            session
+                .hold(HOLD_S, &mut |point| watch(&mut points, point))
+                .await?;
         }
-        session.go(0.0, 0.0, &mut |point| watch(&mut points, point))?;
+        session
+            .go(0.0, 0.0, &mut |point| watch(&mut points, point))
+            .await?;
     }
     let common = points.len();
     // Differential mode.
@@ -213,18 +219,26 @@ pub fn measure<L: Line>(
     let fast = (0.25 * table * travel_m)
         .sqrt()
         .min(0.5 * feed.velocity_max_mm_s * 1e-3);
-    session.go(0.0, 0.5 * speed, &mut |point| watch(&mut points, point))?;
+    session
+        .go(0.0, 0.5 * speed, &mut |point| watch(&mut points, point))
+        .await?;
     for stroke in 0..STROKES {
         progress(done as f64 / runs as f64);
         done += 1;
         let sign = if stroke.is_multiple_of(2) { 1.0 } else { -1.0 };
-        session.go(sign * fast, 0.5 * speed, &mut |point| {
-            watch(&mut points, point)
-        })?;
+        session
+            .go(sign * fast, 0.5 * speed, &mut |point| {
+                watch(&mut points, point)
+            })
+            .await?;
     }
-    session.go(0.0, 0.5 * speed, &mut |point| watch(&mut points, point))?;
-    session.go(0.0, 0.0, &mut |point| watch(&mut points, point))?;
-    session.rest()?;
+    session
+        .go(0.0, 0.5 * speed, &mut |point| watch(&mut points, point))
+        .await?;
+    session
+        .go(0.0, 0.0, &mut |point| watch(&mut points, point))
+        .await?;
+    session.rest().await?;
     let window = |ramp: f64| (WINDOW * ramp).clamp(WINDOW_S[0], WINDOW_S[1]);
     let run = Run {
         parts: [

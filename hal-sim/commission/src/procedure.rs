@@ -8,7 +8,7 @@ use crate::session::Session;
 use crate::tune::{Wanted, tune};
 use crate::{Bound, Estimate, Failure, electrical, mechanical};
 use anyhow::{Context, Result, bail};
-use link::host::client::Line;
+use link::host::dialogue::Dialogue;
 use link::settings::{EncoderDirection, EncoderInterface, Settings};
 use serde::{Deserialize, Serialize};
 
@@ -141,6 +141,8 @@ pub struct Options {
     pub speed_rad_s: Option<f64>,
     /// Smallest phase margin, degrees.
     pub margin_deg: f64,
+    /// The steps that are wanted: [`Step::Start`] first, and in their order.
+    pub steps: &'static [Step],
 }
 
 impl Options {
@@ -160,35 +162,37 @@ const TOGETHER_M: f64 = 1e-3;
 ///
 /// # Errors
 /// [`Failure`] of a step, a refusal, or a drive that is lost. It rests then, if it can.
-pub fn run<L: Line>(
-    session: &mut Session<L>,
+pub async fn run<D: Dialogue>(
+    session: &mut Session<D>,
     options: &Options,
     done: &mut Vec<Done>,
     progress: &mut dyn FnMut(Step, f64),
     keep: &mut dyn FnMut(&[Done]) -> Result<()>,
 ) -> Result<()> {
-    for step in Step::ALL {
+    for &step in options.steps {
         // The drive has to be ready for any of the others.
         if step != Step::Start && done.iter().any(|done| done.step == step) {
             continue;
         }
         progress(step, 0.0);
         let result = match step {
-            Step::Start => start(session),
-            Step::Electrical => electrical_step(session, options, &mut |part| progress(step, part)),
+            Step::Start => start(session).await,
+            Step::Electrical => {
+                electrical_step(session, options, &mut |part| progress(step, part)).await
+            }
             Step::Mechanical => {
                 let held = done.iter().find_map(|done| done.base_acceleration_rpm_s);
-                mechanical_step(session, options, held, &mut |part| progress(step, part))
+                mechanical_step(session, options, held, &mut |part| progress(step, part)).await
             }
-            Step::Tuning => tuning_step(session, options),
-            Step::Angle => angle_step(session, options, &mut |part| progress(step, part)),
-            Step::Response => response_step(session, &mut |part| progress(step, part)),
+            Step::Tuning => tuning_step(session, options).await,
+            Step::Angle => angle_step(session, options, &mut |part| progress(step, part)).await,
+            Step::Response => response_step(session, &mut |part| progress(step, part)).await,
         };
         let result = match result {
             Ok(result) => result,
             Err(error) => {
                 // The step's own error is the cause.
-                let _ = session.rest();
+                let _ = session.rest().await;
                 return Err(error).context(format!("step `{}`", step.name()));
             }
         };
@@ -200,10 +204,10 @@ pub fn run<L: Line>(
     Ok(())
 }
 
-fn start<L: Line>(session: &mut Session<L>) -> Result<Done> {
+async fn start<D: Dialogue>(session: &mut Session<D>) -> Result<Done> {
     let begun = session.time_s();
-    session.ready()?;
-    let rest = session.noise()?;
+    session.ready().await?;
+    let rest = session.noise().await?;
     let mut quantities = Vec::new();
     for (name, phases) in ["screw", "nut"].into_iter().zip(rest) {
         for (phase, [mean, noise]) in ["a", "b"].into_iter().zip(phases) {
@@ -240,18 +244,18 @@ fn limits(of: [(&str, &str, Bound); 3]) -> Vec<Limited> {
     .to_vec()
 }
 
-fn electrical_step<L: Line>(
-    session: &mut Session<L>,
+async fn electrical_step<D: Dialogue>(
+    session: &mut Session<D>,
     options: &Options,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Done> {
     let (begun, old) = (session.time_s(), *session.settings());
-    session.arm()?;
+    session.arm().await?;
     let travel_m = TOGETHER_M.min(options.travel_m);
-    let found = electrical::measure(session, electrical::SPEEDS, travel_m, progress)?;
+    let found = electrical::measure(session, electrical::SPEEDS, travel_m, progress).await?;
     let dead_time_s = found.dead_time_s(session.pwm_period_s(), session.bus_v());
     let new = mechanical::prepared(&found.applied(&old, dead_time_s));
-    session.configure(&new)?;
+    session.configure(&new).await?;
     let motors = found.motors;
     let was =
         |of: &dyn Fn(&link::settings::MotorSettings) -> f64| Some([of(&old.screw), of(&old.nut)]);
@@ -299,15 +303,37 @@ fn electrical_step<L: Line>(
         motors.map(|m| m.dead_time_v),
         None,
     );
-    q.push(Quantity {
-        name: "bridge: dead time, compensated".to_owned(),
-        unit: "ns".to_owned(),
-        estimate: Estimate {
-            value: new.bridge.dead_time_ns,
-            plus_minus: 0.0,
-        },
-        before: Some(old.bridge.dead_time_ns),
-    });
+    both(
+        q,
+        "current that turns a leg",
+        "A",
+        motors.map(|m| m.turning_a),
+        None,
+    );
+    let mut bridge = |name: &str, unit: &str, now, before| {
+        q.push(Quantity {
+            name: format!("bridge: {name}"),
+            unit: unit.to_owned(),
+            estimate: Estimate {
+                value: now,
+                plus_minus: 0.0,
+            },
+            before: Some(before),
+        });
+    };
+    let (now, before) = (&new.bridge, &old.bridge);
+    bridge(
+        "dead time, compensated",
+        "ns",
+        now.dead_time_ns,
+        before.dead_time_ns,
+    );
+    bridge(
+        "current of full compensation",
+        "A",
+        now.dead_time_fade_a,
+        before.dead_time_fade_a,
+    );
     let [screw, nut] = found.current_a;
     Ok(Done {
         base_acceleration_rpm_s: Some(old.feed.base_acceleration_max_rpm_s),
@@ -325,15 +351,15 @@ fn electrical_step<L: Line>(
     })
 }
 
-fn mechanical_step<L: Line>(
-    session: &mut Session<L>,
+async fn mechanical_step<D: Dialogue>(
+    session: &mut Session<D>,
     options: &Options,
     base_acceleration_rpm_s: Option<f64>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Done> {
     let (begun, old) = (session.time_s(), *session.settings());
-    session.arm()?;
-    let found = mechanical::measure(session, options.travel_m, progress)?;
+    session.arm().await?;
+    let found = mechanical::measure(session, options.travel_m, progress).await?;
     let mut new = found.applied(&old);
     if let Some(acceleration) = base_acceleration_rpm_s {
         new.feed.base_acceleration_max_rpm_s = acceleration;
@@ -342,7 +368,7 @@ fn mechanical_step<L: Line>(
     let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
     let tuned = tune(&new, options.wanted(&new), period_s, step_s);
     let new = tuned.map_or(new, |tuned| tuned.settings);
-    session.configure(&new)?;
+    session.configure(&new).await?;
     let mut quantities = Vec::new();
     let q = &mut quantities;
     changes(q, &old, &new);
@@ -440,12 +466,12 @@ fn mechanical_step<L: Line>(
     })
 }
 
-fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<Done> {
+async fn tuning_step<D: Dialogue>(session: &mut Session<D>, options: &Options) -> Result<Done> {
     let (begun, old) = (session.time_s(), *session.settings());
     let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
     let proposal = propose(&old, options.wanted(&old), period_s, step_s)?;
     if proposal.settings != old {
-        session.configure(&proposal.settings)?;
+        session.configure(&proposal.settings).await?;
     }
     Ok(Done {
         base_acceleration_rpm_s: None,
@@ -459,17 +485,17 @@ fn tuning_step<L: Line>(session: &mut Session<L>, options: &Options) -> Result<D
     })
 }
 
-fn angle_step<L: Line>(
-    session: &mut Session<L>,
+async fn angle_step<D: Dialogue>(
+    session: &mut Session<D>,
     options: &Options,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Done> {
     let (begun, old) = (session.time_s(), *session.settings());
-    session.arm()?;
+    session.arm().await?;
     let travel_m = TOGETHER_M.min(options.travel_m);
-    let found = electrical::measure(session, electrical::FAST, travel_m, progress)?;
+    let found = electrical::measure(session, electrical::FAST, travel_m, progress).await?;
     let behind = found.motors.map(|motor| motor.offset_deg);
-    session.correct(behind.map(|angle| angle.value))?;
+    session.correct(behind.map(|angle| angle.value)).await?;
     let mut quantities = Vec::new();
     both(
         &mut quantities,
@@ -492,7 +518,7 @@ fn angle_step<L: Line>(
         }
     }
     if new != old {
-        session.configure(&new)?;
+        session.configure(&new).await?;
     }
     let [screw, nut] = found.current_a;
     Ok(Done {
@@ -511,10 +537,13 @@ fn angle_step<L: Line>(
     })
 }
 
-fn response_step<L: Line>(session: &mut Session<L>, progress: &mut dyn FnMut(f64)) -> Result<Done> {
+async fn response_step<D: Dialogue>(
+    session: &mut Session<D>,
+    progress: &mut dyn FnMut(f64),
+) -> Result<Done> {
     let begun = session.time_s();
-    session.arm()?;
-    let responses = response::measure(session, progress)?;
+    session.arm().await?;
+    let responses = response::measure(session, progress).await?;
     Ok(Done {
         base_acceleration_rpm_s: None,
         machine: None,

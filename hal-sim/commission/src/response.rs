@@ -15,7 +15,7 @@ use crate::tune::{Crossing, Loops};
 use anyhow::Result;
 use link::burst::{BurstRequest, SAMPLES, Signal, Trigger};
 use link::host::burst::Burst;
-use link::host::client::Line;
+use link::host::dialogue::Dialogue;
 use link::scale;
 use link::settings::{MotorSettings, Settings};
 use nalgebra::Complex;
@@ -283,8 +283,8 @@ impl StepPlan {
 ///
 /// # Errors
 /// A refusal, a fault, or a drive that is lost.
-pub fn measure<L: Line>(
-    session: &mut Session<L>,
+pub async fn measure<D: Dialogue>(
+    session: &mut Session<D>,
     progress: &mut dyn FnMut(f64),
 ) -> Result<[Option<CurrentResponse>; 2]> {
     let settings = *session.settings();
@@ -293,39 +293,46 @@ pub fn measure<L: Line>(
     for (k, motor) in (0u8..).zip([&settings.screw, &settings.nut]) {
         let loops = Loops::of(motor, &settings, period_s, step_s);
         let plan = StepPlan::of(&settings, k, session.bus_v(), &loops);
-        session.go(0.0, plan.base_rad_s, &mut |_| ())?;
+        session.go(0.0, plan.base_rad_s, &mut |_| ()).await?;
         let mut steps = Vec::new();
         for n in 0..plan.steps {
             progress(0.5 * (f64::from(k) + n as f64 / plan.steps as f64));
-            steps.extend(step(session, &plan)?);
+            steps.extend(step(session, &plan).await?);
         }
-        session.direct([0.0; 2])?;
+        session.direct([0.0; 2]).await?;
         if steps.len() == plan.steps {
             let cutoff = settings.tuning.current_rad_s;
             let levels = [plan.from_a, plan.to_a];
             found[usize::from(k)] = CurrentResponse::of(&steps, levels, &loops, period_s, cutoff);
         }
     }
-    session.go(0.0, 0.0, &mut |_| ())?;
-    session.rest()?;
+    session.go(0.0, 0.0, &mut |_| ()).await?;
+    session.rest().await?;
     Ok(found)
 }
 
 /// One step; `None` if the voltage has not shown it.
-fn step<L: Line>(session: &mut Session<L>, plan: &StepPlan) -> Result<Option<CurrentStep>> {
+async fn step<D: Dialogue>(
+    session: &mut Session<D>,
+    plan: &StepPlan,
+) -> Result<Option<CurrentStep>> {
     let k = usize::from(plan.motor);
     let along_d = |amps: f64| if k == 0 { [amps, 0.0] } else { [0.0, amps] };
-    session.direct(along_d(plan.from_a))?;
-    session.hold(plan.settle_s, &mut |_| ())?;
+    session.direct(along_d(plan.from_a)).await?;
+    session.hold(plan.settle_s, &mut |_| ()).await?;
     let (mut sum, mut count) = (0.0, 0.0);
-    session.hold(plan.settle_s, &mut |point| {
-        sum += point.motors[k].voltage[0];
-        count += 1.0;
-    })?;
+    session
+        .hold(plan.settle_s, &mut |point| {
+            sum += point.motors[k].voltage[0];
+            count += 1.0;
+        })
+        .await?;
     let Some(request) = plan.burst(sum / f64::max(count, 1.0)) else {
         return Ok(None);
     };
-    let burst = session.burst(request, |session| session.direct(along_d(plan.to_a)))?;
+    session.arm_burst(request).await?;
+    session.direct(along_d(plan.to_a)).await?;
+    let burst = session.take_burst().await?;
     let motors = [&session.settings().screw, &session.settings().nut];
     let angle = session.encoder_angle(k);
     Ok(burst.map(|burst| CurrentStep::of(&burst, motors[k], angle)))

@@ -5,7 +5,7 @@ use anyhow::{Context, Result, bail, ensure};
 use link::burst::{BurstRequest, BurstState};
 use link::codes::{Fault, Misalignment, State};
 use link::host::burst::Burst;
-use link::host::client::{Client, Line};
+use link::host::dialogue::Dialogue;
 use link::host::{Decoder, Row};
 use link::message::{Aligned, Command, Status};
 use link::scale;
@@ -14,7 +14,7 @@ use link::telemetry::Request;
 use std::f64::consts::TAU;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// How often the drive hears that the host is there, by the time of its telemetry, s, and by the line's clock.
 const BEAT_S: f64 = 0.05;
@@ -42,6 +42,8 @@ const ARRIVED_RAD_S: f64 = 1e-2;
 pub struct MotorPoint {
     /// Mechanical angle in the motor's direction, rad, many turns.
     pub angle: f64,
+    /// Electrical angle at which the currents were sampled, rad.
+    pub electrical: f64,
     /// Currents of phases a and b, A.
     pub phases: [f64; 2],
     /// Currents d and q, A.
@@ -66,11 +68,10 @@ pub struct Point {
 }
 
 /// A session.
-pub struct Session<L> {
-    client: Client<L>,
+pub struct Session<D> {
+    drive: D,
     settings: Settings,
     decoder: Option<Decoder>,
-    stream: u32,
     /// Electrical angle at count zero, rad, and direction of the encoders.
     aligned: [(f64, f64); 2],
     bus_v: f64,
@@ -81,28 +82,27 @@ pub struct Session<L> {
     /// When the session first saw that time, ms.
     origin_ms: Option<u32>,
     now: f64,
-    beaten: (f64, Instant),
+    beaten: (f64, Duration),
     looked: f64,
-    heard: Instant,
+    heard: Duration,
     moving: bool,
     repeated: u32,
     stop: Arc<AtomicBool>,
 }
 
-impl<L: Line> Session<L> {
+impl<D: Dialogue> Session<D> {
     /// Of a drive that rests; `stop` ends what is under way.
     ///
     /// # Errors
     /// The drive is lost, or has other settings than this program.
-    pub fn open(mut client: Client<L>, stop: Arc<AtomicBool>) -> Result<Self> {
-        let settings = client.settings()?;
-        let pwm_period_s = 1.0 / client.pwm_hz();
-        let clock = client.now();
+    pub async fn open(mut drive: D, stop: Arc<AtomicBool>) -> Result<Self> {
+        let settings = drive.settings().await?;
+        let pwm_period_s = 1.0 / drive.pwm_hz();
+        let clock = drive.now();
         Ok(Self {
-            client,
+            drive,
             settings,
             decoder: None,
-            stream: 0,
             aligned: [(0.0, 1.0); 2],
             bus_v: 0.0,
             pwm_period_s,
@@ -121,8 +121,8 @@ impl<L: Line> Session<L> {
 
     /// The line to the drive, for what comes after.
     #[must_use]
-    pub fn into_client(self) -> Client<L> {
-        self.client
+    pub fn into_drive(self) -> D {
+        self.drive
     }
 
     /// The settings that hold.
@@ -146,14 +146,14 @@ impl<L: Line> Session<L> {
     /// A step of its speed task, s.
     #[must_use]
     pub fn speed_step_s(&self) -> f64 {
-        1.0 / self.client.speed_hz()
+        1.0 / self.drive.speed_hz()
     }
 
     /// Mean and standard deviation of the currents of phases a and b of screw and nut while it rests, A.
     ///
     /// # Errors
     /// The drive is lost.
-    pub fn noise(&mut self) -> Result<[[[f64; 2]; 2]; 2]> {
+    pub async fn noise(&mut self) -> Result<[[[f64; 2]; 2]; 2]> {
         let mut sums = [[[0.0; 2]; 2]; 2];
         let mut count = 0.0;
         self.hold(NOISE_S, &mut |point| {
@@ -164,7 +164,8 @@ impl<L: Line> Session<L> {
                     sums[1] += amps * amps;
                 }
             }
-        })?;
+        })
+        .await?;
         Ok(sums.map(|motor| {
             motor.map(|[sum, squares]| {
                 let mean: f64 = sum / count;
@@ -201,8 +202,8 @@ impl<L: Line> Session<L> {
         self.repeated
     }
 
-    fn state(&mut self) -> Result<Option<State>> {
-        let status = self.client.status()?;
+    async fn state(&mut self) -> Result<Option<State>> {
+        let status = self.drive.status().await?;
         Ok(State::of_words(status.state, status.fault))
     }
 
@@ -210,39 +211,39 @@ impl<L: Line> Session<L> {
     ///
     /// # Errors
     /// It does not take them, or is not ready with them.
-    pub fn configure(&mut self, settings: &Settings) -> Result<()> {
-        self.rest()?;
+    pub async fn configure(&mut self, settings: &Settings) -> Result<()> {
+        self.rest().await?;
         self.decoder = None;
-        self.client.configure(settings)?;
+        self.drive.configure(settings).await?;
         self.settings = *settings;
-        self.ready()
+        self.ready().await
     }
 
     /// Waits until the drive is ready, and begins to record it.
     ///
     /// # Errors
     /// A fault, which says what the drive found.
-    pub fn ready(&mut self) -> Result<()> {
-        let begun = self.client.status()?.uptime_ms;
+    pub async fn ready(&mut self) -> Result<()> {
+        let begun = self.drive.status().await?.uptime_ms;
         self.see_time(begun);
         let (mut tries, mut first) = (ALIGNMENTS, None);
         let status = loop {
-            let status = self.client.status()?;
+            let status = self.drive.status().await?;
             self.see_time(status.uptime_ms);
             match State::of_words(status.state, status.fault) {
                 Some(State::Ready) => break status,
                 Some(State::Unaligned) => {
                     let stop = Arc::clone(&self.stop);
-                    self.client.arm(|_| !stop.load(Relaxed))?;
+                    self.drive.arm(|_| !stop.load(Relaxed)).await?;
                 }
                 // The same twice is no chance.
                 Some(State::Fault(fault)) if fault.is_misalignment() && tries > 1 => {
                     tries -= 1;
                     self.repeated += 1;
                     first.get_or_insert_with(|| stopped(fault, &status));
-                    self.client.tell(Command::Reset)?;
-                    while matches!(self.state()?, Some(State::Fault(_))) {
-                        self.client.listen(BEAT)?;
+                    self.drive.tell(Command::Reset).await?;
+                    while matches!(self.state().await?, Some(State::Fault(_))) {
+                        self.drive.listen(BEAT).await?;
                     }
                 }
                 // What it found first is what it found before anything had moved.
@@ -254,9 +255,9 @@ impl<L: Line> Session<L> {
                     expected: "zeros and both rotors found by then".to_owned(),
                     check: "the settings of group `alignment`".to_owned(),
                 }),
-                _ => self.client.listen(BEAT)?,
+                _ => self.drive.listen(BEAT).await?,
             }
-            ensure!(!self.stop.load(Relaxed), "ended by Ctrl-C");
+            ensure!(!self.stop.load(Relaxed), "it was stopped");
         };
         for (aligned, motor) in self.aligned.iter_mut().zip(&status.motors) {
             *aligned = encoder_angle(motor.alignment)
@@ -268,29 +269,33 @@ impl<L: Line> Session<L> {
             .map(|m| f64::from(m.bus_mv) * 1e-3)
             .sum::<f64>()
             / 2.0;
-        self.stream += 1;
         let request = Request {
             divider: 1,
-            stream: self.stream,
+            stream: self.drive.next_stream(),
         };
         self.decoder = Some(Decoder::new(request));
-        (self.now, self.looked, self.heard) = (0.0, 0.0, self.client.now());
-        self.client.tell(Command::Record(request.word()))
+        (self.now, self.looked, self.heard) = (0.0, 0.0, self.drive.now());
+        self.drive.tell(Command::Record(request.word())).await
     }
 
     /// Lets the drive be moved.
     ///
     /// # Errors
     /// It refuses.
-    pub fn arm(&mut self) -> Result<()> {
-        self.client.tell(Command::Arm)
+    pub async fn arm(&mut self) -> Result<()> {
+        self.drive.tell(Command::Arm).await
     }
 
     /// Follow a table velocity, m/s, and a base speed, mechanical rad/s, and record until they are reached.
     ///
     /// # Errors
     /// The drive refuses, has a fault, or does not get there.
-    pub fn go(&mut self, velocity: f64, base: f64, each: &mut dyn FnMut(&Point)) -> Result<()> {
+    pub async fn go(
+        &mut self,
+        velocity: f64,
+        base: f64,
+        each: &mut dyn FnMut(&Point),
+    ) -> Result<()> {
         let word = |value, bits| {
             scale::word(value, bits)
                 .ok_or_else(|| anyhow::anyhow!("a speed of {value} cannot be said"))
@@ -300,7 +305,7 @@ impl<L: Line> Session<L> {
             base: Some(word(base, scale::BASE_SPEED)?),
         };
         self.pass(&mut *each)?;
-        self.client.tell(command)?;
+        self.drive.tell(command).await?;
         self.moving = true;
         let relative = velocity / (self.settings.feed.lead_mm * 1e-3) * TAU;
         let targets = [base + relative, base];
@@ -314,7 +319,8 @@ impl<L: Line> Session<L> {
                 });
                 arrived = if there { arrived + 1 } else { 0 };
                 each(point);
-            })?;
+            })
+            .await?;
             if self.now > until {
                 bail!(Failure {
                     measured: format!(
@@ -334,10 +340,10 @@ impl<L: Line> Session<L> {
     ///
     /// # Errors
     /// A fault, or the drive is lost.
-    pub fn hold(&mut self, seconds: f64, each: &mut dyn FnMut(&Point)) -> Result<()> {
+    pub async fn hold(&mut self, seconds: f64, each: &mut dyn FnMut(&Point)) -> Result<()> {
         let until = self.now + seconds;
         while self.now < until {
-            self.listen(each)?;
+            self.listen(each).await?;
         }
         Ok(())
     }
@@ -346,13 +352,14 @@ impl<L: Line> Session<L> {
     ///
     /// # Errors
     /// The drive refuses.
-    pub fn direct(&mut self, amps: [f64; 2]) -> Result<()> {
+    pub async fn direct(&mut self, amps: [f64; 2]) -> Result<()> {
         for (motor, amps) in (0u8..).zip(amps) {
             let Some(current) = scale::word(amps, scale::CURRENT) else {
                 bail!("a current of {amps} A cannot be said");
             };
-            self.client
-                .tell(Command::DirectCurrent { motor, current })?;
+            self.drive
+                .tell(Command::DirectCurrent { motor, current })
+                .await?;
         }
         Ok(())
     }
@@ -361,13 +368,13 @@ impl<L: Line> Session<L> {
     ///
     /// # Errors
     /// The drive refuses.
-    pub fn correct(&mut self, behind_deg: [f64; 2]) -> Result<()> {
+    pub async fn correct(&mut self, behind_deg: [f64; 2]) -> Result<()> {
         for (k, degrees) in behind_deg.into_iter().enumerate() {
             let Some(behind) = scale::word(degrees / 180.0, 31) else {
                 bail!("an angle that is {degrees} degrees behind cannot be said");
             };
             let motor = if k == 0 { 0 } else { 1 };
-            self.client.tell(Command::Angle { motor, behind })?;
+            self.drive.tell(Command::Angle { motor, behind }).await?;
             self.aligned[k].0 += degrees.to_radians();
         }
         Ok(())
@@ -386,25 +393,27 @@ impl<L: Line> Session<L> {
         self.aligned[motor]
     }
 
-    /// Arms a burst, does `step`, and reads the burst; `None` if its trigger has not come after half a second.
+    /// Arms a burst.
     ///
     /// # Errors
-    /// As [`Session::hold`], or the drive has no room for a burst.
-    pub fn burst(
-        &mut self,
-        request: BurstRequest,
-        step: impl FnOnce(&mut Self) -> Result<()>,
-    ) -> Result<Option<Burst>> {
-        self.client.tell(Command::Burst(request))?;
-        step(self)?;
+    /// The drive has no room for it.
+    pub async fn arm_burst(&mut self, request: BurstRequest) -> Result<()> {
+        self.drive.tell(Command::Burst(request)).await
+    }
+
+    /// Reads the burst that was armed; `None` if its trigger has not come after half a second.
+    ///
+    /// # Errors
+    /// As [`Session::hold`].
+    pub async fn take_burst(&mut self) -> Result<Option<Burst>> {
         let until = self.now + BURST_S;
         loop {
-            self.hold(BURST_LOOK_S, &mut |_| ())?;
-            if self.client.burst()?.state == BurstState::Complete.word() {
-                return Ok(Some(self.client.read_burst(&self.settings)?));
+            self.hold(BURST_LOOK_S, &mut |_| ()).await?;
+            if self.drive.burst().await?.state == BurstState::Complete.word() {
+                return Ok(Some(self.drive.read_burst(&self.settings).await?));
             }
             if self.now > until {
-                self.client.tell(Command::EndBurst)?;
+                self.drive.tell(Command::EndBurst).await?;
                 return Ok(None);
             }
         }
@@ -420,18 +429,18 @@ impl<L: Line> Session<L> {
     ///
     /// # Errors
     /// It does not, or has a fault.
-    pub fn rest(&mut self) -> Result<()> {
+    pub async fn rest(&mut self) -> Result<()> {
         self.moving = false;
-        self.client.tell(Command::Stop)?;
-        let begun = self.client.status()?.uptime_ms;
+        self.drive.tell(Command::Stop).await?;
+        let begun = self.drive.status().await?.uptime_ms;
         loop {
-            let status = self.client.status()?;
+            let status = self.drive.status().await?;
             self.see_time(status.uptime_ms);
             match State::of_words(status.state, status.fault) {
                 Some(State::Running | State::Holding | State::Stopping)
                     if f64::from(status.uptime_ms.wrapping_sub(begun)) < ARRIVE_S * 1e3 =>
                 {
-                    self.client.listen(BEAT)?;
+                    self.drive.listen(BEAT).await?;
                 }
                 Some(State::Running | State::Holding | State::Stopping) => {
                     bail!("the drive does not come to rest: open its enable contact")
@@ -442,37 +451,37 @@ impl<L: Line> Session<L> {
         }
     }
 
-    fn listen(&mut self, each: &mut dyn FnMut(&Point)) -> Result<()> {
-        ensure!(!self.stop.load(Relaxed), "ended by Ctrl-C");
-        let clock = self.client.now();
-        if self.now - self.beaten.0 >= BEAT_S || clock.duration_since(self.beaten.1) >= BEAT {
+    async fn listen(&mut self, each: &mut dyn FnMut(&Point)) -> Result<()> {
+        ensure!(!self.stop.load(Relaxed), "it was stopped");
+        let clock = self.drive.now();
+        if self.now - self.beaten.0 >= BEAT_S || clock.saturating_sub(self.beaten.1) >= BEAT {
             self.beaten = (self.now, clock);
-            self.client.beat()?;
+            self.drive.beat()?;
         }
         if self.now - self.looked >= LOOK_S {
             self.looked = self.now;
-            let status = self.client.status()?;
+            let status = self.drive.status().await?;
             self.see_time(status.uptime_ms);
             if let Some(State::Fault(fault)) = State::of_words(status.state, status.fault) {
                 bail!(stopped(fault, &status));
             }
         }
-        self.client.listen(Duration::from_millis(2))?;
+        self.drive.listen(Duration::from_millis(2)).await?;
         self.pass(each)
     }
 
     /// Passes on the rows that have come.
     fn pass(&mut self, each: &mut dyn FnMut(&Point)) -> Result<()> {
         let before = self.now;
-        while let (Some(frame), Some(decoder)) = (self.client.take_telemetry(), &mut self.decoder) {
+        while let (Some(frame), Some(decoder)) = (self.drive.take_telemetry(), &mut self.decoder) {
             if let Some(row) = decoder.frame(frame) {
                 self.now = row.time_s;
                 each(&point(&row, &self.settings, self.aligned));
             }
         }
         if self.now > before {
-            self.heard = self.client.now();
-        } else if self.client.now().duration_since(self.heard) > SILENT {
+            self.heard = self.drive.now();
+        } else if self.drive.now().saturating_sub(self.heard) > SILENT {
             bail!("the drive sends no telemetry any more");
         }
         Ok(())
@@ -500,13 +509,15 @@ fn point(row: &Row, settings: &Settings, aligned: [(f64, f64); 2]) -> Point {
         let angle = direction * row.angle_rad;
         // The currents are newer than the angle.
         let aged = pole_pairs * row.speed_ref_rad_s * plates[k].encoder.age_us * 1e-6;
-        let (sin, cos) = (pole_pairs * angle + zero + aged).sin_cos();
+        let electrical = pole_pairs * angle + zero + aged;
+        let (sin, cos) = electrical.sin_cos();
         let [a, b] = row.phases_a;
         // Power invariant: a vector is sqrt(3/2) times as long as the amplitude of a phase.
         let alpha = 1.5f64.sqrt() * a;
         let beta = (a + 2.0 * b) / 2f64.sqrt();
         *motor = MotorPoint {
             angle,
+            electrical,
             phases: row.phases_a,
             current: [cos * alpha + sin * beta, cos * beta - sin * alpha],
             voltage: row.voltage_v,

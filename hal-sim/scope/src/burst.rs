@@ -53,25 +53,19 @@ impl ReadBurst {
         self.samples.len()
     }
 
-    /// The whole burst, once it was read.
+    /// The whole burst, a row a sample: time, s, 0 at the trigger, and then [`signals`]. Nothing until it was read.
     #[must_use]
-    pub fn whole(&self, settings: &Settings, pwm_hz: f64) -> Option<Burst> {
+    pub fn rows(&self, settings: &Settings, pwm_hz: f64) -> Vec<f64> {
+        if self.samples.len() < SAMPLES {
+            return Vec::new();
+        }
         let motor = if self.status.request.motor == 0 {
             &settings.screw
         } else {
             &settings.nut
         };
         let counts = motor.encoder.counts_per_turn;
-        (self.samples.len() >= SAMPLES)
-            .then(|| Burst::of(&self.status, &self.samples, pwm_hz, counts))
-    }
-
-    /// The whole burst, a row a sample: time, s, 0 at the trigger, and then [`signals`]. Nothing until it was read.
-    #[must_use]
-    pub fn rows(&self, settings: &Settings, pwm_hz: f64) -> Vec<f64> {
-        let Some(burst) = self.whole(settings, pwm_hz) else {
-            return Vec::new();
-        };
+        let burst = Burst::of(&self.status, &self.samples, pwm_hz, counts);
         let columns = 1 + Signal::ALL.len();
         let rows = burst.rows.iter();
         rows.flat_map(|row| row[..columns].to_vec()).collect()

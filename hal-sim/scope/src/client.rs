@@ -1,15 +1,14 @@
 //! A client of the link: requests as JSON to bytes, bytes to messages as JSON and rows.
 
 use crate::burst::ReadBurst;
+use crate::commissioning::{Commissioning, Now};
 use crate::identification::{ROW, compensation, numbers};
-use crate::loops::Rates;
 use crate::request::Request;
 use crate::signals::{COLUMNS, Columns};
-use crate::steps::Steps;
 use anyhow::{Context, Result};
 use ddfeed::record::{EncoderFrame, model_file, sample};
 use link::codes::{Fault, State};
-use link::host::client::unexpected;
+use link::host::refused::unexpected;
 use link::host::session::Session;
 use link::host::status::{StatusReport, entry_json, event_json, fault_json};
 use link::host::{Count, Decoder};
@@ -40,7 +39,7 @@ pub struct Client {
     /// Rows of the recording that is made.
     recording: Option<Vec<f64>>,
     burst: ReadBurst,
-    steps: Steps,
+    commissioning: Option<Commissioning>,
 }
 
 impl Default for Client {
@@ -65,7 +64,7 @@ impl Client {
             aligned: [Aligned::Unknown; 2],
             recording: None,
             burst: ReadBurst::default(),
-            steps: Steps::default(),
+            commissioning: None,
         }
     }
 
@@ -75,6 +74,11 @@ impl Client {
     /// There is no such request, or a value is out of its range.
     pub fn request(&mut self, json: &str) -> Result<Vec<u8>> {
         let command = Request::of_json(json)?.command(self.stream.wrapping_add(1) & 0xFF_FFFF)?;
+        self.frame(command)
+    }
+
+    /// The bytes of a command. What its answers need is kept.
+    fn frame(&mut self, command: Command) -> Result<Vec<u8>> {
         match command {
             Command::Record(word) => {
                 let request = link::telemetry::Request::of_word(word);
@@ -102,6 +106,9 @@ impl Client {
         for &byte in bytes {
             match self.session.take(byte) {
                 Some(DriveFrame::Reply(sequence, reply)) => {
+                    if let Some(commissioning) = &mut self.commissioning {
+                        commissioning.reply(sequence, &reply);
+                    }
                     let mut message = self.reply(&reply);
                     message["sequence"] = sequence.into();
                     messages.push(json!({ "reply": message }));
@@ -117,6 +124,9 @@ impl Client {
     }
 
     fn telemetry(&mut self, frame: Frame) -> Option<Value> {
+        if let Some(commissioning) = &mut self.commissioning {
+            commissioning.telemetry(frame);
+        }
         let decoder = self.decoder.as_mut()?;
         let begins = decoder.header().is_none();
         let row = decoder.frame(frame);
@@ -218,27 +228,63 @@ impl Client {
         self.burst.rows(&self.settings, self.session.pwm_hz())
     }
 
-    fn rates(&self) -> Rates {
-        Rates {
+    /// Begins to commission the drive. See [`Commissioning::new`].
+    ///
+    /// # Errors
+    /// As [`Commissioning::new`].
+    pub fn commission(&mut self, wanted: &str) -> Result<()> {
+        self.commissioning = Some(Commissioning::new(wanted)?);
+        Ok(())
+    }
+
+    /// Goes on with the commissioning at that time of the page's clock, ms: bytes for the drive.
+    ///
+    /// # Errors
+    /// A command is longer than a frame.
+    pub fn poll_commissioning(&mut self, ms: f64) -> Result<Vec<u8>> {
+        let now = Now {
+            ms,
             pwm_hz: self.session.pwm_hz(),
             speed_hz: self.session.speed_hz(),
+            stream: self.stream,
+        };
+        let Some(commissioning) = &mut self.commissioning else {
+            return Ok(Vec::new());
+        };
+        let asked = commissioning.poll(now);
+        let mut bytes = Vec::new();
+        if asked.beat {
+            bytes.extend(self.frame(Command::Heartbeat)?);
+        }
+        if let Some(command) = asked.request {
+            bytes.extend(self.frame(command)?);
+            let sequence = self.sequence();
+            if let Some(commissioning) = &mut self.commissioning {
+                commissioning.asked(sequence);
+            }
+        }
+        Ok(bytes)
+    }
+
+    /// A commissioning is under way.
+    #[must_use]
+    pub fn commissions(&self) -> bool {
+        let commissioning = self.commissioning.as_ref();
+        commissioning.is_some_and(Commissioning::is_running)
+    }
+
+    /// Ends the commissioning at once: it sends nothing any more.
+    pub fn stop_commissioning(&mut self) {
+        if let Some(commissioning) = &mut self.commissioning {
+            commissioning.stop();
         }
     }
 
-    /// See [`Steps::begin`].
-    pub fn begin_steps(&mut self, motor: u8, bus_v: f64) -> Value {
-        let rates = self.rates();
-        self.steps.begin(&self.settings, rates, motor, bus_v)
-    }
-
-    /// See [`Steps::add`].
-    ///
-    /// # Errors
-    /// As [`Steps::add`].
-    pub fn add_step(&mut self) -> Result<Value> {
-        let rates = self.rates();
-        self.steps
-            .add(&self.burst, &self.settings, rates, self.aligned)
+    /// See [`Commissioning::json`]; null where none was begun.
+    #[must_use]
+    pub fn commissioning(&self) -> Value {
+        let commissioning = self.commissioning.as_ref();
+        commissioning.map_or(Value::Null, Commissioning::json)
     }
 
     /// Begins a recording of the rows that come.

@@ -119,18 +119,39 @@ impl Session {
         self.0.burst_rows()
     }
 
-    /// See [`Client::begin_steps`].
-    pub fn begin_steps(&mut self, motor: u8, bus_v: f64) -> String {
-        self.0.begin_steps(motor, bus_v).to_string()
-    }
-
-    /// See [`Client::add_step`].
+    /// See [`Client::commission`].
     ///
     /// # Errors
-    /// As [`Client::add_step`].
-    pub fn add_step(&mut self) -> Result<String, JsError> {
-        let found = self.0.add_step().map_err(|error| thrown(&error))?;
-        Ok(found.to_string())
+    /// As [`Client::commission`].
+    pub fn commission(&mut self, wanted: &str) -> Result<(), JsError> {
+        self.0.commission(wanted).map_err(|error| thrown(&error))
+    }
+
+    /// See [`Client::poll_commissioning`].
+    ///
+    /// # Errors
+    /// As [`Client::poll_commissioning`].
+    pub fn poll_commissioning(&mut self, ms: f64) -> Result<Vec<u8>, JsError> {
+        self.0
+            .poll_commissioning(ms)
+            .map_err(|error| thrown(&error))
+    }
+
+    /// See [`Client::commissions`].
+    #[must_use]
+    pub fn commissions(&self) -> bool {
+        self.0.commissions()
+    }
+
+    /// See [`Client::stop_commissioning`].
+    pub fn stop_commissioning(&mut self) {
+        self.0.stop_commissioning();
+    }
+
+    /// See [`Client::commissioning`].
+    #[must_use]
+    pub fn commissioning(&self) -> String {
+        self.0.commissioning().to_string()
     }
 
     /// See [`Client::begin_recording`].

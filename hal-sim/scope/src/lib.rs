@@ -8,13 +8,14 @@
 //! | ripple and orders | [`analysis`] |
 //! | bandwidth and margin of the loops | [`loops`] |
 //! | identification of two recordings, and what compensates it | [`identification`] |
-//! | steps of a motor's current, and its current loop's response | [`steps`] |
+//! | measuring the motors and the feed step by step | [`commissioning`] |
 //! | settings and injected faults as lists | [`schema`] |
 //! | the functions that JavaScript calls | [`exports`] |
 
 pub mod analysis;
 pub mod burst;
 pub mod client;
+pub mod commissioning;
 pub mod exports;
 pub mod identification;
 pub mod loops;
@@ -22,4 +23,3 @@ pub mod request;
 pub mod schema;
 pub mod signals;
 pub mod simulated;
-pub mod steps;

@@ -5,7 +5,6 @@ use link::host::burst::Wanted;
 use link::host::command::{SpeedNames, speeds};
 use link::host::settings::of_words;
 use link::message::{Command, Injected, Injection};
-use link::scale;
 use link::telemetry::Real;
 use serde::Deserialize;
 use serde_json::{Map, Value};
@@ -102,13 +101,6 @@ pub enum Request {
         before_percent: f64,
         /// Each how manieth period is kept.
         divider: u8,
-    },
-    /// Asks a motor that runs for a current along d.
-    DirectCurrent {
-        /// 0 is the screw, 1 the nut.
-        motor: u8,
-        /// Current, A.
-        current_a: f64,
     },
     /// Forgets the burst.
     EndBurst {},
@@ -212,11 +204,6 @@ impl Request {
                 let wanted: Wanted = trigger.parse().map_err(Error::msg)?;
                 Command::Burst(wanted.request(motor, before_percent, divider)?)
             }
-            Self::DirectCurrent { motor, current_a } => Command::DirectCurrent {
-                motor,
-                current: scale::word(current_a, scale::CURRENT)
-                    .with_context(|| format!("a current of {current_a} A cannot be said"))?,
-            },
             Self::EndBurst {} => Command::EndBurst,
             Self::BurstStatus {} => Command::BurstStatus,
             Self::BurstSamples { from } => Command::BurstSamples { from },

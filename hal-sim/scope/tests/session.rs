@@ -331,3 +331,79 @@ fn a_page_arms_a_burst_and_reads_every_period_around_its_trigger() {
     assert_eq!(ended["burst"]["state"], "none");
     assert!(page.client.burst_rows().is_empty());
 }
+
+/// Half a minute and more of a drive's time, in the steps of the page's worker.
+#[test]
+fn a_page_commissions_a_cold_drive() {
+    let mut page = Page::new(true);
+    let wanted = r#"{"travel_mm":10,"margin_deg":45,"response_only":false}"#;
+    page.client.commission(wanted).unwrap();
+    let mut ms = 0.0;
+    while page.client.commissioning()["running"] == true {
+        let bytes = page.client.poll_commissioning(ms).unwrap();
+        page.drive.receive(page.line, &bytes);
+        page.step(5);
+        ms += 5.0;
+        assert!(ms < 120e3, "{}", page.client.commissioning());
+    }
+    let report = page.client.commissioning();
+    assert_eq!(report["error"], Value::Null, "{report}");
+    let done = report["done"].as_array().unwrap();
+    let names: Vec<_> = done
+        .iter()
+        .map(|done| done["name"].as_str().unwrap())
+        .collect();
+    assert_eq!(
+        names,
+        [
+            "start",
+            "electrical",
+            "mechanical",
+            "tuning",
+            "angle",
+            "response"
+        ]
+    );
+    println!("{ms} ms");
+    let model = plant::model::Model::parse(&page.drive.declared(), "the machine").unwrap();
+    let value = |step: usize, name: &str| {
+        let quantities = done[step]["quantities"].as_array().unwrap();
+        let found = quantities.iter().find(|one| one["name"] == name).unwrap();
+        found["estimate"]["value"].as_f64().unwrap()
+    };
+    for (motor, truth) in [("screw", &model.screw), ("nut", &model.nut)] {
+        for (name, expected) in [
+            ("resistance, line to line", 2.0 * truth.resistance_ohm),
+            ("inductance, line to line", 2e3 * truth.inductance_h),
+        ] {
+            let measured = value(1, &format!("{motor}: {name}"));
+            println!("{motor} {name}: {measured} of {expected}");
+            assert!((measured / expected - 1.0).abs() < 0.01);
+        }
+    }
+    assert_eq!(page.state(), "ready");
+}
+
+#[test]
+fn a_stop_ends_a_commissioning_at_once() {
+    let mut page = Page::new(false);
+    page.client
+        .commission(r#"{"travel_mm":10,"margin_deg":45,"response_only":true}"#)
+        .unwrap();
+    let mut ms = 0.0;
+    while page.state() != "running" {
+        let bytes = page.client.poll_commissioning(ms).unwrap();
+        page.drive.receive(page.line, &bytes);
+        page.step(5);
+        ms += 10.0;
+        assert!(ms < 10e3, "{}", page.client.commissioning());
+    }
+    page.client.stop_commissioning();
+    assert_eq!(page.ask(r#"{"command":"stop"}"#)["done"], true);
+    for _ in 0..400 {
+        assert!(page.client.poll_commissioning(ms).unwrap().is_empty());
+        page.advance(20);
+    }
+    assert_eq!(page.client.commissioning()["error"], "It was stopped.");
+    assert_eq!(page.state(), "ready");
+}

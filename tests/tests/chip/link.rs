@@ -3,7 +3,8 @@
 use anyhow::{Result, anyhow, ensure};
 use link::SERIAL_BAUD;
 use link::codes::State;
-use link::host::client::{Client, Line, Refused};
+use link::host::client::{Client, Line};
+use link::host::refused::Refused;
 use link::message::{Command, Refusal, Status, Travel};
 use link::scale;
 use link::telemetry::{Frame, Request};

@@ -4,10 +4,12 @@ pub mod bringup;
 pub mod burst;
 pub mod client;
 pub mod command;
+pub mod dialogue;
 mod drive;
 #[cfg(feature = "log")]
 pub mod log;
 pub mod reference;
+pub mod refused;
 pub mod rtt;
 pub mod session;
 pub mod settings;

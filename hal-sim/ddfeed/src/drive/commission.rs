@@ -12,6 +12,7 @@ use commission::procedure::{Done, Options, Step, run as measure};
 use commission::response::CurrentResponse;
 use commission::tune::Crossing;
 use indicatif::{ProgressBar, ProgressStyle};
+use pollster::block_on;
 use std::f64::consts::TAU;
 use std::fmt::Write;
 use std::fs;
@@ -28,13 +29,14 @@ pub fn run(drive: Drive, options: &CommissionOptions) -> Result<()> {
     };
     let stop = caught()?;
     let bar = ProgressBar::new(1000).with_style(ProgressStyle::with_template("{bar:40} {msg}")?);
-    let mut session = Session::open(drive, stop)?;
-    let result = measure(
+    let mut session = block_on(Session::open(drive, stop))?;
+    let result = block_on(measure(
         &mut session,
         &Options {
             travel_m: options.travel * 1e-3,
             speed_rad_s: options.loops.speed_loop,
             margin_deg: options.loops.margin,
+            steps: &Step::ALL,
         },
         &mut done,
         &mut |step, part| {
@@ -43,7 +45,7 @@ pub fn run(drive: Drive, options: &CommissionOptions) -> Result<()> {
             bar.set_position((part.clamp(0.0, 1.0) * 1e3) as u64);
         },
         &mut |done| keep(&folder, done),
-    );
+    ));
     bar.finish_and_clear();
     if result.is_err() && !done.is_empty() {
         eprintln!(
@@ -53,7 +55,7 @@ pub fn run(drive: Drive, options: &CommissionOptions) -> Result<()> {
     }
     result?;
     let bus_v = session.bus_v();
-    let mut drive = session.into_client();
+    let mut drive = session.into_drive();
     let machine = done.iter().find_map(|done| done.machine);
     let motors = done.iter().find_map(|done| done.motors);
     if let (Some(machine), Some(motors)) = (machine, motors) {

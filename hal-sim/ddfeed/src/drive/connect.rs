@@ -2,7 +2,8 @@
 
 use super::options::LineOptions;
 use anyhow::{Context, Result, bail};
-use link::host::client::{Client, Line, Lost};
+use link::host::client::{Client, Line};
+use link::host::refused::Lost;
 use serialport::SerialPort;
 use std::io::{self, ErrorKind, Read, Write};
 use std::net::{TcpStream, ToSocketAddrs};

@@ -17,7 +17,7 @@ pub use options::{DriveOptions, LineOptions, RecordCommand, ReferenceOptions, Ta
 pub use settings::reference;
 
 use anyhow::Result;
-use link::host::client::{Lost, Refused};
+use link::host::refused::{Lost, Refused};
 use std::process::ExitCode;
 
 /// Does what is asked.

@@ -6,7 +6,7 @@ use crate::output::put_new;
 use crate::record::model_file;
 use anyhow::{Context, Result, bail, ensure};
 use link::codes::State;
-use link::host::client::Lost;
+use link::host::refused::Lost;
 use link::host::settings::{of_toml, of_words, to_toml};
 use link::message::Command;
 use link::settings::datasheet::spellings;

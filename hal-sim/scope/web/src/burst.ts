@@ -33,14 +33,14 @@ let turn = 0;
 
 const wait = (ms: number) => new Promise((done) => setTimeout(done, ms));
 
-export async function burstStatus(): Promise<BurstStatus> {
+async function burstStatus(): Promise<BurstStatus> {
   const reply = await ask({ command: "burst_status" });
   if (!reply.burst) throw new Error("The drive does not say how the burst is going.");
   return reply.burst;
 }
 
 /** Has the session read the samples of a complete burst. */
-export async function readSamples(status: BurstStatus) {
+async function readSamples(status: BurstStatus) {
   for (let count = 0; count < status.samples; ) {
     const reply = await ask({ command: "burst_samples", from: count });
     if (reply.samples === undefined || reply.samples <= count) throw new Error("The drive sends no samples of the burst.");

@@ -4,7 +4,7 @@ import { signal } from "@preact/signals";
 import { signals as signalList } from "scope";
 import workerScript from "worker-script";
 import { sentenceOf } from "./format";
-import type { Call, Command, Counts, Found, FromWorker, Machine, Rates, Reply, Signal, SourceChoice, Status, Stream, ToWorker } from "./messages";
+import type { Call, Command, Commissioning, CommissioningWanted, Counts, Found, FromWorker, Machine, Rates, Reply, Signal, SourceChoice, Status, Stream, ToWorker } from "./messages";
 import { Rows } from "./rows";
 
 const ALIVE_MS = 100;
@@ -16,6 +16,8 @@ export const counts = signal<Counts | null>(null);
 export const machine = signal<Machine | null>(null);
 export const stream = signal<Stream | null>(null);
 export const rates = signal<Rates | null>(null);
+/** The commissioning that is under way or was the last. */
+export const commissioning = signal<Commissioning | null>(null);
 export const notices = signal<string[]>([]);
 export const stopMs = signal<number | null>(null);
 export const source = signal<SourceChoice | null>(null);
@@ -59,7 +61,7 @@ export function start(module: WebAssembly.Module) {
 
 export function choose(choice: SourceChoice) {
   source.value = choice;
-  status.value = machine.value = stream.value = null;
+  status.value = machine.value = stream.value = commissioning.value = null;
   rows.clear();
   post({ type: "source", source: choice });
 }
@@ -89,6 +91,9 @@ function take(message: FromWorker) {
     case "rows":
       rows.append(message.rows);
       arrived.value++;
+      break;
+    case "commissioning":
+      commissioning.value = message.report;
       break;
     case "notice":
       notice(message.sentence);
@@ -160,6 +165,8 @@ export async function tell(command: Command): Promise<boolean> {
     return false;
   }
 }
+
+export const commission = (wanted: CommissioningWanted) => post({ type: "commission", wanted });
 
 export function stop() {
   stops.value++;

@@ -141,8 +141,6 @@ export type Call =
   | { name: "begin recording" }
   | { name: "take recording" }
   | { name: "burst rows" }
-  | { name: "begin steps"; motor: number; bus_v: number }
-  | { name: "add step" }
   | { name: "declared" }
   | { name: "compensation"; model: string };
 
@@ -173,17 +171,6 @@ export interface Compensation {
   not_compensated: string[];
 }
 
-/** Steps of a motor's current along d. */
-export interface StepPlan {
-  from_a: number;
-  to_a: number;
-  /** By so much the voltage along d jumps. */
-  jump_v: number;
-  common_speed_rpm: number;
-  steps: number;
-  settle_s: number;
-}
-
 export interface Crossing {
   bandwidth_rad_s: number;
   margin_deg: number;
@@ -206,6 +193,42 @@ export interface CurrentResponse {
   predicted_crossing: Crossing | null;
 }
 
+/** What a commissioning is asked for. */
+export interface CommissioningWanted {
+  travel_mm: number;
+  margin_deg: number;
+  /** Only the current loops are measured. */
+  response_only: boolean;
+}
+
+export interface Quantity {
+  name: string;
+  unit: string;
+  estimate: { value: number; plus_minus: number };
+  before: number | null;
+}
+
+/** A step of the commissioning that is done. */
+export interface CommissioningStep {
+  name: string;
+  about: string;
+  seconds: number;
+  quantities: Quantity[];
+  limits: { name: string; unit: string; reached: number; limit: number }[];
+  /** Screw, nut; null where the step of the current was not seen. */
+  responses: (CurrentResponse | null)[] | null;
+}
+
+export interface Commissioning {
+  running: boolean;
+  step: string;
+  about: string;
+  /** From 0 to 1, of the step. */
+  part: number;
+  error: string | null;
+  done: CommissioningStep[];
+}
+
 export type SourceChoice =
   | { kind: "simulation"; board: string; cold: boolean; effects: string }
   | { kind: "socket"; url: string }
@@ -215,6 +238,7 @@ export type ToWorker =
   | { type: "start"; module: WebAssembly.Module }
   | { type: "source"; source: SourceChoice }
   | { type: "ask"; id: number; command: Command }
+  | { type: "commission"; wanted: CommissioningWanted }
   | { type: "stop" }
   | { type: "call"; id: number; call: Call }
   | { type: "identify"; declared: string; fit: Float64Array; check: Float64Array }
@@ -228,6 +252,7 @@ export type FromWorker =
   | { type: "machine"; machine: Machine }
   | { type: "stream"; stream: Stream }
   | { type: "rows"; rows: Float64Array }
+  | { type: "commissioning"; report: Commissioning }
   | { type: "notice"; sentence: string }
   | { type: "result"; id: number; result: unknown; error: string | null }
   | { type: "identified"; found: Found | null; error: string | null }

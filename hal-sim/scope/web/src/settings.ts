@@ -2,7 +2,7 @@
 
 import { computed, effect, signal } from "@preact/signals";
 import { settings_schema } from "scope";
-import { ask, connection, notice, source, status, stops } from "./drive";
+import { ask, commissioning, connection, notice, source, status, stops } from "./drive";
 import { sentenceOf } from "./format";
 import type { SettingSchema } from "./messages";
 
@@ -32,8 +32,10 @@ export function start() {
     void source.value;
     unstored.value = false;
   });
+  // A commissioning stores what it has measured.
+  const commissioned = computed(() => !commissioning.value?.running);
   effect(() => {
-    if (connection.value.open) void read();
+    if (connection.value.open && commissioned.value) void read();
   });
   effect(() => {
     if (unstored.value && atRest.value) void store();

@@ -137,28 +137,41 @@ withTab("a gain changes while the drive runs, and its predicted margin with it",
   await unstored.waitFor({ state: "detached" });
 });
 
-withTab("a current loop is measured by steps beside its model, and the drive rests afterwards", async ({ tab }) => {
-  const panel = tab.getByRole("region", { name: "Current loop, measured" });
-  await panel.getByLabel("Loop of the").selectOption("nut");
-  await button(tab, "Measure steps").click();
-  await panel.getByText("Step 2 of").waitFor({ timeout: 30_000 });
-  await panel.getByText("nut: 8 steps from").waitFor({ timeout: 30_000 });
+withTab("the current loops are measured by steps beside their model, and the drive rests afterwards", async ({ tab }) => {
+  const panel = tab.getByRole("region", { name: "Commissioning" });
+  assert.equal(await button(tab, "Measure current loops").isDisabled(), true);
+  await panel.getByLabel("The table may move").check();
+  await button(tab, "Measure current loops").click();
+  await panel.getByText("All steps are done").waitFor({ timeout: 60_000 });
   await state(tab, "ready");
-  const values = async (name) => {
-    const cells = await panel.getByRole("row", { name }).getByRole("cell").allInnerTexts();
-    return cells.map((text) => Number.parseFloat(text));
-  };
-  const [[hz, degrees], [modelHz, modelDegrees]] = [await values("measured"), await values("model")];
-  assert.ok(modelHz > 300 && Math.abs(hz / modelHz - 1) < 0.1, `${hz} Hz measured, ${modelHz} Hz of the model`);
-  assert.ok(Math.abs(degrees - modelDegrees) < 5, `${degrees} and ${modelDegrees} degrees`);
-  for (const name of ["Step response", "Measured gain", "Measured phase"]) await panel.getByRole("img", { name }).waitFor();
-  // A stop ends it.
-  await button(tab, "Measure steps").click();
-  await panel.getByText("Step 1 of").waitFor({ timeout: 30_000 });
+  for (const motor of ["screw", "nut"]) {
+    const loop = panel.getByRole("region", { name: `Current loop of the ${motor}` });
+    await loop.getByText(`${motor}: 8 steps from`).waitFor();
+    const values = async (name) => {
+      const cells = await loop.getByRole("row", { name }).getByRole("cell").allInnerTexts();
+      return cells.map((text) => Number.parseFloat(text));
+    };
+    const [[hz, degrees], [modelHz, modelDegrees]] = [await values("measured"), await values("model")];
+    assert.ok(modelHz > 300 && Math.abs(hz / modelHz - 1) < 0.1, `${hz} Hz measured, ${modelHz} Hz of the model`);
+    assert.ok(Math.abs(degrees - modelDegrees) < 5, `${degrees} and ${modelDegrees} degrees`);
+    for (const name of ["Step response", "Measured gain", "Measured phase"]) await loop.getByRole("img", { name }).waitFor();
+  }
+  // The page has its own telemetry again.
+  await run(tab);
+});
+
+withTab("a stop ends a commissioning, which nothing else moves", async ({ tab }) => {
+  const panel = tab.getByRole("region", { name: "Commissioning" });
+  await panel.getByLabel("The table may move").check();
+  await button(tab, "Commission").click();
+  await panel.getByText("electrical: both motors turn").waitFor({ timeout: 30_000 });
+  await state(tab, "running");
+  await button(tab, "Run").click();
+  await tab.getByText("The drive is being commissioned: stop it first.").waitFor();
   await tab.keyboard.press("Escape");
   await state(tab, "ready");
+  await panel.getByText("It was stopped.").waitFor();
   await tab.getByText("· not armed").waitFor();
-  await panel.getByRole("button", { name: "Measure steps", disabled: false }).waitFor();
 });
 
 withTab("a burst shows every PWM period around its trigger, and its spectrum up to 10 kHz", async ({ tab }) => {

@@ -2,7 +2,7 @@
 
 use crate::alignment::error_deg;
 use commission::Session;
-use commission::procedure::{Done, Options, run};
+use commission::procedure::{Done, Options, Step, run};
 use commission::tune::Tuned;
 use control::format::Misfit;
 use control::plate::DrivePlate;
@@ -14,6 +14,7 @@ use link::host::client::Client;
 use link::settings::{PER_KRPM, Settings};
 use plant::Axis;
 use plant::machine::Coupling;
+use pollster::block_on;
 use std::cell::RefCell;
 use std::f64::consts::TAU;
 use std::rc::Rc;
@@ -48,6 +49,7 @@ pub const USUAL: Options = Options {
     travel_m: 10e-3,
     speed_rad_s: None,
     margin_deg: 45.0,
+    steps: &Step::ALL,
 };
 
 /// Commissions the drive of `start` over its link.
@@ -59,15 +61,15 @@ pub fn commission(start: &Start, options: &Options) -> Result<Outcome, Misfit> {
     let serving = Rc::new(RefCell::new(serving));
     let mut done = Vec::new();
     let failure = Client::open(Within::open(&serving))
-        .and_then(|client| Session::open(client, Arc::new(AtomicBool::new(false))))
+        .and_then(|client| block_on(Session::open(client, Arc::new(AtomicBool::new(false)))))
         .and_then(|mut session| {
-            run(
+            block_on(run(
                 &mut session,
                 options,
                 &mut done,
                 &mut |_, _| (),
                 &mut |_| Ok(()),
-            )
+            ))
         })
         .err()
         .map(|error| format!("{error:#}"));

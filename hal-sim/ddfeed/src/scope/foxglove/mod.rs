@@ -21,7 +21,7 @@ use foxglove::{
 };
 use link::codes::State;
 use link::host::Decoder;
-use link::host::client::Lost;
+use link::host::refused::Lost;
 use link::host::status::StatusReport;
 use link::message::{Command, Travel};
 use link::settings::Settings;

@@ -1,13 +1,13 @@
 import { dismiss, notices, source } from "../drive";
 import { BurstPanel } from "./burst";
 import { Commands } from "./commands";
+import { CommissioningPanel } from "./commissioning";
 import { Faults } from "./faults";
 import { Header } from "./header";
 import { Identification } from "./identification";
 import { LoopMargins } from "./loops";
 import { MachinePicture } from "./machine";
 import { Plots } from "./plots";
-import { ResponsePanel } from "./response";
 import { RippleTable } from "./ripple";
 import { SettingsTree } from "./settings";
 import { Simulation } from "./simulation";
@@ -39,6 +39,7 @@ export function Page() {
             <MachinePicture />
             <Faults />
             <Commands />
+            <CommissioningPanel />
           </section>
           <section class="column wide" aria-label="Signals">
             <Plots />
@@ -48,7 +49,6 @@ export function Page() {
           </section>
           <section class="column" aria-label="Settings">
             <LoopMargins />
-            <ResponsePanel />
             <SettingsTree />
             <Simulation />
           </section>

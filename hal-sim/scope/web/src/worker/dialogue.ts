@@ -1,7 +1,7 @@
 // Requests to the drive and their answers, over a session of the Rust code.
 
 import { Session } from "scope";
-import type { Call, Command, Compensation, Counts, CurrentResponse, FromDrive, Reply, StepPlan } from "../messages";
+import type { Call, Command, Commissioning, CommissioningWanted, Compensation, Counts, FromDrive, Reply } from "../messages";
 import type { Source } from "./source";
 
 const ANSWER_MS = 1000;
@@ -69,15 +69,32 @@ export class Dialogue {
         return this.session.take_recording();
       case "burst rows":
         return this.session.burst_rows();
-      case "begin steps":
-        return JSON.parse(this.session.begin_steps(call.motor, call.bus_v)) as StepPlan;
-      case "add step":
-        return JSON.parse(this.session.add_step()) as CurrentResponse | null;
       case "declared":
         return this.source.declared() ?? this.session.declared();
       case "compensation":
         return JSON.parse(this.session.compensation(call.model)) as Compensation;
     }
+  }
+
+  /** Begins to commission the drive. It throws a sentence if a value is not possible. */
+  commission(wanted: CommissioningWanted) {
+    this.session.commission(JSON.stringify(wanted));
+  }
+
+  /** Goes on with the commissioning, as far as the answers allow. False if there is none. */
+  pollCommissioning(now: number): boolean {
+    const bytes = this.session.poll_commissioning(now);
+    if (bytes.length > 0) this.source.send(bytes);
+    return this.session.commissions();
+  }
+
+  /** Ends the commissioning: it sends nothing any more. */
+  stopCommissioning() {
+    this.session.stop_commissioning();
+  }
+
+  commissioning(): Commissioning | null {
+    return JSON.parse(this.session.commissioning()) as Commissioning | null;
   }
 
   counts(): Counts {

@@ -1,7 +1,7 @@
 // The worker: source, session, heartbeat. The page only draws.
 
 import { identify, initSync } from "scope";
-import type { Call, Command, Found, FromDrive, FromWorker, SourceChoice, ToWorker } from "../messages";
+import type { Call, Command, CommissioningWanted, Found, FromDrive, FromWorker, SourceChoice, ToWorker } from "../messages";
 import { sentenceOf } from "../format";
 import { Dialogue } from "./dialogue";
 import { Life } from "./life";
@@ -15,6 +15,8 @@ const ROWS_MS = 33;
 const HELLO_MS = 500;
 /** A drive that says nothing for so long is shown as silent. */
 const SILENCE_MS = 500;
+/** The page hears so often how far a commissioning is. */
+const REPORT_MS = 100;
 /** A lost server is asked for so often. */
 const AGAIN_MS = 1000;
 /** Steps of the speed task from row to row: 1 kHz of the usual 5 kHz. */
@@ -30,12 +32,16 @@ let silent = false;
 /** This page has armed the drive, so it sends heartbeats. */
 let commands = false;
 let stopAsked: number | null = null;
+/** The steps of a commissioning ask the drive, and nobody else moves it. */
+let commissions = false;
+/** What the page may ask during a commissioning. */
+const READS = ["status", "settings", "faults", "journal"];
 /** A new number with each source: answers of an older one do nothing. */
 let opened = 0;
 const life = new Life();
 /** The server that was lost, and when it is asked for again. */
 let again: { choice: SourceChoice; due: number } | null = null;
-const due = { hello: 0, beat: 0, status: 0, rows: 0, stop: 0 };
+const due = { hello: 0, beat: 0, status: 0, rows: 0, stop: 0, report: 0 };
 
 const post = (message: FromWorker, transfer: Transferable[] = []) => postMessage(message, { transfer });
 
@@ -44,6 +50,7 @@ function connection(open: boolean, sentence: string) {
 }
 
 async function choose(choice: SourceChoice) {
+  endCommissioning();
   dialogue?.close();
   dialogue = source = null;
   inSession = commands = false;
@@ -70,6 +77,7 @@ function askAgain(choice: SourceChoice) {
 
 function lost(choice: SourceChoice, sentence: string) {
   if (choice.kind === "simulation") return post({ type: "notice", sentence });
+  endCommissioning();
   dialogue?.close();
   dialogue = source = null;
   inSession = commands = false;
@@ -88,7 +96,8 @@ function heard(message: FromDrive) {
     inSession = true;
     simulated = reply.hello.simulated;
     post({ type: "rates", rates: reply.hello });
-    dialogue?.tell({ command: "record", divider: DIVIDER });
+    // A commissioning has a stream of its own.
+    if (!commissions) dialogue?.tell({ command: "record", divider: DIVIDER });
     connection(true, "");
   } else if (reply.status && dialogue) {
     if (reply.status.fault) commands = false;
@@ -103,6 +112,7 @@ function heard(message: FromDrive) {
 async function answer(id: number, command: Command) {
   try {
     if (!dialogue || !inSession) throw new Error("There is no drive yet.");
+    if (commissions && !READS.includes(command.command)) throw new Error("The drive is being commissioned: stop it first.");
     if (command.command === "arm") commands = true;
     const reply = await dialogue.ask(command);
     post({ type: "answer", id, reply, error: reply ? null : "The drive does not answer." });
@@ -129,9 +139,36 @@ function identified(declared: string, fit: Float64Array, check: Float64Array) {
   }
 }
 
+function commission(wanted: CommissioningWanted) {
+  try {
+    if (!dialogue || !inSession) throw new Error("There is no drive yet.");
+    if (commissions) throw new Error("The drive is being commissioned: stop it first.");
+    dialogue.commission(wanted);
+    commissions = true;
+  } catch (error) {
+    post({ type: "notice", sentence: sentenceOf(error) });
+  }
+}
+
+/** Tells the page how far the commissioning is. */
+function report() {
+  const found = dialogue?.commissioning();
+  if (found) post({ type: "commissioning", report: found });
+}
+
+/** Ends it, if there is one: it sends nothing any more. */
+function endCommissioning() {
+  if (!commissions) return;
+  commissions = false;
+  dialogue?.stopCommissioning();
+  report();
+  if (inSession) dialogue?.tell({ command: "record", divider: DIVIDER });
+}
+
 /** Sends a stop now and again until the drive confirms it. */
 function stop(now: number) {
   due.stop = now + BEAT_MS;
+  endCommissioning();
   commands = false;
   const current = dialogue;
   if (!current || !inSession) return;
@@ -146,6 +183,7 @@ function tick() {
   const now = performance.now();
   if (again && now > again.due) void choose(again.choice);
   if (!dialogue) return;
+  if (commissions) commands = true;
   if (commands && life.missing) {
     stopAsked = now;
     stop(now);
@@ -170,6 +208,15 @@ function tick() {
     dialogue.tell({ command: "status" });
   }
   dialogue.listen();
+  if (commissions) {
+    if (!dialogue.pollCommissioning(now)) {
+      commands = false;
+      endCommissioning();
+    } else if (now > due.report) {
+      due.report = now + REPORT_MS;
+      report();
+    }
+  }
   if (now > due.rows) {
     due.rows = now + ROWS_MS;
     const rows = dialogue.rows();
@@ -196,6 +243,9 @@ onmessage = ({ data }: MessageEvent<ToWorker>) => {
       break;
     case "identify":
       identified(data.declared, data.fit, data.check);
+      break;
+    case "commission":
+      commission(data.wanted);
       break;
     case "stop":
       stopAsked = performance.now();
