@@ -46,8 +46,9 @@ const SMALL: f64 = 1e-4;
 /// The largest turning current, of the largest amplitude: past it no loss is whole.
 const TURNING_MAX: f64 = 0.8;
 
-/// The half interval of a turning current that is applied, of it.
-const CLEAR: f64 = 0.2;
+/// Largest half interval of a turning current that is known from none, of it. A sharper loss than that of a leg's capacitance looked like
+/// a turning current of 0.45 half intervals of it.
+const CLEAR: f64 = 1.0 / 3.0;
 
 /// By how many half intervals a dead time is above none.
 const SURE: f64 = 2.0;
@@ -67,7 +68,7 @@ pub struct MotorElectrical {
     pub offset_deg: Estimate,
     /// Voltage that a phase loses to the dead time at large currents, beyond what is compensated, V.
     pub dead_time_v: Estimate,
-    /// Phase current that turns a leg within the dead time, A.
+    /// Phase current that turns a leg within the dead time, A; 0 where it is not known from none.
     #[serde(default)]
     pub turning_a: Estimate,
 }
@@ -179,60 +180,72 @@ struct Motor {
     turns: Vec<Turns>,
 }
 
+/// Resistance, inductance, both parts of the flux, what the dead time takes of a phase, V, and how late that comes times it, V s.
+type Winding = [Estimate; 6];
+
 impl Motor {
-    /// Resistance, inductance, both parts of the flux, what the dead time takes of a phase, V, how late that comes times it, V s, and
-    /// the turning current, A.
-    fn fit(&self) -> Option<[Estimate; 7]> {
+    /// What the dead time takes, of that at large currents, and its part that grows with its delay.
+    fn lost(&self, turns: &Turns, turning_a: f64) -> [[f64; 2]; 2] {
+        let [d, q] = turns.of_phases(|amps| dead_time::lost(amps / turning_a));
+        let w = self.pole_pairs * turns.speed();
+        [[d, q], [w * q, -w * d]]
+    }
+
+    /// The fit where the turning current is known.
+    fn with_turning(&self, turning_a: f64) -> Option<Winding> {
+        let mut fit = Fit::new(6, 1.0);
+        for turns in &self.turns {
+            turns.add(&mut fit, self, &self.lost(turns, turning_a), [0.0; 2]);
+        }
+        fit.solve()?.try_into().ok()
+    }
+
+    /// A step of Gauss and Newton: all but the turning current is linear.
+    fn with_turning_near(&self, turning_a: f64, whole_v: f64) -> Option<(Winding, Estimate)> {
+        let mut fit = Fit::new(7, 1.0);
+        let step = 1e-3 * turning_a;
+        for turns in &self.turns {
+            let [above, below] = [step, -step].map(|step| self.lost(turns, turning_a + step)[0]);
+            let slope = [0, 1].map(|k| whole_v * (above[k] - below[k]) / (2.0 * step));
+            let [lost, late] = self.lost(turns, turning_a);
+            let known = slope.map(|slope| -slope * turning_a);
+            turns.add(&mut fit, self, &[lost, late, slope], known);
+        }
+        let [r, l, cosine, sine, whole, late, turning] = fit.solve()?.try_into().ok()?;
+        Some(([r, l, cosine, sine, whole, late], turning))
+    }
+
+    /// The winding and the turning current, A; that is 0 if the currents do not tell it.
+    fn fit(&self) -> Option<(Winding, Estimate)> {
         let samples = self.turns.iter().flat_map(|turns| &turns.samples);
         let most = samples.fold(0.0, |most, (_, [a, ..])| f64::max(most, a.abs()));
-        let range = [SMALL * most, TURNING_MAX * most];
-        let lost =
-            |turns: &Turns, turning: f64| turns.of_phases(|amps| dead_time::lost(amps / turning));
-        let late = |turns: &Turns, [d, q]: [f64; 2]| {
-            let w = self.pole_pairs * turns.speed();
-            [w * q, -w * d]
-        };
-        let with_turning_known = |turning: f64| -> Option<[Estimate; 6]> {
-            let mut fit = Fit::new(6, 1.0);
-            for turns in &self.turns {
-                let lost = lost(turns, turning);
-                turns.add(&mut fit, self, &[lost, late(turns, lost)], [0.0; 2]);
-            }
-            fit.solve()?.try_into().ok()
-        };
+        let [low, high] = [SMALL * most, TURNING_MAX * most];
         // The sentence of that setting asks for twice the turning current.
-        let mut turning = (0.5 * self.full_a).clamp(range[0], range[1]);
-        let mut whole = with_turning_known(turning)?[4].value;
+        let declared = (0.5 * self.full_a).clamp(low, high);
+        let mut turning = declared;
+        let mut whole = self.with_turning(turning)?[4].value;
         for _ in 0..STEPS {
-            // All but the turning current is linear: Gauss and Newton's steps.
-            let mut fit = Fit::new(7, 1.0);
-            let step = 1e-3 * turning;
-            for turns in &self.turns {
-                let [above, below] = [step, -step].map(|step| lost(turns, turning + step));
-                let slope = [0, 1].map(|k| whole * (above[k] - below[k]) / (2.0 * step));
-                let known = slope.map(|slope| -slope * turning);
-                let lost = lost(turns, turning);
-                turns.add(&mut fit, self, &[lost, late(turns, lost), slope], known);
-            }
-            let Some(found) = fit.solve() else { break };
-            let found: [Estimate; 7] = found.try_into().ok()?;
-            let next = found[6].value.clamp(range[0], range[1]);
-            let change = (next - turning).abs();
-            (whole, turning) = (found[4].value, next);
-            if change < SMALL * most {
-                if range.contains(&next) {
-                    break;
+            let Some((winding, found)) = self.with_turning_near(turning, whole) else {
+                break;
+            };
+            let before = turning;
+            (whole, turning) = (winding[4].value, found.value.clamp(low, high));
+            if (turning - before).abs() < SMALL * most {
+                if found.plus_minus < CLEAR * found.value && turning < high {
+                    return Some((winding, found));
                 }
-                return Some(found);
+                break;
             }
         }
-        // The turning current is at an end of its range, or the currents do not tell it.
-        let [resistance, inductance, cosine, sine, whole, late] = with_turning_known(turning)?;
-        let turning = Estimate {
-            value: turning,
-            plus_minus: 0.0,
-        };
-        Some([resistance, inductance, cosine, sine, whole, late, turning])
+        // The declared one is taken then. It may be anything from none to twice that.
+        let mut winding = self.with_turning(declared)?;
+        let none = self.with_turning(low)?;
+        let twice = self.with_turning((2.0 * declared).min(high))?;
+        for (k, found) in winding.iter_mut().enumerate() {
+            let half = 0.5 * (twice[k].value - none[k].value);
+            found.plus_minus = found.plus_minus.hypot(half);
+        }
+        Some((winding, Estimate::default()))
     }
 }
 
@@ -314,7 +327,7 @@ pub async fn measure<D: Dialogue>(
 }
 
 fn solve(measured: &Motor, motor: &str) -> Result<MotorElectrical> {
-    let Some([resistance, inductance, cosine, sine, lost, _, turning]) = measured.fit() else {
+    let Some(([resistance, inductance, cosine, sine, lost, _], turning)) = measured.fit() else {
         bail!(Failure {
             measured: format!("the {motor}'s voltages do not tell its parameters apart"),
             expected: "currents along d as they were asked, at four speeds".to_owned(),
@@ -376,12 +389,12 @@ impl Electrical {
     }
 
     /// Phase current at which the compensation is to be full, A: twice the turning current, by the larger end of its interval. `None`
-    /// if a motor does not tell it to [`CLEAR`].
+    /// if a motor does not tell it.
     #[must_use]
     pub fn full_a(&self) -> Option<f64> {
         let each = self.motors.iter().map(|motor| {
             let Estimate { value, plus_minus } = motor.turning_a;
-            (plus_minus > 0.0 && plus_minus < CLEAR * value).then_some(2.0 * (value + plus_minus))
+            (value > 0.0).then_some(2.0 * (value + plus_minus))
         });
         let both: Option<Vec<f64>> = each.collect();
         Some(both?.into_iter().fold(0.0, f64::max))
