@@ -50,6 +50,9 @@ const TURNING_MAX: f64 = 0.8;
 /// a turning current of 0.45 half intervals of it.
 const CLEAR: f64 = 1.0 / 3.0;
 
+/// Least current of full compensation, of the currents' noise at rest: a smaller one would be switched by the noise.
+const FULL_NOISE: f64 = 14.0;
+
 /// By how many half intervals a dead time is above none.
 const SURE: f64 = 2.0;
 /// The largest that the drive compensates, ns.
@@ -82,6 +85,8 @@ pub struct Electrical {
     pub current_a: [Bound; 2],
     /// Table's travel, m.
     pub travel_m: Bound,
+    /// Standard deviation of the phases' currents at rest, A.
+    pub noise_a: f64,
 }
 
 /// Largest current along d, A.
@@ -323,6 +328,7 @@ pub async fn measure<D: Dialogue>(
         motors: [solve(&screw, "screw")?, solve(&nut, "nut")?],
         current_a: bounds,
         travel_m: travel,
+        noise_a: session.noise_a(),
     })
 }
 
@@ -388,8 +394,8 @@ impl Electrical {
         screw.min(nut) / bus_v * pwm_period_s
     }
 
-    /// Phase current at which the compensation is to be full, A: twice the turning current, by the larger end of its interval. `None`
-    /// if a motor does not tell it.
+    /// Phase current at which the compensation is to be full, A: twice the turning current, by the larger end of its interval, and
+    /// above the noise of the current sensors. `None` if a motor does not tell it.
     #[must_use]
     pub fn full_a(&self) -> Option<f64> {
         let each = self.motors.iter().map(|motor| {
@@ -397,7 +403,7 @@ impl Electrical {
             (value > 0.0).then_some(2.0 * (value + plus_minus))
         });
         let both: Option<Vec<f64>> = each.collect();
-        Some(both?.into_iter().fold(0.0, f64::max))
+        Some(both?.into_iter().fold(FULL_NOISE * self.noise_a, f64::max))
     }
 
     /// The settings with what was measured, and with `dead_time_s` more to compensate.

@@ -87,6 +87,7 @@ pub struct Session<D> {
     heard: Duration,
     moving: bool,
     repeated: u32,
+    noise_a: f64,
     stop: Arc<AtomicBool>,
 }
 
@@ -115,6 +116,7 @@ impl<D: Dialogue> Session<D> {
             heard: clock,
             moving: false,
             repeated: 0,
+            noise_a: 0.0,
             stop,
         })
     }
@@ -149,6 +151,12 @@ impl<D: Dialogue> Session<D> {
         1.0 / self.drive.speed_hz()
     }
 
+    /// Largest standard deviation of a phase's current while it rested, A; 0 before [`Session::noise`].
+    #[must_use]
+    pub fn noise_a(&self) -> f64 {
+        self.noise_a
+    }
+
     /// Mean and standard deviation of the currents of phases a and b of screw and nut while it rests, A.
     ///
     /// # Errors
@@ -166,13 +174,18 @@ impl<D: Dialogue> Session<D> {
             }
         })
         .await?;
-        Ok(sums.map(|motor| {
+        let noise = sums.map(|motor| {
             motor.map(|[sum, squares]| {
                 let mean: f64 = sum / count;
                 let variance: f64 = squares / count - mean * mean;
                 [mean, variance.max(0.0).sqrt()]
             })
-        }))
+        });
+        self.noise_a = noise
+            .as_flattened()
+            .iter()
+            .fold(0.0, |most, [_, noise]| f64::max(most, *noise));
+        Ok(noise)
     }
 
     /// The drive's time over its restarts, since the session first saw it, s.
