@@ -35,6 +35,9 @@ const LEVELS: [f64; 6] = [0.3, 0.6, 1.0, -1.0, -0.6, -0.3];
 const MEAN_S: f64 = 0.15;
 /// What a current takes to be steady, s: many periods of any current loop.
 const SETTLE_S: f64 = 0.05;
+/// A step of a current along d, of the largest, and how long it lasts, s.
+const RAMP: f64 = 0.2;
+const RAMP_S: f64 = 2e-3;
 /// Largest current along d, of the rated one, of the largest torque's, and of what opens the bridge.
 const OF_RATED: f64 = 0.9;
 const OF_LARGEST: f64 = 0.9;
@@ -296,10 +299,12 @@ pub async fn measure<D: Dialogue>(
         .map(|part| part * speed)
         .collect();
     for (k, base) in stations.iter().enumerate() {
-        session.direct_off_and_go(*base, &mut watch).await?;
+        session.go(0.0, *base, &mut watch).await?;
+        let mut held = 0.0;
         for (level, part) in LEVELS.iter().enumerate() {
             progress((k as f64 + level as f64 / LEVELS.len() as f64) / stations.len() as f64);
-            session.direct(most.map(|most| part * most)).await?;
+            session.ramp_direct(most, [held, *part], &mut watch).await?;
+            held = *part;
             session.hold(SETTLE_S, &mut watch).await?;
             let count = (MEAN_S * base.abs() / TAU).ceil().max(1.0);
             let mut turns = [Turns::default(), Turns::default()];
@@ -319,8 +324,8 @@ pub async fn measure<D: Dialogue>(
                 motor.turns.push(turns);
             }
         }
+        session.ramp_direct(most, [held, 0.0], &mut watch).await?;
     }
-    session.direct([0.0; 2]).await?;
     session.go(0.0, 0.0, &mut watch).await?;
     session.rest().await?;
     let [screw, nut] = measured;
@@ -423,11 +428,19 @@ impl Electrical {
 }
 
 impl<D: Dialogue> Session<D> {
-    /// Without currents along d: to a base speed, by way of no current at the old one.
-    async fn direct_off_and_go(&mut self, base: f64, watch: &mut dyn FnMut(&Point)) -> Result<()> {
-        if self.is_moving() {
-            self.direct([0.0; 2]).await?;
+    /// Takes the currents along d from one part of `most`, A, to another in steps that a current loop's overshoot keeps small.
+    async fn ramp_direct(
+        &mut self,
+        most: [f64; 2],
+        [from, to]: [f64; 2],
+        watch: &mut dyn FnMut(&Point),
+    ) -> Result<()> {
+        let steps = ((to - from).abs() / RAMP).ceil();
+        for step in 1..=steps as u32 {
+            let part = from + (to - from) * f64::from(step) / steps;
+            self.direct(most.map(|most| part * most)).await?;
+            self.hold(RAMP_S, watch).await?;
         }
-        self.go(0.0, base, watch).await
+        Ok(())
     }
 }

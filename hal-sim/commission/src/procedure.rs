@@ -303,13 +303,10 @@ async fn electrical_step<D: Dialogue>(
         motors.map(|m| m.dead_time_v),
         None,
     );
-    both(
-        q,
-        "current that turns a leg",
-        "A",
-        motors.map(|m| m.turning_a),
-        None,
-    );
+    if motors.iter().all(|motor| motor.turning_a.value > 0.0) {
+        let turning = motors.map(|motor| motor.turning_a);
+        both(q, "current that turns a leg", "A", turning, None);
+    }
     let mut bridge = |name: &str, unit: &str, now, before| {
         q.push(Quantity {
             name: format!("bridge: {name}"),

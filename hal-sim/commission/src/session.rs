@@ -85,7 +85,6 @@ pub struct Session<D> {
     beaten: (f64, Duration),
     looked: f64,
     heard: Duration,
-    moving: bool,
     repeated: u32,
     noise_a: f64,
     stop: Arc<AtomicBool>,
@@ -114,7 +113,6 @@ impl<D: Dialogue> Session<D> {
             beaten: (0.0, clock),
             looked: 0.0,
             heard: clock,
-            moving: false,
             repeated: 0,
             noise_a: 0.0,
             stop,
@@ -319,7 +317,6 @@ impl<D: Dialogue> Session<D> {
         };
         self.pass(&mut *each)?;
         self.drive.tell(command).await?;
-        self.moving = true;
         let relative = velocity / (self.settings.feed.lead_mm * 1e-3) * TAU;
         let targets = [base + relative, base];
         let until = self.now + ARRIVE_S;
@@ -432,18 +429,11 @@ impl<D: Dialogue> Session<D> {
         }
     }
 
-    /// It was asked for a speed.
-    #[must_use]
-    pub fn is_moving(&self) -> bool {
-        self.moving
-    }
-
     /// Comes to rest, whatever it does.
     ///
     /// # Errors
     /// It does not, or has a fault.
     pub async fn rest(&mut self) -> Result<()> {
-        self.moving = false;
         self.drive.tell(Command::Stop).await?;
         let begun = self.drive.status().await?.uptime_ms;
         loop {

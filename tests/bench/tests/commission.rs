@@ -147,6 +147,23 @@ fn the_boards_as_they_ship_measure_their_windings_and_their_legs() {
     }
 }
 
+/// A datasheet's rated torque as the limit: a step of the current along d from one end to the other overshot it by a third.
+#[test]
+fn the_currents_keep_the_limit_of_the_rated_torque() {
+    let mut start = rough(3);
+    for motor in &mut start.plate.motors {
+        motor.torque_max_nm *= 0.5;
+    }
+    let mut session = session(&start);
+    block_on(session.ready()).unwrap();
+    block_on(session.arm()).unwrap();
+    let quiet = &mut |_| ();
+    let measured = electrical::measure(&mut session, electrical::SPEEDS, 1e-4, quiet);
+    for bound in block_on(measured).unwrap().current_a {
+        assert!(bound.is_kept(), "{bound:?}");
+    }
+}
+
 /// Measured bandwidth of the predicted one, and what the measured margin is above the predicted one, degrees.
 fn beside_model(response: &CurrentResponse) -> [f64; 2] {
     let (measured, model) = (

@@ -99,6 +99,14 @@ impl Balance<'_> {
                         * rounded_sign(signals.relative_speed[k], self.rounding.guideway)
                 });
             }
+            Parameter::GuidewayShare if feed.guideway_coulomb_n > 0.0 => {}
+            Parameter::GuidewayShare => {
+                let pair_n = feed.pair_coulomb_nm / self.lead;
+                sum = self.guideway(|k| {
+                    pair_n * rounded_sign(signals.relative_speed[k], self.rounding.guideway)
+                });
+                sum.add_all(-1.0, &self.parameter(Parameter::Pair));
+            }
             Parameter::GuidewayViscous => {
                 sum = self.guideway(|k| {
                     feed.guideway_viscous_n_s_per_m * self.lead * signals.relative_speed[k]

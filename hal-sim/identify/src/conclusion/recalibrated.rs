@@ -30,6 +30,7 @@ fn declared_name(parameter: Parameter, machine: &dyn Machine) -> Option<String> 
         Parameter::GuidewayViscous => "feed.guideway_viscous_n_s_per_m".into(),
         Parameter::Load => "feed.load_n".into(),
         Parameter::Curve(_)
+        | Parameter::GuidewayShare
         | Parameter::TableOrigin { .. }
         | Parameter::RestOffset { .. }
         | Parameter::RestDrift { .. } => return None,
@@ -66,6 +67,7 @@ fn add(declared: &mut f64, value: f64) {
 pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
     let mut model = case.balance.model.clone();
     model.feed.axial_damping_ratio = case.balance.damping;
+    let mut share = 0.0;
     for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
         let value = parameter.within_interval(case.balance.model, solution.values[k]);
         let factor = 1.0 + value;
@@ -84,6 +86,7 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
             }
             Parameter::Pair => model.feed.pair_coulomb_nm *= factor,
             Parameter::GuidewayCoulomb => model.feed.guideway_coulomb_n *= factor,
+            Parameter::GuidewayShare => share = value.clamp(0.0, 1.0),
             Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
             Parameter::Load => model.feed.load_n *= factor,
             Parameter::Curve(_)
@@ -92,6 +95,9 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
             | Parameter::RestDrift { .. } => {}
         }
     }
+    let feed = &mut model.feed;
+    feed.guideway_coulomb_n += share * feed.pair_coulomb_nm / feed.travel_per_radian().abs();
+    feed.pair_coulomb_nm *= 1.0 - share;
     model
         .effects
         .extend(effects.iter().map(|found| found.effect.clone()));

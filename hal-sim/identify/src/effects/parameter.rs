@@ -13,6 +13,9 @@ pub enum Parameter {
     Pair,
     /// Coulomb friction of the guideway.
     GuidewayCoulomb,
+    /// The part of the pair's friction that is the guideway's, where the model declares none there: torques show the sum alone. What the
+    /// guideway has winds up the screw at a reversal, as a play does.
+    GuidewayShare,
     /// Viscous friction of the guideway.
     GuidewayViscous,
     /// Load force.
@@ -98,9 +101,9 @@ impl Parameter {
     }
 
     /// All that it declares of the feed.
-    pub fn of_the_feed() -> [Parameter; 4] {
+    pub fn of_the_feed() -> [Parameter; 5] {
         use Parameter::*;
-        [Pair, GuidewayCoulomb, GuidewayViscous, Load]
+        [Pair, GuidewayCoulomb, GuidewayShare, GuidewayViscous, Load]
     }
 
     /// Whether it is the machine's and not the record's.
@@ -141,6 +144,7 @@ impl Parameter {
                 MotorParameter::VoltageLag | MotorParameter::ReadingLag => 1e-4,
             },
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
+            Parameter::GuidewayShare => 1.0,
             Parameter::Load => 0.005,
             Parameter::Curve(_) => f64::INFINITY,
             Parameter::TableOrigin { within } => within,
