@@ -1,4 +1,4 @@
-//! `cargo xtask build | emulate | cost | sizes`: the firmware, on an emulated chip, and what it takes.
+//! `cargo xtask build | emulate | chip | cost | sizes`: the firmware, on an emulated chip, and what it takes.
 
 use crate::program::Program;
 use crate::tools::{emulator_environment, root, target_folder};
@@ -141,6 +141,19 @@ fn emulator(program: &str, words: Vec<OsString>) -> Result<()> {
         environment: &emulator_environment(&target_folder()?)?,
     };
     emulator.run(words)
+}
+
+/// The tests of the firmware on the emulated chip. Their words are those of a test's program: a part of a name, `--ignored`.
+pub fn chip(words: Vec<OsString>) -> Result<()> {
+    let status = Command::new("cargo")
+        .args(["test", "--package", "tests", "--test", "chip", "--"])
+        .args(words)
+        .envs(emulator_environment(&target_folder()?)?)
+        .current_dir(root()?)
+        .status()
+        .context("the tests could not be started")?;
+    ensure!(status.success(), "the tests failed ({status})");
+    Ok(())
 }
 
 /// The identification's blind test on so many machines.

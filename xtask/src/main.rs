@@ -46,6 +46,9 @@ enum Task {
     /// Run the firmware on an emulated chip that a debugger and a host reach.
     #[command(disable_help_flag = true)]
     Emulate(Words),
+    /// Test the firmware on an emulated chip: bit equality, link, settings, cost, stack. Words filter the tests: `chip same_bits`.
+    #[command(disable_help_flag = true)]
+    Chip(Words),
     /// Run the firmware on an emulated chip and print what its interrupts cost.
     Cost(firmware::CostOptions),
     /// Print what the firmware takes of the chip's flash, RAM, CCM and stack, and its largest symbols.
@@ -123,6 +126,7 @@ fn run(task: Task) -> Result<()> {
         Task::Attach(words) => board("attach", words),
         Task::Bringup(words) => board("bringup", words),
         Task::Emulate(words) => firmware::emulate(words.words),
+        Task::Chip(words) => firmware::chip(words.words),
         Task::Cost(options) => firmware::cost(&options),
         Task::Sizes(options) => firmware::sizes(&options),
         Task::Wiring => {

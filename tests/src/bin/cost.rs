@@ -1,6 +1,7 @@
 //! Measures what the firmware's interrupts cost and prints it, as a table or with `--json` as JSON. `--keep` makes the
 //! figures the baseline that the tests hold the firmware to; `--smooth` measures the firmware that compensates ripple.
 
+use serde_json::Value;
 use std::process::ExitCode;
 use tests::cost::{BASELINE, Report, measure, measure_smooth};
 use tests::timing::MODEL_ERROR_PERCENT;
@@ -41,6 +42,9 @@ fn main() -> ExitCode {
         println!("{}", report.json());
     } else {
         table(&report);
+        if !has("--smooth") {
+            against_baseline(&report);
+        }
     }
     if has("--keep") {
         let text = format!("{:#}\n", report.json());
@@ -54,6 +58,33 @@ fn main() -> ExitCode {
         }
     }
     ExitCode::SUCCESS
+}
+
+/// Prints by how much the cycles differ from the baseline's.
+fn against_baseline(report: &Report) {
+    let read = || -> anyhow::Result<Value> {
+        let path = xtask::tools::root()?.join("tests").join(BASELINE);
+        Ok(serde_json::from_str(&std::fs::read_to_string(path)?)?)
+    };
+    let baseline = match read() {
+        Ok(baseline) => baseline,
+        Err(error) => return eprintln!("the baseline tests/{BASELINE} cannot be read: {error:#}"),
+    };
+    println!("cycles beside those of tests/{BASELINE}; the tests allow 2 %:");
+    let now = report.json();
+    let rows = |of: &Value| of["interrupts"].as_array().cloned().unwrap_or_default();
+    for (now, before) in rows(&now).iter().zip(rows(&baseline)) {
+        let change = |kind: &str| {
+            let [now, before] = [now, &before].map(|of| of["cycles"][kind].as_f64());
+            let (now, before) = (now.unwrap_or(f64::NAN), before.unwrap_or(f64::NAN));
+            format!(
+                "{kind} {before} -> {now} ({:+.1} %)",
+                100.0 * (now / before - 1.0)
+            )
+        };
+        let name = now["name"].as_str().unwrap_or_default();
+        println!("{name:<20} {}, {}", change("typical"), change("worst"));
+    }
 }
 
 fn table(report: &Report) {
