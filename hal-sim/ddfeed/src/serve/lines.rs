@@ -1,7 +1,7 @@
 //! The simulated drive's time and lines: one thread, a millisecond after the other.
 
 use super::ServeOptions;
-use super::machine::MachineLine;
+use super::machine::{MachineLine, differences};
 use super::switched_on::SwitchedOn;
 use crate::interrupt::ctrl_c;
 use anyhow::{Context, Result, ensure};
@@ -93,6 +93,9 @@ pub fn run(options: &ServeOptions) -> Result<()> {
     listener.set_nonblocking(true)?;
     for warning in drive.settings().warnings() {
         eprintln!("warning: {}", warning.sentence());
+    }
+    for difference in differences(&setup, drive.settings()) {
+        eprintln!("warning: {difference}");
     }
     let mut serving = Serving::new(drive);
     let mut lines = Vec::new();

@@ -2,6 +2,7 @@
 
 use control::encoder::Interface;
 use hal_sim::experiment::Setup;
+use link::settings::{PER_KRPM, Settings};
 use plant::Axis;
 use plant::model::{Brake, Model};
 use std::fmt;
@@ -47,6 +48,40 @@ impl fmt::Display for MachineLine<'_> {
     }
 }
 
+/// Part by which a flux of the settings may differ from the machine's: a datasheet's tolerance.
+const FLUX_TOLERANCE: f64 = 0.2;
+
+/// Where settings describe another motor or encoder than the machine has, in sentences. Such a drive ends in a fault.
+pub fn differences(setup: &Setup, settings: &Settings) -> Vec<String> {
+    let mut found = Vec::new();
+    for (axis, plate) in Axis::ALL.into_iter().zip([&settings.screw, &settings.nut]) {
+        let (motor, name) = (setup.model.motor(axis), axis.name());
+        let mut differ = |setting: &str, is: f64, machine: f64, tolerance: f64| {
+            if (is - machine).abs() > tolerance * machine {
+                found.push(format!(
+                    "{name}.{setting} = {is}, but the simulated machine has {machine}: settings do not change the machine, so give it \
+                     a model of yours with --model"
+                ));
+            }
+        };
+        let encoder = &setup.board.sensors.encoders[axis.index()];
+        let counts = f64::from(plate.encoder.counts_per_turn);
+        let has = f64::from(encoder.counts_per_turn);
+        differ("encoder_counts_per_turn", counts, has, 0.0);
+        let pole_pairs = f64::from(motor.pole_pairs);
+        differ("pole_pairs", f64::from(plate.pole_pairs), pole_pairs, 0.0);
+        let constant = (motor.flux_wb * pole_pairs * PER_KRPM * 1e4).round() / 1e4;
+        let is = plate.voltage_constant_v_rms_per_krpm;
+        differ(
+            "voltage_constant_v_rms_per_krpm",
+            is,
+            constant,
+            FLUX_TOLERANCE,
+        );
+    }
+    found
+}
+
 /// The coupled machine as a model file, with a comment on each section.
 pub fn example() -> String {
     let mut text = String::from(
@@ -70,6 +105,25 @@ pub fn example() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use hal_sim::boards::BoardKind;
+    use hal_sim::served::SimulatedDrive;
+    use plant::machine::Coupling;
+
+    #[test]
+    fn settings_of_another_motor_are_told() {
+        for kind in [BoardKind::Mains, BoardKind::Nucleo] {
+            let setup = Setup::shipped(kind, &Model::coupled(), Coupling::Coupled);
+            let drive = SimulatedDrive::new(&setup).unwrap();
+            let mut settings = *drive.settings();
+            assert_eq!(differences(&setup, &settings), [""; 0]);
+            settings.nut.pole_pairs += 1;
+            let found = differences(&setup, &settings);
+            assert!(
+                found.len() == 1 && found[0].starts_with("nut.pole_pairs = "),
+                "{found:?}"
+            );
+        }
+    }
 
     #[test]
     fn the_example_is_the_coupled_machine() {
