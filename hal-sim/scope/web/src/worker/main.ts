@@ -102,7 +102,7 @@ function heard(message: FromDrive) {
   } else if (reply.status && dialogue) {
     if (reply.status.fault) commands = false;
     post({ type: "status", status: reply.status, counts: dialogue.counts() });
-  } else if (reply.refused?.name === "no session" && inSession) {
+  } else if (reply.refused?.name === "no session" && inSession && !commissions) {
     // The drive has restarted.
     inSession = commands = false;
     connection(false, "The drive restarts.");
@@ -191,7 +191,8 @@ function tick() {
   } else if (stopAsked !== null && now > due.stop) {
     stop(now);
   }
-  if (!inSession && now > due.hello) {
+  // A commissioning opens its session anew by itself: a second opening would end it.
+  if (!inSession && !commissions && now > due.hello) {
     due.hello = now + HELLO_MS;
     dialogue.tell({ command: "hello" });
   }
