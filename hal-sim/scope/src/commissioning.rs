@@ -184,14 +184,19 @@ pub struct Now {
     pub stream: u32,
 }
 
-/// Steps that are under way or over.
-pub struct Commissioning {
+/// Steps that are under way.
+struct Running {
     exchange: Rc<RefCell<Exchange>>,
-    progress: Rc<RefCell<Progress>>,
-    /// `None`: over.
-    steps: Option<Pin<Box<dyn Future<Output = Result<()>>>>>,
+    steps: Pin<Box<dyn Future<Output = Result<()>>>>,
     /// Number of the request that is under way.
     sequence: Option<u32>,
+}
+
+/// Steps that are under way or over.
+pub struct Commissioning {
+    progress: Rc<RefCell<Progress>>,
+    /// `None`: over. What the steps were handed is gone with them.
+    running: Option<Running>,
     error: Option<String>,
 }
 
@@ -239,10 +244,12 @@ impl Commissioning {
             .await
         };
         Ok(Self {
-            exchange,
             progress,
-            steps: Some(Box::pin(steps)),
-            sequence: None,
+            running: Some(Running {
+                exchange,
+                steps: Box::pin(steps),
+                sequence: None,
+            }),
             error: None,
         })
     }
@@ -250,56 +257,70 @@ impl Commissioning {
     /// It is under way.
     #[must_use]
     pub fn is_running(&self) -> bool {
-        self.steps.is_some()
+        self.running.is_some()
     }
 
     /// The drive has answered a request.
     pub fn reply(&mut self, sequence: u32, reply: &Reply) {
-        let mut exchange = self.exchange.borrow_mut();
+        let Some(running) = &mut self.running else {
+            return;
+        };
+        let mut exchange = running.exchange.borrow_mut();
         exchange.frames += 1;
-        if self.sequence == Some(sequence) {
-            self.sequence = None;
+        if running.sequence == Some(sequence) {
+            running.sequence = None;
             exchange.reply = Some(reply.clone());
         }
     }
 
     /// The drive has sent telemetry.
     pub fn telemetry(&mut self, frame: Frame) {
-        let mut exchange = self.exchange.borrow_mut();
-        exchange.frames += 1;
-        exchange.telemetry.push_back(frame);
+        if let Some(running) = &mut self.running {
+            let mut exchange = running.exchange.borrow_mut();
+            exchange.frames += 1;
+            exchange.telemetry.push_back(frame);
+        }
     }
 
     /// Goes on as far as the answers allow: what is asked next.
     pub fn poll(&mut self, now: Now) -> Asked {
-        let Some(steps) = &mut self.steps else {
+        let Some(running) = &mut self.running else {
             return Asked::default();
         };
         {
-            let mut exchange = self.exchange.borrow_mut();
+            let mut exchange = running.exchange.borrow_mut();
             exchange.now = Duration::from_secs_f64(1e-3 * now.ms.max(0.0));
             (exchange.pwm_hz, exchange.speed_hz) = (now.pwm_hz, now.speed_hz);
             exchange.stream = now.stream;
         }
-        if let Poll::Ready(result) = steps.as_mut().poll(&mut Polled::from_waker(Waker::noop())) {
+        let polled = running
+            .steps
+            .as_mut()
+            .poll(&mut Polled::from_waker(Waker::noop()));
+        let asked = {
+            let mut exchange = running.exchange.borrow_mut();
+            Asked {
+                request: exchange.request.take(),
+                beat: std::mem::take(&mut exchange.beat),
+            }
+        };
+        if let Poll::Ready(result) = polled {
             self.error = result.err().map(|error| format!("{error:#}"));
-            self.steps = None;
+            self.running = None;
         }
-        let mut exchange = self.exchange.borrow_mut();
-        Asked {
-            request: exchange.request.take(),
-            beat: std::mem::take(&mut exchange.beat),
-        }
+        asked
     }
 
     /// The last request has this number.
     pub fn asked(&mut self, sequence: u32) {
-        self.sequence = Some(sequence);
+        if let Some(running) = &mut self.running {
+            running.sequence = Some(sequence);
+        }
     }
 
     /// Ends it at once: it sends nothing any more.
     pub fn stop(&mut self) {
-        if self.steps.take().is_some() {
+        if self.running.take().is_some() {
             self.error = Some("It was stopped.".to_owned());
         }
     }
@@ -326,5 +347,25 @@ impl Commissioning {
             "error": self.error,
             "done": steps.collect::<Vec<_>>(),
         })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use link::telemetry::Sample;
+
+    /// A page stays open for hours after a commissioning, and telemetry goes on.
+    #[test]
+    fn one_that_is_over_keeps_no_telemetry() {
+        let wanted = r#"{"travel_mm":10,"margin_deg":45,"response_only":true}"#;
+        let mut commissioning = Commissioning::new(wanted).unwrap();
+        let frame = Frame::Sample(Sample::default());
+        commissioning.telemetry(frame);
+        let exchange = Rc::clone(&commissioning.running.as_ref().unwrap().exchange);
+        assert_eq!(exchange.borrow().telemetry.len(), 1);
+        commissioning.stop();
+        commissioning.telemetry(frame);
+        assert_eq!(exchange.borrow().telemetry.len(), 1);
     }
 }
