@@ -11,6 +11,7 @@ use control::current_loop::{MotorSample, PwmCommand};
 use control::encoder::Interface;
 use control::sense::Shunts;
 use plant::Axis;
+use plant::leg::lost_part;
 use plant::machine::{Bridge, Coupling, Machine};
 use plant::model::Model;
 use rand_distr::{Distribution, StandardNormal};
@@ -131,22 +132,6 @@ impl BoardConfig {
 /// sign within the period.
 const DEAD_TIME_FADE_A: f64 = 0.02;
 const DEAD_TIME_SLOPE: f64 = 1.0 / DEAD_TIME_FADE_A;
-
-/// The part of its dead time that a leg loses, for a current over that which turns the leg within the dead time: see
-/// [`BoardConfig::turning_a`].
-///
-/// A current into the motor keeps the leg low until the high side closes: all of the dead time is lost. It then pulls the leg down when
-/// the high side opens, on a slope that gives a part of it back: half of what the slope takes, or, where it ends above, all but that
-/// much.
-fn lost_part(x: f64) -> f64 {
-    let size = x.abs();
-    let lost = if size < 1.0 {
-        0.5 * size
-    } else {
-        1.0 - 0.5 / size
-    };
-    lost.copysign(x)
-}
 
 /// One bridge as its timer drives it.
 #[derive(Clone, Copy, Debug, Default)]

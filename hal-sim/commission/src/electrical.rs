@@ -8,20 +8,20 @@
 //! v_q + C_q - l C_d = R i_q + w L i_d + w flux cos(delta) + D_q - w t D_d
 //! ```
 //!
-//! `delta` is the angle by which the drive's idea of the rotor is behind it. `D` is what the dead time takes of the phases' currents
-//! ([`dead_time::lost`]): it follows from the loss at large currents and the turning current, which are fitted with `R`, `L`,
+//! `delta` is the angle by which the drive's idea of the rotor is behind it. `D` is the voltage that the phases lose to the dead time
+//! ([`lost_part`]). Its loss at large currents and the turning current are fitted. So are `R`, `L`,
 //! `flux cos(delta)`, `flux sin(delta)` and the time `t` from the sample of a current to its loss. A loss that is taken as the same at all currents makes a resistance of its slope: 15 % of
-//! the mains board's. `C` is what the drive adds ([`dead_time::compensated`]), by its settings. It acts one and a half PWM periods
+//! the mains board's. `C` is what the drive adds: all from `bridge.dead_time_fade_a` on, a part below. It acts one and a half PWM periods
 //! after its current was sampled, when the rotor has turned on by the angle `l`. Over whole turns the ripple of the flux, and offset and
 //! gain errors of the current channels cancel.
 
-use crate::dead_time;
 use crate::fit::{Estimate, Fit};
 use crate::session::{MotorPoint, Point, Session};
 use crate::{Bound, Failure};
 use anyhow::{Result, bail};
 use link::host::dialogue::Dialogue;
 use link::settings::{MotorSettings, PER_KRPM, Settings};
+use plant::leg::lost_part;
 use serde::{Deserialize, Serialize};
 use std::f64::consts::TAU;
 
@@ -49,11 +49,11 @@ const SMALL: f64 = 1e-4;
 /// The largest turning current, of the largest amplitude: past it no loss is whole.
 const TURNING_MAX: f64 = 0.8;
 
-/// Largest half interval of a turning current that is known from none, of it. A sharper loss than that of a leg's capacitance looked like
-/// a turning current of 0.45 half intervals of it.
+/// Largest half interval of a turning current that is told from none, of the current. Legs without capacitance gave one whose half interval
+/// was 0.45 of it.
 const CLEAR: f64 = 1.0 / 3.0;
 
-/// Least current of full compensation, of the currents' noise at rest: a smaller one would be switched by the noise.
+/// Smallest current of full compensation, of the currents' noise at rest: a smaller one would be switched by the noise.
 const FULL_NOISE: f64 = 14.0;
 
 /// By how many half intervals a dead time is above none.
@@ -156,23 +156,48 @@ impl Turns {
         }
         self.mean(sums)
     }
+}
+
+/// Whole turns, and what of their equations does not change while the fit goes on.
+struct Station {
+    turns: Turns,
+    /// Electrical, rad/s.
+    w: f64,
+    /// Means of current, A, and of voltage with what the drive adds for the dead time, V.
+    current: [f64; 2],
+    voltage: [f64; 2],
+}
+
+impl Station {
+    fn of(turns: Turns, motor: &Motor) -> Self {
+        let w = motor.pole_pairs * turns.speed();
+        let [v_d, v_q] = turns.mean(turns.voltage);
+        let [c_d, c_q] =
+            turns.of_phases(|amps| motor.compensated_v * (amps / motor.full_a).clamp(-1.0, 1.0));
+        let turned = motor.lag_s * w;
+        Self {
+            w,
+            current: turns.mean(turns.current),
+            voltage: [v_d + c_d + turned * c_q, v_q + c_q - turned * c_d],
+            turns,
+        }
+    }
+
+    /// What the dead time takes, of that at large currents, and its part that grows with its delay.
+    fn lost(&self, turning_a: f64) -> [[f64; 2]; 2] {
+        let [d, q] = self.turns.of_phases(|amps| lost_part(amps / turning_a));
+        [[d, q], [self.w * q, -self.w * d]]
+    }
 
     /// Its two equations. `drop` are the coefficients of what else there is along d and q, and `known` of it is known.
-    fn add(&self, fit: &mut Fit, motor: &Motor, drop: &[[f64; 2]], known: [f64; 2]) {
-        let w = motor.pole_pairs * self.speed();
-        let ([i_d, i_q], [v_d, v_q]) = (self.mean(self.current), self.mean(self.voltage));
-        let [c_d, c_q] = self
-            .of_phases(|amps| motor.compensated_v * dead_time::compensated(amps / motor.full_a));
-        let turned = motor.lag_s * w;
-        let row = |winding: [f64; 4], k: usize| {
+    fn add(&self, fit: &mut Fit, drop: &[[f64; 2]], known: [f64; 2]) {
+        let ([i_d, i_q], w) = (self.current, self.w);
+        let windings = [[i_d, -w * i_q, 0.0, -w], [i_q, w * i_d, w, 0.0]];
+        for (k, winding) in windings.into_iter().enumerate() {
             let mut row = winding.to_vec();
             row.extend(drop.iter().map(|coefficient| coefficient[k]));
-            row
-        };
-        let along_d = v_d + c_d + turned * c_q - known[0];
-        let along_q = v_q + c_q - turned * c_d - known[1];
-        fit.add(&row([i_d, -w * i_q, 0.0, -w], 0), along_d);
-        fit.add(&row([i_q, w * i_d, w, 0.0], 1), along_q);
+            fit.add(&row, self.voltage[k] - known[k]);
+        }
     }
 }
 
@@ -185,25 +210,18 @@ struct Motor {
     full_a: f64,
     /// From the sample to the middle of its effect, s.
     lag_s: f64,
-    turns: Vec<Turns>,
+    stations: Vec<Station>,
 }
 
 /// Resistance, inductance, both parts of the flux, what the dead time takes of a phase, V, and how late that comes times it, V s.
 type Winding = [Estimate; 6];
 
 impl Motor {
-    /// What the dead time takes, of that at large currents, and its part that grows with its delay.
-    fn lost(&self, turns: &Turns, turning_a: f64) -> [[f64; 2]; 2] {
-        let [d, q] = turns.of_phases(|amps| dead_time::lost(amps / turning_a));
-        let w = self.pole_pairs * turns.speed();
-        [[d, q], [w * q, -w * d]]
-    }
-
     /// The fit where the turning current is known.
     fn with_turning(&self, turning_a: f64) -> Option<Winding> {
         let mut fit = Fit::new(6, 1.0);
-        for turns in &self.turns {
-            turns.add(&mut fit, self, &self.lost(turns, turning_a), [0.0; 2]);
+        for station in &self.stations {
+            station.add(&mut fit, &station.lost(turning_a), [0.0; 2]);
         }
         fit.solve()?.try_into().ok()
     }
@@ -212,12 +230,12 @@ impl Motor {
     fn with_turning_near(&self, turning_a: f64, whole_v: f64) -> Option<(Winding, Estimate)> {
         let mut fit = Fit::new(7, 1.0);
         let step = 1e-3 * turning_a;
-        for turns in &self.turns {
-            let [above, below] = [step, -step].map(|step| self.lost(turns, turning_a + step)[0]);
+        for station in &self.stations {
+            let [above, below] = [step, -step].map(|step| station.lost(turning_a + step)[0]);
             let slope = [0, 1].map(|k| whole_v * (above[k] - below[k]) / (2.0 * step));
-            let [lost, late] = self.lost(turns, turning_a);
+            let [lost, late] = station.lost(turning_a);
             let known = slope.map(|slope| -slope * turning_a);
-            turns.add(&mut fit, self, &[lost, late, slope], known);
+            station.add(&mut fit, &[lost, late, slope], known);
         }
         let [r, l, cosine, sine, whole, late, turning] = fit.solve()?.try_into().ok()?;
         Some(([r, l, cosine, sine, whole, late], turning))
@@ -225,7 +243,10 @@ impl Motor {
 
     /// The winding and the turning current, A; that is 0 if the currents do not tell it.
     fn fit(&self) -> Option<(Winding, Estimate)> {
-        let samples = self.turns.iter().flat_map(|turns| &turns.samples);
+        let samples = self
+            .stations
+            .iter()
+            .flat_map(|station| &station.turns.samples);
         let most = samples.fold(0.0, |most, (_, [a, ..])| f64::max(most, a.abs()));
         let [low, high] = [SMALL * most, TURNING_MAX * most];
         // The sentence of that setting asks for twice the turning current.
@@ -280,7 +301,7 @@ pub async fn measure<D: Dialogue>(
         compensated_v: settings.bridge.dead_time_ns * 1e-9 / period_s * session.bus_v(),
         full_a: settings.bridge.dead_time_fade_a,
         lag_s: 1.5 * period_s,
-        turns: Vec::new(),
+        stations: Vec::new(),
     });
     let mut bounds = motors.map(|motor| {
         Bound::of(current_max(motor).min(1.5f64.sqrt() * settings.bridge.over_current_a))
@@ -321,7 +342,8 @@ pub async fn measure<D: Dialogue>(
                 })
                 .await?;
             for (motor, turns) in measured.iter_mut().zip(turns) {
-                motor.turns.push(turns);
+                let station = Station::of(turns, motor);
+                motor.stations.push(station);
             }
         }
         session.ramp_direct(most, [held, 0.0], &mut watch).await?;

@@ -18,7 +18,6 @@
 //! A step takes what the drive's settings say of its motors as a rough beginning, and gives settings back.
 #![forbid(unsafe_code)]
 
-pub mod dead_time;
 pub mod electrical;
 mod fit;
 pub mod mechanical;

@@ -37,7 +37,7 @@ const WINDOW_S: [f64; 2] = [0.006, 0.06];
 /// Windows begin each so-manieth part of one.
 const OVERLAP: usize = 3;
 /// Speed below which friction's sign is not sure, of the common mode's; between screw and nut, of the slow table's.
-/// A table on a soft screw does not creep evenly: half of its speed hid all ramps of one machine of 40.
+/// A table on a soft screw does not creep evenly. With half of the slow table's speed, one machine of 40 had too few windows.
 const SLOW: f64 = 0.05;
 const SLOW_APART: f64 = 0.25;
 /// Stretches of a window in each of which a speed must have its sign.

@@ -132,6 +132,22 @@ pub struct Done {
     pub limits: Vec<Limited>,
 }
 
+impl Done {
+    /// A step that measured nothing.
+    fn of(step: Step, seconds: f64) -> Self {
+        Self {
+            base_acceleration_rpm_s: None,
+            machine: None,
+            motors: None,
+            responses: None,
+            step,
+            seconds,
+            quantities: Vec::new(),
+            limits: Vec::new(),
+        }
+    }
+}
+
 /// How far the steps may go, and what is wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {
@@ -223,14 +239,8 @@ async fn start<D: Dialogue>(session: &mut Session<D>) -> Result<Done> {
         }
     }
     Ok(Done {
-        base_acceleration_rpm_s: None,
-        machine: None,
-        responses: None,
-        motors: None,
-        step: Step::Start,
-        seconds: session.time_s() - begun,
         quantities,
-        limits: Vec::new(),
+        ..Done::of(Step::Start, session.time_s() - begun)
     })
 }
 
@@ -334,17 +344,14 @@ async fn electrical_step<D: Dialogue>(
     let [screw, nut] = found.current_a;
     Ok(Done {
         base_acceleration_rpm_s: Some(old.feed.base_acceleration_max_rpm_s),
-        machine: None,
-        responses: None,
         motors: Some(motors),
-        step: Step::Electrical,
-        seconds: session.time_s() - begun,
         quantities,
         limits: limits([
             ("current of the screw's motor", "A", screw),
             ("current of the nut's motor", "A", nut),
             ("travel of the table", "m", found.travel_m),
         ]),
+        ..Done::of(Step::Electrical, session.time_s() - begun)
     })
 }
 
@@ -440,9 +447,6 @@ async fn mechanical_step<D: Dialogue>(
     }
     let [screw, nut] = found.torque_nm;
     Ok(Done {
-        base_acceleration_rpm_s: None,
-        motors: None,
-        responses: None,
         machine: Some(Machine {
             inertia_plus_minus_kg_m2: found.moved_kg_m2().map(|moved| moved.plus_minus),
             coulomb_nm: found.motors.map(|motor| motor.coulomb_nm.value),
@@ -452,14 +456,13 @@ async fn mechanical_step<D: Dialogue>(
             feed_viscous_nm_s: found.feed_viscous_nm_s.value,
             load_nm: found.load_nm.value,
         }),
-        step: Step::Mechanical,
-        seconds: session.time_s() - begun,
         quantities,
         limits: limits([
             ("torque of the screw's motor", "N m", screw),
             ("torque of the nut's motor", "N m", nut),
             ("travel of the table", "m", found.travel_m),
         ]),
+        ..Done::of(Step::Mechanical, session.time_s() - begun)
     })
 }
 
@@ -471,14 +474,8 @@ async fn tuning_step<D: Dialogue>(session: &mut Session<D>, options: &Options) -
         session.configure(&proposal.settings).await?;
     }
     Ok(Done {
-        base_acceleration_rpm_s: None,
-        machine: None,
-        responses: None,
-        motors: None,
-        step: Step::Tuning,
-        seconds: session.time_s() - begun,
         quantities: proposal.quantities,
-        limits: Vec::new(),
+        ..Done::of(Step::Tuning, session.time_s() - begun)
     })
 }
 
@@ -519,18 +516,13 @@ async fn angle_step<D: Dialogue>(
     }
     let [screw, nut] = found.current_a;
     Ok(Done {
-        base_acceleration_rpm_s: None,
-        machine: None,
-        responses: None,
-        motors: None,
-        step: Step::Angle,
-        seconds: session.time_s() - begun,
         quantities,
         limits: limits([
             ("current of the screw's motor", "A", screw),
             ("current of the nut's motor", "A", nut),
             ("travel of the table", "m", found.travel_m),
         ]),
+        ..Done::of(Step::Angle, session.time_s() - begun)
     })
 }
 
@@ -542,13 +534,7 @@ async fn response_step<D: Dialogue>(
     session.arm().await?;
     let responses = response::measure(session, progress).await?;
     Ok(Done {
-        base_acceleration_rpm_s: None,
-        machine: None,
-        motors: None,
         responses: Some(responses),
-        step: Step::Response,
-        seconds: session.time_s() - begun,
-        quantities: Vec::new(),
-        limits: Vec::new(),
+        ..Done::of(Step::Response, session.time_s() - begun)
     })
 }

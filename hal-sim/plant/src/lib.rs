@@ -12,6 +12,7 @@
 
 mod document;
 pub mod effects;
+pub mod leg;
 mod limits;
 pub mod machine;
 pub mod model;

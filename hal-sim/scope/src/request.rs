@@ -16,7 +16,7 @@ const NAMES: SpeedNames = SpeedNames {
     base: "the common speed",
 };
 
-/// A command of the page: its name is `command`, and its other fields stand beside it.
+/// A command of the page. The field `command` has its name. Its other fields are in the same object.
 ///
 /// Serde's internal tag would read the same text.
 /// It cannot read numbers where another crate enables serde_json's `arbitrary_precision`.

@@ -603,6 +603,7 @@ impl Task {
         Ok(())
     }
 }
+
 /// A burst.
 #[derive(Args, Debug)]
 pub struct BurstOptions {
