@@ -13,10 +13,37 @@ use plant::model::Model;
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::f64::consts::TAU;
+use std::path::PathBuf;
 use std::rc::Rc;
 
 /// The figures that the tests hold the firmware to, beside this package's manifest.
 pub const BASELINE: &str = "cost-baseline.json";
+
+/// How far a figure may rise above the baseline.
+pub const RISE: f64 = 1.02;
+/// How far it may fall below the baseline before that has to be renewed.
+pub const FALL: f64 = 0.95;
+
+/// Where the baseline is.
+///
+/// # Errors
+/// This is no clone of the project.
+pub fn baseline_path() -> Result<PathBuf, String> {
+    let root = xtask::tools::root().map_err(|error| format!("{error:#}"))?;
+    Ok(root.join("tests").join(BASELINE))
+}
+
+/// The baseline's figures.
+///
+/// # Errors
+/// The file cannot be read, or is no JSON.
+pub fn baseline() -> Result<Value, String> {
+    let path = baseline_path()?;
+    let read = || -> std::io::Result<Value> {
+        Ok(serde_json::from_str(&std::fs::read_to_string(&path)?)?)
+    };
+    read().map_err(|error| format!("{}: {error}", path.display()))
+}
 
 /// An interrupt whose cost is of interest.
 #[derive(Clone, Copy, Debug)]

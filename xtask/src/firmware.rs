@@ -144,16 +144,11 @@ fn emulator(program: &str, words: Vec<OsString>) -> Result<()> {
 }
 
 /// The tests of the firmware on the emulated chip. Their words are those of a test's program: a part of a name, `--ignored`.
-pub fn chip(words: Vec<OsString>) -> Result<()> {
-    let status = Command::new("cargo")
-        .args(["test", "--package", "tests", "--test", "chip", "--"])
-        .args(words)
-        .envs(emulator_environment(&target_folder()?)?)
-        .current_dir(root()?)
-        .status()
-        .context("the tests could not be started")?;
-    ensure!(status.success(), "the tests failed ({status})");
-    Ok(())
+pub fn chip(words: &[OsString]) -> Result<()> {
+    let words: Vec<_> = words.iter().map(|word| word.to_string_lossy()).collect();
+    let mut arguments = vec!["test", "--package", "tests", "--test", "chip", "--"];
+    arguments.extend(words.iter().map(|word| &**word));
+    cargo(&arguments, &emulator_environment(&target_folder()?)?)
 }
 
 /// The identification's blind test on so many machines.

@@ -126,7 +126,7 @@ fn run(task: Task) -> Result<()> {
         Task::Attach(words) => board("attach", words),
         Task::Bringup(words) => board("bringup", words),
         Task::Emulate(words) => firmware::emulate(words.words),
-        Task::Chip(words) => firmware::chip(words.words),
+        Task::Chip(words) => firmware::chip(&words.words),
         Task::Cost(options) => firmware::cost(&options),
         Task::Sizes(options) => firmware::sizes(&options),
         Task::Wiring => {

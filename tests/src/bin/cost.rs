@@ -3,7 +3,7 @@
 
 use serde_json::Value;
 use std::process::ExitCode;
-use tests::cost::{BASELINE, Report, measure, measure_smooth};
+use tests::cost::{BASELINE, RISE, Report, baseline, baseline_path, measure, measure_smooth};
 use tests::timing::MODEL_ERROR_PERCENT;
 
 fn main() -> ExitCode {
@@ -48,12 +48,10 @@ fn main() -> ExitCode {
     }
     if has("--keep") {
         let text = format!("{:#}\n", report.json());
-        let written = xtask::tools::root().and_then(|root| {
-            let path = root.join("tests").join(BASELINE);
-            Ok(std::fs::write(path, text)?)
-        });
+        let written = baseline_path()
+            .and_then(|path| std::fs::write(path, text).map_err(|error| error.to_string()));
         if let Err(error) = written {
-            eprintln!("error: the baseline is not written: {error:#}");
+            eprintln!("error: the baseline is not written: {error}");
             return ExitCode::FAILURE;
         }
     }
@@ -62,15 +60,14 @@ fn main() -> ExitCode {
 
 /// Prints by how much the cycles differ from the baseline's.
 fn against_baseline(report: &Report) {
-    let read = || -> anyhow::Result<Value> {
-        let path = xtask::tools::root()?.join("tests").join(BASELINE);
-        Ok(serde_json::from_str(&std::fs::read_to_string(path)?)?)
-    };
-    let baseline = match read() {
+    let baseline = match baseline() {
         Ok(baseline) => baseline,
-        Err(error) => return eprintln!("the baseline tests/{BASELINE} cannot be read: {error:#}"),
+        Err(error) => return eprintln!("the baseline cannot be read: {error}"),
     };
-    println!("cycles beside those of tests/{BASELINE}; the tests allow 2 %:");
+    println!(
+        "cycles beside those of tests/{BASELINE}; the tests allow {:.0} % more:",
+        100.0 * (RISE - 1.0)
+    );
     let now = report.json();
     let rows = |of: &Value| of["interrupts"].as_array().cloned().unwrap_or_default();
     for (now, before) in rows(&now).iter().zip(rows(&baseline)) {

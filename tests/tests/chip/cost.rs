@@ -2,16 +2,13 @@
 //! change, and no more. `published_cycles` compares the cycle model with figures of others.
 
 use serde_json::Value;
-use std::path::Path;
 use tests::bench::firmware_of;
 use tests::chip::wiring::Wiring;
-use tests::cost::{BASELINE, Report, hung_loop_cycles, measure, measure_smooth, responses};
+use tests::cost::{
+    FALL, RISE, Report, baseline, hung_loop_cycles, measure, measure_smooth, responses,
+};
 use tests::image::Image;
 use tests::timing::MODEL_ERROR_PERCENT;
-
-/// How far a figure may rise above the baseline, and fall below it before the baseline has to be renewed.
-const RISE: f64 = 1.02;
-const FALL: f64 = 0.95;
 
 /// Instructions that each interrupt may run from flash: `SpeedTask::press`, of a motor at its torque limit, and `SpeedTask::limits`, for
 /// the view, in one step of 64. CCM has no room for them on the mains board.
@@ -20,11 +17,7 @@ const FROM_FLASH: [u64; 3] = [0, 0, 400];
 
 #[test]
 fn costs_are_those_of_the_baseline() -> Result<(), String> {
-    let path = Path::new(BASELINE);
-    let text =
-        std::fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))?;
-    let kept: Value =
-        serde_json::from_str(&text).map_err(|error| format!("{}: {error}", path.display()))?;
+    let kept = baseline()?;
     let report = measure()?;
     let now = report.json();
     let mut figures = Vec::new();

@@ -61,6 +61,18 @@ withDrive("a page that is closed while the drive moves leaves it at rest", async
   await state(watcher, "ready", 2000);
 });
 
+withDrive("a commissioning goes on over the drive's restarts", async ({ tab }) => {
+  const panel = tab.getByRole("region", { name: "Commissioning" });
+  await panel.getByLabel("The table may move").press("Enter");
+  await button(tab, "Commission").press("Enter");
+  // Two steps have stored their values, and the drive has restarted after each.
+  await panel.getByText("angle: both motors turn").waitFor({ timeout: 60_000 });
+  await state(tab, "running");
+  await tab.keyboard.press("Escape");
+  await state(tab, "ready");
+  await panel.getByText("It was stopped.").waitFor();
+});
+
 withDrive("a line that stalls for 2 s ends in rest, and goes on", async ({ served, tab }) => {
   await run(tab);
   served.line.stall(true);
