@@ -6,6 +6,7 @@ mod fit;
 mod left;
 mod orders;
 mod record;
+mod search;
 mod study;
 
 pub use columns::Base;

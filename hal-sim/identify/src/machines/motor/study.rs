@@ -4,34 +4,19 @@
 use super::columns::{Base, Columns};
 use super::fit::{Both, Fit, rms};
 use super::left::remnants;
-use super::orders::{Order, of_map};
+use super::orders::Order;
 use super::record::Record;
+use super::search::{Candidates, Explained, LONGEST_LAG_S, Search, lags};
 use crate::conclusion::rest::Remnant;
-use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};
 use crate::predict::basis::{Along, At};
 use crate::predict::curve::Curve;
 use crate::predict::excitation::Excitation;
 use crate::predict::judge::{Judged, Known, LEAST_BLOCKS, Side, judge};
 use crate::predict::orders::loudest_orders;
 use crate::regression::column::{Column, counted};
-use crate::regression::normal::Prior;
-use crate::search::forward::{Choice, Contender, Forward, search};
-use crate::search::holdout::{Holdout, Validated};
-use crate::search::selection::{MATERIAL_OF_CURRENT, MOST_NAMES, VOUCHED_OF_CURRENT};
 use crate::signal::fourier::slope;
 use crate::signal::noise::white_below_100;
 
-/// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
-const HIGHEST: u32 = 130;
-/// Time constants of a lag that are tried: none, and from one period of the record up to here by this factor, s; and how
-/// finely the best is followed.
-const LONGEST_LAG_S: f64 = 0.5;
-const NEXT_LAG: f64 = 2.0;
-const FINER: [f64; 4] = [0.35, 0.17, 0.08, 0.04];
-/// How often orders are looked for again beside a lag that was followed.
-const MOST_ROUNDS: usize = 3;
-/// Delays that are tried, rows: of a log and of a control period.
-const DELAYS_ROWS: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
 /// A named lag in rows of the record; delays beside which it is held, in lags; share of their squares that it must leave.
 const LAG_ROWS: f64 = 3.0;
 const DELAYS_OF_LAG: [f64; 5] = [0.3, 0.5, 0.7, 0.85, 1.0];
@@ -39,13 +24,8 @@ const RIVAL: f64 = 0.5;
 /// Standard deviation of a lag that is named, of it; and share of the current's rms that is left then.
 const WELL_TOLD: f64 = 0.2;
 const LITTLE_LEFT: f64 = 0.1;
-/// Orders that are fitted beside a lag, and rows for each.
-const BESIDE_LAG: u32 = 40;
-const ROWS_PER_ORDER: usize = 24;
 /// Share by which a width of friction must lower the fit record's square error to be taken for a narrower one.
 const LEAST_WIDTH: f64 = 0.02;
-/// Share by which a lag must lower the check record's square error.
-const LEAST_LAG: f64 = 0.1;
 
 /// A first-order filter on the current that is reported.
 #[derive(Debug, Clone, Copy)]
@@ -144,45 +124,6 @@ fn is_lag(
     square(value) < RIVAL * rivals.into_iter().fold(f64::INFINITY, f64::min)
 }
 
-/// The lag with which inertia, friction and orders, fitted together, predict the check record best.
-fn lag(records: [&Columns; 2], base: &[Base], orders: &[u32], lags_s: &[f64]) -> f64 {
-    let square = |lag_s: f64| Both::new(records, base, orders, lag_s).squares()[1];
-    let tried: Vec<(f64, f64)> = lags_s.iter().map(|lag| (square(*lag), *lag)).collect();
-    let best = tried.iter().min_by(|a, b| a.0.total_cmp(&b.0));
-    match best {
-        Some((least, lag_s)) if *least < (1.0 - LEAST_LAG) * tried[0].0 => *lag_s,
-        _ => 0.0,
-    }
-}
-
-/// Follows a lag to where the orders that were found leave the smallest residual of the fit record.
-fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -> [f64; 2] {
-    let way = start.signum();
-    let square = |log: f64| Both::new(records, base, orders, way * log.exp()).squares()[0];
-    let (mut least, mut at) = (square(start.abs().ln()), start.abs().ln());
-    for step in FINER {
-        for log in [at - step, at + step] {
-            if log > LONGEST_LAG_S.ln() {
-                continue;
-            }
-            let here = square(log);
-            if here < least {
-                (least, at) = (here, log);
-            }
-        }
-    }
-    // Its standard deviation by the curvature, in as many independent rows as the residual's band leaves.
-    let beside = 0.1;
-    let curvature = (square(at + beside) + square(at - beside) - 2.0 * least) / (beside * beside);
-    let rows = records[0].current().len() as f64;
-    let relative = match curvature > 0.0 {
-        true => (2.0 * least / (rows * curvature)).sqrt(),
-        // No minimum: the record does not tell the lag.
-        false => f64::INFINITY,
-    };
-    [way * at.exp(), at.exp() * relative]
-}
-
 /// White noise of the quietest stretch after the filter.
 fn noise(records: &[Record]) -> f64 {
     let of = |record: &Record| white_below_100(&record.current, record.rate);
@@ -260,6 +201,91 @@ fn judged(records: [&Columns; 2], last: &Both, after: &Fit, orders: &[u32], lag_
     )
 }
 
+/// The regressions on what was found.
+struct Regressions {
+    /// Columns of the base and the orders under the lag.
+    last: Both,
+    /// Of a current that is reported late.
+    lag: Option<Lag>,
+    /// Inertia and friction only.
+    before: Fit,
+    /// With the orders and the lag.
+    after: Fit,
+    /// By how much each order moves where it is free, and the variance of that.
+    steps: Vec<[f64; 2]>,
+}
+
+impl Regressions {
+    fn new(records: [&Columns; 2], base: &[Base], orders: &[u32], late_s: [f64; 2]) -> Self {
+        let [value_s, _] = late_s;
+        let last = Both::new(records, base, orders, value_s);
+        let plain = last.fit(Vec::new()).0;
+        // What the record alone says of the orders: each moves by a Gauss-Newton step, all of them and the other
+        // parameters together.
+        let slopes = orders.iter().enumerate().map(|(k, order)| {
+            let at = base.len() + 2 * k;
+            let wave = [plain.values[at], plain.values[at + 1]];
+            Column::alone(records[0].slope_by_order(*order, wave, value_s))
+        });
+        let (after, steps) = last.fit(slopes.collect());
+        let is_named = is_lag(records, base, orders, late_s, &after);
+        // A nuisance is no name: it is there before.
+        let before = Both::new(records, base, &[], if is_named { 0.0 } else { value_s });
+        let before = before.fit(Vec::new()).0;
+        let lag = (value_s != 0.0).then(|| {
+            let without = Both::new(records, base, orders, 0.0).squares()[1];
+            let of_check = rms(&before.left[1]).powi(2);
+            Lag {
+                value_s: late_s,
+                is_named,
+                explained: ((without - rms(&after.left[1]).powi(2)) / of_check).clamp(0.0, 1.0),
+            }
+        });
+        Regressions {
+            last,
+            lag,
+            before,
+            after,
+            steps,
+        }
+    }
+
+    /// Mean square of the check record without the orders.
+    fn of_check(&self) -> f64 {
+        rms(&self.before.left[1]).powi(2)
+    }
+
+    /// The orders as the fit record has them where they are free, and their variances.
+    fn freed(&self, orders: &[u32]) -> Vec<[f64; 2]> {
+        let pairs = orders.iter().zip(&self.steps);
+        pairs
+            .map(|(order, [step, variance])| [f64::from(*order) + step, *variance])
+            .collect()
+    }
+}
+
+/// A fit with the curve that predicts its residual.
+fn curved(after: &Fit, judged: &Judged) -> Fit {
+    let left = match judged.carries {
+        true => [0, 1].map(|k: usize| {
+            let rows = after.left[k].iter().zip(&judged.predicted[k]);
+            rows.map(|(left, by)| left - by).collect()
+        }),
+        false => after.left.clone(),
+    };
+    Fit {
+        left,
+        ..after.clone()
+    }
+}
+
+/// What the rows of a record that count excite.
+fn excitation(record: &Columns) -> Excitation {
+    let rows = record.at().into_iter().zip(record.open());
+    let counted: Vec<At> = rows.filter(|(_, open)| *open).map(|(at, _)| at).collect();
+    Excitation::new(&counted, record.rate())
+}
+
 impl Study {
     /// Fits on `estimate`, checks on `check`. The candidates are all orders that the filter leaves at the
     /// records' speeds; those of the slow turn `map` (position, current) need less proof.
@@ -270,202 +296,66 @@ impl Study {
     /// The same of records of several stretches each, all at one rate.
     pub fn of_stretches([estimate, check]: [&[Record]; 2], map: Option<&[Vec<f64>; 2]>) -> Self {
         let rate = estimate.first().map_or(1.0, |first| first.rate);
-        let lags = std::iter::successors(Some(1.0 / rate), |lag| Some(NEXT_LAG * lag));
-        let lags_s: Vec<f64> = std::iter::once(0.0)
-            .chain(lags.take_while(|lag| *lag < LONGEST_LAG_S))
-            .collect();
-        let delays = DELAYS_ROWS.map(|rows| -rows / rate);
-        let nuisances: Vec<f64> = lags_s.iter().copied().chain(delays).collect();
+        let lags_s = lags(rate);
         let mut sides = [Columns::new(estimate), Columns::new(check)];
         // Of inertia alone: records at other speeds are what friction and orders are checked by.
         let [fitted, other] = &mut sides;
         other.close_beyond(fitted, &Base::ALWAYS, &lags_s);
         let width_rad_s = widen(fitted, other);
         let records = [&sides[0], &sides[1]];
-        let mut base = Base::ALWAYS.to_vec();
-        let (mut frictions, mut not_told_apart) = records[0].told_apart();
-        let take = |base: &mut Vec<Base>, frictions: &mut Vec<Base>, orders: &[u32], lag_s| {
-            let mut lost = Vec::new();
-            frictions.retain(|friction| {
-                base.push(*friction);
-                let has = Both::new(records, base, orders, lag_s).has_friction();
-                if let Err(reason) = has {
-                    base.pop();
-                    lost.push((*friction, reason));
-                }
-                has.is_err()
-            });
-            lost
-        };
-        let lost = take(&mut base, &mut frictions, &[], 0.0);
-        let shown = records
-            .map(Columns::highest_order)
-            .into_iter()
-            .min()
-            .unwrap_or(0);
-        let turned = records.iter().all(|record| record.turns() >= LEAST_TURNS);
-        let highest = if turned { shown.min(HIGHEST) } else { 0 };
-        let vouched: Vec<u32> = map.map_or_else(Vec::new, |[position, current]| {
-            let orders = of_map(position, current);
-            orders.iter().map(|order| order.order).collect()
-        });
-        let others = (1..=HIGHEST).filter(|order| !vouched.contains(order));
-        let mut candidates: Vec<u32> = vouched.iter().copied().chain(others).collect();
-        let all = candidates.len();
-        candidates.retain(|order| turned && *order <= shown);
-        let vouched = candidates.iter().filter(|k| vouched.contains(k)).count();
-        let reason = if turned { ABOVE_BAND } else { NOT_TURNED };
-        let rows = records[0].current().len();
-        let most = highest.min(BESIDE_LAG).min((rows / ROWS_PER_ORDER) as u32);
-        let lowest: Vec<u32> = (1..=most).collect();
-        let at_lag = |base: &[Base], late: f64| {
-            let both = Both::new(records, base, &candidates, late);
-            let mut orders = Orders {
-                with: both.regression(0..both.base),
-                both: &both,
-                candidates: &candidates,
-                vouched,
-                // The lag is a name too.
-                most: MOST_NAMES - usize::from(late > 0.0),
-                taken: Vec::new(),
-                lost: Vec::new(),
-            };
-            search(&mut orders);
-            let falls = orders.taken.iter().map(|k| {
-                let ([before, after], _) = orders.judged(*k, &orders.without(*k));
-                (candidates[*k], before - after)
-            });
-            (late, falls.collect::<Vec<_>>(), orders.lost)
-        };
-        let orders =
-            |taken: &[(u32, f64)]| taken.iter().map(|(order, _)| *order).collect::<Vec<u32>>();
-        let search_in = |base: &[Base]| {
-            let found = at_lag(base, lag(records, base, &lowest, &nuisances));
-            // Higher orders that were found may tell another lag.
-            match lag(records, base, &orders(&found.1), &nuisances) {
-                same if same == found.0 => found,
-                other => at_lag(base, other),
-            }
-        };
-        let (mut late, mut taken, mut lost_orders) = search_in(&base);
-        // Orders that were in the way of a friction are known now.
-        let known = base.len();
-        let lost = match taken.is_empty() {
-            true => lost,
-            false => take(&mut base, &mut frictions, &orders(&taken), late),
-        };
-        not_told_apart.extend(lost);
-        if base.len() > known {
-            (late, taken, lost_orders) = search_in(&base);
-        }
-        let mut numbers = orders(&taken);
-        let mut late = [late, 0.0];
-        // Between two lags that were tried, the residual is the lag's error: weak orders show beside the right one.
-        for _ in 0..MOST_ROUNDS {
-            if late[0] == 0.0 {
-                break;
-            }
-            late = followed(records, &base, &numbers, late[0]);
-            let again = at_lag(&base, late[0]);
-            if orders(&again.1) == numbers {
-                break;
-            }
-            (_, taken, lost_orders) = again;
-            numbers = orders(&taken);
-        }
-        let last = Both::new(records, &base, &numbers, late[0]);
-        let plain = last.fit(Vec::new()).0;
-        // What the record alone says of the orders: each moves by a Gauss-Newton step, all of them and the other
-        // parameters together.
-        let slopes = numbers.iter().enumerate().map(|(k, order)| {
+        let candidates = Candidates::new(records, map);
+        let Explained {
+            base,
+            not_told_apart,
+            found,
+        } = Search::new(records, &candidates, lags_s, rate).explained();
+        let numbers = found.orders();
+        let regressions = Regressions::new(records, &base, &numbers, found.late_s);
+        let Regressions { before, after, .. } = &regressions;
+        let orders = numbers.iter().enumerate();
+        let orders = orders.map(|(k, order)| {
             let at = base.len() + 2 * k;
-            let wave = [plain.values[at], plain.values[at + 1]];
-            Column::alone(records[0].slope_by_order(*order, wave, late[0]))
-        });
-        let (after, steps) = last.fit(slopes.collect());
-        let is_named = is_lag([records[0], records[1]], &base, &numbers, late, &after);
-        // A nuisance is no name: it is there before.
-        let before = Both::new(records, &base, &[], if is_named { 0.0 } else { late[0] });
-        let before = before.fit(Vec::new()).0;
-        let of_check = rms(&before.left[1]).powi(2);
-        let lag = (late[0] != 0.0).then(|| {
-            let without = Both::new(records, &base, &numbers, 0.0).squares()[1];
-            Lag {
-                value_s: late,
-                is_named,
-                explained: ((without - rms(&after.left[1]).powi(2)) / of_check).clamp(0.0, 1.0),
-            }
-        });
-        let amplitude = |k: usize| {
-            let at = base.len() + 2 * k;
-            after.values[at].hypot(after.values[at + 1])
-        };
-        let orders: Vec<Order> = numbers
-            .iter()
-            .enumerate()
-            .map(|(k, order)| Order {
+            Order {
                 order: *order,
-                amplitude_a: amplitude(k),
-            })
-            .collect();
+                amplitude_a: after.values[at].hypot(after.values[at + 1]),
+            }
+        });
         let noises = [estimate, check].map(noise);
         let position = records.map(Columns::position);
-        let judged = judged(records, &last, &after, &numbers, late[0]);
-        let curves = judged.curves();
-        let curved = Fit {
-            left: match judged.carries {
-                true => [0, 1].map(|k: usize| {
-                    let rows = after.left[k].iter().zip(&judged.predicted[k]);
-                    rows.map(|(left, by)| left - by).collect()
-                }),
-                false => after.left.clone(),
-            },
-            ..after.clone()
-        };
-        let excitation = {
-            let open = records[1].open();
-            let rows = records[1].at().into_iter().zip(open);
-            let counted: Vec<At> = rows.filter(|(_, open)| *open).map(|(at, _)| at).collect();
-            Excitation::new(&counted, records[1].rate())
-        };
+        let judged = judged(records, &regressions.last, after, &numbers, found.late_s[0]);
         Study {
             width_rad_s,
             band_hz: records[1].band_hz(),
-            excitation,
+            excitation: excitation(records[1]),
             does_not_carry: judged.own,
             is_judged: judged.blocks >= LEAST_BLOCKS,
-            curves,
-
-            freed: numbers
-                .iter()
-                .zip(steps)
-                .map(|(order, [step, variance])| [f64::from(*order) + step, variance])
-                .collect(),
-            explained: taken.iter().map(|(_, fall)| fall / of_check).collect(),
+            curves: judged.curves(),
+            freed: regressions.freed(&numbers),
+            explained: found.shares_of(regressions.of_check()),
             remnants: remnants(
-                &after,
+                after,
                 [&position[0], &position[1]],
                 records.map(Columns::open),
                 records[0].rate(),
                 noises[0].max(noises[1]),
-                shown,
+                candidates.shown,
             ),
-            curved,
+            curved: curved(after, &judged),
             velocity: records.map(Columns::velocity),
-            orders,
+            orders: orders.collect(),
             base,
             not_told_apart,
-            lag,
-            before,
-            after,
+            lag: regressions.lag,
+            before: before.clone(),
+            after: after.clone(),
             rate: records[0].rate(),
             noise: noises[1],
             current: records.map(Columns::current),
             position,
             open: records.map(Columns::open),
-            lost: lost_orders,
-            tried: candidates.len(),
-            not_tried: (all - candidates.len(), reason),
+            lost: found.lost,
+            tried: candidates.orders.len(),
+            not_tried: candidates.not_tried,
         }
     }
 
@@ -499,104 +389,5 @@ impl Study {
     /// With the curve too, %.
     pub fn curved_percent(&self) -> f64 {
         self.percent(&self.curved)
-    }
-}
-
-/// Turns that a record must cover for its orders to be looked for.
-const LEAST_TURNS: f64 = 0.75;
-
-/// A search for orders, which are counted among the candidates.
-struct Orders<'a> {
-    both: &'a Both,
-    candidates: &'a [u32],
-    /// How many of them, the first, a slow turn of the same motor has.
-    vouched: usize,
-    /// Orders at most, where nothing vouches for more.
-    most: usize,
-    /// The regression on the base and the orders that were taken.
-    with: Holdout,
-    taken: Vec<usize>,
-    lost: Vec<Lost>,
-}
-
-impl Orders<'_> {
-    /// The regression on the base and the orders that were taken, but one.
-    fn without(&self, own: usize) -> Holdout {
-        let others = self.taken.iter().filter(|k| **k != own);
-        let pairs = others.flat_map(|k| [0, 1].map(|part| self.both.base + 2 * k + part));
-        self.both.regression((0..self.both.base).chain(pairs))
-    }
-
-    /// By how much an order lowers the check record's square beside others, before and after, and whether it stands.
-    fn judged(&self, own: usize, beside: &Holdout) -> ([f64; 2], Result<(), &'static str>) {
-        let validated = Validated::new([(beside, self.both.pair(own))], Prior::FREE);
-        let least = match own < self.vouched {
-            true => VOUCHED_OF_CURRENT,
-            false => MATERIAL_OF_CURRENT,
-        };
-        let stands = validated.stands(self.candidates.len(), least);
-        (validated.squares, stands)
-    }
-
-    fn lose(&mut self, own: usize, share: f64, reason: &'static str) {
-        let order = self.candidates[own];
-        self.lost.push(Lost {
-            order,
-            share,
-            reason,
-        });
-    }
-}
-
-impl Forward for Orders<'_> {
-    type Trial = usize;
-
-    /// What each explains is its share of the fit record's square.
-    fn contenders(&mut self) -> Vec<Contender<usize>> {
-        let fit = &self.with.fit;
-        let solution = fit.solve(None);
-        let all = fit.cost(&solution.values).max(1e-300);
-        let is_open = |k: &usize| {
-            !self.taken.contains(k)
-                && !self
-                    .lost
-                    .iter()
-                    .any(|lost| lost.order == self.candidates[*k])
-                && (self.taken.len() < self.most || *k < self.vouched)
-        };
-        let open = (0..self.candidates.len()).filter(is_open);
-        let contender = |trial| Contender {
-            credit: fit.gain(self.both.pair(trial)[0], &solution).fall / all,
-            trial,
-        };
-        open.map(contender).collect()
-    }
-
-    fn weighed(&self, own: &Contender<usize>) -> (f64, Result<(), &'static str>) {
-        let ([before, after], stands) = self.judged(own.trial, &self.with);
-        (own.credit + 1.0 - after / before, stands)
-    }
-
-    fn take(&mut self, choice: Choice<usize>, _: &[Contender<usize>]) -> bool {
-        for (lost, reason) in choice.doubtful {
-            self.lose(lost.trial, lost.credit, reason);
-        }
-        let best = choice.best.map(|(_, order)| order);
-        self.taken.extend(best);
-        best.map(|order| self.with.extend(self.both.pair(order)))
-            .is_some()
-    }
-
-    fn reconsider(&mut self) -> bool {
-        let before = self.taken.len();
-        for own in self.taken.clone() {
-            let without = self.without(own);
-            if let (_, Err(reason)) = self.judged(own, &without) {
-                self.taken.retain(|k| *k != own);
-                self.with = without;
-                self.lose(own, 0.0, reason);
-            }
-        }
-        self.taken.len() < before
     }
 }
