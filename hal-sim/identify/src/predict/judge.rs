@@ -2,6 +2,7 @@
 
 use super::basis::{Along, At, Group};
 use super::ridge::Products;
+use super::selected::{groups, members, selected};
 use crate::regression::column::dot;
 use crate::regression::inverse::of_gram;
 use crate::regression::sandwich::correlated;
@@ -16,12 +17,6 @@ const BLOCK_OF_CORRELATED: f64 = 12.0;
 const BLOCK_S: f64 = 0.4;
 /// Blocks that a statistic needs.
 pub(crate) const LEAST_BLOCKS: usize = 8;
-/// Share of the residual's power that a group must take of blocks to which it was not fitted.
-const LEAST_SHARE: f64 = 0.02;
-/// Groups at most: the search's budget.
-const MOST_GROUPS: usize = 16;
-/// Share of the check record's rows that may be outside of what a group learnt.
-const OUTSIDE: f64 = 0.05;
 /// Quantiles of a normal deviate at 1 %, 5 % and 0.1 %.
 const CARRIES: f64 = 2.326;
 const WITHIN: f64 = 1.645;
@@ -29,8 +24,6 @@ const CARRIES_ORDER: f64 = 3.090;
 /// Rms of a prediction over that of the drive quantity, below which nothing is missing that matters: smooth shapes, orders.
 const LEAST_SIZE: f64 = 0.01;
 const LEAST_ORDER: f64 = 0.002;
-/// Share of a function that must be left beside the declared regressors, or it says the same as they.
-const LEAST_OWN: f64 = 0.03;
 /// Rows over which a correlation time is taken.
 const CORRELATED_ROWS: usize = 2000;
 
@@ -97,13 +90,13 @@ pub(crate) struct Judged {
 }
 
 /// A side without what the known regressors explain.
-struct Partialled {
+pub(super) struct Partialled {
     left: Vec<f64>,
     /// Coefficients of the known regressors in the residual.
     of_left: Vec<f64>,
     columns: Vec<Vec<f64>>,
     /// Rms of each column after over before.
-    own: Vec<f64>,
+    pub(super) own: Vec<f64>,
     /// Coefficients of the known regressors in each column.
     of_known: Vec<Vec<f64>>,
 }
@@ -267,6 +260,131 @@ fn predicted(columns: &[Vec<f64>], chosen: &[usize], values: &[f64], rows: usize
     sum
 }
 
+/// Blocks dealt in turn.
+fn folds(blocks: &[Range<usize>]) -> Vec<Vec<Range<usize>>> {
+    (0..FOLDS)
+        .map(|fold| blocks.iter().skip(fold).step_by(FOLDS).cloned().collect())
+        .collect()
+}
+
+/// Each fold of a record as the chosen columns predict it from the other folds.
+fn within(
+    record: &Partialled,
+    products: &Products,
+    chosen: &[usize],
+    folds: &[Vec<Range<usize>>],
+) -> Vec<f64> {
+    let mut within = vec![0.0; record.left.len()];
+    for (fold, stretches) in folds.iter().enumerate() {
+        let Some(own) = products.fitted(chosen, Some(fold)) else {
+            continue;
+        };
+        for rows in stretches {
+            for row in rows.clone() {
+                within[row] = chosen
+                    .iter()
+                    .zip(&own)
+                    .map(|(k, value)| value * record.columns[*k][row])
+                    .sum();
+            }
+        }
+    }
+    within
+}
+
+/// Covariance of coefficients from the inverse of their curvature, by how far each block pulls them.
+fn spread(
+    inverse: &DMatrix<f64>,
+    fit: &Partialled,
+    chosen: &[usize],
+    predicted: &[f64],
+    blocks: &[Range<usize>],
+) -> DMatrix<f64> {
+    let after = less(&fit.left, predicted);
+    let n = chosen.len();
+    let mut spread = DMatrix::zeros(n, n);
+    for rows in blocks {
+        let pull: Vec<f64> = chosen
+            .iter()
+            .map(|k| dot(&fit.columns[*k][rows.clone()], &after[rows.clone()]))
+            .collect();
+        for k in 0..n {
+            for j in 0..n {
+                spread[(k, j)] += pull[k] * pull[j];
+            }
+        }
+    }
+    let count = blocks.len() as f64;
+    inverse * spread * inverse * (count / (count - 1.0))
+}
+
+/// What is left of values beside a prediction.
+fn less(values: &[f64], predicted: &[f64]) -> Vec<f64> {
+    values.iter().zip(predicted).map(|(x, p)| x - p).collect()
+}
+
+/// Predictions of the check record's residual beside its known regressors.
+struct Predictions {
+    /// With the fit record's coefficients.
+    beside: Vec<f64>,
+    /// Each fold with the coefficients of the others.
+    within: Vec<f64>,
+}
+
+impl Judged {
+    /// Tests predictions of `left` by the blocks `tested`.
+    fn test(
+        &mut self,
+        left: &[f64],
+        by: &Predictions,
+        tested: &[Range<usize>],
+        drive_rms: f64,
+        orders_alone: bool,
+    ) {
+        self.deviations = [&by.beside, &by.within].map(|by| deviations(left, by, tested));
+        let freedom = tested.len() as f64 - 1.0;
+        let (carries, size) = match orders_alone {
+            true => (CARRIES_ORDER, LEAST_ORDER),
+            false => (CARRIES, LEAST_SIZE),
+        };
+        self.size = rms(&by.beside);
+        let falls = self.fall > 0.0;
+        let repeats = self.deviations[1] > student(WITHIN, freedom);
+        let matters = self.size > size * drive_rms;
+        self.carries =
+            falls && matters && repeats && self.deviations[0] > student(carries, freedom);
+        self.own = !self.carries
+            && self.deviations[1] > student(CARRIES_ORDER, freedom)
+            && rms(&by.within) > size * drive_rms;
+    }
+
+    /// Lists the groups that were taken, with the coefficients `values` of all their functions.
+    fn list(
+        &mut self,
+        taken: &[usize],
+        groups: &[Group],
+        members: &[Vec<usize>],
+        values: &[f64],
+        check: &Partialled,
+    ) {
+        let mut at = 0;
+        for &group in taken {
+            let own = &members[group];
+            let part = &values[at..at + own.len()];
+            let first = members[..group].len();
+            let offset: usize = groups[..first].iter().map(Group::len).sum();
+            let mut whole = vec![0.0; groups[group].len()];
+            own.iter()
+                .zip(part)
+                .for_each(|(k, value)| whole[k - offset] = *value);
+            self.sizes
+                .push(rms(&predicted(&check.columns, own, part, check.left.len())));
+            self.groups.push((groups[group].clone(), whole));
+            at += own.len();
+        }
+    }
+}
+
 /// Judges a check record by a fit record, by the functions that are `offered`. `column` gives a function of the coordinates as it shows in a record's drive
 /// quantity: through the filters and lags that this has.
 pub(crate) fn judge(
@@ -285,22 +403,7 @@ pub(crate) fn judge(
     if blocks.iter().any(|blocks| blocks.len() < LEAST_BLOCKS) {
         return judged;
     }
-    let rows: Vec<At> = (sides[0].at.iter().zip(&sides[0].open))
-        .filter(|(_, open)| **open)
-        .map(|(at, _)| *at)
-        .collect();
-    let mut groups = Group::all(&rows, highest_order, further);
-    groups.retain(|group| {
-        let counted = sides[1]
-            .at
-            .iter()
-            .zip(&sides[1].open)
-            .filter(|(_, open)| **open);
-        let (outside, all) = counted.fold((0, 0), |(outside, all), (at, _)| {
-            (outside + usize::from(group.is_outside(at)), all + 1)
-        });
-        offered(group.along) && outside as f64 <= OUTSIDE * all as f64
-    });
+    let groups = groups(sides, highest_order, further, offered);
     let of_groups = |record: usize| -> Vec<Vec<f64>> {
         groups
             .iter()
@@ -314,48 +417,14 @@ pub(crate) fn judge(
     ) else {
         return judged;
     };
-    let mut first = 0;
-    let members: Vec<Vec<usize>> = groups
-        .iter()
-        .map(|group| {
-            let own = first..first + group.len();
-            first = own.end;
-            let tells = own.clone().any(|k| fit.own[k] > LEAST_OWN);
-            // Of functions side by side those between two speeds join the values at both.
-            let is_whole = group.is_smooth() && tells;
-            own.filter(|k| is_whole || fit.own[*k] > LEAST_OWN)
-                .collect()
-        })
-        .collect();
+    let members = members(&groups, &fit);
     let smooth: Vec<Range<usize>> = (groups.iter().zip(&members))
         .filter(|(group, _)| group.is_smooth())
         .filter_map(|(_, own)| Some(*own.first()?..*own.last()? + 1))
         .collect();
-    let folds = |blocks: &[Range<usize>]| -> Vec<Vec<Range<usize>>> {
-        (0..FOLDS)
-            .map(|fold| blocks.iter().skip(fold).step_by(FOLDS).cloned().collect())
-            .collect()
-    };
-    let products = Products::new(&fit.columns, &fit.left, &folds(&blocks[0]), &smooth);
-    let energy = products.held_back(&[]);
-    let (mut chosen, mut taken, mut least): (Vec<usize>, Vec<usize>, f64) =
-        (Vec::new(), Vec::new(), energy);
-    while taken.len() < MOST_GROUPS {
-        let with = |group: usize| [chosen.as_slice(), &members[group]].concat();
-        let open =
-            (0..groups.len()).filter(|group| !taken.contains(group) && !members[*group].is_empty());
-        let best = open
-            .map(|group| (products.held_back(&with(group)), group))
-            .min_by(|a, b| a.0.total_cmp(&b.0));
-        match best {
-            Some((left, group)) if least - left > LEAST_SHARE * least.min(energy) => {
-                chosen = with(group);
-                taken.push(group);
-                least = left;
-            }
-            _ => break,
-        }
-    }
+    let folds = blocks.each_ref().map(|blocks| folds(blocks));
+    let products = Products::new(&fit.columns, &fit.left, &folds[0], &smooth);
+    let (taken, chosen) = selected(&products, &members);
     let Some(values) = products
         .fitted(&chosen, None)
         .filter(|values| !values.is_empty())
@@ -363,7 +432,6 @@ pub(crate) fn judge(
         return judged;
     };
     let values: Vec<f64> = values.iter().copied().collect();
-    let beside = predicted(&check.columns, &chosen, &values, check.left.len());
     judged.alone = [
         sides[0].alone(&fit, &chosen, &values),
         sides[1].alone(&check, &chosen, &values),
@@ -372,91 +440,27 @@ pub(crate) fn judge(
         predicted(&fit.columns, &chosen, &values, fit.left.len()),
         sides[1].untouched(&judged.alone[1], &fit, &chosen, &values),
     ];
-    let of_check = Products::new(&check.columns, &check.left, &folds(&blocks[1]), &smooth);
-    let mut within = vec![0.0; check.left.len()];
-    for (fold, stretches) in folds(&blocks[1]).iter().enumerate() {
-        let Some(own) = of_check.fitted(&chosen, Some(fold)) else {
-            continue;
-        };
-        for rows in stretches {
-            for row in rows.clone() {
-                within[row] = chosen
-                    .iter()
-                    .zip(&own)
-                    .map(|(k, value)| value * check.columns[*k][row])
-                    .sum();
-            }
-        }
-    }
+    let of_check = Products::new(&check.columns, &check.left, &folds[1], &smooth);
+    let by = Predictions {
+        beside: predicted(&check.columns, &chosen, &values, check.left.len()),
+        within: within(&check, &of_check, &chosen, &folds[1]),
+    };
     // The residual beside the prediction is what noise and the rest of the misfit are correlated over.
-    let rest: Vec<f64> = check.left.iter().zip(&beside).map(|(x, p)| x - p).collect();
+    let rest = less(&check.left, &by.beside);
     let tested = sides[1].blocks(sides[1].block_length(&rest));
     judged.blocks = tested.len();
     if tested.len() < LEAST_BLOCKS {
         return judged;
     }
-    judged.deviations = [&beside, &within].map(|by| deviations(&check.left, by, &tested));
-    let freedom = tested.len() as f64 - 1.0;
+    let before = sides[1].with_parameters_of(&fit);
+    let after = less(&before, &judged.predicted[1]);
+    judged.fall = dot(&before, &before) - dot(&after, &after);
     let orders_alone = taken
         .iter()
         .all(|group| groups[*group].along.order().is_some());
-    let (carries, size) = match orders_alone {
-        true => (CARRIES_ORDER, LEAST_ORDER),
-        false => (CARRIES, LEAST_SIZE),
-    };
-    judged.size = rms(&beside);
-    let falls = {
-        let before = sides[1].with_parameters_of(&fit);
-        let pairs = before.iter().zip(&judged.predicted[1]);
-        let after: Vec<f64> = pairs.map(|(x, p)| x - p).collect();
-        judged.fall = dot(&before, &before) - dot(&after, &after);
-        judged.fall > 0.0
-    };
-    let repeats = judged.deviations[1] > student(WITHIN, freedom);
-    let matters = judged.size > size * sides[1].drive_rms;
-    judged.carries =
-        falls && matters && repeats && judged.deviations[0] > student(carries, freedom);
-    judged.own = !judged.carries
-        && judged.deviations[1] > student(CARRIES_ORDER, freedom)
-        && rms(&within) > size * sides[1].drive_rms;
-    judged.covariance = products.inverse(&chosen).map(|inverse| {
-        let after: Vec<f64> = fit
-            .left
-            .iter()
-            .zip(&judged.predicted[0])
-            .map(|(x, p)| x - p)
-            .collect();
-        let n = chosen.len();
-        let mut spread = DMatrix::zeros(n, n);
-        for rows in &blocks[0] {
-            let pull: Vec<f64> = chosen
-                .iter()
-                .map(|k| dot(&fit.columns[*k][rows.clone()], &after[rows.clone()]))
-                .collect();
-            for k in 0..n {
-                for j in 0..n {
-                    spread[(k, j)] += pull[k] * pull[j];
-                }
-            }
-        }
-        let count = blocks[0].len() as f64;
-        &inverse * spread * &inverse * (count / (count - 1.0))
-    });
-    let mut at = 0;
-    for group in taken {
-        let own = &members[group];
-        let part = &values[at..at + own.len()];
-        let first = members[..group].len();
-        let offset: usize = groups[..first].iter().map(Group::len).sum();
-        let mut whole = vec![0.0; groups[group].len()];
-        own.iter()
-            .zip(part)
-            .for_each(|(k, value)| whole[k - offset] = *value);
-        judged
-            .sizes
-            .push(rms(&predicted(&check.columns, own, part, check.left.len())));
-        judged.groups.push((groups[group].clone(), whole));
-        at += own.len();
-    }
+    judged.test(&check.left, &by, &tested, sides[1].drive_rms, orders_alone);
+    judged.covariance = (products.inverse(&chosen))
+        .map(|inverse| spread(&inverse, &fit, &chosen, &judged.predicted[0], &blocks[0]));
+    judged.list(&taken, &groups, &members, &values, &check);
     judged
 }

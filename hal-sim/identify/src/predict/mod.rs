@@ -12,3 +12,4 @@ pub(crate) mod excitation;
 pub(crate) mod judge;
 pub(crate) mod orders;
 mod ridge;
+mod selected;
