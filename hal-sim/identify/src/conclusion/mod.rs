@@ -21,10 +21,13 @@ use crate::conclusion::unexplained::{Left, along, unexplained};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::effects::parameter::{MotorParameter, Parameter};
+use crate::regression::column::Column;
+use crate::regression::design::Whitener;
 use crate::regression::normal::Solution;
 use crate::search::case::Case;
 use crate::search::linearised::Linearised;
 use crate::search::progress::Progress;
+use crate::search::select::Search;
 use crate::search::selection::{
     ANOTHER_LAW, CONFIRMED, DOMINANT, LACK_OF_FIT, MORE_IS_LEFT, NOT_BORNE_OUT, OF_PLATE_VALUES,
     PART_OF_A_SHAPE, threshold,
@@ -33,6 +36,7 @@ use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
 use crate::signal::signals::{SPEED_BANDWIDTH_HZ, angle_noise, current_noise};
 use plant::Axis;
+use plant::effects::EffectModel;
 
 /// Draws the conclusion of a search.
 pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Progress) -> Outcome {
@@ -182,6 +186,143 @@ fn likeness(outcome: &Outcome) -> Option<&Found> {
     weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
 }
 
+/// What effects are weighed by.
+struct Weighing<'s> {
+    case: &'s Case<'s>,
+    progress: &'s Progress,
+    /// Fit and check record without effects.
+    bare: [&'s Search<'s>; 2],
+    /// The fit record with all effects.
+    search: &'s Search<'s>,
+    solution: &'s Solution,
+    /// What all effects take of the fit record's sum of squares.
+    excess: f64,
+}
+
+impl Weighing<'_> {
+    /// An effect with the parameters `values` of the fit record, their covariance and its shape's standard deviation; and the falls of
+    /// the sum of squares that it brings in each channel beside all others.
+    fn effect(
+        &self,
+        k: usize,
+        values: Vec<f64>,
+        (covariance, shape_sigma): (Vec<f64>, f64),
+    ) -> (Option<Found>, [f64; Channel::COUNT]) {
+        let hypothesis = &self.progress.found[k];
+        let [fit, check] = self.bare;
+        let mut without = self.beside_others(fit, k);
+        let without_solution = without.normal.solve(None);
+        let falls = without.fall_by_channel(hypothesis);
+        let fall = without.normal.cost(&without_solution.values)
+            - self.search.normal.cost(&self.solution.values);
+        let first = without.normal.len();
+        without.add(hypothesis);
+        let refined = refined(self.case, self.solution, hypothesis, &values);
+        let effect = self.in_model(hypothesis, &refined);
+        let mut beside = self.beside_others(check, k);
+        let check_fall = beside.fall_at(hypothesis, &values);
+        let found = effect.map(|effect| Found {
+            hypothesis: *hypothesis,
+            shows: most_shown(&falls),
+            check_fall,
+            values,
+            covariance,
+            shape_sigma,
+            effect,
+            explained: (fall / self.excess).clamp(0.0, 1.0),
+            fall,
+            fall_at: without.normal.falls(first, false),
+            held_back: without.normal.falls(first, true),
+            rivals: self.progress.rivals.get(k).cloned().unwrap_or_default(),
+            inseparable: self.progress.inseparable[k]
+                .iter()
+                .map(|trial| {
+                    let rival = &trial.gain.values;
+                    Rival {
+                        hypothesis: trial.hypothesis,
+                        effect: self.in_model(&trial.hypothesis, rival),
+                        behind: fall - trial.gain.fall,
+                        check_behind: check_fall - beside.fall_at(&trial.hypothesis, rival),
+                    }
+                })
+                .collect(),
+        });
+        (found, falls)
+    }
+
+    /// A record with all effects but one.
+    fn beside_others<'w>(&self, bare: &Search<'w>, own: usize) -> Search<'w> {
+        let mut beside = bare.fork();
+        for (k, other) in self.progress.found.iter().enumerate() {
+            if k != own {
+                beside.add(other);
+            }
+        }
+        beside
+    }
+
+    /// An effect as a model file has it.
+    fn in_model(&self, hypothesis: &Hypothesis, values: &[f64]) -> Option<EffectModel> {
+        hypothesis.effect(self.case.balance.model, self.search.run_s(), values)
+    }
+}
+
+/// The channel in which an effect shows most.
+fn most_shown(falls: &[f64; Channel::COUNT]) -> Channel {
+    Channel::ALL
+        .into_iter()
+        .max_by(|a, b| falls[a.index()].total_cmp(&falls[b.index()]))
+        .unwrap_or(Channel::Table)
+}
+
+/// What a curve without a name explains of channels that it does not act on, by way of plate values: added to `by_plate`.
+fn add_by_plate(
+    by_plate: &mut [f64; Channel::COUNT],
+    hypothesis: &Hypothesis,
+    falls: &[f64; Channel::COUNT],
+) {
+    if let Family::Unnamed(unnamed) = hypothesis.family
+        && !unnamed.along.repeats()
+        && !unnamed.is_force
+    {
+        let others = Channel::ALL.into_iter().filter(|c| *c != unnamed.channel);
+        others.for_each(|c| by_plate[c.index()] += falls[c.index()].max(0.0));
+    }
+}
+
+/// What is left in each of the machine's channels; of the fit record also as noise sees it, `white`.
+fn rests(
+    case: &Case,
+    noise: &Noise,
+    whitener: &Whitener,
+    fit: &Side,
+    check: &Fixed,
+    white: &Column,
+) -> Vec<ChannelRest> {
+    let channels = case.balance.signals.machine.channels().iter();
+    channels
+        .map(|&channel| {
+            let index = channel.index();
+            let open = whitener.mask(channel).to_vec();
+            ChannelRest {
+                channel,
+                figures: figures(
+                    [&fit.before[index], &fit.after[index]],
+                    &open,
+                    [&check.before[index], &check.after[index]],
+                    &check.masks[index],
+                    noise.floor(channel, case.balance.fourier),
+                    white.parts[index].as_deref().unwrap_or_default(),
+                ),
+                residual: [fit.before[index].clone(), fit.after[index].clone()],
+                levels: check.levels[index],
+                band_hz: judged_hz(channel, noise),
+                open,
+            }
+        })
+        .collect()
+}
+
 /// The figures of effects as they are, whether they stand or not.
 pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Progress) -> Outcome {
     let whitener = case.whitener(noise);
@@ -190,11 +331,17 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
     let plain_solution = plain.normal.solve(None);
     let mut linearised = Linearised::new(&plain, found);
     let (search, solution) = (linearised.search.fork(), linearised.solution.clone());
-    let excess = plain.normal.cost(&plain_solution.values) - search.normal.cost(&solution.values);
-
     let check_noise = check.noise(None, found);
     let of_check = check.whitener(&check_noise);
     let heard = check.search(&of_check, &[]);
+    let weighing = Weighing {
+        case,
+        progress,
+        bare: [&plain, &heard],
+        search: &search,
+        solution: &solution,
+        excess: plain.normal.cost(&plain_solution.values) - search.normal.cost(&solution.values),
+    };
     let (mut effects, mut parts) = (Vec::new(), Vec::new());
     let mut by_plate = [0.0; Channel::COUNT];
     let mut at = case.base.parameters.len();
@@ -202,69 +349,10 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
         let columns = hypothesis.columns();
         let values: Vec<f64> = solution.values.rows(at, columns).iter().copied().collect();
         parts.push((*hypothesis, values.clone()));
-        let (covariance, shape_sigma) = linearised.uncertainty(hypothesis, k);
-        let others: Vec<Hypothesis> = found
-            .iter()
-            .enumerate()
-            .filter(|(j, _)| *j != k)
-            .map(|(_, h)| *h)
-            .collect();
-        let mut without = plain.fork();
-        others.iter().for_each(|other| without.add(other));
-        let without_solution = without.normal.solve(None);
-        let falls = without.fall_by_channel(hypothesis);
-        let shows = Channel::ALL
-            .into_iter()
-            .max_by(|a, b| falls[a.index()].total_cmp(&falls[b.index()]))
-            .unwrap_or(Channel::Table);
-        if let Family::Unnamed(unnamed) = hypothesis.family
-            && !unnamed.along.repeats()
-            && !unnamed.is_force
-        {
-            let others = Channel::ALL.into_iter().filter(|c| *c != unnamed.channel);
-            others.for_each(|c| by_plate[c.index()] += falls[c.index()].max(0.0));
-        }
-        let fall =
-            without.normal.cost(&without_solution.values) - search.normal.cost(&solution.values);
-        let first = without.normal.len();
-        without.add(hypothesis);
-        let refined = refined(case, &solution, hypothesis, &values);
-        let effect = hypothesis.effect(case.balance.model, search.run_s(), &refined);
-        let mut beside = heard.fork();
-        others.iter().for_each(|other| beside.add(other));
-        let on_check = beside.fall_at(hypothesis, &values);
-        effects.extend(effect.map(|effect| {
-            Found {
-                hypothesis: *hypothesis,
-                shows,
-                check_fall: on_check,
-                values,
-                covariance,
-                shape_sigma,
-                effect,
-                explained: (fall / excess).clamp(0.0, 1.0),
-                fall,
-                fall_at: without.normal.falls(first, false),
-                held_back: without.normal.falls(first, true),
-                rivals: progress.rivals.get(k).cloned().unwrap_or_default(),
-                inseparable: progress.inseparable[k]
-                    .iter()
-                    .map(|trial| {
-                        let rival = &trial.gain.values;
-                        Rival {
-                            hypothesis: trial.hypothesis,
-                            effect: trial.hypothesis.effect(
-                                case.balance.model,
-                                search.run_s(),
-                                rival,
-                            ),
-                            behind: fall - trial.gain.fall,
-                            check_behind: on_check - beside.fall_at(&trial.hypothesis, rival),
-                        }
-                    })
-                    .collect(),
-            }
-        }));
+        let uncertainty = linearised.uncertainty(hypothesis, k);
+        let (effect, falls) = weighing.effect(k, values, uncertainty);
+        add_by_plate(&mut by_plate, hypothesis, &falls);
+        effects.extend(effect);
         at += columns + hypothesis.nuisances();
     }
     effects.sort_by(|a, b| b.fall.total_cmp(&a.fall));
@@ -279,60 +367,33 @@ pub(crate) fn concluded(case: &Case, check: &Case, noise: &Noise, progress: &Pro
         &solution,
     );
     let fixed = Fixed::new(case, check, &check_noise, found, &plain_solution, &solution);
-    let residual_whitened = search.normal.residual(&solution.values);
-    let machine = case.balance.signals.machine;
-    let channels: Vec<ChannelRest> = machine
-        .channels()
-        .iter()
-        .map(|&channel| {
-            let index = channel.index();
-            let open = whitener.mask(channel).to_vec();
-            ChannelRest {
-                channel,
-                figures: figures(
-                    [&fit.before[index], &fit.after[index]],
-                    &open,
-                    [&fixed.before[index], &fixed.after[index]],
-                    &fixed.masks[index],
-                    noise.floor(channel, case.balance.fourier),
-                    residual_whitened.parts[index]
-                        .as_deref()
-                        .unwrap_or_default(),
-                ),
-                residual: [fit.before[index].clone(), fit.after[index].clone()],
-                levels: fixed.levels[index],
-                band_hz: judged_hz(channel, noise),
-                open,
-            }
-        })
-        .collect();
-    let coordinates = Coordinates::new(case.balance.signals, case.balance.fourier.step());
+    let white = search.normal.residual(&solution.values);
+    let channels = rests(case, noise, &whitener, &fit, &fixed, &white);
     let left = Left {
         cases: [case, check],
         whiteners: [&whitener, &of_check],
-        white: [&residual_whitened, &fixed.white],
+        white: [&white, &fixed.white],
     };
-    let unexplained = unexplained(&left, &parts, &progress.doubtful, &channels);
+    let machine = case.balance.signals.machine;
+    let doubts = progress.doubtful.iter();
     Outcome {
         curve_shares: curve_shares(case, &solution),
         model: new_model(case, &solution, &effects),
         calibration: calibration(case, &solution),
-        unexplained,
+        unexplained: unexplained(&left, &parts, &progress.doubtful, &channels),
         bandwidth: bandwidth(case, noise),
         effects,
         last: progress.last.clone(),
         tried: progress.tried,
         threshold: progress.threshold,
-        coordinates,
+        coordinates: Coordinates::new(case.balance.signals, case.balance.fourier.step()),
         table_force: machine
             .has_feed()
-            .then(|| table_force(case.balance, &channels, &fixed, &residual_whitened)),
+            .then(|| table_force(case.balance, &channels, &fixed, &white)),
         channels,
         by_plate,
         curves: Vec::new(),
-        doubts: progress
-            .doubtful
-            .iter()
+        doubts: doubts
             .map(|doubt| (doubt.trial.hypothesis, doubt.reason))
             .collect(),
         refused: case.balance.refusals.list(),
