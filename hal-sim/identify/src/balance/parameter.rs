@@ -15,72 +15,7 @@ impl Balance<'_> {
         let signals = self.signals;
         let feed = &self.model.feed;
         match parameter {
-            Parameter::Motor(axis, which) => {
-                let (motor, s) = (self.model.motor(axis), &signals.motors[axis.index()]);
-                let pole_pairs = f64::from(motor.pole_pairs);
-                let (torque, d, q) = (
-                    Channel::Torque(axis),
-                    Channel::VoltageD(axis),
-                    Channel::VoltageQ(axis),
-                );
-                let omega_e = |k: usize| pole_pairs * s.omega[k];
-                match which {
-                    MotorParameter::Inertia => {
-                        let unit = declared_or_unit(motor.inertia_kg_m2);
-                        sum.add(torque, unit, &s.acceleration_told);
-                    }
-                    MotorParameter::Viscous => {
-                        let unit = declared_or_unit(motor.viscous_nm_s);
-                        sum.add(torque, unit, &self.spectrum_of(SMOOTH, |k| s.omega[k]));
-                    }
-                    MotorParameter::Load => {
-                        sum.add(torque, 1.0, &self.spectrum_of(SMOOTH, |_| 1.0));
-                    }
-                    MotorParameter::Coulomb => {
-                        let unit = declared_or_unit(motor.coulomb_nm);
-                        let sign = |k: usize| rounded_sign(s.omega[k], self.rounding.bearing);
-                        sum.add(torque, unit, &self.spectrum_of(SMOOTH, sign));
-                    }
-                    MotorParameter::Flux => {
-                        sum.add(
-                            torque,
-                            -pole_pairs * motor.flux_wb,
-                            &self.fourier.spectrum(&s.i_q),
-                        );
-                        sum.add(q, pole_pairs * motor.flux_wb, &s.speed);
-                    }
-                    MotorParameter::Resistance => {
-                        sum.add(
-                            q,
-                            motor.resistance_ohm,
-                            &self.spectrum_of(SMOOTH, |k| s.i_q_smooth[k]),
-                        );
-                    }
-                    MotorParameter::Inductance => {
-                        let cross = self.spectrum_of(SMOOTH, |k| omega_e(k) * s.i_q_smooth[k]);
-                        sum.add(d, -motor.inductance_h, &cross);
-                    }
-                    MotorParameter::ReferenceStep => {
-                        let per_second = motor.inductance_h * signals.rate;
-                        sum.add(q, per_second, &s.reference_step);
-                    }
-                    MotorParameter::ReadingLag => {
-                        sum.add(
-                            Channel::Table,
-                            brake(axis) * self.lead,
-                            &self.fourier.slope(&s.travel),
-                        );
-                    }
-                    MotorParameter::VoltageLag => {
-                        let bend = self.fourier.curvature(&s.i_q_smooth);
-                        sum.add(q, motor.inductance_h, &bend);
-                    }
-                    MotorParameter::AngleLag => {
-                        sum.add(d, -1.0, &self.spectrum_of(FULL, |k| omega_e(k) * s.u_q[k]));
-                        sum.add(q, 1.0, &self.spectrum_of(FULL, |k| omega_e(k) * s.u_d[k]));
-                    }
-                }
-            }
+            Parameter::Motor(axis, which) => sum = self.motor_parameter(axis, which),
             Parameter::Pair => {
                 let spectrum = self.spectrum_of(SMOOTH, |k| {
                     rounded_sign(signals.relative_speed[k], self.rounding.pair)
@@ -128,6 +63,77 @@ impl Balance<'_> {
             }
             Parameter::TableOrigin { .. } => {
                 sum.add(Channel::Table, 1.0, &self.spectrum_of(SMOOTH, |_| 1.0))
+            }
+        }
+        sum
+    }
+
+    /// What a relative change of a motor's declared parameter, or a nuisance of its record, adds.
+    fn motor_parameter(&self, axis: Axis, which: MotorParameter) -> Contribution {
+        let mut sum = Contribution::default();
+        let signals = self.signals;
+        let (motor, s) = (self.model.motor(axis), &signals.motors[axis.index()]);
+        let pole_pairs = f64::from(motor.pole_pairs);
+        let (torque, d, q) = (
+            Channel::Torque(axis),
+            Channel::VoltageD(axis),
+            Channel::VoltageQ(axis),
+        );
+        let omega_e = |k: usize| pole_pairs * s.omega[k];
+        match which {
+            MotorParameter::Inertia => {
+                let unit = declared_or_unit(motor.inertia_kg_m2);
+                sum.add(torque, unit, &s.acceleration_told);
+            }
+            MotorParameter::Viscous => {
+                let unit = declared_or_unit(motor.viscous_nm_s);
+                sum.add(torque, unit, &self.spectrum_of(SMOOTH, |k| s.omega[k]));
+            }
+            MotorParameter::Load => {
+                sum.add(torque, 1.0, &self.spectrum_of(SMOOTH, |_| 1.0));
+            }
+            MotorParameter::Coulomb => {
+                let unit = declared_or_unit(motor.coulomb_nm);
+                let sign = |k: usize| rounded_sign(s.omega[k], self.rounding.bearing);
+                sum.add(torque, unit, &self.spectrum_of(SMOOTH, sign));
+            }
+            MotorParameter::Flux => {
+                sum.add(
+                    torque,
+                    -pole_pairs * motor.flux_wb,
+                    &self.fourier.spectrum(&s.i_q),
+                );
+                sum.add(q, pole_pairs * motor.flux_wb, &s.speed);
+            }
+            MotorParameter::Resistance => {
+                sum.add(
+                    q,
+                    motor.resistance_ohm,
+                    &self.spectrum_of(SMOOTH, |k| s.i_q_smooth[k]),
+                );
+            }
+            MotorParameter::Inductance => {
+                let cross = self.spectrum_of(SMOOTH, |k| omega_e(k) * s.i_q_smooth[k]);
+                sum.add(d, -motor.inductance_h, &cross);
+            }
+            MotorParameter::ReferenceStep => {
+                let per_second = motor.inductance_h * signals.rate;
+                sum.add(q, per_second, &s.reference_step);
+            }
+            MotorParameter::ReadingLag => {
+                sum.add(
+                    Channel::Table,
+                    brake(axis) * self.lead,
+                    &self.fourier.slope(&s.travel),
+                );
+            }
+            MotorParameter::VoltageLag => {
+                let bend = self.fourier.curvature(&s.i_q_smooth);
+                sum.add(q, motor.inductance_h, &bend);
+            }
+            MotorParameter::AngleLag => {
+                sum.add(d, -1.0, &self.spectrum_of(FULL, |k| omega_e(k) * s.u_q[k]));
+                sum.add(q, 1.0, &self.spectrum_of(FULL, |k| omega_e(k) * s.u_d[k]));
             }
         }
         sum

@@ -66,43 +66,9 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
             .iter()
             .map(|curve| measured(study, subject, curve)),
     );
-    let names: Vec<String> = effects.iter().map(|e| e.kind.replace('_', " ")).collect();
-    let marks = study
-        .orders
-        .iter()
-        .zip(names)
-        // More labels cover each other.
-        .take(4)
-        .map(|(order, name)| (f64::from(order.order), name))
+    let time: Vec<f64> = (0..study.position[0].len())
+        .map(|k| k as f64 / study.rate)
         .collect();
-    let rate = study.rate;
-    let rows = study.position[0].len();
-    let time: Vec<f64> = (0..rows).map(|k| k as f64 / rate).collect();
-    let coordinate = |title: &str, folded, values: Vec<f64>| Coordinate {
-        title: title.into(),
-        folded,
-        values,
-    };
-    let channel = Channel {
-        name: name.into(),
-        unit: unit.into(),
-        residual: [study.before.left[0].clone(), study.curved.left[0].clone()],
-        open: study.open[0].clone(),
-        turn: coordinate(
-            &format!("Angle of the {}, turns", subject.shaft),
-            true,
-            study.position[0].clone(),
-        ),
-        marks,
-        over: vec![
-            coordinate("Speed, rad/s", false, study.velocity[0].clone()),
-            coordinate("Time, s", false, time.clone()),
-        ],
-    };
-    // A band of 100 Hz is white at 200 values a second only.
-    let step = ((rate / 200.0) as usize).max(1);
-    let every: Vec<f64> = study.curved.left[0].iter().copied().step_by(step).collect();
-    let left = |fit: &Fit, k: usize| study.left_rms(fit, k);
     let unexplained: Vec<Left> = study
         .remnants
         .iter()
@@ -112,7 +78,7 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
         subject.channel,
         [&study.before.left[1], &study.curved.left[1]],
         &study.open[1],
-        [rate, study.band_hz],
+        [study.rate, study.band_hz],
         study.noise,
     )
     .judged(effects.len(), unexplained.len(), Floor::Spectrum)
@@ -126,65 +92,107 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
         verdict: judged.verdict.name(),
         summary: format!("{}{}", judged.sentence, allowed_for(study)),
         refused: refused(study, subject),
-        residual: vec![Residual {
-            channel: name.into(),
-            unit: unit.into(),
-            fit_before: left(&study.before, 0),
-            fit_after: left(&study.curved, 0),
-            check_before: left(&study.before, 1),
-            check_after: left(&study.curved, 1),
-            check_signal: Some(study.signal_rms(1)),
-            noise_floor: study.noise,
-            whiteness: whiteness(&every),
-        }],
+        residual: vec![residual(study, subject)],
         unexplained,
         calibration: calibration(study),
         derivatives: "The acceleration is the second derivative of the angle as read; it, friction, orders and current pass the \
                       same 100 Hz zero-phase Butterworth filter."
             .into(),
-        selection: Selection {
-            rule: format!(
-                "An order is taken that explains most of the fit record, more than chance makes of a residual of that colour \
-                 (Newey and West), and that the check record bears out: regressed there on the order as the fit record has it, \
-                 the coefficient is near 1 and more than three standard deviations from 0. What predicts the rest, trained on the \
-                 fit record and tested on the check record, is added as a curve without a name. The {name} passes a 100 Hz \
-                 zero-phase filter; its error on the record that was not fitted falls from {:.1} to {:.2} % of its rms; {:.0} % of \
-                 its rows, whose speed and acceleration are outside of what the fit record has, do not count. At one speed an order and a frequency are one; a record at another speed tells them apart. One order can have \
-                 several causes, which a record of the current alone cannot tell apart. {}",
-                study.before_percent(),
-                study.curved_percent(),
-                100.0 * (1.0 - counted(&study.open[1]) as f64 / study.open[1].len().max(1) as f64),
-                rest::rule()
-            ),
-            tried: study.tried,
-            threshold: 0.0,
-            measure: "amplitude, A; of what was not taken its share of the fit record's square",
-            trials: study
-                .orders
-                .iter()
-                .map(|order| Tried {
-                    hypothesis: ORDER.into(),
-                    place: subject.place.into(),
-                    shape: Some(f64::from(order.order)),
-                    fall: order.amplitude_a,
-                    outcome: format!("found; {}", order.suggests(subject.pole_pairs)),
-                })
-                .chain(study.lost.iter().map(|lost| Tried {
-                    hypothesis: "order of the turn".into(),
-                    place: "motor".into(),
-                    shape: Some(f64::from(lost.order)),
-                    fall: lost.share,
-                    outcome: lost.reason.into(),
-                }))
-                .collect(),
-        },
+        selection: selection(study, subject),
         simulation: None,
         stages: Vec::new(),
         records: accounts.into(),
-        channels: vec![channel],
+        channels: vec![channel(study, subject, &effects, &time)],
         time,
         model: String::new(),
         effects,
+    }
+}
+
+/// The drive quantity's residual for the charts.
+fn channel(study: &Study, subject: Subject, effects: &[Effect], time: &[f64]) -> Channel {
+    let coordinate = |title: &str, folded, values: &[f64]| Coordinate {
+        title: title.into(),
+        folded,
+        values: values.to_vec(),
+    };
+    let marks = study.orders.iter().zip(effects);
+    Channel {
+        name: subject.channel.0.into(),
+        unit: subject.channel.1.into(),
+        residual: [study.before.left[0].clone(), study.curved.left[0].clone()],
+        open: study.open[0].clone(),
+        turn: coordinate(
+            &format!("Angle of the {}, turns", subject.shaft),
+            true,
+            &study.position[0],
+        ),
+        marks: marks
+            // More labels cover each other.
+            .take(4)
+            .map(|(order, effect)| (f64::from(order.order), effect.kind.replace('_', " ")))
+            .collect(),
+        over: vec![
+            coordinate("Speed, rad/s", false, &study.velocity[0]),
+            coordinate("Time, s", false, time),
+        ],
+    }
+}
+
+/// The drive quantity's residual in figures.
+fn residual(study: &Study, subject: Subject) -> Residual {
+    let left = |fit: &Fit, k: usize| study.left_rms(fit, k);
+    // A band of 100 Hz is white at 200 values a second only.
+    let step = ((study.rate / 200.0) as usize).max(1);
+    let every: Vec<f64> = study.curved.left[0].iter().copied().step_by(step).collect();
+    Residual {
+        channel: subject.channel.0.into(),
+        unit: subject.channel.1.into(),
+        fit_before: left(&study.before, 0),
+        fit_after: left(&study.curved, 0),
+        check_before: left(&study.before, 1),
+        check_after: left(&study.curved, 1),
+        check_signal: Some(study.signal_rms(1)),
+        noise_floor: study.noise,
+        whiteness: whiteness(&every),
+    }
+}
+
+/// How orders and curves were chosen.
+fn selection(study: &Study, subject: Subject) -> Selection {
+    let (name, _) = subject.channel;
+    let found = study.orders.iter().map(|order| Tried {
+        hypothesis: ORDER.into(),
+        place: subject.place.into(),
+        shape: Some(f64::from(order.order)),
+        fall: order.amplitude_a,
+        outcome: format!("found; {}", order.suggests(subject.pole_pairs)),
+    });
+    let lost = study.lost.iter().map(|lost| Tried {
+        hypothesis: "order of the turn".into(),
+        place: "motor".into(),
+        shape: Some(f64::from(lost.order)),
+        fall: lost.share,
+        outcome: lost.reason.into(),
+    });
+    Selection {
+        rule: format!(
+            "An order is taken that explains most of the fit record, more than chance makes of a residual of that colour \
+             (Newey and West), and that the check record bears out: regressed there on the order as the fit record has it, \
+             the coefficient is near 1 and more than three standard deviations from 0. What predicts the rest, trained on the \
+             fit record and tested on the check record, is added as a curve without a name. The {name} passes a 100 Hz \
+             zero-phase filter; its error on the record that was not fitted falls from {:.1} to {:.2} % of its rms; {:.0} % of \
+             its rows, whose speed and acceleration are outside of what the fit record has, do not count. At one speed an order and a frequency are one; a record at another speed tells them apart. One order can have \
+             several causes, which a record of the current alone cannot tell apart. {}",
+            study.before_percent(),
+            study.curved_percent(),
+            100.0 * (1.0 - counted(&study.open[1]) as f64 / study.open[1].len().max(1) as f64),
+            rest::rule()
+        ),
+        tried: study.tried,
+        threshold: 0.0,
+        measure: "amplitude, A; of what was not taken its share of the fit record's square",
+        trials: found.chain(lost).collect(),
     }
 }
 
