@@ -139,143 +139,235 @@ fn unit_word(unit: &str) -> &'static str {
     }
 }
 
+/// The figures of an effect in words.
+struct Figures<'e>(&'e Effect);
+
+impl Figures<'_> {
+    fn value(&self, name: &str) -> f64 {
+        self.0.parameters.get(name).copied().unwrap_or(f64::NAN)
+    }
+
+    fn unit(&self, name: &str) -> &str {
+        self.0.unit.get(name).map_or("", String::as_str)
+    }
+
+    /// A parameter with its unit.
+    fn size(&self, name: &str) -> String {
+        size(self.value(name), self.unit(name))
+    }
+
+    fn percent(&self, name: &str) -> String {
+        format!("{:.2}\u{A0}%", 100.0 * self.value(name)).replace('-', "\u{2212}")
+    }
+
+    /// How often the effect repeats.
+    fn often(&self) -> String {
+        times(self.0.order.unwrap_or(f64::NAN))
+    }
+}
+
 /// What an effect is, as a sentence.
 pub(super) fn sentence(effect: &Effect) -> String {
-    let value = |name: &str| effect.parameters.get(name).copied().unwrap_or(f64::NAN);
-    let unit = |name: &str| effect.unit.get(name).map_or("", String::as_str);
-    let of = |name: &str| size(value(name), unit(name));
-    let percent =
-        |name: &str| format!("{:.2}\u{A0}%", 100.0 * value(name)).replace('-', "\u{2212}");
-    let often = || times(effect.order.unwrap_or(f64::NAN));
-    let what = match effect.kind.as_str() {
-        "current_offset" => format!(
-            "reads its current wrong by {} in phase a and {} in phase b: a torque once per electrical turn",
-            of("off_a"),
-            of("off_b")
-        ),
-        "current_gain" => format!(
-            "reads its current wrong by {} of it in phase a and {} in phase b: a torque twice per electrical turn",
-            percent("gain_a"),
-            percent("gain_b")
-        ),
-        "torque_harmonic" => format!(
-            "has a torque ripple of {}, {} {}",
-            of("amplitude"),
-            often(),
-            unit("order")
-        ),
-        "flux_harmonic" => format!(
-            "has a flux harmonic of {}, {} per electrical turn",
-            percent("amplitude"),
-            often()
-        ),
-        "cogging" => format!("cogs {} a turn, by {}", often(), of("amplitude")),
-        "coupling_misalignment" => {
-            format!("has a torque of {}, {} a turn", of("amplitude"), often())
-        }
-        "angle_periodic" if unit("amplitude") == "N" => {
-            return format!(
-                "A force of {} repeats {} a turn of the screw.",
-                of("amplitude"),
-                often()
-            );
-        }
-        "angle_periodic" => format!(
-            "has a ripple of {}, {} a turn{}",
-            of("amplitude"),
-            often(),
-            match effect.suggests {
-                Some(_) => "",
-                None => ": no order of its poles, so a belt, a bearing or the like",
-            }
-        ),
-        "time_periodic" => format!(
-            "feels a torque of {} at {} Hz, whatever its speed",
-            of("amplitude"),
-            number(value("hz"))
-        ),
-        "encoder_eccentricity" => format!(
-            "has an encoder that errs by {}, {} a turn",
-            of("amplitude"),
-            often()
-        ),
-        "dead_time" => format!(
-            "loses {} of each phase\u{2019}s voltage against the sign of its current",
-            of("value")
-        ),
-        "stribeck_friction" if value("amplitude") < 0.0 => format!(
-            "slides easier when slow: friction is {} lower near rest than when it moves",
-            size(-value("amplitude"), unit("amplitude"))
-        ),
-        "stribeck_friction" => format!(
-            "sticks: friction is {} higher at rest than when it moves",
-            of("amplitude")
-        ),
-        "resistance_drift" => format!(
-            "changes its resistance by {} over the run",
-            percent("value")
-        ),
-        "flux_drift" => format!("changes its flux by {} over the run", percent("value")),
-        "lead_error" => format!(
-            "has a lead that errs by {}, {} per turn of screw against nut",
-            of("amplitude"),
-            often()
-        ),
-        "ball_passage" => format!(
-            "has balls that pass {} per turn of screw against nut, with {}",
-            often(),
-            of("amplitude")
-        ),
-        "axial_compliance" => format!(
-            "has a table that swings on the screw at {} Hz",
-            number(value("hz"))
-        ),
-        "backlash" => format!("loses {} at each reversal: backlash", of("value")),
-        "reported_current_lag" => format!(
-            "has a current that is reported through a filter with a time constant of {}: an effect of the measurement",
-            of("value")
-        ),
-        "measured" => format!(
-            "has a {} of {} rms that no name explains",
-            unit_word(unit("rms")),
-            of("rms")
-        ),
-        "force_lag" => format!("has a force that follows {} late", of("value")),
-        "viscous_saturation" => "has a viscous friction that grows less than the speed".into(),
-        "viscous_asymmetry" => "has a viscous friction that differs by direction".into(),
-        "presliding" => "gives like a spring before it slides".into(),
-        "position_friction" => "has a friction that grows with position".into(),
-        other => match AnyEffect::kind_named(other).and_then(Kind::linear) {
-            Some(linear) => {
-                let number = match linear.unit {
-                    "" => percent(linear.number),
-                    unit => size(value(linear.number), unit),
-                };
-                linear.says.replace("{}", &number)
-            }
-            None => format!("has {}", other.replace('_', " ")),
-        },
-    };
+    let of = Figures(effect);
+    if effect.kind == "angle_periodic" && of.unit("amplitude") == "N" {
+        return format!(
+            "A force of {} repeats {} a turn of the screw.",
+            of.size("amplitude"),
+            of.often()
+        );
+    }
+    let what = electrical(&of)
+        .or_else(|| periodic(&of))
+        .or_else(|| mechanical(&of))
+        .unwrap_or_else(|| linear(&of));
     match &effect.suggests {
         Some(cause) => format!("{} {what} ({cause}).", owner(&effect.place)),
         None => format!("{} {what}.", owner(&effect.place)),
     }
 }
 
+/// What an effect of the sensors, the bridge or the windings is.
+fn electrical(of: &Figures) -> Option<String> {
+    Some(match of.0.kind.as_str() {
+        "current_offset" => format!(
+            "reads its current wrong by {} in phase a and {} in phase b: a torque once per electrical turn",
+            of.size("off_a"),
+            of.size("off_b")
+        ),
+        "current_gain" => format!(
+            "reads its current wrong by {} of it in phase a and {} in phase b: a torque twice per electrical turn",
+            of.percent("gain_a"),
+            of.percent("gain_b")
+        ),
+        "encoder_eccentricity" => format!(
+            "has an encoder that errs by {}, {} a turn",
+            of.size("amplitude"),
+            of.often()
+        ),
+        "dead_time" => format!(
+            "loses {} of each phase\u{2019}s voltage against the sign of its current",
+            of.size("value")
+        ),
+        "resistance_drift" => format!(
+            "changes its resistance by {} over the run",
+            of.percent("value")
+        ),
+        "flux_drift" => format!("changes its flux by {} over the run", of.percent("value")),
+        "reported_current_lag" => format!(
+            "has a current that is reported through a filter with a time constant of {}: an effect of the measurement",
+            of.size("value")
+        ),
+        _ => return None,
+    })
+}
+
+/// What a torque that repeats is.
+fn periodic(of: &Figures) -> Option<String> {
+    Some(match of.0.kind.as_str() {
+        "torque_harmonic" => format!(
+            "has a torque ripple of {}, {} {}",
+            of.size("amplitude"),
+            of.often(),
+            of.unit("order")
+        ),
+        "flux_harmonic" => format!(
+            "has a flux harmonic of {}, {} per electrical turn",
+            of.percent("amplitude"),
+            of.often()
+        ),
+        "cogging" => format!("cogs {} a turn, by {}", of.often(), of.size("amplitude")),
+        "coupling_misalignment" => {
+            format!(
+                "has a torque of {}, {} a turn",
+                of.size("amplitude"),
+                of.often()
+            )
+        }
+        "angle_periodic" => format!(
+            "has a ripple of {}, {} a turn{}",
+            of.size("amplitude"),
+            of.often(),
+            match of.0.suggests {
+                Some(_) => "",
+                None => ": no order of its poles, so a belt, a bearing or the like",
+            }
+        ),
+        "time_periodic" => format!(
+            "feels a torque of {} at {} Hz, whatever its speed",
+            of.size("amplitude"),
+            number(of.value("hz"))
+        ),
+        _ => return None,
+    })
+}
+
+/// What an effect of friction or the feed is, or a curve without a name.
+fn mechanical(of: &Figures) -> Option<String> {
+    Some(match of.0.kind.as_str() {
+        "stribeck_friction" if of.value("amplitude") < 0.0 => format!(
+            "slides easier when slow: friction is {} lower near rest than when it moves",
+            size(-of.value("amplitude"), of.unit("amplitude"))
+        ),
+        "stribeck_friction" => format!(
+            "sticks: friction is {} higher at rest than when it moves",
+            of.size("amplitude")
+        ),
+        "lead_error" => format!(
+            "has a lead that errs by {}, {} per turn of screw against nut",
+            of.size("amplitude"),
+            of.often()
+        ),
+        "ball_passage" => format!(
+            "has balls that pass {} per turn of screw against nut, with {}",
+            of.often(),
+            of.size("amplitude")
+        ),
+        "axial_compliance" => format!(
+            "has a table that swings on the screw at {} Hz",
+            number(of.value("hz"))
+        ),
+        "backlash" => format!("loses {} at each reversal: backlash", of.size("value")),
+        "measured" => format!(
+            "has a {} of {} rms that no name explains",
+            unit_word(of.unit("rms")),
+            of.size("rms")
+        ),
+        "force_lag" => format!("has a force that follows {} late", of.size("value")),
+        "viscous_saturation" => "has a viscous friction that grows less than the speed".into(),
+        "viscous_asymmetry" => "has a viscous friction that differs by direction".into(),
+        "presliding" => "gives like a spring before it slides".into(),
+        "position_friction" => "has a friction that grows with position".into(),
+        _ => return None,
+    })
+}
+
+/// What an effect with one number is; its kind has the words.
+fn linear(of: &Figures) -> String {
+    let kind = of.0.kind.as_str();
+    match AnyEffect::kind_named(kind).and_then(Kind::linear) {
+        Some(linear) => {
+            let number = match linear.unit {
+                "" => of.percent(linear.number),
+                unit => size(of.value(linear.number), unit),
+            };
+            linear.says.replace("{}", &number)
+        }
+        None => format!("has {}", kind.replace('_', " ")),
+    }
+}
+
 /// What is done about a kind of effect, in a word and in a sentence.
 pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
-    match kind {
+    electrical_remedy(kind)
+        .or_else(|| mechanical_remedy(kind))
+        .or_else(|| Some(AnyEffect::kind_named(kind).and_then(Kind::linear)?.remedy))
+        .unwrap_or((
+            "compensate",
+            "Put the term into the model that feeds forward.",
+        ))
+}
+
+/// What is done about an effect of the sensors, the bridge or the windings.
+fn electrical_remedy(kind: &str) -> Option<(&'static str, &'static str)> {
+    Some(match kind {
         "current_offset" => (
             "compensate",
             "Take the zero of both sensors again at rest, bridge off, and subtract it.",
         ),
-        "measured" => (
-            "compensate",
-            "Feed the curve forward within its range, and look for its cause with a record at other speeds.",
-        ),
         "current_gain" => (
             "calibrate",
             "Match the gains of both phases against one meter, and put the ratio into the scaling.",
+        ),
+        "encoder_eccentricity" => (
+            "re-align",
+            "Centre the encoder\u{2019}s disc, or correct the angle by a table of that order.",
+        ),
+        "dead_time" => (
+            "compensate",
+            "Add the lost voltage in the direction of each phase\u{2019}s current.",
+        ),
+        "resistance_drift" | "flux_drift" => (
+            "compensate",
+            "Track the winding\u{2019}s temperature in the model that feeds forward, or let the record begin warm.",
+        ),
+        "reported_current_lag" => (
+            "calibrate",
+            "Read the current before its filter: nothing is wrong with the motor.",
+        ),
+        "force_lag" => (
+            "calibrate",
+            "Shorten the delay of the amplifier, or allow for it in the loop.",
+        ),
+        _ => return None,
+    })
+}
+
+/// What is done about torques that repeat, friction, the feed, and curves without a name.
+fn mechanical_remedy(kind: &str) -> Option<(&'static str, &'static str)> {
+    Some(match kind {
+        "measured" => (
+            "compensate",
+            "Feed the curve forward within its range, and look for its cause with a record at other speeds.",
         ),
         "torque_harmonic" | "flux_harmonic" => (
             "compensate",
@@ -293,25 +385,13 @@ pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
             "re-align",
             "Check the coupling\u{2019}s alignment first, then whether rotor and load run true.",
         ),
-        "encoder_eccentricity" => (
-            "re-align",
-            "Centre the encoder\u{2019}s disc, or correct the angle by a table of that order.",
-        ),
         "time_periodic" => (
             "remove",
             "Find the source with that frequency (pump, fan, mains) and decouple it.",
         ),
-        "dead_time" => (
-            "compensate",
-            "Add the lost voltage in the direction of each phase\u{2019}s current.",
-        ),
         "stribeck_friction" => (
             "replace",
             "Lubricate, or lower the preload; drive the nut so that no surface is slow (the point of two motors).",
-        ),
-        "resistance_drift" | "flux_drift" => (
-            "compensate",
-            "Track the winding\u{2019}s temperature in the model that feeds forward, or let the record begin warm.",
         ),
         "lead_error" => (
             "compensate",
@@ -329,22 +409,8 @@ pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
             "replace",
             "Push the table with known forces while the motors stand: a soft screw gives with the force, backlash does not. Preload the nut against backlash; a load that never changes its sign hides it.",
         ),
-        "reported_current_lag" => (
-            "calibrate",
-            "Read the current before its filter: nothing is wrong with the motor.",
-        ),
-        "force_lag" => (
-            "calibrate",
-            "Shorten the delay of the amplifier, or allow for it in the loop.",
-        ),
-        other => AnyEffect::kind_named(other).and_then(Kind::linear).map_or(
-            (
-                "compensate",
-                "Put the term into the model that feeds forward.",
-            ),
-            |linear| linear.remedy,
-        ),
-    }
+        _ => return None,
+    })
 }
 
 /// Its kind and place.
