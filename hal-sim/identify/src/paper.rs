@@ -154,6 +154,91 @@ fn best(
         .unwrap_or((0.0, [0.0; 4]))
 }
 
+/// An effect of free size that is a wave of an order per electrical turn.
+struct Wave {
+    name: &'static str,
+    unit: &'static str,
+    /// Largest size that is tried.
+    top: f64,
+    order: f64,
+    /// What it is at a size.
+    cause: fn(f64) -> Cause,
+}
+
+/// The waves that are tried on a motor with so many pole pairs.
+fn waves(pole_pairs: f64) -> Vec<Wave> {
+    let wave = |name, (unit, top), order, cause| Wave {
+        name,
+        unit,
+        top,
+        order,
+        cause,
+    };
+    let torque = |name, order| wave(name, ("N m", 0.1), order, Cause::Torque);
+    let encoder = |name, order| wave(name, ("rad", 0.01), order, Cause::Encoder);
+    vec![
+        wave(
+            "imbalance: torque once per turn that grows with the speed squared",
+            ("N m at 800 rpm", 0.1),
+            1.0 / pole_pairs,
+            Cause::Imbalance,
+        ),
+        torque("torque once per turn (coupling)", 1.0 / pole_pairs),
+        torque("torque twice per turn (coupling)", 2.0 / pole_pairs),
+        torque("torque once per electrical turn (current offset)", 1.0),
+        torque("torque twice per electrical turn (current gain)", 2.0),
+        torque("cogging, 36 per turn", 36.0 / pole_pairs),
+        encoder("encoder error once per turn", 1.0 / pole_pairs),
+        encoder("encoder error twice per turn", 2.0 / pole_pairs),
+    ]
+}
+
+/// Name, unit, largest size that is tried, and what a size adds to a value of the model.
+type Other = (&'static str, &'static str, f64, fn(f64, f64) -> f64);
+
+/// What is no wave of a motor.
+const OTHERS: [Other; 3] = [
+    (
+        "measuring floor, independent of the ripple",
+        "% of the velocity",
+        20.0,
+        |model, a| model.hypot(a) - model,
+    ),
+    (
+        "lead error: the same ripple at every nut speed",
+        "% of the velocity",
+        20.0,
+        |_, a| a,
+    ),
+    (
+        "harmonics smaller than declared",
+        "share",
+        1.0,
+        |model, a| -a * model,
+    ),
+];
+
+/// The best that an effect can do: its name, its unit and the largest size that is tried; `shape` is what a size adds to each value.
+fn attempt(
+    model: &[f64; 4],
+    (name, unit, top): (&'static str, &'static str, f64),
+    shape: &dyn Fn(usize, f64) -> f64,
+) -> Attempt {
+    let grid = grid(shape, top);
+    let (size, added) = best(model, &grid, &|_| true);
+    let out = |left: usize| {
+        let (_, added) = best(model, &grid, &|k| k != left);
+        model[left] + added[left] - MEASURED[left]
+    };
+    Attempt {
+        name,
+        size,
+        unit,
+        in_sample: rms((0..4).map(|k| model[k] + added[k] - MEASURED[k])),
+        leave_one_out: rms((0..4).map(out)),
+    }
+}
+
 impl Study {
     /// Of the paper's machine as a model declares it.
     pub fn new(paper: &Model) -> Self {
@@ -169,98 +254,16 @@ impl Study {
         };
         let model = [0, 1, 2, 3].map(|k| vrf(k, &[]));
         let poles = f64::from(paper.screw.pole_pairs);
-        type Shape<'s> = Box<dyn Fn(usize, f64) -> f64 + 's>;
-        let adds = |order: f64, cause: fn(f64) -> Cause| -> Shape {
-            let vrf = &vrf;
-            Box::new(move |k, size| vrf(k, &[(order, cause(size))]) - model[k])
-        };
-        let (torque, imbalance, encoder) = (Cause::Torque, Cause::Imbalance, Cause::Encoder);
-        let list: Vec<(&'static str, &'static str, f64, Shape)> = vec![
-            (
-                "imbalance: torque once per turn that grows with the speed squared",
-                "N m at 800 rpm",
-                0.1,
-                adds(1.0 / poles, imbalance),
-            ),
-            (
-                "torque once per turn (coupling)",
-                "N m",
-                0.1,
-                adds(1.0 / poles, torque),
-            ),
-            (
-                "torque twice per turn (coupling)",
-                "N m",
-                0.1,
-                adds(2.0 / poles, torque),
-            ),
-            (
-                "torque once per electrical turn (current offset)",
-                "N m",
-                0.1,
-                adds(1.0, torque),
-            ),
-            (
-                "torque twice per electrical turn (current gain)",
-                "N m",
-                0.1,
-                adds(2.0, torque),
-            ),
-            (
-                "cogging, 36 per turn",
-                "N m",
-                0.1,
-                adds(36.0 / poles, torque),
-            ),
-            (
-                "encoder error once per turn",
-                "rad",
-                0.01,
-                adds(1.0 / poles, encoder),
-            ),
-            (
-                "encoder error twice per turn",
-                "rad",
-                0.01,
-                adds(2.0 / poles, encoder),
-            ),
-            (
-                "measuring floor, independent of the ripple",
-                "% of the velocity",
-                20.0,
-                Box::new(move |k, a| model[k].hypot(a) - model[k]),
-            ),
-            (
-                "lead error: the same ripple at every nut speed",
-                "% of the velocity",
-                20.0,
-                Box::new(move |_, a| a),
-            ),
-            (
-                "harmonics smaller than declared",
-                "share",
-                1.0,
-                Box::new(move |k, a| -a * model[k]),
-            ),
-        ];
-        let mut attempts: Vec<Attempt> = list
-            .into_iter()
-            .map(|(name, unit, top, shape)| {
-                let grid = grid(&*shape, top);
-                let (size, added) = best(&model, &grid, &|_| true);
-                let out = |left: usize| {
-                    let (_, added) = best(&model, &grid, &|k| k != left);
-                    model[left] + added[left] - MEASURED[left]
-                };
-                Attempt {
-                    name,
-                    size,
-                    unit,
-                    in_sample: rms((0..4).map(|k| model[k] + added[k] - MEASURED[k])),
-                    leave_one_out: rms((0..4).map(out)),
-                }
+        let adds = |k: usize, line| vrf(k, &[line]) - model[k];
+        let waves = waves(poles).into_iter().map(|wave| {
+            attempt(&model, (wave.name, wave.unit, wave.top), &|k, size| {
+                adds(k, (wave.order, (wave.cause)(size)))
             })
-            .collect();
+        });
+        let others = OTHERS.into_iter().map(|(name, unit, top, shape)| {
+            attempt(&model, (name, unit, top), &|k, size| shape(model[k], size))
+        });
+        let mut attempts: Vec<Attempt> = waves.chain(others).collect();
         attempts.sort_by(|a, b| a.in_sample.total_cmp(&b.in_sample));
         Study {
             rms: rms((0..4).map(|k| model[k] - MEASURED[k])),

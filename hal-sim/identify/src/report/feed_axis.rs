@@ -19,47 +19,8 @@ use std::f64::consts::TAU;
 pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Report {
     let (first, last) = (study.first(), study.last());
     let effects = effects(study);
-    let [before, after] =
-        [&study.stages[study.refitted].axis, &last.axis].map(|axis| axis.left(fit));
-    let step = ((fit.rate / 200.0) as usize).max(1);
-    let every: Vec<f64> = after.iter().copied().step_by(step).collect();
     let time: Vec<f64> = (0..fit.len()).map(|k| k as f64 / fit.rate).collect();
-    let coordinate = |title: &str, folded, values: Vec<f64>| Coordinate {
-        title: title.into(),
-        folded,
-        values,
-    };
-    let turns = fit
-        .position
-        .iter()
-        .map(|x| TAU * x / last.axis.lead_m)
-        .collect();
-    let marks = last
-        .axis
-        .terms
-        .iter()
-        .filter_map(|(term, _)| match term {
-            Term::Periodic(order) => Some((*order, "angle periodic".to_owned())),
-            _ => None,
-        })
-        .collect();
-    let channel = Channel {
-        name: "force".into(),
-        unit: "N".into(),
-        open: vec![true; fit.len()],
-        residual: [before, after],
-        turn: coordinate("Angle of the screw, turns", true, turns),
-        marks,
-        over: vec![
-            coordinate(
-                "Velocity, m/s",
-                false,
-                crate::signal::fourier::slope(&fit.reference, fit.rate),
-            ),
-            coordinate("Position, m", false, fit.position.clone()),
-            coordinate("Time, s", false, time.clone()),
-        ],
-    };
+    let channel = channel(study, fit, &time);
     let refitted = &study.stages[study.refitted];
     let unexplained: Vec<Left> = study
         .remnants
@@ -87,29 +48,8 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
             Some(differs) => format!("{} {differs}", judged.sentence),
             None => judged.sentence,
         },
-        refused: study
-            .search
-            .iter()
-            .filter_map(|trial| {
-                Some(Refusal {
-                    hypothesis: trial.term.kind().into(),
-                    place: trial.term.place().into(),
-                    reason: trial.lost.filter(|reason| *reason != TOO_LITTLE)?,
-                    trials: 1,
-                })
-            })
-            .collect(),
-        residual: vec![Residual {
-            channel: "force".into(),
-            unit: "N".into(),
-            fit_before: refitted.estimate.force_n,
-            fit_after: last.estimate.force_n,
-            check_before: refitted.test.force_n,
-            check_after: last.homed.force_n,
-            check_signal: None,
-            noise_floor: study.lap_to_lap_n,
-            whiteness: whiteness(&every),
-        }],
+        refused: refused(study),
+        residual: vec![residual(study, &channel.residual[1], fit.rate)],
         effects,
         unexplained,
         calibration: calibration(study, &first.axis),
@@ -118,23 +58,91 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
             .into(),
         selection: selection(study),
         simulation: None,
-        stages: study
-            .stages
-            .iter()
-            .chain(&study.corrected)
-            .chain([&study.ideal])
-            .map(|stage| Stage {
-                added: stage.added.clone(),
-                fit: errors(&stage.estimate),
-                check: errors(&stage.test),
-                check_homed: errors(&stage.homed),
-            })
-            .collect(),
+        stages: stages(study),
         records: accounts.into(),
         channels: vec![channel],
         time,
         model: study.best().axis.to_toml(),
     }
+}
+
+/// The force's residual for the charts.
+fn channel(study: &Study, fit: &Record, time: &[f64]) -> Channel {
+    let last = &study.last().axis;
+    let coordinate = |title: &str, folded, values: Vec<f64>| Coordinate {
+        title: title.into(),
+        folded,
+        values,
+    };
+    let turns = fit.position.iter().map(|x| TAU * x / last.lead_m).collect();
+    let marks = last.terms.iter().filter_map(|(term, _)| match term {
+        Term::Periodic(order) => Some((*order, "angle periodic".to_owned())),
+        _ => None,
+    });
+    Channel {
+        name: "force".into(),
+        unit: "N".into(),
+        open: vec![true; fit.len()],
+        residual: [&study.stages[study.refitted].axis, last].map(|axis| axis.left(fit)),
+        turn: coordinate("Angle of the screw, turns", true, turns),
+        marks: marks.collect(),
+        over: vec![
+            coordinate(
+                "Velocity, m/s",
+                false,
+                crate::signal::fourier::slope(&fit.reference, fit.rate),
+            ),
+            coordinate("Position, m", false, fit.position.clone()),
+            coordinate("Time, s", false, time.to_vec()),
+        ],
+    }
+}
+
+/// What was significant and not taken, and why.
+fn refused(study: &Study) -> Vec<Refusal> {
+    let trials = study.search.iter();
+    trials
+        .filter_map(|trial| {
+            Some(Refusal {
+                hypothesis: trial.term.kind().into(),
+                place: trial.term.place().into(),
+                reason: trial.lost.filter(|reason| *reason != TOO_LITTLE)?,
+                trials: 1,
+            })
+        })
+        .collect()
+}
+
+/// The force's residual in figures; `after` is what the last stage leaves of the fit record.
+fn residual(study: &Study, after: &[f64], rate: f64) -> Residual {
+    let (refitted, last) = (&study.stages[study.refitted], study.last());
+    let step = ((rate / 200.0) as usize).max(1);
+    let every: Vec<f64> = after.iter().copied().step_by(step).collect();
+    Residual {
+        channel: "force".into(),
+        unit: "N".into(),
+        fit_before: refitted.estimate.force_n,
+        fit_after: last.estimate.force_n,
+        check_before: refitted.test.force_n,
+        check_after: last.homed.force_n,
+        check_signal: None,
+        noise_floor: study.lap_to_lap_n,
+        whiteness: whiteness(&every),
+    }
+}
+
+/// Errors of the stages one by one.
+fn stages(study: &Study) -> Vec<Stage> {
+    let stages = study.stages.iter().chain(&study.corrected);
+    stages
+        .chain([&study.ideal])
+        .map(|stage| Stage {
+            added: stage.added.clone(),
+            fit: errors(&stage.estimate),
+            check: errors(&stage.test),
+            check_homed: errors(&stage.homed),
+        })
+        .collect()
 }
 
 fn errors(errors: &feed_axis::Errors) -> Errors {
