@@ -28,6 +28,7 @@ use mapping::Found;
 use plant::Axis;
 use plant::recording::{AxisRecord, Recording};
 use rules::{Raw, Timing, sift};
+use std::collections::BTreeMap;
 use std::path::Path;
 
 /// How to load.
@@ -58,7 +59,7 @@ pub fn load(path: &Path, how: How, progress: &mut Progress) -> Result<Record, Lo
         notes: std::mem::take(&mut table.notes),
         ..DataQuality::default()
     };
-    let mut constants = std::collections::BTreeMap::new();
+    let mut constants = BTreeMap::new();
     for (name, _) in mapping.machine.constants() {
         if let Some(value) = mapping.constant(&table, name)? {
             constants.insert(*name, value);
@@ -71,64 +72,22 @@ pub fn load(path: &Path, how: How, progress: &mut Progress) -> Result<Record, Lo
             ));
         }
     }
-    let keep = rows_that_count(&table, mapping, timed)?;
-    let all = timed
-        .map(|t| ("t_s", t))
-        .into_iter()
-        .chain(found.iter().copied());
+    let rows = rows_that_count(&table, mapping, timed)?;
+    let time = timed.map(|t| ("t_s", t)).into_iter();
+    let all: Vec<(&'static str, Found)> = time.chain(found.iter().copied()).collect();
+    quality.notes.extend(units_of_file(&table, &all));
     // Rows of the file, where a row's number is a channel.
     let length = found
         .iter()
         .find_map(|(_, place)| Some(table.columns[place.column?].values.len()))
         .unwrap_or(0);
-    let mut values = Vec::new();
-    for (name, place) in all.clone() {
-        if place.unit_of_file {
-            let column = place.column.map(|column| &table.columns[column]);
-            let path = column.map_or("", |column| column.path.as_str());
-            let unit = column
-                .and_then(|column| column.unit.as_deref())
-                .unwrap_or_default();
-            quality.notes.push(format!(
-                "`{name}` is taken to be in {unit}, as `{path}` says"
-            ));
-        }
-        // A column may serve twice only where the mapping names neither.
-        let shared = all
-            .clone()
-            .filter(|(_, p)| p.column == place.column)
-            .count()
-            > 1;
-        let own = match place.column {
-            Some(column) if shared => table.columns[column].values.clone(),
-            Some(column) => std::mem::take(&mut table.columns[column].values),
-            None => (0..length).map(|row| row as f64).collect(),
-        };
-        values.push(in_si(own, place, keep.as_deref()));
-    }
-    let table = &table;
-    let columns: Vec<Raw> = all
-        .zip(values)
-        .map(|((name, place), values)| {
-            let keep = keep.clone();
-            Raw {
-                name,
-                most: layout::most(name),
-                values,
-                text: Box::new(move |row| {
-                    let row = keep.as_ref().map_or(row, |rows| rows[row - 1] + 1);
-                    place
-                        .column
-                        .map_or_else(String::new, |column| table.text(column, row))
-                }),
-            }
-        })
-        .collect();
+    let values = take_values(&mut table, &all, length, rows.as_deref());
+    let columns = raw(&table, &all, values, rows.as_deref());
     let timing = Timing {
         rate: mapping.sample_hz.or(how.declared_hz).filter(|hz| *hz > 0.0),
         clock: mapping.clock,
         timed: timed.is_some(),
-        rows: keep.clone(),
+        rows: rows.clone(),
     };
     let grid = sift(columns, &timing, how.on_fault, &mut quality)?;
     let mut record = Record {
@@ -151,6 +110,64 @@ pub fn load(path: &Path, how: How, progress: &mut Progress) -> Result<Record, Lo
     };
     derive::complete(&mut record, mapping.pole_pairs, mapping.amplitude_invariant);
     Ok(record)
+}
+
+/// Which channels have a unit by the file's own word, in sentences.
+fn units_of_file(table: &Table, channels: &[(&'static str, Found)]) -> Vec<String> {
+    let by_file = channels.iter().filter(|(_, place)| place.unit_of_file);
+    by_file
+        .map(|(name, place)| {
+            let column = place.column.map(|column| &table.columns[column]);
+            let path = column.map_or("", |column| column.path.as_str());
+            let unit = column
+                .and_then(|column| column.unit.as_deref())
+                .unwrap_or_default();
+            format!("`{name}` is taken to be in {unit}, as `{path}` says")
+        })
+        .collect()
+}
+
+/// Values of the channels in our unit, of the rows that count; they leave the table. A row's number goes up to `length`.
+fn take_values(
+    table: &mut Table,
+    channels: &[(&'static str, Found)],
+    length: usize,
+    rows: Option<&[usize]>,
+) -> Vec<Vec<f64>> {
+    let own = channels.iter().map(|(_, place)| {
+        // A column may serve twice only where the mapping names neither.
+        let same = channels.iter().filter(|(_, p)| p.column == place.column);
+        let own = match place.column {
+            Some(column) if same.count() > 1 => table.columns[column].values.clone(),
+            Some(column) => std::mem::take(&mut table.columns[column].values),
+            None => (0..length).map(|row| row as f64).collect(),
+        };
+        in_si(own, *place, rows)
+    });
+    own.collect()
+}
+
+/// The channels as the rules look at them.
+fn raw<'a>(
+    table: &'a Table,
+    channels: &[(&'static str, Found)],
+    values: Vec<Vec<f64>>,
+    rows: Option<&'a [usize]>,
+) -> Vec<Raw<'a>> {
+    let columns = channels.iter().zip(values);
+    columns
+        .map(|(&(name, place), values)| Raw {
+            name,
+            most: layout::most(name),
+            values,
+            text: Box::new(move |row| {
+                let row = rows.map_or(row, |rows| rows[row - 1] + 1);
+                place
+                    .column
+                    .map_or_else(String::new, |column| table.text(column, row))
+            }),
+        })
+        .collect()
 }
 
 /// Where the machine's channels stand in a file. Of each group of alternatives one must be whole.

@@ -115,28 +115,10 @@ fn rows(
         .map_err(|e| fault(row, e.to_string()))?
     {
         row += 1;
-        let mut cells = record.iter();
-        let mut next = || match spaces {
-            true => cells.find(|cell| !cell.is_empty()),
-            false => cells.next(),
-        };
-        let missing: &[u8] = b"";
-        for values in columns.iter_mut() {
-            let cell = next().unwrap_or(missing);
-            values.push(parse(cell, sniffed.decimal).unwrap_or(f64::NAN));
-        }
-        let mut more = 0;
-        while let Some(cell) = next() {
-            more += usize::from(!cell.is_empty());
-        }
+        let more = push_row(&mut columns, &record, sniffed.decimal, spaces);
         if more > 0 {
             let text = format!("{} cells instead of {width}", width + more);
-            for (column, values) in columns.iter_mut().enumerate() {
-                table.push_word(row, column, text.as_bytes());
-                if let Some(last) = values.last_mut() {
-                    *last = f64::NAN;
-                }
-            }
+            void(&mut table, &mut columns, row, &text);
             continue;
         }
         if columns
@@ -162,6 +144,40 @@ fn rows(
             .insert(0, "its text is taken to be Windows-1252".into());
     }
     Ok(table)
+}
+
+/// Adds a row of cells to the columns; how many further cells it has that are not empty.
+fn push_row(
+    columns: &mut [Vec<f64>],
+    record: &csv::ByteRecord,
+    decimal: u8,
+    spaces: bool,
+) -> usize {
+    let mut cells = record.iter();
+    let mut next = || match spaces {
+        true => cells.find(|cell| !cell.is_empty()),
+        false => cells.next(),
+    };
+    let missing: &[u8] = b"";
+    for values in columns.iter_mut() {
+        let cell = next().unwrap_or(missing);
+        values.push(parse(cell, decimal).unwrap_or(f64::NAN));
+    }
+    let mut more = 0;
+    while let Some(cell) = next() {
+        more += usize::from(!cell.is_empty());
+    }
+    more
+}
+
+/// Makes the last row a fault in every column, with the reason in its place.
+fn void(table: &mut Table, columns: &mut [Vec<f64>], row: usize, reason: &str) {
+    for (column, values) in columns.iter_mut().enumerate() {
+        table.push_word(row, column, reason.as_bytes());
+        if let Some(last) = values.last_mut() {
+            *last = f64::NAN;
+        }
+    }
 }
 
 /// Lists the cells of a row that are no finite numbers.

@@ -116,113 +116,171 @@ fn spelled(separator: u8) -> &'static str {
     }
 }
 
+/// Where the numbers of a text are, and how they are written.
+struct Numbers {
+    separator: u8,
+    decimal: u8,
+    /// The first line of numbers.
+    start: usize,
+    /// Rows of numbers, 0 where there are none.
+    rows: usize,
+    /// Cells of a row at most.
+    width: usize,
+}
+
+impl Numbers {
+    /// Of lines from one on: the layout that reads the most.
+    fn new(sample: &str, lines: &[&str], from: usize, known: &Layout) -> Self {
+        let separators = known
+            .separator
+            .map_or_else(|| vec![b'\t', b';', b',', b'|', b' '], |one| vec![one]);
+        let decimals = known
+            .decimal
+            .map_or_else(|| vec![b'.', b','], |one| vec![one]);
+        let mut best = (0, b',', b'.', (0, 0, 0));
+        for &separator in &separators {
+            for &decimal in &decimals {
+                // One sign for both only where quotes tell them apart.
+                if separator == decimal && !sample.contains('"') {
+                    continue;
+                }
+                let found = run(&lines[from..], separator, decimal);
+                // Numbers that a layout reads; the first of equals is the likelier one.
+                let score = found.1 * found.2;
+                if score > best.0 {
+                    best = (score, separator, decimal, found);
+                }
+            }
+        }
+        let (_, separator, decimal, (start, rows, width)) = best;
+        Numbers {
+            separator,
+            decimal,
+            start: from + start,
+            rows,
+            width: width.min(MOST_COLUMNS + 1),
+        }
+    }
+}
+
+/// The lines before the numbers.
+struct Header<'a> {
+    /// Cells of the line of names, where there is one.
+    names: Option<Vec<&'a str>>,
+    /// Cells of the line of units behind it, where there is one.
+    units: Option<Vec<&'a str>>,
+    /// Further lines, which are left out.
+    others: usize,
+}
+
+impl<'a> Header<'a> {
+    /// Of lines from one on up to the numbers.
+    fn new(lines: &[&'a str], from: usize, numbers: &Numbers) -> Self {
+        let filled = |at: &usize| !lines[*at].trim().is_empty();
+        let before = from..numbers.start;
+        let heads = before
+            .clone()
+            .rev()
+            .filter(filled)
+            .take(2)
+            .map(|at| head(lines[at], numbers.separator))
+            .filter(|cells| trimmed(cells).len() >= numbers.width);
+        let mut heads = heads.collect::<Vec<_>>().into_iter();
+        let count = heads.len();
+        let (last, first) = (heads.next(), heads.next());
+        let (names, units) = match (last, first) {
+            (Some(last), Some(before)) if is_units(&last) => (Some(before), Some(last)),
+            (last, _) => (last, None),
+        };
+        let named = count.min(1 + usize::from(units.is_some()));
+        Header {
+            others: before.filter(filled).count() - named,
+            names,
+            units,
+        }
+    }
+}
+
+/// Whether at least half of the cells that hold something are units.
+fn is_units(cells: &[&str]) -> bool {
+    let filled = cells.iter().filter(|cell| !cell.is_empty()).count();
+    let units = cells
+        .iter()
+        .filter(|cell| units::of_text(cell).is_some_and(|(name, _)| name.is_empty()))
+        .count();
+    units > 0 && 2 * units >= filled
+}
+
 /// Looks at the first lines of a text.
 pub(super) fn sniff(sample: &str, known: &Layout) -> Sniffed {
     let lines: Vec<&str> = sample.lines().collect();
-    let separators = known
-        .separator
-        .map_or_else(|| vec![b'\t', b';', b',', b'|', b' '], |one| vec![one]);
-    let decimals = known
-        .decimal
-        .map_or_else(|| vec![b'.', b','], |one| vec![one]);
     let from = known.skip.unwrap_or(0).min(lines.len());
-    let mut best = (0, b',', b'.', (0, 0, 0));
-    for &separator in &separators {
-        for &decimal in &decimals {
-            // One sign for both only where quotes tell them apart.
-            if separator == decimal && !sample.contains('"') {
-                continue;
-            }
-            let found = run(&lines[from..], separator, decimal);
-            // Numbers that a layout reads; the first of equals is the likelier one.
-            let score = found.1 * found.2;
-            if score > best.0 {
-                best = (score, separator, decimal, found);
-            }
-        }
-    }
-    let (_, separator, decimal, (start, rows, width)) = best;
-    let start = from + start;
-    let mut notes = Vec::new();
-    if rows == 0 {
+    let numbers = Numbers::new(sample, &lines, from, known);
+    let Numbers {
+        separator,
+        decimal,
+        width,
+        ..
+    } = numbers;
+    if numbers.rows == 0 {
         return Sniffed {
             separator,
             decimal,
             before: lines.len(),
             names: Vec::new(),
             units: Vec::new(),
-            notes,
+            notes: Vec::new(),
         };
     }
-    let width = width.min(MOST_COLUMNS + 1);
-    let heads: Vec<(usize, Vec<&str>)> = (from..start)
-        .rev()
-        .filter(|at| !lines[*at].trim().is_empty())
-        .take(2)
-        .map(|at| (at, head(lines[at], separator)))
-        .filter(|(_, cells)| trimmed(cells).len() >= width)
+    let header = Header::new(&lines, from, &numbers);
+    let names: Vec<String> = (0..width)
+        .map(|k| match &header.names {
+            Some(names) => names.get(k).map_or_else(String::new, |n| (*n).to_owned()),
+            None => k.to_string(),
+        })
         .collect();
-    let is_units = |cells: &[&str]| {
-        let filled = cells.iter().filter(|cell| !cell.is_empty()).count();
-        let units = cells
-            .iter()
-            .filter(|cell| units::of_text(cell).is_some_and(|(name, _)| name.is_empty()))
-            .count();
-        units > 0 && 2 * units >= filled
-    };
-    let (names, unit_row) = match &heads[..] {
-        [(_, last), (_, before), ..] if is_units(last) => (Some(before), Some(last)),
-        [(_, last), ..] => (Some(last), None),
-        [] => (None, None),
-    };
-    let mut found_units: Vec<Option<String>> = vec![None; width];
-    let names: Vec<String> = match names {
-        Some(names) => (0..width)
-            .map(|k| names.get(k).map_or_else(String::new, |n| (*n).to_owned()))
-            .collect(),
-        None => {
-            notes.push("it has no header: its columns are named by their numbers, from 0".into());
-            (0..width).map(|k| k.to_string()).collect()
-        }
-    };
-    for (k, unit) in found_units.iter_mut().enumerate() {
-        let in_row = unit_row.and_then(|row| row.get(k)).copied();
-        *unit = in_row
+    let units = (0..width).map(|k| {
+        let in_row = header.units.as_ref().and_then(|row| row.get(k)).copied();
+        in_row
             .and_then(units::of_text)
             .or_else(|| units::of_text(&names[k]).filter(|(name, _)| !name.is_empty()))
-            .map(|(_, unit)| unit.to_owned());
-    }
-    if known.separator.is_none() && width > 1 && separator != b',' {
-        notes.push(format!(
-            "its cells are taken to be separated by {}",
-            spelled(separator)
-        ));
-    }
-    if known.decimal.is_none() && decimal == b',' {
-        notes.push("its numbers are taken to have a decimal comma".into());
-    }
-    let named = heads.len().min(1 + usize::from(unit_row.is_some()));
-    let others = (from..start)
-        .filter(|at| !lines[*at].trim().is_empty())
-        .count()
-        - named;
-    if others + from > 0 {
-        notes.push(format!(
-            "{} lines before its header are left out",
-            others + from
-        ));
-    }
-    if unit_row.is_some() {
-        notes.push("it has a row of units".into());
-    }
+            .map(|(_, unit)| unit.to_owned())
+    });
     Sniffed {
         separator,
         decimal,
-        before: start,
+        before: numbers.start,
+        units: units.collect(),
+        notes: guessed(known, &numbers, &header, from),
         names,
-        units: found_units,
-        notes,
     }
+}
+
+/// What was guessed of a text of which the first `from` lines are left out, in words.
+fn guessed(known: &Layout, numbers: &Numbers, header: &Header, from: usize) -> Vec<String> {
+    let mut notes = Vec::new();
+    if header.names.is_none() {
+        notes.push("it has no header: its columns are named by their numbers, from 0".into());
+    }
+    if known.separator.is_none() && numbers.width > 1 && numbers.separator != b',' {
+        notes.push(format!(
+            "its cells are taken to be separated by {}",
+            spelled(numbers.separator)
+        ));
+    }
+    if known.decimal.is_none() && numbers.decimal == b',' {
+        notes.push("its numbers are taken to have a decimal comma".into());
+    }
+    if header.others + from > 0 {
+        notes.push(format!(
+            "{} lines before its header are left out",
+            header.others + from
+        ));
+    }
+    if header.units.is_some() {
+        notes.push("it has a row of units".into());
+    }
+    notes
 }
 
 /// The cells of a header; a comment sign before it is none of them.
