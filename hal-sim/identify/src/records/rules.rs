@@ -84,7 +84,7 @@ struct Pace {
 
 /// Applies the rules.
 pub(super) fn sift(
-    mut columns: Vec<Raw>,
+    columns: Vec<Raw>,
     timing: &Timing,
     on_fault: OnFault,
     quality: &mut DataQuality,
@@ -96,30 +96,9 @@ pub(super) fn sift(
     let pace = pace(&columns, timing, quality)?;
     let interval = 1.0 / pace.rate;
     quality.rows = rows;
-    let time = |columns: &[Raw], row: usize| match timing.timed {
-        true => columns[0].values[row],
-        false => timing.rows.as_ref().map_or(row, |rows| rows[row]) as f64 * interval,
-    };
-    let mut kept: Vec<usize> = Vec::with_capacity(rows);
-    for row in 0..rows {
-        let step = kept
-            .last()
-            .map(|&before| time(&columns, row) - time(&columns, before));
-        let Some(fault) = fault(&columns, row, step, &pace) else {
-            kept.push(row);
-            continue;
-        };
-        if on_fault == OnFault::Refuse {
-            return Err(fault.refusal(&columns, row, &origin, interval));
-        }
-        match fault {
-            Fault::NoNumber(k) => quality.skip("no number", row + 1, columns[k].name),
-            Fault::TooLarge(k) => quality.skip("too large", row + 1, columns[k].name),
-            Fault::Back(_) => quality.skip("time twice or back", row + 1, columns[0].name),
-        }
-    }
+    let kept = sound(&columns, timing, &pace, on_fault, quality)?;
     too_many(quality, rows)?;
-    let ticks = ticks(&kept, |row| time(&columns, row), &pace);
+    let ticks = ticks(&kept, |row| timing.of(&columns, row, interval), &pace);
     let shortest = (SHORTEST_SEGMENT_S * pace.rate) as usize;
     let all = pieces(&ticks);
     if all.len() > 1 && all.len() as f64 > GAPS * rows as f64 {
@@ -137,39 +116,22 @@ pub(super) fn sift(
         && pace.clock == Clock::Even
         && kept.len() == rows
         && ticks.last().is_some_and(|last| *last as usize == rows - 1);
-    let timed = usize::from(timing.timed);
-    let grid = if whole {
-        let start = time(&columns, 0);
-        Grid {
-            rate: pace.rate,
-            time: (0..rows).map(|k| start + k as f64 * interval).collect(),
-            columns: columns
-                .iter_mut()
-                .skip(timed)
-                .map(|column| std::mem::take(&mut column.values))
-                .collect(),
-            segments: std::iter::once(0..rows).collect(),
-            measured: vec![true; rows],
+    let grid = match whole {
+        true => Grid::whole(columns, timing, pace.rate),
+        false => {
+            let mut grid = Grid::empty(pace.rate, columns.len() - usize::from(timing.timed));
+            for piece in pieces {
+                let start = timing.of(&columns, kept[piece.start], interval);
+                grid.append(
+                    &columns[usize::from(timing.timed)..],
+                    &kept[piece.clone()],
+                    &ticks[piece],
+                    start,
+                    &pace,
+                );
+            }
+            grid
         }
-    } else {
-        let mut grid = Grid {
-            rate: pace.rate,
-            time: Vec::new(),
-            columns: vec![Vec::new(); columns.len() - timed],
-            segments: Vec::new(),
-            measured: Vec::new(),
-        };
-        for piece in &pieces {
-            let start = time(&columns, kept[piece.start]);
-            grid.append(
-                &columns[timed..],
-                &kept[piece.clone()],
-                &ticks[piece.clone()],
-                start,
-                &pace,
-            );
-        }
-        grid
     };
     quality.used = grid.time.len();
     quality.bridged = grid.measured.iter().filter(|measured| !**measured).count();
@@ -182,6 +144,45 @@ pub(super) fn sift(
         });
     }
     Ok(grid)
+}
+
+impl Timing {
+    /// Time of a row, s; of rows without time by the interval between them.
+    fn of(&self, columns: &[Raw], row: usize, interval: f64) -> f64 {
+        match self.timed {
+            true => columns[0].values[row],
+            false => self.rows.as_ref().map_or(row, |rows| rows[row]) as f64 * interval,
+        }
+    }
+}
+
+/// The rows without a fault; the others are refused, or counted.
+fn sound(
+    columns: &[Raw],
+    timing: &Timing,
+    pace: &Pace,
+    on_fault: OnFault,
+    quality: &mut DataQuality,
+) -> Result<Vec<usize>, LoadError> {
+    let interval = 1.0 / pace.rate;
+    let time = |row: usize| timing.of(columns, row, interval);
+    let mut kept: Vec<usize> = Vec::with_capacity(quality.rows);
+    for row in 0..quality.rows {
+        let step = kept.last().map(|&before| time(row) - time(before));
+        let Some(fault) = fault(columns, row, step, pace) else {
+            kept.push(row);
+            continue;
+        };
+        if on_fault == OnFault::Refuse {
+            return Err(fault.refusal(columns, row, &quality.file, interval));
+        }
+        match fault {
+            Fault::NoNumber(k) => quality.skip("no number", row + 1, columns[k].name),
+            Fault::TooLarge(k) => quality.skip("too large", row + 1, columns[k].name),
+            Fault::Back(_) => quality.skip("time twice or back", row + 1, columns[0].name),
+        }
+    }
+    Ok(kept)
 }
 
 /// Refuses a record of which too many rows were left out.
@@ -409,6 +410,32 @@ fn pieces(ticks: &[f64]) -> Vec<Range<usize>> {
 }
 
 impl Grid {
+    /// Rows of which none is missing, as they are.
+    fn whole(columns: Vec<Raw>, timing: &Timing, rate: f64) -> Self {
+        let interval = 1.0 / rate;
+        let rows = columns[0].values.len();
+        let start = timing.of(&columns, 0, interval);
+        let columns = columns.into_iter().skip(usize::from(timing.timed));
+        Grid {
+            rate,
+            time: (0..rows).map(|k| start + k as f64 * interval).collect(),
+            columns: columns.map(|column| column.values).collect(),
+            segments: std::iter::once(0..rows).collect(),
+            measured: vec![true; rows],
+        }
+    }
+
+    /// So many columns without rows.
+    fn empty(rate: f64, columns: usize) -> Self {
+        Grid {
+            rate,
+            time: Vec::new(),
+            columns: vec![Vec::new(); columns],
+            segments: Vec::new(),
+            measured: Vec::new(),
+        }
+    }
+
     /// Adds the rows of a piece on the even grid from `start` on, straight lines between them.
     fn append(&mut self, columns: &[Raw], piece: &[usize], ticks: &[f64], start: f64, pace: &Pace) {
         let (Some(first), Some(last)) = (ticks.first(), ticks.last()) else {

@@ -18,7 +18,7 @@ use super::{Machine, Record};
 use columns::Seen;
 use motor::{Motor, made_by};
 use plant::model::{Model, MotorModel};
-use regress::{fit, rms};
+use regress::{Fit, fit, rms};
 use serde::Serialize;
 use std::borrow::Cow;
 
@@ -424,19 +424,34 @@ fn table(
     if own.explained > limits.travel_explained && limits.travel_ratio.contains(&ratio) {
         return;
     }
-    let sentence = if rms(&moved) < 0.01 * rms(&expected) && own.explained < limits.travel_explained
-    {
+    let sentence = wrong_table(
+        [rms(&moved), rms(&expected)],
+        &own,
+        model.feed.lead_m,
+        limits,
+    );
+    found.push(Finding::new(
+        "table",
+        &["table_position_m"],
+        [ratio, *limits.travel_ratio.end()],
+        sentence,
+    ));
+}
+
+/// How a table does not follow screw and nut, in words; both ways are rms, m.
+fn wrong_table([moved, expected]: [f64; 2], fit: &Fit, lead_m: f64, limits: &Limits) -> String {
+    let ratio = fit.values[0];
+    if moved < 0.01 * expected && fit.explained < limits.travel_explained {
         format!(
             "`table_position_m` moves by {:.6} m rms, expected {:.6} m by lead and angles; is it frozen, in another unit, or the wrong \
              column?",
-            rms(&moved),
-            rms(&expected)
+            moved, expected
         )
-    } else if own.explained < limits.travel_explained {
+    } else if fit.explained < limits.travel_explained {
         format!(
             "`table_position_m` does not follow the angle of screw against nut ({:.0} % explained, expected more than {:.0} %); is it \
              the right column, and is lead_m right?",
-            100.0 * own.explained.max(0.0),
+            100.0 * fit.explained.max(0.0),
             100.0 * limits.travel_explained
         )
     } else if ratio < 0.0 {
@@ -453,16 +468,10 @@ fn table(
         format!(
             "`table_position_m` moves {ratio:.4} times as far as lead_m = {} and the angles say, expected once{}: correct lead_m in the \
              model, or give the table's unit in a mapping file",
-            model.feed.lead_m,
+            lead_m,
             power_of_ten(ratio)
         )
-    };
-    found.push(Finding::new(
-        "table",
-        &["table_position_m"],
-        [ratio, *limits.travel_ratio.end()],
-        sentence,
-    ));
+    }
 }
 
 /// A factor that is a power of ten, in words.
