@@ -57,6 +57,97 @@ fn between(values: &[f64], [low, high]: [f64; 2], at: f64) -> f64 {
     values[k] + (place - k as f64) * (values[k + 1] - values[k])
 }
 
+/// What a simulation needs of an axis' terms.
+struct Numbers {
+    mass: f64,
+    viscous: f64,
+    coulomb: f64,
+    offset: f64,
+    /// Size at rest, N, and speed of the decay, m/s.
+    stribeck: [f64; 2],
+    saturation: f64,
+    asymmetry: f64,
+    /// Of what gives before it slides, N/m.
+    stiffness: Option<f64>,
+    friction_slope: f64,
+    load_slope: f64,
+    /// Time constant of the force, s.
+    lag: f64,
+    by_direction: f64,
+    /// Orders of the screw, with cosine and sine.
+    periodic: Vec<(f64, f64, f64)>,
+}
+
+impl Numbers {
+    fn new(axis: &Axis) -> Self {
+        let [mass, viscous, coulomb, offset] = axis.base;
+        let periodic = axis.terms.iter().filter_map(|(term, v)| match term {
+            Term::Periodic(order) => Some((*order, v[0], v[1])),
+            _ => None,
+        });
+        Numbers {
+            mass: mass.max(1.0),
+            viscous,
+            coulomb,
+            offset,
+            stribeck: axis
+                .find(Term::Stribeck)
+                .map_or([0.0, 1.0], |v| [v[0], v[1].abs().max(1e-4)]),
+            saturation: axis.one(Term::Saturation),
+            asymmetry: axis.one(Term::Asymmetry),
+            stiffness: axis.find(Term::Presliding).map(|v| v[0].clamp(1e4, 5e7)),
+            friction_slope: axis.one(Term::PositionFriction),
+            load_slope: axis.one(Term::PositionLoad),
+            lag: axis.one(Term::Lag).max(0.0),
+            by_direction: axis.one(Term::DirectionGain),
+            periodic: periodic.collect(),
+        }
+    }
+
+    /// Share of its distance to the force that is asked for by which the force follows in a step.
+    fn follow(&self, dt: f64) -> f64 {
+        if self.lag > 0.0 {
+            1.0 - (-dt / self.lag).exp()
+        } else {
+            1.0
+        }
+    }
+
+    /// Force that repeats with the screw, N.
+    fn ripple(&self, theta: f64) -> f64 {
+        self.periodic
+            .iter()
+            .map(|(order, c, s)| c * (order * theta).cos() + s * (order * theta).sin())
+            .sum()
+    }
+
+    /// Size of the dry friction, N, with a part `rub` of the place.
+    fn level(&self, x: f64, v: f64, rub: f64) -> f64 {
+        let [size, speed] = self.stribeck;
+        let decay = size * (-(v.abs() / speed)).exp();
+        (self.coulomb + decay + self.friction_slope * x + rub).max(0.1)
+    }
+
+    /// Dry friction of a carriage on a bristle of a stiffness, N: LuGre without its own damping. The bristle follows exactly over a
+    /// step of constant speed.
+    fn presliding(&self, stiffness: f64, level: f64, v: f64, bristle: &mut f64, dt: f64) -> f64 {
+        let reach = level / stiffness;
+        let rate = v.abs() / reach;
+        let target = if v == 0.0 {
+            *bristle
+        } else {
+            reach * v.signum()
+        };
+        *bristle = target + (*bristle - target) * (-rate * dt).exp();
+        stiffness * *bristle + 0.6 * (stiffness * self.mass).sqrt() * v * (-(v.abs() / 2e-3)).exp()
+    }
+
+    /// Friction that grows with the speed, N.
+    fn drag(&self, v: f64) -> f64 {
+        self.viscous * v - self.saturation * v * v.abs() + self.asymmetry * v.abs()
+    }
+}
+
 impl Axis {
     /// Simulates the closed loop over a record's references and pulses, from its first position at rest.
     pub fn simulate(&self, record: &Record) -> Run {
@@ -65,27 +156,7 @@ impl Axis {
 
     /// The same with a further force on the carriage, against the positive direction, N, which is asked for four times a row.
     pub fn simulate_under(&self, record: &Record, further: impl Fn(&Moment) -> f64) -> Run {
-        let [mass, viscous, coulomb, offset] = self.base;
-        let mass = mass.max(1.0);
-        let stribeck = self
-            .find(Term::Stribeck)
-            .map_or((0.0, 1.0), |v| (v[0], v[1].abs().max(1e-4)));
-        let (saturation, asymmetry) = (self.one(Term::Saturation), self.one(Term::Asymmetry));
-        let stiffness = self.find(Term::Presliding).map(|v| v[0].clamp(1e4, 5e7));
-        let (friction_slope, load_slope) = (
-            self.one(Term::PositionFriction),
-            self.one(Term::PositionLoad),
-        );
-        let lag = self.one(Term::Lag).max(0.0);
-        let by_direction = self.one(Term::DirectionGain);
-        let periodic: Vec<(f64, f64, f64)> = self
-            .terms
-            .iter()
-            .filter_map(|(term, v)| match term {
-                Term::Periodic(order) => Some((*order, v[0], v[1])),
-                _ => None,
-            })
-            .collect();
+        let terms = Numbers::new(self);
         let dt = 1.0 / record.rate / SUBSTEPS as f64;
         let inside = self.law == Law::Ideal;
         let rows = record.len();
@@ -98,11 +169,7 @@ impl Axis {
         let mut bristle = 0.0_f64;
         let mut since = SinceReversal { from: x, sign: 0.0 };
         let mut applied = record.output[0] * record.force_per_volt;
-        let follow = if lag > 0.0 {
-            1.0 - (-dt / lag).exp()
-        } else {
-            1.0
-        };
+        let follow = terms.follow(dt);
         for k in 0..rows {
             let speed = match self.law {
                 Law::Ideal => v,
@@ -121,10 +188,7 @@ impl Axis {
             run.velocity.push(v);
             run.force.push(force);
             let theta = TAU * x / self.lead_m + self.homing;
-            let ripple: f64 = periodic
-                .iter()
-                .map(|(order, c, s)| c * (order * theta).cos() + s * (order * theta).sin())
-                .sum();
+            let ripple = terms.ripple(theta);
             let measured = self.measured(x, v, since.way(x, v), theta);
             let [load, rub] = [false, true].map(|friction| self.over_travel(friction, x));
             for step in 0..SUBSTEPS {
@@ -132,34 +196,27 @@ impl Axis {
                     force = asked(x, v, step as f64 / SUBSTEPS as f64);
                 }
                 applied += (force - applied) * follow;
-                let decay = stribeck.0 * (-(v.abs() / stribeck.1)).exp();
-                let level = (coulomb + decay + friction_slope * x + rub).max(0.1);
+                let level = terms.level(x, v, rub);
                 let way = (v / 5e-4).tanh();
-                let dry = match stiffness {
-                    Some(stiffness) => {
-                        // LuGre without its own damping: the bristle follows exactly over a step of constant speed.
-                        let reach = level / stiffness;
-                        let rate = v.abs() / reach;
-                        let target = if v == 0.0 {
-                            bristle
-                        } else {
-                            reach * v.signum()
-                        };
-                        bristle = target + (bristle - target) * (-rate * dt).exp();
-                        stiffness * bristle
-                            + 0.6 * (stiffness * mass).sqrt() * v * (-(v.abs() / 2e-3)).exp()
-                    }
+                let dry = match terms.stiffness {
+                    Some(stiffness) => terms.presliding(stiffness, level, v, &mut bristle, dt),
                     None => level * way,
                 };
-                let drag = viscous * v - saturation * v * v.abs() + asymmetry * v.abs();
-                let own = drag + dry + offset + ripple + measured + load_slope * x + load;
+                let own = terms.drag(v)
+                    + dry
+                    + terms.offset
+                    + ripple
+                    + measured
+                    + terms.load_slope * x
+                    + load;
                 let moment = Moment {
                     time_s: (k * SUBSTEPS + step) as f64 * dt,
                     position_m: x,
                     velocity_m_s: v,
                     force_n: applied,
                 };
-                v += dt / mass * (applied * (1.0 + by_direction * way) - own - further(&moment));
+                v += dt / terms.mass
+                    * (applied * (1.0 + terms.by_direction * way) - own - further(&moment));
                 x += dt * v;
             }
         }

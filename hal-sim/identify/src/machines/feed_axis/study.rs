@@ -187,77 +187,130 @@ fn lap_to_lap(record: &Record) -> f64 {
     rms(rows.map(|k| force[k] - force[k - lap])) / 2f64.sqrt()
 }
 
-impl Study {
-    /// Finds and fits on `estimate`, effect by effect, and scores on `test`.
-    pub fn new(declared: &Axis, estimate: &Record, test: &Record) -> Self {
-        let stage = |added: String, axis: Axis| {
-            let unhomed = axis.without_what_repeats();
-            let homed = homed(&axis, test);
-            Stage {
-                added,
-                estimate: errors(&axis, estimate, 0),
-                test: errors(&unhomed, test, 0),
-                homed: errors(&homed, test, test.len() / 4),
-                on_test: homed,
-                axis,
-            }
-        };
-        let rows: Vec<usize> = (MARGIN..estimate.len() - MARGIN).collect();
-        let mut stages = vec![stage("declared model".into(), declared.clone())];
-        let (law, law_left_v) = estimate.law();
-        let mut axis = Axis {
-            law,
-            ..declared.clone()
-        };
-        if let Law::Difference(periods) = law {
-            let added = format!("controller's dq/dt over {periods} periods");
-            stages.push(stage(added, axis.clone()));
+/// The records of a study.
+#[derive(Clone, Copy)]
+struct Records<'r> {
+    estimate: &'r Record,
+    test: &'r Record,
+    /// Rows of the first that a model is fitted to.
+    rows: &'r [usize],
+}
+
+impl Records<'_> {
+    /// A model with its errors.
+    fn stage(&self, added: String, axis: Axis) -> Stage {
+        let unhomed = axis.without_what_repeats();
+        let homed = homed(&axis, self.test);
+        Stage {
+            added,
+            estimate: errors(&axis, self.estimate, 0),
+            test: errors(&unhomed, self.test, 0),
+            homed: errors(&homed, self.test, self.test.len() / 4),
+            on_test: homed,
+            axis,
         }
-        axis = fitted(&axis, estimate, Free::Model, &rows);
-        stages.push(stage("mass and friction fitted".into(), axis.clone()));
+    }
+
+    /// Errors of a model on the test record, with all parameters fitted to that.
+    fn fitted_to_test(&self, on_test: &Axis) -> Errors {
+        let test = self.test;
+        let rows: Vec<usize> = (MARGIN..test.len() - MARGIN).collect();
+        let own = fitted(on_test, test, Free::Orders, &rows);
+        errors(&own, test, test.len() / 4)
+    }
+
+    /// A model with corrections for which no hypothesis stands.
+    fn corrected(&self, axis: &Axis) -> Option<Stage> {
+        let terms = corrections(axis, self.estimate)?;
+        let mut with = axis.clone();
+        let from = with.parameters().len();
+        with.terms
+            .extend(terms.into_iter().map(|term| (term, term.start())));
+        let to = with.parameters().len();
+        let with = fitted(&with, self.estimate, Free::Only { from, to }, self.rows);
+        Some(self.stage("corrections without a name".into(), with))
+    }
+}
+
+/// A model with effects.
+struct Grown {
+    axis: Axis,
+    /// What it leaves of both records.
+    left: Vec<Remnant>,
+    /// Effects with which the optimiser stopped by its limit of evaluations.
+    stopped_early: Vec<String>,
+}
+
+impl Grown {
+    /// The last of `stages` with the effects of a search, each a further stage. A term that the check record does not confirm, or beside
+    /// which another law is left, is not in the model.
+    fn new(records: Records, stages: &mut Vec<Stage>, search: &mut [Trial], floor: f64) -> Self {
         let refitted = stages.len() - 1;
-        let mut search = tried(&axis, estimate);
-        let lap_to_lap_n = lap_to_lap(estimate);
-        let white_n = white_below_100(&estimate.force(), estimate.rate);
-        let refit = axis;
-        let mut stopped_early = Vec::new();
-        // A term that the check record does not confirm, or beside which another law is left, is not in the model.
-        let left = loop {
-            axis = refit.clone();
+        loop {
             stages.truncate(refitted + 1);
-            stopped_early.clear();
+            let mut axis = stages[refitted].axis.clone();
+            let mut stopped_early = Vec::new();
             for trial in search.iter().filter(|trial| trial.lost.is_none()) {
                 axis.terms.push((trial.term, trial.term.start()));
                 let at_minimum;
-                (axis, at_minimum) = converged(&axis, estimate, Free::Orders, &rows);
+                (axis, at_minimum) = converged(&axis, records.estimate, Free::Orders, records.rows);
                 if !at_minimum {
                     stopped_early.push(trial.term.name());
                 }
-                stages.push(stage(trial.term.name(), axis.clone()));
+                stages.push(records.stage(trial.term.name(), axis.clone()));
             }
             let on_test = &stages[stages.len() - 1].on_test;
-            // What differs from lap to lap may be more than noise.
-            let floor = lap_to_lap_n.min(white_n);
-            let left = remnants([&axis, on_test], [estimate, test], floor);
+            let left = remnants([&axis, on_test], [records.estimate, records.test], floor);
             let Some((k, reason)) = unsound(&stages[refitted..], &left, floor) else {
-                break left;
+                return Grown {
+                    axis,
+                    left,
+                    stopped_early,
+                };
             };
             let named = search.iter_mut().filter(|trial| trial.lost.is_none());
             named
                 .skip(k)
                 .take(1)
                 .for_each(|trial| trial.lost = Some(reason));
+        }
+    }
+}
+
+impl Study {
+    /// Finds and fits on `estimate`, effect by effect, and scores on `test`.
+    pub fn new(declared: &Axis, estimate: &Record, test: &Record) -> Self {
+        let rows: Vec<usize> = (MARGIN..estimate.len() - MARGIN).collect();
+        let records = Records {
+            estimate,
+            test,
+            rows: &rows,
         };
-        let corrected = corrections(&axis, estimate).map(|terms| {
-            let mut with = axis.clone();
-            let from = with.parameters().len();
-            with.terms.extend(terms.map(|term| (term, term.start())));
-            let to = with.parameters().len();
-            let with = fitted(&with, estimate, Free::Only { from, to }, &rows);
-            stage("corrections without a name".into(), with)
-        });
+        let mut stages = vec![records.stage("declared model".into(), declared.clone())];
+        let (law, law_left_v) = estimate.law();
+        let axis = Axis {
+            law,
+            ..declared.clone()
+        };
+        if let Law::Difference(periods) = law {
+            let added = format!("controller's dq/dt over {periods} periods");
+            stages.push(records.stage(added, axis.clone()));
+        }
+        let axis = fitted(&axis, estimate, Free::Model, &rows);
+        stages.push(records.stage("mass and friction fitted".into(), axis.clone()));
+        let refitted = stages.len() - 1;
+        let mut search = tried(&axis, estimate);
+        let lap_to_lap_n = lap_to_lap(estimate);
+        // What differs from lap to lap may be more than noise.
+        let floor = lap_to_lap_n.min(white_below_100(&estimate.force(), estimate.rate));
+        let Grown {
+            axis,
+            left,
+            stopped_early,
+        } = Grown::new(records, &mut stages, &mut search, floor);
         // As each effect, they must lower the check record's error.
         let uncorrected_n = stages.last().map_or(f64::NAN, |last| last.homed.force_n);
+        let corrected = records.corrected(&axis);
         let corrected = corrected.filter(|with| with.homed.force_n < uncorrected_n);
         let ideal = Axis {
             law: Law::Ideal,
@@ -268,16 +321,7 @@ impl Study {
         let last = stages.last();
         let on_test = last.map_or(declared, |stage| &stage.on_test);
         Study {
-            fitted_to_test: errors(
-                &fitted(
-                    on_test,
-                    test,
-                    Free::Orders,
-                    &(MARGIN..test.len() - MARGIN).collect::<Vec<_>>(),
-                ),
-                test,
-                test.len() / 4,
-            ),
+            fitted_to_test: records.fitted_to_test(on_test),
             own_friction: last
                 .and_then(|last| OwnFriction::new(&last.on_test, test, &covariance, &last.homed)),
             remnants: left,
@@ -289,7 +333,7 @@ impl Study {
             corrected,
             refitted,
             search,
-            ideal: stage("all of it with dq/dt as it is".into(), ideal),
+            ideal: records.stage("all of it with dq/dt as it is".into(), ideal),
             covariance,
         }
     }
