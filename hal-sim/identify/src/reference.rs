@@ -98,52 +98,35 @@ fn headline(source: &str) -> String {
         .join(" ")
 }
 
-/// The page.
-pub fn page() -> String {
-    let mut page = String::from(
-        "# Keys of mapping and model files\n\nMade from the code by `ddfeed identify --reference`; a test holds this page \
-         equal to it.\n\n## Mapping file\n\nWhich column of a log is which channel, in which unit, and how it was \
-         sampled.\n\n",
-    );
-    table(&mut page, &keys(MAPPING, "Mapping"));
-    for (heading, structure) in [
-        ("`[columns.NAME]`: where a channel comes from", "Source"),
-        ("`[rows]`: which rows count", "Rows"),
-        (
-            "`[files.\"PATTERN\"]`: what differs in some files",
-            "Differs",
-        ),
-    ] {
+/// Keys of the tables of a source, each under its heading.
+fn tables(page: &mut String, source: &str, tables: &[(&str, &str)]) {
+    for (heading, structure) in tables {
         let _ = writeln!(page, "### {heading}\n");
-        table(&mut page, &keys(MAPPING, structure));
+        table(page, &keys(source, structure));
     }
+}
+
+/// Keys of a mapping file.
+fn mapping(page: &mut String) {
+    table(page, &keys(MAPPING, "Mapping"));
+    tables(
+        page,
+        MAPPING,
+        &[
+            ("`[columns.NAME]`: where a channel comes from", "Source"),
+            ("`[rows]`: which rows count", "Rows"),
+            (
+                "`[files.\"PATTERN\"]`: what differs in some files",
+                "Differs",
+            ),
+        ],
+    );
     page.push_str(
         "### `[constants.NAME]`: numbers beside the columns\n\n`name`, the name of a variable of the file, of which the first \
          value is taken; or `value`, the number.\n\n### Channels\n\nTime is `t_s`, s. A name's ending is its unit.\n\n",
     );
     for machine in Machine::ALL {
-        let _ = writeln!(
-            page,
-            "#### `machine = \"{}\"`: {}\n",
-            machine.name(),
-            machine.about()
-        );
-        page.push_str("| channel | needed | |\n| --- | --- | --- |\n");
-        for channel in machine.channels() {
-            let need = match channel.need {
-                Need::Required => "yes".to_owned(),
-                Need::Optional => "no".to_owned(),
-                Need::OneOf(group, alternative) => format!("{group}, way {}", alternative + 1),
-            };
-            let _ = writeln!(page, "| `{}` | {need} | {} |", channel.name, channel.about);
-        }
-        page.push('\n');
-        for (name, about) in machine.constants() {
-            let _ = writeln!(page, "- constant `{name}`: {about}");
-        }
-        if !machine.constants().is_empty() {
-            page.push('\n');
-        }
+        channels(page, machine);
     }
     page.push_str("### Units\n\n");
     for of in ["s", "rad", "rad/s", "m", "m/s", "A", "V", "N", "1"] {
@@ -153,33 +136,75 @@ pub fn page() -> String {
             .collect();
         let _ = writeln!(page, "- of {of}: {}", names.join(", "));
     }
-    page.push_str("\n## Model file of a double drive\n\n");
-    for (heading, structure) in [
-        ("`[screw]` and `[nut]`: the motors", "MotorModel"),
-        (
-            "`[[screw.torque_harmonics]]`, `[[nut.torque_harmonics]]`",
-            "TorqueHarmonic",
-        ),
-        ("`[feed]`: screw-nut pair, table and guideway", "FeedModel"),
-        ("`[sensing]`", "SensingModel"),
-    ] {
-        let _ = writeln!(page, "### {heading}\n");
-        table(&mut page, &keys(MODEL, structure));
+}
+
+/// Channels and constants of a machine.
+fn channels(page: &mut String, machine: Machine) {
+    let _ = writeln!(
+        page,
+        "#### `machine = \"{}\"`: {}\n",
+        machine.name(),
+        machine.about()
+    );
+    page.push_str("| channel | needed | |\n| --- | --- | --- |\n");
+    for channel in machine.channels() {
+        let need = match channel.need {
+            Need::Required => "yes".to_owned(),
+            Need::Optional => "no".to_owned(),
+            Need::OneOf(group, alternative) => format!("{group}, way {}", alternative + 1),
+        };
+        let _ = writeln!(page, "| `{}` | {need} | {} |", channel.name, channel.about);
     }
+    page.push('\n');
+    for (name, about) in machine.constants() {
+        let _ = writeln!(page, "- constant `{name}`: {about}");
+    }
+    if !machine.constants().is_empty() {
+        page.push('\n');
+    }
+}
+
+/// Keys of a double drive's model.
+fn double_drive(page: &mut String) {
+    page.push_str("\n## Model file of a double drive\n\n");
+    tables(
+        page,
+        MODEL,
+        &[
+            ("`[screw]` and `[nut]`: the motors", "MotorModel"),
+            (
+                "`[[screw.torque_harmonics]]`, `[[nut.torque_harmonics]]`",
+                "TorqueHarmonic",
+            ),
+            ("`[feed]`: screw-nut pair, table and guideway", "FeedModel"),
+            ("`[sensing]`", "SensingModel"),
+        ],
+    );
     page.push_str("### `[installation]`: may be left out\n\n");
-    table(&mut page, &keys(INSTALLATION, "InstallationModel"));
+    table(page, &keys(INSTALLATION, "InstallationModel"));
     page.push_str(
         "### `[measured.screw]` and `[measured.nut]`: halves of 95 % intervals, relative; may be left out\n\n",
     );
-    table(&mut page, &keys(MEASURED, "MeasuredMotor"));
+    table(page, &keys(MEASURED, "MeasuredMotor"));
     page.push_str(
         "### `[[effects]]`: what it has beyond that\n\n`kind`, `where` (`screw`, `nut`, `both` or `feed`), and the parameters of \
          the kind:\n\n",
     );
     for [kind, structure, source] in effects() {
         let _ = writeln!(page, "#### `{kind}`\n\n{}\n", headline(source));
-        table(&mut page, &keys(source, structure));
+        table(page, &keys(source, structure));
     }
+}
+
+/// The page.
+pub fn page() -> String {
+    let mut page = String::from(
+        "# Keys of mapping and model files\n\nMade from the code by `ddfeed identify --reference`; a test holds this page \
+         equal to it.\n\n## Mapping file\n\nWhich column of a log is which channel, in which unit, and how it was \
+         sampled.\n\n",
+    );
+    mapping(&mut page);
+    double_drive(&mut page);
     page.push_str("## Model file of a feed axis\n\n### `[axis]`\n\n");
     table(&mut page, &keys(AXIS, "Plate"));
     page.push_str("## Model file of a motor\n\n### `[motor]`\n\n");

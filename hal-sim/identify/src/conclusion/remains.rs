@@ -189,66 +189,14 @@ impl Fixed {
         plain: &Solution,
         full: &Solution,
     ) -> Self {
-        let run_s = check.balance.signals.run_s();
         let whitener = check.whitener(noise);
-        let left = |values: &Solution, effects: &[Hypothesis]| -> Contribution {
-            let mut residual: Contribution = check.base.residual.clone();
-            for ((parameter, _), value) in case.base.parameters.iter().zip(values.values.iter()) {
-                if parameter.is_of_the_machine()
-                    && let Some((_, contribution)) =
-                        check.base.parameters.iter().find(|(p, _)| p == parameter)
-                {
-                    residual.add_all(-value, contribution);
-                }
-            }
-            let mut at = case.base.parameters.len();
-            for hypothesis in effects {
-                let nuisances = hypothesis.nuisance_contributions(check.balance, run_s);
-                for part in hypothesis
-                    .contributions(check.balance, run_s)
-                    .iter()
-                    .chain(nuisances.iter().map(|(contribution, _)| contribution))
-                {
-                    residual.add_all(-values.values[at], part);
-                    at += 1;
-                }
-            }
-            let mut own = Normal::new(whitener.column(&residual), &whitener.folds);
-            let of_record: Vec<_> = check
-                .base
-                .parameters
-                .iter()
-                .filter(|(p, _)| !p.is_of_the_machine())
-                .collect();
-            for (parameter, contribution) in &of_record {
-                own.push(whitener.column(contribution), parameter.prior());
-            }
-            let offsets = own.solve(None);
-            for ((_, contribution), value) in of_record.iter().zip(offsets.values.iter()) {
-                residual.add_all(-value, contribution);
-            }
-            residual
-        };
-        let in_units = |residual: &Contribution| -> Vec<Vec<f64>> {
-            Channel::ALL
-                .iter()
-                .map(|&channel| {
-                    let band = noise.band(channel, check.balance.fourier);
-                    residual
-                        .0
-                        .iter()
-                        .find(|(c, _)| *c == channel)
-                        .map_or_else(Vec::new, |(_, spectrum)| {
-                            check.balance.fourier.filtered(spectrum, &band)
-                        })
-                })
-                .collect()
-        };
+        let in_units = |residual: &Contribution| in_units(residual, check, noise);
         let levels = |white: &Column| -> Vec<Level> {
             let each = Channel::ALL.into_iter();
             each.map(|channel| level(check, &whitener, white, channel, judged_hz(channel, noise)))
                 .collect()
         };
+        let left = |values, effects| left([case, check], &whitener, values, effects);
         let (before, after) = (left(plain, &[]), left(full, found));
         let white = whitener.column(&after);
         Fixed {
@@ -266,4 +214,67 @@ impl Fixed {
                 .collect(),
         }
     }
+}
+
+/// What a fit record's parameters and effects leave of a check record; what belongs to a record is fitted there.
+fn left(
+    [case, check]: [&Case; 2],
+    whitener: &Whitener,
+    values: &Solution,
+    effects: &[Hypothesis],
+) -> Contribution {
+    let run_s = check.balance.signals.run_s();
+    let mut residual: Contribution = check.base.residual.clone();
+    for ((parameter, _), value) in case.base.parameters.iter().zip(values.values.iter()) {
+        if parameter.is_of_the_machine()
+            && let Some((_, contribution)) =
+                check.base.parameters.iter().find(|(p, _)| p == parameter)
+        {
+            residual.add_all(-value, contribution);
+        }
+    }
+    let mut at = case.base.parameters.len();
+    for hypothesis in effects {
+        let nuisances = hypothesis.nuisance_contributions(check.balance, run_s);
+        for part in hypothesis
+            .contributions(check.balance, run_s)
+            .iter()
+            .chain(nuisances.iter().map(|(contribution, _)| contribution))
+        {
+            residual.add_all(-values.values[at], part);
+            at += 1;
+        }
+    }
+    let mut own = Normal::new(whitener.column(&residual), &whitener.folds);
+    let of_record: Vec<_> = check
+        .base
+        .parameters
+        .iter()
+        .filter(|(p, _)| !p.is_of_the_machine())
+        .collect();
+    for (parameter, contribution) in &of_record {
+        own.push(whitener.column(contribution), parameter.prior());
+    }
+    let offsets = own.solve(None);
+    for ((_, contribution), value) in of_record.iter().zip(offsets.values.iter()) {
+        residual.add_all(-value, contribution);
+    }
+    residual
+}
+
+/// A residual of each channel in its unit, in the band that the noise leaves.
+fn in_units(residual: &Contribution, check: &Case, noise: &Noise) -> Vec<Vec<f64>> {
+    Channel::ALL
+        .iter()
+        .map(|&channel| {
+            let band = noise.band(channel, check.balance.fourier);
+            residual
+                .0
+                .iter()
+                .find(|(c, _)| *c == channel)
+                .map_or_else(Vec::new, |(_, spectrum)| {
+                    check.balance.fourier.filtered(spectrum, &band)
+                })
+        })
+        .collect()
 }

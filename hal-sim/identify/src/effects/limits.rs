@@ -137,6 +137,22 @@ fn shown(hypothesis: &Hypothesis, order: f64, balance: &Balance) -> Result<(), &
     }
 }
 
+/// A value that may have a size at most.
+fn below(value: f64, most: f64, reason: &'static str) -> Result<(), &'static str> {
+    match value <= most {
+        true => Ok(()),
+        false => Err(reason),
+    }
+}
+
+/// A value that brakes.
+fn positive(value: f64) -> Result<(), &'static str> {
+    match value > 0.0 {
+        true => Ok(()),
+        false => Err(FEEDS_IN),
+    }
+}
+
 /// Whether an effect with given linear parameters can be.
 pub(crate) fn plausible(
     hypothesis: &Hypothesis,
@@ -149,14 +165,6 @@ pub(crate) fn plausible(
     let axis = hypothesis.axis().unwrap_or(Axis::Screw);
     let motor = model.motor(axis);
     let pole_pairs = f64::from(motor.pole_pairs);
-    let below = |value: f64, most: f64, reason| match value <= most {
-        true => Ok(()),
-        false => Err(reason),
-    };
-    let positive = |value: f64| match value > 0.0 {
-        true => Ok(()),
-        false => Err(FEEDS_IN),
-    };
     let peak_current = balance.signals.motors[axis.index()].peak_a;
     let peak_torque = pole_pairs * motor.flux_wb * peak_current;
     match hypothesis.family {
@@ -193,32 +201,7 @@ pub(crate) fn plausible(
             MOST_ANGLE_ERROR,
             "an angle error with which the motor would not run",
         ),
-        Family::StribeckFriction => {
-            positive(values[0])?;
-            let rounding = balance.rounding;
-            let (top, turns_round) = match hypothesis.place {
-                Place::Feed => {
-                    let speeds = balance.signals.relative_speed.iter();
-                    let top = speeds.fold(0.0_f64, |most, w| most.max(w.abs()));
-                    (
-                        balance.lead.abs() * top,
-                        balance.lead.abs() * rounding.guideway,
-                    )
-                }
-                _ => (
-                    balance.signals.motors[axis.index()].top_speed,
-                    rounding.bearing,
-                ),
-            };
-            below(hypothesis.shape, MOST_OF_TOP * top, CONSTANT)?;
-            let sign = "it is not told from how the sign of friction turns round";
-            below(LEAST_OF_ROUNDING * turns_round, hypothesis.shape, sign)?;
-            let most = match hypothesis.place {
-                Place::Feed => peak_torque / balance.lead.abs(),
-                _ => peak_torque,
-            };
-            below(values[0], most, TORQUE)
-        }
+        Family::StribeckFriction => decays(hypothesis, values[0], balance, peak_torque),
         Family::LeadError => below(
             size,
             MOST_LEAD_ERROR * TAU * balance.lead.abs(),
@@ -236,4 +219,38 @@ pub(crate) fn plausible(
         }
         Family::AxialCompliance | Family::Unnamed(_) => Ok(()),
     }
+}
+
+/// Whether a friction that decays with speed can be, of a given size at rest.
+fn decays(
+    hypothesis: &Hypothesis,
+    value: f64,
+    balance: &Balance,
+    peak_torque: f64,
+) -> Result<(), &'static str> {
+    positive(value)?;
+    let axis = hypothesis.axis().unwrap_or(Axis::Screw);
+    let rounding = balance.rounding;
+    let (top, turns_round) = match hypothesis.place {
+        Place::Feed => {
+            let speeds = balance.signals.relative_speed.iter();
+            let top = speeds.fold(0.0_f64, |most, w| most.max(w.abs()));
+            (
+                balance.lead.abs() * top,
+                balance.lead.abs() * rounding.guideway,
+            )
+        }
+        _ => (
+            balance.signals.motors[axis.index()].top_speed,
+            rounding.bearing,
+        ),
+    };
+    below(hypothesis.shape, MOST_OF_TOP * top, CONSTANT)?;
+    let sign = "it is not told from how the sign of friction turns round";
+    below(LEAST_OF_ROUNDING * turns_round, hypothesis.shape, sign)?;
+    let most = match hypothesis.place {
+        Place::Feed => peak_torque / balance.lead.abs(),
+        _ => peak_torque,
+    };
+    below(value, most, TORQUE)
 }
