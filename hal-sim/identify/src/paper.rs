@@ -161,7 +161,7 @@ struct Wave {
     /// Largest size that is tried.
     top: f64,
     order: f64,
-    /// What it is at a size.
+    /// The cause, of a given size.
     cause: fn(f64) -> Cause,
 }
 
@@ -193,10 +193,10 @@ fn waves(pole_pairs: f64) -> Vec<Wave> {
     ]
 }
 
-/// Name, unit, largest size that is tried, and what a size adds to a value of the model.
+/// An effect of free size: name, unit, largest size, and what a size adds to a value of the model.
 type Other = (&'static str, &'static str, f64, fn(f64, f64) -> f64);
 
-/// What is no wave of a motor.
+/// The effects that are no wave of a motor.
 const OTHERS: [Other; 3] = [
     (
         "measuring floor, independent of the ripple",
@@ -218,7 +218,8 @@ const OTHERS: [Other; 3] = [
     ),
 ];
 
-/// The best that an effect can do: its name, its unit and the largest size that is tried; `shape` is what a size adds to each value.
+/// The best that an effect of a name, a unit and a largest size can do.
+/// `shape` is what a size adds to each value.
 fn attempt(
     model: &[f64; 4],
     (name, unit, top): (&'static str, &'static str, f64),

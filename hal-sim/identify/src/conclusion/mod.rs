@@ -186,7 +186,7 @@ fn likeness(outcome: &Outcome) -> Option<&Found> {
     weak.min_by(|a, b| a.check_fall.total_cmp(&b.check_fall))
 }
 
-/// What effects are weighed by.
+/// The regressions that weigh the effects.
 struct Weighing<'s> {
     case: &'s Case<'s>,
     progress: &'s Progress,
@@ -200,8 +200,8 @@ struct Weighing<'s> {
 }
 
 impl Weighing<'_> {
-    /// An effect with the parameters `values` of the fit record, their covariance and its shape's standard deviation; and the falls of
-    /// the sum of squares that it brings in each channel beside all others.
+    /// Weighs an effect that has the parameters `values`, and beside them their covariance and the shape's standard deviation.
+    /// The second result is how far the effect lowers each channel's sum of squares.
     fn effect(
         &self,
         k: usize,
@@ -261,7 +261,7 @@ impl Weighing<'_> {
         beside
     }
 
-    /// An effect as a model file has it.
+    /// An effect in the words of a model file.
     fn in_model(&self, hypothesis: &Hypothesis, values: &[f64]) -> Option<EffectModel> {
         hypothesis.effect(self.case.balance.model, self.search.run_s(), values)
     }
@@ -275,7 +275,8 @@ fn most_shown(falls: &[f64; Channel::COUNT]) -> Channel {
         .unwrap_or(Channel::Table)
 }
 
-/// What a curve without a name explains of channels that it does not act on, by way of plate values: added to `by_plate`.
+/// Adds to `by_plate` what a curve without a name explains of channels that it does not act on.
+/// It does so by way of plate values.
 fn add_by_plate(
     by_plate: &mut [f64; Channel::COUNT],
     hypothesis: &Hypothesis,
@@ -290,7 +291,7 @@ fn add_by_plate(
     }
 }
 
-/// What is left in each of the machine's channels; of the fit record also as noise sees it, `white`.
+/// What is left in each of the machine's channels. `white` is the fit record's whitened residual.
 fn rests(
     case: &Case,
     noise: &Noise,

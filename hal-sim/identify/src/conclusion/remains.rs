@@ -216,7 +216,8 @@ impl Fixed {
     }
 }
 
-/// What a fit record's parameters and effects leave of a check record; what belongs to a record is fitted there.
+/// What the fit record's parameters and effects leave of the check record.
+/// Parameters that belong to a record are fitted there.
 fn left(
     [case, check]: [&Case; 2],
     whitener: &Whitener,
@@ -262,7 +263,7 @@ fn left(
     residual
 }
 
-/// A residual of each channel in its unit, in the band that the noise leaves.
+/// Each channel's residual in its unit, within the band that the noise leaves.
 fn in_units(residual: &Contribution, check: &Case, noise: &Noise) -> Vec<Vec<f64>> {
     Channel::ALL
         .iter()

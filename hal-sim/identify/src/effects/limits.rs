@@ -137,7 +137,7 @@ fn shown(hypothesis: &Hypothesis, order: f64, balance: &Balance) -> Result<(), &
     }
 }
 
-/// A value that may have a size at most.
+/// Refuses a value above a limit, for a reason.
 fn below(value: f64, most: f64, reason: &'static str) -> Result<(), &'static str> {
     match value <= most {
         true => Ok(()),
@@ -145,7 +145,7 @@ fn below(value: f64, most: f64, reason: &'static str) -> Result<(), &'static str
     }
 }
 
-/// A value that brakes.
+/// Refuses a value that drives where friction brakes.
 fn positive(value: f64) -> Result<(), &'static str> {
     match value > 0.0 {
         true => Ok(()),
@@ -221,7 +221,7 @@ pub(crate) fn plausible(
     }
 }
 
-/// Whether a friction that decays with speed can be, of a given size at rest.
+/// Whether physics allows a friction that decays with speed. `value` is its size at rest.
 fn decays(
     hypothesis: &Hypothesis,
     value: f64,

@@ -139,7 +139,7 @@ fn unit_word(unit: &str) -> &'static str {
     }
 }
 
-/// The figures of an effect in words.
+/// An effect whose figures are put into words.
 struct Figures<'e>(&'e Effect);
 
 impl Figures<'_> {
@@ -186,7 +186,7 @@ pub(super) fn sentence(effect: &Effect) -> String {
     }
 }
 
-/// What an effect of the sensors, the bridge or the windings is.
+/// Describes an effect of the sensors, the bridge or the windings.
 fn electrical(of: &Figures) -> Option<String> {
     Some(match of.0.kind.as_str() {
         "current_offset" => format!(
@@ -221,7 +221,7 @@ fn electrical(of: &Figures) -> Option<String> {
     })
 }
 
-/// What a torque that repeats is.
+/// Describes a torque that repeats.
 fn periodic(of: &Figures) -> Option<String> {
     Some(match of.0.kind.as_str() {
         "torque_harmonic" => format!(
@@ -261,7 +261,7 @@ fn periodic(of: &Figures) -> Option<String> {
     })
 }
 
-/// What an effect of friction or the feed is, or a curve without a name.
+/// Describes an effect of friction or the feed, or a curve without a name.
 fn mechanical(of: &Figures) -> Option<String> {
     Some(match of.0.kind.as_str() {
         "stribeck_friction" if of.value("amplitude") < 0.0 => format!(
@@ -301,7 +301,7 @@ fn mechanical(of: &Figures) -> Option<String> {
     })
 }
 
-/// What an effect with one number is; its kind has the words.
+/// Describes an effect with one number. Its kind has the words.
 fn linear(of: &Figures) -> String {
     let kind = of.0.kind.as_str();
     match AnyEffect::kind_named(kind).and_then(Kind::linear) {

@@ -260,7 +260,7 @@ fn predicted(columns: &[Vec<f64>], chosen: &[usize], values: &[f64], rows: usize
     sum
 }
 
-/// Blocks dealt in turn.
+/// Blocks that are dealt to the folds in turn.
 fn folds(blocks: &[Range<usize>]) -> Vec<Vec<Range<usize>>> {
     (0..FOLDS)
         .map(|fold| blocks.iter().skip(fold).step_by(FOLDS).cloned().collect())

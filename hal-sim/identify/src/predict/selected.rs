@@ -19,7 +19,7 @@ fn counted_places(side: &Side) -> impl Iterator<Item = &At> {
     rows.filter(|(_, open)| **open).map(|(at, _)| at)
 }
 
-/// Groups of functions that are offered, and that the check record does not leave.
+/// Groups of functions that are offered, and whose range holds the check record.
 pub(super) fn groups(
     [fit, check]: [&Side; 2],
     highest_order: u32,
@@ -54,7 +54,8 @@ pub(super) fn members(groups: &[Group], fit: &Partialled) -> Vec<Vec<usize>> {
         .collect()
 }
 
-/// Groups that lower what is left of blocks to which they were not fitted, the strongest first; and their columns.
+/// Groups that lower what is left of blocks to which they were not fitted, and their columns.
+/// The strongest group comes first.
 pub(super) fn selected(products: &Products, members: &[Vec<usize>]) -> (Vec<usize>, Vec<usize>) {
     let energy = products.held_back(&[]);
     let (mut chosen, mut taken, mut least): (Vec<usize>, Vec<usize>, f64) =

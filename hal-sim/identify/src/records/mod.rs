@@ -127,7 +127,8 @@ fn units_of_file(table: &Table, channels: &[(&'static str, Found)]) -> Vec<Strin
         .collect()
 }
 
-/// Values of the channels in our unit, of the rows that count; they leave the table. A row's number goes up to `length`.
+/// Values of the channels in our unit, of the rows that count. Most columns leave the table, which saves a copy.
+/// A row's number goes up to `length`.
 fn take_values(
     table: &mut Table,
     channels: &[(&'static str, Found)],
@@ -147,7 +148,7 @@ fn take_values(
     own.collect()
 }
 
-/// The channels as the rules look at them.
+/// The channels as the rules for faults read them.
 fn raw<'a>(
     table: &'a Table,
     channels: &[(&'static str, Found)],

@@ -410,7 +410,7 @@ fn pieces(ticks: &[f64]) -> Vec<Range<usize>> {
 }
 
 impl Grid {
-    /// Rows of which none is missing, as they are.
+    /// Takes the columns as they are: no row is missing.
     fn whole(columns: Vec<Raw>, timing: &Timing, rate: f64) -> Self {
         let interval = 1.0 / rate;
         let rows = columns[0].values.len();
@@ -425,7 +425,7 @@ impl Grid {
         }
     }
 
-    /// So many columns without rows.
+    /// A grid with so many columns and no rows.
     fn empty(rate: f64, columns: usize) -> Self {
         Grid {
             rate,

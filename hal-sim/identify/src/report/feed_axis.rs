@@ -113,7 +113,7 @@ fn refused(study: &Study) -> Vec<Refusal> {
         .collect()
 }
 
-/// The force's residual in figures; `after` is what the last stage leaves of the fit record.
+/// The force's residual in figures. `after` is what the last stage leaves of the fit record.
 fn residual(study: &Study, after: &[f64], rate: f64) -> Residual {
     let (refitted, last) = (&study.stages[study.refitted], study.last());
     let step = ((rate / 200.0) as usize).max(1);

@@ -67,7 +67,7 @@ struct Numbers {
     stribeck: [f64; 2],
     saturation: f64,
     asymmetry: f64,
-    /// Of what gives before it slides, N/m.
+    /// Stiffness of the bristle before it slides, N/m.
     stiffness: Option<f64>,
     friction_slope: f64,
     load_slope: f64,
@@ -104,7 +104,7 @@ impl Numbers {
         }
     }
 
-    /// Share of its distance to the force that is asked for by which the force follows in a step.
+    /// Share of the missing force that the motor makes up in a step.
     fn follow(&self, dt: f64) -> f64 {
         if self.lag > 0.0 {
             1.0 - (-dt / self.lag).exp()
@@ -121,15 +121,15 @@ impl Numbers {
             .sum()
     }
 
-    /// Size of the dry friction, N, with a part `rub` of the place.
+    /// Size of the dry friction, N. `rub` is its part over the travel.
     fn level(&self, x: f64, v: f64, rub: f64) -> f64 {
         let [size, speed] = self.stribeck;
         let decay = size * (-(v.abs() / speed)).exp();
         (self.coulomb + decay + self.friction_slope * x + rub).max(0.1)
     }
 
-    /// Dry friction of a carriage on a bristle of a stiffness, N: LuGre without its own damping. The bristle follows exactly over a
-    /// step of constant speed.
+    /// Dry friction of a carriage on a bristle, N, after LuGre without its own damping.
+    /// The bristle follows exactly over a step of constant speed.
     fn presliding(&self, stiffness: f64, level: f64, v: f64, bristle: &mut f64, dt: f64) -> f64 {
         let reach = level / stiffness;
         let rate = v.abs() / reach;

@@ -192,7 +192,7 @@ fn lap_to_lap(record: &Record) -> f64 {
 struct Records<'r> {
     estimate: &'r Record,
     test: &'r Record,
-    /// Rows of the first that a model is fitted to.
+    /// Rows of `estimate` that a model is fitted to.
     rows: &'r [usize],
 }
 
@@ -242,8 +242,8 @@ struct Grown {
 }
 
 impl Grown {
-    /// The last of `stages` with the effects of a search, each a further stage. A term that the check record does not confirm, or beside
-    /// which another law is left, is not in the model.
+    /// Adds the effects of a search to the last of `stages`, each as a further stage.
+    /// A term loses where the check record does not confirm it, or where it leaves another law.
     fn new(records: Records, stages: &mut Vec<Stage>, search: &mut [Trial], floor: f64) -> Self {
         let refitted = stages.len() - 1;
         loop {

@@ -29,7 +29,7 @@ const ROWS_PER_ORDER: usize = 24;
 /// Share by which a lag must lower the check record's square error.
 const LEAST_LAG: f64 = 0.1;
 
-/// No lag, and the time constants of a lag that are tried for rows at this rate, s.
+/// No lag, and the time constants of a lag that suit rows at this rate, s.
 pub(super) fn lags(rate: f64) -> Vec<f64> {
     let lags = std::iter::successors(Some(1.0 / rate), |lag| Some(NEXT_LAG * lag));
     std::iter::once(0.0)
@@ -80,7 +80,7 @@ fn followed(records: [&Columns; 2], base: &[Base], orders: &[u32], start: f64) -
 pub(super) struct Candidates {
     /// The orders; those that a slow turn of the same motor has come first.
     pub(super) orders: Vec<u32>,
-    /// How many of them, the first, such a turn has.
+    /// How many of the first orders such a turn has.
     vouched: usize,
     /// Low orders that are fitted beside a lag.
     lowest: Vec<u32>,
@@ -123,7 +123,7 @@ impl Candidates {
 
 /// What was found under a lag.
 pub(super) struct Found {
-    /// The lag, s, and its standard deviation, 0 where it was not followed; below 0 a delay of as much.
+    /// The lag, s, and its standard deviation. A lag below 0 is a delay of as much.
     pub(super) late_s: [f64; 2],
     /// The orders, and by how much each lowers the check record's mean square.
     taken: Vec<(u32, f64)>,
@@ -162,7 +162,7 @@ pub(super) struct Search<'a> {
 }
 
 impl<'a> Search<'a> {
-    /// With some lags, s, and delays of a log of this rate.
+    /// Tries these lags, s, and delays of a log of this rate.
     pub(super) fn new(
         records: [&'a Columns; 2],
         candidates: &'a Candidates,
@@ -261,8 +261,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Follows a lag, and looks for the orders again: between two lags that were tried, the residual is the lag's error, and weak
-    /// orders show beside the right one.
+    /// Follows a lag, and looks for the orders again: weak orders show beside the right lag only.
+    /// Between two lags that were tried, the residual is the lag's error.
     fn followed(&self, base: &[Base], mut found: Found) -> Found {
         for _ in 0..MOST_ROUNDS {
             let [late_s, _] = found.late_s;

@@ -146,7 +146,7 @@ fn rows(
     Ok(table)
 }
 
-/// Adds a row of cells to the columns; how many further cells it has that are not empty.
+/// Adds a row of cells to the columns, and counts the further cells that are not empty.
 fn push_row(
     columns: &mut [Vec<f64>],
     record: &csv::ByteRecord,

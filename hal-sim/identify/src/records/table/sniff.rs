@@ -129,7 +129,7 @@ struct Numbers {
 }
 
 impl Numbers {
-    /// Of lines from one on: the layout that reads the most.
+    /// Finds the layout that reads the most numbers, from a line on.
     fn new(sample: &str, lines: &[&str], from: usize, known: &Layout) -> Self {
         let separators = known
             .separator
@@ -174,7 +174,7 @@ struct Header<'a> {
 }
 
 impl<'a> Header<'a> {
-    /// Of lines from one on up to the numbers.
+    /// Reads the lines from one on up to the numbers.
     fn new(lines: &[&'a str], from: usize, numbers: &Numbers) -> Self {
         let filled = |at: &usize| !lines[*at].trim().is_empty();
         let before = from..numbers.start;
@@ -256,7 +256,7 @@ pub(super) fn sniff(sample: &str, known: &Layout) -> Sniffed {
     }
 }
 
-/// What was guessed of a text of which the first `from` lines are left out, in words.
+/// What was guessed, in words. The first `from` lines are left out.
 fn guessed(known: &Layout, numbers: &Numbers, header: &Header, from: usize) -> Vec<String> {
     let mut notes = Vec::new();
     if header.names.is_none() {

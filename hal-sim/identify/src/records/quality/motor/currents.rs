@@ -35,7 +35,7 @@ impl Currents {
             && self.negative < limits.negative_sequence
     }
 
-    /// Whether something of it is surely wrong, or nothing is explained; `size` is the reference's rms, A.
+    /// Whether something of it is surely wrong, or too little is explained. `size` is the reference's rms, A.
     fn wrong(&self, size: f64, limits: &Limits) -> bool {
         self.explained < limits.current_explained
             || !limits.current_ratio.contains(&self.gain.norm()) && self.explained > limits.fixed
