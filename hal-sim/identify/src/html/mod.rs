@@ -3,6 +3,7 @@
 
 mod charts;
 mod live;
+mod remedies;
 mod simulation;
 mod tables;
 mod words;

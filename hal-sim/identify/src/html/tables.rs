@@ -1,5 +1,6 @@
 //! The tables: effects, residuals, hypotheses, what was refined.
 
+use super::remedies;
 use super::words::{self, number};
 use crate::report::Report;
 use page::markup::Markup;
@@ -44,7 +45,7 @@ pub(super) fn remedies(report: &Report) -> Markup {
             }
             None => format!("{:.0} % of the residual", 100.0 * effect.explained),
         };
-        let (what, how) = words::remedy(&effect.kind);
+        let (what, how) = remedies::remedy(&effect.kind);
         [
             words::title(&effect.kind, &effect.place),
             what.into(),
