@@ -6,7 +6,7 @@
 //! | [`electrical`] | turns both motors together, with currents along d | resistance, inductance, flux, angle offset, what the dead time takes |
 //! | [`mechanical`] | accelerates both together and the table against them | inertia and friction of both motors, the feed's, lead and direction of the scale |
 //! | [`tune`](mod@tune) | starts anew with what was found | nothing: bandwidth and margin are computed |
-//! | [`response`] | turns both motors together, with steps of the current along d | the current loops' responses, bandwidths and margins, beside the computed ones |
+//! | [`current_response`], [`speed_response`] | turns both motors together, with steps of the current along d and of their speed | the loops' responses, bandwidths and margins, beside the computed ones |
 //!
 //! [`procedure`] does them one after the other; [`proposal`] is a tuning of the settings that hold, which needs no motion.
 //!
@@ -18,17 +18,20 @@
 //! A step takes what the drive's settings say of its motors as a rough beginning, and gives settings back.
 #![forbid(unsafe_code)]
 
+pub mod current_response;
 pub mod electrical;
 mod fit;
+mod loop_response;
 pub mod mechanical;
 pub mod procedure;
 pub mod proposal;
 pub mod quantity;
-pub mod response;
 mod session;
+pub mod speed_response;
 pub mod tune;
 
 pub use fit::{Estimate, Fit};
+pub use loop_response::LoopResponse;
 pub use session::{MotorPoint, Point, Session, encoder_angle};
 
 use std::fmt;

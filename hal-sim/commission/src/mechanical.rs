@@ -252,90 +252,124 @@ pub async fn measure<D: Dialogue>(
     solve(&run, &settings, torques, travel)
 }
 
-fn solve(
-    run: &Run,
-    settings: &Settings,
-    torque_nm: [Bound; 2],
-    travel_m: Bound,
-) -> Result<Mechanical> {
-    let unclear = |measured: &str| {
-        Failure {
+/// Torques that accelerations, speeds and friction do not explain.
+fn unclear(measured: &str) -> Failure {
+    Failure {
         measured: measured.to_owned(),
         expected: "torques that accelerations, speeds and friction explain".to_owned(),
         check: "that nothing but the drive moves the table, the torque limits, and feed.base_acceleration_max_rpm_s"
             .to_owned(),
     }
-    };
-    let constants = [&settings.screw, &settings.nut].map(torque_constant);
-    let lead_m = settings.feed.lead_mm * 1e-3;
-    let relative = |point: &Point| point.motors[0].angle - point.motors[1].angle;
-    // J, c, b of screw and nut; M, c, b, l of the feed.
-    let mut fit = Fit::new(10, OVERLAP as f64);
-    let mut lead = Fit::new(1, OVERLAP as f64);
-    for (points, window_s) in run.parts {
+}
+
+/// The fits that the windows of a run go into.
+struct Fits<'a> {
+    run: &'a Run<'a>,
+    constants: [f64; 2],
+    lead_m: f64,
+    /// J, c, b of screw and nut; M, c, b, l of the feed.
+    torques: Fit,
+    lead: Fit,
+}
+
+impl<'a> Fits<'a> {
+    fn new(run: &'a Run<'a>, settings: &Settings) -> Self {
+        Self {
+            run,
+            constants: [&settings.screw, &settings.nut].map(torque_constant),
+            lead_m: settings.feed.lead_mm * 1e-3,
+            torques: Fit::new(10, OVERLAP as f64),
+            lead: Fit::new(1, OVERLAP as f64),
+        }
+    }
+
+    /// All windows of a part of the run, of so many seconds each; `None` without telemetry.
+    fn add_part(&mut self, points: &[Point], window_s: f64) -> Option<()> {
         let [first, second, ..] = points else {
-            bail!(unclear("no telemetry"));
+            return None;
         };
         let step_s = second.time - first.time;
         let n = (window_s / step_s).round().max(STRETCHES as f64) as usize;
         let window = Window::new(n, step_s);
         for from in (0..points.len().saturating_sub(n)).step_by(n / OVERLAP) {
             let part = &points[from..from + n];
-            if (part[n - 1].time - part[0].time) > 1.01 * (n - 1) as f64 * step_s {
-                // Samples are missing.
-                continue;
-            }
-            // By its angle, over stretches of the window.
-            let clear = |of: &dyn Fn(&Point) -> f64, least: f64| {
-                let stretch = (n / STRETCHES).max(1);
-                let sign = (of(&part[n - 1]) - of(&part[0])).signum();
-                (stretch..n)
-                    .step_by(stretch)
-                    .all(|k| {
-                        sign * (of(&part[k]) - of(&part[k - stretch]))
-                            > least * stretch as f64 * step_s
-                    })
-                    .then_some(sign)
-            };
-            let apart = window.weigh(part, |p| (p.motors[0].angle - p.motors[1].angle, p.table));
-            let table_speed = window.weigh(part, |p| (p.table, 0.0)).speed;
-            if apart.speed.abs() > run.least_apart {
-                lead.add(&[apart.speed / TAU], table_speed);
-            }
-            let Some(sign_apart) = clear(&relative, run.least_apart) else {
-                continue;
-            };
-            // Where the motors turn back, an elastic feed lets the table stand until its friction has turned too.
-            if clear(&|p| p.table / lead_m * TAU, run.least_apart).is_none() {
-                continue;
-            }
-            let apart_command =
-                window.weigh_command(part, |p| p.motors[0].speed_ref - p.motors[1].speed_ref);
-            for (k, feed_sign) in [1.0, -1.0].into_iter().enumerate() {
-                let of_motor = |p: &Point| p.motors[k].angle;
-                let Some(sign) = clear(&of_motor, run.least) else {
-                    continue;
-                };
-                let own = window.weigh(part, |p| {
-                    (p.motors[k].angle, constants[k] * p.motors[k].current[1])
-                });
-                let command = window.weigh_command(part, |p| p.motors[k].speed_ref);
-                let row = |own: Weighed, apart: Weighed| {
-                    let mut row = [0.0; 10];
-                    row[3 * k] = own.acceleration;
-                    row[3 * k + 1] = sign;
-                    row[3 * k + 2] = own.speed;
-                    row[6] = feed_sign * apart.acceleration;
-                    row[7] = feed_sign * sign_apart;
-                    row[8] = feed_sign * apart.speed;
-                    row[9] = feed_sign;
-                    row
-                };
-                fit.add_with(&row(command, apart_command), &row(own, apart), own.torque);
+            // Where samples are missing, a window tells nothing.
+            if (part[n - 1].time - part[0].time) <= 1.01 * (n - 1) as f64 * step_s {
+                self.add_window(&window, part, step_s);
             }
         }
+        Some(())
     }
-    let Some([js, cs, bs, jn, cn, bn, table, cf, bf, load]) = fit
+
+    fn add_window(&mut self, window: &Window, part: &[Point], step_s: f64) {
+        let (n, run) = (part.len(), self.run);
+        let relative = |point: &Point| point.motors[0].angle - point.motors[1].angle;
+        // By its angle, over stretches of the window.
+        let clear = |of: &dyn Fn(&Point) -> f64, least: f64| {
+            let stretch = (n / STRETCHES).max(1);
+            let sign = (of(&part[n - 1]) - of(&part[0])).signum();
+            (stretch..n)
+                .step_by(stretch)
+                .all(|k| {
+                    sign * (of(&part[k]) - of(&part[k - stretch])) > least * stretch as f64 * step_s
+                })
+                .then_some(sign)
+        };
+        let apart = window.weigh(part, |p| (p.motors[0].angle - p.motors[1].angle, p.table));
+        let table_speed = window.weigh(part, |p| (p.table, 0.0)).speed;
+        if apart.speed.abs() > run.least_apart {
+            self.lead.add(&[apart.speed / TAU], table_speed);
+        }
+        let Some(sign_apart) = clear(&relative, run.least_apart) else {
+            return;
+        };
+        // Where the motors turn back, an elastic feed lets the table stand until its friction has turned too.
+        if clear(&|p| p.table / self.lead_m * TAU, run.least_apart).is_none() {
+            return;
+        }
+        let apart_command =
+            window.weigh_command(part, |p| p.motors[0].speed_ref - p.motors[1].speed_ref);
+        for (k, feed_sign) in [1.0, -1.0].into_iter().enumerate() {
+            let of_motor = |p: &Point| p.motors[k].angle;
+            let Some(sign) = clear(&of_motor, run.least) else {
+                continue;
+            };
+            let constant = self.constants[k];
+            let own = window.weigh(part, |p| {
+                (p.motors[k].angle, constant * p.motors[k].current[1])
+            });
+            let command = window.weigh_command(part, |p| p.motors[k].speed_ref);
+            let row = |own: Weighed, apart: Weighed| {
+                let mut row = [0.0; 10];
+                row[3 * k] = own.acceleration;
+                row[3 * k + 1] = sign;
+                row[3 * k + 2] = own.speed;
+                row[6] = feed_sign * apart.acceleration;
+                row[7] = feed_sign * sign_apart;
+                row[8] = feed_sign * apart.speed;
+                row[9] = feed_sign;
+                row
+            };
+            self.torques
+                .add_with(&row(command, apart_command), &row(own, apart), own.torque);
+        }
+    }
+}
+
+fn solve(
+    run: &Run,
+    settings: &Settings,
+    torque_nm: [Bound; 2],
+    travel_m: Bound,
+) -> Result<Mechanical> {
+    let mut fits = Fits::new(run, settings);
+    for (points, window_s) in run.parts {
+        if fits.add_part(points, window_s).is_none() {
+            bail!(unclear("no telemetry"));
+        }
+    }
+    let Fits { torques, lead, .. } = fits;
+    let Some([js, cs, bs, jn, cn, bn, table, cf, bf, load]) = torques
         .solve()
         .and_then(|all| <[Estimate; 10]>::try_from(all).ok())
     else {

@@ -1,12 +1,15 @@
 //! The steps one after the other, each kept when it is done.
 
-use crate::electrical::MotorElectrical;
+use crate::electrical::{Electrical, MotorElectrical};
+use crate::mechanical::Mechanical;
 use crate::proposal::{changes, propose};
 use crate::quantity::{Quantity, both};
-use crate::response::{self, CurrentResponse};
 use crate::session::Session;
 use crate::tune::{Wanted, tune};
-use crate::{Bound, Estimate, Failure, electrical, mechanical};
+use crate::{
+    Bound, Estimate, Failure, LoopResponse, current_response, electrical, mechanical,
+    speed_response,
+};
 use anyhow::{Context, Result, bail};
 use link::host::dialogue::Dialogue;
 use link::settings::{EncoderDirection, EncoderInterface, Settings};
@@ -26,7 +29,7 @@ pub enum Step {
     Tuning,
     /// The angles of both rotors once more, by the parameters that are known now.
     Angle,
-    /// [`response`](mod@response).
+    /// [`current_response`] and [`speed_response`].
     Response,
 }
 
@@ -69,7 +72,7 @@ impl Step {
             }
             Self::Angle => "both motors turn together once more: their angles, which are put right",
             Self::Response => {
-                "steps of the current along d while both motors turn together: the current loops, measured beside the model"
+                "steps of the current along d and of the speed while both motors turn together: the loops, measured beside the model"
             }
             Self::Tuning => "gains of Eqs 9 to 12 for the bandwidth and margin that are wanted",
         }
@@ -121,7 +124,10 @@ pub struct Done {
     pub motors: Option<[MotorElectrical; 2]>,
     /// Responses of the current loops, of the step that measures them; `None` for a motor whose step was not seen.
     #[serde(default)]
-    pub responses: Option<[Option<CurrentResponse>; 2]>,
+    pub responses: Option<[Option<LoopResponse>; 2]>,
+    /// Responses of the speed loops, of the same step; `None` for a motor whose steps the ripple of its torque hides.
+    #[serde(default)]
+    pub speed_responses: Option<[Option<LoopResponse>; 2]>,
     /// Which.
     pub step: Step,
     /// How long it took, by the drive's time, s.
@@ -140,6 +146,7 @@ impl Done {
             machine: None,
             motors: None,
             responses: None,
+            speed_responses: None,
             step,
             seconds,
             quantities: Vec::new(),
@@ -202,7 +209,13 @@ pub async fn run<D: Dialogue>(
             }
             Step::Tuning => tuning_step(session, options).await,
             Step::Angle => angle_step(session, options, &mut |part| progress(step, part)).await,
-            Step::Response => response_step(session, &mut |part| progress(step, part)).await,
+            Step::Response => {
+                let table = done
+                    .iter()
+                    .find_map(|done| done.machine)
+                    .map_or(0.0, |machine| machine.table_kg_m2);
+                response_step(session, options, table, &mut |part| progress(step, part)).await
+            }
         };
         let result = match result {
             Ok(result) => result,
@@ -266,6 +279,23 @@ async fn electrical_step<D: Dialogue>(
     let dead_time_s = found.dead_time_s(session.pwm_period_s(), session.bus_v());
     let new = mechanical::prepared(&found.applied(&old, dead_time_s));
     session.configure(&new).await?;
+    let quantities = electrical_quantities(&found, &old, &new);
+    let [screw, nut] = found.current_a;
+    Ok(Done {
+        base_acceleration_rpm_s: Some(old.feed.base_acceleration_max_rpm_s),
+        motors: Some(found.motors),
+        quantities,
+        limits: limits([
+            ("current of the screw's motor", "A", screw),
+            ("current of the nut's motor", "A", nut),
+            ("travel of the table", "m", found.travel_m),
+        ]),
+        ..Done::of(Step::Electrical, session.time_s() - begun)
+    })
+}
+
+/// What the electrical step measured, beside the settings before and after it.
+fn electrical_quantities(found: &Electrical, old: &Settings, new: &Settings) -> Vec<Quantity> {
     let motors = found.motors;
     let was =
         |of: &dyn Fn(&link::settings::MotorSettings) -> f64| Some([of(&old.screw), of(&old.nut)]);
@@ -341,18 +371,7 @@ async fn electrical_step<D: Dialogue>(
         now.dead_time_fade_a,
         before.dead_time_fade_a,
     );
-    let [screw, nut] = found.current_a;
-    Ok(Done {
-        base_acceleration_rpm_s: Some(old.feed.base_acceleration_max_rpm_s),
-        motors: Some(motors),
-        quantities,
-        limits: limits([
-            ("current of the screw's motor", "A", screw),
-            ("current of the nut's motor", "A", nut),
-            ("travel of the table", "m", found.travel_m),
-        ]),
-        ..Done::of(Step::Electrical, session.time_s() - begun)
-    })
+    quantities
 }
 
 async fn mechanical_step<D: Dialogue>(
@@ -373,9 +392,34 @@ async fn mechanical_step<D: Dialogue>(
     let tuned = tune(&new, options.wanted(&new), period_s, step_s);
     let new = tuned.map_or(new, |tuned| tuned.settings);
     session.configure(&new).await?;
+    let quantities = mechanical_quantities(&found, &old, &new);
+    check_lead(&found, &old)?;
+    let [screw, nut] = found.torque_nm;
+    Ok(Done {
+        machine: Some(Machine {
+            inertia_plus_minus_kg_m2: found.moved_kg_m2().map(|moved| moved.plus_minus),
+            coulomb_nm: found.motors.map(|motor| motor.coulomb_nm.value),
+            viscous_nm_s: found.motors.map(|motor| motor.viscous_nm_s.value),
+            table_kg_m2: found.table_kg_m2.value,
+            feed_coulomb_nm: found.feed_coulomb_nm.value,
+            feed_viscous_nm_s: found.feed_viscous_nm_s.value,
+            load_nm: found.load_nm.value,
+        }),
+        quantities,
+        limits: limits([
+            ("torque of the screw's motor", "N m", screw),
+            ("torque of the nut's motor", "N m", nut),
+            ("travel of the table", "m", found.travel_m),
+        ]),
+        ..Done::of(Step::Mechanical, session.time_s() - begun)
+    })
+}
+
+/// What the mechanical step measured, beside the settings before and after it.
+fn mechanical_quantities(found: &Mechanical, old: &Settings, new: &Settings) -> Vec<Quantity> {
     let mut quantities = Vec::new();
     let q = &mut quantities;
-    changes(q, &old, &new);
+    changes(q, old, new);
     both(
         q,
         "inertia, with the table",
@@ -430,6 +474,11 @@ async fn mechanical_step<D: Dialogue>(
         found.lead_m.times(1e3),
         Some(old.feed.lead_mm),
     );
+    quantities
+}
+
+/// The scale and the encoders show the lead that is set.
+fn check_lead(found: &Mechanical, old: &Settings) -> Result<()> {
     let lead = found.lead_m.value / (old.feed.lead_mm * 1e-3);
     if !(0.9..1.1).contains(&lead) {
         bail!(Failure {
@@ -445,25 +494,7 @@ async fn mechanical_step<D: Dialogue>(
             },
         });
     }
-    let [screw, nut] = found.torque_nm;
-    Ok(Done {
-        machine: Some(Machine {
-            inertia_plus_minus_kg_m2: found.moved_kg_m2().map(|moved| moved.plus_minus),
-            coulomb_nm: found.motors.map(|motor| motor.coulomb_nm.value),
-            viscous_nm_s: found.motors.map(|motor| motor.viscous_nm_s.value),
-            table_kg_m2: found.table_kg_m2.value,
-            feed_coulomb_nm: found.feed_coulomb_nm.value,
-            feed_viscous_nm_s: found.feed_viscous_nm_s.value,
-            load_nm: found.load_nm.value,
-        }),
-        quantities,
-        limits: limits([
-            ("torque of the screw's motor", "N m", screw),
-            ("torque of the nut's motor", "N m", nut),
-            ("travel of the table", "m", found.travel_m),
-        ]),
-        ..Done::of(Step::Mechanical, session.time_s() - begun)
-    })
+    Ok(())
 }
 
 async fn tuning_step<D: Dialogue>(session: &mut Session<D>, options: &Options) -> Result<Done> {
@@ -528,13 +559,22 @@ async fn angle_step<D: Dialogue>(
 
 async fn response_step<D: Dialogue>(
     session: &mut Session<D>,
+    options: &Options,
+    table_kg_m2: f64,
     progress: &mut dyn FnMut(f64),
 ) -> Result<Done> {
     let begun = session.time_s();
     session.arm().await?;
-    let responses = response::measure(session, progress).await?;
+    let responses = current_response::measure(session, &mut |part| progress(0.5 * part)).await?;
+    session.arm().await?;
+    let speed_responses =
+        speed_response::measure(session, options.travel_m, table_kg_m2, &mut |part| {
+            progress(0.5 + 0.5 * part);
+        })
+        .await?;
     Ok(Done {
         responses: Some(responses),
+        speed_responses: Some(speed_responses),
         ..Done::of(Step::Response, session.time_s() - begun)
     })
 }

@@ -6,6 +6,7 @@ use link::burst::{BurstRequest, BurstState};
 use link::codes::{Fault, Misalignment, State};
 use link::host::burst::Burst;
 use link::host::dialogue::Dialogue;
+use link::host::status::StatusReport;
 use link::host::{Decoder, Row};
 use link::message::{Aligned, Command, Status};
 use link::scale;
@@ -274,12 +275,7 @@ impl<D: Dialogue> Session<D> {
             *aligned = encoder_angle(motor.alignment)
                 .context("the drive is ready and does not know where its rotors stand")?;
         }
-        self.bus_v = status
-            .motors
-            .iter()
-            .map(|m| f64::from(m.bus_mv) * 1e-3)
-            .sum::<f64>()
-            / 2.0;
+        self.bus_v = StatusReport::of(status).bus_v();
         let request = Request {
             divider: 1,
             stream: self.drive.next_stream(),

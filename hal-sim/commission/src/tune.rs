@@ -31,6 +31,9 @@ pub struct Loops {
     inductance: f64,
     /// Electrical rad/s^2 of an ampere.
     acceleration: f64,
+    /// What is fed forward of a reference's electrical acceleration, A s^2/rad.
+    fed_forward: f64,
+    pole_pairs: f64,
     /// Eqs 9 to 12.
     k_pc: f64,
     k_ic: f64,
@@ -60,6 +63,8 @@ impl Loops {
             resistance,
             inductance,
             acceleration,
+            fed_forward: acceleration.recip(),
+            pole_pairs: p,
             k_pc: 2.0 * tuning.damping * inductance * w_c - resistance,
             k_ic: inductance * w_c * w_c,
             k_pw: 2.0 * tuning.damping * w_w / acceleration,
@@ -67,6 +72,15 @@ impl Loops {
             observer: [tuning.observer_rad_s, tuning.observer_damping],
             period_s,
             step_s,
+        }
+    }
+
+    /// The same gains on a motor that moves `part` of the inertia that its settings have.
+    #[must_use]
+    pub fn moving(self, part: f64) -> Self {
+        Self {
+            acceleration: self.acceleration / part,
+            ..self
         }
     }
 
@@ -106,15 +120,41 @@ impl Loops {
     /// The open speed loop at `w` rad/s.
     #[must_use]
     pub fn speed(&self, w: f64) -> Complex<f64> {
-        let s = Complex::new(0.0, w);
-        let current = self.current(w);
-        let [w_o, damping] = self.observer;
-        let observer = (s * s + s * (2.0 * damping * w_o) + w_o * w_o).inv() * (w_o * w_o);
-        (s.inv() * self.k_iw + self.k_pw)
-            * (current / (current + 1.0))
-            * observer
+        self.speed_controller(w) * self.observer(w) * self.speed_plant(w)
+    }
+
+    /// The speed loop's plant at `w` rad/s: from the reference of the current along q to the speed that the next steps see, electrical
+    /// rad/s an ampere.
+    #[must_use]
+    pub fn speed_plant(&self, w: f64) -> Complex<f64> {
+        let (s, current) = (Complex::new(0.0, w), self.current(w));
+        (current / (current + 1.0))
             * (s.inv() * self.acceleration)
             * Complex::cis(-(self.period_s + 0.5 * self.step_s) * w)
+    }
+
+    /// A plant of mechanical rad/s an ampere as one of electrical rad/s.
+    #[must_use]
+    pub fn mechanical(&self, plant: Complex<f64>) -> Complex<f64> {
+        plant * self.pole_pairs
+    }
+
+    /// Speed of a speed reference at `w` rad/s, with the inertia fed forward.
+    #[must_use]
+    pub fn speed_closed(&self, w: f64) -> Complex<f64> {
+        let (s, plant) = (Complex::new(0.0, w), self.speed_plant(w));
+        let controller = self.speed_controller(w);
+        plant * (controller + s * self.fed_forward) / (plant * controller * self.observer(w) + 1.0)
+    }
+
+    fn speed_controller(&self, w: f64) -> Complex<f64> {
+        Complex::new(0.0, w).inv() * self.k_iw + self.k_pw
+    }
+
+    fn observer(&self, w: f64) -> Complex<f64> {
+        let s = Complex::new(0.0, w);
+        let [w_o, damping] = self.observer;
+        (s * s + s * (2.0 * damping * w_o) + w_o * w_o).inv() * (w_o * w_o)
     }
 
     /// Where the current loop crosses.

@@ -3,15 +3,12 @@
 use crate::output::Folder;
 use crate::trigger::Gate;
 use anyhow::{Context, Result, bail, ensure};
-#[cfg(feature = "cli")]
 use commission::{Estimate, electrical::MotorElectrical};
 use link::host::{Count, Decoder, MotorRow, Row};
 use link::message::Aligned;
 use link::settings::Settings;
 use link::telemetry::{Header, Request};
-use plant::model::{EncoderKind, Model, SensingModel};
-#[cfg(feature = "cli")]
-use plant::model::{MeasuredModel, MeasuredMotor};
+use plant::model::{EncoderKind, MeasuredModel, MeasuredMotor, Model, SensingModel};
 use plant::recording::{AxisSample, RecordingWriter, Sample};
 use std::fmt;
 
@@ -35,6 +32,7 @@ pub struct Recorder {
     writer: RecordingWriter,
     decoder: Option<Decoder>,
     encoders: [EncoderFrame; 2],
+    bus_v: f64,
     rate_hz: f64,
     bytes: u64,
     first_s: Option<f64>,
@@ -68,6 +66,7 @@ impl Recorder {
             writer,
             decoder: None,
             encoders: [EncoderFrame::default(); 2],
+            bus_v: 0.0,
             rate_hz,
             bytes: 0,
             first_s: None,
@@ -110,6 +109,11 @@ impl Recorder {
     /// How the encoders of screw and nut lead to their rotors' angles, which are written.
     pub fn align(&mut self, encoders: [EncoderFrame; 2]) {
         self.encoders = encoders;
+    }
+
+    /// The supply that the drive read before the stream, V.
+    pub fn supplied(&mut self, bus_v: f64) {
+        self.bus_v = bus_v;
     }
 
     /// Takes what came, in pieces of any length.
@@ -192,6 +196,7 @@ pub fn save(
             ..recorder.count()
         };
         recorder.writer.finish()?;
+        let bus_v = recorder.bus_v;
         let decoder = recorder.decoder.filter(|_| count.rows > 0);
         let known = decoder.and_then(|d| Some((*d.header()?, d.interval_s()?)));
         let Some((header, interval_s)) = known else {
@@ -209,10 +214,10 @@ pub fn save(
             whole_s: recorder.whole_s,
             bytes: recorder.bytes,
         };
-        ended = Some((summary, outcome, header));
+        ended = Some((summary, outcome, header, bus_v));
         Ok(())
     })?;
-    let (summary, outcome, header) = ended.context("the recording did not end")?;
+    let (summary, outcome, header, bus_v) = ended.context("the recording did not end")?;
     // A model of the person's own stays.
     let kept = std::fs::read_to_string(folder.path("model.toml"));
     if kept.is_ok_and(|text| !text.starts_with(ABOUT)) {
@@ -221,7 +226,8 @@ pub fn save(
             folder.path("model.toml").display()
         );
     } else {
-        folder.put_text("model.toml", &model_file(&header, summary.interval_s))?;
+        let model = model_file(&header, summary.interval_s, bus_v);
+        folder.put_text("model.toml", &model)?;
     }
     Ok((summary, outcome))
 }
@@ -256,21 +262,28 @@ impl fmt::Display for Summary {
 
 /// What stands above the model that a recording comes with.
 const ABOUT: &str = "\
-# Motors, lead and sensing are the drive's own plate. What a drive does not know of its machine is of the size of common
-# feed axes: friction, the table's mass, stiffness and guideway, the load, and the sensors' noise. Put your machine's
-# own figures in before you trust what an identification makes of them.
+# Motors, lead, sensing and the scale's count are the drive's own plate; the supply is as the drive measured it.
+# The load is 0: no drive knows it before a commissioning. What else a drive does not know is of the size of common feed axes:
+# friction, the table's mass, stiffness and guideway, travel, brake, and the sensors' noise. Put your machine's own figures in
+# before you trust what an identification makes of them, or commission the drive.
 ";
 
-/// The text of the `model.toml` of a drive, whose recordings have a row each `interval_s`.
+/// The text of the `model.toml` of a drive on a supply of `bus_v`, whose recordings have a row each `interval_s`.
 #[must_use]
-pub fn model_file(header: &Header, interval_s: f64) -> String {
-    format!("{ABOUT}{}", model(header, interval_s).to_toml())
+pub fn model_file(header: &Header, interval_s: f64, bus_v: f64) -> String {
+    format!("{ABOUT}{}", model(header, interval_s, bus_v).to_toml())
 }
 
-/// The model that the drive's plate declares; what the plate does not have is of the size of common feed axes.
+/// The model that the drive's plate declares on a supply of `bus_v`; what the plate does not have is of the size of common feed axes.
 #[must_use]
-pub fn model(header: &Header, interval_s: f64) -> Model {
+pub fn model(header: &Header, interval_s: f64, bus_v: f64) -> Model {
     let mut model = Model::coupled();
+    model.feed.load_n = 0.0;
+    // A drive whose supply is off reads nothing.
+    if bus_v > 0.0 {
+        model.installation.bus_v = bus_v;
+    }
+    model.installation.scale_count_m = header.scale_count_m.get();
     model.feed.lead_m = header.lead_m.get();
     let travel = model.feed.travel_per_radian();
     let table = model.feed.table_mass_kg * travel * travel;
@@ -307,7 +320,6 @@ pub fn set_encoder_kinds(sensing: &mut SensingModel, encoders: [link::telemetry:
 }
 
 /// What stands above the model of a commissioned drive.
-#[cfg(feature = "cli")]
 const MEASURED: &str = "\
 # Motors, friction, load, supply and the table's mass as a commissioning measured them; lead and sensing are the drive's own plate.
 # Friction of ball pair and guideway was measured together and stands at the pair. Stiffness, damping and the sensors' noise
@@ -315,7 +327,6 @@ const MEASURED: &str = "\
 ";
 
 /// The text of the `model.toml` of a drive that was commissioned.
-#[cfg(feature = "cli")]
 #[must_use]
 pub fn measured_model_file(
     header: &Header,
@@ -324,9 +335,7 @@ pub fn measured_model_file(
     motors: &[MotorElectrical; 2],
     bus_v: f64,
 ) -> String {
-    let mut model = model(header, interval_s);
-    model.installation.bus_v = bus_v;
-    model.installation.scale_count_m = header.scale_count_m.get();
+    let mut model = model(header, interval_s, bus_v);
     let travel = model.feed.travel_per_radian();
     // A model has no friction and no mass below nothing, where a measurement's noise may be.
     let least = |value: f64| value.max(0.0);

@@ -6,7 +6,7 @@ use crate::identification::{ROW, compensation, numbers};
 use crate::request::Request;
 use crate::signals::{COLUMNS, Columns};
 use anyhow::{Context, Result};
-use ddfeed::record::{EncoderFrame, model_file, sample};
+use ddfeed::record::{EncoderFrame, measured_model_file, model_file, sample};
 use link::codes::{Fault, State};
 use link::host::refused::unexpected;
 use link::host::session::Session;
@@ -36,6 +36,8 @@ pub struct Client {
     dropped: u64,
     /// How the encoders lie to their rotors.
     aligned: [Aligned; 2],
+    /// Its supply when it last told its status, V; 0: it has not.
+    bus_v: f64,
     /// Rows of the recording that is made.
     recording: Option<Vec<f64>>,
     burst: ReadBurst,
@@ -62,6 +64,7 @@ impl Client {
             rows: Vec::new(),
             dropped: 0,
             aligned: [Aligned::Unknown; 2],
+            bus_v: 0.0,
             recording: None,
             burst: ReadBurst::default(),
             commissioning: None,
@@ -180,6 +183,7 @@ impl Client {
             Reply::Status(status) => {
                 self.aligned = status.motors.map(|motor| motor.alignment);
                 let report = StatusReport::of(*status);
+                self.bus_v = report.bus_v();
                 json!({ "status": report.json(&self.settings, self.session.simulated()) })
             }
             Reply::Faults(faults) => {
@@ -297,7 +301,7 @@ impl Client {
         self.recording.take().unwrap_or_default()
     }
 
-    /// The model file that the drive declares of itself, once a stream has begun.
+    /// The model file that the drive declares of itself, once a stream has begun. Of a commissioning, it has what that measured.
     ///
     /// # Errors
     /// No stream has begun.
@@ -305,7 +309,16 @@ impl Client {
         let known = self.decoder.as_ref();
         let known = known.and_then(|decoder| Some((*decoder.header()?, decoder.interval_s()?)));
         let (header, interval_s) = known.context("There is no telemetry yet.")?;
-        Ok(model_file(&header, interval_s))
+        let measured = self
+            .commissioning
+            .as_ref()
+            .and_then(Commissioning::measured);
+        Ok(match measured {
+            Some((machine, motors)) => {
+                measured_model_file(&header, interval_s, &machine, &motors, self.bus_v)
+            }
+            None => model_file(&header, interval_s, self.bus_v),
+        })
     }
 
     /// The settings that compensate what a model has. See [`compensation`].

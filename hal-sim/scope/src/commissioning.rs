@@ -2,7 +2,8 @@
 
 use anyhow::{Context, Result, bail, ensure};
 use commission::Session;
-use commission::procedure::{Done, Options, Step, run};
+use commission::electrical::MotorElectrical;
+use commission::procedure::{Done, Machine, Options, Step, run};
 use link::host::dialogue::Dialogue;
 use link::host::refused::Lost;
 use link::message::{Command, Reply};
@@ -325,6 +326,14 @@ impl Commissioning {
         }
     }
 
+    /// The machine and its motors, once the steps that measure them are done.
+    #[must_use]
+    pub fn measured(&self) -> Option<(Machine, [MotorElectrical; 2])> {
+        let done = &self.progress.borrow().done;
+        let machine = done.iter().find_map(|done| done.machine)?;
+        Some((machine, done.iter().find_map(|done| done.motors)?))
+    }
+
     /// How far it is, and what was found, as JSON.
     #[must_use]
     pub fn json(&self) -> Value {
@@ -337,6 +346,7 @@ impl Commissioning {
                 "quantities": done.quantities,
                 "limits": done.limits,
                 "responses": done.responses,
+                "speed_responses": done.speed_responses,
             })
         });
         json!({

@@ -382,6 +382,19 @@ fn a_page_commissions_a_cold_drive() {
         }
     }
     assert_eq!(page.state(), "ready");
+    // What it measured is the model that a recording is identified with.
+    assert_eq!(
+        page.ask(r#"{"command":"record","divider":5}"#)["done"],
+        true
+    );
+    page.advance(100);
+    let text = page.client.declared().unwrap();
+    let declared = plant::model::Model::parse(&text, "the measured model").unwrap();
+    assert!(declared.measured.is_some(), "{text}");
+    for (motor, truth) in [(&declared.screw, &model.screw), (&declared.nut, &model.nut)] {
+        let inertia = motor.inertia_kg_m2 / truth.inertia_kg_m2;
+        assert!((inertia - 1.0).abs() < 0.05, "{text}");
+    }
 }
 
 #[test]

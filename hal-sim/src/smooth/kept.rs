@@ -20,12 +20,17 @@ const WHOLE: f64 = 0.02;
 
 /// Orders of a motor's turn that are measured as nearly whole are whole: over many turns the rest would turn their phase.
 fn whole_orders(known: &mut Known) {
-    let CompensationPlate { torque, angle, .. } = &mut known.compensation;
-    for order in torque
+    let CompensationPlate {
+        torque,
+        angle,
+        travel,
+        ..
+    } = &mut known.compensation;
+    let motors = torque
         .iter_mut()
         .flatten()
-        .chain(angle.iter_mut().flatten())
-    {
+        .chain(angle.iter_mut().flatten());
+    for order in motors.chain(travel) {
         let whole = order.order.round();
         if (order.order - whole).abs() < WHOLE {
             order.order = whole;
@@ -68,8 +73,14 @@ pub fn leave_out_lost(model: &Model, known: &mut Known) {
             }
         }
     }
-    if Axis::ALL.into_iter().any(incremental) {
-        for order in &mut compensation.travel {
+    // The lead's angle is between both shafts.
+    for order in &mut compensation.travel {
+        let lost = |axis| {
+            incremental(axis) && order.order % f64::from(model.motor(axis).pole_pairs) != 0.0
+        };
+        if order.order.fract() != 0.0 {
+            leave_out(order, "the lead", TURNS);
+        } else if Axis::ALL.into_iter().any(lost) {
             leave_out(order, "the lead", COUNTS);
         }
     }

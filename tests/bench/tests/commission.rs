@@ -2,8 +2,8 @@
 
 use bench::alignment::{drawn, miswirings};
 use bench::commissioning::{USUAL, any_size, commission, rivals};
-use commission::response::CurrentResponse;
-use commission::{Session, electrical, mechanical, response};
+use commission::LoopResponse;
+use commission::{Session, current_response, electrical, mechanical};
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
 use hal_sim::parallel::on_all_cores;
@@ -165,7 +165,7 @@ fn the_currents_keep_the_limit_of_the_rated_torque() {
 }
 
 /// Measured bandwidth of the predicted one, and what the measured margin is above the predicted one, degrees.
-fn beside_model(response: &CurrentResponse) -> [f64; 2] {
+fn beside_model(response: &LoopResponse) -> [f64; 2] {
     let (measured, model) = (
         response.crossing.unwrap(),
         response.predicted_crossing.unwrap(),
@@ -182,7 +182,7 @@ fn a_wrong_inductance_shows_in_the_measured_bandwidth() {
     let mut session = session(&rough(3));
     block_on(session.ready()).unwrap();
     block_on(session.arm()).unwrap();
-    let found = block_on(response::measure(&mut session, &mut |_| ())).unwrap();
+    let found = block_on(current_response::measure(&mut session, &mut |_| ())).unwrap();
     for (response, expected) in found.iter().zip([0.8, 1.2]) {
         let [part, _] = beside_model(response.as_ref().unwrap());
         println!("{part:.3} of the model's bandwidth");
@@ -222,6 +222,21 @@ fn drives_from_fifty_watts_to_five_kilowatts_are_commissioned_from_cold() {
             assert!(
                 (part - 1.0).abs() < 0.1 && degrees.abs() < 5.0,
                 "current loop: bandwidth {part:.3} of the model's, margin {degrees:+.1} degrees off, expected 0.9 to 1.1 and within 5"
+            );
+        }
+        let speed = outcome
+            .done
+            .iter()
+            .find_map(|done| done.speed_responses.as_ref());
+        // Beside the loop that a sine torque measures on the true machine, of the same prediction.
+        for (response, sine) in speed.unwrap().iter().zip(outcome.bandwidth_part) {
+            let [part, degrees] = beside_model(response.as_ref().unwrap());
+            println!(
+                "speed loop: bandwidth {part:.3} of the model's, by a sine torque {sine:.3}, margin {degrees:+.1} degrees"
+            );
+            assert!(
+                (part / sine - 1.0).abs() < 0.1 && degrees.abs() < 5.0,
+                "speed loop: bandwidth {part:.3} of the model's, by a sine torque {sine:.3}; margin {degrees:+.1} degrees off"
             );
         }
         for degrees in outcome.offset_deg {

@@ -5,6 +5,7 @@ use bench::runaway::{NUT_RPM, VELOCITY, WrongAngle, until_safe};
 use control::fault::Fault;
 use control::supervisor::{Demand, State};
 use hal_sim::board::BoardConfig;
+use hal_sim::boards::BoardKind;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{RPM, Setup};
 use hal_sim::plates::REGENERATION;
@@ -15,18 +16,21 @@ use plant::model::Model;
 /// A sample of what `cargo xtask bench runaway` runs.
 #[test]
 fn a_wrong_angle_is_named_before_the_machine_runs_away() {
-    let plate = WrongAngle::setup().plate();
     let sample = [30.0, -60.0, 90.0, -90.0, -120.0, 180.0];
-    let mut tried = 0;
-    for wrong in WrongAngle::all().filter(|wrong| sample.contains(&wrong.degrees)) {
-        let (outcome, limits) = (wrong.run().unwrap(), wrong.limits(&plate));
-        assert!(
-            outcome.names(wrong.axis) && outcome.within(&limits),
-            "{wrong:?}: {outcome:?}, allowed are {limits:?}"
-        );
-        tried += 1;
+    for board in [None, Some(BoardKind::Mains), Some(BoardKind::Nucleo)] {
+        let setup = WrongAngle::setup(board);
+        let plate = setup.plate();
+        let mut tried = 0;
+        for wrong in WrongAngle::all().filter(|wrong| sample.contains(&wrong.degrees)) {
+            let (outcome, limits) = (wrong.run(&setup).unwrap(), wrong.limits(&plate));
+            assert!(
+                outcome.names(wrong.axis) && outcome.within(&limits),
+                "{board:?}, {wrong:?}: {outcome:?}, allowed are {limits:?}"
+            );
+            tried += 1;
+        }
+        assert_eq!(tried, 4 * sample.len());
     }
-    assert_eq!(tried, 4 * sample.len());
 }
 
 #[test]

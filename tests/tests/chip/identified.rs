@@ -149,7 +149,7 @@ fn record(machine: &Model, holds: &[(f64, f64)], folder: &Path, name: &str) -> a
 fn an_undeclared_effect_is_found_in_a_drive_s_telemetry() -> anyhow::Result<()> {
     let folder = tempfile::tempdir()?;
     let at = |name: &str| folder.path().join(name);
-    let mut machine = ddfeed::record::model(&header(), 1.0 / 5000.0);
+    let mut machine = ddfeed::record::model(&header(), 1.0 / 5000.0, 310.0);
     let cogging: AnyEffect = Cogging {
         order: COGGING.0,
         amplitude: COGGING.1,

@@ -2,6 +2,7 @@
 
 pub mod homing;
 pub mod journal;
+mod rejection;
 pub mod speed_task;
 pub mod stream;
 pub mod supervisor;

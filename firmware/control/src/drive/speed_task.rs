@@ -9,16 +9,14 @@ use crate::base::tolerance::Tally;
 use crate::current::current_loop::{CurrentLoopConfig, CurrentReference, Mode};
 use crate::current::exchange::{MotorExchange, MotorStatus};
 use crate::current::observer::EncoderAlignment;
+use crate::drive::rejection::{Rejected, Rejection};
 use crate::drive::supervisor::{Demand, Request, State, faults};
 use crate::plate::DriveConfig;
 use crate::speed::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen, Progress};
 use crate::speed::brake::Brake;
 use crate::speed::compensation::{Compensation, Turning};
 use crate::speed::coordinator::{Command, CommandError, Coordinator, Following};
-use crate::speed::disturbance::Disturbance;
-use crate::speed::friction::Friction;
-use crate::speed::notch::Notch;
-use crate::speed::speed_loop::{SpeedLoop, SpeedReference, Wanted};
+use crate::speed::speed_loop::{SpeedLoop, SpeedReference};
 use crate::speed::table_speed::Reading;
 use crate::speed::thermal::Heat;
 use crate::speed::torque::TorqueCommand;
@@ -39,12 +37,9 @@ pub struct SpeedTaskOutput {
     pub state: State,
 }
 
-/// State of the speed task. The configuration comes with each step, as a current loop's does.
+/// What is asked, and what of it is followed.
 #[derive(Clone, Copy, Debug)]
-pub struct SpeedTask {
-    speed_loops: [SpeedLoop; 2],
-    coordinator: Coordinator,
-    torque_limited: [bool; 2],
+struct Commands {
     /// What is asked, and what of it may be followed.
     asked_for: Command,
     command: Command,
@@ -54,15 +49,18 @@ pub struct SpeedTask {
     followed: Command,
     /// The torque that is asked, and the one that is followed.
     torque_asked: Option<TorqueCommand>,
+    torque: Option<TorqueCommand>,
     /// Which way the table is asked to go, or goes by a torque.
     heading: TableVelocity,
-    torque: Option<TorqueCommand>,
-    /// What its motor was last asked for, A.
+    /// What the motor of a torque was last asked for, A.
     pushed: Current,
-    state: State,
-    /// What [`decide`](Self::decide) sees to has come from this task itself: a command to follow, or something found. Kept as one word,
-    /// as to ask each of them took 19 cycles of each step.
-    due: bool,
+    /// The torque limit cut what a speed loop asked.
+    torque_limited: [bool; 2],
+}
+
+/// The alignment, and what goes to and from it.
+#[derive(Clone, Copy, Debug)]
+struct Aligning {
     alignment: Alignment,
     /// What it shall see in its next step, and what it has asked in its last.
     seen: Option<([MotorSeen; 2], Option<u32>)>,
@@ -70,6 +68,11 @@ pub struct SpeedTask {
     /// What the alignment last asked the current loops to take over.
     alignments: [Option<EncoderAlignment>; 2],
     aligned: Progress,
+}
+
+/// What watches motors and bridges, and what it has found.
+#[derive(Clone, Copy, Debug)]
+struct Watches {
     runaway: [Runaway; 2],
     sums: [CurrentSum; 2],
     /// How long a motor at its torque limit has not moved the table.
@@ -78,24 +81,33 @@ pub struct SpeedTask {
     found: Option<Fault>,
     /// Heat of windings and bridges, running or not.
     heat: [Heat; 2],
-    interlock: Interlock,
-    brake: Brake,
+    /// What the heat leaves of the torque currents.
+    current_max: [Current; 2],
+    too_hot: [bool; 2],
     /// What the drive comes to rest for.
     rests_for: Option<Fault>,
     /// What was found since the drive last left a fault, the first cause among them.
     latched: FaultSet,
+}
+
+/// State of the speed task. The configuration comes with each step, as a current loop's does.
+#[derive(Clone, Copy, Debug)]
+pub struct SpeedTask {
+    speed_loops: [SpeedLoop; 2],
+    coordinator: Coordinator,
+    commands: Commands,
+    state: State,
+    /// What [`decide`](Self::decide) sees to has come from this task itself: a command to follow, or something found. Kept as one word,
+    /// as to ask each of them took 19 cycles of each step.
+    due: bool,
+    aligning: Aligning,
+    watches: Watches,
+    interlock: Interlock,
+    brake: Brake,
     /// The motor that brings the table to rest in a fault, and what the table moves in a period by its scale.
     follow: Option<Follow>,
     table_step: Option<i32>,
-    /// What it leaves of the torque currents.
-    current_max: [Current; 2],
-    too_hot: [bool; 2],
-    compensation: Compensation,
-    friction: Friction,
-    disturbances: [Disturbance; 2],
-    /// What they see of the currents that were asked: without those that compensate what is known.
-    unknown: [Current; 2],
-    notches: [Notch; 2],
+    rejection: Rejection,
     /// How the encoders lie to their rotors: screw, nut.
     frames: [RotorFrame; 2],
     /// A fault has doubted the angles that are stored.
@@ -113,40 +125,42 @@ impl SpeedTask {
         Self {
             speed_loops: [SpeedLoop::new(), SpeedLoop::new()],
             coordinator: Coordinator::new(),
-            torque_limited: [false; 2],
-            asked_for: Command::rest(),
-            command: Command::rest(),
-            blocked: [false; 2],
-            followed: Command::rest(),
-            torque_asked: None,
-            heading: TableVelocity::ZERO,
-            torque: None,
-            pushed: Current::ZERO,
+            commands: Commands {
+                asked_for: Command::rest(),
+                command: Command::rest(),
+                blocked: [false; 2],
+                followed: Command::rest(),
+                torque_asked: None,
+                torque: None,
+                heading: TableVelocity::ZERO,
+                pushed: Current::ZERO,
+                torque_limited: [false; 2],
+            },
             state: State::Boot,
             due: false,
-            alignment: Alignment::new(),
-            seen: None,
-            asked: AlignmentStep::new(),
-            alignments: [None; 2],
-            aligned: Progress::Working,
-            runaway: [Runaway::new(); 2],
-            sums: [CurrentSum::new(); 2],
-            pressed: Tally::new(),
-            found: None,
-            heat: [Heat::starting(screw_heat), Heat::starting(nut_heat)],
+            aligning: Aligning {
+                alignment: Alignment::new(),
+                seen: None,
+                asked: AlignmentStep::new(),
+                alignments: [None; 2],
+                aligned: Progress::Working,
+            },
+            watches: Watches {
+                runaway: [Runaway::new(); 2],
+                sums: [CurrentSum::new(); 2],
+                pressed: Tally::new(),
+                found: None,
+                heat: [Heat::starting(screw_heat), Heat::starting(nut_heat)],
+                current_max: [screw_loop.i_max, nut_loop.i_max],
+                too_hot: [false; 2],
+                rests_for: None,
+                latched: FaultSet::EMPTY,
+            },
             interlock: Interlock::new(),
             brake: Brake::new(),
-            rests_for: None,
-            latched: FaultSet::EMPTY,
             follow: None,
             table_step: None,
-            current_max: [screw_loop.i_max, nut_loop.i_max],
-            too_hot: [false; 2],
-            compensation: Compensation::new(&config.compensation),
-            friction: Friction::new(),
-            disturbances: [Disturbance::new(); 2],
-            unknown: [Current::ZERO; 2],
-            notches: [Notch::new(); 2],
+            rejection: Rejection::new(config),
             frames: [RotorFrame::ENCODER; 2],
             stored_doubted: false,
             look: 0,
@@ -156,7 +170,7 @@ impl SpeedTask {
     /// What is compensated, with what was learned.
     #[must_use]
     pub const fn compensation(&self) -> &Compensation {
-        &self.compensation
+        &self.rejection.compensation
     }
 
     /// Takes a new command, to be followed while running.
@@ -165,10 +179,10 @@ impl SpeedTask {
     /// [`CommandError`] if the feed or a motor may not move that fast; the old command stays.
     pub fn command(&mut self, config: &DriveConfig, command: Command) -> Result<(), CommandError> {
         Coordinator::new().command(&config.coordinator, command)?;
-        self.asked_for = command;
-        self.command = command.within(self.blocked);
-        self.heading = self.command.velocity;
-        self.torque_asked = None;
+        self.commands.asked_for = command;
+        self.commands.command = command.within(self.commands.blocked);
+        self.commands.heading = self.commands.command.velocity;
+        self.commands.torque_asked = None;
         self.due = true;
         Ok(())
     }
@@ -188,7 +202,7 @@ impl SpeedTask {
         torque.allowed(&config.coordinator, &config.speed_loops, base)?;
         let velocity = TableVelocity::ZERO;
         self.command(config, Command { velocity, base })?;
-        self.torque_asked = Some(torque);
+        self.commands.torque_asked = Some(torque);
         self.end_at_limit();
         Ok(())
     }
@@ -224,16 +238,20 @@ impl SpeedTask {
             .with(
                 None,
                 Limit::Travel,
-                self.interlock.at_an_end() || driven && self.blocked.contains(&true),
+                self.interlock.at_an_end() || driven && self.commands.blocked.contains(&true),
             )
             .with(None, Limit::Speed, driven && self.coordinator.gives_way())
             .with(
                 None,
                 Limit::Acceleration,
-                driven && !self.coordinator.arrived() && self.torque.is_none(),
+                driven && !self.coordinator.arrived() && self.commands.torque.is_none(),
             );
-        let motors = exchanges.into_iter().zip(self.torque_limited);
-        let most = self.current_max.into_iter().zip(&config.speed_loops);
+        let motors = exchanges.into_iter().zip(self.commands.torque_limited);
+        let most = self
+            .watches
+            .current_max
+            .into_iter()
+            .zip(&config.speed_loops);
         let motors = motors.zip(most).zip(&config.regeneration).zip(0..);
         for ((((exchange, limited), (most, speed_loop)), regeneration), k) in motors {
             let warm = most < speed_loop.i_max;
@@ -255,7 +273,7 @@ impl SpeedTask {
     /// to rest for one.
     #[must_use]
     pub const fn latched(&self) -> FaultSet {
-        self.latched
+        self.watches.latched
     }
 
     /// After a step that began a fault: which gate drivers' fault lines are pulled, screw's and nut's, and whether the controller itself
@@ -265,7 +283,8 @@ impl SpeedTask {
     pub fn tell_lines(&mut self, pulled: [bool; 2], controller: bool) -> State {
         if let State::Fault(fault) = self.state {
             let named = fault.by_line(pulled, controller);
-            self.latched = self
+            self.watches.latched = self
+                .watches
                 .latched
                 .without(FaultSet::EMPTY.with(fault))
                 .with(named);
@@ -277,7 +296,7 @@ impl SpeedTask {
     /// Why the last alignment failed; `None` if it did not.
     #[must_use]
     pub const fn misalignment(&self) -> Option<Misalignment> {
-        match self.aligned {
+        match self.aligning.aligned {
             Progress::Failed(failed) => Some(failed),
             Progress::Working | Progress::Done | Progress::Interrupted => None,
         }
@@ -325,7 +344,7 @@ impl SpeedTask {
                     ..SpeedTaskOutput::default()
                 };
             }
-            if self.torque.is_some() {
+            if self.commands.torque.is_some() {
                 let (current, speed) = self.drive_torque(config, request.scale, exchanges, look);
                 return SpeedTaskOutput {
                     current,
@@ -365,7 +384,7 @@ impl SpeedTask {
         let [screw, nut] = exchanges;
         let motors = [screw.status(), nut.status()];
         let sums = self.add_up(config, exchanges);
-        let seen = [found, self.found.take(), sums, self.heat_fault()];
+        let seen = [found, self.watches.found.take(), sums, self.heat_fault()];
         let says = screw.says_fault() || nut.says_fault() || seen.iter().any(Option::is_some);
         let found = if says {
             self.judge(config, exchanges, motors, seen)
@@ -377,12 +396,12 @@ impl SpeedTask {
         let before = self.state;
         let demand = self.permitted(config, demand);
         if before == State::Aligning && demand != Demand::Align {
-            self.alignment.interrupt();
+            self.aligning.alignment.interrupt();
         }
         // The motors hold until the brake does.
         let held = before != State::Stopping || self.brake.is_closed(&config.brake);
-        let at_rest = self.coordinator.at_rest() && held && self.torque.is_none();
-        self.state = before.next(demand, motors, found, self.aligned, at_rest);
+        let at_rest = self.coordinator.at_rest() && held && self.commands.torque.is_none();
+        self.state = before.next(demand, motors, found, self.aligning.aligned, at_rest);
         if config.brake.fitted {
             self.brake.step(match self.state {
                 State::Running | State::Holding => {
@@ -397,20 +416,22 @@ impl SpeedTask {
         {
             self.state = State::Fault(later);
         }
-        if self.rests_for.is_some() || matches!(self.state, State::Fault(_)) {
+        if self.watches.rests_for.is_some() || matches!(self.state, State::Fault(_)) {
             self.settle(before, config, exchanges);
         } else {
-            let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE);
+            let doubted = self.watches.latched.has_any(FaultSet::DOUBTS_ANGLE);
             if self.follow.take().is_some() && doubted {
                 self.forget_angles(config, exchanges);
             }
-            self.latched = FaultSet::EMPTY;
+            self.watches.latched = FaultSet::EMPTY;
         }
         let target = match self.state {
-            State::Running | State::Holding if self.brake.is_open(&config.brake) => self.command,
+            State::Running | State::Holding if self.brake.is_open(&config.brake) => {
+                self.commands.command
+            }
             State::Running | State::Holding | State::Stopping => Command::rest(),
             _ => {
-                self.torque = None;
+                self.commands.torque = None;
                 return Some(Undriven {
                     mode: self.state.mode(demand),
                     entered: self.state != before,
@@ -423,19 +444,19 @@ impl SpeedTask {
             RotorFrame::of(screw.alignment(), screw_loop.observer.pole_pairs),
             RotorFrame::of(nut.alignment(), nut_loop.observer.pole_pairs),
         ];
-        if self.torque_asked.is_some() || self.torque.is_some() {
+        if self.commands.torque_asked.is_some() || self.commands.torque.is_some() {
             self.look_at_torque(config, exchanges);
         }
-        if target != self.followed {
+        if target != self.commands.followed {
             // Checked when it was given, and rest is always allowed; a refusal would leave the old target.
             let _ = self.coordinator.command(&config.coordinator, target);
-            self.followed = target;
+            self.commands.followed = target;
         }
-        self.due = self.command.differs(self.followed) != 0
-            || self.rests_for.is_some()
+        self.due = self.commands.command.differs(self.commands.followed) != 0
+            || self.watches.rests_for.is_some()
             // A torque is looked at in each step, so that one without it need not ask.
-            || self.torque.is_some()
-            || self.too_hot != [false; 2];
+            || self.commands.torque.is_some()
+            || self.watches.too_hot != [false; 2];
         None
     }
 
@@ -446,15 +467,16 @@ impl SpeedTask {
         self.end_at_limit();
         let runs = matches!(self.state, State::Running | State::Holding);
         let follows = runs && self.brake.is_open(&config.brake);
-        let torque = self.torque_asked.filter(|_| follows);
-        if torque == self.torque {
+        let torque = self.commands.torque_asked.filter(|_| follows);
+        if torque == self.commands.torque {
             return;
         }
         let same = |one: TorqueCommand, other: TorqueCommand| {
             one.motor == other.motor && one.backwards() == other.backwards()
         };
-        let goes_on = matches!((self.torque, torque), (Some(one), Some(other)) if same(one, other));
-        if let (Some(before), false) = (self.torque, goes_on) {
+        let goes_on =
+            matches!((self.commands.torque, torque), (Some(one), Some(other)) if same(one, other));
+        if let (Some(before), false) = (self.commands.torque, goes_on) {
             let loops = exchanges.into_iter().zip(&config.current_loops);
             let mut speeds = [Speed::ZERO; 2];
             for (speed, (exchange, current_loop)) in speeds.iter_mut().zip(loops) {
@@ -465,7 +487,7 @@ impl SpeedTask {
             if let Some((state, config)) = motors.nth(before.motor) {
                 // What of the torque did not accelerate the motor is its load.
                 let inertial: Current = narrow(config.inertia.wide_mul(gained));
-                *state = SpeedLoop::holding(self.pushed.saturating_sub(inertial), config);
+                *state = SpeedLoop::holding(self.commands.pushed.saturating_sub(inertial), config);
             }
         }
         if let (Some(torque), false) = (torque, goes_on) {
@@ -474,22 +496,22 @@ impl SpeedTask {
                 *state = SpeedLoop::new();
             }
         }
-        self.torque = torque;
+        self.commands.torque = torque;
     }
 
     /// A torque does not push the table on to a limit: it is held there until something else is asked.
     #[cold]
     fn end_at_limit(&mut self) {
-        let Some(torque) = self.torque_asked else {
+        let Some(torque) = self.commands.torque_asked else {
             return;
         };
-        let [forwards, backwards] = self.blocked;
+        let [forwards, backwards] = self.commands.blocked;
         let heading = torque.heading(self.coordinator.relative());
         if forwards && heading > TableVelocity::ZERO || backwards && heading < TableVelocity::ZERO {
-            self.torque_asked = None;
-            self.heading = TableVelocity::ZERO;
+            self.commands.torque_asked = None;
+            self.commands.heading = TableVelocity::ZERO;
         } else {
-            self.heading = heading;
+            self.commands.heading = heading;
         }
     }
 
@@ -552,26 +574,23 @@ impl SpeedTask {
         }
         self.speed_loops = [SpeedLoop::new(), SpeedLoop::new()];
         self.coordinator = Coordinator::new();
-        self.followed = Command::rest();
-        self.compensation.rest();
+        self.commands.followed = Command::rest();
+        self.rejection.compensation.rest();
         if undriven.aligned {
-            self.compensation.forget(&config.compensation);
+            self.rejection.compensation.forget(&config.compensation);
         }
-        self.friction = Friction::new();
-        self.disturbances = [Disturbance::new(); 2];
-        self.unknown = [Current::ZERO; 2];
-        self.notches = [Notch::new(); 2];
-        self.torque_limited = [false; 2];
-        self.runaway = [Runaway::new(); 2];
-        self.pressed = Tally::new();
-        self.found = None;
+        self.rejection.rest();
+        self.commands.torque_limited = [false; 2];
+        self.watches.runaway = [Runaway::new(); 2];
+        self.watches.pressed = Tally::new();
+        self.watches.found = None;
         // After the currents are asked, for it takes as long as a current loop.
         match self.state {
             State::SelfTest if undriven.entered => self.restore_angles(config, exchanges),
             State::Unaligned if undriven.entered => self.prepare_alignment(config),
             _ => {}
         }
-        if self.seen.is_some() {
+        if self.aligning.seen.is_some() {
             self.compute_alignment(config);
         }
         current
@@ -587,7 +606,7 @@ impl SpeedTask {
         exchanges: [&MotorExchange; 2],
         mut follow: Follow,
     ) -> [CurrentReference; 2] {
-        self.found = None;
+        self.watches.found = None;
         let rests = CurrentReference {
             mode,
             ..CurrentReference::default()
@@ -595,8 +614,8 @@ impl SpeedTask {
         let mut asked = [rests; 2];
         let motors = exchanges.into_iter().zip(&config.current_loops);
         let motors = motors.zip(&config.speed_loops).zip(&config.regeneration);
-        let motors = motors.zip(&config.runaway).zip(self.current_max);
-        let states = self.speed_loops.iter_mut().zip(&mut self.runaway);
+        let motors = motors.zip(&config.runaway).zip(self.watches.current_max);
+        let states = self.speed_loops.iter_mut().zip(&mut self.watches.runaway);
         let mut motors = motors.zip(states.zip(&mut asked));
         let motor = motors.nth(follow.motor());
         let adds_up = Self::adds_up(config, exchanges, follow.motor());
@@ -611,13 +630,13 @@ impl SpeedTask {
                 scale: self.table_step.map(as_speed),
                 encoders: as_speed(screw_step.wrapping_sub(nut_step)),
                 shaft: omega_e,
-                doubted: self.latched.has_any(FaultSet::DOUBTS_ANGLE),
+                doubted: self.watches.latched.has_any(FaultSet::DOUBTS_ANGLE),
                 slow: runaway.stall,
             });
             let speed = table.map_or(Speed::ZERO, |table| table.speed);
             self.follow = table.and_then(|table| {
                 follow.goes_on(&Followed {
-                    latched: self.latched,
+                    latched: self.watches.latched,
                     speeds: [omega_e, table.speed],
                     slow: runaway.stall,
                     turned: theta_step
@@ -655,7 +674,7 @@ impl SpeedTask {
             if u32::from(self.look).is_multiple_of(STEPS_PER_LOOK) {
                 let induced = &current_loop.regulator.induced;
                 let sign = watch.step(runaway, induced, exchange, motion);
-                self.found = sign.map(|sign| match follow.motor() {
+                self.watches.found = sign.map(|sign| match follow.motor() {
                     0 => sign.of_screw(),
                     _ => sign.of_nut(),
                 });
@@ -685,7 +704,7 @@ impl SpeedTask {
         let [screw_loop, nut_loop] = &config.current_loops;
         let screw_omega_e = screw_loop.observer.omega_e(screw_step);
         let nut_omega_e = nut_loop.observer.omega_e(nut_step);
-        let [screw_torque, nut_torque] = self.torque_limited;
+        let [screw_torque, nut_torque] = self.commands.torque_limited;
         let following = [
             Following {
                 omega_e: screw_omega_e,
@@ -696,7 +715,7 @@ impl SpeedTask {
                 limited: nut_voltage || nut_torque,
             },
         ];
-        let torque = if TORQUE { self.torque } else { None };
+        let torque = if TORQUE { self.commands.torque } else { None };
         let speed = match torque {
             None => self.coordinator.step(&config.coordinator, following),
             Some(torque) => self.torque_references(config, torque, following),
@@ -710,7 +729,7 @@ impl SpeedTask {
             // Of one it is asked that both are.
             let limited = screw_voltage | screw_torque | nut_voltage | nut_torque;
             let steady = self.coordinator.steady() && !limited && !TORQUE;
-            let given = self.compensation.references(
+            let given = self.rejection.compensation.references(
                 &config.compensation,
                 [
                     Turning {
@@ -740,48 +759,20 @@ impl SpeedTask {
             }
         }
         let [screw_loop, nut_loop] = &mut self.speed_loops;
-        let mut wanted = [
+        let wanted = [
             screw_loop.wanted(screw_config, screw_reference, screw_omega_e),
             nut_loop.wanted(nut_config, nut_reference, nut_omega_e),
         ];
-        let [screw_disturbance, nut_disturbance] = &config.disturbance;
-        if screw_disturbance.active {
-            let [screw, nut] = &mut self.disturbances;
-            let [screw_asked, nut_asked] = self.unknown;
-            let found = [
-                screw.step(screw_disturbance, screw_asked, screw_omega_e),
-                nut.step(nut_disturbance, nut_asked, nut_omega_e),
-            ];
-            for (wanted, found) in wanted.iter_mut().zip(found) {
-                *wanted = wanted.plus(found);
-            }
-        }
-        if config.notch.active {
-            for (wanted, notch) in wanted.iter_mut().zip(&mut self.notches) {
-                *wanted = wanted.asking(notch.step(&config.notch, wanted.current()));
-            }
-        }
-        let fed_back = wanted;
-        if config.compensation.active {
-            let errors = wanted.map(Wanted::error);
-            let given = self.compensation.currents(errors);
-            for (wanted, given) in wanted.iter_mut().zip(given) {
-                *wanted = wanted.plus(given);
-            }
-        }
-        if config.friction.active {
-            let references = [screw_reference.omega_e, nut_reference.omega_e];
-            let relative = self.coordinator.relative();
-            let rubbed = self
-                .friction
-                .currents(&config.friction, references, relative);
-            for (wanted, given) in wanted.iter_mut().zip(rubbed) {
-                *wanted = wanted.plus(given);
-            }
-        }
+        let Rejected { wanted, fed_back } = self.rejection.step(
+            config,
+            wanted,
+            [screw_omega_e, nut_omega_e],
+            [screw_reference.omega_e, nut_reference.omega_e],
+            self.coordinator.relative(),
+        );
         let [screw_wanted, nut_wanted] = wanted;
         let [screw_regeneration, nut_regeneration] = &config.regeneration;
-        let [screw_max, nut_max] = self.current_max;
+        let [screw_max, nut_max] = self.watches.current_max;
         let screw_range = screw_regeneration.range(screw_max, screw_exchange.bus(), screw_step);
         let nut_range = nut_regeneration.range(nut_max, nut_exchange.bus(), nut_step);
         let [screw_range, nut_range] = match torque {
@@ -801,31 +792,20 @@ impl SpeedTask {
             screw_loop.limit(screw_config, screw_wanted, screw_voltage, screw_range),
             nut_loop.limit(nut_config, nut_wanted, nut_voltage, nut_range),
         ];
-        if screw_disturbance.active {
-            let [screw_back, nut_back] = fed_back;
-            let [screw_asked, nut_asked] = asked.map(|output| output.i_q);
-            // What was cut off is cut off what is fed back.
-            let without = |asked: Current, wanted: Wanted, back: Wanted| {
-                asked.saturating_sub(wanted.current().saturating_sub(back.current()))
-            };
-            self.unknown = [
-                without(screw_asked, screw_wanted, screw_back),
-                without(nut_asked, nut_wanted, nut_back),
-            ];
-        }
+        self.rejection.keep(config, asked, wanted, fed_back);
         let [mut screw_limited, mut nut_limited] = asked.map(|output| output.limited);
         if let Some(torque) = torque {
             // A motor that has its set-point has no reference of its own to follow.
             let [screw_asked, nut_asked] = asked.map(|output| output.i_q);
             if torque.motor == 0 {
-                (self.pushed, screw_limited) = (screw_asked, false);
+                (self.commands.pushed, screw_limited) = (screw_asked, false);
                 screw_reference.omega_e = screw_omega_e;
             } else {
-                (self.pushed, nut_limited) = (nut_asked, false);
+                (self.commands.pushed, nut_limited) = (nut_asked, false);
                 nut_reference.omega_e = nut_omega_e;
             }
         }
-        self.torque_limited = [screw_limited, nut_limited];
+        self.commands.torque_limited = [screw_limited, nut_limited];
         let current = asked.map(|output| CurrentReference {
             mode: Mode::Drive,
             i_q: output.i_q,
@@ -861,7 +841,7 @@ impl SpeedTask {
         );
         if sign.is_some() {
             cold_path();
-            self.found = sign;
+            self.watches.found = sign;
             self.due = true;
         }
         SpeedTaskOutput {
@@ -902,13 +882,13 @@ impl SpeedTask {
         motors: [MotorStatus; 2],
         seen: [Option<Fault>; 4],
     ) -> Option<Fault> {
-        self.latched = self.latched.and(faults(motors));
+        self.watches.latched = self.watches.latched.and(faults(motors));
         let rests_for = self.rests(config, exchanges, seen);
         let mut opens = None;
         for fault in seen.into_iter().flatten() {
-            self.latched = self.latched.with(fault);
+            self.watches.latched = self.watches.latched.with(fault);
             if rests_for.has(fault) {
-                self.rests_for.get_or_insert(fault);
+                self.watches.rests_for.get_or_insert(fault);
             } else if opens.is_none() {
                 opens = Some(fault);
             }
@@ -926,7 +906,7 @@ impl SpeedTask {
     ) -> FaultSet {
         let at_speed = of_board.is_some_and(|fault| FaultSet::RESTS_AT_SPEED.has(fault));
         // A stop for it goes on below the speed at which it begins.
-        let in_hand = || self.rests_for == of_board || an_angle_shows(config, exchanges);
+        let in_hand = || self.watches.rests_for == of_board || an_angle_shows(config, exchanges);
         if self.state == State::Aligning {
             FaultSet::RESTS
         } else if !self.state.is_driven() {
@@ -947,17 +927,17 @@ impl SpeedTask {
         }
         // What opens a bridge need not be the first cause: a stop for that may be on its way.
         let opens = self.state.fault();
-        let first = match (self.rests_for, self.state) {
+        let first = match (self.watches.rests_for, self.state) {
             (Some(fault), State::Ready | State::Unaligned | State::Fault(_))
             | (None, State::Fault(fault)) => {
-                self.rests_for = None;
+                self.watches.rests_for = None;
                 self.state = State::Fault(fault);
                 fault
             }
             (Some(fault), _) => fault,
             (None, _) => return,
         };
-        self.latched = self.latched.with(first);
+        self.watches.latched = self.watches.latched.with(first);
         if before.is_driven() && matches!(self.state, State::Fault(_)) {
             let adds_up = |follow: &Follow| Self::adds_up(config, exchanges, follow.motor());
             let (planned, _) = self.planned();
@@ -968,10 +948,11 @@ impl SpeedTask {
                     .map_or(0, |limits| limits.pole_pairs);
                 planned.saturating_mul_int(pole_pairs)
             };
-            let follow = opens.and_then(|fault| Follow::after(fault, self.latched, planned));
+            let follow =
+                opens.and_then(|fault| Follow::after(fault, self.watches.latched, planned));
             self.follow = follow.filter(adds_up);
         }
-        let doubted = self.latched.has_any(FaultSet::DOUBTS_ANGLE) && self.follow.is_none();
+        let doubted = self.watches.latched.has_any(FaultSet::DOUBTS_ANGLE) && self.follow.is_none();
         // An alignment that did not end has found its angles in part.
         let unfinished = before == State::Aligning;
         if (doubted || unfinished) && matches!(self.state, State::Fault(_)) {
@@ -984,7 +965,7 @@ impl SpeedTask {
     fn permitted(&self, config: &DriveConfig, demand: Demand) -> Demand {
         let moves = matches!(demand, Demand::Align | Demand::Run);
         let brake_opens = self.state == State::Unaligned && !self.brake.is_closed(&config.brake);
-        if moves && (self.rests_for.is_some() || brake_opens) {
+        if moves && (self.watches.rests_for.is_some() || brake_opens) {
             Demand::Rest
         } else {
             demand
@@ -995,9 +976,9 @@ impl SpeedTask {
     #[cold]
     #[inline(never)]
     fn prepare_alignment(&mut self, config: &DriveConfig) {
-        self.alignment = Alignment::begin(&config.alignment);
-        (self.asked, self.seen) = (AlignmentStep::default(), None);
-        self.aligned = Progress::Working;
+        self.aligning.alignment = Alignment::begin(&config.alignment);
+        (self.aligning.asked, self.aligning.seen) = (AlignmentStep::default(), None);
+        self.aligning.aligned = Progress::Working;
     }
 
     /// Absolute encoders whose angles are stored tell where both rotors stand: no motion is needed. After a fault that doubts an
@@ -1019,7 +1000,11 @@ impl SpeedTask {
     #[cold]
     fn forget_angles(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
         self.stored_doubted = true;
-        let last = self.alignments.iter_mut().zip(&config.current_loops);
+        let last = self
+            .aligning
+            .alignments
+            .iter_mut()
+            .zip(&config.current_loops);
         for (exchange, (last, current_loop)) in exchanges.into_iter().zip(last) {
             if current_loop.alignment.is_none() && exchange.alignment().is_some() {
                 *last = None;
@@ -1032,15 +1017,15 @@ impl SpeedTask {
     #[cold]
     #[inline(never)]
     fn compute_alignment(&mut self, config: &DriveConfig) {
-        if let Some((seen, scale)) = self.seen.take() {
-            self.asked = self.alignment.step(&config.alignment, seen, scale);
+        if let Some((seen, scale)) = self.aligning.seen.take() {
+            self.aligning.asked = self.aligning.alignment.step(&config.alignment, seen, scale);
         }
     }
 
     /// Rest is commanded, and both references are there.
     #[inline(always)]
     fn holds(&self) -> bool {
-        self.followed == Command::rest() && self.coordinator.at_rest()
+        self.commands.followed == Command::rest() && self.coordinator.at_rest()
     }
 
     /// Looks at inputs and heartbeat.
@@ -1048,11 +1033,11 @@ impl SpeedTask {
     fn interlock(&mut self, config: &DriveConfig, request: Request) {
         self.interlock.look(request.heartbeat, request.inputs);
         self.table_step = request.inputs.table_step;
-        if request.inputs.blocked != self.blocked {
+        if request.inputs.blocked != self.commands.blocked {
             cold_path();
-            self.blocked = request.inputs.blocked;
-            self.command = self.asked_for.within(self.blocked);
-            self.heading = self.command.velocity;
+            self.commands.blocked = request.inputs.blocked;
+            self.commands.command = self.commands.asked_for.within(self.commands.blocked);
+            self.commands.heading = self.commands.command.velocity;
             self.end_at_limit();
             self.due = true;
         }
@@ -1074,14 +1059,14 @@ impl SpeedTask {
             }
             State::Aligning => (demand == Demand::Align).then_some(Alignment),
             State::Ready | State::Running | State::Holding | State::Stopping => {
-                (demand == Demand::Run).then_some(Table(self.heading))
+                (demand == Demand::Run).then_some(Table(self.commands.heading))
             }
         };
-        if let (Some(motion), None) = (motion, self.rests_for) {
+        if let (Some(motion), None) = (motion, self.watches.rests_for) {
             let forbidden = self.interlock.forbids(config.heartbeat_looks, motion);
             if forbidden.is_some() {
                 cold_path();
-                self.rests_for = forbidden;
+                self.watches.rests_for = forbidden;
                 self.due = true;
             }
         }
@@ -1104,7 +1089,7 @@ impl SpeedTask {
         let [screw_motion, nut_motion] = motion;
         // The currents are asked in two places, for CCM has no room for four.
         if matches!(look, Look::ScrewMotion | Look::NutMotion) {
-            let [screw_watch, nut_watch] = &mut self.runaway;
+            let [screw_watch, nut_watch] = &mut self.watches.runaway;
             let sign = if look == Look::ScrewMotion {
                 let induced = &screw_loop.regulator.induced;
                 let sign = screw_watch.step(screw_limits, induced, screw_exchange, screw_motion);
@@ -1133,7 +1118,7 @@ impl SpeedTask {
         config: &DriveConfig,
         [exchange, _]: [&MotorExchange; 2],
     ) -> Option<Fault> {
-        let ([sum, _], [limits, _]) = (&mut self.sums, &config.runaway);
+        let ([sum, _], [limits, _]) = (&mut self.watches.sums, &config.runaway);
         let [current_loop, _] = &config.current_loops;
         let found = sum.step(limits, &current_loop.sense, exchange);
         found.then_some(Fault::ScrewCurrentSum)
@@ -1146,7 +1131,7 @@ impl SpeedTask {
         config: &DriveConfig,
         [_, exchange]: [&MotorExchange; 2],
     ) -> Option<Fault> {
-        let ([_, sum], [_, limits]) = (&mut self.sums, &config.runaway);
+        let ([_, sum], [_, limits]) = (&mut self.watches.sums, &config.runaway);
         let [_, current_loop] = &config.current_loops;
         let found = sum.step(limits, &current_loop.sense, exchange);
         found.then_some(Fault::NutCurrentSum)
@@ -1155,8 +1140,8 @@ impl SpeedTask {
     /// Counts how long a motor at its torque limit has not moved the table, where there is something to count.
     #[inline(always)]
     fn look_at_table(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
-        let [screw_limited, nut_limited] = self.torque_limited;
-        if screw_limited | nut_limited | (self.pressed != Tally::new()) {
+        let [screw_limited, nut_limited] = self.commands.torque_limited;
+        if screw_limited | nut_limited | (self.watches.pressed != Tally::new()) {
             self.press(config, exchanges);
         }
     }
@@ -1166,7 +1151,7 @@ impl SpeedTask {
     #[inline(never)]
     fn press(&mut self, config: &DriveConfig, exchanges: [&MotorExchange; 2]) {
         if !self.state.is_driven() {
-            self.pressed = Tally::new();
+            self.watches.pressed = Tally::new();
             return;
         }
         let [screw_loop, _] = &config.current_loops;
@@ -1177,10 +1162,10 @@ impl SpeedTask {
         let (planned, _) = self.planned();
         let asked = planned.saturating_mul_int(screw_watch.pole_pairs);
         let stands = goes.saturating_abs().saturating_mul_int(STANDS) < asked.saturating_abs();
-        let [screw_limited, nut_limited] = self.torque_limited;
+        let [screw_limited, nut_limited] = self.commands.torque_limited;
         let events = u32::from(stands && (screw_limited || nut_limited));
-        if self.pressed.step(patience, events) {
-            self.found = Some(if screw_limited {
+        if self.watches.pressed.step(patience, events) {
+            self.watches.found = Some(if screw_limited {
                 Fault::ScrewStalled
             } else {
                 Fault::NutStalled
@@ -1193,11 +1178,11 @@ impl SpeedTask {
     #[inline(always)]
     fn warm(&mut self, config: &DriveConfig, look: Look, exchanges: [&MotorExchange; 2]) {
         let [screw_exchange, nut_exchange] = exchanges;
-        let [screw_heat, nut_heat] = &mut self.heat;
+        let [screw_heat, nut_heat] = &mut self.watches.heat;
         let [screw_config, nut_config] = &config.heat;
         let [screw_loop, nut_loop] = &config.speed_loops;
-        let [screw_max, nut_max] = &mut self.current_max;
-        let [screw_hot, nut_hot] = &mut self.too_hot;
+        let [screw_max, nut_max] = &mut self.watches.current_max;
+        let [screw_hot, nut_hot] = &mut self.watches.too_hot;
         if look == Look::ScrewHeat {
             screw_heat.step(
                 screw_config,
@@ -1229,7 +1214,7 @@ impl SpeedTask {
             }
             State::Running | State::Holding => None,
             _ => {
-                self.sums = [CurrentSum::new(); 2];
+                self.watches.sums = [CurrentSum::new(); 2];
                 None
             }
         }
@@ -1249,7 +1234,7 @@ impl SpeedTask {
 
     #[inline(always)]
     fn heat_fault(&self) -> Option<Fault> {
-        match self.too_hot {
+        match self.watches.too_hot {
             [false, false] => None,
             [true, _] => Some(Fault::ScrewHeat),
             [false, true] => Some(Fault::NutHeat),
@@ -1272,10 +1257,15 @@ impl SpeedTask {
             MotorSeen::of(screw, screw_loop, config.speed_divider),
             MotorSeen::of(nut, nut_loop, config.speed_divider),
         ];
-        self.seen = Some((motors, scale));
+        self.aligning.seen = Some((motors, scale));
         let held = exchanges.map(MotorExchange::alignment);
-        let asked = self.asked;
-        let aligned = self.alignments.iter_mut().zip(held).zip(asked.alignment);
+        let asked = self.aligning.asked;
+        let aligned = self
+            .aligning
+            .alignments
+            .iter_mut()
+            .zip(held)
+            .zip(asked.alignment);
         for (exchange, ((last, held), alignment)) in exchanges.into_iter().zip(aligned) {
             // What was asked before the current loop passed the index is not true any more: the next step has seen it too.
             let awaits = |at: Option<EncoderAlignment>| at.is_some_and(|at| at.index_awaited);
@@ -1285,7 +1275,7 @@ impl SpeedTask {
                 exchange.align(held, alignment);
             }
         }
-        self.aligned = asked.progress;
+        self.aligning.aligned = asked.progress;
         asked.current
     }
 }

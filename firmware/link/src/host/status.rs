@@ -27,6 +27,16 @@ impl StatusReport {
         }
     }
 
+    /// The supply, V: the mean of both bridges' readings.
+    #[must_use]
+    pub fn bus_v(&self) -> f64 {
+        let bridges = self.status.motors.iter();
+        bridges
+            .map(|motor| f64::from(motor.bus_mv) / 1e3)
+            .sum::<f64>()
+            / 2.0
+    }
+
     /// The fault that has stopped it.
     pub fn fault(&self) -> Option<Fault> {
         Fault::of_word(self.status.fault)

@@ -7,9 +7,9 @@ use super::settings::header;
 use crate::output::Folder;
 use crate::record::measured_model_file;
 use anyhow::{Context, Result};
+use commission::LoopResponse;
 use commission::Session;
 use commission::procedure::{Done, Options, Step, run as measure};
-use commission::response::CurrentResponse;
 use commission::tune::Crossing;
 use indicatif::{ProgressBar, ProgressStyle};
 use pollster::block_on;
@@ -113,8 +113,17 @@ fn page(done: &[Done]) -> String {
         for quantity in &done.quantities {
             let _ = writeln!(text, "    {quantity}");
         }
-        for (motor, response) in ["screw", "nut"].iter().zip(done.responses.iter().flatten()) {
-            let _ = writeln!(text, "    {motor}: {}", loop_line(response.as_ref()));
+        for (kind, responses) in [
+            ("current", &done.responses),
+            ("speed", &done.speed_responses),
+        ] {
+            for (motor, response) in ["screw", "nut"].iter().zip(responses.iter().flatten()) {
+                let _ = writeln!(
+                    text,
+                    "    {motor}: {kind} loop, {}",
+                    loop_line(response.as_ref())
+                );
+            }
         }
         for limited in &done.limits {
             let _ = writeln!(
@@ -127,10 +136,10 @@ fn page(done: &[Done]) -> String {
     text
 }
 
-/// A current loop, measured beside predicted.
-fn loop_line(response: Option<&CurrentResponse>) -> String {
+/// A loop, measured beside predicted.
+fn loop_line(response: Option<&LoopResponse>) -> String {
     let Some(response) = response else {
-        return "the step of the current was not seen".to_owned();
+        return "its steps were not seen beside noise and ripple".to_owned();
     };
     let line = |of: Option<Crossing>| {
         let Some(of) = of else {
@@ -140,10 +149,11 @@ fn loop_line(response: Option<&CurrentResponse>) -> String {
         format!("{hz:.0} Hz and {:.1} degrees", of.margin_deg)
     };
     format!(
-        "current loop, {} steps from {:.2} to {:.2} A: bandwidth and phase margin {}, by the model {}",
+        "{} steps from {:.2} to {:.2} {}: bandwidth and phase margin {}, by the model {}",
         response.steps,
-        response.from_a,
-        response.to_a,
+        response.from,
+        response.to,
+        response.unit,
         line(response.crossing),
         line(response.predicted_crossing)
     )

@@ -13,6 +13,7 @@ use anyhow::{Context, Result, anyhow, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use link::codes::State;
 use link::host::Count;
+use link::host::status::StatusReport;
 use link::message::Command;
 use link::telemetry::{FRAME_MAX, Request};
 use plant::recording::Recording;
@@ -51,7 +52,8 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     if options.arm && !options.hold.is_empty() {
         ready(drive, &stop)?;
     }
-    let aligned = drive.status()?.motors.map(|motor| motor.alignment);
+    let status = drive.status()?;
+    let aligned = status.motors.map(|motor| motor.alignment);
     let encoders = EncoderFrame::both(aligned, &drive.settings()?);
     let (summary, outcome) = save(
         &folder,
@@ -60,6 +62,7 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
         |recorder| {
             recorder.start(request);
             recorder.align(encoders);
+            recorder.supplied(StatusReport::of(status).bus_v());
             if let Some(trigger) = trigger {
                 recorder.wait_for(Gate::new(trigger, past_rows(options)));
             }

@@ -8,6 +8,7 @@ use anyhow::{Context, Result, bail, ensure};
 use link::codes::State;
 use link::host::refused::Lost;
 use link::host::settings::{of_toml, of_words, to_toml};
+use link::host::status::StatusReport;
 use link::message::Command;
 use link::settings::datasheet::spellings;
 use link::settings::{Effect, EncoderInterface, MotorSettings, Setting, Settings, Value};
@@ -77,7 +78,8 @@ pub fn run(drive: &mut Drive, what: &SettingsTask) -> Result<()> {
         SettingsTask::Model { file } => {
             let header = header(drive)?;
             let interval_s = 1.0 / drive.speed_hz();
-            put_new(file, &model_file(&header, interval_s))?;
+            let bus_v = StatusReport::of(drive.status()?).bus_v();
+            put_new(file, &model_file(&header, interval_s, bus_v))?;
             println!("{}", file.display());
             Ok(())
         }

@@ -360,10 +360,16 @@ pub fn judge(channels: &[CheckChannel], names: usize, left: usize, floor: Floor)
         .max_by(|a, b| a.levels[1].excess.total_cmp(&b.levels[1].excess))
         .filter(|channel| !channel.levels[1].quiet());
     let loud = loudest.map_or_else(String::new, |channel| {
-        let Level { band, band_hz, .. } = channel.levels[1];
+        let Level {
+            band,
+            band_hz,
+            quiet_band,
+            ..
+        } = channel.levels[1];
         match band > 0.0 && band_hz > 0.0 {
             true => format!(
-                " Most of it is in the {} up to {band_hz:.0} Hz, {band:.1} times the noise's power there.",
+                " Most of it is in the {} up to {band_hz:.0} Hz: its power there is {band:.1} times the sensors' noise; up to \
+                 {quiet_band:.1} times count as noise.",
                 channel.name
             ),
             false => format!(" Most of it is in the {}.", channel.name),

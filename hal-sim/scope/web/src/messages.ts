@@ -176,10 +176,12 @@ export interface Crossing {
   margin_deg: number;
 }
 
-/** A current loop's response to a step, and its open loop: measured, and of the model. */
-export interface CurrentResponse {
-  from_a: number;
-  to_a: number;
+/** A loop's response to a step, and its open loop: measured, and of the model. */
+export interface LoopResponse {
+  /** `A` of the current along d, `rpm` of a motor's speed. */
+  unit: string;
+  from: number;
+  to: number;
   steps: number;
   time_s: number[];
   measured: number[];
@@ -197,7 +199,7 @@ export interface CurrentResponse {
 export interface CommissioningWanted {
   travel_mm: number;
   margin_deg: number;
-  /** Only the current loops are measured. */
+  /** Only the loops are measured. */
   response_only: boolean;
 }
 
@@ -215,8 +217,10 @@ export interface CommissioningStep {
   seconds: number;
   quantities: Quantity[];
   limits: { name: string; unit: string; reached: number; limit: number }[];
-  /** Screw, nut; null where the step of the current was not seen. */
-  responses: (CurrentResponse | null)[] | null;
+  /** Current loops of screw and nut; null where the steps were not seen. */
+  responses: (LoopResponse | null)[] | null;
+  /** Speed loops, the same. */
+  speed_responses: (LoopResponse | null)[] | null;
 }
 
 export interface Commissioning {

@@ -137,23 +137,26 @@ withTab("a gain changes while the drive runs, and its predicted margin with it",
   await unstored.waitFor({ state: "detached" });
 });
 
-withTab("the current loops are measured by steps beside their model, and the drive rests afterwards", async ({ tab }) => {
+withTab("the loops are measured by steps beside their model, and the drive rests afterwards", async ({ tab }) => {
   const panel = tab.getByRole("region", { name: "Commissioning" });
-  assert.equal(await button(tab, "Measure current loops").isDisabled(), true);
+  assert.equal(await button(tab, "Measure the loops").isDisabled(), true);
   await panel.getByLabel("The table may move").press("Enter");
-  await button(tab, "Measure current loops").press("Enter");
+  await button(tab, "Measure the loops").press("Enter");
   await panel.getByText("All steps are done").waitFor({ timeout: 60_000 });
   await state(tab, "ready");
-  for (const motor of ["screw", "nut"]) {
-    const loop = panel.getByRole("region", { name: `Current loop of the ${motor}` });
-    await loop.getByText(`${motor}: 8 steps from`).waitFor();
+  const loops = [["Current", 8, 300, 5], ["Speed", 48, 40, 8]].flatMap(([kind, steps, least, off]) =>
+    ["screw", "nut"].map((motor) => [`${kind} loop of the ${motor}`, steps, least, off]),
+  );
+  for (const [name, steps, least, off] of loops) {
+    const loop = panel.getByRole("region", { name });
+    await loop.getByText(`${name}: ${steps} steps from`).waitFor();
     const values = async (name) => {
       const cells = await loop.getByRole("row", { name }).getByRole("cell").allInnerTexts();
       return cells.map((text) => Number.parseFloat(text));
     };
     const [[hz, degrees], [modelHz, modelDegrees]] = [await values("measured"), await values("model")];
-    assert.ok(modelHz > 300 && Math.abs(hz / modelHz - 1) < 0.1, `${hz} Hz measured, ${modelHz} Hz of the model`);
-    assert.ok(Math.abs(degrees - modelDegrees) < 5, `${degrees} and ${modelDegrees} degrees`);
+    assert.ok(modelHz > least && Math.abs(hz / modelHz - 1) < 0.1, `${name}: ${hz} Hz measured, ${modelHz} Hz of the model`);
+    assert.ok(Math.abs(degrees - modelDegrees) < off, `${name}: ${degrees} and ${modelDegrees} degrees`);
     for (const name of ["Step response", "Measured gain", "Measured phase"]) await loop.getByRole("img", { name }).waitFor();
   }
   // The page has its own telemetry again.

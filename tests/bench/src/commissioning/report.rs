@@ -1,9 +1,10 @@
 //! `cargo xtask bench commission`: drives of two decades of power commissioned over their link, beside the truth.
 
 use super::{Outcome, Rivals, USUAL, any_size, commission, rivals};
-use crate::alignment::miswirings;
+use crate::alignment::{miswirings, of_board};
 use anyhow::{Context, Result};
 use clap::Args;
+use ddfeed::simulate::BoardName;
 use hal_sim::parallel::on_all_cores;
 use plant::Axis;
 use serde::Serialize;
@@ -74,6 +75,9 @@ pub struct CommissionOptions {
     /// Seed of the first.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+    /// A shipped board's own machine, with another load and other rotor angles for each seed; `paper`: machines of any size.
+    #[arg(long, value_enum, default_value_t = BoardName::Paper)]
+    pub board: BoardName,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -82,7 +86,11 @@ pub struct CommissionOptions {
 /// Runs and prints.
 pub fn run(options: &CommissionOptions) -> Result<()> {
     let seeds: Vec<u64> = (options.seed..options.seed.saturating_add(options.drives)).collect();
-    let outcomes = on_all_cores(&seeds, |seed| commission(&any_size(*seed), &USUAL))
+    let start = |seed: u64| match options.board.kind() {
+        Some(board) => of_board(board, seed),
+        None => any_size(seed),
+    };
+    let outcomes = on_all_cores(&seeds, |seed| commission(&start(*seed), &USUAL))
         .into_iter()
         .zip(&seeds)
         .map(|(outcome, seed)| {
@@ -126,7 +134,7 @@ pub fn run(options: &CommissionOptions) -> Result<()> {
         }
     }
     let others: Vec<Rivals> = on_all_cores(&seeds, |seed| {
-        let start = any_size(*seed);
+        let start = start(*seed);
         Axis::ALL.map(|axis| rivals(&start, axis))
     })
     .into_iter()

@@ -22,6 +22,7 @@ mod interrupted;
 pub mod report;
 mod run;
 mod scenario;
+mod small;
 mod soak;
 mod spoiled;
 mod steady;
@@ -29,6 +30,7 @@ mod steady;
 pub use cell::{Cell, Defect, Input, Pair, Situation};
 pub use interrupted::{Interrupted, Interruption, alignment_s, interrupt};
 pub use scenario::{Point, Scenario, Story, run as run_scenario};
+pub use small::{SmallFault, SmallOutcome, small_fault};
 pub use soak::{Soaked, healthy, soak};
 pub use steady::Steady;
 

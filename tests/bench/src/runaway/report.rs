@@ -3,6 +3,7 @@
 use crate::runaway::WrongAngle;
 use anyhow::Result;
 use clap::Args;
+use ddfeed::simulate::BoardName;
 use serde::Serialize;
 
 #[derive(Default, Serialize)]
@@ -18,9 +19,12 @@ struct Report {
     part_of_limit_worst: f64,
 }
 
-/// How to say it.
+/// On which board, and how to say it.
 #[derive(Args)]
 pub struct RunawayOptions {
+    /// The board: as it ships, or the coupled machine with a good drive's sensors.
+    #[arg(long, value_enum, default_value_t = BoardName::Mains)]
+    pub board: BoardName,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -28,7 +32,8 @@ pub struct RunawayOptions {
 
 /// Runs and prints.
 pub fn run(options: &RunawayOptions) -> Result<()> {
-    let plate = WrongAngle::setup().plate();
+    let setup = WrongAngle::setup(options.board.kind());
+    let plate = setup.plate();
     let mut report = Report::default();
     if !options.json {
         println!(
@@ -37,7 +42,7 @@ pub fn run(options: &RunawayOptions) -> Result<()> {
         );
     }
     for wrong in WrongAngle::all() {
-        let (outcome, limits) = (wrong.run()?, wrong.limits(&plate));
+        let (outcome, limits) = (wrong.run(&setup)?, wrong.limits(&plate));
         let (named, within) = (outcome.names(wrong.axis), outcome.within(&limits));
         report.wrong_angles += 1;
         report.named += usize::from(named);

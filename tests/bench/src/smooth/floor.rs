@@ -91,34 +91,39 @@ impl Without {
     }
 }
 
-/// What ours leaves at 2.5 mm/s after it has learned, with one thing switched off.
+/// What ours leaves at a table velocity, m/s, after it has learned, with one thing switched off.
 ///
 /// # Errors
 /// [`ExperimentError`] if the drive cannot be configured, or leaves the point by a fault.
 pub fn floor(
     machine: Machine,
     nut_rpm: f64,
+    velocity: f64,
     without: Without,
 ) -> Result<Smoothness, ExperimentError> {
     let mut setup = setup(machine, 1);
     without.apply(&mut setup);
     let plate = orders(&setup, LEARNING_S, true);
     let point = OperatingPoint {
-        velocity: 2.5e-3,
+        velocity,
         base: nut_rpm * RPM,
     };
     smoothness(&mut drive(&setup, plate)?, point, COLD_S)
 }
 
-/// What a board as it ships leaves at 2.5 mm/s of a machine without any ripple, with nothing to learn: its sensors, PWM and dead time.
+/// What a board as it ships leaves at a table velocity, m/s, of a machine without any ripple, with nothing to learn: its sensors, PWM and dead time.
 ///
 /// # Errors
 /// As [`floor`].
-pub fn board_alone(machine: Machine, nut_rpm: f64) -> Result<Smoothness, ExperimentError> {
+pub fn board_alone(
+    machine: Machine,
+    nut_rpm: f64,
+    velocity: f64,
+) -> Result<Smoothness, ExperimentError> {
     let mut setup = setup(machine, 1);
     without_ripple(&mut setup.model);
     let point = OperatingPoint {
-        velocity: 2.5e-3,
+        velocity,
         base: nut_rpm * RPM,
     };
     smoothness(&mut setup.drive()?, point, 0.0)

@@ -246,6 +246,12 @@ impl Default for AlignmentStep {
     }
 }
 
+/// Scans that may tell nothing of where the rotors stand.
+const SCANS: u8 = 2;
+
+/// Both bridges open.
+const OPEN: [CurrentReference; 2] = AlignmentStep::new().current;
+
 #[derive(Clone, Copy, Debug)]
 enum Stage {
     /// With the steps since the last motion.
@@ -274,6 +280,8 @@ pub struct Alignment {
     /// Where the rotors stand, and how they were located.
     located: [Option<Located>; 2],
     locations: [Option<Locate>; 2],
+    /// Scans that told nothing.
+    scans: u8,
     found: [Option<EncoderAlignment>; 2],
     /// Both encoders count the same way where both motors turn together, by how much torque that takes.
     same_by_torque: Option<bool>,
@@ -294,6 +302,7 @@ impl Alignment {
             from: None,
             located: [None; 2],
             locations: [None; 2],
+            scans: 0,
             found: [None; 2],
             same_by_torque: None,
             table: Table::new(),
@@ -336,6 +345,41 @@ impl Alignment {
             }
         }
         let theta = seen.map(|motor| motor.theta);
+        self.check_end(config, theta, again);
+        let from = *self.from.get_or_insert(theta);
+        self.check_travel(config, seen, from, table);
+        let current = match self.stage {
+            Stage::Still(_) => {
+                self.wait(config, theta, from);
+                OPEN
+            }
+            Stage::Wiring(motor, _) => self.wiring(config, motor, seen),
+            Stage::Locate(motor, _) => self.locate(config, motor, theta, table),
+            Stage::Pair(_) => self.pair(config, theta),
+            Stage::Swing(_) => self.swing(config, seen, from),
+            Stage::Turn(_) => self.turn(config, seen),
+            Stage::Braking(..) => self.brake(config, theta),
+            Stage::Done | Stage::Failed(_) => OPEN,
+        };
+        let mut alignment = self.found;
+        let indices = self.index.iter().zip(&config.motors);
+        for (alignment, (index, motor)) in alignment.iter_mut().zip(indices) {
+            *alignment = alignment.map(|found| index.of_encoder(found, motor.pole_pairs));
+        }
+        AlignmentStep {
+            current,
+            alignment,
+            progress: match self.stage {
+                Stage::Done => Progress::Done,
+                Stage::Failed(Some(failed)) => Progress::Failed(failed),
+                Stage::Failed(None) => Progress::Interrupted,
+                _ => Progress::Working,
+            },
+        }
+    }
+
+    /// Ends it where an encoder missed its index (`again`), where it takes too long, and where it was interrupted.
+    fn check_end(&mut self, config: &AlignmentConfig, theta: [Angle; 2], again: Option<usize>) {
         let ends = matches!(
             self.stage,
             Stage::Done | Stage::Braking(..) | Stage::Failed(_)
@@ -358,8 +402,17 @@ impl Alignment {
                 _ => self.stop(theta, None),
             }
         }
-        let from = *self.from.get_or_insert(theta);
-        let mut current = [CurrentReference::default(); 2];
+    }
+
+    /// Ends it where the table went too far, by its scale or by the encoders, which stood at `from`.
+    fn check_travel(
+        &mut self,
+        config: &AlignmentConfig,
+        seen: [MotorSeen; 2],
+        from: [Angle; 2],
+        table: i64,
+    ) {
+        let theta = seen.map(|motor| motor.theta);
         let drives = matches!(
             self.stage,
             Stage::Wiring(..)
@@ -386,139 +439,184 @@ impl Alignment {
                 _ => self.fail(theta, Part::Pair, Reason::Travel),
             }
         }
+    }
+
+    /// Waits until both rotors stand.
+    fn wait(&mut self, config: &AlignmentConfig, theta: [Angle; 2], from: [Angle; 2]) {
+        let Stage::Still(steps) = &mut self.stage else {
+            return;
+        };
+        self.step = self.step.saturating_add(1);
+        *steps = steps.saturating_add(1);
+        if probe::moves(&config.probes, probe::moved(theta, from)) {
+            self.from = Some(theta);
+            *steps = 0;
+        }
+        if *steps >= config.still_steps {
+            self.from = Some(theta);
+            self.table.begin();
+            self.stage = Stage::Wiring(0, Wiring::default());
+        } else if self.step >= config.coast_steps {
+            self.fail(theta, Part::Pair, Reason::LoadMoves);
+        }
+    }
+
+    /// Tries the phases of a motor.
+    fn wiring(
+        &mut self,
+        config: &AlignmentConfig,
+        index: usize,
+        seen: [MotorSeen; 2],
+    ) -> [CurrentReference; 2] {
+        let mut current = OPEN;
+        let theta = seen.map(|motor| motor.theta);
+        if let (Stage::Wiring(_, wiring), Some(limits), Some(seen)) =
+            (&mut self.stage, config.motors.get(index), seen.get(index))
+        {
+            match wiring.step(&limits.wiring, seen.phases) {
+                WiringStep::Rest => {}
+                WiringStep::Kick(at, i) => vector(&mut current, index, at, [i, Current::ZERO]),
+                WiringStep::Right => self.stage = Stage::Locate(index, Locate::default()),
+                WiringStep::Wrong(reason) => self.fail(theta, Part::motor(index), reason),
+            }
+        }
+        current
+    }
+
+    /// Looks for the rotor of a motor.
+    fn locate(
+        &mut self,
+        config: &AlignmentConfig,
+        index: usize,
+        theta: [Angle; 2],
+        table: i64,
+    ) -> [CurrentReference; 2] {
+        let mut current = OPEN;
+        let (Stage::Locate(_, locate), Some(limits)) = (&mut self.stage, config.motors.get(index))
+        else {
+            return current;
+        };
+        match locate.step(limits, &config.probes, index, theta, table) {
+            LocateStep::Rest => current = [SHORT; 2],
+            LocateStep::Vector(at, i) => vector(&mut current, index, at, [i, Current::ZERO]),
+            LocateStep::Found(found) => {
+                if let Some(place) = self.located.get_mut(index) {
+                    *place = Some(found);
+                }
+                if let Some(place) = self.locations.get_mut(index) {
+                    *place = Some(*locate);
+                }
+                self.stage = if self.located.iter().all(Option::is_some) {
+                    Stage::Pair(Pair::default())
+                } else {
+                    Stage::Wiring(1, Wiring::default())
+                };
+            }
+            LocateStep::Failed(Reason::Exchanged) => {
+                self.fail(theta, Part::Pair, Reason::Exchanged);
+            }
+            // Friction is elastic before it slides, and remembers how it was left: the next scan begins elsewhere.
+            LocateStep::Failed(Reason::Unsteady) if self.scans < SCANS => {
+                self.scans = self.scans.saturating_add(1);
+                self.stage = Stage::Locate(index, Locate::default());
+            }
+            LocateStep::Failed(reason) => self.fail(theta, Part::motor(index), reason),
+            LocateStep::Moves(moving) => {
+                self.fail(theta, moves_by_itself(index, moving), Reason::LoadMoves);
+            }
+        }
+        current
+    }
+
+    /// Tries whether both encoders count the same way.
+    fn pair(&mut self, config: &AlignmentConfig, theta: [Angle; 2]) -> [CurrentReference; 2] {
+        let mut current = OPEN;
+        let same = self.same(config);
+        let Stage::Pair(pair) = &mut self.stage else {
+            return current;
+        };
+        match pair.step(&config.probes, theta, same) {
+            PairStep::Rest => current = [SHORT; 2],
+            PairStep::Ramp(level, signs) => {
+                let motors = config.motors.iter().zip(&self.located).zip(signs);
+                for (index, ((motor, located), sign)) in motors.enumerate() {
+                    let axis = located.map_or(Angle(0), |located| located.axis);
+                    let i = probe::current(motor.limit, level);
+                    let i = if sign > 0 { i } else { i.saturating_neg() };
+                    vector(&mut current, index, axis, [i, Current::ZERO]);
+                }
+            }
+            PairStep::Right => self.stage = Stage::Swing(Swing::default()),
+            PairStep::Same(same) => {
+                self.same_by_torque = Some(same);
+                self.stage = Stage::Pair(Pair::default());
+            }
+            PairStep::Wrong(reason) => self.fail(theta, Part::Pair, reason),
+        }
+        current
+    }
+
+    /// Swings both motors together.
+    fn swing(
+        &mut self,
+        config: &AlignmentConfig,
+        seen: [MotorSeen; 2],
+        from: [Angle; 2],
+    ) -> [CurrentReference; 2] {
+        let mut current = OPEN;
+        let theta = seen.map(|motor| motor.theta);
         let same = self.same(config);
         let apart = apart(theta, same).minus(apart(from, same));
-        match &mut self.stage {
-            Stage::Still(steps) => {
-                self.step = self.step.saturating_add(1);
-                *steps = steps.saturating_add(1);
-                if probe::moves(&config.probes, probe::moved(theta, from)) {
-                    self.from = Some(theta);
-                    *steps = 0;
-                }
-                if *steps >= config.still_steps {
-                    self.from = Some(theta);
-                    self.table.begin();
-                    self.stage = Stage::Wiring(0, Wiring::default());
-                } else if self.step >= config.coast_steps {
-                    self.fail(theta, Part::Pair, Reason::LoadMoves);
+        let held = self.index.each_ref().map(Index::followed);
+        let Stage::Swing(swing) = &mut self.stage else {
+            return current;
+        };
+        match swing.step(config, &seen, same.unwrap_or(true), apart, held) {
+            SwingStep::Drive(currents) => {
+                let currents = currents.into_iter().zip(&self.located);
+                for (index, (amperes, located)) in currents.enumerate() {
+                    let axis = located.map_or(Angle(0), |located| located.axis);
+                    vector(&mut current, index, axis, amperes);
                 }
             }
-            Stage::Wiring(motor, wiring) => {
-                let index = *motor;
-                if let (Some(limits), Some(seen)) = (config.motors.get(index), seen.get(index)) {
-                    match wiring.step(&limits.wiring, seen.phases) {
-                        WiringStep::Rest => {}
-                        WiringStep::Kick(at, i) => {
-                            vector(&mut current, index, at, [i, Current::ZERO])
-                        }
-                        WiringStep::Right => {
-                            self.stage = Stage::Locate(index, Locate::default());
-                        }
-                        WiringStep::Wrong(reason) => self.fail(theta, Part::motor(index), reason),
-                    }
-                }
-            }
-            Stage::Locate(motor, locate) => {
-                let index = *motor;
-                if let Some(limits) = config.motors.get(index) {
-                    match locate.step(limits, &config.probes, index, theta, table) {
-                        LocateStep::Rest => current = [SHORT; 2],
-                        LocateStep::Vector(at, i) => {
-                            vector(&mut current, index, at, [i, Current::ZERO])
-                        }
-                        LocateStep::Found(found) => {
-                            if let Some(place) = self.located.get_mut(index) {
-                                *place = Some(found);
-                            }
-                            if let Some(place) = self.locations.get_mut(index) {
-                                *place = Some(*locate);
-                            }
-                            self.stage = if self.located.iter().all(Option::is_some) {
-                                Stage::Pair(Pair::default())
-                            } else {
-                                Stage::Wiring(1, Wiring::default())
-                            };
-                        }
-                        LocateStep::Failed(Reason::Exchanged) => {
-                            self.fail(theta, Part::Pair, Reason::Exchanged);
-                        }
-                        LocateStep::Failed(reason) => self.fail(theta, Part::motor(index), reason),
-                        LocateStep::Moves(moving) => {
-                            self.fail(theta, moves_by_itself(index, moving), Reason::LoadMoves);
-                        }
-                    }
-                }
-            }
-            Stage::Pair(pair) => match pair.step(&config.probes, theta, same) {
-                PairStep::Rest => current = [SHORT; 2],
-                PairStep::Ramp(level, signs) => {
-                    let motors = config.motors.iter().zip(&self.located).zip(signs);
-                    for (index, ((motor, located), sign)) in motors.enumerate() {
-                        let axis = located.map_or(Angle(0), |located| located.axis);
-                        let i = probe::current(motor.limit, level);
-                        let i = if sign > 0 { i } else { i.saturating_neg() };
-                        vector(&mut current, index, axis, [i, Current::ZERO]);
-                    }
-                }
-                PairStep::Right => self.stage = Stage::Swing(Swing::default()),
-                PairStep::Same(same) => {
-                    self.same_by_torque = Some(same);
-                    self.stage = Stage::Pair(Pair::default());
-                }
-                PairStep::Wrong(reason) => self.fail(theta, Part::Pair, reason),
-            },
-            Stage::Swing(swing) => {
-                let held = self.index.each_ref().map(Index::followed);
-                match swing.step(config, &seen, same.unwrap_or(true), apart, held) {
-                    SwingStep::Drive(currents) => {
-                        let currents = currents.into_iter().zip(&self.located);
-                        for (index, (amperes, located)) in currents.enumerate() {
-                            let axis = located.map_or(Angle(0), |located| located.axis);
-                            vector(&mut current, index, axis, amperes);
-                        }
-                    }
-                    SwingStep::Found(reversed) => self.swung(config, theta, reversed),
-                    SwingStep::Failed(motor, reason) => {
-                        self.fail(theta, Part::motor(motor), reason)
-                    }
-                }
-            }
-            Stage::Turn(turn) => {
-                let index_awaited = self.index.iter().any(Index::awaited);
-                match turn.step(config, &config.turn, seen, index_awaited) {
-                    TurnStep::Turn(turning) => {
-                        self.found = turning.map(|turning| Some(turning.alignment));
-                        current = turning.map(|turning| torque(turning.i_q));
-                    }
-                    TurnStep::Found(found) => self.finish(config, theta, found),
-                    TurnStep::Interrupted => self.stop(theta, None),
-                    TurnStep::Failed(_, Reason::Travel) => {
-                        self.fail(theta, Part::Pair, Reason::Travel)
-                    }
-                    TurnStep::Failed(motor, reason) => self.fail(theta, Part::motor(motor), reason),
-                }
-            }
-            Stage::Braking(failed, rest) => match rest.step(&config.probes, theta) {
-                ProbeStep::Rest | ProbeStep::Ramp(_) => current = [SHORT; 2],
-                ProbeStep::Found(_) | ProbeStep::Moves(_) => self.stage = Stage::Failed(*failed),
-            },
-            Stage::Done | Stage::Failed(_) => {}
+            SwingStep::Found(reversed) => self.swung(config, theta, reversed),
+            SwingStep::Failed(motor, reason) => self.fail(theta, Part::motor(motor), reason),
         }
-        let mut alignment = self.found;
-        let indices = self.index.iter().zip(&config.motors);
-        for (alignment, (index, motor)) in alignment.iter_mut().zip(indices) {
-            *alignment = alignment.map(|found| index.of_encoder(found, motor.pole_pairs));
+        current
+    }
+
+    /// Turns both motors together, by the rotors that were found.
+    fn turn(&mut self, config: &AlignmentConfig, seen: [MotorSeen; 2]) -> [CurrentReference; 2] {
+        let mut current = OPEN;
+        let theta = seen.map(|motor| motor.theta);
+        let index_awaited = self.index.iter().any(Index::awaited);
+        let Stage::Turn(turn) = &mut self.stage else {
+            return current;
+        };
+        match turn.step(config, &config.turn, seen, index_awaited) {
+            TurnStep::Turn(turning) => {
+                self.found = turning.map(|turning| Some(turning.alignment));
+                current = turning.map(|turning| torque(turning.i_q));
+            }
+            TurnStep::Found(found) => self.finish(config, theta, found),
+            TurnStep::Interrupted => self.stop(theta, None),
+            TurnStep::Failed(_, Reason::Travel) => self.fail(theta, Part::Pair, Reason::Travel),
+            TurnStep::Failed(motor, reason) => self.fail(theta, Part::motor(motor), reason),
         }
-        AlignmentStep {
-            current,
-            alignment,
-            progress: match self.stage {
-                Stage::Done => Progress::Done,
-                Stage::Failed(Some(failed)) => Progress::Failed(failed),
-                Stage::Failed(None) => Progress::Interrupted,
-                _ => Progress::Working,
-            },
+        current
+    }
+
+    /// Shorts both windings until the rotors stand.
+    fn brake(&mut self, config: &AlignmentConfig, theta: [Angle; 2]) -> [CurrentReference; 2] {
+        let Stage::Braking(failed, rest) = &mut self.stage else {
+            return OPEN;
+        };
+        match rest.step(&config.probes, theta) {
+            ProbeStep::Rest | ProbeStep::Ramp(_) => [SHORT; 2],
+            ProbeStep::Found(_) | ProbeStep::Moves(_) => {
+                self.stage = Stage::Failed(*failed);
+                OPEN
+            }
         }
     }
 

@@ -221,16 +221,14 @@ impl Compensation {
     }
 }
 
-/// Orders of a table that are not the same in each of `places` of a turn: they start at zero. A bit for each that
-/// had a start.
+/// Orders of a table that are not the same in each of `places` of a turn of both shafts that it counts from: they start at zero. A bit for
+/// each that had a start.
 #[inline(never)]
-fn forget(lines: &mut [Line], configs: &[LineConfig], places: u32) -> u8 {
+fn forget(lines: &mut [Line], configs: &[LineConfig], places: [u32; 2]) -> u8 {
     let mut forgotten = 0;
     for (k, (line, config)) in lines.iter_mut().zip(configs).enumerate() {
-        let repeats = (line.order().0)
-            .checked_rem(places.wrapping_shl(16))
-            .is_some_and(|rest| rest == 0);
-        if !repeats {
+        let repeats = |places: u32| line.order().0.checked_rem(places.wrapping_shl(16)) == Some(0);
+        if !places.into_iter().all(repeats) {
             line.restart();
             if config.start != Phasor::ZERO {
                 forgotten |= 1u8.wrapping_shl(k as u32);
@@ -241,8 +239,8 @@ fn forget(lines: &mut [Line], configs: &[LineConfig], places: u32) -> u8 {
 }
 
 impl Compensation {
-    /// The rotors were found again by their currents. Orders that differ between the places where a rotor may stand are learned from zero,
-    /// and so are the lead's.
+    /// The rotors were found again by their currents. Orders that differ between the places where a rotor may stand are learned from zero. The
+    /// lead's angle is between both shafts, so its orders must be the same in the places of both.
     #[cold]
     #[inline(never)]
     pub(crate) fn forget(&mut self, config: &CompensationConfig) {
@@ -253,12 +251,11 @@ impl Compensation {
         let [screw_angle_start, nut_angle_start] = &config.angle;
         self.checks = TableChecks {
             forgotten: [
-                forget(screw_torque, screw_start, screw),
-                forget(nut_torque, nut_start, nut),
-                forget(screw_angle, screw_angle_start, screw),
-                forget(nut_angle, nut_angle_start, nut),
-                // A whole number of the lead's turns is no turn of a rotor.
-                forget(&mut self.travel, &config.travel, 0),
+                forget(screw_torque, screw_start, [screw; 2]),
+                forget(nut_torque, nut_start, [nut; 2]),
+                forget(screw_angle, screw_angle_start, [screw; 2]),
+                forget(nut_angle, nut_angle_start, [nut; 2]),
+                forget(&mut self.travel, &config.travel, config.places),
             ],
             ..TableChecks::new()
         };
@@ -313,6 +310,42 @@ mod tests {
                 _ => TableFit::None,
             };
             assert_eq!(fit, Some(expected), "{}", TableFits::NAMES[table]);
+        }
+    }
+
+    /// Index on both: the angle between the shafts is known within a turn. With one incremental encoder of five pole pairs, it is one of five.
+    #[test]
+    fn the_lead_keeps_orders_that_both_shafts_repeat() {
+        for (interfaces, kept) in [
+            ([Interface::IncrementalWithIndex; 2], [true, true, false]),
+            (
+                [Interface::Mt6835, Interface::IncrementalWithIndex],
+                [true, true, false],
+            ),
+            (
+                [Interface::Incremental, Interface::IncrementalWithIndex],
+                [false, true, false],
+            ),
+            ([Interface::Incremental; 2], [false, true, false]),
+        ] {
+            let mut plate = test_plate();
+            for (motor, interface) in plate.motors.iter_mut().zip(interfaces) {
+                motor.encoder.interface = interface;
+                motor.encoder.counts_per_turn = 1 << 21;
+            }
+            plate.compensation.learning_s = 0.5;
+            for (line, order) in [2.0, 5.0, 7.5].into_iter().enumerate() {
+                plate.compensation.travel[line] = OrderPlate {
+                    order,
+                    re: 1e-3,
+                    im: 1e-3,
+                };
+            }
+            let config = plate.config().unwrap().compensation;
+            let mut compensation = Compensation::new(&config);
+            compensation.forget(&config);
+            let given = [0, 1, 2].map(|k| compensation.travel[k].coefficient() != Phasor::ZERO);
+            assert_eq!(given, kept, "{interfaces:?}");
         }
     }
 

@@ -2,7 +2,7 @@ import { signal } from "@preact/signals";
 import { useState } from "preact/hooks";
 import { commission, commissioning } from "../drive";
 import { lostInRestart } from "../settings";
-import type { CommissioningStep, Quantity } from "../messages";
+import type { CommissioningStep, LoopResponse, Quantity } from "../messages";
 import { Field } from "./field";
 import { ResponseCharts } from "./response";
 
@@ -48,11 +48,20 @@ function Step({ step }: { step: CommissioningStep }) {
           {one.name}: {digits(one.reached)} of {digits(one.limit)} {one.unit} allowed
         </p>
       ))}
-      {step.responses?.map((found, motor) => {
-        const name = motor === 0 ? "screw" : "nut";
-        return found ? <ResponseCharts key={name} motor={name} found={found} /> : <p key={name}>{name}: the step of the current was not seen.</p>;
-      })}
+      <Responses kind="Current" of={step.responses} />
+      <Responses kind="Speed" of={step.speed_responses} />
     </details>
+  );
+}
+
+function Responses({ kind, of }: { kind: string; of: (LoopResponse | null)[] | null }) {
+  return (
+    <>
+      {of?.map((found, motor) => {
+        const name = `${kind} loop of the ${motor === 0 ? "screw" : "nut"}`;
+        return found ? <ResponseCharts key={name} loop={name} found={found} /> : <p key={name}>{name}: its steps were not seen beside noise and ripple.</p>;
+      })}
+    </>
   );
 }
 
@@ -75,7 +84,7 @@ export function CommissioningPanel() {
       </label>
       <div class="row">
         <button type="button" disabled={running || !sure} onClick={() => begin(false)}>Commission</button>
-        <button type="button" disabled={running || !sure} onClick={() => begin(true)}>Measure current loops</button>
+        <button type="button" disabled={running || !sure} onClick={() => begin(true)}>Measure the loops</button>
       </div>
       {now && (
         <p role="status">

@@ -1,13 +1,13 @@
 import { useMemo } from "preact/hooks";
 import type { AlignedData } from "uplot";
 import { quantity } from "../format";
-import type { Crossing, CurrentResponse } from "../messages";
+import type { Crossing, LoopResponse } from "../messages";
 import { Chart } from "./chart";
 
 const SERIES = [{ label: "measured", color: "#3b82f6" }, { label: "model", color: "#868e96" }];
 
-/** A current loop, measured by steps of the current along d, beside the model of the settings that hold. */
-export function ResponseCharts({ motor, found }: { motor: string; found: CurrentResponse }) {
+/** A loop, measured by steps, beside the model of the settings that hold. */
+export function ResponseCharts({ loop, found }: { loop: string; found: LoopResponse }) {
   const [time, gain, phase] = useMemo(
     () => [
       [found.time_s.map((s) => 1e3 * s), found.measured, found.predicted] as AlignedData,
@@ -24,13 +24,13 @@ export function ResponseCharts({ motor, found }: { motor: string; found: Current
     </tr>
   );
   return (
-    <section aria-label={`Current loop of the ${motor}`}>
+    <section aria-label={loop}>
       <p>
-        {motor}: {found.steps} steps from {found.from_a.toFixed(2)} to {found.to_a.toFixed(2)} A
+        {loop}: {found.steps} steps from {found.from.toFixed(2)} to {found.to.toFixed(2)} {found.unit}
       </p>
       <table>
         <thead>
-          <tr><th>current loop</th><th>bandwidth</th><th>phase margin</th></tr>
+          <tr><th>loop</th><th>bandwidth</th><th>phase margin</th></tr>
         </thead>
         <tbody>
           {row("measured", found.crossing)}

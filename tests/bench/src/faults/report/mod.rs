@@ -2,6 +2,7 @@
 
 mod interruptions;
 mod page;
+mod small;
 mod story;
 
 use crate::faults::{Cell, Hazard, Matrix, Outcome, PlateOf};
@@ -32,6 +33,8 @@ struct Report {
     soak: Vec<story::Long>,
     #[serde(skip_serializing_if = "Vec::is_empty")]
     steady: Vec<story::SteadyRow>,
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    small: Vec<small::Row>,
 }
 
 #[derive(Serialize)]
@@ -131,6 +134,7 @@ impl Report {
             interruptions: Vec::new(),
             soak: Vec::new(),
             steady: Vec::new(),
+            small: Vec::new(),
         }
     }
 }
@@ -167,6 +171,9 @@ pub struct FaultsOptions {
     /// And steady running of so many seconds at each of six common speeds and three loads, on both boards.
     #[arg(long, value_name = "SECONDS")]
     pub steady: Option<f64>,
+    /// And sensor faults of growing size: slipped encoder, weak flux, a channel's gain, an encoder frozen at rest.
+    #[arg(long)]
+    pub small: bool,
     /// Of drives that compensate what repeats with their angles, as the firmware's feature `smooth` does.
     #[arg(long)]
     pub compensated: bool,
@@ -197,6 +204,10 @@ pub fn run(options: &FaultsOptions) -> Result<()> {
         interruptions: interruptions::rows(options.interruptions)?,
         soak: story::long_runs(options.healthy, options.soak, plate_of)?,
         steady: story::steady(options.steady, plate_of)?,
+        small: match options.small {
+            true => small::rows()?,
+            false => Vec::new(),
+        },
         ..Report::of(&cells, &outcomes)
     };
     if options.json {
@@ -208,6 +219,7 @@ pub fn run(options: &FaultsOptions) -> Result<()> {
         interruptions::tell(&report.interruptions);
         story::tell_soaks(&report.soak);
         story::tell_steady(&report.steady);
+        small::tell(&report.small);
     }
     if let Some(out) = &options.out {
         std::fs::create_dir_all(out)?;

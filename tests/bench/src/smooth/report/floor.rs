@@ -11,36 +11,45 @@ use serde_json::{Value, json};
 /// Where it is looked at: machine, and nut speed, rpm.
 const POINTS: [(Machine, f64); 2] = [(Machine::Lumped, 0.0), (Machine::Lumped, 800.0)];
 
-/// The same of the boards as they ship.
-const BOARDS: [(Machine, f64); 8] = [
-    (Machine::Mains, 0.0),
-    (Machine::Mains, 300.0),
-    (Machine::Mains, 500.0),
-    (Machine::Mains, 800.0),
-    (Machine::Nucleo, 0.0),
-    (Machine::Nucleo, 300.0),
-    (Machine::Nucleo, 500.0),
-    (Machine::Nucleo, 800.0),
+/// The same with the table velocity, m/s: the boards as they ship, and creep.
+const BOARDS: [(Machine, f64, f64); 12] = [
+    (Machine::Mains, 0.0, USUAL),
+    (Machine::Mains, 300.0, USUAL),
+    (Machine::Mains, 500.0, USUAL),
+    (Machine::Mains, 800.0, USUAL),
+    (Machine::Nucleo, 0.0, USUAL),
+    (Machine::Nucleo, 300.0, USUAL),
+    (Machine::Nucleo, 500.0, USUAL),
+    (Machine::Nucleo, 800.0, USUAL),
+    (Machine::Coupled, 0.0, CREEP),
+    (Machine::Coupled, 300.0, CREEP),
+    (Machine::Mains, 0.0, CREEP),
+    (Machine::Nucleo, 0.0, CREEP),
 ];
+
+/// Table velocities, m/s.
+const USUAL: f64 = 2.5e-3;
+const CREEP: f64 = 0.1e-3;
 
 /// Ripple with one thing switched off, at each point.
 pub(super) type Floor = Vec<(Without, Vec<Smoothness>)>;
 
 /// What each board leaves of a machine without ripple, and ours of the one that ripples.
 pub(super) fn boards() -> Result<Vec<[Smoothness; 2]>> {
-    let left = on_all_cores(&BOARDS, |&(machine, nut_rpm)| {
-        let ours = floor(machine, nut_rpm, Without::Nothing)?;
-        Ok([board_alone(machine, nut_rpm)?, ours])
+    let left = on_all_cores(&BOARDS, |&(machine, nut_rpm, velocity)| {
+        let ours = floor(machine, nut_rpm, velocity, Without::Nothing)?;
+        Ok([board_alone(machine, nut_rpm, velocity)?, ours])
     });
     left.into_iter().collect()
 }
 
 pub(super) fn boards_json(boards: &[[Smoothness; 2]]) -> Value {
     let rows = BOARDS.iter().zip(boards);
-    rows.map(|((machine, nut_rpm), [alone, ours])| {
+    rows.map(|((machine, nut_rpm, velocity), [alone, ours])| {
         json!({
             "machine": machine.name(),
             "nut_rpm": nut_rpm,
+            "table_mm_s": 1e3 * velocity,
             "vrf_board_alone": alone.vrf,
             "vrf_ours": ours.vrf,
         })
@@ -50,10 +59,11 @@ pub(super) fn boards_json(boards: &[[Smoothness; 2]]) -> Value {
 
 pub(super) fn print_boards(boards: &[[Smoothness; 2]]) {
     println!(
-        "\nBoards as they ship at 2.5 mm/s, %: what they leave of a machine without ripple; ours with ripple"
+        "\nBoards as they ship, %: what they leave of a machine without ripple; ours with ripple"
     );
-    for ((machine, nut_rpm), [alone, ours]) in BOARDS.iter().zip(boards) {
-        let what = format!("{}, {}", machine.name(), mode(*nut_rpm));
+    for ((machine, nut_rpm, velocity), [alone, ours]) in BOARDS.iter().zip(boards) {
+        let mm_s = 1e3 * velocity;
+        let what = format!("{}, {}, {mm_s} mm/s", machine.name(), mode(*nut_rpm));
         println!("  {what:<60} {:>7.2} {:>7.2}", alone.vrf, ours.vrf);
     }
 }
@@ -65,7 +75,7 @@ pub(super) fn measure() -> Result<Floor> {
         .flat_map(|without| POINTS.map(|point| (without, point)))
         .collect();
     let left = on_all_cores(&runs, |&(without, (machine, nut_rpm))| {
-        floor(machine, nut_rpm, without)
+        floor(machine, nut_rpm, USUAL, without)
     });
     let left = left.into_iter().collect::<Result<Vec<_>, _>>()?;
     let of_each = left.chunks(POINTS.len()).map(<[_]>::to_vec);

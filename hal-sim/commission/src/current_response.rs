@@ -10,8 +10,9 @@
 //! `L` is computed only where `T` and `1 - T` are well above the noise.
 
 use crate::electrical::{SPEEDS, largest};
+use crate::loop_response::{LoopResponse, OpenLoop};
 use crate::session::Session;
-use crate::tune::{Crossing, Loops};
+use crate::tune::Loops;
 use anyhow::Result;
 use link::burst::{BurstRequest, SAMPLES, Signal, Trigger};
 use link::host::burst::Burst;
@@ -19,7 +20,7 @@ use link::host::dialogue::Dialogue;
 use link::scale;
 use link::settings::{MotorSettings, Settings};
 use nalgebra::Complex;
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 use std::f64::consts::TAU;
 
 /// Steps that are averaged.
@@ -50,37 +51,6 @@ pub struct CurrentStep {
     pub current_a: Vec<f64>,
     /// The sample of the trigger: the first voltage of the step acted in the period that ends with it.
     pub trigger: usize,
-}
-
-/// A current loop's response, measured and predicted.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct CurrentResponse {
-    /// From this current along d, A.
-    pub from_a: f64,
-    /// To this one, A.
-    pub to_a: f64,
-    /// Steps that were averaged.
-    pub steps: usize,
-    /// Since the reference's step, s.
-    pub time_s: Vec<f64>,
-    /// Of the step.
-    pub measured: Vec<f64>,
-    /// The same of the model with the settings that hold.
-    pub predicted: Vec<f64>,
-    /// Frequencies of the open loop, Hz.
-    pub hz: Vec<f64>,
-    /// Its gain, dB.
-    pub gain_db: Vec<f64>,
-    /// Its phase, degrees, -360 to 0.
-    pub phase_deg: Vec<f64>,
-    /// The same of the model.
-    pub predicted_gain_db: Vec<f64>,
-    /// The same of the model.
-    pub predicted_phase_deg: Vec<f64>,
-    /// Bandwidth and phase margin; `None` if the gain of 1 is not among the frequencies.
-    pub crossing: Option<Crossing>,
-    /// The same of the model's sampled step. [`Loops::current_crossing`] takes the loop as continuous, and is a few percent higher.
-    pub predicted_crossing: Option<Crossing>,
 }
 
 impl CurrentStep {
@@ -115,10 +85,11 @@ fn direct_current(burst: &Burst, motor: &MotorSettings, (zero, direction): (f64,
         .collect()
 }
 
-impl CurrentResponse {
-    /// Of equal steps between these currents, A, of a loop with that period and cutoff, rad/s; `None` if a step is too short.
+impl LoopResponse {
+    /// Of equal steps of the current along d between these currents, A, of a loop with that period and cutoff, rad/s; `None` if a
+    /// step is too short.
     #[must_use]
-    pub fn of(
+    pub fn of_current(
         steps: &[CurrentStep],
         [from_a, to_a]: [f64; 2],
         loops: &Loops,
@@ -158,48 +129,12 @@ impl CurrentResponse {
             }
         }
         Some(Self {
-            from_a,
-            to_a,
+            unit: "A".to_owned(),
+            from: from_a,
+            to: to_a,
             steps: steps.len(),
             time_s: (0..samples).map(|n| n as f64 * period_s).collect(),
-            crossing: response.crossing(),
-            predicted_crossing: model.crossing(),
-            hz: response.hz,
-            gain_db: response.gain_db,
-            phase_deg: response.phase_deg,
-            predicted_gain_db: model.gain_db,
-            predicted_phase_deg: model.phase_deg,
-            measured,
-            predicted,
-        })
-    }
-}
-
-/// An open loop at some frequencies.
-#[derive(Default)]
-struct OpenLoop {
-    hz: Vec<f64>,
-    gain_db: Vec<f64>,
-    phase_deg: Vec<f64>,
-}
-
-impl OpenLoop {
-    fn add(&mut self, hz: f64, value: Complex<f64>) {
-        self.hz.push(hz);
-        self.gain_db.push(20.0 * value.norm().log10());
-        // -360 to 0 degrees.
-        self.phase_deg.push((-value).arg().to_degrees() - 180.0);
-    }
-
-    /// Where the gain last falls through 1.
-    fn crossing(&self) -> Option<Crossing> {
-        let falls = |two: &[f64]| two[0] > 0.0 && two[1] <= 0.0;
-        let k = self.gain_db.windows(2).rposition(falls)?;
-        let part = self.gain_db[k] / (self.gain_db[k] - self.gain_db[k + 1]);
-        let between = |of: &[f64]| of[k] + part * (of[k + 1] - of[k]);
-        Some(Crossing {
-            bandwidth_rad_s: TAU * between(&self.hz),
-            margin_deg: 180.0 + between(&self.phase_deg),
+            ..Self::beside(measured, predicted, response, model)
         })
     }
 }
@@ -286,7 +221,7 @@ impl StepPlan {
 pub async fn measure<D: Dialogue>(
     session: &mut Session<D>,
     progress: &mut dyn FnMut(f64),
-) -> Result<[Option<CurrentResponse>; 2]> {
+) -> Result<[Option<LoopResponse>; 2]> {
     let settings = *session.settings();
     let (period_s, step_s) = (session.pwm_period_s(), session.speed_step_s());
     let mut found = [None, None];
@@ -303,7 +238,8 @@ pub async fn measure<D: Dialogue>(
         if steps.len() == plan.steps {
             let cutoff = settings.tuning.current_rad_s;
             let levels = [plan.from_a, plan.to_a];
-            found[usize::from(k)] = CurrentResponse::of(&steps, levels, &loops, period_s, cutoff);
+            found[usize::from(k)] =
+                LoopResponse::of_current(&steps, levels, &loops, period_s, cutoff);
         }
     }
     session.go(0.0, 0.0, &mut |_| ()).await?;
@@ -351,13 +287,13 @@ mod tests {
         Loops::of(&settings.screw, &settings, PERIOD_S, 200e-6)
     }
 
-    fn response(current_a: &dyn Fn(usize) -> f64) -> CurrentResponse {
+    fn response(current_a: &dyn Fn(usize) -> f64) -> LoopResponse {
         let step = CurrentStep {
             current_a: (0..SAMPLES).map(current_a).collect(),
             trigger: usize::from(BEFORE),
         };
         let cutoff = Settings::DEFAULT.tuning.current_rad_s;
-        CurrentResponse::of(&[step], [1.0, 3.0], &loops(), PERIOD_S, cutoff).unwrap()
+        LoopResponse::of_current(&[step], [1.0, 3.0], &loops(), PERIOD_S, cutoff).unwrap()
     }
 
     /// A current that goes the part `1 - a` of its way in each sample is the open loop `(1 - a) / (z - 1)`. Its gain is 1 where
@@ -403,11 +339,11 @@ mod tests {
             trigger: 1,
         };
         assert_eq!(
-            CurrentResponse::of(&[short], [1.0, 2.0], &loops(), PERIOD_S, 1e3),
+            LoopResponse::of_current(&[short], [1.0, 2.0], &loops(), PERIOD_S, 1e3),
             None
         );
         assert_eq!(
-            CurrentResponse::of(&[], [1.0, 2.0], &loops(), PERIOD_S, 1e3),
+            LoopResponse::of_current(&[], [1.0, 2.0], &loops(), PERIOD_S, 1e3),
             None
         );
     }
