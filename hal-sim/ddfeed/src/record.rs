@@ -263,9 +263,9 @@ impl fmt::Display for Summary {
 /// What stands above the model that a recording comes with.
 const ABOUT: &str = "\
 # Motors, lead, sensing and the scale's count are the drive's own plate; the supply is as the drive measured it.
-# The load is 0: no drive knows it before a commissioning. What else a drive does not know is of the size of common feed axes:
-# friction, the table's mass, stiffness and guideway, travel, brake, and the sensors' noise. Put your machine's own figures in
-# before you trust what an identification makes of them, or commission the drive.
+# What a drive does not know before a commissioning is of the size of common feed axes: load, friction, the table's mass, stiffness and
+# guideway, travel, brake, and the sensors' noise. Put your machine's own figures in before you trust what an identification makes of
+# them, or commission the drive.
 ";
 
 /// The text of the `model.toml` of a drive on a supply of `bus_v`, whose recordings have a row each `interval_s`.
@@ -278,7 +278,6 @@ pub fn model_file(header: &Header, interval_s: f64, bus_v: f64) -> String {
 #[must_use]
 pub fn model(header: &Header, interval_s: f64, bus_v: f64) -> Model {
     let mut model = Model::coupled();
-    model.feed.load_n = 0.0;
     // A drive whose supply is off reads nothing.
     if bus_v > 0.0 {
         model.installation.bus_v = bus_v;

@@ -174,8 +174,8 @@ struct Heard<'c, 'a> {
     /// What plate values and names leave of it, white.
     left: Column,
     /// What plate values and names add, white, and how well each is known beforehand. A plate value at its bound is none of them: it goes
-    /// no further, and what would draw it there is the curve's.
-    known: Vec<(Column, f64)>,
+    /// no further, and what would draw it there is the curve's. First the parameter's number in the fit record.
+    known: Vec<(Option<usize>, Column, f64)>,
 }
 
 impl<'c, 'a> Heard<'c, 'a> {
@@ -203,7 +203,7 @@ impl<'c, 'a> Heard<'c, 'a> {
         let open = open.filter(|(k, _)| !is_held(*k));
         Heard {
             known: open
-                .map(|(_, (column, precision))| (column.clone(), precision))
+                .map(|(k, (column, precision))| (of_fit(k), column.clone(), precision))
                 .collect(),
             left: (normal.target).less(columns, (0..normal.len()).map(value)),
             case,
@@ -229,14 +229,18 @@ impl<'c, 'a> Heard<'c, 'a> {
         let at = subject.at(balance);
         let rows = at.len();
         let left = self.rows(&self.left, subject);
-        let known = self.known.iter().filter_map(|(column, precision)| {
-            let column = self.rows(column, subject);
-            let shows = column.iter().any(|x| *x != 0.0);
-            shows.then_some(Known {
-                column,
-                precision: *precision,
-            })
-        });
+        let known = self
+            .known
+            .iter()
+            .filter_map(|(parameter, column, precision)| {
+                let column = self.rows(column, subject);
+                let shows = column.iter().any(|x| *x != 0.0);
+                shows.then_some(Known {
+                    parameter: *parameter,
+                    column,
+                    precision: *precision,
+                })
+            });
         Side {
             known: known.collect(),
             at: channels.iter().flat_map(|_| at.iter().copied()).collect(),

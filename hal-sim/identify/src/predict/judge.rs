@@ -47,6 +47,8 @@ pub(crate) struct Side {
 
 /// A regressor that is declared or named, or a nuisance.
 pub(crate) struct Known {
+    /// Number of its parameter, by which both records have it; `None`: it belongs to this record alone.
+    pub(crate) parameter: Option<usize>,
     /// Rows.
     pub(crate) column: Vec<f64>,
     /// Inverse variance of the remaining information of its parameter before a record is seen, in units of the noise.
@@ -54,9 +56,10 @@ pub(crate) struct Known {
 }
 
 impl Known {
-    /// One of which nothing is known.
-    pub(crate) fn free(column: Vec<f64>) -> Self {
+    /// One of both records, of whose parameter nothing is known.
+    pub(crate) fn free(parameter: usize, column: Vec<f64>) -> Self {
         Known {
+            parameter: Some(parameter),
             column,
             precision: 0.0,
         }
@@ -92,6 +95,8 @@ pub(crate) struct Judged {
 /// A side without what the known regressors explain.
 pub(super) struct Partialled {
     left: Vec<f64>,
+    /// Parameters of the known regressors.
+    parameters: Vec<Option<usize>>,
     /// Coefficients of the known regressors in the residual.
     of_left: Vec<f64>,
     columns: Vec<Vec<f64>>,
@@ -174,6 +179,7 @@ impl Side {
             .map(|(after, before)| rms(after) / before.max(1e-300));
         let of_left = of_known(&self.left);
         Some(Partialled {
+            parameters: self.known.iter().map(|known| known.parameter).collect(),
             left: less(&self.left, &of_left),
             of_left,
             own: own.collect(),
@@ -185,7 +191,7 @@ impl Side {
     /// What the chosen functions add.
     fn alone(&self, own: &Partialled, chosen: &[usize], values: &[f64]) -> Vec<f64> {
         let sum = predicted(&own.columns, chosen, values, self.left.len());
-        self.plus(sum, own, chosen, values)
+        self.plus(sum, own, chosen, values, |k, _| Some(k))
     }
 
     /// A prediction as it is on a record that nothing was fitted to: the known regressors' shares are the fit record's.
@@ -197,18 +203,24 @@ impl Side {
         values: &[f64],
     ) -> Vec<f64> {
         let less: Vec<f64> = values.iter().map(|value| -value).collect();
-        self.plus(alone.to_vec(), fit, chosen, &less)
+        self.plus(alone.to_vec(), fit, chosen, &less, |_, known| {
+            fit.place(known)
+        })
     }
 
-    /// With what the known regressors have of the chosen functions on a record.
+    /// With what the known regressors have of the chosen functions on a record, where each has its `place`.
     fn plus(
         &self,
         mut sum: Vec<f64>,
         record: &Partialled,
         chosen: &[usize],
         values: &[f64],
+        place: impl Fn(usize, &Known) -> Option<usize>,
     ) -> Vec<f64> {
         for (k, known) in self.known.iter().enumerate() {
+            let Some(k) = place(k, known) else {
+                continue;
+            };
             let pairs = chosen.iter().zip(values);
             let share: f64 = pairs.map(|(c, value)| value * record.of_known[*c][k]).sum();
             sum.iter_mut()
@@ -221,12 +233,25 @@ impl Side {
     /// The residual with the known regressors as the fit record has them.
     fn with_parameters_of(&self, fit: &Partialled) -> Vec<f64> {
         let mut left = self.left.clone();
-        for (known, value) in self.known.iter().zip(&fit.of_left) {
-            left.iter_mut()
-                .zip(&known.column)
-                .for_each(|(x, c)| *x -= value * c);
+        for known in &self.known {
+            if let Some(k) = fit.place(known) {
+                let value = fit.of_left[k];
+                left.iter_mut()
+                    .zip(&known.column)
+                    .for_each(|(x, c)| *x -= value * c);
+            }
         }
         left
+    }
+}
+
+impl Partialled {
+    /// Where this record has the parameter of another record's regressor.
+    fn place(&self, known: &Known) -> Option<usize> {
+        let parameter = known.parameter?;
+        self.parameters
+            .iter()
+            .position(|own| *own == Some(parameter))
     }
 }
 
@@ -463,4 +488,35 @@ pub(crate) fn judge(
         .map(|inverse| spread(&inverse, &fit, &chosen, &judged.predicted[0], &blocks[0]));
     judged.list(&taken, &groups, &members, &values, &check);
     judged
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The check record's table rests where the fit record's never did: it has a parameter more, and not at the end.
+    #[test]
+    fn a_parameter_of_one_record_alone_takes_nothing_from_the_other() {
+        const ROWS: usize = 8;
+        let side = |known: Vec<Known>| Side {
+            left: vec![0.0; ROWS],
+            known,
+            at: Vec::new(),
+            open: vec![true; ROWS],
+            stretches: std::iter::once(0..ROWS).collect(),
+            rate: 1.0,
+            drive_rms: 1.0,
+        };
+        let ones = vec![1.0; ROWS];
+        let own = Known {
+            parameter: None,
+            column: (0..ROWS).map(|row| row as f64).collect(),
+            precision: 0.0,
+        };
+        let fit = side(vec![Known::free(4, ones.clone())]);
+        let check = side(vec![own, Known::free(4, ones)]);
+        let of_fit = fit.partialled(vec![vec![3.0; ROWS]]).unwrap();
+        let left = check.untouched(&[0.0; ROWS], &of_fit, &[0], &[1.0]);
+        assert!(left.iter().all(|x| (x + 3.0).abs() < 1e-9), "{left:?}");
+    }
 }

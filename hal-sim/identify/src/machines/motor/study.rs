@@ -171,12 +171,14 @@ fn judged(records: [&Columns; 2], last: &Both, after: &Fit, orders: &[u32], lag_
             .zip(&open)
             .map(|(x, open)| x * f64::from(*open))
             .collect();
-        let known = last.columns[k]
-            .iter()
-            .map(|column| Known::free(column.only().to_vec()));
+        let columns = last.columns[k].iter();
+        let columns = columns.map(|column| column.only().to_vec()).chain([late]);
         Side {
             left: after.left[k].clone(),
-            known: known.chain([Known::free(late)]).collect(),
+            known: columns
+                .enumerate()
+                .map(|(parameter, column)| Known::free(parameter, column))
+                .collect(),
             at: record.at(),
             drive_rms: rms(&current),
             rate: record.rate(),
