@@ -42,6 +42,8 @@ pub(super) struct Wiring {
     kick: u8,
     step: u16,
     resting: bool,
+    /// What the phases show before a kick acts: offsets that nobody measured.
+    offsets: [Current; 3],
     response: Response,
 }
 
@@ -81,11 +83,21 @@ impl Wiring {
             Shunts::Two => 2,
             Shunts::Three => 3,
         };
+        // Before the first period of a kick has acted, there is nothing else to be seen.
+        if self.step <= 1 {
+            self.offsets = phases;
+        }
+        let [a, b, c] = phases;
+        let [a_offset, b_offset, c_offset] = self.offsets;
+        let phases = [
+            a.saturating_sub(a_offset),
+            b.saturating_sub(b_offset),
+            c.saturating_sub(c_offset),
+        ];
         let clear = phases
             .iter()
             .take(measured)
             .any(|i| i.unsigned_abs() >= config.clear.unsigned_abs());
-        // Before the first period of a kick has acted, there is nothing to be seen.
         if self.step > 1 && (clear || self.step > config.steps) {
             if clear && let Some(column) = self.response.get_mut(usize::from(along)) {
                 for (sum, i) in column.iter_mut().zip(phases) {
@@ -242,6 +254,37 @@ fn name(response: &Response, shunts: Shunts) -> Option<Reason> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A winding that is right, whose channels show an offset above what is clear. Dead time keeps its current at zero at first.
+    #[test]
+    fn an_offset_that_nobody_measured_is_no_wrong_wiring() {
+        let amps = |x: f64| Current::from_num(x);
+        let config = WiringConfig {
+            kick: amps(4.0),
+            clear: amps(0.5),
+            steps: 20,
+            shunts: Shunts::Three,
+        };
+        let offsets = [0.74, -0.55, 0.0];
+        let (mut wiring, mut current, mut kicked) = (Wiring::default(), [0.0; 3], 0);
+        for _ in 0..1000 {
+            let phases = [0, 1, 2].map(|k| amps(current[k] + offsets[k]));
+            match wiring.step(&config, phases) {
+                WiringStep::Rest => (current, kicked) = ([0.0; 3], 0),
+                WiringStep::Kick(..) if kicked < 5 => kicked += 1,
+                WiringStep::Kick(at, _) => {
+                    let along = f64::from(at.0) / 2f64.powi(32);
+                    for (k, i) in current.iter_mut().enumerate() {
+                        let turn = core::f64::consts::TAU * (along - k as f64 / 3.0);
+                        *i += 0.1 * turn.cos();
+                    }
+                }
+                WiringStep::Right => return,
+                WiringStep::Wrong(reason) => panic!("{reason:?}"),
+            }
+        }
+        panic!("it does not end");
+    }
 
     #[test]
     fn each_pattern_is_named_and_no_two_are_near() {
