@@ -9,8 +9,8 @@
 //!
 //! `L` is computed only where `T` and `1 - T` are well above the noise.
 
-use crate::electrical::{SPEEDS, largest};
-use crate::loop_response::{LoopResponse, OpenLoop};
+use crate::electrical::{SPEEDS, largest, slowest_rad_s};
+use crate::loop_response::{LoopResponse, OpenLoop, frequencies, spectrum};
 use crate::session::Session;
 use crate::tune::Loops;
 use anyhow::Result;
@@ -119,9 +119,8 @@ impl LoopResponse {
         }
         let predicted = loops.current_step(samples);
         let (mut response, mut model) = (OpenLoop::default(), OpenLoop::default());
-        let (low, high) = (1.0 / (samples as f64 * period_s), 0.25 / period_s);
-        for k in 0..=POINTS {
-            let hz = low * (high / low).powf(f64::from(k) / f64::from(POINTS));
+        let ends = [1.0 / (samples as f64 * period_s), 0.25 / period_s];
+        for hz in frequencies(ends, POINTS) {
             let open = |step: &[f64]| open_loop(step, TAU * hz * period_s);
             if let (Some(found), Some(expected)) = (open(&measured), open(&predicted)) {
                 response.add(hz, found);
@@ -149,12 +148,10 @@ fn open_loop(response: &[f64], turned: f64) -> Option<Complex<f64>> {
 /// The closed loop at `turned` rad a sample.
 fn closed_loop(response: &[f64], turned: f64) -> Complex<f64> {
     let mut before = 0.0;
-    let parts = response.iter().enumerate().map(|(n, now)| {
-        let change = now - before;
-        before = *now;
-        Complex::cis(-turned * n as f64) * change
-    });
-    parts.sum()
+    let changes = response
+        .iter()
+        .map(|now| now - std::mem::replace(&mut before, *now));
+    spectrum(changes, turned)
 }
 
 /// A step that a motor's current loop is measured with.
@@ -181,10 +178,6 @@ impl StepPlan {
     #[must_use]
     pub fn of(settings: &Settings, motor: u8, bus_v: f64, loops: &Loops) -> Self {
         let motors = [&settings.screw, &settings.nut];
-        let slowest_rpm = motors
-            .map(|motor| motor.speed_max_rpm)
-            .into_iter()
-            .fold(f64::INFINITY, f64::min);
         let largest = largest(motors[usize::from(motor != 0)], settings);
         let [k_pc, ..] = loops.gains();
         let wide = ((TO - FROM) * largest).min(OF_BUS * bus_v / k_pc.abs());
@@ -193,7 +186,7 @@ impl StepPlan {
             from_a: FROM * largest,
             to_a: FROM * largest + wide,
             jump_v: k_pc * wide,
-            base_rad_s: SPEEDS[0] * slowest_rpm * TAU / 60.0,
+            base_rad_s: SPEEDS[0] * slowest_rad_s(settings),
             steps: STEPS,
             settle_s: SETTLE_S,
         }

@@ -278,6 +278,14 @@ impl Motor {
     }
 }
 
+/// The slower motor's largest speed, rad/s: what both can turn at together.
+pub(crate) fn slowest_rad_s(settings: &Settings) -> f64 {
+    [&settings.screw, &settings.nut]
+        .map(|motor| motor.speed_max_rpm * TAU / 60.0)
+        .into_iter()
+        .fold(f64::INFINITY, f64::min)
+}
+
 /// Measures both motors of an armed drive at these parts of the largest speed. The table rests; `travel_m` is what it may move.
 ///
 /// # Errors
@@ -291,10 +299,7 @@ pub async fn measure<D: Dialogue>(
     let settings = *session.settings();
     let motors = [&settings.screw, &settings.nut];
     let most = motors.map(|motor| largest(motor, &settings));
-    let speed = motors
-        .iter()
-        .map(|motor| motor.speed_max_rpm * TAU / 60.0)
-        .fold(f64::INFINITY, f64::min);
+    let speed = slowest_rad_s(&settings);
     let period_s = session.pwm_period_s();
     let mut measured = motors.map(|motor| Motor {
         pole_pairs: f64::from(motor.pole_pairs),

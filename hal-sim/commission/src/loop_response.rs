@@ -95,3 +95,16 @@ impl OpenLoop {
         })
     }
 }
+
+/// So many frequencies and one, evenly on a logarithmic scale.
+pub(crate) fn frequencies([low, high]: [f64; 2], points: u32) -> impl Iterator<Item = f64> {
+    (0..=points).map(move |k| low * (high / low).powf(f64::from(k) / f64::from(points)))
+}
+
+/// The Fourier transform of samples at `turned` rad a sample.
+pub(crate) fn spectrum(values: impl Iterator<Item = f64>, turned: f64) -> Complex<f64> {
+    values
+        .enumerate()
+        .map(|(n, value)| Complex::cis(-turned * n as f64) * value)
+        .sum()
+}

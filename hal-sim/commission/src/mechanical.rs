@@ -18,6 +18,7 @@
 //! meanwhile, or the pair's friction would stick, and share the torques between the motors as it likes. The differential mode
 //! (the table to and fro at one base speed) shows `M`, `c_f`, `b_f`.
 
+use crate::electrical::slowest_rad_s;
 use crate::fit::{Estimate, Fit};
 use crate::session::{Point, Session};
 use crate::{Bound, Failure};
@@ -174,7 +175,7 @@ pub async fn measure<D: Dialogue>(
 ) -> Result<Mechanical> {
     let settings = *session.settings();
     let motors = [&settings.screw, &settings.nut];
-    let speed = common_speed(&settings);
+    let speed = SPEED * slowest_rad_s(&settings);
     let feed = &settings.feed;
     let acceleration = feed.base_acceleration_max_rpm_s * TAU / 60.0;
     let constants = motors.map(torque_constant);
@@ -427,19 +428,10 @@ impl Mechanical {
     }
 }
 
-/// Speed of the common mode, mechanical rad/s.
-fn common_speed(settings: &Settings) -> f64 {
-    SPEED
-        * [&settings.screw, &settings.nut]
-            .iter()
-            .map(|motor| motor.speed_max_rpm * TAU / 60.0)
-            .fold(f64::INFINITY, f64::min)
-}
-
 /// The settings with an acceleration of the base speed that this step can measure at.
 #[must_use]
 pub fn prepared(settings: &Settings) -> Settings {
-    let most = 2.0 * common_speed(settings) / RAMP_S * 60.0 / TAU;
+    let most = 2.0 * SPEED * slowest_rad_s(settings) / RAMP_S * 60.0 / TAU;
     let mut new = *settings;
     let acceleration = &mut new.feed.base_acceleration_max_rpm_s;
     *acceleration = acceleration.min(most);

@@ -155,6 +155,13 @@ impl Done {
     }
 }
 
+/// The machine and its motors, once the steps that measure them are done.
+#[must_use]
+pub fn measured(done: &[Done]) -> Option<(Machine, [MotorElectrical; 2])> {
+    let machine = done.iter().find_map(|done| done.machine)?;
+    Some((machine, done.iter().find_map(|done| done.motors)?))
+}
+
 /// How far the steps may go, and what is wanted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Options {

@@ -13,13 +13,13 @@
 //!
 //! The table goes slowly one way meanwhile, or the pair's friction would stick and make one inertia of both motors.
 
-use crate::electrical::SPEEDS;
-use crate::loop_response::{LoopResponse, OpenLoop};
+use crate::electrical::{SPEEDS, slowest_rad_s};
+use crate::loop_response::{LoopResponse, OpenLoop, frequencies, spectrum};
 use crate::session::{Point, Session};
 use crate::tune::Loops;
 use anyhow::Result;
 use link::host::dialogue::Dialogue;
-use link::settings::{MotorSettings, Settings};
+use link::settings::Settings;
 use nalgebra::Complex;
 use std::f64::consts::{PI, TAU};
 
@@ -69,11 +69,7 @@ impl SpeedPlan {
     #[must_use]
     pub fn of(settings: &Settings, travel_m: f64, step_s: f64) -> Self {
         let (cutoff, feed) = (settings.tuning.speed_rad_s, &settings.feed);
-        let motors = [&settings.screw, &settings.nut];
-        let least = |of: &dyn Fn(&MotorSettings) -> f64| {
-            motors.map(of).into_iter().fold(f64::INFINITY, f64::min)
-        };
-        let base_rad_s = SPEEDS[0] * least(&|motor| motor.speed_max_rpm) * TAU / 60.0;
+        let base_rad_s = SPEEDS[0] * slowest_rad_s(settings);
         let acceleration = feed.base_acceleration_max_rpm_s * TAU / 60.0;
         let jerk = feed.base_jerk_max_rpm_s2 * TAU / 60.0;
         let [short_s, long_s] = RAMPS.map(|ramp| ramp / cutoff);
@@ -87,7 +83,9 @@ impl SpeedPlan {
             }
         };
         // White noise of a count in an angle, as the second difference at the crossing sees it.
-        let count = TAU / least(&|motor| f64::from(motor.encoder.counts_per_turn)) / 12f64.sqrt();
+        let coarser =
+            (settings.screw.encoder.counts_per_turn).min(settings.nut.encoder.counts_per_turn);
+        let count = TAU / f64::from(coarser) / 12f64.sqrt();
         let samples = (hold_s + long_s) / step_s;
         let noise = (2.0 * cutoff).powi(2) * step_s * count * (samples / STEPS as f64).sqrt();
         let most = LARGEST * base_rad_s;
@@ -194,19 +192,22 @@ impl Differences {
 
     /// Spectra at `turned` rad a sample of reference, current and speed.
     fn spectra(&self, turned: f64) -> [Complex<f64>; 3] {
-        [&self.reference, &self.current, &self.speed].map(|values| spectrum(values, turned))
+        [&self.reference, &self.current, &self.speed].map(|values| faded_spectrum(values, turned))
     }
 }
 
 /// At `turned` rad a sample, faded out at the end.
-fn spectrum(values: &[f64], turned: f64) -> Complex<f64> {
+fn faded_spectrum(values: &[f64], turned: f64) -> Complex<f64> {
     let fades = FADE * values.len() as f64;
-    let parts = values.iter().enumerate().map(|(n, value)| {
+    let weight = |n: usize| {
         let left = ((values.len() - n) as f64 / fades).min(1.0);
-        let weight = 0.5 - 0.5 * (PI * left).cos();
-        Complex::cis(-turned * n as f64) * (weight * value)
-    });
-    parts.sum()
+        0.5 - 0.5 * (PI * left).cos()
+    };
+    let faded = values
+        .iter()
+        .enumerate()
+        .map(|(n, value)| weight(n) * value);
+    spectrum(faded, turned)
 }
 
 /// The plant at `turned` rad a sample, with the relative standard error of its gain; `None` if nothing was excited.
@@ -250,17 +251,13 @@ impl LoopResponse {
             .filter_map(|step| Differences::of(step, motor, samples, step_s))
             .collect();
         let (mut response, mut model) = (OpenLoop::default(), OpenLoop::default());
-        for k in 0..=POINTS {
-            let w = cutoff_rad_s * FROM * (TO / FROM).powf(f64::from(k) / f64::from(POINTS));
+        for w in frequencies([FROM, TO].map(|part| part * cutoff_rad_s), POINTS) {
             let clear = w * step_s < 0.5 * PI && w * step_s * samples as f64 > TAU;
             let Some((found, error)) = plant(&all, w * step_s).filter(|_| clear) else {
                 continue;
             };
             if error < ERROR {
-                response.add(
-                    w / TAU,
-                    loops.speed(w) * loops.mechanical(found) / loops.speed_plant(w),
-                );
+                response.add(w / TAU, loops.speed_with(w, found));
                 model.add(w / TAU, loops.speed(w));
             }
         }
@@ -324,10 +321,7 @@ fn followed(reference: &[f64], loops: &Loops, step_s: f64) -> Vec<f64> {
     let line = |k: usize| TAU * k as f64 / length as f64;
     let lines: Vec<_> = (1..reference.len())
         .map(|k| {
-            let parts = reference.iter().enumerate();
-            let sum: Complex<f64> = parts
-                .map(|(n, value)| Complex::cis(-line(k) * n as f64) * *value)
-                .sum();
+            let sum = spectrum(reference.iter().copied(), line(k));
             sum * loops.speed_closed(line(k) / step_s)
         })
         .collect();

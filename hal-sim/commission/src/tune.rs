@@ -123,20 +123,19 @@ impl Loops {
         self.speed_controller(w) * self.observer(w) * self.speed_plant(w)
     }
 
+    /// The same with a measured plant, mechanical rad/s an ampere.
+    #[must_use]
+    pub fn speed_with(&self, w: f64, plant: Complex<f64>) -> Complex<f64> {
+        self.speed_controller(w) * self.observer(w) * plant * self.pole_pairs
+    }
+
     /// The speed loop's plant at `w` rad/s: from the reference of the current along q to the speed that the next steps see, electrical
     /// rad/s an ampere.
-    #[must_use]
-    pub fn speed_plant(&self, w: f64) -> Complex<f64> {
+    fn speed_plant(&self, w: f64) -> Complex<f64> {
         let (s, current) = (Complex::new(0.0, w), self.current(w));
         (current / (current + 1.0))
             * (s.inv() * self.acceleration)
             * Complex::cis(-(self.period_s + 0.5 * self.step_s) * w)
-    }
-
-    /// A plant of mechanical rad/s an ampere as one of electrical rad/s.
-    #[must_use]
-    pub fn mechanical(&self, plant: Complex<f64>) -> Complex<f64> {
-        plant * self.pole_pairs
     }
 
     /// Speed of a speed reference at `w` rad/s, with the inertia fed forward.

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result, bail, ensure};
 use commission::Session;
 use commission::electrical::MotorElectrical;
-use commission::procedure::{Done, Machine, Options, Step, run};
+use commission::procedure::{Done, Machine, Options, Step, measured, run};
 use link::host::dialogue::Dialogue;
 use link::host::refused::Lost;
 use link::message::{Command, Reply};
@@ -329,9 +329,7 @@ impl Commissioning {
     /// The machine and its motors, once the steps that measure them are done.
     #[must_use]
     pub fn measured(&self) -> Option<(Machine, [MotorElectrical; 2])> {
-        let done = &self.progress.borrow().done;
-        let machine = done.iter().find_map(|done| done.machine)?;
-        Some((machine, done.iter().find_map(|done| done.motors)?))
+        measured(&self.progress.borrow().done)
     }
 
     /// How far it is, and what was found, as JSON.

@@ -85,3 +85,32 @@ pub fn leave_out_lost(model: &Model, known: &mut Known) {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Orders 2, 20 and 2.5 of the lead. Both motors have pole pairs that divide 20, not 2.
+    #[test]
+    fn the_lead_keeps_orders_that_both_shafts_repeat() {
+        for (encoder, expected) in [
+            (EncoderKind::Index, [2.0, 20.0]),
+            (EncoderKind::Incremental, [0.0, 20.0]),
+        ] {
+            let mut model = Model::coupled();
+            (model.sensing.encoder, model.sensing.nut_encoder) = (encoder, None);
+            (model.screw.pole_pairs, model.nut.pole_pairs) = (5, 4);
+            let mut known = Known::of(&model, 0.0);
+            for (line, order) in known.compensation.travel.iter_mut().zip([2.0, 20.0, 2.5]) {
+                *line = OrderPlate {
+                    order,
+                    re: 1e-3,
+                    im: 0.0,
+                };
+            }
+            leave_out_lost(&model, &mut known);
+            let kept = known.compensation.travel.map(|line| line.order);
+            assert_eq!(kept[..3], [expected[0], expected[1], 0.0], "{encoder:?}");
+        }
+    }
+}

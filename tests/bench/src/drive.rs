@@ -1,10 +1,9 @@
 //! `cargo xtask bench drive`: ripple of the simulated drive, and the simulator's speed.
 
 use anyhow::Result;
-use clap::Args;
+use clap::{Args, ValueEnum};
 use cpu_time::ThreadTime;
 use ddfeed::simulate::{BoardName, PAPER_MEASURED, analytic_percent};
-use hal_sim::boards::BoardKind;
 use hal_sim::experiment::{OperatingPoint, RPM, Setup, ripple_percent, settle_quietly};
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -22,7 +21,7 @@ struct DriveBench {
 #[derive(Serialize)]
 struct Vrf {
     nut_rpm: f64,
-    sensors: &'static str,
+    sensors: String,
     simulated: f64,
     analytic: f64,
     measured: f64,
@@ -59,16 +58,13 @@ pub fn run(options: &DriveOptions) -> Result<()> {
     let mut vrf = Vec::new();
     let setups = match options.board.kind() {
         Some(kind) => {
-            let name = if kind == BoardKind::Mains {
-                "mains"
-            } else {
-                "nucleo"
-            };
+            let name = options.board.to_possible_value();
+            let name = name.map_or_else(String::new, |value| value.get_name().to_owned());
             let shipped = Setup::shipped(kind, &Model::coupled(), Coupling::Coupled);
             vec![(name, shipped, [None; 4])]
         }
         None => GOALS
-            .map(|(sensors, goals)| (sensors, setup(sensors), goals.map(Some)))
+            .map(|(sensors, goals)| (sensors.to_owned(), setup(sensors), goals.map(Some)))
             .into(),
     };
     for (sensors, setup, goals) in setups {
@@ -79,7 +75,7 @@ pub fn run(options: &DriveOptions) -> Result<()> {
             };
             vrf.push(Vrf {
                 nut_rpm,
-                sensors,
+                sensors: sensors.clone(),
                 simulated: ripple_percent(&setup, point)?,
                 analytic: analytic_percent(&setup, point),
                 measured,

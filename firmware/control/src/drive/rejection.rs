@@ -39,7 +39,7 @@ impl Rejection {
         }
     }
 
-    /// A step in which nothing is driven: all but what was learned begins anew.
+    /// A step in which nothing is driven: all but what was learned starts at zero again.
     #[inline(always)]
     pub(super) fn rest(&mut self) {
         self.friction = Friction::new();

@@ -9,7 +9,7 @@ use crate::record::measured_model_file;
 use anyhow::{Context, Result};
 use commission::LoopResponse;
 use commission::Session;
-use commission::procedure::{Done, Options, Step, run as measure};
+use commission::procedure::{Done, Options, Step, measured, run as measure};
 use commission::tune::Crossing;
 use indicatif::{ProgressBar, ProgressStyle};
 use pollster::block_on;
@@ -56,9 +56,7 @@ pub fn run(drive: Drive, options: &CommissionOptions) -> Result<()> {
     result?;
     let bus_v = session.bus_v();
     let mut drive = session.into_drive();
-    let machine = done.iter().find_map(|done| done.machine);
-    let motors = done.iter().find_map(|done| done.motors);
-    if let (Some(machine), Some(motors)) = (machine, motors) {
+    if let Some((machine, motors)) = measured(&done) {
         let interval_s = 1.0 / drive.speed_hz();
         let header = header(&mut drive)?;
         let model = measured_model_file(&header, interval_s, &machine, &motors, bus_v);

@@ -13,3 +13,4 @@ pub(crate) mod judge;
 pub(crate) mod orders;
 mod ridge;
 mod selected;
+pub(crate) mod side;

@@ -1,7 +1,7 @@
 //! Orders of the turn that a residual has.
 
 use super::basis::ORDERS;
-use super::judge::Side;
+use super::side::Side;
 use crate::signal::leftover::{Form, Over, Residual};
 
 /// Orders without a name at most beside the lowest whole ones, the highest of them, and how near to a whole one they are that.

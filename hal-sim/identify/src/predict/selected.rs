@@ -1,8 +1,8 @@
 //! Which functions of the coordinates are tried on a residual, and which of them predict it.
 
 use super::basis::{Along, At, Group};
-use super::judge::{Partialled, Side};
 use super::ridge::Products;
+use super::side::{Partialled, Side};
 
 /// Share of the residual's power that a group must take of blocks to which it was not fitted.
 const LEAST_SHARE: f64 = 0.02;
@@ -54,7 +54,7 @@ pub(super) fn members(groups: &[Group], fit: &Partialled) -> Vec<Vec<usize>> {
         .collect()
 }
 
-/// Groups that lower what is left of blocks to which they were not fitted, and their columns.
+/// Groups that lower the residual of blocks to which they were not fitted, and their columns.
 /// The strongest group comes first.
 pub(super) fn selected(products: &Products, members: &[Vec<usize>]) -> (Vec<usize>, Vec<usize>) {
     let energy = products.held_back(&[]);

@@ -73,13 +73,13 @@ pub struct SmallOutcome {
 }
 
 /// What stands between the board and the drive.
-struct Spoiled {
+struct FaultySensors {
     fault: SmallFault,
     board: BoardKind,
     frozen: Option<u32>,
 }
 
-impl Seam for Spoiled {
+impl Seam for FaultySensors {
     fn currents(&mut self, axis: Axis, amps: &mut [f64; 3]) {
         if let (Axis::Nut, SmallFault::Gain(part)) = (axis, self.fault) {
             amps[0] *= 1.0 - part;
@@ -182,12 +182,12 @@ pub fn small_fault(
     if let SmallFault::WeakFlux(part) = fault {
         setup.model.motor_mut(Axis::Nut).flux_wb *= 1.0 - part;
     }
-    let mut spoiled = Spoiled {
+    let mut sensors = FaultySensors {
         fault,
         board,
         frozen: None,
     };
-    let found = match watch(&setup, point, later, &mut spoiled) {
+    let found = match watch(&setup, point, later, &mut sensors) {
         // Weak magnets are there from the start.
         Err(ExperimentError::NotSteady { state, .. }) if matches!(state, State::Fault(_)) => {
             return Ok(SmallOutcome {

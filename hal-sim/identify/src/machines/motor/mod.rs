@@ -14,4 +14,5 @@ pub use orders::Order;
 pub use record::{MotorModel, Record};
 
 pub use fit::Fit;
-pub use study::{Lag, Lost, Study};
+pub use search::Lost;
+pub use study::{Lag, Study};

@@ -3,7 +3,6 @@
 use super::columns::{Base, Columns};
 use super::fit::Both;
 use super::orders::of_map;
-use super::study::Lost;
 use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};
 use crate::regression::normal::Prior;
 use crate::search::forward::{Choice, Contender, Forward, search};
@@ -28,6 +27,17 @@ const BESIDE_LAG: u32 = 40;
 const ROWS_PER_ORDER: usize = 24;
 /// Share by which a lag must lower the check record's square error.
 const LEAST_LAG: f64 = 0.1;
+
+/// A candidate that was not taken, and why.
+#[derive(Debug, Clone)]
+pub struct Lost {
+    /// The order.
+    pub order: u32,
+    /// Share of the fit record's square that it would take.
+    pub share: f64,
+    /// Why.
+    pub reason: &'static str,
+}
 
 /// No lag, and the time constants of a lag that suit rows at this rate, s.
 pub(super) fn lags(rate: f64) -> Vec<f64> {

@@ -6,13 +6,14 @@ use super::fit::{Both, Fit, rms};
 use super::left::remnants;
 use super::orders::Order;
 use super::record::Record;
-use super::search::{Candidates, Explained, LONGEST_LAG_S, Search, lags};
+use super::search::{Candidates, Explained, LONGEST_LAG_S, Lost, Search, lags};
 use crate::conclusion::rest::Remnant;
 use crate::predict::basis::{Along, At};
 use crate::predict::curve::Curve;
 use crate::predict::excitation::Excitation;
-use crate::predict::judge::{Judged, Known, LEAST_BLOCKS, Side, judge};
+use crate::predict::judge::{Judged, LEAST_BLOCKS, judge};
 use crate::predict::orders::loudest_orders;
+use crate::predict::side::{Known, Side};
 use crate::regression::column::{Column, counted};
 use crate::signal::fourier::slope;
 use crate::signal::noise::white_below_100;
@@ -37,17 +38,6 @@ pub struct Lag {
     /// Whether it is named: the record tells it well, and with it little is left. Otherwise it is a nuisance that may stand for
     /// any smooth misfit.
     pub is_named: bool,
-}
-
-/// A candidate that was not taken, and why.
-#[derive(Debug, Clone)]
-pub struct Lost {
-    /// The order.
-    pub order: u32,
-    /// Share of the fit record's square that it would take.
-    pub share: f64,
-    /// Why.
-    pub reason: &'static str,
 }
 
 /// What the orders explain of a motor's current.
