@@ -18,6 +18,7 @@
 //! A step takes what the drive's settings say of its motors as a rough beginning, and gives settings back.
 #![forbid(unsafe_code)]
 
+mod axial;
 pub mod current_response;
 pub mod electrical;
 mod fit;

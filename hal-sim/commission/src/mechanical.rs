@@ -18,6 +18,7 @@
 //! meanwhile, or the pair's friction would stick, and share the torques between the motors as it likes. The differential mode
 //! (the table to and fro at one base speed) shows `M`, `c_f`, `b_f`.
 
+use crate::axial::{AxialFit, Behind};
 use crate::electrical::slowest_rad_s;
 use crate::fit::{Estimate, Fit};
 use crate::session::{Point, Session};
@@ -75,6 +76,8 @@ pub struct Mechanical {
     pub load_nm: Estimate,
     /// Travel of the table a turn of screw against nut by its scale, m.
     pub lead_m: Estimate,
+    /// The table's resonance on the screw, Hz; `None` where the scale does not show it.
+    pub axial_hz: Option<Estimate>,
     /// Torque of screw and nut, N m.
     pub torque_nm: [Bound; 2],
     /// Table's travel, m.
@@ -271,6 +274,9 @@ struct Fits<'a> {
     /// J, c, b of screw and nut; M, c, b, l of the feed.
     torques: Fit,
     lead: Fit,
+    axial: AxialFit,
+    /// The first point, from which the table's position counts.
+    origin: Option<Point>,
 }
 
 impl<'a> Fits<'a> {
@@ -281,6 +287,8 @@ impl<'a> Fits<'a> {
             lead_m: settings.feed.lead_mm * 1e-3,
             torques: Fit::new(10, OVERLAP as f64),
             lead: Fit::new(1, OVERLAP as f64),
+            axial: AxialFit::new(settings.feed.lead_mm * 1e-3, OVERLAP as f64),
+            origin: None,
         }
     }
 
@@ -289,6 +297,7 @@ impl<'a> Fits<'a> {
         let [first, second, ..] = points else {
             return None;
         };
+        self.origin = self.origin.or(Some(*first));
         let step_s = second.time - first.time;
         let n = (window_s / step_s).round().max(STRETCHES as f64) as usize;
         let window = Window::new(n, step_s);
@@ -330,6 +339,7 @@ impl<'a> Fits<'a> {
         }
         let apart_command =
             window.weigh_command(part, |p| p.motors[0].speed_ref - p.motors[1].speed_ref);
+        self.add_behind(window, part, [apart, apart_command], sign_apart);
         for (k, feed_sign) in [1.0, -1.0].into_iter().enumerate() {
             let of_motor = |p: &Point| p.motors[k].angle;
             let Some(sign) = clear(&of_motor, run.least) else {
@@ -357,6 +367,41 @@ impl<'a> Fits<'a> {
     }
 }
 
+impl Fits<'_> {
+    /// How far the table is behind screw and nut.
+    fn add_behind(&mut self, window: &Window, part: &[Point], apart: [Weighed; 2], sign: f64) {
+        let Some(origin) = self.origin else { return };
+        let per_radian = self.lead_m / TAU;
+        let travel = |p: &Point| {
+            let [screw, nut] = [0, 1].map(|k| p.motors[k].angle - origin.motors[k].angle);
+            per_radian * (screw - nut)
+        };
+        let mean = |of: &dyn Fn(&Point) -> f64| -> f64 {
+            part.iter()
+                .zip(&window.p)
+                .map(|(p, weight)| weight * of(p))
+                .sum()
+        };
+        let turned = |k: usize, of: fn(f64) -> f64| mean(&|p| of(p.motors[k].angle));
+        let [seen, commanded] = apart.map(|apart| per_radian * apart.acceleration);
+        self.axial.add(&Behind {
+            table_m: mean(&|p| p.table - origin.table - travel(p)),
+            travel_m: mean(&travel),
+            turns: [
+                turned(0, f64::sin),
+                turned(0, f64::cos),
+                turned(1, f64::sin),
+                turned(1, f64::cos),
+            ],
+            together: per_radian * window.weigh(part, |p| (p.motors[1].angle, 0.0)).speed,
+            sign,
+            speed: per_radian * apart[0].speed,
+            acceleration: seen,
+            commanded,
+        });
+    }
+}
+
 fn solve(
     run: &Run,
     settings: &Settings,
@@ -369,7 +414,12 @@ fn solve(
             bail!(unclear("no telemetry"));
         }
     }
-    let Fits { torques, lead, .. } = fits;
+    let Fits {
+        torques,
+        lead,
+        axial,
+        ..
+    } = fits;
     let Some([js, cs, bs, jn, cn, bn, table, cf, bf, load]) = torques
         .solve()
         .and_then(|all| <[Estimate; 10]>::try_from(all).ok())
@@ -401,6 +451,7 @@ fn solve(
         feed_viscous_nm_s: bf,
         load_nm: load,
         lead_m,
+        axial_hz: axial.resonance_hz(),
         torque_nm,
         travel_m,
     })

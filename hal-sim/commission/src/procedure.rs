@@ -95,7 +95,7 @@ pub struct Limited {
 /// What a machine's model needs beyond the drive's settings.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
-    /// Halves of the 95 % intervals of what screw and nut move, kg m^2.
+    /// Halves of the 95 % intervals of the inertias of screw and nut without the table, kg m^2.
     #[serde(default)]
     pub inertia_plus_minus_kg_m2: [f64; 2],
     /// Coulomb friction of the bearings of screw and nut, N m.
@@ -104,12 +104,18 @@ pub struct Machine {
     pub viscous_nm_s: [f64; 2],
     /// The table's mass through the lead, kg m^2.
     pub table_kg_m2: f64,
+    /// Half of its 95 % interval, kg m^2.
+    #[serde(default)]
+    pub table_plus_minus_kg_m2: f64,
     /// Coulomb friction of ball pair and guideway together, N m at the screw.
     pub feed_coulomb_nm: f64,
     /// Viscous friction of the same, N m s/rad.
     pub feed_viscous_nm_s: f64,
     /// Load against positive travel, N m at the screw.
     pub load_nm: f64,
+    /// The table's resonance on the screw, Hz; `None` where the scale does not show it.
+    #[serde(default)]
+    pub axial_hz: Option<f64>,
 }
 
 /// A step that is done.
@@ -404,13 +410,15 @@ async fn mechanical_step<D: Dialogue>(
     let [screw, nut] = found.torque_nm;
     Ok(Done {
         machine: Some(Machine {
-            inertia_plus_minus_kg_m2: found.moved_kg_m2().map(|moved| moved.plus_minus),
+            inertia_plus_minus_kg_m2: found.motors.map(|motor| motor.inertia_kg_m2.plus_minus),
             coulomb_nm: found.motors.map(|motor| motor.coulomb_nm.value),
             viscous_nm_s: found.motors.map(|motor| motor.viscous_nm_s.value),
             table_kg_m2: found.table_kg_m2.value,
+            table_plus_minus_kg_m2: found.table_kg_m2.plus_minus,
             feed_coulomb_nm: found.feed_coulomb_nm.value,
             feed_viscous_nm_s: found.feed_viscous_nm_s.value,
             load_nm: found.load_nm.value,
+            axial_hz: found.axial_hz.map(|hz| hz.value),
         }),
         quantities,
         limits: limits([
@@ -481,6 +489,9 @@ fn mechanical_quantities(found: &Mechanical, old: &Settings, new: &Settings) -> 
         found.lead_m.times(1e3),
         Some(old.feed.lead_mm),
     );
+    if let Some(hz) = found.axial_hz {
+        one("feed: axial resonance by the scale", "Hz", hz, None);
+    }
     quantities
 }
 

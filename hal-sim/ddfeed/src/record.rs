@@ -8,8 +8,9 @@ use link::host::{Count, Decoder, MotorRow, Row};
 use link::message::Aligned;
 use link::settings::Settings;
 use link::telemetry::{Header, Request};
-use plant::model::{EncoderKind, MeasuredModel, MeasuredMotor, Model, SensingModel};
+use plant::model::{EncoderKind, MeasuredFeed, MeasuredModel, MeasuredMotor, Model, SensingModel};
 use plant::recording::{AxisSample, RecordingWriter, Sample};
+use std::f64::consts::TAU;
 use std::fmt;
 
 /// What a recording became.
@@ -321,8 +322,8 @@ pub fn set_encoder_kinds(sensing: &mut SensingModel, encoders: [link::telemetry:
 /// What stands above the model of a commissioned drive.
 const MEASURED: &str = "\
 # Motors, friction, load, supply and the table's mass as a commissioning measured them; lead and sensing are the drive's own plate.
-# Friction of ball pair and guideway was measured together and stands at the pair. Stiffness, damping and the sensors' noise
-# were not measured.
+# Friction of ball pair and guideway was measured together and stands at the pair. The stiffness is by the axial resonance, where
+# the scale shows one. Damping and the sensors' noise were not measured.
 ";
 
 /// The text of the `model.toml` of a drive that was commissioned.
@@ -360,13 +361,20 @@ pub fn measured_model_file(
             inertia,
         }
     });
-    model.measured = Some(MeasuredModel { screw, nut });
+    // Without the resonance the table's share of a torque is not known at any frequency.
+    let feed = machine.axial_hz.map(|_| MeasuredFeed {
+        table_mass: machine.table_plus_minus_kg_m2 / table,
+    });
+    model.measured = Some(MeasuredModel { screw, nut, feed });
     let feed = &mut model.feed;
     feed.table_mass_kg = table / (travel * travel);
     feed.pair_coulomb_nm = least(machine.feed_coulomb_nm);
     feed.guideway_coulomb_n = 0.0;
     feed.guideway_viscous_n_s_per_m = least(machine.feed_viscous_nm_s) / (travel * travel);
     feed.load_n = machine.load_nm / travel;
+    if let Some(hz) = machine.axial_hz {
+        feed.axial_stiffness_n_per_m = feed.table_mass_kg * (TAU * hz).powi(2);
+    }
     format!("{MEASURED}{}", model.to_toml())
 }
 

@@ -71,11 +71,17 @@ impl Base {
         let origin = feed.then(|| Parameter::TableOrigin {
             within: origin_within(balance),
         });
+        let measured = balance.model.measured.filter(|_| feed);
+        let table = measured.and_then(|measured| measured.feed);
+        let table = table.map(|table| Parameter::TableMass {
+            within: table.table_mass,
+        });
         Base {
             residual: balance.residual(),
             parameters: machine
                 .parameters()
                 .into_iter()
+                .chain(table)
                 .chain(origin)
                 .chain(rounding.filter(|_| feed))
                 .map(|p| (p, balance.parameter(p)))

@@ -1,7 +1,7 @@
 //! What declared parameters and nuisances of a record add to the residuals.
 
 use super::declared::FULL;
-use super::{Balance, Contribution, brake};
+use super::{Balance, Contribution, brake, shaped};
 use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::machines::declared_or_unit;
 use crate::signal::channel::Channel;
@@ -50,6 +50,14 @@ impl Balance<'_> {
             // Its shape was learnt from a record: who learnt it knows what it adds.
             Parameter::Curve(_) => {}
             Parameter::Load => sum = self.guideway(|_| feed.load_n),
+            Parameter::TableMass { .. } => {
+                let table = shaped(&self.relative_acceleration_told, &self.declared.compliance);
+                let inertia = feed.table_mass_kg * self.lead * self.lead;
+                for axis in Axis::ALL {
+                    let table = self.seen_by(axis, &table);
+                    sum.add(Channel::Torque(axis), brake(axis) * inertia, &table);
+                }
+            }
             Parameter::RestOffset { from, to, .. } => {
                 let inside = |k: usize| if (from..to).contains(&k) { 1.0 } else { 0.0 };
                 sum.add(Channel::Table, 1.0, &self.spectrum_of(SMOOTH, inside));

@@ -29,6 +29,7 @@ fn declared_name(parameter: Parameter, machine: &dyn Machine) -> Option<String> 
         Parameter::GuidewayCoulomb => "feed.guideway_coulomb_n".into(),
         Parameter::GuidewayViscous => "feed.guideway_viscous_n_s_per_m".into(),
         Parameter::Load => "feed.load_n".into(),
+        Parameter::TableMass { .. } => "feed.table_mass_kg".into(),
         Parameter::Curve(_)
         | Parameter::GuidewayShare
         | Parameter::TableOrigin { .. }
@@ -64,10 +65,13 @@ fn add(declared: &mut f64, value: f64) {
     *declared = (*declared + declared_or_unit(*declared) * value).max(0.0);
 }
 
+/// Part of its measured mass that a table has at least.
+const LIGHTEST: f64 = 0.05;
+
 pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> Model {
     let mut model = case.balance.model.clone();
     model.feed.axial_damping_ratio = case.balance.damping;
-    let mut share = 0.0;
+    let (mut share, mut heavier) = (0.0, 1.0);
     for (k, (parameter, _)) in case.base.parameters.iter().enumerate() {
         let value = parameter.within_interval(case.balance.model, solution.values[k]);
         let factor = 1.0 + value;
@@ -89,6 +93,7 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
             Parameter::GuidewayShare => share = value.clamp(0.0, 1.0),
             Parameter::GuidewayViscous => model.feed.guideway_viscous_n_s_per_m *= factor,
             Parameter::Load => model.feed.load_n *= factor,
+            Parameter::TableMass { .. } => heavier = factor.max(LIGHTEST),
             Parameter::Curve(_)
             | Parameter::TableOrigin { .. }
             | Parameter::RestOffset { .. }
@@ -96,6 +101,10 @@ pub(crate) fn new_model(case: &Case, solution: &Solution, effects: &[Found]) -> 
         }
     }
     let feed = &mut model.feed;
+    // The resonance was measured, and so was how far friction winds up the screw: both stay.
+    feed.table_mass_kg *= heavier;
+    feed.axial_stiffness_n_per_m *= heavier;
+    let share = f64::min(share * heavier, 1.0);
     feed.guideway_coulomb_n += share * feed.pair_coulomb_nm / feed.travel_per_radian().abs();
     feed.pair_coulomb_nm *= 1.0 - share;
     model

@@ -20,6 +20,11 @@ pub enum Parameter {
     GuidewayViscous,
     /// Load force.
     Load,
+    /// The table's mass on a screw of a measured resonance, relative.
+    TableMass {
+        /// Half of the interval of its measurement, relative.
+        within: f64,
+    },
     /// How much of a measured curve, by its number, the record has: 1 as it was learnt.
     Curve(usize),
     /// Where the table's scale has its zero, m.
@@ -146,6 +151,7 @@ impl Parameter {
             Parameter::Pair | Parameter::GuidewayCoulomb | Parameter::GuidewayViscous => 0.22,
             Parameter::GuidewayShare => 1.0,
             Parameter::Load => 0.005,
+            Parameter::TableMass { within } => 3.0 * within,
             Parameter::Curve(_) => f64::INFINITY,
             Parameter::TableOrigin { within } => within,
             Parameter::RestOffset { count_m, .. } | Parameter::RestDrift { count_m, .. } => count_m,
@@ -191,6 +197,8 @@ impl Parameter {
     fn spread(self) -> f64 {
         match self {
             Parameter::TableOrigin { within } => 0.2 * within,
+            // Twice what its interval says: presliding bends friction where the table turns back.
+            Parameter::TableMass { within } => within,
             Parameter::RestOffset { count_m, .. } => count_m / 12.0_f64.sqrt(),
             Parameter::RestDrift { count_m, .. } => count_m / 6.0_f64.sqrt(),
             _ => self.bound() / 3.0_f64.sqrt(),

@@ -12,6 +12,18 @@ pub struct MeasuredModel {
     pub screw: MeasuredMotor,
     /// Of the nut's motor.
     pub nut: MeasuredMotor,
+    /// Of the feed.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub feed: Option<MeasuredFeed>,
+}
+
+/// The same of the feed.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MeasuredFeed {
+    /// Of `table_mass_kg`, of which the axial resonance was measured by itself; 0 or above.
+    #[serde(deserialize_with = "limits::non_negative")]
+    pub table_mass: f64,
 }
 
 /// The same of a motor; each 0 or above.

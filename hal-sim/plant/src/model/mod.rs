@@ -12,7 +12,7 @@ mod write;
 
 pub use error::ModelError;
 pub use installation::{Brake, InstallationModel};
-pub use measured::{MeasuredModel, MeasuredMotor};
+pub use measured::{MeasuredFeed, MeasuredModel, MeasuredMotor};
 
 use crate::Axis;
 use crate::effects::EffectModel;

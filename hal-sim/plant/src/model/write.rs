@@ -21,6 +21,9 @@ impl Model {
         if let Some(measured) = &self.measured {
             write_table(&mut text, "[measured.screw]", &table(&measured.screw));
             write_table(&mut text, "[measured.nut]", &table(&measured.nut));
+            if let Some(feed) = &measured.feed {
+                write_table(&mut text, "[measured.feed]", &table(feed));
+            }
         }
         for effect in &self.effects {
             write_table(&mut text, "[[effects]]", &effect.to_table());

@@ -6,7 +6,9 @@
 //! - At the rated speed the motor induces 50 to 65 % of the largest voltage that the bus makes.
 //! - The electrical frequency at the rated speed is 420 Hz at most: motors of 10 pole pairs are slow ones.
 //! - Bearings, ball pair and guideway each take 1 to 5 % of the rated torque.
-//! - Without a brake, friction holds the load. With one, the load takes up to 25 % of the rated torque.
+//! - Without a brake, friction holds the load and the effects that push at rest; all of them take 80 % of it at most. With one, the load
+//!   takes up to 25 % of the rated torque.
+//! - At rest a shaft stands: a torque over time takes a quarter of its bearing's friction at most.
 //! - The current sensor's range is 2.5 times the rated current.
 //! - The travel is at least five leads.
 //! - Friction is elastic before it slides on three machines of four, over 1 to 10 um of the table.
@@ -17,6 +19,7 @@ use control::mt6835::COUNTS_PER_TURN;
 use hal_sim::experiment::Setup;
 use link::host::settings::some_to_toml;
 use link::settings::Settings;
+use plant::Axis;
 use plant::effects::{AnyEffect, EffectModel, Place};
 use plant::machine::Coupling;
 use plant::model::{Brake, EncoderKind, InstallationModel, Model, SensingModel};
@@ -35,6 +38,10 @@ const LEADS_M: [f64; 6] = [2e-3, 4e-3, 5e-3, 10e-3, 16e-3, 20e-3];
 const TRAVEL_M: [f64; 2] = [0.1, 2.0];
 /// Travel of the table over which friction is elastic before it slides, m.
 const PRESLIDING_M: [f64; 2] = [1e-6, 10e-6];
+/// Part of what friction holds that pushes at most.
+const HELD: f64 = 0.8;
+/// Part of a bearing's friction that a torque over time takes at most.
+const SHAKEN: f64 = 0.25;
 /// Bits of an incremental encoder.
 const BITS: [u32; 12] = [12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23];
 
@@ -80,7 +87,7 @@ pub fn machine(seed: u64) -> Machine {
     let share = draw.between([-1.0, 1.0]);
     model.feed.load_n = share
         * match model.installation.brake {
-            Brake::None => 0.8 * held_load_n(&model),
+            Brake::None => HELD * held_load_n(&model),
             Brake::Ideal | Brake::Fitted => 0.25 * rated_nm / model.feed.travel_per_radian(),
         };
     // The datasheets know neither harmonics nor effects.
@@ -100,11 +107,40 @@ pub fn machine(seed: u64) -> Machine {
     if draw.one_of(&[true, true, true, false]) {
         model.feed.presliding_m = draw.by_size(PRESLIDING_M);
     }
+    if let Brake::None = model.installation.brake {
+        let most = HELD * held_load_n(&model) - pushed_at_rest_n(&model);
+        let most = most.max(0.0);
+        model.feed.load_n = model.feed.load_n.clamp(-most, most);
+    }
     Machine {
         velocity: (0.5 * lead_m).min(0.08 * travel_m),
         model,
         datasheet,
     }
+}
+
+/// What the effects push the table with while it rests, N: those of the worse shaft, and those of the feed.
+fn pushed_at_rest_n(model: &Model) -> f64 {
+    const PUSHES: [&str; 5] = [
+        "cogging",
+        "torque_harmonic",
+        "coupling_misalignment",
+        "angle_periodic",
+        "time_periodic",
+    ];
+    let at = |place: Place, kinds: &[&str]| -> f64 {
+        let effects = model
+            .effects
+            .iter()
+            .filter(|effect| effect.place() == place && kinds.contains(&effect.effect().kind()));
+        effects
+            .flat_map(|effect| effect.effect().parameters())
+            .filter(|(name, _)| name == "amplitude")
+            .map(|(_, amplitude)| amplitude)
+            .sum()
+    };
+    let shaft = at(Place::Screw, &PUSHES).max(at(Place::Nut, &PUSHES));
+    (shaft + at(Place::Feed, &["ball_passage"])) / model.feed.travel_per_radian()
 }
 
 /// A motor whose electrical frequency a drive of 20 kHz is made for.
@@ -205,7 +241,10 @@ fn effect(draw: &mut Draw, model: &Model, drawn: [&Drawn; 2]) -> EffectModel {
             place,
             vec![
                 ("hz", draw.between([6.0, 140.0])),
-                ("amplitude", nm(draw)),
+                (
+                    "amplitude",
+                    nm(draw).min(SHAKEN * model.motor(Axis::ALL[axis]).coulomb_nm),
+                ),
                 ("phase", phase),
             ],
         ),

@@ -90,15 +90,18 @@ impl Row {
     #[must_use]
     pub fn is_worse(&self) -> bool {
         let pair = self.ripple_after.zip(self.ripple_before);
-        pair.is_some_and(|(after, before)| after > (1.0 + 0.5 * SAME) * before + self.scale_floor)
+        pair.is_some_and(|(after, before)| {
+            after > before + (0.5 * SAME * before).max(self.ripple_repeats) + self.scale_floor
+        })
     }
 
-    /// Power off and on changed nothing.
+    /// Power off and on changed nothing, but for what two recordings of the same differ by.
     #[must_use]
     pub fn is_same_after_restart(&self) -> bool {
         let pair = self.ripple_after.zip(self.ripple_restarted);
         pair.is_some_and(|(after, again)| {
-            (after - again).abs() <= SAME * after.max(again) + self.scale_floor
+            let differ = (SAME * after.max(again)).max(self.ripple_repeats);
+            (after - again).abs() <= differ + self.scale_floor
         })
     }
 }

@@ -33,6 +33,9 @@ const CHECK: [(f64, f64, f64); 4] = [
 /// rounding repeats, and makes anything from nothing to twice its usual part.
 const COMPARED: [(f64, f64, f64); 2] = [(1.0318, 0.0, 3.0), (-1.0318, 300.0, 3.0)];
 
+/// The holds of the fit recording with the single drive, and with the double drive, at the compared speeds within 4 %.
+const REPEATED: [usize; 2] = [0, 2];
+
 /// What came of a machine. Ripples are root mean squares by the table's scale as `record` prints them, %, over both holds.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Row {
@@ -52,6 +55,9 @@ pub struct Row {
     pub failed_step: Option<String>,
     /// What counts of the table's scale make of the ripple where it is not the table's, %.
     pub scale_floor: f64,
+    /// How much the ripple of the fit recording at the compared speeds differs from that before the compensation, %. A machine that sticks
+    /// and slips, or whose resting rotor hunts between two counts, shows another ripple each time.
+    pub ripple_repeats: f64,
     /// Recorded before the compensation.
     pub ripple_before: Option<f64>,
     /// Predicted by `compensate`.
@@ -177,15 +183,9 @@ impl Journey {
         self.drive(step, served, &words)
     }
 
-    /// The ripple of both holds of a recording, %.
+    /// The ripple of the compared holds of a recording, %.
     fn ripple(&self, name: &str) -> Result<f64> {
-        let path = self.folder.join("rec").join(format!("{name}.csv.gz"));
-        let recording = Recording::load(&path)?;
-        let travel = self.machine.model.feed.travel_per_radian();
-        let all: Vec<f64> = ripples(&recording, travel)?
-            .iter()
-            .map(|(_, ripple)| ripple.rms_percent)
-            .collect();
+        let all = self.ripples(name)?;
         anyhow::ensure!(
             all.len() == COMPARED.len(),
             "{} holds were recorded, but {} were asked",
@@ -193,6 +193,17 @@ impl Journey {
             COMPARED.len()
         );
         Ok(together(all.into_iter()))
+    }
+
+    /// The ripple of each hold of a recording, %.
+    fn ripples(&self, name: &str) -> Result<Vec<f64>> {
+        let path = self.folder.join("rec").join(format!("{name}.csv.gz"));
+        let recording = Recording::load(&path)?;
+        let travel = self.machine.model.feed.travel_per_radian();
+        Ok(ripples(&recording, travel)?
+            .iter()
+            .map(|(_, ripple)| ripple.rms_percent)
+            .collect())
     }
 
     fn steps(&mut self) -> Result<()> {
@@ -203,7 +214,7 @@ impl Journey {
         fs::write(self.path("real.toml"), self.machine.model.to_toml())?;
         fs::write(self.path("datasheet.toml"), &self.machine.datasheet)?;
         let served = &mut self.serve(&self.row.seed.to_string())?;
-        let [datasheet, found, export, known, model, out, before] = [
+        let [datasheet, found, export, known, model, out, recorded] = [
             "datasheet.toml",
             "found",
             "export.toml",
@@ -234,14 +245,19 @@ impl Journey {
         let (named, worse) = worse_values(&self.machine.model, &self.folder)?;
         (self.row.named, self.row.values_worse) = (named, worse);
         self.record("record before", served, "before", &COMPARED)?;
-        self.row.ripple_before = Some(self.ripple("before")?);
+        let before = self.ripple("before")?;
+        let fit = self.ripples("fit")?;
+        let repeated = REPEATED.iter().filter_map(|hold| fit.get(*hold).copied());
+        let repeated = together(repeated.collect::<Vec<_>>().into_iter());
+        self.row.ripple_repeats = (repeated - before).abs();
+        self.row.ripple_before = Some(before);
         self.drive("compensate", served, &["settings", "export", &export])?;
         let identified = self.path("out/model.toml");
         let words = [
             "--model",
             &identified,
             "--recording",
-            &before,
+            &recorded,
             "--drive",
             &export,
             "--settings",

@@ -98,6 +98,23 @@ pub struct RotorSwing {
     pub speed_loop: SpeedLoopConfig,
 }
 
+impl MotorAlignment {
+    /// Torque of the largest current, 2^-35 of an ampere's torque of the motor with the most.
+    fn torque_limit(&self) -> i64 {
+        i64::from(self.limit.to_bits()).saturating_mul(self.swing.torque_per_ampere.into())
+    }
+}
+
+impl RotorSwing {
+    /// The current of a torque, 2^-35 of an ampere's torque of the motor with the most.
+    fn current(&self, torque: i64) -> Current {
+        let bits = torque
+            .checked_div(self.torque_per_ampere.into())
+            .unwrap_or(0);
+        Current::from_bits(i32::try_from(bits).unwrap_or(i32::MAX))
+    }
+}
+
 /// How both swing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SwingConfig {
@@ -246,7 +263,7 @@ impl Default for AlignmentStep {
     }
 }
 
-/// Scans that may tell nothing of where the rotors stand.
+/// Scans that may tell nothing of where the rotors stand, or of how their encoders count. Each next one moves twice as far.
 const SCANS: u8 = 2;
 
 /// Both bridges open.
@@ -496,7 +513,8 @@ impl Alignment {
         else {
             return current;
         };
-        match locate.step(limits, &config.probes, index, theta, table) {
+        let probes = config.probes.coarser(self.scans);
+        match locate.step(limits, &probes, index, theta, table) {
             LocateStep::Rest => current = [SHORT; 2],
             LocateStep::Vector(at, i) => vector(&mut current, index, at, [i, Current::ZERO]),
             LocateStep::Found(found) => {
@@ -506,16 +524,20 @@ impl Alignment {
                 if let Some(place) = self.locations.get_mut(index) {
                     *place = Some(*locate);
                 }
-                self.stage = if self.located.iter().all(Option::is_some) {
-                    Stage::Pair(Pair::default())
-                } else {
+                self.stage = if self.located.iter().any(Option::is_none) {
                     Stage::Wiring(1, Wiring::default())
+                } else if self.table_stood(config) {
+                    self.scans = self.scans.saturating_add(1);
+                    (self.located, self.locations) = ([None; 2], [None; 2]);
+                    Stage::Locate(0, Locate::default())
+                } else {
+                    Stage::Pair(Pair::default())
                 };
             }
             LocateStep::Failed(Reason::Exchanged) => {
                 self.fail(theta, Part::Pair, Reason::Exchanged);
             }
-            // Friction is elastic before it slides, and remembers how it was left: the next scan begins elsewhere.
+            // Friction is elastic before it slides, and remembers how it was left: the next scan moves further.
             LocateStep::Failed(Reason::Unsteady) if self.scans < SCANS => {
                 self.scans = self.scans.saturating_add(1);
                 self.stage = Stage::Locate(index, Locate::default());
@@ -526,6 +548,12 @@ impl Alignment {
             }
         }
         current
+    }
+
+    /// No rotor has moved the table by its scale, or taken the other along, so nothing says which way the encoders count. A soft screw
+    /// winds up before its table slides: the next scan moves further.
+    fn table_stood(&self, config: &AlignmentConfig) -> bool {
+        self.table.last.is_some() && self.scans < SCANS && self.same(config).is_none()
     }
 
     /// Tries whether both encoders count the same way.
@@ -539,9 +567,10 @@ impl Alignment {
             PairStep::Rest => current = [SHORT; 2],
             PairStep::Ramp(level, signs) => {
                 let motors = config.motors.iter().zip(&self.located).zip(signs);
+                let torque = probe::torque(&config.motors, level);
                 for (index, ((motor, located), sign)) in motors.enumerate() {
                     let axis = located.map_or(Angle(0), |located| located.axis);
-                    let i = probe::current(motor.limit, level);
+                    let i = motor.swing.current(torque).min(motor.limit);
                     let i = if sign > 0 { i } else { i.saturating_neg() };
                     vector(&mut current, index, axis, [i, Current::ZERO]);
                 }

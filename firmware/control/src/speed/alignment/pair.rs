@@ -19,7 +19,8 @@ const WAYS: [[i32; 2]; 4] = [[1, -1], [-1, 1], [1, 1], [-1, -1]];
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Pair {
     way: u8,
-    probe: Probe,
+    /// The way that is tried.
+    probe: Option<Probe>,
     /// Ways in which screw against nut went as asked, and the other way.
     right: u8,
     wrong: u8,
@@ -56,14 +57,21 @@ impl Pair {
         };
         let same_way = same.unwrap_or(true);
         let signs = [screw, if same_way { nut } else { nut.wrapping_neg() }];
-        match self.probe.step(probes, theta) {
+        let probe = self.probe.get_or_insert_with(|| {
+            if screw == nut {
+                Probe::default()
+            } else {
+                Probe::apart(same_way)
+            }
+        });
+        match probe.step(probes, theta) {
             ProbeStep::Rest => PairStep::Rest,
             ProbeStep::Ramp(level) => PairStep::Ramp(level, signs),
             ProbeStep::Moves(_) => PairStep::Wrong(Reason::LoadMoves),
             ProbeStep::Found(broken) => {
-                self.probe = Probe::default();
                 self.take(probes, &broken, [screw, nut], same_way);
                 self.way = self.way.saturating_add(1);
+                self.probe = None;
                 PairStep::Rest
             }
         }

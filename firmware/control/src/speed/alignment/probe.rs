@@ -5,10 +5,13 @@
 //! drops out of the ratio of two. Friction and the shorted windings stop what moves: a rotor whose friction a load takes up, and
 //! whose torque over its angle helps that load, creeps down instead of running away.
 
+use super::MotorAlignment;
 use crate::base::format::{Angle, Current};
 
 /// Where a ramp begins, 2^-16 of the limit.
 const FIRST: u16 = 1 << 12;
+/// Doublings of what is motion, by which both rotors may move together while they should part.
+const TOGETHER: u8 = 3;
 
 /// Times of a probe, and what counts as motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,6 +26,16 @@ pub struct ProbeConfig {
     pub motion: u32,
 }
 
+impl ProbeConfig {
+    /// The same, of which motion is `2^doublings` times as far.
+    pub(super) const fn coarser(self, doublings: u8) -> Self {
+        Self {
+            motion: self.motion.saturating_mul(1 << doublings),
+            ..self
+        }
+    }
+}
+
 /// A probe on its way.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Probe {
@@ -32,6 +45,23 @@ pub(super) struct Probe {
     /// Angles at the start, and then at the start of each rest.
     from: [Angle; 2],
     found: Option<Broken>,
+    /// Of the rests so far, the sum of how far each encoder is from `from`, and the mean of the one before, from the same place.
+    sum: [i64; 2],
+    before: Option<[i64; 2]>,
+    /// Where the encoders were a step ago, and the largest jump of one since the last rest, 2^-32 turn.
+    last: Option<[i32; 2]>,
+    jump: u32,
+    gives_way: GivesWay,
+}
+
+/// What ends a probe's torque.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+enum GivesWay {
+    /// A rotor moves.
+    #[default]
+    Either,
+    /// The rotors move against each other; both count the same way where they turn together, or not.
+    Apart(bool),
 }
 
 /// What a probe found.
@@ -44,11 +74,12 @@ pub(super) struct Broken {
 }
 
 impl Broken {
-    /// Both moved, by half of what is motion at least: their signs are the same. `None` if one stood.
+    /// Both moved, by an eighth of what is motion at least: their signs are the same. `None` if one stood. The pair's friction takes the
+    /// other along, and elastic friction lets it follow by a part.
     pub(super) fn together(&self, config: &ProbeConfig) -> Option<bool> {
         let [screw, nut] = self.moved;
         let mut both = self.moved.into_iter();
-        both.all(|moved| moved.unsigned_abs() >= config.motion >> 1)
+        both.all(|moved| moved.unsigned_abs() >= config.motion >> 3)
             .then_some((screw < 0) == (nut < 0))
     }
 
@@ -87,13 +118,58 @@ impl Probe {
         }
     }
 
+    /// A probe of torques against each other. One motor may take the other along before they part: that does not end the probe, within
+    /// [`TOGETHER`] of what is motion.
+    pub(super) fn apart(same: bool) -> Self {
+        Self {
+            gives_way: GivesWay::Apart(same),
+            ..Self::default()
+        }
+    }
+
+    /// The torque has moved what it should.
+    fn gave_way(&self, config: &ProbeConfig, moved: [i32; 2]) -> bool {
+        let GivesWay::Apart(same) = self.gives_way else {
+            return moves(config, moved);
+        };
+        let [screw, nut] = moved;
+        let nut = if same { nut } else { nut.wrapping_neg() };
+        screw.wrapping_sub(nut).unsigned_abs() >= config.motion
+            || moves(&config.coarser(TOGETHER), moved)
+    }
+
+    /// What moves stays about its place, and without jumps: it is shaken, and its encoder is not disturbed. It keeps the mean over the
+    /// rest that ends, counted from where it ends.
+    fn shakes(&mut self, config: &ProbeConfig, moved: [i32; 2]) -> bool {
+        let mean = self
+            .sum
+            .map(|sum| sum.checked_div(self.step.into()).unwrap_or(0));
+        self.sum = [0; 2];
+        let [screw, nut] = mean;
+        let stays = |mean: i64, before: i64| {
+            mean.saturating_sub(before).unsigned_abs() <= u64::from(config.motion >> 3)
+        };
+        let jumps = core::mem::take(&mut self.jump) > config.motion >> 1;
+        self.last = None;
+        let shaken = !jumps
+            && self.before.is_some_and(|[screw_before, nut_before]| {
+                stays(screw, screw_before) && stays(nut, nut_before)
+            });
+        let [screw_moved, nut_moved] = moved;
+        self.before = Some([
+            screw.saturating_sub(screw_moved.into()),
+            nut.saturating_sub(nut_moved.into()),
+        ]);
+        shaken
+    }
+
     /// One step, with both encoders' angles. The first step of a fresh probe begins it.
     pub(super) fn step(&mut self, config: &ProbeConfig, theta: [Angle; 2]) -> ProbeStep {
         if self.level == 0 && self.found.is_none() {
             self.from = theta;
         }
         let moved = moved(theta, self.from);
-        let gave_way = moves(config, moved);
+        let gave_way = self.gave_way(config, moved);
         let Some(found) = self.found else {
             if gave_way || self.level == u16::MAX {
                 self.found = Some(Broken {
@@ -111,11 +187,20 @@ impl Probe {
             return ProbeStep::Ramp(self.level);
         };
         self.step = self.step.saturating_add(1);
+        for (sum, moved) in self.sum.iter_mut().zip(moved) {
+            *sum = sum.saturating_add(moved.into());
+        }
+        let jumps = moved
+            .into_iter()
+            .zip(self.last.replace(moved).unwrap_or(moved));
+        for (moved, last) in jumps {
+            self.jump = self.jump.max(moved.wrapping_sub(last).unsigned_abs());
+        }
         if self.step < config.rest_steps {
             return ProbeStep::Rest;
         }
         let goes_on = moved.map(|moved| moved.unsigned_abs() > config.motion >> 3);
-        if goes_on == [false; 2] {
+        if goes_on == [false; 2] || self.shakes(config, moved) {
             return ProbeStep::Found(found);
         }
         self.step = 0;
@@ -135,6 +220,14 @@ pub(super) fn current(limit: Current, level: u16) -> Current {
     // A part of the limit.
     #[allow(clippy::cast_possible_truncation)]
     Current::from_bits(wide as i32)
+}
+
+/// The part `level`, 2^-16, of the stronger motor's torque limit, in 2^-35 of an ampere's torque of the motor with the most.
+pub(super) fn torque(motors: &[MotorAlignment; 2], level: u16) -> i64 {
+    let limits = motors.each_ref().map(MotorAlignment::torque_limit);
+    let [screw, nut] = limits;
+    // 2^46 at most: 2^31 times 2^15.
+    (screw.max(nut) >> 16).wrapping_mul(level.into())
 }
 
 /// How far both have moved.

@@ -31,6 +31,9 @@ struct Rotor {
     limited: bool,
     /// What the sum of a swing should be by its current across alone.
     expected: i64,
+    /// Of the swing so far, the sums of its torque and of its angle, 2^-16 turn.
+    torque: i64,
+    angle: i64,
 }
 
 /// Swings, and whether a motor's current across is turned round in one: screw, nut.
@@ -55,6 +58,8 @@ pub(super) struct Swing {
     swing: u8,
     /// How often all three were repeated.
     again: u8,
+    /// Samples of the swing so far.
+    samples: u16,
     /// Of each swing, the sum of both torques times the angle.
     sums: [i64; 3],
 }
@@ -162,6 +167,7 @@ impl Swing {
             Phase::Up if self.asked >= furthest => Phase::Down,
             Phase::Down if self.asked <= furthest.saturating_neg() => Phase::Back,
             Phase::Back if self.asked >= 0 => {
+                self.centre(&config.motors);
                 self.swing = self.swing.saturating_add(1);
                 Phase::Up
             }
@@ -174,6 +180,7 @@ impl Swing {
             (self.swing, self.steps) = (0, 0);
             self.again = self.again.saturating_add(1);
         }
+        self.samples = self.samples.saturating_add(1);
         let swing = usize::from(self.swing);
         let (Some(round), Some(sum)) = (SWINGS.get(swing), self.sums.get_mut(swing)) else {
             return SwingStep::Failed(self.late(), Reason::Unsteady);
@@ -194,12 +201,12 @@ impl Swing {
             // both, that drops out of the sum. A torque in 2^-15 of the larger motor's at 2^-12 A: a product within 2^46.
             let x = i64::from(moved >> 16);
             *sum = sum.saturating_add(limits.swing.product(rotor.asked, x));
+            rotor.torque = rotor
+                .torque
+                .saturating_add(limits.swing.product(rotor.asked, 1));
+            rotor.angle = rotor.angle.saturating_add(x);
             if self.swing == 0 {
-                let electrical = moved.wrapping_mul(limits.pole_pairs.cast_signed()) >> 16;
-                let radians = i64::from(electrical).wrapping_mul(TURN) >> 16;
-                let expected = limits.swing.product(limits.swing.across, x);
-                let expected = expected.wrapping_mul(radians) >> 10;
-                rotor.expected = rotor.expected.saturating_add(expected);
+                rotor.expected = rotor.expected.saturating_add(limits.expected(x));
             }
             let across = limits.swing.across;
             let across = if *round {
@@ -210,6 +217,26 @@ impl Swing {
             *current = [rotor.asked, across];
         }
         SwingStep::Drive(currents)
+    }
+
+    /// Counts each rotor's angle of a swing from its mean. The table was moved back by the rotors' difference, so they do not swing about
+    /// their start, and friction and a load would not drop out.
+    fn centre(&mut self, motors: &[MotorAlignment; 2]) {
+        let samples = i64::from(self.samples);
+        self.samples = 0;
+        let Some(sum) = self.sums.get_mut(usize::from(self.swing)) else {
+            return;
+        };
+        for (rotor, motor) in self.rotors.iter_mut().zip(motors) {
+            let mean = rotor.angle.checked_div(samples).unwrap_or(0);
+            // Below 2^60: a sum of torques within 2^46 times an angle within 2^14.
+            *sum = sum.saturating_sub(rotor.torque.saturating_mul(mean));
+            if self.swing == 0 {
+                let all = motor.expected(mean).saturating_mul(samples);
+                rotor.expected = rotor.expected.saturating_sub(all);
+            }
+            (rotor.torque, rotor.angle) = (0, 0);
+        }
     }
 
     /// Which is behind, where not both are.
@@ -251,6 +278,16 @@ pub(crate) const FULL: i32 = 1024;
 
 /// `2 pi` in 2^-10.
 const TURN: i64 = 6434;
+
+impl MotorAlignment {
+    /// Torque of the current across at an angle `x` from the middle, 2^-16 turn, times that angle.
+    fn expected(&self, x: i64) -> i64 {
+        let electrical = x.wrapping_mul(self.pole_pairs.into());
+        let radians = electrical.wrapping_mul(TURN) >> 16;
+        let product = self.swing.product(self.swing.across, x);
+        product.wrapping_mul(radians) >> 10
+    }
+}
 
 impl RotorSwing {
     /// A current's torque times an angle.
