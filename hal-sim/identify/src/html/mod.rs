@@ -215,6 +215,7 @@ mod tests {
                 unit: BTreeMap::from([("amplitude".to_owned(), "N m".to_owned())]),
                 explained: 0.97,
                 held_back: vec![0.93, 0.99],
+                candidates: &[],
                 curve: None,
                 not_separable: vec![Alias {
                     kind: "flux_harmonic".into(),

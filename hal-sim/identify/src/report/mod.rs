@@ -107,6 +107,9 @@ pub struct Effect {
     /// Other effects that the record does not tell from it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub not_separable: Vec<Alias>,
+    /// Causes that the record does not tell apart, where there is more than one: effects by their kind, and others in words.
+    #[serde(skip_serializing_if = "<[_]>::is_empty")]
+    pub candidates: &'static [&'static str],
     /// Of an effect without a name: the curve that was measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub curve: Option<Measured>,
@@ -383,6 +386,7 @@ impl Effect {
             explained,
             held_back: Vec::new(),
             not_separable: Vec::new(),
+            candidates: &[],
             curve: None,
             suggests: None,
         };

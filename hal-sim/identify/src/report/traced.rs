@@ -161,12 +161,21 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
         };
         (estimate, unit)
     });
+    let softer = softer_screw(found, &outcome.model);
+    let candidates = match softer {
+        Some(_) => LOST_MOTION,
+        None => candidates_of_order(kind),
+    };
+    let by_order = || {
+        let all = candidates.join(", ");
+        format!("the record shows the order, not the cause; candidates: {all}")
+    };
     Effect {
         order,
         hz,
         held_back: held_back(found),
-        suggests: softer_screw(found, &outcome.model)
-            .or_else(|| candidates_of_order(kind).map(Into::into)),
+        suggests: softer.or_else(|| (!candidates.is_empty()).then(by_order)),
+        candidates,
         not_separable: found
             .inseparable
             .iter()
@@ -183,17 +192,16 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
 
 /// Candidates for the cause of a torque over a motor's angle. The record shows its order; the kind follows from the order by a rule
 /// (`Hypothesis::effect`).
-fn candidates_of_order(kind: &str) -> Option<&'static str> {
+fn candidates_of_order(kind: &str) -> &'static [&'static str] {
     match kind {
-        "coupling_misalignment" => Some(
-            "the record shows the order, not the cause; candidates: misaligned coupling, eccentric rotor, eccentric load",
-        ),
-        "cogging" => Some(
-            "the record shows the order, not the cause; candidates: cogging of poles or slots, a part that passes as often",
-        ),
-        _ => None,
+        "coupling_misalignment" => &["misaligned coupling", "eccentric rotor", "eccentric load"],
+        "cogging" => &["cogging of poles or slots", "a part that passes as often"],
+        _ => &[],
     }
 }
+
+/// Causes of a motion that is lost at a reversal.
+const LOST_MOTION: &[&str] = &["backlash", "axial_compliance"];
 
 /// The other candidate of a backlash.
 fn softer_screw(found: &Found, model: &Model) -> Option<String> {
@@ -498,15 +506,14 @@ mod tests {
             ("coupling_misalignment", "misaligned coupling"),
             ("cogging", "cogging"),
         ] {
-            let text = candidates_of_order(kind).unwrap();
-            let (_, candidates) = text.split_once("candidates: ").unwrap();
+            let candidates = candidates_of_order(kind);
             assert!(
-                candidates.contains(likely) && candidates.split(", ").count() > 1,
-                "{text}"
+                candidates.len() > 1 && candidates.iter().any(|one| one.contains(likely)),
+                "{candidates:?}"
             );
         }
         // An offset of a current sensor has one cause.
-        assert_eq!(candidates_of_order("current_offset"), None);
+        assert!(candidates_of_order("current_offset").is_empty());
     }
 
     #[test]

@@ -5,17 +5,22 @@
 //!
 //! `e_d = v_d - R*i_d + omega*L*i_q = -omega*flux*sin(off)`, `e_q = v_q - R*i_q - omega*L*i_d = omega*flux*cos(off)`.
 //!
-//! Their ratio needs neither flux nor speed. Errors of the dead time and of the resistance lie along the current, in q. A delay
+//! Their ratio needs neither flux nor speed. Errors of the dead time and of the resistance lie along the current, in q. Where a load
+//! drives a rotor, they are against `e_q`. Where they are larger, such a rotor is not listened to. A delay
 //! is odd in the speed, so it cancels between turning forwards and backwards. On the way up the offset follows
 //! `off` in steps. If the encoder counts the other way, or the pole pairs are others, the offset runs off in proportion to
 //! the angle. `d(offset) / d(theta)` is then the error of the number of pole pairs.
 
 use super::vector;
 use super::{AlignmentConfig, MotorAlignment, MotorSeen, Reason};
-use crate::base::format::{Angle, Current, MechanicalSpeed, TableVelocity};
+use crate::base::format::{Angle, Current, MechanicalSpeed, Speed, TableVelocity};
 use crate::current::observer::EncoderAlignment;
 use crate::speed::coordinator::{Command, Coordinator, CoordinatorConfig, Following};
 use crate::speed::speed_loop::SpeedLoop;
+
+/// Times the back-EMF by the plate that what looks like one may be. The dead time's voltage turns by steps of 60 degrees, and is up to
+/// half of its size across the current. Above twice the back-EMF the offset follows these steps instead of the rotor.
+const CLEAR: i64 = 3;
 
 /// Steps whose voltages make one correction.
 const WINDOW: u16 = 8;
@@ -281,6 +286,13 @@ impl Track {
     fn correct(&mut self, motor: &MotorAlignment, seen: &MotorSeen) -> Result<(), Reason> {
         let [d, q] = self.sums;
         (self.sums, self.samples) = ([0; 2], 0);
+        let emf = motor
+            .expected_emf(seen.omega_e)
+            .saturating_mul(WINDOW.into());
+        let driven = (seen.omega_e < 0) != (seen.current.q < 0);
+        if d.abs().max(q.abs()) > emf.saturating_mul(CLEAR) || (driven && q < 0) {
+            return Ok(());
+        }
         let off = vector::angle(q, d.saturating_neg()).minus(Angle(0));
         let correction = (off >> 1).clamp(CORRECTION.wrapping_neg(), CORRECTION);
         let zero = &mut self.alignment.theta_e_at_zero;
@@ -335,6 +347,19 @@ impl Track {
 }
 
 impl MotorAlignment {
+    /// Size of the back-EMF at a speed, by the plate, 2^-18 V.
+    fn expected_emf(&self, omega_e: Speed) -> i64 {
+        // `least_emf` is that at half of the turning's speed, `least_speed` an eighth of that speed.
+        let (volts, speed) = (
+            i64::from(self.least_emf.to_bits()),
+            self.least_speed.to_bits(),
+        );
+        let at_speed = i64::from(omega_e.unsigned_abs().to_bits()).saturating_mul(volts);
+        at_speed
+            .checked_div(i64::from(speed).saturating_mul(4))
+            .unwrap_or(0)
+    }
+
     /// The back-EMF in d and q, 2^-18 V: voltage less what resistance and inductance take.
     fn back_emf(&self, seen: &MotorSeen) -> [i64; 2] {
         let (i_d, i_q) = (seen.current.d.to_bits(), seen.current.q.to_bits());
