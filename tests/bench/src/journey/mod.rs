@@ -48,6 +48,8 @@ pub struct Report {
     pub machines: usize,
     /// Those of which no step failed.
     pub complete: usize,
+    /// Those for which `compensate` wrote something.
+    pub compensated: usize,
     /// Those whose ripple is within a fifth of the predicted.
     pub predicted_within_fifth: usize,
     /// Those whose ripple rose.
@@ -68,6 +70,7 @@ impl Report {
         Self {
             machines: rows.len(),
             complete: count(&|row| row.failed_step.is_none()),
+            compensated: count(&Row::is_compensated),
             predicted_within_fifth: count(&Row::is_as_predicted),
             worse: count(&Row::is_worse),
             restart_same: count(&Row::is_same_after_restart),
@@ -90,9 +93,18 @@ impl Row {
     #[must_use]
     pub fn is_worse(&self) -> bool {
         let pair = self.ripple_after.zip(self.ripple_before);
-        pair.is_some_and(|(after, before)| {
-            after > before + (0.5 * SAME * before).max(self.ripple_repeats) + self.scale_floor
-        })
+        self.is_compensated()
+            && pair.is_some_and(|(after, before)| {
+                let differ = (0.5 * SAME * before).max(self.ripple_repeats);
+                after > before + differ + self.scale_floor
+            })
+    }
+
+    /// `compensate` wrote something: it writes nothing that brings no gain or that a restart loses.
+    #[must_use]
+    pub fn is_compensated(&self) -> bool {
+        let pair = self.ripple_predicted.zip(self.ripple_before);
+        pair.is_some_and(|(predicted, before)| predicted < (1.0 - 1e-9) * before)
     }
 
     /// Power off and on changed nothing, but for what two recordings of the same differ by.
@@ -134,10 +146,11 @@ pub fn run(options: &JourneyOptions) -> Result<()> {
         return Ok(());
     }
     println!(
-        "\nof {} machines: {} complete, {} within a fifth of the prediction, {} worse, {} the same after a restart; \
+        "\nof {} machines: {} complete, {} compensated, {} within a fifth of the prediction, {} worse, {} the same after a restart; \
          {} commissioned values made worse",
         report.machines,
         report.complete,
+        report.compensated,
         report.predicted_within_fifth,
         report.worse,
         report.restart_same,
