@@ -197,7 +197,7 @@ impl Parameter {
     fn spread(self) -> f64 {
         match self {
             Parameter::TableOrigin { within } => 0.2 * within,
-            // Twice what its interval says: presliding bends friction where the table turns back.
+            // Twice what its interval says: commissioning had a true mass 1.7 of its intervals away.
             Parameter::TableMass { within } => within,
             Parameter::RestOffset { count_m, .. } => count_m / 12.0_f64.sqrt(),
             Parameter::RestDrift { count_m, .. } => count_m / 6.0_f64.sqrt(),

@@ -224,8 +224,7 @@ pub(super) fn current(limit: Current, level: u16) -> Current {
 
 /// The part `level`, 2^-16, of the stronger motor's torque limit, in 2^-35 of an ampere's torque of the motor with the most.
 pub(super) fn torque(motors: &[MotorAlignment; 2], level: u16) -> i64 {
-    let limits = motors.each_ref().map(MotorAlignment::torque_limit);
-    let [screw, nut] = limits;
+    let [screw, nut] = motors.each_ref().map(MotorAlignment::torque_limit);
     // 2^46 at most: 2^31 times 2^15.
     (screw.max(nut) >> 16).wrapping_mul(level.into())
 }
