@@ -354,6 +354,10 @@ where
             let [re, im] = learned.each_ref().map(|part| part.load(Relaxed));
             orders.keep(line, Phasor { re, im });
         }
+        for (line, per_load) in telemetry.slopes.iter().enumerate() {
+            let [re, im] = per_load.each_ref().map(|part| part.load(Relaxed));
+            orders.keep_slope(line, Phasor { re, im });
+        }
         settings.with_orders(&orders)
     }
 

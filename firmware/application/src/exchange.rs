@@ -1,7 +1,7 @@
 //! The words between the parts of the application. Each word has one writer; none needs a lock.
 
 use crate::rows::Rows;
-use control::compensation::LINES;
+use control::compensation::{LINES, TORQUES};
 use control::fault::Fault;
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity};
 use control::interlock;
@@ -51,6 +51,8 @@ pub struct TelemetryExchange {
     pub(crate) all_learned: AtomicBool,
     /// What each line of the compensation has learned, re and im.
     pub(crate) learned: [[AtomicI32; 2]; LINES],
+    /// How what the torques' lines have learned changes with the load, re and im.
+    pub(crate) slopes: [[AtomicI32; 2]; 2 * TORQUES],
     /// Rows of telemetry.
     pub(crate) rows: Rows,
 }
@@ -64,6 +66,7 @@ impl TelemetryExchange {
             served: AtomicU32::new(0),
             all_learned: AtomicBool::new(false),
             learned: [const { [const { AtomicI32::new(0) }; 2] }; LINES],
+            slopes: [const { [const { AtomicI32::new(0) }; 2] }; 2 * TORQUES],
             rows: Rows::new(),
         }
     }

@@ -168,6 +168,11 @@ impl SpeedStep {
         let learned = control.compensation().coefficient(self.line);
         re.store(learned.re, Relaxed);
         im.store(learned.im, Relaxed);
+        if let Some([re, im]) = telemetry.slopes.get(self.line) {
+            let per_load = control.compensation().per_load(self.line);
+            re.store(per_load.re, Relaxed);
+            im.store(per_load.im, Relaxed);
+        }
         self.line = self.line.wrapping_add(1);
     }
 

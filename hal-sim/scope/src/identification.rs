@@ -99,8 +99,7 @@ pub fn identify(declared: &str, fit: &[f64], check: &[f64]) -> Result<Value> {
 /// The model cannot be read.
 pub fn compensation(model: &str, held: &Settings) -> Result<Value> {
     let model = Model::parse(model, "the model")?;
-    let load_nm = model.feed.load_n * model.feed.travel_per_radian();
-    let mut known = Known::of(&model, load_nm);
+    let mut known = Known::of(&model);
     leave_out_lost(&model, &mut known);
     // The board's constants are not among the settings that compensate.
     let plain = held.plate(&BoardKind::Mains.plate().board);

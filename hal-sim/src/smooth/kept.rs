@@ -1,7 +1,7 @@
 //! Compensation of a known machine, and the part of it that outlives a restart.
 
 use crate::smooth::known::Known;
-use control::plate::{CompensationPlate, DrivePlate, OrderPlate};
+use control::plate::{CompensationPlate, DrivePlate, OrderPlate, TorqueOrderPlate};
 use plant::Axis;
 use plant::model::{EncoderKind, Model};
 
@@ -15,25 +15,55 @@ pub fn compensated(plain: &DrivePlate, known: &Known) -> DrivePlate {
     }
 }
 
-/// What a motor repeats is of its whole turns. An order that was measured over some turns is off a whole one by less than this.
-const WHOLE: f64 = 0.02;
+/// One order that a drive has room for.
+pub enum OrderSlot<'a> {
+    /// Of a torque.
+    Torque(&'a mut TorqueOrderPlate),
+    /// Of a speed.
+    Speed(&'a mut OrderPlate),
+}
 
-/// Orders of a motor's turn that are measured as nearly whole are whole: over many turns the rest would turn their phase.
-fn whole_orders(known: &mut Known) {
+impl OrderSlot<'_> {
+    /// Repetitions in a turn; 0: none.
+    pub fn order(&mut self) -> &mut f64 {
+        match self {
+            Self::Torque(order) => &mut order.order,
+            Self::Speed(order) => &mut order.order,
+        }
+    }
+
+    /// Takes the order away.
+    pub fn clear(&mut self) {
+        match self {
+            Self::Torque(order) => **order = TorqueOrderPlate::NONE,
+            Self::Speed(order) => **order = OrderPlate::NONE,
+        }
+    }
+}
+
+/// All orders that a drive has room for: torque of screw and nut, encoders, lead.
+pub fn slots(plate: &mut CompensationPlate) -> Vec<OrderSlot<'_>> {
     let CompensationPlate {
         torque,
         angle,
         travel,
         ..
-    } = &mut known.compensation;
-    let motors = torque
-        .iter_mut()
-        .flatten()
-        .chain(angle.iter_mut().flatten());
-    for order in motors.chain(travel) {
-        let whole = order.order.round();
-        if (order.order - whole).abs() < WHOLE {
-            order.order = whole;
+    } = plate;
+    let speeds = angle.iter_mut().flatten().chain(travel);
+    let torques = torque.iter_mut().flatten().map(OrderSlot::Torque);
+    torques.chain(speeds.map(OrderSlot::Speed)).collect()
+}
+
+/// What a motor repeats is of its whole turns. An order that was measured over some turns is off a whole one by less than this.
+const WHOLE: f64 = 0.02;
+
+/// Orders of a motor's turn that are measured as nearly whole are whole: over many turns the rest would turn their phase.
+fn whole_orders(known: &mut Known) {
+    for mut slot in slots(&mut known.compensation) {
+        let order = slot.order();
+        let whole = order.round();
+        if (*order - whole).abs() < WHOLE {
+            *order = whole;
         }
     }
 }
@@ -47,10 +77,11 @@ pub fn leave_out_lost(model: &Model, known: &mut Known) {
     let Known {
         compensation, left, ..
     } = known;
-    let mut leave_out = |order: &mut OrderPlate, what: &str, why: &str| {
-        if *order != OrderPlate::NONE {
-            left.push(format!("order {} of {what}: {why}", order.order));
-            *order = OrderPlate::NONE;
+    let mut leave_out = |mut slot: OrderSlot<'_>, what: &str, why: &str| {
+        let order = *slot.order();
+        if order != 0.0 {
+            left.push(format!("order {order} of {what}: {why}"));
+            slot.clear();
         }
     };
     const COUNTS: &str = "an incremental encoder without index loses its phase at a restart";
@@ -58,18 +89,17 @@ pub fn leave_out_lost(model: &Model, known: &mut Known) {
     for axis in Axis::ALL {
         let (k, name) = (axis.index(), axis.name());
         let pole_pairs = f64::from(model.motor(axis).pole_pairs);
-        let orders = [
-            (&mut compensation.torque[k][..], "torque", pole_pairs),
-            (&mut compensation.angle[k][..], "encoder", f64::INFINITY),
-        ];
-        for (orders, of, known_again) in orders {
-            for order in orders {
-                let what = format!("the {name}'s {of}");
-                if order.order.fract() != 0.0 {
-                    leave_out(order, &what, TURNS);
-                } else if incremental(axis) && order.order % known_again != 0.0 {
-                    leave_out(order, &what, COUNTS);
-                }
+        let torques = compensation.torque[k].iter_mut().map(OrderSlot::Torque);
+        let angles = compensation.angle[k].iter_mut().map(OrderSlot::Speed);
+        let torques = torques.map(|slot| (slot, "torque", pole_pairs));
+        let angles = angles.map(|slot| (slot, "encoder", f64::INFINITY));
+        for (mut slot, of, known_again) in torques.chain(angles) {
+            let what = format!("the {name}'s {of}");
+            let order = *slot.order();
+            if order.fract() != 0.0 {
+                leave_out(slot, &what, TURNS);
+            } else if incremental(axis) && order % known_again != 0.0 {
+                leave_out(slot, &what, COUNTS);
             }
         }
     }
@@ -78,10 +108,13 @@ pub fn leave_out_lost(model: &Model, known: &mut Known) {
         let lost = |axis| {
             incremental(axis) && order.order % f64::from(model.motor(axis).pole_pairs) != 0.0
         };
-        if order.order.fract() != 0.0 {
-            leave_out(order, "the lead", TURNS);
-        } else if Axis::ALL.into_iter().any(lost) {
-            leave_out(order, "the lead", COUNTS);
+        let why = if order.order.fract() != 0.0 {
+            Some(TURNS)
+        } else {
+            Axis::ALL.into_iter().any(lost).then_some(COUNTS)
+        };
+        if let Some(why) = why {
+            leave_out(OrderSlot::Speed(order), "the lead", why);
         }
     }
 }
@@ -100,7 +133,7 @@ mod tests {
             let mut model = Model::coupled();
             (model.sensing.encoder, model.sensing.nut_encoder) = (encoder, None);
             (model.screw.pole_pairs, model.nut.pole_pairs) = (5, 4);
-            let mut known = Known::of(&model, 0.0);
+            let mut known = Known::of(&model);
             for (line, order) in known.compensation.travel.iter_mut().zip([2.0, 20.0, 2.5]) {
                 *line = OrderPlate {
                     order,

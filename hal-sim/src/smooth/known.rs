@@ -1,7 +1,9 @@
 //! What a model knows of a machine, as what its drive compensates: each effect's order and coefficient.
 
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
-use control::plate::{CompensationPlate, FrictionPlate, OrderPlate, RubbingPlate};
+use control::plate::{
+    CompensationPlate, FrictionPlate, OrderPlate, RubbingPlate, TorqueOrderPlate,
+};
 use fft::Complex64;
 use plant::Axis;
 use plant::effects::{AnglePeriodic, AnyEffect, Cogging, CouplingMisalignment, EffectModel, Place};
@@ -30,14 +32,14 @@ const PRESLIDING_RAD: f64 = 1e-4;
 /// Stribeck speed of friction that has none, rad/s: any.
 const NO_STRIBECK_RAD_S: f64 = 1.0;
 
-/// A complex amplitude: `Re(x e^(j order angle))`.
-type Lines = Vec<(f64, Complex64)>;
+/// Complex amplitudes of an order: `Re(x e^(j order angle))`. The first is without a load. The second, of a torque, is added for each ampere
+/// of the motor's load.
+type Lines = Vec<(f64, [Complex64; 2])>;
 
 impl Known {
-    /// What `model` says, with `load_nm` on the screw and the opposite on the nut, which the harmonics of flux and the gains of
-    /// current sensors take their size from.
+    /// What `model` says. Harmonics of the flux and the gains of current sensors scale with the load, which the drive knows.
     #[must_use]
-    pub fn of(model: &Model, load_nm: f64) -> Self {
+    pub fn of(model: &Model) -> Self {
         let mut left = Vec::new();
         let r = model.feed.travel_per_radian();
         let mut torque: [Lines; 2] = Default::default();
@@ -50,7 +52,7 @@ impl Known {
                 let amps = -harmonic.amplitude_nm / per_amp;
                 torque[axis.index()].push((
                     harmonic.order * f64::from(motor.pole_pairs),
-                    Complex64::from_polar(amps, harmonic.phase_rad),
+                    fixed(Complex64::from_polar(amps, harmonic.phase_rad)),
                 ));
             }
         }
@@ -58,11 +60,8 @@ impl Known {
             let mut taken = of_feed(effect, r, &mut travel);
             for axis in Axis::ALL {
                 if effect.place().has(axis) {
-                    let sign = if axis == Axis::Screw { 1.0 } else { -1.0 };
-                    let motor = model.motor(axis);
-                    let i_q = sign * load_nm / per_amp(motor);
                     let k = axis.index();
-                    taken |= of_motor(effect, motor, i_q, &mut torque[k], &mut angle[k]);
+                    taken |= of_motor(effect, model.motor(axis), &mut torque[k], &mut angle[k]);
                 }
             }
             if !taken {
@@ -85,8 +84,8 @@ impl Known {
         let [screw_angle, nut_angle] = angle;
         let compensation = CompensationPlate {
             torque: [
-                plates::<TORQUES>(fit(screw_torque, TORQUES, "the screw's torque")),
-                plates::<TORQUES>(fit(nut_torque, TORQUES, "the nut's torque")),
+                torque_plates(fit(screw_torque, TORQUES, "the screw's torque")),
+                torque_plates(fit(nut_torque, TORQUES, "the nut's torque")),
             ],
             angle: [
                 plates::<ANGLES>(fit(screw_angle, ANGLES, "the screw's encoder")),
@@ -141,7 +140,6 @@ fn per_amp(motor: &MotorModel) -> f64 {
 fn of_motor(
     effect: &EffectModel,
     motor: &MotorModel,
-    i_q: f64,
     torque: &mut Lines,
     angle: &mut Lines,
 ) -> bool {
@@ -149,7 +147,10 @@ fn of_motor(
     match effect.effect() {
         AnyEffect::TorqueHarmonic(one) => torque.push((
             one.order * p,
-            Complex64::from_polar(-one.amplitude / per_amp(motor), one.phase),
+            fixed(Complex64::from_polar(
+                -one.amplitude / per_amp(motor),
+                one.phase,
+            )),
         )),
         AnyEffect::Cogging(Cogging {
             order,
@@ -167,21 +168,21 @@ fn of_motor(
             phase,
         }) => torque.push((
             *order,
-            Complex64::from_polar(-amplitude / per_amp(motor), *phase),
+            fixed(Complex64::from_polar(-amplitude / per_amp(motor), *phase)),
         )),
         AnyEffect::FluxHarmonic(one) => torque.push((
             one.order * p,
-            Complex64::from_polar(-one.amplitude * i_q, one.phase),
+            per_ampere(Complex64::from_polar(-one.amplitude, one.phase)),
         )),
-        AnyEffect::CurrentOffset(one) => sensed(torque, p, |_| [one.off_a, one.off_b]),
-        AnyEffect::CurrentGain(one) => sensed(torque, p, |theta_e| {
-            // Phase currents of a q current (Eqs 5 and 6, power invariant).
-            let phase = |k: f64| -(theta_e - k * TAU / 3.0).sin() * i_q * SQRT_2 / 3f64.sqrt();
+        AnyEffect::CurrentOffset(one) => sensed(torque, p, fixed, |_| [one.off_a, one.off_b]),
+        AnyEffect::CurrentGain(one) => sensed(torque, p, per_ampere, |theta_e| {
+            // Phase currents of a q current of 1 A (Eqs 5 and 6, power invariant).
+            let phase = |k: f64| -(theta_e - k * TAU / 3.0).sin() * SQRT_2 / 3f64.sqrt();
             [one.gain_a * phase(0.0), one.gain_b * phase(1.0)]
         }),
         AnyEffect::EncoderEccentricity(one) => angle.push((
             one.order,
-            Complex64::from_polar(one.amplitude * one.order, one.phase),
+            fixed(Complex64::from_polar(one.amplitude * one.order, one.phase)),
         )),
         _ => return false,
     }
@@ -196,13 +197,13 @@ fn of_feed(effect: &EffectModel, r: f64, travel: &mut Lines) -> bool {
             let part = one.amplitude * one.order / r;
             travel.push((
                 one.order,
-                Complex64::from_polar(part, one.phase) * -Complex64::i(),
+                fixed(Complex64::from_polar(part, one.phase) * -Complex64::i()),
             ));
             true
         }
         // A torque of the pair: what it does to the table's speed is learned from a scale, and not known before.
         AnyEffect::BallPassage(one) => {
-            travel.push((one.order, Complex64::ZERO));
+            travel.push((one.order, fixed(Complex64::ZERO)));
             true
         }
         _ => false,
@@ -211,7 +212,12 @@ fn of_feed(effect: &EffectModel, r: f64, travel: &mut Lines) -> bool {
 
 /// What the readings of phases a and b are wrong by, over the electrical angle, is what the current loop makes the q current
 /// wrong by, with the other sign: its reference is raised by the same.
-fn sensed(torque: &mut Lines, pole_pairs: f64, errors: impl Fn(f64) -> [f64; 2]) {
+fn sensed(
+    torque: &mut Lines,
+    pole_pairs: f64,
+    scaled: impl Fn(Complex64) -> [Complex64; 2],
+    errors: impl Fn(f64) -> [f64; 2],
+) {
     let values: Vec<f64> = (0..POINTS)
         .map(|k| {
             let theta_e = TAU * k as f64 / POINTS as f64;
@@ -230,7 +236,7 @@ fn sensed(torque: &mut Lines, pole_pairs: f64, errors: impl Fn(f64) -> [f64; 2])
             })
             .sum();
         if line.norm() > LEAST {
-            torque.push((f64::from(harmonic) * pole_pairs, line));
+            torque.push((f64::from(harmonic) * pole_pairs, scaled(line)));
         }
     }
 }
@@ -240,17 +246,47 @@ fn gathered(lines: Lines) -> Lines {
     let mut sums: Lines = Vec::new();
     for (order, line) in lines {
         match sums.iter_mut().find(|(known, _)| *known == order) {
-            Some((_, sum)) => *sum += line,
+            Some((_, sums)) => {
+                for (sum, part) in sums.iter_mut().zip(line) {
+                    *sum += part;
+                }
+            }
             None => sums.push((order, line)),
         }
     }
-    sums.sort_by(|(_, a), (_, b)| b.norm().total_cmp(&a.norm()));
+    // An ampere of load: motors of all sizes have a few.
+    let size = |[fixed, per_ampere]: &[Complex64; 2]| fixed.norm() + per_ampere.norm();
+    sums.sort_by(|(_, a), (_, b)| size(b).total_cmp(&size(a)));
     sums
+}
+
+/// An amplitude that no load changes.
+fn fixed(line: Complex64) -> [Complex64; 2] {
+    [line, Complex64::ZERO]
+}
+
+/// An amplitude an ampere of load.
+fn per_ampere(line: Complex64) -> [Complex64; 2] {
+    [Complex64::ZERO, line]
+}
+
+fn torque_plates(lines: Lines) -> [TorqueOrderPlate; TORQUES] {
+    let mut plates = [TorqueOrderPlate::NONE; TORQUES];
+    for (plate, (order, [fixed, per_ampere])) in plates.iter_mut().zip(lines) {
+        *plate = TorqueOrderPlate {
+            order,
+            re: fixed.re,
+            im: fixed.im,
+            re_per_a: per_ampere.re,
+            im_per_a: per_ampere.im,
+        };
+    }
+    plates
 }
 
 fn plates<const N: usize>(lines: Lines) -> [OrderPlate; N] {
     let mut plates = [OrderPlate::NONE; N];
-    for (plate, (order, line)) in plates.iter_mut().zip(lines) {
+    for (plate, (order, [line, _])) in plates.iter_mut().zip(lines) {
         *plate = OrderPlate {
             order,
             re: line.re,

@@ -196,6 +196,7 @@ pub fn drive(setup: &Setup, compensation: CompensationPlate) -> Result<Drive, Ex
 pub fn learned(drive: &Drive, mut plate: CompensationPlate) -> CompensationPlate {
     for line in 0..LINES {
         plate.keep(line, drive.compensation().coefficient(line));
+        plate.keep_slope(line, drive.compensation().per_load(line));
     }
     plate
 }

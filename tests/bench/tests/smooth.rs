@@ -5,7 +5,7 @@ use bench::smooth::reversal::{Reversal, reversal};
 use bench::smooth::{Machine, orders, setup};
 use control::compensation::fit::TableFit;
 use control::compensation::{LINES, TORQUES};
-use control::plate::{CompensationPlate, OrderPlate};
+use control::plate::{CompensationPlate, TorqueOrderPlate};
 use control::supervisor::{Demand, State};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
@@ -59,7 +59,7 @@ fn ripple_that_repeats_with_an_angle_is_learned_and_removed() {
 #[test]
 fn what_a_model_knows_is_what_a_drive_learns() {
     let setup = setup(Machine::Lumped, 1);
-    let known = Known::of(&setup.model, 1.0);
+    let known = Known::of(&setup.model);
     assert_eq!(known.left, ["dead_time (both)"]);
     let point = OperatingPoint {
         velocity: 2.5e-3,
@@ -69,6 +69,8 @@ fn what_a_model_knows_is_what_a_drive_learns() {
     let mut learner = drive(&setup, cold).unwrap();
     smoothness(&mut learner, point, 20.0).unwrap();
     let learned = learned(&learner, cold);
+    // 1 N m over five pole pairs and the flux, which the nut holds the other way.
+    let loads = [1.0, -1.0].map(|nm| nm / (5.0 * setup.model.screw.flux_wb));
     for (motor, (known, learned)) in known
         .compensation
         .torque
@@ -77,9 +79,13 @@ fn what_a_model_knows_is_what_a_drive_learns() {
         .enumerate()
     {
         for order in [5.0, 10.0, 60.0, 36.0] {
-            let of = |plates: &[OrderPlate]| {
+            let of = |plates: &[TorqueOrderPlate]| {
                 let plate = plates.iter().find(|plate| plate.order == order).unwrap();
-                [plate.re, plate.im]
+                let load = loads[motor];
+                [
+                    plate.re + load * plate.re_per_a,
+                    plate.im + load * plate.im_per_a,
+                ]
             };
             let (known, learned) = (of(known), of(learned));
             let off = (known[0] - learned[0]).hypot(known[1] - learned[1]);
@@ -205,10 +211,9 @@ fn a_ripple_that_changes_while_the_drive_runs_is_told() {
     let setup = Setup::ideal(Model::paper(), Coupling::Lumped);
     let mut plate = CompensationPlate::NONE;
     plate.learning_s = 0.5;
-    plate.torque[0][0] = OrderPlate {
-        order: 7.0,
+    plate.torque[0][0] = TorqueOrderPlate {
         re: -0.1,
-        im: 0.0,
+        ..TorqueOrderPlate::unknown(7.0)
     };
     let mut drive = drive(&setup, plate).unwrap();
     let point = OperatingPoint {

@@ -758,15 +758,29 @@ impl SpeedTask {
                 reference.omega_e = reference.omega_e.saturating_add(given);
             }
         }
+        let [screw_rest, nut_rest] = speed.map(SpeedReference::is_rest);
         let [screw_loop, nut_loop] = &mut self.speed_loops;
+        let [screw_current, nut_current] = &config.current_loops;
+        // A branch each: the way of a motor that turns must not grow.
+        let mut seen = [screw_omega_e, nut_omega_e];
+        let [screw_seen, nut_seen] = &mut seen;
+        if screw_rest {
+            let step = screw_loop.beyond_slack(screw_config, screw_step);
+            *screw_seen = screw_current.observer.omega_e(step);
+        }
+        if nut_rest {
+            let step = nut_loop.beyond_slack(nut_config, nut_step);
+            *nut_seen = nut_current.observer.omega_e(step);
+        }
+        let [screw_seen, nut_seen] = seen;
         let wanted = [
-            screw_loop.wanted(screw_config, screw_reference, screw_omega_e),
-            nut_loop.wanted(nut_config, nut_reference, nut_omega_e),
+            screw_loop.wanted(screw_config, screw_reference, screw_seen),
+            nut_loop.wanted(nut_config, nut_reference, nut_seen),
         ];
         let Rejected { wanted, fed_back } = self.rejection.step(
             config,
             wanted,
-            [screw_omega_e, nut_omega_e],
+            seen,
             [screw_reference.omega_e, nut_reference.omega_e],
             self.coordinator.relative(),
         );

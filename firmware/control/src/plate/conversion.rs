@@ -3,12 +3,15 @@
 use super::groups::{
     AlignmentSettings, BaseSettings, BrakeSettings, BridgeSettings, CommandSettings,
     CompensationSettings, FeedSettings, FrictionSettings, MotorSettings, RejectionSettings,
-    SpeedOrderPlates, SpeedOrderSettings, TorqueOrderPlates, TorqueOrderSettings, TravelSettings,
-    TuningSettings, WatchSettings,
+    SpeedOrderPlates, SpeedOrderSettings, TorqueOrderPlates, TorqueOrderSettings, TorqueSlopePlate,
+    TravelSettings, TuningSettings, WatchSettings,
 };
 use super::parameter::{Effect, Value};
 use super::settings::{Setting, Settings};
-use super::{BoardPlate, CompensationPlate, DriveConfig, DrivePlate, FrictionPlate, OrderPlate};
+use super::{
+    BoardPlate, CompensationPlate, DriveConfig, DrivePlate, FrictionPlate, OrderPlate,
+    TorqueOrderPlate,
+};
 use crate::base::format::Misfit;
 use crate::drive::journal::Warning;
 use crate::speed::compensation::{ANGLES, TORQUES};
@@ -117,8 +120,8 @@ impl Settings {
         };
         let set = CompensationPlate {
             torque: [
-                self.screw_torque.plate().orders,
-                self.nut_torque.plate().orders,
+                torque_orders(&self.screw_torque),
+                torque_orders(&self.nut_torque),
             ],
             angle: [
                 self.screw_encoder.plate().orders,
@@ -237,8 +240,33 @@ impl FrictionSettings {
     };
 }
 
-fn torque(orders: [OrderPlate; TORQUES]) -> TorqueOrderSettings {
-    TorqueOrderSettings::of_plate(&TorqueOrderPlates { orders })
+fn torque(orders: [TorqueOrderPlate; TORQUES]) -> TorqueOrderSettings {
+    let slope = |plate: TorqueOrderPlate| TorqueSlopePlate {
+        re: plate.re_per_a,
+        im: plate.im_per_a,
+    };
+    TorqueOrderSettings::of_plate(&TorqueOrderPlates {
+        orders: TorqueOrderPlate::without_load(&orders),
+        slopes: orders.map(slope),
+    })
+}
+
+const fn torque_orders(settings: &TorqueOrderSettings) -> [TorqueOrderPlate; TORQUES] {
+    let TorqueOrderPlates { orders, slopes } = settings.plate();
+    let mut plates = [TorqueOrderPlate::NONE; TORQUES];
+    let mut left: (&mut [TorqueOrderPlate], &[OrderPlate], &[TorqueSlopePlate]) =
+        (&mut plates, &orders, &slopes);
+    while let ([plate, plates @ ..], [order, orders @ ..], [slope, slopes @ ..]) = left {
+        *plate = TorqueOrderPlate {
+            order: order.order,
+            re: order.re,
+            im: order.im,
+            re_per_a: slope.re,
+            im_per_a: slope.im,
+        };
+        left = (plates, orders, slopes);
+    }
+    plates
 }
 
 fn speed(orders: [OrderPlate; ANGLES]) -> SpeedOrderSettings {
@@ -402,6 +430,7 @@ mod tests {
         settings.feed_friction.coulomb_nm = 0.1;
         settings.nut_torque.orders[7].order = 36.0;
         settings.nut_torque.orders[7].im = -0.2;
+        settings.nut_torque.slopes[7].im = 0.01;
         settings.lead.orders[1].order = 2.0;
         settings.rejection.notch.hz = 503.0;
         settings.base.wander_rpm = 60.0;
@@ -424,13 +453,16 @@ mod tests {
         assert_eq!(plate.base.table[0].velocity, 2.5e-3);
         assert_eq!(
             plate.compensation.torque[1][7],
-            OrderPlate {
-                order: 36.0,
-                re: 0.0,
+            TorqueOrderPlate {
                 im: -0.2,
+                im_per_a: 0.01,
+                ..TorqueOrderPlate::unknown(36.0)
             }
         );
-        assert_eq!(plate.compensation.torque[0], [OrderPlate::NONE; TORQUES]);
+        assert_eq!(
+            plate.compensation.torque[0],
+            [TorqueOrderPlate::NONE; TORQUES]
+        );
         let again = Settings::of_plate(&plate);
         for setting in Settings::all() {
             let values = [&settings, &again].map(|settings| settings.get(setting.id).unwrap());

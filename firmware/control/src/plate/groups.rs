@@ -220,8 +220,16 @@ group! {
     /// What repeats with a motor's turn in its torque, as a current: `Re((re + j im) e^(j order angle))` is added.
     TorqueOrder in OrderPlate {
         0 Real order "order_#" => order = 0.0, (One [0.0, 1000.0]), "Repetitions in a turn of torque #; 0: none.";
-        1 Real re "re_#_a" => re = 0.0, (Ampere [-2000.0, 2000.0]), "Cosine's part of it: known, or learned before.";
-        2 Real im "im_#_a" => im = 0.0, (Ampere [-2000.0, 2000.0]), "Minus the sine's part of it: known, or learned before.";
+        1 Real re "re_#_a" => re = 0.0, (Ampere [-2000.0, 2000.0]), "Cosine's part of it without a load: known, or learned before.";
+        2 Real im "im_#_a" => im = 0.0, (Ampere [-2000.0, 2000.0]), "Minus the sine's part of it without a load: known, or learned before.";
+    }
+}
+
+group! {
+    /// How what repeats with a motor's turn in its torque changes with the motor's load: what an ampere along q adds to it.
+    TorqueSlope => TorqueSlopePlate {
+        0 Real re "re_#_per_a" => re = 0.0, (One [-1.0, 1.0]), "Change of the cosine's part an ampere of the motor's load: known, or learned before.";
+        1 Real im "im_#_per_a" => im = 0.0, (One [-1.0, 1.0]), "Change of minus the sine's part an ampere of the motor's load: known, or learned before.";
     }
 }
 
@@ -238,6 +246,7 @@ group! {
     /// What repeats with a motor's turn in its torque.
     TorqueOrderSettings => TorqueOrderPlates {
         1 Parts orders => orders = [TorqueOrder::DEFAULT; TORQUES], (TorqueOrder: OrderPlate 3; 0 1 2 3 4 5 6 7), "The orders.";
+        25 Parts slopes => slopes = [TorqueSlope::DEFAULT; TORQUES], (TorqueSlope: TorqueSlopePlate 2; 0 1 2 3 4 5 6 7), "How they change with the load.";
     }
 }
 

@@ -34,6 +34,7 @@ use crate::base::format::Angle;
 use crate::current::observer::EncoderAlignment;
 use crate::current::sense::Shunts;
 use crate::speed::compensation::line::Phasor;
+use crate::speed::compensation::slope::PER_LOAD_BITS;
 use crate::speed::compensation::{ANGLES, SPEED_BITS, TORQUE_BITS, TORQUES, TRAVELS};
 use core::f64::consts::TAU;
 use groups::{
@@ -95,7 +96,7 @@ impl BrakePlate {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct CompensationPlate {
     /// Torque of screw and nut, as currents, A. At most two thirds of the largest current each.
-    pub torque: [[OrderPlate; TORQUES]; 2],
+    pub torque: [[TorqueOrderPlate; TORQUES]; 2],
     /// Errors of the encoders of screw and nut: relative change of their speed.
     pub angle: [[OrderPlate; ANGLES]; 2],
     /// Error of the lead, of the relative angle of screw and nut: relative change of the table's velocity.
@@ -109,7 +110,7 @@ pub struct CompensationPlate {
 impl CompensationPlate {
     /// Nothing is compensated.
     pub const NONE: Self = Self {
-        torque: [[OrderPlate::NONE; TORQUES]; 2],
+        torque: [[TorqueOrderPlate::NONE; TORQUES]; 2],
         angle: [[OrderPlate::NONE; ANGLES]; 2],
         travel: [OrderPlate::NONE; TRAVELS],
         learning_s: 0.0,
@@ -153,7 +154,11 @@ impl CompensationPlate {
             false
         }
         let ([screw, nut], [screw_angle, nut_angle]) = (&self.torque, &self.angle);
-        any(screw) || any(nut) || any(screw_angle) || any(nut_angle) || any(&self.travel)
+        any(&TorqueOrderPlate::without_load(screw))
+            || any(&TorqueOrderPlate::without_load(nut))
+            || any(screw_angle)
+            || any(nut_angle)
+            || any(&self.travel)
     }
 
     /// Keeps what one of the [`LINES`](crate::speed::compensation::LINES) has learned: see
@@ -165,28 +170,88 @@ impl CompensationPlate {
             .as_flattened_mut()
             .iter_mut()
             .chain(&mut self.travel);
-        let all = torques
-            .map(|order| (order, TORQUE_BITS))
-            .chain(speeds.map(|order| (order, SPEED_BITS)));
-        let Some((order, bits)) = all.into_iter().nth(line) else {
-            return;
-        };
-        let unit = 1.0 / (1u64 << bits) as f64;
-        (order.re, order.im) = (f64::from(learned.re) * unit, f64::from(learned.im) * unit);
+        let torques = torques.map(|order| (&mut order.re, &mut order.im, TORQUE_BITS));
+        let speeds = speeds.map(|order| (&mut order.re, &mut order.im, SPEED_BITS));
+        if let Some((re, im, bits)) = torques.chain(speeds).nth(line) {
+            (*re, *im) = parts(learned, bits);
+        }
+    }
+
+    /// Keeps how what one of the first lines has learned changes with the load: see
+    /// [`per_load`](crate::speed::compensation::Compensation::per_load).
+    pub fn keep_slope(&mut self, line: usize, per_load: Phasor) {
+        if let Some(order) = self.torque.as_flattened_mut().get_mut(line) {
+            (order.re_per_a, order.im_per_a) = parts(per_load, PER_LOAD_BITS);
+        }
     }
 }
 
-const fn electrical(pole_pairs: u32) -> [OrderPlate; TORQUES] {
+/// What was learned as numbers, of so many fraction bits.
+fn parts(learned: Phasor, bits: u32) -> (f64, f64) {
+    let unit = 1.0 / (1u64 << bits) as f64;
+    (f64::from(learned.re) * unit, f64::from(learned.im) * unit)
+}
+
+/// What repeats with a motor's turn in its torque, as a current: `Re((re + j im) e^(j order angle))` without a load, and what an ampere of
+/// the motor's load adds to both parts.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TorqueOrderPlate {
+    /// Repetitions in a turn, 1/65536 to 1000; 0: none.
+    pub order: f64,
+    /// Cosine's part, A.
+    pub re: f64,
+    /// Minus the sine's part, A.
+    pub im: f64,
+    /// Change of the cosine's part, A per A, within ±1.
+    pub re_per_a: f64,
+    /// Change of minus the sine's part, A per A, within ±1.
+    pub im_per_a: f64,
+}
+
+impl TorqueOrderPlate {
+    /// No order.
+    pub const NONE: Self = Self::unknown(0.0);
+
+    /// An order of which nothing is known yet.
+    #[must_use]
+    pub const fn unknown(order: f64) -> Self {
+        Self {
+            order,
+            re: 0.0,
+            im: 0.0,
+            re_per_a: 0.0,
+            im_per_a: 0.0,
+        }
+    }
+
+    /// What each is without a load.
+    #[must_use]
+    pub const fn without_load(orders: &[Self; TORQUES]) -> [OrderPlate; TORQUES] {
+        let mut plates = [OrderPlate::NONE; TORQUES];
+        let mut left: (&mut [OrderPlate], &[Self]) = (&mut plates, orders);
+        while let ([plate, plates @ ..], [order, orders @ ..]) = left {
+            *plate = OrderPlate {
+                order: order.order,
+                re: order.re,
+                im: order.im,
+            };
+            left = (plates, orders);
+        }
+        plates
+    }
+}
+
+const fn electrical(pole_pairs: u32) -> [TorqueOrderPlate; TORQUES] {
     let p = pole_pairs as f64;
     [
-        OrderPlate::unknown(p),
-        OrderPlate::unknown(2.0 * p),
-        OrderPlate::unknown(3.0 * p),
-        OrderPlate::unknown(4.0 * p),
-        OrderPlate::unknown(6.0 * p),
-        OrderPlate::unknown(12.0 * p),
-        OrderPlate::unknown(18.0 * p),
-        OrderPlate::unknown(24.0 * p),
+        TorqueOrderPlate::unknown(p),
+        TorqueOrderPlate::unknown(2.0 * p),
+        TorqueOrderPlate::unknown(3.0 * p),
+        TorqueOrderPlate::unknown(4.0 * p),
+        TorqueOrderPlate::unknown(6.0 * p),
+        TorqueOrderPlate::unknown(12.0 * p),
+        TorqueOrderPlate::unknown(18.0 * p),
+        TorqueOrderPlate::unknown(24.0 * p),
     ]
 }
 

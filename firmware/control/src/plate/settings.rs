@@ -461,6 +461,8 @@ mod tests {
             ("command.heartbeat_ms", 0x0801),
             ("feed_friction.presliding_mrad", 0x0c04),
             ("nut_torque.im_8_a", 0x0e18),
+            ("nut_torque.re_1_per_a", 0x0e19),
+            ("nut_torque.im_8_per_a", 0x0e28),
             ("lead.re_2", 0x1105),
             ("rejection.notch_depth", 0x1204),
             ("base.nut_8_rpm", 0x1312),

@@ -5,6 +5,9 @@ use crate::base::format::{
 };
 use crate::speed::current_limit::CurrentRange;
 
+/// Slacks beyond which the whole motion of a motor at rest is corrected.
+const FULL: i32 = 4;
+
 /// Configuration of a speed loop.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SpeedLoopConfig {
@@ -16,6 +19,8 @@ pub struct SpeedLoopConfig {
     pub inertia: InertiaGain,
     /// Torque limit as a current, A.
     pub i_max: Current,
+    /// Half of the angle within which a motor at rest is not corrected, 2^-32 mechanical turn, over the samples a step.
+    pub slack: i32,
 }
 
 /// What a speed loop is asked, electrical.
@@ -25,6 +30,15 @@ pub struct SpeedReference {
     pub omega_e: Speed,
     /// Its change a step, rad/s, within half of its format.
     pub change: ElectricalChange,
+}
+
+impl SpeedReference {
+    /// The motor is asked to stand.
+    #[must_use]
+    #[inline(always)]
+    pub const fn is_rest(self) -> bool {
+        self.omega_e.to_bits() | self.change.to_bits() == 0
+    }
 }
 
 /// What a speed loop would ask without a limit.
@@ -80,6 +94,8 @@ pub struct SpeedLoopOutput {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SpeedLoop {
     integral: CurrentState,
+    /// Where a motor at rest is within its slack, and within [`FULL`] of them: 2^-32 mechanical turn, over the samples a step.
+    deviations: [i32; 2],
 }
 
 impl SpeedLoop {
@@ -88,6 +104,7 @@ impl SpeedLoop {
     pub const fn new() -> Self {
         Self {
             integral: CurrentState::ZERO,
+            deviations: [0; 2],
         }
     }
 
@@ -96,6 +113,7 @@ impl SpeedLoop {
     pub(crate) fn holding(load: Current, config: &SpeedLoopConfig) -> Self {
         Self {
             integral: hold(load.into(), config.i_max),
+            deviations: [0; 2],
         }
     }
 
@@ -105,6 +123,19 @@ impl SpeedLoop {
     #[allow(clippy::cast_possible_truncation)]
     pub const fn load(&self) -> i32 {
         (self.integral.to_bits() >> 32) as i32
+    }
+
+    /// The speed of a motor at rest that its loop corrects, of `theta_step`, both in 2^-32 turn a sample. An encoder on the edge of a count
+    /// shows the whole count each time that the edge is passed. The full answer to that pushes the motor back over the edge, so it would
+    /// swing. None of what is within the slack is corrected, a quarter within [`FULL`] slacks, and all beyond.
+    #[must_use]
+    #[cold]
+    #[inline(never)]
+    pub fn beyond_slack(&mut self, config: &SpeedLoopConfig, theta_step: i32) -> i32 {
+        let [quarter, all] = &mut self.deviations;
+        let quarter = beyond(quarter, config.slack, theta_step);
+        let all = beyond(all, config.slack.saturating_mul(FULL), theta_step);
+        all.saturating_add(quarter.saturating_sub(all) / 4)
     }
 
     /// One step: both halves.
@@ -172,6 +203,13 @@ impl SpeedLoop {
     }
 }
 
+/// By how much an angle that turns by `step` leaves ±`slack`, which follows it.
+fn beyond(deviation: &mut i32, slack: i32, step: i32) -> i32 {
+    let turned = deviation.saturating_add(step);
+    *deviation = turned.min(slack).max(slack.saturating_neg());
+    turned.saturating_sub(*deviation)
+}
+
 /// Holds an integral to ±`i_max`, to a thousandth of an ampere: only its upper word is compared.
 #[inline(always)]
 #[allow(
@@ -235,6 +273,29 @@ mod tests {
                 let out = speed_loop.step(&config, asked, Speed::from_bits(omega), limited);
                 prop_assert!(out.i_q.abs() <= config.i_max);
             }
+        }
+
+        /// A count there and back asks for nothing once it was seen; of a longer way all but the slack is corrected.
+        #[test]
+        fn a_motor_at_rest_has_slack(slack in 1..1i32 << 20, passed in 4..64i32, away in -100..100i32) {
+            let config = SpeedLoopConfig { slack, ..config() };
+            let mut speed_loop = SpeedLoop::new();
+            let count = slack + slack / 2;
+            let _ = speed_loop.beyond_slack(&config, count);
+            for _ in 0..passed {
+                prop_assert_eq!(speed_loop.beyond_slack(&config, -count), 0);
+                prop_assert_eq!(speed_loop.beyond_slack(&config, count), 0);
+            }
+            let mut speed_loop = SpeedLoop::new();
+            let steps = (0..passed).map(|_| i64::from(speed_loop.beyond_slack(&config, away * slack / passed)));
+            let corrected: i64 = steps.sum();
+            let turned = i64::from(away * slack / passed) * i64::from(passed);
+            let [quarter, all] = [1, FULL].map(|slacks| {
+                let slack = i64::from(slack * slacks);
+                turned - turned.clamp(-slack, slack)
+            });
+            let expected = all + (quarter - all) / 4;
+            prop_assert!((corrected - expected).abs() <= i64::from(passed), "{corrected} of {turned}, expected {expected}");
         }
 
         #[test]

@@ -10,7 +10,7 @@ pub use search::{Found, Orders, orders};
 use crate::record::set_encoder_kinds;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use control::plate::DrivePlate;
+use control::plate::{DrivePlate, OrderPlate, TorqueOrderPlate};
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
 use hal_sim::hold_ripple::{Hold, holds, recorded, ripple_interval_s};
 use hal_sim::smooth::kept::{compensated, leave_out_lost};
@@ -78,8 +78,7 @@ pub struct Compensation {
 fn find(options: &CompensateOptions) -> Result<Compensation> {
     let model = Model::load(&options.model)
         .with_context(|| format!("the model {}", options.model.display()))?;
-    let load_nm = model.feed.load_n * model.feed.travel_per_radian();
-    let known = Known::of(&model, load_nm);
+    let known = Known::of(&model);
     let coupling = if options.lumped {
         Coupling::Lumped
     } else {
@@ -201,6 +200,7 @@ fn print(options: &CompensateOptions, found: &Compensation) {
         let report = json!({
             "orders": lists.iter().flat_map(|(what, unit, plates)| plates.iter().map(move |plate| json!({
                 "of": what, "order": plate.order, "unit": unit, "re": plate.re, "im": plate.im,
+                "re_per_a": plate.re_per_a, "im_per_a": plate.im_per_a,
             }))).collect::<Vec<_>>(),
             "friction_nm": {
                 "bearings": known.friction.bearings.map(|bearing| bearing.coulomb_nm),
@@ -222,10 +222,18 @@ fn print(options: &CompensateOptions, found: &Compensation) {
     println!("What repeats with an angle, as Re((re + j im) e^(j order angle)):");
     for (what, unit, plates) in &lists {
         for plate in plates {
-            println!(
+            print!(
                 "  {what:<18} order {:>6}   re {:>11.3e}   im {:>11.3e}   {unit}",
                 plate.order, plate.re, plate.im
             );
+            if plate.re_per_a == 0.0 && plate.im_per_a == 0.0 {
+                println!();
+            } else {
+                println!(
+                    ", and {:.3e} and {:.3e} an ampere of load",
+                    plate.re_per_a, plate.im_per_a
+                );
+            }
         }
     }
     let [screw, nut] = known.friction.bearings;
@@ -316,19 +324,25 @@ fn shown_lists(shown: &Orders) -> [(&'static str, &[Found]); 5] {
 /// The orders that there are, by what they are of and their unit.
 fn lists(
     known: &hal_sim::smooth::known::Known,
-) -> Vec<(&'static str, &'static str, Vec<control::plate::OrderPlate>)> {
+) -> Vec<(&'static str, &'static str, Vec<TorqueOrderPlate>)> {
     let plate = &known.compensation;
-    let some = |plates: &[control::plate::OrderPlate]| {
-        plates
-            .iter()
-            .filter(|plate| plate.order != 0.0)
-            .copied()
-            .collect()
+    let torque = |plates: &[TorqueOrderPlate]| -> Vec<_> {
+        let some = plates.iter().filter(|plate| plate.order != 0.0);
+        some.copied().collect()
+    };
+    let some = |plates: &[OrderPlate]| -> Vec<_> {
+        let some = plates.iter().filter(|plate| plate.order != 0.0);
+        let fixed = |plate: &OrderPlate| TorqueOrderPlate {
+            re: plate.re,
+            im: plate.im,
+            ..TorqueOrderPlate::unknown(plate.order)
+        };
+        some.map(fixed).collect()
     };
     let part = "of the speed";
     vec![
-        ("screw, torque", "A", some(&plate.torque[0])),
-        ("nut, torque", "A", some(&plate.torque[1])),
+        ("screw, torque", "A", torque(&plate.torque[0])),
+        ("nut, torque", "A", torque(&plate.torque[1])),
         ("screw, encoder", part, some(&plate.angle[0])),
         ("nut, encoder", part, some(&plate.angle[1])),
         ("lead", part, some(&plate.travel)),

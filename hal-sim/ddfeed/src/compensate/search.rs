@@ -6,7 +6,7 @@
 //! together after each (orthogonal matching pursuit; Pati, Rezaiifar and Krishnaprasad, Asilomar 1993).
 
 use control::compensation::{ANGLES, TORQUES, TRAVELS};
-use control::plate::{CompensationPlate, OrderPlate};
+use control::plate::{CompensationPlate, OrderPlate, TorqueOrderPlate};
 use fft::Complex64;
 use hal_sim::hold_ripple::{Hold, SETTLE_S, holds};
 use nalgebra::{DMatrix, DVector};
@@ -46,6 +46,8 @@ pub struct Found {
     pub coefficient: Complex64,
     /// Part of it that scales with the load; `None` where the recording has one load.
     pub scales: Option<f64>,
+    /// Its parts: without a load, and an ampere of load. Where the recording has one load, nothing scales.
+    pub parts: Parts,
 }
 
 /// What a recording shows.
@@ -66,12 +68,25 @@ impl Orders {
         let [screw, nut] = &self.torque;
         let [screw_angle, nut_angle] = &self.angle;
         CompensationPlate {
-            torque: [plates(screw), plates(nut)],
+            torque: [torque_plates(screw), torque_plates(nut)],
             angle: [plates(screw_angle), plates(nut_angle)],
             travel: plates(&self.travel),
             ..CompensationPlate::NONE
         }
     }
+}
+
+fn torque_plates(found: &[Found]) -> [TorqueOrderPlate; TORQUES] {
+    let mut plates = [TorqueOrderPlate::NONE; TORQUES];
+    for (plate, found) in plates.iter_mut().zip(found) {
+        *plate = TorqueOrderPlate::unknown(found.order);
+        if found.order.fract() == 0.0 {
+            let [fixed, per_ampere] = found.parts;
+            (plate.re, plate.im) = (fixed.re, fixed.im);
+            (plate.re_per_a, plate.im_per_a) = (per_ampere.re, per_ampere.im);
+        }
+    }
+    plates
 }
 
 fn plates<const N: usize>(found: &[Found]) -> [OrderPlate; N] {
@@ -166,7 +181,7 @@ struct Search {
 }
 
 /// A line's coefficient: fixed, and per load.
-type Parts = [Complex64; 2];
+pub type Parts = [Complex64; 2];
 
 impl Search {
     /// The lines, the strongest first, with their coefficients.
@@ -457,6 +472,7 @@ fn of_coordinate(search: &Search, lines: &[(Line, Parts)], coordinate: usize) ->
             order: line.order,
             coefficient: fixed + per_load * mean,
             scales,
+            parts: [*fixed, *per_load],
         }
     };
     own.map(found).collect()

@@ -4,10 +4,10 @@ use super::predict::{
     HOLD_S, INTERVAL_S, Place, Predicted, is_gain, part_left, predicted, simulated,
 };
 use anyhow::Result;
-use control::plate::{CompensationPlate, DrivePlate, FrictionPlate, OrderPlate};
+use control::plate::{CompensationPlate, DrivePlate, FrictionPlate};
 use hal_sim::experiment::Setup;
 use hal_sim::hold_ripple::WINDOW_S;
-use hal_sim::smooth::kept::{compensated, leave_out_lost};
+use hal_sim::smooth::kept::{compensated, leave_out_lost, slots};
 use hal_sim::smooth::known::Known;
 
 /// Ripple that an order may cost and still be left out, of the ripple before.
@@ -45,12 +45,13 @@ pub fn worth(
     let mut best = predict(&known)?;
     for slot in 0..slots(&mut known.compensation).len() {
         let mut fewer = known.clone();
-        let order = &mut *slots(&mut fewer.compensation).swap_remove(slot);
-        if *order == OrderPlate::NONE {
+        let mut slot = slots(&mut fewer.compensation).swap_remove(slot);
+        let order = *slot.order();
+        if order == 0.0 {
             continue;
         }
-        let left = format!("order {}: it brings no gain", order.order);
-        *order = OrderPlate::NONE;
+        let left = format!("order {order}: it brings no gain");
+        slot.clear();
         let tried = predict(&fewer)?;
         if part_left(&tried) <= part_left(&best) + NOTHING {
             fewer.left.push(left);
@@ -67,19 +68,4 @@ pub fn worth(
     }
     best = predict(&known)?;
     Ok((known, best))
-}
-
-/// All orders that a drive has room for.
-fn slots(plate: &mut CompensationPlate) -> Vec<&mut OrderPlate> {
-    let CompensationPlate {
-        torque,
-        angle,
-        travel,
-        ..
-    } = plate;
-    let motors = torque.iter_mut().flatten();
-    motors
-        .chain(angle.iter_mut().flatten())
-        .chain(travel)
-        .collect()
 }

@@ -72,10 +72,8 @@ impl Hum {
     /// # Errors
     /// [`ExperimentError`] if a drive cannot be configured or leaves the point by a fault.
     pub fn silence(&self, identified: &Model) -> Result<Silence, ExperimentError> {
-        let [declared, known] = [&self.machine.declared, identified].map(|model| {
-            let feed = &model.feed;
-            Known::of(model, feed.load_n * feed.travel_per_radian()).compensation
-        });
+        let [declared, known] =
+            [&self.machine.declared, identified].map(|model| Known::of(model).compensation);
         let none = CompensationPlate::NONE;
         let learns = CompensationPlate {
             learning_s: super::bench::LEARNING_S,

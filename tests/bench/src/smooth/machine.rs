@@ -1,7 +1,7 @@
 //! The machine that smoothness is measured on: the paper's, with the defects of real drives.
 
 use control::compensation::TORQUES;
-use control::plate::{CompensationPlate, OrderPlate};
+use control::plate::{CompensationPlate, TorqueOrderPlate};
 use hal_sim::board::BoardConfig;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
@@ -179,9 +179,9 @@ pub fn torque_orders(pole_pairs: u32) -> [f64; 7] {
 pub fn orders(setup: &Setup, learning_s: f64, scale: bool) -> CompensationPlate {
     let pole_pairs = [setup.model.screw.pole_pairs, setup.model.nut.pole_pairs];
     let torque = |pole_pairs: u32| {
-        let mut plates = [OrderPlate::NONE; TORQUES];
+        let mut plates = [TorqueOrderPlate::NONE; TORQUES];
         for (plate, order) in plates.iter_mut().zip(torque_orders(pole_pairs)) {
-            *plate = OrderPlate::unknown(order);
+            *plate = TorqueOrderPlate::unknown(order);
         }
         plates
     };

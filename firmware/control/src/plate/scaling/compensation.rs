@@ -9,13 +9,14 @@ use super::rejection::NotchGains;
 use super::{attempt, half, positive, power_of_two, within};
 use crate::base::format::Misfit;
 use crate::current::encoder::Interface;
-use crate::plate::{DrivePlate, Gains, MotorPlate, OrderPlate};
+use crate::plate::{DrivePlate, Gains, MotorPlate, OrderPlate, TorqueOrderPlate};
 use crate::speed::compensation::beat::BeatConfig;
 use crate::speed::compensation::line::{Order, Phasor};
 use crate::speed::compensation::response::{POINTS, Response, ResponsePoint};
+use crate::speed::compensation::slope::PER_LOAD_BITS;
 use crate::speed::compensation::{
     CHECK_STEPS, CompensationConfig, FAST_DROPS, LineConfig, RateConfig, SPEED_BITS, SPEED_STEPS,
-    ScaleConfig, TORQUE_BITS, TORQUE_STEPS,
+    ScaleConfig, TORQUE_BITS, TORQUE_STEPS, TORQUES,
 };
 use core::f64::consts::TAU;
 
@@ -285,8 +286,8 @@ impl DrivePlate {
         let [screw_torque, nut_torque] = &plate.torque;
         let [screw_angle, nut_angle] = &plate.angle;
         let torque = [
-            attempt!(lines(screw_torque, TORQUE_BITS, torque_max)),
-            attempt!(lines(nut_torque, TORQUE_BITS, torque_max)),
+            attempt!(torque_lines(screw_torque, torque_max)),
+            attempt!(torque_lines(nut_torque, torque_max)),
         ];
         let angle = [
             attempt!(lines(screw_angle, SPEED_BITS, 1.0 / 16.0)),
@@ -377,6 +378,36 @@ const fn any<const N: usize, const M: usize>(lists: &[[LineConfig; N]; M]) -> bo
     false
 }
 
+/// The lines of torques, whose coefficients change with the load.
+const fn torque_lines(
+    plates: &[TorqueOrderPlate; TORQUES],
+    most: f64,
+) -> Result<[LineConfig; TORQUES], Misfit> {
+    let without_load = TorqueOrderPlate::without_load(plates);
+    let mut configs = attempt!(lines(&without_load, TORQUE_BITS, most));
+    let mut left: (&mut [LineConfig], &[TorqueOrderPlate]) = (&mut configs, plates);
+    while let ([config, configs @ ..], [plate, plates @ ..]) = left {
+        let (re, im) = (plate.re_per_a, plate.im_per_a);
+        attempt!(within(
+            "cosine of a ripple an ampere of load",
+            "",
+            re,
+            -1.0,
+            1.0
+        ));
+        attempt!(within(
+            "sine of a ripple an ampere of load",
+            "",
+            im,
+            -1.0,
+            1.0
+        ));
+        config.per_load = Complex { re, im }.words(PER_LOAD_BITS);
+        left = (configs, plates);
+    }
+    Ok(configs)
+}
+
 const fn lines<const N: usize>(
     plates: &[OrderPlate; N],
     fraction: u32,
@@ -385,6 +416,7 @@ const fn lines<const N: usize>(
     let mut configs = [LineConfig {
         order: Order(0),
         start: Phasor::ZERO,
+        per_load: Phasor::ZERO,
     }; N];
     let mut left: (&mut [LineConfig], &[OrderPlate]) = (&mut configs, plates);
     while let ([config, configs @ ..], [plate, plates @ ..]) = left {
@@ -400,6 +432,7 @@ const fn lines<const N: usize>(
         *config = LineConfig {
             order,
             start: start.words(fraction),
+            per_load: Phasor::ZERO,
         };
         left = (configs, plates);
     }
@@ -437,7 +470,7 @@ mod tests {
         plate.compensation.learning_s = 0.5;
         for torque in &mut plate.compensation.torque {
             for (plate, order) in torque.iter_mut().zip(orders) {
-                *plate = OrderPlate::unknown(*order);
+                *plate = TorqueOrderPlate::unknown(*order);
             }
         }
         plate

@@ -13,6 +13,14 @@ use crate::plate::{DrivePlate, MotorPlate, Tuning};
 use crate::speed::speed_loop::SpeedLoopConfig;
 use core::f64::consts::TAU;
 
+/// Half of the slack of a motor at rest, counts: the observer answers a count with a count and its overshoot.
+const SLACK_COUNTS: f64 = 0.625;
+/// The answer to a count above which a motor at rest has slack, parts of the torque limit: less does not overcome friction.
+const SLACK_FROM: f64 = 0.005;
+/// The largest speed that an observer sees in a count, counts times its natural frequency: `e^(-y/tan y)` with `cos y` its damping, for the
+/// usual dampings of 0.7 to 0.9.
+const COUNT_SPEED: f64 = 0.43;
+
 impl MotorPlate {
     /// Configuration of this motor's current loop on `drive`'s board.
     ///
@@ -250,7 +258,21 @@ impl MotorPlate {
                 self.torque_max_nm / torque_constant,
                 20
             ))),
+            slack: self.slack(drive, gains.k_pw),
         })
+    }
+
+    /// Half of the slack at rest. A fine encoder needs none: the answer to its count is less than friction.
+    #[allow(clippy::cast_possible_truncation)]
+    const fn slack(&self, drive: &DrivePlate, k_pw: f64) -> i32 {
+        let counts = self.encoder.counts_per_turn as f64;
+        let pole_pairs = self.pole_pairs as f64;
+        let speed = COUNT_SPEED * drive.tuning.observer_rad_s * TAU / counts;
+        let torque = k_pw * pole_pairs * speed * pole_pairs * self.flux_wb.abs();
+        if torque < SLACK_FROM * self.torque_max_nm {
+            return 0;
+        }
+        (SLACK_COUNTS / counts * 4_294_967_296.0 / drive.board.speed_divider as f64) as i32
     }
 }
 

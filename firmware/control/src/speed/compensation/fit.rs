@@ -7,7 +7,8 @@
 //! where its cause changes, as dead time's does with speed.
 
 use super::line::{Line, Phasor};
-use super::{Compensation, CompensationConfig, LineConfig, SPEED_PART_MAX};
+use super::slope::LoadSlope;
+use super::{Compensation, CompensationConfig, LineConfig, SPEED_PART_MAX, TORQUES};
 use crate::codes;
 
 codes! {
@@ -79,9 +80,16 @@ impl TableChecks {
         }
     }
 
-    /// Speed or load have changed.
-    pub(super) const fn unsettle(&mut self) {
+    /// Speed or load have changed. `true`: what a motor's torque repeats had been learned before.
+    pub(super) fn unsettle(&mut self, config: &CompensationConfig) -> bool {
+        let settled = self.is_settled(config);
         self.settled = [0; TABLES];
+        settled
+    }
+
+    /// What a motor's torque repeats has been learned since speeds and loads are steady.
+    pub(super) fn is_settled(&self, config: &CompensationConfig) -> bool {
+        self.halved(config, 0) | self.halved(config, 1) != 0
     }
 
     /// How often the learning of a table has been halved since speeds and loads are steady: after four of its time constants and after each
@@ -111,15 +119,26 @@ struct Found {
 }
 
 impl Found {
-    fn of(lines: &[Line], configs: &[LineConfig], floor: i32, mut forgotten: u8) -> Self {
+    /// Of lines under a load, 2^-8 A: speeds have none, and no slopes.
+    fn of(
+        (lines, slopes, load): (&[Line], &[LoadSlope], i32),
+        configs: &[LineConfig],
+        floor: i32,
+        mut forgotten: u8,
+    ) -> Self {
         let mut found = Self {
             saved: 0,
             learning: 0,
             moved: 0,
         };
         let least = square(Phasor { re: floor, im: 0 });
-        for (line, config) in lines.iter().zip(configs) {
-            let start = square(config.start);
+        for (k, (line, config)) in lines.iter().zip(configs).enumerate() {
+            let (mut started, mut learned) = (config.start, line.coefficient());
+            if let Some(slope) = slopes.get(k) {
+                started = started.plus(LoadSlope::starting(config.per_load).at(load));
+                learned = learned.plus(slope.at(load));
+            }
+            let start = square(started);
             let is_forgotten = forgotten & 1 != 0;
             forgotten >>= 1;
             if start < least || is_forgotten {
@@ -128,7 +147,7 @@ impl Found {
             found.saved = found.saved.saturating_add(1);
             if line.learns() {
                 found.learning = found.learning.saturating_add(1);
-                let away = square(line.coefficient().minus(config.start));
+                let away = square(learned.minus(started));
                 if away > start >> 1 {
                     found.moved = found.moved.saturating_add(1);
                 }
@@ -157,9 +176,14 @@ impl Compensation {
         self.checks.fits
     }
 
-    /// Checks one table, of shafts that turn by `theta_steps`: as often as a line is tuned.
+    /// Checks one table, of shafts that turn by `theta_steps` under `loads`, 2^-8 A: as often as a line is tuned.
     #[inline(never)]
-    pub(super) fn check(&mut self, config: &CompensationConfig, theta_steps: [i32; 2]) {
+    pub(super) fn check(
+        &mut self,
+        config: &CompensationConfig,
+        theta_steps: [i32; 2],
+        loads: [i32; 2],
+    ) {
         let table = self.checks.next;
         self.checks.next = match table {
             0..LAST => table.saturating_add(1),
@@ -189,7 +213,9 @@ impl Compensation {
         };
         let table = usize::from(table);
         let forgotten = self.checks.forgotten.get(table).copied().unwrap_or(0);
-        let found = Found::of(lines, starts, floor, forgotten);
+        let slopes = self.slopes.get(table).map_or(&[][..], |slopes| slopes);
+        let load = loads.get(table).copied().unwrap_or(0);
+        let found = Found::of((lines, slopes, load), starts, floor, forgotten);
         let Some(learned) = self.checks.learned.get_mut(table) else {
             return;
         };
@@ -212,6 +238,9 @@ impl Compensation {
             Some(TableFit::Fits | TableFit::Drifted) => TableFit::Fits,
             _ if moved => {
                 lines.iter_mut().for_each(Line::restart);
+                if let Some(slopes) = self.slopes.get_mut(table) {
+                    *slopes = [LoadSlope::default(); TORQUES];
+                }
                 TableFit::Discarded
             }
             _ if *learned < enough => TableFit::Unchecked,
@@ -224,13 +253,21 @@ impl Compensation {
 /// Orders of a table that are not the same in each of `places` of a turn of both shafts that it counts from: they start at zero. A bit for
 /// each that had a start.
 #[inline(never)]
-fn forget(lines: &mut [Line], configs: &[LineConfig], places: [u32; 2]) -> u8 {
+fn forget(
+    lines: &mut [Line],
+    slopes: &mut [LoadSlope],
+    configs: &[LineConfig],
+    places: [u32; 2],
+) -> u8 {
     let mut forgotten = 0;
     for (k, (line, config)) in lines.iter_mut().zip(configs).enumerate() {
         let repeats = |places: u32| line.order().0.checked_rem(places.wrapping_shl(16)) == Some(0);
         if !places.into_iter().all(repeats) {
             line.restart();
-            if config.start != Phasor::ZERO {
+            if let Some(slope) = slopes.get_mut(k) {
+                *slope = LoadSlope::default();
+            }
+            if config.start != Phasor::ZERO || config.per_load != Phasor::ZERO {
                 forgotten |= 1u8.wrapping_shl(k as u32);
             }
         }
@@ -246,16 +283,17 @@ impl Compensation {
     pub(crate) fn forget(&mut self, config: &CompensationConfig) {
         let [screw, nut] = config.places;
         let [screw_torque, nut_torque] = &mut self.torque;
+        let [screw_slopes, nut_slopes] = &mut self.slopes;
         let [screw_angle, nut_angle] = &mut self.angle;
         let [screw_start, nut_start] = &config.torque;
         let [screw_angle_start, nut_angle_start] = &config.angle;
         self.checks = TableChecks {
             forgotten: [
-                forget(screw_torque, screw_start, [screw; 2]),
-                forget(nut_torque, nut_start, [nut; 2]),
-                forget(screw_angle, screw_angle_start, [screw; 2]),
-                forget(nut_angle, nut_angle_start, [nut; 2]),
-                forget(&mut self.travel, &config.travel, config.places),
+                forget(screw_torque, screw_slopes, screw_start, [screw; 2]),
+                forget(nut_torque, nut_slopes, nut_start, [nut; 2]),
+                forget(screw_angle, &mut [], screw_angle_start, [screw; 2]),
+                forget(nut_angle, &mut [], nut_angle_start, [nut; 2]),
+                forget(&mut self.travel, &mut [], &config.travel, config.places),
             ],
             ..TableChecks::new()
         };
@@ -274,14 +312,14 @@ const SPEED_SLOWER: u32 = 4;
 mod tests {
     use super::*;
     use crate::current::encoder::Interface;
-    use crate::plate::{CompensationPlate, OrderPlate, test_plate};
+    use crate::plate::{CompensationPlate, OrderPlate, TorqueOrderPlate, test_plate};
 
     #[test]
     fn a_rotor_found_anew_keeps_the_orders_that_repeat_with_its_poles() {
-        let order = |order: f64| OrderPlate {
-            order,
+        let order = |order: f64| TorqueOrderPlate {
             re: 0.1,
             im: -0.1,
+            ..TorqueOrderPlate::unknown(order)
         };
         let mut plate = test_plate();
         // Five pole pairs: orders 30 and 5 are the same in each of five places, 1 and 7.5 are not.
@@ -302,7 +340,7 @@ mod tests {
         let given = |line: usize| compensation.coefficient(line) != Phasor::ZERO;
         assert_eq!([given(0), given(1), given(2)], [true, false, true]);
         for table in 0..TABLES {
-            compensation.check(&config, [0; 2]);
+            compensation.check(&config, [0; 2], [0; 2]);
             let fit = compensation.tables().of(table);
             let expected = match table {
                 0 => TableFit::Unchecked,
@@ -361,10 +399,10 @@ mod tests {
             plate.motors[0].encoder.counts_per_turn = 1 << 21;
             plate.compensation.learning_s = 0.5;
             for (line, order) in [36.0, 7.5].into_iter().enumerate() {
-                plate.compensation.torque[0][line] = OrderPlate {
-                    order,
+                plate.compensation.torque[0][line] = TorqueOrderPlate {
                     re: 0.1,
                     im: -0.1,
+                    ..TorqueOrderPlate::unknown(order)
                 };
             }
             let config = plate.config().unwrap().compensation;

@@ -79,6 +79,16 @@ impl Phasor {
         }
     }
 
+    /// The sum of two.
+    #[must_use]
+    #[inline(always)]
+    pub const fn plus(self, other: Self) -> Self {
+        Self {
+            re: self.re.saturating_add(other.re),
+            im: self.im.saturating_add(other.im),
+        }
+    }
+
     /// The difference of two, of parts within 2^30.
     #[must_use]
     #[inline(always)]
@@ -170,6 +180,12 @@ impl Line {
     #[inline(always)]
     pub fn learns(&self) -> bool {
         self.learns != Phasor::ZERO
+    }
+
+    /// Goes on from another coefficient.
+    pub const fn learn_anew(&mut self, coefficient: Phasor) {
+        let Phasor { re, im } = coefficient;
+        self.learned = [wide_of(re), wide_of(im)];
     }
 
     /// Forgets what was learned.

@@ -61,8 +61,7 @@ pub fn run(options: &SweepOptions) -> Result<()> {
         let vrf = learned(&setup, board, &grid, seconds)?;
         Some(vrf.chunks(nut_rpm.len()).map(<[_]>::to_vec).collect())
     } else {
-        let feed = &setup.model.feed;
-        let known = Known::of(&setup.model, feed.load_n * feed.travel_per_radian());
+        let known = Known::of(&setup.model);
         Some(measure(&DrivePlate {
             compensation: known.compensation,
             friction: known.friction,

@@ -4,6 +4,7 @@ mod disturbance;
 mod floor;
 mod hum;
 mod page;
+mod vanishing;
 
 use crate::smooth::bench::{Case, Change, Controller, Row, cases, learning_s, robustness, rows};
 use crate::smooth::reversal::{Reversal, reversal};
@@ -49,6 +50,8 @@ pub enum SmoothPart {
     Reversal,
     /// A step of load, and a base speed that wanders.
     Disturbance,
+    /// A load that vanishes.
+    Vanishing,
     /// Time to learn.
     Learning,
     /// What sets the ripple that is left.
@@ -146,6 +149,12 @@ pub fn run(options: &SmoothOptions) -> Result<()> {
         let wanders = disturbance::wanders()?;
         put("wander", disturbance::wanders_json(&wanders), &|| {
             disturbance::print_wanders(&wanders);
+        });
+    }
+    if of(SmoothPart::Vanishing) {
+        let vanished = vanishing::measure(options.board)?;
+        put("vanishing", vanishing::json(&vanished), &|| {
+            vanishing::print(&vanished);
         });
     }
     if of(SmoothPart::Learning) {
