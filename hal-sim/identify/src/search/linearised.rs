@@ -140,6 +140,9 @@ pub(crate) fn settle(case: &Case, noise: &Noise, found: &mut Vec<Hypothesis>) {
     }
 }
 
+/// Least part of a damping that one step leaves.
+const LEAST_DAMPING: f64 = 0.2;
+
 /// What the balances assume, as a regression with given effects has it. Of a machine whose effects do not show it
 /// nothing is retold.
 pub(crate) fn retold(
@@ -166,7 +169,9 @@ pub(crate) fn retold(
     for hypothesis in found {
         at += hypothesis.columns();
         if hypothesis.family == Family::AxialCompliance {
-            assumed.damping *= 1.0 + values[at];
+            // Linear about the present one, the change may be more than all of it.
+            let changed = (1.0 + values[at]).max(LEAST_DAMPING);
+            assumed.damping = (assumed.damping * changed).min(1.0);
         }
         at += hypothesis.nuisances();
     }

@@ -2,8 +2,9 @@
 
 use super::bench::{COLD_S, LEARNING_S};
 use super::machine::without_ripple;
-use super::{Machine, Smoothness, drive, orders, setup, smoothness};
+use super::{Machine, Smoothness, drive, orders, settle, setup, smoothness, velocities};
 use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
+use hal_sim::seam::Straight;
 use hal_sim::sensors::Sensors;
 use plant::effects::AnyEffect;
 
@@ -109,6 +110,35 @@ pub fn floor(
         base: nut_rpm * RPM,
     };
     smoothness(&mut drive(&setup, plate)?, point, COLD_S)
+}
+
+/// What the single drive leaves at a table velocity, m/s, from cold: it has learned at that velocity in the double drive, whose shafts turn
+/// fast. What is learned of a torque does not depend on the speed.
+///
+/// # Errors
+/// As [`floor`].
+pub fn learned_in_double_drive(
+    machine: Machine,
+    velocity: f64,
+    nut_rpm: f64,
+    seconds: f64,
+) -> Result<Smoothness, ExperimentError> {
+    let setup = setup(machine, 1);
+    let mut drive = drive(&setup, orders(&setup, LEARNING_S, true))?;
+    let learns = OperatingPoint {
+        velocity,
+        base: nut_rpm * RPM,
+    };
+    settle(&mut drive, learns, &mut Straight)?;
+    velocities(&mut drive, seconds, &mut Straight)?;
+    smoothness(
+        &mut drive,
+        OperatingPoint {
+            base: 0.0,
+            ..learns
+        },
+        0.0,
+    )
 }
 
 /// What a board as it ships leaves at a table velocity, m/s, of a machine without any ripple, with nothing to learn: its sensors, PWM and dead time.

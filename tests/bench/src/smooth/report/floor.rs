@@ -2,7 +2,8 @@
 
 use super::mode;
 use crate::smooth::Machine;
-use crate::smooth::floor::{Without, board_alone, floor};
+use crate::smooth::bench::COLD_S;
+use crate::smooth::floor::{Without, board_alone, floor, learned_in_double_drive};
 use anyhow::Result;
 use hal_sim::parallel::on_all_cores;
 use hal_sim::smooth::Smoothness;
@@ -30,41 +31,57 @@ const BOARDS: [(Machine, f64, f64); 12] = [
 /// Table velocities, m/s.
 const USUAL: f64 = 2.5e-3;
 const CREEP: f64 = 0.1e-3;
+/// Nut speed that is learned at before the table creeps, rpm.
+const LEARNS_RPM: f64 = 100.0;
 
 /// Ripple with one thing switched off, at each point.
 pub(super) type Floor = Vec<(Without, Vec<Smoothness>)>;
 
+/// Ripple of a board: of a machine without any, of ours, and of ours that has learned in the double drive where the table creeps.
+type Board = (Smoothness, Smoothness, Option<Smoothness>);
+
 /// What each board leaves of a machine without ripple, and ours of the one that ripples.
-pub(super) fn boards() -> Result<Vec<[Smoothness; 2]>> {
+pub(super) fn boards() -> Result<Vec<Board>> {
     let left = on_all_cores(&BOARDS, |&(machine, nut_rpm, velocity)| {
         let ours = floor(machine, nut_rpm, velocity, Without::Nothing)?;
-        Ok([board_alone(machine, nut_rpm, velocity)?, ours])
+        let alone = board_alone(machine, nut_rpm, velocity)?;
+        let cold = if velocity == CREEP && nut_rpm == 0.0 {
+            Some(learned_in_double_drive(
+                machine, velocity, LEARNS_RPM, COLD_S,
+            )?)
+        } else {
+            None
+        };
+        Ok((alone, ours, cold))
     });
     left.into_iter().collect()
 }
 
-pub(super) fn boards_json(boards: &[[Smoothness; 2]]) -> Value {
+pub(super) fn boards_json(boards: &[Board]) -> Value {
     let rows = BOARDS.iter().zip(boards);
-    rows.map(|((machine, nut_rpm, velocity), [alone, ours])| {
+    rows.map(|((machine, nut_rpm, velocity), (alone, ours, cold))| {
         json!({
             "machine": machine.name(),
             "nut_rpm": nut_rpm,
             "table_mm_s": 1e3 * velocity,
             "vrf_board_alone": alone.vrf,
             "vrf_ours": ours.vrf,
+            "vrf_learned_in_double_drive": cold.map(|cold| cold.vrf),
         })
     })
     .collect()
 }
 
-pub(super) fn print_boards(boards: &[[Smoothness; 2]]) {
+pub(super) fn print_boards(boards: &[Board]) {
     println!(
-        "\nBoards as they ship, %: what they leave of a machine without ripple; ours with ripple"
+        "\nBoards as they ship, %: what they leave of a machine without ripple; ours with ripple, from cold at that speed; ours \
+         that has learned in the double drive at 100 rpm"
     );
-    for ((machine, nut_rpm, velocity), [alone, ours]) in BOARDS.iter().zip(boards) {
+    for ((machine, nut_rpm, velocity), (alone, ours, cold)) in BOARDS.iter().zip(boards) {
         let mm_s = 1e3 * velocity;
         let what = format!("{}, {}, {mm_s} mm/s", machine.name(), mode(*nut_rpm));
-        println!("  {what:<60} {:>7.2} {:>7.2}", alone.vrf, ours.vrf);
+        let cold = cold.map_or(String::new(), |cold| format!("{:>7.2}", cold.vrf));
+        println!("  {what:<60} {:>7.2} {:>7.2} {cold}", alone.vrf, ours.vrf);
     }
 }
 
