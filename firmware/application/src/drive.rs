@@ -5,7 +5,6 @@ use crate::exchange::state;
 use crate::orders::Orders;
 use crate::parts::{Access, LinesParts};
 use crate::server::{NotSet, Served};
-use control::compensation::line::Phasor;
 use control::coordinator::{Command, CommandError, Coordinator};
 use control::exchange::MotorExchange;
 use control::format::{Angle, Current, MechanicalSpeed, TableVelocity};
@@ -345,20 +344,11 @@ where
 
     fn learned(&self) -> Settings {
         let (configured, telemetry) = (self.parts.configured, self.parts.telemetry);
-        let settings = self.parts.keeper.settings();
-        if !configured.drive.compensation.active || !telemetry.all_learned.load(Relaxed) {
-            return *settings;
+        let mut settings = *self.parts.keeper.settings();
+        if configured.drive.compensation.active && telemetry.all_learned.load(Relaxed) {
+            telemetry.put_learned(&mut settings, &configured.plate.compensation);
         }
-        let mut orders = configured.plate.compensation;
-        for (line, learned) in telemetry.learned.iter().enumerate() {
-            let [re, im] = learned.each_ref().map(|part| part.load(Relaxed));
-            orders.keep(line, Phasor { re, im });
-        }
-        for (line, per_load) in telemetry.slopes.iter().enumerate() {
-            let [re, im] = per_load.each_ref().map(|part| part.load(Relaxed));
-            orders.keep_slope(line, Phasor { re, im });
-        }
-        settings.with_orders(&orders)
+        settings
     }
 
     fn configure(&mut self, settings: &Settings) -> Result<Effect, NotSet> {

@@ -1,13 +1,16 @@
 //! The words between the parts of the application. Each word has one writer; none needs a lock.
 
 use crate::rows::Rows;
+use control::compensation::line::Phasor;
 use control::compensation::{LINES, TORQUES};
 use control::fault::Fault;
 use control::format::{Current, MechanicalSpeed, Speed, TableVelocity};
 use control::interlock;
+use control::plate::CompensationPlate;
 use control::torque::TorqueCommand;
 use core::sync::atomic::{AtomicBool, AtomicI32, AtomicU32, Ordering::Relaxed};
 use link::codes::{Demand, State};
+use link::settings::Settings;
 use link::view::DriveView;
 
 /// What commands and supervision tell the speed task, and the other way.
@@ -69,6 +72,23 @@ impl TelemetryExchange {
             slopes: [const { [const { AtomicI32::new(0) }; 2] }; 2 * TORQUES],
             rows: Rows::new(),
         }
+    }
+
+    /// Puts what was learned into settings, in place of the `orders` that the drive has started with.
+    #[inline(never)]
+    pub(crate) fn put_learned(&self, settings: &mut Settings, orders: &CompensationPlate) {
+        let mut orders = *orders;
+        let phasor = |parts: &[AtomicI32; 2]| {
+            let [re, im] = parts.each_ref().map(|part| part.load(Relaxed));
+            Phasor { re, im }
+        };
+        for (line, learned) in self.learned.iter().enumerate() {
+            orders.keep(line, phasor(learned));
+        }
+        for (line, per_load) in self.slopes.iter().enumerate() {
+            orders.keep_slope(line, phasor(per_load));
+        }
+        settings.put_orders(&orders);
     }
 
     /// The speed task, above this code, adds no row from here on.

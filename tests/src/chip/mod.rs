@@ -144,7 +144,7 @@ pub struct Provoked {
     pub frame_errors: [u32; 2],
     /// Edges of the incremental encoders that are not seen, once.
     pub lost_counts: [u32; 2],
-    /// The next read of a motor's currents takes this many cycles.
+    /// The next read of a motor's currents by its loop takes this many cycles.
     pub slow_read: [Option<u64>; 2],
     /// The incremental encoders' indices do not come.
     pub no_index: [bool; 2],
@@ -806,10 +806,12 @@ impl Chip {
             0x4000_0C00 => self.encoders[1].read(offset),
             0x4000_0800 => self.encoders[2].read(offset),
             0x5000_0000 | 0x5000_0400 => {
-                // The first injected result of ADC1 and of ADC4.
+                // The first injected result of ADC1 and of ADC4. The supervision reads them too.
+                let runs =
+                    |line: usize| self.nvic.active().last() == Some(&(nvic::EXTERNAL + line));
                 let slow = match address {
-                    0x5000_0080 => self.provoked.slow_read[0].take(),
-                    0x5000_0580 => self.provoked.slow_read[1].take(),
+                    0x5000_0080 if runs(nvic::ADC1_2) => self.provoked.slow_read[0].take(),
+                    0x5000_0580 if runs(nvic::ADC4) => self.provoked.slow_read[1].take(),
                     _ => None,
                 };
                 self.bus_wait += slow.unwrap_or(0);

@@ -130,7 +130,7 @@ fn a_recording_is_what_the_control_code_knew() -> Result<(), String> {
 fn what_a_slow_reader_loses_is_counted_and_left_as_gaps() -> Result<(), String> {
     let mut recorded = Recorded::start()?;
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
-    let looks = [0.05, 0.05, 0.7, 0.05, 0.4, 0.05].into_iter();
+    let looks = [0.04, 0.04, 0.7, 0.04, 0.4, 0.04].into_iter();
     let (summary, _) = recorded.record(folder.path(), 1, looks.chain([0.02; 60]))?;
     let dropped = recorded.bench.look()?.words().telemetry_dropped;
     assert!(dropped > 1000, "the channel was full: {dropped}");

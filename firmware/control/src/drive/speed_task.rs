@@ -758,21 +758,15 @@ impl SpeedTask {
                 reference.omega_e = reference.omega_e.saturating_add(given);
             }
         }
-        let [screw_rest, nut_rest] = speed.map(SpeedReference::is_rest);
+        let [screw_asked, nut_asked] = speed;
+        let has_slack = screw_config.slack | nut_config.slack != 0;
+        let rests = has_slack && (screw_asked.is_rest() || nut_asked.is_rest());
+        let [screw_seen, nut_seen] = if rests {
+            self.seen_at_rest(config, speed, [screw_step, nut_step])
+        } else {
+            [screw_omega_e, nut_omega_e]
+        };
         let [screw_loop, nut_loop] = &mut self.speed_loops;
-        let [screw_current, nut_current] = &config.current_loops;
-        // A branch each: the way of a motor that turns must not grow.
-        let mut seen = [screw_omega_e, nut_omega_e];
-        let [screw_seen, nut_seen] = &mut seen;
-        if screw_rest {
-            let step = screw_loop.beyond_slack(screw_config, screw_step);
-            *screw_seen = screw_current.observer.omega_e(step);
-        }
-        if nut_rest {
-            let step = nut_loop.beyond_slack(nut_config, nut_step);
-            *nut_seen = nut_current.observer.omega_e(step);
-        }
-        let [screw_seen, nut_seen] = seen;
         let wanted = [
             screw_loop.wanted(screw_config, screw_reference, screw_seen),
             nut_loop.wanted(nut_config, nut_reference, nut_seen),
@@ -780,7 +774,7 @@ impl SpeedTask {
         let Rejected { wanted, fed_back } = self.rejection.step(
             config,
             wanted,
-            seen,
+            [screw_seen, nut_seen],
             [screw_reference.omega_e, nut_reference.omega_e],
             self.coordinator.relative(),
         );
@@ -863,6 +857,29 @@ impl SpeedTask {
             speed,
             state: self.state,
         }
+    }
+
+    /// The speeds that the loops correct where a motor is asked to stand: its own has slack.
+    #[inline(never)]
+    #[cfg_attr(target_os = "none", allow(unsafe_code), unsafe(link_section = ".ccm"))]
+    fn seen_at_rest(
+        &mut self,
+        config: &DriveConfig,
+        asked: [SpeedReference; 2],
+        mut steps: [i32; 2],
+    ) -> [Speed; 2] {
+        let loops = self.speed_loops.iter_mut().zip(&config.speed_loops);
+        for ((state, config), (asked, step)) in loops.zip(asked.iter().zip(&mut steps)) {
+            if asked.is_rest() {
+                *step = state.beyond_slack(config, *step);
+            }
+        }
+        let [screw, nut] = steps;
+        let [screw_loop, nut_loop] = &config.current_loops;
+        [
+            screw_loop.observer.omega_e(screw),
+            nut_loop.observer.omega_e(nut),
+        ]
     }
 
     /// The references where one motor follows a torque.

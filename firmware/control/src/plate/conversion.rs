@@ -59,7 +59,7 @@ impl Settings {
         } else {
             compensation
         };
-        Self {
+        let mut settings = Self {
             screw: MotorSettings::of_plate(screw),
             nut: MotorSettings::of_plate(nut),
             bridge: BridgeSettings::of_plate(&plate.bridge),
@@ -79,23 +79,20 @@ impl Settings {
             travel: TravelSettings::of_plate(&plate.travel),
             brake: BrakeSettings::of_plate(&plate.brake),
             ..Self::DEFAULT
-        }
-        .with_orders(orders)
+        };
+        settings.put_orders(orders);
+        settings
     }
 
-    /// The same with these orders: what a drive has learned.
-    #[must_use]
-    pub fn with_orders(self, orders: &CompensationPlate) -> Self {
-        let [screw_torque, nut_torque] = orders.torque.map(torque);
-        let [screw_encoder, nut_encoder] = orders.angle.map(speed);
-        Self {
-            screw_torque,
-            nut_torque,
-            screw_encoder,
-            nut_encoder,
-            lead: speed(orders.travel),
-            ..self
-        }
+    /// Takes these orders: what a drive has learned. In place, as all settings are kilobytes.
+    pub fn put_orders(&mut self, orders: &CompensationPlate) {
+        let [screw_torque, nut_torque] = &orders.torque;
+        let [screw_encoder, nut_encoder] = &orders.angle;
+        self.screw_torque = torque(screw_torque);
+        self.nut_torque = torque(nut_torque);
+        self.screw_encoder = speed(screw_encoder);
+        self.nut_encoder = speed(nut_encoder);
+        self.lead = speed(&orders.travel);
     }
 
     /// The same of a drive that learns what repeats with its angles in half a second and feeds forward the smallest friction. Its base speed
@@ -240,14 +237,14 @@ impl FrictionSettings {
     };
 }
 
-fn torque(orders: [TorqueOrderPlate; TORQUES]) -> TorqueOrderSettings {
-    let slope = |plate: TorqueOrderPlate| TorqueSlopePlate {
+fn torque(orders: &[TorqueOrderPlate; TORQUES]) -> TorqueOrderSettings {
+    let slope = |plate: &TorqueOrderPlate| TorqueSlopePlate {
         re: plate.re_per_a,
         im: plate.im_per_a,
     };
     TorqueOrderSettings::of_plate(&TorqueOrderPlates {
-        orders: TorqueOrderPlate::without_load(&orders),
-        slopes: orders.map(slope),
+        orders: TorqueOrderPlate::without_load(orders),
+        slopes: orders.each_ref().map(slope),
     })
 }
 
@@ -269,8 +266,8 @@ const fn torque_orders(settings: &TorqueOrderSettings) -> [TorqueOrderPlate; TOR
     plates
 }
 
-fn speed(orders: [OrderPlate; ANGLES]) -> SpeedOrderSettings {
-    SpeedOrderSettings::of_plate(&SpeedOrderPlates { orders })
+fn speed(orders: &[OrderPlate; ANGLES]) -> SpeedOrderSettings {
+    SpeedOrderSettings::of_plate(&SpeedOrderPlates { orders: *orders })
 }
 
 /// A setting that the drive's fixed-point formats, or physics, do not allow.

@@ -129,8 +129,6 @@ impl SpeedLoop {
     /// shows the whole count each time that the edge is passed. The full answer to that pushes the motor back over the edge, so it would
     /// swing. None of what is within the slack is corrected, a quarter within [`FULL`] slacks, and all beyond.
     #[must_use]
-    #[cold]
-    #[inline(never)]
     pub fn beyond_slack(&mut self, config: &SpeedLoopConfig, theta_step: i32) -> i32 {
         let [quarter, all] = &mut self.deviations;
         let quarter = beyond(quarter, config.slack, theta_step);

@@ -286,8 +286,16 @@ impl DrivePlate {
         let [screw_torque, nut_torque] = &plate.torque;
         let [screw_angle, nut_angle] = &plate.angle;
         let torque = [
-            attempt!(torque_lines(screw_torque, torque_max)),
-            attempt!(torque_lines(nut_torque, torque_max)),
+            attempt!(lines(
+                &TorqueOrderPlate::without_load(screw_torque),
+                TORQUE_BITS,
+                torque_max
+            )),
+            attempt!(lines(
+                &TorqueOrderPlate::without_load(nut_torque),
+                TORQUE_BITS,
+                torque_max
+            )),
         ];
         let angle = [
             attempt!(lines(screw_angle, SPEED_BITS, 1.0 / 16.0)),
@@ -302,6 +310,10 @@ impl DrivePlate {
             active,
             learns,
             torque,
+            per_load: [
+                attempt!(per_load(screw_torque)),
+                attempt!(per_load(nut_torque)),
+            ],
             angle,
             travel,
             beat: [screw.beat(self), nut.beat(self)],
@@ -378,15 +390,11 @@ const fn any<const N: usize, const M: usize>(lists: &[[LineConfig; N]; M]) -> bo
     false
 }
 
-/// The lines of torques, whose coefficients change with the load.
-const fn torque_lines(
-    plates: &[TorqueOrderPlate; TORQUES],
-    most: f64,
-) -> Result<[LineConfig; TORQUES], Misfit> {
-    let without_load = TorqueOrderPlate::without_load(plates);
-    let mut configs = attempt!(lines(&without_load, TORQUE_BITS, most));
-    let mut left: (&mut [LineConfig], &[TorqueOrderPlate]) = (&mut configs, plates);
-    while let ([config, configs @ ..], [plate, plates @ ..]) = left {
+/// How torques change with the load.
+const fn per_load(plates: &[TorqueOrderPlate; TORQUES]) -> Result<[Phasor; TORQUES], Misfit> {
+    let mut words = [Phasor::ZERO; TORQUES];
+    let mut left: (&mut [Phasor], &[TorqueOrderPlate]) = (&mut words, plates);
+    while let ([word, words @ ..], [plate, plates @ ..]) = left {
         let (re, im) = (plate.re_per_a, plate.im_per_a);
         attempt!(within(
             "cosine of a ripple an ampere of load",
@@ -402,10 +410,10 @@ const fn torque_lines(
             -1.0,
             1.0
         ));
-        config.per_load = Complex { re, im }.words(PER_LOAD_BITS);
-        left = (configs, plates);
+        *word = Complex { re, im }.words(PER_LOAD_BITS);
+        left = (words, plates);
     }
-    Ok(configs)
+    Ok(words)
 }
 
 const fn lines<const N: usize>(
@@ -416,7 +424,6 @@ const fn lines<const N: usize>(
     let mut configs = [LineConfig {
         order: Order(0),
         start: Phasor::ZERO,
-        per_load: Phasor::ZERO,
     }; N];
     let mut left: (&mut [LineConfig], &[OrderPlate]) = (&mut configs, plates);
     while let ([config, configs @ ..], [plate, plates @ ..]) = left {
@@ -432,7 +439,6 @@ const fn lines<const N: usize>(
         *config = LineConfig {
             order,
             start: start.words(fraction),
-            per_load: Phasor::ZERO,
         };
         left = (configs, plates);
     }

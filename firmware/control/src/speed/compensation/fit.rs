@@ -66,6 +66,8 @@ pub(super) struct TableChecks {
     settled: [u32; TABLES],
     /// Lines of each whose start is not used, one bit a line.
     forgotten: [u8; TABLES],
+    /// Lines of each torque which a second load has divided anew: they are not where they started any more.
+    divided: [u8; 2],
     next: u8,
 }
 
@@ -76,6 +78,7 @@ impl TableChecks {
             learned: [0; TABLES],
             settled: [0; TABLES],
             forgotten: [0; TABLES],
+            divided: [0; 2],
             next: 0,
         }
     }
@@ -85,6 +88,13 @@ impl TableChecks {
         let settled = self.is_settled(config);
         self.settled = [0; TABLES];
         settled
+    }
+
+    /// A second load has divided a line of a motor's torque into what scales with it and what does not.
+    pub(super) fn divide(&mut self, motor: usize, line: usize) {
+        if let Some(divided) = self.divided.get_mut(motor) {
+            *divided |= 1u8.wrapping_shl(line as u32);
+        }
     }
 
     /// What a motor's torque repeats has been learned since speeds and loads are steady.
@@ -119,35 +129,24 @@ struct Found {
 }
 
 impl Found {
-    /// Of lines under a load, 2^-8 A: speeds have none, and no slopes.
-    fn of(
-        (lines, slopes, load): (&[Line], &[LoadSlope], i32),
-        configs: &[LineConfig],
-        floor: i32,
-        mut forgotten: u8,
-    ) -> Self {
+    fn of(lines: &[Line], configs: &[LineConfig], floor: i32, mut left_out: u8) -> Self {
         let mut found = Self {
             saved: 0,
             learning: 0,
             moved: 0,
         };
         let least = square(Phasor { re: floor, im: 0 });
-        for (k, (line, config)) in lines.iter().zip(configs).enumerate() {
-            let (mut started, mut learned) = (config.start, line.coefficient());
-            if let Some(slope) = slopes.get(k) {
-                started = started.plus(LoadSlope::starting(config.per_load).at(load));
-                learned = learned.plus(slope.at(load));
-            }
-            let start = square(started);
-            let is_forgotten = forgotten & 1 != 0;
-            forgotten >>= 1;
-            if start < least || is_forgotten {
+        for (line, config) in lines.iter().zip(configs) {
+            let start = square(config.start);
+            let is_left_out = left_out & 1 != 0;
+            left_out >>= 1;
+            if start < least || is_left_out {
                 continue;
             }
             found.saved = found.saved.saturating_add(1);
             if line.learns() {
                 found.learning = found.learning.saturating_add(1);
-                let away = square(learned.minus(started));
+                let away = square(line.coefficient().minus(config.start));
                 if away > start >> 1 {
                     found.moved = found.moved.saturating_add(1);
                 }
@@ -176,14 +175,9 @@ impl Compensation {
         self.checks.fits
     }
 
-    /// Checks one table, of shafts that turn by `theta_steps` under `loads`, 2^-8 A: as often as a line is tuned.
+    /// Checks one table, of shafts that turn by `theta_steps`: as often as a line is tuned.
     #[inline(never)]
-    pub(super) fn check(
-        &mut self,
-        config: &CompensationConfig,
-        theta_steps: [i32; 2],
-        loads: [i32; 2],
-    ) {
+    pub(super) fn check(&mut self, config: &CompensationConfig, theta_steps: [i32; 2]) {
         let table = self.checks.next;
         self.checks.next = match table {
             0..LAST => table.saturating_add(1),
@@ -213,9 +207,8 @@ impl Compensation {
         };
         let table = usize::from(table);
         let forgotten = self.checks.forgotten.get(table).copied().unwrap_or(0);
-        let slopes = self.slopes.get(table).map_or(&[][..], |slopes| slopes);
-        let load = loads.get(table).copied().unwrap_or(0);
-        let found = Found::of((lines, slopes, load), starts, floor, forgotten);
+        let divided = self.checks.divided.get(table).copied().unwrap_or(0);
+        let found = Found::of(lines, starts, floor, forgotten | divided);
         let Some(learned) = self.checks.learned.get_mut(table) else {
             return;
         };
@@ -230,6 +223,7 @@ impl Compensation {
         let enough = config.checked.saturating_mul(slower);
         let moved = tells && *learned >= enough >> 2 && found.most_moved();
         let fit = match self.checks.fits.of(table) {
+            _ if found.saved == 0 && divided != 0 => return,
             _ if found.saved == 0 && forgotten != 0 => TableFit::Forgotten,
             _ if found.saved == 0 => TableFit::None,
             Some(TableFit::Discarded) => return,
@@ -239,7 +233,7 @@ impl Compensation {
             _ if moved => {
                 lines.iter_mut().for_each(Line::restart);
                 if let Some(slopes) = self.slopes.get_mut(table) {
-                    *slopes = [LoadSlope::default(); TORQUES];
+                    *slopes = [LoadSlope::NONE; TORQUES];
                 }
                 TableFit::Discarded
             }
@@ -265,9 +259,9 @@ fn forget(
         if !places.into_iter().all(repeats) {
             line.restart();
             if let Some(slope) = slopes.get_mut(k) {
-                *slope = LoadSlope::default();
+                *slope = LoadSlope::NONE;
             }
-            if config.start != Phasor::ZERO || config.per_load != Phasor::ZERO {
+            if config.start != Phasor::ZERO {
                 forgotten |= 1u8.wrapping_shl(k as u32);
             }
         }
@@ -340,7 +334,7 @@ mod tests {
         let given = |line: usize| compensation.coefficient(line) != Phasor::ZERO;
         assert_eq!([given(0), given(1), given(2)], [true, false, true]);
         for table in 0..TABLES {
-            compensation.check(&config, [0; 2], [0; 2]);
+            compensation.check(&config, [0; 2]);
             let fit = compensation.tables().of(table);
             let expected = match table {
                 0 => TableFit::Unchecked,

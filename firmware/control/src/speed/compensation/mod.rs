@@ -53,8 +53,6 @@ pub struct LineConfig {
     pub order: Order,
     /// What it starts with.
     pub start: Phasor,
-    /// Of a torque: how that changes with the motor's load, 2^-24 A per A.
-    pub per_load: Phasor,
 }
 
 /// How fast orders are learned from the table's scale.
@@ -107,6 +105,8 @@ pub struct CompensationConfig {
     pub response: [Response; 2],
     /// Torque: screw, nut.
     pub torque: [[LineConfig; TORQUES]; 2],
+    /// How the torques change with the motor's load, 2^-24 A per A.
+    pub per_load: [[Phasor; TORQUES]; 2],
     /// Errors of the encoders: screw, nut.
     pub angle: [[LineConfig; ANGLES]; 2],
     /// Errors of the lead.
@@ -174,22 +174,25 @@ pub struct Compensation {
 /// How large an error usually is, so that a disturbance is not learned: where a load falls, its error is fifty times the ripple's.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct UsualError {
-    /// Its mean size.
+    /// Its mean size, 2^-5 of an error's unit.
     mean: i32,
 }
+
+/// Fraction bits of a mean.
+const MEAN_BITS: u32 = 5;
 
 impl UsualError {
     /// The error, cut to three of its mean size where speed and load are `settled`. A sine's peak is 1.6 of them, and 98 % of noise is within.
     #[inline(always)]
     fn cut(&mut self, error: i32, settled: bool) -> i32 {
         let most = if settled {
-            self.mean.saturating_mul(3).max(1)
+            (self.mean >> MEAN_BITS).wrapping_mul(3).max(1)
         } else {
             i32::MAX
         };
         let cut = error.min(most).max(most.wrapping_neg());
-        // Within 2^25 each; rounded, so that it does not stay below.
-        let change = cut.wrapping_abs().wrapping_sub(self.mean);
+        // Within 2^30 each; rounded, so that it does not stay below.
+        let change = (cut.wrapping_abs() << MEAN_BITS).wrapping_sub(self.mean);
         self.mean = self.mean.wrapping_add(change.wrapping_add(512) >> 10);
         cut
     }
@@ -214,10 +217,11 @@ impl Compensation {
     #[must_use]
     pub const fn new(config: &CompensationConfig) -> Self {
         let [screw, nut] = &config.torque;
+        let [screw_per_load, nut_per_load] = &config.per_load;
         let [screw_angle, nut_angle] = &config.angle;
         Self {
             torque: [starting(screw), starting(nut)],
-            slopes: [slopes(screw), slopes(nut)],
+            slopes: [slopes(screw_per_load), slopes(nut_per_load)],
             angle: [starting(screw_angle), starting(nut_angle)],
             travel: starting(&config.travel),
             turned: [0; 2],
@@ -408,7 +412,7 @@ impl Compensation {
         if next >= LINES {
             self.next = 0;
             self.waits = self.waits.saturating_sub(1);
-            self.check(config, theta_steps, loads);
+            self.check(config, theta_steps);
             self.settled = self.checks.is_settled(config);
             return;
         }
@@ -433,13 +437,15 @@ impl Compensation {
                     _ => false,
                 };
                 let halved = self.checks.halved(config, motor);
+                let mut more = slope.at(load);
                 if halved != 0 && line.learns() {
-                    let learned = line.coefficient().plus(slope.at(load));
+                    let learned = line.coefficient().plus(more);
                     if slope.take(learned, load, least) {
-                        line.learn_anew(learned.minus(slope.at(load)));
+                        more = slope.at(load);
+                        line.learn_anew(learned.minus(more));
+                        self.checks.divide(motor, index);
                     }
                 }
-                let more = slope.at(load);
                 tune_torque(config, line, more, response, theta_step, halved, beats);
             }
             return;
@@ -499,12 +505,12 @@ const fn starting<const N: usize>(configs: &[LineConfig; N]) -> [Line; N] {
     lines
 }
 
-const fn slopes(configs: &[LineConfig; TORQUES]) -> [LoadSlope; TORQUES] {
-    let mut slopes = [LoadSlope::starting(Phasor::ZERO); TORQUES];
-    let mut left: (&mut [LoadSlope], &[LineConfig]) = (&mut slopes, configs);
-    while let ([slope, slopes @ ..], [config, configs @ ..]) = left {
-        *slope = LoadSlope::starting(config.per_load);
-        left = (slopes, configs);
+const fn slopes(per_load: &[Phasor; TORQUES]) -> [LoadSlope; TORQUES] {
+    let mut slopes = [LoadSlope::NONE; TORQUES];
+    let mut left: (&mut [LoadSlope], &[Phasor]) = (&mut slopes, per_load);
+    while let ([slope, slopes @ ..], [per_load, more @ ..]) = left {
+        *slope = LoadSlope::starting(*per_load);
+        left = (slopes, more);
     }
     slopes
 }

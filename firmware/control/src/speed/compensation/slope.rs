@@ -15,21 +15,30 @@ const PER_LOAD_MAX: i32 = 1 << PER_LOAD_BITS;
 const LOAD_BITS: u32 = 8;
 
 /// The straight line of one order.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LoadSlope {
     /// Change of the coefficient, 2^-24 A per A.
     per_load: Phasor,
-    /// What was learned last, 2^-17 A, and the load it was learned at, 2^-8 A.
-    learned: Option<(Phasor, i32)>,
+    /// What was learned last, 2^-17 A.
+    learned: Phasor,
+    /// The load it was learned at, 2^-8 A; [`NEVER`] if nothing was.
+    load: i32,
 }
 
+/// No load.
+const NEVER: i32 = i32::MIN;
+
 impl LoadSlope {
+    /// Nothing is known.
+    pub const NONE: Self = Self::starting(Phasor::ZERO);
+
     /// A line that was learned before.
     #[must_use]
     pub const fn starting(per_load: Phasor) -> Self {
         Self {
             per_load,
-            learned: None,
+            learned: Phasor::ZERO,
+            load: NEVER,
         }
     }
 
@@ -60,12 +69,10 @@ impl LoadSlope {
     /// `least`, 2^-8 A.
     #[inline(never)]
     pub fn take(&mut self, coefficient: Phasor, load: i32, least: u32) -> bool {
-        let before = self.learned.replace((coefficient, load));
-        let Some((before, at)) = before else {
-            return false;
-        };
+        let before = core::mem::replace(&mut self.learned, coefficient);
+        let at = core::mem::replace(&mut self.load, load);
         let apart = load.saturating_sub(at);
-        if apart.unsigned_abs() <= least.max(1) {
+        if at == NEVER || apart.unsigned_abs() <= least.max(1) {
             return false;
         }
         // `2^31 / apart`, below 2^30: a quotient of two words is an instruction.
@@ -117,7 +124,7 @@ mod tests {
             let [one, other, third] = loads;
             prop_assume!((one - other).abs() > 1.0);
             let ripple = |load: f64| Phasor { re: amps(fixed + scaled * load), im: amps(fixed - scaled * load) };
-            let mut slope = LoadSlope::default();
+            let mut slope = LoadSlope::NONE;
             prop_assert!(!slope.take(ripple(one), load(one), load(0.5).unsigned_abs()));
             prop_assert_eq!(slope.per_load(), Phasor::ZERO);
             prop_assert!(slope.take(ripple(other), load(other), load(0.5).unsigned_abs()));
@@ -134,11 +141,12 @@ mod tests {
         fn no_end_overflows(
             learned in prop::collection::vec((any::<(i32, i32)>(), any::<i32>()), 2..20), least in any::<u32>(),
         ) {
-            let mut slope = LoadSlope::default();
+            let mut slope = LoadSlope::NONE;
             let mut before: Option<i32> = None;
             for ((re, im), load) in learned {
                 let changed = slope.take(Phasor { re, im }, load, least);
-                let apart = before.map_or(0, |before| load.saturating_sub(before).unsigned_abs());
+                let before_it = before.filter(|&before| before != NEVER);
+                let apart = before_it.map_or(0, |before| load.saturating_sub(before).unsigned_abs());
                 prop_assert_eq!(changed, apart > least.max(1));
                 let Phasor { re, im } = slope.per_load();
                 prop_assert!(re.abs() <= PER_LOAD_MAX && im.abs() <= PER_LOAD_MAX);
