@@ -41,6 +41,6 @@ fn a_load_that_vanishes_leaves_no_ripple() {
 fn nor_on_a_board_as_it_ships() {
     check(Machine::Mains, |experience| match experience {
         Experience::OneLoad | Experience::Identified => [4.0, 1.6],
-        Experience::TwoLoads => [1.6, 1.6],
+        Experience::TwoLoads => [2.0, 1.6],
     });
 }

@@ -165,38 +165,52 @@ pub struct Compensation {
     /// Loads of screw and nut that the learning has settled at, 2^-8 A.
     loads: [i32; 2],
     checks: TableChecks,
-    /// Speed and load are steady since both torques have learned.
-    settled: bool,
+    /// Rounds of this window of errors.
+    rounds: u8,
     /// Sizes of the errors: of screw and nut, and of the table.
     usual: [UsualError; 3],
 }
 
-/// How large an error usually is, so that a disturbance is not learned: where a load falls, its error is fifty times the ripple's.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How large an error usually is, so that a disturbance is not learned: where a load falls, its error is fifty times the ripple's. A ripple may
+/// be short pulses, as dead time's is, so its peak counts and not its mean.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct UsualError {
-    /// Its mean size, 2^-5 of an error's unit.
-    mean: i32,
+    /// Its peak in this window.
+    peak: i32,
+    /// What is beyond is cut.
+    most: i32,
 }
 
-/// Fraction bits of a mean.
-const MEAN_BITS: u32 = 5;
-
 impl UsualError {
-    /// The error, cut to three of its mean size where speed and load are `settled`. A sine's peak is 1.6 of them, and 98 % of noise is within.
-    #[inline(always)]
-    fn cut(&mut self, error: i32, settled: bool) -> i32 {
-        let most = if settled {
-            (self.mean >> MEAN_BITS).wrapping_mul(3).max(1)
+    const fn new() -> Self {
+        Self {
+            peak: 0,
+            most: i32::MAX,
+        }
+    }
+
+    /// A window ends. Where speed and load are `settled`, the next one cuts at one and a half of its peak.
+    fn next_window(&mut self, settled: bool) {
+        self.most = if settled {
+            // Within 2^25.
+            self.peak.wrapping_add(self.peak >> 1).max(1)
         } else {
             i32::MAX
         };
-        let cut = error.min(most).max(most.wrapping_neg());
-        // Within 2^30 each; rounded, so that it does not stay below.
-        let change = (cut.wrapping_abs() << MEAN_BITS).wrapping_sub(self.mean);
-        self.mean = self.mean.wrapping_add(change.wrapping_add(512) >> 10);
+        self.peak = 0;
+    }
+
+    /// The error, cut.
+    #[inline(always)]
+    fn cut(&mut self, error: i32) -> i32 {
+        let cut = error.min(self.most).max(self.most.wrapping_neg());
+        self.peak = self.peak.max(cut.wrapping_abs());
         cut
     }
 }
+
+/// Rounds of a window: 1.5 s at 5 kHz, in which a shaft of 40 rpm turns once.
+const WINDOW_ROUNDS: u8 = 64;
 
 /// Steps of the speed task in which each motor's torque learns once.
 pub(crate) const TORQUE_STEPS: u8 = 2;
@@ -233,8 +247,8 @@ impl Compensation {
             waits: 0,
             loads: [0; 2],
             checks: TableChecks::new(),
-            settled: false,
-            usual: [UsualError { mean: 0 }; 3],
+            rounds: 0,
+            usual: [UsualError::new(); 3],
         }
     }
 
@@ -318,7 +332,7 @@ impl Compensation {
     ) {
         let error = if self.learns() {
             let [.., usual] = &mut self.usual;
-            usual.cut(held(error), self.settled)
+            usual.cut(held(error))
         } else {
             0
         };
@@ -347,13 +361,13 @@ impl Compensation {
         let [screw_usual, nut_usual, _] = &mut self.usual;
         let screws_turn = self.step.is_multiple_of(TORQUE_STEPS);
         let of_screw = if learns && screws_turn {
-            let error = screw_usual.cut(held(screw_error.to_bits()), self.settled);
+            let error = screw_usual.cut(held(screw_error.to_bits()));
             learn(screw_lines, screw_turned << 16, error)
         } else {
             sum(screw_lines, screw_turned << 16)
         };
         let of_nut = if learns && !screws_turn {
-            let error = nut_usual.cut(held(nut_error.to_bits()), self.settled);
+            let error = nut_usual.cut(held(nut_error.to_bits()));
             learn(nut_lines, nut_turned << 16, error)
         } else {
             sum(nut_lines, nut_turned << 16)
@@ -389,6 +403,13 @@ impl Compensation {
         error.clamp(i32::MIN.into(), i32::MAX.into()) as i32
     }
 
+    fn end_window(&mut self, settled: bool) {
+        self.rounds = 0;
+        for usual in &mut self.usual {
+            usual.next_window(settled);
+        }
+    }
+
     /// Tunes one line to the present speeds; after the last a table is checked.
     #[inline(never)]
     fn tune(
@@ -406,14 +427,17 @@ impl Compensation {
             if self.checks.unsettle(config) {
                 self.waits = LOAD_ROUNDS;
             }
-            self.settled = false;
+            self.end_window(false);
         }
         let next = usize::from(self.next);
         if next >= LINES {
             self.next = 0;
             self.waits = self.waits.saturating_sub(1);
             self.check(config, theta_steps);
-            self.settled = self.checks.is_settled(config);
+            self.rounds = self.rounds.wrapping_add(1);
+            if self.rounds >= WINDOW_ROUNDS {
+                self.end_window(self.checks.is_settled(config));
+            }
             return;
         }
         self.next = self.next.wrapping_add(1);
@@ -692,25 +716,20 @@ mod tests {
         }
     }
 
-    /// A sine passes; what is fifty times as large does not, and hardly moves the mean.
+    /// A ripple passes, also one of short pulses. Of what is larger no more passes than half of its peak more.
     #[test]
     fn a_disturbance_is_not_learned() {
-        let mut usual = UsualError::default();
-        let sine = |k: u32| (1000.0 * f64::from(k).sin()) as i32;
-        for k in 0..20_000 {
-            assert_eq!(usual.cut(sine(k), false), sine(k));
+        let mut usual = UsualError::new();
+        let ripple = |k: i32| if k % 50 == 0 { 1000 } else { k % 7 };
+        for settled in [false, true, true] {
+            assert!((0..500).all(|k| usual.cut(ripple(k)) == ripple(k)));
+            usual.next_window(settled);
         }
-        for k in 0..20_000 {
-            assert_eq!(usual.cut(sine(k), true), sine(k));
+        for (error, expected) in [(50_000, 1500), (-50_000, -1500), (900, 900)] {
+            assert_eq!(usual.cut(error), expected);
         }
-        let expected = 3.0 * 1000.0 * 2.0 / core::f64::consts::PI;
-        for error in [50_000, -50_000] {
-            let cut = f64::from(usual.cut(error, true).abs());
-            assert!(
-                (cut / expected - 1.0).abs() < 0.05,
-                "{error} is cut to {cut}, expected {expected}"
-            );
-        }
+        usual.next_window(false);
+        assert_eq!(usual.cut(50_000), 50_000);
     }
 
     /// A torque's table has learned for four of its time constants after 2 s; a load that comes makes it quick again.
