@@ -234,17 +234,21 @@ mod tests {
     use crate::plate::test_plate;
     use proptest::prelude::*;
     use std::f64::consts::TAU;
+    use std::sync::LazyLock;
 
     fn config() -> RegulatorConfig {
         let plate = test_plate();
         plate.motors[0].current_loop(&plate).unwrap().regulator
     }
 
-    /// One ampere.
+    /// One ampere. A configuration takes 7 us, and the tests ask millions of times.
     fn ampere() -> f64 {
-        let plate = test_plate();
-        let scale = plate.motors[0].current_loop(&plate).unwrap().sense.scale;
-        2f64.powi(scale.fraction as i32)
+        static AMPERE: LazyLock<f64> = LazyLock::new(|| {
+            let plate = test_plate();
+            let scale = plate.motors[0].current_loop(&plate).unwrap().sense.scale;
+            2f64.powi(scale.fraction as i32)
+        });
+        *AMPERE
     }
 
     fn amperes(d: f64, q: f64) -> DirectQuadrature<ScaledCurrent> {
@@ -355,7 +359,8 @@ mod tests {
         fn recovers_at_once_from_saturation(push in 20.0..30.0f64) {
             let config = config();
             let mut regulator = Regulator::default();
-            let mut step = |q| regulator.step(&config, amperes(0.0, q), amperes(0.0, 0.0), 0, || circle(Voltage::from_num(50)));
+            let circle = circle(Voltage::from_num(50));
+            let mut step = |q| regulator.step(&config, amperes(0.0, q), amperes(0.0, 0.0), 0, || circle);
             for _ in 0..1000 {
                 step(push);
             }

@@ -235,9 +235,10 @@ mod tests {
             let i_max = plate.config().unwrap().speed_loops[0].i_max;
             let wanted = Current::from_num(asked * 1.3 * 3f64.sqrt()).min(i_max);
             let mut flows = wanted;
+            let scale = plate.motors[0].current_loop(&plate).unwrap().sense.scale;
             for _ in 0..20_000 {
                 flows = wanted.min(heat.current_max(&config));
-                let q = plate.motors[0].current_loop(&plate).unwrap().sense.scale.scaled(flows);
+                let q = scale.scaled(flows);
                 let vector = DirectQuadrature { d: ScaledCurrent(0), q };
                 heat.step(&config, vector, if stands { 0 } else { TURNING });
                 prop_assert!(!heat.trips(&config), "tripped at {flows} A");
