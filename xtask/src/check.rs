@@ -11,7 +11,8 @@ const DRIVE: &str = "--test alignment --test commission --test fault_matrix --te
 /// The slow ones among all of these, which the full tier has.
 const SLOW: &str = "--skip of_random_pairs --skip no_cell_is_unsafe --skip an_interrupted_alignment --skip a_power_cut_at_any_moment \
                     --skip drives_from_fifty_watts --skip the_matrix_repeats --skip steady_running_with_compensation \
-                    --skip after_each_fault_and_its_reset --skip friction_that_is";
+                    --skip after_each_fault_and_its_reset --skip friction_that_is \
+                    --skip observer_and_notch_are_stable --skip ten_thousand_saves";
 
 /// Runs the quick checks; stops at the first that fails.
 pub fn run() -> Result<()> {
