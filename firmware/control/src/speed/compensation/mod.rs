@@ -27,6 +27,7 @@ pub mod fit;
 pub mod line;
 pub mod response;
 pub mod slope;
+mod usual;
 
 use crate::base::format::{Angle, Current, Speed, multiply_upper};
 use beat::BeatConfig;
@@ -34,6 +35,7 @@ use fit::TableChecks;
 use line::{Line, Order, Phasor};
 use response::Response;
 use slope::LoadSlope;
+use usual::UsualError;
 
 /// Orders of torque of a motor.
 pub const TORQUES: usize = 8;
@@ -169,44 +171,6 @@ pub struct Compensation {
     rounds: u8,
     /// Sizes of the errors: of screw and nut, and of the table.
     usual: [UsualError; 3],
-}
-
-/// How large an error usually is, so that a disturbance is not learned: where a load falls, its error is fifty times the ripple's. A ripple may
-/// be short pulses, as dead time's is, so its peak counts and not its mean.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-struct UsualError {
-    /// Its peak in this window.
-    peak: i32,
-    /// What is beyond is cut.
-    most: i32,
-}
-
-impl UsualError {
-    const fn new() -> Self {
-        Self {
-            peak: 0,
-            most: i32::MAX,
-        }
-    }
-
-    /// A window ends. Where speed and load are `settled`, the next one cuts at one and a half of its peak.
-    fn next_window(&mut self, settled: bool) {
-        self.most = if settled {
-            // Within 2^25.
-            self.peak.wrapping_add(self.peak >> 1).max(1)
-        } else {
-            i32::MAX
-        };
-        self.peak = 0;
-    }
-
-    /// The error, cut.
-    #[inline(always)]
-    fn cut(&mut self, error: i32) -> i32 {
-        let cut = error.min(self.most).max(self.most.wrapping_neg());
-        self.peak = self.peak.max(cut.wrapping_abs());
-        cut
-    }
 }
 
 /// Rounds of a window: 1.5 s at 5 kHz, in which a shaft of 40 rpm turns once.
@@ -714,22 +678,6 @@ mod tests {
         {
             assert!(line.learns(), "line {k} learns nothing");
         }
-    }
-
-    /// A ripple passes, also one of short pulses. Of what is larger no more passes than half of its peak more.
-    #[test]
-    fn a_disturbance_is_not_learned() {
-        let mut usual = UsualError::new();
-        let ripple = |k: i32| if k % 50 == 0 { 1000 } else { k % 7 };
-        for settled in [false, true, true] {
-            assert!((0..500).all(|k| usual.cut(ripple(k)) == ripple(k)));
-            usual.next_window(settled);
-        }
-        for (error, expected) in [(50_000, 1500), (-50_000, -1500), (900, 900)] {
-            assert_eq!(usual.cut(error), expected);
-        }
-        usual.next_window(false);
-        assert_eq!(usual.cut(50_000), 50_000);
     }
 
     /// A torque's table has learned for four of its time constants after 2 s; a load that comes makes it quick again.
