@@ -16,7 +16,7 @@ use core::f64::consts::TAU;
 /// Half of the slack of a motor at rest, counts: the observer answers a count with a count and its overshoot.
 const SLACK_COUNTS: f64 = 0.625;
 /// The answer to a count above which a motor at rest has slack, parts of the torque limit: less does not overcome friction.
-const SLACK_FROM: f64 = 0.005;
+const SLACK_FROM: f64 = 0.01;
 /// The largest speed that an observer sees in a count, counts times its natural frequency: `e^(-y/tan y)` with `cos y` its damping, for the
 /// usual dampings of 0.7 to 0.9.
 const COUNT_SPEED: f64 = 0.43;
