@@ -1,7 +1,7 @@
 //! Commissioning of simulated drives over their link, from cold.
 
 use bench::alignment::{drawn, miswirings};
-use bench::commissioning::{USUAL, any_size, commission, rivals};
+use bench::commissioning::{Outcome, USUAL, any_size, commission, rivals};
 use commission::LoopResponse;
 use commission::{Session, current_response, electrical, mechanical};
 use hal_sim::boards::BoardKind;
@@ -201,16 +201,33 @@ fn a_wrong_inductance_shows_in_the_measured_bandwidth() {
     }
 }
 
+/// A machine's commissioning; of one with 10,000 counts a turn under four noises. With these its speed loop's margin scatters by 3 degrees
+/// rms, from -6.1 to +7.5 degrees in ten runs of machine 4 and as much without slack at rest, so the test takes the mean.
+fn noises(seed: u64) -> Vec<Outcome> {
+    let start = any_size(seed);
+    let [encoder, _] = start.board.sensors.encoders;
+    let noises = if encoder.counts_per_turn == 10_000 {
+        vec![seed, 101, 102, 103]
+    } else {
+        vec![seed]
+    };
+    let run = |noise| {
+        let mut start = start.clone();
+        start.board.seed = noise;
+        commission(&start, &USUAL).unwrap()
+    };
+    noises.into_iter().map(run).collect()
+}
+
 /// A sample of `cargo xtask bench commission`. Least squares took 4.5 % of the nut's inertia of machine 30 for its torque ripple;
 /// on 66 an elastic feed let the table stand where the motors had turned back, which hid two thirds of its mass. On 15 the speed
 /// loops that it proposes are slow: the alignment after it needs more than their integral to break a rotor away.
 #[test]
 fn drives_from_fifty_watts_to_five_kilowatts_are_commissioned_from_cold() {
-    for outcome in on_all_cores(&[1, 4, 9, 12, 15, 30, 34, 66], |&seed| {
-        commission(&any_size(seed), &USUAL).unwrap()
-    }) {
+    for outcomes in on_all_cores(&[1, 4, 9, 12, 15, 30, 34, 66], |&seed| noises(seed)) {
+        let outcome = &outcomes[0];
         assert_eq!(outcome.failure, None);
-        for motor in outcome.error_percent {
+        for motor in &outcome.error_percent {
             for (name, percent) in ["resistance", "inductance", "flux", "inertia"]
                 .iter()
                 .zip(motor)
@@ -232,19 +249,22 @@ fn drives_from_fifty_watts_to_five_kilowatts_are_commissioned_from_cold() {
                 "current loop: bandwidth {part:.3} of the model's, margin {degrees:+.1} degrees off, expected 0.9 to 1.1 and within 5"
             );
         }
-        let speed = outcome
-            .done
-            .iter()
-            .find_map(|done| done.speed_responses.as_ref());
-        // Beside the loop that a sine torque measures on the true machine, of the same prediction. On machine 4 the margin is -0.1 to +7.3
-        // degrees off, by where its coarse encoders stand within a count as the steps begin.
-        for (response, sine) in speed.unwrap().iter().zip(outcome.bandwidth_part) {
-            let [part, degrees] = beside_model(response.as_ref().unwrap());
+        // Beside the loop that a sine torque measures on the true machine, of the same prediction.
+        for (motor, sine) in outcome.bandwidth_part.into_iter().enumerate() {
+            let responses = outcomes.iter().map(|outcome| {
+                let mut done = outcome.done.iter();
+                let speed = done.find_map(|done| done.speed_responses.as_ref());
+                beside_model(speed.unwrap()[motor].as_ref().unwrap())
+            });
+            let responses: Vec<[f64; 2]> = responses.collect();
+            let [part, _] = responses[0];
+            let degrees =
+                responses.iter().map(|[_, degrees]| degrees).sum::<f64>() / responses.len() as f64;
             println!(
                 "speed loop: bandwidth {part:.3} of the model's, by a sine torque {sine:.3}, margin {degrees:+.1} degrees"
             );
             assert!(
-                (part / sine - 1.0).abs() < 0.1 && degrees.abs() < 8.0,
+                (part / sine - 1.0).abs() < 0.1 && degrees.abs() < 5.0,
                 "speed loop: bandwidth {part:.3} of the model's, by a sine torque {sine:.3}; margin {degrees:+.1} degrees off"
             );
         }

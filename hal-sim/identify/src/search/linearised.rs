@@ -140,7 +140,7 @@ pub(crate) fn settle(case: &Case, noise: &Noise, found: &mut Vec<Hypothesis>) {
     }
 }
 
-/// Least part of a damping that one step leaves.
+/// Smallest part of a damping that one step leaves.
 const LEAST_DAMPING: f64 = 0.2;
 
 /// What the balances assume, as a regression with given effects has it. Of a machine whose effects do not show it

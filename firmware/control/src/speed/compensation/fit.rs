@@ -66,7 +66,7 @@ pub(super) struct TableChecks {
     settled: [u32; TABLES],
     /// Lines of each whose start is not used, one bit a line.
     forgotten: [u8; TABLES],
-    /// Lines of each torque which a second load has divided anew: they are not where they started any more.
+    /// Lines of each torque that a second load has divided: their start says nothing of them any more.
     divided: [u8; 2],
     next: u8,
 }

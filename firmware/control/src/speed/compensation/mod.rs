@@ -14,7 +14,7 @@
 //! Learning stands still in five cases:
 //!
 //! - A speed changes.
-//! - A load changes, after it was steady.
+//! - A load changes, after it was steady: for 0.3 s.
 //! - A limit cuts a current.
 //! - The order is beyond what the loops can do.
 //! - The encoder's counting [beats](beat) with the sampling.
@@ -162,7 +162,7 @@ pub struct Compensation {
     next: u8,
     /// Both motors are steady since as many steps as it takes to tune all lines.
     steady_steps: u8,
-    /// Rounds in which nothing is learned yet, after a load has changed.
+    /// Rounds in which nothing is learned yet, after a load or a speed that was steady has changed.
     waits: u8,
     /// Loads of screw and nut that the learning has settled at, 2^-8 A.
     loads: [i32; 2],
@@ -185,7 +185,7 @@ pub(crate) const SPEED_STEPS: u8 = 4;
 pub const LINES: usize = 2 * TORQUES + 2 * ANGLES + TRAVELS;
 /// Steps in which all lines are tuned once, and one table is checked.
 const ROUND_STEPS: u8 = SPEED_STEPS * (LINES as u8 + 1);
-/// Rounds until a load that has changed has arrived, and the speed error of that has gone: 0.3 s at 5 kHz. Slow orders would learn it.
+/// Rounds until a load or a speed that has changed has arrived, and the speed error of that has gone: 0.3 s at 5 kHz. Slow orders would learn it.
 const LOAD_ROUNDS: u8 = 13;
 /// Steps from one check of a table to its next.
 pub(crate) const CHECK_STEPS: u32 = ROUND_STEPS as u32 * fit::TABLES as u32;

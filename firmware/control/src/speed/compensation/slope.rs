@@ -116,7 +116,7 @@ mod tests {
     }
 
     proptest! {
-        /// Cogging of `fixed` A and a flux harmonic of `scaled` A per A are told apart by two loads, at any third.
+        /// Cogging of `fixed` A and a flux harmonic of `scaled` A per A are distinguished by two loads, at any third.
         #[test]
         fn two_loads_make_the_line(
             fixed in -2.0..2.0f64, scaled in -0.2..0.2f64, loads in prop::array::uniform3(-20.0..20.0f64),

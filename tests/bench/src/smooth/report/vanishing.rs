@@ -8,7 +8,7 @@ use ddfeed::simulate::BoardName;
 use hal_sim::parallel::on_all_cores;
 use serde_json::{Value, json};
 
-/// Machine, what the drive knows, nut speed in rpm, and what is left.
+/// Machine, what the drive knows, nut speed in rpm, and the ripple.
 pub type Case = (Machine, Experience, f64, Vanished);
 
 /// Of both modes, on both machines or on the one of a board.
