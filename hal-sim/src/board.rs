@@ -5,6 +5,7 @@
 //! it was computed from. The nut's counter is half a period behind the screw's.
 
 use crate::sensors::{BUS_V, CurrentSensing, Leg, Sensors, encoder_word};
+use crate::switching::{Rails, SAME_S, SwitchedBridge, Switching};
 use crate::wiring::{MotorWiring, Wiring};
 use control::controller_supply::{CALIBRATED_AT_MV, SupplyReading};
 use control::current_loop::{MotorSample, PwmCommand};
@@ -61,6 +62,8 @@ pub struct BoardConfig {
     pub dead_time_s: f64,
     /// Capacitance of each switch of a leg, F: its charge takes a part of the dead time. 0: a leg loses all of it from 20 mA on.
     pub leg_f: f64,
+    /// The bridges switch; `None`: they hold the mean of a period's voltages.
+    pub switching: Option<Switching>,
     /// Phase current that trips the break input, A.
     pub break_a: f64,
     /// What the comparators on the break input see.
@@ -92,6 +95,7 @@ impl Default for BoardConfig {
             chopper: None,
             dead_time_s: 0.0,
             leg_f: 0.0,
+            switching: None,
             break_a: 8.0,
             comparators: Comparators::Ideal,
             sensors: Sensors::real(),
@@ -154,8 +158,10 @@ pub struct Board {
     pub machine: Machine,
     config: BoardConfig,
     bridges: [BridgeState; 2],
-    /// What the bridges put on the windings.
+    /// What the bridges put on the windings, in the mean of half a period.
     driven: [Bridge; 2],
+    /// The legs of bridges that switch.
+    switched: [SwitchedBridge; 2],
     /// Frames of absolute encoders, latched since the last turn of a counter.
     frames: [Option<u32>; 2],
     random: Xoshiro256PlusPlus,
@@ -203,6 +209,7 @@ impl Board {
             config,
             bridges: [BridgeState::default(); 2],
             driven: [Bridge::Open; 2],
+            switched: [SwitchedBridge::default(); 2],
             frames: [None; 2],
             random: Xoshiro256PlusPlus::seed_from_u64(config.seed),
             bus_v: config.bus_v,
@@ -294,7 +301,15 @@ impl Board {
         let mut amps = self.machine.current_readings(axis);
         if let Some(wiring) = miswired {
             true_currents = wiring.legs(true_currents);
-            amps = wiring.channels(wiring.legs(amps));
+            amps = wiring.legs(amps);
+        }
+        if let Some(switching) = &self.config.switching
+            && self.config.sensing == CurrentSensing::LowSide
+        {
+            amps = self.switched[axis.index()].shown(amps, switching);
+        }
+        if let Some(wiring) = miswired {
+            amps = wiring.channels(amps);
         }
         // The comparators' DACs have the ADC's reference.
         let break_a = self.config.break_a * self.reference;
@@ -328,6 +343,13 @@ impl Board {
         let broken = bridge.broken;
         let open = broken || bridge.held_open;
         let driven = self.voltages(axis, active, open, true_currents);
+        if self.config.switching.is_some() {
+            let bridge = &mut self.switched[axis.index()];
+            match driven {
+                Bridge::Driven(_) => bridge.turn(active, self.period, self.config.dead_time_s),
+                Bridge::Shorted | Bridge::Open => bridge.open(),
+            }
+        }
         self.driven[axis.index()] = driven;
         self.machine.set_bridge(axis, driven);
 
@@ -495,13 +517,69 @@ impl Board {
         }
         let before = (self.config.bus_f > 0.0)
             .then(|| Axis::ALL.map(|axis| self.machine.phase_currents(axis)));
-        for _ in 0..self.config.substeps.max(1) {
-            self.machine.advance(self.step_s);
+        match self.config.switching {
+            None => {
+                for _ in 0..self.config.substeps.max(1) {
+                    self.machine.advance(self.step_s);
+                }
+            }
+            Some(switching) => self.advance_switched(switching),
         }
         if let Some(before) = before {
             self.charge_bus(before, half_period);
         }
         self.pass_indices();
+    }
+
+    /// Half a PWM period of bridges that switch, from edge to edge.
+    fn advance_switched(&mut self, switching: Switching) {
+        /// Each of six legs has an edge and the ends of two dead times, and then the half period ends.
+        const SEGMENTS: u32 = 6 * 3 + 1;
+        let rails = Rails {
+            bus_v: self.bus_v,
+            dead_s: self.config.dead_time_s,
+            leg_f: self.config.leg_f,
+            diode_v: switching.diode_v,
+        };
+        let driven = self
+            .driven
+            .map(|bridge| matches!(bridge, Bridge::Driven(_)));
+        for (bridge, driven) in self.switched.iter_mut().zip(driven) {
+            if driven {
+                bridge.begin_half(self.half_s);
+            }
+        }
+        let (mut at, mut volt_seconds) = (0.0, [[0.0; 3]; 2]);
+        for segment in 1..=SEGMENTS {
+            let mut dt = self.half_s - at;
+            for (bridge, driven) in self.switched.iter_mut().zip(driven) {
+                if driven {
+                    bridge.take_edges(at, rails.dead_s);
+                    dt = bridge.steady_for(at, dt);
+                }
+            }
+            for axis in Axis::ALL.into_iter().filter(|axis| driven[axis.index()]) {
+                let k = axis.index();
+                let currents = self.machine.phase_currents(axis);
+                let wiring = self.miswired[k].as_ref();
+                let legs = wiring.map_or(currents, |wiring| wiring.legs(currents));
+                let nodes = self.switched[k].pass(legs, dt, &rails);
+                let windings = wiring.map_or(nodes, |wiring| wiring.windings(nodes));
+                for (sum, volts) in volt_seconds[k].iter_mut().zip(windings) {
+                    *sum += volts * dt;
+                }
+                self.machine.set_bridge(axis, Bridge::Driven(windings));
+            }
+            self.machine.advance(dt);
+            at += dt;
+            if self.half_s - at < SAME_S || segment == SEGMENTS {
+                break;
+            }
+        }
+        for axis in Axis::ALL.into_iter().filter(|axis| driven[axis.index()]) {
+            let mean = volt_seconds[axis.index()].map(|sum| sum / at);
+            self.driven[axis.index()] = Bridge::Driven(mean);
+        }
     }
 
     /// The encoder of `axis` has passed its index since this was last asked.

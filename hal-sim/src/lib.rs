@@ -42,5 +42,6 @@ pub mod served;
 pub mod smooth;
 pub mod start;
 pub mod supervision;
+pub mod switching;
 pub mod vrf;
 pub mod wiring;

@@ -4,6 +4,7 @@ use control::plate::DrivePlate;
 use hal_sim::board::BoardConfig;
 use hal_sim::boards::BoardKind;
 use hal_sim::drive::Drive;
+use hal_sim::switching::Switching;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -62,12 +63,21 @@ fn a_drive_without_load_is_still_at_rest() {
         // As commissioning sets it for the board's own switches.
         let (config, mut plate) = (kind.config(), kind.plate());
         plate.bridge.dead_time_fade_a = 2.0 * config.turning_a();
-        for (config, plate) in cases.into_iter().chain([(config, plate)]) {
+        let switching = BoardConfig {
+            switching: Some(Switching::usual()),
+            ..config
+        };
+        let own = [(config, plate), (switching, plate)];
+        for (config, plate) in cases.into_iter().chain(own) {
             let pf = 1e12 * config.leg_f;
             let fade = plate.bridge.dead_time_fade_a;
             let (amps, _) = held(kind, Coupling::Coupled, &plate, config);
             let (swings_a, fastest) = held(kind, Coupling::Lumped, &plate, config);
-            let case = format!("{kind:?}, {pf:.0} pF, full at {fade:.3} A");
+            let bridges = match config.switching {
+                Some(_) => "switching",
+                None => "mean voltages",
+            };
+            let case = format!("{kind:?}, {bridges}, {pf:.0} pF, full at {fade:.3} A");
             println!(
                 "{case}: {amps:.4} A; without friction {swings_a:.4} A, {:.1} um/s, of sensors {noise_a:.4} A, {:.1} um/s",
                 fastest * 1e6,

@@ -4,7 +4,7 @@ mod options;
 mod setup;
 mod study;
 
-pub use options::{BoardName, MachineOptions, Options, Preset};
+pub use options::{BoardName, Bridges, MachineOptions, Options, Preset};
 pub use study::{PAPER_MEASURED, analytic_percent};
 
 use anyhow::Result;

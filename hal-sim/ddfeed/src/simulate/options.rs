@@ -102,9 +102,21 @@ pub struct MachineOptions {
     /// What measures the machine. [default: what a model file declares; real on a preset]
     #[arg(long, value_enum)]
     pub sensors: Option<Sensing>,
+    /// How the bridges make their voltages. `switching` takes ten times as long.
+    #[arg(long, value_enum, default_value = "mean")]
+    pub bridges: Bridges,
     /// Seed of all noise.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
+}
+
+/// How simulated bridges make their voltages.
+#[derive(ValueEnum, Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Bridges {
+    /// They hold the mean voltages of a period.
+    Mean,
+    /// They switch: edges, dead times, charge of the legs, diodes, amplifiers that settle.
+    Switching,
 }
 
 /// A board.

@@ -1,10 +1,11 @@
 //! From what was asked to a drive's set-up; what cannot be is refused before anything is run.
 
-use super::options::{BoardName, MachineOptions, Preset, RECORD_S, Sensing};
+use super::options::{BoardName, Bridges, MachineOptions, Preset, RECORD_S, Sensing};
 use anyhow::{Context, Result, ensure};
 use control::mt6835::COUNTS_PER_TURN;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
+use hal_sim::switching::Switching;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::{EncoderKind, Model, SensingModel};
@@ -21,6 +22,14 @@ impl BoardName {
             Self::Nucleo => Some(BoardKind::Nucleo),
             Self::Paper => None,
         }
+    }
+}
+
+impl Bridges {
+    /// The parts of a power stage that switches.
+    #[must_use]
+    pub fn switching(self) -> Option<Switching> {
+        (self == Self::Switching).then(Switching::usual)
     }
 }
 
@@ -86,6 +95,7 @@ impl MachineOptions {
             let feed = &mut setup.model.feed;
             feed.load_n = load * TAU / feed.lead_m;
         }
+        setup.board.switching = self.bridges.switching();
         setup.board.seed = self.seed;
         Ok((setup, name))
     }

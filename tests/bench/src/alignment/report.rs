@@ -3,6 +3,7 @@
 use super::{Outcome, drawn, loose, margin_nm, miswirings, of_board, switch_on, unknown};
 use anyhow::Result;
 use clap::Args;
+use ddfeed::simulate::Bridges;
 use hal_sim::boards::BoardKind;
 use hal_sim::parallel::on_all_cores;
 use hal_sim::start::Start;
@@ -142,6 +143,9 @@ pub struct AlignOptions {
     /// Starts of each kind of machine whose rotors friction holds; a machine that it does not hold comes on top.
     #[arg(long, default_value_t = 500)]
     pub starts: usize,
+    /// How the bridges make their voltages. Wrong wirings keep mean voltages.
+    #[arg(long, value_enum, default_value = "mean")]
+    pub bridges: Bridges,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -164,25 +168,27 @@ pub fn run(options: &AlignOptions) -> Result<()> {
             println!("{sentence}");
         }
     };
-    let board = |kind| move |seed| of_board(kind, seed);
-    let elastic = |kind| move |seed| unknown(kind, seed);
-    report.machines = vec![
-        Kind::run("drawn", options.starts, drawn, tell)?,
-        Kind::run("nucleo", options.starts, board(BoardKind::Nucleo), tell)?,
-        Kind::run("mains", options.starts, board(BoardKind::Mains), tell)?,
-        Kind::run(
-            "nucleo, directions unknown, elastic friction",
-            options.starts,
-            elastic(BoardKind::Nucleo),
-            tell,
-        )?,
-        Kind::run(
-            "mains, directions unknown, elastic friction",
-            options.starts,
-            elastic(BoardKind::Mains),
-            tell,
-        )?,
+    let kinds: [(&str, &dyn Fn(u64) -> Start); 5] = [
+        ("drawn", &drawn),
+        ("nucleo", &|seed| of_board(BoardKind::Nucleo, seed)),
+        ("mains", &|seed| of_board(BoardKind::Mains, seed)),
+        ("nucleo, directions unknown, elastic friction", &|seed| {
+            unknown(BoardKind::Nucleo, seed)
+        }),
+        ("mains, directions unknown, elastic friction", &|seed| {
+            unknown(BoardKind::Mains, seed)
+        }),
     ];
+    for (name, start) in kinds {
+        let start = |seed| {
+            let mut start = start(seed);
+            start.board.switching = options.bridges.switching();
+            start
+        };
+        report
+            .machines
+            .push(Kind::run(name, options.starts, start, tell)?);
+    }
     if let [drawn, ..] = &report.machines[..] {
         report.drawn = drawn.held.clone();
     }

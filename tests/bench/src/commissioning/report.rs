@@ -4,7 +4,7 @@ use super::{Outcome, Rivals, USUAL, any_size, commission, rivals};
 use crate::alignment::{miswirings, of_board};
 use anyhow::{Context, Result};
 use clap::Args;
-use ddfeed::simulate::BoardName;
+use ddfeed::simulate::{BoardName, Bridges};
 use hal_sim::parallel::on_all_cores;
 use plant::Axis;
 use serde::Serialize;
@@ -78,6 +78,9 @@ pub struct CommissionOptions {
     /// A shipped board's own machine, with another load and other rotor angles for each seed; `paper`: machines of any size.
     #[arg(long, value_enum, default_value_t = BoardName::Paper)]
     pub board: BoardName,
+    /// How the bridges make their voltages. Wrong wirings keep mean voltages.
+    #[arg(long, value_enum, default_value = "mean")]
+    pub bridges: Bridges,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -86,9 +89,13 @@ pub struct CommissionOptions {
 /// Runs and prints.
 pub fn run(options: &CommissionOptions) -> Result<()> {
     let seeds: Vec<u64> = (options.seed..options.seed.saturating_add(options.drives)).collect();
-    let start = |seed: u64| match options.board.kind() {
-        Some(board) => of_board(board, seed),
-        None => any_size(seed),
+    let start = |seed: u64| {
+        let mut start = match options.board.kind() {
+            Some(board) => of_board(board, seed),
+            None => any_size(seed),
+        };
+        start.board.switching = options.bridges.switching();
+        start
     };
     let outcomes = on_all_cores(&seeds, |seed| commission(&start(*seed), &USUAL))
         .into_iter()

@@ -11,6 +11,7 @@ use hal_sim::drive::Drive;
 use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM, Setup};
 use hal_sim::parallel::on_all_cores;
 use hal_sim::seam::{Seam, Straight};
+use hal_sim::switching::Switching;
 use hal_sim::vrf::vrf_percent;
 use plant::Axis;
 use plant::model::Model;
@@ -82,6 +83,8 @@ pub struct Case {
     pub table_mm_s: f64,
     /// What controls it.
     pub controller: Controller,
+    /// What its bridges are made of, if they switch.
+    pub switching: Option<Switching>,
 }
 
 impl Case {
@@ -97,7 +100,8 @@ impl Case {
     /// # Errors
     /// [`ExperimentError`] if the drive cannot be configured, or leaves the point by a fault.
     pub fn run(&self, seed: u64) -> Result<Smoothness, ExperimentError> {
-        let setup = setup(self.machine, seed);
+        let mut setup = setup(self.machine, seed);
+        setup.board.switching = self.switching;
         let slower = OperatingPoint {
             velocity: self.point().velocity.max(LEARNED_AT_MM_S * 1e-3),
             ..self.point()
@@ -155,6 +159,7 @@ pub fn cases() -> Vec<Case> {
                 nut_rpm,
                 table_mm_s,
                 controller,
+                switching: None,
             })
         });
     let bases = (3..=12).filter(|&base| base != 8).flat_map(|base| {
@@ -163,6 +168,7 @@ pub fn cases() -> Vec<Case> {
             nut_rpm: 100.0 * f64::from(base),
             table_mm_s: 2.5,
             controller,
+            switching: None,
         })
     });
     let shipped = [Machine::Mains, Machine::Nucleo]
@@ -174,6 +180,7 @@ pub fn cases() -> Vec<Case> {
                 nut_rpm,
                 table_mm_s: 2.5,
                 controller,
+                switching: None,
             })
         });
     shipped.chain(points).chain(bases).collect()

@@ -11,7 +11,7 @@ use crate::smooth::reversal::{Reversal, reversal};
 use anyhow::Result;
 use clap::Args;
 use ddfeed::output::Folder;
-use ddfeed::simulate::BoardName;
+use ddfeed::simulate::{BoardName, Bridges};
 use hal_sim::parallel::on_all_cores;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value, json};
@@ -28,6 +28,9 @@ pub struct SmoothOptions {
     /// Of the rows only those of one board, or of the paper's machine.
     #[arg(long, value_enum)]
     pub board: Option<BoardName>,
+    /// How the bridges of the rows make their voltages.
+    #[arg(long, value_enum, default_value = "mean")]
+    pub bridges: Bridges,
     /// Only these parts.
     #[arg(long, value_enum, num_args = 1..)]
     pub only: Vec<SmoothPart>,
@@ -189,7 +192,12 @@ pub fn run(options: &SmoothOptions) -> Result<()> {
 fn measure(options: &SmoothOptions) -> Result<Vec<Row>> {
     let board = options.board;
     let wanted = |case: &Case| board.is_none_or(|board| board.kind() == case.machine.board());
-    let cases: Vec<Case> = cases().into_iter().filter(wanted).collect();
+    let switching = options.bridges.switching();
+    let cases: Vec<Case> = cases()
+        .into_iter()
+        .filter(wanted)
+        .map(|case| Case { switching, ..case })
+        .collect();
     let runs = cases.len() as u64 * options.seeds.get();
     let progress = ProgressBar::new(runs).with_style(ProgressStyle::with_template(
         "{bar:40} {pos} of {len} runs, {eta} left",
@@ -267,6 +275,7 @@ fn row_json(row: &Row) -> Value {
         "nut_rpm": case.nut_rpm,
         "table_mm_s": case.table_mm_s,
         "controller": case.controller.name(),
+        "bridges": if case.switching.is_some() { "switching" } else { "mean" },
         "scale": match case.controller {
             Controller::Ours(scale) => Some(scale.name()),
             Controller::Rival(_) => None,
