@@ -38,6 +38,16 @@ const NUCLEO_SWITCH_F: f64 = 83e-9 / 30.0;
 pub const SENSING: CurrentSensing = CurrentSensing::LowSide;
 
 impl BoardKind {
+    /// As a command's `--board` calls it.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Nucleo => "nucleo",
+            Self::Nucleo40kHz => "nucleo at 40 kHz",
+            Self::Mains => "mains",
+        }
+    }
+
     /// The drive's own settings on it.
     #[must_use]
     pub const fn settings(self) -> Settings {

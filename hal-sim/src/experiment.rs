@@ -4,7 +4,7 @@ use crate::board::BoardConfig;
 use crate::boards::BoardKind;
 use crate::drive::Drive;
 use crate::encoder_errors::encoder_errors;
-use crate::plates::{PAPER_TUNING, RECORDED_TUNING, deadbeat, plates};
+use crate::plates::{PAPER_TUNING, RECORDED_TUNING, deadbeat, on_electronics, plates};
 use crate::seam::{Seam, Straight};
 use crate::sensors::Sensors;
 use crate::vrf::vrf_percent;
@@ -91,6 +91,8 @@ pub struct Setup {
     pub tuning: Tuning,
     /// The board that ships with this plate; `None`: the control code is given what the model says.
     pub shipped: Option<BoardKind>,
+    /// The board whose electronics carry a machine of one's own.
+    pub electronics: Option<BoardKind>,
 }
 
 impl Setup {
@@ -103,6 +105,26 @@ impl Setup {
         Self {
             shipped: Some(kind),
             ..Self::on(model, coupling, kind.config(), tuning)
+        }
+    }
+
+    /// A machine of one's own on the electronics of a board: its bridges, currents and bus voltage. Encoders and scale are what `model`
+    /// declares.
+    #[must_use]
+    pub fn on_electronics(kind: BoardKind, model: Model, coupling: Coupling) -> Self {
+        let (own, declared) = (kind.config(), Sensors::declared(&model));
+        let board = BoardConfig {
+            bus_v: model.installation.bus_v,
+            sensors: Sensors {
+                current: own.sensors.current,
+                bus: own.sensors.bus,
+                ..declared
+            },
+            ..own
+        };
+        Self {
+            electronics: Some(kind),
+            ..Self::on(model, coupling, board, kind.plate().tuning)
         }
     }
 
@@ -138,6 +160,7 @@ impl Setup {
             board,
             tuning,
             shipped: None,
+            electronics: None,
         }
     }
 
@@ -160,15 +183,20 @@ impl Setup {
             board,
             tuning: RECORDED_TUNING,
             shipped: None,
+            electronics: None,
         }
     }
 
     /// What the control code is given.
     #[must_use]
     pub fn plate(&self) -> DrivePlate {
-        match self.shipped {
-            Some(kind) => kind.plate(),
-            None => plates(&self.model, self.coupling, &self.board, self.tuning),
+        if let Some(kind) = self.shipped {
+            return kind.plate();
+        }
+        let plate = plates(&self.model, self.coupling, &self.board, self.tuning);
+        match self.electronics {
+            Some(kind) => on_electronics(kind, plate),
+            None => plate,
         }
     }
 
@@ -180,14 +208,14 @@ impl Setup {
         self.drive_with(&self.plate())
     }
 
-    /// The same, told what `plate` says. A shipped board measures its current zeros and charges its drivers before it holds a load:
-    /// a brake carries it until then.
+    /// The same, told what `plate` says. A board measures its current zeros and charges its drivers before it holds a load: a brake
+    /// carries it until then.
     ///
     /// # Errors
     /// [`ExperimentError::Misfit`] if a gain does not fit its format.
     pub fn drive_with(&self, plate: &DrivePlate) -> Result<Drive, ExperimentError> {
         let mut drive = Drive::aligned(&self.model, self.coupling, self.board, plate)?;
-        if self.shipped.is_some() {
+        if self.shipped.or(self.electronics).is_some() {
             drive.board.machine.set_load_force(0.0);
             for _ in 0..(BRAKED_S / self.board.pwm_period_s()) as u32 {
                 drive.period();
@@ -201,7 +229,7 @@ impl Setup {
 /// Phase current that trips the break input, of the range of the current sensor that a model declares.
 const BREAK: f64 = 0.8;
 
-/// How long a brake carries the load of a shipped board's machine, s.
+/// How long a brake carries the load of a board's machine, s.
 const BRAKED_S: f64 = 0.3;
 
 /// A table velocity and a nut speed.

@@ -1,6 +1,7 @@
 //! The plate data that the control code gets for a model of a machine.
 
 use crate::board::BoardConfig;
+use crate::boards::BoardKind;
 use control::plate::{
     AlignmentPlate, BasePlate, BoardPlate, BrakePlate, BridgePlate, CommandPlate,
     CompensationPlate, DrivePlate, FeedPlate, FrictionPlate, MotorPlate, RejectionPlate,
@@ -145,6 +146,34 @@ pub fn plates(
         rejection: RejectionPlate::NONE,
         base: BasePlate::NONE,
         command: CommandPlate { heartbeat_s: 0.5 },
+    }
+}
+
+/// Largest current along q, of the phase current that a board's bridge opens at.
+const OF_OVER_CURRENT: f64 = 0.6;
+
+/// `plate` with the electronics of a board: their scales, bridge and limits. Torques are no larger than its currents make.
+pub(crate) fn on_electronics(kind: BoardKind, plate: DrivePlate) -> DrivePlate {
+    let DrivePlate { board, bridge, .. } = kind.plate();
+    let most_a = OF_OVER_CURRENT * 1.5f64.sqrt() * bridge.over_current_a;
+    let motors = plate.motors.map(|motor| {
+        let most_nm = most_a * f64::from(motor.pole_pairs) * motor.flux_wb.abs();
+        let part = (most_nm / motor.torque_max_nm).min(1.0);
+        MotorPlate {
+            torque_max_nm: part * motor.torque_max_nm,
+            alignment_torque_nm: part * motor.alignment_torque_nm,
+            thermal: ThermalPlate {
+                rated_rms_a: part * motor.thermal.rated_rms_a,
+                ..motor.thermal
+            },
+            ..motor
+        }
+    });
+    DrivePlate {
+        motors,
+        board,
+        bridge,
+        ..plate
     }
 }
 

@@ -207,6 +207,8 @@ fn nonsense_is_refused_in_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("file");
     std::fs::write(&file, "kept").unwrap();
+    let model = plant::model::Model::coupled().to_toml();
+    std::fs::write(folder.path().join("coupled.toml"), model).unwrap();
     for (arguments, expected) in [
         (
             vec!["simulate", "--nut-rpm", "9000"],
@@ -238,7 +240,7 @@ fn nonsense_is_refused_in_a_sentence() {
         ),
         (
             vec!["simulate", "--board", "nucleo", "--sensors", "ideal"],
-            "--board names a board that ships",
+            "--board names a board that has its own sensors",
         ),
         // The nut stands with a torque at which its worst phase is too warm without end.
         (
@@ -260,6 +262,11 @@ fn nonsense_is_refused_in_a_sentence() {
             "the output folder file cannot be written",
         ),
         (vec!["simulate", "--model", "none.toml"], "none.toml"),
+        // The coupled machine's supply is 310 V.
+        (
+            vec!["simulate", "--model", "coupled.toml", "--board", "nucleo"],
+            "works from 18 to 50.4 V",
+        ),
         (
             vec!["simulate", "sweep", "--table-speed", "inf"],
             "--table-speed is inf mm/s",

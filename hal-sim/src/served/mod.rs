@@ -156,6 +156,7 @@ impl SimulatedDrive {
             board: start.board,
             tuning: start.plate.tuning,
             shipped: None,
+            electronics: None,
         };
         let mut drive = Self::of(setup, &start.plate, Begin::Cold)?;
         // Something carries the load while the drive is off, else the table would lie at an end.

@@ -327,6 +327,7 @@ fn the_elf_and_the_simulated_drive_answer_the_same() -> Result<()> {
         board: board_config(Wiring::Nucleo),
         tuning: plate().tuning,
         shipped: None,
+        electronics: None,
     };
     let drive = SimulatedDrive::with_plate(&setup, &plate())?;
     let serving = Rc::new(RefCell::new(Serving::new(drive)));

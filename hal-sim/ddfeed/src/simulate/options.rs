@@ -86,8 +86,8 @@ pub struct ReplayOptions {
 /// Which machine, with which sensors.
 #[derive(Args, Debug, Clone)]
 pub struct MachineOptions {
-    /// A board as it ships, with its own sensors and motors; or the paper's ideal machine, which no board is. [default: mains; paper
-    /// where `--model` or `--sensors` is given]
+    /// A board as it ships, with its own sensors and motors; with `--model` its electronics on that machine. `paper` is the paper's ideal
+    /// machine, which no board is. [default: mains; paper where `--model` or `--sensors` is given]
     #[arg(long, value_enum)]
     pub board: Option<BoardName>,
     /// A preset: the paper's own simplification, or the coupled machine. [default: paper; coupled for a sweep]

@@ -3,6 +3,7 @@
 use super::options::{BoardName, Bridges, MachineOptions, Preset, RECORD_S, Sensing};
 use anyhow::{Context, Result, ensure};
 use control::mt6835::COUNTS_PER_TURN;
+use control::plate::DrivePlate;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
 use hal_sim::switching::Switching;
@@ -68,21 +69,26 @@ impl MachineOptions {
             (None, Preset::Paper) => (Model::paper(), Coupling::Lumped, "paper".to_owned()),
             (None, Preset::Coupled) => (Model::coupled(), Coupling::Coupled, "coupled".to_owned()),
         };
-        let name = match board {
-            Some(BoardKind::Nucleo | BoardKind::Nucleo40kHz) => {
+        let name = match (board, &self.model) {
+            (Some(board), Some(_)) => format!("{name} (on the {} board)", board.name()),
+            (Some(BoardKind::Nucleo | BoardKind::Nucleo40kHz), None) => {
                 format!("{name} (the NUCLEO board's motors)")
             }
-            Some(BoardKind::Mains) | None => name,
+            (Some(BoardKind::Mains), None) | (None, _) => name,
         };
         if let Some(load) = self.load {
             finite("--load", "N m", load, -1e3, 1e3)?;
         }
         ensure!(
-            board.is_none() || !self.is_own(),
-            "--board names a board that ships, which has its own motors and sensors, but --model or --sensors is given too: leave one \
-             out, or give --board paper"
+            board.is_none() || self.sensors.is_none(),
+            "--board names a board that has its own sensors, but --sensors is given too: leave one out, or give --board paper"
         );
         let mut setup = match (board, self.sensing()) {
+            (Some(board), Sensing::Declared) => {
+                ensure_simulated(&model.sensing)?;
+                ensure_supplied(board, model.installation.bus_v)?;
+                Setup::on_electronics(board, model, coupling)
+            }
             (Some(board), _) => Setup::shipped(board, &model, coupling),
             (None, Sensing::Ideal) => Setup::ideal(model, coupling),
             (None, Sensing::Real) => Setup::real(model, coupling),
@@ -111,6 +117,28 @@ fn ensure_simulated(sensing: &SensingModel) -> Result<()> {
              {COUNTS_PER_TURN} counts: give as many, or another sensing.encoder"
         );
     }
+    Ok(())
+}
+
+/// Checks that a board works on a supply and measures it.
+fn ensure_supplied(board: BoardKind, bus_v: f64) -> Result<()> {
+    let DrivePlate {
+        bridge,
+        board: scales,
+        ..
+    } = board.plate();
+    let [low, high] = [
+        board.guards().bus_min_v,
+        bridge
+            .brake_fade_from_v
+            .min(f64::from(scales.adc_counts - 1) * scales.bus_volts_per_count),
+    ];
+    ensure!(
+        bus_v > low && bus_v < high,
+        "installation.bus_v of the model is {bus_v} V, but the {} board works from {low} to {high} V: give another supply, or another \
+         --board",
+        board.name()
+    );
     Ok(())
 }
 

@@ -304,19 +304,11 @@ impl Cell {
     pub fn name(&self) -> String {
         format!(
             "{}: {} {}, {}",
-            short_name(self.board),
+            self.board.name(),
             self.input.name(),
             self.defect.name(),
             self.situation.name()
         )
-    }
-}
-
-const fn short_name(board: BoardKind) -> &'static str {
-    match board {
-        BoardKind::Nucleo => "nucleo",
-        BoardKind::Nucleo40kHz => "nucleo at 40 kHz",
-        BoardKind::Mains => "mains",
     }
 }
 
@@ -360,7 +352,7 @@ impl Pair {
             .map(|(input, defect)| format!("{} {}", input.name(), defect.name()));
         format!(
             "{}: {one} and {other}, {}",
-            short_name(self.board),
+            self.board.name(),
             self.situation.name()
         )
     }

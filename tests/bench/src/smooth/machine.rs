@@ -162,6 +162,7 @@ pub fn setup(machine: Machine, seed: u64) -> Setup {
         },
         tuning: PAPER_TUNING,
         shipped: None,
+        electronics: None,
     }
 }
 
