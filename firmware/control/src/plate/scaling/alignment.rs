@@ -321,7 +321,7 @@ impl DrivePlate {
     }
 }
 
-/// Of both rotors: how far they swing and how far the table may go, in turns, and the time of a step, s.
+/// How both rotors swing: `swing` turns far, on a `travel` in turns, with steps of `step` seconds.
 #[allow(clippy::cast_possible_truncation)]
 const fn swing_config(swing: f64, travel: f64, step: f64) -> SwingConfig {
     SwingConfig {
