@@ -70,57 +70,10 @@ pub fn plates(
         Coupling::Lumped => 0.0,
         Coupling::Coupled => model.feed.table_mass_kg * r * r,
     };
-    let motor = |axis: Axis| {
-        let motor = model.motor(axis);
-        MotorPlate {
-            resistance_ohm: motor.resistance_ohm,
-            inductance_h: motor.inductance_h,
-            pole_pairs: motor.pole_pairs,
-            flux_wb: motor.flux_wb,
-            inertia_kg_m2: motor.inertia_kg_m2 + table,
-            speed_max_rpm: PAPER_SPEED_RPM,
-            torque_max_nm: PAPER_TORQUE_NM,
-            // The rated torque; a small servo's winding.
-            thermal: ThermalPlate {
-                rated_rms_a: PAPER_TORQUE_NM
-                    / (2.0 * f64::from(motor.pole_pairs) * motor.flux_wb.abs() * 3f64.sqrt()),
-                seconds: 60.0,
-            },
-            alignment_torque_nm: 0.3 * PAPER_TORQUE_NM / 2.0,
-            current_gain_a: 1.0,
-            current_gain_b: 1.0,
-            current_gain_c: 1.0,
-            encoder: board.sensors.encoders[axis.index()],
-        }
-    };
     DrivePlate {
-        motors: [motor(Axis::Screw), motor(Axis::Nut)],
-        board: BoardPlate {
-            timer_hz: board.timer_hz,
-            pwm_hz: board.pwm_hz,
-            speed_divider: speed_divider(board.pwm_hz),
-            shunts: board.shunts,
-            amps_per_count: board.sensors.current.per_count,
-            zero_counts: board.sensors.current.zero,
-            bus_volts_per_count: board.sensors.bus.per_count,
-            adc_counts: board.sensors.current.counts.max(board.sensors.bus.counts),
-        },
-        bridge: BridgePlate {
-            // The second line, behind the break.
-            over_current_a: 1.2 * board.break_a,
-            bus_min_v: 0.1 * board.bus_v,
-            dead_time_s: board.dead_time_s,
-            dead_time_fade_a: 0.02,
-            measure_zeros: board.measure_zeros,
-            min_on_time_s: 1e-6,
-            bootstrap_s: 0.0,
-            thermal: ThermalPlate {
-                rated_rms_a: 0.5 * board.break_a,
-                seconds: 20.0,
-            },
-            brake_fade_from_v: REGENERATION[0] * board.bus_v,
-            brake_fade_to_v: REGENERATION[1] * board.bus_v,
-        },
+        motors: Axis::ALL.map(|axis| motor_plate(model, axis, table, board)),
+        board: board_plate(board),
+        bridge: bridge_plate(board),
         tuning,
         feed: FeedPlate {
             lead_m: model.feed.lead_m,
@@ -174,6 +127,64 @@ pub(crate) fn on_electronics(kind: BoardKind, plate: DrivePlate) -> DrivePlate {
         board,
         bridge,
         ..plate
+    }
+}
+
+/// Of a motor that moves an inertia of `table` besides its own.
+fn motor_plate(model: &Model, axis: Axis, table: f64, board: &BoardConfig) -> MotorPlate {
+    let motor = model.motor(axis);
+    MotorPlate {
+        resistance_ohm: motor.resistance_ohm,
+        inductance_h: motor.inductance_h,
+        pole_pairs: motor.pole_pairs,
+        flux_wb: motor.flux_wb,
+        inertia_kg_m2: motor.inertia_kg_m2 + table,
+        speed_max_rpm: PAPER_SPEED_RPM,
+        torque_max_nm: PAPER_TORQUE_NM,
+        // The rated torque; a small servo's winding.
+        thermal: ThermalPlate {
+            rated_rms_a: PAPER_TORQUE_NM
+                / (2.0 * f64::from(motor.pole_pairs) * motor.flux_wb.abs() * 3f64.sqrt()),
+            seconds: 60.0,
+        },
+        alignment_torque_nm: 0.3 * PAPER_TORQUE_NM / 2.0,
+        current_gain_a: 1.0,
+        current_gain_b: 1.0,
+        current_gain_c: 1.0,
+        encoder: board.sensors.encoders[axis.index()],
+    }
+}
+
+fn board_plate(board: &BoardConfig) -> BoardPlate {
+    let sensors = &board.sensors;
+    BoardPlate {
+        timer_hz: board.timer_hz,
+        pwm_hz: board.pwm_hz,
+        speed_divider: speed_divider(board.pwm_hz),
+        shunts: board.shunts,
+        amps_per_count: sensors.current.per_count,
+        zero_counts: sensors.current.zero,
+        bus_volts_per_count: sensors.bus.per_count,
+        adc_counts: sensors.current.counts.max(sensors.bus.counts),
+    }
+}
+
+fn bridge_plate(board: &BoardConfig) -> BridgePlate {
+    BridgePlate {
+        // The second line, behind the break.
+        over_current_a: 1.2 * board.break_a,
+        bus_min_v: 0.1 * board.bus_v,
+        dead_time_s: board.dead_time_s,
+        dead_time_fade_a: 0.02,
+        measure_zeros: board.measure_zeros,
+        min_on_time_s: 1e-6,
+        bootstrap_s: 0.0,
+        thermal: ThermalPlate {
+            rated_rms_a: 0.5 * board.break_a,
+            seconds: 20.0,
+        },
+        brake_fade_from_v: REGENERATION[0] * board.bus_v,
+        brake_fade_to_v: REGENERATION[1] * board.bus_v,
     }
 }
 

@@ -368,69 +368,22 @@ impl Server {
                 }
                 Ok(())
             }
-            Command::Status => {
-                return Reply::Status(Status {
-                    armed: commander.is_armed(),
-                    frames: self.decoder.count(),
-                    repeated: self.repeated,
-                    refused: self.refused,
-                    ..drive.status()
-                });
-            }
+            Command::Status => return Reply::Status(self.status(commander, drive)),
             Command::Faults => return Reply::Faults(commander.faults.clone()),
-            Command::Journal { after } => {
-                let mut some = Vec::new();
-                drive.journal(|journal| {
-                    let events = journal.latest().skip(after.into()).take(EVENTS_A_FRAME);
-                    some = events.map(Recorded::from).collect();
-                });
-                return Reply::Events(some);
-            }
+            Command::Journal { after } => return events(drive, after),
             Command::Arm => self.arm(now_ms, commander, drive),
-            Command::Run { velocity, base } => self.run(commander, drive, |drive| {
-                let base = base.unwrap_or_else(|| drive.base_for(velocity));
-                drive.command(velocity, base)
-            }),
-            Command::Move {
-                distance_nm,
-                velocity,
-                base,
-            } => self.run(commander, drive, |drive| {
-                let base = base.unwrap_or_else(|| drive.base_for(velocity));
-                drive.travel(distance_nm, velocity, base)
-            }),
-            Command::MoveTo {
-                position_nm,
-                velocity,
-                base,
-            } => self.run(commander, drive, |drive| {
-                let base = base.unwrap_or_else(|| drive.base_for(velocity));
-                drive.travel_to(position_nm, velocity, base)
-            }),
-            Command::Home { base } => self.run(commander, drive, |drive| {
-                let base = base.unwrap_or_else(|| drive.base_for(drive.home_velocity()));
-                drive.home(base)
-            }),
-            Command::Torque {
-                motor,
-                current,
-                speed,
-                base,
-            } => self.run(commander, drive, |drive| {
-                drive.torque(motor, current, speed, base)
-            }),
-            Command::DirectCurrent { motor, current } => {
-                self.may_move(commander, drive)
-                    .and_then(|()| match drive.state() {
-                        State::Running | State::Holding => drive.direct_current(motor, current),
-                        _ => Err(Refusal::AtRest),
-                    })
+            Command::Run { .. }
+            | Command::Move { .. }
+            | Command::MoveTo { .. }
+            | Command::Home { .. }
+            | Command::Torque { .. }
+            | Command::Stream { .. } => {
+                self.run(commander, drive, |drive| set_motion(command, drive))
             }
-            Command::Angle { motor, behind } => match drive.state() {
-                State::Ready if behind.unsigned_abs() > ANGLE_MAX => Err(Refusal::Angle),
-                State::Ready => drive.angle(motor, behind),
-                state => runnable(state).and(Err(Refusal::Moving)),
-            },
+            Command::DirectCurrent { motor, current } => self
+                .may_move(commander, drive)
+                .and_then(|()| direct_current(drive, motor, current)),
+            Command::Angle { motor, behind } => put_angle_right(drive, motor, behind),
             Command::Stop => {
                 (commander.armed, commander.owner) = (None, None);
                 drive.demand(Demand::Rest);
@@ -446,45 +399,22 @@ impl Server {
             }
             Command::Settings { from } => return settings(drive.settings(), from),
             Command::Learned { from } => return learned(drive, from),
-            Command::Draft { id, value } => match &mut self.draft {
-                Some(draft) => draft.set(id, value.into()).map_err(|_| Refusal::Setting),
-                None => Err(Refusal::Session),
-            },
+            Command::Draft { id, value } => self.change_draft(id, value),
             Command::Discard => {
                 self.draft = Some(*drive.settings());
                 Ok(())
             }
-            Command::Commit => match self.commit(drive) {
-                Ok(Effect::AtOnce | Effect::AtRest) => Ok(()),
-                Ok(Effect::Restart) => {
-                    commander.start_anew();
-                    Ok(())
-                }
-                Err(error) => return not_set(&error),
-            },
+            Command::Commit => return set(self.commit(commander, drive)),
             Command::Store if !at_rest(drive.state()) => Err(Refusal::Moving),
-            Command::Store => match drive.store() {
-                Ok(()) => Ok(()),
-                Err(error) => return not_set(&error),
-            },
+            Command::Store => return set(drive.store()),
             Command::Burst(request) => drive.arm_burst(request),
             Command::EndBurst => {
                 drive.end_burst();
                 Ok(())
             }
             Command::BurstStatus => return Reply::Burst(drive.burst()),
-            Command::BurstSamples { from } => match drive.burst_samples(from) {
-                Ok(samples) => return Reply::BurstSamples(samples),
-                Err(refusal) => Err(refusal),
-            },
+            Command::BurstSamples { from } => return burst_samples(drive, from),
             Command::Inject(injection) => drive.inject(injection),
-            Command::Stream {
-                delay_ms,
-                homed,
-                base,
-            } => self.run(commander, drive, |drive| {
-                drive.stream(delay_ms, homed, base)
-            }),
             Command::SetPoint {
                 at_us,
                 position_nm,
@@ -494,10 +424,7 @@ impl Server {
                     .commands(commander)
                     .and_then(|()| drive.set_point(at_us, position_nm, velocity));
                 match taken {
-                    Ok(Followed { ahead_us, error_nm }) => {
-                        drive.renew();
-                        return Reply::Followed { ahead_us, error_nm };
-                    }
+                    Ok(followed) => return go_on(drive, followed),
                     Err(refusal) => Err(refusal),
                 }
             }
@@ -508,17 +435,34 @@ impl Server {
         }
     }
 
+    fn status(&self, commander: &Commander, drive: &impl Served) -> Status {
+        Status {
+            armed: commander.is_armed(),
+            frames: self.decoder.count(),
+            repeated: self.repeated,
+            refused: self.refused,
+            ..drive.status()
+        }
+    }
+
+    fn change_draft(&mut self, id: u16, value: WireValue) -> Result<(), Refusal> {
+        let draft = self.draft.as_mut().ok_or(Refusal::Session)?;
+        draft.set(id, value.into()).map_err(|_| Refusal::Setting)
+    }
+
     /// Makes the draft hold. A drive that moves takes what holds at once, and nothing else.
-    fn commit(&self, drive: &mut impl Served) -> Result<Effect, NotSet> {
+    fn commit(&self, commander: &mut Commander, drive: &mut impl Served) -> Result<(), NotSet> {
         let draft = self.draft.as_ref();
         let draft = draft.ok_or(NotSet::Refused(Refusal::Session))?;
         let state = drive.state();
         let at_once = || state.is_driven() && drive.settings().effect(draft) == Effect::AtOnce;
-        if at_rest(state) || at_once() {
-            drive.configure(draft)
-        } else {
-            Err(NotSet::Refused(Refusal::Moving))
+        if !(at_rest(state) || at_once()) {
+            return Err(NotSet::Refused(Refusal::Moving));
         }
+        if drive.configure(draft)? == Effect::Restart {
+            commander.start_anew();
+        }
+        Ok(())
     }
 
     /// Lets the drive be moved. A drive that does not know its rotor angles begins to align.
@@ -590,6 +534,87 @@ fn runnable(state: State) -> Result<(), Refusal> {
     }
 }
 
+/// The latest events of the journal, after so many.
+fn events(drive: &mut impl Served, after: u8) -> Reply {
+    let mut some = Vec::new();
+    drive.journal(|journal| {
+        let events = journal.latest().skip(after.into()).take(EVENTS_A_FRAME);
+        some = events.map(Recorded::from).collect();
+    });
+    Reply::Events(some)
+}
+
+/// Gives the drive the motion that a command asks. What is no motion sets none.
+fn set_motion(command: Command, drive: &mut impl Served) -> Result<(), Refusal> {
+    match command {
+        Command::Run { velocity, base } => {
+            let base = base.unwrap_or_else(|| drive.base_for(velocity));
+            drive.command(velocity, base)
+        }
+        Command::Move {
+            distance_nm,
+            velocity,
+            base,
+        } => {
+            let base = base.unwrap_or_else(|| drive.base_for(velocity));
+            drive.travel(distance_nm, velocity, base)
+        }
+        Command::MoveTo {
+            position_nm,
+            velocity,
+            base,
+        } => {
+            let base = base.unwrap_or_else(|| drive.base_for(velocity));
+            drive.travel_to(position_nm, velocity, base)
+        }
+        Command::Home { base } => {
+            let base = base.unwrap_or_else(|| drive.base_for(drive.home_velocity()));
+            drive.home(base)
+        }
+        Command::Torque {
+            motor,
+            current,
+            speed,
+            base,
+        } => drive.torque(motor, current, speed, base),
+        Command::Stream {
+            delay_ms,
+            homed,
+            base,
+        } => drive.stream(delay_ms, homed, base),
+        _ => Ok(()),
+    }
+}
+
+fn direct_current(drive: &mut impl Served, motor: u8, current: i32) -> Result<(), Refusal> {
+    match drive.state() {
+        State::Running | State::Holding => drive.direct_current(motor, current),
+        _ => Err(Refusal::AtRest),
+    }
+}
+
+fn put_angle_right(drive: &mut impl Served, motor: u8, behind: i32) -> Result<(), Refusal> {
+    match drive.state() {
+        State::Ready if behind.unsigned_abs() > ANGLE_MAX => Err(Refusal::Angle),
+        State::Ready => drive.angle(motor, behind),
+        state => runnable(state).and(Err(Refusal::Moving)),
+    }
+}
+
+fn burst_samples(drive: &impl Served, from: u16) -> Reply {
+    match drive.burst_samples(from) {
+        Ok(samples) => Reply::BurstSamples(samples),
+        Err(refusal) => Reply::Refused(refusal.word()),
+    }
+}
+
+/// A stream goes on, and who streams is there.
+fn go_on(drive: &mut impl Served, followed: Followed) -> Reply {
+    drive.renew();
+    let Followed { ahead_us, error_nm } = followed;
+    Reply::Followed { ahead_us, error_nm }
+}
+
 /// By itself: all settings are kilobytes, which not each answer is to have on its stack.
 #[inline(never)]
 fn learned(drive: &impl Served, from: u16) -> Reply {
@@ -609,10 +634,11 @@ fn settings(settings: &Settings, from: u16) -> Reply {
     Reply::Settings(some)
 }
 
-fn not_set(error: &NotSet) -> Reply {
-    match error {
-        NotSet::Unfit(unfit) => said(unfit),
-        NotSet::Refused(refusal) => Reply::Refused(refusal.word()),
+fn set(done: Result<(), NotSet>) -> Reply {
+    match done {
+        Ok(()) => Reply::Done,
+        Err(NotSet::Unfit(unfit)) => said(&unfit),
+        Err(NotSet::Refused(refusal)) => Reply::Refused(refusal.word()),
     }
 }
 

@@ -126,20 +126,7 @@ impl SpeedStep {
         let runs_on = output.state == State::Running && self.shown == State::Running;
         // In a fault each time: a current loop and the dead-man's interrupt write their own there.
         if !runs_on && (output.state != self.shown || matches!(output.state, State::Fault(_))) {
-            let begins = !matches!(self.shown, State::Fault(_));
-            if begins && matches!(output.state, State::Fault(_)) {
-                let (pulled, broke) = board.fault_lines();
-                output.state = control.tell_lines(pulled, broke);
-            }
-            self.shown = output.state;
-            show(view, output.state);
-            let latched = control.latched().words();
-            for (word, latched) in view.latched.iter().zip(latched) {
-                word.store(latched, Relaxed);
-            }
-            if let Some(misalignment) = control.misalignment() {
-                view.misalignment.store(misalignment.reason.word(), Relaxed);
-            }
+            output.state = self.show_state(view, control, board, output.state);
         }
         if config.compensation.active {
             view.tables
@@ -154,6 +141,32 @@ impl SpeedStep {
         self.sampler
             .step(telemetry, motors, &view.telemetry_dropped, &output, scale);
         look(&output);
+    }
+
+    /// Shows a state, and where a fault begins asks the board's lines about it.
+    #[inline(always)]
+    fn show_state(
+        &mut self,
+        view: &DriveView,
+        control: &mut SpeedTask,
+        board: &mut impl SpeedBoard,
+        mut state: State,
+    ) -> State {
+        let begins = !matches!(self.shown, State::Fault(_));
+        if begins && matches!(state, State::Fault(_)) {
+            let (pulled, broke) = board.fault_lines();
+            state = control.tell_lines(pulled, broke);
+        }
+        self.shown = state;
+        show(view, state);
+        let latched = control.latched().words();
+        for (word, latched) in view.latched.iter().zip(latched) {
+            word.store(latched, Relaxed);
+        }
+        if let Some(misalignment) = control.misalignment() {
+            view.misalignment.store(misalignment.reason.word(), Relaxed);
+        }
+        state
     }
 
     /// One line of what is learned, the next one each time: all of them every 0.3 s.

@@ -12,10 +12,10 @@ use control::current_loop::{CurrentLoop, PwmCommand};
 use control::exchange::MotorExchange;
 use control::fault::Fault;
 use control::format::{MechanicalSpeed, TableVelocity};
-use control::guard::{Guard, GuardPlate, Look};
+use control::guard::{Guard, GuardConfig, GuardPlate, Look};
 use control::interlock::Inputs;
 use control::motor_io::{MotorIo, Sensing};
-use control::plate::{CompensationPlate, DrivePlate};
+use control::plate::{CompensationPlate, DriveConfig, DrivePlate};
 use control::speed_task::SpeedTask;
 use control::standing_watch::asked_torque;
 use control::supervisor::{Demand, Request, State};
@@ -175,42 +175,58 @@ fn stretch() -> impl Strategy<Value = Stretch> {
         )
 }
 
-/// The counter's top, and what the drive was seen to be.
-fn through(
-    plate: &DrivePlate,
-    guards: &GuardPlate,
-    aligned: bool,
-    stretches: &[Stretch],
-) -> Result<Vec<State>, TestCaseError> {
-    let config = plate.config().unwrap();
-    let config = if aligned {
-        config.aligned(plate)
-    } else {
-        config
-    };
-    let limits = guards.config().unwrap();
-    let mut guard = Guard::new();
-    let mut loops = config.current_loops.each_ref().map(CurrentLoop::new);
-    let mut task = SpeedTask::new(&config);
-    let exchanges = config
-        .current_loops
-        .each_ref()
-        .map(|motor| MotorExchange::new(motor, config.speed_divider));
-    let mut registers = config.current_loops.each_ref().map(|config| Registers {
-        sensing: config.sensing(),
-        current: [0; 3],
-        bus: 0,
-        encoder: 0,
-        broken: false,
-        in_time: false,
-        command: PwmCommand::default(),
-    });
-    let mut states: Vec<State> = Vec::new();
-    let (mut random, mut found) = (1u32, None);
-    for stretch in stretches {
+/// The whole of the control, and what its registers hold.
+struct Controlled<'a> {
+    plate: &'a DrivePlate,
+    config: DriveConfig,
+    limits: GuardConfig,
+    loops: [CurrentLoop; 2],
+    task: SpeedTask,
+    guard: Guard,
+    exchanges: [MotorExchange; 2],
+    registers: [Registers; 2],
+    /// What the drive was seen to be, and what the guard has found.
+    states: Vec<State>,
+    found: Option<Fault>,
+    random: u32,
+}
+
+impl<'a> Controlled<'a> {
+    fn new(plate: &'a DrivePlate, guards: &GuardPlate, aligned: bool) -> Self {
+        let config = plate.config().unwrap();
+        let config = if aligned {
+            config.aligned(plate)
+        } else {
+            config
+        };
+        let motors = config.current_loops.each_ref();
+        Self {
+            plate,
+            limits: guards.config().unwrap(),
+            loops: motors.map(CurrentLoop::new),
+            task: SpeedTask::new(&config),
+            guard: Guard::new(),
+            exchanges: motors.map(|motor| MotorExchange::new(motor, config.speed_divider)),
+            registers: motors.map(|config| Registers {
+                sensing: config.sensing(),
+                current: [0; 3],
+                bus: 0,
+                encoder: 0,
+                broken: false,
+                in_time: false,
+                command: PwmCommand::default(),
+            }),
+            states: Vec::new(),
+            found: None,
+            random: 1,
+            config,
+        }
+    }
+
+    fn run(&mut self, stretch: &Stretch) -> Result<(), TestCaseError> {
         // What may be asked is asked; a refusal is one.
-        let _ = task.command(
-            &config,
+        let _ = self.task.command(
+            &self.config,
             Command {
                 velocity: TableVelocity::from_bits(stretch.velocity),
                 base: MechanicalSpeed::from_bits(stretch.base),
@@ -218,112 +234,145 @@ fn through(
         );
         for period in 0..u32::from(stretch.periods) {
             for k in 0..2 {
-                let (words, per_turn) =
-                    (&stretch.motors[k], plate.motors[k].encoder.counts_per_turn);
-                random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                let noisy = |n: u16, shift: u32| {
-                    (u32::from(n) + (random >> shift) % (u32::from(stretch.noise) + 1)) as u16
-                        % 4096
-                };
-                registers[k] = Registers {
-                    current: [
-                        noisy(words.current[0], 0),
-                        noisy(words.current[1], 8),
-                        noisy(words.current[2], 16),
-                    ],
-                    bus: noisy(words.bus, 4),
-                    // A timer counts within a turn; a frame may be anything.
-                    encoder: if config.current_loops[k].encoder.is_absolute() {
-                        words.encoder.wrapping_add(period.wrapping_mul(words.turns))
-                    } else {
-                        words.encoder.wrapping_add(period.wrapping_mul(words.turns)) % per_turn
-                    },
-                    broken: words.broken,
-                    in_time: words.in_time,
-                    ..registers[k]
-                };
-                loops[k].period(
-                    &config.current_loops[k],
-                    &mut registers[k],
-                    &exchanges[k],
+                self.fill_registers(k, stretch, period);
+                self.loops[k].period(
+                    &self.config.current_loops[k],
+                    &mut self.registers[k],
+                    &self.exchanges[k],
                     || (),
                 );
-                let command = registers[k].command;
-                let top = plate.board.period();
-                prop_assert!(
-                    command.compare.iter().all(|compare| *compare <= top),
-                    "{command:?} past {top}"
-                );
-                let circle = config.current_loops[k]
-                    .modulation
-                    .circle(registers[k].bus.into());
-                let voltage = exchanges[k].voltage(exchanges[k].periods());
-                let length = voltage.d.to_num::<f64>().hypot(voltage.q.to_num());
-                let radius = circle.radius.to_num::<f64>();
-                prop_assert!(
-                    length <= radius * 1.001 + 0.01,
-                    "{length} V in a circle of {radius} V"
-                );
-                if k == 0 && period.is_multiple_of(config.speed_divider) {
-                    let request = Request {
-                        heartbeat: stretch.request.heartbeat.wrapping_mul(period),
-                        ..stretch.request
-                    };
-                    let told = Fault::of_word(stretch.found).or(found);
-                    let output = task.step(&config, request, exchanges.each_ref(), told);
-                    // What the gate drivers' lines say where a fault begins.
-                    let begins = states.last().is_none_or(|last| last.fault().is_none());
-                    let state = match output.state {
-                        State::Fault(_) if begins => task.tell_lines(
-                            [stretch.found % 3 == 1, stretch.found % 5 == 1],
-                            stretch.found % 7 == 1,
-                        ),
-                        state => state,
-                    };
-                    if states.last() != Some(&state) {
-                        states.push(state);
-                    }
+                self.is_legal(k)?;
+                if k == 0 && period.is_multiple_of(self.config.speed_divider) {
+                    self.speed_step(stretch, period);
                 }
             }
             if period.is_multiple_of(20) {
-                found = guard.step(
-                    &limits,
-                    &Look {
-                        supply: SupplyReading {
-                            // One in four is anything; a supply that is wrong ends all else.
-                            reference: if stretch.request.heartbeat.is_multiple_of(4) {
-                                stretch.motors[0].bus
-                            } else {
-                                1504
-                            },
-                            calibrated: 1655,
-                        },
-                        running: [matches!(states.last(), Some(State::Running)); 2],
-                        driven: matches!(states.last(), Some(State::Running)),
-                        stopped_by: states.last().and_then(|state| state.fault()),
-                        enabled: stretch.request.inputs.enabled,
-                        ends_open: [
-                            stretch.request.inputs.end_forward,
-                            stretch.request.inputs.end_backward,
-                        ],
-                        scale: period.wrapping_mul(stretch.request.heartbeat),
-                        current_sum: [period % 3, stretch.found % 4],
-                        missed: stretch.missed,
-                        bus: registers.map(|motor| motor.bus),
-                        temperatures: stretch.temperatures,
-                        theta: loops.each_ref().map(|one| one.shaft().0.0),
-                        torque: core::array::from_fn(|k| {
-                            let motor = &config.current_loops[k];
-                            asked_torque(&exchanges[k], motor, &config.speed_loops[k])
-                        }),
-                        index: [period.is_multiple_of(60), false],
-                        transition_error: [false, period.is_multiple_of(1000)],
-                    },
-                );
+                let look = self.look(stretch, period);
+                self.found = self.guard.step(&self.limits, &look);
             }
         }
+        Ok(())
     }
-    Ok(states)
+
+    fn fill_registers(&mut self, k: usize, stretch: &Stretch, period: u32) {
+        let words = &stretch.motors[k];
+        let per_turn = self.plate.motors[k].encoder.counts_per_turn;
+        self.random = self
+            .random
+            .wrapping_mul(1_664_525)
+            .wrapping_add(1_013_904_223);
+        let random = self.random;
+        let noisy = |n: u16, shift: u32| {
+            (u32::from(n) + (random >> shift) % (u32::from(stretch.noise) + 1)) as u16 % 4096
+        };
+        self.registers[k] = Registers {
+            current: [
+                noisy(words.current[0], 0),
+                noisy(words.current[1], 8),
+                noisy(words.current[2], 16),
+            ],
+            bus: noisy(words.bus, 4),
+            // A timer counts within a turn; a frame may be anything.
+            encoder: if self.config.current_loops[k].encoder.is_absolute() {
+                words.encoder.wrapping_add(period.wrapping_mul(words.turns))
+            } else {
+                words.encoder.wrapping_add(period.wrapping_mul(words.turns)) % per_turn
+            },
+            broken: words.broken,
+            in_time: words.in_time,
+            ..self.registers[k]
+        };
+    }
+
+    /// The duty is below the counter's top, and the voltage within its circle.
+    fn is_legal(&self, k: usize) -> Result<(), TestCaseError> {
+        let command = self.registers[k].command;
+        let top = self.plate.board.period();
+        prop_assert!(
+            command.compare.iter().all(|compare| *compare <= top),
+            "{command:?} past {top}"
+        );
+        let circle = self.config.current_loops[k]
+            .modulation
+            .circle(self.registers[k].bus.into());
+        let voltage = self.exchanges[k].voltage(self.exchanges[k].periods());
+        let length = voltage.d.to_num::<f64>().hypot(voltage.q.to_num());
+        let radius = circle.radius.to_num::<f64>();
+        prop_assert!(
+            length <= radius * 1.001 + 0.01,
+            "{length} V in a circle of {radius} V"
+        );
+        Ok(())
+    }
+
+    fn speed_step(&mut self, stretch: &Stretch, period: u32) {
+        let request = Request {
+            heartbeat: stretch.request.heartbeat.wrapping_mul(period),
+            ..stretch.request
+        };
+        let told = Fault::of_word(stretch.found).or(self.found);
+        let exchanges = self.exchanges.each_ref();
+        let output = self.task.step(&self.config, request, exchanges, told);
+        // What the gate drivers' lines say where a fault begins.
+        let begins = self.states.last().is_none_or(|last| last.fault().is_none());
+        let state = match output.state {
+            State::Fault(_) if begins => self.task.tell_lines(
+                [stretch.found % 3 == 1, stretch.found % 5 == 1],
+                stretch.found % 7 == 1,
+            ),
+            state => state,
+        };
+        if self.states.last() != Some(&state) {
+            self.states.push(state);
+        }
+    }
+
+    fn look(&self, stretch: &Stretch, period: u32) -> Look {
+        let running = matches!(self.states.last(), Some(State::Running));
+        let inputs = &stretch.request.inputs;
+        Look {
+            supply: SupplyReading {
+                // One in four is anything; a supply that is wrong ends all else.
+                reference: if stretch.request.heartbeat.is_multiple_of(4) {
+                    stretch.motors[0].bus
+                } else {
+                    1504
+                },
+                calibrated: 1655,
+            },
+            running: [running; 2],
+            driven: running,
+            stopped_by: self.states.last().and_then(|state| state.fault()),
+            enabled: inputs.enabled,
+            ends_open: [inputs.end_forward, inputs.end_backward],
+            scale: period.wrapping_mul(stretch.request.heartbeat),
+            current_sum: [period % 3, stretch.found % 4],
+            missed: stretch.missed,
+            bus: self.registers.map(|motor| motor.bus),
+            temperatures: stretch.temperatures,
+            theta: self.loops.each_ref().map(|one| one.shaft().0.0),
+            torque: core::array::from_fn(|k| {
+                let motor = &self.config.current_loops[k];
+                asked_torque(&self.exchanges[k], motor, &self.config.speed_loops[k])
+            }),
+            index: [period.is_multiple_of(60), false],
+            transition_error: [false, period.is_multiple_of(1000)],
+        }
+    }
+}
+
+/// What the drive was seen to be.
+fn through(
+    plate: &DrivePlate,
+    guards: &GuardPlate,
+    aligned: bool,
+    stretches: &[Stretch],
+) -> Result<Vec<State>, TestCaseError> {
+    let mut controlled = Controlled::new(plate, guards, aligned);
+    for stretch in stretches {
+        controlled.run(stretch)?;
+    }
+    Ok(controlled.states)
 }
 
 proptest! {

@@ -61,57 +61,8 @@ fn from_cold_to_the_effect_that_nobody_knew() {
     let drive = |arguments: &[&str], out: &Path| printed(served.command(arguments).arg(out));
 
     let report = drive(&["commission", "--arm", "--out"], &path("found"));
-    for step in [
-        "start",
-        "electrical",
-        "mechanical",
-        "tuning",
-        "angle",
-        "response",
-    ] {
-        assert!(
-            report.contains(&format!("## {step}")),
-            "no step {step}: {report}"
-        );
-    }
-    // A step restarts the drive, and its clock: 17 s of the start had become -12 s of the next step.
-    let steps = fs::read_to_string(path("found").join("report.json")).unwrap();
-    let steps: Vec<serde_json::Value> = serde_json::from_str(&steps).unwrap();
-    for (step, least_s) in steps.iter().zip([1.0, 1.0, 1.0, 0.0, 1.0, 1.0]) {
-        let seconds = step["seconds"].as_f64().unwrap();
-        assert!((least_s..60.0).contains(&seconds), "{seconds} s: {step}");
-    }
-    let found = Model::load(&path("found").join("model.toml")).unwrap();
-    let real = Model::load(&path("real.toml")).unwrap();
-    for (name, measured, truth) in [
-        (
-            "screw's resistance",
-            found.screw.resistance_ohm,
-            real.screw.resistance_ohm,
-        ),
-        (
-            "nut's inductance",
-            found.nut.inductance_h,
-            real.nut.inductance_h,
-        ),
-        ("screw's flux", found.screw.flux_wb, real.screw.flux_wb),
-        (
-            "screw's inertia",
-            found.screw.inertia_kg_m2,
-            real.screw.inertia_kg_m2,
-        ),
-        (
-            "nut's inertia",
-            found.nut.inertia_kg_m2,
-            real.nut.inertia_kg_m2,
-        ),
-    ] {
-        let off = 100.0 * (measured / truth - 1.0);
-        assert!(
-            off.abs() < 5.0,
-            "{name}: measured {measured:e}, true {truth:e}, {off:.1} % off"
-        );
-    }
+    each_step_is_told(&report, &path("found"));
+    found_is_real(&path("found").join("model.toml"), &path("real.toml"));
 
     let holds = [
         "--hold",
@@ -172,6 +123,65 @@ fn from_cold_to_the_effect_that_nobody_knew() {
         after < 0.5 * before,
         "order 36 of the screw in its speed: {after:.4} rad/s compensated, {before:.4} before"
     );
+}
+
+/// What commissioning prints has each step, and its report how long each took.
+fn each_step_is_told(report: &str, found: &Path) {
+    for step in [
+        "start",
+        "electrical",
+        "mechanical",
+        "tuning",
+        "angle",
+        "response",
+    ] {
+        assert!(
+            report.contains(&format!("## {step}")),
+            "no step {step}: {report}"
+        );
+    }
+    // A step restarts the drive, and its clock: 17 s of the start had become -12 s of the next step.
+    let steps = fs::read_to_string(found.join("report.json")).unwrap();
+    let steps: Vec<serde_json::Value> = serde_json::from_str(&steps).unwrap();
+    for (step, least_s) in steps.iter().zip([1.0, 1.0, 1.0, 0.0, 1.0, 1.0]) {
+        let seconds = step["seconds"].as_f64().unwrap();
+        assert!((least_s..60.0).contains(&seconds), "{seconds} s: {step}");
+    }
+}
+
+/// The model that was found is the machine's within 5 %.
+fn found_is_real(found: &Path, real: &Path) {
+    let found = Model::load(found).unwrap();
+    let real = Model::load(real).unwrap();
+    for (name, measured, truth) in [
+        (
+            "screw's resistance",
+            found.screw.resistance_ohm,
+            real.screw.resistance_ohm,
+        ),
+        (
+            "nut's inductance",
+            found.nut.inductance_h,
+            real.nut.inductance_h,
+        ),
+        ("screw's flux", found.screw.flux_wb, real.screw.flux_wb),
+        (
+            "screw's inertia",
+            found.screw.inertia_kg_m2,
+            real.screw.inertia_kg_m2,
+        ),
+        (
+            "nut's inertia",
+            found.nut.inertia_kg_m2,
+            real.nut.inertia_kg_m2,
+        ),
+    ] {
+        let off = 100.0 * (measured / truth - 1.0);
+        assert!(
+            off.abs() < 5.0,
+            "{name}: measured {measured:e}, true {truth:e}, {off:.1} % off"
+        );
+    }
 }
 
 /// Amplitude of order 36 of the screw's angle in its own speed, rad/s, over the second half of a recording.

@@ -238,11 +238,21 @@ fn draw(
         .collect();
     let (across, down) = context.plotting_area().get_pixel_range();
     let frame = [across.start, down.start, across.end, down.end];
-    let mut places = Places {
+    let places = Places {
         frame,
         drawn,
         names: Vec::new(),
     };
+    draw_labels(chart, root, places, |at| context.backend_coord(at))
+}
+
+/// Draws the labels that find a place; `pixel` is where a point lies in the picture.
+fn draw_labels(
+    chart: &Chart,
+    root: &Root,
+    mut places: Places,
+    pixel: impl Fn(&(f64, f64)) -> (i32, i32),
+) -> Result<(), DrawError> {
     for Label {
         at,
         text: name,
@@ -253,7 +263,7 @@ fn draw(
         if !(at.0.is_finite() && at.1.is_finite()) {
             continue;
         }
-        if let Some(middle) = places.take(name, context.backend_coord(&at)) {
+        if let Some(middle) = places.take(name, pixel(&at)) {
             let style = text(TEXT, *color, HPos::Center, VPos::Center);
             root.draw_text(name, &style, middle)?;
         }

@@ -18,7 +18,7 @@ use tests::chip::registers::Registers;
 use tests::chip::serial::{self, Serial};
 use tests::chip::system::System;
 use tests::chip::wiring::Wiring;
-use tests::chip::{ADC_REQUESTS, SPI1_RECEIVED, TIMER_REQUESTS, nvic};
+use tests::chip::{ADC_REQUESTS, Chip, SPI1_RECEIVED, TIMER_REQUESTS, nvic};
 use tests::cost::INTERRUPTS;
 
 fn peripheral(name: &str) -> &'static Peripheral {
@@ -390,31 +390,35 @@ fn the_boards_pins_carry_what_they_must() -> Result<(), String> {
         let once: BTreeSet<(&str, &str)> = carried.iter().copied().collect();
         assert_eq!(once.len(), carried.len(), "{board:?}: twice: {carried:?}");
         assert_eq!(once, needed.iter().copied().collect(), "{board:?}");
+        converted_pins_are_analog(board, chip)?;
+    }
+    Ok(())
+}
 
-        // What the ADCs convert is on a pin that is analog.
-        for (index, adc) in ["ADC1", "ADC2", "ADC3", "ADC4"].into_iter().enumerate() {
-            for channel in chip.adcs[index].channels() {
-                // On no pin.
-                if (index, channel) == REFERENCE {
-                    continue;
-                }
-                let signal = format!("IN{channel}");
-                let pin = peripheral(adc)
-                    .pins
-                    .iter()
-                    .find(|known| known.signal == signal)
-                    .unwrap_or_else(|| panic!("{board:?}: {adc} has no {signal}"));
-                let (port, number) = pin.pin.split_at(2);
-                let port = usize::from(port.as_bytes()[1] - b'A');
-                let number: u32 = number.parse().map_err(|_| "a pin's number")?;
-                const ANALOG: u32 = 3;
-                assert_eq!(
-                    chip.system.pin_function(port, number).0,
-                    ANALOG,
-                    "{board:?}: {adc} {signal} is {}, which is not analog",
-                    pin.pin
-                );
+/// What the ADCs convert is on a pin that is analog.
+fn converted_pins_are_analog(board: Wiring, chip: &Chip) -> Result<(), String> {
+    for (index, adc) in ["ADC1", "ADC2", "ADC3", "ADC4"].into_iter().enumerate() {
+        for channel in chip.adcs[index].channels() {
+            // On no pin.
+            if (index, channel) == REFERENCE {
+                continue;
             }
+            let signal = format!("IN{channel}");
+            let pin = peripheral(adc)
+                .pins
+                .iter()
+                .find(|known| known.signal == signal)
+                .unwrap_or_else(|| panic!("{board:?}: {adc} has no {signal}"));
+            let (port, number) = pin.pin.split_at(2);
+            let port = usize::from(port.as_bytes()[1] - b'A');
+            let number: u32 = number.parse().map_err(|_| "a pin's number")?;
+            const ANALOG: u32 = 3;
+            assert_eq!(
+                chip.system.pin_function(port, number).0,
+                ANALOG,
+                "{board:?}: {adc} {signal} is {}, which is not analog",
+                pin.pin
+            );
         }
     }
     Ok(())

@@ -41,8 +41,18 @@ fn off_after(
     Ok(None)
 }
 
-#[test]
-fn each_sensor_sees_what_it_can() -> Result<(), String> {
+/// us: the filter's 0.75 at the grain of this test's looks; until the switch closes that shows it; until the next sample
+/// has been looked at and its period is over.
+const AT_ONCE: f64 = 1.25;
+const PERIOD: f64 = 52.0;
+const SAMPLED: f64 = 105.0;
+/// Until the speed task has taken the analog watchdogs' flags.
+const WATCHED: f64 = 300.0;
+
+/// A fault, the sensors, the current at which the driver opens the bridge, and when the bridge is off at the latest, us.
+type Case = (&'static str, CurrentSensing, f64, PowerFault, Option<f64>);
+
+fn cases() -> [Case; 15] {
     let limit = over_current_a(Wiring::Nucleo);
     let phases = |factors: [f64; 3]| Overload(factors.map(|factor| factor * limit));
     let overload = phases([1.3, -0.65, -0.65]);
@@ -57,14 +67,7 @@ fn each_sensor_sees_what_it_can() -> Result<(), String> {
         amps: 3.0 * limit,
     };
     let driver = 1.2 * limit;
-    // us: the filter's 0.75 at the grain of this test's looks; until the switch closes that shows it; until the next sample
-    // has been looked at and its period is over.
-    const AT_ONCE: f64 = 1.25;
-    const PERIOD: f64 = 52.0;
-    const SAMPLED: f64 = 105.0;
-    // Until the speed task has taken the analog watchdogs' flags.
-    const WATCHED: f64 = 300.0;
-    let cases: [(&str, CurrentSensing, f64, PowerFault, Option<f64>); 15] = [
+    [
         (
             "over-current into the motor",
             InLine,
@@ -134,9 +137,13 @@ fn each_sensor_sees_what_it_can() -> Result<(), String> {
             through,
             Some(AT_ONCE),
         ),
-    ];
+    ]
+}
+
+#[test]
+fn each_sensor_sees_what_it_can() -> Result<(), String> {
     let mut wrong = Vec::new();
-    for (name, sensing, driver_a, fault, expected) in cases {
+    for (name, sensing, driver_a, fault, expected) in cases() {
         let off = off_after(sensing, driver_a, fault)?;
         println!("{sensing:?}, {name}: {off:.1?} us, at most {expected:?}");
         let right = match (off, expected) {

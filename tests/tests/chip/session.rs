@@ -26,58 +26,92 @@ const BEAT_MS: u32 = 100;
 /// A command has so many milliseconds for its reply. The next one follows then: what replies take differs, and does not add up.
 const TURN_MS: u32 = 20;
 
-/// What is asked, after how many milliseconds with a heartbeat.
-fn script() -> Vec<(u32, Command)> {
-    let number = |name: &str| Setting::named(name).expect("a setting of that name").id;
-    let draft = |name, value| Command::Draft {
+/// A command, and after how many milliseconds with a heartbeat it is asked.
+type Asked = (u32, Command);
+
+/// What is asked.
+fn script() -> Vec<Asked> {
+    [
+        bursts_at_rest(),
+        refused_motion(),
+        while_it_runs(),
+        settings_while_it_moves(),
+        moves(),
+        what_it_keeps(),
+        torques(),
+        set_points(),
+    ]
+    .concat()
+}
+
+fn number(name: &str) -> u16 {
+    Setting::named(name).expect("a setting of that name").id
+}
+
+fn draft(name: &str, value: f64) -> Command {
+    Command::Draft {
         id: number(name),
         value: WireValue::Real(Real::new(value)),
-    };
-    let way = |distance_nm, mm_s: f64, base| Command::Move {
+    }
+}
+
+fn way(distance_nm: i64, mm_s: f64, base: Option<i32>) -> Command {
+    Command::Move {
         distance_nm,
         velocity: scale::word(mm_s * 1e-3, scale::TABLE_VELOCITY).unwrap(),
         base,
-    };
-    let to = |position_nm| Command::MoveTo {
+    }
+}
+
+fn to(position_nm: i64) -> Command {
+    Command::MoveTo {
         position_nm,
         velocity: scale::word(5e-3, scale::TABLE_VELOCITY).unwrap(),
         base: Some(0),
-    };
-    let rad_s = |rpm: f64| {
-        let word = scale::word(rpm * std::f64::consts::TAU / 60.0, scale::BASE_SPEED);
-        word.unwrap()
-    };
-    let torque = |motor, amps: f64, rpm| Command::Torque {
+    }
+}
+
+fn torque(motor: u8, amps: f64, rpm: f64) -> Command {
+    let rad_s = rpm * std::f64::consts::TAU / 60.0;
+    Command::Torque {
         motor,
         current: scale::word(amps, scale::CURRENT).unwrap(),
-        speed: rad_s(rpm),
+        speed: scale::word(rad_s, scale::BASE_SPEED).unwrap(),
         base: 0,
-    };
-    let stream = |delay_ms, homed| Command::Stream {
+    }
+}
+
+fn stream(delay_ms: u16, homed: bool) -> Command {
+    Command::Stream {
         delay_ms,
         homed,
         base: 0,
-    };
-    let point = |ms: u32, position_nm| Command::SetPoint {
+    }
+}
+
+fn point(ms: u32, position_nm: i64) -> Command {
+    Command::SetPoint {
         at_us: ms * 1000,
         position_nm,
         velocity: None,
-    };
-    // Faster than the screw, with the table's share, may turn.
-    let too_fast = scale::word(310.0, scale::BASE_SPEED);
-    let burst = |motor, trigger: Trigger| {
-        Command::Burst(BurstRequest {
-            motor,
-            trigger: trigger.word(),
-            signal: Signal::PhaseA.word(),
-            level: 0,
-            before: 100,
-            divider: 1,
-        })
-    };
+    }
+}
+
+fn burst(motor: u8, trigger: Trigger) -> Command {
+    Command::Burst(BurstRequest {
+        motor,
+        trigger: trigger.word(),
+        signal: Signal::PhaseA.word(),
+        level: 0,
+        before: 100,
+        divider: 1,
+    })
+}
+
+/// Bursts take no armed drive: one that waits and is ended, and one that is complete and read.
+fn bursts_at_rest() -> Vec<Asked> {
     vec![
         (0, Command::Status),
-        // Bursts take no armed drive: one that waits and is ended, and one that is complete and read.
         (0, Command::BurstSamples { from: 0 }),
         (0, burst(2, Trigger::Now)),
         (0, burst(1, Trigger::Fault)),
@@ -91,6 +125,14 @@ fn script() -> Vec<(u32, Command)> {
         (0, Command::BurstSamples { from: 0 }),
         (0, Command::BurstSamples { from: 510 }),
         (0, Command::BurstSamples { from: 600 }),
+    ]
+}
+
+/// The drive is armed, and refuses what it cannot do.
+fn refused_motion() -> Vec<Asked> {
+    // Faster than the screw, with the table's share, may turn.
+    let too_fast = scale::word(310.0, scale::BASE_SPEED);
+    vec![
         (0, run(2.5, 300.0)),
         (0, Command::Arm),
         (0, Command::Status),
@@ -106,6 +148,12 @@ fn script() -> Vec<(u32, Command)> {
                 current: 1 << 20,
             },
         ),
+    ]
+}
+
+/// It runs: bursts, currents along d, and an angle meanwhile.
+fn while_it_runs() -> Vec<Asked> {
+    vec![
         (0, run(2.5, 300.0)),
         (0, burst(0, Trigger::State)),
         (700, Command::Status),
@@ -141,6 +189,11 @@ fn script() -> Vec<(u32, Command)> {
                 behind: 1 << 20,
             },
         ),
+    ]
+}
+
+fn settings_while_it_moves() -> Vec<Asked> {
+    vec![
         // A gain changes while the table moves; another setting does not, and the flash is not written.
         (0, draft("tuning.speed_rad_s", 150.0)),
         (0, Command::Commit),
@@ -163,6 +216,12 @@ fn script() -> Vec<(u32, Command)> {
             ),
         ),
         (0, Command::Record(0)),
+    ]
+}
+
+/// It stops, moves by a distance and to a place, and homes.
+fn moves() -> Vec<Asked> {
+    vec![
         (200, Command::Stop),
         (800, Command::Status),
         (0, run(2.5, 0.0)),
@@ -189,6 +248,12 @@ fn script() -> Vec<(u32, Command)> {
         (400, Command::Status),
         (0, Command::Stop),
         (800, Command::Status),
+    ]
+}
+
+/// Faults, settings, what it has learned, and its journal.
+fn what_it_keeps() -> Vec<Asked> {
+    vec![
         (0, Command::Reset),
         (0, Command::Faults),
         (0, Command::Settings { from: 0 }),
@@ -205,6 +270,11 @@ fn script() -> Vec<(u32, Command)> {
         (0, Command::Discard),
         (0, draft("command.heartbeat_ms", 1e9)),
         (0, Command::Journal { after: 0 }),
+    ]
+}
+
+fn torques() -> Vec<Asked> {
+    vec![
         (0, torque(0, 0.2, 60.0)),
         (0, Command::Arm),
         (0, run(1.0, 200.0)),
@@ -221,6 +291,11 @@ fn script() -> Vec<(u32, Command)> {
         (200, Command::Status),
         (0, Command::Stop),
         (800, Command::Status),
+    ]
+}
+
+fn set_points() -> Vec<Asked> {
+    vec![
         (0, point(0, 0)),
         (0, stream(200, false)),
         (0, Command::Arm),

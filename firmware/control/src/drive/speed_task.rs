@@ -403,13 +403,7 @@ impl SpeedTask {
         let at_rest = self.coordinator.at_rest() && held && self.commands.torque.is_none();
         self.state = before.next(demand, motors, found, self.aligning.aligned, at_rest);
         if config.brake.fitted {
-            self.brake.step(match self.state {
-                State::Running | State::Holding => {
-                    self.brake.is_released() || screw.is_closed() && nut.is_closed()
-                }
-                State::Stopping => self.brake.is_released() && !self.coordinator.at_rest(),
-                _ => false,
-            });
+            self.step_brake(exchanges);
         }
         if let (State::Fault(first), Some(later)) = (self.state, found)
             && later.corrects(first)
@@ -458,6 +452,18 @@ impl SpeedTask {
             || self.commands.torque.is_some()
             || self.watches.too_hot != [false; 2];
         None
+    }
+
+    /// Releases the brake once both motors hold, and closes it when they are at rest.
+    #[inline(always)]
+    fn step_brake(&mut self, [screw, nut]: [&MotorExchange; 2]) {
+        self.brake.step(match self.state {
+            State::Running | State::Holding => {
+                self.brake.is_released() || screw.is_closed() && nut.is_closed()
+            }
+            State::Stopping => self.brake.is_released() && !self.coordinator.at_rest(),
+            _ => false,
+        });
     }
 
     /// Goes over to a torque, to another one, or back to speeds.
@@ -604,81 +610,20 @@ impl SpeedTask {
         config: &DriveConfig,
         mode: Mode,
         exchanges: [&MotorExchange; 2],
-        mut follow: Follow,
+        follow: Follow,
     ) -> [CurrentReference; 2] {
-        self.watches.found = None;
         let rests = CurrentReference {
             mode,
             ..CurrentReference::default()
         };
         let mut asked = [rests; 2];
-        let motors = exchanges.into_iter().zip(&config.current_loops);
-        let motors = motors.zip(&config.speed_loops).zip(&config.regeneration);
-        let motors = motors.zip(&config.runaway).zip(self.watches.current_max);
-        let states = self.speed_loops.iter_mut().zip(&mut self.watches.runaway);
-        let mut motors = motors.zip(states.zip(&mut asked));
-        let motor = motors.nth(follow.motor());
-        let adds_up = Self::adds_up(config, exchanges, follow.motor());
-        self.follow = None;
-        let [screw_step, nut_step] = exchanges.map(MotorExchange::theta_step);
-        if let Some((motor, ((state, watch), asked))) = motor {
-            let (((((exchange, current_loop), speed_loop), regeneration), runaway), most) = motor;
-            let theta_step = exchange.theta_step();
-            let omega_e = current_loop.observer.omega_e(theta_step);
-            let as_speed = |step: i32| current_loop.observer.omega_e(step);
-            let table = follow.table(&Reading {
-                scale: self.table_step.map(as_speed),
-                encoders: as_speed(screw_step.wrapping_sub(nut_step)),
-                shaft: omega_e,
-                doubted: self.watches.latched.has_any(FaultSet::DOUBTS_ANGLE),
-                slow: runaway.stall,
-            });
-            let speed = table.map_or(Speed::ZERO, |table| table.speed);
-            self.follow = table.and_then(|table| {
-                follow.goes_on(&Followed {
-                    latched: self.watches.latched,
-                    speeds: [omega_e, table.speed],
-                    slow: runaway.stall,
-                    turned: theta_step
-                        .unsigned_abs()
-                        .saturating_mul(config.speed_divider),
-                    adds_up,
-                    counted: !table.by_scale || self.table_step != Some(0),
-                    blind_max: config.blind_max,
-                })
-            });
-            let reference = SpeedReference {
-                omega_e: follow.reference(omega_e, speed),
-                ..SpeedReference::default()
+        let current = self.follow_table(config, exchanges, follow);
+        if let (Some(i_q), Some(asked)) = (current, asked.get_mut(follow.motor())) {
+            *asked = CurrentReference {
+                mode: Mode::Drive,
+                i_q,
+                ..CurrentReference::default()
             };
-            let voltage_limited = exchange.voltage_limited();
-            let wanted = state.wanted(speed_loop, reference, omega_e);
-            let range = regeneration.range(most, exchange.bus(), theta_step);
-            let output = state.limit(speed_loop, wanted, voltage_limited, range);
-            if self.follow.is_some() {
-                *asked = CurrentReference {
-                    mode: Mode::Drive,
-                    i_q: output.i_q,
-                    ..CurrentReference::default()
-                };
-            }
-            // It has no reference of its own to follow.
-            let motion = Motion {
-                reference: omega_e,
-                omega_e,
-                torque_limited: false,
-                theta_step,
-                voltage_limited,
-            };
-            // As often as that of a drive that runs.
-            if u32::from(self.look).is_multiple_of(STEPS_PER_LOOK) {
-                let induced = &current_loop.regulator.induced;
-                let sign = watch.step(runaway, induced, exchange, motion);
-                self.watches.found = sign.map(|sign| match follow.motor() {
-                    0 => sign.of_screw(),
-                    _ => sign.of_nut(),
-                });
-            }
         }
         let loops = exchanges.into_iter().zip(&config.current_loops);
         for ((exchange, current_loop), asked) in loops.zip(asked) {
@@ -686,6 +631,77 @@ impl SpeedTask {
             exchange.expect_bus(current_loop);
         }
         asked
+    }
+
+    /// The current of the motor that brings the table to rest, while it does.
+    #[inline(always)]
+    fn follow_table(
+        &mut self,
+        config: &DriveConfig,
+        exchanges: [&MotorExchange; 2],
+        mut follow: Follow,
+    ) -> Option<Current> {
+        self.watches.found = None;
+        let motors = exchanges.into_iter().zip(&config.current_loops);
+        let motors = motors.zip(&config.speed_loops).zip(&config.regeneration);
+        let motors = motors.zip(&config.runaway).zip(self.watches.current_max);
+        let states = self.speed_loops.iter_mut().zip(&mut self.watches.runaway);
+        let motor = motors.zip(states).nth(follow.motor());
+        let adds_up = Self::adds_up(config, exchanges, follow.motor());
+        self.follow = None;
+        let [screw_step, nut_step] = exchanges.map(MotorExchange::theta_step);
+        let (motor, (state, watch)) = motor?;
+        let (((((exchange, current_loop), speed_loop), regeneration), runaway), most) = motor;
+        let theta_step = exchange.theta_step();
+        let omega_e = current_loop.observer.omega_e(theta_step);
+        let as_speed = |step: i32| current_loop.observer.omega_e(step);
+        let table = follow.table(&Reading {
+            scale: self.table_step.map(as_speed),
+            encoders: as_speed(screw_step.wrapping_sub(nut_step)),
+            shaft: omega_e,
+            doubted: self.watches.latched.has_any(FaultSet::DOUBTS_ANGLE),
+            slow: runaway.stall,
+        });
+        let speed = table.map_or(Speed::ZERO, |table| table.speed);
+        self.follow = table.and_then(|table| {
+            follow.goes_on(&Followed {
+                latched: self.watches.latched,
+                speeds: [omega_e, table.speed],
+                slow: runaway.stall,
+                turned: theta_step
+                    .unsigned_abs()
+                    .saturating_mul(config.speed_divider),
+                adds_up,
+                counted: !table.by_scale || self.table_step != Some(0),
+                blind_max: config.blind_max,
+            })
+        });
+        let reference = SpeedReference {
+            omega_e: follow.reference(omega_e, speed),
+            ..SpeedReference::default()
+        };
+        let voltage_limited = exchange.voltage_limited();
+        let wanted = state.wanted(speed_loop, reference, omega_e);
+        let range = regeneration.range(most, exchange.bus(), theta_step);
+        let output = state.limit(speed_loop, wanted, voltage_limited, range);
+        // It has no reference of its own to follow.
+        let motion = Motion {
+            reference: omega_e,
+            omega_e,
+            torque_limited: false,
+            theta_step,
+            voltage_limited,
+        };
+        // As often as that of a drive that runs.
+        if u32::from(self.look).is_multiple_of(STEPS_PER_LOOK) {
+            let induced = &current_loop.regulator.induced;
+            let sign = watch.step(runaway, induced, exchange, motion);
+            self.watches.found = sign.map(|sign| match follow.motor() {
+                0 => sign.of_screw(),
+                _ => sign.of_nut(),
+            });
+        }
+        self.follow.is_some().then_some(output.i_q)
     }
 
     /// A step of the coordinator and both speed loops; of `TORQUE` one motor follows a torque.

@@ -25,6 +25,7 @@ use crate::watch::scale_watch::{ScaleWatch, ScaleWatchConfig, ScaleWatchPlate};
 use crate::watch::seizure_watch::SeizureWatch;
 use crate::watch::standing_watch::StandingWatch;
 use crate::watch::thermometer::{Range, TemperaturePlate};
+use core::mem;
 
 /// Of late tasks and of encoder errors.
 const SELDOM: Tolerance = Tolerance {
@@ -323,19 +324,9 @@ impl Guard {
         for (watch, ((theta, torque), name)) in self.standing.iter_mut().zip(shafts) {
             first(watch.step(look.driven, theta, torque), name);
         }
-        if let Some(config) = &config.scale {
-            let apart = self.scale.step(config, look.driven, moved, look.scale);
-            first(apart, Fault::Scale);
-            let counted = i64::from(look.scale.wrapping_sub(self.last_scale).cast_signed());
-            let seized = self
-                .seizure
-                .step(config, look.stopped_by, shafts_turned, counted);
-            if let Some(seized) = seized {
-                first(true, seized);
-            }
-            self.table = config.turned_by(counted);
+        if let Some(found) = self.look_at_scale(config, look, shafts_turned) {
+            first(true, found);
         }
-        self.last_scale = look.scale;
         let exchanged = self.ends.step(moved, look.ends_open);
         first(exchanged && look.driven, Fault::EndsExchanged);
         let names = [
@@ -352,6 +343,26 @@ impl Guard {
         }
         first(self.enable.step(look.enabled), Fault::EnableApart);
         fault
+    }
+
+    /// The scale against the shafts: it is wrong, or something has seized.
+    fn look_at_scale(
+        &mut self,
+        config: &GuardConfig,
+        look: &Look,
+        shafts_turned: [i64; 2],
+    ) -> Option<Fault> {
+        let before = mem::replace(&mut self.last_scale, look.scale);
+        let config = config.scale.as_ref()?;
+        let [screw_turned, nut_turned] = shafts_turned;
+        let moved = screw_turned.saturating_sub(nut_turned);
+        let apart = self.scale.step(config, look.driven, moved, look.scale);
+        let counted = i64::from(look.scale.wrapping_sub(before).cast_signed());
+        let seized = self
+            .seizure
+            .step(config, look.stopped_by, shafts_turned, counted);
+        self.table = config.turned_by(counted);
+        if apart { Some(Fault::Scale) } else { seized }
     }
 }
 

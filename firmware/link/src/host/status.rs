@@ -148,53 +148,11 @@ impl StatusReport {
 
     /// As JSON, each key with its unit.
     pub fn json(&self, settings: &Settings, simulated: bool) -> Value {
-        let fault = self.fault();
-        let latched = FaultSet::of_words(self.status.latched);
-        let limits = |motor: Option<usize>| {
-            let limits = self
-                .limits(motor)
-                .map(|limit| json!({ "name": limit.name(), "sentence": limit.sentence() }));
-            limits.collect::<Vec<_>>()
-        };
-        let table = fault.filter(|fault| {
-            use Fault::{EndBackward, EndForward, TravelBackward, TravelForward};
-            matches!(
-                fault,
-                EndForward | EndBackward | TravelForward | TravelBackward
-            )
-        });
-        let soft = settings.soft_limits_mm();
-        let motor = |k: usize| {
-            let (words, [i_d, i_q]) = (&self.status.motors[k], self.currents(k));
-            let plate = [&settings.screw, &settings.nut][k];
-            let state = self.state.map(|state| state.of_motor(k, latched));
-            let own = match state {
-                Some(State::Fault(fault)) => Some(fault),
-                _ => None,
-            };
-            json!({
-                "state": state.map_or("unknown", State::name),
-                "fault": own.map(fault_json),
-                "limited_by": limits(Some(k)),
-                "speed_rpm": self.rpm(k),
-                "current_d_a": i_d,
-                "current_q_a": i_q,
-                "encoder_counts": words.encoder,
-                "bus_v": f64::from(words.bus_mv) / 1e3,
-                "limits": {
-                    "speed_rpm": plate.speed_max_rpm,
-                    "torque_nm": plate.torque_max_nm,
-                    "rated_current_a_rms": plate.thermal.rated_current_a_rms,
-                    "over_current_a": settings.bridge.over_current_a,
-                },
-            })
-        };
-        let frames = &self.status.frames;
         json!({
             "state": self.state_name(),
-            "fault": fault.map(fault_json),
+            "fault": self.fault().map(fault_json),
             "further_faults": self.further().map(fault_json).collect::<Vec<_>>(),
-            "limited_by": limits(None),
+            "limited_by": self.limits_json(None),
             "misalignment": self.misalignment().map(|reason| json!({
                 "name": reason.name(),
                 "sentence": reason.sentence(),
@@ -217,30 +175,80 @@ impl StatusReport {
             "simulated": simulated,
             "uptime_s": self.seconds(),
             "travel": self.travel().map_or("unknown", Travel::name),
-            "screw": motor(0),
-            "nut": motor(1),
-            "table": {
-                "fault": table.map(fault_json),
-                "homed": self.homed(),
-                "position_mm": self.position_mm(settings),
-                "velocity_mm_s": self.velocity_mm_s(settings),
-                "limits": {
-                    "velocity_mm_s": settings.feed.velocity_max_mm_s,
-                    "acceleration_mm_s2": settings.feed.acceleration_max_mm_s2,
-                    "jerk_mm_s3": settings.feed.jerk_max_mm_s3,
-                    "position_mm": soft,
-                    "position_limits_act": self.homed() && soft.is_some(),
-                },
+            "screw": self.motor_json(0, settings),
+            "nut": self.motor_json(1, settings),
+            "table": self.table_json(settings),
+            "link": self.link_json(),
+        })
+    }
+
+    fn limits_json(&self, motor: Option<usize>) -> Vec<Value> {
+        let limits = self.limits(motor);
+        let limit = |limit: Limit| json!({ "name": limit.name(), "sentence": limit.sentence() });
+        limits.map(limit).collect()
+    }
+
+    fn motor_json(&self, motor: usize, settings: &Settings) -> Value {
+        let (words, [i_d, i_q]) = (&self.status.motors[motor], self.currents(motor));
+        let plate = [&settings.screw, &settings.nut][motor];
+        let latched = FaultSet::of_words(self.status.latched);
+        let state = self.state.map(|state| state.of_motor(motor, latched));
+        let own = match state {
+            Some(State::Fault(fault)) => Some(fault),
+            _ => None,
+        };
+        json!({
+            "state": state.map_or("unknown", State::name),
+            "fault": own.map(fault_json),
+            "limited_by": self.limits_json(Some(motor)),
+            "speed_rpm": self.rpm(motor),
+            "current_d_a": i_d,
+            "current_q_a": i_q,
+            "encoder_counts": words.encoder,
+            "bus_v": f64::from(words.bus_mv) / 1e3,
+            "limits": {
+                "speed_rpm": plate.speed_max_rpm,
+                "torque_nm": plate.torque_max_nm,
+                "rated_current_a_rms": plate.thermal.rated_current_a_rms,
+                "over_current_a": settings.bridge.over_current_a,
             },
-            "link": {
-                "frames": frames.frames,
-                "damaged": frames.damaged,
-                "too_long": frames.too_long,
-                "other_version": frames.versions,
-                "repeated": self.status.repeated,
-                "refused": self.status.refused,
-                "telemetry_dropped": self.status.dropped,
+        })
+    }
+
+    fn table_json(&self, settings: &Settings) -> Value {
+        use Fault::{EndBackward, EndForward, TravelBackward, TravelForward};
+        let fault = self.fault().filter(|fault| {
+            matches!(
+                fault,
+                EndForward | EndBackward | TravelForward | TravelBackward
+            )
+        });
+        let soft = settings.soft_limits_mm();
+        json!({
+            "fault": fault.map(fault_json),
+            "homed": self.homed(),
+            "position_mm": self.position_mm(settings),
+            "velocity_mm_s": self.velocity_mm_s(settings),
+            "limits": {
+                "velocity_mm_s": settings.feed.velocity_max_mm_s,
+                "acceleration_mm_s2": settings.feed.acceleration_max_mm_s2,
+                "jerk_mm_s3": settings.feed.jerk_max_mm_s3,
+                "position_mm": soft,
+                "position_limits_act": self.homed() && soft.is_some(),
             },
+        })
+    }
+
+    fn link_json(&self) -> Value {
+        let frames = &self.status.frames;
+        json!({
+            "frames": frames.frames,
+            "damaged": frames.damaged,
+            "too_long": frames.too_long,
+            "other_version": frames.versions,
+            "repeated": self.status.repeated,
+            "refused": self.status.refused,
+            "telemetry_dropped": self.status.dropped,
         })
     }
 }

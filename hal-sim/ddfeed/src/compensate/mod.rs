@@ -1,6 +1,7 @@
 //! `ddfeed compensate`: from the model that identification left to what the drive compensates.
 
 mod predict;
+mod print;
 mod search;
 mod worth;
 
@@ -10,7 +11,7 @@ pub use search::{Found, Orders, orders};
 use crate::record::set_encoder_kinds;
 use anyhow::{Context, Result, ensure};
 use clap::Args;
-use control::plate::{DrivePlate, OrderPlate, TorqueOrderPlate};
+use control::plate::DrivePlate;
 use hal_sim::experiment::{OperatingPoint, RPM, Setup};
 use hal_sim::hold_ripple::{Hold, holds, recorded, ripple_interval_s};
 use hal_sim::smooth::kept::{compensated, leave_out_lost};
@@ -22,7 +23,6 @@ use plant::machine::Coupling;
 use plant::model::Model;
 use plant::recording::Recording;
 use predict::Place;
-use serde_json::json;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -185,166 +185,6 @@ fn places(options: &CompensateOptions, model: &Model) -> Result<Vec<Place>> {
 /// Finds and prints.
 pub fn run(options: &CompensateOptions) -> Result<Compensation> {
     let found = find(options)?;
-    print(options, &found);
+    print::print(options, &found);
     Ok(found)
-}
-
-fn print(options: &CompensateOptions, found: &Compensation) {
-    let Compensation {
-        known,
-        predicted,
-        shown,
-    } = found;
-    let lists = lists(known);
-    if options.json {
-        let report = json!({
-            "orders": lists.iter().flat_map(|(what, unit, plates)| plates.iter().map(move |plate| json!({
-                "of": what, "order": plate.order, "unit": unit, "re": plate.re, "im": plate.im,
-                "re_per_a": plate.re_per_a, "im_per_a": plate.im_per_a,
-            }))).collect::<Vec<_>>(),
-            "friction_nm": {
-                "bearings": known.friction.bearings.map(|bearing| bearing.coulomb_nm),
-                "feed": known.friction.feed.coulomb_nm,
-            },
-            "left": known.left,
-            "shown": shown.iter().flat_map(shown_lists).flat_map(|(what, found)| found.iter().map(move |one| json!({
-                "of": what, "order": one.order, "re": one.coefficient.re, "im": one.coefficient.im, "scales_with_load": one.scales,
-            }))).collect::<Vec<_>>(),
-            "predicted": predicted.iter().map(|one| json!({
-                "table_mm_s": 1e3 * one.point.velocity, "nut_rpm": one.point.base / RPM,
-                "vrf_before": one.before.vrf_percent, "vrf_after": one.after.vrf_percent,
-                "rms_before": one.before.rms_percent, "rms_after": one.after.rms_percent,
-            })).collect::<Vec<_>>(),
-        });
-        println!("{report}");
-        return;
-    }
-    println!("What repeats with an angle, as Re((re + j im) e^(j order angle)):");
-    for (what, unit, plates) in &lists {
-        for plate in plates {
-            print!(
-                "  {what:<18} order {:>6}   re {:>11.3e}   im {:>11.3e}   {unit}",
-                plate.order, plate.re, plate.im
-            );
-            if plate.re_per_a == 0.0 && plate.im_per_a == 0.0 {
-                println!();
-            } else {
-                println!(
-                    ", and {:.3e} and {:.3e} an ampere of load",
-                    plate.re_per_a, plate.im_per_a
-                );
-            }
-        }
-    }
-    let [screw, nut] = known.friction.bearings;
-    println!("Friction, N m while it slides, and more to break away:");
-    for (what, rubbing) in [
-        ("screw, bearing", screw),
-        ("nut, bearing", nut),
-        ("pair and guideway", known.friction.feed),
-    ] {
-        println!(
-            "  {what:<18} {:>8.4} {:>8.4}",
-            rubbing.coulomb_nm, rubbing.sticks_nm
-        );
-    }
-    if !known.left.is_empty() {
-        println!("Not compensated: {}", known.left.join("; "));
-    }
-    if let Some(shown) = shown {
-        println!("What the recording shows, and the part of it that scales with the load:");
-        for (what, found) in shown_lists(shown) {
-            for one in found {
-                let scales = one
-                    .scales
-                    .map_or("unknown".into(), |part| format!("{:.0} %", 100.0 * part));
-                println!(
-                    "  {what:<18} order {:>8.3}   size {:>10.3e}   scales {scales}",
-                    one.order,
-                    one.coefficient.norm()
-                );
-            }
-        }
-        return print_settings(options);
-    }
-    println!(
-        "\nRipple of the table as a recording shows it, {} and with this, % peak to peak (Eq 19) and rms:",
-        if options.recording.is_some() {
-            "recorded"
-        } else {
-            "simulated without"
-        }
-    );
-    for Predicted {
-        point,
-        before,
-        after,
-    } in predicted
-    {
-        println!(
-            "  {:7.3} mm/s, nut {:6.0} rpm: {:6.2} and {:6.3} before, {:6.2} and {:6.3} with this",
-            1e3 * point.velocity,
-            point.base / RPM,
-            before.vrf_percent,
-            before.rms_percent,
-            after.vrf_percent,
-            after.rms_percent
-        );
-    }
-    print_settings(options);
-}
-
-fn print_settings(options: &CompensateOptions) {
-    match &options.settings {
-        Some(file) => println!(
-            "\n`ddfeed drive --sim ADDRESS settings import {}` sets them; `--serial PORT` instead for a board.",
-            file.display()
-        ),
-        None => {
-            println!(
-                "\n`--settings FILE` writes them for `ddfeed drive --sim ADDRESS settings import FILE`."
-            )
-        }
-    }
-}
-
-/// What a recording shows, by what it is of.
-fn shown_lists(shown: &Orders) -> [(&'static str, &[Found]); 5] {
-    let [screw, nut] = &shown.torque;
-    let [screw_angle, nut_angle] = &shown.angle;
-    [
-        ("screw, torque", screw),
-        ("nut, torque", nut),
-        ("screw, encoder", screw_angle),
-        ("nut, encoder", nut_angle),
-        ("lead", &shown.travel),
-    ]
-}
-
-/// The orders that there are, by what they are of and their unit.
-fn lists(
-    known: &hal_sim::smooth::known::Known,
-) -> Vec<(&'static str, &'static str, Vec<TorqueOrderPlate>)> {
-    let plate = &known.compensation;
-    let torque = |plates: &[TorqueOrderPlate]| -> Vec<_> {
-        let some = plates.iter().filter(|plate| plate.order != 0.0);
-        some.copied().collect()
-    };
-    let some = |plates: &[OrderPlate]| -> Vec<_> {
-        let some = plates.iter().filter(|plate| plate.order != 0.0);
-        let fixed = |plate: &OrderPlate| TorqueOrderPlate {
-            re: plate.re,
-            im: plate.im,
-            ..TorqueOrderPlate::unknown(plate.order)
-        };
-        some.map(fixed).collect()
-    };
-    let part = "of the speed";
-    vec![
-        ("screw, torque", "A", torque(&plate.torque[0])),
-        ("nut, torque", "A", torque(&plate.torque[1])),
-        ("screw, encoder", part, some(&plate.angle[0])),
-        ("nut, encoder", part, some(&plate.angle[1])),
-        ("lead", part, some(&plate.travel)),
-    ]
 }

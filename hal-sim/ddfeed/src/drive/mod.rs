@@ -1,6 +1,7 @@
 //! `ddfeed drive`: a drive commanded over its link.
 
 mod burst;
+mod check;
 mod commission;
 pub mod connect;
 mod follow;

@@ -1,15 +1,13 @@
 //! What a person may ask of a drive. Quantities have the flags that they have in `simulate` and `record`.
 
 use crate::hold::Hold;
-use crate::session::{FULL_RATE, divider};
+use crate::session::FULL_RATE;
 use anyhow::{Context, Result, anyhow, ensure};
 use clap::{Args, Subcommand, ValueEnum};
-use control::stream::DELAY_MS;
 use link::burst::BurstRequest;
 use link::host::burst::Wanted;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
-use std::time::Duration;
 
 /// Where the drive is, and what it is asked.
 #[derive(Args, Debug)]
@@ -132,7 +130,7 @@ pub struct LoopOptions {
 }
 
 impl LoopOptions {
-    fn check(&self) -> Result<()> {
+    pub(super) fn check(&self) -> Result<()> {
         ensure!(
             (20.0..=80.0).contains(&self.margin),
             "--margin is {} degrees, but 20 to 80 are possible",
@@ -406,12 +404,8 @@ pub enum SettingsTask {
     },
 }
 
-/// Largest distance of a move, mm.
-const MOST_MOVE_MM: f64 = 1e4;
 /// How long to record from a trigger on, if nothing is said, s.
 const AFTER_TRIGGER_S: f64 = 1.0;
-/// Most that is kept of what came before a trigger, s: 300,000 rows.
-const MOST_PAST_S: f64 = 60.0;
 
 /// Writes a recording's file, the first, into an MCAP file, the second, with facts about it.
 pub type WriteMcap = fn(&Path, &Path, BTreeMap<String, String>) -> Result<()>;
@@ -478,129 +472,6 @@ impl RecordOptions {
         return Ok(Some(crate::mcap_file::write));
         #[cfg(not(feature = "mcap"))]
         Err(crate::missing_feature("--mcap", "mcap"))
-    }
-}
-
-/// A duration, where there is one, is a time.
-fn lasting(duration: Option<f64>) -> Result<()> {
-    let seconds = duration.unwrap_or(1.0);
-    ensure!(
-        seconds > 0.0 && Duration::try_from_secs_f64(seconds).is_ok(),
-        "--duration is {seconds} s, but a time above 0 is needed"
-    );
-    Ok(())
-}
-
-impl Task {
-    /// What can be said against it before the drive is looked for.
-    pub fn check(&self) -> Result<()> {
-        let finite = |name: &str, value: f64| {
-            ensure!(
-                value.is_finite(),
-                "{name} is {value}, but a number is needed"
-            );
-            Ok(())
-        };
-        match self {
-            Task::Jog(jog) => {
-                finite("--table-speed", jog.table_speed)?;
-                finite("--nut-rpm", jog.lead.nut_rpm.unwrap_or_default())?;
-                lasting(jog.duration)?;
-            }
-            Task::Turn(turn) => {
-                finite("--rpm", turn.rpm)?;
-                lasting(turn.duration)?;
-                if let Some(degrees) = turn.angle {
-                    finite("--angle", degrees)?;
-                    ensure!(
-                        turn.motor == Motor::Screw,
-                        "--angle is for the screw: a move's base speed is one of both motors, so the nut cannot turn by an angle alone"
-                    );
-                    ensure!(
-                        degrees != 0.0 && turn.rpm > 0.0,
-                        "--angle is {degrees} degrees and --rpm {} rpm, but an angle other than 0 and a speed above 0 are needed",
-                        turn.rpm
-                    );
-                }
-            }
-            Task::Follow(follow) => {
-                finite("--nut-rpm", follow.lead.nut_rpm.unwrap_or_default())?;
-                let [least, most] = DELAY_MS;
-                ensure!(
-                    (least..=most).contains(&follow.delay_ms),
-                    "--delay-ms is {} ms, but {least} to {most} ms are possible",
-                    follow.delay_ms
-                );
-            }
-            Task::Torque(torque) => {
-                finite("--nm", torque.nm.unwrap_or_default())?;
-                finite("--table-force", torque.table_force.unwrap_or_default())?;
-                finite("--rpm-max", torque.rpm_max.unwrap_or_default())?;
-                finite("--other-rpm", torque.other_rpm)?;
-                lasting(torque.duration)?;
-            }
-            Task::Move(travel) => {
-                let distance = travel.distance.unwrap_or(1.0);
-                ensure!(
-                    distance.abs() > 0.0 && distance.abs() <= MOST_MOVE_MM,
-                    "the distance is {distance} mm, but up to {MOST_MOVE_MM} mm either way are possible, and 0 is no move"
-                );
-                let to = travel.to.unwrap_or_default();
-                ensure!(
-                    to.abs() <= MOST_MOVE_MM,
-                    "--to is {to} mm, but -{MOST_MOVE_MM} to {MOST_MOVE_MM} mm are possible"
-                );
-                finite("--nut-rpm", travel.lead.nut_rpm.unwrap_or_default())?;
-                ensure!(
-                    travel.table_speed > 0.0 && travel.table_speed.is_finite(),
-                    "--table-speed is {} mm/s, but one above 0 is needed: the distance says which way",
-                    travel.table_speed
-                );
-            }
-            Task::Home(home) => finite("--nut-rpm", home.lead.nut_rpm.unwrap_or_default())?,
-            Task::Record(record) => {
-                divider(record.rate)?;
-                record.mcap_writer()?;
-                ensure!(
-                    record.duration.is_some()
-                        || record.trigger.is_some()
-                        || !record.hold.is_empty(),
-                    "how long to record is not said: give --duration S, or --hold MM_S,RPM,S for each operating point"
-                );
-                let seconds = record.seconds();
-                ensure!(
-                    seconds.is_finite() && seconds > 0.0,
-                    "--duration is {seconds} s, but a time above 0 is needed"
-                );
-                ensure!(
-                    (0.0..=MOST_PAST_S).contains(&record.past),
-                    "--past is {} s, but 0 to {MOST_PAST_S} s are possible",
-                    record.past
-                );
-                ensure!(
-                    !record.name.is_empty() && !record.name.contains(['/', '\\']),
-                    "--name is `{}`, but a name within the folder is needed",
-                    record.name
-                );
-            }
-            Task::Commission(commission) => {
-                ensure!(
-                    commission.arm,
-                    "both motors will turn, and the table will move by up to {} mm to each side: see that it can, and give --arm",
-                    commission.travel
-                );
-                ensure!(
-                    (0.1..=1000.0).contains(&commission.travel),
-                    "--travel is {} mm, but 0.1 to 1000 mm are possible",
-                    commission.travel
-                );
-                commission.loops.check()?;
-            }
-            Task::Burst(burst) => burst.check()?,
-            Task::Tune(tune) => tune.loops.check()?,
-            _ => {}
-        }
-        Ok(())
     }
 }
 

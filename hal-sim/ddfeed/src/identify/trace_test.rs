@@ -94,6 +94,41 @@ fn record(model: &Model, points: &[(f64, f64)], seed: u64, path: &Path) {
 fn an_undeclared_effect_reaches_every_file_of_the_report() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
+    identify_cogging(folder.path());
+    let text = |name: &str| std::fs::read_to_string(at("out").join(name)).unwrap();
+    let report: Report = serde_json::from_str(&text("report.json")).unwrap();
+    cogging_is_named(&report);
+    cogging_is_taken_from_the_residual(&report);
+    cogging_explains_the_ripple(&report);
+    assert!(
+        report
+            .records
+            .iter()
+            .all(|r| r.rows == r.used && r.skipped.is_empty()),
+        "rows were left out of a whole record"
+    );
+
+    let page = text("report.html");
+    let (whole, _) = page.split_once("<section id=\"live\"").unwrap();
+    page::check::sound(&format!("{whole}</main></body></html>")).unwrap();
+    let again = Model::load(&at("out").join("model.toml")).unwrap();
+    assert_eq!(again.effects.len(), report.effects.len());
+    let csv = text("residual.csv");
+    let header = csv.lines().next().unwrap();
+    assert!(
+        header.starts_with("t_s,screw_torque_before_nm,screw_torque_after_nm"),
+        "{header}"
+    );
+    assert!(
+        csv.lines().all(|line| line.split(',').count() == 17),
+        "expected 17 cells in each line of residual.csv; its head: {:?}",
+        csv.lines().next()
+    );
+}
+
+/// Records a machine that cogs, and identifies it with a model that does not.
+fn identify_cogging(folder: &Path) {
+    let at = |name: &str| folder.join(name);
     let declared = Model::coupled();
     let mut real = declared.clone();
     let cogging: AnyEffect = Cogging {
@@ -126,9 +161,9 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
     let mut done = task.run(&mut |_, _| ()).unwrap();
     done.report.simulation = simulation(&done.replay.unwrap()).unwrap();
     write(&done.report, &at("out")).unwrap();
+}
 
-    let text = |name: &str| std::fs::read_to_string(at("out").join(name)).unwrap();
-    let report: Report = serde_json::from_str(&text("report.json")).unwrap();
+fn cogging_is_named(report: &Report) {
     assert_eq!(
         report.verdict, "explained",
         "{} Left: {:?}",
@@ -172,6 +207,9 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         "explains {}, expected 0.5 to 1",
         effect.explained
     );
+}
+
+fn cogging_is_taken_from_the_residual(report: &Report) {
     let torque = report
         .residual
         .iter()
@@ -193,7 +231,10 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         torque.check_after,
         torque.noise_floor
     );
-    // The same effect, simulated, explains the ripple of the table.
+}
+
+/// The same effect, simulated, explains the ripple of the table.
+fn cogging_explains_the_ripple(report: &Report) {
     assert!(
         report.simulation.new_rms_points < 0.4 * report.simulation.declared_rms_points,
         "measured {}, expected below {}",
@@ -205,30 +246,6 @@ fn an_undeclared_effect_reaches_every_file_of_the_report() {
         report.simulation.holds[0].contains_key("measured_vrf_percent"),
         "a hold has {:?}, expected measured_vrf_percent too",
         report.simulation.holds[0].keys()
-    );
-    assert!(
-        report
-            .records
-            .iter()
-            .all(|r| r.rows == r.used && r.skipped.is_empty()),
-        "rows were left out of a whole record"
-    );
-
-    let page = text("report.html");
-    let (whole, _) = page.split_once("<section id=\"live\"").unwrap();
-    page::check::sound(&format!("{whole}</main></body></html>")).unwrap();
-    let again = Model::load(&at("out").join("model.toml")).unwrap();
-    assert_eq!(again.effects.len(), report.effects.len());
-    let csv = text("residual.csv");
-    let header = csv.lines().next().unwrap();
-    assert!(
-        header.starts_with("t_s,screw_torque_before_nm,screw_torque_after_nm"),
-        "{header}"
-    );
-    assert!(
-        csv.lines().all(|line| line.split(',').count() == 17),
-        "expected 17 cells in each line of residual.csv; its head: {:?}",
-        csv.lines().next()
     );
 }
 

@@ -70,6 +70,92 @@ fn later(error: &io::Error) -> bool {
     )
 }
 
+/// The drive and its lines.
+struct Connected {
+    serving: Serving,
+    lines: Vec<Open>,
+    listener: TcpListener,
+}
+
+impl Connected {
+    fn open(&mut self, stream: impl Stream + 'static) {
+        self.lines.push(Open {
+            id: self.serving.open(),
+            stream: Box::new(stream),
+        });
+    }
+
+    /// Takes a line that is new, passes on what has come and what can go, and closes the lines that are gone.
+    fn pass(&mut self) -> Result<()> {
+        if let Some(stream) = accept(&self.listener)? {
+            self.open(stream);
+        }
+        self.lines.retain_mut(|line| {
+            let there = line.pass(&mut self.serving);
+            if !there {
+                self.serving.close(line.id);
+            }
+            there
+        });
+        Ok(())
+    }
+
+    fn millisecond(&mut self) {
+        self.serving.millisecond();
+        for line in &mut self.lines {
+            // A line that is gone is found when it is read.
+            let _ = line.write(&mut self.serving);
+        }
+    }
+}
+
+/// The drive's time beside this computer's.
+struct Pace {
+    /// The drive's seconds in one of this computer's.
+    speed: f64,
+    begun: Instant,
+    /// The drive's time since then.
+    passed: Duration,
+    /// It has been said that the drive lags behind.
+    lagged: bool,
+}
+
+impl Pace {
+    fn new(speed: f64) -> Self {
+        Self {
+            speed,
+            begun: Instant::now(),
+            passed: Duration::ZERO,
+            lagged: false,
+        }
+    }
+
+    /// Simulates up to the present, a few milliseconds at most.
+    fn follow(&mut self, connected: &mut Connected) {
+        let due = self.begun.elapsed().mul_f64(self.speed);
+        for _ in 0..AT_ONCE {
+            // Time that is not real may wait for a host that is slow; in real time it loses samples, as with a board.
+            if self.passed >= due || (self.speed > 1.0 && connected.serving.is_full()) {
+                break;
+            }
+            connected.millisecond();
+            self.passed += Duration::from_millis(1);
+        }
+        if due > self.passed + LAG {
+            if !self.lagged {
+                eprintln!(
+                    "this computer does not simulate the drive {} times as fast as real time: it goes as fast as it can",
+                    self.speed
+                );
+                self.lagged = true;
+            }
+            (self.begun, self.passed) = (Instant::now(), Duration::ZERO);
+        } else if due < self.passed {
+            sleep(Duration::from_micros(200));
+        }
+    }
+}
+
 /// Serves until Ctrl-C.
 pub fn run(options: &ServeOptions) -> Result<()> {
     let speed = options.speed;
@@ -84,35 +170,29 @@ pub fn run(options: &ServeOptions) -> Result<()> {
         drive,
         mut flash,
     } = SwitchedOn::new(options)?;
-    let listener = TcpListener::bind(&options.listen).with_context(|| {
-        format!(
-            "{} cannot be listened at: is another drive served there? Give another with --listen",
-            options.listen
-        )
-    })?;
-    listener.set_nonblocking(true)?;
+    let listener = listen(&options.listen)?;
     for warning in drive.settings().warnings() {
         eprintln!("warning: {}", warning.sentence());
     }
     for difference in differences(&setup, drive.settings()) {
         eprintln!("warning: {difference}");
     }
-    let mut serving = Serving::new(drive);
-    let mut lines = Vec::new();
+    let mut connected = Connected {
+        serving: Serving::new(drive),
+        lines: Vec::new(),
+        listener,
+    };
     // To the other stream: a program reads the addresses.
     let machine = MachineLine(&setup);
     println!(
         "machine {name}; `ddfeed drive --sim {} status` says what the drive does; Ctrl-C ends it",
-        listener.local_addr()?
+        connected.listener.local_addr()?
     );
     eprintln!("{machine}");
     #[cfg(unix)]
     let _kept = if options.pty {
         let (ours, theirs) = pseudo_terminal()?;
-        lines.push(Open {
-            id: serving.open(),
-            stream: Box::new(ours),
-        });
+        connected.open(ours);
         Some(theirs)
     } else {
         None
@@ -120,50 +200,25 @@ pub fn run(options: &ServeOptions) -> Result<()> {
     #[cfg(not(unix))]
     ensure!(!options.pty, "this system has no pseudo-terminals");
     let stop = ctrl_c().context("Ctrl-C cannot be caught")?;
-    let (mut begun, mut passed, mut lagged) = (Instant::now(), Duration::ZERO, false);
+    let mut pace = Pace::new(speed);
     while !stop.load(Relaxed) {
-        if let Some(stream) = accept(&listener)? {
-            lines.push(Open {
-                id: serving.open(),
-                stream: Box::new(stream),
-            });
-        }
-        lines.retain_mut(|line| {
-            let there = line.pass(&mut serving);
-            if !there {
-                serving.close(line.id);
-            }
-            there
-        });
+        connected.pass()?;
         if let Some(flash) = &mut flash {
-            flash.keep(serving.drive_mut())?;
+            flash.keep(connected.serving.drive_mut())?;
         }
-        let due = begun.elapsed().mul_f64(speed);
-        for _ in 0..AT_ONCE {
-            // Time that is not real may wait for a host that is slow; in real time it loses samples, as with a board.
-            if passed >= due || (speed > 1.0 && serving.is_full()) {
-                break;
-            }
-            serving.millisecond();
-            passed += Duration::from_millis(1);
-            for line in &mut lines {
-                // A line that is gone is found when it is read.
-                let _ = line.write(&mut serving);
-            }
-        }
-        if due > passed + LAG {
-            if !lagged {
-                eprintln!(
-                    "this computer does not simulate the drive {speed} times as fast as real time: it goes as fast as it can"
-                );
-                lagged = true;
-            }
-            (begun, passed) = (Instant::now(), Duration::ZERO);
-        } else if due < passed {
-            sleep(Duration::from_micros(200));
-        }
+        pace.follow(&mut connected);
     }
     Ok(())
+}
+
+fn listen(address: &str) -> Result<TcpListener> {
+    let listener = TcpListener::bind(address).with_context(|| {
+        format!(
+            "{address} cannot be listened at: is another drive served there? Give another with --listen"
+        )
+    })?;
+    listener.set_nonblocking(true)?;
+    Ok(listener)
 }
 
 fn accept(listener: &TcpListener) -> Result<Option<TcpStream>> {

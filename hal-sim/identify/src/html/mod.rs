@@ -171,20 +171,6 @@ mod tests {
 
     fn report() -> Report {
         let time: Vec<f64> = (0..4000).map(|k| f64::from(k) * 1e-3).collect();
-        let angle: Vec<f64> = time.iter().map(|t| 20.0 * t).collect();
-        let wave = |size: f64| {
-            angle
-                .iter()
-                .map(|a| size * (36.0 * a).cos())
-                .collect::<Vec<_>>()
-        };
-        let coordinate = |title: &str, folded, values: &[f64]| Coordinate {
-            title: title.into(),
-            folded,
-            values: values.to_vec(),
-        };
-        let of =
-            |value| BTreeMap::from([("order".to_owned(), 36.0), ("amplitude".to_owned(), value)]);
         let figures = |channel: &str, after| Residual {
             channel: channel.into(),
             unit: "N m".into(),
@@ -205,27 +191,7 @@ mod tests {
                 reason: "the table does not move far enough",
                 trials: 12,
             }],
-            effects: vec![Effect {
-                kind: "cogging".into(),
-                place: "screw".into(),
-                order: Some(36.0),
-                hz: None,
-                parameters: of(0.0441),
-                interval: BTreeMap::from([("amplitude".to_owned(), [0.044, 0.0442])]),
-                unit: BTreeMap::from([("amplitude".to_owned(), "N m".to_owned())]),
-                explained: 0.97,
-                held_back: vec![0.93, 0.99],
-                candidates: &[],
-                curve: None,
-                not_separable: vec![Alias {
-                    kind: "flux_harmonic".into(),
-                    place: "screw".into(),
-                    parameters: BTreeMap::from([("order".to_owned(), 7.2)]),
-                    behind: 4.0,
-                    check_behind: -1.5,
-                }],
-                suggests: None,
-            }],
+            effects: vec![cogging()],
             residual: vec![
                 figures("nut torque", 0.0311),
                 figures("screw torque", 0.0012),
@@ -248,24 +214,7 @@ mod tests {
                 measure: "fall",
                 trials: Vec::new(),
             },
-            simulation: Some(Simulation {
-                declared_rms_points: 3.5,
-                new_rms_points: 0.25,
-                holds: vec![Hold {
-                    start_s: 1.0,
-                    seconds: 1.0,
-                    table_mm_s: 2.5,
-                    nut_rpm: 300.0,
-                    measured_vrf_percent: 18.25,
-                    declared_vrf_percent: 14.75,
-                    new_vrf_percent: 18.5,
-                    spectra: [
-                        vec![(1.0, 0.1), (2.0, 0.2)],
-                        Vec::new(),
-                        vec![(1.0, f64::NAN)],
-                    ],
-                }],
-            }),
+            simulation: Some(simulation()),
             stages: Vec::new(),
             records: vec![DataQuality {
                 file: "a&b.csv".into(),
@@ -273,20 +222,82 @@ mod tests {
                 used: 9,
                 ..DataQuality::default()
             }],
-            channels: ["nut torque", "screw torque"]
-                .map(|name| Channel {
-                    name: name.into(),
-                    unit: "N m".into(),
-                    residual: [wave(0.0441), wave(0.0001)],
-                    open: vec![true; 4000],
-                    turn: coordinate("Angle of the screw, turns", true, &angle),
-                    marks: vec![(36.0, "cogging".into())],
-                    over: vec![coordinate("Time, s", false, &time)],
-                })
-                .into(),
+            channels: channels(&time).into(),
             time,
             model: String::new(),
         }
+    }
+
+    fn cogging() -> Effect {
+        Effect {
+            kind: "cogging".into(),
+            place: "screw".into(),
+            order: Some(36.0),
+            hz: None,
+            parameters: BTreeMap::from([
+                ("order".to_owned(), 36.0),
+                ("amplitude".to_owned(), 0.0441),
+            ]),
+            interval: BTreeMap::from([("amplitude".to_owned(), [0.044, 0.0442])]),
+            unit: BTreeMap::from([("amplitude".to_owned(), "N m".to_owned())]),
+            explained: 0.97,
+            held_back: vec![0.93, 0.99],
+            candidates: &[],
+            curve: None,
+            not_separable: vec![Alias {
+                kind: "flux_harmonic".into(),
+                place: "screw".into(),
+                parameters: BTreeMap::from([("order".to_owned(), 7.2)]),
+                behind: 4.0,
+                check_behind: -1.5,
+            }],
+            suggests: None,
+        }
+    }
+
+    fn simulation() -> Simulation {
+        Simulation {
+            declared_rms_points: 3.5,
+            new_rms_points: 0.25,
+            holds: vec![Hold {
+                start_s: 1.0,
+                seconds: 1.0,
+                table_mm_s: 2.5,
+                nut_rpm: 300.0,
+                measured_vrf_percent: 18.25,
+                declared_vrf_percent: 14.75,
+                new_vrf_percent: 18.5,
+                spectra: [
+                    vec![(1.0, 0.1), (2.0, 0.2)],
+                    Vec::new(),
+                    vec![(1.0, f64::NAN)],
+                ],
+            }],
+        }
+    }
+
+    fn channels(time: &[f64]) -> [Channel; 2] {
+        let angle: Vec<f64> = time.iter().map(|t| 20.0 * t).collect();
+        let wave = |size: f64| {
+            angle
+                .iter()
+                .map(|a| size * (36.0 * a).cos())
+                .collect::<Vec<_>>()
+        };
+        let coordinate = |title: &str, folded, values: &[f64]| Coordinate {
+            title: title.into(),
+            folded,
+            values: values.to_vec(),
+        };
+        ["nut torque", "screw torque"].map(|name| Channel {
+            name: name.into(),
+            unit: "N m".into(),
+            residual: [wave(0.0441), wave(0.0001)],
+            open: vec![true; 4000],
+            turn: coordinate("Angle of the screw, turns", true, &angle),
+            marks: vec![(36.0, "cogging".into())],
+            over: vec![coordinate("Time, s", false, time)],
+        })
     }
 
     /// A sentence, the figures before and after, and the picture come before all else.

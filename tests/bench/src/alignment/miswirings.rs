@@ -25,114 +25,155 @@ pub struct Miswiring {
 /// offset takes. A permutation of phases and channels together is the same.
 #[must_use]
 pub fn miswirings(seed: u64) -> Vec<Miswiring> {
-    let mut all = Vec::new();
-    let mut next = seed;
-    let mut add = |name: String, expected, change: &dyn Fn(&mut Start)| {
-        let mut start = drawn(next);
-        next += 1;
-        declare(&mut start);
-        change(&mut start);
-        all.push(Miswiring {
-            name,
-            start,
-            expected,
-        });
+    let mut list = List {
+        next: seed,
+        all: Vec::new(),
     };
     for (k, (part, motor)) in [(Part::Screw, "screw"), (Part::Nut, "nut")]
         .into_iter()
         .enumerate()
     {
-        let found = |reason| Some(Misalignment { part, reason });
-        for (legs, name, expected) in [
-            ([1, 0, 2], "a and b swapped", found(Reason::Reversed)),
-            ([0, 2, 1], "b and c swapped", found(Reason::Reversed)),
-            ([2, 1, 0], "c and a swapped", found(Reason::Reversed)),
-            ([1, 2, 0], "one leg on", None),
-            ([2, 0, 1], "one leg back", None),
-        ] {
-            add(
-                format!("{motor}: phases {name}"),
-                expected,
-                &|start: &mut Start| cables(start, k).legs = legs,
-            );
-        }
-        add(
-            format!("{motor}: encoder reversed"),
-            found(Reason::Reversed),
-            &|start: &mut Start| {
-                let cables = cables(start, k);
-                cables.encoder_reversed = !cables.encoder_reversed;
-            },
-        );
+        let of = OfMotor { k, part, motor };
+        list.add_phases(of);
         for shunts in [Shunts::Two, Shunts::Three] {
-            for (signs, name, reason) in [
-                ([-1.0, 1.0, 1.0], "sign of a", Reason::SignA),
-                ([1.0, -1.0, 1.0], "sign of b", Reason::SignB),
-                ([1.0, 1.0, -1.0], "sign of c", Reason::SignC),
-                ([-1.0; 3], "all signs", Reason::SignAll),
-            ] {
-                if shunts == Shunts::Two && reason == Reason::SignC {
-                    continue;
-                }
-                add(
-                    format!("{motor}: {name}, {shunts:?} shunts"),
-                    found(reason),
-                    &|start: &mut Start| {
-                        measure(start, shunts);
-                        cables(start, k).signs = signs;
-                    },
-                );
-            }
-            for (channels, name, reason) in [
-                ([1, 0, 2], "a and b", Reason::ChannelsAb),
-                ([0, 2, 1], "b and c", Reason::ChannelsBc),
-                ([2, 1, 0], "c and a", Reason::ChannelsCa),
-                ([1, 2, 0], "one on", Reason::ChannelsRotated),
-                ([2, 0, 1], "one back", Reason::ChannelsRotated),
-            ] {
-                if shunts == Shunts::Two && reason != Reason::ChannelsAb {
-                    continue;
-                }
-                add(
-                    format!("{motor}: current channels {name}, {shunts:?} shunts"),
-                    found(reason),
-                    &|start: &mut Start| {
-                        measure(start, shunts);
-                        cables(start, k).channels = channels;
-                    },
-                );
-            }
-            for (open, reason) in [Reason::OpenPhaseA, Reason::OpenPhaseB, Reason::OpenPhaseC]
-                .into_iter()
-                .enumerate()
-            {
-                add(
-                    format!("{motor}: phase {open} open, {shunts:?} shunts"),
-                    found(reason),
-                    &|start: &mut Start| {
-                        measure(start, shunts);
-                        cables(start, k).open = Some(open);
-                    },
-                );
-            }
+            list.add_channels(of, shunts);
         }
         for pairs in [4, 6] {
-            add(
+            list.add(
                 format!("{motor}: {pairs} pole pairs on the plate"),
-                found(Reason::PolePairs),
-                &|start: &mut Start| start.plate.motors[k].pole_pairs = pairs,
+                of.found(Reason::PolePairs),
+                |start| start.plate.motors[k].pole_pairs = pairs,
             );
         }
     }
-    add(
+    list.add(
         "encoders exchanged".to_owned(),
         Some(Misalignment {
             part: Part::Pair,
             reason: Reason::Exchanged,
         }),
-        &|start: &mut Start| start.board.wiring.encoders_exchanged = true,
+        |start| start.board.wiring.encoders_exchanged = true,
     );
-    all
+    list.all
+}
+
+/// The motor that is connected wrongly.
+#[derive(Clone, Copy)]
+struct OfMotor {
+    k: usize,
+    part: Part,
+    motor: &'static str,
+}
+
+impl OfMotor {
+    fn found(self, reason: Reason) -> Option<Misalignment> {
+        let part = self.part;
+        Some(Misalignment { part, reason })
+    }
+}
+
+/// What is wrong so far, each on the machine of the next seed.
+struct List {
+    next: u64,
+    all: Vec<Miswiring>,
+}
+
+impl List {
+    fn add(
+        &mut self,
+        name: String,
+        expected: Option<Misalignment>,
+        change: impl FnOnce(&mut Start),
+    ) {
+        let mut start = drawn(self.next);
+        self.next += 1;
+        declare(&mut start);
+        change(&mut start);
+        self.all.push(Miswiring {
+            name,
+            start,
+            expected,
+        });
+    }
+
+    /// Phases and encoder, the same with two shunts and three.
+    fn add_phases(&mut self, of: OfMotor) {
+        let OfMotor { k, motor, .. } = of;
+        for (legs, name, expected) in [
+            ([1, 0, 2], "a and b swapped", of.found(Reason::Reversed)),
+            ([0, 2, 1], "b and c swapped", of.found(Reason::Reversed)),
+            ([2, 1, 0], "c and a swapped", of.found(Reason::Reversed)),
+            ([1, 2, 0], "one leg on", None),
+            ([2, 0, 1], "one leg back", None),
+        ] {
+            self.add(format!("{motor}: phases {name}"), expected, |start| {
+                cables(start, k).legs = legs;
+            });
+        }
+        self.add(
+            format!("{motor}: encoder reversed"),
+            of.found(Reason::Reversed),
+            |start| {
+                let cables = cables(start, k);
+                cables.encoder_reversed = !cables.encoder_reversed;
+            },
+        );
+    }
+
+    /// Signs and places of the current channels, and open phases.
+    fn add_channels(&mut self, of: OfMotor, shunts: Shunts) {
+        let OfMotor { k, motor, .. } = of;
+        for (signs, name, reason) in [
+            ([-1.0, 1.0, 1.0], "sign of a", Reason::SignA),
+            ([1.0, -1.0, 1.0], "sign of b", Reason::SignB),
+            ([1.0, 1.0, -1.0], "sign of c", Reason::SignC),
+            ([-1.0; 3], "all signs", Reason::SignAll),
+        ] {
+            if shunts == Shunts::Two && reason == Reason::SignC {
+                continue;
+            }
+            self.add(
+                format!("{motor}: {name}, {shunts:?} shunts"),
+                of.found(reason),
+                |start| {
+                    measure(start, shunts);
+                    cables(start, k).signs = signs;
+                },
+            );
+        }
+        for (channels, name, reason) in [
+            ([1, 0, 2], "a and b", Reason::ChannelsAb),
+            ([0, 2, 1], "b and c", Reason::ChannelsBc),
+            ([2, 1, 0], "c and a", Reason::ChannelsCa),
+            ([1, 2, 0], "one on", Reason::ChannelsRotated),
+            ([2, 0, 1], "one back", Reason::ChannelsRotated),
+        ] {
+            if shunts == Shunts::Two && reason != Reason::ChannelsAb {
+                continue;
+            }
+            self.add(
+                format!("{motor}: current channels {name}, {shunts:?} shunts"),
+                of.found(reason),
+                |start| {
+                    measure(start, shunts);
+                    cables(start, k).channels = channels;
+                },
+            );
+        }
+        for (open, reason) in [Reason::OpenPhaseA, Reason::OpenPhaseB, Reason::OpenPhaseC]
+            .into_iter()
+            .enumerate()
+        {
+            self.add(
+                format!("{motor}: phase {open} open, {shunts:?} shunts"),
+                of.found(reason),
+                |start| {
+                    measure(start, shunts);
+                    cables(start, k).open = Some(open);
+                },
+            );
+        }
+    }
 }
 
 /// Everything in its place, and the encoders' directions declared.

@@ -109,35 +109,11 @@ pub fn run(options: &CommissionOptions) -> Result<()> {
             tell(*seed, outcome);
         }
     }
-    let finished: Vec<&Outcome> = outcomes.iter().filter(|o| o.failure.is_none()).collect();
-    let error = |k: usize| {
-        largest(
-            finished
-                .iter()
-                .flat_map(|o| o.error_percent.iter().map(move |motor| motor[k])),
-        )
-    };
-    let wrong: Vec<_> = miswirings(MISWIRED_SEED)
-        .into_iter()
-        .filter_map(|wrong| Some((wrong.expected?, wrong)))
-        .collect();
-    let said = on_all_cores(&wrong, |(expected, wrong)| {
-        let failure = commission(&wrong.start, &USUAL)?
-            .failure
-            .unwrap_or_default();
-        let named = failure.contains(expected.reason.name())
-            && failure.contains(expected.reason.sentence());
-        Ok::<_, anyhow::Error>((named, failure))
-    })
-    .into_iter()
-    .collect::<Result<Vec<_>>>()?;
+    let wrong = miswired()?;
     if !options.json {
-        for ((_, wrong), (named, failure)) in wrong.iter().zip(&said) {
-            println!(
-                "{} {}: {failure}",
-                if *named { ' ' } else { '!' },
-                wrong.name
-            );
+        for one in &wrong {
+            let mark = if one.named { ' ' } else { '!' };
+            println!("{mark} {}: {}", one.name, one.failure);
         }
     }
     let others: Vec<Rivals> = on_all_cores(&seeds, |seed| {
@@ -147,14 +123,63 @@ pub fn run(options: &CommissionOptions) -> Result<()> {
     .into_iter()
     .flatten()
     .collect();
+    let report = report(options.drives, &outcomes, &wrong, &others);
+    if options.json {
+        println!("{}", serde_json::to_string(&report)?);
+    } else {
+        print(&report);
+    }
+    Ok(())
+}
+
+/// A drive that is wired wrongly.
+struct Miswired {
+    name: String,
+    /// What commissioning said.
+    failure: String,
+    /// It names what is wrong.
+    named: bool,
+}
+
+/// Commissions drives that are wired wrongly.
+fn miswired() -> Result<Vec<Miswired>> {
+    let wrong: Vec<_> = miswirings(MISWIRED_SEED)
+        .into_iter()
+        .filter_map(|wrong| Some((wrong.expected?, wrong)))
+        .collect();
+    on_all_cores(&wrong, |(expected, wrong)| {
+        let failure = commission(&wrong.start, &USUAL)?
+            .failure
+            .unwrap_or_default();
+        let named = failure.contains(expected.reason.name())
+            && failure.contains(expected.reason.sentence());
+        Ok(Miswired {
+            name: wrong.name.clone(),
+            failure,
+            named,
+        })
+    })
+    .into_iter()
+    .collect()
+}
+
+fn report(drives: u64, outcomes: &[Outcome], wrong: &[Miswired], others: &[Rivals]) -> Report {
+    let finished: Vec<&Outcome> = outcomes.iter().filter(|o| o.failure.is_none()).collect();
+    let error = |k: usize| {
+        largest(
+            finished
+                .iter()
+                .flat_map(|o| o.error_percent.iter().map(move |motor| motor[k])),
+        )
+    };
     let spread = |of: &dyn Fn(&Rivals) -> f64| {
         let mut sizes: Vec<f64> = others.iter().map(|other| of(other).abs()).collect();
         sizes.sort_by(f64::total_cmp);
         let middle = sizes.get(sizes.len() / 2).copied().unwrap_or(0.0);
         [sizes.last().copied().unwrap_or(0.0), middle]
     };
-    let report = Report {
-        drives: options.drives,
+    Report {
+        drives,
         right: outcomes.iter().filter(|outcome| is_right(outcome)).count(),
         finished: finished.len(),
         error_percent_worst: Worst {
@@ -165,8 +190,8 @@ pub fn run(options: &CommissionOptions) -> Result<()> {
         },
         offset_deg_worst: largest(finished.iter().flat_map(|o| o.offset_deg)),
         signs_right: finished.iter().filter(|o| o.signs_right).count(),
-        miswirings: said.len(),
-        named: said.iter().filter(|(named, _)| *named).count(),
+        miswirings: wrong.len(),
+        named: wrong.iter().filter(|one| one.named).count(),
         bandwidth_percent_worst: 100.0
             * largest(
                 finished
@@ -184,11 +209,10 @@ pub fn run(options: &CommissionOptions) -> Result<()> {
             odrive_l: spread(&|other| other.odrive_l_percent),
             vesc_r: spread(&|other| other.vesc_r_percent),
         },
-    };
-    if options.json {
-        println!("{}", serde_json::to_string(&report)?);
-        return Ok(());
     }
+}
+
+fn print(report: &Report) {
     println!(
         "\n{} of {} drives right, {} commissioned to the end; of these R, L, flux, inertia at most {:.1}, {:.1}, {:.1}, {:.1} % off (goal \
          {ERROR_GOAL_PERCENT}), angles {:.2} degrees (goal {ANGLE_GOAL_DEG}), bandwidth {:.1} % from what was predicted (goal {:.0}), \
@@ -218,7 +242,6 @@ pub fn run(options: &CommissionOptions) -> Result<()> {
         "other drives' procedures on the same machines, % off at most (median): ODrive R {:.0} ({:.1}), L {:.0} ({:.1}); VESC R {:.0} ({:.1})",
         odrive_r[0], odrive_r[1], odrive_l[0], odrive_l[1], vesc_r[0], vesc_r[1]
     );
-    Ok(())
 }
 
 fn tell(seed: u64, outcome: &Outcome) {

@@ -5,8 +5,11 @@
 //! and 2): a right answer shows the order, not the cause. And their drives do not measure current zeros, so that offsets exist;
 //! both boards do.
 
+mod effect;
 mod friction;
 pub mod profile;
+
+pub use effect::effect;
 
 use friction::Rounded;
 use hal_sim::drive::Drive;
@@ -111,132 +114,6 @@ fn real(rng: &mut impl Rng, declared: &Model) -> Model {
         *value *= between(rng, 0.8, 1.2);
     }
     model
-}
-
-/// An effect of one kind at a place of its own, from barely visible up, or, if `bold`, of the sort of sizes that the
-/// shared recordings show: the upper part of the range.
-pub fn effect(rng: &mut impl Rng, kind: &str, bold: bool) -> EffectModel {
-    let spread = |rng: &mut _, low: f64, high: f64| {
-        spread(rng, if bold { low.max(0.3 * high) } else { low }, high)
-    };
-    let motor = *pick(rng, &[Place::Screw, Place::Nut]);
-    let phase = between(rng, -3.1, 3.1);
-    let periodic = |order: f64, amplitude: f64| {
-        vec![("order", order), ("amplitude", amplitude), ("phase", phase)]
-    };
-    let (place, parameters) = match kind {
-        "current_offset" => {
-            let size = spread(rng, 0.008, 0.07);
-            (
-                motor,
-                vec![
-                    ("off_a", size * sign(rng)),
-                    ("off_b", size * between(rng, 0.5, 1.2) * sign(rng)),
-                ],
-            )
-        }
-        "current_gain" => {
-            let size = spread(rng, 0.01, 0.06);
-            (
-                motor,
-                vec![("gain_a", size), ("gain_b", -size * between(rng, 0.5, 1.2))],
-            )
-        }
-        "torque_harmonic" => (
-            motor,
-            periodic(*pick(rng, &[18.0, 24.0, 6.0]), spread(rng, 0.006, 0.04)),
-        ),
-        "flux_harmonic" => (
-            motor,
-            periodic(*pick(rng, &[5.0, 6.0, 7.0, 12.0]), spread(rng, 0.004, 0.04)),
-        ),
-        "cogging" => (
-            motor,
-            periodic(
-                *pick(rng, &[12.0, 24.0, 36.0, 10.0, 20.0]),
-                spread(rng, 0.005, 0.04),
-            ),
-        ),
-        "coupling_misalignment" => (
-            motor,
-            periodic(*pick(rng, &[1.0, 2.0]), spread(rng, 0.005, 0.05)),
-        ),
-        "angle_periodic" => {
-            let order = if rng.random::<bool>() {
-                *pick(rng, &[7.0, 11.0, 17.0, 23.0])
-            } else {
-                between(rng, 2.2, 26.0)
-            };
-            (motor, periodic(order, spread(rng, 0.006, 0.04)))
-        }
-        "time_periodic" => (
-            motor,
-            vec![
-                ("hz", between(rng, 6.0, 140.0)),
-                ("amplitude", spread(rng, 0.006, 0.04)),
-                ("phase", phase),
-            ],
-        ),
-        "encoder_eccentricity" => (
-            motor,
-            periodic(*pick(rng, &[1.0, 2.0]), spread(rng, 5e-5, 2e-3)),
-        ),
-        "dead_time" => {
-            let place = *pick(rng, &[Place::Screw, Place::Nut, Place::Both]);
-            (place, vec![("value", spread(rng, 0.2, 3.0))])
-        }
-        "stribeck_friction" => {
-            if rng.random::<bool>() {
-                (
-                    motor,
-                    vec![
-                        ("amplitude", spread(rng, 0.02, 0.08)),
-                        ("speed", between(rng, 3.0, 12.0)),
-                    ],
-                )
-            } else {
-                (
-                    Place::Feed,
-                    vec![
-                        ("amplitude", spread(rng, 6.0, 30.0)),
-                        ("speed", between(rng, 1.5e-3, 6e-3)),
-                    ],
-                )
-            }
-        }
-        "resistance_drift" => (motor, vec![("value", spread(rng, 0.05, 0.3) * sign(rng))]),
-        "flux_drift" => (motor, vec![("value", spread(rng, 0.01, 0.08) * sign(rng))]),
-        "lead_error" => (
-            Place::Feed,
-            periodic(*pick(rng, &[1.0, 2.0, 0.5]), spread(rng, 2e-7, 5e-6)),
-        ),
-        "lead_scale" => (
-            Place::Feed,
-            vec![("value", spread(rng, 3e-5, 5e-4) * sign(rng))],
-        ),
-        "ball_passage" => (
-            Place::Feed,
-            periodic(between(rng, 3.2, 18.0), spread(rng, 0.003, 0.02)),
-        ),
-        "axial_compliance" => (Place::Feed, vec![("hz", between(rng, 120.0, 360.0))]),
-        "position_load" => (
-            Place::Feed,
-            vec![("value", spread(rng, 500.0, 15_000.0) * sign(rng))],
-        ),
-        "backlash" => (Place::Feed, vec![("value", spread(rng, 5e-7, 2e-5))]),
-        other => {
-            let kind = AnyEffect::kind_named(other).expect("a kind of the plant");
-            let (place, usual) = kind.example;
-            let sized = |(name, value): &(&'static str, f64)| match *name {
-                "order" | "hz" | "phase" => (*name, *value),
-                _ => (*name, value * spread(rng, 0.5, 2.0)),
-            };
-            (place, usual.iter().map(sized).collect())
-        }
-    };
-    let effect =
-        AnyEffect::from_parameters(kind, parameters).expect("parameters within their ranges");
-    EffectModel::new(place, effect).expect("a place that the kind allows")
 }
 
 /// What acts on a machine from outside while a period passes.

@@ -19,75 +19,14 @@ fn of<T>(axis: Axis, screw: T, nut: T) -> T {
 pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> bool {
     use Fault as F;
     match input {
-        Input::Current(axis, _) => {
-            let sensor = of(
-                axis,
-                [
-                    F::ScrewBreak,
-                    F::ScrewCurrentZero,
-                    F::ScrewOverCurrent,
-                    F::ScrewCurrentError,
-                    F::ScrewCurrentSum,
-                    F::ScrewVoltage,
-                ],
-                [
-                    F::NutBreak,
-                    F::NutCurrentZero,
-                    F::NutOverCurrent,
-                    F::NutCurrentError,
-                    F::NutCurrentSum,
-                    F::NutVoltage,
-                ],
-            );
-            let reason = |reason: Reason| {
-                reason.word() <= Reason::Wiring.word() || reason == Reason::Unsteady
-            };
-            sensor.contains(&fault)
-                || misaligned(axis, misalignment).is_some_and(reason)
-                    && fault == of(axis, F::ScrewAlignment, F::NutAlignment)
-        }
+        Input::Current(axis, _) => names_current(axis, fault, misalignment),
         Input::Bus(axis) => {
             matches!(fault, F::OverVoltage | F::UnderVoltage)
                 || fault == of(axis, F::ScrewVoltage, F::NutVoltage)
         }
         Input::Temperature(axis) => fault == of(axis, F::ScrewTemperature, F::NutTemperature),
         Input::Encoder(_) if fault == F::Scale => true,
-        Input::Encoder(axis) => {
-            let motion = of(
-                axis,
-                [
-                    F::ScrewEncoder,
-                    F::ScrewAngle,
-                    F::ScrewVoltage,
-                    F::ScrewFollowing,
-                    F::ScrewOverSpeed,
-                    F::ScrewStalled,
-                ],
-                [
-                    F::NutEncoder,
-                    F::NutAngle,
-                    F::NutVoltage,
-                    F::NutFollowing,
-                    F::NutOverSpeed,
-                    F::NutStalled,
-                ],
-            );
-            // Encoders, pole pairs, load, mechanics: the sentences of all of them name the encoder or its coupling.
-            let reason = |reason: Reason| {
-                matches!(
-                    reason,
-                    Reason::Held
-                        | Reason::Unsteady
-                        | Reason::LoadMoves
-                        | Reason::Reversed
-                        | Reason::StoredAngle
-                        | Reason::Exchanged
-                        | Reason::Travel
-                )
-            };
-            motion.contains(&fault)
-                || misaligned(axis, misalignment).is_some_and(reason) && fault.is_misalignment()
-        }
+        Input::Encoder(axis) => names_encoder(axis, fault, misalignment),
         Input::Index(axis) => {
             // Counts that an index has moved are a wrong angle, and are not where the scale says.
             fault == F::Scale
@@ -131,6 +70,72 @@ pub fn names(input: Input, fault: Fault, misalignment: Option<Misalignment>) -> 
         Input::Clock | Input::Reset | Input::Demand => false,
         Input::Supply => fault == F::ControllerSupply,
     }
+}
+
+fn names_current(axis: Axis, fault: Fault, misalignment: Option<Misalignment>) -> bool {
+    use Fault as F;
+    let sensor = of(
+        axis,
+        [
+            F::ScrewBreak,
+            F::ScrewCurrentZero,
+            F::ScrewOverCurrent,
+            F::ScrewCurrentError,
+            F::ScrewCurrentSum,
+            F::ScrewVoltage,
+        ],
+        [
+            F::NutBreak,
+            F::NutCurrentZero,
+            F::NutOverCurrent,
+            F::NutCurrentError,
+            F::NutCurrentSum,
+            F::NutVoltage,
+        ],
+    );
+    let reason =
+        |reason: Reason| reason.word() <= Reason::Wiring.word() || reason == Reason::Unsteady;
+    sensor.contains(&fault)
+        || misaligned(axis, misalignment).is_some_and(reason)
+            && fault == of(axis, F::ScrewAlignment, F::NutAlignment)
+}
+
+fn names_encoder(axis: Axis, fault: Fault, misalignment: Option<Misalignment>) -> bool {
+    use Fault as F;
+    let motion = of(
+        axis,
+        [
+            F::ScrewEncoder,
+            F::ScrewAngle,
+            F::ScrewVoltage,
+            F::ScrewFollowing,
+            F::ScrewOverSpeed,
+            F::ScrewStalled,
+        ],
+        [
+            F::NutEncoder,
+            F::NutAngle,
+            F::NutVoltage,
+            F::NutFollowing,
+            F::NutOverSpeed,
+            F::NutStalled,
+        ],
+    );
+    // Encoders, pole pairs, load, mechanics: the sentences of all of them name the encoder or its coupling.
+    let reason = |reason: Reason| {
+        matches!(
+            reason,
+            Reason::Held
+                | Reason::Unsteady
+                | Reason::LoadMoves
+                | Reason::Reversed
+                | Reason::StoredAngle
+                | Reason::Exchanged
+                | Reason::Travel
+        )
+    };
+    motion.contains(&fault)
+        || misaligned(axis, misalignment).is_some_and(reason) && fault.is_misalignment()
 }
 
 /// `fault` sends a person to the current sensors of a motor of which two are wrong: two that stand hide their phases' currents, which turn

@@ -158,129 +158,219 @@ impl Story {
 /// # Errors
 /// [`ExperimentError`] if the drive cannot be configured or does not come to speed.
 pub fn run(board: BoardKind, scenario: Scenario) -> Result<Story, ExperimentError> {
-    let bus_v = board.bus_v();
-    let plate = board.plate();
-    let full = plate.bridge.brake_fade_to_v;
-    let mut config = board.config_on_its_bus();
-    if scenario == Scenario::FullStop {
-        config.bus_f = 2.0 * SMALL_BUS_J / (full * full - bus_v * bus_v);
-        config.chopper = None;
+    let mut happening = Happening::before(board, scenario)?;
+    happening.begin();
+    loop {
+        happening.act();
+        happening.period();
+        if happening.is_over() {
+            return Ok(happening.story());
+        }
     }
-    let mut run = Run::on(board, &plate, Situation::Ready, &[], 0, config)?;
-    let point = scenario.point(&plate);
-    if let Scenario::DeadEncoder(axis) = scenario {
-        run.bench.put_in(Input::Encoder(axis), Defect::Frozen, 0);
-        run.ask(point)?;
-    } else {
-        run.ask(point)?;
-        run.pass(3.0);
-        run.until(State::Running)?;
-        run.pass(BEFORE_S);
+}
+
+/// A scenario on its way.
+struct Happening {
+    scenario: Scenario,
+    plate: DrivePlate,
+    run: Run,
+    point: OperatingPoint,
+    bus_v: f64,
+    /// Where the table was at the event, m, and its load then, N.
+    origin: f64,
+    load_n: f64,
+    told: Story,
+    /// How far it went wrong until the drive reacted, m, and where that was.
+    off: f64,
+    reacted: Option<f64>,
+    /// How far it went from there, and how far the stop takes it, m.
+    since: f64,
+    regular: f64,
+    /// How long it has been at rest, s.
+    still: f64,
+    /// Largest currents since the last point of the plot, A.
+    peaks: [f64; 2],
+}
+
+impl Happening {
+    /// A drive at the scenario's speed, or at rest where it begins with a start.
+    fn before(board: BoardKind, scenario: Scenario) -> Result<Self, ExperimentError> {
+        let bus_v = board.bus_v();
+        let plate = board.plate();
+        let full = plate.bridge.brake_fade_to_v;
+        let mut config = board.config_on_its_bus();
+        if scenario == Scenario::FullStop {
+            config.bus_f = 2.0 * SMALL_BUS_J / (full * full - bus_v * bus_v);
+            config.chopper = None;
+        }
+        let mut run = Run::on(board, &plate, Situation::Ready, &[], 0, config)?;
+        let point = scenario.point(&plate);
+        if let Scenario::DeadEncoder(axis) = scenario {
+            run.bench.put_in(Input::Encoder(axis), Defect::Frozen, 0);
+            run.ask(point)?;
+        } else {
+            run.ask(point)?;
+            run.pass(3.0);
+            run.until(State::Running)?;
+            run.pass(BEFORE_S);
+        }
+        let told = Story {
+            travel_m: 0.0,
+            travel_max_m: match scenario {
+                Scenario::DeadEncoder(_) => START_TRAVEL_M,
+                _ => Limits::OF_THE_MATRIX.travel_m,
+            },
+            peak_a: 0.0,
+            peak_max_a: plate.bridge.over_current_a,
+            bus_v: 0.0,
+            bus_max_v: board.guards().bus_max_v,
+            end_force_n: 0.0,
+            end_force_max_n: end_force_max_n(&plate, point.velocity),
+            seconds: 0.0,
+            state: run.drive.state(),
+            points: Vec::new(),
+        };
+        Ok(Self {
+            scenario,
+            point,
+            bus_v,
+            origin: run.bench.position,
+            load_n: run.bench.load_n,
+            told,
+            off: 0.0,
+            reacted: None,
+            since: 0.0,
+            regular: 0.0,
+            still: 0.0,
+            peaks: [0.0; 2],
+            plate,
+            run,
+        })
     }
 
-    let motor = &plate.motors[0];
-    let torque =
-        f64::from(motor.pole_pairs) * motor.flux_wb * 3f64.sqrt() * motor.thermal.rated_rms_a;
-    let rated_n = torque.min(motor.torque_max_nm) * TAU / plate.feed.lead_m;
-    match scenario {
-        Scenario::MotorLost => run.drive.board.trip_break(Axis::Screw),
-        Scenario::NutSeized | Scenario::LoadStep | Scenario::DeadEncoder(_) => {}
-        Scenario::MainsDip => run.drive.board.set_supply(0.0),
-        Scenario::FullStop => run.drive.request.demand = Demand::Rest,
-        Scenario::LinkPulled => run.drive.attended = false,
-        Scenario::EndStop => {
-            run.bench.ends = Ends {
-                middle: run.bench.position,
-                switch: f64::INFINITY,
-                stop: TO_STOP_M,
-            };
+    /// The event.
+    fn begin(&mut self) {
+        let run = &mut self.run;
+        match self.scenario {
+            Scenario::MotorLost => run.drive.board.trip_break(Axis::Screw),
+            Scenario::NutSeized | Scenario::LoadStep | Scenario::DeadEncoder(_) => {}
+            Scenario::MainsDip => run.drive.board.set_supply(0.0),
+            Scenario::FullStop => run.drive.request.demand = Demand::Rest,
+            Scenario::LinkPulled => run.drive.attended = false,
+            Scenario::EndStop => {
+                run.bench.ends = Ends {
+                    middle: run.bench.position,
+                    switch: f64::INFINITY,
+                    stop: TO_STOP_M,
+                };
+            }
         }
     }
-    let (origin, load_n) = (run.bench.position, run.bench.load_n);
-    let mut told = Story {
-        travel_m: 0.0,
-        travel_max_m: match scenario {
-            Scenario::DeadEncoder(_) => START_TRAVEL_M,
-            _ => Limits::OF_THE_MATRIX.travel_m,
-        },
-        peak_a: 0.0,
-        peak_max_a: plate.bridge.over_current_a,
-        bus_v: 0.0,
-        bus_max_v: board.guards().bus_max_v,
-        end_force_n: 0.0,
-        end_force_max_n: end_force_max_n(&plate, point.velocity),
-        seconds: 0.0,
-        state: run.drive.state(),
-        points: Vec::new(),
-    };
-    let (mut off, mut since, mut regular) = (0.0f64, 0.0f64, 0.0);
-    let (mut reacted, mut still, mut peaks) = (None::<f64>, 0.0, [0.0f64; 2]);
-    loop {
-        if scenario == Scenario::NutSeized {
-            let omega = run.drive.board.machine.motor(Axis::Nut).omega;
-            let (torque, at) = SEIZED;
-            let held = -torque * (omega / at).clamp(-1.0, 1.0);
-            let machine = &mut run.drive.board.machine;
-            machine.set_disturbance_torque(Axis::Nut, held);
+
+    /// What goes on after the event.
+    fn act(&mut self) {
+        let run = &mut self.run;
+        let machine = &mut run.drive.board.machine;
+        match self.scenario {
+            Scenario::NutSeized => {
+                let omega = machine.motor(Axis::Nut).omega;
+                let (torque, at) = SEIZED;
+                let held = -torque * (omega / at).clamp(-1.0, 1.0);
+                machine.set_disturbance_torque(Axis::Nut, held);
+            }
+            Scenario::LoadStep => {
+                let against = (machine.table_velocity() / CUTS_M_S).clamp(-1.0, 1.0);
+                run.bench.load_n = self.load_n + 2.0 * rated_n(&self.plate) * against;
+            }
+            Scenario::MainsDip if self.told.seconds >= DIP_S => {
+                run.drive.board.set_supply(self.bus_v);
+            }
+            _ => {}
         }
-        if scenario == Scenario::LoadStep {
-            let velocity = run.drive.board.machine.table_velocity();
-            let against = (velocity / CUTS_M_S).clamp(-1.0, 1.0);
-            run.bench.load_n = load_n + 2.0 * rated_n * against;
-        }
-        if scenario == Scenario::MainsDip && told.seconds >= DIP_S {
-            run.drive.board.set_supply(bus_v);
-        }
-        run.period();
+    }
+
+    fn period(&mut self) {
+        self.run.period();
+        let (run, told) = (&self.run, &mut self.told);
         told.seconds += run.period_s;
-        let x = run.bench.position - origin;
         for axis in Axis::ALL {
             let amps = run.drive.board.machine.phase_currents(axis);
             let peak = amps.iter().fold(0.0f64, |peak, amps| peak.max(amps.abs()));
-            peaks[axis.index()] = peaks[axis.index()].max(peak);
+            self.peaks[axis.index()] = self.peaks[axis.index()].max(peak);
             told.peak_a = told.peak_a.max(peak);
         }
         told.bus_v = told.bus_v.max(run.drive.board.bus_voltage());
+        let x = run.bench.position - self.origin;
+        self.look_at_travel(x);
+        self.plot(x);
+        self.still = if self.run.at_rest() {
+            self.still + self.run.period_s
+        } else {
+            0.0
+        };
+    }
+
+    fn look_at_travel(&mut self, x: f64) {
+        let run = &self.run;
         let stops = run.reacts() || run.drive.state() == State::Stopping;
-        match reacted {
+        match self.reacted {
             None if stops => {
-                reacted = Some(x);
+                self.reacted = Some(x);
                 if run.drive.state() == State::Stopping {
-                    regular = stop_m(&plate, run.drive.board.machine.table_velocity());
+                    self.regular = stop_m(&self.plate, run.drive.board.machine.table_velocity());
                 }
             }
             // A table that falls behind does no harm; one that goes ahead, or back, does.
             // In a start all of it counts.
-            None if matches!(scenario, Scenario::DeadEncoder(_)) => off = off.max(x.abs()),
-            None => off = off.max(x - point.velocity * told.seconds).max(-x),
-            Some(from) => since = since.max((x - from).abs()),
-        }
-        let due = told.points.len() as f64 * POINT_S;
-        if told.seconds >= due {
-            let rpm = Axis::ALL.map(|axis| run.drive.board.machine.motor(axis).omega / RPM);
-            told.points.push(Point {
-                seconds: told.seconds,
-                travel_m: x,
-                rpm,
-                peak_a: std::mem::take(&mut peaks),
-                bus_v: run.drive.board.bus_voltage(),
-            });
-        }
-        still = if run.at_rest() {
-            still + run.period_s
-        } else {
-            0.0
-        };
-        let runs_on = reacted.is_none() && told.seconds > RUNS_ON_S;
-        let rests = still > 0.05 && !run.drive.state().is_driven();
-        if rests || runs_on || told.seconds > AFTER_S {
-            break;
+            None if matches!(self.scenario, Scenario::DeadEncoder(_)) => {
+                self.off = self.off.max(x.abs());
+            }
+            None => {
+                let ahead = x - self.point.velocity * self.told.seconds;
+                self.off = self.off.max(ahead).max(-x);
+            }
+            Some(from) => self.since = self.since.max((x - from).abs()),
         }
     }
-    told.travel_m = off + (since - regular).max(0.0);
-    told.state = run.drive.state();
-    told.end_force_n = run.bench.seen.end_force_n;
-    Ok(told)
+
+    fn plot(&mut self, x: f64) {
+        let board = &self.run.drive.board;
+        let due = self.told.points.len() as f64 * POINT_S;
+        if self.told.seconds >= due {
+            let rpm = Axis::ALL.map(|axis| board.machine.motor(axis).omega / RPM);
+            self.told.points.push(Point {
+                seconds: self.told.seconds,
+                travel_m: x,
+                rpm,
+                peak_a: std::mem::take(&mut self.peaks),
+                bus_v: board.bus_voltage(),
+            });
+        }
+    }
+
+    fn is_over(&self) -> bool {
+        let seconds = self.told.seconds;
+        let runs_on = self.reacted.is_none() && seconds > RUNS_ON_S;
+        let rests = self.still > 0.05 && !self.run.drive.state().is_driven();
+        rests || runs_on || seconds > AFTER_S
+    }
+
+    fn story(self) -> Story {
+        Story {
+            travel_m: self.off + (self.since - self.regular).max(0.0),
+            state: self.run.drive.state(),
+            end_force_n: self.run.bench.seen.end_force_n,
+            ..self.told
+        }
+    }
+}
+
+/// Force of the screw's rated torque, N.
+fn rated_n(plate: &DrivePlate) -> f64 {
+    let motor = &plate.motors[0];
+    let torque =
+        f64::from(motor.pole_pairs) * motor.flux_wb * 3f64.sqrt() * motor.thermal.rated_rms_a;
+    torque.min(motor.torque_max_nm) * TAU / plate.feed.lead_m
 }
 
 /// What the larger torque limit makes of axial force, and the energy of table and rotors against each other, all of it in the buffer's

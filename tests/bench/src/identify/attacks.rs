@@ -173,6 +173,87 @@ impl Plate {
     }
 }
 
+/// A motor on its way through a record.
+struct Shaft {
+    kind: Kind,
+    plate: Plate,
+    /// How large what was put in is, N m.
+    size: f64,
+    is_check: bool,
+    theta: f64,
+    w: f64,
+    integral: f64,
+    /// States of the effects that have one.
+    dahl: f64,
+    walk: f64,
+    load_theta: f64,
+    load_w: f64,
+}
+
+impl Shaft {
+    /// The current that the drive asks in a row, A.
+    fn asked(&mut self, speed: f64) -> f64 {
+        let error = speed - self.w;
+        self.integral += error / RATE;
+        let asked = 60.0 * self.plate.inertia * (error + 15.0 * self.integral);
+        let most = 1.4 * self.plate.coulomb;
+        match self.kind {
+            Kind::Clipped => asked.clamp(-most, most),
+            _ => asked,
+        }
+    }
+
+    fn step(&mut self, asked: f64, t: f64) {
+        let dt = 1.0 / RATE / SUBSTEPS as f64;
+        let way = (self.w / self.plate.width).tanh();
+        self.dahl += (self.w - self.dahl * self.w.abs() / 0.2) * dt;
+        let behind = self.behind();
+        self.load_w += behind / (0.5 * self.plate.inertia) * dt;
+        self.load_theta += self.load_w * dt;
+        let more = self.put_in(way, t);
+        let torque =
+            asked - self.plate.coulomb * way - self.plate.viscous * self.w - more - behind - 0.02;
+        self.w += torque / self.plate.inertia * dt;
+        self.theta += self.w * dt;
+    }
+
+    /// Torque of a load that follows on a spring, N m.
+    fn behind(&self) -> f64 {
+        let twist = self.theta - self.load_theta;
+        let spring = 400.0 * self.plate.inertia * 40.0;
+        match self.kind {
+            Kind::SoftLoad => spring * twist + 0.02 * spring / 40.0 * (self.w - self.load_w),
+            Kind::Backlash => spring * (twist - twist.clamp(-0.02, 0.02)),
+            _ => 0.0,
+        }
+    }
+
+    /// Torque of what was put in, N m.
+    fn put_in(&self, way: f64, t: f64) -> f64 {
+        let Self { size, theta, w, .. } = *self;
+        match self.kind {
+            Kind::Order(order) => size * (order * theta + 0.7).cos(),
+            Kind::OrderBySpeed(order) => size * w / 15.0 * (order * theta).cos(),
+            Kind::Windage => size * w * w.abs() / 400.0,
+            Kind::Stribeck => size * way * (-(w / 6.0).powi(2)).exp(),
+            Kind::Asymmetry => size * (w / 15.0).max(0.0),
+            Kind::TightPlace => size * 2.0 * way * (-(theta / 3.0 - 1.0).powi(2)).exp(),
+            Kind::Dahl => size * 3.0 * (self.dahl / 0.2),
+            Kind::Spring => size * (theta / 6.0).tanh(),
+            Kind::Gravity => size * theta.sin(),
+            Kind::RandomWalk => self.walk,
+            Kind::Warming => size * way * (-t / 5.0).exp() * 2.0,
+            Kind::Step => size * f64::from(t > 6.2),
+            Kind::Hum => size * (TAU * 13.7 * t).cos(),
+            Kind::Bursts => {
+                size * (TAU * 9.0 * t).sin()
+                    * (TAU * 0.31 * t + f64::from(self.is_check)).sin().max(0.0)
+            }
+            _ => 0.0,
+        }
+    }
+}
+
 /// Records one motor.
 fn record(seed: u64, motion: Motion, kind: Kind, strength: f64) -> Record {
     let mut random = Xoshiro256PlusPlus::seed_from_u64(seed);
@@ -189,64 +270,37 @@ fn record(seed: u64, motion: Motion, kind: Kind, strength: f64) -> Record {
         Kind::NoisyFit if !is_check => 10.0 * plate.noise,
         _ => plate.noise,
     };
-    let (mut theta, mut w, mut integral) = (0.0_f64, 0.0_f64, 0.0_f64);
-    let (mut dahl, mut walk, mut slow, mut late) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0_f64);
-    let (mut load_theta, mut load_w) = (0.0_f64, 0.0_f64);
+    let count = TAU / plate.counts;
+    let coarse = 0.2 * plate.coulomb;
+    let mut shaft = Shaft {
+        kind,
+        plate,
+        size,
+        is_check,
+        theta: 0.0,
+        w: 0.0,
+        integral: 0.0,
+        dahl: 0.0,
+        walk: 0.0,
+        load_theta: 0.0,
+        load_w: 0.0,
+    };
+    let (mut slow, mut late) = (0.0_f64, 0.0_f64);
     let mut position = Vec::new();
     let mut current: Vec<f64> = Vec::new();
     let mut asked_of: Vec<f64> = Vec::new();
-    let count = TAU / plate.counts;
     let rows = (motion.seconds() * RATE) as usize;
-    let dt = 1.0 / RATE / SUBSTEPS as f64;
     for row in 0..rows {
         let t = row as f64 / RATE;
-        let error = motion.speed(t) - w;
-        integral += error / RATE;
-        let mut asked = 60.0 * plate.inertia * (error + 15.0 * integral);
-        if kind == Kind::Clipped {
-            asked = asked.clamp(-1.4 * plate.coulomb, 1.4 * plate.coulomb);
-        }
-        walk += 0.1 * size * normal() / RATE.sqrt() * 5.0;
+        let asked = shaft.asked(motion.speed(t));
+        shaft.walk += 0.1 * size * normal() / RATE.sqrt() * 5.0;
         for _ in 0..SUBSTEPS {
-            let way = (w / plate.width).tanh();
-            dahl += (w - dahl * w.abs() / 0.2) * dt;
-            let twist = theta - load_theta;
-            let spring = 400.0 * plate.inertia * 40.0;
-            let behind = match kind {
-                Kind::SoftLoad => spring * twist + 0.02 * spring / 40.0 * (w - load_w),
-                Kind::Backlash => spring * (twist - twist.clamp(-0.02, 0.02)),
-                _ => 0.0,
-            };
-            load_w += behind / (0.5 * plate.inertia) * dt;
-            load_theta += load_w * dt;
-            let more = match kind {
-                Kind::Order(order) => size * (order * theta + 0.7).cos(),
-                Kind::OrderBySpeed(order) => size * w / 15.0 * (order * theta).cos(),
-                Kind::Windage => size * w * w.abs() / 400.0,
-                Kind::Stribeck => size * way * (-(w / 6.0).powi(2)).exp(),
-                Kind::Asymmetry => size * (w / 15.0).max(0.0),
-                Kind::TightPlace => size * 2.0 * way * (-(theta / 3.0 - 1.0).powi(2)).exp(),
-                Kind::Dahl => size * 3.0 * (dahl / 0.2),
-                Kind::Spring => size * (theta / 6.0).tanh(),
-                Kind::Gravity => size * theta.sin(),
-                Kind::RandomWalk => walk,
-                Kind::Warming => size * way * (-t / 5.0).exp() * 2.0,
-                Kind::Step => size * f64::from(t > 6.2),
-                Kind::Hum => size * (TAU * 13.7 * t).cos(),
-                Kind::Bursts => {
-                    size * (TAU * 9.0 * t).sin()
-                        * (TAU * 0.31 * t + f64::from(is_check)).sin().max(0.0)
-                }
-                _ => 0.0,
-            };
-            let torque = asked - plate.coulomb * way - plate.viscous * w - more - behind - 0.02;
-            w += torque / plate.inertia * dt;
-            theta += w * dt;
+            shaft.step(asked, t);
         }
         asked_of.push(asked);
         let seen = match kind {
-            Kind::Eccentric => theta + 0.02 * theta.sin(),
-            _ => theta,
+            Kind::Eccentric => shaft.theta + 0.02 * shaft.theta.sin(),
+            _ => shaft.theta,
         };
         position.push((seen / count).round() * count);
         slow = 0.998 * slow + 0.0632 * normal();
@@ -257,7 +311,7 @@ fn record(seed: u64, motion: Motion, kind: Kind, strength: f64) -> Record {
             };
         let mut reported = match kind {
             Kind::Delay(by) => asked_of[row.saturating_sub(by)],
-            Kind::GainByDirection => asked * (1.0 + 0.1 * w.signum()),
+            Kind::GainByDirection => asked * (1.0 + 0.1 * shaft.w.signum()),
             Kind::Drift => asked + size * (t / 14.0).powi(2),
             Kind::SlowNoise => asked + 0.5 * size * slow,
             _ => late,
@@ -267,8 +321,7 @@ fn record(seed: u64, motion: Motion, kind: Kind, strength: f64) -> Record {
             _ => noise * normal(),
         };
         if kind == Kind::CoarseCurrent {
-            let step = 0.2 * plate.coulomb;
-            reported = (reported / step).round() * step;
+            reported = (reported / coarse).round() * coarse;
         }
         current.push(match kind {
             Kind::Held if row % 4 != 0 => current[row - 1],

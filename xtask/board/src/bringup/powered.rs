@@ -114,90 +114,105 @@ fn driver(words: &ReportWords, motor: usize, owner: Owner) -> [Item; 2] {
     let stage = &words.stages[motor];
     let name = owner.name();
     let pulled = [0, 1, 2].map(|moment| stage.pulled >> moment & 1 == 1);
-    let goes_with = pulled == [true, false, true];
     let enable = Item::new(
         DRIVERS,
         format!("enable.{name}"),
         format!("ENABLE of the {name}'s driver"),
         "DRV8323 data sheet: asleep its amplifiers give 0 V, and it pulls nFAULT (wiring page)",
     );
-    let by_amplifiers = words.expected.amplifiers_sleep == 1;
-    let (enable, wakes) = if by_amplifiers {
-        let levels = [0, 1, 2].map(|moment| {
-            let phases = PHASES[motor]
-                .iter()
-                .filter_map(|signal| current(words, *signal));
-            phases
-                .map(|(_, current)| current.levels[moment])
-                .collect::<Vec<_>>()
-        });
-        let sleeps = |moment: usize| levels[moment].iter().any(|level| *level < NOTHING);
-        let enable = enable
-            .expected("amplifiers: 0 V asleep, half the reference awake")
-            .read(format!(
-                "{:?} counts, {:?}, {:?}",
-                levels[0], levels[1], levels[2]
-            ));
-        if !amplifiers_work(words, motor) {
-            let enable = enable.finding(
-                "The amplifiers stay at 0 V: ENABLE does not reach the driver, or the driver has no supply.",
-                "Close the emergency stop. Measure ENABLE at the driver, at the chip, and the driver's supply.",
-            );
-            (enable, false)
-        } else if !(sleeps(0) && sleeps(2)) {
-            let enable = enable.finding(
-                "The amplifiers work while ENABLE is low: something holds ENABLE high at the driver.",
-                "Switch the bus off. Measure ENABLE at the driver: it needs a pull-down.",
-            );
-            (enable, false)
-        } else {
-            (enable, true)
-        }
+    let (enable, wakes) = if words.expected.amplifiers_sleep == 1 {
+        enable_by_amplifiers(words, motor, enable)
     } else {
-        let enable = enable
-            .expected("nFAULT: low asleep, high awake")
-            .read(line(pulled));
-        match (goes_with, pulled == [true; 3]) {
-            (true, _) => (enable, true),
-            (false, true) => (
-                enable.finding(
-                    "The driver pulls nFAULT although ENABLE is high: ENABLE does not reach it, it has no supply, or nFAULT \
-                     is shorted to ground.",
-                    "Close the emergency stop. Measure ENABLE and nFAULT at the driver, and the driver's supply.",
-                ),
-                false,
-            ),
-            (false, false) => (
-                enable.open("nFAULT shows nothing of it.", "See nFAULT."),
-                true,
-            ),
-        }
+        enable_by_fault_line(pulled, enable)
     };
     let fault = Item::new(
         DRIVERS,
         format!("nfault.{name}"),
         format!("nFAULT of the {name}'s driver"),
         "DRV8323 data sheet: nFAULT is low until the driver is awake (wiring page)",
-    )
-    .expected("low asleep, high awake, low asleep again")
-    .read(line(pulled));
-    let fault = if goes_with {
-        fault
-    } else if !wakes {
-        fault.open("The driver does not go with ENABLE.", "See ENABLE.")
-    } else if pulled[1] {
-        fault.finding(
+    );
+    [enable, fault_line(pulled, wakes, fault)]
+}
+
+/// How nFAULT is pulled by a driver that is asleep, awake and asleep again.
+const GOES_WITH_ENABLE: [bool; 3] = [true, false, true];
+
+/// ENABLE as the amplifiers show it, and whether the driver wakes.
+fn enable_by_amplifiers(words: &ReportWords, motor: usize, enable: Item) -> (Item, bool) {
+    let levels = [0, 1, 2].map(|moment| {
+        let phases = PHASES[motor]
+            .iter()
+            .filter_map(|signal| current(words, *signal));
+        phases
+            .map(|(_, current)| current.levels[moment])
+            .collect::<Vec<_>>()
+    });
+    let sleeps = |moment: usize| levels[moment].iter().any(|level| *level < NOTHING);
+    let enable = enable
+        .expected("amplifiers: 0 V asleep, half the reference awake")
+        .read(format!(
+            "{:?} counts, {:?}, {:?}",
+            levels[0], levels[1], levels[2]
+        ));
+    if !amplifiers_work(words, motor) {
+        let enable = enable.finding(
+            "The amplifiers stay at 0 V: ENABLE does not reach the driver, or the driver has no supply.",
+            "Close the emergency stop. Measure ENABLE at the driver, at the chip, and the driver's supply.",
+        );
+        return (enable, false);
+    }
+    if !(sleeps(0) && sleeps(2)) {
+        let enable = enable.finding(
+            "The amplifiers work while ENABLE is low: something holds ENABLE high at the driver.",
+            "Switch the bus off. Measure ENABLE at the driver: it needs a pull-down.",
+        );
+        return (enable, false);
+    }
+    (enable, true)
+}
+
+/// ENABLE as nFAULT shows it, and whether the driver wakes as far as that can be seen.
+fn enable_by_fault_line(pulled: [bool; 3], enable: Item) -> (Item, bool) {
+    let enable = enable
+        .expected("nFAULT: low asleep, high awake")
+        .read(line(pulled));
+    if pulled == GOES_WITH_ENABLE {
+        return (enable, true);
+    }
+    if pulled == [true; 3] {
+        let enable = enable.finding(
+            "The driver pulls nFAULT although ENABLE is high: ENABLE does not reach it, it has no supply, or nFAULT \
+             is shorted to ground.",
+            "Close the emergency stop. Measure ENABLE and nFAULT at the driver, and the driver's supply.",
+        );
+        return (enable, false);
+    }
+    let enable = enable.open("nFAULT shows nothing of it.", "See nFAULT.");
+    (enable, true)
+}
+
+/// nFAULT of a driver that wakes with ENABLE, or does not.
+fn fault_line(pulled: [bool; 3], wakes: bool, fault: Item) -> Item {
+    let fault = fault
+        .expected("low asleep, high awake, low asleep again")
+        .read(line(pulled));
+    if pulled == GOES_WITH_ENABLE {
+        return fault;
+    }
+    if !wakes {
+        return fault.open("The driver does not go with ENABLE.", "See ENABLE.");
+    }
+    if pulled[1] {
+        return fault.finding(
             "The awake driver says that it has a fault, or the line is shorted to ground.",
             "Measure nFAULT at the driver. Check its supply and its gates for shorts.",
-        )
-    } else {
-        fault.finding(
-            "The line stays high while the driver sleeps: its wire is torn, or something holds it. A fault of the driver would \
-             stop nothing.",
-            "Switch the bus off. Check the wire from nFAULT to the chip.",
-        )
-    };
-    [enable, fault]
+        );
+    }
+    fault.finding(
+        "The line stays high while the driver sleeps: its wire is torn, or something holds it. A fault of the driver would \
+         stop nothing.",
+        "Switch the bus off. Check the wire from nFAULT to the chip.",
+    )
 }
 
 fn line(pulled: [bool; 3]) -> String {

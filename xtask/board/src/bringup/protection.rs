@@ -201,7 +201,25 @@ fn comparator(words: &ReportWords, one: &ComparatorWords, dead: &[&str]) -> Item
     )
 }
 
-fn breaks(words: &ReportWords, one: &BreakWords, owner: Owner, source: BreakSource) -> Item {
+/// What must be seen of a break.
+fn needed(source: BreakSource) -> u32 {
+    let held = match source {
+        BreakSource::Software => 0,
+        _ => seen::HELD,
+    };
+    seen::ENABLED | seen::CLEARED | seen::FLAG | held | seen::RECOVERED | alone(source)
+}
+
+/// The other timer's output must stay. Both motors' comparators have one threshold, so that with all enabled each trips both timers.
+fn alone(source: BreakSource) -> u32 {
+    match source {
+        BreakSource::Configured => 0,
+        _ => seen::OTHER_STAYED,
+    }
+}
+
+/// A break as it was seen.
+fn break_item(one: &BreakWords, owner: Owner, source: BreakSource) -> Item {
     let name = match source {
         BreakSource::Comparator => format!("COMP{}", one.comparator),
         _ => source.name().to_owned(),
@@ -216,21 +234,12 @@ fn breaks(words: &ReportWords, one: &BreakWords, owner: Owner, source: BreakSour
         Owner::Screw => "TIM1",
         _ => "TIM8",
     };
-    let held = match source {
-        BreakSource::Software => 0,
-        _ => seen::HELD,
-    };
-    // Both motors' comparators have one threshold, so that with all enabled each trips both timers.
-    let alone = match source {
-        BreakSource::Configured => 0,
-        _ => seen::OTHER_STAYED,
-    };
-    let whole = seen::ENABLED | seen::CLEARED | seen::FLAG | held | seen::RECOVERED | alone;
     let says = |bit, yes: &'static str, no: &'static str| match one.seen & bit {
         0 => no,
         _ => yes,
     };
-    let item = Item::new(
+    let alone = alone(source);
+    Item::new(
         BREAKS,
         id,
         format!("{timer} ({}) by {name}", owner.name()),
@@ -247,11 +256,15 @@ fn breaks(words: &ReportWords, one: &BreakWords, owner: Owner, source: BreakSour
             says(seen::CLEARED, "cleared", "not cleared"),
             says(seen::OTHER_STAYED, "the other stayed", "the other went too"),
         ),
-    });
-    if one.seen & whole == whole {
+    })
+}
+
+fn breaks(words: &ReportWords, one: &BreakWords, owner: Owner, source: BreakSource) -> Item {
+    let item = break_item(one, owner, source);
+    let missing = |bit| needed(source) & bit != 0 && one.seen & bit == 0;
+    if one.seen & needed(source) == needed(source) {
         return item;
     }
-    let missing = |bit| whole & bit != 0 && one.seen & bit == 0;
     let at_fault_level = source == BreakSource::Pin && missing(seen::ENABLED);
     if at_fault_level && !missing(seen::HELD) {
         return item.read("the line is at its fault level and holds the output off");

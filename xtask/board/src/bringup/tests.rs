@@ -24,7 +24,36 @@ fn healthy() -> Readings {
     words.magic = REPORT_MAGIC;
     words.layout = LAYOUT;
     words.stage = Stage::Done.word();
-    words.expected = ExpectedWords {
+    words.expected = expected();
+    words.clock = clock();
+    convert(&mut words);
+    trip_comparators(&mut words);
+    break_timers(&mut words);
+    try_pins(&mut words);
+    turn_encoders(&mut words);
+    words.flash = FlashWords {
+        address: 0x0807_F800,
+        done: flash::WAS_OURS | flash::ERASED,
+        status: [1, 0],
+        erase: 22 * 170_000,
+        program: FLASH_DOUBLE_WORDS * 85 * 170,
+        right: FLASH_DOUBLE_WORDS,
+    };
+    Readings {
+        report: words,
+        meter_v: None,
+        stream: Some(Stream {
+            bytes: 500_000,
+            seconds: 1.0,
+            wrong: 0,
+        }),
+        drive: None,
+        crash: None,
+    }
+}
+
+fn expected() -> ExpectedWords {
+    ExpectedWords {
         core_hz: 170_000_000,
         crystal_hz: 24_000_000,
         adc_hz: 42_500_000,
@@ -44,8 +73,11 @@ fn healthy() -> Readings {
             at_reference: 0,
             range: [654, 3959],
         }; 2],
-    };
-    words.clock = ClockWords {
+    }
+}
+
+fn clock() -> ClockWords {
+    ClockWords {
         apb1enr1: 1 << 28,
         pwr_cr1: 1 << 9,
         pwr_cr5: 0,
@@ -59,7 +91,11 @@ fn healthy() -> Readings {
         // 170 counts a period of 1 MHz; 5312.5 of 32 kHz.
         hsi: 256 * 170,
         lsi: 32 * 5312,
-    };
+    }
+}
+
+/// What the ADCs' channels see.
+fn convert(words: &mut ReportWords) {
     let signals = [
         (Signal::ScrewA, 1, 1, 6, 2050),
         (Signal::ScrewBus, 1, 6, 1, 2),
@@ -83,6 +119,9 @@ fn healthy() -> Readings {
             samples: [samples(level); 8],
         };
     }
+}
+
+fn trip_comparators(words: &mut ReportWords) {
     let comparators = [
         (3, Signal::ScrewA),
         (1, Signal::ScrewB),
@@ -101,6 +140,9 @@ fn healthy() -> Readings {
             changes: 2,
         };
     }
+}
+
+fn break_timers(words: &mut ReportWords) {
     let all = seen::ENABLED
         | seen::CLEARED
         | seen::FLAG
@@ -121,6 +163,9 @@ fn healthy() -> Readings {
             seen: all,
         };
     }
+}
+
+fn try_pins(words: &mut ReportWords) {
     let pins = [
         (
             0x0008,
@@ -154,35 +199,20 @@ fn healthy() -> Readings {
             lowered: 0,
         };
     }
-    words.encoders[0].kind = EncoderKind::IncrementalWithIndex.word();
-    words.encoders[0].counts_per_turn = 40_000;
-    words.encoders[0].looks = 200_000;
-    words.encoders[0].changes = 60_000;
-    words.encoders[0].most = 60_000;
-    words.encoders[0].indices = 2;
-    words.encoders[1].kind = EncoderKind::Mt6835.word();
-    words.encoders[1].counts_per_turn = 1 << 21;
-    words.encoders[1].looks = 2000;
-    words.encoders[1].first = 77;
-    words.flash = FlashWords {
-        address: 0x0807_F800,
-        done: flash::WAS_OURS | flash::ERASED,
-        status: [1, 0],
-        erase: 22 * 170_000,
-        program: FLASH_DOUBLE_WORDS * 85 * 170,
-        right: FLASH_DOUBLE_WORDS,
-    };
-    Readings {
-        report: words,
-        meter_v: None,
-        stream: Some(Stream {
-            bytes: 500_000,
-            seconds: 1.0,
-            wrong: 0,
-        }),
-        drive: None,
-        crash: None,
-    }
+}
+
+fn turn_encoders(words: &mut ReportWords) {
+    let [screw, nut] = &mut words.encoders;
+    screw.kind = EncoderKind::IncrementalWithIndex.word();
+    screw.counts_per_turn = 40_000;
+    screw.looks = 200_000;
+    screw.changes = 60_000;
+    screw.most = 60_000;
+    screw.indices = 2;
+    nut.kind = EncoderKind::Mt6835.word();
+    nut.counts_per_turn = 1 << 21;
+    nut.looks = 2000;
+    nut.first = 77;
 }
 
 #[test]
@@ -213,126 +243,127 @@ mod page {
 /// A fault: how the readings change, which items are findings, and words that one of them says.
 type Fault = (fn(&mut Readings), &'static [&'static str], &'static str);
 
+const FAULTS: [Fault; 22] = [
+    (
+        |r| {
+            r.report.clock.hsi = 256 * 177;
+            r.report.clock.lsi = 32 * 5533;
+        },
+        &["clock.crystal"],
+        "25 MHz",
+    ),
+    (
+        |r| r.report.clock.hsi = 0,
+        &["clock.crystal"],
+        "HSI16 does not start",
+    ),
+    (|r| r.report.clock.lsi = 0, &["clock.lsi"], "does not start"),
+    (
+        |r| r.report.clock.lsi = 32 * 4000,
+        &["clock.lsi"],
+        "are 15 ms",
+    ),
+    (
+        |r| {
+            r.report.clock.pwr_cr5 = 1 << 8;
+            r.report.clock.apb1enr1 = 0;
+        },
+        &["power.boost"],
+        "PWREN",
+    ),
+    (
+        |r| r.report.clock.flash_acr = 7 << 8 | 3,
+        &["flash.wait"],
+        "faster than it can be",
+    ),
+    (
+        |r| r.report.clock.rcc_cfgr = 0b0101,
+        &["clock.source"],
+        "not clocked as",
+    ),
+    (
+        |r| r.report.channels[3].samples = [samples(0); 8],
+        &["comparator.1", "zero.screwb"],
+        "reads ground",
+    ),
+    (
+        |r| r.report.channels[2].samples = [samples(1); 8],
+        &["temperature.screwheatsink"],
+        "wires are shorted",
+    ),
+    (
+        |r| r.report.expected.calibrated = 0xFFFF,
+        &["supply.controller"],
+        "maker has not written",
+    ),
+    (
+        |r| (r.report.comparators[1].up, r.report.comparators[1].down) = (2200, 2176),
+        &["comparator.1"],
+        "off by 0.3",
+    ),
+    (
+        |r| r.report.breaks[0].seen &= !seen::CLEARED,
+        &["break.screw.software"],
+        "break does nothing",
+    ),
+    (
+        |r| r.report.breaks[1].seen &= !seen::OTHER_STAYED,
+        &["break.screw.comparator3"],
+        "other motor's timer too",
+    ),
+    (
+        |r| r.report.pins[0].levels |= level::DRIVEN_HIGH,
+        &["pin.PA8"],
+        "it reads high",
+    ),
+    (
+        |r| r.report.encoders[1].bad_checks = 40,
+        &["encoder.nut"],
+        "2.0 %",
+    ),
+    (
+        |r| {
+            r.report.encoders[1].bad_status = 2000;
+            r.report.encoders[1].status = 2;
+        },
+        &["encoder.nut"],
+        "field is too weak",
+    ),
+    (
+        |r| r.report.encoders[0].indices = 0,
+        &["encoder.screw"],
+        "index did not come",
+    ),
+    (
+        |r| r.report.encoders[0].transition_errors = 3,
+        &["encoder.screw"],
+        "an edge was lost",
+    ),
+    (
+        |r| (r.report.encoders[0].most, r.report.encoders[0].indices) = (1, 0),
+        &["encoder.screw"],
+        "to and fro",
+    ),
+    (
+        |r| r.report.flash.right = 7,
+        &["flash.page"],
+        "1 of 8 double words",
+    ),
+    (
+        |r| r.stream.as_mut().unwrap().bytes = 150_000,
+        &["probe.rate"],
+        "--rate 2500",
+    ),
+    (
+        |r| r.stream.as_mut().unwrap().wrong = 1,
+        &["probe.rate"],
+        "damaged",
+    ),
+];
+
 #[test]
 fn each_fault_is_named_and_nothing_else_is() {
-    let faults: &[Fault] = &[
-        (
-            |r| {
-                r.report.clock.hsi = 256 * 177;
-                r.report.clock.lsi = 32 * 5533;
-            },
-            &["clock.crystal"],
-            "25 MHz",
-        ),
-        (
-            |r| r.report.clock.hsi = 0,
-            &["clock.crystal"],
-            "HSI16 does not start",
-        ),
-        (|r| r.report.clock.lsi = 0, &["clock.lsi"], "does not start"),
-        (
-            |r| r.report.clock.lsi = 32 * 4000,
-            &["clock.lsi"],
-            "are 15 ms",
-        ),
-        (
-            |r| {
-                r.report.clock.pwr_cr5 = 1 << 8;
-                r.report.clock.apb1enr1 = 0;
-            },
-            &["power.boost"],
-            "PWREN",
-        ),
-        (
-            |r| r.report.clock.flash_acr = 7 << 8 | 3,
-            &["flash.wait"],
-            "faster than it can be",
-        ),
-        (
-            |r| r.report.clock.rcc_cfgr = 0b0101,
-            &["clock.source"],
-            "not clocked as",
-        ),
-        (
-            |r| r.report.channels[3].samples = [samples(0); 8],
-            &["comparator.1", "zero.screwb"],
-            "reads ground",
-        ),
-        (
-            |r| r.report.channels[2].samples = [samples(1); 8],
-            &["temperature.screwheatsink"],
-            "wires are shorted",
-        ),
-        (
-            |r| r.report.expected.calibrated = 0xFFFF,
-            &["supply.controller"],
-            "maker has not written",
-        ),
-        (
-            |r| (r.report.comparators[1].up, r.report.comparators[1].down) = (2200, 2176),
-            &["comparator.1"],
-            "off by 0.3",
-        ),
-        (
-            |r| r.report.breaks[0].seen &= !seen::CLEARED,
-            &["break.screw.software"],
-            "break does nothing",
-        ),
-        (
-            |r| r.report.breaks[1].seen &= !seen::OTHER_STAYED,
-            &["break.screw.comparator3"],
-            "other motor's timer too",
-        ),
-        (
-            |r| r.report.pins[0].levels |= level::DRIVEN_HIGH,
-            &["pin.PA8"],
-            "it reads high",
-        ),
-        (
-            |r| r.report.encoders[1].bad_checks = 40,
-            &["encoder.nut"],
-            "2.0 %",
-        ),
-        (
-            |r| {
-                r.report.encoders[1].bad_status = 2000;
-                r.report.encoders[1].status = 2;
-            },
-            &["encoder.nut"],
-            "field is too weak",
-        ),
-        (
-            |r| r.report.encoders[0].indices = 0,
-            &["encoder.screw"],
-            "index did not come",
-        ),
-        (
-            |r| r.report.encoders[0].transition_errors = 3,
-            &["encoder.screw"],
-            "an edge was lost",
-        ),
-        (
-            |r| (r.report.encoders[0].most, r.report.encoders[0].indices) = (1, 0),
-            &["encoder.screw"],
-            "to and fro",
-        ),
-        (
-            |r| r.report.flash.right = 7,
-            &["flash.page"],
-            "1 of 8 double words",
-        ),
-        (
-            |r| r.stream.as_mut().unwrap().bytes = 150_000,
-            &["probe.rate"],
-            "--rate 2500",
-        ),
-        (
-            |r| r.stream.as_mut().unwrap().wrong = 1,
-            &["probe.rate"],
-            "damaged",
-        ),
-    ];
-    for (break_it, ids, says) in faults {
+    for (break_it, ids, says) in FAULTS {
         let mut readings = healthy();
         break_it(&mut readings);
         let report = judge(&readings);

@@ -150,14 +150,7 @@ impl DrivePlate {
             coast_steps: steps(COAST_S, step),
             travel: turns(STOPPED * travel),
             scale: (self.feed.scale_count_m / self.feed.lead_m * 1_099_511_627_776.0) as i64,
-            swing: SwingConfig {
-                furthest: turns(swing).cast_signed(),
-                step: turns(swing * step / SWING_S).cast_signed(),
-                ramp: (FULL as f64 * step / SWING_EASE_S + 1.0) as i32,
-                late: turns(LATE * travel),
-                waits: steps(SWING_WAITS_S, step),
-                steps: steps(SWING_MAX_S, step),
-            },
+            swing: swing_config(swing, travel, step),
             braking_steps: steps(greater(screw.braking_s(), nut.braking_s()), step),
             turn_speed: MechanicalSpeed::from_bits(attempt!(quantise(
                 "alignment's speed",
@@ -228,24 +221,7 @@ impl DrivePlate {
         let pole_pairs = motor.pole_pairs as f64;
         let limit = ASKED * torque_nm / (pole_pairs * motor.flux_wb);
         let step = self.speed_step();
-        let across = ACROSS * SWING / (swing * pole_pairs);
-        let across = if across < ACROSS_MOST {
-            across
-        } else {
-            ACROSS_MOST
-        };
-        let more = (across - ACROSS) / (ACROSS_MOST - ACROSS);
-        let along = ALONG + more * (ALONG_LEAST - ALONG);
-        let catch_up = CATCH_UP * self.tuning.speed_rad_s * TAU * pole_pairs;
         let limit_current = attempt!(current("alignment's torque limit", limit));
-        // A a second per electrical rad/s; a loop without an integral has none.
-        let integral = speed_loop.k_iw_step.to_bits() as f64 / SPEED_GAIN_ONE / step;
-        let half_late = LATE * self.alignment.travel_m / self.feed.lead_m / 2.0;
-        let break_away = if integral > 0.0 {
-            along * limit / (BREAK_AWAY_S * integral * half_late)
-        } else {
-            0.0
-        };
         let (kick, clear) = self.kick(motor, limit);
         Ok(MotorAlignment {
             limit: limit_current,
@@ -272,22 +248,7 @@ impl DrivePlate {
                 i_max: limit_current,
                 ..speed_loop
             },
-            swing: RotorSwing {
-                across: attempt!(current("alignment's current across", across * limit)),
-                speed: Speed::from_bits(attempt!(quantise(
-                    "alignment's speed of the swing",
-                    "electrical rad/s",
-                    swing * TAU * pole_pairs / SWING_S,
-                    16
-                ))),
-                gain: bounded(catch_up * 65_536.0, GAIN_MAX),
-                break_away_gain: bounded(break_away * 65_536.0, GAIN_MAX),
-                torque_per_ampere: (self.torque_part(motor) * 32_768.0) as i32,
-                speed_loop: SpeedLoopConfig {
-                    i_max: attempt!(current("alignment's current along", along * limit)),
-                    ..speed_loop
-                },
-            },
+            swing: attempt!(self.rotor_swing(motor, speed_loop, swing, limit)),
             resistance: Current::from_bits(attempt!(quantise(
                 "resistance",
                 "ohm",
@@ -313,6 +274,63 @@ impl DrivePlate {
                 18
             ))),
         })
+    }
+
+    /// How a motor swings; `swing` is how far, in turns, and `limit` its torque limit, A.
+    const fn rotor_swing(
+        &self,
+        motor: &MotorPlate,
+        speed_loop: SpeedLoopConfig,
+        swing: f64,
+        limit: f64,
+    ) -> Result<RotorSwing, Misfit> {
+        let pole_pairs = motor.pole_pairs as f64;
+        let across = ACROSS * SWING / (swing * pole_pairs);
+        let across = if across < ACROSS_MOST {
+            across
+        } else {
+            ACROSS_MOST
+        };
+        let more = (across - ACROSS) / (ACROSS_MOST - ACROSS);
+        let along = ALONG + more * (ALONG_LEAST - ALONG);
+        let catch_up = CATCH_UP * self.tuning.speed_rad_s * TAU * pole_pairs;
+        // A a second per electrical rad/s; a loop without an integral has none.
+        let integral = speed_loop.k_iw_step.to_bits() as f64 / SPEED_GAIN_ONE / self.speed_step();
+        let half_late = LATE * self.alignment.travel_m / self.feed.lead_m / 2.0;
+        let break_away = if integral > 0.0 {
+            along * limit / (BREAK_AWAY_S * integral * half_late)
+        } else {
+            0.0
+        };
+        Ok(RotorSwing {
+            across: attempt!(current("alignment's current across", across * limit)),
+            speed: Speed::from_bits(attempt!(quantise(
+                "alignment's speed of the swing",
+                "electrical rad/s",
+                swing * TAU * pole_pairs / SWING_S,
+                16
+            ))),
+            gain: bounded(catch_up * 65_536.0, GAIN_MAX),
+            break_away_gain: bounded(break_away * 65_536.0, GAIN_MAX),
+            torque_per_ampere: (self.torque_part(motor) * 32_768.0) as i32,
+            speed_loop: SpeedLoopConfig {
+                i_max: attempt!(current("alignment's current along", along * limit)),
+                ..speed_loop
+            },
+        })
+    }
+}
+
+/// How both rotors swing: `swing` turns far, on a `travel` in turns, with steps of `step` seconds.
+#[allow(clippy::cast_possible_truncation)]
+const fn swing_config(swing: f64, travel: f64, step: f64) -> SwingConfig {
+    SwingConfig {
+        furthest: turns(swing).cast_signed(),
+        step: turns(swing * step / SWING_S).cast_signed(),
+        ramp: (FULL as f64 * step / SWING_EASE_S + 1.0) as i32,
+        late: turns(LATE * travel),
+        waits: steps(SWING_WAITS_S, step),
+        steps: steps(SWING_MAX_S, step),
     }
 }
 

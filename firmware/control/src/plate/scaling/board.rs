@@ -8,6 +8,44 @@ use crate::current::transform::AlphaBeta;
 use crate::plate::{BoardPlate, BridgePlate};
 use core::f64::consts::{FRAC_1_SQRT_2, SQRT_2};
 
+/// What divides by the bus, brought to [2^31, 2^32) of its word.
+struct BusDivider {
+    /// Fraction bits of the quotient.
+    fraction: u32,
+    numerator: f64,
+    shift: u32,
+    /// Lowest bus at which the quotient fits its word, counts.
+    least: u16,
+}
+
+impl BusDivider {
+    const fn new(per_count: f64, bus_counts_min: f64, adc_counts: u32) -> Self {
+        // At the lowest bus the quotient must be within a quarter of its word.
+        let mut fraction = 7u32;
+        while per_count * power_of_two(fraction) > 536_870_912.0 * bus_counts_min && fraction > 3 {
+            fraction = fraction.saturating_sub(1);
+        }
+        let full = per_count * power_of_two(fraction);
+        let (mut numerator, mut shift) = (full, 0u32);
+        while numerator >= 4_294_967_295.0 {
+            numerator /= 2.0;
+            shift = u32::saturating_add(shift, 1);
+        }
+        // Below this it would leave that.
+        let mut least = (full / 536_870_912.0 + 1.0) as u16;
+        // And the tangent there would leave it on a bus that leaps to the end of its range.
+        while full / least as f64 * (adc_counts as f64 / least as f64 - 2.0) > 2_147_483_647.0 {
+            least = least.saturating_add(1);
+        }
+        Self {
+            fraction,
+            numerator,
+            shift,
+            least,
+        }
+    }
+}
+
 impl BoardPlate {
     pub(super) const fn modulation(
         &self,
@@ -41,7 +79,7 @@ impl BoardPlate {
         attempt!(within("dead time", "PWM periods", dead, -1e-9, 0.2));
         let circle = ((1.0 - low_side) * FRAC_1_SQRT_2 - 2.0 * dead) * 0.999;
         attempt!(within("voltage circle", "bus", circle, 0.0, 1.0));
-        // What divides by the bus, brought to [2^31, 2^32) of its word. A voltage is in 2^-17 V.
+        // A voltage is in 2^-17 V.
         let per_bus_count = period as f64 / self.bus_volts_per_count;
         attempt!(within(
             "PWM counts per volt and bus count",
@@ -52,24 +90,7 @@ impl BoardPlate {
         ));
         let bus_counts_min = bridge.bus_min_v / self.bus_volts_per_count;
         let per_count = per_bus_count * 32_768.0 * (SQRT_2 / SQRT_3);
-        // At the lowest bus the quotient must be within a quarter of its word.
-        let mut fraction = 7u32;
-        while per_count * power_of_two(fraction) > 536_870_912.0 * bus_counts_min && fraction > 3 {
-            fraction = fraction.saturating_sub(1);
-        }
-        let full = per_count * power_of_two(fraction);
-        let (mut numerator, mut scale_shift) = (full, 0u32);
-        while numerator >= 4_294_967_295.0 {
-            numerator /= 2.0;
-            scale_shift = u32::saturating_add(scale_shift, 1);
-        }
-        // Below this it would leave that.
-        let mut least = (full / 536_870_912.0 + 1.0) as u16;
-        // And the tangent there would leave it on a bus that leaps to the end of its range.
-        while full / least as f64 * (self.adc_counts as f64 / least as f64 - 2.0) > 2_147_483_647.0
-        {
-            least = least.saturating_add(1);
-        }
+        let divided = BusDivider::new(per_count, bus_counts_min, self.adc_counts);
         let bus_counts_min = bus_counts_min as u16;
         let radius = circle * self.bus_volts_per_count;
         attempt!(within(
@@ -83,19 +104,19 @@ impl BoardPlate {
         Ok(ModulationConfig {
             period,
             compare_max,
-            centre: (compare_max as i32).saturating_add(1) << fraction.saturating_sub(1),
-            fraction,
-            scale_per_bus_count: numerator as u32,
-            scale_inverse: (9_223_372_036_854_775_808.0 / numerator) as u32,
-            scale_shift,
-            bus_counts_min: if bus_counts_min > least {
+            centre: (compare_max as i32).saturating_add(1) << divided.fraction.saturating_sub(1),
+            fraction: divided.fraction,
+            scale_per_bus_count: divided.numerator as u32,
+            scale_inverse: (9_223_372_036_854_775_808.0 / divided.numerator) as u32,
+            scale_shift: divided.shift,
+            bus_counts_min: if bus_counts_min > divided.least {
                 bus_counts_min
             } else {
-                least
+                divided.least
             },
             radius: (radius * 268_435_456.0) as u32,
             radius_square: (radius * radius * 17_179_869_184.0) as u32,
-            dead_time: attempt!(self.dead_time(bridge, sense, fraction)),
+            dead_time: attempt!(self.dead_time(bridge, sense, divided.fraction)),
         })
     }
 
@@ -146,13 +167,7 @@ impl BoardPlate {
         attempt!(within("gain of a current channel", "", ga, 0.5, 2.0));
         attempt!(within("gain of a current channel", "", gb, 0.5, 2.0));
         attempt!(within("gain of a current channel", "", gc, 0.5, 2.0));
-        let largest = if ga > gb && ga > gc {
-            ga
-        } else if gb > gc {
-            gb
-        } else {
-            gc
-        };
+        let largest = largest(gains);
         attempt!(within(
             "ADC full scale",
             "A",
@@ -182,20 +197,7 @@ impl BoardPlate {
             2_147_483_648.0
         ));
         let [a, b, c] = [unit * ga, unit * gb, unit * gc];
-        let clarke = match self.shunts {
-            Shunts::Two => AlphaBeta {
-                alpha: [a * SQRT_2 * SQRT_3, 0.0, 0.0],
-                beta: [a * SQRT_2, b * 2.0 * SQRT_2, 0.0],
-            },
-            Shunts::Three => AlphaBeta {
-                alpha: [
-                    a * 2.0 * SQRT_2 / SQRT_3,
-                    -b * SQRT_2 / SQRT_3,
-                    -c * SQRT_2 / SQRT_3,
-                ],
-                beta: [0.0, b * SQRT_2, -c * SQRT_2],
-            },
-        };
+        let clarke = clarke(self.shunts, [a, b, c]);
         let zero = (self.zero_counts * power_of_two(code_shift)) as i32;
         Ok(CurrentSense {
             shunts: self.shunts,
@@ -227,6 +229,34 @@ impl BoardPlate {
         Ok(BusSense {
             gain: TableVelocity::from_bits(bits),
         })
+    }
+}
+
+const fn largest([a, b, c]: [f64; 3]) -> f64 {
+    if a > b && a > c {
+        a
+    } else if b > c {
+        b
+    } else {
+        c
+    }
+}
+
+/// The vector of the phases' currents, of codes by `a`, `b` and `c`.
+const fn clarke(shunts: Shunts, [a, b, c]: [f64; 3]) -> AlphaBeta<[f64; 3]> {
+    match shunts {
+        Shunts::Two => AlphaBeta {
+            alpha: [a * SQRT_2 * SQRT_3, 0.0, 0.0],
+            beta: [a * SQRT_2, b * 2.0 * SQRT_2, 0.0],
+        },
+        Shunts::Three => AlphaBeta {
+            alpha: [
+                a * 2.0 * SQRT_2 / SQRT_3,
+                -b * SQRT_2 / SQRT_3,
+                -c * SQRT_2 / SQRT_3,
+            ],
+            beta: [0.0, b * SQRT_2, -c * SQRT_2],
+        },
     }
 }
 

@@ -130,20 +130,33 @@ impl MotorPlate {
         }
     }
 
+    const fn encoder_scale(&self) -> Result<EncoderScale, Misfit> {
+        match EncoderScale::new(self.encoder.counts_per_turn) {
+            Some(scale) => Ok(scale),
+            None => Err(Misfit {
+                name: "encoder resolution",
+                unit: "counts/turn",
+                value: self.encoder.counts_per_turn as f64,
+                least: 2.0,
+                below: 1_073_741_825.0,
+            }),
+        }
+    }
+
+    /// omega_e [2^-16 rad/s] = speed [2^-32 turn a sample] * m / 2^shift: m, as large as 31 bits hold, and the shift.
+    const fn omega_scale(&self, sample_time: f64) -> (f64, u32) {
+        let mut multiplier =
+            TAU * self.pole_pairs as f64 / sample_time * 65_536.0 / 4_294_967_296.0;
+        let mut shift = 0u32;
+        while multiplier < 1_073_741_824.0 && shift < 31 {
+            multiplier *= 2.0;
+            shift = shift.saturating_add(1);
+        }
+        (multiplier, shift)
+    }
+
     const fn observer(&self, tuning: &Tuning, sample_time: f64) -> Result<ObserverConfig, Misfit> {
-        let encoder = match EncoderScale::new(self.encoder.counts_per_turn) {
-            Some(scale) => scale,
-            None => {
-                let value = self.encoder.counts_per_turn as f64;
-                return Err(Misfit {
-                    name: "encoder resolution",
-                    unit: "counts/turn",
-                    value,
-                    least: 2.0,
-                    below: 1_073_741_825.0,
-                });
-            }
-        };
+        let encoder = attempt!(self.encoder_scale());
         let x = tuning.observer_rad_s * sample_time;
         attempt!(within(
             "observer frequency times sample time",
@@ -162,14 +175,7 @@ impl MotorPlate {
             0.0,
             0.125
         ));
-        // omega_e [2^-16 rad/s] = speed [2^-32 turn a sample] * m / 2^shift, m as large as 31 bits hold.
-        let mut multiplier =
-            TAU * self.pole_pairs as f64 / sample_time * 65_536.0 / 4_294_967_296.0;
-        let mut omega_shift = 0u32;
-        while multiplier < 1_073_741_824.0 && omega_shift < 31 {
-            multiplier *= 2.0;
-            omega_shift = omega_shift.saturating_add(1);
-        }
+        let (multiplier, omega_shift) = self.omega_scale(sample_time);
         // What `Speed` holds; the cast saturates.
         #[allow(clippy::arithmetic_side_effects)]
         let format_end = 32_767.0 * 65_536.0 * (1u64 << omega_shift) as f64 / multiplier;

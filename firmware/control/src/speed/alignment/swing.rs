@@ -10,7 +10,7 @@
 //! angle adds to it. Three swings separate all of them, with currents across of both, of the nut turned round, and of the screw turned round:
 //! the first less the second is twice the nut's, the first less the third twice the screw's.
 
-use super::{AlignmentConfig, MotorAlignment, MotorSeen, Reason, RotorSwing};
+use super::{AlignmentConfig, MotorAlignment, MotorSeen, Reason, RotorSwing, SwingConfig};
 use crate::base::format::{Angle, Current, ElectricalChange, Speed};
 use crate::speed::speed_loop::{SpeedLoop, SpeedReference};
 
@@ -75,6 +75,25 @@ pub(super) enum SwingStep {
     Failed(usize, Reason),
 }
 
+/// How far both rotors have turned since their start.
+#[derive(Clone, Copy, Debug)]
+struct Turned {
+    moved: [i32; 2],
+    /// Both encoders count the same way where both turn together.
+    same: bool,
+}
+
+impl Turned {
+    /// An angle of a motor's encoder as the screw's counts it, or back.
+    fn along(&self, motor: usize, x: i32) -> i32 {
+        if motor == 1 && !self.same {
+            x.wrapping_neg()
+        } else {
+            x
+        }
+    }
+}
+
 impl Swing {
     /// One step; `same`: both encoders count the same way where both turn together; `away`: how far the table is from its start, in the
     /// screw's direction; `held`: whose speed is not known.
@@ -93,71 +112,98 @@ impl Swing {
         let theta = seen.map(|motor| motor.theta);
         let [screw_from, nut_from] = *self.from.get_or_insert(theta);
         let [screw, nut] = theta;
-        let moved = [screw.minus(screw_from), nut.minus(nut_from)];
-        let counts = [false, !same];
-        let along = |motor: usize, x: i32| {
-            if counts.get(motor).copied().unwrap_or(false) {
-                x.wrapping_neg()
-            } else {
-                x
-            }
+        let turned = Turned {
+            moved: [screw.minus(screw_from), nut.minus(nut_from)],
+            same,
         };
         let away = *self.away.get_or_insert(away);
-        let behind = |asked: i32, back: i32, motor: usize, moved: i32| {
-            let back = if motor == 0 {
-                back.wrapping_neg()
-            } else {
-                back
-            };
-            let asked = asked.saturating_add(back >> 1);
-            asked.saturating_sub(along(motor, moved))
+        let gives_up = self.advance(&config.swing, turned, away);
+        self.turn_round(config, gives_up);
+        if usize::from(self.swing) == SWINGS.len() {
+            if let Some(end) = self.conclude() {
+                return end;
+            }
+            (self.swing, self.steps) = (0, 0);
+            self.again = self.again.saturating_add(1);
+        }
+        self.samples = self.samples.saturating_add(1);
+        match self.drive(config, seen, turned, held) {
+            Some(currents) => SwingStep::Drive(currents),
+            None => SwingStep::Failed(self.late(), Reason::Unsteady),
+        }
+    }
+
+    /// How far a rotor is behind what is asked.
+    fn behind(&self, turned: Turned, motor: usize, moved: i32) -> i32 {
+        let back = if motor == 0 {
+            self.back.wrapping_neg()
+        } else {
+            self.back
         };
-        let [screw_moved, nut_moved] = moved;
-        let screw_behind = behind(self.asked, self.back, 0, screw_moved);
-        let nut_behind = behind(self.asked, self.back, 1, nut_moved);
+        let asked = self.asked.saturating_add(back >> 1);
+        asked.saturating_sub(turned.along(motor, moved))
+    }
+
+    /// Asks both rotors to go on, unless one is behind; `true` if it has been for too long.
+    fn advance(&mut self, config: &SwingConfig, turned: Turned, away: i32) -> bool {
+        let [screw_moved, nut_moved] = turned.moved;
+        let screw_behind = self.behind(turned, 0, screw_moved);
+        let nut_behind = self.behind(turned, 1, nut_moved);
         let together = (screw_behind >> 1).saturating_add(nut_behind >> 1);
         let apart = screw_behind.saturating_sub(nut_behind);
-        let late = together.unsigned_abs() > config.swing.late
-            || apart.unsigned_abs() >> 2 > config.swing.late;
+        let late = together.unsigned_abs() > config.late || apart.unsigned_abs() >> 2 > config.late;
         let limited = self.rotors.iter().all(|rotor| rotor.limited);
-        let way = match self.phase {
-            Phase::Up => 1i32,
-            Phase::Down => -1,
-            Phase::Back => 1,
-        };
         let waits = late || limited;
-        let wanted = if waits { 0 } else { way.wrapping_mul(FULL) };
-        let ramp = config.swing.ramp;
-        let more = wanted.saturating_sub(self.speed);
-        self.speed = self
-            .speed
-            .saturating_add(more.max(ramp.wrapping_neg()).min(ramp));
-        let step = config.swing.step.wrapping_mul(self.speed) / FULL;
-        self.asked = self.asked.saturating_add(step);
+        self.accelerate(config, waits);
         self.waited = if waits {
             self.waited.saturating_add(1)
         } else {
             0
         };
-        let gives_up = self.waited > config.swing.waits;
+        let gives_up = self.waited > config.waits;
         if gives_up {
-            // The table stays where it is: a load may be too much for its way back.
-            self.waited = 0;
-            self.back = self.back.saturating_add(apart);
-            self.away = Some(self.back);
-            if limited {
-                for rotor in &mut self.rotors {
-                    (rotor.speed, rotor.limited) = (SpeedLoop::new(), false);
-                }
-            }
+            self.give_up(apart, limited);
         } else if !waits {
             let left = away.saturating_sub(self.back);
-            let most = config.swing.step >> 1;
+            let most = config.step >> 1;
             self.back = self
                 .back
                 .saturating_add(left.max(most.wrapping_neg()).min(most));
         }
-        // Past a third of the way it turns round where a rotor stays behind.
+        gives_up
+    }
+
+    /// Brings the speed to that of the phase, or to rest, and moves on by it.
+    fn accelerate(&mut self, config: &SwingConfig, waits: bool) {
+        let way = match self.phase {
+            Phase::Up => 1i32,
+            Phase::Down => -1,
+            Phase::Back => 1,
+        };
+        let wanted = if waits { 0 } else { way.wrapping_mul(FULL) };
+        let ramp = config.ramp;
+        let more = wanted.saturating_sub(self.speed);
+        self.speed = self
+            .speed
+            .saturating_add(more.max(ramp.wrapping_neg()).min(ramp));
+        let step = config.step.wrapping_mul(self.speed) / FULL;
+        self.asked = self.asked.saturating_add(step);
+    }
+
+    /// The table stays where it is: a load may be too much for its way back.
+    fn give_up(&mut self, apart: i32, limited: bool) {
+        self.waited = 0;
+        self.back = self.back.saturating_add(apart);
+        self.away = Some(self.back);
+        if limited {
+            for rotor in &mut self.rotors {
+                (rotor.speed, rotor.limited) = (SpeedLoop::new(), false);
+            }
+        }
+    }
+
+    /// Turns round at the end of the way, or past a third of it where a rotor stays behind.
+    fn turn_round(&mut self, config: &AlignmentConfig, gives_up: bool) {
         let furthest = if gives_up {
             config.swing.furthest / 3
         } else {
@@ -173,28 +219,35 @@ impl Swing {
             }
             phase => phase,
         };
-        if usize::from(self.swing) == SWINGS.len() {
-            if let Some(end) = self.conclude() {
-                return end;
-            }
-            (self.swing, self.steps) = (0, 0);
-            self.again = self.again.saturating_add(1);
-        }
-        self.samples = self.samples.saturating_add(1);
+    }
+
+    /// Drives both rotors, and adds up what their torques say: their currents.
+    fn drive(
+        &mut self,
+        config: &AlignmentConfig,
+        seen: &[MotorSeen; 2],
+        turned: Turned,
+        held: [bool; 2],
+    ) -> Option<[[Current; 2]; 2]> {
         let swing = usize::from(self.swing);
-        let (Some(round), Some(sum)) = (SWINGS.get(swing), self.sums.get_mut(swing)) else {
-            return SwingStep::Failed(self.late(), Reason::Unsteady);
-        };
+        let round = SWINGS.get(swing)?;
+        let [screw_moved, nut_moved] = turned.moved;
+        let behinds = [
+            self.behind(turned, 0, screw_moved),
+            self.behind(turned, 1, nut_moved),
+        ];
+        let sum = self.sums.get_mut(swing)?;
         let mut currents = [[Current::ZERO; 2]; 2];
         let rotors = self.rotors.iter_mut().zip(&config.motors).zip(seen);
-        let rotors = rotors.zip(moved).zip(held).zip(round).zip(&mut currents);
-        for (motor, ((((((rotor, limits), seen), moved), held), round), current)) in
+        let rotors = rotors.zip(turned.moved).zip(behinds);
+        let rotors = rotors.zip(held).zip(round).zip(&mut currents);
+        for (motor, (((((((rotor, limits), seen), moved), behind), held), round), current)) in
             rotors.enumerate()
         {
-            let behind = along(motor, behind(self.asked, self.back, motor, moved));
+            let behind = turned.along(motor, behind);
             // Within 2^31: a speed of some hundred rad/s in 2^-16.
             let speed = (limits.swing.speed.to_bits() / FULL).wrapping_mul(self.speed);
-            let speed = along(motor, speed);
+            let speed = turned.along(motor, speed);
             let late = config.swing.late;
             rotor.step(limits, seen, behind, late, Speed::from_bits(speed), held);
             // 2^-16 turn. The pair's friction carries torque from one motor to the other: by the mechanical angle, which is the same for
@@ -216,7 +269,7 @@ impl Swing {
             };
             *current = [rotor.asked, across];
         }
-        SwingStep::Drive(currents)
+        Some(currents)
     }
 
     /// Counts each rotor's angle of a swing from its mean. The table was moved back by the rotors' difference, so they do not swing about

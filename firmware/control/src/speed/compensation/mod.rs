@@ -374,6 +374,31 @@ impl Compensation {
         }
     }
 
+    /// A load or a speed that is another one begins a new window.
+    #[inline(always)]
+    fn look_at_loads(&mut self, config: &CompensationConfig, loads: [i32; 2], least: u32) {
+        let other = |(load, settled): (&i32, &i32)| load.abs_diff(*settled) > least;
+        if self.steady_steps < SPEED_STEPS || loads.iter().zip(&self.loads).any(other) {
+            self.loads = loads;
+            if self.checks.unsettle(config) {
+                self.waits = LOAD_ROUNDS;
+            }
+            self.end_window(false);
+        }
+    }
+
+    /// After the last line: a table is checked, and the first line is the next.
+    #[inline(always)]
+    fn end_round(&mut self, config: &CompensationConfig, theta_steps: [i32; 2]) {
+        self.next = 0;
+        self.waits = self.waits.saturating_sub(1);
+        self.check(config, theta_steps);
+        self.rounds = self.rounds.wrapping_add(1);
+        if self.rounds >= WINDOW_ROUNDS {
+            self.end_window(self.checks.is_settled(config));
+        }
+    }
+
     /// Tunes one line to the present speeds; after the last a table is checked.
     #[inline(never)]
     fn tune(
@@ -385,23 +410,10 @@ impl Compensation {
     ) {
         // An eighth of the largest coefficient.
         let least = (config.torque_max >> (TORQUE_BITS - 8 + 3)).unsigned_abs();
-        let other = |(load, settled): (&i32, &i32)| load.abs_diff(*settled) > least;
-        if self.steady_steps < SPEED_STEPS || loads.iter().zip(&self.loads).any(other) {
-            self.loads = loads;
-            if self.checks.unsettle(config) {
-                self.waits = LOAD_ROUNDS;
-            }
-            self.end_window(false);
-        }
+        self.look_at_loads(config, loads, least);
         let next = usize::from(self.next);
         if next >= LINES {
-            self.next = 0;
-            self.waits = self.waits.saturating_sub(1);
-            self.check(config, theta_steps);
-            self.rounds = self.rounds.wrapping_add(1);
-            if self.rounds >= WINDOW_ROUNDS {
-                self.end_window(self.checks.is_settled(config));
-            }
+            self.end_round(config, theta_steps);
             return;
         }
         self.next = self.next.wrapping_add(1);

@@ -18,21 +18,20 @@
 //! meanwhile, or the pair's friction would stick, and share the torques between the motors as it likes. The differential mode
 //! (the table to and fro at one base speed) shows `M`, `c_f`, `b_f`.
 
+mod course;
+
 use crate::axial::{AxialFit, Behind};
 use crate::electrical::slowest_rad_s;
 use crate::fit::{Estimate, Fit};
 use crate::session::{Point, Session};
 use crate::{Bound, Failure};
 use anyhow::{Result, bail};
+use course::{Course, SPEED, Speeds};
 use link::host::dialogue::Dialogue;
 use link::settings::{MotorSettings, PER_KRPM, Settings};
 use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 
-/// Speed of the common mode, of the slower motor's largest.
-const SPEED: f64 = 0.3;
-/// How long each speed is held, s.
-const HOLD_S: f64 = 0.15;
 /// Length of a window, of a ramp's, and s.
 const WINDOW: f64 = 0.3;
 const WINDOW_S: [f64; 2] = [0.006, 0.06];
@@ -47,8 +46,6 @@ const STRETCHES: usize = 10;
 /// Shortest ramp from one end of the common mode's speeds to the other, s. A speed loop whose inertia is not known yet follows
 /// it well enough for the table to go on one way.
 const RAMP_S: f64 = 0.08;
-/// How often the table goes to and fro in the differential mode.
-const STROKES: usize = 6;
 
 /// What was measured of a motor.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -177,83 +174,26 @@ pub async fn measure<D: Dialogue>(
     progress: &mut dyn FnMut(f64),
 ) -> Result<Mechanical> {
     let settings = *session.settings();
-    let motors = [&settings.screw, &settings.nut];
-    let speed = SPEED * slowest_rad_s(&settings);
-    let feed = &settings.feed;
-    let acceleration = feed.base_acceleration_max_rpm_s * TAU / 60.0;
-    let constants = motors.map(torque_constant);
-    let mut torques = motors.map(|motor| Bound::of(motor.torque_max_nm));
-    let mut travel = Bound::of(travel_m);
-    let mut from = None;
-    let mut points = Vec::new();
-    let mut watch = |points: &mut Vec<Point>, point: &Point| {
-        travel.take(point.table - *from.get_or_insert(point.table));
-        for ((bound, motor), constant) in torques.iter_mut().zip(&point.motors).zip(constants) {
-            bound.take(motor.current[1] * constant);
-        }
-        points.push(*point);
-    };
-
-    // Common mode. Both ways the table goes as slowly as its travel asks.
-    let whole = 2.0 * speed / acceleration + 2.0 * HOLD_S;
-    let pattern = [1.0, -1.0, 1.0, -1.0, 1.0, -1.0];
-    let slow = (0.6 * travel_m / (pattern.len() as f64 * whole + 0.3))
-        .min(0.25 * feed.velocity_max_mm_s * 1e-3);
-    let runs = 2 * pattern.len() + STROKES;
-    let mut done = 0;
-    for velocity in [slow, -slow] {
-        for sign in pattern {
-            progress(done as f64 / runs as f64);
-            done += 1;
-            session
-                .go(velocity, sign * speed, &mut |point| {
-                    watch(&mut points, point)
-                })
-                .await?;
-            session
-                .hold(HOLD_S, &mut |point| watch(&mut points, point))
-                .await?;
-        }
-        session
-            .go(0.0, 0.0, &mut |point| watch(&mut points, point))
-            .await?;
-    }
-    let common = points.len();
-    // Differential mode.
-    let table = feed.acceleration_max_mm_s2 * 1e-3;
-    let fast = (0.25 * table * travel_m)
-        .sqrt()
-        .min(0.5 * feed.velocity_max_mm_s * 1e-3);
-    session
-        .go(0.0, 0.5 * speed, &mut |point| watch(&mut points, point))
-        .await?;
-    for stroke in 0..STROKES {
-        progress(done as f64 / runs as f64);
-        done += 1;
-        let sign = if stroke.is_multiple_of(2) { 1.0 } else { -1.0 };
-        session
-            .go(sign * fast, 0.5 * speed, &mut |point| {
-                watch(&mut points, point)
-            })
-            .await?;
-    }
-    session
-        .go(0.0, 0.5 * speed, &mut |point| watch(&mut points, point))
-        .await?;
-    session
-        .go(0.0, 0.0, &mut |point| watch(&mut points, point))
-        .await?;
-    session.rest().await?;
+    let speeds = Speeds::of(&settings, travel_m);
+    let mut course = Course::new(session, travel_m, progress);
+    course.common_mode(&speeds).await?;
+    let common = course.seen.points.len();
+    course.differential_mode(&speeds).await?;
+    let seen = course.rest().await?;
+    let (of_common, of_differential) = seen.points.split_at(common);
     let window = |ramp: f64| (WINDOW * ramp).clamp(WINDOW_S[0], WINDOW_S[1]);
     let run = Run {
         parts: [
-            (&points[..common], window(2.0 * speed / acceleration)),
-            (&points[common..], window(2.0 * fast / table)),
+            (of_common, window(2.0 * speeds.common / speeds.acceleration)),
+            (
+                of_differential,
+                window(2.0 * speeds.fast / speeds.table_acceleration),
+            ),
         ],
-        least: SLOW * speed,
-        least_apart: SLOW_APART * slow / (feed.lead_mm * 1e-3) * TAU,
+        least: SLOW * speeds.common,
+        least_apart: SLOW_APART * speeds.slow / (settings.feed.lead_mm * 1e-3) * TAU,
     };
-    solve(&run, &settings, torques, travel)
+    solve(&run, &settings, seen.torques, seen.travel)
 }
 
 /// Torques that accelerations, speeds and friction do not explain.

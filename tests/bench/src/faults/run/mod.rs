@@ -1,11 +1,13 @@
 //! A cell, run: the drive brought into the situation, the fault injected, and what comes of it.
 
-use super::bench::{Bench, Ends, Soft};
-use super::cause::{names, names_two_channels};
+mod watched;
+
+pub(super) use watched::run;
+
+use super::bench::Bench;
 use super::cell::{Defect, Input, Situation};
 use super::controller::{Change, Controller, Doing};
 use super::spoiled::Spoiled;
-use super::{Hazard, Limits, Outcome};
 use crate::alignment::held_load_n;
 use control::format::TableVelocity;
 use control::guard::Look;
@@ -442,165 +444,6 @@ impl Run {
             let _ = self.drive.command(velocity, base * DDFS.base);
         }
     }
-}
-
-/// Runs a situation with faults in it; `healthy` is what a healthy drive does, `None` for that drive itself.
-pub(super) fn run(
-    board: BoardKind,
-    plate: &DrivePlate,
-    situation: Situation,
-    faults: &[(Input, Defect)],
-    event: Event,
-    seed: u64,
-    healthy: Option<&Healthy>,
-) -> Result<(Outcome, Healthy), ExperimentError> {
-    let mut run = Run::new(board, plate, situation, faults, seed)?;
-    let position = run.bench.position;
-    let switch = if event == Event::End { NEAR_M } else { FAR_M };
-    run.bench.ends = Ends {
-        middle: position,
-        switch,
-        // A tenth more than the stop takes: see the interlock.
-        stop: switch + 1.1 * stop_m(plate, plate.feed.velocity_max),
-    };
-    if event == Event::End {
-        let scale = run.bench.scale_counts();
-        run.bench.soft = Some(Soft::new(plate, switch + SOFT_M, scale));
-    }
-    run.bench.break_down();
-    run.returned_j = 0.0;
-    let judged = !faults
-        .iter()
-        .any(|(input, _)| matches!(input, Input::Command | Input::Demand));
-    let demanded = faults.iter().any(|(input, _)| *input == Input::Demand);
-    let mut faulted = false;
-    // Since it was last asked: seconds, and where it was.
-    let moves = !matches!(
-        situation,
-        Situation::Boot | Situation::Unaligned | Situation::Aligning | Situation::Ready
-    );
-    let mut asked = moves.then_some((0.0, position));
-    let (mut unaligned, mut ready, mut still, mut now) = (0.0, 0.0, 0.0, 0.0);
-    let (mut off, mut since, mut reacted) = (0.0f64, 0.0f64, None::<(f64, f64)>);
-    let mut regular = 0.0;
-    let mut path = Vec::new();
-    loop {
-        run.spoil_command(path.len());
-        run.period();
-        let period_s = run.drive.board.period_s();
-        now += period_s;
-        let x = run.bench.position;
-        if run.drive.state() == State::Unaligned && !run.was_reset {
-            unaligned += period_s;
-            if unaligned > 0.2 {
-                run.drive.request.demand = Demand::Align;
-            }
-        }
-        if run.drive.state() == State::Ready && asked.is_none() {
-            ready += period_s;
-            if ready > 0.2 && !run.was_reset {
-                run.ask(CDFS)?;
-                asked = Some((0.0, x));
-            }
-        }
-        let since_asked = asked.as_ref().map_or(0.0, |(seconds, _)| *seconds);
-        let comes = since_asked > OPENED_S;
-        run.bench.enable_opened = event == Event::Opened && comes;
-        run.failed_driver = match event {
-            Event::DriverFault(axis) if comes => Some(axis),
-            _ => None,
-        };
-        if let Some((seconds, origin)) = &mut asked {
-            let moved = x - *origin;
-            path.push(moved);
-            let expected = healthy.map_or(moved, |healthy| {
-                let last = healthy.path.last().copied().unwrap_or_default();
-                let at = (*seconds / run.period_s).round() as usize;
-                healthy.path.get(at).copied().unwrap_or(last)
-            });
-            *seconds += period_s;
-            if reacted.is_none() {
-                off = off.max((moved - expected).abs());
-            }
-        } else if reacted.is_none() {
-            off = off.max((x - position).abs());
-        }
-        if reacted.is_none() && run.reacts() {
-            reacted = Some((now, x));
-            if run.drive.state() == State::Stopping {
-                regular = stop_m(plate, run.drive.board.machine.table_velocity());
-            }
-        }
-        still = if run.at_rest() { still + period_s } else { 0.0 };
-        let over = match reacted {
-            Some((at, from)) => {
-                since = since.max((x - from).abs());
-                // After a reset it waits with open bridges, or stands for good.
-                let ended = match run.drive.state() {
-                    State::Fault(_) => true,
-                    State::Unaligned | State::Ready => run.was_reset,
-                    _ => run.controller.stands(),
-                };
-                // A demand that is wrong may leave the fault and run again, as is demanded.
-                let faulty = matches!(run.drive.state(), State::Fault(_));
-                let runs_again = demanded && faulted && !faulty;
-                faulted |= faulty;
-                let longest = if run.was_reset { START_S } else { REST_S };
-                runs_again || ended && still > 0.05 || now - at > longest
-            }
-            None => since_asked > WATCHED_S || asked.is_none() && now > START_S,
-        };
-        if over {
-            break;
-        }
-    }
-    let state = run.drive.state();
-    let misalignment = run.drive.misalignment();
-    let seen = run.bench.seen;
-    let by_event = healthy
-        .and_then(|healthy| healthy.reacted_s)
-        .zip(reacted)
-        .is_some_and(|(healthy, (at, _))| at >= healthy - 2e-3);
-    let mut outcome = Outcome {
-        detected_s: reacted.filter(|_| !by_event).map(|(at, _)| at),
-        peak_a: seen.peak_a,
-        // A sensor sees it a period later at the latest.
-        over_current_periods: (f64::from(seen.over_most) / 2.0 - 1.0).max(0.0),
-        returned_j: run.returned_j,
-        travel_m: (since - regular).max(0.0) + if judged { off } else { 0.0 },
-        end_force_n: seen.end_force_n,
-        state,
-        misalignment,
-        wrong_cause: match state {
-            State::Fault(fault) => {
-                let named = |input| names(input, fault, misalignment);
-                let inputs = || faults.iter().map(|(input, _)| *input);
-                let named = inputs().any(named) || names_two_channels(inputs(), fault);
-                !run.bench.is_at_end(fault) && !named
-            }
-            _ => false,
-        },
-        seconds: now,
-        hazards: Vec::new(),
-    };
-    let limits = Limits::OF_THE_MATRIX;
-    for (hazard, there) in [
-        (
-            Hazard::OverCurrent,
-            outcome.over_current_periods > limits.over_current_periods,
-        ),
-        (Hazard::Travel, outcome.travel_m > limits.travel_m),
-        (
-            Hazard::WrongCause,
-            outcome.wrong_cause && !faults.is_empty(),
-        ),
-    ] {
-        if there {
-            outcome.hazards.push(hazard);
-        }
-    }
-    let reacted_s = reacted.map(|(at, _)| at);
-    Ok((outcome, Healthy { path, reacted_s }))
 }
 
 /// The seed of the noise of a cell of that name.

@@ -5,22 +5,20 @@
 //! at all speeds. So orders are taken one after the other, the one first that explains the most of all holds together, and all are fitted
 //! together after each (orthogonal matching pursuit; Pati, Rezaiifar and Krishnaprasad, Asilomar 1993).
 
-use control::compensation::{ANGLES, TORQUES, TRAVELS};
+mod settled;
+
+use self::settled::Settled;
+use control::compensation::TORQUES;
 use control::plate::{CompensationPlate, OrderPlate, TorqueOrderPlate};
 use fft::Complex64;
-use hal_sim::hold_ripple::{Hold, SETTLE_S, holds};
 use nalgebra::{DMatrix, DVector};
 use plant::Axis;
 use plant::model::Model;
 use plant::recording::Recording;
 use std::f64::consts::TAU;
 
-/// The orders that are looked for. Below the first a load that changes slowly looks like one.
+/// The lowest order that is looked for. Below it a load that changes slowly looks like one.
 const ORDER_MIN: f64 = 1.0;
-const TORQUE_ORDER_MAX: f64 = 150.0;
-/// Discs and magnets err a few times a turn. Faster, an elastic screw shows the motors' torque.
-const ENCODER_ORDER_MAX: f64 = 12.0;
-const LEAD_ORDER_MAX: f64 = 30.0;
 /// A whole order is taken unless another takes so much more of the signal.
 const NOT_WHOLE: f64 = 1.2;
 /// Repetitions that a hold must have of an order.
@@ -34,8 +32,6 @@ const PADDED: usize = 4;
 /// Candidates to each side of which the median is noise, and how far above it an order is none of it: one of `exp(25 ln 2)` is.
 const AROUND: usize = 50;
 const ABOVE_NOISE: f64 = 25.0;
-/// Smallest part of the largest load by which loads must differ.
-const LOADS_DIFFER: f64 = 0.3;
 
 /// An order that was found.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -368,83 +364,12 @@ impl Search {
 /// The orders of a recording that was made without a compensation. `model` gives inertia, flux, lead and pole pairs.
 #[must_use]
 pub fn orders(recording: &Recording, model: &Model) -> Orders {
-    let rows = recording.len();
-    let interval_s = (recording.time_s[rows - 1] - recording.time_s[0]) / (rows - 1) as f64;
-    let travel = model.feed.travel_per_radian();
-    let skip = (SETTLE_S / interval_s) as usize;
-    let holds: Vec<Hold> = holds(recording, travel)
-        .into_iter()
-        .filter(|hold| hold.rows > 2 * skip)
-        .map(|hold| Hold {
-            first: hold.first + skip,
-            rows: hold.rows - skip,
-            ..hold
-        })
-        .collect();
-    let over = |of: &dyn Fn(usize) -> f64| -> Vec<Vec<f64>> {
-        let of_hold = |hold: &Hold| (hold.first..hold.first + hold.rows).map(of).collect();
-        holds.iter().map(of_hold).collect()
-    };
-    let [screw, nut] = Axis::ALL.map(|axis| &recording.axis(axis).angle_rad);
-    let angles = [
-        over(&|k| screw[k]),
-        over(&|k| nut[k]),
-        over(&|k| screw[k] - nut[k]),
-    ];
-    let coordinate = |k: usize, shows, room| {
-        // A speed lies between two rows, and so does a current that was summed up to a row.
-        Coordinate::new(between_rows(&angles[k]), interval_s, shows, room)
-    };
+    let settled = Settled::of(recording, model);
     let torque = Axis::ALL.map(|axis| {
-        let currents = over(&|k| q_current(recording, model, axis, k));
-        let motor = model.motor(axis);
-        let per_speed = motor.inertia_kg_m2 / (f64::from(motor.pole_pairs) * motor.flux_wb);
-        let momentum = |(angle, current): (&Vec<f64>, &Vec<f64>)| {
-            let mut sum = 0.0;
-            let steps = angle.windows(2).zip(current.windows(2));
-            let values = steps.map(|(angle, current)| {
-                let half = 0.5 * interval_s * current[0];
-                sum += half;
-                let value = per_speed * (angle[1] - angle[0]) / interval_s - sum;
-                sum += interval_s * current[0] - half;
-                value
-            });
-            straightened(values.collect())
-        };
-        let search = Search {
-            signals: angles[axis.index()]
-                .iter()
-                .zip(&currents)
-                .map(momentum)
-                .collect(),
-            coordinates: vec![coordinate(
-                axis.index(),
-                Shows::Momentum,
-                (TORQUES, TORQUE_ORDER_MAX),
-            )],
-            interval_s,
-            loads: differing(currents.iter().map(|current| mean(current)).collect()),
-        };
+        let search = settled.torque_search(axis);
         of_coordinate(&search, &search.lines(), 0)
     });
-    let table = over(&|k| recording.table_position_m[k] / travel);
-    let against_scale = |(turned, table): (&Vec<f64>, &Vec<f64>)| {
-        let steps = turned.windows(2).zip(table.windows(2));
-        let speed = |(turned, table): (&[f64], &[f64])| {
-            (turned[1] - turned[0] - table[1] + table[0]) / interval_s
-        };
-        straightened(steps.map(speed).collect())
-    };
-    let search = Search {
-        signals: angles[2].iter().zip(&table).map(against_scale).collect(),
-        coordinates: vec![
-            coordinate(0, Shows::Speed(1.0), (ANGLES, ENCODER_ORDER_MAX)),
-            coordinate(1, Shows::Speed(-1.0), (ANGLES, ENCODER_ORDER_MAX)),
-            coordinate(2, Shows::Speed(1.0), (TRAVELS, LEAD_ORDER_MAX)),
-        ],
-        interval_s,
-        loads: None,
-    };
+    let search = settled.scale_search();
     let lines = search.lines();
     let of = |k: usize| of_coordinate(&search, &lines, k);
     Orders {
@@ -478,25 +403,6 @@ fn of_coordinate(search: &Search, lines: &[(Line, Parts)], coordinate: usize) ->
     own.map(found).collect()
 }
 
-/// The loads, if they differ enough to tell what scales with them.
-fn differing(loads: Vec<f64>) -> Option<Vec<f64>> {
-    let most = loads
-        .iter()
-        .fold(0.0, |most: f64, load| most.max(load.abs()));
-    let least = loads.iter().fold(f64::MAX, |a, b| a.min(*b));
-    let largest = loads.iter().fold(f64::MIN, |a, b| a.max(*b));
-    (largest - least > LOADS_DIFFER * most).then_some(loads)
-}
-
-/// The measured q current of a row, A: power-invariant, of two phases whose third is minus their sum.
-fn q_current(recording: &Recording, model: &Model, axis: Axis, row: usize) -> f64 {
-    let record = recording.axis(axis);
-    let theta_e = f64::from(model.motor(axis).pole_pairs) * record.angle_rad[row];
-    let (a, b) = (record.ia_a[row], record.ib_a[row]);
-    let (alpha, beta) = (1.5_f64.sqrt() * a, (a + 2.0 * b) * 0.5_f64.sqrt());
-    beta * theta_e.cos() - alpha * theta_e.sin()
-}
-
 fn mean(values: &[f64]) -> f64 {
     values.iter().sum::<f64>() / values.len().max(1) as f64
 }
@@ -505,28 +411,6 @@ fn median(values: &[f64]) -> f64 {
     let mut sorted = values.to_vec();
     let middle = sorted.len() / 2;
     *sorted.select_nth_unstable_by(middle, f64::total_cmp).1
-}
-
-/// Angles between two rows each.
-fn between_rows(angles: &[Vec<f64>]) -> Vec<Vec<f64>> {
-    let middle = |pair: &[f64]| 0.5 * (pair[0] + pair[1]);
-    let of = |angle: &Vec<f64>| angle.windows(2).map(middle).collect();
-    angles.iter().map(of).collect()
-}
-
-/// Without its best-fit line.
-fn straightened(values: Vec<f64>) -> Vec<f64> {
-    let middle = (values.len() as f64 - 1.0) / 2.0;
-    let mean = mean(&values);
-    let (mut moment, mut squares) = (0.0, 0.0);
-    for (k, value) in values.iter().enumerate() {
-        let at = k as f64 - middle;
-        moment += at * value;
-        squares += at * at;
-    }
-    let slope = moment / squares.max(1.0);
-    let of = |(k, value): (usize, f64)| value - mean - slope * (k as f64 - middle);
-    values.into_iter().enumerate().map(of).collect()
 }
 
 /// The spectrum of a signal, padded with zeros.

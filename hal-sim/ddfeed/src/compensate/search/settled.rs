@@ -1,0 +1,172 @@
+//! The settled parts of a recording's holds, and the signals in which orders are looked for.
+
+use super::{Coordinate, Search, Shows, mean};
+use control::compensation::{ANGLES, TORQUES, TRAVELS};
+use hal_sim::hold_ripple::{Hold, SETTLE_S, holds};
+use plant::Axis;
+use plant::model::Model;
+use plant::recording::Recording;
+
+/// The highest orders that are looked for.
+const TORQUE_ORDER_MAX: f64 = 150.0;
+/// Discs and magnets err a few times a turn. Faster, an elastic screw shows the motors' torque.
+const ENCODER_ORDER_MAX: f64 = 12.0;
+const LEAD_ORDER_MAX: f64 = 30.0;
+/// Smallest part of the largest load by which loads must differ.
+const LOADS_DIFFER: f64 = 0.3;
+
+/// The holds of a recording without their beginnings.
+pub(super) struct Settled<'a> {
+    recording: &'a Recording,
+    model: &'a Model,
+    interval_s: f64,
+    holds: Vec<Hold>,
+    /// Over each hold, rad: of the screw, of the nut, and of the screw less the nut.
+    angles: [Vec<Vec<f64>>; 3],
+}
+
+impl<'a> Settled<'a> {
+    pub(super) fn of(recording: &'a Recording, model: &'a Model) -> Self {
+        let rows = recording.len();
+        let interval_s = (recording.time_s[rows - 1] - recording.time_s[0]) / (rows - 1) as f64;
+        let skip = (SETTLE_S / interval_s) as usize;
+        let holds: Vec<Hold> = holds(recording, model.feed.travel_per_radian())
+            .into_iter()
+            .filter(|hold| hold.rows > 2 * skip)
+            .map(|hold| Hold {
+                first: hold.first + skip,
+                rows: hold.rows - skip,
+                ..hold
+            })
+            .collect();
+        let [screw, nut] = Axis::ALL.map(|axis| &recording.axis(axis).angle_rad);
+        let angles = [
+            over(&holds, |k| screw[k]),
+            over(&holds, |k| nut[k]),
+            over(&holds, |k| screw[k] - nut[k]),
+        ];
+        Self {
+            recording,
+            model,
+            interval_s,
+            holds,
+            angles,
+        }
+    }
+
+    fn coordinate(&self, k: usize, shows: Shows, room: (usize, f64)) -> Coordinate {
+        // A speed lies between two rows, and so does a current that was summed up to a row.
+        Coordinate::new(between_rows(&self.angles[k]), self.interval_s, shows, room)
+    }
+
+    /// For what repeats with a motor's turn, in its momentum.
+    pub(super) fn torque_search(&self, axis: Axis) -> Search {
+        let currents = over(&self.holds, |k| {
+            q_current(self.recording, self.model, axis, k)
+        });
+        let motor = self.model.motor(axis);
+        let per_speed = motor.inertia_kg_m2 / (f64::from(motor.pole_pairs) * motor.flux_wb);
+        let interval_s = self.interval_s;
+        let momentum = |(angle, current): (&Vec<f64>, &Vec<f64>)| {
+            let mut sum = 0.0;
+            let steps = angle.windows(2).zip(current.windows(2));
+            let values = steps.map(|(angle, current)| {
+                let half = 0.5 * interval_s * current[0];
+                sum += half;
+                let value = per_speed * (angle[1] - angle[0]) / interval_s - sum;
+                sum += interval_s * current[0] - half;
+                value
+            });
+            straightened(values.collect())
+        };
+        Search {
+            signals: self.angles[axis.index()]
+                .iter()
+                .zip(&currents)
+                .map(momentum)
+                .collect(),
+            coordinates: vec![self.coordinate(
+                axis.index(),
+                Shows::Momentum,
+                (TORQUES, TORQUE_ORDER_MAX),
+            )],
+            interval_s,
+            loads: differing(currents.iter().map(|current| mean(current)).collect()),
+        }
+    }
+
+    /// For errors of both encoders and of the lead, in the encoders' speed less the scale's.
+    pub(super) fn scale_search(&self) -> Search {
+        let travel = self.model.feed.travel_per_radian();
+        let table = over(&self.holds, |k| self.recording.table_position_m[k] / travel);
+        let interval_s = self.interval_s;
+        let against_scale = |(turned, table): (&Vec<f64>, &Vec<f64>)| {
+            let steps = turned.windows(2).zip(table.windows(2));
+            let speed = |(turned, table): (&[f64], &[f64])| {
+                (turned[1] - turned[0] - table[1] + table[0]) / interval_s
+            };
+            straightened(steps.map(speed).collect())
+        };
+        Search {
+            signals: self.angles[2]
+                .iter()
+                .zip(&table)
+                .map(against_scale)
+                .collect(),
+            coordinates: vec![
+                self.coordinate(0, Shows::Speed(1.0), (ANGLES, ENCODER_ORDER_MAX)),
+                self.coordinate(1, Shows::Speed(-1.0), (ANGLES, ENCODER_ORDER_MAX)),
+                self.coordinate(2, Shows::Speed(1.0), (TRAVELS, LEAD_ORDER_MAX)),
+            ],
+            interval_s,
+            loads: None,
+        }
+    }
+}
+
+/// A quantity of each row, over each hold.
+fn over(holds: &[Hold], of: impl Fn(usize) -> f64) -> Vec<Vec<f64>> {
+    let of_hold = |hold: &Hold| (hold.first..hold.first + hold.rows).map(&of).collect();
+    holds.iter().map(of_hold).collect()
+}
+
+/// The loads, if they differ enough to tell what scales with them.
+fn differing(loads: Vec<f64>) -> Option<Vec<f64>> {
+    let most = loads
+        .iter()
+        .fold(0.0, |most: f64, load| most.max(load.abs()));
+    let least = loads.iter().fold(f64::MAX, |a, b| a.min(*b));
+    let largest = loads.iter().fold(f64::MIN, |a, b| a.max(*b));
+    (largest - least > LOADS_DIFFER * most).then_some(loads)
+}
+
+/// The measured q current of a row, A: power-invariant, of two phases whose third is minus their sum.
+fn q_current(recording: &Recording, model: &Model, axis: Axis, row: usize) -> f64 {
+    let record = recording.axis(axis);
+    let theta_e = f64::from(model.motor(axis).pole_pairs) * record.angle_rad[row];
+    let (a, b) = (record.ia_a[row], record.ib_a[row]);
+    let (alpha, beta) = (1.5_f64.sqrt() * a, (a + 2.0 * b) * 0.5_f64.sqrt());
+    beta * theta_e.cos() - alpha * theta_e.sin()
+}
+
+/// Angles between two rows each.
+fn between_rows(angles: &[Vec<f64>]) -> Vec<Vec<f64>> {
+    let middle = |pair: &[f64]| 0.5 * (pair[0] + pair[1]);
+    let of = |angle: &Vec<f64>| angle.windows(2).map(middle).collect();
+    angles.iter().map(of).collect()
+}
+
+/// Without its best-fit line.
+fn straightened(values: Vec<f64>) -> Vec<f64> {
+    let middle = (values.len() as f64 - 1.0) / 2.0;
+    let mean = mean(&values);
+    let (mut moment, mut squares) = (0.0, 0.0);
+    for (k, value) in values.iter().enumerate() {
+        let at = k as f64 - middle;
+        moment += at * value;
+        squares += at * at;
+    }
+    let slope = moment / squares.max(1.0);
+    let of = |(k, value): (usize, f64)| value - mean - slope * (k as f64 - middle);
+    values.into_iter().enumerate().map(of).collect()
+}
