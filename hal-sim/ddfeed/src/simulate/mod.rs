@@ -1,6 +1,8 @@
 //! `ddfeed simulate`: the drive on a simulated machine.
 
+mod losses;
 mod options;
+mod proposal;
 mod setup;
 mod study;
 

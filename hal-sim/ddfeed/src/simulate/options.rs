@@ -33,7 +33,8 @@ pub struct Options {
 /// Other kinds of simulation.
 #[derive(Subcommand, Debug)]
 pub enum Kind {
-    /// Ripple over a grid of table and nut speeds: where the double drive beats the single drive and where not.
+    /// Ripple over a grid of table and nut speeds: where the double drive beats the single drive and where not. Of the nut speeds whose
+    /// ripple is within 10 % of the smallest, it proposes the one with the smallest loss.
     Sweep(SweepOptions),
     /// Re-simulate a recording's profile with a model, and lay the ripple beside the recorded one.
     Replay(ReplayOptions),
