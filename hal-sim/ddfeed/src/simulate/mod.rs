@@ -1,5 +1,6 @@
 //! `ddfeed simulate`: the drive on a simulated machine.
 
+mod literature;
 mod losses;
 mod options;
 mod proposal;
@@ -18,5 +19,6 @@ pub fn run(options: &Options) -> Result<()> {
         None => study::run(options),
         Some(Kind::Sweep(sweep)) => study::sweep(sweep),
         Some(Kind::Replay(replay)) => study::replay(replay),
+        Some(Kind::Literature(literature)) => literature::run(literature),
     }
 }
