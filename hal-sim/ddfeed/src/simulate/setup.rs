@@ -3,8 +3,10 @@
 use super::options::{BoardName, MachineOptions, Preset, RECORD_S, Sensing};
 use anyhow::{Context, Result, ensure};
 use control::mt6835::COUNTS_PER_TURN;
+use control::plate::DrivePlate;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
+use hal_sim::smooth::known::Known;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::{EncoderKind, Model, SensingModel};
@@ -130,6 +132,16 @@ pub fn nut_speed(value: f64, velocity: f64, setup: &Setup) -> Result<f64> {
         screw,
     )?;
     Ok(value * hal_sim::experiment::RPM)
+}
+
+/// The plate of a drive that compensates the orders and the friction of its model.
+pub fn knowing_plate(setup: &Setup) -> DrivePlate {
+    let known = Known::of(&setup.model);
+    DrivePlate {
+        compensation: known.compensation,
+        friction: known.friction,
+        ..setup.plate()
+    }
 }
 
 /// Checks a record's length.

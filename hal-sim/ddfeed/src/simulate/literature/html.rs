@@ -99,7 +99,7 @@ fn displacements(report: &LiteratureReport) -> Markup {
         ("Moved, um", Kind::Number),
         ("Closed form, um", Kind::Number),
         ("Rms, um", Kind::Number),
-        ("Velocity, mm/s", Kind::Number),
+        ("mm/s", Kind::Number),
     ];
     let rows = report.switching.cases.iter().map(|case| {
         [
@@ -199,6 +199,7 @@ mod tests {
                 hz: 0.2,
                 largest_mm_s: 0.06,
                 speed_rad_s: 200.0,
+                times: f64::NAN,
                 cases: Vec::new(),
             },
             warmth: warmth::WarmthReport {
@@ -213,6 +214,7 @@ mod tests {
                 share: 0.5,
                 load_nm: 0.3,
                 switches_s: 0.25,
+                less_percent: [f64::NAN; 2],
                 cases: Vec::new(),
             },
             torsion: torsion::TorsionReport {

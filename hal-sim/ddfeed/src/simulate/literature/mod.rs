@@ -2,6 +2,7 @@
 
 mod charts;
 mod creep;
+mod deviation;
 mod html;
 mod papers;
 mod report;

@@ -1,6 +1,7 @@
 //! A sine of the table at creep speed, by single and double drive, with and without friction fed forward.
 
 use super::creep::setup;
+use super::deviation::about_mean;
 use anyhow::Result;
 use control::plate::{DrivePlate, FrictionPlate, RubbingPlate};
 use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM, Setup, driven, settle_quietly};
@@ -33,6 +34,8 @@ pub struct TrackingReport {
     pub largest_mm_s: f64,
     /// Cutoff of the speed loops, rad/s.
     pub speed_rad_s: f64,
+    /// How many times as accurate, root mean square, known friction makes the fastest double drive.
+    pub times: f64,
     /// The drives.
     pub cases: Vec<TrackingCase>,
 }
@@ -61,15 +64,22 @@ pub fn run(seed: u64) -> Result<TrackingReport> {
         .into_iter()
         .flat_map(|fed_forward| NUT_RPM.map(|nut_rpm| (nut_rpm, fed_forward)))
         .collect();
-    let found = on_all_cores(&cases, |&(nut_rpm, fed_forward)| {
+    let cases = on_all_cores(&cases, |&(nut_rpm, fed_forward)| {
         follow(&setup, nut_rpm, fed_forward)
     });
+    let cases = cases.into_iter().collect::<Result<Vec<_>, _>>()?;
+    let rms = |k: usize| {
+        cases
+            .get(k)
+            .map_or(f64::NAN, |case: &TrackingCase| case.rms_um)
+    };
     Ok(TrackingReport {
         amplitude_um: 1e6 * AMPLITUDE_M,
         hz: HZ,
         largest_mm_s: 1e3 * AMPLITUDE_M * TAU * HZ,
         speed_rad_s: setup.tuning.speed_rad_s,
-        cases: found.into_iter().collect::<Result<_, _>>()?,
+        times: rms(NUT_RPM.len() - 1) / rms(2 * NUT_RPM.len() - 1),
+        cases,
     })
 }
 
@@ -129,13 +139,11 @@ fn follow(setup: &Setup, nut_rpm: f64, fed_forward: bool) -> Result<TrackingCase
             error.push((t - SETTLE / HZ, 1e6 * off));
         }
     }
-    let mean = error.iter().map(|(_, off)| off).sum::<f64>() / error.len() as f64;
-    error.iter_mut().for_each(|(_, off)| *off -= mean);
-    let squares: f64 = error.iter().map(|(_, off)| off * off).sum();
+    let rms_um = about_mean(&mut error);
     Ok(TrackingCase {
         nut_rpm,
         fed_forward,
-        rms_um: (squares / error.len() as f64).sqrt(),
+        rms_um,
         peak_um: error.iter().fold(0.0, |most, (_, off)| off.abs().max(most)),
         closed_form_um: (!fed_forward).then(|| 1e6 * closed_form_m(setup, nut_rpm)),
         error_um: error,

@@ -2,6 +2,7 @@
 
 use crate::simulate::losses::{LossMeter, Losses};
 use crate::simulate::proposal::{Choice, proposed};
+use crate::simulate::setup::knowing_plate;
 use anyhow::Result;
 use control::plate::DrivePlate;
 use hal_sim::drive::Drive;
@@ -10,7 +11,6 @@ use hal_sim::experiment::{
     table_velocities,
 };
 use hal_sim::parallel::on_all_cores;
-use hal_sim::smooth::known::Known;
 use hal_sim::vrf::vrf_percent;
 use plant::Axis;
 use plant::machine::Coupling;
@@ -109,13 +109,7 @@ fn point(setup: &Setup, nut_rpm: f64) -> Result<WarmthPoint, ExperimentError> {
     let mut meter = LossMeter::new(setup);
     let plate = setup.plate();
     let velocities = recorded(setup, &plate, at, |drive| meter.take(drive))?;
-    let known = Known::of(&setup.model);
-    let knowing = DrivePlate {
-        compensation: known.compensation,
-        friction: known.friction,
-        ..plate
-    };
-    let compensated = recorded(setup, &knowing, at, |_| ())?;
+    let compensated = recorded(setup, &knowing_plate(setup), at, |_| ())?;
     let losses = meter.losses().unwrap_or_default();
     let winding_percent = Axis::ALL.map(|axis| {
         let k = axis.index();

@@ -9,7 +9,7 @@ use super::sweep_report::{Proposed, SweepReport};
 use crate::output::Folder;
 use crate::simulate::losses::LossMeter;
 use crate::simulate::proposal::{Choice, RULE};
-use crate::simulate::setup::{duration, nut_speed, table_speed};
+use crate::simulate::setup::{duration, knowing_plate, nut_speed, table_speed};
 use anyhow::{Result, ensure};
 use control::plate::DrivePlate;
 use hal_sim::experiment::{
@@ -17,7 +17,6 @@ use hal_sim::experiment::{
     table_velocities,
 };
 use hal_sim::parallel::on_all_cores;
-use hal_sim::smooth::known::Known;
 use hal_sim::vrf::vrf_percent;
 use link::host::settings::some_to_toml;
 use link::settings::{Setting, Settings};
@@ -66,12 +65,7 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     } else if let Some(board) = setup.shipped {
         Some(rows(learned(&setup, board, &grid, seconds)?))
     } else {
-        let known = Known::of(&setup.model);
-        Some(ripples(&measure(&DrivePlate {
-            compensation: known.compensation,
-            friction: known.friction,
-            ..plate
-        })?))
+        Some(ripples(&measure(&knowing_plate(&setup))?))
     };
     progress.finish_and_clear();
 
@@ -95,9 +89,16 @@ pub fn run(options: &SweepOptions) -> Result<()> {
         print(&compensated);
     }
     print_proposed(&report);
+    write_base(&report, &plate, &folder)?;
+    println!("\nThe picture is {}.", folder.path("sweep.html").display());
+    Ok(())
+}
+
+/// Writes what is proposed as settings of the drive.
+fn write_base(report: &SweepReport, plate: &DrivePlate, folder: &Folder) -> Result<()> {
     let (base, left_out) = report.base_table();
     let of_base = |setting: &Setting| setting.group() == "base";
-    let settings = Settings::of_plate(&DrivePlate { base, ..plate });
+    let settings = Settings::of_plate(&DrivePlate { base, ..*plate });
     folder.put_text("base.toml", &some_to_toml(&settings, of_base))?;
     println!(
         "\n`ddfeed drive settings import {}` makes them the drive's own, for commands that give none.",
@@ -106,7 +107,6 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     if left_out > 0 {
         println!("The fastest {left_out} found no room in the drive's table.");
     }
-    println!("\nThe picture is {}.", folder.path("sweep.html").display());
     Ok(())
 }
 
