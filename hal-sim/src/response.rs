@@ -1,8 +1,10 @@
 //! The sensitivity `S` of the simulated drive, measured as one would on a machine: a sine torque in, a speed out.
 
-use crate::experiment::{ExperimentError, OperatingPoint, Setup, settle_quietly};
+use crate::experiment::{ExperimentError, OperatingPoint, Setup, settle_through};
+use crate::seam::Disturbed;
 use fft::Complex64;
 use plant::Axis;
+use plant::machine::Machine;
 use std::f64::consts::TAU;
 
 /// Amplitude of the injected torque, N m: large against the sensors' resolution, small against the torque limit.
@@ -18,19 +20,36 @@ const MEASURE_S: f64 = 0.25;
 /// # Errors
 /// [`ExperimentError`] if the drive cannot be configured or does not reach `base`.
 pub fn measure(setup: &Setup, base: f64, omega: f64) -> Result<Complex64, ExperimentError> {
+    measure_beside(setup, base, omega, |_, _| 0.0)
+}
+
+/// [`measure`] where `beside` acts on the screw too: its torque, N m, for half a PWM period, of a machine and that time, s.
+///
+/// # Errors
+/// As [`measure`].
+pub fn measure_beside(
+    setup: &Setup,
+    base: f64,
+    omega: f64,
+    mut beside: impl FnMut(&Machine, f64) -> f64,
+) -> Result<Complex64, ExperimentError> {
     let mut setup = setup.clone();
     for axis in Axis::ALL {
         setup.model.motor_mut(axis).torque_harmonics.clear();
     }
     let mut drive = setup.drive()?;
-    settle_quietly(
-        &mut drive,
-        OperatingPoint {
-            velocity: 0.0,
-            base,
-        },
-    )?;
     let half_s = setup.board.pwm_period_s() / 2.0;
+    let point = OperatingPoint {
+        velocity: 0.0,
+        base,
+    };
+    let mut alone = Disturbed(|machine: &mut Machine, _| {
+        let torque = beside(machine, half_s);
+        machine.set_disturbance_torque(Axis::Screw, torque);
+    });
+    settle_through(&mut drive, point, &mut alone, |_| {
+        Ok::<(), ExperimentError>(())
+    })?;
     let p = f64::from(setup.model.screw.pole_pairs);
 
     let cycles = (MEASURE_S * omega / TAU).ceil().max(2.0);
@@ -43,7 +62,8 @@ pub fn measure(setup: &Setup, base: f64, omega: f64) -> Result<Complex64, Experi
         let t = 2.0 * half_s * k as f64;
         drive.period_with(|machine, half| {
             let at = t + half_s * (half as f64 + 0.5);
-            machine.set_disturbance_torque(Axis::Screw, TORQUE_NM * (omega * at).cos());
+            let torque = TORQUE_NM * (omega * at).cos() + beside(machine, half_s);
+            machine.set_disturbance_torque(Axis::Screw, torque);
         });
         if k >= before {
             let phasor = Complex64::cis(-omega * (t + 2.0 * half_s));

@@ -1,6 +1,9 @@
 //! `ddfeed simulate`: the drive on a simulated machine.
 
+mod literature;
+mod losses;
 mod options;
+mod proposal;
 mod setup;
 mod study;
 
@@ -16,5 +19,6 @@ pub fn run(options: &Options) -> Result<()> {
         None => study::run(options),
         Some(Kind::Sweep(sweep)) => study::sweep(sweep),
         Some(Kind::Replay(replay)) => study::replay(replay),
+        Some(Kind::Literature(literature)) => literature::run(literature),
     }
 }

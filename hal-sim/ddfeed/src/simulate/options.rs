@@ -33,10 +33,24 @@ pub struct Options {
 /// Other kinds of simulation.
 #[derive(Subcommand, Debug)]
 pub enum Kind {
-    /// Ripple over a grid of table and nut speeds: where the double drive beats the single drive and where not.
+    /// Ripple over a grid of table and nut speeds: where the double drive beats the single drive and where not. Of the nut speeds whose
+    /// ripple is within 10 % of the smallest, it proposes the one with the smallest loss.
     Sweep(SweepOptions),
     /// Re-simulate a recording's profile with a model, and lay the ripple beside the recorded one.
     Replay(ReplayOptions),
+    /// What later papers report of the double drive, on the simulated one: creeping, losses, a load that switches, torsion of the screw.
+    Literature(LiteratureOptions),
+}
+
+/// The results of later papers.
+#[derive(Args, Debug)]
+pub struct LiteratureOptions {
+    /// Seed of all noise.
+    #[arg(long, default_value_t = 1)]
+    pub seed: u64,
+    /// Folder for report.html and report.json.
+    #[arg(long, default_value = "out/literature")]
+    pub out: PathBuf,
 }
 
 /// A sweep.

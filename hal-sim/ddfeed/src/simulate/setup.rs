@@ -6,6 +6,7 @@ use control::mt6835::COUNTS_PER_TURN;
 use control::plate::DrivePlate;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::Setup;
+use hal_sim::smooth::known::Known;
 use hal_sim::switching::Switching;
 use plant::Axis;
 use plant::machine::Coupling;
@@ -168,6 +169,16 @@ pub fn nut_speed(value: f64, velocity: f64, setup: &Setup) -> Result<f64> {
         screw,
     )?;
     Ok(value * hal_sim::experiment::RPM)
+}
+
+/// The plate of a drive that compensates the orders and the friction of its model.
+pub fn knowing_plate(setup: &Setup) -> DrivePlate {
+    let known = Known::of(&setup.model);
+    DrivePlate {
+        compensation: known.compensation,
+        friction: known.friction,
+        ..setup.plate()
+    }
 }
 
 /// Checks a record's length.

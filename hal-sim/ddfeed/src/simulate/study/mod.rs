@@ -14,6 +14,7 @@ mod sweep_html;
 mod sweep_report;
 mod table;
 
+pub use progress::progress_bar;
 pub use replay::run as replay;
 pub use run::{PAPER_MEASURED, analytic_percent, run};
 pub use sweep::run as sweep;

@@ -7,7 +7,9 @@ use super::run::sensor_name;
 use super::sweep_html;
 use super::sweep_report::{Proposed, SweepReport};
 use crate::output::Folder;
-use crate::simulate::setup::{duration, nut_speed, table_speed};
+use crate::simulate::losses::LossMeter;
+use crate::simulate::proposal::{Choice, RULE};
+use crate::simulate::setup::{duration, knowing_plate, nut_speed, table_speed};
 use anyhow::{Result, ensure};
 use control::plate::DrivePlate;
 use hal_sim::experiment::{
@@ -15,7 +17,6 @@ use hal_sim::experiment::{
     table_velocities,
 };
 use hal_sim::parallel::on_all_cores;
-use hal_sim::smooth::known::Known;
 use hal_sim::vrf::vrf_percent;
 use link::host::settings::some_to_toml;
 use link::settings::{Setting, Settings};
@@ -44,29 +45,27 @@ pub fn run(options: &SweepOptions) -> Result<()> {
 
     let is_known = options.compensated && setup.shipped.is_none();
     let progress = progress_bar(grid.len() * if is_known { 2 } else { 1 });
-    let measure = |plate: &DrivePlate| -> Result<Vec<Vec<Option<f64>>>> {
-        let vrf = on_all_cores(&grid, |&point| {
-            let vrf = ripple(&setup, plate, point, seconds);
+    let measure = |plate: &DrivePlate| -> Result<Vec<Option<Reached>>> {
+        let reached = on_all_cores(&grid, |&point| {
+            let reached = reached(&setup, plate, point, seconds);
             progress.inc(1);
-            vrf
+            reached
         });
-        let vrf = vrf.into_iter().collect::<Result<Vec<_>, _>>()?;
-        Ok(vrf.chunks(nut_rpm.len()).map(<[_]>::to_vec).collect())
+        Ok(reached.into_iter().collect::<Result<_, _>>()?)
+    };
+    let rows = |values: Vec<Option<f64>>| values.chunks(nut_rpm.len()).map(<[_]>::to_vec).collect();
+    let ripples = |of: &[Option<Reached>]| {
+        let each = of.iter().map(|one| one.map(|one| one.vrf_percent));
+        rows(each.collect())
     };
     let plate = setup.plate();
-    let vrf_percent = measure(&plate)?;
+    let plain = measure(&plate)?;
     let compensated_percent = if !options.compensated {
         None
     } else if let Some(board) = setup.shipped {
-        let vrf = learned(&setup, board, &grid, seconds)?;
-        Some(vrf.chunks(nut_rpm.len()).map(<[_]>::to_vec).collect())
+        Some(rows(learned(&setup, board, &grid, seconds)?))
     } else {
-        let known = Known::of(&setup.model);
-        Some(measure(&DrivePlate {
-            compensation: known.compensation,
-            friction: known.friction,
-            ..plate
-        })?)
+        Some(ripples(&measure(&knowing_plate(&setup))?))
     };
     progress.finish_and_clear();
 
@@ -74,7 +73,8 @@ pub fn run(options: &SweepOptions) -> Result<()> {
         machine,
         sensors: sensor_name(&options.machine).to_owned(),
         table_mm_s: options.table_speed.clone(),
-        vrf_percent,
+        vrf_percent: ripples(&plain),
+        loss_w: rows(plain.iter().map(|one| one.map(|one| one.loss_w)).collect()),
         compensated_percent,
         learned: setup.shipped.is_some(),
         nut_rpm,
@@ -89,9 +89,16 @@ pub fn run(options: &SweepOptions) -> Result<()> {
         print(&compensated);
     }
     print_proposed(&report);
+    write_base(&report, &plate, &folder)?;
+    println!("\nThe picture is {}.", folder.path("sweep.html").display());
+    Ok(())
+}
+
+/// Writes what is proposed as settings of the drive.
+fn write_base(report: &SweepReport, plate: &DrivePlate, folder: &Folder) -> Result<()> {
     let (base, left_out) = report.base_table();
     let of_base = |setting: &Setting| setting.group() == "base";
-    let settings = Settings::of_plate(&DrivePlate { base, ..plate });
+    let settings = Settings::of_plate(&DrivePlate { base, ..*plate });
     folder.put_text("base.toml", &some_to_toml(&settings, of_base))?;
     println!(
         "\n`ddfeed drive settings import {}` makes them the drive's own, for commands that give none.",
@@ -100,26 +107,40 @@ pub fn run(options: &SweepOptions) -> Result<()> {
     if left_out > 0 {
         println!("The fastest {left_out} found no room in the drive's table.");
     }
-    println!("\nThe picture is {}.", folder.path("sweep.html").display());
     Ok(())
 }
 
-/// Ripple of a drive with this plate at a point, %; none if it does not reach it, or does not stay there.
-fn ripple(
+/// What a drive does at a point that it reaches.
+#[derive(Clone, Copy)]
+struct Reached {
+    vrf_percent: f64,
+    loss_w: f64,
+}
+
+/// A drive with this plate at a point; none if it does not reach it, or does not stay there.
+fn reached(
     setup: &Setup,
     plate: &DrivePlate,
     point: OperatingPoint,
     seconds: f64,
-) -> Result<Option<f64>, ExperimentError> {
+) -> Result<Option<Reached>, ExperimentError> {
     let mut drive = setup.drive_with(plate)?;
     match settle_quietly(&mut drive, point) {
         Ok(()) => {}
         Err(ExperimentError::NotSteady { .. }) => return Ok(None),
         Err(error) => return Err(error),
     }
+    let mut meter = LossMeter::new(setup);
     let periods = record_periods(&setup.board);
-    match table_velocities(&mut drive, seconds, periods, |drive| driven(drive, point)) {
-        Ok(velocities) => Ok(Some(vrf_percent(&velocities, point.velocity))),
+    let velocities = table_velocities(&mut drive, seconds, periods, |drive| {
+        meter.take(drive);
+        driven(drive, point)
+    });
+    match velocities {
+        Ok(velocities) => Ok(meter.losses().map(|losses| Reached {
+            vrf_percent: vrf_percent(&velocities, point.velocity),
+            loss_w: losses.total_w(),
+        })),
         Err(ExperimentError::Faulted { .. }) => Ok(None),
         Err(error) => Err(error),
     }
@@ -155,20 +176,22 @@ fn print(report: &SweepReport) {
     }
 }
 
-/// The smoothest base speeds.
+/// The base speeds that are proposed.
 fn print_proposed(report: &SweepReport) {
     let how = if report.compensated_percent.is_some() {
         "compensated"
     } else {
         "without compensation"
     };
-    println!("\nSmoothest nut speed for each table velocity, {how}; 0 is the single drive (CDFS):");
-    for Proposed {
-        table_mm_s,
-        nut_rpm,
-        vrf_percent,
-    } in &report.proposed
-    {
-        println!("{table_mm_s:>12} mm/s {nut_rpm:>9.0} rpm {vrf_percent:>8.2} %");
+    println!("\nProposed nut speed for each table velocity, {how}; 0 is the single drive (CDFS).");
+    println!("{RULE}");
+    for Proposed { table_mm_s, choice } in &report.proposed {
+        let Choice {
+            nut_rpm,
+            vrf_percent,
+            loss_w,
+        } = choice;
+        let loss = loss_w.map_or("-".to_owned(), |loss_w| format!("{loss_w:.1}"));
+        println!("{table_mm_s:>12} mm/s {nut_rpm:>9.0} rpm {vrf_percent:>8.2} % {loss:>8} W");
     }
 }

@@ -2,8 +2,11 @@
 
 use super::heat::{Verdict, cdfs, map, verdict, vrf};
 use super::sweep_report::SweepReport;
+use crate::simulate::proposal::RULE;
 use askama::Template;
 use page::document::{document, sentence, short, two};
+use page::markup::Markup;
+use page::table::{Kind, table};
 
 /// The page.
 pub(crate) fn page(report: &SweepReport) -> String {
@@ -34,6 +37,26 @@ struct Body<'a> {
 
 const LESS: &str = "\u{25BC}";
 const MORE: &str = "\u{25B3}";
+
+/// The nut speeds that are proposed.
+fn proposals(report: &SweepReport) -> Markup {
+    let columns = [
+        ("Table velocity, mm/s", Kind::Number),
+        ("Nut speed, rpm", Kind::Number),
+        ("VRF, %", Kind::Number),
+        ("Loss, W", Kind::Number),
+    ];
+    let rows = report.proposed.iter().map(|one| {
+        let choice = &one.choice;
+        [
+            short(one.table_mm_s),
+            short(choice.nut_rpm),
+            two(Some(choice.vrf_percent)),
+            two(choice.loss_w),
+        ]
+    });
+    table("Proposed nut speeds", columns, rows)
+}
 
 /// What the grid says, in a few sentences.
 fn result(report: &SweepReport) -> String {
@@ -113,6 +136,7 @@ mod tests {
             table_mm_s: table_mm_s.into(),
             nut_rpm: nut_rpm.into(),
             vrf_percent,
+            loss_w: Vec::new(),
             learned: false,
             compensated_percent: None,
             proposed: Vec::new(),
