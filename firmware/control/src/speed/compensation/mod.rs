@@ -177,7 +177,7 @@ pub struct Compensation {
 const WINDOW_ROUNDS: u8 = 64;
 
 /// Steps of the speed task in which each motor's torque learns once.
-pub(crate) const TORQUE_STEPS: u8 = 2;
+pub const TORQUE_STEPS: u8 = 2;
 /// Steps in which the speed references are computed and learn once, and one line is tuned.
 pub(crate) const SPEED_STEPS: u8 = 4;
 
