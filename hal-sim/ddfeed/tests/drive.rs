@@ -831,10 +831,19 @@ fn a_recording_begins_at_its_trigger_with_what_came_before() {
     assert!(said.contains("no column `nut_speed`"), "{said}");
 }
 
-/// By commands alone: what a drive has that its model lacks is recorded over the link, and named.
+/// Section 6 of `docs/two-minutes.md`: what a drive has that its model lacks is recorded over the link, and named.
 #[test]
 fn what_the_link_records_is_traced_to_its_effect() {
     const AMPLITUDE_NM: f64 = 0.03;
+    const FIT_HOLDS: &[&str] = &[
+        "2.5,0,3",
+        "-2.5,0,3",
+        "2.5,300,3",
+        "-5,300,3",
+        "8,600,3",
+        "2.5,150,3",
+        "-2.5,-300,3",
+    ];
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let declared = path("declared.toml");
@@ -849,8 +858,8 @@ fn what_the_link_records_is_traced_to_its_effect() {
     let served = Served::new(&["--model", &real, "--speed", "4"]);
     let out = path("rec");
     for (name, holds) in [
-        ("fit", ["2.5,0,3", "2.5,300,3", "-5,300,3"]),
-        ("check", ["3.5,0,3", "-2,200,3", "6,450,3"]),
+        ("fit", FIT_HOLDS),
+        ("check", &["3.5,0,3", "-2,200,3", "6,450,3"]),
     ] {
         let mut record = vec!["record", &out, "--name", name, "--arm"];
         record.extend(holds.iter().flat_map(|hold| ["--hold", hold]));
@@ -871,6 +880,11 @@ fn what_the_link_records_is_traced_to_its_effect() {
         .output()
         .unwrap();
     assert!(output.status.success(), "{output:?}");
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        said.contains("verdict") && !said.contains("Not excited"),
+        "{said}"
+    );
     let found = plant::model::Model::load(&folder.path().join("found/model.toml")).unwrap();
     let [effect] = &found.effects[..] else {
         panic!("{:?}", found.effects);
