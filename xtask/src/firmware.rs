@@ -1,6 +1,6 @@
 //! `cargo xtask build | emulate | chip | cost | sizes`: the firmware, on an emulated chip, and what it takes.
 
-use crate::program::Program;
+use crate::program::{COMPILES, Program};
 use crate::tools::{emulator_environment, root, target_folder};
 use anyhow::{Context, Result, bail, ensure};
 use clap::{Args, ValueEnum};
@@ -143,8 +143,21 @@ fn emulator(program: &str, words: Vec<OsString>) -> Result<()> {
     emulator.run(words)
 }
 
-/// The tests of the firmware on the emulated chip. Their words are those of a test's program: a part of a name, `--ignored`.
-pub fn chip(words: &[OsString]) -> Result<()> {
+/// Which tests of the emulated chip run.
+#[derive(Args)]
+pub struct ChipOptions {
+    /// A part of the names of tests, and options of a test's program: `same_bits`, `--ignored two_hundred`. Without any, all tests run.
+    #[arg(
+        trailing_var_arg = true,
+        allow_hyphen_values = true,
+        value_name = "FILTER"
+    )]
+    pub words: Vec<OsString>,
+}
+
+/// The tests of the firmware on the emulated chip.
+pub fn chip(ChipOptions { words }: &ChipOptions) -> Result<()> {
+    eprintln!("{COMPILES}");
     let words: Vec<_> = words.iter().map(|word| word.to_string_lossy()).collect();
     let mut arguments = vec!["test", "--package", "tests", "--test", "chip", "--"];
     arguments.extend(words.iter().map(|word| &**word));

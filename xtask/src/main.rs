@@ -47,8 +47,9 @@ enum Task {
     #[command(disable_help_flag = true)]
     Emulate(Words),
     /// Test the firmware on an emulated chip: bit equality, link, settings, cost, stack. Words filter the tests: `chip same_bits`.
-    #[command(disable_help_flag = true)]
-    Chip(Words),
+    ///
+    /// `same_bits` is the test that the chip's ELF and the simulated drive give equal values, bit for bit, in each control period.
+    Chip(firmware::ChipOptions),
     /// Run the firmware on an emulated chip and print what its interrupts cost.
     Cost(firmware::CostOptions),
     /// Print what the firmware takes of the chip's flash, RAM, CCM and stack, and its largest symbols.
@@ -126,7 +127,7 @@ fn run(task: Task) -> Result<()> {
         Task::Attach(words) => board("attach", words),
         Task::Bringup(words) => board("bringup", words),
         Task::Emulate(words) => firmware::emulate(words.words),
-        Task::Chip(words) => firmware::chip(&words.words),
+        Task::Chip(options) => firmware::chip(&options),
         Task::Cost(options) => firmware::cost(&options),
         Task::Sizes(options) => firmware::sizes(&options),
         Task::Wiring => {

@@ -5,6 +5,9 @@ use anyhow::{Context, Result};
 use std::ffi::OsString;
 use std::process::Command;
 
+/// What a command says that waits for the compiler.
+pub const COMPILES: &str = "cargo compiles first what changed: from nothing that takes minutes";
+
 /// A program as cargo builds it.
 pub struct Program<'a> {
     /// Cargo's words that select it: package, binary, profile.
@@ -19,6 +22,7 @@ impl Program<'_> {
     /// # Errors
     /// Cargo does not start. Cargo prints the errors of a build.
     pub fn run(&self, arguments: impl IntoIterator<Item = OsString>) -> Result<()> {
+        eprintln!("{COMPILES}");
         let mut cargo = Command::new("cargo");
         cargo.arg("run").args(self.build).arg("--manifest-path");
         cargo.arg(root()?.join("Cargo.toml"));

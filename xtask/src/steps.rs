@@ -15,6 +15,7 @@ pub struct Step {
     program: OsString,
     arguments: String,
     environment: Vec<(&'static str, OsString)>,
+    remedy: Option<&'static str>,
 }
 
 impl Step {
@@ -29,6 +30,7 @@ impl Step {
             program: program.into(),
             arguments: arguments.into(),
             environment: Vec::new(),
+            remedy: None,
         }
     }
 
@@ -44,6 +46,12 @@ impl Step {
     /// The same, with more variables.
     pub fn with(mut self, variables: &[(&'static str, OsString)]) -> Self {
         self.environment.extend_from_slice(variables);
+        self
+    }
+
+    /// The same, with the command that puts right what fails.
+    fn put_right_by(mut self, command: &'static str) -> Self {
+        self.remedy = Some(command);
         self
     }
 
@@ -66,7 +74,10 @@ impl Step {
             "rustfmt",
             format!("--edition 2024 --check {}", files.join(" ")),
         );
-        Ok([Self::cargo("fmt --all --check"), effects])
+        Ok([
+            Self::cargo("fmt --all --check").put_right_by("cargo fmt --all"),
+            effects.put_right_by("rustfmt --edition 2024 hal-sim/plant/src/effects/kinds/*.rs"),
+        ])
     }
 
     fn run(&self) -> Result<()> {
@@ -84,7 +95,10 @@ impl Step {
                     self.program.display()
                 )
             })?;
-        ensure!(status.success(), "`{line}` failed ({status})");
+        let remedy = self
+            .remedy
+            .map_or_else(String::new, |command| format!(": run `{command}`"));
+        ensure!(status.success(), "`{line}` failed ({status}){remedy}");
         println!("> {:.1} s", start.elapsed().as_secs_f64());
         Ok(())
     }

@@ -119,10 +119,16 @@ impl LoopResponse {
         }
         let predicted = loops.current_step(samples);
         let (mut response, mut model) = (OpenLoop::default(), OpenLoop::default());
+        // The model has no noise: its crossing is looked for where the measured loop is not clear too.
+        let mut whole = OpenLoop::default();
         let ends = [1.0 / (samples as f64 * period_s), 0.25 / period_s];
         for hz in frequencies(ends, POINTS) {
             let open = |step: &[f64]| open_loop(step, TAU * hz * period_s);
-            if let (Some(found), Some(expected)) = (open(&measured), open(&predicted)) {
+            let Some(expected) = open(&predicted) else {
+                continue;
+            };
+            whole.add(hz, expected);
+            if let Some(found) = open(&measured) {
                 response.add(hz, found);
                 model.add(hz, expected);
             }
@@ -133,7 +139,7 @@ impl LoopResponse {
             to: to_a,
             steps: steps.len(),
             time_s: (0..samples).map(|n| n as f64 * period_s).collect(),
-            ..Self::beside(measured, predicted, response, model)
+            ..Self::beside(measured, predicted, response, model, whole.crossing())
         })
     }
 }
@@ -323,6 +329,14 @@ mod tests {
             (found.margin_deg - model.margin_deg).abs() < 3.0,
             "{found:?}, {model:?}"
         );
+    }
+
+    /// A current that does not move has no frequency that is clear. The model has its crossing all the same.
+    #[test]
+    fn the_model_has_its_crossing_where_nothing_is_measured() {
+        let found = response(&|_| 1.0);
+        assert_eq!((found.hz.len(), found.crossing), (0, None));
+        assert!(found.predicted_crossing.is_some(), "{found:?}");
     }
 
     #[test]

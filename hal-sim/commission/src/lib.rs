@@ -84,6 +84,15 @@ impl Bound {
         self.reached = self.reached.max(value.abs());
     }
 
+    /// The same in a unit that is smaller by `factor`.
+    #[must_use]
+    pub(crate) fn times(self, factor: f64) -> Self {
+        Self {
+            reached: factor * self.reached,
+            limit: factor * self.limit,
+        }
+    }
+
     /// It is kept.
     #[must_use]
     pub fn is_kept(&self) -> bool {

@@ -34,23 +34,25 @@ pub struct LoopResponse {
     pub predicted_phase_deg: Vec<f64>,
     /// Bandwidth and phase margin; `None` if the gain of 1 is not among the frequencies.
     pub crossing: Option<Crossing>,
-    /// The same of the model. That of a current loop is sampled, as the drive is: a loop taken as continuous is a few percent faster.
+    /// The same of the model, at any frequency. That of a current loop is sampled, as the drive is: a loop taken as continuous is a few percent faster.
     pub predicted_crossing: Option<Crossing>,
 }
 
 impl LoopResponse {
-    /// A step's response and the open loop, each measured and of the model. The frequencies are the measured ones.
+    /// A step's response and the open loop, each measured and of the model, with the model's crossing. The frequencies are the measured
+    /// ones, among which the model's crossing need not be.
     pub(crate) fn beside(
         measured: Vec<f64>,
         predicted: Vec<f64>,
         found: OpenLoop,
         model: OpenLoop,
+        predicted_crossing: Option<Crossing>,
     ) -> Self {
         Self {
             measured,
             predicted,
             crossing: found.crossing(),
-            predicted_crossing: model.crossing(),
+            predicted_crossing,
             hz: found.hz,
             gain_db: found.gain_db,
             phase_deg: found.phase_deg,
@@ -84,7 +86,7 @@ impl OpenLoop {
     }
 
     /// Where the gain last falls through 1.
-    fn crossing(&self) -> Option<Crossing> {
+    pub(crate) fn crossing(&self) -> Option<Crossing> {
         let falls = |two: &[f64]| two[0] > 0.0 && two[1] <= 0.0;
         let k = self.gain_db.windows(2).rposition(falls)?;
         let part = self.gain_db[k] / (self.gain_db[k] - self.gain_db[k + 1]);

@@ -3,7 +3,7 @@
 use crate::electrical::{Electrical, MotorElectrical};
 use crate::mechanical::Mechanical;
 use crate::proposal::{changes, propose};
-use crate::quantity::{Quantity, both};
+use crate::quantity::{Quantity, both, digits};
 use crate::session::Session;
 use crate::tune::{Wanted, tune};
 use crate::{
@@ -14,6 +14,7 @@ use anyhow::{Context, Result, bail};
 use link::host::dialogue::Dialogue;
 use link::settings::{EncoderDirection, EncoderInterface, Settings};
 use serde::{Deserialize, Serialize};
+use std::fmt;
 
 /// A step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -90,6 +91,14 @@ pub struct Limited {
     pub reached: f64,
     /// The limit.
     pub limit: f64,
+}
+
+impl fmt::Display for Limited {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let [reached, limit] = [self.reached, self.limit].map(digits);
+        let Self { name, unit, .. } = self;
+        write!(f, "{name:<39} {reached:>12} of {limit} {unit} allowed")
+    }
 }
 
 /// What a machine's model needs beyond the drive's settings.
@@ -301,7 +310,7 @@ async fn electrical_step<D: Dialogue>(
         limits: limits([
             ("current of the screw's motor", "A", screw),
             ("current of the nut's motor", "A", nut),
-            ("travel of the table", "m", found.travel_m),
+            ("travel of the table", "mm", found.travel_m.times(1e3)),
         ]),
         ..Done::of(Step::Electrical, session.time_s() - begun)
     })
@@ -424,7 +433,7 @@ async fn mechanical_step<D: Dialogue>(
         limits: limits([
             ("torque of the screw's motor", "N m", screw),
             ("torque of the nut's motor", "N m", nut),
-            ("travel of the table", "m", found.travel_m),
+            ("travel of the table", "mm", found.travel_m.times(1e3)),
         ]),
         ..Done::of(Step::Mechanical, session.time_s() - begun)
     })
@@ -569,7 +578,7 @@ async fn angle_step<D: Dialogue>(
         limits: limits([
             ("current of the screw's motor", "A", screw),
             ("current of the nut's motor", "A", nut),
-            ("travel of the table", "m", found.travel_m),
+            ("travel of the table", "mm", found.travel_m.times(1e3)),
         ]),
         ..Done::of(Step::Angle, session.time_s() - begun)
     })
@@ -595,4 +604,21 @@ async fn response_step<D: Dialogue>(
         speed_responses: Some(speed_responses),
         ..Done::of(Step::Response, session.time_s() - begun)
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_limit_is_printed_in_plain_decimals() {
+        let limited = Limited {
+            name: "current of the screw's motor".to_owned(),
+            unit: "A".to_owned(),
+            reached: 8.086,
+            limit: 8.745,
+        };
+        let said = limited.to_string();
+        assert!(said.ends_with(" 8.086 of 8.745 A allowed"), "{said}");
+    }
 }

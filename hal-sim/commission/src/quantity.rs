@@ -35,7 +35,7 @@ impl fmt::Display for Quantity {
 }
 
 /// Four digits.
-fn digits(value: f64) -> String {
+pub(crate) fn digits(value: f64) -> String {
     if value == 0.0 || (1e-3..1e5).contains(&value.abs()) {
         let places = 3 - value.abs().max(1e-3).log10().floor() as i32;
         format!("{value:.*}", places.max(0) as usize)

@@ -292,6 +292,7 @@ impl LoopResponse {
                 thinned(&predicted),
                 response,
                 model,
+                Some(loops.speed_crossing()).filter(|crossing| crossing.bandwidth_rad_s > 0.0),
             )
         })
     }

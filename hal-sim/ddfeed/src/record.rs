@@ -229,6 +229,10 @@ pub fn save(
     } else {
         let model = model_file(&header, summary.interval_s, bus_v);
         folder.put_text("model.toml", &model)?;
+        eprintln!(
+            "load and friction of {} are guesses: correct them, or take the model of a commissioning",
+            folder.path("model.toml").display()
+        );
     }
     Ok((summary, outcome))
 }

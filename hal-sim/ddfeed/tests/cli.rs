@@ -123,8 +123,11 @@ fn the_paper_s_experiment_prints_its_table_and_writes_its_report() {
     );
     assert_eq!(replay.lines().count(), 5, "{replay}");
 
+    let learns = "only a board as it ships learns";
+    assert!(!table.contains(learns), "{table}");
     let ideal = ["simulate", "--duration", "1", "--board", "paper"];
-    printed(folder.path(), &ideal);
+    let table = printed(folder.path(), &ideal);
+    assert!(table.contains(learns), "{table}");
     let ideal = json(&out.join("report.json"));
     let vrf = column(&ideal, "vrf_percent");
     assert!(
@@ -266,6 +269,10 @@ fn nonsense_is_refused_in_a_sentence() {
         (
             vec!["simulate", "--model", "coupled.toml", "--board", "nucleo"],
             "works from 18 to 50.4 V",
+        ),
+        (
+            vec!["serve", "--example", "--board", "nucleo"],
+            "--example prints the coupled machine, not a board's",
         ),
         (
             vec!["simulate", "sweep", "--table-speed", "inf"],

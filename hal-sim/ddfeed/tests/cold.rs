@@ -73,6 +73,9 @@ fn from_cold_to_the_effect_that_nobody_knew() {
         "--hold=-5,300,2",
         "--hold",
         "8,600,2",
+        "--hold",
+        "2.5,150,2",
+        "--hold=-2.5,-300,2",
     ];
     drive(
         &[&["record", "--arm", "--name", "fit"], &holds[..]].concat(),
@@ -95,6 +98,7 @@ fn from_cold_to_the_effect_that_nobody_knew() {
             .arg("--out")
             .arg(path("out")),
     );
+    assert!(!said.contains("Not excited"), "{said}");
     let line = said
         .lines()
         .find(|line| line.starts_with("cogging at screw"));

@@ -216,6 +216,43 @@ fn the_ripple_of_a_recording_is_printed_and_drawn() {
     assert!(report["holds"][0]["lines"][0]["hz"].is_number(), "{report}");
 }
 
+/// A scale whose own step is much of the ripple: `record` says how much of it, and what of the model is a guess.
+#[test]
+fn a_recording_says_what_the_scale_makes_and_what_is_guessed() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let mut model = plant::model::Model::coupled();
+    model.installation.scale_count_m = 3e-7;
+    std::fs::write(path("mine.toml"), model.to_toml()).unwrap();
+    let served = Served::new(&["--model", &path("mine.toml")]);
+    let output = served.drive(&["record", &path("rec"), "--arm", "--hold", "2.5,300,1"]);
+    let [printed, said] =
+        [output.stdout, output.stderr].map(|bytes| String::from_utf8(bytes).unwrap());
+    assert!(
+        printed.ends_with(
+            "one count of the scale alone, 0.300 um in 1.0 ms, makes 12.00 % of 2.500 mm/s\n"
+        ),
+        "{printed}"
+    );
+    assert!(
+        said.contains("load and friction of") && said.contains("are guesses: correct them"),
+        "{said}"
+    );
+}
+
+#[test]
+fn a_simulated_drive_says_where_its_settings_are_from() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml").display().to_string();
+    std::fs::write(&file, "[feed]\nvelocity_max_mm_s = 41\n").unwrap();
+    let served = Served::new(&["--settings", &file]);
+    let said = served.printed(&["status"]);
+    assert!(
+        said.contains("that it was started with, of `serve --settings`"),
+        "{said}"
+    );
+}
+
 /// A recording does not write over a model that a person has put beside it.
 #[test]
 fn a_recording_keeps_the_model_of_a_person() {
@@ -794,10 +831,19 @@ fn a_recording_begins_at_its_trigger_with_what_came_before() {
     assert!(said.contains("no column `nut_speed`"), "{said}");
 }
 
-/// By commands alone: what a drive has that its model lacks is recorded over the link, and named.
+/// Section 6 of `docs/two-minutes.md`: what a drive has that its model lacks is recorded over the link, and named.
 #[test]
 fn what_the_link_records_is_traced_to_its_effect() {
     const AMPLITUDE_NM: f64 = 0.03;
+    const FIT_HOLDS: &[&str] = &[
+        "2.5,0,3",
+        "-2.5,0,3",
+        "2.5,300,3",
+        "-5,300,3",
+        "8,600,3",
+        "2.5,150,3",
+        "-2.5,-300,3",
+    ];
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
     let declared = path("declared.toml");
@@ -812,8 +858,8 @@ fn what_the_link_records_is_traced_to_its_effect() {
     let served = Served::new(&["--model", &real, "--speed", "4"]);
     let out = path("rec");
     for (name, holds) in [
-        ("fit", ["2.5,0,3", "2.5,300,3", "-5,300,3"]),
-        ("check", ["3.5,0,3", "-2,200,3", "6,450,3"]),
+        ("fit", FIT_HOLDS),
+        ("check", &["3.5,0,3", "-2,200,3", "6,450,3"]),
     ] {
         let mut record = vec!["record", &out, "--name", name, "--arm"];
         record.extend(holds.iter().flat_map(|hold| ["--hold", hold]));
@@ -834,6 +880,11 @@ fn what_the_link_records_is_traced_to_its_effect() {
         .output()
         .unwrap();
     assert!(output.status.success(), "{output:?}");
+    let said = String::from_utf8(output.stdout).unwrap();
+    assert!(
+        said.contains("verdict") && !said.contains("Not excited"),
+        "{said}"
+    );
     let found = plant::model::Model::load(&folder.path().join("found/model.toml")).unwrap();
     let [effect] = &found.effects[..] else {
         panic!("{:?}", found.effects);

@@ -58,30 +58,38 @@ fn main() -> ExitCode {
     ExitCode::SUCCESS
 }
 
-/// Prints by how much the cycles differ from the baseline's.
+/// Prints by how much cycles and flash differ from the baseline's.
 fn against_baseline(report: &Report) {
     let baseline = match baseline() {
         Ok(baseline) => baseline,
         Err(error) => return eprintln!("the baseline cannot be read: {error}"),
     };
     println!(
-        "cycles beside those of tests/{BASELINE}; the tests allow {:.0} % more:",
+        "cycles and flash beside those of tests/{BASELINE}; the tests allow {:.0} % more:",
         100.0 * (RISE - 1.0)
     );
     let now = report.json();
     let rows = |of: &Value| of["interrupts"].as_array().cloned().unwrap_or_default();
     for (now, before) in rows(&now).iter().zip(rows(&baseline)) {
-        let change = |kind: &str| {
+        let cycles = |kind: &str| {
             let [now, before] = [now, &before].map(|of| of["cycles"][kind].as_f64());
-            let (now, before) = (now.unwrap_or(f64::NAN), before.unwrap_or(f64::NAN));
-            format!(
-                "{kind} {before} -> {now} ({:+.1} %)",
-                100.0 * (now / before - 1.0)
-            )
+            change(kind, now.unwrap_or(f64::NAN), before.unwrap_or(f64::NAN))
         };
         let name = now["name"].as_str().unwrap_or_default();
-        println!("{name:<20} {}, {}", change("typical"), change("worst"));
+        println!("{name:<20} {}, {}", cycles("typical"), cycles("worst"));
     }
+    let bytes = |of: &Value| of["flash_bytes"].as_f64().unwrap_or(f64::NAN);
+    println!(
+        "{:<20} {}",
+        "flash",
+        change("bytes", bytes(&now), bytes(&baseline))
+    );
+}
+
+/// A figure beside the baseline's.
+fn change(figure: &str, now: f64, before: f64) -> String {
+    let percent = 100.0 * (now / before - 1.0);
+    format!("{figure} {before} -> {now} ({percent:+.1} %)")
 }
 
 fn table(report: &Report) {

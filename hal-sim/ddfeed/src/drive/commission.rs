@@ -19,6 +19,14 @@ use std::fs;
 
 const REPORT: &str = "report.json";
 
+/// Which model a predicted response is of.
+const MODELS: &str = "    The model of a current loop is sampled here, as the drive is. That of the tuning is continuous, and a few percent faster.
+    The model of a speed loop has no table here, which keeps its speed in these steps. That of the tuning has the table.
+";
+
+/// What a current of a limit is.
+const LENGTH: &str = "    A current is a power-invariant length: sqrt(3/2) of a phase's peak.\n";
+
 /// Measures, sets and tunes.
 pub fn run(drive: Drive, options: &CommissionOptions) -> Result<()> {
     let folder = Folder::open(&options.out)?;
@@ -123,12 +131,14 @@ fn page(done: &[Done]) -> String {
                 );
             }
         }
+        if done.responses.is_some() {
+            text += MODELS;
+        }
         for limited in &done.limits {
-            let _ = writeln!(
-                text,
-                "    {:<39} {:>12.3e} of {:.3e} {} allowed",
-                limited.name, limited.reached, limited.limit, limited.unit
-            );
+            let _ = writeln!(text, "    {limited}");
+        }
+        if done.limits.iter().any(|limited| limited.unit == "A") {
+            text += LENGTH;
         }
     }
     text
@@ -139,20 +149,65 @@ fn loop_line(response: Option<&LoopResponse>) -> String {
     let Some(response) = response else {
         return "its steps were not seen beside noise and ripple".to_owned();
     };
-    let line = |of: Option<Crossing>| {
-        let Some(of) = of else {
-            return "no bandwidth".to_owned();
-        };
-        let hz = of.bandwidth_rad_s / TAU;
-        format!("{hz:.0} Hz and {:.1} degrees", of.margin_deg)
+    let found = |of: Crossing| {
+        format!(
+            "bandwidth {:.1} rad/s and phase margin {:.1} degrees",
+            of.bandwidth_rad_s, of.margin_deg
+        )
     };
+    let model = response
+        .predicted_crossing
+        .map_or_else(|| "no gain of 1".to_owned(), found);
     format!(
-        "{} steps from {:.2} to {:.2} {}: bandwidth and phase margin {}, by the model {}",
+        "{} steps from {:.2} to {:.2} {}: measured {}; by the model {model}",
         response.steps,
         response.from,
         response.to,
         response.unit,
-        line(response.crossing),
-        line(response.predicted_crossing)
+        response
+            .crossing
+            .map_or_else(|| not_measured(&response.hz), found),
     )
+}
+
+/// Why there is no bandwidth of a loop that was measured at these frequencies, Hz.
+fn not_measured(hz: &[f64]) -> String {
+    let clear = match hz {
+        [] => "no frequency was clear of noise".to_owned(),
+        [low, .., high] => format!(
+            "its gain does not fall through 1 where it is clear of noise, {:.0} to {:.0} rad/s",
+            TAU * low,
+            TAU * high
+        ),
+        [one] => format!("only {:.0} rad/s was clear of noise", TAU * one),
+    };
+    format!("no bandwidth, as {clear}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The tuning printed a bandwidth in rad/s. The response printed none, in Hz and without a reason.
+    #[test]
+    fn a_bandwidth_that_is_not_measured_has_its_reason() {
+        let response = LoopResponse {
+            unit: "rpm".to_owned(),
+            steps: 48,
+            hz: vec![10.0, 20.0, 30.0],
+            predicted_crossing: Some(Crossing {
+                bandwidth_rad_s: 265.4,
+                margin_deg: 45.54,
+            }),
+            ..LoopResponse::default()
+        };
+        let line = loop_line(Some(&response));
+        assert!(
+            line.ends_with(
+                "measured no bandwidth, as its gain does not fall through 1 where it is clear of noise, 63 to 188 rad/s; \
+                 by the model bandwidth 265.4 rad/s and phase margin 45.5 degrees"
+            ),
+            "{line}"
+        );
+    }
 }

@@ -98,8 +98,10 @@ pub fn record(drive: &mut Drive, options: &RecordOptions) -> Result<()> {
     }
     outcome.context("the recording ended early, and what came before is kept")?;
     if !options.hold.is_empty() {
-        let lead_m = drive.settings()?.feed.lead_mm * 1e-3;
-        print!("{}", short_text(&Recording::load(&path)?, lead_m / TAU));
+        let feed = drive.settings()?.feed;
+        let [lead_m, count_m] = [feed.lead_mm * 1e-3, feed.scale_count_nm * 1e-9];
+        let recording = Recording::load(&path)?;
+        print!("{}", short_text(&recording, lead_m / TAU, count_m));
     }
     Ok(())
 }

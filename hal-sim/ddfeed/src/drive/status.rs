@@ -6,6 +6,10 @@ use link::codes::{Fault, Origin};
 use link::host::status::{StatusReport, code, entry_json, event_json, fault_json, is_fault, kind};
 use serde_json::{Value, json};
 
+/// Where a simulated drive has the settings of its flash from.
+const STARTED_WITH: &str = "The simulated drive runs on the settings that it was started with, of `serve --settings` or `serve --flash`, or \
+                            that were stored since. They are lost when `serve` ends without `--flash`.";
+
 /// Prints what the drive is doing.
 pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
     let settings = drive.settings()?;
@@ -37,7 +41,11 @@ pub fn status(drive: &mut Drive, as_json: bool) -> Result<()> {
         let which = unfit.map_or_else(String::new, |setting| {
             format!(" The first of them is {setting}.")
         });
-        println!("Settings: {}{which}", origin.sentence());
+        let sentence = match origin {
+            Origin::Stored if drive.simulated() => STARTED_WITH,
+            _ => origin.sentence(),
+        };
+        println!("Settings: {sentence}{which}");
     }
     for (name, fit) in seen.tables() {
         println!("Table of the {name}: {}. {}", fit.name(), fit.sentence());

@@ -7,13 +7,16 @@ use crate::output::{Folder, refuse_inputs};
 use anyhow::{Context, Result, ensure};
 use clap::Args;
 use hal_sim::experiment::{OperatingPoint, RPM};
-use hal_sim::hold_ripple::{Ripple, bandwidth_hz, holds, recorded, ripple_interval_s};
+use hal_sim::hold_ripple::{Ripple, bandwidth_hz, holds, recorded, ripple_interval_s, window};
 use hal_sim::vrf::spectrum;
 use lines::{Line, lines, turns};
 use plant::model::Model;
 use plant::recording::Recording;
 use serde_json::json;
 use std::path::{Path, PathBuf};
+
+/// A count of the scale is told where it makes more than this part of the ripple.
+const COARSE: f64 = 0.2;
 
 /// Which recording.
 #[derive(Args, Debug)]
@@ -121,12 +124,41 @@ fn text(all: &[HoldRipple]) -> String {
     text
 }
 
-/// A line for each hold in which the table moves, or why there is none.
-pub fn short_text(recording: &Recording, travel: f64) -> String {
+/// A line for each hold in which the table moves, or why there is none; `count_m` is a count of the scale.
+pub fn short_text(recording: &Recording, travel: f64, count_m: f64) -> String {
     match of(recording, travel) {
-        Ok(all) => heading(&all) + &all.iter().map(HoldRipple::sentence).collect::<String>(),
+        Ok(all) => {
+            let holds: String = all.iter().map(HoldRipple::sentence).collect();
+            heading(&all) + &holds + &coarseness(&all, count_m)
+        }
         Err(error) => format!("no ripple: {error}\n"),
     }
+}
+
+/// What one count of the scale makes of the velocity, for the holds in which it is much of the ripple.
+fn coarseness(all: &[HoldRipple], count_m: f64) -> String {
+    let Some(window_s) = all.first().map(HoldRipple::window_s) else {
+        return String::new();
+    };
+    let step_m_s = count_m / window_s;
+    let mut coarse = Vec::new();
+    for hold in all {
+        let percent = 100.0 * step_m_s / hold.point.velocity.abs();
+        if percent > COARSE * hold.ripple.vrf_percent {
+            let mm_s = 1e3 * hold.point.velocity;
+            coarse.push(format!("{percent:.2} % of {mm_s:.3} mm/s"));
+        }
+    }
+    coarse.dedup();
+    if coarse.is_empty() {
+        return String::new();
+    }
+    format!(
+        "one count of the scale alone, {:.3} um in {:.1} ms, makes {}\n",
+        1e6 * count_m,
+        1e3 * window_s,
+        coarse.join(", ")
+    )
 }
 
 fn heading(all: &[HoldRipple]) -> String {
@@ -137,6 +169,11 @@ fn heading(all: &[HoldRipple]) -> String {
 }
 
 impl HoldRipple {
+    /// Time that a velocity is the mean of, s.
+    fn window_s(&self) -> f64 {
+        self.interval_s * window(self.interval_s) as f64
+    }
+
     fn sentence(&self) -> String {
         if self.ripple.rms_percent == 0.0 {
             return "  the table did not move by its scale, or there is none\n".to_owned();

@@ -42,7 +42,7 @@ impl fmt::Display for MachineLine<'_> {
             board.bus_v,
             1e3 * model.feed.lead_m,
             0.5e3 * installation.travel_m,
-            model.feed.load_n,
+            (1e3 * model.feed.load_n).round() / 1e3,
             1e6 * board.sensors.scale_count_m,
         )
     }

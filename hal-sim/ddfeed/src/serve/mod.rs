@@ -9,14 +9,14 @@ mod within;
 pub use within::ServedWithin;
 
 use crate::simulate::MachineOptions;
-use anyhow::Result;
+use anyhow::{Result, ensure};
 use clap::Args;
 use std::path::PathBuf;
 
 /// Which drive, and where it is to be found.
 #[derive(Args, Debug)]
 pub struct ServeOptions {
-    /// Prints a model file to begin with, and ends: `ddfeed serve --example > mine.toml`.
+    /// Prints the coupled machine as a model file to begin with, and ends: `ddfeed serve --example > mine.toml`.
     #[arg(long)]
     pub example: bool,
     /// Which machine, with which sensors: the mains board's where nothing is named.
@@ -46,6 +46,12 @@ pub struct ServeOptions {
 /// Serves until Ctrl-C.
 pub fn run(options: &ServeOptions) -> Result<()> {
     if options.example {
+        ensure!(
+            options.machine.board.is_none(),
+            "--example prints the coupled machine, not a board's. For a board's model leave --example out, and write it with \
+             `ddfeed drive --sim {} settings model own.toml`",
+            options.listen
+        );
         print!("{}", machine::example());
         return Ok(());
     }

@@ -628,7 +628,7 @@ mod tests {
                 }
             }
         }
-        std::println!("least distance from -1: {worst:.2}");
+        std::println!("learning: least distance from -1 {worst:.2}");
     }
 
     /// The speed loop's curve: the smallest phase margin, degrees, and distance from -1; whether it goes round -1 as a stable one
@@ -716,7 +716,8 @@ mod tests {
                 for axial in [None, Some(503.0), Some(150.0)] {
                     let (phase, distance) = speed_margins(&plate, part, axial);
                     std::println!(
-                        "observer {disturbance_rad_s} rad/s, notch {} Hz, inertia {part}, axial {axial:?}: {phase:.1} degrees, {distance:.2}",
+                        "disturbance observer {disturbance_rad_s} rad/s, notch {} Hz, inertia {part}, axial {axial:?}: \
+                         phase margin {phase:.1} degrees, least distance from -1 {distance:.2}",
                         notch.hz
                     );
                     assert!(

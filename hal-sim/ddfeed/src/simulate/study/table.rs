@@ -30,6 +30,11 @@ pub fn print(report: &Report) {
             percent(run.measured_percent, 1)
         );
     }
+    if report.runs.iter().all(|run| run.learned_percent.is_none()) {
+        println!(
+            "\nafter learning: only a board as it ships learns, with --board mains or --board nucleo"
+        );
+    }
     println!(
         "\nS(s), App. A: the torque harmonics of the model through the speed loop. Without them it is 0. Encoders, friction and \
          load are not in it."

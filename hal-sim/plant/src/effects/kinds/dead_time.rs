@@ -10,7 +10,7 @@ use super::{
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct DeadTime {
-    /// Lost voltage, V; 0 or above.
+    /// Lost voltage, V; 0 or above: bus voltage times PWM frequency times dead time.
     #[serde(deserialize_with = "limits::non_negative")]
     pub value: f64,
 }
