@@ -56,6 +56,14 @@ pub(super) fn sensitivity(report: &Report) -> Markup {
         ],
         labels: labels.collect(),
     });
+    Markup::of(&Sensitivity {
+        legend: sensitivity_legend(report),
+        plot,
+    })
+}
+
+fn sensitivity_legend(report: &Report) -> Markup {
+    let found = &report.sensitivity;
     let mut keys = vec![(MUTED, CURVE, "analytic, Appendix A".into())];
     if !found.ideal.is_empty() {
         keys.push((
@@ -87,10 +95,7 @@ pub(super) fn sensitivity(report: &Report) -> Markup {
             ),
         ));
     }
-    Markup::of(&Sensitivity {
-        legend: legend(&keys),
-        plot,
-    })
+    legend(&keys)
 }
 
 #[derive(Template)]

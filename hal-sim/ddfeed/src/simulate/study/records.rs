@@ -6,6 +6,7 @@ use page::axis::{Axis, extent, widen};
 use page::chart::{COOL as DDFS, Chart, Label, Mark, REFERENCE, Series, WARM as CDFS, chart};
 use page::document::{figure, legend, short, two};
 use page::markup::Markup;
+use plotters::style::RGBColor;
 use std::ops::Range;
 
 /// Weights of the lines, px: CDFS differs from DDFS without colour too.
@@ -43,26 +44,64 @@ pub(super) fn records(report: &Report) -> Vec<Markup> {
         .collect()
 }
 
+/// Ink and weight of a run.
+fn ink(run: &RunReport) -> (RGBColor, Mark) {
+    match run.nut_rpm == 0.0 {
+        true => (CDFS, HEAVY),
+        false => (DDFS, FINE),
+    }
+}
+
+fn series(run: &RunReport, points: Vec<(f64, f64)>) -> Series {
+    let (color, mark) = ink(run);
+    Series {
+        points,
+        color,
+        mark,
+    }
+}
+
 fn compared(
     setup: &SetupReport,
     runs: &[&RunReport],
     velocity: Option<Range<f64>>,
     amplitude: Option<Range<f64>>,
 ) -> Markup {
-    let ink = |run: &RunReport| match run.nut_rpm == 0.0 {
-        true => (CDFS, HEAVY),
-        false => (DDFS, FINE),
-    };
-    let series = |run: &RunReport, points: Vec<(f64, f64)>| Series {
-        points,
-        color: ink(run).0,
-        mark: ink(run).1,
-    };
     let heading = runs
         .iter()
         .map(|run| run.name())
         .collect::<Vec<_>>()
         .join(" against ");
+    let mut keys: Vec<_> = runs
+        .iter()
+        .map(|run| {
+            let (color, mark) = ink(run);
+            let name = format!("{}: VRF {} %", run.name(), two(Some(run.vrf_percent)));
+            (color, mark, name)
+        })
+        .collect();
+    keys.push((
+        REFERENCE,
+        FINE,
+        format!("reference {} mm/s", short(setup.table_mm_s)),
+    ));
+    let counterpart = paper_figure(setup, runs)
+        .map_or_else(String::new, |n| format!(" (the paper\u{2019}s Fig {n})"));
+    let parts = Markup::of(&Pair {
+        legend: legend(&keys),
+        record: record_plot(setup, runs, velocity, &heading),
+        spectrum: spectrum_plot(runs, amplitude, &heading),
+    });
+    figure(&format!("{heading}{counterpart}"), &[parts])
+}
+
+/// Table velocities over time, mm/s.
+fn record_plot(
+    setup: &SetupReport,
+    runs: &[&RunReport],
+    velocity: Option<Range<f64>>,
+    heading: &str,
+) -> Markup {
     let mut time: Vec<_> = runs
         .iter()
         .map(|run| {
@@ -87,7 +126,7 @@ fn compared(
             mark: FINE,
         });
     }
-    let record = chart(&Chart {
+    chart(&Chart {
         about: &format!("Table velocity over time: {heading}"),
         x: Axis {
             title: "Time, s",
@@ -101,7 +140,11 @@ fn compared(
         },
         series: time,
         labels: Vec::new(),
-    });
+    })
+}
+
+/// Amplitude spectra of the table velocities, mm/s.
+fn spectrum_plot(runs: &[&RunReport], amplitude: Option<Range<f64>>, heading: &str) -> Markup {
     // The fine line last: it would vanish beneath the heavy one's foot.
     let spectra: Vec<_> = runs
         .iter()
@@ -114,7 +157,7 @@ fn compared(
         .iter()
         .filter_map(|run| peak(run, ink(run).0))
         .collect();
-    let spectrum = chart(&Chart {
+    chart(&Chart {
         about: &format!("Amplitude spectrum of the table velocity: {heading}"),
         x: Axis {
             title: "Frequency, Hz",
@@ -128,31 +171,7 @@ fn compared(
         },
         series: spectra,
         labels,
-    });
-    let mut keys: Vec<_> = runs
-        .iter()
-        .map(|run| {
-            let (color, mark) = ink(run);
-            (
-                color,
-                mark,
-                format!("{}: VRF {} %", run.name(), two(Some(run.vrf_percent))),
-            )
-        })
-        .collect();
-    keys.push((
-        REFERENCE,
-        FINE,
-        format!("reference {} mm/s", short(setup.table_mm_s)),
-    ));
-    let counterpart = paper_figure(setup, runs)
-        .map_or_else(String::new, |n| format!(" (the paper\u{2019}s Fig {n})"));
-    let parts = Markup::of(&Pair {
-        legend: legend(&keys),
-        record,
-        spectrum,
-    });
-    figure(&format!("{heading}{counterpart}"), &[parts])
+    })
 }
 
 #[derive(Template)]
@@ -172,7 +191,7 @@ fn paper_figure(setup: &SetupReport, runs: &[&RunReport]) -> Option<u32> {
 }
 
 /// The highest line of a run's spectrum, named by its frequency.
-fn peak(run: &RunReport, color: plotters::style::RGBColor) -> Option<Label> {
+fn peak(run: &RunReport, color: RGBColor) -> Option<Label> {
     let lines = run
         .spectrum
         .iter()

@@ -32,7 +32,7 @@ pub fn print(report: &Report) {
     }
     if report.runs.iter().all(|run| run.learned_percent.is_none()) {
         println!(
-            "\nafter learning: only a board as it ships learns, with --board mains or --board nucleo"
+            "\nafter learning: only a board as it ships learns: give --board without --model"
         );
     }
     println!(

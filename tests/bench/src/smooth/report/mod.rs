@@ -4,15 +4,15 @@ mod disturbance;
 mod floor;
 mod hum;
 mod page;
+mod reversals;
 mod vanishing;
+mod wrong_settings;
 
-use crate::smooth::bench::{Case, Change, Controller, Row, cases, learning_s, robustness, rows};
-use crate::smooth::reversal::{Reversal, reversal};
+use crate::smooth::bench::{Case, Controller, Row, cases, learning_s, rows};
 use anyhow::Result;
 use clap::Args;
 use ddfeed::output::Folder;
 use ddfeed::simulate::{BoardName, Bridges};
-use hal_sim::parallel::on_all_cores;
 use indicatif::{ProgressBar, ProgressStyle};
 use serde_json::{Map, Value, json};
 
@@ -88,60 +88,15 @@ pub fn run(options: &SmoothOptions) -> Result<()> {
         });
     }
     if of(SmoothPart::Robustness) {
-        let robust = on_all_cores(&Change::ALL, |&change| (change, robustness(change)));
-        let json = robust.iter().map(|(change, [pi, ours])| {
-            json!({
-                "change": change.name(),
-                "vrf_pi": pi,
-                "vrf_ours": ours,
-                "stable": ours.is_some(),
-            })
-        });
-        put("robustness", json.collect(), &|| {
-            println!(
-                "\nCoupled, DDFS 800 rpm, 2.5 mm/s, when something is other than the drive was told: PI, ours"
-            );
-            for (change, [pi, ours]) in &robust {
-                let say =
-                    |vrf: &Option<f64>| vrf.map_or("fault".into(), |vrf| format!("{vrf:.2} %"));
-                println!("  {:<36} {:>9} {:>9}", change.name(), say(pi), say(ours));
-            }
+        let robust = wrong_settings::measure();
+        put("robustness", wrong_settings::json(&robust), &|| {
+            wrong_settings::print(&robust);
         });
     }
     if of(SmoothPart::Reversal) {
-        let reversals = on_all_cores(&MODES, |&nut_rpm| reversal(nut_rpm))
-            .into_iter()
-            .collect::<Result<Vec<_>, _>>()?;
-        let json = MODES.iter().zip(&reversals).map(|(&nut_rpm, error)| {
-            json!({
-                "mode": mode(nut_rpm),
-                "error_pi_percent": error.pi,
-                "error_ours_percent": error.known,
-                "error_ours_percent_if_known_30_less_and_more": error.off,
-                "error_observed_percent_if_unknown_30_less_known_30_more": error.observed,
-            })
-        });
-        put("reversal", json.collect(), &|| {
-            println!(
-                "\nReversal of 1 mm/s at 0.5 Hz through friction that sticks, largest error over the amplitude: PI, ours, ours \
-                 told 30 % less and more; with observer and notch: friction unknown, told 30 % less, known, told 30 % more"
-            );
-            for (
-                &nut_rpm,
-                Reversal {
-                    pi,
-                    known,
-                    off: [less, more],
-                    observed: [unknown, seen_less, seen, seen_more],
-                },
-            ) in MODES.iter().zip(&reversals)
-            {
-                println!(
-                    "  {:<36} {pi:>7.1} % {known:>7.1} % {less:>7.1} % {more:>7.1} %   {unknown:>7.1} % {seen_less:>7.1} % \
-                     {seen:>7.1} % {seen_more:>7.1} %",
-                    mode(nut_rpm)
-                );
-            }
+        let reversals = reversals::measure()?;
+        put("reversal", reversals::json(&reversals), &|| {
+            reversals::print(&reversals);
         });
     }
     if of(SmoothPart::Disturbance) {
