@@ -5,6 +5,7 @@ use crate::balance::Balance;
 use crate::conclusion::channels::ChannelRest;
 use crate::effects::family::{Family, Unnamed};
 use crate::effects::hypothesis::Hypothesis;
+use crate::effects::limits::greatest_torque;
 use crate::predict::basis::{Along, At, Group};
 use crate::predict::judge::{Judged, judge};
 use crate::predict::orders::loudest_orders;
@@ -75,6 +76,27 @@ impl Learned {
         self.orders > 1
             && self.effect.place() == named.place()
             && self.fall > PART_OF_SHAPE * explains
+    }
+
+    /// The channel in which it shows: of a force on the table the screw's torque.
+    pub(crate) fn shows(&self) -> Channel {
+        match self.effect.place() == Place::Nut {
+            true => Channel::Torque(Axis::Nut),
+            false => Channel::Torque(Axis::Screw),
+        }
+    }
+
+    /// Its greatest torque or force in what the motor's greatest current makes.
+    pub(crate) fn share_of_greatest(&self, balance: &Balance) -> f64 {
+        let Channel::Torque(axis) = self.shows() else {
+            return 0.0;
+        };
+        let most = match self.effect.place() {
+            Place::Feed => greatest_torque(balance, axis) / balance.lead.abs(),
+            _ => greatest_torque(balance, axis),
+        };
+        let sizes = self.values().iter().map(|value| value.abs());
+        sizes.fold(0.0, f64::max) / most.max(1e-300)
     }
 
     /// Its points' values.
