@@ -15,12 +15,12 @@ pub(super) fn print(report: &Report) {
     }
 }
 
-/// A line for each answer: verdict, what is left, what was not tested, what to record next and how.
+/// A line for each answer: verdict, residual, what was not tested, what to record next and how.
 fn verdict(verdict: &str, said: &Said) -> Vec<String> {
     let line = |name: &str, text: String| format!("{name}: {text}");
     let lines = [
         Some(format!("verdict: {verdict}. {}", said.why)),
-        said.left.clone().map(|text| line("left", text)),
+        said.left.clone().map(|text| line("residual", text)),
         said.untested_words()
             .map(|text| line("not tested by this record", text)),
         said.next_words().map(|text| line("record next", text)),
@@ -116,7 +116,27 @@ fn short(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::drive::{DriveOptions, Task};
+    use clap::{Args, Command, FromArgMatches};
     use std::collections::BTreeMap;
+
+    /// The command that a report proposes is one that the drive takes.
+    #[test]
+    fn the_drive_takes_the_command_that_is_proposed() {
+        let proposed = identify::conclusion::said::command([603.4, 301.7, 150.85]);
+        let words = proposed.strip_prefix("ddfeed ").expect("a command");
+        let parser = DriveOptions::augment_args(Command::new("drive"));
+        let found = parser.try_get_matches_from(words.split(' ')).unwrap();
+        let Task::Record(record) = DriveOptions::from_arg_matches(&found).unwrap().task else {
+            panic!("`{proposed}` records")
+        };
+        let base: Vec<f64> = record.hold.iter().map(|hold| hold.base).collect();
+        assert_eq!(base.len(), 6);
+        assert!(
+            record.arm && base.iter().any(|speed| *speed < 0.0),
+            "{base:?}"
+        );
+    }
 
     #[test]
     fn each_answer_has_a_line() {
@@ -132,7 +152,7 @@ mod tests {
             verdict("partly explained", &said),
             [
                 "verdict: partly explained. What is named takes 90 % of it.",
-                "left: Most of it is in the nut torque.",
+                "residual: Most of it is in the nut torque.",
                 "not tested by this record: viscous friction",
                 "record next: both directions",
                 "    ddfeed drive record rec",

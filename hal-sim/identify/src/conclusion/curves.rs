@@ -5,7 +5,6 @@ use crate::balance::Balance;
 use crate::conclusion::channels::ChannelRest;
 use crate::effects::family::{Family, Unnamed};
 use crate::effects::hypothesis::Hypothesis;
-use crate::effects::limits::greatest_torque;
 use crate::predict::basis::{Along, At, Group};
 use crate::predict::judge::{Judged, judge};
 use crate::predict::orders::loudest_orders;
@@ -50,6 +49,20 @@ pub struct Learned {
 }
 
 impl Learned {
+    /// An effect whose record nobody asks about.
+    #[cfg(test)]
+    pub(crate) fn of(effect: EffectModel) -> Self {
+        Learned {
+            effect,
+            along: String::new(),
+            order: None,
+            at: Vec::new(),
+            sigmas: Vec::new(),
+            orders: 0,
+            fall: 0.0,
+        }
+    }
+
     /// So much of it.
     pub(crate) fn scale(&mut self, share: f64) {
         if let AnyEffect::Measured(curve) = self.effect.effect() {
@@ -84,19 +97,6 @@ impl Learned {
             true => Channel::Torque(Axis::Nut),
             false => Channel::Torque(Axis::Screw),
         }
-    }
-
-    /// Its greatest torque or force in what the motor's greatest current makes.
-    pub(crate) fn share_of_greatest(&self, balance: &Balance) -> f64 {
-        let Channel::Torque(axis) = self.shows() else {
-            return 0.0;
-        };
-        let most = match self.effect.place() {
-            Place::Feed => greatest_torque(balance, axis) / balance.lead.abs(),
-            _ => greatest_torque(balance, axis),
-        };
-        let sizes = self.values().iter().map(|value| value.abs());
-        sizes.fold(0.0, f64::max) / most.max(1e-300)
     }
 
     /// Its points' values.

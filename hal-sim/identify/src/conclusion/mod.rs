@@ -4,6 +4,7 @@ pub mod channels;
 pub mod curves;
 pub(crate) mod figures;
 pub mod outcome;
+pub(crate) mod possible;
 pub(crate) mod recalibrated;
 pub(crate) mod remains;
 pub mod rest;
@@ -11,18 +12,17 @@ pub mod said;
 pub(crate) mod unexplained;
 pub mod verdict;
 
-use crate::balance::Balance;
 use crate::conclusion::channels::ChannelRest;
 use crate::conclusion::curves::{Learned, described, divide, learned};
 use crate::conclusion::figures::{figures, table_force};
 use crate::conclusion::outcome::{Bandwidth, Coordinates, Found, Outcome, Rival, Unexplained};
+use crate::conclusion::possible::curved;
 use crate::conclusion::recalibrated::{calibration, curve_shares, new_model};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
 use crate::conclusion::unexplained::{Left, along, unexplained};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
-use crate::effects::limits::TORQUE;
 use crate::effects::parameter::{MotorParameter, Parameter};
 use crate::regression::column::Column;
 use crate::regression::design::Whitener;
@@ -119,44 +119,6 @@ fn with_curves(
         true => curved.of_curves(names, outcome, curves),
         false => outcome.or_names(names, excess),
     }
-}
-
-/// An outcome with curves that the motors can make; the others are refused. None where no curve is left.
-fn curved(
-    [case, check]: [&Case; 2],
-    noise: &Noise,
-    progress: &Progress,
-    mut curves: Vec<Learned>,
-) -> Option<(Outcome, Vec<Learned>)> {
-    refuse_impossible(case.balance, &mut curves, &[]);
-    while !curves.is_empty() {
-        let effects: Vec<_> = curves.iter().map(|curve| curve.effect.clone()).collect();
-        let [own, other] = [case, check].map(|case| case.base.with_curves(case.balance, &effects));
-        let own = Case::new(case.balance, &own);
-        let other = Case::new(check.balance, &other);
-        let outcome = concluded(&own, &other, noise, progress);
-        if !refuse_impossible(case.balance, &mut curves, &outcome.curve_shares) {
-            return Some((outcome, curves));
-        }
-    }
-    None
-}
-
-/// Refuses the curves that take more torque than a motor's greatest current makes; whether there were any. `shares` is how much the
-/// record has of each, all of it where that is not known.
-fn refuse_impossible(balance: &Balance, curves: &mut Vec<Learned>, shares: &[f64]) -> bool {
-    let count = curves.len();
-    let mut shares = shares.iter().copied();
-    curves.retain(|curve| {
-        let share: f64 = shares.next().unwrap_or(1.0);
-        let is_possible = share.abs() * curve.share_of_greatest(balance) <= 1.0;
-        if !is_possible {
-            let refusals = &balance.refusals;
-            refusals.count("measured", curve.effect.place(), TORQUE);
-        }
-        is_possible
-    });
-    curves.len() < count
 }
 
 /// Error of a channel's check record by which curves may raise it.

@@ -1,4 +1,4 @@
-//! What is said of a machine, an answer to each question: why the verdict, what is left, what was not tested, what to record.
+//! What is said of a machine, an answer to each question: verdict, residual, untested quantities, further record.
 
 use crate::predict::excitation::{Ask, Excitation};
 
@@ -11,7 +11,7 @@ const HELD_S: f64 = 3.0;
 pub struct Said {
     /// What the verdict rests on.
     pub why: String,
-    /// What is left, and where most of it is.
+    /// The residual, and where most of it is.
     pub left: Option<String>,
     /// What the records do not test; `None` where nothing has examined it.
     pub untested: Option<Vec<String>>,
@@ -86,7 +86,7 @@ fn example_rpm(shafts: &[(Excitation, &str)]) -> [f64; 3] {
 }
 
 /// The command of the drive that holds each speed in both directions.
-fn command(rpm: [f64; 3]) -> String {
+pub fn command(rpm: [f64; 3]) -> String {
     let holds = rpm.map(|speed| {
         let speed = three(speed);
         format!("--hold {TABLE_MM_S},{speed},{HELD_S} --hold=-{TABLE_MM_S},-{speed},{HELD_S}")

@@ -353,7 +353,7 @@ pub struct Tally {
     pub names: usize,
     /// Curves that were measured, without a cause.
     pub curves: usize,
-    /// Descriptions of what is left.
+    /// Descriptions of the residual.
     pub left: usize,
 }
 
@@ -407,7 +407,7 @@ pub fn judge(channels: &[CheckChannel], found: Tally, floor: Floor) -> Judged {
     }
 }
 
-/// Why, and what is left, where nothing was found. Last whether the floor is known, and whether the record is at it.
+/// Why, and the residual, where nothing was found. Last whether the floor is known, and whether the record is at it.
 fn bare(
     verdict: Verdict,
     channels: &[CheckChannel],
@@ -422,10 +422,10 @@ fn bare(
         let left = format!("Nothing is missing above {}.", left_in_words(channels));
         return (why, Some(left));
     }
-    let no_cause = "No cause of it is borne out by both records.".to_owned();
+    let no_cause = "Both records confirm no cause of it.".to_owned();
     match (known, quiet) {
         (false, _) => (
-            format!("No effect is borne out by both records, beside {floor}."),
+            format!("Both records confirm no effect, beside {floor}."),
             None,
         ),
         (true, true) => (
@@ -441,7 +441,7 @@ fn bare(
     }
 }
 
-/// Why, and what is left, where something was found that takes the share `gone`.
+/// Why, and the residual, where something was found that takes the share `gone`.
 fn beside(
     verdict: Verdict,
     found: Tally,
@@ -459,8 +459,8 @@ fn beside(
         );
     }
     let left = match verdict {
-        Verdict::Explained => "No more than the noise floor is left.",
-        _ => "The rest has no cause that both records bear out.",
+        Verdict::Explained => "The residual is at the noise floor.",
+        _ => "Both records confirm no cause of the rest.",
     };
     let taker = found.taker(["takes", "take"]);
     let percent = 100.0 * gone;

@@ -105,7 +105,8 @@ fn result(report: &Report) -> String {
             report.effects.len() - NAMED
         ));
     }
-    sentences.push(report.summary.clone());
+    sentences.push(report.said.why.clone());
+    sentences.extend(report.said.left.clone());
     sentences.join(" ")
 }
 
@@ -202,6 +203,7 @@ mod tests {
             verdict: "explained",
             summary: "What is named takes 99 %.".into(),
             said: Said {
+                why: "What is named takes 99 %.".into(),
                 untested: Some(Vec::new()),
                 ..Said::default()
             },
@@ -396,6 +398,7 @@ mod tests {
         let beneath = first.find("Not excited: nothing.").expect("the line");
         assert!(beneath < first.find("class=\"result\"").unwrap());
         thin.said.untested = Some(vec!["orders of the turn".into()]);
+        thin.said.next = vec!["at least 1 turn".into()];
         thin.said.command = Some("ddfeed drive record".into());
         let first = top(&thin);
         assert!(first.contains("Not excited: orders of the turn."));

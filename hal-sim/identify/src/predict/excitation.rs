@@ -13,7 +13,7 @@ const CLASS: f64 = 1.3;
 const SHARE: f64 = 0.03;
 /// Speed below which a shaft creeps, rad/s: 5 rpm.
 pub(crate) const CREEPS_RAD_S: f64 = 0.5;
-/// Least top speed of an example, rpm: 3 s of its slowest speed are a turn.
+/// Smallest top speed of an example, rpm: 3 s of its slowest speed are a turn.
 const LEAST_EXAMPLE_RPM: f64 = 80.0;
 /// Ratio of two speeds by which viscous friction differs from an offset.
 const VISCOUS: f64 = 2.0;
@@ -92,11 +92,11 @@ impl Excitation {
         let mut lacks = Vec::new();
         let mut lack = |asks, untested| lacks.push(Lack { untested, asks });
         if self.stands() {
-            let top = three(rpm(self.top));
+            let top = rpm(self.top);
             lack(
                 Ask::Faster,
                 format!(
-                    "inertia, friction, flux and ripple, as the {shaft} moves at {top} rpm at most"
+                    "inertia, friction, flux and ripple, as the {shaft} moves at {top:.2} rpm at most"
                 ),
             );
         }
@@ -108,10 +108,10 @@ impl Excitation {
             );
         }
         if self.turns < LEAST_TURNS {
-            let turns = three(self.turns);
+            let turns = self.turns;
             lack(
                 Ask::Turns,
-                format!("orders of the turn, as the {shaft} covers {turns} turns"),
+                format!("orders of the turn, as the {shaft} covers {turns:.2} turns"),
             );
         }
         if self.classes < LEAST_CLASSES && !self.stands() {

@@ -428,7 +428,7 @@ impl Report {
         self.stages.iter().rev().nth(1)
     }
 
-    /// The channel that the first sentence names: of the greatest effect, or of what is left. Without either, the channel whose
+    /// The channel that the first sentence names: of the greatest effect, or of the residual. Without either, the channel whose
     /// residual fell most.
     pub fn lead(&self) -> Option<(&Channel, &Residual)> {
         let all = self.channels.iter();
