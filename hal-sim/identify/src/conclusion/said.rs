@@ -118,6 +118,7 @@ pub fn three(value: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::predict::basis::At;
 
     #[test]
     fn figures_have_three_digits() {
@@ -132,6 +133,33 @@ mod tests {
         ] {
             assert_eq!(three(value), text);
         }
+    }
+
+    /// A record of one speed is asked for more of them once, whatever the number of shafts, with the command that records them.
+    #[test]
+    fn a_record_of_one_speed_asks_for_more() {
+        let speed = 602.6 * std::f64::consts::TAU / 60.0;
+        let rows = (0..1000).map(|row| At {
+            angle: speed * f64::from(row) / 100.0,
+            speed,
+            ..At::default()
+        });
+        let own = Excitation::new(&rows.collect::<Vec<_>>(), 100.0);
+        let shafts = [(own.clone(), "screw's motor"), (own, "nut's motor")];
+        let mut said = Said {
+            why: "It holds.".into(),
+            ..Said::default()
+        };
+        said.test(&shafts);
+        said.commanded(&shafts);
+        let next = "at least 3 speeds a factor of 2 apart, for example 603, 301 and 151 rpm";
+        assert_eq!(said.next, [next, "both directions"]);
+        let command = said.command.as_deref().unwrap();
+        assert!(command.contains("--hold 2.5,603,3 --hold=-2.5,-603,3 --hold 2.5,301,3"));
+        let sentence = said.sentence();
+        assert!(sentence.starts_with("It holds. Not tested by this record: friction over speed"));
+        assert!(sentence.ends_with(&format!("To test it, record {next}; both directions.")));
+        assert!(!sentence.contains("Not excited"));
     }
 
     #[test]
