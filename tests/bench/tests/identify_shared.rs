@@ -32,7 +32,7 @@ fn what_is_found_brings_the_residual_to_the_noise(folder: &Path) {
         assert!(
             matches!(judged.verdict, Verdict::Explained | Verdict::NothingMissing),
             "open-{k:02}: {}",
-            judged.sentence
+            judged.said.sentence()
         );
         if ![4, 5, 9].contains(&k) {
             continue;

@@ -121,7 +121,7 @@ pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
         mapping: Mapping::default(),
         on_fault: OnFault::Refuse,
     };
-    trace::carry_out(&task, options)?;
+    trace::carry_out(&task, options, Some(seed))?;
     let values: Vec<String> = parameters
         .iter()
         .map(|(name, value)| format!("{name} {value}"))

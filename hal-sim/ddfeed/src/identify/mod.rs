@@ -1,6 +1,7 @@
 //! `ddfeed identify`.
 
 pub mod demo;
+mod printed;
 mod simulation;
 mod told;
 mod trace;

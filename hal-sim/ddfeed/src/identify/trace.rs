@@ -1,12 +1,13 @@
 //! From a record to the report.
 
+use super::printed::print;
 use super::told::Told;
 use super::{Fault, IdentifyOptions, simulation};
 use crate::output::{Folder, refuse_inputs};
 use anyhow::{Context, Result};
 use identify::effects::stick_slip::FreeDrive;
 use identify::records::{Mapping, OnFault};
-use identify::report::{Report, write};
+use identify::report::write;
 use identify::run::{RunError, Task, WrongData};
 use std::path::Path;
 
@@ -43,11 +44,15 @@ pub(super) fn run(options: &IdentifyOptions) -> Result<()> {
             Fault::Skip => OnFault::Skip,
         },
     };
-    carry_out(&task, options)
+    carry_out(&task, options, None)
 }
 
-/// Identifies, and writes and prints what came of it.
-pub(super) fn carry_out(task: &Task, options: &IdentifyOptions) -> Result<()> {
+/// Identifies, and writes and prints what came of it. `demo_seed` is that of a demonstration.
+pub(super) fn carry_out(
+    task: &Task,
+    options: &IdentifyOptions,
+    demo_seed: Option<u64>,
+) -> Result<()> {
     let mut told = Told::new(options.progress);
     let drive: Option<&dyn FreeDrive> = match options.no_simulation {
         true => None,
@@ -79,6 +84,7 @@ pub(super) fn carry_out(task: &Task, options: &IdentifyOptions) -> Result<()> {
         }
     }
     told.end();
+    done.report.demo_seed = demo_seed;
     write(&done.report, &options.out)?;
     print(&done.report);
     println!("report: {}", options.out.join("report.html").display());
@@ -108,74 +114,4 @@ fn wrong_data(wrong: &WrongData, out: &Path) -> Result<()> {
     )?;
     println!("report: {}", folder.path("report.html").display());
     Ok(())
-}
-
-fn print(report: &Report) {
-    println!("verdict: {}. {}", report.verdict, report.summary);
-    for effect in &report.effects {
-        let values: Vec<String> = effect
-            .parameters
-            .iter()
-            .map(|(name, value)| {
-                let [low, high] = effect.interval.get(name).copied().unwrap_or([f64::NAN; 2]);
-                let unit = effect.unit.get(name).map_or("", String::as_str);
-                format!(
-                    "{name} {} ({} to {}) {unit}",
-                    short(*value),
-                    short(low),
-                    short(high)
-                )
-                .trim_end()
-                .to_owned()
-            })
-            .collect();
-        println!(
-            "{} at {}: {}; explains {:.1} % of the check record's excess",
-            effect.kind,
-            effect.place,
-            values.join(", "),
-            100.0 * effect.explained
-        );
-    }
-    if let Some((_, figures)) = report.lead() {
-        println!(
-            "{} residual on the check record: {} -> {} {} rms (noise floor {})",
-            figures.channel,
-            short(figures.check_before),
-            short(figures.check_after),
-            figures.unit,
-            short(figures.noise_floor)
-        );
-    }
-    if let Some(simulation) = &report.simulation {
-        println!(
-            "ripple simulated less measured: {:.2} -> {:.2} points rms over {} holds",
-            simulation.declared_rms_points,
-            simulation.new_rms_points,
-            simulation.holds.len()
-        );
-    }
-    for record in &report.records {
-        let skipped: usize = record.skipped.iter().map(|s| s.rows).sum();
-        if skipped + record.bridged + record.cut > 0 {
-            println!(
-                "{}: {skipped} rows left out, {} bridged, {} cut off, of {}",
-                record.file, record.bridged, record.cut, record.rows
-            );
-        }
-    }
-}
-
-/// Four significant digits.
-fn short(value: f64) -> String {
-    let size = value.abs();
-    if size != 0.0 && !(1e-3..1e5).contains(&size) {
-        return format!("{value:.3e}");
-    }
-    let decimals = if size == 0.0 {
-        0
-    } else {
-        (3 - size.log10().floor() as i32).max(0) as usize
-    };
-    format!("{value:.decimals$}")
 }

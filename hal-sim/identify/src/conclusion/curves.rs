@@ -49,6 +49,20 @@ pub struct Learned {
 }
 
 impl Learned {
+    /// An effect whose record nobody asks about.
+    #[cfg(test)]
+    pub(crate) fn of(effect: EffectModel) -> Self {
+        Learned {
+            effect,
+            along: String::new(),
+            order: None,
+            at: Vec::new(),
+            sigmas: Vec::new(),
+            orders: 0,
+            fall: 0.0,
+        }
+    }
+
     /// So much of it.
     pub(crate) fn scale(&mut self, share: f64) {
         if let AnyEffect::Measured(curve) = self.effect.effect() {
@@ -75,6 +89,14 @@ impl Learned {
         self.orders > 1
             && self.effect.place() == named.place()
             && self.fall > PART_OF_SHAPE * explains
+    }
+
+    /// The channel in which it shows: of a force on the table the screw's torque.
+    pub(crate) fn shows(&self) -> Channel {
+        match self.effect.place() == Place::Nut {
+            true => Channel::Torque(Axis::Nut),
+            false => Channel::Torque(Axis::Screw),
+        }
     }
 
     /// Its points' values.

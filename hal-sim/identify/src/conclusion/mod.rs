@@ -4,9 +4,11 @@ pub mod channels;
 pub mod curves;
 pub(crate) mod figures;
 pub mod outcome;
+pub(crate) mod possible;
 pub(crate) mod recalibrated;
 pub(crate) mod remains;
 pub mod rest;
+pub mod said;
 pub(crate) mod unexplained;
 pub mod verdict;
 
@@ -14,6 +16,7 @@ use crate::conclusion::channels::ChannelRest;
 use crate::conclusion::curves::{Learned, described, divide, learned};
 use crate::conclusion::figures::{figures, table_force};
 use crate::conclusion::outcome::{Bandwidth, Coordinates, Found, Outcome, Rival, Unexplained};
+use crate::conclusion::possible::curved;
 use crate::conclusion::recalibrated::{calibration, curve_shares, new_model};
 use crate::conclusion::remains::{Fixed, Side, judged_hz};
 use crate::conclusion::rest::NO_SHAPE;
@@ -53,7 +56,11 @@ pub(crate) fn conclude(case: Case, check: Case, noise: Noise, mut progress: Prog
             Some((found, reason)) => {
                 progress.take_back(&found.hypothesis, found.values.clone(), reason);
             }
-            None => return with_curves(&case, &check, &noise, &mut progress, outcome),
+            None => {
+                let outcome = with_curves(&case, &check, &noise, &mut progress, outcome);
+                let refused = case.balance.refusals.list();
+                return Outcome { refused, ..outcome };
+            }
         }
     }
 }
@@ -92,11 +99,7 @@ fn with_curves(
         levels.sum()
     };
     let curved = [learned, described].into_iter().filter_map(|curves| {
-        let effects: Vec<_> = curves.iter().map(|curve| curve.effect.clone()).collect();
-        let [own, other] = [case, check].map(|case| case.base.with_curves(case.balance, &effects));
-        let own = Case::new(case.balance, &own);
-        let other = Case::new(check.balance, &other);
-        let curved = (!curves.is_empty()).then(|| concluded(&own, &other, noise, progress))?;
+        let (curved, curves) = curved([case, check], noise, progress, curves)?;
         Some((excess(&curved), curved, curves))
     });
     let best = curved.min_by(|a, b| a.0.total_cmp(&b.0));

@@ -2,7 +2,7 @@
 
 use crate::conclusion::channels::{ChannelRest, TableForce};
 use crate::conclusion::curves::Learned;
-use crate::conclusion::verdict::{CheckChannel, Floor, Judged, judge};
+use crate::conclusion::verdict::{CheckChannel, Floor, Judged, Tally, judge};
 use crate::effects::hypothesis::Hypothesis;
 use crate::effects::refusals::Refusal;
 use crate::machines::Machine;
@@ -173,13 +173,18 @@ impl Outcome {
             rms: [rest.figures.check_before, rest.figures.check_after],
             floor: rest.figures.noise_floor,
         });
-        judge(
-            &channels.collect::<Vec<_>>(),
-            self.effects.len() + self.curves.len(),
-            self.unexplained.len() + self.curves.len(),
-            Floor::Sensors,
-        )
-        .excited(&self.excitation())
+        let found = Tally {
+            names: self.effects.len(),
+            curves: self.curves.len(),
+            left: self.unexplained.len(),
+        };
+        let shafts = self.excitation();
+        let channels: Vec<CheckChannel> = channels.collect();
+        let judged = judge(&channels, found, Floor::Sensors).excited(&shafts);
+        match self.machine.has_feed() {
+            true => judged.commanded(&shafts),
+            false => judged,
+        }
     }
 
     /// Shapes without a name that raise the check record's excess describe the residual, and are no part of what is said of it.

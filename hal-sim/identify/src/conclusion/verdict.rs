@@ -1,5 +1,6 @@
 //! What may be said of a machine: from the check record alone, and never more than it confirms.
 
+use crate::conclusion::said::{Said, three};
 use crate::predict::excitation::Excitation;
 use crate::signal::channel::Channel;
 use crate::signal::noise::{BANDS_HZ, power_spectrum};
@@ -239,8 +240,8 @@ impl CheckChannel {
     }
 
     /// Judges a machine that has no other.
-    pub(crate) fn judged(self, names: usize, left: usize, floor: Floor) -> Judged {
-        judge(&[self], names, left, floor)
+    pub(crate) fn judged(self, found: Tally, floor: Floor) -> Judged {
+        judge(&[self], found, floor)
     }
 }
 
@@ -249,8 +250,8 @@ impl CheckChannel {
 pub struct Judged {
     /// In one word.
     pub verdict: Verdict,
-    /// In one sentence, with figures.
-    pub sentence: String,
+    /// In sentences, with figures.
+    pub said: Said,
     /// Sums of squares beyond the floor on the check record, before and after.
     pub excess: [f64; 2],
 }
@@ -280,15 +281,20 @@ impl Judged {
                     Verdict::Explained => Verdict::PartlyExplained,
                     _ => Verdict::Unexplained,
                 };
-                self.sentence += " But the check record's operating points predict each other, and the fit record does not predict \
-                                  them: something does not carry over.";
+                let own = "The check record's operating points predict each other, and the fit record does not predict them: \
+                           something does not carry over.";
+                self.said.left = Some(own.into());
             }
             Verdict::Unexplained if is_judged && !does_not_carry && share < SMALL => {
                 self.verdict = Verdict::NothingMissing;
-                self.sentence = format!(
-                    "Nothing predicts what the declared model leaves, {:.2} % of the drive quantity's rms. Nothing is missing above that.",
-                    100.0 * share
-                );
+                self.said = Said {
+                    why: format!(
+                        "Nothing predicts what the declared model leaves, {} % of the drive quantity's rms.",
+                        three(100.0 * share)
+                    ),
+                    left: Some("Nothing is missing above that.".into()),
+                    ..Said::default()
+                };
             }
             _ => {}
         }
@@ -297,14 +303,10 @@ impl Judged {
 
     /// Beside what the records excite of each shaft.
     pub(crate) fn excited(mut self, shafts: &[(Excitation, &str)]) -> Self {
-        let lacks: Vec<String> = shafts
-            .iter()
-            .filter_map(|(own, shaft)| own.sentence(shaft))
-            .collect();
-        if lacks.is_empty() {
+        self.said.test(shafts);
+        if self.said.next.is_empty() {
             return self;
         }
-        let lacks = lacks.join(" ");
         let stands = shafts.iter().all(|(own, _)| own.stands());
         let cannot_tell = match self.verdict {
             Verdict::NothingMissing => shafts.iter().any(|(own, _)| own.is_thin()),
@@ -313,13 +315,16 @@ impl Judged {
         };
         if cannot_tell {
             self.verdict = Verdict::NotExcited;
-            self.sentence = lacks;
-            return self;
-        }
-        if self.verdict == Verdict::Explained && stands {
+            (self.said.why, self.said.left) = ("The record moves too little to tell.".into(), None);
+        } else if self.verdict == Verdict::Explained && stands {
             self.verdict = Verdict::PartlyExplained;
         }
-        self.sentence = format!("{} {lacks}", self.sentence);
+        self
+    }
+
+    /// Of a machine that the drive runs: with the command that records what is asked for.
+    pub(crate) fn commanded(mut self, shafts: &[(Excitation, &str)]) -> Self {
+        self.said.commanded(shafts);
         self
     }
 }
@@ -328,7 +333,7 @@ impl Judged {
 fn left_in_words(channels: &[CheckChannel]) -> String {
     let left = channels.iter().map(|channel| {
         let [_, after] = channel.rms;
-        format!("{} {after:.3e} {} rms", channel.name, channel.unit)
+        format!("{} {after:.2e} {} rms", channel.name, channel.unit)
     });
     left.collect::<Vec<_>>().join(", ")
 }
@@ -341,74 +346,146 @@ fn gone([before, after]: [f64; 2]) -> f64 {
     }
 }
 
-/// Judges by the check record: its channels, how many effects are named, and how many descriptions of the residual.
-pub fn judge(channels: &[CheckChannel], names: usize, left: usize, floor: Floor) -> Judged {
+/// How many effects are named, how many curves have no cause, and how many descriptions of the residual there are.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct Tally {
+    /// Effects with a name.
+    pub names: usize,
+    /// Curves that were measured, without a cause.
+    pub curves: usize,
+    /// Descriptions of the residual.
+    pub left: usize,
+}
+
+impl Tally {
+    /// What takes of the residual, as the subject of a sentence and its verb in singular or plural.
+    fn taker(self, [one, many]: [&str; 2]) -> String {
+        match (self.names, self.curves) {
+            (_, 0) => format!("What is named {one}"),
+            (0, _) => format!("Nothing is named. Curves without a cause {many}"),
+            _ => format!("What is named and curves without a cause {many}"),
+        }
+    }
+}
+
+/// Judges by the check record: its channels, and what was found.
+pub fn judge(channels: &[CheckChannel], found: Tally, floor: Floor) -> Judged {
     let quiet = |when: usize| channels.iter().all(|channel| channel.levels[when].quiet());
     let known = floor != Floor::Unknown && channels.iter().all(|c| c.floor.is_finite());
     let excess = [0, 1].map(|when| channels.iter().map(|c| c.levels[when].excess).sum::<f64>());
     let gone = gone(excess);
-    let verdict = match (names, known && left == 0 && quiet(1)) {
+    let whole = known && found.left == 0 && quiet(1);
+    let verdict = match (found.names + found.curves, whole) {
         (0, true) if quiet(0) => Verdict::NothingMissing,
         (0, _) => Verdict::Unexplained,
-        (_, true) if gone >= WHOLE => Verdict::Explained,
+        (_, true) if found.curves == 0 && gone >= WHOLE => Verdict::Explained,
         _ => Verdict::PartlyExplained,
     };
-    let percent = 100.0 * gone;
-    let floor_words = floor.words();
     let loudest = channels
         .iter()
         .max_by(|a, b| a.levels[1].excess.total_cmp(&b.levels[1].excess))
         .filter(|channel| !channel.levels[1].quiet());
-    let loud = loudest.map_or_else(String::new, |channel| {
-        let Level {
-            band,
-            band_hz,
-            quiet_band,
-            ..
-        } = channel.levels[1];
-        match band > 0.0 && band_hz > 0.0 {
-            true => format!(
-                " Most of it is in the {} up to {band_hz:.0} Hz: its power there is {band:.1} times the sensors' noise; up to \
-                 {quiet_band:.1} times count as noise.",
-                channel.name
-            ),
-            false => format!(" Most of it is in the {}.", channel.name),
+    let is_beyond = known && (verdict == Verdict::PartlyExplained || !quiet(0));
+    let (why, rest) = match verdict {
+        Verdict::NothingMissing | Verdict::Unexplained => {
+            bare(verdict, channels, floor, [known, quiet(0)])
         }
-    });
-    let sentence = match verdict {
-        Verdict::NothingMissing => format!(
-            "With its plate values refined, the declared model explains the check record to {floor_words}. Nothing is missing above \
-             what is left: {}.",
-            left_in_words(channels)
-        ),
-        Verdict::Explained => format!(
-            "What is named takes {percent:.0} % of what the check record has beyond {floor_words}; what is left is at it."
-        ),
-        Verdict::PartlyExplained if known => format!(
-            "What is named takes {percent:.0} % of what the check record has beyond {floor_words}; the rest has no cause that \
-             both records bear out.{loud}"
-        ),
-        Verdict::PartlyExplained => {
-            format!(
-                "What is named holds on the check record; whether anything is left cannot be said beside {floor_words}."
-            )
-        }
-        Verdict::Unexplained if known && quiet(0) => format!(
-            "The check record is no louder than {floor_words}, but what is left of it has a shape, or more power than the spectrum \
-             above the dynamics has; no cause of it is borne out by both records."
-        ),
-        Verdict::Unexplained if known => format!(
-            "The check record has something beyond {floor_words}, and no cause of it is borne out by both records.{loud}"
-        ),
-        Verdict::Unexplained => {
-            format!("No effect is borne out by both records, beside {floor_words}.")
-        }
-        Verdict::NotExcited | Verdict::WrongData => String::new(),
+        _ => beside(verdict, found, (floor, known), gone),
     };
+    let loud = loudest.filter(|_| is_beyond);
+    let left = rest.into_iter().chain(loud.map(most_of_it));
+    let left: Vec<String> = left.collect();
     Judged {
         verdict,
-        sentence,
+        said: Said {
+            why,
+            left: (!left.is_empty()).then(|| left.join(" ")),
+            channel: loud.map(|channel| channel.name),
+            ..Said::default()
+        },
         excess,
+    }
+}
+
+/// Why, and the residual, where nothing was found. Last whether the floor is known, and whether the record is at it.
+fn bare(
+    verdict: Verdict,
+    channels: &[CheckChannel],
+    floor: Floor,
+    [known, quiet]: [bool; 2],
+) -> (String, Option<String>) {
+    let floor = floor.words();
+    if verdict == Verdict::NothingMissing {
+        let why = format!(
+            "With its plate values refined, the declared model explains the check record to {floor}."
+        );
+        let left = format!("Nothing is missing above {}.", left_in_words(channels));
+        return (why, Some(left));
+    }
+    let no_cause = "Both records confirm no cause of it.".to_owned();
+    match (known, quiet) {
+        (false, _) => (
+            format!("Both records confirm no effect, beside {floor}."),
+            None,
+        ),
+        (true, true) => (
+            format!("The check record is no louder than {floor}."),
+            Some(format!(
+                "What is left of it has a shape, or more power than the spectrum above the dynamics has. {no_cause}"
+            )),
+        ),
+        (true, false) => (
+            format!("The check record has something beyond {floor}."),
+            Some(no_cause),
+        ),
+    }
+}
+
+/// Why, and the residual, where something was found that takes the share `gone`.
+fn beside(
+    verdict: Verdict,
+    found: Tally,
+    (floor, known): (Floor, bool),
+    gone: f64,
+) -> (String, Option<String>) {
+    let floor = floor.words();
+    if !known {
+        let taker = found.taker(["holds", "hold"]);
+        return (
+            format!("{taker} on the check record."),
+            Some(format!(
+                "Whether anything is left cannot be said beside {floor}."
+            )),
+        );
+    }
+    let left = match verdict {
+        Verdict::Explained => "The residual is at the noise floor.",
+        _ => "Both records confirm no cause of the rest.",
+    };
+    let taker = found.taker(["takes", "take"]);
+    let percent = 100.0 * gone;
+    (
+        format!("{taker} {percent:.0} % of what the check record has beyond {floor}."),
+        Some(left.into()),
+    )
+}
+
+/// Where most of the rest is.
+fn most_of_it(channel: &CheckChannel) -> String {
+    let name = channel.name;
+    let Level {
+        band,
+        band_hz,
+        quiet_band,
+        ..
+    } = channel.levels[1];
+    match band > 0.0 && band_hz > 0.0 {
+        true => format!(
+            "Most of it is in the {name} up to {band_hz:.0} Hz: its power there is {} times the sensors' noise; up to {quiet_band:.1} \
+             times count as noise.",
+            three(band)
+        ),
+        false => format!("Most of it is in the {name}."),
     }
 }
 
@@ -423,7 +500,12 @@ mod tests {
     #[test]
     fn no_word_says_more_than_the_check_record() {
         let say = |before, after, names, left, floor| {
-            judge(&[channel(before, after)], names, left, floor).verdict
+            let found = Tally {
+                names,
+                curves: 0,
+                left,
+            };
+            judge(&[channel(before, after)], found, floor).verdict
         };
         let sensors = Floor::Sensors;
         assert_eq!(say(1.0, 1.0, 0, 0, sensors), Verdict::NothingMissing);
@@ -441,9 +523,57 @@ mod tests {
 
     #[test]
     fn the_sentence_says_how_much_of_the_excess_is_gone() {
-        let judged = judge(&[channel(5.0, 3.0)], 1, 0, Floor::Sensors);
+        let judged = judge(&[channel(5.0, 3.0)], named(1, 0), Floor::Sensors);
         // (25 - 9) / (25 - 1)
-        assert!(judged.sentence.contains("67 %"), "{}", judged.sentence);
+        assert!(judged.said.why.contains("67 %"), "{}", judged.said.why);
         assert!((judged.gone() - 16.0 / 24.0).abs() < 1e-9);
+    }
+
+    fn named(names: usize, curves: usize) -> Tally {
+        Tally {
+            names,
+            curves,
+            left: 0,
+        }
+    }
+
+    #[test]
+    fn curves_without_a_cause_name_nothing() {
+        let curves = judge(&[channel(5.0, 1.1)], named(0, 2), Floor::Sensors);
+        assert_eq!(curves.verdict, Verdict::PartlyExplained);
+        let why = &curves.said.why;
+        assert!(
+            why.starts_with("Nothing is named. Curves without a cause take 99 %"),
+            "{why}"
+        );
+        assert!(!why.contains("What is named"), "{why}");
+        let both = judge(&[channel(5.0, 1.1)], named(1, 1), Floor::Sensors);
+        assert!(
+            (both.said.why).starts_with("What is named and curves without a cause take"),
+            "{}",
+            both.said.why
+        );
+    }
+
+    #[test]
+    fn a_loud_rest_has_three_digits() {
+        let level = Level {
+            power: 292_499.1,
+            band: 292_499.1,
+            band_hz: 50.0,
+            excess: 1e6,
+            quiet_band: QUIET_BAND,
+        };
+        let loud = CheckChannel {
+            levels: [level; 2],
+            ..channel(5.0, 3.0)
+        };
+        let said = judge(&[loud], Tally::default(), Floor::Sensors).said;
+        let left = said.left.unwrap();
+        assert!(
+            left.contains("is 292000 times the sensors' noise"),
+            "{left}"
+        );
+        assert_eq!(said.channel, Some("torque"));
     }
 }

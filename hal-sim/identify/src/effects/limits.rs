@@ -45,7 +45,7 @@ pub(super) const MOST_LEAD_ERROR: f64 = 0.02;
 pub(super) const MOST_LEAD_SCALE: f64 = 0.01;
 
 /// What no motor can make.
-pub(super) const TORQUE: &str = "more torque than the motor's greatest current makes";
+pub(crate) const TORQUE: &str = "more torque than the motor's greatest current makes";
 /// Reasons that several machines have.
 pub(crate) const ABOVE_BAND: &str =
     "the order is above the band that was sampled and filtered, or the shaft stood still";
@@ -153,6 +153,13 @@ fn positive(value: f64) -> Result<(), &'static str> {
     }
 }
 
+/// What the greatest current of the record makes of a motor's torque, N m.
+pub(crate) fn greatest_torque(balance: &Balance, axis: Axis) -> f64 {
+    let motor = balance.model.motor(axis);
+    let peak_a = balance.signals.motors[axis.index()].peak_a;
+    f64::from(motor.pole_pairs) * motor.flux_wb * peak_a
+}
+
 /// Whether an effect with given linear parameters can be.
 pub(crate) fn plausible(
     hypothesis: &Hypothesis,
@@ -166,7 +173,7 @@ pub(crate) fn plausible(
     let motor = model.motor(axis);
     let pole_pairs = f64::from(motor.pole_pairs);
     let peak_current = balance.signals.motors[axis.index()].peak_a;
-    let peak_torque = pole_pairs * motor.flux_wb * peak_current;
+    let peak_torque = greatest_torque(balance, axis);
     match hypothesis.family {
         Family::CurrentOffset => {
             let range = 2048.0 * model.sensing.current_lsb_a;

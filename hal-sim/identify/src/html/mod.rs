@@ -15,19 +15,20 @@ use page::markup::Markup;
 
 /// The page.
 pub fn page(report: &Report) -> String {
-    document(title(report), &Body::of(report, None))
+    document(&title(report), &Body::of(report, None))
 }
 
 /// The page with what takes a script: at its end, so that without one nothing is missing.
 pub fn live_page(report: &Report) -> String {
     let live = live::section(&shown(report), report);
-    document(title(report), &Body::of(report, live))
+    document(&title(report), &Body::of(report, live))
 }
 
 #[derive(Template)]
 #[template(path = "report.html")]
 struct Body<'a> {
     report: &'a Report,
+    not_excited: Option<String>,
     result: String,
     lead: Option<Lead>,
     notes: Vec<String>,
@@ -46,6 +47,7 @@ impl<'a> Body<'a> {
         let shown = shown(report);
         Self {
             report,
+            not_excited: not_excited(report),
             result: result(report),
             lead: lead(report),
             notes: notes.flatten().collect(),
@@ -63,15 +65,28 @@ pub fn picture(report: &Report) -> Option<String> {
     Some(page::document::standalone(&charts::spectrum_chart(channel)))
 }
 
-fn title(report: &Report) -> &'static str {
-    match report.verdict {
-        "nothing missing" => "Nothing is missing",
-        "not excited" => "The record cannot tell",
-        "unexplained" => "Something is left that is not explained",
-        "wrong data" => "The data are not what they are said to be",
-        "partly explained" => "A part of what the model lacks",
-        _ => "What the record has and the model lacks",
-    }
+/// The verdict, and what it says of the machine.
+fn title(report: &Report) -> String {
+    let verdict = words::capital(report.verdict);
+    let of_machine = match report.verdict {
+        "nothing missing" => return verdict,
+        "not excited" => "the record cannot tell",
+        "unexplained" => "something is left that is not explained",
+        "wrong data" => "the data are not what they are said to be",
+        "partly explained" => "a part of what the model lacks",
+        _ => "what the record has and the model lacks",
+    };
+    format!("{verdict}: {of_machine}")
+}
+
+/// What the records do not excite.
+fn not_excited(report: &Report) -> Option<String> {
+    let words = report.said.untested_words()?;
+    let refused = match report.refused.is_empty() {
+        true => "",
+        false => " Refused trials are listed below.",
+    };
+    Some(format!("Not excited: {words}.{refused}"))
 }
 
 /// Effects that the first sentence names; the table has all.
@@ -90,7 +105,8 @@ fn result(report: &Report) -> String {
             report.effects.len() - NAMED
         ));
     }
-    sentences.push(report.summary.clone());
+    sentences.push(report.said.why.clone());
+    sentences.extend(report.said.left.clone());
     sentences.join(" ")
 }
 
@@ -165,6 +181,7 @@ fn shown(report: &Report) -> Vec<&Channel> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::conclusion::said::Said;
     use crate::records::DataQuality;
     use crate::report::*;
     use std::collections::BTreeMap;
@@ -185,6 +202,12 @@ mod tests {
         Report {
             verdict: "explained",
             summary: "What is named takes 99 %.".into(),
+            said: Said {
+                why: "What is named takes 99 %.".into(),
+                untested: Some(Vec::new()),
+                ..Said::default()
+            },
+            demo_seed: Some(358),
             refused: vec![crate::effects::refusals::Refusal {
                 hypothesis: "lead_error".into(),
                 place: "feed".into(),
@@ -244,6 +267,7 @@ mod tests {
             held_back: vec![0.93, 0.99],
             candidates: &[],
             curve: None,
+            shows: Some("screw torque".into()),
             not_separable: vec![Alias {
                 kind: "flux_harmonic".into(),
                 place: "screw".into(),
@@ -351,14 +375,63 @@ mod tests {
             "without phase",
             // 36 periods a turn at 20 rad/s.
             "115 Hz",
-            "<td>ripple 18.5 \u{2192} 14.75 %</td>",
             "Feed the opposite current forward over the mechanical angle",
+            "<td>ripple 18.5 \u{2192} 14.75 %</td>",
+            "rms over the rows",
+            "--demo --seed 358",
+            "would feed energy in",
             "<td>12</td><td class=\"long\">the table does not move far enough</td>",
         ] {
             assert!(page.contains(part), "`{part}` is not on the page");
         }
         let left = &page[page.find("without a cause</h2>").expect("the section")..];
         assert!(left[..300].contains("43.2") && !left[..300].contains("cogging"));
+    }
+
+    /// The verdict is the first word, and what the record does not excite stands beneath it.
+    #[test]
+    fn the_verdict_is_on_top() {
+        let mut thin = report();
+        let top = |report: &Report| page(report).split_once("<h1>").unwrap().1.to_owned();
+        let first = top(&thin);
+        assert!(first.starts_with("Explained: "), "{}", &first[..200]);
+        let beneath = first.find("Not excited: nothing.").expect("the line");
+        assert!(beneath < first.find("class=\"result\"").unwrap());
+        thin.said.untested = Some(vec!["orders of the turn".into()]);
+        thin.said.next = vec!["at least 1 turn".into()];
+        thin.said.command = Some("ddfeed drive record".into());
+        let first = top(&thin);
+        assert!(first.contains("Not excited: orders of the turn."));
+        assert!(first.contains("<code>ddfeed drive record</code>"));
+    }
+
+    /// The first picture is of the channel that the sentence names, whichever fell most.
+    #[test]
+    fn the_picture_shows_what_the_sentence_names() {
+        let mut named = report();
+        let lead = |report: &Report| report.lead().unwrap().0.name.clone();
+        assert_eq!(lead(&named), "screw torque");
+        named.effects[0].shows = Some("nut torque".into());
+        assert_eq!(lead(&named), "nut torque");
+        assert!(page(&named).contains("Nut torque residual"));
+        named.effects.clear();
+        assert_eq!(lead(&named), "screw torque");
+        named.said.channel = Some("nut torque");
+        assert_eq!(lead(&named), "nut torque");
+    }
+
+    /// A model whose simulation is further from the record is not to be compensated with.
+    #[test]
+    fn a_model_that_is_further_off_promises_nothing() {
+        let mut worse = report();
+        let simulation = worse.simulation.as_mut().unwrap();
+        (simulation.declared_rms_points, simulation.new_rms_points) = (11.78, 43.33);
+        let page = page(&worse);
+        let advice = &page[page.find("What to do</h2>").expect("the section")..];
+        let advice = &advice[..advice.find("</section>").unwrap()];
+        assert!(!advice.contains("<td>compensate</td>"), "{advice}");
+        assert!(!advice.contains("<td>ripple") && !advice.contains("% of the residual"));
+        assert!(advice.contains("11.78 \u{2192} 43.33 points"), "{advice}");
     }
 
     #[test]
@@ -374,6 +447,6 @@ mod tests {
         clean.simulation = None;
         let page = page(&clean);
         page::check::sound(&page).unwrap();
-        assert!(page.contains("<h1>Nothing is missing</h1>"));
+        assert!(page.contains("<h1>Nothing missing</h1>"));
     }
 }

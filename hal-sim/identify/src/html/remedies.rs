@@ -2,6 +2,12 @@
 
 use plant::effects::{AnyEffect, Kind};
 
+/// In place of a compensation by a model whose simulation is further from the record than the declared model's.
+pub(super) const FURTHER_OFF: (&str, &str) = (
+    "record again",
+    "Do not compensate with this model: its simulated ripple is further from the record. Record other speeds and loads first.",
+);
+
 /// What is done about a kind of effect, in a word and in a sentence.
 pub(super) fn remedy(kind: &str) -> (&'static str, &'static str) {
     electrical_remedy(kind)

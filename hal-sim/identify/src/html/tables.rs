@@ -38,14 +38,19 @@ pub(super) fn effects(report: &Report) -> Markup {
 
 /// What to do about each effect, and what of the ripple goes with it.
 pub(super) fn remedies(report: &Report) -> Markup {
+    let is_further_off = report.is_further_off();
     let rows = report.effects.iter().map(|effect| {
-        let gain = match report.ripple_without(effect) {
-            Some([with, without]) => {
+        let gain = match (is_further_off, report.ripple_without(effect)) {
+            (Some(_), _) => "none".into(),
+            (None, Some([with, without])) => {
                 format!("ripple {} \u{2192} {} %", number(with), number(without))
             }
-            None => format!("{:.0} % of the residual", 100.0 * effect.explained),
+            (None, None) => format!("{:.0} % of the residual", 100.0 * effect.explained),
         };
-        let (what, how) = remedies::remedy(&effect.kind);
+        let (what, how) = match (is_further_off, remedies::remedy(&effect.kind)) {
+            (Some(_), ("compensate", _)) => remedies::FURTHER_OFF,
+            (_, remedy) => remedy,
+        };
         [
             words::title(&effect.kind, &effect.place),
             what.into(),

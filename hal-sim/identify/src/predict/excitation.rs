@@ -1,6 +1,7 @@
 //! What a record excites, and which record would excite the rest.
 
 use super::basis::At;
+use crate::conclusion::said::three;
 use std::f64::consts::TAU;
 
 /// Smallest length, s; turns; speed classes. A record that goes up and down once passes 3 classes.
@@ -12,6 +13,8 @@ const CLASS: f64 = 1.3;
 const SHARE: f64 = 0.03;
 /// Speed below which a shaft creeps, rad/s: 5 rpm.
 pub(crate) const CREEPS_RAD_S: f64 = 0.5;
+/// Smallest top speed of an example, rpm: 3 s of its slowest speed are a turn.
+const LEAST_EXAMPLE_RPM: f64 = 80.0;
 /// Ratio of two speeds by which viscous friction differs from an offset.
 const VISCOUS: f64 = 2.0;
 
@@ -84,42 +87,99 @@ impl Excitation {
             || self.classes < LEAST_CLASSES
     }
 
-    /// What it cannot tell, and the record that would, of a `shaft`; nothing where it tells all.
-    pub(crate) fn sentence(&self, shaft: &str) -> Option<String> {
-        let rpm = |speed: f64| speed * 60.0 / TAU;
-        let mut lacks: Vec<String> = Vec::new();
+    /// What it cannot tell of a `shaft`, and the record that would; nothing where it tells all.
+    pub(crate) fn lacks(&self, shaft: &str) -> Vec<Lack> {
+        let mut lacks = Vec::new();
+        let mut lack = |asks, untested| lacks.push(Lack { untested, asks });
         if self.stands() {
-            lacks.push(format!(
-                "the {shaft} moves at {:.2} rpm at most, so inertia, friction, flux and ripple are not excited: record speeds above {:.0} rpm",
-                rpm(self.top),
-                rpm(CREEPS_RAD_S)
-            ));
+            let top = rpm(self.top);
+            lack(
+                Ask::Faster,
+                format!(
+                    "inertia, friction, flux and ripple, as the {shaft} moves at {top:.2} rpm at most"
+                ),
+            );
         }
         if self.seconds < LEAST_S {
-            lacks.push(format!(
-                "{:.1} s are too short: record {LEAST_S:.0} s or more",
-                self.seconds
-            ));
+            let seconds = three(self.seconds);
+            lack(
+                Ask::Longer,
+                format!("what {seconds} s of the {shaft} are too short for"),
+            );
         }
         if self.turns < LEAST_TURNS {
-            lacks.push(format!("the {shaft} covers {:.2} turns, so orders of the turn are not excited: record at least {LEAST_TURNS:.0} turn", self.turns));
+            let turns = self.turns;
+            lack(
+                Ask::Turns,
+                format!("orders of the turn, as the {shaft} covers {turns:.2} turns"),
+            );
         }
         if self.classes < LEAST_CLASSES && !self.stands() {
-            lacks.push(format!(
-                "the {shaft} shows {} of the {LEAST_CLASSES} speed classes needed, so friction over speed and viscous friction are not \
-                 excited: record at least {LEAST_CLASSES} speeds a factor of {VISCOUS:.0} apart, for example {:.0}, {:.0} and {:.0} rpm",
-                self.classes,
-                rpm(self.top),
-                rpm(self.top / VISCOUS),
-                rpm(self.top / VISCOUS / VISCOUS)
-            ));
+            let shown = self.classes;
+            lack(
+                Ask::Speeds,
+                format!(
+                    "friction over speed and viscous friction, as the {shaft} shows {shown} of the {LEAST_CLASSES} speed classes needed"
+                ),
+            );
         }
         if !self.both_ways && !lacks.is_empty() {
-            lacks.push(format!(
-                "the {shaft} turns one way only, so Coulomb friction is not told from an offset: record both directions"
-            ));
+            lacks.push(Lack {
+                untested: format!(
+                    "Coulomb friction beside an offset, as the {shaft} turns one way only"
+                ),
+                asks: Ask::BothWays,
+            });
         }
-        (!lacks.is_empty()).then(|| format!("Not excited: {}.", lacks.join("; ")))
+        lacks
+    }
+
+    /// Speeds that a record should have, rpm.
+    pub(crate) fn example_rpm(&self) -> [f64; LEAST_CLASSES] {
+        let top = rpm(self.top).max(LEAST_EXAMPLE_RPM);
+        [1.0, VISCOUS, VISCOUS * VISCOUS].map(|ratio| top / ratio)
+    }
+}
+
+/// Revolutions a minute of rad/s.
+fn rpm(speed: f64) -> f64 {
+    speed * 60.0 / TAU
+}
+
+/// What a record cannot tell, and what it takes.
+#[derive(Debug, Clone)]
+pub(crate) struct Lack {
+    /// What the record does not test, and why.
+    pub(crate) untested: String,
+    /// What a record must have to test it.
+    pub(crate) asks: Ask,
+}
+
+/// What a record must have.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Ask {
+    Faster,
+    Longer,
+    Turns,
+    Speeds,
+    BothWays,
+}
+
+impl Ask {
+    /// In words, with speeds that would do.
+    pub(crate) fn words(self, example_rpm: [f64; LEAST_CLASSES]) -> String {
+        match self {
+            Ask::Faster => format!("speeds above {:.0} rpm", rpm(CREEPS_RAD_S)),
+            Ask::Longer => format!("{LEAST_S:.0} s or more"),
+            Ask::Turns => format!("at least {LEAST_TURNS:.0} turn"),
+            Ask::Speeds => {
+                let [fast, middle, slow] = example_rpm.map(three);
+                format!(
+                    "at least {LEAST_CLASSES} speeds a factor of {VISCOUS:.0} apart, for example {fast}, {middle} and {slow} rpm"
+                )
+            }
+            Ask::BothWays => "both directions".into(),
+        }
     }
 }
 
@@ -158,8 +218,14 @@ mod tests {
             (record(1.0, |t| 50.0 * (9.0 * t).sin()), "3 s or more"),
         ] {
             assert!(thin.is_thin(), "{thin:?}");
-            let sentence = thin.sentence("motor").expect("a sentence");
-            assert!(sentence.contains(asks), "{sentence}: expected {asks}");
+            let asked = thin.lacks("motor").into_iter();
+            let words: Vec<String> = asked
+                .map(|lack| lack.asks.words(thin.example_rpm()))
+                .collect();
+            assert!(
+                words.iter().any(|one| one.contains(asks)),
+                "{words:?}: expected {asks}"
+            );
         }
     }
 
@@ -167,7 +233,7 @@ mod tests {
     fn a_record_of_many_speeds_is_not_thin() {
         let full = record(10.0, |t| 50.0 * (0.9 * t).sin());
         assert!(
-            !full.is_thin() && full.sentence("motor").is_none(),
+            !full.is_thin() && full.lacks("motor").is_empty(),
             "{full:?}"
         );
     }

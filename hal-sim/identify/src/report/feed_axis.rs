@@ -6,7 +6,7 @@ use super::{
 };
 use crate::conclusion::remains::whiteness;
 use crate::conclusion::rest;
-use crate::conclusion::verdict::{CheckChannel, Floor};
+use crate::conclusion::verdict::{CheckChannel, Floor, Tally};
 use crate::effects::refusals::Refusal;
 use crate::machines::feed_axis::{self, Axis, Record, Study, Term};
 use crate::records::DataQuality;
@@ -32,22 +32,26 @@ pub fn feed_axis(study: &Study, fit: &Record, accounts: [DataQuality; 2]) -> Rep
         true => Floor::Laps,
         false => Floor::Unknown,
     };
+    let found = Tally {
+        names: effects.len(),
+        curves: 0,
+        left: unexplained.len(),
+    };
     let rms = [refitted.test.force_n, last.homed.force_n];
-    let judged = CheckChannel::of_rms(("force", "N"), rms, study.lap_to_lap_n).judged(
-        effects.len(),
-        unexplained.len(),
-        known,
-    );
+    let judged = CheckChannel::of_rms(("force", "N"), rms, study.lap_to_lap_n).judged(found, known);
     let differs = study.own_friction.as_ref().map(|own| {
         let [_, viscous, coulomb, _] = last.axis.base;
         own.sentence([viscous, coulomb])
     });
+    let mut said = judged.said;
+    if let Some(differs) = differs {
+        said.why = format!("{} {differs}", said.why);
+    }
     Report {
+        demo_seed: None,
         verdict: judged.verdict.name(),
-        summary: match differs {
-            Some(differs) => format!("{} {differs}", judged.sentence),
-            None => judged.sentence,
-        },
+        summary: said.sentence(),
+        said,
         refused: refused(study),
         residual: vec![residual(study, &channel.residual[1], fit.rate)],
         effects,

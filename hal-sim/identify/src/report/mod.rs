@@ -11,6 +11,7 @@ pub use traced::traced;
 pub use write::{WriteError, write};
 
 use crate::conclusion::rest::Remnant;
+use crate::conclusion::said::Said;
 use crate::effects::refusals::Refusal;
 use crate::records::DataQuality;
 use crate::regression::interval::Estimate;
@@ -23,8 +24,14 @@ use std::collections::BTreeMap;
 pub struct Report {
     /// `nothing missing`, `explained`, `partly explained`, `unexplained`, `not excited` or `wrong data`.
     pub verdict: &'static str,
-    /// The verdict in a sentence: how much of what the check record has beyond its noise floor is gone.
+    /// The verdict in sentences: how much of what the check record has beyond its noise floor is gone.
     pub summary: String,
+    /// The same, part by part.
+    #[serde(skip)]
+    pub said: Said,
+    /// Seed of the simulated machine, of a demonstration.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub demo_seed: Option<u64>,
     /// What the record has and the model lacks, the greatest first.
     pub effects: Vec<Effect>,
     /// Residual by channel.
@@ -113,6 +120,9 @@ pub struct Effect {
     /// Of an effect without a name: the curve that was measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub curve: Option<Measured>,
+    /// The channel in which it shows, where there is more than one.
+    #[serde(skip)]
+    pub shows: Option<String>,
     /// What its order suggests, where the record cannot tell.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub suggests: Option<String>,
@@ -388,6 +398,7 @@ impl Effect {
             not_separable: Vec::new(),
             candidates: &[],
             curve: None,
+            shows: None,
             suggests: None,
         };
         for (estimate, unit) in estimates {
@@ -417,12 +428,23 @@ impl Report {
         self.stages.iter().rev().nth(1)
     }
 
-    /// The channel whose residual fell most, which is what a reader wants to see first.
+    /// The channel that the first sentence names: of the greatest effect, or of the residual. Without either, the channel whose
+    /// residual fell most.
     pub fn lead(&self) -> Option<(&Channel, &Residual)> {
+        let all = self.channels.iter();
+        let all = all.filter_map(|channel| Some((channel, self.figures(&channel.name)?)));
+        let shown = self.effects.first().map(|effect| effect.shows.as_deref());
+        let named = shown.unwrap_or(self.said.channel);
         let fall = |figures: &Residual| figures.check_before / figures.check_after.max(1e-300);
-        self.channels
-            .iter()
-            .filter_map(|channel| Some((channel, self.figures(&channel.name)?)))
-            .max_by(|a, b| fall(a.1).total_cmp(&fall(b.1)))
+        all.clone()
+            .find(|(channel, _)| Some(channel.name.as_str()) == named)
+            .or_else(|| all.max_by(|a, b| fall(a.1).total_cmp(&fall(b.1))))
+    }
+
+    /// Whether the new model's simulated ripple is further from the record's than the declared model's, points: both.
+    pub fn is_further_off(&self) -> Option<[f64; 2]> {
+        let simulation = self.simulation.as_ref()?;
+        let both = [simulation.declared_rms_points, simulation.new_rms_points];
+        (both[1] > both[0]).then_some(both)
     }
 }

@@ -5,7 +5,7 @@ use super::{
 };
 use crate::conclusion::remains::whiteness;
 use crate::conclusion::rest;
-use crate::conclusion::verdict::{CheckChannel, Floor};
+use crate::conclusion::verdict::{CheckChannel, Floor, Tally};
 use crate::effects::refusals::Refusal;
 use crate::machines::feed_axis::Axis;
 use crate::machines::motor::{Base, Fit, Lag, MotorModel, Order, Study};
@@ -74,6 +74,11 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
         .iter()
         .map(|remnant| Left::of(remnant, name, unit))
         .collect();
+    let found = Tally {
+        names: effects.len() - study.curves.len(),
+        curves: study.curves.len(),
+        left: unexplained.len(),
+    };
     let judged = CheckChannel::of_rows(
         subject.channel,
         [&study.before.left[1], &study.curved.left[1]],
@@ -81,16 +86,20 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
         [study.rate, study.band_hz],
         study.noise,
     )
-    .judged(effects.len(), unexplained.len(), Floor::Spectrum)
+    .judged(found, Floor::Spectrum)
     .predicted(
         study.does_not_carry,
         study.is_judged,
         study.curved_percent() / 100.0,
     )
     .excited(&[(study.excitation.clone(), subject.shaft)]);
+    let mut said = judged.said;
+    said.why += &allowed_for(study);
     Report {
+        demo_seed: None,
         verdict: judged.verdict.name(),
-        summary: format!("{}{}", judged.sentence, allowed_for(study)),
+        summary: said.sentence(),
+        said,
         refused: refused(study, subject),
         residual: vec![residual(study, subject)],
         unexplained,

@@ -31,7 +31,9 @@ pub fn traced(outcome: &Outcome, accounts: [DataQuality; 2]) -> Report {
     let judged = outcome.judged();
     Report {
         verdict: judged.verdict.name(),
-        summary: judged.sentence.clone(),
+        summary: judged.said.sentence(),
+        said: judged.said.clone(),
+        demo_seed: None,
         effects: outcome
             .effects
             .iter()
@@ -174,6 +176,7 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
         order,
         hz,
         held_back: held_back(found),
+        shows: Some(machine.name(shown_by(found)).into()),
         suggests: softer.or_else(|| (!candidates.is_empty()).then(by_order)),
         candidates,
         not_separable: found
@@ -187,6 +190,18 @@ fn effect(found: &Found, outcome: &Outcome, judged: &Judged) -> Effect {
             judged.share(found.check_fall),
             with_units,
         )
+    }
+}
+
+/// The channel that an effect's sentence names: a torque, or where it shows most.
+fn shown_by(found: &Found) -> Balance {
+    let is_torque = matches!(
+        found.hypothesis.family,
+        Family::AngleTorque | Family::TimePeriodic | Family::CurrentOffset | Family::CurrentGain
+    );
+    match Axis::ALL.map(|axis| (axis, found.effect.place() == axis.into())) {
+        [(axis, true), _] | [_, (axis, true)] if is_torque => Balance::Torque(axis),
+        _ => found.shows,
     }
 }
 
@@ -240,6 +255,7 @@ fn learned(curve: &Learned, machine: &dyn Machine, judged: &Judged) -> Effect {
     let points = values.iter().zip(&curve.sigmas);
     Effect {
         order: curve.order,
+        shows: Some(machine.name(curve.shows()).into()),
         curve: Some(Measured {
             coordinate: curve.along.clone(),
             range: [0, at.len().saturating_sub(1)].map(|k| at.get(k).copied().unwrap_or(0.0)),
@@ -367,12 +383,11 @@ fn selection(outcome: &Outcome) -> Selection {
     Selection {
         rule: format!(
             "Besides the list, all orders from 0.3 to 126 per turn and all frequencies are scanned. Each effect costs the \
-             threshold: by that it must lower the sum of squares over all channels of the fit record, which is {:.0} in \
-             log-likelihood, where the best of a million orders and hypotheses reaches about {:.0} in noise; and with the same parameters \
-             by a quarter of it, row for row, on the check record, at other operating points. Where a shape of no kind \
-             explains twice as much as any hypothesis, none is named.",
-            0.5 * outcome.threshold,
-            1e6_f64.ln()
+             threshold: by that it must lower the sum of squares over all channels of the fit record, in units of the noise, where \
+             the best of a million orders and hypotheses reaches about {:.0} in noise; and with the same parameters by a quarter \
+             of it, row for row, on the check record, at other operating points. Where a shape of no kind explains twice as much \
+             as any hypothesis, none is named.",
+            2.0 * 1e6_f64.ln()
         ),
         tried: outcome.tried,
         threshold: outcome.threshold,

@@ -96,7 +96,7 @@ pub(super) fn drawn(machines: u64, clean: u64) -> Value {
     let alarms = (0..clean)
         .filter(|seed| {
             let outcome = told(&draw::alone(50_000 + seed, &[], &|_: &mut Plant| ()));
-            eprintln!("clean pmsm {seed}: {}", outcome.judged().sentence);
+            eprintln!("clean pmsm {seed}: {}", outcome.judged().said.sentence());
             !outcome.effects.is_empty()
         })
         .count();

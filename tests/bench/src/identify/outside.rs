@@ -545,7 +545,7 @@ fn tell(name: &str, outcome: &Outcome) {
     eprintln!(
         "{name}: {}. {}",
         outcome.verdict(),
-        outcome.judged().sentence
+        outcome.judged().said.sentence()
     );
     for found in &outcome.effects {
         let effect = found.effect.effect();
