@@ -86,7 +86,7 @@ fn not_excited(report: &Report) -> Option<String> {
         true => "",
         false => " Refused trials are listed below.",
     };
-    Some(format!("Not excited: {words}.{refused}"))
+    Some(format!("Not tested by this record: {words}.{refused}"))
 }
 
 /// Effects that the first sentence names; the table has all.
@@ -395,13 +395,15 @@ mod tests {
         let top = |report: &Report| page(report).split_once("<h1>").unwrap().1.to_owned();
         let first = top(&thin);
         assert!(first.starts_with("Explained: "), "{}", &first[..200]);
-        let beneath = first.find("Not excited: nothing.").expect("the line");
+        let beneath = first
+            .find("Not tested by this record: nothing.")
+            .expect("the line");
         assert!(beneath < first.find("class=\"result\"").unwrap());
         thin.said.untested = Some(vec!["orders of the turn".into()]);
         thin.said.next = vec!["at least 1 turn".into()];
         thin.said.command = Some("ddfeed drive record".into());
         let first = top(&thin);
-        assert!(first.contains("Not excited: orders of the turn."));
+        assert!(first.contains("Not tested by this record: orders of the turn."));
         assert!(first.contains("<code>ddfeed drive record</code>"));
     }
 

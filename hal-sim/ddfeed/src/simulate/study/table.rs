@@ -31,9 +31,7 @@ pub fn print(report: &Report) {
         );
     }
     if report.runs.iter().all(|run| run.learned_percent.is_none()) {
-        println!(
-            "\nafter learning: only a board as it ships learns: give --board without --model"
-        );
+        println!("\nafter learning: only a board as it ships learns: give --board without --model");
     }
     println!(
         "\nS(s), App. A: the torque harmonics of the model through the speed loop. Without them it is 0. Encoders, friction and \
