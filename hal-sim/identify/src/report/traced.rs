@@ -211,7 +211,10 @@ fn candidates_of_order(kind: &str) -> &'static [&'static str] {
     match kind {
         "coupling_misalignment" => &["misaligned coupling", "eccentric rotor", "eccentric load"],
         "cogging" => &["cogging of poles or slots", "a part that passes as often"],
-        "torque_harmonic" => &["harmonics of current or flux", "cogging that repeats as often"],
+        "torque_harmonic" => &[
+            "harmonics of current or flux",
+            "cogging that repeats as often",
+        ],
         _ => &[],
     }
 }

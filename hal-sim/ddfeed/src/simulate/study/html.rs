@@ -32,11 +32,26 @@ fn result(report: &Report) -> String {
     }
 }
 
-/// The residual after learning.
+/// The ripple after learning: of the single drive and of the best double drive where both are there, else its range.
 fn learned_result(report: &Report) -> Option<String> {
-    let learned = report.runs.iter().filter_map(|run| run.learned_percent);
-    let least = learned.clone().reduce(f64::min)?;
-    let most = learned.reduce(f64::max)?;
+    let runs = report.runs.iter();
+    let learned = runs.filter_map(|run| Some((run.nut_rpm, run.learned_percent?)));
+    let single = learned.clone().find(|(rpm, _)| *rpm == 0.0);
+    let double = learned
+        .clone()
+        .filter(|(rpm, _)| *rpm != 0.0)
+        .min_by(|a, b| a.1.total_cmp(&b.1));
+    if let (Some((_, single)), Some((rpm, double))) = (single, double) {
+        return Some(format!(
+            "After learning it is {} % with CDFS and {} % at {} rpm.",
+            two(Some(single)),
+            two(Some(double)),
+            short(rpm)
+        ));
+    }
+    let percents = learned.map(|(_, percent)| percent);
+    let least = percents.clone().reduce(f64::min)?;
+    let most = percents.reduce(f64::max)?;
     let range = match least == most {
         true => two(Some(least)),
         false => format!("{} to {}", two(Some(least)), two(Some(most))),
