@@ -297,20 +297,7 @@ impl Board {
         amplified: impl FnOnce(&mut [f64; 3]),
     ) -> MotorSample {
         let miswired = self.miswired[axis.index()].as_ref();
-        let mut true_currents = self.machine.phase_currents(axis);
-        let mut amps = self.machine.current_readings(axis);
-        if let Some(wiring) = miswired {
-            true_currents = wiring.legs(true_currents);
-            amps = wiring.legs(amps);
-        }
-        if let Some(switching) = &self.config.switching
-            && self.config.sensing == CurrentSensing::LowSide
-        {
-            amps = self.switched[axis.index()].shown(amps, switching);
-        }
-        if let Some(wiring) = miswired {
-            amps = wiring.channels(amps);
-        }
+        let (true_currents, mut amps) = self.leg_currents(axis);
         // The comparators' DACs have the ADC's reference.
         let break_a = self.config.break_a * self.reference;
         let bridge = &mut self.bridges[axis.index()];
@@ -372,6 +359,27 @@ impl Board {
             encoder,
             broken,
         }
+    }
+
+    /// Currents into the legs of `axis`, and what the amplifiers of its channels make of them at their samples, A.
+    #[inline(always)]
+    fn leg_currents(&self, axis: Axis) -> ([f64; 3], [f64; 3]) {
+        let miswired = self.miswired[axis.index()].as_ref();
+        let mut true_currents = self.machine.phase_currents(axis);
+        let mut amps = self.machine.current_readings(axis);
+        if let Some(wiring) = miswired {
+            true_currents = wiring.legs(true_currents);
+            amps = wiring.legs(amps);
+        }
+        if let Some(switching) = &self.config.switching
+            && self.config.sensing == CurrentSensing::LowSide
+        {
+            amps = self.switched[axis.index()].shown(amps, switching);
+        }
+        if let Some(wiring) = miswired {
+            amps = wiring.channels(amps);
+        }
+        (true_currents, amps)
     }
 
     /// The raw word of the encoder of `axis`, of a reading that is for a sample `later_s` from now.
@@ -537,7 +545,6 @@ impl Board {
         const SEGMENTS: u32 = 6 * 3 + 1;
         let rails = Rails {
             bus_v: self.bus_v,
-            dead_s: self.config.dead_time_s,
             leg_f: self.config.leg_f,
             diode_v: switching.diode_v,
         };
@@ -554,7 +561,7 @@ impl Board {
             let mut dt = self.half_s - at;
             for (bridge, driven) in self.switched.iter_mut().zip(driven) {
                 if driven {
-                    bridge.take_edges(at, rails.dead_s);
+                    bridge.take_edges(at, self.config.dead_time_s);
                     dt = bridge.steady_for(at, dt);
                 }
             }

@@ -18,7 +18,7 @@ pub struct Switching {
 }
 
 impl Switching {
-    /// A silicon diode of 1 V. An amplifier that is within 1 % after 300 ns, as the boards' wiring pages ask. Channels that two ADCs
+    /// A silicon diode, taken to be of 1 V: no board was measured. An amplifier that is within 1 % after 300 ns, as the boards' wiring pages ask. Channels that two ADCs
     /// sample 0.3 us after the turn, and the third 0.6 us later, as the firmware configures them.
     #[must_use]
     pub fn usual() -> Self {
@@ -38,8 +38,6 @@ pub(crate) const SAME_S: f64 = 1e-12;
 pub(crate) struct Rails {
     /// Bus voltage, V.
     pub(crate) bus_v: f64,
-    /// Dead time, s.
-    pub(crate) dead_s: f64,
     /// Capacitance of a switch, F.
     pub(crate) leg_f: f64,
     /// Forward voltage of a diode, V.
@@ -211,9 +209,9 @@ impl SwitchedBridge {
 mod tests {
     use super::*;
 
+    const DEAD_S: f64 = 800e-9;
     const RAILS: Rails = Rails {
         bus_v: 310.0,
-        dead_s: 800e-9,
         leg_f: 200e-12,
         diode_v: 1.0,
     };
@@ -228,9 +226,9 @@ mod tests {
                     high: !high,
                     ..SwitchedLeg::default()
                 };
-                whole.want(high, RAILS.dead_s);
+                whole.want(high, DEAD_S);
                 let mut parts = whole;
-                let dt = 0.99 * RAILS.dead_s;
+                let dt = 0.99 * DEAD_S;
                 let mean = whole.pass(amps, dt, &RAILS);
                 let n = 1000;
                 let each = dt / f64::from(n);

@@ -6,47 +6,28 @@ use fft::Complex64;
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{OperatingPoint, RPM, Setup, settle_quietly};
 use hal_sim::parallel::on_all_cores;
+use hal_sim::response::answer;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
 use std::f64::consts::TAU;
 
-/// Amplitude of the injected torque, N m.
-const TORQUE_NM: f64 = 0.1;
-/// For how long the injected sine is let pass, and measured, s: whole turns.
-const PASSED_S: f64 = 0.5;
-const MEASURED_S: f64 = 0.5;
-
 /// Measured electrical speed per torque current of a sine of `hz` at the screw, rad/s per A.
 fn answered(setup: &Setup, plate: &DrivePlate, hz: f64) -> Complex64 {
-    let mut drive: Drive = setup.drive_with(plate).unwrap();
+    let mut drive = setup.drive_with(plate).unwrap();
     let point = OperatingPoint {
         velocity: 0.0,
         base: 100.0 * RPM,
     };
     settle_quietly(&mut drive, point).unwrap();
     let observer = plate.config().unwrap().current_loops[0].observer;
-    let (period_s, omega) = (setup.board.pwm_period_s(), TAU * hz);
-    let [passed, measured] = [PASSED_S, MEASURED_S]
-        .map(|seconds| ((seconds * hz).ceil() / hz / period_s).round() as u32);
-    let (mut sum, mut reference, mut mean) = (Complex64::ZERO, Complex64::ZERO, 0.0);
-    for k in 0..passed + measured {
-        let t = period_s * f64::from(k);
-        drive.period_with(|machine, half| {
-            let at = t + period_s * (0.5 * f64::from(half) + 0.25);
-            machine.set_disturbance_torque(Axis::Screw, TORQUE_NM * (omega * at).cos());
-        });
-        if k >= passed {
-            let speed = observer.omega_e(drive.exchange(Axis::Screw).theta_step());
-            let phasor = Complex64::cis(-omega * t);
-            sum += phasor * speed.to_num::<f64>();
-            reference += phasor;
-            mean += speed.to_num::<f64>() / f64::from(measured);
-        }
-    }
+    let speed = |drive: &Drive| {
+        let step = drive.exchange(Axis::Screw).theta_step();
+        observer.omega_e(step).to_num()
+    };
     let motor = &setup.model.screw;
-    let amps = TORQUE_NM / (f64::from(motor.pole_pairs) * motor.flux_wb);
-    (sum - reference * mean) * (2.0 / f64::from(measured) / amps)
+    let nm_per_a = f64::from(motor.pole_pairs) * motor.flux_wb;
+    answer(&mut drive, TAU * hz, |_, _| 0.0, speed) * nm_per_a
 }
 
 /// What the drive would learn of that speed a step by the model, of the injected torque current: 1.

@@ -4,6 +4,7 @@
 pub mod analysis;
 pub mod balance;
 pub mod conclusion;
+pub(crate) mod digits;
 pub mod effects;
 pub mod html;
 pub mod machines;

@@ -15,7 +15,7 @@ use plant::recording::Recording;
 use serde_json::json;
 use std::path::{Path, PathBuf};
 
-/// A count of the scale is told where it makes more than this part of the ripple.
+/// A count of the scale is reported where it makes more than this part of the ripple.
 const COARSE: f64 = 0.2;
 
 /// Which recording.

@@ -294,7 +294,7 @@ fn add_by_plate(
     }
 }
 
-/// What is left in each of the machine's channels. `white` is the fit record's whitened residual.
+/// The residual of each of the machine's channels. `white` is the fit record's whitened residual.
 fn rests(
     case: &Case,
     noise: &Noise,

@@ -1,6 +1,7 @@
 //! What may be said of a machine: from the check record alone, and never more than it confirms.
 
-use crate::conclusion::said::{Said, three};
+use crate::conclusion::said::Said;
+use crate::digits::three;
 use crate::predict::excitation::Excitation;
 use crate::signal::channel::Channel;
 use crate::signal::noise::{BANDS_HZ, power_spectrum};

@@ -1,7 +1,7 @@
 //! What a record excites, and which record would excite the rest.
 
 use super::basis::At;
-use crate::conclusion::said::three;
+use crate::digits::three;
 use std::f64::consts::TAU;
 
 /// Smallest length, s; turns; speed classes. A record that goes up and down once passes 3 classes.

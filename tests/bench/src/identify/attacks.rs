@@ -177,7 +177,7 @@ impl Plate {
 struct Shaft {
     kind: Kind,
     plate: Plate,
-    /// How large what was put in is, N m.
+    /// Size of the injected torque, N m.
     size: f64,
     is_check: bool,
     theta: f64,
@@ -228,7 +228,7 @@ impl Shaft {
         }
     }
 
-    /// Torque of what was put in, N m.
+    /// The injected torque, N m.
     fn put_in(&self, way: f64, t: f64) -> f64 {
         let Self { size, theta, w, .. } = *self;
         match self.kind {

@@ -1,7 +1,7 @@
 //! The charts of the later papers' results.
 
 use super::creep::CreepReport;
-use super::report::drive_name;
+use super::drive_name::drive_name;
 use super::switching::SwitchingReport;
 use super::torsion::TorsionReport;
 use super::tracking::TrackingReport;

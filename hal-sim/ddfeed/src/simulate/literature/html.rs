@@ -1,8 +1,9 @@
 //! `report.html`: the later papers' results as a page that stands alone.
 
 use super::charts;
+use super::drive_name::drive_name;
 use super::papers::{CREEP, SWITCHING, TORSION, TRACKING, WARMTH};
-use super::report::{LiteratureReport, drive_name};
+use super::report::LiteratureReport;
 use super::table::micro;
 use crate::simulate::proposal::RULE;
 use askama::Template;

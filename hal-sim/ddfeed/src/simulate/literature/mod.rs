@@ -3,6 +3,7 @@
 mod charts;
 mod creep;
 mod deviation;
+mod drive_name;
 mod html;
 mod papers;
 mod report;

@@ -5,7 +5,6 @@ use super::switching::SwitchingReport;
 use super::torsion::TorsionReport;
 use super::tracking::TrackingReport;
 use super::warmth::WarmthReport;
-use page::document::short;
 use serde::Serialize;
 
 /// All of them.
@@ -23,12 +22,4 @@ pub struct LiteratureReport {
     pub switching: SwitchingReport,
     /// Torsion of the screw.
     pub torsion: TorsionReport,
-}
-
-/// How a drive with this nut speed, rpm, is called.
-pub fn drive_name(nut_rpm: f64) -> String {
-    match nut_rpm == 0.0 {
-        true => "CDFS".into(),
-        false => format!("DDFS, {} rpm", short(nut_rpm)),
-    }
 }

@@ -4,7 +4,7 @@
 //! screw against nut, of `share` of the speed loop's own gains, that pushes both motors in opposite directions.
 
 use super::deviation::about_mean;
-use super::report::drive_name;
+use super::drive_name::drive_name;
 use anyhow::Result;
 use control::plate::Gains;
 use hal_sim::experiment::{

@@ -1,7 +1,8 @@
 //! The results as short tables on the terminal.
 
+use super::drive_name::drive_name;
 use super::papers::{CREEP, Paper, SWITCHING, TORSION, TRACKING, WARMTH};
-use super::report::{LiteratureReport, drive_name};
+use super::report::LiteratureReport;
 use crate::simulate::proposal::RULE;
 use page::document::short;
 
