@@ -112,7 +112,13 @@ impl<'a> Traced<'a> {
     /// The residual under a noise, with what each effect must bring added for each: of two explanations the better one
     /// has less.
     fn length(&self, noise: &Noise) -> f64 {
-        let [case, _] = self.setting.cases();
+        let (balance, base) = &self.setting.fit;
+        self.length_of(balance, base, noise)
+    }
+
+    /// The same with other balances of the fit record.
+    fn length_of(&self, balance: &Balance, base: &Base, noise: &Noise) -> f64 {
+        let case = Case::new(balance, base);
         let whitener = case.whitener(noise);
         let normal = case.search(&whitener, &self.progress.found).normal;
         let left = normal.cost(&normal.solve(None).values);
@@ -166,9 +172,19 @@ pub fn analyse_as(
     let records = [&fit, &check];
     let mut traced = Traced::new(records, model, |found| roundings.assumed(found));
     let rubs = |h: &Hypothesis| h.family == Family::StribeckFriction;
-    if traced.progress.found.iter().any(rubs) {
-        // Friction that is taken for rounded and is not looks like friction that is higher at rest.
-        let other = Roundings::other(traced.assumed.rounding);
+    let other = Roundings::other(traced.assumed.rounding);
+    let turned = Assumed {
+        rounding: other,
+        ..traced.assumed
+    };
+    let explains = |traced: &Traced| {
+        let balance = fit.balance_with(model, turned);
+        let base = Base::new(&balance);
+        traced.length_of(&balance, &base, &traced.noise) < traced.length(&traced.noise)
+    };
+    // Friction that is taken for rounded and is not looks like friction that is higher at rest. What was found may also show that
+    // the first choice was wrong.
+    if traced.progress.found.iter().any(rubs) || explains(&traced) {
         let rival = Traced::new(records, model, |found| Assumed {
             rounding: other,
             ..roundings.assumed(found)

@@ -18,7 +18,7 @@ use crate::effects::refusals::Refusals;
 use crate::signal::channel::Channel;
 use crate::signal::fourier::{Fourier, Spectrum};
 use crate::signal::noise::declared_resonance_hz;
-use crate::signal::signals::{Signals, relative_noise, rounded_sign};
+use crate::signal::signals::{Signals, rounded_sign};
 use fft::Complex64;
 use plant::Axis;
 use plant::effects::{EffectModel, Place};
@@ -235,8 +235,8 @@ impl<'a> Balance<'a> {
             lags: assumed.lags,
             memory: Memory::default(),
             refusals: Refusals::default(),
-            relative_acceleration_told: fourier.above_noise(&relative_acceleration, CLEAR, |hz| {
-                relative_noise(&model.sensing) * (TAU * hz).powi(4)
+            relative_acceleration_told: fourier.above_noise(&relative_acceleration, CLEAR, |bin| {
+                signals.relative_rounding(bin) * (TAU * fourier.hz(bin)).powi(4)
             }),
             relative_acceleration,
         }

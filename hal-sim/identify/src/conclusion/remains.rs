@@ -49,7 +49,16 @@ pub(crate) fn level(
             rows += 1;
         }
     }
-    let level = Level::new(channel, &turning, counted(open) - rows, rate, band);
+    let gain = whitener.gain(channel);
+    let expected = |hz| case.declared.power(channel, hz, case.balance.fourier, gain);
+    let level = Level::new(
+        channel,
+        &turning,
+        counted(open) - rows,
+        rate,
+        band,
+        expected,
+    );
     match rows {
         0 => level,
         _ => level.beside(

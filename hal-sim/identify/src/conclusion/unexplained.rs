@@ -160,7 +160,8 @@ pub(crate) fn unexplained(
         .map(|(_, left)| left)
         .take(LISTED);
     let is_loud = |rest: &&ChannelRest| {
-        let beyond = rest.figures.whitened.powi(2) - 1.0;
+        let of_fit = level(case, whitener, left.white[0], rest.channel, rest.band_hz);
+        let beyond = of_fit.power - 1.0;
         let share = (rest.figures.fit_after / rest.figures.fit_before).powi(2);
         !rest.levels[1].quiet() || beyond > TOO_LOUD && share > MOST_LEFT
     };

@@ -4,7 +4,7 @@ use crate::conclusion::said::Said;
 use crate::digits::three;
 use crate::predict::excitation::Excitation;
 use crate::signal::channel::Channel;
-use crate::signal::noise::{BANDS_HZ, power_spectrum};
+use crate::signal::noise::{BANDS_HZ, BandPower, power_spectrum};
 use serde::Serialize;
 
 /// Mean square of a residual in its noise floor's up to which it is at the floor: the excess is then less than half of the
@@ -102,16 +102,19 @@ pub struct Level {
 
 impl Level {
     /// Of a channel's whitened residual of which `rows` count, at `rate` rows a second, judged from `from` up to `top` Hz.
+    /// `expected` is what counts between two frequencies, Hz.
     pub(crate) fn new(
         channel: Channel,
         white: &[f64],
         rows: usize,
         rate: f64,
         [from_hz, top]: [f64; 2],
+        expected: impl Fn([f64; 2]) -> BandPower,
     ) -> Self {
         let count = rows.max(1) as f64;
+        let whole = expected([from_hz, top]);
         let mut level = Level {
-            power: white.iter().map(|x| x * x).sum::<f64>() / count,
+            power: white.iter().map(|x| x * x).sum::<f64>() / count / whole.sensors,
             quiet_band: match channel {
                 Channel::VoltageQ(_) => QUIET_BAND_Q,
                 _ => QUIET_BAND,
@@ -129,7 +132,18 @@ impl Level {
             let to = ((high / width) as usize).min(power.len());
             if to >= from + 8 {
                 let lines = (to - from) as f64;
+                let expected = expected([from as f64 * width, to as f64 * width]);
                 let mean = power[from..to].iter().sum::<f64>() / lines / count;
+                // What is too small to count is taken for the sensors'.
+                let beyond = (mean - expected.sensors).max(0.0);
+                let counts = beyond > expected.small;
+                if !counts {
+                    level.power -= beyond * lines / power.len() as f64 / whole.sensors;
+                }
+                let mean = match counts {
+                    true => mean / expected.sensors,
+                    false => (mean / expected.sensors).min(1.0),
+                };
                 if mean > level.band {
                     (level.band, level.band_hz) = (mean, high);
                 }
@@ -139,6 +153,10 @@ impl Level {
                 from = to;
             }
         }
+        // Above its bands a channel is not judged.
+        let above = power[from..].iter().sum::<f64>() / count;
+        let beyond = (above - (power.len() - from) as f64).max(0.0);
+        level.power -= beyond / power.len() as f64 / whole.sensors;
         level
     }
 
@@ -229,6 +247,7 @@ impl CheckChannel {
                 white.len(),
                 rate,
                 [0.0, FLAT * top_hz],
+                |_| BandPower::WHITE,
             );
             if banded.band > 0.0 {
                 *level = Level {

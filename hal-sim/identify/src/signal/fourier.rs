@@ -145,6 +145,13 @@ impl Fourier {
         signal
     }
 
+    /// Rms of a record by its spectrum.
+    pub(crate) fn rms(&self, spectrum: &[Complex64]) -> f64 {
+        let sum: f64 = spectrum.iter().skip(1).map(|c| c.norm_sqr()).sum();
+        let whole = 2.0 * sum + spectrum[0].norm_sqr();
+        (whole / (self.padded * self.rows) as f64).sqrt()
+    }
+
     /// A decimated record through a real gain over frequency.
     pub fn again(&self, signal: &[f64], gain: &[f64]) -> Vec<f64> {
         let spectrum = self.spectrum_at(self.step, signal);
@@ -175,18 +182,18 @@ impl Fourier {
 pub(crate) const ABOVE_NOISE: f64 = 7.0;
 
 impl Fourier {
-    /// What of a record's spectrum is above noise with a variance a row of `density` over frequency (Hz). Noise in a regressor
+    /// What of a record's spectrum is above noise with a variance a row of `density` in each bin. Noise in a regressor
     /// draws its parameter to where it explains the residual's noise, which is the same (errors in variables; Söderström,
     /// *Automatica* 43, 2007): what a record tells of the parameter is in the bins that stand out of it, by so many `times` its power.
     pub fn above_noise(
         &self,
         spectrum: &[Complex64],
         times: f64,
-        density: impl Fn(f64) -> f64,
+        density: impl Fn(usize) -> f64,
     ) -> Spectrum {
         let rows = self.rows as f64;
         let told = |(bin, value): (usize, &Complex64)| {
-            let least = times * rows * density(self.hz(bin));
+            let least = times * rows * density(bin);
             value * f64::from(u8::from(value.norm_sqr() > least))
         };
         spectrum.iter().enumerate().map(told).collect()

@@ -7,5 +7,6 @@ pub mod fourier;
 pub(crate) mod frames;
 pub(crate) mod leftover;
 pub mod noise;
+pub(crate) mod rounding;
 pub mod scan;
 pub mod signals;

@@ -4,6 +4,8 @@ use crate::signal::channel::Channel;
 use crate::signal::fourier::{Fourier, edge};
 use crate::signal::signals::relative_noise;
 use crate::signal::signals::{Signals, angle_noise, current_noise};
+use fft::Complex64;
+use plant::Axis;
 use plant::model::Model;
 use std::f64::consts::TAU;
 
@@ -12,6 +14,12 @@ pub(crate) const USED: f64 = 0.8;
 /// Share of the table's resonance up to which its position is used: nearer to it the model amplifies the encoders'
 /// quantisation, and a wrong resonance would pay by amplifying it less.
 const BELOW_RESONANCE: f64 = 0.6;
+/// Share of a motor's torque or voltage, rms, below which nothing counts: friction alone repeats less well from run to run.
+pub(crate) const SHARE_OF_DRIVE: f64 = 0.002;
+/// Damping ratio below which the filter that makes noise white would ring beyond the margin of the rows that do not count.
+const LEAST_DAMPING: f64 = 0.1;
+/// Smallest density of a channel.
+const LEAST: f64 = 1e-30;
 /// How much more power than the sensors' may be taken for noise.
 const MOST_NOISE: f64 = 2.0;
 /// Upper edges of the bands over which the noise is estimated, Hz. Below the first, noise and slow misfit are one.
@@ -29,8 +37,30 @@ pub fn declared_resonance_hz(model: &Model) -> f64 {
 #[derive(Clone)]
 pub struct Noise {
     density: [Vec<f64>; Channel::COUNT],
+    /// Power that the sensors have in each bin, of that density. It differs from 1 where an encoder turns evenly: its rounding is
+    /// a few lines, and nothing beside them. A filter as narrow as lines would ring, so they do not whiten.
+    lines: [Vec<f64>; Channel::COUNT],
+    /// Rms of what drives a channel, torque or voltage, in its unit; 0 of a position.
+    drive: [f64; Channel::COUNT],
     /// Frequency up to which a channel is used, Hz.
     top: [f64; Channel::COUNT],
+}
+
+/// Mean squares of a whitened residual in a band.
+#[derive(Clone, Copy)]
+pub(crate) struct BandPower {
+    /// Of the sensors; 1 of white noise.
+    pub(crate) sensors: f64,
+    /// Up to which the residual counts as nothing.
+    pub(crate) small: f64,
+}
+
+impl BandPower {
+    /// Of white noise, where every residual counts.
+    pub(crate) const WHITE: BandPower = BandPower {
+        sensors: 1.0,
+        small: 0.0,
+    };
 }
 
 impl Noise {
@@ -52,40 +82,76 @@ impl Noise {
             let sum: f64 = column.windows(2).map(|w| (w[1] - w[0]).powi(2)).sum();
             (0.5 * sum / column.len() as f64).max(1e-12)
         };
-        let steps = plant::Axis::ALL.map(|axis| {
+        let steps = Axis::ALL.map(|axis| {
             let motor = &signals.motors[axis.index()];
             (step(&motor.u_d), step(&motor.u_q))
         });
-        let density = Channel::ALL.map(|channel| {
-            let at = |hz: f64| match channel {
+        // Of a channel: what is white whatever turns, what is made of an angle's rounding, and that as the record has it.
+        let parts = Channel::ALL.map(|channel| {
+            let at = |bin: usize, hz: f64| match channel {
                 Channel::Torque(axis) => {
                     let motor = model.motor(axis);
                     let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
-                    2.0 * constant * constant * current
-                        + (motor.inertia_kg_m2 * (TAU * hz).powi(2)).powi(2)
-                            * angle_noise(sensing, axis)
+                    // The balance accelerates the motor by its own angle, and the table by the difference of both.
+                    let table = match signals.machine.has_feed() {
+                        true => reflected(model, hz / resonance_hz),
+                        false => Complex64::default(),
+                    };
+                    let square = (TAU * hz).powi(4);
+                    let own = square * (motor.inertia_kg_m2 + table).norm_sqr();
+                    let gains = Axis::ALL.map(|of| match of == axis {
+                        true => own,
+                        false => square * table.norm_sqr(),
+                    });
+                    let sum = |rounding: [f64; 2]| gains[0] * rounding[0] + gains[1] * rounding[1];
+                    [
+                        2.0 * constant * constant * current,
+                        sum(Axis::ALL.map(|axis| angle_noise(sensing, axis))),
+                        sum(signals
+                            .motors
+                            .each_ref()
+                            .map(|motor| motor.angle_rounding[bin])),
+                    ]
                 }
-                Channel::VoltageD(axis) => steps[axis.index()].0,
-                Channel::VoltageQ(axis) => steps[axis.index()].1,
+                Channel::VoltageD(axis) => [steps[axis.index()].0, 0.0, 0.0],
+                Channel::VoltageQ(axis) => [steps[axis.index()].1, 0.0, 0.0],
                 Channel::Table => {
                     let lead = model.feed.travel_per_radian();
                     let u = hz / resonance_hz;
                     let damping = 2.0 * model.feed.axial_damping_ratio * u;
                     let amplified = 1.0 / ((1.0 - u * u).powi(2) + damping * damping).max(1e-6);
-                    sensing.table_noise_m.powi(2)
-                        + lead * lead * relative_noise(sensing) * amplified
+                    let gain = lead * lead * amplified;
+                    [
+                        sensing.table_noise_m.powi(2),
+                        gain * relative_noise(sensing),
+                        gain * signals.relative_rounding(bin),
+                    ]
                 }
             };
-            (0..fourier.bins())
-                .map(|bin| at(fourier.hz(bin)).max(1e-30))
-                .collect()
+            let bins = (0..fourier.bins()).map(|bin| at(bin, fourier.hz(bin)));
+            bins.collect::<Vec<[f64; 3]>>()
+        });
+        let density = parts.each_ref().map(|bins| {
+            let sum = bins.iter().map(|[white, angle, _]| white + angle);
+            sum.map(|density| density.max(LEAST)).collect()
+        });
+        let lines = parts.each_ref().map(|bins| {
+            let lines = bins.iter().map(|[white, angle, rounding]| {
+                (white + rounding).max(LEAST) / (white + angle).max(LEAST)
+            });
+            lines.collect()
         });
         let top = USED * fourier.hz(fourier.bins());
         let top = Channel::ALL.map(|channel| match channel {
             Channel::Table => top.min(BELOW_RESONANCE * declared_resonance_hz(model)),
             _ => top,
         });
-        Noise { density, top }
+        Noise {
+            density,
+            lines,
+            drive: Channel::ALL.map(|channel| drive_rms(model, signals, channel)),
+            top,
+        }
     }
 
     /// Frequency up to which a channel is used, Hz.
@@ -96,6 +162,31 @@ impl Noise {
     /// Density of a channel over the bins of a spectrum.
     pub fn density(&self, channel: Channel) -> &[f64] {
         &self.density[channel.index()]
+    }
+
+    /// Power between two frequencies of a spectrum, Hz, after a whitening by `gain`. The sensors' is at least that of white noise.
+    pub(crate) fn power(
+        &self,
+        channel: Channel,
+        [from, to]: [f64; 2],
+        fourier: &Fourier,
+        gain: &[f64],
+    ) -> BandPower {
+        let index = channel.index();
+        let bin = |hz: f64| ((hz / fourier.hz(1)) as usize).min(self.lines[index].len());
+        let band = bin(from)..bin(to);
+        let bins = band.len().max(1) as f64;
+        let (mut sensors, mut density) = (0.0, 0.0);
+        for bin in band {
+            let gain = gain[bin] * gain[bin] / fourier.step() as f64;
+            sensors += self.density[index][bin] * self.lines[index][bin] * gain;
+            density += self.density[index][bin];
+        }
+        let floor = density / (fourier.bins() * fourier.step()) as f64;
+        BandPower {
+            sensors: (sensors / bins).max(1.0),
+            small: (SHARE_OF_DRIVE * self.drive[index]).powi(2) / floor.max(LEAST),
+        }
     }
 
     /// Greatest relative difference of two densities.
@@ -126,8 +217,9 @@ impl Noise {
         let sum: f64 = self
             .density(channel)
             .iter()
+            .zip(&self.lines[channel.index()])
             .zip(&band)
-            .map(|(density, gain)| density * gain * gain)
+            .map(|((density, lines), gain)| density * lines * gain * gain)
             .sum();
         (sum * width).sqrt()
     }
@@ -183,6 +275,34 @@ impl Noise {
             }
         }
         corrected
+    }
+}
+
+/// Inertia that the table has at a motor, kg m^2, at a frequency of `u` resonances. The damping of a slightly damped screw is taken for
+/// [`LEAST_DAMPING`].
+fn reflected(model: &Model, u: f64) -> Complex64 {
+    let feed = &model.feed;
+    let damping = 2.0 * feed.axial_damping_ratio.max(LEAST_DAMPING) * u;
+    let rigid = feed.table_mass_kg * feed.travel_per_radian().powi(2);
+    rigid / Complex64::new(1.0 - u * u, damping)
+}
+
+/// Rms of what drives a channel: a motor's torque, N m, or its voltage, V; 0 of the table's position.
+pub(crate) fn drive_rms(model: &Model, signals: &Signals, channel: Channel) -> f64 {
+    let square = |column: &[f64]| -> f64 {
+        column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64
+    };
+    match channel {
+        Channel::Torque(axis) => {
+            let motor = model.motor(axis);
+            let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
+            constant * square(&signals.motors[axis.index()].i_q_smooth).sqrt()
+        }
+        Channel::VoltageD(axis) | Channel::VoltageQ(axis) => {
+            let motor = &signals.motors[axis.index()];
+            (square(&motor.u_d) + square(&motor.u_q)).sqrt()
+        }
+        Channel::Table => 0.0,
     }
 }
 

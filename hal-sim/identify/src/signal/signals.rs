@@ -4,6 +4,7 @@ use crate::machines::Machine;
 use crate::signal::along::Along;
 use crate::signal::fourier::{ABOVE_NOISE, Fourier, Spectrum, slope};
 use crate::signal::frames::{clarke, park};
+use crate::signal::rounding;
 use plant::Axis;
 use plant::model::{Model, SensingModel};
 use plant::recording::Recording;
@@ -49,6 +50,8 @@ pub struct MotorSignals {
     pub top_speed: f64,
     /// First derivative of the angle at its full bandwidth, rad/s.
     pub speed: Spectrum,
+    /// Density of the angle's rounding over the bins of a spectrum, rad^2.
+    pub angle_rounding: Vec<f64>,
     /// Second derivative of the angle, rad/s^2.
     pub acceleration: Spectrum,
     /// What of it is above the encoder's resolution.
@@ -112,18 +115,18 @@ pub(crate) fn angle_noise(sensing: &SensingModel, axis: Axis) -> f64 {
     count * count / 12.0
 }
 
-/// Counts a turn of the coarser encoder.
-pub(crate) fn coarsest(sensing: &SensingModel) -> u32 {
-    let [screw, nut] = Axis::ALL.map(|axis| sensing.counts_per_turn(axis));
-    screw.min(nut)
-}
-
 /// Variance of both encoders' readings together, rad^2.
 pub(crate) fn relative_noise(sensing: &SensingModel) -> f64 {
     Axis::ALL
         .iter()
         .map(|axis| angle_noise(sensing, *axis))
         .sum()
+}
+
+/// Counts a turn of the coarser encoder.
+pub(crate) fn coarsest(sensing: &SensingModel) -> u32 {
+    let [screw, nut] = Axis::ALL.map(|axis| sensing.counts_per_turn(axis));
+    screw.min(nut)
 }
 
 /// Variance of a phase current's reading, A^2; of currents in the rotor's frame it is twice that.
@@ -171,18 +174,22 @@ impl MotorSignals {
         });
         let acceleration = fourier.curvature(&travel);
         let sensing = &model.sensing;
-        let acceleration_told = fourier.above_noise(&acceleration, ABOVE_NOISE, |hz| {
-            angle_noise(sensing, axis) * (TAU * hz).powi(4)
+        let counts = sensing.counts_per_turn(axis);
+        let angle_rounding = rounding::density(&omega, rate, counts, fourier);
+        let acceleration_told = fourier.above_noise(&acceleration, ABOVE_NOISE, |bin| {
+            angle_rounding[bin] * (TAU * fourier.hz(bin)).powi(4)
         });
         let reference = &record.iq_ref_a;
         let step: Vec<f64> = (0..reference.len())
             .map(|k| reference[k] - reference[k.saturating_sub(1)])
             .collect();
         // Of a drive that does not say its reference it is the measured current.
-        let reference_step = fourier.above_noise(&fourier.spectrum(&step), ABOVE_NOISE, |hz| {
-            2.0 * current_noise(sensing) * (2.0 * (0.5 * TAU * hz / rate).sin()).powi(2)
+        let reference_step = fourier.above_noise(&fourier.spectrum(&step), ABOVE_NOISE, |bin| {
+            let half = 0.5 * TAU * fourier.hz(bin) / rate;
+            2.0 * current_noise(sensing) * (2.0 * half.sin()).powi(2)
         });
         MotorSignals {
+            angle_rounding,
             acceleration_told,
             reference_step,
             peak_a: peak(&i_q),
@@ -257,6 +264,12 @@ impl Signals {
             references: [0, 1].map(|k: usize| recording.axes[k].speed_ref_rad_s.clone()),
             motors,
         }
+    }
+
+    /// Density of both encoders' rounding together in a bin of a spectrum, rad^2.
+    pub(crate) fn relative_rounding(&self, bin: usize) -> f64 {
+        let of_motors = self.motors.iter().map(|motor| motor.angle_rounding[bin]);
+        of_motors.sum()
     }
 
     /// Length of the run, s.

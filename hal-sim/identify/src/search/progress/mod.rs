@@ -22,7 +22,7 @@ use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
 use plant::effects::Place;
 use std::cell::RefCell;
-use worth::{inseparable, resolved};
+use worth::{counts, inseparable, resolved};
 
 /// Sums over the channels.
 type ByChannel = [f64; Channel::COUNT];
@@ -296,6 +296,7 @@ impl Progress {
             c.credit > enough.max(self.least_beside(&c.trial.hypothesis, others, balance))
                 && c.trial.gain.fall > 0.0
                 && resolved(&c.trial, balance)
+                && counts(&c.trial, balance)
         });
         list.sort_by(|a, b| b.credit.total_cmp(&a.credit));
         list

@@ -1,10 +1,11 @@
 //! What counts as something, as the same, and as not distinguished.
 
-use crate::balance::Balance;
+use crate::balance::{Balance, Contribution};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::search::forward::Contender;
 use crate::search::select::Trial;
+use crate::signal::noise::{SHARE_OF_DRIVE, drive_rms};
 use crate::signal::signals::coarsest;
 use plant::Axis;
 use plant::effects::Place;
@@ -44,6 +45,21 @@ pub(crate) fn same(a: &Hypothesis, b: &Hypothesis, balance: &Balance) -> bool {
         _ => f64::INFINITY,
     };
     (a.shape - b.shape).abs() < resolution
+}
+
+/// Whether a trial makes enough of a motor's torque or voltage, rms, to count, or moves the table's reading.
+pub(super) fn counts(trial: &Trial, balance: &Balance) -> bool {
+    let columns = trial
+        .hypothesis
+        .contributions(balance, balance.signals.run_s());
+    let mut sum = Contribution::default();
+    for (column, value) in columns.iter().zip(&trial.gain.values) {
+        sum.add_all(*value, column);
+    }
+    sum.0.iter().any(|(channel, spectrum)| {
+        let drive = drive_rms(balance.model, balance.signals, *channel);
+        balance.fourier.rms(spectrum) > SHARE_OF_DRIVE * drive
+    })
 }
 
 /// Whether a trial's size is more than what the encoders' resolution and sampling make.
