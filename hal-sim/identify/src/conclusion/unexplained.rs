@@ -4,7 +4,7 @@ use crate::balance::{Balance, Contribution};
 use crate::conclusion::channels::ChannelRest;
 use crate::conclusion::outcome::Unexplained;
 use crate::conclusion::remains::level;
-use crate::conclusion::rest::{self, NO_SHAPE, Rest};
+use crate::conclusion::rest::{self, NO_SHAPE, Remnant, Rest};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::regression::column::Column;
@@ -14,6 +14,7 @@ use crate::search::progress::Doubt;
 use crate::search::select::Trial;
 use crate::signal::along::Along;
 use crate::signal::channel::Channel;
+use crate::signal::noise::{SHARE_OF_DRIVE, SMOOTH_SHARE, drive_rms};
 use plant::effects::Place;
 
 /// A channel is too loud if the residual is beyond noise by this share of the noise's power, and more than this share of
@@ -89,7 +90,13 @@ impl Left<'_> {
             during: Vec::new(),
         };
         let left = rest.remnants(places);
-        let told = left.into_iter().map(|remnant| {
+        let any = !left.is_empty();
+        let counts = |remnant: &Remnant| {
+            let size = size * remnant.size;
+            remnant.coordinate == NO_SHAPE
+                || size > least_size(balance, loud.channel, remnant.order)
+        };
+        let told = left.into_iter().filter(counts).map(|remnant| {
             let fall = remnant.size.powi(2) * rows[0];
             let told = Unexplained {
                 channel: loud.channel,
@@ -104,6 +111,7 @@ impl Left<'_> {
         });
         let told: Vec<_> = told.collect();
         match told.is_empty() {
+            true if any && loud.levels[1].quiet() => Vec::new(),
             true => vec![(
                 excess[1],
                 Unexplained {
@@ -157,6 +165,7 @@ pub(crate) fn unexplained(
             (doubt.likeness, left)
         })
         .filter(|(likeness, left)| !(*likeness && at_floor(left.channel)))
+        .filter(|(_, left)| left.size > least_size(case.balance, left.channel, left.order))
         .map(|(_, left)| left)
         .take(LISTED);
     let is_loud = |rest: &&ChannelRest| {
@@ -180,6 +189,15 @@ pub(crate) fn unexplained(
         .collect();
     list.extend(doubts);
     list
+}
+
+/// Rms of a shape in a channel below which it counts as nothing, in the channel's unit.
+fn least_size(balance: &Balance, channel: Channel, order: Option<f64>) -> f64 {
+    let share = match order {
+        Some(_) => SHARE_OF_DRIVE,
+        None => SMOOTH_SHARE,
+    };
+    share * drive_rms(balance.model, balance.signals, channel)
 }
 
 /// What a hypothesis looks like in the channel that shows it most.

@@ -16,6 +16,8 @@ pub(crate) const USED: f64 = 0.8;
 const BELOW_RESONANCE: f64 = 0.6;
 /// Share of a motor's torque or voltage, rms, below which nothing counts: friction alone repeats less well from run to run.
 pub(crate) const SHARE_OF_DRIVE: f64 = 0.002;
+/// The same of a shape without a name and without an order: it is of the size by which friction changes from run to run.
+pub(crate) const SMOOTH_SHARE: f64 = 0.01;
 /// Damping ratio below which the filter that makes noise white would ring beyond the margin of the rows that do not count.
 const LEAST_DAMPING: f64 = 0.1;
 /// Smallest density of a channel.
