@@ -23,7 +23,7 @@ use link::settings::{EncoderInterface, Setting, Settings, Unfit};
 use link::telemetry::Header;
 
 /// The board's own settings; with the feature `smooth` the drive learns the ripple that motors, encoders and lead usually have.
-static OWN: Settings = if cfg!(feature = "smooth") {
+const OWN: Settings = if cfg!(feature = "smooth") {
     board::SETTINGS.smooth()
 } else {
     board::SETTINGS
@@ -61,6 +61,8 @@ struct Held {
 // task's alone.
 unsafe impl Sync for Held {}
 
+/// A static, for its address is a constant to the speed task. By a reference that RTIC holds that task takes 28 cycles more; what is
+/// `Shared` by value would be copied with the timers running.
 static HELD: Held = Held {
     words: DriveExchange::new(),
     task: UnsafeCell::new(MaybeUninit::uninit()),

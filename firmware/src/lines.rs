@@ -5,7 +5,8 @@ use crate::debug_view::DRIVE_VIEW;
 use crate::hw::cycles;
 use crate::hw::flash::SettingsPages;
 use crate::hw::serial::Serial;
-use crate::motor_loop::{BURST, exchanges};
+use crate::motor_loop::exchanges;
+use application::burst::Burst;
 use application::drive::World;
 use application::exchange::TelemetryExchange;
 use application::keep::Keeper;
@@ -25,6 +26,9 @@ pub(crate) const RTT_UP_BYTES: usize = 12_000;
 pub(crate) const RTT_DOWN_BYTES: usize = 512;
 
 /// What the speed task tells the lines.
+///
+/// A static, for its address is a constant to the speed task. By a reference that RTIC holds that task takes 35 cycles more; what is
+/// `Shared` by value would be cleared with the timers running.
 pub(crate) static TELEMETRY: TelemetryExchange = TelemetryExchange::new();
 
 /// Line 0: the serial port. Line 1: RTT.
@@ -98,7 +102,7 @@ impl World for Board {
 /// All lines, and the one drive.
 pub struct Lines {
     /// Once they are started, and the settings that the drive runs on.
-    ports: Option<(Both, &'static mut Keeper<SettingsPages>)>,
+    ports: Option<(Both, &'static Burst, &'static mut Keeper<SettingsPages>)>,
     lines: application::lines::Lines<[Server; 2]>,
     board: Board,
 }
@@ -123,9 +127,10 @@ impl Lines {
         serial: Serial,
         up: UpChannel,
         down: DownChannel,
+        burst: &'static Burst,
         keeper: &'static mut Keeper<SettingsPages>,
     ) {
-        self.ports = Some((Both { serial, up, down }, keeper));
+        self.ports = Some((Both { serial, up, down }, burst, keeper));
     }
 
     /// A look at all lines: what came is answered, and what waits goes. `readers` holds off the tasks that read the configuration.
@@ -135,14 +140,14 @@ impl Lines {
         journal: &mut impl Mutex<T = &'static mut Journal>,
         readers: &mut impl Mutex<T = ()>,
     ) {
-        let Some((both, keeper)) = &mut self.ports else {
+        let Some((both, burst, keeper)) = &mut self.ports else {
             return;
         };
         let mut parts = LinesParts {
             configured: configured(),
             words: words(),
             telemetry: &TELEMETRY,
-            burst: &BURST,
+            burst,
             view: &DRIVE_VIEW,
             motors: exchanges(),
             keeper: *keeper,

@@ -11,7 +11,7 @@ use rtt_target::{ChannelMode, UpChannel};
 /// Longest frame, bytes: a crash's text and what defmt adds.
 const FRAME: usize = 256;
 
-/// How many lines are being written, one upon the other.
+/// How many lines are being written, one upon the other. A static, as the next: defmt hands its logger no state.
 static DEPTH: AtomicU8 = AtomicU8::new(0);
 static LOG: Shared = Shared(UnsafeCell::new(Log {
     channel: None,

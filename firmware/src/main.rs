@@ -18,41 +18,43 @@ mod memory;
 mod motor_loop;
 mod schedule;
 mod speed;
+mod start;
 mod supervision;
 
 #[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG])]
 mod app {
     use crate::board::{self, EncoderParts, Ports};
     use crate::config::BOARD;
-    use crate::debug_view::DRIVE_VIEW;
+    use crate::hw::analog::{Converters, Watches};
+    use crate::hw::deadman::Deadman;
+    use crate::hw::encoder::{InputFilter, Scale};
     use crate::hw::flash::SettingsPages;
     use crate::hw::gate_drivers::GateDrivers;
     use crate::hw::motor_io::Registers;
-    use crate::hw::watchdog::{Watchdog, reset_reason};
-    use crate::hw::{
-        analog, clock, cycles, deadman, encoder, protection, pwm, serial, stack_guard,
-    };
-    use crate::lines::{Lines, RTT_DOWN_BYTES, RTT_UP_BYTES};
+    use crate::hw::serial::Serial;
+    use crate::hw::watchdog::Watchdog;
+    use crate::hw::{clock, protection};
+    use crate::lines::Lines;
     use crate::motor_loop::{MOTORS, MotorLoop};
     use crate::speed::{Speed, Wired};
+    use crate::start::{self, PLAN};
     use crate::supervision::Supervision;
-    use crate::{bringup, config, crash, journal, log, schedule};
+    use crate::{bringup, config, schedule};
+    use application::burst::Burst;
     use application::keep::Keeper;
     use application::orders::Orders;
-    use application::start::log_start;
     use control::journal::Journal;
     use core::mem::MaybeUninit;
-    use core::sync::atomic::Ordering::Relaxed;
-    use cortex_m::peripheral::scb::SystemHandler;
     use rtic_monotonics::Timebase as _;
     use rtic_monotonics::fugit::ExtU32 as _;
-    use stm32g4xx_hal::gpio::GpioExt as _;
     use stm32g4xx_hal::stm32::{ADC1, ADC2, ADC3, ADC4, Interrupt, TIM1, TIM8};
 
     rtic_monotonics::systick_monotonic!(Mono, 1000);
 
     #[shared]
     struct Shared {
+        /// By reference: no task waits for another.
+        deadman: Deadman,
         orders: &'static mut Orders,
         journal: &'static mut Journal,
         /// Tasks that read the configuration: the speed task and those below it.
@@ -66,173 +68,89 @@ mod app {
         speed: Speed,
         supervision: Supervision,
         lines: &'static mut Lines,
-        off: u32,
     }
 
     #[init(local = [
         kept: Lines = Lines::new(),
         keeper: MaybeUninit<Keeper<SettingsPages>> = MaybeUninit::uninit(),
         orders: MaybeUninit<Orders> = MaybeUninit::uninit(),
+        burst: Burst = Burst::new(),
     ])]
     fn init(cx: init::Context) -> (Shared, Local) {
         let (device, mut core) = (cx.device, cx.core);
         let bringup = bringup::begin();
-        let channels = rtt_target::rtt_init! {
-            up: {
-                0: { size: 1024, name: "defmt" }
-                1: { size: RTT_UP_BYTES, name: "link", section: ".uninit.link" }
-            }
-            down: {
-                0: { size: RTT_DOWN_BYTES, name: "link" }
-            }
-        };
-        stack_guard::start(&core.MPU);
-        log::start(channels.up.0);
-        cycles::start(&mut core.DCB, &mut core.DWT);
-        schedule::no_lazy_float_state(&core.FPU);
-        // Before anything that may end this run too.
-        crash::take(|text| defmt::error!("the last run ended: {=str}", text));
-
+        let (to_host, from_host) = start::observe(&mut core);
         let mut rcc = clock::start(device.RCC, device.PWR, &device.FLASH);
-        let reason = reset_reason(&mut rcc);
-        DRIVE_VIEW.reset_reason.store(reason.word(), Relaxed);
-        defmt::info!("started after a reset by {=str}", reason.name());
-        defmt::info!(
-            "silicon revision {=u16:#06x}",
-            clock::revision(&device.DBGMCU)
-        );
-        clock::report_option_bytes(&device.FLASH);
-        // SAFETY: once, and no task has a state yet. Before wrong bits in the flash break the timers.
+        let reason = start::report(&mut rcc, &device.DBGMCU, &device.FLASH);
+        // Before wrong bits in the flash break the timers.
+        // SAFETY: once, and no task has a state yet.
         let keeper = unsafe { config::take_up(cx.local.keeper) };
-        let start = config::configured();
+        let plate = &config::configured().plate;
 
         clock::enable_peripherals(&rcc);
-        let pins = board::claim(Ports {
-            a: device.GPIOA.split(&mut rcc),
-            b: device.GPIOB.split(&mut rcc),
-            c: device.GPIOC.split(&mut rcc),
-            d: device.GPIOD.split(&mut rcc),
-        });
+        let ports = (device.GPIOA, device.GPIOB, device.GPIOC, device.GPIOD);
+        let pins = board::claim(Ports::split(ports, &mut rcc));
         pins.outputs.keep();
 
-        let plan = const { pwm::PwmPlan::new(&board::PLATE, board::BREAK_FILTER_S) };
         let (screw_encoder, nut_encoder) = board::start_encoders(EncoderParts {
             tim2: device.TIM2,
             tim5: device.TIM5,
             spi1: device.SPI1,
             dma: (&device.DMA1, &device.DMAMUX),
-            motors: &start.plate.motors,
-            period: 2 * u32::from(plan.period),
+            motors: &plate.motors,
+            period: 2 * u32::from(PLAN.period),
         });
-        let scale = encoder::Scale::start(
-            device.TIM4,
-            encoder::InputFilter::of_scale(
-                start.plate.feed.velocity_max,
-                start.plate.feed.scale_count_m,
-            ),
-        );
-        protection::start(
-            &device.COMP,
-            &device.DAC3,
-            &device.DAC4,
-            &board::OVER_CURRENT,
-        );
+        let scale = Scale::start(device.TIM4, InputFilter::of_scale(&plate.feed));
+        let dacs = (&device.DAC3, &device.DAC4);
+        protection::start(&device.COMP, dacs, &board::OVER_CURRENT);
         protection::core_stopped_opens_bridges(&device.DBGMCU, &device.SYSCFG);
-        let converters = analog::Converters {
+        let converters = Converters {
             screw: (&device.ADC1, &device.ADC2),
             nut: (&device.ADC4, &device.ADC3),
             common: (&device.ADC12_COMMON, &device.ADC345_COMMON),
             dma: (&device.DMA1, &device.DMAMUX),
         };
-        if !converters.prepare(pins.channels, &board::WATCH_LIMITS) {
-            crash::refuse("an ADC did not calibrate: check the analog supply");
-        }
-        let breaks = const {
-            let [screw, nut] = &board::OVER_CURRENT;
-            let driver = board::DRIVER_FAULT;
-            [
-                protection::break_sources(screw, driver),
-                protection::break_sources(nut, driver),
-            ]
-        };
+        converters.prepare(pins.channels, &board::WATCH_LIMITS);
         if bringup {
             bringup::run(bringup::Started {
-                plan: &plan,
-                motors: &start.plate.motors,
-                breaks,
+                motors: &plate.motors,
                 screw_encoder: &screw_encoder,
                 nut_encoder: &nut_encoder,
                 converters: &converters,
-                outputs: &pins.outputs,
-                fault_lines: pins.fault_lines,
-                channel: channels.up.1,
+                pins: &pins,
+                channel: to_host,
             });
         }
 
-        // Awake before the breaks are armed: a driver that wakes says that it has a fault.
-        pins.outputs.enable_drivers();
-        cortex_m::asm::delay(const { (board::DRIVER_WAKE_S * clock::CORE_HZ as f64) as u32 });
-
-        // The HAL's SysTick would come up above the current loops.
-        // SAFETY: no critical section relies on SysTick's priority: they mask all interrupts.
-        unsafe {
-            core.SCB
-                .set_priority(SystemHandler::SysTick, schedule::SYSTICK_PRIORITY)
-        };
+        start::wake_drivers(&pins.outputs);
+        schedule::lower_systick(&mut core.SCB);
         Mono::start(core.SYST, clock::CORE_HZ);
         supervise::spawn().expect("spawned once");
 
         let drivers = GateDrivers::new(pins.outputs.drivers, pins.fault_lines);
         let supervision = Supervision::new(Watchdog::start(device.IWDG), pins.inputs, drivers);
-        let journal = journal::take_up();
-        for warning in log_start(journal, reason, keeper.found(), &start.plate) {
-            defmt::warn!("{=str}", warning.sentence());
-        }
-        let watches = analog::Watches::of(&converters);
-        let wired = Wired {
-            inputs: pins.inputs,
-            fault_lines: pins.fault_lines,
-            brake: pins.outputs.brake,
-        };
-        let speed = Speed::new(scale, watches, wired);
-        let lines = cx.local.kept;
-        lines.start(
-            serial::Serial::start(device.LPUART1, &device.DMAMUX),
-            channels.up.1,
-            channels.down.0,
-            keeper,
-        );
+        let journal = start::note(reason, keeper.found(), plate);
+        let speed = Speed::new(scale, Watches::of(&converters), Wired::of(&pins));
+        let (lines, burst) = (cx.local.kept, &*cx.local.burst);
+        let port = Serial::start(device.LPUART1, &device.DMAMUX);
+        lines.start(port, to_host, from_host, burst, keeper);
         // Not moved at the end, with the timers running: it takes a period of 40 kHz.
-        let orders = cx.local.orders.write(Orders::new(&start.plate));
-        let bdtr = pwm::bdtr(&plan);
+        let orders = cx.local.orders.write(Orders::new(plate));
         converters.convert_for_nothing();
-        if !pwm::start(&device.TIM1, &device.TIM8, &plan, breaks) {
-            crash::refuse("the PWM timers do not run: check the board's crystal");
-        }
+        start::run_timers(&device.TIM1, &device.TIM8);
         // The screw's loop is due within half a period: what takes long came before.
         converters.arm();
-        deadman::start(device.TIM7, plan.period);
+        let screw = Registers::new(device.TIM1, device.ADC1, device.ADC2, screw_encoder);
+        let nut = Registers::new(device.TIM8, device.ADC4, device.ADC3, nut_encoder);
         let local = Local {
-            screw: MotorLoop::new(Registers::new(
-                device.TIM1,
-                device.ADC1,
-                device.ADC2,
-                screw_encoder,
-                bdtr,
-            )),
-            nut: MotorLoop::new(Registers::new(
-                device.TIM8,
-                device.ADC4,
-                device.ADC3,
-                nut_encoder,
-                bdtr,
-            )),
+            screw: MotorLoop::new(screw, burst),
+            nut: MotorLoop::new(nut, burst),
             speed,
             supervision,
             lines,
-            off: bdtr,
         };
         let shared = Shared {
+            deadman: Deadman::start(device.TIM7, PLAN.period),
             orders,
             journal,
             readers: (),
@@ -244,7 +162,7 @@ mod app {
     #[unsafe(link_section = ".ccm.screw")]
     fn screw_current_loop(cx: screw_current_loop::Context) {
         cx.local.screw.step();
-        deadman::put_back();
+        Deadman::put_back();
         // The speed task follows every `speed_divider`th screw period, below both current loops.
         if MOTORS[0]
             .exchange
@@ -260,16 +178,16 @@ mod app {
         cx.local.nut.step();
     }
 
-    #[task(binds = TIM7, priority = 16, local = [off])]
+    #[task(binds = TIM7, priority = 16, shared = [&deadman])]
     fn current_loop_hung(cx: current_loop_hung::Context) {
-        deadman::run_out(*cx.local.off);
+        cx.shared.deadman.run_out();
     }
 
     // FMAC is not used; its vector serves.
-    #[task(binds = FMAC, priority = 12, local = [speed], shared = [readers])]
+    #[task(binds = FMAC, priority = 12, local = [speed], shared = [readers, &deadman])]
     #[unsafe(link_section = ".ccm.speed")]
     fn speed(cx: speed::Context) {
-        cx.local.speed.step();
+        cx.local.speed.step(cx.shared.deadman);
     }
 
     #[task(priority = 4, local = [supervision], shared = [orders, journal])]

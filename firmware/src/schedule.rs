@@ -17,10 +17,15 @@
 //! (12.5 us and 2125 with the feature `pwm-40khz`). `cargo xtask cost` prints what they take, and the longest path through
 //! their code, which a test holds to that.
 
-use cortex_m::peripheral::FPU;
+use cortex_m::peripheral::scb::SystemHandler;
+use cortex_m::peripheral::{FPU, SCB};
 
-/// SysTick's hardware priority: RTIC's 8 on 4 priority bits.
-pub(crate) const SYSTICK_PRIORITY: u8 = (16 - 8) << 4;
+/// Gives SysTick its priority, RTIC's 8 on 4 priority bits: the HAL's would be above the current loops.
+pub(crate) fn lower_systick(scb: &mut SCB) {
+    const PRIORITY: u8 = (16 - 8) << 4;
+    // SAFETY: no critical section relies on SysTick's priority: they mask all interrupts.
+    unsafe { scb.set_priority(SystemHandler::SysTick, PRIORITY) };
+}
 
 /// Interrupts neither save float registers nor reserve room for them: nothing in them uses the FPU (PM0214 4.6.2).
 pub(crate) fn no_lazy_float_state(fpu: &FPU) {

@@ -1,10 +1,11 @@
 //! The speed task's interrupt: the application's step on this board, timed.
 
+use crate::board::Pins;
 use crate::config::{self, config};
 use crate::debug_view::{DRIVE_VIEW, count, keep_max};
 use crate::hw::analog::Watches;
 use crate::hw::cycles;
-use crate::hw::deadman;
+use crate::hw::deadman::Deadman;
 use crate::hw::encoder::Scale;
 use crate::hw::inputs::{FaultLine, Inputs};
 use crate::hw::outputs::Output;
@@ -21,50 +22,67 @@ use stm32g4xx_hal::stm32::Interrupt;
 
 /// The pins of the speed task.
 pub(crate) struct Wired {
-    pub(crate) inputs: Inputs,
+    inputs: Inputs,
     /// The gate drivers': screw, nut.
-    pub(crate) fault_lines: [FaultLine; 2],
+    fault_lines: [FaultLine; 2],
     /// Releases the brake.
-    pub(crate) brake: Option<Output>,
+    brake: Option<Output>,
 }
 
-/// What the speed task reads and switches.
-struct Board {
+/// What the speed task owns of the board.
+struct Own {
     scale: Scale,
     watches: Watches,
     wired: Wired,
 }
 
-impl SpeedBoard for Board {
+/// What the speed task reads and switches.
+struct Board<'a> {
+    own: &'a mut Own,
+    deadman: &'a Deadman,
+}
+
+impl Wired {
+    /// Of the board's pins.
+    pub(crate) fn of(pins: &Pins) -> Self {
+        Self {
+            inputs: pins.inputs,
+            fault_lines: pins.fault_lines,
+            brake: pins.outputs.brake,
+        }
+    }
+}
+
+impl SpeedBoard for Board<'_> {
     #[inline(always)]
     fn scale(&mut self) -> i32 {
-        self.scale.position()
+        self.own.scale.position()
     }
 
     #[inline(always)]
     fn tripped(&mut self) -> Option<Fault> {
-        self.watches.take()
+        self.own.watches.take()
     }
 
     #[inline(always)]
     fn loop_hung(&mut self, reset: bool) -> bool {
-        deadman::has_run_out(reset)
+        self.deadman.has_run_out(reset)
     }
 
     #[inline(always)]
     fn contacts(&mut self) -> interlock::Inputs {
-        self.wired.inputs.read()
+        self.own.wired.inputs.read()
     }
 
     #[inline(always)]
     fn fault_lines(&mut self) -> ([bool; 2], bool) {
-        let pulled = self.wired.fault_lines.map(FaultLine::is_pulled);
+        let pulled = self.own.wired.fault_lines.map(FaultLine::is_pulled);
         (pulled, pwm::controller_broke())
     }
 
     #[inline(always)]
     fn switch_brake(&mut self, release: bool) {
-        if let Some(brake) = self.wired.brake {
+        if let Some(brake) = self.own.wired.brake {
             brake.switch(release);
         }
     }
@@ -72,7 +90,7 @@ impl SpeedBoard for Board {
 
 /// What the speed task owns beside the control's state, which [`config::task`] holds.
 pub(crate) struct Speed {
-    board: Board,
+    own: Own,
     step: SpeedStep,
 }
 
@@ -82,7 +100,7 @@ impl Speed {
         // SAFETY: the task does not run yet.
         unsafe { config::task() }.write(SpeedTask::new(config()));
         Self {
-            board: Board {
+            own: Own {
                 scale,
                 watches,
                 wired,
@@ -93,7 +111,7 @@ impl Speed {
 
     /// One step, every `speed_divider`th PWM period.
     #[inline(always)]
-    pub(crate) fn step(&mut self) {
+    pub(crate) fn step(&mut self, deadman: &Deadman) {
         let start = cycles::now();
         let view = &DRIVE_VIEW;
         // SAFETY: written before there was a `Speed`, of which there is one, borrowed for as long.
@@ -105,7 +123,11 @@ impl Speed {
             view,
             motors: exchanges(),
         };
-        self.step.step(parts, control, &mut self.board, |_| ());
+        let mut board = Board {
+            own: &mut self.own,
+            deadman,
+        };
+        self.step.step(parts, control, &mut board, |_| ());
         if NVIC::is_pending(Interrupt::FMAC) {
             count(&view.speed_missed);
         }

@@ -1,6 +1,5 @@
 //! The digital pins that the board has claimed, for code that asks the board instead of driving it.
 
-use core::sync::atomic::{AtomicU32, Ordering::Relaxed};
 use link::bringup::{Owner, PINS, PinUse};
 use stm32g4xx_hal::gpio::PinExt;
 use stm32g4xx_hal::stm32::{TIM1, TIM2, TIM4, TIM5, TIM8};
@@ -36,26 +35,25 @@ impl Owned for TIM8 {
     const OWNER: Owner = Owner::Nut;
 }
 
-/// In the order in which they were claimed, one byte each: owner, function, port, pin; 0: none.
-static CLAIMED: [AtomicU32; PINS] = [const { AtomicU32::new(0) }; PINS];
+/// In the order in which they were claimed.
+#[derive(Default)]
+pub(crate) struct Claims([Option<Claimed>; PINS]);
 
-/// Remembers a pin of timer `T`. More than there is room for are not asked.
-pub(super) fn claim<T: Owned>(pin: &impl PinExt, function: PinUse) {
-    let bytes = [pin.pin_id(), pin.port_id(), function as u8, T::OWNER as u8];
-    if let Some(free) = CLAIMED.iter().find(|word| word.load(Relaxed) == 0) {
-        free.store(u32::from_le_bytes(bytes), Relaxed);
+impl Claims {
+    /// Remembers a pin of timer `T`. More than there is room for are not asked.
+    pub(super) fn add<T: Owned>(&mut self, pin: &impl PinExt, function: PinUse) {
+        if let Some(free) = self.0.iter_mut().find(|claimed| claimed.is_none()) {
+            *free = Some(Claimed {
+                port: pin.port_id(),
+                pin: pin.pin_id(),
+                function,
+                owner: T::OWNER,
+            });
+        }
     }
-}
 
-/// All of them.
-pub(crate) fn claimed() -> impl Iterator<Item = Claimed> + Clone {
-    CLAIMED.iter().filter_map(|word| {
-        let [pin, port, function, owner] = word.load(Relaxed).to_le_bytes();
-        Some(Claimed {
-            port,
-            pin,
-            function: PinUse::of_word(function.into())?,
-            owner: Owner::of_word(owner.into())?,
-        })
-    })
+    /// All of them.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = Claimed> + Clone {
+        self.0.iter().copied().flatten()
+    }
 }

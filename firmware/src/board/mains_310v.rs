@@ -20,6 +20,7 @@
 //! ST's tables), and a sum wants three that are alike. So the shunts are where the default board has them, and TIM1_CH3N is on PB9,
 //! which leaves PB15 to the nut's bus.
 
+use super::claimed::Claims;
 use super::paper_machine;
 use super::pins::{
     Bridge, EncoderParts, Pins, Ports, converted, driver_fault, encoder, framed_spi, index, serial,
@@ -105,11 +106,15 @@ pub(crate) fn take_encoder_flags() -> [Flags; 2] {
     [Flags::default(), unsafe { Flags::take(&*TIM5::ptr()) }]
 }
 
-/// Puts every pin in its function and says where the measurements are.
+/// Puts every pin in its function and says where the measurements are. With a frame of its own: that of `init`
+/// must not step over the stack's guard.
+#[inline(never)]
 pub(crate) fn claim(ports: Ports) -> Pins {
     let Ports { a, b, c, d } = ports;
+    let mut claims = Claims::default();
 
     Bridge::<TIM1>::claim(
+        &mut claims,
         (
             c.pc0.into_alternate::<2>(),
             c.pc1.into_alternate::<2>(),
@@ -122,6 +127,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         ),
     );
     Bridge::<TIM8>::claim(
+        &mut claims,
         (
             c.pc6.into_alternate::<4>(),
             c.pc7.into_alternate::<4>(),
@@ -134,21 +140,30 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         ),
     );
     framed_spi::<SPI1, TIM2, _, _, _, _>(
+        &mut claims,
         a.pa5.into_alternate::<5>(),
         // Without a sensor the line reads ones, which fail the frame's check.
         a.pa6.into_alternate::<5>().internal_resistor(Pull::Up),
         b.pb5.into_alternate::<5>(),
         a.pa15.into_alternate::<1>(),
     );
-    encoder::<TIM5, _, _>(b.pb2.into_alternate::<2>(), c.pc12.into_alternate::<1>());
-    index::<TIM5, _>(b.pb12.into_alternate::<2>());
-    encoder::<TIM4, _, _>(b.pb6.into_alternate::<2>(), b.pb7.into_alternate::<2>());
+    encoder::<TIM5, _, _>(
+        &mut claims,
+        b.pb2.into_alternate::<2>(),
+        c.pc12.into_alternate::<1>(),
+    );
+    index::<TIM5, _>(&mut claims, b.pb12.into_alternate::<2>());
+    encoder::<TIM4, _, _>(
+        &mut claims,
+        b.pb6.into_alternate::<2>(),
+        b.pb7.into_alternate::<2>(),
+    );
 
     serial::<LPUART1, _, _>(a.pa2.into_alternate::<12>(), a.pa3.into_alternate::<12>());
 
     let fault_lines = [
-        driver_fault::<TIM1, _>(b.pb10.into_alternate::<12>(), FAULT_LINE),
-        driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE),
+        driver_fault::<TIM1, _>(&mut claims, b.pb10.into_alternate::<12>(), FAULT_LINE),
+        driver_fault::<TIM8, _>(&mut claims, d.pd2.into_alternate::<4>(), FAULT_LINE),
     ];
 
     let shunts = Shunts {
@@ -169,6 +184,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     Pins {
         channels,
         fault_lines,
+        claims,
         inputs: Inputs {
             enable: [contact(c.pc9), contact(a.pa9)],
             end_forward: contact(a.pa8),

@@ -20,8 +20,8 @@ mod claimed;
 mod paper_machine;
 mod pins;
 mod shunts;
-pub(crate) use claimed::{Claimed, claimed};
-pub(crate) use pins::{EncoderParts, Ports};
+pub(crate) use claimed::{Claimed, Claims};
+pub(crate) use pins::{EncoderParts, Pins, Ports};
 
 #[cfg(feature = "board-nucleo")]
 mod nucleo_g474re;

@@ -6,6 +6,7 @@
 //! Each pin goes into `Pins` once, by value, behind a bound that only the right pin in the right alternate function
 //! meets: a pin used twice, or with a wrong function, does not compile.
 
+use super::claimed::Claims;
 use super::paper_machine;
 use super::pins::{Bridge, EncoderParts, Pins, Ports, converted, driver_fault, encoder, serial};
 use super::shunts::{self, Shunts};
@@ -94,11 +95,15 @@ pub(crate) fn take_encoder_flags() -> [Flags; 2] {
     unsafe { [Flags::take(&*TIM2::ptr()), Flags::take(&*TIM5::ptr())] }
 }
 
-/// Puts every pin in its function and says where the measurements are.
+/// Puts every pin in its function and says where the measurements are. With a frame of its own: that of `init`
+/// must not step over the stack's guard.
+#[inline(never)]
 pub(crate) fn claim(ports: Ports) -> Pins {
     let Ports { a, b, c, d } = ports;
+    let mut claims = Claims::default();
 
     Bridge::<TIM1>::claim(
+        &mut claims,
         (
             a.pa8.into_alternate::<6>(),
             a.pa9.into_alternate::<6>(),
@@ -111,6 +116,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
         ),
     );
     Bridge::<TIM8>::claim(
+        &mut claims,
         (
             c.pc6.into_alternate::<4>(),
             c.pc7.into_alternate::<4>(),
@@ -122,15 +128,27 @@ pub(crate) fn claim(ports: Ports) -> Pins {
             b.pb5.into_alternate::<3>(),
         ),
     );
-    encoder::<TIM2, _, _>(a.pa15.into_alternate::<1>(), b.pb3.into_alternate::<1>());
-    encoder::<TIM5, _, _>(b.pb2.into_alternate::<2>(), c.pc12.into_alternate::<1>());
-    encoder::<TIM4, _, _>(b.pb6.into_alternate::<2>(), b.pb7.into_alternate::<2>());
+    encoder::<TIM2, _, _>(
+        &mut claims,
+        a.pa15.into_alternate::<1>(),
+        b.pb3.into_alternate::<1>(),
+    );
+    encoder::<TIM5, _, _>(
+        &mut claims,
+        b.pb2.into_alternate::<2>(),
+        c.pc12.into_alternate::<1>(),
+    );
+    encoder::<TIM4, _, _>(
+        &mut claims,
+        b.pb6.into_alternate::<2>(),
+        b.pb7.into_alternate::<2>(),
+    );
 
     serial::<LPUART1, _, _>(a.pa2.into_alternate::<12>(), a.pa3.into_alternate::<12>());
 
     let fault_lines = [
-        driver_fault::<TIM1, _>(b.pb10.into_alternate::<12>(), FAULT_LINE),
-        driver_fault::<TIM8, _>(d.pd2.into_alternate::<4>(), FAULT_LINE),
+        driver_fault::<TIM1, _>(&mut claims, b.pb10.into_alternate::<12>(), FAULT_LINE),
+        driver_fault::<TIM8, _>(&mut claims, d.pd2.into_alternate::<4>(), FAULT_LINE),
     ];
 
     let shunts = Shunts {
@@ -151,6 +169,7 @@ pub(crate) fn claim(ports: Ports) -> Pins {
     Pins {
         channels,
         fault_lines,
+        claims,
         inputs: Inputs {
             enable: [contact(c.pc9), contact(c.pc4)],
             end_forward: contact(b.pb9),

@@ -7,6 +7,7 @@ use super::comparators::{restore_threshold, set_threshold};
 use super::{Started, pause, put, wait_until};
 use crate::board;
 use crate::hw::pwm::{self, MOE};
+use crate::start::{BREAK_SOURCES, PLAN};
 use link::bringup::{BREAKS, BreakReading, BreakSource, Owner, seen};
 use stm32g4xx_hal::stm32::{TIM1, TIM8, tim1};
 
@@ -22,7 +23,7 @@ pub(super) fn read(words: &[BreakReading; BREAKS], started: &Started<'_>) {
     // SAFETY: interrupts are masked and the drive's start has not reached the timers: nobody else is at them.
     let timers: [Timer; 2] = unsafe { [&*TIM1::ptr(), &*TIM8::ptr()] };
     let owners = [Owner::Screw, Owner::Nut];
-    let unlocked = pwm::bdtr(started.plan) & !LOCK;
+    let unlocked = pwm::bdtr(&PLAN) & !LOCK;
     let mut entries = words.iter();
     let mut next = |owner: Owner, source: BreakSource, comparator: u32, seen: u32| {
         if let Some(entry) = entries.next() {
@@ -45,16 +46,16 @@ pub(super) fn read(words: &[BreakReading; BREAKS], started: &Started<'_>) {
         bench.listen(0);
         next(owner, BreakSource::Software, 0, bench.software());
         for number in board::OVER_CURRENT[index].comparators {
-            bench.listen(of_comparator(started.breaks[index], *number));
+            bench.listen(of_comparator(BREAK_SOURCES[index], *number));
             #[allow(clippy::cast_possible_truncation)]
             let number = *number as u32;
             next(owner, BreakSource::Comparator, number, bench.comparator());
         }
-        if started.breaks[index] & PIN != 0
-            && let Some(pin) = super::pins::fault_pin(owner)
+        if BREAK_SOURCES[index] & PIN != 0
+            && let Some(pin) = super::pins::fault_pin(&started.pins.claims, owner)
         {
             // With its polarity (BKINP).
-            bench.listen(started.breaks[index] & (PIN | 1 << 9));
+            bench.listen(BREAK_SOURCES[index] & (PIN | 1 << 9));
             next(owner, BreakSource::Pin, 0, bench.pin(&pin));
         }
         bench.rest();
@@ -63,13 +64,13 @@ pub(super) fn read(words: &[BreakReading; BREAKS], started: &Started<'_>) {
     // SAFETY: as above.
     let owned = unsafe { (TIM1::steal(), TIM8::steal()) };
     // Without the pin, at which a driver that sleeps may say that it has a fault.
-    let comparators = started.breaks.map(|sources| sources & !PIN);
-    let running = pwm::start(&owned.0, &owned.1, started.plan, comparators);
+    let comparators = BREAK_SOURCES.map(|sources| sources & !PIN);
+    let running = pwm::start(&owned.0, &owned.1, &PLAN, comparators);
     for index in 0..2 {
         let bench = Bench {
             timer: timers[index],
             other: timers[1 - index],
-            bdtr: pwm::bdtr(started.plan),
+            bdtr: pwm::bdtr(&PLAN),
         };
         let seen = if running { bench.comparator() } else { 0 };
         next(owners[index], BreakSource::Configured, 0, seen);

@@ -24,9 +24,6 @@ use crate::board;
 use crate::hw::analog::{self, Converters};
 use crate::hw::clock::{ADC_HZ, CORE_HZ};
 use crate::hw::encoder::Encoder;
-use crate::hw::inputs::FaultLine;
-use crate::hw::outputs::Outputs;
-use crate::hw::pwm::PwmPlan;
 use control::plate::MotorPlate;
 use core::sync::atomic::AtomicU32;
 use core::sync::atomic::Ordering::Relaxed;
@@ -50,15 +47,11 @@ static BRINGUP_REPORT: BringupReport = BringupReport::zero();
 
 /// What the drive's start has set up, and the bring-up goes on with.
 pub(crate) struct Started<'a> {
-    pub(crate) plan: &'a PwmPlan,
     pub(crate) motors: &'a [MotorPlate; 2],
-    /// `TIMx_AF1` of both timers as the drive has them.
-    pub(crate) breaks: [u32; 2],
     pub(crate) screw_encoder: &'a board::ScrewEncoder,
     pub(crate) nut_encoder: &'a board::NutEncoder,
     pub(crate) converters: &'a Converters<'a>,
-    pub(crate) outputs: &'a Outputs,
-    pub(crate) fault_lines: [FaultLine; 2],
+    pub(crate) pins: &'a board::Pins,
     pub(crate) channel: UpChannel,
 }
 
@@ -81,7 +74,8 @@ pub(crate) fn begin() -> bool {
     asked
 }
 
-/// Reads the board, and waits for a reset.
+/// Reads the board, and waits for a reset. With a frame of its own: that of `init` must not step over the stack's guard.
+#[inline(never)]
 pub(crate) fn run(mut started: Started<'_>) -> ! {
     let report = &BRINGUP_REPORT;
     clock::read(&report.clock);
@@ -106,13 +100,13 @@ pub(crate) fn run(mut started: Started<'_>) -> ! {
     }
 
     enter(Stage::Pins);
-    pins::read(&report.pins);
+    pins::read(&started.pins.claims, &report.pins);
 
     enter(Stage::Comparators);
     comparators::read(&report.comparators);
 
     enter(Stage::Breaks);
-    let gates_are_inputs = pins::gates_as_inputs();
+    let gates_are_inputs = pins::gates_as_inputs(&started.pins.claims);
     if gates_are_inputs {
         breaks::read(&report.breaks, &started);
     }
@@ -122,7 +116,7 @@ pub(crate) fn run(mut started: Started<'_>) -> ! {
     encoders::read(&report.encoders, &started, listen_ms);
 
     enter(Stage::Idle);
-    pins::drive_idle(&report.pins);
+    pins::drive_idle(&started.pins.claims, &report.pins);
 
     enter(Stage::Flash);
     flash::read(&report.flash);

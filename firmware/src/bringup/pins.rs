@@ -5,7 +5,7 @@
 //! bridges' to their idle level.
 
 use super::{pause, put};
-use crate::board::{Claimed, claimed};
+use crate::board::{Claimed, Claims};
 use core::sync::atomic::Ordering::Relaxed;
 use link::bringup::{Owner, PINS, PinReading, PinUse, level};
 use stm32g4xx_hal::stm32::{GPIOB, gpiob};
@@ -65,43 +65,44 @@ impl Pin {
     }
 }
 
-fn all() -> impl Iterator<Item = (u32, Claimed, Pin)> + Clone {
-    claimed()
+fn all(claims: &Claims) -> impl Iterator<Item = (u32, Claimed, Pin)> + Clone {
+    claims
+        .iter()
         .zip(0..)
         .take(PINS)
         .map(|(claimed, index)| (index, claimed, Pin::of(&claimed)))
 }
 
 /// The level of all, bit by bit.
-fn levels() -> u32 {
-    all().fold(0, |bits, (index, _, pin)| {
+fn levels(claims: &Claims) -> u32 {
+    all(claims).fold(0, |bits, (index, _, pin)| {
         bits | u32::from(pin.is_high()) << index
     })
 }
 
-pub(super) fn read(words: &[PinReading; PINS]) {
+pub(super) fn read(claims: &Claims, words: &[PinReading; PINS]) {
     let mut kept = [[0; 2]; PINS];
-    for ((_, _, pin), kept) in all().zip(&mut kept) {
+    for ((_, _, pin), kept) in all(claims).zip(&mut kept) {
         *kept = [pin.mode(), pin.pull()];
         pin.set_mode(INPUT);
     }
     for pull in [UP, DOWN] {
-        for (((index, claimed, pin), entry), [_, idle]) in all().zip(words).zip(kept) {
+        for (((index, claimed, pin), entry), [_, idle]) in all(claims).zip(words).zip(kept) {
             let opposite = if pull == UP { DOWN } else { UP };
-            for (_, _, other) in all() {
+            for (_, _, other) in all(claims) {
                 other.set_pull(opposite);
             }
             pause(SETTLE_US);
             // An open pin keeps its charge; one that is connected to this one goes with it.
-            for (other, _, neighbour) in all() {
+            for (other, _, neighbour) in all(claims) {
                 if other != index {
                     neighbour.set_pull(NONE);
                 }
             }
-            let before = levels();
+            let before = levels(claims);
             pin.set_pull(pull);
             pause(SETTLE_US);
-            let with = levels();
+            let with = levels(claims);
             let high = with >> index & 1;
             let followed = (with ^ before) & !(1 << index);
             if pull == UP {
@@ -121,7 +122,7 @@ pub(super) fn read(words: &[PinReading; PINS]) {
             }
         }
     }
-    for ((_, _, pin), [mode, pull]) in all().zip(kept) {
+    for ((_, _, pin), [mode, pull]) in all(claims).zip(kept) {
         pin.set_pull(pull);
         pin.set_mode(mode);
     }
@@ -134,23 +135,23 @@ fn is_gate(function: PinUse) -> bool {
     )
 }
 
-fn gates() -> impl Iterator<Item = (u32, Claimed, Pin)> {
-    all().filter(|(_, claimed, _)| is_gate(claimed.function))
+fn gates(claims: &Claims) -> impl Iterator<Item = (u32, Claimed, Pin)> {
+    all(claims).filter(|(_, claimed, _)| is_gate(claimed.function))
 }
 
 /// Takes the bridges' pins from the timers; `true` if they are inputs then, pulled down.
-pub(super) fn gates_as_inputs() -> bool {
-    for (_, _, pin) in gates() {
+pub(super) fn gates_as_inputs(claims: &Claims) -> bool {
+    for (_, _, pin) in gates(claims) {
         pin.set_pull(DOWN);
         pin.set_mode(INPUT);
     }
-    gates().all(|(_, _, pin)| pin.mode() == INPUT)
+    gates(claims).all(|(_, _, pin)| pin.mode() == INPUT)
 }
 
 /// Gives the bridges' pins to the timers, whose outputs are off and drive them low: against the chip's own pull-up they
 /// must read low. What is held high from outside is not driven.
-pub(super) fn drive_idle(words: &[PinReading; PINS]) {
-    let gates = all().zip(words);
+pub(super) fn drive_idle(claims: &Claims, words: &[PinReading; PINS]) {
+    let gates = all(claims).zip(words);
     for ((_, claimed, pin), entry) in gates {
         let levels = entry.levels.load(Relaxed);
         if !is_gate(claimed.function) || levels & level::PULLED_DOWN != 0 {
@@ -183,8 +184,8 @@ impl Pulled {
 }
 
 /// The gate driver's fault input of a motor.
-pub(super) fn fault_pin(owner: Owner) -> Option<Pulled> {
-    all()
+pub(super) fn fault_pin(claims: &Claims, owner: Owner) -> Option<Pulled> {
+    all(claims)
         .find(|(_, claimed, _)| claimed.function == PinUse::Fault && claimed.owner == owner)
         .map(|(_, _, pin)| Pulled(pin, pin.pull()))
 }

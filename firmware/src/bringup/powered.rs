@@ -6,6 +6,7 @@
 use super::{Started, comparators, pause, put, wait_until};
 use crate::board;
 use crate::hw::{analog, pwm};
+use crate::start::{BREAK_SOURCES, PLAN};
 use control::power_stage::StageLook;
 use core::sync::atomic::Ordering::Relaxed;
 use link::bringup::{BINS, BringupReport, CurrentReading, POWERED_CONVERSIONS};
@@ -22,17 +23,17 @@ pub(super) fn read(report: &BringupReport, started: &Started<'_>) {
     // SAFETY: interrupts are masked and the drive's start has not reached the timers: nobody else is at them.
     let (screw, nut) = unsafe { (TIM1::steal(), TIM8::steal()) };
     started.converters.convert_for_nothing();
-    if !pwm::start(&screw, &nut, started.plan, started.breaks) {
+    if !pwm::start(&screw, &nut, &PLAN, BREAK_SOURCES) {
         return;
     }
     started.converters.arm();
     look(report, started, 0);
-    started.outputs.enable_drivers();
+    started.pins.outputs.enable_drivers();
     pause(WAKE_US);
     look(report, started, 1);
     convert(report);
     comparators::read(&report.comparators);
-    for driver in started.outputs.drivers.into_iter().flatten() {
+    for driver in started.pins.outputs.drivers.into_iter().flatten() {
         driver.switch(false);
     }
     pause(WAKE_US);
@@ -62,7 +63,7 @@ fn look(report: &BringupReport, started: &Started<'_>, moment: usize) {
             }
         }
     }
-    for (stage, line) in report.stages.iter().zip(started.fault_lines) {
+    for (stage, line) in report.stages.iter().zip(started.pins.fault_lines) {
         let levels = stage.currents.iter();
         for level in levels.filter_map(|current| current.levels.get(moment)) {
             put(level, (level.load(Relaxed) + MEAN / 2) / MEAN);

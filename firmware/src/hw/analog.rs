@@ -12,6 +12,7 @@
 //! comparators on the break inputs, which see positive currents only. (An analog watchdog of this chip reaches a timer's
 //! external trigger but no break input, and ADC1's and ADC2's interrupt is the current loop's.)
 
+use crate::crash::refuse;
 use crate::hw::clock::{ADC_HZ, CORE_HZ};
 use control::controller_supply::SupplyReading;
 use control::fault::Fault;
@@ -135,7 +136,7 @@ pub(crate) const fn watch_limits(one: f64, other: f64) -> [u16; 2] {
     [least as u16, most as u16]
 }
 
-/// Temperatures of the heat sinks as ADC counts; the DMA writes them.
+/// Temperatures of the heat sinks as ADC counts. A static, for the DMA has its address.
 static TEMPERATURES: [AtomicU16; 2] = [AtomicU16::new(0), AtomicU16::new(0)];
 
 /// All ADCs in use.
@@ -148,8 +149,8 @@ pub(crate) struct Converters<'a> {
 
 impl Converters<'_> {
     /// Sets up and calibrates all four, with the channels of ADC1 to ADC4. Interrupts at the end of the injected
-    /// sequence of ADC1 and of ADC4. `false` if an ADC did not answer.
-    pub(crate) fn prepare(&self, channels: [Channels; 4], limits: &WatchLimits) -> bool {
+    /// sequence of ADC1 and of ADC4. The drive does not start if an ADC does not answer.
+    pub(crate) fn prepare(&self, channels: [Channels; 4], limits: &WatchLimits) {
         // All from their kernel clock (CKMODE 0), undivided (PRESC 0): 42.5 MHz, within the 52 MHz of RM0440 for several ADCs. A trigger
         // starts them within an ADC clock of each other.
         // SAFETY: values of the fields (RM0440, ADCx_CCR).
@@ -164,7 +165,9 @@ impl Converters<'_> {
         let (x1, y1) = self.screw;
         let (x2, y2) = self.nut;
         let [c1, c2, c3, c4] = channels;
-        let ready = enable(x1) & enable(y1) & enable(x2) & enable(y2);
+        if !(enable(x1) & enable(y1) & enable(x2) & enable(y2)) {
+            refuse("an ADC did not calibrate: check the analog supply");
+        }
         sequence(x1, c1, Top::Screw);
         sequence(y1, c2, Top::Screw);
         sequence(y2, c3, Top::Nut);
@@ -184,7 +187,6 @@ impl Converters<'_> {
         }
         x1.ier().write(|w| w.jeosie().set_bit());
         x2.ier().write(|w| w.jeosie().set_bit());
-        ready
     }
 
     /// Each ADC converts once, for nothing, less than a millisecond before [`Converters::arm`]: what comes later than that after

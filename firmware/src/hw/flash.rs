@@ -34,7 +34,7 @@ const SECOND_BANK: u32 = 1 << 11;
 const START: u32 = 1 << 16;
 const LOCK: u32 = 1 << 31;
 
-/// The settings' pages are being read.
+/// The settings' pages are being read. A static, as the next: the NMI's handler is outside of RTIC.
 static READING: AtomicBool = AtomicBool::new(false);
 /// A double word with wrong bits was read since this was last cleared.
 static TORN: AtomicBool = AtomicBool::new(false);

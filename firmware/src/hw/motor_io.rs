@@ -2,6 +2,7 @@
 
 use crate::config::BOARD;
 use crate::hw::encoder::Encoder;
+use crate::start::BRIDGES_OFF;
 use control::motor_io::{MotorIo, Sensing};
 use control::sense::Shunts;
 use core::ops::Deref;
@@ -19,8 +20,6 @@ pub(crate) struct Registers<T, X, Y, E> {
     adc_x: X,
     adc_y: Y,
     encoder: E,
-    /// BDTR without the main output enable; what is locked in it keeps its value whatever is written.
-    off: u32,
 }
 
 impl<T, X, Y, E> Registers<T, X, Y, E>
@@ -30,22 +29,21 @@ where
     Y: Deref<Target = adc1::RegisterBlock>,
     E: Encoder,
 {
-    /// Owns the registers from here on. `bdtr` is the timer's BDTR with the outputs off.
-    pub(crate) fn new(timer: T, adc_x: X, adc_y: Y, encoder: E, bdtr: u32) -> Self {
+    /// Owns the registers from here on.
+    pub(crate) fn new(timer: T, adc_x: X, adc_y: Y, encoder: E) -> Self {
         Self {
             timer,
             adc_x,
             adc_y,
             encoder,
-            off: bdtr,
         }
     }
 
     fn switch(&mut self, moe: u32) {
-        // SAFETY: BDTR's fields are the configured ones.
+        // SAFETY: BDTR's fields are the configured ones. What is locked in it keeps its value whatever is written.
         self.timer
             .bdtr()
-            .write(|w| unsafe { w.bits(self.off | moe) });
+            .write(|w| unsafe { w.bits(BRIDGES_OFF | moe) });
     }
 }
 

@@ -36,7 +36,8 @@ pub(crate) struct Outputs {
     pub(crate) brake: Option<Output>,
 }
 
-/// What puts each claimed output off: address and word of its port's set and reset register, or 0.
+/// What puts each claimed output off: address and word of its port's set and reset register, or 0. A static: the handlers of
+/// faults are outside of RTIC.
 static SAFE: [[AtomicU32; 2]; 4] = [const { [const { AtomicU32::new(0) }; 2] }; 4];
 
 /// A pin as an output that is off, and is switched on at `level`: `Pxn` becomes one without a pulse.

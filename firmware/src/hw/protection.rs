@@ -72,7 +72,7 @@ pub(crate) const fn break_sources(comparators: &OverCurrent, driver: Option<Driv
 
 /// Puts the thresholds on the DACs and enables the comparators, locked. DAC3 and DAC4 serve both motors, so their
 /// thresholds are alike.
-pub(crate) fn start(comparators: &COMP, dac3: &DAC3, dac4: &DAC4, motors: &[OverCurrent; 2]) {
+pub(crate) fn start(comparators: &COMP, (dac3, dac4): (&DAC3, &DAC4), motors: &[OverCurrent; 2]) {
     let [screw, nut] = motors;
     assert!(screw.threshold == nut.threshold);
     start_dac(dac3, screw.threshold);

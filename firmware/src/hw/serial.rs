@@ -15,6 +15,7 @@ const CAME: usize = 1024;
 const GOES: usize = 4096;
 const _: () = assert!(CAME.is_power_of_two() && GOES.is_power_of_two());
 
+/// The two rings. Statics, for the DMA has their addresses.
 static RECEIVED: [AtomicU8; CAME] = [const { AtomicU8::new(0) }; CAME];
 static SENT: [AtomicU8; GOES] = [const { AtomicU8::new(0) }; GOES];
 

@@ -2,7 +2,7 @@
 
 use crate::hw::clock::CORE_HZ;
 use control::format::Misfit;
-use control::plate::MotorPlate;
+use control::plate::{FeedPlate, MotorPlate};
 
 /// Lengths of the timers' filters by code, from code 1, counts of the timer's clock: N samples at the clock or at a part of
 /// it (RM0440 29.6.20 for BKF, 30.5.8 for ICxF, which has the same; CKD 0).
@@ -52,8 +52,8 @@ impl InputFilter {
     }
 
     /// Of the table's scale at the table's top velocity.
-    pub(crate) const fn of_scale(velocity_max: f64, count_m: f64) -> Self {
-        Self::at(velocity_max / count_m)
+    pub(crate) const fn of_scale(feed: &FeedPlate) -> Self {
+        Self::at(feed.velocity_max / feed.scale_count_m)
     }
 
     /// In both channels of `TIMx_CCMR1` as inputs: CC1S and CC2S 1, IC1F, IC2F.

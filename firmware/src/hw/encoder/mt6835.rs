@@ -32,10 +32,11 @@ const SELECT: u32 = 40;
 /// Between two words' requests, timer counts: each waits for the DMA's arbitration at most.
 const NEXT: u32 = 20;
 
-/// The words to send; the DMA reads them from flash.
+/// The words to send. A static, for the DMA has its address, in flash.
 static COMMAND: [u16; 3] = BURST_READ;
 
 /// Where the DMA writes what came back: half a word unused, then three halves of which the last two are the frame.
+/// A static, for the DMA has its address.
 static FRAME: [AtomicU32; 2] = [AtomicU32::new(0), AtomicU32::new(0)];
 
 /// DMA1's channels, from 0: 2 to 4 send, 5 receives. Requests: RM0440 table 91.
