@@ -1,7 +1,7 @@
 //! The fault matrix, of which no cell may be unsafe, and random pairs of its faults; and what its mends are for.
 
 use bench::faults::{
-    Cell, Defect, Hazard, Input, Interruption, Limits, Matrix, Outcome, Pair, PlateOf, Situation,
+    Cell, Defect, Drives, Hazard, Input, Interruption, Limits, Matrix, Outcome, Pair, Situation,
     alignment_s, interrupt,
 };
 use control::fault::Fault;
@@ -13,11 +13,11 @@ use plant::model::Model;
 use std::f64::consts::TAU;
 
 fn outcomes(cells: &[Cell]) -> Vec<Outcome> {
-    outcomes_of(cells, BoardKind::plate)
+    outcomes_of(cells, Drives::SHIPPED)
 }
 
-fn outcomes_of(cells: &[Cell], plate_of: PlateOf) -> Vec<Outcome> {
-    let matrix = Matrix::of(cells, plate_of).unwrap();
+fn outcomes_of(cells: &[Cell], drives: Drives) -> Vec<Outcome> {
+    let matrix = Matrix::of(cells, drives).unwrap();
     matrix.run_all(cells).unwrap()
 }
 
@@ -25,27 +25,27 @@ fn outcomes_of(cells: &[Cell], plate_of: PlateOf) -> Vec<Outcome> {
 #[test]
 fn no_cell_is_unsafe() {
     let cells: Vec<Cell> = Cell::all().into_iter().step_by(7).collect();
-    none_is_unsafe(&cells, BoardKind::plate);
+    none_is_unsafe(&cells, Drives::SHIPPED);
 }
 
 /// Every fifty-third cell, for the quick check, which leaves out the others.
 #[test]
 fn no_sampled_cell_is_unsafe() {
     let cells: Vec<Cell> = Cell::all().into_iter().step_by(53).collect();
-    none_is_unsafe(&cells, BoardKind::plate);
+    none_is_unsafe(&cells, Drives::SHIPPED);
 }
 
 /// A sample; `cargo xtask bench faults --compensated` runs all.
 #[test]
 fn no_cell_is_unsafe_with_compensation() {
     let cells: Vec<Cell> = Cell::all().into_iter().step_by(11).collect();
-    none_is_unsafe(&cells, BoardKind::smooth_plate);
+    none_is_unsafe(&cells, Drives::COMPENSATED);
 }
 
-fn none_is_unsafe(cells: &[Cell], plate_of: PlateOf) {
+fn none_is_unsafe(cells: &[Cell], drives: Drives) {
     let hazardous: Vec<String> = cells
         .iter()
-        .zip(outcomes_of(cells, plate_of))
+        .zip(outcomes_of(cells, drives))
         .filter(|(_, outcome)| !outcome.hazards.is_empty())
         .map(|(cell, outcome)| format!("{}: {:?}", cell.name(), outcome.hazards))
         .collect();
@@ -344,7 +344,7 @@ fn of_pair(board: BoardKind, faults: [(Input, Defect); 2], situation: Situation)
         faults,
         situation,
     };
-    let matrix = Matrix::of_pairs(&[pair], BoardKind::plate).unwrap();
+    let matrix = Matrix::of_pairs(&[pair], Drives::SHIPPED).unwrap();
     matrix.run_pair(&pair).unwrap()
 }
 
@@ -800,7 +800,7 @@ fn is_explained(pair: &Pair) -> bool {
 #[test]
 fn of_random_pairs_at_most_one_is_unsafe_and_it_is_explained() {
     let pairs = Pair::drawn(1000, 1);
-    let matrix = Matrix::of_pairs(&pairs, BoardKind::plate).unwrap();
+    let matrix = Matrix::of_pairs(&pairs, Drives::SHIPPED).unwrap();
     let outcomes = on_all_cores(&pairs, |pair| matrix.run_pair(pair).unwrap());
     let unsafe_pairs: Vec<(&Pair, Outcome)> = pairs
         .iter()

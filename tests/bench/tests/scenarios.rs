@@ -1,7 +1,7 @@
 //! What may happen at work, and short samples of the long runs: `cargo xtask bench faults --soak` makes them longer.
 
 use bench::alignment::held_load_n;
-use bench::faults::{PlateOf, Scenario, Steady, healthy, run_scenario, soak};
+use bench::faults::{Drives, Scenario, Steady, healthy, run_scenario, soak};
 use control::fault::Fault;
 use control::supervisor::{Demand, State};
 use hal_sim::board::BoardConfig;
@@ -51,13 +51,13 @@ fn a_table_that_stands_at_its_stop_is_let_go() {
 }
 
 /// Drives that compensate what repeats, and such that do not.
-const PLATES: [PlateOf; 2] = [BoardKind::plate, BoardKind::smooth_plate];
+const DRIVES: [Drives; 2] = [Drives::SHIPPED, Drives::COMPENSATED];
 
 /// The NUCLEO's drive once learned its encoder's counting at 800 rpm, and stopped by its voltage's watch after 9 to 14 s.
 #[test]
 fn steady_running_with_compensation_has_no_fault() {
     let all = Steady::all();
-    let stopped = on_all_cores(&all, |steady| steady.run(BoardKind::smooth_plate, 16.0, 1));
+    let stopped = on_all_cores(&all, |steady| steady.run(Drives::COMPENSATED, 16.0, 1));
     for (steady, stopped) in all.iter().zip(stopped) {
         assert_eq!(stopped.unwrap(), None, "{steady:?}");
     }
@@ -66,8 +66,8 @@ fn steady_running_with_compensation_has_no_fault() {
 #[test]
 fn hard_but_healthy_running_has_no_fault() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
-        for plate_of in PLATES {
-            let seen = healthy(board, plate_of, 20.0, 3).unwrap();
+        for drives in DRIVES {
+            let seen = healthy(board, drives, 20.0, 3).unwrap();
             assert!(
                 seen.stopped.is_empty() && seen.stuck == 0 && seen.commands > 10,
                 "{board:?}: {seen:?}"
@@ -79,8 +79,8 @@ fn hard_but_healthy_running_has_no_fault() {
 #[test]
 fn after_each_fault_and_its_reset_it_is_ready_again() {
     for board in [BoardKind::Nucleo, BoardKind::Mains] {
-        for plate_of in PLATES {
-            let seen = soak(board, plate_of, 30.0, 3).unwrap();
+        for drives in DRIVES {
+            let seen = soak(board, drives, 30.0, 3).unwrap();
             assert!(seen.stuck == 0 && seen.faults > 4, "{board:?}: {seen:?}");
         }
     }

@@ -143,7 +143,7 @@ pub struct AlignOptions {
     /// Starts of each kind of machine whose rotors friction holds; a machine that it does not hold comes on top.
     #[arg(long, default_value_t = 500)]
     pub starts: usize,
-    /// How the bridges make their voltages. Wrong wirings keep mean voltages.
+    /// How the bridges make their voltages.
     #[arg(long, value_enum, default_value = "mean")]
     pub bridges: Bridges,
     /// As JSON.
@@ -193,7 +193,11 @@ pub fn run(options: &AlignOptions) -> Result<()> {
         report.drawn = drawn.held.clone();
     }
     let miswired = miswirings(MISWIRED_SEED);
-    let outcomes = on_all_cores(&miswired, |miswiring| switch_on(&miswiring.start));
+    let outcomes = on_all_cores(&miswired, |miswiring| {
+        let mut start = miswiring.start.clone();
+        start.board.switching = options.bridges.switching();
+        switch_on(&start)
+    });
     for (miswiring, outcome) in miswired.iter().zip(outcomes) {
         let outcome = outcome?;
         report.miswirings += 1;

@@ -78,7 +78,7 @@ pub struct CommissionOptions {
     /// A shipped board's own machine, with another load and other rotor angles for each seed; `paper`: machines of any size.
     #[arg(long, value_enum, default_value_t = BoardName::Paper)]
     pub board: BoardName,
-    /// How the bridges make their voltages. Wrong wirings keep mean voltages.
+    /// How the bridges make their voltages.
     #[arg(long, value_enum, default_value = "mean")]
     pub bridges: Bridges,
     /// As JSON.
@@ -109,7 +109,7 @@ pub fn run(options: &CommissionOptions) -> Result<()> {
             tell(*seed, outcome);
         }
     }
-    let wrong = miswired()?;
+    let wrong = miswired(options.bridges)?;
     if !options.json {
         for one in &wrong {
             let mark = if one.named { ' ' } else { '!' };
@@ -142,15 +142,15 @@ struct Miswired {
 }
 
 /// Commissions drives that are wired wrongly.
-fn miswired() -> Result<Vec<Miswired>> {
+fn miswired(bridges: Bridges) -> Result<Vec<Miswired>> {
     let wrong: Vec<_> = miswirings(MISWIRED_SEED)
         .into_iter()
         .filter_map(|wrong| Some((wrong.expected?, wrong)))
         .collect();
     on_all_cores(&wrong, |(expected, wrong)| {
-        let failure = commission(&wrong.start, &USUAL)?
-            .failure
-            .unwrap_or_default();
+        let mut start = wrong.start.clone();
+        start.board.switching = bridges.switching();
+        let failure = commission(&start, &USUAL)?.failure.unwrap_or_default();
         let named = failure.contains(expected.reason.name())
             && failure.contains(expected.reason.sentence());
         Ok(Miswired {

@@ -125,7 +125,8 @@ impl Interrupted {
 /// A machine on `board` whose alignment has just begun, its rotors at angles of `seed`.
 fn begun(board: BoardKind, seed: u64) -> Result<Run, ExperimentError> {
     let mut dice = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let mut run = Run::new(board, &board.plate(), Situation::Boot, &[], seed)?;
+    let (plate, config) = (board.plate(), board.config());
+    let mut run = Run::on(board, &plate, Situation::Boot, &[], seed, config)?;
     let angles = [(); 2].map(|()| part(&mut dice) * TAU);
     settle(&mut run.drive.board, angles);
     run.bench.position = run.drive.board.machine.table_position();

@@ -18,6 +18,7 @@ mod bench;
 mod cause;
 mod cell;
 mod controller;
+mod drives;
 mod interrupted;
 pub mod report;
 mod run;
@@ -28,6 +29,7 @@ mod spoiled;
 mod steady;
 
 pub use cell::{Cell, Defect, Input, Pair, Situation};
+pub use drives::Drives;
 pub use interrupted::{Interrupted, Interruption, alignment_s, interrupt};
 pub use scenario::{Point, Scenario, Story, run as run_scenario};
 pub use small::{SmallFault, SmallOutcome, small_fault};
@@ -35,7 +37,6 @@ pub use soak::{Soaked, healthy, soak};
 pub use steady::Steady;
 
 use control::alignment::Misalignment;
-use control::plate::DrivePlate;
 use control::supervisor::State;
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::ExperimentError;
@@ -110,25 +111,22 @@ pub struct Outcome {
     pub hazards: Vec<Hazard>,
 }
 
-/// The plate of a board's drive: [`BoardKind::plate`], or [`BoardKind::smooth_plate`] of one that compensates.
-pub type PlateOf = fn(BoardKind) -> DrivePlate;
-
 /// What healthy drives do, to hold the others against.
 #[derive(Debug)]
 pub struct Matrix {
-    plate_of: PlateOf,
+    drives: Drives,
     healthy: HashMap<(BoardKind, Situation, Event), Healthy>,
 }
 
 impl Matrix {
-    /// Runs a healthy drive in each situation of `cells`; each drive has the plate that `plate_of` says.
+    /// Runs a healthy one of `drives` in each situation of `cells`.
     ///
     /// # Errors
     /// [`ExperimentError`] if it cannot be configured or does not come into its situation.
-    pub fn of(cells: &[Cell], plate_of: PlateOf) -> Result<Self, ExperimentError> {
+    pub fn of(cells: &[Cell], drives: Drives) -> Result<Self, ExperimentError> {
         let event = |cell: &Cell| Event::of(&[(cell.input, cell.defect)]);
         Self::with(
-            plate_of,
+            drives,
             cells
                 .iter()
                 .map(|cell| (cell.board, cell.situation, event(cell))),
@@ -139,10 +137,10 @@ impl Matrix {
     ///
     /// # Errors
     /// [`ExperimentError`] as for [`Matrix::of`].
-    pub fn of_pairs(pairs: &[Pair], plate_of: PlateOf) -> Result<Self, ExperimentError> {
+    pub fn of_pairs(pairs: &[Pair], drives: Drives) -> Result<Self, ExperimentError> {
         let event = |pair: &Pair| Event::of(&pair.faults);
         Self::with(
-            plate_of,
+            drives,
             pairs
                 .iter()
                 .map(|pair| (pair.board, pair.situation, event(pair))),
@@ -150,7 +148,7 @@ impl Matrix {
     }
 
     fn with(
-        plate_of: PlateOf,
+        drives: Drives,
         wanted: impl Iterator<Item = (BoardKind, Situation, Event)>,
     ) -> Result<Self, ExperimentError> {
         let mut keys: Vec<_> = Vec::new();
@@ -160,14 +158,13 @@ impl Matrix {
             }
         }
         let runs = on_all_cores(&keys, |(board, situation, event)| {
-            let plate = plate_of(*board);
-            run::run(*board, &plate, *situation, &[], *event, 0, None)
+            run::run(drives, *board, *situation, &[], *event, 0, None)
         });
         let mut healthy = HashMap::new();
         for (key, run) in keys.into_iter().zip(runs) {
             healthy.insert(key, run?.1);
         }
-        Ok(Self { plate_of, healthy })
+        Ok(Self { drives, healthy })
     }
 
     /// Runs a cell.
@@ -200,8 +197,9 @@ impl Matrix {
     ) -> Result<Outcome, ExperimentError> {
         let event = Event::of(faults);
         let healthy = self.healthy.get(&(board, situation, event));
-        let (plate, seed) = ((self.plate_of)(board), run::seed(name));
-        run::run(board, &plate, situation, faults, event, seed, healthy).map(|(outcome, _)| outcome)
+        let seed = run::seed(name);
+        run::run(self.drives, board, situation, faults, event, seed, healthy)
+            .map(|(outcome, _)| outcome)
     }
 
     /// Runs all of `cells` on all cores, in their order.

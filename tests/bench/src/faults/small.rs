@@ -8,6 +8,7 @@ use hal_sim::drive::Drive;
 use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM, Setup, settle_quietly};
 use hal_sim::seam::Seam;
 use hal_sim::sensors::encoder_word;
+use hal_sim::switching::Switching;
 use plant::Axis;
 use plant::machine::Coupling;
 use plant::model::Model;
@@ -163,10 +164,12 @@ fn watch(
 /// [`ExperimentError`] if the drive cannot be configured, or does not come to its point in health.
 pub fn small_fault(
     board: BoardKind,
+    switching: Option<Switching>,
     fault: SmallFault,
     nut_rpm: f64,
 ) -> Result<SmallOutcome, ExperimentError> {
-    let healthy = Setup::shipped(board, &Model::coupled(), Coupling::Coupled);
+    let mut healthy = Setup::shipped(board, &Model::coupled(), Coupling::Coupled);
+    healthy.board.switching = switching;
     let at = |rpm: f64| OperatingPoint {
         velocity: VELOCITY,
         base: rpm * RPM,

@@ -3,7 +3,7 @@
 
 use super::cell::{Defect, Input};
 use super::run::Run;
-use super::{Limits, PlateOf, Situation};
+use super::{Drives, Limits, Situation};
 use control::supervisor::{Demand, State};
 use hal_sim::boards::BoardKind;
 use hal_sim::experiment::{ExperimentError, OperatingPoint, RPM};
@@ -90,9 +90,9 @@ impl Dice {
 }
 
 /// `board` on its bus, ready.
-fn ready(board: BoardKind, plate_of: PlateOf, seed: u64) -> Result<Run, ExperimentError> {
-    let config = board.config_on_its_bus();
-    Run::on(board, &plate_of(board), Situation::Ready, &[], seed, config)
+fn ready(board: BoardKind, drives: Drives, seed: u64) -> Result<Run, ExperimentError> {
+    let (plate, config) = (drives.plate(board), drives.on(board.config_on_its_bus()));
+    Run::on(board, &plate, Situation::Ready, &[], seed, config)
 }
 
 /// Healthy running of `seconds`: reversals and limits, on `board`.
@@ -101,12 +101,12 @@ fn ready(board: BoardKind, plate_of: PlateOf, seed: u64) -> Result<Run, Experime
 /// [`ExperimentError`] if the drive cannot be configured or does not start.
 pub fn healthy(
     board: BoardKind,
-    plate_of: PlateOf,
+    drives: Drives,
     seconds: f64,
     seed: u64,
 ) -> Result<Soaked, ExperimentError> {
     let mut dice = Dice(Xoshiro256PlusPlus::seed_from_u64(seed));
-    let mut run = ready(board, plate_of, seed)?;
+    let mut run = ready(board, drives, seed)?;
     let (middle, mut told) = (run.bench.position, Soaked::default());
     while told.seconds < seconds {
         dice.hold(&mut run, middle, &mut told)?;
@@ -124,12 +124,12 @@ pub fn healthy(
 /// [`ExperimentError`] as for [`healthy`].
 pub fn soak(
     board: BoardKind,
-    plate_of: PlateOf,
+    drives: Drives,
     seconds: f64,
     seed: u64,
 ) -> Result<Soaked, ExperimentError> {
     let mut dice = Dice(Xoshiro256PlusPlus::seed_from_u64(seed));
-    let mut run = ready(board, plate_of, seed)?;
+    let mut run = ready(board, drives, seed)?;
     let (middle, mut told) = (run.bench.position, Soaked::default());
     let inputs = Input::of(board);
     let limit = Limits::OF_THE_MATRIX.over_current_periods;

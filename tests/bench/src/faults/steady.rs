@@ -1,6 +1,6 @@
 //! Long steady running at common speeds and loads, in which no watch may stop the drive.
 
-use super::PlateOf;
+use super::Drives;
 use control::fault::Fault;
 use control::supervisor::State;
 use hal_sim::board::BoardConfig;
@@ -56,16 +56,16 @@ impl Steady {
     /// [`ExperimentError`] if the drive cannot be configured or commanded.
     pub fn run(
         &self,
-        plate_of: PlateOf,
+        drives: Drives,
         seconds: f64,
         seed: u64,
     ) -> Result<Option<(Fault, f64)>, ExperimentError> {
-        let plate = plate_of(self.board);
+        let plate = drives.plate(self.board);
         let mut model = self.board.machine(&Model::coupled(), Coupling::Coupled);
         model.feed.load_n = 0.0;
         let config = BoardConfig {
             seed,
-            ..self.board.config()
+            ..drives.on(self.board.config())
         };
         let mut drive = Drive::aligned(&model, Coupling::Coupled, config, &plate)?;
         drive.command(VELOCITY, self.nut_rpm * RPM)?;

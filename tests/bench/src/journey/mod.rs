@@ -11,6 +11,7 @@ pub use one::{Row, travel};
 
 use anyhow::{Context, Result, ensure};
 use clap::Args;
+use ddfeed::simulate::Bridges;
 use hal_sim::parallel::on_all_cores;
 use serde::Serialize;
 use std::path::{Path, PathBuf};
@@ -33,6 +34,9 @@ pub struct JourneyOptions {
     /// Keeps the files of each machine here, in a folder `machine-SEED`, in place of an earlier run's.
     #[arg(long)]
     pub out: Option<PathBuf>,
+    /// How the bridges make their voltages.
+    #[arg(long, value_enum, default_value = "mean")]
+    pub bridges: Bridges,
     /// As JSON.
     #[arg(long)]
     pub json: bool,
@@ -123,13 +127,13 @@ pub fn run(options: &JourneyOptions) -> Result<()> {
     let temporary = tempfile::tempdir()?;
     let out = options.out.as_deref().unwrap_or(temporary.path());
     if options.alone {
-        let row = travel(options.seed, &folder(out, options.seed));
+        let row = travel(options.seed, options.bridges, &folder(out, options.seed));
         println!("{}", serde_json::to_string(&row)?);
         return Ok(());
     }
     let seeds: Vec<u64> = (options.seed..options.seed.saturating_add(options.machines)).collect();
     let rows = on_all_cores(&seeds, |seed| {
-        let row = apart(*seed, out);
+        let row = apart(*seed, options.bridges, out);
         if !options.json {
             match &row {
                 Ok(row) => tell(row),
@@ -164,13 +168,14 @@ fn folder(out: &Path, seed: u64) -> PathBuf {
 }
 
 /// A machine in a process of its own. The last line that it prints is its row.
-fn apart(seed: u64, out: &Path) -> Result<Row> {
-    let output = Command::new(std::env::current_exe()?)
-        .args(["journey", "--alone", "--seed"])
-        .arg(seed.to_string())
-        .arg("--out")
-        .arg(out)
-        .output()?;
+fn apart(seed: u64, bridges: Bridges, out: &Path) -> Result<Row> {
+    let mut command = Command::new(std::env::current_exe()?);
+    command.args(["journey", "--alone", "--seed"]);
+    command.arg(seed.to_string()).arg("--out").arg(out);
+    if bridges == Bridges::Switching {
+        command.args(["--bridges", "switching"]);
+    }
+    let output = command.output()?;
     let said = String::from_utf8_lossy(&output.stdout).into_owned();
     let errors = String::from_utf8_lossy(&output.stderr).into_owned();
     // The temporary folder of a machine is gone with the report.

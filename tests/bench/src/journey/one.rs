@@ -8,6 +8,7 @@ use ddfeed::compensate::{self, CompensateOptions};
 use ddfeed::drive::Task;
 use ddfeed::identify::{self, IdentifyOptions};
 use ddfeed::serve::{ServeOptions, ServedWithin};
+use ddfeed::simulate::Bridges;
 use hal_sim::hold_ripple::{WINDOW_S, ripples};
 use plant::recording::Recording;
 use serde::{Deserialize, Serialize};
@@ -104,7 +105,7 @@ fn parsed<P: Parser>(words: &[&str]) -> Result<P> {
 }
 
 /// The machine of `seed` through all steps, with its files in `folder`.
-pub fn travel(seed: u64, folder: &Path) -> Row {
+pub fn travel(seed: u64, bridges: Bridges, folder: &Path) -> Row {
     let machine = machine(seed);
     let sensing = &machine.model.sensing;
     let mut journey = Journey {
@@ -124,6 +125,7 @@ pub fn travel(seed: u64, folder: &Path) -> Row {
         },
         machine,
         folder: folder.to_owned(),
+        bridges,
         step: "serve",
     };
     if let Err(error) = journey.steps() {
@@ -135,6 +137,7 @@ pub fn travel(seed: u64, folder: &Path) -> Row {
 struct Journey {
     machine: Machine,
     folder: PathBuf,
+    bridges: Bridges,
     row: Row,
     step: &'static str,
 }
@@ -150,7 +153,9 @@ impl Journey {
         let words = [
             "--cold", "--model", &model, "--flash", &flash, "--seed", seed,
         ];
-        ServedWithin::new(&parsed::<Serve>(&words)?.options)
+        let mut options = parsed::<Serve>(&words)?.options;
+        options.machine.bridges = self.bridges;
+        ServedWithin::new(&options)
     }
 
     fn drive(

@@ -223,30 +223,31 @@ fn name(response: &Response, shunts: Shunts) -> Option<Reason> {
         return Some(Reason::NoCurrent);
     }
     let response = response.map(|column| scaled(column, channels));
-    let distance = |pattern: &Pattern| {
-        response
-            .iter()
-            .zip(pattern)
-            .flat_map(|(column, expected)| {
-                let expected = scaled(*expected, channels);
-                column.iter().zip(expected).take(channels)
-            })
-            .fold(0i32, |sum, (got, expected)| {
-                let off = got.wrapping_sub(expected);
-                sum.wrapping_add(off.wrapping_mul(off))
-            })
+    let distance = |pattern: &Pattern, own: i32| {
+        let columns = response.iter().zip(pattern).enumerate();
+        columns.fold(0i32, |sum, (kick, (column, expected))| {
+            let pairs = column.iter().zip(scaled(*expected, channels));
+            pairs
+                .take(channels)
+                .enumerate()
+                .fold(sum, |sum, (channel, (got, expected))| {
+                    let off = got.wrapping_sub(expected);
+                    let weight = if channel == kick { own } else { 1 };
+                    sum.wrapping_add(off.wrapping_mul(off).wrapping_mul(weight))
+                })
+        })
     };
     // A channel that is not measured cannot be wrong.
     let possible = |reason: &Option<Reason>| channels == 3 || !is_of_third(*reason);
+    // Dead time may hold a phase at zero that another phase's kick should move. So a phase's own kick counts twice.
     let nearest = PATTERNS
         .iter()
         .filter(|(reason, _)| possible(reason))
-        .map(|(reason, pattern)| (distance(pattern), reason))
-        .min_by_key(|(distance, _)| *distance);
+        .min_by_key(|(_, pattern)| distance(pattern, 2));
     // Seven tenths of the largest part off in each of the kicks is no pattern.
     const LIMIT: i32 = 3 * FULL * FULL / 2;
     match nearest {
-        Some((distance, reason)) if distance < LIMIT => *reason,
+        Some((reason, pattern)) if distance(pattern, 1) < LIMIT => *reason,
         _ => Some(Reason::Wiring),
     }
 }
@@ -284,6 +285,17 @@ mod tests {
             }
         }
         panic!("it does not end");
+    }
+
+    /// A drawn machine on bridges that switch, whose legs have no capacitance.
+    #[test]
+    fn a_wrong_sign_is_named_where_dead_time_holds_its_phase_at_zero() {
+        let response = [
+            [-25_600, -25_600, 51_200],
+            [3840, 48_000, -51_840],
+            [3200, -28_160, 24_960],
+        ];
+        assert_eq!(name(&response, Shunts::Two), Some(Reason::SignA));
     }
 
     #[test]

@@ -5,10 +5,11 @@ mod page;
 mod small;
 mod story;
 
-use crate::faults::{Cell, Hazard, Matrix, Outcome, PlateOf};
+use crate::faults::{Cell, Drives, Hazard, Matrix, Outcome};
 use anyhow::Result;
 use clap::Args;
 use control::supervisor::State;
+use ddfeed::simulate::Bridges;
 use hal_sim::boards::BoardKind;
 use serde::Serialize;
 use std::collections::BTreeMap;
@@ -177,6 +178,9 @@ pub struct FaultsOptions {
     /// Of drives that compensate what repeats with their angles, as the firmware's feature `smooth` does.
     #[arg(long)]
     pub compensated: bool,
+    /// How the bridges make their voltages. Scenarios and interrupted alignments keep mean voltages.
+    #[arg(long, value_enum, default_value = "mean")]
+    pub bridges: Bridges,
     /// Writes the matrix as a page into this folder.
     #[arg(long)]
     pub out: Option<std::path::PathBuf>,
@@ -189,23 +193,22 @@ pub struct FaultsOptions {
 pub fn run(options: &FaultsOptions) -> Result<()> {
     let cells = Cell::all().into_iter().step_by(options.every.get());
     let cells: Vec<Cell> = cells.collect();
-    let plate_of: PlateOf = if options.compensated {
-        BoardKind::smooth_plate
-    } else {
-        BoardKind::plate
+    let drives = Drives {
+        compensated: options.compensated,
+        switching: options.bridges.switching(),
     };
-    let outcomes = Matrix::of(&cells, plate_of)?.run_all(&cells)?;
+    let outcomes = Matrix::of(&cells, drives)?.run_all(&cells)?;
     let report = Report {
         scenarios: story::scenarios()?,
         pairs: match options.pairs {
             0 => None,
-            count => Some(story::pairs(count, options.pair_seed, plate_of)?),
+            count => Some(story::pairs(count, options.pair_seed, drives)?),
         },
         interruptions: interruptions::rows(options.interruptions)?,
-        soak: story::long_runs(options.healthy, options.soak, plate_of)?,
-        steady: story::steady(options.steady, plate_of)?,
+        soak: story::long_runs(options.healthy, options.soak, drives)?,
+        steady: story::steady(options.steady, drives)?,
         small: match options.small {
-            true => small::rows()?,
+            true => small::rows(drives.switching)?,
             false => Vec::new(),
         },
         ..Report::of(&cells, &outcomes)

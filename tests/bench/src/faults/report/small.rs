@@ -5,6 +5,7 @@ use crate::faults::{SmallFault, SmallOutcome, small_fault};
 use anyhow::Result;
 use hal_sim::boards::BoardKind;
 use hal_sim::parallel::on_all_cores;
+use hal_sim::switching::Switching;
 use serde::Serialize;
 
 /// Where they are tried: the nut held, and the paper's fastest nut.
@@ -24,7 +25,7 @@ pub(super) struct Row {
 }
 
 /// All sizes on both boards.
-pub(super) fn rows() -> Result<Vec<Row>> {
+pub(super) fn rows(switching: Option<Switching>) -> Result<Vec<Row>> {
     let mut all = Vec::new();
     for board in [BoardKind::Mains, BoardKind::Nucleo] {
         for nut_rpm in NUT_RPM {
@@ -35,7 +36,7 @@ pub(super) fn rows() -> Result<Vec<Row>> {
         }
     }
     let outcomes = on_all_cores(&all, |(board, nut_rpm, fault)| {
-        small_fault(*board, *fault, *nut_rpm)
+        small_fault(*board, switching, *fault, *nut_rpm)
     });
     all.iter()
         .zip(outcomes)

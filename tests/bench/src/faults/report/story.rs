@@ -2,7 +2,7 @@
 
 use super::board_name;
 use crate::faults::{
-    Hazard, Matrix, Outcome, Pair, PlateOf, Scenario, Soaked, Steady, Story, healthy, run_scenario,
+    Drives, Hazard, Matrix, Outcome, Pair, Scenario, Soaked, Steady, Story, healthy, run_scenario,
     soak,
 };
 use anyhow::Result;
@@ -210,9 +210,9 @@ pub(super) struct Pairs {
     unsafe_pairs: Vec<String>,
 }
 
-pub(super) fn pairs(count: usize, seed: u64, plate_of: PlateOf) -> Result<Pairs> {
+pub(super) fn pairs(count: usize, seed: u64, drives: Drives) -> Result<Pairs> {
     let drawn = Pair::drawn(count, seed);
-    let matrix = Matrix::of_pairs(&drawn, plate_of)?;
+    let matrix = Matrix::of_pairs(&drawn, drives)?;
     let outcomes = on_all_cores(&drawn, |pair| matrix.run_pair(pair));
     let outcomes: Vec<Outcome> = outcomes.into_iter().collect::<Result<_, _>>()?;
     let of = |hazard: Hazard| {
@@ -280,13 +280,13 @@ pub(super) struct Long {
 }
 
 /// A run of a board for so many seconds, from a seed.
-type LongRun = fn(BoardKind, PlateOf, f64, u64) -> Result<Soaked, ExperimentError>;
+type LongRun = fn(BoardKind, Drives, f64, u64) -> Result<Soaked, ExperimentError>;
 
 /// Each kind that is asked, on both boards, for so many seconds.
 pub(super) fn long_runs(
     of_healthy: Option<f64>,
     of_faults: Option<f64>,
-    plate_of: PlateOf,
+    drives: Drives,
 ) -> Result<Vec<Long>> {
     let kinds: [(&'static str, LongRun, Option<f64>); 2] = [
         ("healthy", healthy, of_healthy),
@@ -299,7 +299,7 @@ pub(super) fn long_runs(
         }
     }
     let soaked = on_all_cores(&all, |(board, _, run, seconds)| {
-        run(*board, plate_of, *seconds, 1)
+        run(*board, drives, *seconds, 1)
     });
     all.into_iter()
         .zip(soaked)
@@ -357,12 +357,12 @@ pub(super) struct SteadyRow {
 }
 
 /// Steady running of so many seconds at each of the common speeds and loads.
-pub(super) fn steady(seconds: Option<f64>, plate_of: PlateOf) -> Result<Vec<SteadyRow>> {
+pub(super) fn steady(seconds: Option<f64>, drives: Drives) -> Result<Vec<SteadyRow>> {
     let Some(seconds) = seconds else {
         return Ok(Vec::new());
     };
     let all = Steady::all();
-    let ran = on_all_cores(&all, |steady| steady.run(plate_of, seconds, 1));
+    let ran = on_all_cores(&all, |steady| steady.run(drives, seconds, 1));
     all.into_iter()
         .zip(ran)
         .map(|(steady, stopped)| {

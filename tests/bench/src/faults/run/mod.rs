@@ -143,18 +143,7 @@ fn model(board: BoardKind) -> Model {
 }
 
 impl Run {
-    /// The drive in its situation, the faults not there yet.
-    pub(super) fn new(
-        board: BoardKind,
-        plate: &DrivePlate,
-        situation: Situation,
-        faults: &[(Input, Defect)],
-        seed: u64,
-    ) -> Result<Self, ExperimentError> {
-        Self::on(board, plate, situation, faults, seed, board.config())
-    }
-
-    /// The same with what `config` has of a bus.
+    /// The drive in its situation on what `config` has of a bus and bridges, the faults not there yet.
     pub(super) fn on(
         board: BoardKind,
         plate: &DrivePlate,

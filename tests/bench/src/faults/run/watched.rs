@@ -6,7 +6,7 @@ use super::{
 use crate::faults::bench::{Ends, Soft};
 use crate::faults::cause::{names, names_two_channels};
 use crate::faults::cell::{Defect, Input, Situation};
-use crate::faults::{Hazard, Limits, Outcome};
+use crate::faults::{Drives, Hazard, Limits, Outcome};
 use control::plate::DrivePlate;
 use control::supervisor::{Demand, State};
 use hal_sim::boards::BoardKind;
@@ -14,15 +14,16 @@ use hal_sim::experiment::ExperimentError;
 
 /// Runs a situation with faults in it; `healthy` is what a healthy drive does, `None` for that drive itself.
 pub(in crate::faults) fn run(
+    drives: Drives,
     board: BoardKind,
-    plate: &DrivePlate,
     situation: Situation,
     faults: &[(Input, Defect)],
     event: Event,
     seed: u64,
     healthy: Option<&Healthy>,
 ) -> Result<(Outcome, Healthy), ExperimentError> {
-    let mut run = Run::new(board, plate, situation, faults, seed)?;
+    let (plate, config) = (&drives.plate(board), drives.on(board.config()));
+    let mut run = Run::on(board, plate, situation, faults, seed, config)?;
     run.place_ends(plate, event);
     run.bench.break_down();
     run.returned_j = 0.0;
