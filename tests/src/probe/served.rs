@@ -3,13 +3,12 @@
 use super::server::Server;
 use crate::bench::Bench;
 use crate::emulator::HaltedTime;
-use std::thread;
 use std::time::{Duration, Instant};
 
 /// Time of the chip between two looks at the debugger, s.
 const SLICE_S: f64 = 20e-6;
-/// How long a chip whose time stands is left alone.
-const REST: Duration = Duration::from_micros(50);
+/// How long a halted chip is left alone where no debugger asks.
+const REST: Duration = Duration::from_millis(1);
 /// Time of a halted chip that passes at once, s.
 const MOST_AT_ONCE_S: f64 = 10e-3;
 
@@ -56,7 +55,7 @@ impl Served {
             HaltedTime::Frozen => {}
         }
         if !came {
-            thread::sleep(REST);
+            self.server.rest(REST);
         }
         Ok(())
     }

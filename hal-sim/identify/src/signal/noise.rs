@@ -282,7 +282,7 @@ impl Noise {
 
 /// Inertia that the table has at a motor, kg m^2, at a frequency of `u` resonances. The damping of a slightly damped screw is taken for
 /// [`LEAST_DAMPING`].
-fn reflected(model: &Model, u: f64) -> Complex64 {
+pub(crate) fn reflected(model: &Model, u: f64) -> Complex64 {
     let feed = &model.feed;
     let damping = 2.0 * feed.axial_damping_ratio.max(LEAST_DAMPING) * u;
     let rigid = feed.table_mass_kg * feed.travel_per_radian().powi(2);

@@ -5,8 +5,9 @@ use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::search::forward::Contender;
 use crate::search::select::Trial;
-use crate::signal::noise::{SHARE_OF_DRIVE, drive_rms};
+use crate::signal::noise::{SHARE_OF_DRIVE, declared_resonance_hz, drive_rms, reflected};
 use crate::signal::signals::coarsest;
+use fft::Complex64;
 use plant::Axis;
 use plant::effects::Place;
 use std::f64::consts::{FRAC_1_PI, TAU};
@@ -62,6 +63,16 @@ pub(super) fn counts(trial: &Trial, balance: &Balance) -> bool {
     })
 }
 
+/// Torque that a balance takes for that of a wave of a motor's angle, N m per rad, at a frequency, Hz.
+fn torque_of_angle(balance: &Balance, axis: Axis, hz: f64) -> f64 {
+    let model = balance.model;
+    let table = match balance.signals.machine.has_feed() {
+        true => reflected(model, hz / declared_resonance_hz(model)),
+        false => Complex64::default(),
+    };
+    (model.motor(axis).inertia_kg_m2 + table).norm() * (TAU * hz).powi(2)
+}
+
 /// Whether a trial's size is more than what the encoders' resolution and sampling make.
 pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
     let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -79,6 +90,11 @@ pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
         Family::LeadError => size > least * count(None) * balance.lead.abs(),
         Family::EncoderEccentricity => size > LEAST_COUNTS * count(axis),
         Family::DeadTime => size > LEAST_DEAD_TIME_V,
+        // Two records at the same speeds have the rounding's lines at the same frequencies.
+        Family::TimePeriodic => axis.is_none_or(|axis| {
+            let rounding = LEAST_COUNTS * count(Some(axis));
+            size > rounding * torque_of_angle(balance, axis, trial.hypothesis.shape)
+        }),
         _ => true,
     }
 }
