@@ -7,6 +7,7 @@
 
 mod alias;
 mod kinds;
+mod light;
 mod matrix;
 mod oracle;
 mod score;

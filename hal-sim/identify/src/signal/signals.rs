@@ -46,6 +46,8 @@ pub struct MotorSignals {
     pub u_q: Vec<f64>,
     /// Size that the q current exceeds in a thousandth of the rows only, A.
     pub peak_a: f64,
+    /// Size of the speed that a fifth of the rows stay below, rad/s.
+    pub slow_speed: f64,
     /// Greatest size of the speed, rad/s.
     pub top_speed: f64,
     /// First derivative of the angle at its full bandwidth, rad/s.
@@ -101,11 +103,16 @@ pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
 
 /// See [`MotorSignals::peak_a`].
 fn peak(values: &[f64]) -> f64 {
+    quantile(values, 999, 1000)
+}
+
+/// Size that `share` of `whole` values stay below; 0 of none.
+fn quantile(values: &[f64], share: usize, whole: usize) -> f64 {
     let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).collect();
     if sizes.is_empty() {
         return 0.0;
     }
-    let at = (sizes.len() - 1) * 999 / 1000;
+    let at = (sizes.len() - 1) * share / whole;
     *sizes.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
@@ -193,6 +200,7 @@ impl MotorSignals {
             acceleration_told,
             reference_step,
             peak_a: peak(&i_q),
+            slow_speed: quantile(&omega, 1, 5),
             top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
             speed: fourier.slope(&travel),
             acceleration,

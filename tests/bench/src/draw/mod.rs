@@ -211,15 +211,32 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
 
 /// A machine without effects on which something acts, over given profiles. Lumped, its motors are two that know nothing
 /// of each other, each with a constant load.
-pub fn acted_on_as(
+pub fn acted_on_as(seed: u64, coupling: Coupling, act: &Act, profiles: [Profile; 2]) -> Machine {
+    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
+    let declared = plate(&mut rng);
+    let machine = real(&mut rng, &declared);
+    recorded([declared, machine], seed, coupling, act, profiles)
+}
+
+/// A machine that is what its plate says, on which something acts, over given profiles.
+pub fn as_declared(model: Model, seed: u64, act: &Act, profiles: [Profile; 2]) -> Machine {
+    recorded(
+        [model.clone(), model],
+        seed,
+        Coupling::Coupled,
+        act,
+        profiles,
+    )
+}
+
+/// The records of a machine without effects of its own, of which a plate is declared.
+fn recorded(
+    [declared, machine]: [Model; 2],
     seed: u64,
     coupling: Coupling,
     act: &Act,
     [fit, check]: [Profile; 2],
 ) -> Machine {
-    let mut rng = Xoshiro256PlusPlus::seed_from_u64(seed);
-    let declared = plate(&mut rng);
-    let machine = real(&mut rng, &declared);
     let acted = (&machine, coupling);
     Machine {
         fit: run(&declared, acted, act, &fit, seed),

@@ -220,6 +220,13 @@ mod tests {
         nothing_is_named_on(33);
     }
 
+    /// Both records have one speed, at which the rounding of the encoder is a line of an order, or of a frequency.
+    #[test]
+    fn the_rounding_at_one_speed_is_no_order() {
+        nothing_is_named_on(92);
+        nothing_is_named_on(252);
+    }
+
     /// Sharp friction that was taken for rounded was told with a friction that decays and a curve without a name.
     #[test]
     fn sharp_friction_needs_no_curve_without_a_name() {

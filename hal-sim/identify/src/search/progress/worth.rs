@@ -90,10 +90,13 @@ pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
         Family::LeadError => size > least * count(None) * balance.lead.abs(),
         Family::EncoderEccentricity => size > LEAST_COUNTS * count(axis),
         Family::DeadTime => size > LEAST_DEAD_TIME_V,
-        // Two records at the same speeds have the rounding's lines at the same frequencies.
-        Family::TimePeriodic => axis.is_none_or(|axis| {
-            let rounding = LEAST_COUNTS * count(Some(axis));
-            size > rounding * torque_of_angle(balance, axis, trial.hypothesis.shape)
+        // Two records at the same speeds have the rounding's lines at the same frequencies, and of one speed at the same orders.
+        Family::TimePeriodic | Family::AngleTorque => axis.is_none_or(|axis| {
+            let hz = match trial.hypothesis.family {
+                Family::TimePeriodic => trial.hypothesis.shape,
+                _ => trial.hypothesis.shape * balance.signals.motors[axis.index()].slow_speed / TAU,
+            };
+            size > LEAST_COUNTS * count(Some(axis)) * torque_of_angle(balance, axis, hz)
         }),
         _ => true,
     }
