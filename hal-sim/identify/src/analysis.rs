@@ -1,6 +1,7 @@
 //! The whole way: a fit record and a check record under a declared model, and what they have beyond it.
 
-use crate::balance::{Assumed, Balance};
+use crate::balance::{Assumed, Balance, Rounding};
+use crate::conclusion::remains::{judged_hz, level};
 use crate::conclusion::{conclude, concluded};
 use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
@@ -9,8 +10,9 @@ use crate::record::{Base, Record};
 use crate::search::case::Case;
 use crate::search::linearised::{retold, settle};
 use crate::search::progress::Progress;
-use crate::search::roundings::Roundings;
+use crate::search::roundings::{self, Roundings};
 use crate::search::selection::AUDIBLE;
+use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
 use plant::Axis;
 use plant::model::Model;
@@ -109,24 +111,75 @@ impl<'a> Traced<'a> {
         }
     }
 
+    /// Whether the fit record's torques are louder than their sensors.
+    fn is_loud(&self) -> bool {
+        let (balance, base) = &self.setting.fit;
+        let case = Case::new(balance, base);
+        let whitener = case.whitener(&self.noise);
+        let normal = case.search(&whitener, &self.progress.found).normal;
+        let white = normal.residual(&normal.solve(None).values);
+        Axis::ALL.into_iter().map(Channel::Torque).any(|channel| {
+            let band = judged_hz(channel, &self.noise);
+            !level(&case, &whitener, &white, channel, band).quiet()
+        })
+    }
+
     /// The residual under a noise, with what each effect must bring added for each: of two explanations the better one
     /// has less.
     fn length(&self, noise: &Noise) -> f64 {
         let (balance, base) = &self.setting.fit;
-        self.length_of(balance, base, noise)
+        self.length_of(balance, base, noise, &self.progress.found)
     }
 
-    /// The same with other balances of the fit record.
-    fn length_of(&self, balance: &Balance, base: &Base, noise: &Noise) -> f64 {
+    /// The same with other balances of the fit record and other effects.
+    fn length_of(
+        &self,
+        balance: &Balance,
+        base: &Base,
+        noise: &Noise,
+        found: &[Hypothesis],
+    ) -> f64 {
         let case = Case::new(balance, base);
         let whitener = case.whitener(noise);
-        let normal = case.search(&whitener, &self.progress.found).normal;
+        let normal = case.search(&whitener, found).normal;
         let left = normal.cost(&normal.solve(None).values);
         let least = |hypothesis: &Hypothesis| match hypothesis.family {
             Family::Unnamed(unnamed) => AUDIBLE * whitener.rows(unnamed.channel) as f64,
             _ => MATERIAL * whitener.used_rows() as f64,
         };
-        left + self.progress.found.iter().map(least).sum::<f64>()
+        left + found.iter().map(least).sum::<f64>()
+    }
+
+    /// Another rounding of friction that is worth a search of its own. Friction that is taken for rounded and is not looks like
+    /// friction that is higher at rest, or like a curve without a name. What was found may also show that the first choice was wrong.
+    fn rival(&self, fit: &Record, model: &Model) -> Option<Rounding> {
+        let like_friction =
+            |h: &Hypothesis| matches!(h.family, Family::StribeckFriction | Family::Unnamed(_));
+        let found = &self.progress.found;
+        let others = found.iter().filter(|h| !like_friction(h)).copied();
+        let others: Vec<Hypothesis> = others.collect();
+        let doubtful = others.len() < found.len();
+        let length = |rounding: Rounding| {
+            let assumed = Assumed {
+                rounding,
+                ..self.assumed
+            };
+            let balance = fit.balance_with(model, assumed);
+            let base = Base::new(&balance);
+            self.length_of(&balance, &base, &self.noise, &others)
+        };
+        let own = self.assumed.rounding;
+        let other = roundings::other(own);
+        let has_feed = fit.signals.machine.has_feed();
+        let (better, least) = match has_feed && (doubtful || self.is_loud()) {
+            true => roundings::refined([own, other], length),
+            false => (other, length(other)),
+        };
+        let now = self.length(&self.noise);
+        match least < now && better != own {
+            true => Some(better),
+            false => doubtful.then_some(other),
+        }
     }
 }
 
@@ -171,22 +224,9 @@ pub fn analyse_as(
     let roundings = Roundings::new(&fit, model);
     let records = [&fit, &check];
     let mut traced = Traced::new(records, model, |found| roundings.assumed(found));
-    let rubs = |h: &Hypothesis| h.family == Family::StribeckFriction;
-    let other = Roundings::other(traced.assumed.rounding);
-    let turned = Assumed {
-        rounding: other,
-        ..traced.assumed
-    };
-    let explains = |traced: &Traced| {
-        let balance = fit.balance_with(model, turned);
-        let base = Base::new(&balance);
-        traced.length_of(&balance, &base, &traced.noise) < traced.length(&traced.noise)
-    };
-    // Friction that is taken for rounded and is not looks like friction that is higher at rest. What was found may also show that
-    // the first choice was wrong.
-    if traced.progress.found.iter().any(rubs) || explains(&traced) {
+    if let Some(rounding) = traced.rival(records[0], model) {
         let rival = Traced::new(records, model, |found| Assumed {
-            rounding: other,
+            rounding,
             ..roundings.assumed(found)
         });
         if rival.length(&traced.noise) < traced.length(&traced.noise) {

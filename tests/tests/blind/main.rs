@@ -6,6 +6,7 @@
 //! machine that was not told right, and why), `intervals.csv` and `confusion.svg` into the target folder's `blind`.
 
 mod alias;
+mod friction;
 mod kinds;
 mod light;
 mod matrix;

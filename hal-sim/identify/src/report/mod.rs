@@ -19,6 +19,9 @@ use crate::regression::sandwich::interval;
 use serde::Serialize;
 use std::collections::BTreeMap;
 
+/// Ripple by which two simulations differ and are the same, percent of the speed.
+const SAME_POINTS: f64 = 0.05;
+
 /// A report. What serde skips is for the page and the other files.
 #[derive(Debug, Clone, Serialize)]
 pub struct Report {
@@ -441,10 +444,11 @@ impl Report {
             .or_else(|| all.max_by(|a, b| fall(a.1).total_cmp(&fall(b.1))))
     }
 
-    /// Whether the new model's simulated ripple is further from the record's than the declared model's, points: both.
+    /// Whether the new model's simulated ripple is further from the record's than the declared model's, points: both. Within a tenth
+    /// and [`SAME_POINTS`] they are equally far.
     pub fn is_further_off(&self) -> Option<[f64; 2]> {
         let simulation = self.simulation.as_ref()?;
         let both = [simulation.declared_rms_points, simulation.new_rms_points];
-        (both[1] > both[0]).then_some(both)
+        (both[1] > 1.1 * both[0] + SAME_POINTS).then_some(both)
     }
 }

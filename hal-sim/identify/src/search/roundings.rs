@@ -27,6 +27,59 @@ const ROUNDINGS: [Rounding; 2] = [
     },
 ];
 
+/// By what each width is changed in turn, to look for a better one.
+const FACTORS: [f64; 6] = [4.0, 2.0, 1.4, 1.4, 1.2, 1.1];
+/// Roundings that are tried at most.
+const MOST_TRIED: usize = 60;
+/// Width with which a sharp sign is looked for rounded, as a share of that of the first rounding.
+const SHARPEST: f64 = 0.05;
+
+/// The three widths of a rounding.
+fn widths(rounding: Rounding) -> [f64; 3] {
+    [rounding.bearing, rounding.pair, rounding.guideway]
+}
+
+fn of_widths([bearing, pair, guideway]: [f64; 3]) -> Rounding {
+    Rounding {
+        bearing,
+        pair,
+        guideway,
+    }
+}
+
+/// The rounding with the least `length` that is found from the given ones by changing one width after the other.
+pub(crate) fn refined(from: [Rounding; 2], length: impl Fn(Rounding) -> f64) -> (Rounding, f64) {
+    let measured = from.map(|rounding| (widths(rounding), length(rounding)));
+    let [first, second] = measured;
+    let mut best = if second.1 < first.1 { second } else { first };
+    let mut left = MOST_TRIED;
+    let of_each = |factor| (0..3).flat_map(move |k| [(k, factor), (k, 1.0 / factor)]);
+    for (k, factor) in FACTORS.into_iter().flat_map(of_each) {
+        // A step that helps is made again.
+        while left > 0 {
+            left -= 1;
+            let mut tried = best.0;
+            let least = SHARPEST * widths(ROUNDINGS[0])[k];
+            tried[k] = match (tried[k] * factor).max(least) {
+                width if width > least || best.0[k] == 0.0 => width,
+                _ => 0.0,
+            };
+            let now = length(of_widths(tried));
+            if now >= best.1 {
+                break;
+            }
+            best = (tried, now);
+        }
+    }
+    (of_widths(best.0), best.1)
+}
+
+/// The one of the two that are tried first that is not given.
+pub(crate) fn other(given: Rounding) -> Rounding {
+    let [first, second] = ROUNDINGS;
+    if given == first { second } else { first }
+}
+
 /// The torque balances of a record under each rounding, to choose by.
 pub(crate) struct Roundings<'a> {
     candidates: Vec<(Balance<'a>, Normal)>,
@@ -97,12 +150,6 @@ impl<'a> Roundings<'a> {
             resonance_hz: soft.map(|soft| soft.shape),
             ..self.candidates[0].0.assumed()
         }
-    }
-
-    /// The one that is not given.
-    pub(crate) fn other(given: Rounding) -> Rounding {
-        let [first, second] = ROUNDINGS;
-        if given == first { second } else { first }
     }
 
     /// The one that explains the record best when it has given effects.

@@ -11,7 +11,9 @@ pub mod profile;
 
 pub use effect::effect;
 
-use friction::Rounded;
+pub use friction::Widths;
+
+use friction::{Rounded, WIDTHS};
 use hal_sim::drive::Drive;
 use hal_sim::experiment::{Recorder, Setup};
 use plant::effects::{AnyEffect, EffectModel, Place};
@@ -191,7 +193,7 @@ pub fn draw(seed: u64, kinds: &[&str]) -> Machine {
                 seed,
             ),
             Rubbing::Rounded => {
-                let (smooth, rounded) = Rounded::split(&machine);
+                let (smooth, rounded) = Rounded::split(&machine, WIDTHS);
                 let smooth = (&smooth, Coupling::Coupled);
                 run(&declared, smooth, &|m| rounded.act(m), profile, seed)
             }
@@ -227,6 +229,13 @@ pub fn as_declared(model: Model, seed: u64, act: &Act, profiles: [Profile; 2]) -
         act,
         profiles,
     )
+}
+
+/// A machine that is what its plate says, whose friction turns round over given widths.
+pub fn rubbing(model: Model, widths: Widths, seed: u64, profiles: [Profile; 2]) -> Machine {
+    let (smooth, friction) = Rounded::split(&model, widths);
+    let act = |machine: &mut plant::machine::Machine| friction.act(machine);
+    recorded([model, smooth], seed, Coupling::Coupled, &act, profiles)
 }
 
 /// The records of a machine without effects of its own, of which a plate is declared.

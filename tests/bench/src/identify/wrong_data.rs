@@ -261,6 +261,14 @@ pub const WRONG: &[Wrong] = &[
             freeze(&mut m.angle_rad, middle);
         });
     }),
+    ("an encoder of 4000 counts", |d| {
+        let count = TAU / 4000.0;
+        d.motor(1, |m| {
+            m.angle_rad
+                .iter_mut()
+                .for_each(|angle| *angle = (*angle / count).floor() * count);
+        });
+    }),
     ("phase a frozen", |d| d.motor(0, |m| freeze(&mut m.ia_a, 0))),
     ("phase a in mA", |d| d.times(|r| &mut r.axes[0].ia_a, 1e3)),
     ("phases exchanged", |d| {

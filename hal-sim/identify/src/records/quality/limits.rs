@@ -64,6 +64,9 @@ pub struct Limits {
     pub travel_explained: f64,
     /// Ratio of a carriage's travel to its reference.
     pub follow_ratio: RangeInclusive<f64>,
+    /// Counts of the model's encoder from which on the single step of an angle is that of a coarser one: a single step of the model's
+    /// own is one count.
+    pub coarser: f64,
     /// Standard deviations by which a ratio must lie outside.
     pub sigmas: f64,
     /// Rows in a row that stand in two records, from which on they are the same rows: with 10 values that differ in each.
@@ -101,6 +104,7 @@ impl Default for Limits {
             travel_ratio: 0.95..=1.05,
             travel_explained: 0.9,
             follow_ratio: 0.7..=1.4,
+            coarser: 1.5,
             sigmas: 4.0,
             same_rows: 50,
             better: 10.0,

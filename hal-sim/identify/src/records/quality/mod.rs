@@ -11,6 +11,7 @@ mod feed_axis;
 mod limits;
 mod motor;
 mod regress;
+mod resolution;
 
 pub use limits::Limits;
 
@@ -373,10 +374,28 @@ fn double_drive(record: &Record, model: &Model, limits: &Limits, found: &mut Vec
     if found.len() == before {
         table(record, model, &screw, &nut, limits, found);
     }
+    if found.len() == before {
+        counts(model, [&screw, &nut], limits, found);
+    }
     // The table's part of the inertia is by the lead.
     if found.len() == before {
         screw.inertia(coupled, limits, found);
         nut.inertia(coupled, limits, found);
+    }
+}
+
+/// The steps of both angles against the counts of their encoders.
+fn counts(model: &Model, motors: [&Motor; 2], limits: &Limits, found: &mut Vec<Finding>) {
+    let sensing = &model.sensing;
+    let own = match sensing.nut_encoder_counts_per_turn {
+        Some(_) => "sensing.nut_encoder_counts_per_turn",
+        None => "sensing.encoder_counts_per_turn",
+    };
+    let settings = ["sensing.encoder_counts_per_turn", own];
+    for ((motor, setting), axis) in motors.into_iter().zip(settings).zip(plant::Axis::ALL) {
+        let name = format!("{}angle_rad", motor.prefix);
+        let declared = (setting, sensing.counts_per_turn(axis));
+        resolution::check((&name, &motor.angle), declared, limits, found);
     }
 }
 
