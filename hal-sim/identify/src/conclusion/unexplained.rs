@@ -12,15 +12,19 @@ use crate::regression::design::Whitener;
 use crate::search::case::Case;
 use crate::search::progress::Doubt;
 use crate::search::select::Trial;
+use crate::search::selection::NOT_BORNE_OUT;
 use crate::signal::along::Along;
 use crate::signal::channel::Channel;
-use crate::signal::noise::{SHARE_OF_DRIVE, SMOOTH_SHARE, drive_rms};
+use crate::signal::noise::{drive_rms, small_rms};
 use plant::effects::Place;
 
 /// A channel is too loud if the residual is beyond noise by this share of the noise's power, and more than this share of
 /// what was there: an effect found leaves a part of itself.
 const TOO_LOUD: f64 = 0.5;
 const MOST_LEFT: f64 = 0.25;
+/// Share of a motor's torque or voltage, rms, below which a shape without an order is slight: where the fit record alone has it, and the
+/// check record is at its floor, friction has changed by so much.
+const SLIGHT: f64 = 0.01;
 /// Doubtful hypotheses listed.
 const LISTED: usize = 3;
 
@@ -94,7 +98,7 @@ impl Left<'_> {
         let counts = |remnant: &Remnant| {
             let size = size * remnant.size;
             remnant.coordinate == NO_SHAPE
-                || size > least_size(balance, loud.channel, remnant.order)
+                || size > small_rms(balance.model, balance.signals, loud.channel)
         };
         let told = left.into_iter().filter(counts).map(|remnant| {
             let fall = remnant.size.powi(2) * rows[0];
@@ -164,8 +168,15 @@ pub(crate) fn unexplained(
             let left = describe(hypothesis, &gain.values, doubt.reason);
             (doubt.likeness, left)
         })
-        .filter(|(likeness, left)| !(*likeness && at_floor(left.channel)))
-        .filter(|(_, left)| left.size > least_size(case.balance, left.channel, left.order))
+        .filter(|(likeness, left)| {
+            let alone = left.reason == NOT_BORNE_OUT && left.order.is_none();
+            let torque = drive_rms(case.balance.model, case.balance.signals, left.channel);
+            let slight = alone && left.size < SLIGHT * torque;
+            !((*likeness || slight) && at_floor(left.channel))
+        })
+        .filter(|(_, left)| {
+            left.size > small_rms(case.balance.model, case.balance.signals, left.channel)
+        })
         .map(|(_, left)| left)
         .take(LISTED);
     let is_loud = |rest: &&ChannelRest| {
@@ -189,15 +200,6 @@ pub(crate) fn unexplained(
         .collect();
     list.extend(doubts);
     list
-}
-
-/// Rms of a shape in a channel below which it counts as nothing, in the channel's unit.
-fn least_size(balance: &Balance, channel: Channel, order: Option<f64>) -> f64 {
-    let share = match order {
-        Some(_) => SHARE_OF_DRIVE,
-        None => SMOOTH_SHARE,
-    };
-    share * drive_rms(balance.model, balance.signals, channel)
 }
 
 /// What a hypothesis looks like in the channel that shows it most.

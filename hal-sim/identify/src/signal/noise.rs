@@ -14,10 +14,12 @@ pub(crate) const USED: f64 = 0.8;
 /// Share of the table's resonance up to which its position is used: nearer to it the model amplifies the encoders'
 /// quantisation, and a wrong resonance would pay by amplifying it less.
 const BELOW_RESONANCE: f64 = 0.6;
-/// Share of a motor's torque or voltage, rms, below which nothing counts: friction alone repeats less well from run to run.
+/// Share of a motor's torque or voltage, rms, below which nothing has a name: friction alone repeats less well from run to run.
 pub(crate) const SHARE_OF_DRIVE: f64 = 0.002;
-/// The same of a shape without a name and without an order: it is of the size by which friction changes from run to run.
-pub(crate) const SMOOTH_SHARE: f64 = 0.01;
+/// Share of a motor's torque, rms, and of its voltage, below which a residual counts as nothing. The rest of an effect that was taken
+/// for another is larger.
+const SMALL_TORQUE: f64 = 0.001;
+const SMALL_VOLTAGE: f64 = 0.000_5;
 /// Damping ratio below which the filter that makes noise white would ring beyond the margin of the rows that do not count.
 const LEAST_DAMPING: f64 = 0.1;
 /// Smallest density of a channel.
@@ -42,8 +44,8 @@ pub struct Noise {
     /// Power that the sensors have in each bin, of that density. It differs from 1 where an encoder turns evenly: its rounding is
     /// a few lines, and nothing beside them. A filter as narrow as lines would ring, so they do not whiten.
     lines: [Vec<f64>; Channel::COUNT],
-    /// Rms of what drives a channel, torque or voltage, in its unit; 0 of a position.
-    drive: [f64; Channel::COUNT],
+    /// Rms of a residual that counts as nothing, in the channel's unit.
+    small: [f64; Channel::COUNT],
     /// Frequency up to which a channel is used, Hz.
     top: [f64; Channel::COUNT],
 }
@@ -151,7 +153,7 @@ impl Noise {
         Noise {
             density,
             lines,
-            drive: Channel::ALL.map(|channel| drive_rms(model, signals, channel)),
+            small: Channel::ALL.map(|channel| small_rms(model, signals, channel)),
             top,
         }
     }
@@ -187,7 +189,7 @@ impl Noise {
         let floor = density / (fourier.bins() * fourier.step()) as f64;
         BandPower {
             sensors: (sensors / bins).max(1.0),
-            small: (SHARE_OF_DRIVE * self.drive[index]).powi(2) / floor.max(LEAST),
+            small: self.small[index].powi(2) / floor.max(LEAST),
         }
     }
 
@@ -287,6 +289,15 @@ pub(crate) fn reflected(model: &Model, u: f64) -> Complex64 {
     let damping = 2.0 * feed.axial_damping_ratio.max(LEAST_DAMPING) * u;
     let rigid = feed.table_mass_kg * feed.travel_per_radian().powi(2);
     rigid / Complex64::new(1.0 - u * u, damping)
+}
+
+/// Rms of a residual that counts as nothing, in its channel's unit; 0 of the table's position.
+pub(crate) fn small_rms(model: &Model, signals: &Signals, channel: Channel) -> f64 {
+    let share = match channel {
+        Channel::Torque(_) => SMALL_TORQUE,
+        _ => SMALL_VOLTAGE,
+    };
+    share * drive_rms(model, signals, channel)
 }
 
 /// Rms of what drives a channel: a motor's torque, N m, or its voltage, V; 0 of the table's position.
