@@ -5,6 +5,7 @@
 #![no_main]
 
 mod board;
+mod bridges;
 mod bringup;
 mod config;
 mod crash;
@@ -24,6 +25,7 @@ mod supervision;
 #[rtic::app(device = stm32g4xx_hal::stm32, peripherals = true, dispatchers = [RNG])]
 mod app {
     use crate::board::{self, EncoderParts, Ports};
+    use crate::bridges::PLAN;
     use crate::config::BOARD;
     use crate::hw::analog::{Converters, Watches};
     use crate::hw::deadman::Deadman;
@@ -37,7 +39,7 @@ mod app {
     use crate::lines::Lines;
     use crate::motor_loop::{MOTORS, MotorLoop};
     use crate::speed::{Speed, Wired};
-    use crate::start::{self, PLAN};
+    use crate::start;
     use crate::supervision::Supervision;
     use crate::{bringup, config, schedule};
     use application::burst::Burst;

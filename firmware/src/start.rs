@@ -1,10 +1,11 @@
 //! The phases of the start that set the chip up, before there is a task.
 
 use crate::board;
+use crate::bridges::{BREAK_SOURCES, PLAN};
 use crate::debug_view::DRIVE_VIEW;
-use crate::hw::pwm::{self, PwmPlan};
+use crate::hw::pwm;
 use crate::hw::watchdog::reset_reason;
-use crate::hw::{clock, cycles, outputs::Outputs, protection, stack_guard};
+use crate::hw::{clock, cycles, outputs::Outputs, stack_guard};
 use crate::lines::{RTT_DOWN_BYTES, RTT_UP_BYTES};
 use crate::{crash, journal, log, schedule};
 use application::keep::Found;
@@ -17,22 +18,6 @@ use link::codes::ResetReason;
 use rtt_target::{DownChannel, UpChannel};
 use stm32g4xx_hal::rcc::Rcc;
 use stm32g4xx_hal::stm32::{DBGMCU, FLASH, TIM1, TIM8};
-
-/// How both bridges are switched.
-pub(crate) const PLAN: PwmPlan = PwmPlan::new(&board::PLATE, board::BREAK_FILTER_S);
-
-/// `TIMx_BDTR` of both timers without the main output enable.
-pub(crate) const BRIDGES_OFF: u32 = pwm::bdtr(&PLAN);
-
-/// `TIMx_AF1` of both timers: what breaks them.
-pub(crate) const BREAK_SOURCES: [u32; 2] = {
-    let [screw, nut] = &board::OVER_CURRENT;
-    let driver = board::DRIVER_FAULT;
-    [
-        protection::break_sources(screw, driver),
-        protection::break_sources(nut, driver),
-    ]
-};
 
 /// From here on the run says what goes wrong with it. The link's channels: to the host, from the host.
 pub(crate) fn observe(core: &mut Core) -> (UpChannel, DownChannel) {

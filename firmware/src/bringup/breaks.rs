@@ -6,8 +6,8 @@
 use super::comparators::{restore_threshold, set_threshold};
 use super::{Started, pause, put, wait_until};
 use crate::board;
+use crate::bridges::{BREAK_SOURCES, PLAN};
 use crate::hw::pwm::{self, MOE};
-use crate::start::{BREAK_SOURCES, PLAN};
 use link::bringup::{BREAKS, BreakReading, BreakSource, Owner, seen};
 use stm32g4xx_hal::stm32::{TIM1, TIM8, tim1};
 

@@ -5,8 +5,8 @@
 
 use super::{Started, comparators, pause, put, wait_until};
 use crate::board;
+use crate::bridges::{BREAK_SOURCES, PLAN};
 use crate::hw::{analog, pwm};
-use crate::start::{BREAK_SOURCES, PLAN};
 use control::power_stage::StageLook;
 use core::sync::atomic::Ordering::Relaxed;
 use link::bringup::{BINS, BringupReport, CurrentReading, POWERED_CONVERSIONS};

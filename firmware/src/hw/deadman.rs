@@ -4,8 +4,8 @@
 //! Both loops have one priority, so a hung one holds the other up too, and one timer sees either. It waits two and a half
 //! periods: a single late period is counted and tolerated.
 
+use crate::bridges::BRIDGES_OFF;
 use crate::debug_view::DRIVE_VIEW;
-use crate::start::BRIDGES_OFF;
 use application::exchange::show;
 use control::fault::Fault;
 use control::supervisor::State;

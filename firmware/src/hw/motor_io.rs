@@ -1,8 +1,8 @@
 //! The registers that a motor's current loop reads and writes.
 
+use crate::bridges::BRIDGES_OFF;
 use crate::config::BOARD;
 use crate::hw::encoder::Encoder;
-use crate::start::BRIDGES_OFF;
 use control::motor_io::{MotorIo, Sensing};
 use control::sense::Shunts;
 use core::ops::Deref;

@@ -7,10 +7,12 @@ use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::machines::{DoubleDrive, Machine};
 use crate::record::{Base, Record};
+use crate::regression::design::Whitener;
 use crate::search::case::Case;
 use crate::search::linearised::{retold, settle};
 use crate::search::progress::Progress;
 use crate::search::roundings::{self, Roundings};
+use crate::search::select::Search;
 use crate::search::selection::AUDIBLE;
 use crate::signal::channel::Channel;
 use crate::signal::noise::Noise;
@@ -128,28 +130,25 @@ impl<'a> Traced<'a> {
     /// has less.
     fn length(&self, noise: &Noise) -> f64 {
         let (balance, base) = &self.setting.fit;
-        self.length_of(balance, base, noise, &self.progress.found)
+        let whitener = Whitener::new(balance.signals, balance.fourier, noise);
+        length((balance, base), &whitener, &self.progress.found)
     }
+}
 
-    /// The same with other balances of the fit record and other effects.
-    fn length_of(
-        &self,
-        balance: &Balance,
-        base: &Base,
-        noise: &Noise,
-        found: &[Hypothesis],
-    ) -> f64 {
-        let case = Case::new(balance, base);
-        let whitener = case.whitener(noise);
-        let normal = case.search(&whitener, found).normal;
-        let left = normal.cost(&normal.solve(None).values);
-        let least = |hypothesis: &Hypothesis| match hypothesis.family {
-            Family::Unnamed(unnamed) => AUDIBLE * whitener.rows(unnamed.channel) as f64,
-            _ => MATERIAL * whitener.used_rows() as f64,
-        };
-        left + found.iter().map(least).sum::<f64>()
-    }
+/// See [`Traced::length`]: of given balances of a record with given effects.
+fn length((balance, base): (&Balance, &Base), whitener: &Whitener, found: &[Hypothesis]) -> f64 {
+    let mut search = Search::new(balance, whitener, base.normal(whitener));
+    found.iter().for_each(|hypothesis| search.add(hypothesis));
+    let normal = search.normal;
+    let left = normal.cost(&normal.solve(None).values);
+    let least = |hypothesis: &Hypothesis| match hypothesis.family {
+        Family::Unnamed(unnamed) => AUDIBLE * whitener.rows(unnamed.channel) as f64,
+        _ => MATERIAL * whitener.used_rows() as f64,
+    };
+    left + found.iter().map(least).sum::<f64>()
+}
 
+impl Traced<'_> {
     /// Another rounding of friction that is worth a search of its own. Friction that is taken for rounded and is not looks like
     /// friction that is higher at rest, or like a curve without a name. What was found may also show that the first choice was wrong.
     fn rival(&self, fit: &Record, model: &Model) -> Option<Rounding> {
@@ -159,21 +158,22 @@ impl<'a> Traced<'a> {
         let others = found.iter().filter(|h| !like_friction(h)).copied();
         let others: Vec<Hypothesis> = others.collect();
         let doubtful = others.len() < found.len();
-        let length = |rounding: Rounding| {
+        let whitener = Whitener::new(&fit.signals, &fit.fourier, &self.noise);
+        let with = |rounding: Rounding| {
             let assumed = Assumed {
                 rounding,
                 ..self.assumed
             };
             let balance = fit.balance_with(model, assumed);
             let base = Base::new(&balance);
-            self.length_of(&balance, &base, &self.noise, &others)
+            length((&balance, &base), &whitener, &others)
         };
         let own = self.assumed.rounding;
         let other = roundings::other(own);
         let has_feed = fit.signals.machine.has_feed();
         let (better, least) = match has_feed && (doubtful || self.is_loud()) {
-            true => roundings::refined([own, other], length),
-            false => (other, length(other)),
+            true => roundings::refined([own, other], with),
+            false => (other, with(other)),
         };
         let now = self.length(&self.noise);
         match least < now && better != own {

@@ -40,12 +40,6 @@ fn the_width_of_friction_is_no_effect() {
         let profiles = [&FIT[..], &CHECK[..]].map(|legs| Profile::of(0.2, legs));
         let machine = bench::draw::rubbing(Model::coupled(), widths, seed, profiles);
         let outcome = analyse(&machine.declared, &machine.fit, &machine.check);
-        let names: Vec<_> = outcome.effects.iter().map(|found| &found.effect).collect();
-        println!(
-            "{widths:?}: {:?} {:?} {names:?}",
-            outcome.judged().verdict,
-            outcome.judged().said.left
-        );
         assert!(
             outcome.effects.is_empty(),
             "{widths:?}: {:?}",

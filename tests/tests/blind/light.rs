@@ -36,8 +36,8 @@ fn light() -> Model {
     model
 }
 
-/// What is told of the pair whose nut cogs by `amplitude`, N m.
-fn told(amplitude: f64) -> Outcome {
+/// What is identified of the pair whose nut cogs by `amplitude`, N m.
+fn identified(amplitude: f64) -> Outcome {
     let cogs = |machine: &mut Plant| {
         let angle = machine.motor(Axis::Nut).theta;
         machine.set_disturbance_torque(Axis::Nut, amplitude * (ORDER * angle).cos());
@@ -64,7 +64,7 @@ fn told(amplitude: f64) -> Outcome {
 
 #[test]
 fn the_rounding_of_a_light_motors_encoder_is_nothing_that_is_missing() {
-    let outcome = told(0.0);
+    let outcome = identified(0.0);
     assert!(outcome.effects.is_empty(), "{:?}", outcome.effects);
     let judged = outcome.judged();
     assert_eq!(judged.verdict, Verdict::NothingMissing, "{:?}", judged.said);
@@ -73,7 +73,7 @@ fn the_rounding_of_a_light_motors_encoder_is_nothing_that_is_missing() {
 #[test]
 fn a_light_motors_cogging_is_found_beside_the_rounding() {
     const AMPLITUDE: f64 = 8e-3;
-    let outcome = told(AMPLITUDE);
+    let outcome = identified(AMPLITUDE);
     let judged = outcome.judged();
     assert_eq!(judged.verdict, Verdict::Explained, "{:?}", judged.said);
     let effects: Vec<_> = outcome.effects.iter().map(|found| &found.effect).collect();

@@ -170,12 +170,10 @@ pub(crate) fn unexplained(
         })
         .filter(|(likeness, left)| {
             let alone = left.reason == NOT_BORNE_OUT && left.order.is_none();
-            let torque = drive_rms(case.balance.model, case.balance.signals, left.channel);
-            let slight = alone && left.size < SLIGHT * torque;
-            !((*likeness || slight) && at_floor(left.channel))
-        })
-        .filter(|(_, left)| {
-            left.size > small_rms(case.balance.model, case.balance.signals, left.channel)
+            let (model, signals) = (case.balance.model, case.balance.signals);
+            let slight = alone && left.size < SLIGHT * drive_rms(model, signals, left.channel);
+            left.size > small_rms(model, signals, left.channel)
+                && !((*likeness || slight) && at_floor(left.channel))
         })
         .map(|(_, left)| left)
         .take(LISTED);

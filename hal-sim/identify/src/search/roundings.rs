@@ -47,7 +47,7 @@ fn of_widths([bearing, pair, guideway]: [f64; 3]) -> Rounding {
     }
 }
 
-/// The rounding with the least `length` that is found from the given ones by changing one width after the other.
+/// The rounding with the smallest `length` that is found from the given ones by changing one width after the other.
 pub(crate) fn refined(from: [Rounding; 2], length: impl Fn(Rounding) -> f64) -> (Rounding, f64) {
     let measured = from.map(|rounding| (widths(rounding), length(rounding)));
     let [first, second] = measured;
@@ -55,13 +55,14 @@ pub(crate) fn refined(from: [Rounding; 2], length: impl Fn(Rounding) -> f64) -> 
     let mut left = MOST_TRIED;
     let of_each = |factor| (0..3).flat_map(move |k| [(k, factor), (k, 1.0 / factor)]);
     for (k, factor) in FACTORS.into_iter().flat_map(of_each) {
-        // A step that helps is made again.
-        while left > 0 {
+        let sharpest = SHARPEST * widths(ROUNDINGS[0])[k];
+        // A step that helps is made again. A sharp sign gets no sharper.
+        while left > 0 && (best.0[k] > 0.0 || factor > 1.0) {
             left -= 1;
             let mut tried = best.0;
-            let least = SHARPEST * widths(ROUNDINGS[0])[k];
-            tried[k] = match (tried[k] * factor).max(least) {
-                width if width > least || best.0[k] == 0.0 => width,
+            tried[k] = match tried[k] * factor {
+                0.0 => sharpest,
+                width if width > sharpest => width,
                 _ => 0.0,
             };
             let now = length(of_widths(tried));

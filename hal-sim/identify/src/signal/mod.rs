@@ -7,6 +7,7 @@ pub mod fourier;
 pub(crate) mod frames;
 pub(crate) mod leftover;
 pub mod noise;
+pub(crate) mod quantile;
 pub(crate) mod rounding;
 pub mod scan;
 pub mod signals;

@@ -96,18 +96,11 @@ impl Noise {
                 Channel::Torque(axis) => {
                     let motor = model.motor(axis);
                     let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
-                    // The balance accelerates the motor by its own angle, and the table by the difference of both.
-                    let table = match signals.machine.has_feed() {
-                        true => reflected(model, hz / resonance_hz),
-                        false => Complex64::default(),
+                    let gains = Axis::ALL
+                        .map(|of| torque_of_angle(model, signals, [axis, of], hz, resonance_hz));
+                    let sum = |rounding: [f64; 2]| {
+                        gains[0].powi(2) * rounding[0] + gains[1].powi(2) * rounding[1]
                     };
-                    let square = (TAU * hz).powi(4);
-                    let own = square * (motor.inertia_kg_m2 + table).norm_sqr();
-                    let gains = Axis::ALL.map(|of| match of == axis {
-                        true => own,
-                        false => square * table.norm_sqr(),
-                    });
-                    let sum = |rounding: [f64; 2]| gains[0] * rounding[0] + gains[1] * rounding[1];
                     [
                         2.0 * constant * constant * current,
                         sum(Axis::ALL.map(|axis| angle_noise(sensing, axis))),
@@ -282,13 +275,31 @@ impl Noise {
     }
 }
 
-/// Inertia that the table has at a motor, kg m^2, at a frequency of `u` resonances. The damping of a slightly damped screw is taken for
-/// [`LEAST_DAMPING`].
-pub(crate) fn reflected(model: &Model, u: f64) -> Complex64 {
+/// Torque that the balance of the first motor takes for that of a wave of the second one's angle, N m per rad, at a frequency, Hz. It
+/// accelerates the motor by its own angle, and the table by the difference of both. The damping of a slightly damped screw is taken
+/// for [`LEAST_DAMPING`].
+pub(crate) fn torque_of_angle(
+    model: &Model,
+    signals: &Signals,
+    [of, by]: [Axis; 2],
+    hz: f64,
+    resonance_hz: f64,
+) -> f64 {
     let feed = &model.feed;
-    let damping = 2.0 * feed.axial_damping_ratio.max(LEAST_DAMPING) * u;
-    let rigid = feed.table_mass_kg * feed.travel_per_radian().powi(2);
-    rigid / Complex64::new(1.0 - u * u, damping)
+    let table = match signals.machine.has_feed() {
+        true => {
+            let u = hz / resonance_hz;
+            let damping = 2.0 * feed.axial_damping_ratio.max(LEAST_DAMPING) * u;
+            let rigid = feed.table_mass_kg * feed.travel_per_radian().powi(2);
+            rigid / Complex64::new(1.0 - u * u, damping)
+        }
+        false => Complex64::default(),
+    };
+    let own = match of == by {
+        true => model.motor(of).inertia_kg_m2,
+        false => 0.0,
+    };
+    (own + table).norm() * (TAU * hz).powi(2)
 }
 
 /// Rms of a residual that counts as nothing, in its channel's unit; 0 of the table's position.
@@ -302,19 +313,13 @@ pub(crate) fn small_rms(model: &Model, signals: &Signals, channel: Channel) -> f
 
 /// Rms of what drives a channel: a motor's torque, N m, or its voltage, V; 0 of the table's position.
 pub(crate) fn drive_rms(model: &Model, signals: &Signals, channel: Channel) -> f64 {
-    let square = |column: &[f64]| -> f64 {
-        column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64
-    };
     match channel {
         Channel::Torque(axis) => {
             let motor = model.motor(axis);
             let constant = f64::from(motor.pole_pairs) * motor.flux_wb;
-            constant * square(&signals.motors[axis.index()].i_q_smooth).sqrt()
+            constant * signals.motors[axis.index()].i_q_rms
         }
-        Channel::VoltageD(axis) | Channel::VoltageQ(axis) => {
-            let motor = &signals.motors[axis.index()];
-            (square(&motor.u_d) + square(&motor.u_q)).sqrt()
-        }
+        Channel::VoltageD(axis) | Channel::VoltageQ(axis) => signals.motors[axis.index()].u_rms,
         Channel::Table => 0.0,
     }
 }

@@ -8,6 +8,7 @@
 //! the smooth motion, which the speeds show.
 
 use crate::signal::fourier::Fourier;
+use crate::signal::quantile::quantile;
 use std::f64::consts::{PI, TAU};
 
 /// Harmonics of the saw tooth that are followed: they hold 93 % of its power. The rest counts as white.
@@ -29,12 +30,8 @@ const PHASES: [f64; 4] = [0.06, 0.31, 0.56, 0.81];
 /// `omega` is the smooth speed in every row, rad/s; `rate` the rows per second; `counts` those of one turn.
 pub(crate) fn density(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> Vec<f64> {
     let even = fourier.low_pass(omega, EVEN_HZ);
-    let mut ripple: Vec<f64> = omega
-        .iter()
-        .zip(&even)
-        .map(|(w, e)| (w - e).abs())
-        .collect();
-    let half_width = LINE_HZ + f64::from(counts) * median(&mut ripple) / TAU;
+    let ripple: Vec<f64> = omega.iter().zip(&even).map(|(w, e)| w - e).collect();
+    let half_width = LINE_HZ + f64::from(counts) * quantile(&ripple, 1, 2) / TAU;
     let by_speed = by_speed(&even, rate, counts, fourier, half_width);
     let counted = counted_again(omega, rate, counts, fourier);
     let pairs = by_speed.iter().zip(&counted);
@@ -71,17 +68,9 @@ fn counted_again(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> Ve
     (0..fourier.bins()).map(|bin| density[cell(bin)]).collect()
 }
 
-/// The middle one of some values; 0 of none.
-fn median(values: &mut [f64]) -> f64 {
-    match values.len() {
-        0 => 0.0,
-        n => *values.select_nth_unstable_by(n / 2, f64::total_cmp).1,
-    }
-}
-
 /// The density by the speeds. The ripple of a speed spreads a line over `half_width`, Hz.
 fn by_speed(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier, half_width: f64) -> Vec<f64> {
-    let cell_hz = (0.8 * half_width).clamp(CELL_HZ, 0.01 * rate);
+    let cell_hz = (0.8 * half_width).min(0.01 * rate).max(CELL_HZ);
     let lsb = TAU / f64::from(counts);
     let variance = lsb * lsb / 12.0;
     let cells = (0.5 * rate / cell_hz).ceil() as usize;
@@ -116,10 +105,10 @@ fn by_speed(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier, half_width
 
 /// Power over cells, each spread over its neighbours as a Lorentzian of a half width in cells; what reaches past an end folds back.
 fn spread(power: &[f64], half_width: f64) -> Vec<f64> {
-    let skirt = ((SKIRT * half_width) as isize).clamp(1, power.len() as isize - 1);
+    let last = power.len() as isize - 1;
+    let skirt = ((SKIRT * half_width) as isize).max(1).min(last);
     let shape = |cell: isize| 1.0 / (1.0 + (cell as f64 / half_width).powi(2));
     let whole: f64 = (-skirt..=skirt).map(shape).sum();
-    let last = power.len() as isize - 1;
     let mut spread = vec![0.0; power.len()];
     for (cell, held) in power.iter().enumerate().filter(|(_, held)| **held > 0.0) {
         for away in -skirt..=skirt {
@@ -140,7 +129,7 @@ mod tests {
     const ROWS: usize = 30_000;
     const BAND_HZ: f64 = 20.0;
 
-    /// Power of the rounding in bands of 10 Hz by the density, and that of angles that are counted, rad^2.
+    /// Power of the rounding in bands of [`BAND_HZ`] by the density, and that of angles that are counted, rad^2.
     fn bands(speed: impl Fn(f64) -> f64, counts: u32) -> Vec<[f64; 2]> {
         let fourier = Fourier::new(ROWS, RATE, 1, 0);
         let omega: Vec<f64> = (0..ROWS).map(|k| speed(k as f64 / RATE)).collect();
@@ -175,6 +164,21 @@ mod tests {
                 ]
             })
             .collect()
+    }
+
+    /// Of a record that is slow, or short, too: a rate below the width of all lines is white.
+    #[test]
+    fn any_rate_has_a_density() {
+        for (rate, rows) in [(0.1, 3), (5.0, 40), (24.0, 200), (1e5, 4)] {
+            let fourier = Fourier::new(rows, rate, 1, 0);
+            let omega: Vec<f64> = (0..rows).map(|k| 0.3 * k as f64).collect();
+            let density = density(&omega, rate, 4000, &fourier);
+            assert_eq!(density.len(), fourier.bins());
+            assert!(
+                density.iter().all(|d| d.is_finite() && *d >= 0.0),
+                "{rate} Hz: {density:?}"
+            );
+        }
     }
 
     /// Shafts at an even speed, at one that folds to 0 Hz, and at one that waves: the density holds the power of counted angles

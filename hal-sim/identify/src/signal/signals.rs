@@ -4,6 +4,7 @@ use crate::machines::Machine;
 use crate::signal::along::Along;
 use crate::signal::fourier::{ABOVE_NOISE, Fourier, Spectrum, slope};
 use crate::signal::frames::{clarke, park};
+use crate::signal::quantile::quantile;
 use crate::signal::rounding;
 use plant::Axis;
 use plant::model::{Model, SensingModel};
@@ -46,6 +47,10 @@ pub struct MotorSignals {
     pub u_q: Vec<f64>,
     /// Size that the q current exceeds in a thousandth of the rows only, A.
     pub peak_a: f64,
+    /// Rms of the q current to [`CURRENT_BANDWIDTH_HZ`], A.
+    pub i_q_rms: f64,
+    /// Rms of the commanded voltage, V.
+    pub u_rms: f64,
     /// Size of the speed that a fifth of the rows stay below, rad/s.
     pub slow_speed: f64,
     /// Greatest size of the speed, rad/s.
@@ -101,25 +106,16 @@ pub fn rounded_sign(speed: f64, rounding: f64) -> f64 {
     }
 }
 
-/// See [`MotorSignals::peak_a`].
-fn peak(values: &[f64]) -> f64 {
-    quantile(values, 999, 1000)
-}
-
-/// Size that `share` of `whole` values stay below; 0 of none.
-fn quantile(values: &[f64], share: usize, whole: usize) -> f64 {
-    let mut sizes: Vec<f64> = values.iter().map(|x| x.abs()).collect();
-    if sizes.is_empty() {
-        return 0.0;
-    }
-    let at = (sizes.len() - 1) * share / whole;
-    *sizes.select_nth_unstable_by(at, f64::total_cmp).1
-}
-
 /// Variance of an angle's reading by an encoder's resolution, rad^2.
 pub(crate) fn angle_noise(sensing: &SensingModel, axis: Axis) -> f64 {
     let count = TAU / f64::from(sensing.counts_per_turn(axis));
     count * count / 12.0
+}
+
+/// Counts a turn of the coarser encoder.
+pub(crate) fn coarsest(sensing: &SensingModel) -> u32 {
+    let [screw, nut] = Axis::ALL.map(|axis| sensing.counts_per_turn(axis));
+    screw.min(nut)
 }
 
 /// Variance of both encoders' readings together, rad^2.
@@ -130,15 +126,13 @@ pub(crate) fn relative_noise(sensing: &SensingModel) -> f64 {
         .sum()
 }
 
-/// Counts a turn of the coarser encoder.
-pub(crate) fn coarsest(sensing: &SensingModel) -> u32 {
-    let [screw, nut] = Axis::ALL.map(|axis| sensing.counts_per_turn(axis));
-    screw.min(nut)
-}
-
 /// Variance of a phase current's reading, A^2; of currents in the rotor's frame it is twice that.
 pub(crate) fn current_noise(sensing: &SensingModel) -> f64 {
     sensing.current_noise_a.powi(2) + sensing.current_lsb_a.powi(2) / 12.0
+}
+
+fn mean_square(column: &[f64]) -> f64 {
+    column.iter().map(|x| x * x).sum::<f64>() / column.len().max(1) as f64
 }
 
 impl MotorSignals {
@@ -199,7 +193,9 @@ impl MotorSignals {
             angle_rounding,
             acceleration_told,
             reference_step,
-            peak_a: peak(&i_q),
+            peak_a: quantile(&i_q, 999, 1000),
+            i_q_rms: mean_square(&i_q_smooth).sqrt(),
+            u_rms: (mean_square(&record.ud_v) + mean_square(&record.uq_v)).sqrt(),
             slow_speed: quantile(&omega, 1, 5),
             top_speed: omega.iter().fold(0.0, |top, w| top.max(w.abs())),
             speed: fourier.slope(&travel),

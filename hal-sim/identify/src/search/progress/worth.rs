@@ -5,9 +5,8 @@ use crate::effects::family::Family;
 use crate::effects::hypothesis::Hypothesis;
 use crate::search::forward::Contender;
 use crate::search::select::Trial;
-use crate::signal::noise::{SHARE_OF_DRIVE, declared_resonance_hz, drive_rms, reflected};
+use crate::signal::noise::{SHARE_OF_DRIVE, declared_resonance_hz, drive_rms, torque_of_angle};
 use crate::signal::signals::coarsest;
-use fft::Complex64;
 use plant::Axis;
 use plant::effects::Place;
 use std::f64::consts::{FRAC_1_PI, TAU};
@@ -63,16 +62,6 @@ pub(super) fn counts(trial: &Trial, balance: &Balance) -> bool {
     })
 }
 
-/// Torque that a balance takes for that of a wave of a motor's angle, N m per rad, at a frequency, Hz.
-fn torque_of_angle(balance: &Balance, axis: Axis, hz: f64) -> f64 {
-    let model = balance.model;
-    let table = match balance.signals.machine.has_feed() {
-        true => reflected(model, hz / declared_resonance_hz(model)),
-        false => Complex64::default(),
-    };
-    (model.motor(axis).inertia_kg_m2 + table).norm() * (TAU * hz).powi(2)
-}
-
 /// Whether a trial's size is more than what the encoders' resolution and sampling make.
 pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
     let size = trial.gain.values.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -96,7 +85,9 @@ pub(super) fn resolved(trial: &Trial, balance: &Balance) -> bool {
                 Family::TimePeriodic => trial.hypothesis.shape,
                 _ => trial.hypothesis.shape * balance.signals.motors[axis.index()].slow_speed / TAU,
             };
-            size > LEAST_COUNTS * count(Some(axis)) * torque_of_angle(balance, axis, hz)
+            let (model, resonance) = (balance.model, declared_resonance_hz(balance.model));
+            let gain = torque_of_angle(model, balance.signals, [axis; 2], hz, resonance);
+            size > LEAST_COUNTS * count(Some(axis)) * gain
         }),
         _ => true,
     }
