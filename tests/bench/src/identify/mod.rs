@@ -119,7 +119,7 @@ pub fn run(options: &BenchOptions) -> Result<()> {
         more["wrong_data"] = json!(wrong_data::measure(wrong[0], wrong[1])?);
     }
     if is_asked(Part::Real) {
-        more["real"] = json!(real::real(&shared.join("measured")));
+        more["real"] = json!(real::real(&shared.join("measured"))?);
     }
     if is_asked(Part::Thin) {
         more["thin"] = json!(attacks::thin(options.first as u64, thin));

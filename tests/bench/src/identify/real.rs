@@ -1,12 +1,13 @@
 //! Real machines of other people: what is said of them, and the error on records that were not fitted.
 
 use identify::machines::motor::{self, MotorModel, Study};
+use anyhow::{Context, Result};
 use identify::records::{How, Mapping, OnFault, load};
 use identify::report::{self, Report};
 use identify::run::Task;
 use serde::Serialize;
-use std::error::Error;
 use std::path::{Path, PathBuf};
+use xtask::tools::root;
 
 /// What is said of one pair of records.
 #[derive(Debug, Serialize)]
@@ -45,14 +46,14 @@ impl Real {
 }
 
 /// A ball-screw axis without a known law, fitted and checked at speeds in mm/s.
-fn mech467(folder: &Path, fit: &[u32], check: &[u32]) -> Result<Report, Box<dyn Error>> {
+fn mech467(folder: &Path, fit: &[u32], check: &[u32]) -> Result<Report> {
     let files = |speeds: &[u32]| -> Vec<PathBuf> {
         let file = |speed: &u32| folder.join(format!("mech467/{speed}_mmps.mat"));
         speeds.iter().map(file).collect()
     };
     let mapping = include_str!("../../../../hal-sim/identify/mappings/mech467.toml");
     let task = Task {
-        model: Path::new(env!("CARGO_MANIFEST_DIR")).join("mappings/mech467-model.toml"),
+        model: root()?.join("hal-sim/identify/mappings/mech467-model.toml"),
         fit: files(fit),
         check: files(check),
         mapping: Mapping::parse(mapping, "the project's own mapping")?,
@@ -62,7 +63,7 @@ fn mech467(folder: &Path, fit: &[u32], check: &[u32]) -> Result<Report, Box<dyn 
 }
 
 /// A bare motor's pair of files; of one file its halves.
-fn pair(folder: &Path, mapping: &str, fit: &str, check: &str) -> Result<Report, Box<dyn Error>> {
+fn pair(folder: &Path, mapping: &str, fit: &str, check: &str) -> Result<Report> {
     let mapping = Mapping::parse(mapping, "the project's own mapping")?;
     let how = How {
         mapping: &mapping,
@@ -82,8 +83,16 @@ fn pair(folder: &Path, mapping: &str, fit: &str, check: &str) -> Result<Report, 
     ))
 }
 
-/// All that are in `folder`; what is not there is skipped and named on standard error.
-pub fn real(folder: &Path) -> Vec<Real> {
+/// All records in `folder`. Without that folder none, and standard error says so.
+///
+/// # Errors
+///
+/// A record or its model cannot be read.
+pub fn real(folder: &Path) -> Result<Vec<Real>> {
+    if !folder.is_dir() {
+        eprintln!("skipped: no folder {} with measured records", folder.display());
+        return Ok(Vec::new());
+    }
     let (drive, laas) = (
         include_str!("../../../../hal-sim/identify/mappings/odrive.toml"),
         include_str!("../../../../hal-sim/identify/mappings/laas-acc.toml"),
@@ -125,11 +134,10 @@ pub fn real(folder: &Path) -> Vec<Real> {
             6.2,
         ),
     ];
-    let said = |(name, report, yardstick): (&str, Result<Report, Box<dyn Error>>, f64)| {
-        let report = report
-            .inspect_err(|error| eprintln!("skipped: {name}: {error}"))
-            .ok()?;
+    let said = |(name, report, yardstick): (&str, Result<Report>, f64)| {
+        let report = report.with_context(|| name.to_owned())?;
         Real::new(name.into(), &report, yardstick)
+            .with_context(|| format!("{name}: the report has no residual"))
     };
-    reports.into_iter().filter_map(said).collect()
+    reports.into_iter().map(said).collect()
 }
