@@ -1,6 +1,6 @@
 //! A sample of the attacks; `cargo xtask bench identify --only attacks --long` runs all of them on several machines.
 
-use bench::identify::attacks::{attacks, thin};
+use bench::identify::attacks::{attacks, clean, thin};
 
 #[test]
 fn nothing_is_said_too_surely() {
@@ -19,4 +19,13 @@ fn thin_records_are_told_what_to_record() {
         (0, thin.runs),
         "{thin:?}"
     );
+}
+
+/// Encoders of 9,000 to 13,000 counts: their rounding is most of the acceleration above 30 Hz. At an even speed it is lines.
+#[test]
+fn a_coarse_encoder_is_no_lag_of_the_current() {
+    let said = clean(&[0, 16_000, 21_000, 23_000, 38_000]);
+    for verdict in &said {
+        assert_eq!(*verdict, ("nothing missing", 0), "{said:?}");
+    }
 }

@@ -104,9 +104,12 @@ fn of_balance(study: &Study, subject: Subject, accounts: [DataQuality; 2]) -> Re
         residual: vec![residual(study, subject)],
         unexplained,
         calibration: calibration(study),
-        derivatives: "The acceleration is the second derivative of the angle as read; it, friction, orders and current pass the \
-                      same 100 Hz zero-phase Butterworth filter."
-            .into(),
+        derivatives: format!(
+            "The acceleration is the second derivative of the angle as read; it, friction, orders and current pass the same \
+             {:.0} Hz zero-phase Butterworth filter. It is narrower than 100 Hz where the angle's noise would be most of the \
+             residual.",
+            study.band_hz
+        ),
         selection: selection(study, subject),
         simulation: None,
         stages: Vec::new(),
@@ -151,8 +154,8 @@ fn channel(study: &Study, subject: Subject, effects: &[Effect], time: &[f64]) ->
 /// The drive quantity's residual in figures.
 fn residual(study: &Study, subject: Subject) -> Residual {
     let left = |fit: &Fit, k: usize| study.left_rms(fit, k);
-    // A band of 100 Hz is white at 200 values a second only.
-    let step = ((study.rate / 200.0) as usize).max(1);
+    // A band is white at twice its width in values a second only.
+    let step = ((0.5 * study.rate / study.band_hz) as usize).max(1);
     let every: Vec<f64> = study.curved.left[0].iter().copied().step_by(step).collect();
     Residual {
         channel: subject.channel.0.into(),
@@ -189,10 +192,11 @@ fn selection(study: &Study, subject: Subject) -> Selection {
             "An order is taken that explains most of the fit record, more than chance makes of a residual of that colour \
              (Newey and West), and that the check record bears out: regressed there on the order as the fit record has it, \
              the coefficient is near 1 and more than three standard deviations from 0. What predicts the rest, trained on the \
-             fit record and tested on the check record, is added as a curve without a name. The {name} passes a 100 Hz \
+             fit record and tested on the check record, is added as a curve without a name. The {name} passes a {:.0} Hz \
              zero-phase filter; its error on the record that was not fitted falls from {:.1} to {:.2} % of its rms; {:.0} % of \
              its rows, whose speed and acceleration are outside of what the fit record has, do not count. At one speed an order and a frequency are one; a record at another speed tells them apart. One order can have \
              several causes, which a record of the current alone cannot tell apart. {}",
+            study.band_hz,
             study.before_percent(),
             study.curved_percent(),
             100.0 * (1.0 - counted(&study.open[1]) as f64 / study.open[1].len().max(1) as f64),

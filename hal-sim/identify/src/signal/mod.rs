@@ -8,6 +8,7 @@ pub(crate) mod frames;
 pub(crate) mod leftover;
 pub mod noise;
 pub(crate) mod quantile;
+pub(crate) mod recount;
 pub(crate) mod rounding;
 pub mod scan;
 pub mod signals;

@@ -9,6 +9,7 @@
 
 use crate::signal::fourier::Fourier;
 use crate::signal::quantile::quantile;
+use crate::signal::recount::{PHASES, saw_tooth};
 use std::f64::consts::{PI, TAU};
 
 /// Harmonics of the saw tooth that are followed: they hold 93 % of its power. The rest counts as white.
@@ -23,8 +24,6 @@ const SKIRT: f64 = 60.0;
 
 /// Bandwidth of the speeds that say where a line is, Hz: a line that is itself among them would smear itself.
 const EVEN_HZ: f64 = 20.0;
-/// Where in a count the smooth motion is counted again: power over these is a mean over chance.
-const PHASES: [f64; 4] = [0.06, 0.31, 0.56, 0.81];
 
 /// Density of the angle's rounding over the bins of a spectrum, rad^2: the variance of white noise at that level.
 /// `omega` is the smooth speed in every row, rad/s; `rate` the rows per second; `counts` those of one turn.
@@ -49,7 +48,7 @@ fn counted_again(omega: &[f64], rate: f64, counts: u32, fourier: &Fourier) -> Ve
         let mut turned = phase;
         let error = omega.iter().map(|speed| {
             turned += speed / (rate * lsb);
-            lsb * (turned.floor() + 0.5 - turned)
+            lsb * saw_tooth(turned)
         });
         let mut error: Vec<f64> = error.collect();
         let mean = error.iter().sum::<f64>() / rows;

@@ -1,7 +1,7 @@
 //! Real machines of other people: what is said of them, and the error on records that were not fitted.
 
-use identify::machines::motor::{self, MotorModel, Study};
 use anyhow::{Context, Result};
+use identify::machines::motor::{self, MotorModel, Study};
 use identify::records::{How, Mapping, OnFault, load};
 use identify::report::{self, Report};
 use identify::run::Task;
@@ -90,7 +90,10 @@ fn pair(folder: &Path, mapping: &str, fit: &str, check: &str) -> Result<Report> 
 /// A record or its model cannot be read.
 pub fn real(folder: &Path) -> Result<Vec<Real>> {
     if !folder.is_dir() {
-        eprintln!("skipped: no folder {} with measured records", folder.display());
+        eprintln!(
+            "skipped: no folder {} with measured records",
+            folder.display()
+        );
         return Ok(Vec::new());
     }
     let (drive, laas) = (

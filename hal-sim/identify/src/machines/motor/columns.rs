@@ -10,14 +10,12 @@ use crate::regression::normal::{Normal, Prior};
 use crate::signal::filter::{butterworth, second_derivative};
 use crate::signal::fourier::slope;
 use crate::signal::noise::white_noise;
+use crate::signal::recount::{PHASES, count_of, saw_tooth};
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
 /// The part that is left out at a record's start, s, in which the speed is not yet reached, and at its end.
 const MARGIN_S: [f64; 2] = [0.3, 0.1];
-/// Bandwidth of what is compared, Hz, and in the rows' rate where that is slow.
-const BAND_HZ: f64 = 100.0;
-const BAND_OF_RATE: f64 = 0.4;
 /// Bandwidth of the angle by which the orders turn, in that of what is compared: within that it is as it was read.
 const ANGLE_OF_BAND: f64 = 2.0;
 /// Bandwidth of the speed that tells how fast a record is, Hz: the counts of a creeping encoder are no speed.
@@ -29,8 +27,8 @@ const TURNS_ROUND_IN_NOISE: f64 = 3.0;
 /// variables, Söderström, *Automatica* 43, 2007).
 const MOST_NOISE: f64 = 0.05;
 /// Lowest bandwidth of an acceleration, Hz, and by which factor it is lowered.
-const LEAST_HZ: f64 = 2.0;
-const NARROWER: f64 = 0.8;
+pub(super) const LEAST_HZ: f64 = 2.0;
+pub(super) const NARROWER: f64 = 0.8;
 /// Rows a second that are kept, in the bandwidth.
 const ROWS_OF_BAND: f64 = 2.5;
 /// Share of the median speed below which a motor all but rests.
@@ -86,10 +84,14 @@ struct Stretch {
     position: Vec<f64>,
     velocity: Vec<f64>,
     acceleration: Vec<f64>,
+    /// Bandwidth of the acceleration, Hz.
+    acceleration_hz: f64,
+    /// Power density of the angle's white noise, rad^2/Hz.
+    angle_density: f64,
+    /// Accelerations that an encoder's rounding shows of the motion without it, rad/s^2; empty where the angle has no counts.
+    rounded: Vec<Vec<f64>>,
     slow: Vec<f64>,
     current: Vec<f64>,
-    /// Standard deviation of the speed's noise, rad/s.
-    speed_noise: f64,
 }
 
 /// A record of one or more stretches, filtered.
@@ -109,20 +111,18 @@ fn quantile(values: impl Iterator<Item = f64>, share: f64) -> f64 {
     *sizes.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
-/// Acceleration up to the highest frequency at which it is not the angle's noise. It passes the filter of both sides later,
-/// as the current does: only where it must be narrower than that is it filtered here.
-fn accelerations(angle: &[f64], rate: f64, top: f64, noise: impl Fn(f64) -> f64) -> Vec<f64> {
-    let acceleration = second_derivative(angle, rate);
-    let mut hz = top;
-    loop {
-        let shown = butterworth(&acceleration, rate, hz);
-        let square: f64 = shown.iter().map(|a| a * a).sum();
-        let power = square / shown.len().max(1) as f64;
-        if noise(hz).powi(2) <= MOST_NOISE * power || hz * NARROWER < LEAST_HZ {
-            return if hz < top { shown } else { acceleration };
-        }
-        hz *= NARROWER;
-    }
+/// Accelerations that rounding to counts shows of an angle's smooth motion, each with another part of a count at its start,
+/// rad/s^2.
+fn rounded(angle: &[f64], rate: f64, hz: f64) -> Vec<Vec<f64>> {
+    let Some(count) = count_of(angle) else {
+        return Vec::new();
+    };
+    let smooth = butterworth(angle, rate, hz);
+    let again = |phase: f64| {
+        let error = smooth.iter().map(|x| count * saw_tooth(x / count + phase));
+        second_derivative(&error.collect::<Vec<f64>>(), rate)
+    };
+    PHASES.map(again).into()
 }
 
 /// A signal later by `rows`, by straight lines; its first value is held before it.
@@ -137,20 +137,14 @@ fn delayed(values: &[f64], rows: f64) -> Vec<f64> {
 }
 
 impl Stretch {
-    fn new(record: &Record, rate: f64) -> Self {
-        let hz = BAND_HZ.min(BAND_OF_RATE * rate);
+    fn new(record: &Record, hz: f64) -> Self {
+        let rate = record.rate;
         let position = match ANGLE_OF_BAND * hz < 0.5 * rate {
             true => butterworth(&record.position, rate, ANGLE_OF_BAND * hz),
             false => record.position.clone(),
         };
         let velocity = slope(&butterworth(&record.position, rate, hz), rate);
         let slow = butterworth(&record.position, rate, SLOW_HZ.min(hz));
-        // White noise of the angle through a derivative of this order up to a frequency.
-        let of_angle = white_noise(&record.position).powi(2) * 2.0 / rate;
-        let noise = |order: f64, hz: f64| {
-            let power = 2.0 * order + 1.0;
-            (of_angle * TAU.powf(2.0 * order) * hz.powf(power) / power).sqrt()
-        };
         let [from, to] = MARGIN_S.map(|s| (s * rate) as usize);
         let rows = record.position.len();
         Stretch {
@@ -159,12 +153,52 @@ impl Stretch {
             step: ((rate / (ROWS_OF_BAND * hz)) as usize).max(1),
             rows: from.min(rows)..rows.saturating_sub(to).max(from.min(rows)),
             open: vec![true; rows],
-            acceleration: accelerations(&record.position, rate, hz, |hz| noise(2.0, hz)),
-            speed_noise: noise(1.0, hz),
+            acceleration: second_derivative(&record.position, rate),
+            acceleration_hz: hz,
+            angle_density: white_noise(&record.position).powi(2) * 2.0 / rate,
+            rounded: rounded(&record.position, rate, hz),
             slow: slope(&slow, rate),
             velocity,
             position,
             current: butterworth(&record.current, rate, hz),
+        }
+    }
+
+    /// Standard deviation of the angle's white noise through a derivative of this order, up to a frequency.
+    fn noise(&self, order: f64, hz: f64) -> f64 {
+        let power = 2.0 * order + 1.0;
+        (self.angle_density * TAU.powf(2.0 * order) * hz.powf(power) / power).sqrt()
+    }
+
+    /// Standard deviation of the speed's noise, rad/s.
+    fn speed_noise(&self) -> f64 {
+        self.noise(1.0, self.hz)
+    }
+
+    /// Standard deviation of the acceleration's noise up to a frequency, rad/s^2: white, or the lines of an encoder's rounding.
+    fn acceleration_noise(&self, hz: f64) -> f64 {
+        let seen = self.rounded.iter().map(|a| butterworth(a, self.rate, hz));
+        let squares: f64 = seen.flatten().map(|a| a * a).sum();
+        let rows = self.rounded.iter().map(Vec::len).sum::<usize>().max(1);
+        self.noise(2.0, hz).max((squares / rows as f64).sqrt())
+    }
+
+    /// Takes away what of the acceleration is the angle's noise. It passes the filter of both sides later, as the current
+    /// does: only where it must be narrower is it filtered here.
+    fn quieten(&mut self) {
+        let mut hz = self.hz;
+        let shown = loop {
+            let shown = butterworth(&self.acceleration, self.rate, hz);
+            let square: f64 = shown.iter().map(|a| a * a).sum();
+            let power = square / shown.len().max(1) as f64;
+            let is_quiet = self.acceleration_noise(hz).powi(2) <= MOST_NOISE * power;
+            if is_quiet || hz * NARROWER < LEAST_HZ {
+                break shown;
+            }
+            hz *= NARROWER;
+        };
+        if hz < self.hz {
+            (self.acceleration, self.acceleration_hz) = (shown, hz);
         }
     }
 
@@ -223,7 +257,7 @@ impl Stretch {
     /// Where the motor is, in each row of the stretch.
     fn at(&self, width: f64) -> Vec<At> {
         let way = self.way(width);
-        let least = (TURNS_ROUND_IN_NOISE * self.speed_noise).max(1e-9);
+        let least = (TURNS_ROUND_IN_NOISE * self.speed_noise()).max(1e-9);
         let (mut from, mut last) = (self.position.first().copied().unwrap_or(0.0), 0.0);
         let rows = self.position.iter().zip(&self.velocity).zip(way);
         rows.map(|((angle, speed), way)| {
@@ -246,14 +280,14 @@ impl Stretch {
 }
 
 impl Columns {
-    /// Of the stretches of a record, all at one rate.
-    pub(super) fn new(records: &[Record]) -> Self {
+    /// Of the stretches of a record, all at one rate, below a frequency.
+    pub(super) fn new(records: &[Record], hz: f64) -> Self {
         let stretches: Vec<Stretch> = records
             .iter()
             .filter(|record| record.position.len() > LEAST_ROWS)
-            .map(|record| Stretch::new(record, record.rate))
+            .map(|record| Stretch::new(record, hz))
             .collect();
-        let noises = stretches.iter().map(|stretch| stretch.speed_noise);
+        let noises = stretches.iter().map(Stretch::speed_noise);
         Columns {
             width: (TURNS_ROUND_IN_NOISE * noises.fold(0.0, f64::max)).max(1e-9),
             stretches,
@@ -279,7 +313,26 @@ impl Columns {
 
     /// Bandwidth of what is compared, Hz.
     pub(super) fn band_hz(&self) -> f64 {
-        self.stretches.first().map_or(BAND_HZ, |own| own.hz)
+        self.stretches.first().map_or(0.0, |own| own.hz)
+    }
+
+    /// The same with an acceleration that is not the angle's noise.
+    pub(super) fn quiet(mut self) -> Self {
+        self.stretches.iter_mut().for_each(Stretch::quieten);
+        self
+    }
+
+    /// Lowest bandwidth of an acceleration, Hz.
+    pub(super) fn acceleration_hz(&self) -> f64 {
+        let own = self.stretches.iter().map(|own| own.acceleration_hz);
+        own.fold(f64::INFINITY, f64::min)
+    }
+
+    /// Standard deviation of the acceleration's noise in the quietest stretch, rad/s^2.
+    pub(super) fn acceleration_noise(&self) -> f64 {
+        let own = self.stretches.iter();
+        let own = own.map(|own| own.acceleration_noise(own.acceleration_hz));
+        own.fold(f64::INFINITY, f64::min)
     }
 
     /// Which of the rows that are kept count.

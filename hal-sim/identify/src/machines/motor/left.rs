@@ -9,10 +9,10 @@ use std::f64::consts::TAU;
 
 /// Lowest order per turn, whole or not.
 const LOWEST: f64 = 0.3;
-/// Frequencies, Hz: what is faster the filter takes away.
-const HZ: std::ops::Range<f64> = 0.5..100.0;
+/// Lowest frequency, Hz.
+const LOWEST_HZ: f64 = 0.5;
 
-/// What `fit` leaves of both records, whose angles are `positions`, above `noise`.
+/// What `fit` leaves of both records, whose angles are `positions`, above `noise` and below `hz`.
 pub(super) fn remnants(
     fit: &Fit,
     positions: [&Vec<f64>; 2],
@@ -20,6 +20,7 @@ pub(super) fn remnants(
     rate: f64,
     noise: f64,
     highest: u32,
+    hz: f64,
 ) -> Vec<Remnant> {
     let clock = |position: &Vec<f64>| {
         (0..position.len())
@@ -44,7 +45,7 @@ pub(super) fn remnants(
         Place {
             name: "time",
             values: positions.map(clock),
-            form: Form::Repeats(HZ),
+            form: Form::Repeats(LOWEST_HZ..hz),
             in_time: true,
             signs: None,
         },

@@ -1,6 +1,7 @@
 //! A bare motor of which angle and current are known: inertia, friction, the orders of its turn, and how late its current
 //! is reported; and how much of the current they explain on a record that they were not fitted to.
 
+mod band;
 mod columns;
 mod fit;
 mod left;

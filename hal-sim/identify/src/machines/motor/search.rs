@@ -1,13 +1,14 @@
 //! The search for what a motor's current has beyond its inertia: frictions, a lag, and orders of the turn.
 
 use super::columns::{Base, Columns};
-use super::fit::Both;
+use super::fit::{Both, rms};
 use super::orders::of_map;
 use crate::effects::limits::{ABOVE_BAND, NOT_TURNED};
 use crate::regression::normal::Prior;
 use crate::search::forward::{Choice, Contender, Forward, search};
 use crate::search::holdout::{Holdout, Validated};
-use crate::search::selection::{MATERIAL_OF_CURRENT, MOST_NAMES, VOUCHED_OF_CURRENT};
+use crate::search::selection::{MATERIAL_OF_CURRENT, MOST_NAMES, TOO_LITTLE, VOUCHED_OF_CURRENT};
+use crate::signal::noise::SHARE_OF_DRIVE;
 
 /// Highest order that is looked for: what 100 Hz leave at a turn in 1.3 s.
 const HIGHEST: u32 = 130;
@@ -93,7 +94,7 @@ pub(super) struct Candidates {
     /// How many of the first orders such a turn has.
     vouched: usize,
     /// Low orders that are fitted beside a lag.
-    lowest: Vec<u32>,
+    pub(super) lowest: Vec<u32>,
     /// Highest order that both records show.
     pub(super) shown: u32,
     /// How many orders are not tried, and why.
@@ -256,6 +257,7 @@ impl<'a> Search<'a> {
             vouched: *vouched,
             // The lag is a name too.
             most: MOST_NAMES - usize::from(late_s > 0.0),
+            current_rms: rms(both.measured[0].only()),
             taken: Vec::new(),
             lost: Vec::new(),
         };
@@ -302,6 +304,8 @@ struct Orders<'a> {
     vouched: usize,
     /// Orders at most, where nothing vouches for more.
     most: usize,
+    /// Rms of the fit record's current, A.
+    current_rms: f64,
     /// The regression on the base and the orders that were taken.
     with: Holdout,
     taken: Vec<usize>,
@@ -323,7 +327,11 @@ impl Orders<'_> {
             true => VOUCHED_OF_CURRENT,
             false => MATERIAL_OF_CURRENT,
         };
-        let stands = validated.stands(self.candidates.len(), least);
+        let rms = 0.5_f64.sqrt() * validated.values[0].hypot(validated.values[1]);
+        let stands = match own < self.vouched || rms > SHARE_OF_DRIVE * self.current_rms {
+            true => validated.stands(self.candidates.len(), least),
+            false => Err(TOO_LITTLE),
+        };
         (validated.squares, stands)
     }
 

@@ -1,6 +1,7 @@
 //! The current of a motor by inertia, friction, the orders of its turn, and the filter by which it is reported late: the
 //! regression, covariance and criterion of all machines on one channel.
 
+use super::band::{band_hz, noise};
 use super::columns::{Base, Columns};
 use super::fit::{Both, Fit, rms};
 use super::left::remnants;
@@ -16,7 +17,6 @@ use crate::predict::orders::loudest_orders;
 use crate::predict::side::{Known, Side};
 use crate::regression::column::{Column, counted};
 use crate::signal::fourier::slope;
-use crate::signal::noise::white_below_100;
 
 /// A named lag in rows of the record; delays beside which it is held, in lags; share of their squares that it must leave.
 const LAG_ROWS: f64 = 3.0;
@@ -66,7 +66,7 @@ pub struct Study {
     pub open: [Vec<bool>; 2],
     /// Rate of the fit record's rows, Hz.
     pub rate: f64,
-    /// What the current's sensor alone leaves of the check record after the filter, A.
+    /// What the sensors alone leave of the check record after the filter, A.
     pub noise: f64,
     /// Bandwidth of the rows, Hz.
     pub band_hz: f64,
@@ -112,12 +112,6 @@ fn is_lag(
     let square = |late: f64| Both::new(records, base, orders, late).squares()[0];
     let rivals = DELAYS_OF_LAG.map(|share| square(-share * value));
     square(value) < RIVAL * rivals.into_iter().fold(f64::INFINITY, f64::min)
-}
-
-/// White noise of the quietest stretch after the filter.
-fn noise(records: &[Record]) -> f64 {
-    let of = |record: &Record| white_below_100(&record.current, record.rate);
-    records.iter().map(of).fold(f64::INFINITY, f64::min)
 }
 
 /// The width of the friction with which inertia, friction and offset leave the smallest residual of the fit record, rad/s; both records get
@@ -286,10 +280,15 @@ impl Study {
     }
 
     /// The same of records of several stretches each, all at one rate.
-    pub fn of_stretches([estimate, check]: [&[Record]; 2], map: Option<&[Vec<f64>; 2]>) -> Self {
+    pub fn of_stretches(records: [&[Record]; 2], map: Option<&[Vec<f64>; 2]>) -> Self {
+        Self::below(band_hz(records), records, map)
+    }
+
+    /// The same up to a frequency, Hz.
+    pub fn below(hz: f64, [estimate, check]: [&[Record]; 2], map: Option<&[Vec<f64>; 2]>) -> Self {
         let rate = estimate.first().map_or(1.0, |first| first.rate);
         let lags_s = lags(rate);
-        let mut sides = [Columns::new(estimate), Columns::new(check)];
+        let mut sides = [estimate, check].map(|records| Columns::new(records, hz).quiet());
         // Of inertia alone: records at other speeds are what friction and orders are checked by.
         let [fitted, other] = &mut sides;
         other.close_beyond(fitted, &Base::ALWAYS, &lags_s);
@@ -312,12 +311,13 @@ impl Study {
                 amplitude_a: after.values[at].hypot(after.values[at + 1]),
             }
         });
-        let noises = [estimate, check].map(noise);
+        let inertia = after.values[0];
+        let noises = [0, 1].map(|k: usize| noise([estimate, check][k], records[k], inertia));
         let position = records.map(Columns::position);
         let judged = judged(records, &regressions.last, after, &numbers, found.late_s[0]);
         Study {
             width_rad_s,
-            band_hz: records[1].band_hz(),
+            band_hz: hz,
             excitation: excitation(records[1]),
             does_not_carry: judged.own,
             is_judged: judged.blocks >= LEAST_BLOCKS,
@@ -331,6 +331,7 @@ impl Study {
                 records[0].rate(),
                 noises[0].max(noises[1]),
                 candidates.shown,
+                hz,
             ),
             curved: curved(after, &judged),
             velocity: records.map(Columns::velocity),
