@@ -1,9 +1,10 @@
 //! The drive as the link commands it.
 
-use crate::burst::Motor;
-use crate::exchange::state;
+use crate::burst::{Burst, Motor};
+use crate::configured::Configured;
+use crate::exchange::{DriveExchange, TelemetryExchange, state};
+use crate::keep::Keeper;
 use crate::orders::Orders;
-use crate::parts::{Access, LinesParts};
 use crate::server::{NotSet, Served};
 use control::coordinator::{Command, CommandError, Coordinator};
 use control::exchange::MotorExchange;
@@ -21,6 +22,7 @@ use link::burst::{BurstRequest, BurstSample, BurstStatus, SAMPLES_A_FRAME};
 use link::codes::{Demand, State};
 use link::message::{Aligned, Injected, Injection, MotorStatus, Refusal, Status};
 use link::settings::{Effect, Settings};
+use link::view::DriveView;
 
 /// How long a set-point of a stream may wait, ms.
 const DELAYS: RangeInclusive<u16> = {
@@ -48,6 +50,43 @@ pub trait World {
         let _ = (fault, injection);
         Err(Refusal::Real)
     }
+}
+
+/// Something that other tasks use too.
+pub trait Access<T> {
+    /// Alone with it.
+    fn with<R>(&mut self, look: impl FnOnce(&mut T) -> R) -> R;
+}
+
+impl<T> Access<T> for &mut T {
+    fn with<R>(&mut self, look: impl FnOnce(&mut T) -> R) -> R {
+        look(self)
+    }
+}
+
+/// What the lines work on beside their own state.
+#[derive(Debug)]
+pub struct LinesParts<'a, F, O, J, W> {
+    /// What the drive runs on.
+    pub configured: &'a Configured,
+    /// The words between the parts.
+    pub words: &'a DriveExchange,
+    /// What the speed task tells.
+    pub telemetry: &'a TelemetryExchange,
+    /// What the current loops' periods are kept in.
+    pub burst: &'a Burst,
+    /// The debug view.
+    pub view: &'a DriveView,
+    /// Screw, nut.
+    pub motors: [&'a MotorExchange; 2],
+    /// The settings.
+    pub keeper: &'a mut Keeper<F>,
+    /// The motion.
+    pub orders: &'a mut O,
+    /// The journal.
+    pub journal: &'a mut J,
+    /// The board or the simulated machine.
+    pub world: &'a mut W,
 }
 
 /// What hosts have asked that is yet to be done.

@@ -1,9 +1,8 @@
 //! The lines to hosts. What came is answered, events are reported, telemetry goes to the host that asked.
 
-use crate::drive::{Asked, Commanded, World};
+use crate::drive::{Access, Asked, Commanded, LinesParts, World};
 use crate::exchange::{TelemetryExchange, state};
 use crate::orders::Orders;
-use crate::parts::{Access, LinesParts};
 use crate::server::{Commander, Server};
 use crate::telemetry::LinkStream;
 use control::journal::Journal;

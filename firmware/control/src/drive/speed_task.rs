@@ -16,7 +16,8 @@ use crate::speed::alignment::{Alignment, AlignmentStep, Misalignment, MotorSeen,
 use crate::speed::brake::Brake;
 use crate::speed::compensation::{Compensation, Turning};
 use crate::speed::coordinator::{Command, CommandError, Coordinator, Following};
-use crate::speed::speed_loop::{SpeedLoop, SpeedReference};
+use crate::speed::current_limit::CurrentRange;
+use crate::speed::speed_loop::{SpeedLoop, SpeedLoopOutput, SpeedReference};
 use crate::speed::table_speed::Reading;
 use crate::speed::thermal::Heat;
 use crate::speed::torque::TorqueCommand;
@@ -713,156 +714,57 @@ impl SpeedTask {
         exchanges: [&MotorExchange; 2],
         look: Look,
     ) -> SpeedTaskOutput {
-        let [screw_exchange, nut_exchange] = exchanges;
-        let (screw_step, nut_step) = (screw_exchange.theta_step(), nut_exchange.theta_step());
-        let screw_voltage = screw_exchange.voltage_limited();
-        let nut_voltage = nut_exchange.voltage_limited();
-        let [screw_loop, nut_loop] = &config.current_loops;
-        let screw_omega_e = screw_loop.observer.omega_e(screw_step);
-        let nut_omega_e = nut_loop.observer.omega_e(nut_step);
-        let [screw_torque, nut_torque] = self.commands.torque_limited;
-        let following = [
-            Following {
-                omega_e: screw_omega_e,
-                limited: screw_voltage || screw_torque,
-            },
-            Following {
-                omega_e: nut_omega_e,
-                limited: nut_voltage || nut_torque,
-            },
-        ];
         let torque = if TORQUE { self.commands.torque } else { None };
+        let turns = Turns::of(config, exchanges);
+        let torque_limited = self.commands.torque_limited;
+        let following = turns.following(torque_limited);
         let speed = match torque {
             None => self.coordinator.step(&config.coordinator, following),
             Some(torque) => self.torque_references(config, torque, following),
         };
-
-        let [screw_config, nut_config] = &config.speed_loops;
-        let [mut screw_reference, mut nut_reference] = speed;
+        let mut reference = speed;
         if config.compensation.active {
-            let [screw_frame, nut_frame] = self.frames;
-            let [screw_state, nut_state] = &self.speed_loops;
+            let [screw_voltage, nut_voltage] = turns.voltage_limited;
+            let [screw_torque, nut_torque] = torque_limited;
             // Of one it is asked that both are.
             let limited = screw_voltage | screw_torque | nut_voltage | nut_torque;
             let steady = self.coordinator.steady() && !limited && !TORQUE;
-            let given = self.rejection.compensation.references(
-                &config.compensation,
-                [
-                    Turning {
-                        theta: screw_frame.rotor_angle(screw_exchange, screw_loop),
-                        theta_step: screw_step,
-                        omega_e: screw_omega_e,
-                        asked: screw_reference.omega_e,
-                        steady,
-                    },
-                    Turning {
-                        theta: nut_frame.rotor_angle(nut_exchange, nut_loop),
-                        theta_step: nut_step,
-                        omega_e: nut_omega_e,
-                        asked: nut_reference.omega_e,
-                        steady,
-                    },
-                ],
-                scale,
-                self.coordinator.relative(),
-                || [screw_state.load(), nut_state.load()],
-            );
-            for (reference, given) in [&mut screw_reference, &mut nut_reference]
-                .into_iter()
-                .zip(given)
-            {
+            let given = self.compensated(config, scale, exchanges, turns, speed, steady);
+            for (reference, given) in reference.iter_mut().zip(given) {
                 reference.omega_e = reference.omega_e.saturating_add(given);
             }
         }
-        let [screw_asked, nut_asked] = speed;
-        let has_slack = screw_config.slack | nut_config.slack != 0;
-        let rests = has_slack && (screw_asked.is_rest() || nut_asked.is_rest());
-        let [screw_seen, nut_seen] = if rests {
-            self.seen_at_rest(config, speed, [screw_step, nut_step])
-        } else {
-            [screw_omega_e, nut_omega_e]
-        };
-        let [screw_loop, nut_loop] = &mut self.speed_loops;
-        let wanted = [
-            screw_loop.wanted(screw_config, screw_reference, screw_seen),
-            nut_loop.wanted(nut_config, nut_reference, nut_seen),
-        ];
-        let Rejected { wanted, fed_back } = self.rejection.step(
-            config,
-            wanted,
-            [screw_seen, nut_seen],
-            [screw_reference.omega_e, nut_reference.omega_e],
-            self.coordinator.relative(),
-        );
-        let [screw_wanted, nut_wanted] = wanted;
-        let [screw_regeneration, nut_regeneration] = &config.regeneration;
-        let [screw_max, nut_max] = self.watches.current_max;
-        let screw_range = screw_regeneration.range(screw_max, screw_exchange.bus(), screw_step);
-        let nut_range = nut_regeneration.range(nut_max, nut_exchange.bus(), nut_step);
-        let [screw_range, nut_range] = match torque {
-            None => [screw_range, nut_range],
-            Some(torque) if torque.motor == 0 => {
-                let reference = screw_reference.omega_e;
-                let left = torque.range(screw_config, screw_range, reference, screw_omega_e);
-                [left, nut_range]
-            }
-            Some(torque) => {
-                let reference = nut_reference.omega_e;
-                let left = torque.range(nut_config, nut_range, reference, nut_omega_e);
-                [screw_range, left]
-            }
-        };
-        let asked = [
-            screw_loop.limit(screw_config, screw_wanted, screw_voltage, screw_range),
-            nut_loop.limit(nut_config, nut_wanted, nut_voltage, nut_range),
-        ];
-        self.rejection.keep(config, asked, wanted, fed_back);
-        let [mut screw_limited, mut nut_limited] = asked.map(|output| output.limited);
-        if let Some(torque) = torque {
-            // A motor that has its set-point has no reference of its own to follow.
-            let [screw_asked, nut_asked] = asked.map(|output| output.i_q);
-            if torque.motor == 0 {
-                (self.commands.pushed, screw_limited) = (screw_asked, false);
-                screw_reference.omega_e = screw_omega_e;
-            } else {
-                (self.commands.pushed, nut_limited) = (nut_asked, false);
-                nut_reference.omega_e = nut_omega_e;
-            }
-        }
-        self.commands.torque_limited = [screw_limited, nut_limited];
+        let asked = self.correct(config, torque, exchanges, turns, speed, reference);
         let current = asked.map(|output| CurrentReference {
             mode: Mode::Drive,
             i_q: output.i_q,
             ..CurrentReference::default()
         });
+        let mut limited = asked.map(|output| output.limited);
+        if let Some(torque) = torque {
+            // A motor that has its set-point has no reference of its own to follow.
+            let [screw_asked, nut_asked] = asked.map(|output| output.i_q);
+            let [screw_reference, nut_reference] = &mut reference;
+            let [screw_omega_e, nut_omega_e] = turns.omega_e;
+            let [screw_limited, nut_limited] = &mut limited;
+            if torque.motor == 0 {
+                (self.commands.pushed, *screw_limited) = (screw_asked, false);
+                screw_reference.omega_e = screw_omega_e;
+            } else {
+                (self.commands.pushed, *nut_limited) = (nut_asked, false);
+                nut_reference.omega_e = nut_omega_e;
+            }
+        }
+        self.commands.torque_limited = limited;
         let ask = || {
             let [to_screw, to_nut] = current;
+            let [screw_exchange, nut_exchange] = exchanges;
             let [screw_loop, nut_loop] = &config.current_loops;
             screw_exchange.ask_on(to_screw.i_q, screw_loop);
             nut_exchange.ask_on(to_nut.i_q, nut_loop);
         };
-        let sign = self.watch(
-            config,
-            look,
-            ask,
-            exchanges,
-            [
-                Motion {
-                    reference: screw_reference.omega_e,
-                    omega_e: screw_omega_e,
-                    torque_limited: screw_limited,
-                    theta_step: screw_step,
-                    voltage_limited: screw_voltage,
-                },
-                Motion {
-                    reference: nut_reference.omega_e,
-                    omega_e: nut_omega_e,
-                    torque_limited: nut_limited,
-                    theta_step: nut_step,
-                    voltage_limited: nut_voltage,
-                },
-            ],
-        );
+        let motion = turns.motion(reference, limited);
+        let sign = self.watch(config, look, ask, exchanges, motion);
         if sign.is_some() {
             cold_path();
             self.watches.found = sign;
@@ -872,6 +774,126 @@ impl SpeedTask {
             current,
             speed,
             state: self.state,
+        }
+    }
+
+    /// What is added to the references `asked`, to compensate what is known of the machine.
+    #[inline(always)]
+    fn compensated(
+        &mut self,
+        config: &DriveConfig,
+        scale: Option<u32>,
+        exchanges: [&MotorExchange; 2],
+        turns: Turns,
+        asked: [SpeedReference; 2],
+        steady: bool,
+    ) -> [Speed; 2] {
+        let [screw_exchange, nut_exchange] = exchanges;
+        let [screw_loop, nut_loop] = &config.current_loops;
+        let [screw_frame, nut_frame] = self.frames;
+        let [screw_step, nut_step] = turns.theta_step;
+        let [screw_omega_e, nut_omega_e] = turns.omega_e;
+        let [screw_asked, nut_asked] = asked.map(|reference| reference.omega_e);
+        let [screw_state, nut_state] = &self.speed_loops;
+        self.rejection.compensation.references(
+            &config.compensation,
+            [
+                Turning {
+                    theta: screw_frame.rotor_angle(screw_exchange, screw_loop),
+                    theta_step: screw_step,
+                    omega_e: screw_omega_e,
+                    asked: screw_asked,
+                    steady,
+                },
+                Turning {
+                    theta: nut_frame.rotor_angle(nut_exchange, nut_loop),
+                    theta_step: nut_step,
+                    omega_e: nut_omega_e,
+                    asked: nut_asked,
+                    steady,
+                },
+            ],
+            scale,
+            self.coordinator.relative(),
+            || [screw_state.load(), nut_state.load()],
+        )
+    }
+
+    /// Both speed loops: what they ask to follow `reference`, where `asked` is the same without compensation.
+    #[inline(always)]
+    fn correct(
+        &mut self,
+        config: &DriveConfig,
+        torque: Option<TorqueCommand>,
+        exchanges: [&MotorExchange; 2],
+        turns: Turns,
+        asked: [SpeedReference; 2],
+        reference: [SpeedReference; 2],
+    ) -> [SpeedLoopOutput; 2] {
+        let [screw_config, nut_config] = &config.speed_loops;
+        let [screw_asked, nut_asked] = asked;
+        let has_slack = screw_config.slack | nut_config.slack != 0;
+        let rests = has_slack && (screw_asked.is_rest() || nut_asked.is_rest());
+        let seen = if rests {
+            self.seen_at_rest(config, asked, turns.theta_step)
+        } else {
+            turns.omega_e
+        };
+        let [screw_seen, nut_seen] = seen;
+        let [screw_reference, nut_reference] = reference;
+        let [screw_loop, nut_loop] = &mut self.speed_loops;
+        let wanted = [
+            screw_loop.wanted(screw_config, screw_reference, screw_seen),
+            nut_loop.wanted(nut_config, nut_reference, nut_seen),
+        ];
+        let Rejected { wanted, fed_back } = self.rejection.step(
+            config,
+            wanted,
+            seen,
+            [screw_reference.omega_e, nut_reference.omega_e],
+            self.coordinator.relative(),
+        );
+        let [screw_wanted, nut_wanted] = wanted;
+        let [screw_voltage, nut_voltage] = turns.voltage_limited;
+        let [screw_range, nut_range] = self.ranges(config, torque, exchanges, turns, reference);
+        let [screw_loop, nut_loop] = &mut self.speed_loops;
+        let asked = [
+            screw_loop.limit(screw_config, screw_wanted, screw_voltage, screw_range),
+            nut_loop.limit(nut_config, nut_wanted, nut_voltage, nut_range),
+        ];
+        self.rejection.keep(config, asked, wanted, fed_back);
+        asked
+    }
+
+    /// The currents that both loops may ask: what heat and bus leave, and a torque.
+    #[inline(always)]
+    fn ranges(
+        &self,
+        config: &DriveConfig,
+        torque: Option<TorqueCommand>,
+        exchanges: [&MotorExchange; 2],
+        turns: Turns,
+        reference: [SpeedReference; 2],
+    ) -> [CurrentRange; 2] {
+        let [screw_exchange, nut_exchange] = exchanges;
+        let [screw_regeneration, nut_regeneration] = &config.regeneration;
+        let [screw_max, nut_max] = self.watches.current_max;
+        let [screw_step, nut_step] = turns.theta_step;
+        let screw = screw_regeneration.range(screw_max, screw_exchange.bus(), screw_step);
+        let nut = nut_regeneration.range(nut_max, nut_exchange.bus(), nut_step);
+        let [screw_config, nut_config] = &config.speed_loops;
+        let [screw_reference, nut_reference] = reference.map(|motor| motor.omega_e);
+        let [screw_omega_e, nut_omega_e] = turns.omega_e;
+        match torque {
+            None => [screw, nut],
+            Some(torque) if torque.motor == 0 => {
+                let left = torque.range(screw_config, screw, screw_reference, screw_omega_e);
+                [left, nut]
+            }
+            Some(torque) => {
+                let left = torque.range(nut_config, nut, nut_reference, nut_omega_e);
+                [screw, left]
+            }
         }
     }
 
@@ -1324,6 +1346,73 @@ impl SpeedTask {
         }
         self.aligning.aligned = asked.progress;
         asked.current
+    }
+}
+
+/// How both motors turn in a step, read once from their exchanges: screw, nut.
+#[derive(Clone, Copy, Debug)]
+struct Turns {
+    theta_step: [i32; 2],
+    omega_e: [Speed; 2],
+    voltage_limited: [bool; 2],
+}
+
+impl Turns {
+    #[inline(always)]
+    fn of(config: &DriveConfig, [screw, nut]: [&MotorExchange; 2]) -> Self {
+        let [screw_loop, nut_loop] = &config.current_loops;
+        let (screw_step, nut_step) = (screw.theta_step(), nut.theta_step());
+        Self {
+            theta_step: [screw_step, nut_step],
+            omega_e: [
+                screw_loop.observer.omega_e(screw_step),
+                nut_loop.observer.omega_e(nut_step),
+            ],
+            voltage_limited: [screw.voltage_limited(), nut.voltage_limited()],
+        }
+    }
+
+    /// How they follow their references, where the torque limit has cut what was last asked of them.
+    #[inline(always)]
+    fn following(self, [screw_torque, nut_torque]: [bool; 2]) -> [Following; 2] {
+        let [screw_omega_e, nut_omega_e] = self.omega_e;
+        let [screw_voltage, nut_voltage] = self.voltage_limited;
+        [
+            Following {
+                omega_e: screw_omega_e,
+                limited: screw_voltage || screw_torque,
+            },
+            Following {
+                omega_e: nut_omega_e,
+                limited: nut_voltage || nut_torque,
+            },
+        ]
+    }
+
+    /// What the watch of a runaway compares with the currents.
+    #[inline(always)]
+    fn motion(self, reference: [SpeedReference; 2], torque_limited: [bool; 2]) -> [Motion; 2] {
+        let [screw_reference, nut_reference] = reference;
+        let [screw_omega_e, nut_omega_e] = self.omega_e;
+        let [screw_limited, nut_limited] = torque_limited;
+        let [screw_step, nut_step] = self.theta_step;
+        let [screw_voltage, nut_voltage] = self.voltage_limited;
+        [
+            Motion {
+                reference: screw_reference.omega_e,
+                omega_e: screw_omega_e,
+                torque_limited: screw_limited,
+                theta_step: screw_step,
+                voltage_limited: screw_voltage,
+            },
+            Motion {
+                reference: nut_reference.omega_e,
+                omega_e: nut_omega_e,
+                torque_limited: nut_limited,
+                theta_step: nut_step,
+                voltage_limited: nut_voltage,
+            },
+        ]
     }
 }
 
