@@ -662,7 +662,8 @@ impl Board {
             let bus_a = self.bus_v * self.period_s() * self.per_henry[axis.index()];
             let dead_time = DeadTime {
                 part: self.dead_part,
-                // The loss is held for a period. A steeper one would turn its own current round.
+                // The edges of a leg stop a small current, and do not turn it round. A loss that is held for a period leaves a third of it
+                // where one edge loses, and minus a third where both do.
                 turning_a: self.config.turning_a().max(0.5 * self.dead_part * bus_a),
                 bus_a,
             };
