@@ -688,6 +688,7 @@ impl Board {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use plant::leg::lost_part;
 
     /// The node of a leg, a nanosecond at a time: a current pulls it down from when the high side opens, and the low side takes it
     /// the rest of the way when the dead time is over; on the way up a diode keeps it down through the dead time.
